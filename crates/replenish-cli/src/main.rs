@@ -1,0 +1,2 @@
+//! The `replenish` command.
+fn main() {}

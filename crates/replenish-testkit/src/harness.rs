@@ -1,0 +1,46 @@
+//! Trials that can be skipped at run time and are then counted as ignored.
+//!
+//! A test target uses it with `harness = false`:
+//!
+//! ```no_run
+//! use replenish_testkit::harness::{rt_trial, run, trial};
+//! run(vec![
+//!     trial("always", || assert_eq!(1 + 1, 2)),
+//!     rt_trial("needs_fifo", || { /* runs alone on the machine */ }),
+//! ]);
+//! ```
+
+use crate::rt;
+use libtest_mimic::{Arguments, Trial};
+
+/// A trial that runs everywhere; it fails when `body` panics.
+pub fn trial(name: &str, body: impl FnOnce() + Send + 'static) -> Trial {
+    Trial::test(name, move || {
+        body();
+        Ok(())
+    })
+}
+
+/// A trial that needs real-time priority: it takes the machine-wide lock, and where the priority
+/// is missing it counts as ignored, unless [`rt::REQUIRE`] is set.
+pub fn rt_trial(name: &str, body: impl FnOnce() + Send + 'static) -> Trial {
+    let missing = rt::available().err();
+    let skip = missing.is_some() && !rt::required();
+    if let (true, Some(why)) = (skip, &missing) {
+        eprintln!("skipped: {name}: {why}");
+    }
+    Trial::test(name, move || {
+        if let Some(why) = missing {
+            return Err(format!("{why}, and {} forbids skipping", rt::REQUIRE).into());
+        }
+        let _alone = rt::lock().map_err(|e| format!("real-time lock: {e}"))?;
+        body();
+        Ok(())
+    })
+    .with_ignored_flag(skip)
+}
+
+/// Runs the trials with the usual `cargo test` arguments and exits.
+pub fn run(trials: Vec<Trial>) -> ! {
+    libtest_mimic::run(&Arguments::from_args(), trials).exit()
+}

@@ -1,0 +1,15 @@
+//! What the tests of replenish share.
+//!
+//! - [`rt`]: is real-time priority to be had here, the machine-wide lock that keeps two
+//!   real-time tests from running side by side, and the rule for skipping.
+//! - [`harness`]: trials that count as *ignored* (skipped) at run time, through `libtest-mimic`,
+//!   because the standard harness can only pass or fail.
+//! - [`alloc`]: a global allocator that counts, to prove that the hot path does not allocate.
+//! - [`watchdog`]: ends a test process that hangs, naming what hung.
+//!
+//! Never a dependency of shipped code.
+
+pub mod alloc;
+pub mod harness;
+pub mod rt;
+pub mod watchdog;
