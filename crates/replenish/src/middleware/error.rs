@@ -1,0 +1,117 @@
+//! What can go wrong between the executor and the bytes.
+
+use alloc::string::String;
+use core::fmt;
+
+/// An operation of the middleware failed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum MiddlewareError {
+    /// A bound was reached.
+    Capacity {
+        /// Of what there are too many.
+        what: &'static str,
+        /// How many there may be.
+        limit: usize,
+    },
+    /// The largest sample of the type does not fit.
+    TooLarge {
+        /// Bytes the type may need.
+        size: usize,
+        /// Bytes there is room for.
+        limit: usize,
+    },
+    /// The middleware cannot do this.
+    Unsupported(&'static str),
+    /// The topic exists with another type.
+    TypeMismatch {
+        /// The type it has.
+        existing: String,
+    },
+    /// The peer did not answer in time.
+    NoAnswer {
+        /// The request that was not answered.
+        what: &'static str,
+    },
+    /// The peer said no.
+    Refused {
+        /// What was asked for.
+        what: &'static str,
+        /// The peer's own code (XRCE: `StatusValue`).
+        status: u8,
+    },
+    /// The link to the peer is down.
+    LinkDown,
+    /// The operating system refused.
+    Io {
+        /// What was tried.
+        what: &'static str,
+        /// Its error number.
+        errno: i32,
+    },
+}
+
+impl fmt::Display for MiddlewareError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Capacity { what, limit } => write!(f, "too many {what}: the limit is {limit}"),
+            Self::TooLarge { size, limit } => {
+                write!(
+                    f,
+                    "samples of up to {size} bytes do not fit, the limit is {limit}"
+                )
+            }
+            Self::Unsupported(what) => write!(f, "not supported by this middleware: {what}"),
+            Self::TypeMismatch { existing } => write!(f, "the topic exists with type {existing}"),
+            Self::NoAnswer { what } => write!(f, "no answer to: {what}"),
+            Self::Refused { what, status } => {
+                write!(f, "refused with status {status:#04x}: {what}")
+            }
+            Self::LinkDown => f.write_str("the link is down"),
+            Self::Io { what, errno } => write!(f, "{what}: {}", os_error(*errno)),
+        }
+    }
+}
+
+impl core::error::Error for MiddlewareError {}
+
+/// A sample was not sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum PublishError {
+    /// The encoded sample is larger than the writer allows.
+    TooLarge {
+        /// Bytes of the sample.
+        size: usize,
+        /// Bytes the writer allows.
+        limit: usize,
+    },
+    /// The output queue of a reliable writer is full.
+    Full,
+    /// The link to the peer is down.
+    LinkDown,
+    /// The writer does not exist in this middleware.
+    UnknownWriter,
+    /// The operating system refused with this error number.
+    Io(i32),
+}
+
+impl fmt::Display for PublishError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TooLarge { size, limit } => {
+                write!(f, "the sample has {size} bytes, the writer allows {limit}")
+            }
+            Self::Full => f.write_str("the output queue is full"),
+            Self::LinkDown => f.write_str("the link is down"),
+            Self::UnknownWriter => f.write_str("the writer does not exist in this middleware"),
+            Self::Io(errno) => write!(f, "sending failed: {}", os_error(*errno)),
+        }
+    }
+}
+
+impl core::error::Error for PublishError {}
+
+fn os_error(errno: i32) -> impl fmt::Display {
+    std::io::Error::from_raw_os_error(errno)
+}

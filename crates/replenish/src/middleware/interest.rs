@@ -1,0 +1,122 @@
+//! The set of readers that the dispatcher wants to hear about.
+
+use super::ReaderId;
+
+/// The most readers one middleware can have.
+pub const MAX_READERS: usize = 512;
+
+const WORDS: usize = MAX_READERS / 64;
+
+/// A set of readers: those whose handle has room for a sample. 64 bytes, no allocation.
+///
+/// ```
+/// use replenish::middleware::{Interest, ReaderId};
+/// let mut set = Interest::empty();
+/// set.insert(ReaderId(3));
+/// assert!(set.contains(ReaderId(3)) && !set.contains(ReaderId(4)));
+/// assert_eq!(set.iter().collect::<Vec<_>>(), [ReaderId(3)]);
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Interest {
+    words: [u64; WORDS],
+}
+
+impl Interest {
+    /// No reader.
+    #[must_use]
+    pub const fn empty() -> Self {
+        Self { words: [0; WORDS] }
+    }
+
+    /// Adds a reader. Ids of [`MAX_READERS`] and above are never members.
+    pub fn insert(&mut self, reader: ReaderId) {
+        let (word, bit) = place(reader);
+        if let Some(w) = self.words.get_mut(word) {
+            *w |= bit;
+        }
+    }
+
+    /// Removes a reader.
+    pub fn remove(&mut self, reader: ReaderId) {
+        let (word, bit) = place(reader);
+        if let Some(w) = self.words.get_mut(word) {
+            *w &= !bit;
+        }
+    }
+
+    /// Whether the reader is a member.
+    #[must_use]
+    pub fn contains(&self, reader: ReaderId) -> bool {
+        let (word, bit) = place(reader);
+        self.words.get(word).is_some_and(|w| w & bit != 0)
+    }
+
+    /// Whether there is no member.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.words.iter().all(|w| *w == 0)
+    }
+
+    /// How many readers are members.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.words.iter().map(|w| w.count_ones() as usize).sum()
+    }
+
+    /// The members in ascending order.
+    pub fn iter(&self) -> impl Iterator<Item = ReaderId> + '_ {
+        self.words
+            .iter()
+            .enumerate()
+            .flat_map(|(word, bits)| Ones(*bits).map(move |b| (word, b)))
+            .map(|(word, bit)| {
+                ReaderId(
+                    u16::try_from(word * 64)
+                        .unwrap_or(u16::MAX)
+                        .saturating_add(bit),
+                )
+            })
+    }
+}
+
+/// The set bits of a word, lowest first.
+struct Ones(u64);
+
+impl Iterator for Ones {
+    type Item = u16;
+
+    fn next(&mut self) -> Option<u16> {
+        let bit = self.0.trailing_zeros();
+        self.0 &= self.0.wrapping_sub(1);
+        u16::try_from(bit).ok().filter(|b| *b < 64)
+    }
+}
+
+fn place(reader: ReaderId) -> (usize, u64) {
+    (usize::from(reader.0) / 64, 1 << (reader.0 % 64))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn holds_what_was_inserted_across_words() {
+        let mut set = Interest::empty();
+        for id in [0, 63, 64, 511] {
+            set.insert(ReaderId(id));
+        }
+        set.remove(ReaderId(63));
+        set.remove(ReaderId(100));
+        assert_eq!(set.iter().map(|r| r.0).collect::<Vec<_>>(), [0, 64, 511]);
+        assert_eq!(set.len(), 3);
+    }
+
+    #[test]
+    fn ids_beyond_the_capacity_are_never_members() {
+        let mut set = Interest::empty();
+        set.insert(ReaderId(512));
+        set.insert(ReaderId(u16::MAX));
+        assert!(set.is_empty());
+    }
+}

@@ -1,0 +1,151 @@
+//! The seam between the executor and whatever carries the bytes.
+//!
+//! The executor's dispatcher is the only thread that calls [`Middleware::wait`] and
+//! [`Middleware::take`]; any thread may [`publish`](Middleware::publish) or
+//! [`wake`](Middleware::wake):
+//!
+//! ```text
+//!   dispatcher                          callbacks, timers, other threads
+//!   ┌────────────────────┐              ┌─────────────────────────────┐
+//!   │ wait  (no lock)    │◄──── wake ───┤ worker made room; stop()    │
+//!   │ take  (short lock) │              │ publish (same short lock)   │
+//!   └────────────────────┘              └─────────────────────────────┘
+//! ```
+//!
+//! Two rules carry the executor's guarantees. **No lock is held across a wait**, so that a
+//! publisher waits for bytes being handled, never for a timeout. **Readiness is level-triggered on
+//! the interest set**: `wait` returns at once while a reader *in* the set has data, and data of a
+//! reader *outside* the set never ends a wait, so that nothing is missed and nothing is spun on.
+
+mod error;
+mod interest;
+
+pub use error::{MiddlewareError, PublishError};
+pub use interest::{Interest, MAX_READERS};
+
+use crate::Nanos;
+use crate::qos::Qos;
+
+/// A reader of one middleware: small, dense, given out from 0 upwards.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ReaderId(pub u16);
+
+/// A writer of one middleware: small, dense, given out from 0 upwards.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct WriterId(pub u16);
+
+/// What a reader or writer is for. Names are valid ROS names when they get here.
+#[derive(Debug, Clone, Copy)]
+pub struct EndpointSpec<'a> {
+    /// Fully qualified node name, `"/pong"`.
+    pub node: &'a str,
+    /// Fully qualified topic name, `"/high_ping"`.
+    pub topic: &'a str,
+    /// `"std_msgs/msg/Int32"`.
+    pub type_name: &'a str,
+    /// `"std_msgs::msg::dds_::Int32_"`.
+    pub dds_type_name: &'a str,
+    /// Reliability, history, depth.
+    pub qos: Qos,
+    /// The largest payload in bytes, without encapsulation header.
+    pub max_size: usize,
+}
+
+/// What is known about a sample besides its bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SampleInfo {
+    /// When its bytes reached this process (`CLOCK_MONOTONIC`).
+    pub arrival: Nanos,
+}
+
+/// The answer to a delivered sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Room {
+    /// The reader may be given more in the same [`Middleware::take`].
+    Left,
+    /// The sample was accepted, but no further one of this reader until the next call.
+    Full,
+}
+
+/// Whether samples can be exchanged at the moment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LinkState {
+    /// The peer answers (or there is no peer to lose).
+    Up,
+    /// The peer has not been heard of since this instant.
+    Down {
+        /// When it was last heard of.
+        since: Nanos,
+    },
+}
+
+/// Carries samples between writers and readers.
+///
+/// # Threads
+/// Every method may be called from any thread, with one exception: [`wait`](Self::wait) and
+/// [`take`](Self::take) are called by one thread at a time. Locks inside have priority inheritance.
+///
+/// # Allocation
+/// After the endpoints exist, no method allocates.
+pub trait Middleware: Send + Sync + 'static {
+    /// Creates a writer. Set-up only: it may wait for a peer's answer and allocate.
+    ///
+    /// # Errors
+    /// When the peer refuses or does not answer, or a bound is reached.
+    fn create_writer(&self, spec: &EndpointSpec<'_>) -> Result<WriterId, MiddlewareError>;
+
+    /// Creates a reader. Set-up only, like [`create_writer`](Self::create_writer).
+    ///
+    /// # Errors
+    /// When the peer refuses or does not answer, or a bound is reached.
+    fn create_reader(&self, spec: &EndpointSpec<'_>) -> Result<ReaderId, MiddlewareError>;
+
+    /// Sends one encoded sample: CDR without encapsulation header.
+    ///
+    /// Takes the session lock for as long as the bytes need, never waits for a peer, for room or
+    /// for the dispatcher.
+    ///
+    /// # Errors
+    /// When the sample was not sent: too large, no room in the output stream, link down.
+    fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError>;
+
+    /// Waits until a reader in `interest` has data, [`wake`](Self::wake) was called, the middleware
+    /// has housekeeping to do in [`take`](Self::take), or `deadline` has passed.
+    ///
+    /// Holds no lock while it waits. Returns at once if buffered data of a reader in `interest` is
+    /// there, or if `wake` was called since the last `wait` returned. Early returns are
+    /// allowed as long as they are rare; data of readers outside `interest` is no reason to return
+    /// more than once per datagram.
+    ///
+    /// # Errors
+    /// When it cannot wait. The dispatcher counts it and tries again after a pause.
+    fn wait(&self, interest: &Interest, deadline: Option<Nanos>) -> Result<(), MiddlewareError>;
+
+    /// Hands a bounded batch of samples of the readers in `interest` to `sink`, in order of arrival
+    /// per reader, and returns how many.
+    ///
+    /// Called after every `wait`, also with an empty `interest`: acknowledgements, heartbeats and
+    /// the like are handled here, on the dispatcher's priority. After [`Room::Full`] the reader
+    /// gets no further sample in this call. `sink` only copies bytes; it may be called with the
+    /// session lock held and never calls back into the middleware.
+    ///
+    /// # Errors
+    /// When bytes could not be read. Samples already handed to `sink` count.
+    fn take(
+        &self,
+        interest: &Interest,
+        sink: &mut dyn FnMut(ReaderId, &SampleInfo, &[u8]) -> Room,
+    ) -> Result<usize, MiddlewareError>;
+
+    /// Ends the current [`wait`](Self::wait), or the next one if nobody waits.
+    fn wake(&self);
+
+    /// Whether samples can be exchanged at the moment.
+    fn link(&self) -> LinkState;
+
+    /// Samples of `reader` that the middleware itself had to drop because its own buffer was full.
+    fn lost(&self, reader: ReaderId) -> u64 {
+        let _ = reader;
+        0
+    }
+}
