@@ -1,3 +1,86 @@
-//! See Cargo.toml.
+//! ROS 2 messages without allocation: the [`Message`] trait, XCDR1, and the common types.
+//!
+//! A message is a plain struct with bounded fields. It is encoded into a buffer that the caller
+//! owns and decoded *in place* into a value that already exists, so that a real-time callback
+//! neither allocates nor moves 4 kB around:
+//!
+//! ```
+//! use replenish_msg::{Message, decode, encode, std_msgs::Int32};
+//!
+//! let mut buf = [0; Int32::MAX_SIZE];
+//! let len = encode(&Int32 { data: 7 }, &mut buf)?;
+//! assert_eq!(buf[..len], [7, 0, 0, 0]);
+//!
+//! let mut back = Int32::default();
+//! decode(&mut back, &buf[..len])?;
+//! assert_eq!(back.data, 7);
+//! # Ok::<(), replenish_msg::CdrError>(())
+//! ```
+//!
+//! What is here: [`cdr`] (the encoding), [`std_msgs`], [`builtin_interfaces`].
+//! What is not: XCDR2, `wstring`, `long double`, and a generator for other interfaces.
+//!
+//! Bytes are the bare CDR payload, as DDS-XRCE carries it. DDS itself puts a 4-byte
+//! encapsulation header in front of the same bytes.
 #![no_std]
 #![forbid(unsafe_code)]
+#![deny(clippy::indexing_slicing)]
+
+pub mod builtin_interfaces;
+pub mod cdr;
+pub mod std_msgs;
+
+pub use cdr::{CdrError, CdrReader, CdrWriter, Endianness};
+pub use heapless;
+
+/// A ROS 2 message: its names on the wire, and how it is encoded and decoded.
+///
+/// An implementation writes and reads the fields in the order of the `.msg` file and never
+/// panics, whatever the bytes.
+pub trait Message: Default + Send + 'static {
+    /// The ROS name, such as `std_msgs/msg/Int32`.
+    const TYPE_NAME: &'static str;
+
+    /// The name of the same type in DDS, such as `std_msgs::msg::dds_::Int32_`.
+    const DDS_TYPE_NAME: &'static str;
+
+    /// Upper bound in bytes of one encoded message, without the encapsulation header.
+    ///
+    /// A buffer of this size is enough for any value.
+    const MAX_SIZE: usize;
+
+    /// Appends this message to `w`.
+    ///
+    /// # Errors
+    /// [`CdrError::EndOfBuffer`] when `w` has no room; never so if it had
+    /// [`MAX_SIZE`](Self::MAX_SIZE) bytes. What was written before stays written.
+    fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError>;
+
+    /// Replaces this value by the next message in `r`, without allocating.
+    ///
+    /// # Errors
+    /// Any [`CdrError`] when the bytes are not such a message. The value is then valid but
+    /// unspecified: a mix of old and new fields.
+    fn decode(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError>;
+}
+
+/// Encodes `msg` at the start of `buf` and returns the number of bytes used.
+///
+/// # Errors
+/// [`CdrError::EndOfBuffer`] when `buf` is too short; [`Message::MAX_SIZE`] bytes are enough.
+pub fn encode<M: Message>(msg: &M, buf: &mut [u8]) -> Result<usize, CdrError> {
+    let mut w = CdrWriter::new(buf);
+    msg.encode(&mut w)?;
+    Ok(w.len())
+}
+
+/// Decodes the little-endian `payload` into `msg`.
+///
+/// Bytes behind the message are ignored: senders may pad, and a newer version of a type may
+/// carry more fields.
+///
+/// # Errors
+/// Any [`CdrError`] when the bytes are not such a message; see [`Message::decode`].
+pub fn decode<M: Message>(msg: &mut M, payload: &[u8]) -> Result<(), CdrError> {
+    msg.decode(&mut CdrReader::new(payload))
+}

@@ -1,0 +1,70 @@
+//! What can be wrong with an encoded message.
+
+use core::fmt;
+
+/// Why bytes could not be encoded or decoded. Offsets and lengths are in bytes from the start of
+/// the payload unless said otherwise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum CdrError {
+    /// The buffer ends inside an item.
+    EndOfBuffer {
+        /// Where the item starts, or its padding.
+        at: usize,
+        /// Bytes the item takes, with its padding.
+        needed: usize,
+        /// Bytes that are left.
+        available: usize,
+    },
+    /// The contents of a string are not UTF-8.
+    NotUtf8 {
+        /// Where the first bad byte is.
+        at: usize,
+    },
+    /// The last byte that a string's length counts is not NUL.
+    NotTerminated {
+        /// Where the NUL should be.
+        at: usize,
+    },
+    /// A `bool` that is neither 0 nor 1.
+    NotBool {
+        /// Where the byte is.
+        at: usize,
+        /// Its value.
+        value: u8,
+    },
+    /// A string (in bytes, without NUL) or sequence (in elements) is longer than its field holds.
+    TooLong {
+        /// The length found.
+        len: usize,
+        /// The capacity of the field.
+        limit: usize,
+    },
+}
+
+impl fmt::Display for CdrError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::EndOfBuffer {
+                at,
+                needed,
+                available,
+            } => write!(
+                f,
+                "buffer ends at offset {at}: {needed} bytes needed, {available} available"
+            ),
+            Self::NotUtf8 { at } => write!(f, "string is not UTF-8 at offset {at}"),
+            Self::NotTerminated { at } => {
+                write!(f, "string is not NUL-terminated at offset {at}")
+            }
+            Self::NotBool { at, value } => {
+                write!(f, "bool at offset {at} is {value}, neither 0 nor 1")
+            }
+            Self::TooLong { len, limit } => {
+                write!(f, "length {len} is above the field's capacity of {limit}")
+            }
+        }
+    }
+}
+
+impl core::error::Error for CdrError {}

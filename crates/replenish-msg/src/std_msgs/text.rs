@@ -1,0 +1,81 @@
+//! `std_msgs/msg/String` and `std_msgs/msg/Header`.
+
+use crate::builtin_interfaces::Time;
+use crate::cdr::max_string_size;
+use crate::{CdrError, CdrReader, CdrWriter, Message};
+
+/// `std_msgs/msg/String` of at most 255 bytes.
+pub type String = BoundedString<255>;
+
+/// `std_msgs/msg/Header` with a `frame_id` of at most 255 bytes.
+pub type Header = BoundedHeader<255>;
+
+/// `std_msgs/msg/String` of at most `N` bytes.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct BoundedString<const N: usize> {
+    /// The text.
+    pub data: heapless::String<N>,
+}
+
+impl<const N: usize> TryFrom<&str> for BoundedString<N> {
+    type Error = CdrError;
+
+    /// # Errors
+    /// [`CdrError::TooLong`] above `N` bytes.
+    fn try_from(text: &str) -> Result<Self, CdrError> {
+        let mut message = Self::default();
+        assign(&mut message.data, text)?;
+        Ok(message)
+    }
+}
+
+impl<const N: usize> Message for BoundedString<N> {
+    const TYPE_NAME: &'static str = "std_msgs/msg/String";
+    const DDS_TYPE_NAME: &'static str = "std_msgs::msg::dds_::String_";
+    const MAX_SIZE: usize = max_string_size(N);
+
+    fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
+        w.string(&self.data)
+    }
+
+    fn decode(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
+        assign(&mut self.data, r.string(N)?)
+    }
+}
+
+/// `std_msgs/msg/Header` with a `frame_id` of at most `N` bytes.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct BoundedHeader<const N: usize> {
+    /// When the data was taken.
+    pub stamp: Time,
+    /// The coordinate frame the data is in.
+    pub frame_id: heapless::String<N>,
+}
+
+impl<const N: usize> Message for BoundedHeader<N> {
+    const TYPE_NAME: &'static str = "std_msgs/msg/Header";
+    const DDS_TYPE_NAME: &'static str = "std_msgs::msg::dds_::Header_";
+    const MAX_SIZE: usize = Time::MAX_SIZE + max_string_size(N);
+
+    fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
+        self.stamp.encode(w)?;
+        w.string(&self.frame_id)
+    }
+
+    fn decode(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
+        self.stamp.decode(r)?;
+        assign(&mut self.frame_id, r.string(N)?)
+    }
+}
+
+/// Replaces the contents of `field` by `text`.
+pub(super) fn assign<const N: usize>(
+    field: &mut heapless::String<N>,
+    text: &str,
+) -> Result<(), CdrError> {
+    field.clear();
+    field.push_str(text).map_err(|_| CdrError::TooLong {
+        len: text.len(),
+        limit: N,
+    })
+}
