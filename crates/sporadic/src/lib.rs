@@ -1,3 +1,52 @@
-//! See Cargo.toml.
+//! CPU budget servers as pure state machines over `u64` nanoseconds.
+//!
+//! A *budget server* (a reservation) lets a thread run at priority P for a budget B in every
+//! period T, and at a background priority (or not at all) once the budget is spent. This crate
+//! says **when** the thread must have which priority and when its budget comes back. It reads no
+//! clock, starts no thread and sets no priority: the caller reports what happened to the thread
+//! and applies the answer.
+//!
+//! Two servers implement [`BudgetServer`]:
+//! - [`Corrected`]: the sporadic server with the corrections of Stanovich et al. (RTAS 2010).
+//!   The amounts always sum to B and an overrun is a debt. Use this one.
+//! - [`Posix`]: the rules of POSIX (XSH 2.8.4, `SCHED_SPORADIC`) to the letter, defects included,
+//!   for conformance and for explaining what another system does.
+//!
+//! [`Server`] is one or the other, chosen at run time. All are `Send + Sync` plain data without
+//! interior mutability: the caller serialises access.
+//!
+//! ```
+//! use sporadic::{BudgetServer, Corrected, Level, Low, Params};
+//!
+//! const MS: u64 = 1_000_000;
+//! // Priority 60 for 30 ms in every 100 ms, else priority 6; up to 16 pending replenishments.
+//! let params = Params::new(60, Low::Background(6), 30 * MS, 100 * MS, 16)?;
+//! let mut server = Corrected::<16>::new(params, 0)?;
+//!
+//! server.activate(5 * MS); // work arrives, the thread runs
+//! assert_eq!(server.available(5 * MS), 30 * MS);
+//! server.charge(31 * MS, 36 * MS); // it ran 31 ms: 1 ms too long
+//! assert_eq!(server.update(36 * MS), Level::Low);
+//! assert_eq!(server.next_replenishment(), Some(105 * MS)); // activation + period
+//! assert_eq!(server.update(105 * MS), Level::High);
+//! assert_eq!(server.available(105 * MS), 29 * MS); // the overrun is paid back
+//! # Ok::<(), sporadic::ParamError>(())
+//! ```
 #![no_std]
 #![forbid(unsafe_code)]
+
+mod corrected;
+mod params;
+mod posix;
+mod ring;
+mod server;
+
+pub use corrected::{Consumed, Corrected};
+pub use params::{Low, ParamError, Params};
+pub use posix::Posix;
+pub use ring::Chunk;
+pub use server::{BudgetServer, Kind, Level, Server};
+
+/// A point in time or a span of time, in nanoseconds. Which clock is the caller's choice; the
+/// same monotonic clock must be used for every call on one server.
+pub type Nanos = u64;

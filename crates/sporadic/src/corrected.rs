@@ -1,0 +1,234 @@
+//! The corrected sporadic server: a queue of chunks whose amounts always sum to B.
+//!
+//! ```text
+//!                 head                 further chunks, at most max_repl, by time
+//!            (time, amount)  ──►  (time, amount)  (time, amount)  …        Σ amount = B
+//!                 │                                       ▲                times ≤ head.time + T
+//!                 │ consumed with e = head.time           │
+//!                 └───────────── comes back at e + T ─────┘
+//!
+//!                       head.time ≤ now                head.time ≤ now
+//!                  ┌──────────────────────┐        ┌────────────────────┐
+//!                  │   time passes        ▼        ▼  activate: all due │
+//!   level:        LOW                    HIGH ─────────  chunks → now ──┘
+//!                  ▲                      │
+//!                  └──────────────────────┘
+//!               charge: the due chunks are spent, the new head is in the future
+//!               (an overrun has taken part of it already: debt)
+//! ```
+//!
+//! The time of a chunk is the *effective activation* e of what is consumed from it:
+//! - the activation of the thread, if the chunk was due by then;
+//! - its own replenishment time, if it became due while the thread was runnable (also if the
+//!   thread was raised later than that: no drift);
+//! - its own replenishment time, still in the future, if it was consumed early by an overrun.
+//!
+//! Each unit of budget comes back T after its e, or later (merging keeps the later time), so two
+//! uses of one unit have activations at least T apart. Hence for every window [t, t+T) the units
+//! with e in the window sum to at most B: the interference of a periodic task (B, T).
+//!
+//! Source: the rules in Stanovich, Baker, Wang, González Harbour: "Defects of the POSIX Sporadic
+//! Server and How to Correct Them", RTAS 2010, DOI 10.1109/RTAS.2010.34. Unlike there, a chunk
+//! that becomes due while the head before it runs is not merged into that head (which would give
+//! it an earlier activation), and a remnant that is too small goes to the next chunk only.
+
+use crate::ring::Ring;
+use crate::{BudgetServer, Chunk, Level, Nanos, ParamError, Params};
+
+/// The corrected sporadic server, with room for `N` pending replenishments.
+///
+/// `max_repl` counts the chunks behind the head. If one more is needed, the two youngest become
+/// one at the later time.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Corrected<const N: usize> {
+    params: Params,
+    min_chunk: Nanos,
+    /// The latest time seen.
+    clock: Nanos,
+    /// The chunk that is consumed next. Its amount is never 0.
+    head: Chunk,
+    queue: Ring<N>,
+}
+
+/// A piece of consumption, as [`Corrected::charge_with`] reports it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Consumed {
+    /// The effective activation e of the piece.
+    pub activation: Nanos,
+    /// How much was consumed, in ns.
+    pub amount: Nanos,
+    /// How often: at e, e + T, e + 2T, ... More than 1 only if a charge exceeds the budget.
+    pub rounds: Nanos,
+}
+
+impl<const N: usize> Corrected<N> {
+    /// A server with its full budget at `now`, for a thread that is waiting.
+    ///
+    /// # Errors
+    /// [`ParamError::MaxRepl`] if `max_repl` is above the capacity `N`.
+    pub const fn new(params: Params, now: Nanos) -> Result<Self, ParamError> {
+        if let Err(error) = params.check_capacity(N) {
+            return Err(error);
+        }
+        let head = Chunk {
+            time: now,
+            amount: params.budget(),
+        };
+        Ok(Self {
+            params,
+            min_chunk: 0,
+            clock: now,
+            head,
+            queue: Ring::new(),
+        })
+    }
+
+    /// Sets the smallest amount worth raising the thread for, in ns (0 at first). A smaller head is
+    /// merged into the next chunk, at that chunk's later time, so that the thread stays Low rather
+    /// than run for a sliver. Without a next chunk the head is kept as it is.
+    #[must_use]
+    pub const fn with_min_chunk(mut self, min_chunk: Nanos) -> Self {
+        self.min_chunk = min_chunk;
+        self
+    }
+
+    /// See [`with_min_chunk`](Self::with_min_chunk).
+    pub const fn min_chunk(&self) -> Nanos {
+        self.min_chunk
+    }
+
+    /// All chunks in order of time, the head first. Their amounts sum to B.
+    pub fn chunks(&self) -> impl Iterator<Item = Chunk> + '_ {
+        core::iter::once(self.head).chain(self.queue.iter())
+    }
+
+    /// [`charge`](BudgetServer::charge) that reports each piece consumed and its effective
+    /// activation, in order of time within a round.
+    pub fn charge_with(&mut self, used: Nanos, now: Nanos, observe: &mut impl FnMut(Consumed)) {
+        self.see(now);
+        let (budget, period) = (self.params.budget(), self.params.period());
+        // Consuming exactly B takes every chunk once, so all come back T later.
+        let rounds = used / budget;
+        if rounds > 0 {
+            for Chunk { time, amount } in self.chunks() {
+                observe(Consumed {
+                    activation: time,
+                    amount,
+                    rounds,
+                });
+            }
+            let delay = rounds.saturating_mul(period);
+            self.head.time = self.head.time.saturating_add(delay);
+            self.queue.delay_all(delay);
+        }
+        let mut rest = used % budget;
+        while rest > 0 {
+            let Chunk { time, amount } = self.head;
+            let taken = rest.min(amount);
+            rest -= taken;
+            observe(Consumed {
+                activation: time,
+                amount: taken,
+                rounds: 1,
+            });
+            let back = Chunk {
+                time: time.saturating_add(period),
+                amount: taken,
+            };
+            if taken < amount {
+                self.head.amount -= taken;
+                self.push(back);
+            } else if let Some(next) = self.queue.pop_front() {
+                self.head = next;
+                self.push(back);
+            } else {
+                self.head = back;
+            }
+        }
+        while self.head.amount < self.min_chunk
+            && let Some(next) = self.queue.pop_front()
+        {
+            self.head = Chunk {
+                time: next.time,
+                amount: self.head.amount + next.amount,
+            };
+        }
+    }
+
+    /// Advances the clock, never back, and returns it.
+    fn see(&mut self, now: Nanos) -> Nanos {
+        self.clock = self.clock.max(now);
+        self.clock
+    }
+
+    /// Queues a chunk that is not before any other; merges at the later time if equal or full.
+    fn push(&mut self, chunk: Chunk) {
+        let limit = usize::from(self.params.max_repl());
+        let full = self.queue.len() >= limit;
+        if let Some(tail) = self.queue.back_mut()
+            && (full || tail.time == chunk.time)
+        {
+            tail.time = chunk.time;
+            tail.amount += chunk.amount;
+            return;
+        }
+        self.queue.push_back(chunk, limit);
+    }
+}
+
+impl<const N: usize> BudgetServer for Corrected<N> {
+    fn params(&self) -> &Params {
+        &self.params
+    }
+
+    fn activate(&mut self, now: Nanos) {
+        let now = self.see(now);
+        if self.head.time > now {
+            return;
+        }
+        self.head.time = now;
+        while let Some(next) = self.queue.front()
+            && next.time <= now
+        {
+            self.queue.pop_front();
+            self.head.amount += next.amount;
+        }
+    }
+
+    /// Nothing to do but to note the time: what was consumed is queued already, and what is left
+    /// gets its activation from the next [`activate`](Self::activate).
+    fn block(&mut self, now: Nanos) {
+        self.see(now);
+    }
+
+    fn charge(&mut self, used: Nanos, now: Nanos) {
+        self.charge_with(used, now, &mut |_| ());
+    }
+
+    fn update(&mut self, now: Nanos) -> Level {
+        if self.head.time <= self.see(now) {
+            Level::High
+        } else {
+            Level::Low
+        }
+    }
+
+    fn available(&self, now: Nanos) -> Nanos {
+        let now = self.clock.max(now);
+        self.chunks()
+            .take_while(|chunk| chunk.time <= now)
+            .map(|chunk| chunk.amount)
+            .sum()
+    }
+
+    fn next_replenishment(&self) -> Option<Nanos> {
+        (self.head.time > self.clock).then_some(self.head.time)
+    }
+
+    /// Chunks in the future, at most `max_repl + 1`: the head too, while Low.
+    fn pending(&self) -> usize {
+        self.chunks()
+            .filter(|chunk| chunk.time > self.clock)
+            .count()
+    }
+}
