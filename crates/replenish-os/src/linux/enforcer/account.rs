@@ -1,0 +1,313 @@
+//! The worker's side of enforcement ([`Account`]) and the reader's ([`Meter`]).
+
+use super::entry::{Entry, Outcome};
+use super::overruns::summarise;
+use super::suspend::SuspendCell;
+use super::{AnyServer, EnrollError, Enforcement, OverrunSummary, Shared};
+use crate::linux::{
+    Signal, SwitchLog, ThreadCpuClock, Tid, clock, current_tid, voluntary_switches,
+};
+use crate::Nanos;
+use sporadic::{BudgetServer, Level, Low, Params, Reservation, ServerKind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// The executor stops while a worker waits for budget.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stopped;
+
+/// The account of one worker thread; owned and called by that thread alone.
+///
+/// ```text
+///   loop { wait for work; activate(); for each callback { callback_begin()?; run; callback_end() } block() }
+/// ```
+///
+/// A worker without a budget has an account, too ([`Account::unbudgeted`]): it only tells CPU time.
+#[derive(Debug)]
+pub struct Account {
+    meter: Meter,
+    switches_seen: u64,
+}
+
+/// Reads a worker's account from any thread, at any time; cheap to clone.
+#[derive(Clone, Debug)]
+pub struct Meter(Arc<Inner>);
+
+#[derive(Debug)]
+struct Inner {
+    tid: Tid,
+    clock: ThreadCpuClock,
+    /// CPU time of an unbudgeted thread at its last reading, for after its end.
+    last_cpu: std::sync::atomic::AtomicU64,
+    budget: Option<Budgeted>,
+}
+
+#[derive(Debug)]
+struct Budgeted {
+    shared: Arc<Shared>,
+    index: usize,
+    wake: Signal,
+    suspend: Arc<SuspendCell>,
+    cancelled: AtomicBool,
+    has_switch_log: bool,
+    suspends: bool,
+}
+
+/// What a worker has used so far; times in nanoseconds of CPU time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Usage {
+    /// CPU time at the high priority (all of it for a worker without a budget).
+    pub cpu_high: Nanos,
+    /// CPU time at the background priority.
+    pub cpu_low: Nanos,
+    /// What the budget has left at this moment (0 without a budget).
+    pub available: Nanos,
+    /// Whether the worker is at its background priority (or suspended, or deferred) now.
+    pub low: bool,
+    /// How often the budget ran out while the worker ran.
+    pub exhaustions: u64,
+    /// How often a replenishment raised the worker.
+    pub replenishments: u64,
+    /// Stretches of blocking inside callbacks that were seen and accounted.
+    pub blocked_inside: u64,
+}
+
+impl Account {
+    /// An account for the calling thread that has no budget to hold.
+    #[must_use]
+    pub fn unbudgeted() -> Self {
+        Self::over(current_tid(), None)
+    }
+
+    pub(super) fn enroll(
+        shared: &Arc<Shared>,
+        params: &Params,
+        kind: ServerKind,
+    ) -> Result<Self, EnrollError> {
+        let config = &shared.config;
+        if shared.rung != Enforcement::Deferred && params.priority() >= config.priority {
+            return Err(EnrollError::PriorityTooHigh {
+                worker: params.priority(),
+                enforcer: config.priority,
+            });
+        }
+        let tid = current_tid();
+        let now = clock::monotonic();
+        let server = AnyServer::new(kind, params.clone(), now, config.tuning.slack)
+            .map_err(EnrollError::Params)?;
+        let reservation = Reservation::new(server, config.tuning, now, clock::thread_cpu());
+        // Without the records the voluntary-switch counter stands in: see callback_end().
+        let switches = if config.switch_log { SwitchLog::open(tid).ok() } else { None };
+        let suspends =
+            params.low() == Low::Suspend && shared.rung != Enforcement::Deferred;
+        let suspend = Arc::new(SuspendCell::new());
+        if suspends {
+            suspend.attach_current_thread().map_err(EnrollError::Os)?;
+        }
+        let entry = Entry::new(reservation, tid, switches, Arc::clone(&suspend));
+        let has_switch_log = entry.has_switch_log();
+        let index = {
+            let mut state = shared.state.lock();
+            let (index, capacity) = (state.entries.len(), state.entries.capacity());
+            if index == capacity {
+                return Err(EnrollError::Full { capacity });
+            }
+            state.entries.push(entry);
+            index
+        };
+        let wake = Signal::new();
+        let cancelled = AtomicBool::new(false);
+        let shared = Arc::clone(shared);
+        let budget =
+            Budgeted { shared, index, wake, suspend, cancelled, has_switch_log, suspends };
+        Ok(Self::over(tid, Some(budget)))
+    }
+
+    fn over(tid: Tid, budget: Option<Budgeted>) -> Self {
+        let clock = ThreadCpuClock::of(tid);
+        let inner = Inner { tid, clock, last_cpu: 0.into(), budget };
+        Self { meter: Meter(Arc::new(inner)), switches_seen: 0 }
+    }
+
+    /// A reader of this account.
+    #[must_use]
+    pub fn meter(&self) -> Meter {
+        self.meter.clone()
+    }
+
+    /// The worker leaves its wait: call right after it woke up with work to do.
+    pub fn activate(&mut self) {
+        if let Some(b) = &self.meter.0.budget {
+            b.with(|entry, rung| entry.activate(clock::monotonic(), rung));
+        }
+    }
+
+    /// The worker is about to wait: call when there is nothing left to do.
+    pub fn block(&mut self) {
+        if let Some(b) = &self.meter.0.budget {
+            b.with(|entry, rung| entry.block(clock::monotonic(), rung));
+        }
+    }
+
+    /// Before each callback. Where an exhausted worker is suspended or deferred, this waits for
+    /// the replenishment; otherwise it returns at once.
+    ///
+    /// # Errors
+    /// [`Stopped`] when [`Meter::cancel`] was called meanwhile.
+    pub fn callback_begin(&mut self) -> Result<(), Stopped> {
+        let Some(b) = &self.meter.0.budget else { return Ok(()) };
+        if b.suspends {
+            b.suspend.wait_while_suspended();
+        }
+        if b.shared.rung == Enforcement::Deferred {
+            b.wait_for_budget()?;
+        }
+        if !b.has_switch_log {
+            self.switches_seen = voluntary_switches();
+        }
+        if b.cancelled.load(Ordering::Acquire) { Err(Stopped) } else { Ok(()) }
+    }
+
+    /// After each callback: notices that it blocked inside, where the kernel keeps no records.
+    pub fn callback_end(&mut self) {
+        let Some(b) = &self.meter.0.budget else { return };
+        if !b.has_switch_log && voluntary_switches() != self.switches_seen {
+            b.with(|entry, _| {
+                entry.blocked_inside(clock::monotonic());
+                Outcome::Unchanged
+            });
+        }
+    }
+}
+
+impl Drop for Account {
+    /// Takes the last reading while the thread still has a clock; the entry stays for its readers.
+    fn drop(&mut self) {
+        let inner = &self.meter.0;
+        inner.last_cpu.store(inner.clock.read().unwrap_or(0), Ordering::Release);
+        self.meter.abandon();
+        if let Some(b) = &inner.budget {
+            b.suspend.detach_current_thread();
+        }
+    }
+}
+
+impl Meter {
+    /// The worker's thread.
+    #[must_use]
+    pub fn tid(&self) -> Tid {
+        self.0.tid
+    }
+
+    /// Which rung holds the worker's budget; `None` without a budget.
+    #[must_use]
+    pub fn enforcement(&self) -> Option<Enforcement> {
+        self.0.budget.as_ref().map(|b| b.shared.rung)
+    }
+
+    /// Whether blocking inside callbacks is seen exactly, through the kernel's records.
+    #[must_use]
+    pub fn sees_blocking(&self) -> bool {
+        self.0.budget.as_ref().is_some_and(|b| b.has_switch_log)
+    }
+
+    /// What the worker has used up to this moment. Takes the enforcer's lock briefly (with
+    /// priority inheritance) and does not allocate.
+    #[must_use]
+    pub fn usage(&self) -> Usage {
+        let Some(b) = &self.0.budget else {
+            let last = self.0.last_cpu.load(Ordering::Acquire);
+            let cpu_high = self.0.clock.read().unwrap_or(last);
+            return Usage { cpu_high, ..Usage::default() };
+        };
+        let mut state = b.shared.state.lock();
+        let Some(entry) = state.entries.get_mut(b.index) else { return Usage::default() };
+        let now = clock::monotonic();
+        if entry.live {
+            entry.observe(now);
+        }
+        let r = &entry.reservation;
+        let c = r.counters();
+        Usage {
+            cpu_high: c.cpu_high,
+            cpu_low: c.cpu_low,
+            available: r.server().available(now),
+            low: r.level() == Level::Low,
+            exhaustions: c.exhaustions,
+            replenishments: c.replenishments,
+            blocked_inside: c.blocked_inside,
+        }
+    }
+
+    /// How far the budget was overrun, newest exhaustions first. Allocates: not for the hot path.
+    #[must_use]
+    pub fn overruns(&self) -> OverrunSummary {
+        let Some(b) = &self.0.budget else { return OverrunSummary::default() };
+        let mut sample = Vec::with_capacity(1024);
+        let totals = {
+            let state = b.shared.state.lock();
+            let Some(entry) = state.entries.get(b.index) else { return OverrunSummary::default() };
+            entry.overruns.copy_into(&mut sample)
+        };
+        summarise(&mut sample, totals)
+    }
+
+    /// Ends every wait for budget, now and later: the executor stops.
+    pub fn cancel(&self) {
+        if let Some(b) = &self.0.budget {
+            b.cancelled.store(true, Ordering::Release);
+            b.suspend.resume();
+            b.wake.set();
+        }
+    }
+
+    /// Stops supervising a thread that does not come back from its callback. The caller decides
+    /// what priority it keeps.
+    pub fn abandon(&self) {
+        if let Some(b) = &self.0.budget {
+            b.with(|entry, _| {
+                entry.observe(clock::monotonic());
+                entry.release();
+                Outcome::Unchanged
+            });
+        }
+    }
+}
+
+impl Budgeted {
+    /// One step on the entry under the lock, and the timer set if the step asks for it earlier.
+    fn with(&self, step: impl FnOnce(&mut Entry, Enforcement) -> Outcome) {
+        let mut state = self.shared.state.lock();
+        let Some(entry) = state.entries.get_mut(self.index) else { return };
+        let outcome = step(entry, self.shared.rung);
+        let (check, waits) = (entry.check_at(), !entry.reservation.is_runnable());
+        state.stats.changes += u64::from(outcome == Outcome::Changed);
+        state.stats.refused += u64::from(outcome == Outcome::Refused);
+        if waits || outcome != Outcome::Unchanged {
+            self.shared.cpu_freed(&mut state);
+        }
+        if let Some(at) = check {
+            self.shared.arm(&mut state, at);
+        }
+    }
+
+    /// The rung without privilege: an exhausted worker waits here.
+    fn wait_for_budget(&self) -> Result<(), Stopped> {
+        loop {
+            if self.cancelled.load(Ordering::Acquire) {
+                return Err(Stopped);
+            }
+            let mut state = self.shared.state.lock();
+            let Some(entry) = state.entries.get_mut(self.index) else { return Ok(()) };
+            entry.judge(clock::monotonic(), Enforcement::Deferred);
+            if entry.reservation.level() == Level::High {
+                return Ok(());
+            }
+            let due = entry.reservation.server().next_replenishment();
+            drop(state);
+            if let Some(at) = due {
+                self.wake.wait_until(at);
+            }
+        }
+    }
+}

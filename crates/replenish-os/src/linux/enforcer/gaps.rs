@@ -1,0 +1,141 @@
+//! Turns a thread's context-switch records into the blocking stretches of one reading.
+//!
+//! Only the kernel's records tell a thread that was *preempted* (it stays activated) from one that
+//! *blocked* inside its callback (it is activated anew when it wakes, POSIX XSH 2.8.4 rule R2).
+
+use super::super::{Switch, SwitchKind};
+use crate::Nanos;
+use sporadic::Gap;
+
+/// More gaps than this in one reading are joined to the last one; joining is safe (a later
+/// activation delays a replenishment).
+const MAX_GAPS: usize = 16;
+
+/// The reader's state between two readings.
+#[derive(Clone, Debug)]
+pub(crate) struct GapTracker {
+    gaps: [Gap; MAX_GAPS],
+    len: usize,
+    ran: Nanos,
+    in_at: Nanos,
+    on_cpu: bool,
+    blocked_at: Option<Nanos>,
+}
+
+impl GapTracker {
+    pub(crate) const fn new() -> Self {
+        const NONE: Gap = Gap { ran: 0, out_at: 0, in_at: 0 };
+        Self {
+            gaps: [NONE; MAX_GAPS],
+            len: 0,
+            ran: 0,
+            in_at: 0,
+            on_cpu: true,
+            blocked_at: None,
+        }
+    }
+
+    /// Starts afresh with a thread that runs: what was recorded belongs to its wait.
+    pub(crate) fn restart(&mut self, now: Nanos) {
+        *self = Self::new();
+        self.in_at = now;
+    }
+
+    /// Starts the next reading, keeping what is still open.
+    pub(crate) fn next_reading(&mut self, now: Nanos) {
+        self.len = 0;
+        self.ran = 0;
+        self.in_at = self.in_at.max(now);
+    }
+
+    /// An open block belongs to a suspension by the enforcer and does not count.
+    pub(crate) fn forget_block(&mut self) {
+        self.blocked_at = None;
+    }
+
+    pub(crate) fn feed(&mut self, switch: Switch) {
+        match switch.kind {
+            SwitchKind::Out { preempted } => {
+                if self.on_cpu {
+                    self.ran += switch.time.saturating_sub(self.in_at);
+                }
+                self.on_cpu = false;
+                if !preempted {
+                    self.blocked_at = Some(switch.time);
+                }
+            }
+            SwitchKind::In => {
+                self.on_cpu = true;
+                self.in_at = switch.time;
+                if let Some(out_at) = self.blocked_at.take() {
+                    self.push(Gap { ran: self.ran, out_at, in_at: switch.time });
+                    self.ran = 0;
+                }
+            }
+        }
+    }
+
+    /// Records were lost: everything since the last reading counts as activated at `now`.
+    pub(crate) fn lost(&mut self, since: Nanos, now: Nanos) {
+        self.len = 0;
+        self.push(Gap { ran: 0, out_at: since, in_at: now });
+    }
+
+    pub(crate) fn gaps(&self) -> &[Gap] {
+        self.gaps.get(..self.len).unwrap_or(&[])
+    }
+
+    fn push(&mut self, gap: Gap) {
+        if let Some(place) = self.gaps.get_mut(self.len) {
+            *place = gap;
+            self.len += 1;
+        } else if let Some(last) = self.gaps.last_mut() {
+            last.in_at = gap.in_at;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn out(time: Nanos, preempted: bool) -> Switch {
+        Switch { time, kind: SwitchKind::Out { preempted } }
+    }
+    fn inn(time: Nanos) -> Switch {
+        Switch { time, kind: SwitchKind::In }
+    }
+
+    #[test]
+    fn preemption_is_no_gap_and_blocking_is_one() {
+        let mut t = GapTracker::new();
+        t.restart(100);
+        for s in [out(110, true), inn(120), out(125, false), inn(200), out(230, true)] {
+            t.feed(s);
+        }
+        assert_eq!(t.gaps(), [Gap { ran: 15, out_at: 125, in_at: 200 }]);
+    }
+
+    #[test]
+    fn a_block_that_spans_two_readings_is_seen_in_the_second() {
+        let mut t = GapTracker::new();
+        t.restart(0);
+        t.feed(out(10, false));
+        assert_eq!(t.gaps(), []);
+        t.next_reading(50);
+        t.feed(inn(70));
+        assert_eq!(t.gaps(), [Gap { ran: 0, out_at: 10, in_at: 70 }]);
+    }
+
+    #[test]
+    fn too_many_gaps_are_joined_at_the_later_time() {
+        let mut t = GapTracker::new();
+        t.restart(0);
+        for i in 0..40 {
+            t.feed(out(10 * i + 5, false));
+            t.feed(inn(10 * i + 9));
+        }
+        assert_eq!(t.gaps().len(), MAX_GAPS);
+        assert_eq!(t.gaps()[MAX_GAPS - 1].in_at, 399);
+    }
+}

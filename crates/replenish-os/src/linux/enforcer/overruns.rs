@@ -1,0 +1,116 @@
+//! How far budgets were overrun: the last ones exactly, in fixed memory.
+
+/// How many of the newest overruns of a worker are kept.
+const KEPT: usize = 1024;
+
+/// A demotion that came late because the machine stood still (a hypervisor pause, the kernel's
+/// real-time throttle): listed apart from the mechanism's own overruns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stall {
+    /// How late the enforcer ran, in nanoseconds of wall time.
+    pub late: u64,
+    /// What the worker consumed beyond its budget meanwhile, in nanoseconds of CPU time.
+    pub overrun: i64,
+}
+
+/// CPU time consumed at the high priority beyond the budget, per exhaustion, in nanoseconds;
+/// negative where the worker was stopped early by less than the slack. Debt is carried: an
+/// overrun is paid back, so these figures describe jitter, not lost isolation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct OverrunSummary {
+    /// Exhaustions seen in all, stalls not counted.
+    pub count: u64,
+    /// Median of the newest 1024.
+    pub median: i64,
+    /// 99th percentile of the newest 1024.
+    pub p99: i64,
+    /// Largest of the newest 1024.
+    pub max: i64,
+    /// How many demotions were late by more than [`STALL`] nanoseconds.
+    pub stalls: u64,
+    /// The worst of those.
+    pub worst_stall: Option<Stall>,
+}
+
+/// From which lateness on a demotion counts as a stall: 500 µs, far above the mechanism's own.
+pub const STALL: u64 = 500_000;
+
+/// The newest overruns of one worker.
+#[derive(Debug)]
+pub(crate) struct Overruns {
+    ring: Box<[i64; KEPT]>,
+    count: u64,
+    stalls: u64,
+    worst: Option<Stall>,
+}
+
+impl Overruns {
+    pub(crate) fn new() -> Self {
+        Self { ring: Box::new([0; KEPT]), count: 0, stalls: 0, worst: None }
+    }
+
+    pub(crate) fn record(&mut self, overrun: i64, late: u64) {
+        if late > STALL {
+            self.stalls += 1;
+            if self.worst.is_none_or(|w| late > w.late) {
+                self.worst = Some(Stall { late, overrun });
+            }
+            return;
+        }
+        let slot = usize::try_from(self.count % KEPT as u64).unwrap_or(0);
+        if let Some(place) = self.ring.get_mut(slot) {
+            *place = overrun;
+        }
+        self.count += 1;
+    }
+
+    /// Copies what is kept into `out` (cleared first) and returns the totals; the caller sorts
+    /// outside the lock.
+    pub(crate) fn copy_into(&self, out: &mut Vec<i64>) -> (u64, u64, Option<Stall>) {
+        let kept = usize::try_from(self.count).unwrap_or(KEPT).min(KEPT);
+        out.clear();
+        out.extend(self.ring.iter().take(kept));
+        (self.count, self.stalls, self.worst)
+    }
+}
+
+/// Sorts the sample and sums it up.
+pub(crate) fn summarise(
+    sample: &mut [i64],
+    (count, stalls, worst_stall): (u64, u64, Option<Stall>),
+) -> OverrunSummary {
+    sample.sort_unstable();
+    let at = |percent: usize| {
+        let rank = (sample.len() * percent).div_ceil(100).max(1) - 1;
+        sample.get(rank).copied().unwrap_or(0)
+    };
+    OverrunSummary { count, median: at(50), p99: at(99), max: at(100), stalls, worst_stall }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_are_those_of_the_newest_and_stalls_stand_apart() {
+        let mut o = Overruns::new();
+        for i in 0..2048 {
+            o.record(i, 0);
+        }
+        o.record(9_999_999, STALL + 1);
+        let mut sample = Vec::new();
+        let totals = o.copy_into(&mut sample);
+        let s = summarise(&mut sample, totals);
+        assert_eq!((s.count, s.stalls), (2048, 1));
+        assert_eq!((s.median, s.max), (1024 + 511, 2047));
+        assert_eq!(s.p99, 1024 + 1013);
+        assert_eq!(s.worst_stall, Some(Stall { late: STALL + 1, overrun: 9_999_999 }));
+    }
+
+    #[test]
+    fn nothing_recorded_is_all_zero() {
+        let mut sample = Vec::new();
+        let totals = Overruns::new().copy_into(&mut sample);
+        assert_eq!(summarise(&mut sample, totals), OverrunSummary::default());
+    }
+}

@@ -1,0 +1,317 @@
+//! One supervised thread: a budget server plus what an enforcer must remember about the thread.
+//!
+//! The budget servers of this crate answer "which priority does the rule book give this thread
+//! now?". Between that answer and a real thread lies bookkeeping that is the same on every
+//! operating system: the thread's CPU clock is read now and then, what it consumed is charged to
+//! the level at which it ran, the level is changed by somebody else and not at the very instant
+//! of the decision, and a timer must be set so that the next decision is not late. A
+//! [`Reservation`] is that bookkeeping, as a state machine over clock readings. It calls no
+//! operating system; whoever owns it feeds it readings and obeys [`Verdict`]s.
+//!
+//! ```text
+//!                      activate ──────────────► Runnable ─┐ judge: still funded
+//!            Waiting ◄────────────── block ────    │  ▲ ◄─┘   (check again later)
+//!   (judge at the next replenishment               │  │
+//!    raises a thread that waits, too)              │  │
+//!                            judge: exhausted      ▼  │  judge: replenished
+//!                            verdict Low        at low priority, CPU time is free
+//! ```
+//!
+//! # The lazy timer
+//! While a thread is funded, `now + available` can only grow until the next replenishment, since a
+//! thread consumes at most as fast as time passes. One check time may therefore be early, never
+//! late: it is neither cancelled nor moved when the thread waits. A check that comes early reads
+//! the CPU clock and sets the next one.
+//!
+//! # No storms
+//! The next check is never nearer than [`Tuning::min_rearm`]. A thread that makes no progress
+//! because it is preempted (or blocks where we cannot see it) is checked at doubling distances
+//! up to [`Tuning::max_backoff`]; [`Reservation::pull_in`] undoes that once the CPU is free.
+
+use crate::{BudgetServer, Level, Nanos};
+
+/// The enforcer's constants, all in nanoseconds. They depend on the machine, not on the load.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tuning {
+    /// A funded thread with less than this left counts as exhausted: a check for a shorter time
+    /// would cost more than it decides.
+    pub slack: Nanos,
+    /// How much earlier than the computed exhaustion the check is set: the time from a timer's
+    /// expiry to the enforcer's reading of the CPU clock.
+    pub lead: Nanos,
+    /// No check is set nearer than this: the guard against a timer that is always already past.
+    pub min_rearm: Nanos,
+    /// The longest distance between two checks of a thread that makes no progress. It bounds the
+    /// overrun of a thread that resumes unseen.
+    pub max_backoff: Nanos,
+}
+
+impl Tuning {
+    /// For Linux, from measurements (`docs/enforcement.md`).
+    pub const LINUX: Self =
+        Self { slack: 5_000, lead: 5_000, min_rearm: 10_000, max_backoff: 1_000_000 };
+}
+
+/// A stretch inside a callback in which the thread was blocked, as context-switch records show it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Gap {
+    /// CPU time consumed between the previous reading (or the previous gap) and `out_at`.
+    pub ran: Nanos,
+    /// When the thread blocked.
+    pub out_at: Nanos,
+    /// When it ran again. An upper bound is safe: it delays a replenishment, never advances one.
+    pub in_at: Nanos,
+}
+
+/// What the owner of a reservation must do after a call.
+#[must_use]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Verdict {
+    /// The level to give the thread now; `None`: leave it. Confirm with [`Reservation::applied`].
+    pub change: Option<Level>,
+}
+
+/// Counters and sums of a reservation; CPU times in nanoseconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// CPU time consumed at the high priority.
+    pub cpu_high: Nanos,
+    /// CPU time consumed at the low priority (not charged to the budget).
+    pub cpu_low: Nanos,
+    /// How often the budget ran out while the thread ran.
+    pub exhaustions: u64,
+    /// How often a replenishment raised the thread.
+    pub replenishments: u64,
+    /// Stretches of blocking inside callbacks that were seen and accounted.
+    pub blocked_inside: u64,
+    /// Checks that found the thread funded and set a later one.
+    pub early_checks: u64,
+    /// Checks that found no progress at all.
+    pub idle_checks: u64,
+}
+
+/// A budget server and the bookkeeping of the thread it supervises.
+#[derive(Clone, Debug)]
+pub struct Reservation<S> {
+    server: S,
+    tuning: Tuning,
+    runnable: bool,
+    level: Level,
+    cpu_mark: Nanos,
+    read_at: Nanos,
+    check_at: Option<Nanos>,
+    backoff: Nanos,
+    margin: i64,
+    counters: Counters,
+}
+
+impl<S: BudgetServer> Reservation<S> {
+    /// Supervises a thread that waits, is at the high level and whose CPU clock shows `cpu`.
+    pub fn new(server: S, tuning: Tuning, now: Nanos, cpu: Nanos) -> Self {
+        Self {
+            server,
+            tuning,
+            runnable: false,
+            level: Level::High,
+            cpu_mark: cpu,
+            read_at: now,
+            check_at: None,
+            backoff: 0,
+            margin: 0,
+            counters: Counters::default(),
+        }
+    }
+
+    /// The server inside.
+    pub fn server(&self) -> &S {
+        &self.server
+    }
+
+    /// The level that was last confirmed by [`applied`](Self::applied).
+    pub fn level(&self) -> Level {
+        self.level
+    }
+
+    /// Whether the thread is between [`activate`](Self::activate) and [`block`](Self::block).
+    pub fn is_runnable(&self) -> bool {
+        self.runnable
+    }
+
+    /// When [`judge`](Self::judge) must be called next; `None`: not before another event.
+    pub fn check_at(&self) -> Option<Nanos> {
+        self.check_at
+    }
+
+    /// Counters up to the last reading.
+    pub fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// CPU time at the last reading and when that reading was taken.
+    pub fn last_reading(&self) -> (Nanos, Nanos) {
+        (self.cpu_mark, self.read_at)
+    }
+
+    /// The thread leaves its wait. What it consumed on the way in and out of the wait since the
+    /// last reading belongs to the new activation, so that no CPU time escapes the account.
+    pub fn activate(&mut self, now: Nanos, cpu: Nanos) -> Verdict {
+        self.runnable = true;
+        self.server.activate(now);
+        self.backoff = 0;
+        self.account(now, cpu, &[]);
+        self.decide(now)
+    }
+
+    /// The thread is about to wait.
+    pub fn block(&mut self, now: Nanos, cpu: Nanos, gaps: &[Gap]) -> Verdict {
+        self.account(now, cpu, gaps);
+        self.server.block(now);
+        self.runnable = false;
+        self.decide(now)
+    }
+
+    /// Decides by a fresh reading of the CPU clock; due at [`check_at`](Self::check_at), allowed at
+    /// any time.
+    pub fn judge(&mut self, now: Nanos, cpu: Nanos, gaps: &[Gap]) -> Verdict {
+        let elapsed = now.saturating_sub(self.read_at);
+        let used = cpu.saturating_sub(self.cpu_mark);
+        self.check_at = None;
+        let funded_before = self.level == Level::High;
+        self.account(now, cpu, gaps);
+        if funded_before && self.runnable && used < elapsed / 8 {
+            self.counters.idle_checks += 1;
+            self.backoff =
+                (self.backoff * 2).clamp(self.tuning.min_rearm * 2, self.tuning.max_backoff);
+        } else {
+            self.backoff = 0;
+        }
+        let verdict = self.decide(now);
+        if verdict.change.is_none() && self.runnable && self.level == Level::High {
+            self.counters.early_checks += 1;
+        }
+        verdict
+    }
+
+    /// Reads without deciding: brings the counters up to date.
+    pub fn observe(&mut self, now: Nanos, cpu: Nanos, gaps: &[Gap]) {
+        self.account(now, cpu, gaps);
+    }
+
+    /// The verdict was carried out: the thread has had the level since `now`, when its CPU clock
+    /// showed `cpu`. Returns the overrun of the budget in nanoseconds (negative: stopped early by
+    /// less than the slack) if this ended a funded stretch.
+    pub fn applied(&mut self, level: Level, now: Nanos, cpu: Nanos) -> Option<i64> {
+        let late = cpu.saturating_sub(self.cpu_mark);
+        let overrun = self.margin.saturating_add(signed(late));
+        self.account(now, cpu, &[]);
+        let before = core::mem::replace(&mut self.level, level);
+        match (before, level) {
+            (Level::High, Level::Low) => {
+                self.check_at = self.server.next_replenishment();
+                if !self.runnable {
+                    return None; // it waited with the last of its budget: nothing was cut short
+                }
+                self.counters.exhaustions += 1;
+                Some(overrun)
+            }
+            (Level::Low, Level::High) => {
+                self.counters.replenishments += 1;
+                self.backoff = 0;
+                self.plan(now);
+                None
+            }
+            _ => None,
+        }
+    }
+
+    /// The CPU became free: a check that was put off for want of progress is due at its exact
+    /// time again. Returns whether [`check_at`](Self::check_at) moved.
+    pub fn pull_in(&mut self, now: Nanos) -> bool {
+        if self.backoff == 0 || !self.runnable || self.level == Level::Low {
+            return false;
+        }
+        self.backoff = 0;
+        self.check_at = None;
+        self.plan(now);
+        true
+    }
+
+    /// Whether the next check was put off for want of progress.
+    pub fn is_backed_off(&self) -> bool {
+        self.backoff > 0
+    }
+
+    /// Re-initialises the server (POSIX: `sched_setparam` starts afresh), keeping the counters.
+    pub fn replace_server(&mut self, server: S, now: Nanos, cpu: Nanos) -> Verdict {
+        self.account(now, cpu, &[]);
+        self.server = server;
+        if self.runnable {
+            self.server.activate(now);
+        }
+        self.check_at = None;
+        self.decide(now)
+    }
+
+    /// Charges what the CPU clock shows since the last reading to the level in force.
+    fn account(&mut self, now: Nanos, cpu: Nanos, gaps: &[Gap]) {
+        let used = cpu.saturating_sub(self.cpu_mark);
+        self.cpu_mark = self.cpu_mark.max(cpu);
+        self.read_at = self.read_at.max(now);
+        if self.level == Level::Low {
+            self.counters.cpu_low += used;
+            return;
+        }
+        self.counters.cpu_high += used;
+        let mut rest = used;
+        if self.runnable {
+            for gap in gaps {
+                let ran = gap.ran.min(rest);
+                rest -= ran;
+                self.server.charge(ran, gap.out_at);
+                self.server.block(gap.out_at);
+                self.server.activate(gap.in_at);
+                self.counters.blocked_inside += 1;
+            }
+        }
+        let funded = self.server.available(now);
+        self.margin = signed(rest) - signed(funded);
+        self.server.charge(rest, now);
+        let left = self.server.available(now);
+        if left > 0 && left <= self.tuning.slack && self.runnable && self.margin < 0 {
+            // Too little to be worth a timer. The corrected server has put such a remnant off
+            // already (its smallest chunk); for POSIX's it is within the clock's resolution.
+            if rest > 0 {
+                self.server.charge(left, now);
+            }
+        }
+    }
+
+    fn decide(&mut self, now: Nanos) -> Verdict {
+        let want = self.server.update(now);
+        if want != self.level {
+            return Verdict { change: Some(want) };
+        }
+        self.plan(now);
+        Verdict { change: None }
+    }
+
+    /// Sets the next check; an earlier one that is already set stays (the lazy timer).
+    fn plan(&mut self, now: Nanos) {
+        let wanted = match self.level {
+            Level::Low => self.server.next_replenishment(),
+            Level::High if self.runnable => {
+                let left = self.server.available(now).saturating_sub(self.tuning.lead);
+                Some(now.saturating_add(left.max(self.tuning.min_rearm).max(self.backoff)))
+            }
+            Level::High => return, // waiting and funded: an old check may stay, it does no harm
+        };
+        self.check_at = match (self.check_at, wanted) {
+            (Some(old), Some(new)) => Some(old.min(new)),
+            (old, new) => new.or(old),
+        };
+    }
+}
+
+fn signed(v: Nanos) -> i64 {
+    i64::try_from(v).unwrap_or(i64::MAX)
+}
