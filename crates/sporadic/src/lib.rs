@@ -12,7 +12,8 @@
 //! - [`Posix`]: the rules of POSIX (XSH 2.8.4, `SCHED_SPORADIC`) to the letter, defects included,
 //!   for conformance and for explaining what another system does.
 //!
-//! [`Server`] is one or the other, chosen at run time. All are `Send + Sync` plain data without
+//! [`Reservation`] adds to a server what supervising a real thread takes: charging CPU-clock
+//! readings to the level in force, and the lazy check timer. [`Server`] is one or the other, chosen at run time. All are `Send + Sync` plain data without
 //! interior mutability: the caller serialises access.
 //!
 //! ```
@@ -38,12 +39,14 @@
 mod corrected;
 mod params;
 mod posix;
+mod reservation;
 mod ring;
 mod server;
 
 pub use corrected::{Consumed, Corrected};
 pub use params::{Low, ParamError, Params};
 pub use posix::Posix;
+pub use reservation::{Counters, Gap, Reservation, Tuning, Verdict};
 pub use ring::Chunk;
 pub use server::{BudgetServer, Kind, Level, Server};
 

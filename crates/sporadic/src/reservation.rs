@@ -48,8 +48,12 @@ pub struct Tuning {
 
 impl Tuning {
     /// For Linux, from measurements (`docs/enforcement.md`).
-    pub const LINUX: Self =
-        Self { slack: 5_000, lead: 5_000, min_rearm: 10_000, max_backoff: 1_000_000 };
+    pub const LINUX: Self = Self {
+        slack: 5_000,
+        lead: 5_000,
+        min_rearm: 10_000,
+        max_backoff: 1_000_000,
+    };
 }
 
 /// A stretch inside a callback in which the thread was blocked, as context-switch records show it.

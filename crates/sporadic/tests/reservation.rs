@@ -1,0 +1,244 @@
+//! A supervised thread in virtual time: the enforcer comes late, preemption and blocking happen
+//! unseen, and still no CPU time escapes the account and no check comes later than promised.
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+use proptest::prelude::*;
+use sporadic::{Corrected, Gap, Level, Low, Nanos, Params, Reservation, Tuning, Verdict};
+
+const US: u64 = 1_000;
+const MS: u64 = 1_000_000;
+const TUNING: Tuning = Tuning::LINUX;
+
+/// A thread, its CPU clock and its supervisor in virtual time.
+struct Sim {
+    now: Nanos,
+    cpu: Nanos,
+    r: Reservation<Corrected<128>>,
+    latencies: Vec<Nanos>,
+    turn: usize,
+    checks: u64,
+    overruns: Vec<i64>,
+}
+
+impl Sim {
+    fn new(budget: Nanos, period: Nanos, latencies: Vec<Nanos>) -> Self {
+        let params = Params::new(60, Low::Background(6), budget, period, 128).unwrap();
+        let server = Corrected::new(params, 0)
+            .unwrap()
+            .with_min_chunk(TUNING.slack);
+        let r = Reservation::new(server, TUNING, 0, 0);
+        Self {
+            now: 0,
+            cpu: 0,
+            r,
+            latencies,
+            turn: 0,
+            checks: 0,
+            overruns: Vec::new(),
+        }
+    }
+
+    fn obey(&mut self, verdict: Verdict) {
+        if let Some(level) = verdict.change {
+            self.overruns
+                .extend(self.r.applied(level, self.now, self.cpu));
+        }
+    }
+
+    fn activate(&mut self) {
+        let v = self.r.activate(self.now, self.cpu);
+        self.obey(v);
+    }
+
+    fn block(&mut self) {
+        let v = self.r.block(self.now, self.cpu, &[]);
+        self.obey(v);
+    }
+
+    /// Lets `span` pass; the thread consumes all of it or nothing. Checks come when they are due,
+    /// late by the next latency, as long as the thread exists.
+    fn pass(&mut self, span: Nanos, on_cpu: bool) {
+        let end = self.now + span;
+        while let Some(at) = self.r.check_at() {
+            let latency = self.latencies[self.turn % self.latencies.len()];
+            let fires = at.max(self.now).saturating_add(latency);
+            if fires > end {
+                break;
+            }
+            self.turn += 1;
+            self.advance(fires - self.now, on_cpu);
+            self.checks += 1;
+            let v = self.r.judge(self.now, self.cpu, &[]);
+            self.obey(v);
+        }
+        self.advance(end - self.now, on_cpu);
+    }
+
+    fn advance(&mut self, span: Nanos, on_cpu: bool) {
+        self.now += span;
+        if on_cpu {
+            self.cpu += span;
+        }
+    }
+}
+
+#[test]
+fn a_spinner_gets_its_budget_in_every_period_and_pays_overruns_back() {
+    let mut sim = Sim::new(30 * MS, 100 * MS, vec![0, 3 * US, 40 * US, 4 * MS, 12 * US]);
+    sim.activate();
+    for period in 1..=200_u64 {
+        sim.pass(100 * MS, true);
+        let high = sim.r.counters().cpu_high;
+        let due = period * 30 * MS;
+        // Late promotions delay, they never lose: at most one overrun or one lateness apart.
+        assert!(
+            high.abs_diff(due) <= 4 * MS + 50 * US,
+            "{period}: {high} of {due}"
+        );
+    }
+    let c = *sim.r.counters();
+    assert_eq!(c.cpu_high + c.cpu_low, sim.r.last_reading().0);
+    assert!(c.exhaustions >= 199);
+    // One check at the end of the budget, one at the replenishment, and little more.
+    assert!(sim.checks <= 4 * 200, "{} checks", sim.checks);
+}
+
+#[test]
+fn a_thread_that_waits_without_budget_is_raised_before_it_wakes() {
+    let mut sim = Sim::new(10 * MS, 100 * MS, vec![5 * US]);
+    sim.activate();
+    sim.pass(20 * MS, true);
+    assert_eq!(sim.r.level(), Level::Low);
+    sim.block();
+    sim.pass(100 * MS, false);
+    assert_eq!(
+        sim.r.level(),
+        Level::High,
+        "a lowered thread could not raise itself later"
+    );
+    assert_eq!(
+        sim.r.check_at(),
+        None,
+        "and then there is nothing left to check"
+    );
+}
+
+#[test]
+fn callbacks_within_their_budget_leave_the_timer_alone() {
+    let mut sim = Sim::new(30 * MS, 100 * MS, vec![5 * US]);
+    for _ in 0..4000 {
+        sim.activate();
+        sim.pass(50 * US, true);
+        sim.block();
+        sim.pass(950 * US, false);
+    }
+    assert_eq!(sim.r.counters().exhaustions, 0);
+    // 4 s of work at 5 %: about one check per 30 ms, not one per callback.
+    assert!(
+        sim.checks <= 200,
+        "{} checks for 4000 callbacks",
+        sim.checks
+    );
+}
+
+#[test]
+fn a_preempted_thread_with_a_sliver_left_causes_no_storm() {
+    let mut sim = Sim::new(30 * MS, 100 * MS, vec![2 * US]);
+    sim.activate();
+    sim.pass(30 * MS - 40 * US, true);
+    let before = sim.checks;
+    sim.pass(50 * MS, false);
+    let storm = sim.checks - before;
+    assert!(storm <= 6 + 50, "{storm} checks in 50 ms without progress");
+    // Somebody left the CPU: judged at the exact time again, so no overrun from the distance.
+    assert!(sim.r.is_backed_off());
+    assert!(sim.r.pull_in(sim.now));
+    sim.pass(100 * US, true);
+    assert_eq!(sim.r.level(), Level::Low);
+    assert!(
+        sim.overruns[0] <= i64::try_from(10 * US).unwrap(),
+        "{:?}",
+        sim.overruns
+    );
+}
+
+#[test]
+fn blocking_inside_a_callback_starts_a_new_activation() {
+    // 5 ms, a sleep of 50 ms inside the callback, 5 ms: what was used after the sleep comes back
+    // a period after the sleep, not a period after the first activation.
+    let mut sim = Sim::new(10 * MS, 100 * MS, vec![0]);
+    sim.activate();
+    sim.now = 60 * MS;
+    sim.cpu = 10 * MS;
+    let gap = Gap {
+        ran: 5 * MS,
+        out_at: 5 * MS,
+        in_at: 55 * MS,
+    };
+    let v = sim.r.judge(sim.now, sim.cpu, &[gap]);
+    sim.obey(v);
+    assert_eq!(sim.r.level(), Level::Low);
+    let back: Vec<_> = sim
+        .r
+        .server()
+        .chunks()
+        .map(|c| (c.time, c.amount))
+        .collect();
+    assert_eq!(back, [(100 * MS, 5 * MS), (155 * MS, 5 * MS)]);
+}
+
+#[derive(Clone, Debug)]
+enum Step {
+    Run(Nanos),
+    Preempted(Nanos),
+    Wait(Nanos),
+}
+
+fn steps() -> impl Strategy<Value = Vec<Step>> {
+    let span = 1..20 * MS;
+    prop::collection::vec(
+        prop_oneof![
+            4 => span.clone().prop_map(Step::Run),
+            1 => span.prop_map(Step::Preempted),
+            1 => (1..60 * MS).prop_map(Step::Wait),
+        ],
+        1..200,
+    )
+}
+
+proptest! {
+    #[test]
+    fn cpu_time_is_conserved_and_no_check_is_late(
+        budget in 50 * US..50 * MS,
+        steps in steps(),
+        latencies in prop::collection::vec(0..60 * US, 1..8),
+    ) {
+        let worst = latencies.iter().copied().max().unwrap();
+        let mut sim = Sim::new(budget, 50 * MS, latencies);
+        sim.activate();
+        for step in steps {
+            match step {
+                Step::Run(t) => sim.pass(t, true),
+                Step::Preempted(t) => sim.pass(t, false),
+                Step::Wait(t) => {
+                    sim.block();
+                    sim.pass(t, false);
+                    sim.activate();
+                }
+            }
+            let c = sim.r.counters();
+            prop_assert_eq!(c.cpu_high + c.cpu_low, sim.r.last_reading().0);
+            let sum: Nanos = sim.r.server().chunks().map(|c| c.amount).sum();
+            prop_assert_eq!(sum, budget);
+        }
+        let bound = i64::try_from(worst + TUNING.max_backoff + TUNING.min_rearm).unwrap();
+        for overrun in &sim.overruns {
+            prop_assert!(*overrun <= bound, "overrun {} ns", overrun);
+            prop_assert!(*overrun >= -i64::try_from(TUNING.slack).unwrap(), "{} ns", overrun);
+        }
+        // The long run: never more than the budget of every period begun, and one overrun.
+        let periods = sim.now / (50 * MS) + 1;
+        let limit = periods * budget + worst + TUNING.max_backoff + TUNING.min_rearm;
+        prop_assert!(sim.r.counters().cpu_high <= limit);
+    }
+}
