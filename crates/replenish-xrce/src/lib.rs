@@ -1,3 +1,22 @@
-//! See Cargo.toml.
+//! DDS-XRCE as sans-I/O state machines: bytes and time in, bytes and events out.
+//!
+//! ```text
+//!   wire     the codec: message and submessage headers, every submessage body, ids
+//! ```
+//!
+//! Nothing here allocates, reads a clock or touches a socket; storage is the caller's. The
+//! specification is OMG DDS-XRCE 1.0 (formal/20-02-01); where the text and eProsima's implementation
+//! differ, the implementation's wire form is what is written here, because that is what micro-ROS
+//! speaks.
 #![no_std]
 #![forbid(unsafe_code)]
+#![deny(clippy::indexing_slicing, clippy::arithmetic_side_effects)]
+
+pub mod seq;
+
+pub mod wire;
+
+pub use seq::SeqNum;
+
+/// Nanoseconds on whatever monotonic clock the caller uses; only differences matter.
+pub type Nanos = u64;

@@ -1,0 +1,162 @@
+//! `WRITE_DATA`, `READ_DATA` and DATA: samples up, the request for samples, samples down.
+
+use super::message::{Encode, SubmessageId};
+use super::{BaseRequest, Reader, StreamId, WireError, Writer};
+
+const FORMAT_MASK: u8 = 0x0e;
+
+fn plain(flags: u8) -> Result<(), WireError> {
+    match flags & FORMAT_MASK {
+        0 => Ok(()),
+        other => Err(WireError::UnknownDataFormat(other)),
+    }
+}
+
+/// `WRITE_DATA`: one sample for a data writer, requester or replier. The payload is CDR without
+/// encapsulation header and starts its own alignment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WriteData<'a> {
+    /// The writer.
+    pub base: BaseRequest,
+    /// The sample.
+    pub payload: &'a [u8],
+}
+
+impl Encode for WriteData<'_> {
+    fn id(&self) -> SubmessageId {
+        SubmessageId::WriteData
+    }
+
+    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
+        self.base.encode(w)?;
+        w.put(self.payload)
+    }
+}
+
+impl<'a> WriteData<'a> {
+    pub(super) fn decode(r: &mut Reader<'a>, flags: u8) -> Result<Self, WireError> {
+        plain(flags)?;
+        Ok(WriteData {
+            base: BaseRequest::decode(r)?,
+            payload: r.rest(),
+        })
+    }
+}
+
+/// DATA: one sample from a data reader, requester or replier. `base` repeats the `READ_DATA` that
+/// asked for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Data<'a> {
+    /// The `READ_DATA` request and the reader.
+    pub base: BaseRequest,
+    /// The sample.
+    pub payload: &'a [u8],
+}
+
+impl Encode for Data<'_> {
+    fn id(&self) -> SubmessageId {
+        SubmessageId::Data
+    }
+
+    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
+        self.base.encode(w)?;
+        w.put(self.payload)
+    }
+}
+
+impl<'a> Data<'a> {
+    pub(super) fn decode(r: &mut Reader<'a>, flags: u8) -> Result<Self, WireError> {
+        plain(flags)?;
+        Ok(Data {
+            base: BaseRequest::decode(r)?,
+            payload: r.rest(),
+        })
+    }
+}
+
+/// How much an agent may deliver for a `READ_DATA`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DeliveryControl {
+    /// Samples in all; [`DeliveryControl::UNLIMITED_SAMPLES`] for no end, 0 to cancel.
+    pub max_samples: u16,
+    /// Seconds until delivery ends; 0 for no end.
+    pub max_elapsed_s: u16,
+    /// Bytes per second; 0 for no limit.
+    pub max_bytes_per_second: u16,
+    /// Milliseconds between samples at least; 0 for none.
+    pub min_pace_ms: u16,
+}
+
+impl DeliveryControl {
+    /// `max_samples` without a limit.
+    pub const UNLIMITED_SAMPLES: u16 = 0xffff;
+
+    /// No limit of any kind.
+    pub const UNLIMITED: DeliveryControl = DeliveryControl {
+        max_samples: Self::UNLIMITED_SAMPLES,
+        max_elapsed_s: 0,
+        max_bytes_per_second: 0,
+        min_pace_ms: 0,
+    };
+
+    /// Ends a delivery that was asked for before.
+    pub const CANCEL: DeliveryControl = DeliveryControl {
+        max_samples: 0,
+        ..Self::UNLIMITED
+    };
+}
+
+/// `READ_DATA`: asks for the samples of a reader; they come as DATA on the preferred stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReadData<'a> {
+    /// The reader.
+    pub base: BaseRequest,
+    /// Stream of the agent to deliver on.
+    pub stream: StreamId,
+    /// An SQL-like content filter.
+    pub filter: Option<&'a str>,
+    /// Limits; `None` asks for one sample.
+    pub control: Option<DeliveryControl>,
+}
+
+impl Encode for ReadData<'_> {
+    fn id(&self) -> SubmessageId {
+        SubmessageId::ReadData
+    }
+
+    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
+        self.base.encode(w)?;
+        w.u8(self.stream.0)?;
+        w.u8(0)?; // FORMAT_DATA
+        w.option(self.filter, Writer::string)?;
+        w.option(self.control, |w, control| {
+            w.u16(control.max_samples)?;
+            w.u16(control.max_elapsed_s)?;
+            w.u16(control.max_bytes_per_second)?;
+            w.u16(control.min_pace_ms)
+        })
+    }
+}
+
+impl<'a> ReadData<'a> {
+    pub(super) fn decode(r: &mut Reader<'a>) -> Result<Self, WireError> {
+        let base = BaseRequest::decode(r)?;
+        let stream = StreamId(r.u8()?);
+        plain(r.u8()?)?;
+        let filter = r.option(Reader::string)?;
+        let control = r.option(|r| {
+            Ok(DeliveryControl {
+                max_samples: r.u16()?,
+                max_elapsed_s: r.u16()?,
+                max_bytes_per_second: r.u16()?,
+                min_pace_ms: r.u16()?,
+            })
+        })?;
+        Ok(ReadData {
+            base,
+            stream,
+            filter,
+            control,
+        })
+    }
+}

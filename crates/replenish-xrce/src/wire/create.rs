@@ -1,0 +1,283 @@
+//! CREATE and DELETE: a client's objects come and go.
+
+use super::message::{Encode, SubmessageId};
+use super::{
+    BaseRequest, DataReaderBinary, DataWriterBinary, GroupBinary, ObjectId, ObjectKind,
+    ParticipantBinary, Reader, ServiceBinary, TopicBinary, WireError, Writer,
+};
+
+/// What to do if the object exists already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct CreationMode {
+    /// Keep it if it is the same.
+    pub reuse: bool,
+    /// Replace it.
+    pub replace: bool,
+}
+
+impl CreationMode {
+    /// Keep it if it is the same, replace it otherwise: what micro-ROS asks for.
+    pub const REUSE_OR_REPLACE: CreationMode = CreationMode {
+        reuse: true,
+        replace: true,
+    };
+    /// Replace it: what eProsima's examples ask for.
+    pub const REPLACE: CreationMode = CreationMode {
+        reuse: false,
+        replace: true,
+    };
+
+    const FLAG_REUSE: u8 = 0x02;
+    const FLAG_REPLACE: u8 = 0x04;
+}
+
+/// How an object is described.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Representation<'a, B> {
+    /// By a name in the agent's configuration.
+    Reference(&'a str),
+    /// By XML.
+    Xml(&'a str),
+    /// By a binary form.
+    Binary(B),
+}
+
+impl<'a, B> Representation<'a, B> {
+    const REFERENCE: u8 = 1;
+    const XML: u8 = 2;
+    const BINARY: u8 = 3;
+
+    fn encode(
+        &self,
+        w: &mut Writer<'_>,
+        binary: impl Fn(&B, &mut Writer<'_>) -> Result<(), WireError>,
+    ) -> Result<(), WireError> {
+        match self {
+            Representation::Reference(name) => {
+                w.u8(Self::REFERENCE)?;
+                w.string(name)
+            }
+            Representation::Xml(xml) => {
+                w.u8(Self::XML)?;
+                w.string(xml)
+            }
+            Representation::Binary(value) => {
+                w.u8(Self::BINARY)?;
+                w.nested(|w| binary(value, w))
+            }
+        }
+    }
+
+    fn decode(
+        r: &mut Reader<'a>,
+        binary: impl FnOnce(&mut Reader<'a>) -> Result<B, WireError>,
+    ) -> Result<Self, WireError> {
+        match r.u8()? {
+            Self::REFERENCE => r.string().map(Representation::Reference),
+            Self::XML => r.string().map(Representation::Xml),
+            Self::BINARY => {
+                let bytes = r.bytes()?;
+                binary(&mut Reader::new(bytes, r.little_endian())).map(Representation::Binary)
+            }
+            other => Err(WireError::UnknownRepresentation(other)),
+        }
+    }
+}
+
+/// An object to create, with what it belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "description, then the owner")]
+pub enum Entity<'a> {
+    Participant {
+        repr: Representation<'a, ParticipantBinary<'a>>,
+        domain: i16,
+    },
+    Topic {
+        repr: Representation<'a, TopicBinary<'a>>,
+        participant: ObjectId,
+    },
+    Publisher {
+        repr: Representation<'a, GroupBinary<'a>>,
+        participant: ObjectId,
+    },
+    Subscriber {
+        repr: Representation<'a, GroupBinary<'a>>,
+        participant: ObjectId,
+    },
+    DataWriter {
+        repr: Representation<'a, DataWriterBinary<'a>>,
+        publisher: ObjectId,
+    },
+    DataReader {
+        repr: Representation<'a, DataReaderBinary<'a>>,
+        subscriber: ObjectId,
+    },
+    Requester {
+        repr: Representation<'a, ServiceBinary<'a>>,
+        participant: ObjectId,
+    },
+    Replier {
+        repr: Representation<'a, ServiceBinary<'a>>,
+        participant: ObjectId,
+    },
+}
+
+impl<'a> Entity<'a> {
+    /// Its kind.
+    #[must_use]
+    pub const fn kind(&self) -> ObjectKind {
+        match self {
+            Entity::Participant { .. } => ObjectKind::Participant,
+            Entity::Topic { .. } => ObjectKind::Topic,
+            Entity::Publisher { .. } => ObjectKind::Publisher,
+            Entity::Subscriber { .. } => ObjectKind::Subscriber,
+            Entity::DataWriter { .. } => ObjectKind::DataWriter,
+            Entity::DataReader { .. } => ObjectKind::DataReader,
+            Entity::Requester { .. } => ObjectKind::Requester,
+            Entity::Replier { .. } => ObjectKind::Replier,
+        }
+    }
+
+    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
+        w.u8(self.kind().number())?;
+        let owner = match self {
+            Entity::Participant { repr, domain } => {
+                repr.encode(w, ParticipantBinary::encode)?;
+                return w.i16(*domain);
+            }
+            Entity::Topic { repr, participant } => {
+                repr.encode(w, TopicBinary::encode)?;
+                participant
+            }
+            Entity::Publisher { repr, participant } | Entity::Subscriber { repr, participant } => {
+                repr.encode(w, GroupBinary::encode)?;
+                participant
+            }
+            Entity::DataWriter { repr, publisher } => {
+                repr.encode(w, DataWriterBinary::encode)?;
+                publisher
+            }
+            Entity::DataReader { repr, subscriber } => {
+                repr.encode(w, DataReaderBinary::encode)?;
+                subscriber
+            }
+            Entity::Requester { repr, participant } | Entity::Replier { repr, participant } => {
+                repr.encode(w, ServiceBinary::encode)?;
+                participant
+            }
+        };
+        w.put(&owner.to_bytes())
+    }
+
+    fn decode(r: &mut Reader<'a>) -> Result<Self, WireError> {
+        let kind = ObjectKind::from_number(r.u8()?)?;
+        let owner = |r: &mut Reader<'a>| r.array().map(ObjectId::from_bytes);
+        Ok(match kind {
+            ObjectKind::Participant => Entity::Participant {
+                repr: Representation::decode(r, ParticipantBinary::decode)?,
+                domain: r.i16()?,
+            },
+            ObjectKind::Topic => Entity::Topic {
+                repr: Representation::decode(r, TopicBinary::decode)?,
+                participant: owner(r)?,
+            },
+            ObjectKind::Publisher => Entity::Publisher {
+                repr: Representation::decode(r, GroupBinary::decode)?,
+                participant: owner(r)?,
+            },
+            ObjectKind::Subscriber => Entity::Subscriber {
+                repr: Representation::decode(r, GroupBinary::decode)?,
+                participant: owner(r)?,
+            },
+            ObjectKind::DataWriter => Entity::DataWriter {
+                repr: Representation::decode(r, DataWriterBinary::decode)?,
+                publisher: owner(r)?,
+            },
+            ObjectKind::DataReader => Entity::DataReader {
+                repr: Representation::decode(r, DataReaderBinary::decode)?,
+                subscriber: owner(r)?,
+            },
+            ObjectKind::Requester => Entity::Requester {
+                repr: Representation::decode(r, ServiceBinary::decode)?,
+                participant: owner(r)?,
+            },
+            ObjectKind::Replier => Entity::Replier {
+                repr: Representation::decode(r, ServiceBinary::decode)?,
+                participant: owner(r)?,
+            },
+            other => return Err(WireError::UnknownKind(other.number())),
+        })
+    }
+}
+
+/// CREATE: creates an object; answered by STATUS.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Create<'a> {
+    /// The object's id.
+    pub base: BaseRequest,
+    /// What if it exists already.
+    pub mode: CreationMode,
+    /// The object.
+    pub entity: Entity<'a>,
+}
+
+impl Encode for Create<'_> {
+    fn id(&self) -> SubmessageId {
+        SubmessageId::Create
+    }
+
+    fn flags(&self) -> u8 {
+        let reuse = if self.mode.reuse {
+            CreationMode::FLAG_REUSE
+        } else {
+            0
+        };
+        let replace = if self.mode.replace {
+            CreationMode::FLAG_REPLACE
+        } else {
+            0
+        };
+        reuse | replace
+    }
+
+    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
+        self.base.encode(w)?;
+        self.entity.encode(w)
+    }
+}
+
+impl<'a> Create<'a> {
+    pub(super) fn decode(r: &mut Reader<'a>, flags: u8) -> Result<Self, WireError> {
+        Ok(Create {
+            base: BaseRequest::decode(r)?,
+            mode: CreationMode {
+                reuse: flags & CreationMode::FLAG_REUSE != 0,
+                replace: flags & CreationMode::FLAG_REPLACE != 0,
+            },
+            entity: Entity::decode(r)?,
+        })
+    }
+}
+
+/// DELETE: deletes an object; of [`ObjectId::CLIENT`], the session. Answered by STATUS.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Delete {
+    /// The object.
+    pub base: BaseRequest,
+}
+
+impl Encode for Delete {
+    fn id(&self) -> SubmessageId {
+        SubmessageId::Delete
+    }
+
+    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
+        self.base.encode(w)
+    }
+}
+
+impl Delete {
+    pub(super) fn decode(r: &mut Reader<'_>) -> Result<Self, WireError> {
+        BaseRequest::decode(r).map(|base| Delete { base })
+    }
+}

@@ -1,0 +1,372 @@
+//! Messages: the header, walking the submessages of a received message, building one to send.
+
+use super::cursor::padding;
+use super::{Body, ClientKey, Reader, SessionId, StreamId, WireError, Writer};
+use crate::SeqNum;
+
+/// Flag bit 0 of a submessage: its body is little endian.
+pub const FLAG_LITTLE_ENDIAN: u8 = 0x01;
+
+const SUBHEADER: usize = 4;
+
+/// The numbers of the submessages (DDS-XRCE 1.0, 8.3.5).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[allow(
+    missing_docs,
+    reason = "each is documented at the body of the same name"
+)]
+pub enum SubmessageId {
+    CreateClient = 0,
+    Create = 1,
+    GetInfo = 2,
+    Delete = 3,
+    StatusAgent = 4,
+    Status = 5,
+    Info = 6,
+    WriteData = 7,
+    ReadData = 8,
+    Data = 9,
+    AckNack = 10,
+    Heartbeat = 11,
+    Reset = 12,
+    Fragment = 13,
+    Timestamp = 14,
+    TimestampReply = 15,
+}
+
+impl SubmessageId {
+    /// The submessage with this number.
+    ///
+    /// # Errors
+    /// [`WireError::UnknownSubmessage`] above 15.
+    pub const fn from_number(number: u8) -> Result<Self, WireError> {
+        Ok(match number {
+            0 => SubmessageId::CreateClient,
+            1 => SubmessageId::Create,
+            2 => SubmessageId::GetInfo,
+            3 => SubmessageId::Delete,
+            4 => SubmessageId::StatusAgent,
+            5 => SubmessageId::Status,
+            6 => SubmessageId::Info,
+            7 => SubmessageId::WriteData,
+            8 => SubmessageId::ReadData,
+            9 => SubmessageId::Data,
+            10 => SubmessageId::AckNack,
+            11 => SubmessageId::Heartbeat,
+            12 => SubmessageId::Reset,
+            13 => SubmessageId::Fragment,
+            14 => SubmessageId::Timestamp,
+            15 => SubmessageId::TimestampReply,
+            _ => return Err(WireError::UnknownSubmessage(number)),
+        })
+    }
+}
+
+/// A message header: 4 bytes, or 8 with the client key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Header {
+    /// The session.
+    pub session: SessionId,
+    /// The stream, or [`StreamId::NONE`].
+    pub stream: StreamId,
+    /// The message's number in its stream; 0 without a stream.
+    pub seq: SeqNum,
+    /// The client's key, present iff `session.has_key()`.
+    pub key: Option<ClientKey>,
+}
+
+impl Header {
+    /// A header; `key` is kept only if the session id asks for it.
+    #[must_use]
+    pub fn new(session: SessionId, stream: StreamId, seq: SeqNum, key: ClientKey) -> Self {
+        Header {
+            session,
+            stream,
+            seq,
+            key: session.has_key().then_some(key),
+        }
+    }
+
+    /// Bytes it takes on the wire: 4 or 8.
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        if self.session.has_key() { 8 } else { 4 }
+    }
+
+    /// Never: it takes at least 4 bytes.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        false
+    }
+
+    /// Writes it.
+    ///
+    /// # Errors
+    /// [`WireError::NoRoom`].
+    pub fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
+        w.u8(self.session.0)?;
+        w.u8(self.stream.0)?;
+        w.put(&self.seq.0.to_le_bytes())?;
+        if self.session.has_key() {
+            w.put(&self.key.map_or([0; 4], |key| key.0))?;
+        }
+        Ok(())
+    }
+
+    fn decode(r: &mut Reader<'_>) -> Result<Self, WireError> {
+        let session = SessionId(r.u8()?);
+        let stream = StreamId(r.u8()?);
+        let seq = SeqNum(u16::from_le_bytes(r.array()?));
+        let key = if session.has_key() {
+            Some(ClientKey(r.array()?))
+        } else {
+            None
+        };
+        Ok(Header {
+            session,
+            stream,
+            seq,
+            key,
+        })
+    }
+}
+
+/// A received message: its header and the bytes of its submessages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Message<'a> {
+    /// The header.
+    pub header: Header,
+    /// Everything after the header.
+    pub body: &'a [u8],
+}
+
+impl<'a> Message<'a> {
+    /// Splits a datagram (or frame) into header and body.
+    ///
+    /// # Errors
+    /// [`WireError::Truncated`].
+    pub fn parse(datagram: &'a [u8]) -> Result<Self, WireError> {
+        let mut r = Reader::new(datagram, true);
+        let header = Header::decode(&mut r)?;
+        Ok(Message {
+            header,
+            body: r.rest(),
+        })
+    }
+
+    /// The submessages in order.
+    #[must_use]
+    pub const fn submessages(&self) -> Submessages<'a> {
+        Submessages::new(self.body)
+    }
+}
+
+/// A submessage as it stands in a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Submessage<'a> {
+    /// What it is.
+    pub id: SubmessageId,
+    /// Its flag byte.
+    pub flags: u8,
+    /// Its body, not yet decoded.
+    pub payload: &'a [u8],
+}
+
+impl<'a> Submessage<'a> {
+    /// Decodes the body.
+    ///
+    /// # Errors
+    /// Every [`WireError`] but `NoRoom` and `TooLong`.
+    pub fn body(&self) -> Result<Body<'a>, WireError> {
+        Body::decode(self.id, self.flags, self.payload)
+    }
+}
+
+/// Walks submessages; ends after the first one that is malformed.
+#[derive(Clone, Debug)]
+pub struct Submessages<'a> {
+    bytes: &'a [u8],
+    pos: usize,
+}
+
+impl<'a> Submessages<'a> {
+    /// Walks `bytes`, which start at a submessage header.
+    #[must_use]
+    pub const fn new(bytes: &'a [u8]) -> Self {
+        Submessages { bytes, pos: 0 }
+    }
+
+    fn read(&self) -> Result<(Submessage<'a>, usize), WireError> {
+        let rest = self.bytes.get(self.pos..).unwrap_or(&[]);
+        let mut r = Reader::new(rest, true);
+        let (id, flags) = (r.u8()?, r.u8()?);
+        let len = usize::from(r.u16()?);
+        let id = SubmessageId::from_number(id)?;
+        let payload = r.take(len)?;
+        let end = self.pos.saturating_add(SUBHEADER).saturating_add(len);
+        Ok((
+            Submessage { id, flags, payload },
+            end.saturating_add(padding(end, 4)),
+        ))
+    }
+}
+
+impl<'a> Iterator for Submessages<'a> {
+    type Item = Result<Submessage<'a>, WireError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.pos >= self.bytes.len() {
+            return None;
+        }
+        match self.read() {
+            Ok((submessage, next)) => {
+                self.pos = next;
+                Some(Ok(submessage))
+            }
+            Err(error) => {
+                self.pos = self.bytes.len();
+                Some(Err(error))
+            }
+        }
+    }
+}
+
+/// A submessage body that can be written.
+pub trait Encode {
+    /// Which submessage it is the body of.
+    fn id(&self) -> SubmessageId;
+
+    /// Flag bits besides the byte order.
+    fn flags(&self) -> u8 {
+        0
+    }
+
+    /// Writes the body in little endian.
+    ///
+    /// # Errors
+    /// [`WireError::NoRoom`], [`WireError::TooLong`], [`WireError::BadString`].
+    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError>;
+}
+
+/// The length of a body on the wire.
+///
+/// # Errors
+/// [`WireError::TooLong`], [`WireError::BadString`].
+pub fn measure(body: &impl Encode) -> Result<usize, WireError> {
+    let mut w = Writer::measuring();
+    body.encode(&mut w)?;
+    if w.len() > usize::from(u16::MAX) {
+        return Err(WireError::TooLong { len: w.len() });
+    }
+    Ok(w.len())
+}
+
+/// The length of a submessage with its header and its padding to the next multiple of four.
+///
+/// # Errors
+/// [`WireError::TooLong`], [`WireError::BadString`].
+pub fn submessage_len(body: &impl Encode) -> Result<usize, WireError> {
+    let len = measure(body)?;
+    Ok(len
+        .saturating_add(padding(len, 4))
+        .saturating_add(SUBHEADER))
+}
+
+/// Writes header, body and, if `pad`, zeros up to a multiple of four from the writer's start.
+///
+/// # Errors
+/// [`WireError::NoRoom`], [`WireError::TooLong`], [`WireError::BadString`].
+pub fn encode_submessage(
+    body: &impl Encode,
+    pad: bool,
+    w: &mut Writer<'_>,
+) -> Result<(), WireError> {
+    let len = measure(body)?;
+    let length = u16::try_from(len).map_err(|_| WireError::TooLong { len })?;
+    w.u8(body.id() as u8)?;
+    w.u8(body.flags() | FLAG_LITTLE_ENDIAN)?;
+    w.put(&length.to_le_bytes())?;
+    w.body(|w| body.encode(w))?;
+    if pad { w.align(4) } else { Ok(()) }
+}
+
+/// Builds a message in a buffer.
+#[derive(Debug)]
+pub struct MessageWriter<'a> {
+    buf: &'a mut [u8],
+    len: usize,
+}
+
+impl<'a> MessageWriter<'a> {
+    /// Starts a message with its header.
+    ///
+    /// # Errors
+    /// [`WireError::NoRoom`].
+    pub fn new(buf: &'a mut [u8], header: &Header) -> Result<Self, WireError> {
+        let mut w = Writer::new(buf);
+        header.encode(&mut w)?;
+        let len = w.len();
+        Ok(MessageWriter { buf, len })
+    }
+
+    /// Goes on with a message of which the first `len` bytes of `buf` are written.
+    #[must_use]
+    pub const fn resume(buf: &'a mut [u8], len: usize) -> Self {
+        MessageWriter { buf, len }
+    }
+
+    /// Appends a submessage; nothing is written if it does not fit. The gap between submessages is
+    /// filled, the end is not padded.
+    ///
+    /// # Errors
+    /// [`WireError::NoRoom`], [`WireError::TooLong`], [`WireError::BadString`].
+    pub fn push(&mut self, body: &impl Encode) -> Result<(), WireError> {
+        self.append(body, false)
+    }
+
+    /// Like [`MessageWriter::push`], but pads the end to a multiple of four, as eProsima's client
+    /// does on its streams.
+    ///
+    /// # Errors
+    /// As [`MessageWriter::push`].
+    pub fn push_padded(&mut self, body: &impl Encode) -> Result<(), WireError> {
+        self.append(body, true)
+    }
+
+    fn append(&mut self, body: &impl Encode, pad: bool) -> Result<(), WireError> {
+        let gap = padding(self.len, 4);
+        let no_room = WireError::NoRoom {
+            needed: gap,
+            left: 0,
+        };
+        let start = self.len.saturating_add(gap);
+        let tail = self.buf.get_mut(start..).ok_or(no_room)?;
+        let mut w = Writer::new(tail);
+        encode_submessage(body, pad, &mut w)?;
+        let written = w.len();
+        if let Some(gap) = self.buf.get_mut(self.len..start) {
+            gap.fill(0);
+        }
+        self.len = start.saturating_add(written);
+        Ok(())
+    }
+
+    /// Bytes of the message so far.
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there is not even a header.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// The message.
+    #[must_use]
+    pub fn finish(self) -> &'a [u8] {
+        let MessageWriter { buf, len } = self;
+        buf.get(..len).unwrap_or(&[])
+    }
+}

@@ -1,0 +1,48 @@
+//! The XRCE wire format: pure functions between bytes and types, for both client and agent.
+//!
+//! ```text
+//!   message = header (4 or 8 bytes) , submessage*
+//!   header  = session id, stream id, sequence number LE [, client key iff session id < 0x80]
+//!   submessage = id, flags, length LE, body[length]      each starts 4-aligned in the message
+//! ```
+//!
+//! Bodies are CDR with alignment counted from the body's own start and the byte order of flag bit 0.
+//! Encoding always writes little endian; decoding takes both. Decoding never panics: whatever the
+//! bytes, the result is a value that borrows from them or a [`WireError`].
+
+mod access;
+mod body;
+mod create;
+mod cursor;
+mod endpoint;
+mod entity;
+mod error;
+mod ids;
+mod info;
+mod login;
+mod message;
+mod reliability;
+mod time;
+
+pub use access::{Data, DeliveryControl, ReadData, WriteData};
+pub use body::Body;
+pub use create::{Create, CreationMode, Delete, Entity, Representation};
+pub use cursor::{Reader, Writer};
+pub use endpoint::{
+    DataReaderBinary, DataWriterBinary, EndpointQos, QOS_DURABILITY_PERSISTENT,
+    QOS_DURABILITY_TRANSIENT, QOS_DURABILITY_TRANSIENT_LOCAL, QOS_HISTORY_KEEP_LAST, QOS_RELIABLE,
+    ReaderQos, WriterQos,
+};
+pub use entity::{GroupBinary, ParticipantBinary, ServiceBinary, TopicBinary};
+pub use error::WireError;
+pub use ids::{
+    BaseRequest, ClientKey, ObjectId, ObjectKind, RequestId, SessionId, Status, StreamId,
+};
+pub use info::{AgentInfo, GetInfo, INFO_ACTIVITY, INFO_CONFIGURATION, Info};
+pub use login::{COOKIE, CreateClient, Properties, StatusAgent, StatusReply, VENDOR, VERSION};
+pub use message::{
+    Encode, FLAG_LITTLE_ENDIAN, Header, Message, MessageWriter, Submessage, SubmessageId,
+    Submessages, encode_submessage, measure, submessage_len,
+};
+pub use reliability::{AckNack, Fragment, Heartbeat, Reset};
+pub use time::{Timestamp, TimestampReply, WireTime};

@@ -1,0 +1,128 @@
+//! ACKNACK, HEARTBEAT, FRAGMENT and RESET: what makes streams reliable.
+//!
+//! ACKNACK and HEARTBEAT travel outside of streams (stream 0, number 0) and name the stream they
+//! are about: an ACKNACK names the sender's input stream, a HEARTBEAT the sender's output stream.
+
+use super::message::{Encode, SubmessageId};
+use super::{Reader, StreamId, WireError, Writer};
+use crate::SeqNum;
+
+/// ACKNACK: everything before `first_unacked` has arrived, and what of the sixteen messages from
+/// there on is missing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AckNack {
+    /// The first message that has not arrived.
+    pub first_unacked: SeqNum,
+    /// Bit `i` set: message `first_unacked + i` is known to exist and has not arrived. Big endian
+    /// on the wire whatever the byte order flag says.
+    pub missing: u16,
+    /// The stream.
+    pub stream: StreamId,
+}
+
+impl Encode for AckNack {
+    fn id(&self) -> SubmessageId {
+        SubmessageId::AckNack
+    }
+
+    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
+        w.u16(self.first_unacked.0)?;
+        w.put(&self.missing.to_be_bytes())?;
+        w.u8(self.stream.0)
+    }
+}
+
+impl AckNack {
+    pub(super) fn decode(r: &mut Reader<'_>) -> Result<Self, WireError> {
+        Ok(AckNack {
+            first_unacked: SeqNum(r.u16()?),
+            missing: u16::from_be_bytes(r.array()?),
+            stream: StreamId(r.u8()?),
+        })
+    }
+}
+
+/// HEARTBEAT: the messages that the sender keeps; asks for an ACKNACK.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Heartbeat {
+    /// The first message that is not acknowledged.
+    pub first: SeqNum,
+    /// The last message that was sent.
+    pub last: SeqNum,
+    /// The stream.
+    pub stream: StreamId,
+}
+
+impl Encode for Heartbeat {
+    fn id(&self) -> SubmessageId {
+        SubmessageId::Heartbeat
+    }
+
+    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
+        w.u16(self.first.0)?;
+        w.u16(self.last.0)?;
+        w.u8(self.stream.0)
+    }
+}
+
+impl Heartbeat {
+    pub(super) fn decode(r: &mut Reader<'_>) -> Result<Self, WireError> {
+        Ok(Heartbeat {
+            first: SeqNum(r.u16()?),
+            last: SeqNum(r.u16()?),
+            stream: StreamId(r.u8()?),
+        })
+    }
+}
+
+/// FRAGMENT: a piece of a submessage (header included) that is longer than a message may be. Only
+/// on reliable streams; the pieces are consecutive messages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fragment<'a> {
+    /// The last piece.
+    pub last: bool,
+    /// The piece.
+    pub piece: &'a [u8],
+}
+
+impl Fragment<'_> {
+    pub(crate) const FLAG_LAST: u8 = 0x02;
+}
+
+impl Encode for Fragment<'_> {
+    fn id(&self) -> SubmessageId {
+        SubmessageId::Fragment
+    }
+
+    fn flags(&self) -> u8 {
+        if self.last { Self::FLAG_LAST } else { 0 }
+    }
+
+    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
+        w.put(self.piece)
+    }
+}
+
+impl<'a> Fragment<'a> {
+    pub(super) fn decode(r: &mut Reader<'a>, flags: u8) -> Self {
+        Fragment {
+            last: flags & Self::FLAG_LAST != 0,
+            piece: r.rest(),
+        }
+    }
+}
+
+/// RESET: asks the receiver to start its streams anew. No implementation sends it; it is decoded
+/// so that it can be counted and ignored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reset;
+
+impl Encode for Reset {
+    fn id(&self) -> SubmessageId {
+        SubmessageId::Reset
+    }
+
+    fn encode(&self, _w: &mut Writer<'_>) -> Result<(), WireError> {
+        Ok(())
+    }
+}
