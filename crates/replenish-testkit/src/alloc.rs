@@ -41,7 +41,10 @@ impl CountingAllocator {
     /// A disarmed counter.
     #[must_use]
     pub const fn new() -> Self {
-        Self { armed: AtomicBool::new(false), count: AtomicU64::new(0) }
+        Self {
+            armed: AtomicBool::new(false),
+            count: AtomicU64::new(0),
+        }
     }
 
     /// Starts to count at zero.

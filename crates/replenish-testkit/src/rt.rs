@@ -25,7 +25,11 @@ pub fn available() -> Result<(), String> {
         // SAFETY: `param` is a valid sched_param that outlives the call; pid 0 is this thread.
         #[expect(unsafe_code, reason = "the probe asks the kernel itself")]
         let rc = unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const param) };
-        if rc == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
+        if rc == 0 {
+            Ok(())
+        } else {
+            Err(io::Error::last_os_error())
+        }
     });
     match probe.join() {
         Ok(Ok(())) => Ok(()),
@@ -44,10 +48,15 @@ pub struct RtLock(#[expect(dead_code, reason = "closing the file releases the lo
 /// When the lock file in the temporary directory cannot be opened or locked.
 pub fn lock() -> io::Result<RtLock> {
     let path = std::env::temp_dir().join("replenish-rt.lock");
-    let file = OpenOptions::new().create(true).truncate(false).write(true).open(&path).or_else(
-        // Another user made the file: a read-only descriptor can be locked just as well.
-        |_| OpenOptions::new().read(true).open(&path),
-    )?;
+    let file = OpenOptions::new()
+        .create(true)
+        .truncate(false)
+        .write(true)
+        .open(&path)
+        .or_else(
+            // Another user made the file: a read-only descriptor can be locked just as well.
+            |_| OpenOptions::new().read(true).open(&path),
+        )?;
     loop {
         // SAFETY: the descriptor is open for as long as `file` lives.
         #[expect(unsafe_code, reason = "flock has no safe wrapper in std")]

@@ -5,7 +5,9 @@ use std::time::Duration;
 
 /// Guards one piece of work; dropping it in time calls the dog off.
 #[derive(Debug)]
-pub struct Watchdog(#[expect(dead_code, reason = "dropping it disconnects the channel")] mpsc::Sender<()>);
+pub struct Watchdog(
+    #[expect(dead_code, reason = "dropping it disconnects the channel")] mpsc::Sender<()>,
+);
 
 /// Aborts the process with a message that names `what` unless the guard is dropped in time.
 #[must_use]

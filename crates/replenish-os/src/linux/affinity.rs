@@ -1,0 +1,120 @@
+//! On which CPUs a thread may run.
+#![expect(unsafe_code, reason = "sched_setaffinity, sched_getaffinity")]
+
+use super::sys;
+use super::tid::Tid;
+use std::fmt;
+use std::io;
+
+/// How many CPUs a [`CpuSet`] can name: the size of the C library's `cpu_set_t`.
+const MAX_CPUS: usize = 8 * size_of::<libc::cpu_set_t>();
+
+const WORD: usize = u64::BITS as usize;
+
+/// A set of CPU numbers, `0..1024`.
+#[derive(Clone, Copy, PartialEq, Eq, Default)]
+pub struct CpuSet([u64; MAX_CPUS / WORD]);
+
+impl CpuSet {
+    /// The set with `cpu` alone; empty if `cpu` is 1024 or more.
+    #[must_use]
+    pub fn one(cpu: usize) -> Self {
+        let mut set = Self::default();
+        if let Some(word) = set.0.get_mut(cpu / WORD) {
+            *word = 1 << (cpu % WORD);
+        }
+        set
+    }
+
+    /// Whether `cpu` is in the set.
+    #[must_use]
+    pub fn contains(&self, cpu: usize) -> bool {
+        self.0
+            .get(cpu / WORD)
+            .is_some_and(|word| word >> (cpu % WORD) & 1 == 1)
+    }
+
+    /// How many CPUs are in the set.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.iter().count()
+    }
+
+    /// Whether no CPU is in the set.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.iter().all(|word| *word == 0)
+    }
+
+    /// The CPU numbers in the set, ascending.
+    pub fn iter(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..MAX_CPUS).filter(|cpu| self.contains(*cpu))
+    }
+}
+
+/// Ranges as the kernel's cpulist format writes them: `0-3,7`.
+impl fmt::Display for CpuSet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut comma = "";
+        for first in self.iter().filter(|c| *c == 0 || !self.contains(c - 1)) {
+            let last = (first..MAX_CPUS)
+                .take_while(|c| self.contains(*c))
+                .last()
+                .unwrap_or(first);
+            if last == first {
+                write!(f, "{comma}{first}")?;
+            } else {
+                write!(f, "{comma}{first}-{last}")?;
+            }
+            comma = ",";
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Debug for CpuSet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "CpuSet({self})")
+    }
+}
+
+/// Lets thread `tid` run on the CPUs in `cpus` only (`sched_setaffinity(2)`).
+///
+/// # Errors
+/// `EINVAL` if none of them is online and allowed by the cpuset, `ESRCH` if the thread has ended,
+/// `EBUSY` for a `SCHED_DEADLINE` thread and less than its whole root domain.
+pub fn set_affinity(tid: Tid, cpus: &CpuSet) -> io::Result<()> {
+    let size = size_of::<CpuSet>();
+    // SAFETY: a `CpuSet` is the bit array the kernel expects, `size` bytes long.
+    sys::check(unsafe { libc::sched_setaffinity(tid.get(), size, (&raw const *cpus).cast()) })?;
+    Ok(())
+}
+
+/// The CPUs thread `tid` may run on (`sched_getaffinity(2)`).
+///
+/// # Errors
+/// `ESRCH` if the thread has ended, `EINVAL` on a machine with more than 1024 CPUs.
+pub fn affinity(tid: Tid) -> io::Result<CpuSet> {
+    let mut cpus = CpuSet::default();
+    let size = size_of::<CpuSet>();
+    // SAFETY: a `CpuSet` is the bit array the kernel fills, `size` bytes long.
+    sys::check(unsafe { libc::sched_getaffinity(tid.get(), size, (&raw mut cpus).cast()) })?;
+    Ok(cpus)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_set_prints_as_the_kernel_does() {
+        let mut set = CpuSet::default();
+        assert!(set.is_empty());
+        set.0[0] = 0b1000_1111;
+        set.0[1] = 1;
+        assert_eq!(set.to_string(), "0-3,7,64");
+        assert_eq!(set.len(), 6);
+        assert_eq!(CpuSet::one(MAX_CPUS - 1).to_string(), "1023");
+        assert!(CpuSet::one(MAX_CPUS).is_empty());
+    }
+}

@@ -1,0 +1,76 @@
+//! Clocks: monotonic time, the CPU time of this and of other threads, absolute sleep.
+//!
+//! Cost, median on a virtual machine with a TSC clock source: [`monotonic`] 30 ns (no system
+//! call), [`thread_cpu`] 0.4 us, [`ThreadCpuClock::read`] 0.2 us for a blocked thread and 0.4 us
+//! for one that runs on another CPU; the value is exact in both cases.
+#![expect(unsafe_code, reason = "clock_gettime, clock_nanosleep")]
+
+use super::sys;
+use super::tid::{Tid, current_tid};
+use crate::Nanos;
+
+/// Now on `CLOCK_MONOTONIC`, in nanoseconds. Any thread; never goes back.
+#[must_use]
+pub fn monotonic() -> Nanos {
+    gettime(libc::CLOCK_MONOTONIC).unwrap_or(0)
+}
+
+/// CPU time consumed by the calling thread, in nanoseconds (`CLOCK_THREAD_CPUTIME_ID`).
+#[must_use]
+pub fn thread_cpu() -> Nanos {
+    gettime(libc::CLOCK_THREAD_CPUTIME_ID).unwrap_or(0)
+}
+
+/// The CPU clock of one thread of this process; any thread of the process may read it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct ThreadCpuClock(libc::clockid_t);
+
+impl ThreadCpuClock {
+    /// The clock of the calling thread, to be read by others.
+    #[must_use]
+    pub fn current() -> Self {
+        Self::of(current_tid())
+    }
+
+    /// The clock of thread `tid` of this process.
+    #[must_use]
+    pub const fn of(tid: Tid) -> Self {
+        // The kernel's dynamic clock ids (linux/posix-timers_types.h): the complement of the id,
+        // then CPUCLOCK_PERTHREAD_MASK (4) | CPUCLOCK_SCHED (2).
+        Self((!tid.get() << 3) | 6)
+    }
+
+    /// CPU time consumed by the thread so far, in nanoseconds; `None` once the thread has ended
+    /// (or never was one of this process).
+    #[must_use]
+    pub fn read(&self) -> Option<Nanos> {
+        gettime(self.0)
+    }
+}
+
+/// Sleeps until [`monotonic`] has reached `t`; returns at once if it has. Signals do not end the
+/// sleep early.
+pub fn sleep_until(t: Nanos) {
+    let ts = sys::timespec(t);
+    loop {
+        // SAFETY: `ts` is a valid timespec; a null remainder is allowed for absolute sleeps.
+        let rc = unsafe {
+            libc::clock_nanosleep(
+                libc::CLOCK_MONOTONIC,
+                libc::TIMER_ABSTIME,
+                &raw const ts,
+                std::ptr::null_mut(),
+            )
+        };
+        if rc != libc::EINTR {
+            return;
+        }
+    }
+}
+
+fn gettime(clock: libc::clockid_t) -> Option<Nanos> {
+    let mut ts = sys::zero_timespec();
+    // SAFETY: `ts` is writable for the call; an unknown clock id is an error, not a fault.
+    let rc = unsafe { libc::clock_gettime(clock, &raw mut ts) };
+    (rc == 0).then(|| sys::nanos(&ts))
+}

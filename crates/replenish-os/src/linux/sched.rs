@@ -1,0 +1,121 @@
+//! Changing the scheduling class and priority of threads, with their place in the queue.
+//!
+//! Linux moves a thread whose priority changes like this (`__sched_setscheduler`): *raised*, it
+//! goes to the tail of its new list; *lowered*, to the head; unchanged, it stays. POSIX wants a
+//! thread whose budget is exhausted at the tail, hence [`demote_to_tail`].
+#![expect(
+    unsafe_code,
+    reason = "sched_setparam, sched_setscheduler, sched_yield"
+)]
+
+use super::sys;
+use super::tid::{Tid, current_tid};
+use std::io;
+
+/// A scheduling class with its priority, 1 (lowest) to 99.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum SchedClass {
+    /// `SCHED_OTHER`: the fair class, nice 0.
+    Other,
+    /// `SCHED_FIFO` at this priority.
+    Fifo(u8),
+    /// `SCHED_RR` at this priority.
+    RoundRobin(u8),
+}
+
+/// Puts thread `tid` into `class`. Its reset-on-fork flag stays as it is.
+///
+/// # Errors
+/// `EINVAL` for a priority outside `1..=99`, `EPERM` without the privilege, `ESRCH` if the
+/// thread has ended.
+pub fn set_priority(tid: Tid, class: SchedClass) -> io::Result<()> {
+    let (policy, priority) = match class {
+        SchedClass::Other => (libc::SCHED_OTHER, 0),
+        SchedClass::Fifo(p) => (libc::SCHED_FIFO, p),
+        SchedClass::RoundRobin(p) => (libc::SCHED_RR, p),
+    };
+    let reset = reset_on_fork(tid)?;
+    set_scheduler(tid, policy | reset, priority)
+}
+
+/// Raises thread `tid` to FIFO priority `hi`, at the tail of that priority's list, as POSIX wants
+/// it for a replenishment. One system call; the reset-on-fork flag is kept.
+///
+/// # Errors
+/// As [`set_priority`].
+pub fn promote(tid: Tid, hi: u8) -> io::Result<()> {
+    match set_param(tid, hi) {
+        // Not in a real-time class any more (somebody changed it): set the class too.
+        Err(e) if e.raw_os_error() == Some(libc::EINVAL) => set_priority(tid, SchedClass::Fifo(hi)),
+        done => done,
+    }
+}
+
+/// Lowers FIFO thread `tid` to priority `lo` and puts it at the *tail* of that priority's list.
+///
+/// From above, that takes two steps: below `lo` and up again, because a lowered thread lands at
+/// the head and a raised one at the tail (`lo` = 1 goes through `SCHED_OTHER`). Between the two
+/// steps the thread can be preempted by everything at `lo`; a caller above it on the same CPU
+/// does not let that happen. A thread that demotes *itself* is lowered once and then yields,
+/// which has the same effect without the dip. The reset-on-fork flag is kept.
+///
+/// # Errors
+/// As [`set_priority`]; if the second step fails, the thread is left below `lo`.
+pub fn demote_to_tail(tid: Tid, lo: u8) -> io::Result<()> {
+    if tid == current_tid() {
+        promote(tid, lo)?;
+        // SAFETY: sched_yield has no arguments and touches no memory.
+        unsafe { libc::sched_yield() };
+        return Ok(());
+    }
+    if lo > 1 {
+        promote(tid, lo - 1)?;
+        set_param(tid, lo)
+    } else {
+        let reset = reset_on_fork(tid)?;
+        set_scheduler(tid, libc::SCHED_OTHER | reset, 0)?;
+        set_scheduler(tid, libc::SCHED_FIFO | reset, lo)
+    }
+}
+
+/// `SCHED_RESET_ON_FORK` if the thread has the flag, else 0.
+fn reset_on_fork(tid: Tid) -> io::Result<i32> {
+    // Raw system calls throughout this file: musl's wrappers return ENOSYS.
+    // SAFETY: no memory is passed.
+    let policy = sys::check(unsafe { libc::syscall(libc::SYS_sched_getscheduler, tid.get()) })?;
+    let flag = policy & libc::c_long::from(libc::SCHED_RESET_ON_FORK);
+    Ok(if flag == 0 {
+        0
+    } else {
+        libc::SCHED_RESET_ON_FORK
+    })
+}
+
+fn set_scheduler(tid: Tid, policy: i32, priority: u8) -> io::Result<()> {
+    let param = param(priority);
+    let param = &raw const param;
+    // SAFETY: `param` points to a sched_param that lives across the call.
+    let rc = unsafe { libc::syscall(libc::SYS_sched_setscheduler, tid.get(), policy, param) };
+    sys::check(rc).map(drop)
+}
+
+/// Changes the priority within the class; the kernel keeps the policy and the reset flag.
+fn set_param(tid: Tid, priority: u8) -> io::Result<()> {
+    let param = param(priority);
+    let param = &raw const param;
+    // SAFETY: `param` points to a sched_param that lives across the call.
+    let rc = unsafe { libc::syscall(libc::SYS_sched_setparam, tid.get(), param) };
+    sys::check(rc).map(drop)
+}
+
+/// The kernel's `struct sched_param` (musl's has more fields; the first is the same).
+#[repr(C)]
+struct SchedParam {
+    priority: libc::c_int,
+}
+
+fn param(priority: u8) -> SchedParam {
+    SchedParam {
+        priority: priority.into(),
+    }
+}

@@ -1,0 +1,35 @@
+//! What the real-time trials share: one CPU for all of them, threads that place themselves.
+#![allow(dead_code, reason = "every target uses a part of it")]
+
+use replenish_os::{CpuSet, SchedClass, affinity, clock, current_tid, set_affinity, set_priority};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// One millisecond.
+pub(crate) const MS: u64 = 1_000_000;
+
+/// The CPU real-time trials run on: the last one this process may use.
+pub(crate) fn cpu() -> usize {
+    affinity(current_tid()).unwrap().iter().last().unwrap()
+}
+
+/// Pins the calling thread to [`cpu`] and makes it FIFO at `priority`.
+pub(crate) fn become_fifo(cpu: usize, priority: u8) {
+    set_affinity(current_tid(), &CpuSet::one(cpu)).unwrap();
+    set_priority(current_tid(), SchedClass::Fifo(priority)).unwrap();
+}
+
+/// Burns CPU until `stop` is set or 2 s of its own CPU time are gone.
+pub(crate) fn spin(stop: &AtomicBool) {
+    let end = clock::thread_cpu() + 2_000 * MS;
+    while !stop.load(Ordering::Relaxed) && clock::thread_cpu() < end {
+        std::hint::spin_loop();
+    }
+}
+
+/// Burns `ns` of the calling thread's CPU time.
+pub(crate) fn burn(ns: u64) {
+    let end = clock::thread_cpu() + ns;
+    while clock::thread_cpu() < end {
+        std::hint::spin_loop();
+    }
+}
