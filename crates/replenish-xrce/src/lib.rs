@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!   wire     the codec: message and submessage headers, every submessage body, ids
+//!   stream   best-effort and reliable streams, both directions, fragments; used by client and agent
 //! ```
 //!
 //! Nothing here allocates, reads a clock or touches a socket; storage is the caller's. The
@@ -13,7 +14,7 @@
 #![deny(clippy::indexing_slicing, clippy::arithmetic_side_effects)]
 
 pub mod seq;
-
+pub mod stream;
 pub mod wire;
 
 pub use seq::SeqNum;

@@ -1,0 +1,252 @@
+//! Receiving on a reliable stream: reordering, acknowledging, putting fragments together.
+//!
+//! ```text
+//!        next                announced
+//!         │                      │           numbers are mod 2^16
+//!   ──────┼──────┬──────┬──────┬─┴────┬────
+//!    done │ miss │ kept │ miss │ kept │      kept: waits in a slot for the missing ones
+//!   ──────┴──────┴──────┴──────┴──────┴────
+//! ```
+
+use super::reassembly::{Piece, Reassembly};
+use crate::SeqNum;
+use crate::wire::{AckNack, Fragment, StreamId, Submessage, SubmessageId, Submessages};
+
+/// What happened on a reliable input stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct InputStats {
+    /// Messages handled, each once and in order.
+    pub received: u64,
+    /// Messages that had come before.
+    pub duplicates: u64,
+    /// Messages kept because an earlier one was missing.
+    pub reordered: u64,
+    /// Messages dropped because no slot was left for them, or they were longer than a slot.
+    pub dropped: u64,
+    /// Messages whose submessages were malformed (from there on ignored).
+    pub malformed: u64,
+    /// Submessages dropped because their fragments together were too long.
+    pub too_long: u64,
+}
+
+/// The receiving end of a reliable stream: up to `N` messages wait in `S` for missing ones, and
+/// fragments are collected in `R`.
+#[derive(Debug)]
+pub struct InputReliable<S, R, const N: usize> {
+    slots: S,
+    slot_size: usize,
+    /// Slots in use, at most `N`.
+    capacity: usize,
+    /// Length of the message in each slot.
+    kept: [Option<u16>; N],
+    /// Slot for the message after `next`.
+    head: usize,
+    next: SeqNum,
+    announced: SeqNum,
+    reassembly: Reassembly<R>,
+    stream: StreamId,
+    ack_due: bool,
+    stats: InputStats,
+}
+
+impl<S, R, const N: usize> InputReliable<S, R, N>
+where
+    S: AsRef<[u8]> + AsMut<[u8]>,
+    R: AsRef<[u8]> + AsMut<[u8]>,
+{
+    /// A stream at its beginning. `slots` is cut into slots of `slot_size` bytes, at most `N`; a
+    /// slot holds a message without its header. The length of `fragments` is the largest
+    /// submessage, header included, that can be put together.
+    pub fn new(stream: StreamId, slots: S, slot_size: usize, fragments: R) -> Self {
+        let capacity = slots
+            .as_ref()
+            .len()
+            .checked_div(slot_size)
+            .unwrap_or(0)
+            .min(N);
+        InputReliable {
+            slots,
+            slot_size,
+            capacity,
+            kept: [None; N],
+            head: 0,
+            next: SeqNum(0),
+            announced: SeqNum(0).previous(),
+            reassembly: Reassembly::new(fragments),
+            stream,
+            ack_due: false,
+            stats: InputStats::default(),
+        }
+    }
+
+    /// Back to the beginning, for a new session. The counters go on.
+    pub fn reset(&mut self) {
+        self.kept = [None; N];
+        self.head = 0;
+        self.next = SeqNum(0);
+        self.announced = SeqNum(0).previous();
+        self.reassembly.reset();
+        self.ack_due = false;
+    }
+
+    /// A message has arrived: `body` is what follows its header. Calls `deliver` with every
+    /// submessage that is due now, this message's and those of kept ones, fragments put together.
+    pub fn receive(&mut self, seq: SeqNum, body: &[u8], mut deliver: impl FnMut(&Submessage<'_>)) {
+        self.ack_due = true;
+        let ahead = seq.since(self.next);
+        let Ok(ahead) = usize::try_from(ahead) else {
+            self.stats.duplicates = self.stats.duplicates.saturating_add(1);
+            return;
+        };
+        if seq.is_after(self.announced) {
+            self.announced = seq;
+        }
+        if ahead > 0 {
+            self.keep(ahead, body);
+            return;
+        }
+        consume(body, &mut self.reassembly, &mut self.stats, &mut deliver);
+        while let Some((start, end)) = self.advance() {
+            if let Some(body) = self.slots.as_ref().get(start..end) {
+                consume(body, &mut self.reassembly, &mut self.stats, &mut deliver);
+            }
+        }
+    }
+
+    /// A heartbeat has arrived: the sender has sent everything up to `last`, and wants to know what
+    /// has arrived.
+    pub fn heartbeat(&mut self, last: SeqNum) {
+        if last.is_after(self.announced) {
+            self.announced = last;
+        }
+        self.ack_due = true;
+    }
+
+    /// The acknowledgement to send, if anything has arrived since the last one.
+    pub fn take_ack(&mut self) -> Option<AckNack> {
+        core::mem::take(&mut self.ack_due).then(|| self.ack())
+    }
+
+    /// Whether [`InputReliable::take_ack`] has something to send.
+    pub const fn ack_due(&self) -> bool {
+        self.ack_due
+    }
+
+    /// The state as an acknowledgement.
+    pub fn ack(&self) -> AckNack {
+        let mut missing = 0_u16;
+        for i in 0..u16::try_from(self.capacity.saturating_add(1))
+            .unwrap_or(16)
+            .min(16)
+        {
+            let seq = self.next.plus(i);
+            if seq.is_after(self.announced) {
+                break;
+            }
+            if i == 0
+                || self
+                    .kept
+                    .get(self.slot(usize::from(i)))
+                    .is_some_and(Option::is_none)
+            {
+                missing |= 1_u16.wrapping_shl(u32::from(i));
+            }
+        }
+        AckNack {
+            first_unacked: self.next,
+            missing,
+            stream: self.stream,
+        }
+    }
+
+    /// The number of the first message that has not been handled.
+    pub const fn next_expected(&self) -> SeqNum {
+        self.next
+    }
+
+    /// What happened so far.
+    pub const fn stats(&self) -> InputStats {
+        self.stats
+    }
+
+    /// The slot for message `next + ahead`, `ahead >= 1`.
+    fn slot(&self, ahead: usize) -> usize {
+        let slot = self.head.saturating_add(ahead).saturating_sub(1);
+        slot.checked_rem(self.capacity).unwrap_or(0)
+    }
+
+    fn keep(&mut self, ahead: usize, body: &[u8]) {
+        let slot = self.slot(ahead);
+        let start = slot.saturating_mul(self.slot_size);
+        let room = self
+            .slots
+            .as_mut()
+            .get_mut(start..start.saturating_add(self.slot_size));
+        let (Some(room), Some(kept), Ok(len)) = (
+            room.and_then(|room| room.get_mut(..body.len()))
+                .filter(|_| ahead <= self.capacity),
+            self.kept.get_mut(slot),
+            u16::try_from(body.len()),
+        ) else {
+            self.stats.dropped = self.stats.dropped.saturating_add(1);
+            return;
+        };
+        if kept.is_some() {
+            self.stats.duplicates = self.stats.duplicates.saturating_add(1);
+            return;
+        }
+        room.copy_from_slice(body);
+        *kept = Some(len);
+        self.stats.reordered = self.stats.reordered.saturating_add(1);
+    }
+
+    /// Steps over message `next`; gives where the message after it is kept, if it is.
+    fn advance(&mut self) -> Option<(usize, usize)> {
+        self.next = self.next.plus(1);
+        let slot = self.head;
+        self.head = self.slot(2);
+        let len = self.kept.get_mut(slot)?.take()?;
+        let start = slot.saturating_mul(self.slot_size);
+        Some((start, start.saturating_add(usize::from(len))))
+    }
+}
+
+/// Walks one message that is in order.
+fn consume<R: AsRef<[u8]> + AsMut<[u8]>>(
+    body: &[u8],
+    reassembly: &mut Reassembly<R>,
+    stats: &mut InputStats,
+    deliver: &mut impl FnMut(&Submessage<'_>),
+) {
+    stats.received = stats.received.saturating_add(1);
+    let mut malformed = false;
+    for submessage in Submessages::new(body) {
+        match submessage {
+            Ok(Submessage {
+                id: SubmessageId::Fragment,
+                flags,
+                payload,
+            }) => match reassembly.append(payload, flags & Fragment::FLAG_LAST != 0) {
+                Piece::Partial => {}
+                Piece::TooLong => stats.too_long = stats.too_long.saturating_add(1),
+                Piece::Complete(whole) => malformed |= !deliver_whole(whole, deliver),
+            },
+            Ok(submessage) => deliver(&submessage),
+            Err(_) => malformed = true,
+        }
+    }
+    if malformed {
+        stats.malformed = stats.malformed.saturating_add(1);
+    }
+}
+
+/// Delivers what fragments gave; false if that is malformed. Fragments of fragments are.
+fn deliver_whole(whole: &[u8], deliver: &mut impl FnMut(&Submessage<'_>)) -> bool {
+    for submessage in Submessages::new(whole) {
+        match submessage {
+            Ok(submessage) if submessage.id != SubmessageId::Fragment => deliver(&submessage),
+            _ => return false,
+        }
+    }
+    true
+}

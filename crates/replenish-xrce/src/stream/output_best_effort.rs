@@ -1,0 +1,94 @@
+//! Sending on a best-effort stream: one message under construction.
+
+use super::{PushError, StreamHeader, Tail};
+use crate::SeqNum;
+use crate::wire::{Encode, MessageWriter, WireError, submessage_len};
+
+/// The sending end of a best-effort stream. `S` holds one message; its length is the longest
+/// message that is sent.
+#[derive(Debug)]
+pub struct OutputBestEffort<S> {
+    buf: S,
+    header: StreamHeader,
+    tail: Tail,
+    /// Bytes of the message under construction; 0 if there is none.
+    len: usize,
+    next: SeqNum,
+}
+
+impl<S: AsRef<[u8]> + AsMut<[u8]>> OutputBestEffort<S> {
+    /// A stream at its beginning.
+    pub const fn new(buf: S, header: StreamHeader, tail: Tail) -> Self {
+        OutputBestEffort {
+            buf,
+            header,
+            tail,
+            len: 0,
+            next: SeqNum(0),
+        }
+    }
+
+    /// Back to the beginning, for a new session.
+    pub fn reset(&mut self, header: StreamHeader) {
+        self.header = header;
+        self.len = 0;
+        self.next = SeqNum(0);
+    }
+
+    /// Which stream this is.
+    pub const fn header(&self) -> StreamHeader {
+        self.header
+    }
+
+    /// The largest submessage, header included, that can be sent.
+    pub fn limit(&self) -> usize {
+        self.buf.as_ref().len().saturating_sub(self.header.len())
+    }
+
+    /// Appends a submessage to the message under construction.
+    ///
+    /// # Errors
+    /// [`PushError::WouldBlock`] if it fits only once the message has been taken,
+    /// [`PushError::TooLarge`] if it never fits, [`PushError::Wire`].
+    pub fn push(&mut self, body: &impl Encode) -> Result<(), PushError> {
+        let size = submessage_len(body).map_err(PushError::Wire)?;
+        let limit = self.limit();
+        if size > limit {
+            return Err(PushError::TooLarge { size, limit });
+        }
+        let empty = self.len == 0;
+        let mut writer = if empty {
+            MessageWriter::new(self.buf.as_mut(), &self.header.at(self.next))
+                .map_err(PushError::Wire)?
+        } else {
+            MessageWriter::resume(self.buf.as_mut(), self.len)
+        };
+        let pushed = match self.tail {
+            Tail::Padded => writer.push_padded(body),
+            Tail::Exact => writer.push(body),
+        };
+        match pushed {
+            Ok(()) => {
+                self.len = writer.len();
+                Ok(())
+            }
+            Err(WireError::NoRoom { .. }) => Err(PushError::WouldBlock),
+            Err(error) => Err(PushError::Wire(error)),
+        }
+    }
+
+    /// Whether there is a message to take.
+    pub const fn has_message(&self) -> bool {
+        self.len > 0
+    }
+
+    /// Takes the message for sending.
+    pub fn take(&mut self) -> Option<&[u8]> {
+        if self.len == 0 {
+            return None;
+        }
+        let len = core::mem::take(&mut self.len);
+        self.next = self.next.plus(1);
+        self.buf.as_ref().get(..len)
+    }
+}

@@ -1,0 +1,81 @@
+//! Puts the fragments of a submessage together again, up to the storage's length.
+
+/// Collects pieces that arrive in order.
+#[derive(Debug)]
+pub(super) struct Reassembly<R> {
+    buf: R,
+    len: usize,
+    /// The current submessage is too long; its pieces are dropped up to the last one.
+    skipping: bool,
+}
+
+/// What a piece did.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Piece<'a> {
+    /// More are to come.
+    Partial,
+    /// It was the last one; here is the whole.
+    Complete(&'a [u8]),
+    /// It made the whole too long; reported once per submessage.
+    TooLong,
+}
+
+impl<R: AsRef<[u8]> + AsMut<[u8]>> Reassembly<R> {
+    pub(super) const fn new(buf: R) -> Self {
+        Reassembly {
+            buf,
+            len: 0,
+            skipping: false,
+        }
+    }
+
+    pub(super) const fn reset(&mut self) {
+        self.len = 0;
+        self.skipping = false;
+    }
+
+    pub(super) fn append(&mut self, piece: &[u8], last: bool) -> Piece<'_> {
+        let mut result = Piece::Partial;
+        let end = self.len.saturating_add(piece.len());
+        if !self.skipping {
+            match self.buf.as_mut().get_mut(self.len..end) {
+                Some(room) => {
+                    room.copy_from_slice(piece);
+                    self.len = end;
+                }
+                None => {
+                    self.skipping = true;
+                    result = Piece::TooLong;
+                }
+            }
+        }
+        if last {
+            let len = core::mem::take(&mut self.len);
+            if !core::mem::take(&mut self.skipping) {
+                return Piece::Complete(self.buf.as_ref().get(..len).unwrap_or(&[]));
+            }
+        }
+        result
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whole_or_nothing() {
+        let mut r = Reassembly::new([0; 6]);
+        assert_eq!(r.append(b"abc", false), Piece::Partial);
+        assert_eq!(r.append(b"def", true), Piece::Complete(b"abcdef"));
+        assert_eq!(r.append(b"abcde", false), Piece::Partial);
+        assert_eq!(r.append(b"fg", false), Piece::TooLong);
+        assert_eq!(r.append(b"h", false), Piece::Partial);
+        assert_eq!(r.append(b"i", true), Piece::Partial);
+        assert_eq!(r.append(b"jk", true), Piece::Complete(b"jk"));
+        assert_eq!(r.append(b"abcdefg", true), Piece::TooLong);
+        assert_eq!(r.append(b"l", false), Piece::Partial);
+        r.reset();
+        assert_eq!(r.append(b"m", true), Piece::Complete(b"m"));
+    }
+}
