@@ -161,18 +161,18 @@ impl<const N: usize> Corrected<N> {
         self.clock
     }
 
-    /// Queues a chunk that is not before any other; merges at the later time if equal or full.
+    /// Queues a chunk that is not before any other. Merged with the youngest, at the later time, if
+    /// their times are equal or the queue is full.
     fn push(&mut self, chunk: Chunk) {
         let limit = usize::from(self.params.max_repl());
         let full = self.queue.len() >= limit;
-        if let Some(tail) = self.queue.back_mut()
-            && (full || tail.time == chunk.time)
-        {
-            tail.time = chunk.time;
-            tail.amount += chunk.amount;
-            return;
+        let youngest = self.queue.back_mut().unwrap_or(&mut self.head);
+        if full || youngest.time == chunk.time {
+            youngest.time = chunk.time;
+            youngest.amount += chunk.amount;
+        } else {
+            self.queue.push_back(chunk, limit);
         }
-        self.queue.push_back(chunk, limit);
     }
 }
 
