@@ -36,9 +36,6 @@ pub struct Tuning {
     /// A funded thread with less than this left counts as exhausted: a check for a shorter time
     /// would cost more than it decides.
     pub slack: Nanos,
-    /// How much earlier than the computed exhaustion the check is set: the time from a timer's
-    /// expiry to the enforcer's reading of the CPU clock.
-    pub lead: Nanos,
     /// No check is set nearer than this: the guard against a timer that is always already past.
     pub min_rearm: Nanos,
     /// The longest distance between two checks of a thread that makes no progress. It bounds the
@@ -50,7 +47,6 @@ impl Tuning {
     /// For Linux, from measurements (`docs/enforcement.md`).
     pub const LINUX: Self = Self {
         slack: 5_000,
-        lead: 5_000,
         min_rearm: 10_000,
         max_backoff: 1_000_000,
     };
@@ -156,11 +152,16 @@ impl<S: BudgetServer> Reservation<S> {
         (self.cpu_mark, self.read_at)
     }
 
-    /// The thread leaves its wait. What it consumed on the way in and out of the wait since the
-    /// last reading belongs to the new activation, so that no CPU time escapes the account.
-    pub fn activate(&mut self, now: Nanos, cpu: Nanos) -> Verdict {
+    /// The thread leaves its wait. `woken` is when it became runnable, which can be long before
+    /// `now`, when it first ran, if it had to wait for the CPU: budget comes back a period after
+    /// `woken` (POSIX rule R2), so a thread that is kept waiting is not also replenished late.
+    /// Times before the last wait began count as its beginning, times after `now` as `now`.
+    ///
+    /// What it consumed on the way into and out of the wait since the last reading belongs to the
+    /// new activation, so that no CPU time escapes the account.
+    pub fn activate(&mut self, woken: Nanos, now: Nanos, cpu: Nanos) -> Verdict {
         self.runnable = true;
-        self.server.activate(now);
+        self.server.activate(woken.max(self.read_at).min(now));
         self.backoff = 0;
         self.account(now, cpu, &[]);
         self.decide(now)
@@ -177,6 +178,10 @@ impl<S: BudgetServer> Reservation<S> {
     /// Decides by a fresh reading of the CPU clock; due at [`check_at`](Self::check_at), allowed at
     /// any time.
     pub fn judge(&mut self, now: Nanos, cpu: Nanos, gaps: &[Gap]) -> Verdict {
+        if self.sleeps_funded() {
+            self.check_at = None;
+            return Verdict { change: None };
+        }
         let elapsed = now.saturating_sub(self.read_at);
         let used = cpu.saturating_sub(self.cpu_mark);
         self.check_at = None;
@@ -198,7 +203,9 @@ impl<S: BudgetServer> Reservation<S> {
 
     /// Reads without deciding: brings the counters up to date.
     pub fn observe(&mut self, now: Nanos, cpu: Nanos, gaps: &[Gap]) {
-        self.account(now, cpu, gaps);
+        if !self.sleeps_funded() {
+            self.account(now, cpu, gaps);
+        }
     }
 
     /// The verdict was carried out: the thread has had the level since `now`, when its CPU clock
@@ -256,6 +263,12 @@ impl<S: BudgetServer> Reservation<S> {
         self.decide(now)
     }
 
+    /// Nothing can happen to a thread that waits at the high level, and the server must not see
+    /// time pass, or a wake-up before now could no longer be told it.
+    fn sleeps_funded(&self) -> bool {
+        !self.runnable && self.level == Level::High
+    }
+
     /// Charges what the CPU clock shows since the last reading to the level in force.
     fn account(&mut self, now: Nanos, cpu: Nanos, gaps: &[Gap]) {
         let used = cpu.saturating_sub(self.cpu_mark);
@@ -304,7 +317,7 @@ impl<S: BudgetServer> Reservation<S> {
         let wanted = match self.level {
             Level::Low => self.server.next_replenishment(),
             Level::High if self.runnable => {
-                let left = self.server.available(now).saturating_sub(self.tuning.lead);
+                let left = self.server.available(now);
                 Some(now.saturating_add(left.max(self.tuning.min_rearm).max(self.backoff)))
             }
             Level::High => return, // waiting and funded: an old check may stay, it does no harm

@@ -85,6 +85,16 @@ impl<const N: usize> Server<N> {
         }
     }
 
+    /// Sets the smallest amount worth raising the thread for, in ns; see
+    /// [`Corrected::with_min_chunk`]. The POSIX server has no such rule and stays as it is.
+    #[must_use]
+    pub fn with_min_chunk(self, min_chunk: Nanos) -> Self {
+        match self {
+            Self::Corrected(server) => Self::Corrected(server.with_min_chunk(min_chunk)),
+            posix @ Self::Posix(_) => posix,
+        }
+    }
+
     /// Which server this is.
     pub const fn kind(&self) -> Kind {
         match self {

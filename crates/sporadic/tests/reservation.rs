@@ -46,7 +46,7 @@ impl Sim {
     }
 
     fn activate(&mut self) {
-        let v = self.r.activate(self.now, self.cpu);
+        let v = self.r.activate(self.now, self.now, self.cpu);
         self.obey(v);
     }
 
@@ -185,6 +185,19 @@ fn blocking_inside_a_callback_starts_a_new_activation() {
         .map(|c| (c.time, c.amount))
         .collect();
     assert_eq!(back, [(100 * MS, 5 * MS), (155 * MS, 5 * MS)]);
+}
+
+#[test]
+fn waiting_for_the_cpu_does_not_delay_the_replenishment() {
+    let mut sim = Sim::new(10 * MS, 100 * MS, vec![0]);
+    sim.pass(20 * MS, false);
+    // Woken at 5 ms, kept off the CPU until 20 ms; an observer reads the account meanwhile.
+    sim.r.observe(sim.now, sim.cpu, &[]);
+    let v = sim.r.activate(5 * MS, sim.now, sim.cpu);
+    sim.obey(v);
+    sim.pass(30 * MS, true);
+    assert_eq!(sim.r.level(), Level::Low);
+    assert_eq!(sim.r.check_at(), Some(105 * MS));
 }
 
 #[derive(Clone, Debug)]

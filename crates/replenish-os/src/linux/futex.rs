@@ -25,3 +25,14 @@ fn op(word: &AtomicU32, op: i32, val: u32) -> i32 {
     let rc = unsafe { libc::syscall(libc::SYS_futex, word.as_ptr(), op, val, no_timeout) };
     if rc == -1 { sys::errno() } else { 0 }
 }
+
+/// Stub.
+pub(super) fn wait(word: &AtomicU32, val: u32, _: Option<crate::Nanos>) {
+    let no_timeout = std::ptr::null::<libc::timespec>();
+    // SAFETY: stub
+    unsafe { libc::syscall(libc::SYS_futex, word.as_ptr(), libc::FUTEX_WAIT | PRIVATE, val, no_timeout) };
+}
+pub(super) fn wake(word: &AtomicU32, n: u32) {
+    // SAFETY: stub
+    unsafe { libc::syscall(libc::SYS_futex, word.as_ptr(), libc::FUTEX_WAKE | PRIVATE, n) };
+}

@@ -8,3 +8,13 @@ pub(crate) mod sched;
 mod sys;
 pub(crate) mod tid;
 pub mod timer;
+
+pub(crate) mod enforcer;
+mod stub;
+use affinity::{CpuSet, set_affinity};
+use clock::ThreadCpuClock;
+use pi_mutex::PiMutex;
+use sched::{demote_to_tail, promote};
+use stub::*;
+use tid::{Tid, current_tid};
+use timer::TimerFd;

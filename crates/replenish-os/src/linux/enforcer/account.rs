@@ -8,7 +8,7 @@ use crate::linux::{
     Signal, SwitchLog, ThreadCpuClock, Tid, clock, current_tid, voluntary_switches,
 };
 use crate::Nanos;
-use sporadic::{BudgetServer, Level, Low, Params, Reservation, ServerKind};
+use sporadic::{BudgetServer, Level, Low, Params, Reservation, Kind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -82,7 +82,7 @@ impl Account {
     pub(super) fn enroll(
         shared: &Arc<Shared>,
         params: &Params,
-        kind: ServerKind,
+        kind: Kind,
     ) -> Result<Self, EnrollError> {
         let config = &shared.config;
         if shared.rung != Enforcement::Deferred && params.priority() >= config.priority {
@@ -93,8 +93,9 @@ impl Account {
         }
         let tid = current_tid();
         let now = clock::monotonic();
-        let server = AnyServer::new(kind, params.clone(), now, config.tuning.slack)
-            .map_err(EnrollError::Params)?;
+        let server = AnyServer::new(kind, params.clone(), now)
+            .map_err(EnrollError::Params)?
+            .with_min_chunk(config.tuning.slack);
         let reservation = Reservation::new(server, config.tuning, now, clock::thread_cpu());
         // Without the records the voluntary-switch counter stands in: see callback_end().
         let switches = if config.switch_log { SwitchLog::open(tid).ok() } else { None };

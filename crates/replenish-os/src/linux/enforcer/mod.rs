@@ -36,9 +36,10 @@ pub use account::{Account, Meter, Stopped, Usage};
 pub use overruns::{OverrunSummary, Stall};
 
 use super::{PiMutex, ThreadSpec, TimerFd, clock};
-use crate::{Nanos, SpawnError, Thread};
+use super::stub::{SpawnError, Thread, Policy};
+use crate::Nanos;
 use entry::Entry;
-use sporadic::{Params, Server, ServerKind, Tuning};
+use sporadic::{Params, Server, Kind, Tuning};
 use std::fmt;
 use std::io;
 use std::sync::Arc;
@@ -195,7 +196,7 @@ impl Enforcer {
         let timer = TimerFd::new().map_err(SpawnError::Os)?;
         let name = config.cpu.map_or_else(|| "enforcer".into(), |cpu| format!("enforcer/{cpu}"));
         let mut spec = ThreadSpec::new(&name)
-            .policy(crate::Policy::fifo(config.priority).map_err(SpawnError::Policy)?)
+            .policy(Policy::fifo(config.priority).map_err(SpawnError::Policy)?)
             .stack_size(256 * 1024);
         if let Some(cpu) = config.cpu {
             spec = spec.cpu(cpu);
@@ -229,7 +230,7 @@ impl Enforcer {
     ///
     /// # Errors
     /// [`EnrollError`] when there is no room, or the parameters do not fit.
-    pub fn enroll(&self, params: &Params, kind: ServerKind) -> Result<Account, EnrollError> {
+    pub fn enroll(&self, params: &Params, kind: Kind) -> Result<Account, EnrollError> {
         Account::enroll(&self.shared, params, kind)
     }
 

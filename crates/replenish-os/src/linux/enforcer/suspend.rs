@@ -63,7 +63,7 @@ impl SuspendCell {
         self.0.store(SUSPENDED, Ordering::SeqCst);
         if running {
             // SAFETY: tgkill takes plain numbers; a thread that has ended gives ESRCH.
-            unsafe { libc::syscall(libc::SYS_tgkill, libc::getpid(), tid.as_raw(), signal()) };
+            unsafe { libc::syscall(libc::SYS_tgkill, libc::getpid(), tid.get(), signal()) };
         }
     }
 
