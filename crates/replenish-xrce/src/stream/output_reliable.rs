@@ -120,6 +120,11 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         self.ring.free()
     }
 
+    /// The first message that is not acknowledged; the next one to be sent if all are.
+    pub const fn first_unacknowledged(&self) -> SeqNum {
+        self.ring.first
+    }
+
     /// Whether everything was acknowledged.
     pub const fn is_idle(&self) -> bool {
         self.ring.used == 0

@@ -1,0 +1,120 @@
+//! What clients may ask for without a session: to open one, and whether the agent is there.
+
+use super::{AgentCore, Now};
+use crate::client::Client;
+use crate::config::Nanos;
+use replenish_xrce::wire::{
+    AgentInfo, Body, ClientKey, CreateClient, GetInfo, Header, Info, Message, ObjectId, Properties,
+    Status, StatusAgent, VENDOR, VERSION,
+};
+use std::hash::Hash;
+
+/// A `CREATE_CLIENT` that repeats one this recent is a duplicate from the network, not a client that
+/// has started again: it must not reset streams that may be in use by now.
+const DUPLICATE: Nanos = 100_000_000;
+
+/// The shortest message length a client may announce: room for a header, a FRAGMENT and some bytes.
+const MIN_MTU: u16 = 64;
+
+impl<P: Copy + Eq + Hash> AgentCore<P> {
+    /// A message without a session.
+    pub(super) fn outside(&mut self, now: Now, peer: P, message: &Message<'_>) {
+        for submessage in message.submessages() {
+            let body = submessage.and_then(|submessage| submessage.body());
+            match body {
+                Ok(Body::CreateClient(create)) => {
+                    self.create_client(now, peer, &message.header, &create);
+                }
+                Ok(Body::GetInfo(get)) => self.info(peer, &message.header, &get),
+                Ok(_) => self.counters.unsupported.hit(),
+                Err(_) => {
+                    self.counters.malformed.hit();
+                    return;
+                }
+            }
+        }
+    }
+
+    /// `GET_INFO`, in or outside of a session.
+    pub(super) fn info(&mut self, peer: P, header: &Header, get: &GetInfo) {
+        let known = get.base.object == ObjectId::AGENT;
+        let info = Info {
+            base: get.base,
+            status: if known {
+                Status::OK
+            } else {
+                Status::UNKNOWN_REFERENCE
+            },
+            // What eProsima's agents send: 1 in a session, 0 outside.
+            implementation: u8::from(!header.session.is_none()),
+            agent: known.then_some(AgentInfo {
+                version: VERSION,
+                vendor: VENDOR,
+            }),
+            availability: known.then_some(1),
+        };
+        let key = header.key.unwrap_or(ClientKey([0; 4]));
+        if !self.replies.push(peer, header.session, key, &info) {
+            self.counters.replies_dropped.hit();
+        }
+    }
+
+    fn create_client(&mut self, now: Now, peer: P, header: &Header, create: &CreateClient<'_>) {
+        let status = self.open(now.monotonic, peer, header, create);
+        if !status.is_ok() {
+            self.counters.refused.hit();
+        }
+        let reply = StatusAgent {
+            status,
+            implementation: 0,
+            version: VERSION,
+            vendor: VENDOR,
+            properties: Properties::None,
+        };
+        if !self.replies.push(peer, create.session, create.key, &reply) {
+            self.counters.replies_dropped.hit();
+        }
+    }
+
+    /// Opens the session. A client with the same key, or at the same place with the same session
+    /// id, is replaced: the newer one wins.
+    fn open(&mut self, now: Nanos, peer: P, header: &Header, create: &CreateClient<'_>) -> Status {
+        let (key, session) = (create.key, create.session);
+        let other_form = session.has_key() != header.session.has_key();
+        let other_key = header.key.is_some_and(|in_header| in_header != key);
+        if key == ClientKey([0; 4]) || session.is_none() || other_form || other_key {
+            return Status::INVALID_DATA;
+        }
+        if create.version.first() != VERSION.first() {
+            return Status::INCOMPATIBLE;
+        }
+        if create.mtu < MIN_MTU {
+            return Status::INVALID_DATA;
+        }
+        let mtu = usize::from(create.mtu);
+        let same = self.clients.by_key(key);
+        if let Some(client) = same.and_then(|index| self.clients.get_mut(index)) {
+            let again = (client.peer, client.session, client.mtu) == (peer, session, mtu);
+            if again && now.saturating_sub(client.created) < DUPLICATE {
+                return Status::OK;
+            }
+        }
+        for index in [same, self.clients.by_route(peer, session)]
+            .into_iter()
+            .flatten()
+        {
+            if self.clients.get_mut(index).is_some() {
+                self.counters.clients_replaced.hit();
+                self.remove(index);
+            }
+        }
+        let Some(index) = self.clients.vacancy() else {
+            return Status::RESOURCES;
+        };
+        let client = Client::new(index, peer, (key, session), mtu, now, &self.limits);
+        self.clients.insert(index, client);
+        self.counters.clients_created.hit();
+        self.counters.clients.set(self.clients.len());
+        Status::OK
+    }
+}

@@ -1,0 +1,86 @@
+//! What an agent counts, and how it is read from another thread while the agent runs.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+macro_rules! counters {
+    ($($(#[doc = $doc:literal])+ $name:ident,)*) => {
+        /// A snapshot of an agent's counters. All but `clients` only grow.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+        #[non_exhaustive]
+        pub struct Stats {
+            $($(#[doc = $doc])+ pub $name: u64,)*
+        }
+
+        /// The counters themselves: one writer (the agent), any number of readers.
+        #[derive(Debug, Default)]
+        pub(crate) struct Counters {
+            $(pub(crate) $name: Counter,)*
+        }
+
+        impl Counters {
+            /// The values now. Each is exact; together they may be from slightly different times.
+            pub(crate) fn snapshot(&self) -> Stats {
+                Stats { $($name: self.$name.get(),)* }
+            }
+        }
+    };
+}
+
+counters! {
+    /// Clients known now.
+    clients,
+    /// Sessions opened.
+    clients_created,
+    /// Sessions ended because a client with the same key, or at the same place, opened a newer one.
+    clients_replaced,
+    /// Sessions ended because the client was silent for too long.
+    clients_reaped,
+    /// Datagrams received.
+    datagrams_in,
+    /// Datagrams sent.
+    datagrams_out,
+    /// Datagrams dropped, whole or from some byte on, because they are not XRCE.
+    malformed,
+    /// Datagrams dropped because nobody opened a session there.
+    no_session,
+    /// Submessages ignored because this agent does not know or support them.
+    unsupported,
+    /// Requests answered with an error status.
+    refused,
+    /// Replies dropped because too many of them wait.
+    replies_dropped,
+    /// Samples that clients wrote.
+    samples_in,
+    /// Samples put into a reader's queue, once per reader.
+    samples_routed,
+    /// Samples handed to a stream towards a client.
+    samples_out,
+    /// Samples that left a reader's queue unsent because a newer one needed the room.
+    samples_dropped,
+    /// Samples dropped because they are too large, or because too many bytes wait already.
+    samples_refused,
+    /// Datagrams sent again because a client missed them.
+    retransmitted,
+    /// Datagrams that the operating system did not take.
+    send_failed,
+}
+
+/// A number with one writer.
+#[derive(Debug, Default)]
+pub(crate) struct Counter(AtomicU64);
+
+impl Counter {
+    /// Adds one.
+    pub(crate) fn hit(&self) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Sets the value.
+    pub(crate) fn set(&self, value: usize) {
+        self.0.store(value as u64, Ordering::Relaxed);
+    }
+
+    fn get(&self) -> u64 {
+        self.0.load(Ordering::Relaxed)
+    }
+}

@@ -1,0 +1,207 @@
+//! The agent's answers against those of eProsima's agents, byte for byte.
+//!
+//! What the captured clients sent is played to our agent, and what it sends is compared with what
+//! the captured agent sent to the same client. Repetitions count once. Heartbeats are left out:
+//! they depend on how slow an agent was. Of DATA, the sequence number is: the captured agents lose
+//! the first samples while DDS finds out who reads them, ours does not.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "test code"
+)]
+
+#[path = "../../replenish-xrce/tests/common/mod.rs"]
+mod common;
+
+use common::{Datagram, scenario};
+use replenish_agent::{AgentCore, Limits, Now};
+use replenish_xrce::wire::{Body, Message, Status, SubmessageId, WireTime};
+use std::collections::BTreeSet;
+
+type Sent = BTreeSet<(u16, Vec<u8>)>;
+
+fn kind(bytes: &[u8]) -> SubmessageId {
+    let message = Message::parse(bytes).unwrap();
+    let mut submessages = message.submessages();
+    let first = submessages.next().unwrap().unwrap();
+    assert!(
+        submessages.next().is_none(),
+        "one submessage in each message"
+    );
+    first.id
+}
+
+fn insert(sent: &mut Sent, port: u16, bytes: &[u8]) {
+    let mut bytes = bytes.to_vec();
+    match kind(&bytes) {
+        SubmessageId::Heartbeat => return,
+        SubmessageId::Data => bytes[2..4].fill(0),
+        _ => {}
+    }
+    sent.insert((port, bytes));
+}
+
+/// What our agent sends when it is played what the clients of the scenario sent.
+fn play(datagrams: &[Datagram], unix: i64) -> Sent {
+    let mut agent = AgentCore::new(Limits::default());
+    let mut sent = Sent::new();
+    for datagram in datagrams.iter().filter(|d| d.from_client) {
+        let now = Now {
+            monotonic: datagram.time,
+            unix,
+        };
+        agent.receive(now, datagram.client_port, &datagram.bytes);
+        while agent.pump(now, 100, &mut |port, bytes| insert(&mut sent, *port, bytes)) {}
+    }
+    assert_eq!(agent.stats().malformed, 0);
+    sent
+}
+
+fn captured(datagrams: &[Datagram]) -> Sent {
+    let mut sent = Sent::new();
+    for datagram in datagrams.iter().filter(|d| !d.from_client) {
+        insert(&mut sent, datagram.client_port, &datagram.bytes);
+    }
+    sent
+}
+
+fn hex(sent: &Sent, without: &Sent) -> Vec<String> {
+    let only = sent.difference(without);
+    only.map(|(port, bytes)| format!("{port} {bytes:02x?}"))
+        .collect()
+}
+
+/// Everything the captured agent sent, ours sends too; returns what it sends besides.
+fn covers(datagrams: &[Datagram]) -> Vec<Vec<u8>> {
+    let (theirs, ours) = (captured(datagrams), play(datagrams, 0));
+    assert!(theirs.len() > 2, "{} captured datagrams", theirs.len());
+    let missing = hex(&theirs, &ours);
+    assert!(
+        missing.is_empty(),
+        "missing {missing:#?}\nbesides {:#?}",
+        hex(&ours, &theirs)
+    );
+    ours.difference(&theirs)
+        .map(|(_, bytes)| bytes.clone())
+        .collect()
+}
+
+fn same(name: &str) {
+    assert_eq!(
+        covers(&scenario(name)),
+        Vec::<Vec<u8>>::new(),
+        "{name}: only ours"
+    );
+}
+
+/// Only samples come besides, `count` of them.
+fn same_but_for_lost_samples(datagrams: &[Datagram], count: usize) {
+    let besides = covers(datagrams);
+    assert!(
+        besides
+            .iter()
+            .all(|bytes| kind(bytes) == SubmessageId::Data),
+        "{besides:02x?}"
+    );
+    assert_eq!(besides.len(), count);
+}
+
+#[test]
+fn best_effort_exchange() {
+    same("besteffort");
+}
+
+#[test]
+fn binary_entities_and_a_client_that_hears_itself() {
+    same("binary");
+}
+
+#[test]
+fn ping_in_and_outside_of_a_session() {
+    same("tcp");
+}
+
+#[test]
+fn reliable_exchange_with_xml_entities() {
+    same_but_for_lost_samples(&scenario("reliable"), 1);
+}
+
+#[test]
+fn reliable_exchange_as_with_agent_3() {
+    same_but_for_lost_samples(&scenario("reliable, agent v3.0.1 (Fast DDS 3.2.3)"), 3);
+}
+
+/// The agent's side of a lossy proxy: what the clients' repetitions and NACKs make it repeat.
+#[test]
+fn repair_of_lost_messages() {
+    let mut datagrams = scenario("loss");
+    datagrams.retain(|d| [50924, 36287].contains(&d.client_port));
+    same_but_for_lost_samples(&datagrams, 2);
+}
+
+/// The capture ends in the middle: the captured agent had not yet acknowledged the last four.
+#[test]
+fn fragments_are_acknowledged() {
+    let besides = covers(&scenario("fragment (first 120 datagrams)"));
+    assert!(
+        besides
+            .iter()
+            .all(|bytes| kind(bytes) == SubmessageId::AckNack)
+    );
+    assert_eq!(besides.len(), 4);
+}
+
+#[test]
+fn time_is_told() {
+    let datagrams = scenario("timesync");
+    let replies: Vec<&Datagram> = datagrams
+        .iter()
+        .filter(|d| kind(&d.bytes) == SubmessageId::TimestampReply)
+        .collect();
+    assert_eq!(replies.len(), 4);
+    for reply in replies {
+        let message = Message::parse(&reply.bytes).unwrap();
+        let body = message
+            .submessages()
+            .next()
+            .unwrap()
+            .unwrap()
+            .body()
+            .unwrap();
+        let Body::TimestampReply(times) = body else {
+            panic!("{body:?}")
+        };
+        let nanos = times.receive.as_nanos();
+        let ours = play(&datagrams, nanos);
+        // Ours receives and transmits at once.
+        let mut expected = reply.bytes.clone();
+        expected.copy_within(16..24, 8);
+        assert!(ours.contains(&(reply.client_port, expected)), "{reply}");
+        assert_eq!(WireTime::from_nanos(nanos), times.receive);
+    }
+}
+
+/// Requesters and repliers are left to later: refused, and the session goes on.
+#[test]
+fn services_are_refused() {
+    let datagrams = scenario("reqrep");
+    let ours = play(&datagrams, 0);
+    let statuses: Vec<Status> = ours
+        .iter()
+        .filter_map(|(_, bytes)| {
+            let message = Message::parse(bytes).unwrap();
+            match message.submessages().next()?.unwrap().body().unwrap() {
+                Body::Status(reply) if reply.base.object.number() == 1 => Some(reply.status),
+                _ => None,
+            }
+        })
+        .collect();
+    let count = |status| statuses.iter().filter(|s| **s == status).count();
+    assert_eq!(count(Status::OK), 2, "participants");
+    assert_eq!(count(Status::INCOMPATIBLE), 2, "a requester and a replier");
+    assert!(
+        count(Status::UNKNOWN_REFERENCE) > 0,
+        "reading and writing them"
+    );
+}
