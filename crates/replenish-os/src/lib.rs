@@ -1,27 +1,45 @@
 //! The operating-system edge of replenish: the only crate of the workspace with `unsafe`.
 //!
-//! - [`clock`]: monotonic time, CPU clocks of this and other threads, absolute sleep.
+//! - [`Policy`], [`ThreadSpec`], [`spawn`], [`granted`]: threads that have what was asked before
+//!   they run user code, and what the kernel says they have.
+//! - [`Signal`]: the hand-off cell that one thread waits on.
+//! - [`Enforcer`], [`Account`], [`Meter`]: budgets held by lowering and raising priorities.
+//! - [`SwitchLog`], [`voluntary_switches`]: was a thread preempted, or did it block?
+//! - [`PiMutex`]: a lock with priority inheritance.
+//! - [`clock`], [`timer`]: monotonic time, CPU clocks of this and other threads, absolute sleep,
+//!   one-shot timers.
 //! - [`Tid`], [`current_tid`], [`set_affinity`], [`affinity`]: naming and placing threads.
 //! - [`SchedClass`], [`set_priority`], [`promote`], [`demote_to_tail`]: what an enforcer does to
 //!   the threads it watches.
-//! - [`PiMutex`]: a lock with priority inheritance.
-//! - [`timer`]: one-shot timers on absolute monotonic time.
+//! - [`privilege`]: what this process may do, and the commands that grant what is missing.
 //!
 //! Time is `u64` nanoseconds of `CLOCK_MONOTONIC` ([`Nanos`]) unless said otherwise.
 //! Every `unsafe` block lives in a module of its own topic under `linux/` and wraps one system call.
 
 #[cfg(target_os = "linux")]
 mod linux;
+mod policy;
+#[cfg(target_os = "linux")]
+mod signal;
+#[cfg(target_os = "linux")]
+mod sync_shim;
 
 #[cfg(target_os = "linux")]
 pub use linux::{
     affinity::{CpuSet, affinity, set_affinity},
     clock,
+    enforcer::{Account, Enforcement, Enforcer, EnforcerConfig, EnforcerStats, EnrollError, Meter, OverrunSummary, Stall, Stopped, Usage},
+    granted::{Granted, GrantedPolicy, granted},
     pi_mutex::{PiMutex, PiMutexGuard},
+    privilege,
     sched::{SchedClass, demote_to_tail, promote, set_priority},
+    spawn_error::SpawnError,
+    switches::{Drained, Switch, SwitchKind, SwitchLog, voluntary_switches},
+    thread::{Thread, ThreadSpec, spawn},
     tid::{Tid, current_tid},
     timer,
 };
-
-/// Nanoseconds: a point on `CLOCK_MONOTONIC` or a length of time, as the name around it says.
-pub type Nanos = u64;
+pub use policy::{MAX_PRIORITY, MIN_RUNTIME, Policy, PolicyError};
+#[cfg(target_os = "linux")]
+pub use signal::Signal;
+pub use sporadic::{Level, Low, Nanos, ParamError, Params};

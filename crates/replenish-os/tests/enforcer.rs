@@ -71,7 +71,7 @@ fn load(
                 continue;
             }
             clock::sleep_until(start);
-            account.activate();
+            account.activate(start);
             while clock::monotonic() < end && account.callback_begin().is_ok() {
                 burn(shape.run, end);
                 if shape.pause > 0 {
@@ -256,7 +256,7 @@ fn without_privilege_callbacks_wait_for_budget() {
     assert_eq!(enforcer.enforcement(), Enforcement::Deferred);
     let params = Params::new(60, Low::Background(6), 20 * MS, 50 * MS, 16).unwrap();
     let mut account = enforcer.enroll(&params, Kind::Corrected).unwrap();
-    account.activate();
+    account.activate(clock::monotonic());
     let (wall, cpu) = (clock::monotonic(), clock::thread_cpu());
     for _ in 0..20 {
         account.callback_begin().unwrap();
@@ -278,7 +278,7 @@ fn a_cancelled_worker_stops_waiting_for_budget() {
     let params = Params::new(60, Low::Background(6), MS, 3_600_000 * MS, 16).unwrap();
     let mut account = enforcer.enroll(&params, Kind::Corrected).unwrap();
     let meter = account.meter();
-    account.activate();
+    account.activate(clock::monotonic());
     account.callback_begin().unwrap();
     burn(2 * MS, u64::MAX);
     let other = std::thread::spawn(move || {

@@ -2,19 +2,16 @@
 
 pub(crate) mod affinity;
 pub mod clock;
-mod futex;
+pub(crate) mod enforcer;
+pub(crate) mod futex;
+pub(crate) mod granted;
 pub(crate) mod pi_mutex;
+pub mod privilege;
 pub(crate) mod sched;
+mod sched_attr;
+pub(crate) mod spawn_error;
 mod sys;
+pub(crate) mod thread;
 pub(crate) mod tid;
 pub mod timer;
-
-pub(crate) mod enforcer;
-mod stub;
-use affinity::{CpuSet, set_affinity};
-use clock::ThreadCpuClock;
-use pi_mutex::PiMutex;
-use sched::{demote_to_tail, promote};
-use stub::*;
-use tid::{Tid, current_tid};
-use timer::TimerFd;
+pub(crate) mod switches;

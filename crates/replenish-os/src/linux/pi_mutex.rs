@@ -14,6 +14,7 @@
 //! waiting longer than the critical section itself.
 #![expect(unsafe_code, reason = "lends out the content of an UnsafeCell")]
 
+use super::enforcer::suspend;
 use super::futex;
 use super::tid::current_tid;
 use std::cell::UnsafeCell;
@@ -23,6 +24,8 @@ use std::ops::{Deref, DerefMut};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// A mutual exclusion lock whose owner inherits the priority of its waiters.
+///
+/// A worker whose low mode is suspension is not suspended while it holds one, only right after.
 ///
 /// No poison (a panic inside a critical section unlocks it as it unwinds), no allocation, and no
 /// system call while nobody else wants the lock. Waiters are served by priority, equals in order
@@ -58,6 +61,7 @@ impl<T: ?Sized> PiMutex<T> {
     /// without unlocking (a leaked guard), or if the kernel has no priority-inheriting futexes.
     /// The alternative to each would be to wait for ever.
     pub fn lock(&self) -> PiMutexGuard<'_, T> {
+        suspend::enter_critical();
         if !self.try_acquire() {
             self.lock_slow();
         }
@@ -69,8 +73,13 @@ impl<T: ?Sized> PiMutex<T> {
 
     /// Takes the lock if it is free at this moment; never waits.
     pub fn try_lock(&self) -> Option<PiMutexGuard<'_, T>> {
+        suspend::enter_critical();
+        let taken = self.try_acquire();
+        if !taken {
+            suspend::leave_critical();
+        }
         // Lazily: a guard that is built unlocks when it is dropped.
-        self.try_acquire().then(|| PiMutexGuard {
+        taken.then(|| PiMutexGuard {
             mutex: self,
             not_send: PhantomData,
         })
@@ -111,6 +120,7 @@ impl<T: ?Sized> PiMutex<T> {
             let error = futex::unlock_pi(&self.word);
             debug_assert_eq!(error, 0, "FUTEX_UNLOCK_PI by the owner");
         }
+        suspend::leave_critical();
     }
 }
 

@@ -29,13 +29,7 @@ pub enum SchedClass {
 /// `EINVAL` for a priority outside `1..=99`, `EPERM` without the privilege, `ESRCH` if the
 /// thread has ended.
 pub fn set_priority(tid: Tid, class: SchedClass) -> io::Result<()> {
-    let (policy, priority) = match class {
-        SchedClass::Other => (libc::SCHED_OTHER, 0),
-        SchedClass::Fifo(p) => (libc::SCHED_FIFO, p),
-        SchedClass::RoundRobin(p) => (libc::SCHED_RR, p),
-    };
-    let reset = reset_on_fork(tid)?;
-    set_scheduler(tid, policy | reset, priority)
+    set_scheduler(tid, class, reset_on_fork(tid)?)
 }
 
 /// Raises thread `tid` to FIFO priority `hi`, at the tail of that priority's list, as POSIX wants
@@ -57,11 +51,15 @@ pub fn promote(tid: Tid, hi: u8) -> io::Result<()> {
 /// the head and a raised one at the tail (`lo` = 1 goes through `SCHED_OTHER`). Between the two
 /// steps the thread can be preempted by everything at `lo`; a caller above it on the same CPU
 /// does not let that happen. A thread that demotes *itself* is lowered once and then yields,
-/// which has the same effect without the dip. The reset-on-fork flag is kept.
+/// which has the same effect without the dip. The reset-on-fork flag is kept. `lo` = 0 is the
+/// time-sharing class, where there is no such order.
 ///
 /// # Errors
 /// As [`set_priority`]; if the second step fails, the thread is left below `lo`.
 pub fn demote_to_tail(tid: Tid, lo: u8) -> io::Result<()> {
+    if lo == 0 {
+        return set_priority(tid, SchedClass::Other);
+    }
     if tid == current_tid() {
         promote(tid, lo)?;
         // SAFETY: sched_yield has no arguments and touches no memory.
@@ -73,29 +71,42 @@ pub fn demote_to_tail(tid: Tid, lo: u8) -> io::Result<()> {
         set_param(tid, lo)
     } else {
         let reset = reset_on_fork(tid)?;
-        set_scheduler(tid, libc::SCHED_OTHER | reset, 0)?;
-        set_scheduler(tid, libc::SCHED_FIFO | reset, lo)
+        set_scheduler(tid, SchedClass::Other, reset)?;
+        set_scheduler(tid, SchedClass::Fifo(lo), reset)
     }
 }
 
-/// `SCHED_RESET_ON_FORK` if the thread has the flag, else 0.
-fn reset_on_fork(tid: Tid) -> io::Result<i32> {
+/// Whether the thread has the reset-on-fork flag.
+fn reset_on_fork(tid: Tid) -> io::Result<bool> {
     // Raw system calls throughout this file: musl's wrappers return ENOSYS.
     // SAFETY: no memory is passed.
     let policy = sys::check(unsafe { libc::syscall(libc::SYS_sched_getscheduler, tid.get()) })?;
-    let flag = policy & libc::c_long::from(libc::SCHED_RESET_ON_FORK);
-    Ok(if flag == 0 {
-        0
-    } else {
-        libc::SCHED_RESET_ON_FORK
-    })
+    Ok(policy & libc::c_long::from(libc::SCHED_RESET_ON_FORK) != 0)
 }
 
-fn set_scheduler(tid: Tid, policy: i32, priority: u8) -> io::Result<()> {
+/// Sets class, priority and the reset-on-fork flag; keeps the nice value.
+pub(super) fn set_scheduler(tid: Tid, class: SchedClass, reset_on_fork: bool) -> io::Result<()> {
+    let (policy, priority) = match class {
+        SchedClass::Other => (libc::SCHED_OTHER, 0),
+        SchedClass::Fifo(p) => (libc::SCHED_FIFO, p),
+        SchedClass::RoundRobin(p) => (libc::SCHED_RR, p),
+    };
+    let flags = if reset_on_fork {
+        libc::SCHED_RESET_ON_FORK
+    } else {
+        0
+    };
     let param = param(priority);
     let param = &raw const param;
     // SAFETY: `param` points to a sched_param that lives across the call.
-    let rc = unsafe { libc::syscall(libc::SYS_sched_setscheduler, tid.get(), policy, param) };
+    let rc = unsafe {
+        libc::syscall(
+            libc::SYS_sched_setscheduler,
+            tid.get(),
+            policy | flags,
+            param,
+        )
+    };
     sys::check(rc).map(drop)
 }
 

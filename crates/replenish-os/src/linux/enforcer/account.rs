@@ -3,12 +3,13 @@
 use super::entry::{Entry, Outcome};
 use super::overruns::summarise;
 use super::suspend::SuspendCell;
-use super::{AnyServer, EnrollError, Enforcement, OverrunSummary, Shared};
-use crate::linux::{
-    Signal, SwitchLog, ThreadCpuClock, Tid, clock, current_tid, voluntary_switches,
-};
+use super::{AnyServer, Enforcement, EnrollError, OverrunSummary, Shared};
 use crate::Nanos;
-use sporadic::{BudgetServer, Level, Low, Params, Reservation, Kind};
+use crate::Signal;
+use crate::linux::clock::{self, ThreadCpuClock};
+use crate::linux::switches::{SwitchLog, voluntary_switches};
+use crate::linux::tid::{Tid, current_tid};
+use sporadic::{BudgetServer, Kind, Level, Low, Params, Reservation};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -93,14 +94,17 @@ impl Account {
         }
         let tid = current_tid();
         let now = clock::monotonic();
-        let server = AnyServer::new(kind, params.clone(), now)
+        let server = AnyServer::new(kind, *params, now)
             .map_err(EnrollError::Params)?
             .with_min_chunk(config.tuning.slack);
         let reservation = Reservation::new(server, config.tuning, now, clock::thread_cpu());
         // Without the records the voluntary-switch counter stands in: see callback_end().
-        let switches = if config.switch_log { SwitchLog::open(tid).ok() } else { None };
-        let suspends =
-            params.low() == Low::Suspend && shared.rung != Enforcement::Deferred;
+        let switches = if config.switch_log {
+            SwitchLog::open(tid).ok()
+        } else {
+            None
+        };
+        let suspends = params.low() == Low::Suspend && shared.rung != Enforcement::Deferred;
         let suspend = Arc::new(SuspendCell::new());
         if suspends {
             suspend.attach_current_thread().map_err(EnrollError::Os)?;
@@ -119,15 +123,30 @@ impl Account {
         let wake = Signal::new();
         let cancelled = AtomicBool::new(false);
         let shared = Arc::clone(shared);
-        let budget =
-            Budgeted { shared, index, wake, suspend, cancelled, has_switch_log, suspends };
+        let budget = Budgeted {
+            shared,
+            index,
+            wake,
+            suspend,
+            cancelled,
+            has_switch_log,
+            suspends,
+        };
         Ok(Self::over(tid, Some(budget)))
     }
 
     fn over(tid: Tid, budget: Option<Budgeted>) -> Self {
         let clock = ThreadCpuClock::of(tid);
-        let inner = Inner { tid, clock, last_cpu: 0.into(), budget };
-        Self { meter: Meter(Arc::new(inner)), switches_seen: 0 }
+        let inner = Inner {
+            tid,
+            clock,
+            last_cpu: 0.into(),
+            budget,
+        };
+        Self {
+            meter: Meter(Arc::new(inner)),
+            switches_seen: 0,
+        }
     }
 
     /// A reader of this account.
@@ -136,10 +155,12 @@ impl Account {
         self.meter.clone()
     }
 
-    /// The worker leaves its wait: call right after it woke up with work to do.
-    pub fn activate(&mut self) {
+    /// The worker leaves its wait: call right after it woke up with work to do. `woken` is when
+    /// the work arrived ([`clock::monotonic`]): if the worker then had to wait for the CPU, its
+    /// budget still comes back a period after `woken`, as the rules say.
+    pub fn activate(&mut self, woken: Nanos) {
         if let Some(b) = &self.meter.0.budget {
-            b.with(|entry, rung| entry.activate(clock::monotonic(), rung));
+            b.with(|entry, rung| entry.activate(woken, clock::monotonic(), rung));
         }
     }
 
@@ -156,7 +177,9 @@ impl Account {
     /// # Errors
     /// [`Stopped`] when [`Meter::cancel`] was called meanwhile.
     pub fn callback_begin(&mut self) -> Result<(), Stopped> {
-        let Some(b) = &self.meter.0.budget else { return Ok(()) };
+        let Some(b) = &self.meter.0.budget else {
+            return Ok(());
+        };
         if b.suspends {
             b.suspend.wait_while_suspended();
         }
@@ -166,12 +189,18 @@ impl Account {
         if !b.has_switch_log {
             self.switches_seen = voluntary_switches();
         }
-        if b.cancelled.load(Ordering::Acquire) { Err(Stopped) } else { Ok(()) }
+        if b.cancelled.load(Ordering::Acquire) {
+            Err(Stopped)
+        } else {
+            Ok(())
+        }
     }
 
     /// After each callback: notices that it blocked inside, where the kernel keeps no records.
     pub fn callback_end(&mut self) {
-        let Some(b) = &self.meter.0.budget else { return };
+        let Some(b) = &self.meter.0.budget else {
+            return;
+        };
         if !b.has_switch_log && voluntary_switches() != self.switches_seen {
             b.with(|entry, _| {
                 entry.blocked_inside(clock::monotonic());
@@ -185,7 +214,9 @@ impl Drop for Account {
     /// Takes the last reading while the thread still has a clock; the entry stays for its readers.
     fn drop(&mut self) {
         let inner = &self.meter.0;
-        inner.last_cpu.store(inner.clock.read().unwrap_or(0), Ordering::Release);
+        inner
+            .last_cpu
+            .store(inner.clock.read().unwrap_or(0), Ordering::Release);
         self.meter.abandon();
         if let Some(b) = &inner.budget {
             b.suspend.detach_current_thread();
@@ -219,10 +250,15 @@ impl Meter {
         let Some(b) = &self.0.budget else {
             let last = self.0.last_cpu.load(Ordering::Acquire);
             let cpu_high = self.0.clock.read().unwrap_or(last);
-            return Usage { cpu_high, ..Usage::default() };
+            return Usage {
+                cpu_high,
+                ..Usage::default()
+            };
         };
         let mut state = b.shared.state.lock();
-        let Some(entry) = state.entries.get_mut(b.index) else { return Usage::default() };
+        let Some(entry) = state.entries.get_mut(b.index) else {
+            return Usage::default();
+        };
         let now = clock::monotonic();
         if entry.live {
             entry.observe(now);
@@ -243,11 +279,15 @@ impl Meter {
     /// How far the budget was overrun, newest exhaustions first. Allocates: not for the hot path.
     #[must_use]
     pub fn overruns(&self) -> OverrunSummary {
-        let Some(b) = &self.0.budget else { return OverrunSummary::default() };
+        let Some(b) = &self.0.budget else {
+            return OverrunSummary::default();
+        };
         let mut sample = Vec::with_capacity(1024);
         let totals = {
             let state = b.shared.state.lock();
-            let Some(entry) = state.entries.get(b.index) else { return OverrunSummary::default() };
+            let Some(entry) = state.entries.get(b.index) else {
+                return OverrunSummary::default();
+            };
             entry.overruns.copy_into(&mut sample)
         };
         summarise(&mut sample, totals)
@@ -279,15 +319,19 @@ impl Budgeted {
     /// One step on the entry under the lock, and the timer set if the step asks for it earlier.
     fn with(&self, step: impl FnOnce(&mut Entry, Enforcement) -> Outcome) {
         let mut state = self.shared.state.lock();
-        let Some(entry) = state.entries.get_mut(self.index) else { return };
+        let Some(entry) = state.entries.get_mut(self.index) else {
+            return;
+        };
         let outcome = step(entry, self.shared.rung);
         let (check, waits) = (entry.check_at(), !entry.reservation.is_runnable());
         state.stats.changes += u64::from(outcome == Outcome::Changed);
         state.stats.refused += u64::from(outcome == Outcome::Refused);
-        if waits || outcome != Outcome::Unchanged {
-            self.shared.cpu_freed(&mut state);
-        }
-        if let Some(at) = check {
+        let pulled = if waits || outcome != Outcome::Unchanged {
+            state.pull_in(clock::monotonic())
+        } else {
+            None
+        };
+        if let Some(at) = check.into_iter().chain(pulled).min() {
             self.shared.arm(&mut state, at);
         }
     }
@@ -299,7 +343,9 @@ impl Budgeted {
                 return Err(Stopped);
             }
             let mut state = self.shared.state.lock();
-            let Some(entry) = state.entries.get_mut(self.index) else { return Ok(()) };
+            let Some(entry) = state.entries.get_mut(self.index) else {
+                return Ok(());
+            };
             entry.judge(clock::monotonic(), Enforcement::Deferred);
             if entry.reservation.level() == Level::High {
                 return Ok(());

@@ -4,8 +4,11 @@ use super::gaps::GapTracker;
 use super::overruns::Overruns;
 use super::suspend::SuspendCell;
 use super::{AnyServer, Enforcement};
-use crate::linux::{SwitchLog, ThreadCpuClock, Tid, clock, demote_to_tail, promote};
 use crate::Nanos;
+use crate::linux::clock::{self, ThreadCpuClock};
+use crate::linux::sched::{demote_to_tail, promote};
+use crate::linux::switches::SwitchLog;
+use crate::linux::tid::Tid;
 use sporadic::{BudgetServer, Level, Low, Reservation, Verdict};
 use std::sync::Arc;
 
@@ -51,7 +54,11 @@ impl Entry {
 
     /// When the next judgement is due, if any.
     pub(super) fn check_at(&self) -> Option<Nanos> {
-        if self.live { self.reservation.check_at() } else { None }
+        if self.live {
+            self.reservation.check_at()
+        } else {
+            None
+        }
     }
 
     pub(super) fn is_due(&self, now: Nanos) -> bool {
@@ -65,7 +72,11 @@ impl Entry {
 
     /// See [`Reservation::pull_in`]; the new time if it moved.
     pub(super) fn pull_in(&mut self, now: Nanos) -> Option<Nanos> {
-        if self.live && self.reservation.pull_in(now) { self.check_at() } else { None }
+        if self.live && self.reservation.pull_in(now) {
+            self.check_at()
+        } else {
+            None
+        }
     }
 
     /// The thread's CPU clock; a thread that has ended keeps its last reading.
@@ -88,14 +99,14 @@ impl Entry {
         }
     }
 
-    /// The worker leaves its wait.
-    pub(super) fn activate(&mut self, now: Nanos, rung: Enforcement) -> Outcome {
+    /// The worker leaves its wait; it was woken at `woken`.
+    pub(super) fn activate(&mut self, woken: Nanos, now: Nanos, rung: Enforcement) -> Outcome {
         let cpu = self.cpu();
         if let Some(log) = &mut self.switches {
             log.drain(&mut |_| {}); // switches of the wait itself
         }
         self.gaps.restart(now);
-        let verdict = self.reservation.activate(now, cpu);
+        let verdict = self.reservation.activate(woken, now, cpu);
         self.obey(verdict, 0, rung)
     }
 
@@ -139,7 +150,9 @@ impl Entry {
     }
 
     fn obey(&mut self, verdict: Verdict, late: u64, rung: Enforcement) -> Outcome {
-        let Some(level) = verdict.change else { return Outcome::Unchanged };
+        let Some(level) = verdict.change else {
+            return Outcome::Unchanged;
+        };
         let params = self.reservation.server().params();
         let (high, low) = (params.priority(), params.low());
         let done = match (rung, level, low) {
@@ -147,7 +160,8 @@ impl Entry {
             (_, Level::Low, Low::Background(low)) => demote_to_tail(self.tid, low),
             (_, Level::High, Low::Background(_)) => promote(self.tid, high),
             (_, Level::Low, Low::Suspend) => {
-                self.suspend.suspend(self.tid, self.reservation.is_runnable());
+                self.suspend
+                    .suspend(self.tid, self.reservation.is_runnable());
                 Ok(())
             }
             (_, Level::High, Low::Suspend) => {
@@ -163,6 +177,10 @@ impl Entry {
         if let Some(overrun) = self.reservation.applied(level, now, cpu) {
             self.overruns.record(overrun, late);
         }
-        if done.is_ok() { Outcome::Changed } else { Outcome::Refused }
+        if done.is_ok() {
+            Outcome::Changed
+        } else {
+            Outcome::Refused
+        }
     }
 }

@@ -3,8 +3,8 @@
 //! Only the kernel's records tell a thread that was *preempted* (it stays activated) from one that
 //! *blocked* inside its callback (it is activated anew when it wakes, POSIX XSH 2.8.4 rule R2).
 
-use super::super::{Switch, SwitchKind};
 use crate::Nanos;
+use crate::linux::switches::{Switch, SwitchKind};
 use sporadic::Gap;
 
 /// More gaps than this in one reading are joined to the last one; joining is safe (a later
@@ -24,7 +24,11 @@ pub(crate) struct GapTracker {
 
 impl GapTracker {
     pub(crate) const fn new() -> Self {
-        const NONE: Gap = Gap { ran: 0, out_at: 0, in_at: 0 };
+        const NONE: Gap = Gap {
+            ran: 0,
+            out_at: 0,
+            in_at: 0,
+        };
         Self {
             gaps: [NONE; MAX_GAPS],
             len: 0,
@@ -68,7 +72,11 @@ impl GapTracker {
                 self.on_cpu = true;
                 self.in_at = switch.time;
                 if let Some(out_at) = self.blocked_at.take() {
-                    self.push(Gap { ran: self.ran, out_at, in_at: switch.time });
+                    self.push(Gap {
+                        ran: self.ran,
+                        out_at,
+                        in_at: switch.time,
+                    });
                     self.ran = 0;
                 }
             }
@@ -78,7 +86,11 @@ impl GapTracker {
     /// Records were lost: everything since the last reading counts as activated at `now`.
     pub(crate) fn lost(&mut self, since: Nanos, now: Nanos) {
         self.len = 0;
-        self.push(Gap { ran: 0, out_at: since, in_at: now });
+        self.push(Gap {
+            ran: 0,
+            out_at: since,
+            in_at: now,
+        });
     }
 
     pub(crate) fn gaps(&self) -> &[Gap] {
@@ -100,20 +112,39 @@ mod tests {
     use super::*;
 
     fn out(time: Nanos, preempted: bool) -> Switch {
-        Switch { time, kind: SwitchKind::Out { preempted } }
+        Switch {
+            time,
+            kind: SwitchKind::Out { preempted },
+        }
     }
     fn inn(time: Nanos) -> Switch {
-        Switch { time, kind: SwitchKind::In }
+        Switch {
+            time,
+            kind: SwitchKind::In,
+        }
     }
 
     #[test]
     fn preemption_is_no_gap_and_blocking_is_one() {
         let mut t = GapTracker::new();
         t.restart(100);
-        for s in [out(110, true), inn(120), out(125, false), inn(200), out(230, true)] {
+        for s in [
+            out(110, true),
+            inn(120),
+            out(125, false),
+            inn(200),
+            out(230, true),
+        ] {
             t.feed(s);
         }
-        assert_eq!(t.gaps(), [Gap { ran: 15, out_at: 125, in_at: 200 }]);
+        assert_eq!(
+            t.gaps(),
+            [Gap {
+                ran: 15,
+                out_at: 125,
+                in_at: 200
+            }]
+        );
     }
 
     #[test]
@@ -124,7 +155,14 @@ mod tests {
         assert_eq!(t.gaps(), []);
         t.next_reading(50);
         t.feed(inn(70));
-        assert_eq!(t.gaps(), [Gap { ran: 0, out_at: 10, in_at: 70 }]);
+        assert_eq!(
+            t.gaps(),
+            [Gap {
+                ran: 0,
+                out_at: 10,
+                in_at: 70
+            }]
+        );
     }
 
     #[test]

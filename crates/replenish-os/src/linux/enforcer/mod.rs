@@ -30,16 +30,19 @@ mod account;
 mod entry;
 mod gaps;
 mod overruns;
-mod suspend;
+pub(super) mod suspend;
 
 pub use account::{Account, Meter, Stopped, Usage};
-pub use overruns::{OverrunSummary, Stall};
+pub use overruns::{OverrunSummary, STALL, Stall};
 
-use super::{PiMutex, ThreadSpec, TimerFd, clock};
-use super::stub::{SpawnError, Thread, Policy};
-use crate::Nanos;
+use super::clock::{self, ThreadCpuClock};
+use super::pi_mutex::PiMutex;
+use super::spawn_error::SpawnError;
+use super::thread::{Thread, ThreadSpec, spawn};
+use super::timer::TimerFd;
+use crate::{Nanos, Policy};
 use entry::Entry;
-use sporadic::{Params, Server, Kind, Tuning};
+use sporadic::{Kind, Params, Server, Tuning};
 use std::fmt;
 use std::io;
 use std::sync::Arc;
@@ -95,13 +98,22 @@ impl EnforcerConfig {
     /// The defaults for workers pinned to `cpu`: priority 99, room for 64 workers.
     #[must_use]
     pub fn on_cpu(cpu: usize) -> Self {
-        Self { cpu: Some(cpu), ..Self::unpinned() }
+        Self {
+            cpu: Some(cpu),
+            ..Self::unpinned()
+        }
     }
 
     /// The defaults for workers that are not pinned.
     #[must_use]
     pub fn unpinned() -> Self {
-        Self { cpu: None, priority: 99, capacity: 64, tuning: Tuning::LINUX, switch_log: true }
+        Self {
+            cpu: None,
+            priority: 99,
+            capacity: 64,
+            tuning: Tuning::LINUX,
+            switch_log: true,
+        }
     }
 }
 
@@ -131,7 +143,10 @@ impl fmt::Display for EnrollError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Full { capacity } => {
-                write!(f, "the enforcer has room for {capacity} budgeted workers and all are taken")
+                write!(
+                    f,
+                    "the enforcer has room for {capacity} budgeted workers and all are taken"
+                )
             }
             Self::PriorityTooHigh { worker, enforcer } => write!(
                 f,
@@ -165,7 +180,7 @@ pub struct EnforcerStats {
 pub struct Enforcer {
     shared: Arc<Shared>,
     thread: std::sync::Mutex<Option<Thread<()>>>,
-    cpu_clock: Option<super::ThreadCpuClock>,
+    cpu_clock: Option<ThreadCpuClock>,
 }
 
 #[derive(Debug)]
@@ -191,21 +206,30 @@ impl Enforcer {
     /// [`SpawnError`] when the CPU does not exist or the priority is not granted (then
     /// [`Enforcer::deferred`] is the declared fallback).
     pub fn start(config: EnforcerConfig) -> Result<Arc<Self>, SpawnError> {
-        let rung =
-            if config.cpu.is_some() { Enforcement::SameCpu } else { Enforcement::OtherCpu };
-        let timer = TimerFd::new().map_err(SpawnError::Os)?;
-        let name = config.cpu.map_or_else(|| "enforcer".into(), |cpu| format!("enforcer/{cpu}"));
+        let rung = if config.cpu.is_some() {
+            Enforcement::SameCpu
+        } else {
+            Enforcement::OtherCpu
+        };
+        let timer = TimerFd::new().map_err(SpawnError::Create)?;
+        let name = config
+            .cpu
+            .map_or_else(|| "enforcer".into(), |cpu| format!("enforcer/{cpu}"));
         let mut spec = ThreadSpec::new(&name)
-            .policy(Policy::fifo(config.priority).map_err(SpawnError::Policy)?)
+            .policy(Policy::fifo(config.priority).map_err(SpawnError::Parameter)?)
             .stack_size(256 * 1024);
         if let Some(cpu) = config.cpu {
             spec = spec.cpu(cpu);
         }
         let shared = Arc::new(Shared::new(config, rung, Some(timer)));
         let theirs = Arc::clone(&shared);
-        let thread = super::spawn(spec, move || theirs.run())?;
-        let cpu_clock = Some(super::ThreadCpuClock::of(thread.tid()));
-        Ok(Arc::new(Self { shared, thread: std::sync::Mutex::new(Some(thread)), cpu_clock }))
+        let thread = spawn(spec, move || theirs.run())?;
+        let cpu_clock = Some(ThreadCpuClock::of(thread.tid()));
+        Ok(Arc::new(Self {
+            shared,
+            thread: std::sync::Mutex::new(Some(thread)),
+            cpu_clock,
+        }))
     }
 
     /// The rung without privilege: accounts, and defers callbacks that find no budget. No thread.
@@ -237,8 +261,15 @@ impl Enforcer {
     /// Counters so far; may be called from any thread at any time.
     #[must_use]
     pub fn stats(&self) -> EnforcerStats {
-        let cpu = self.cpu_clock.as_ref().and_then(super::ThreadCpuClock::read).unwrap_or(0);
-        EnforcerStats { cpu, ..self.shared.state.lock().stats }
+        let cpu = self
+            .cpu_clock
+            .as_ref()
+            .and_then(ThreadCpuClock::read)
+            .unwrap_or(0);
+        EnforcerStats {
+            cpu,
+            ..self.shared.state.lock().stats
+        }
     }
 
     /// Ends the thread. Workers still enrolled stay at the level they have.
@@ -251,7 +282,11 @@ impl Enforcer {
                 return;
             }
         }
-        let thread = self.thread.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
+        let thread = self
+            .thread
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner)
+            .take();
         if let Some(thread) = thread
             && thread.join().is_err()
         {
@@ -269,8 +304,18 @@ impl Drop for Enforcer {
 impl Shared {
     fn new(config: EnforcerConfig, rung: Enforcement, timer: Option<TimerFd>) -> Self {
         let entries = Vec::with_capacity(config.capacity.clamp(1, 1024));
-        let state = State { entries, armed: None, stats: EnforcerStats::default() };
-        Self { state: PiMutex::new(state), timer, stop: AtomicBool::new(false), rung, config }
+        let state = State {
+            entries,
+            armed: None,
+            stats: EnforcerStats::default(),
+        };
+        Self {
+            state: PiMutex::new(state),
+            timer,
+            stop: AtomicBool::new(false),
+            rung,
+            config,
+        }
     }
 
     /// The enforcer thread. Nothing in here allocates.
@@ -294,36 +339,23 @@ impl Shared {
     fn sweep(&self, state: &mut State) -> bool {
         let mut changed = 0;
         let mut refused = 0;
+        let mut now = clock::monotonic();
         for entry in &mut state.entries {
-            let now = clock::monotonic();
             if entry.is_due(now.saturating_add(self.config.tuning.slack)) {
                 match entry.judge(now, self.rung) {
                     entry::Outcome::Unchanged => {}
                     entry::Outcome::Changed => changed += 1,
                     entry::Outcome::Refused => refused += 1,
                 }
+                now = clock::monotonic();
             }
         }
         state.stats.changes += changed;
         state.stats.refused += refused;
         if changed > 0 {
-            self.cpu_freed(state);
+            state.pull_in(now);
         }
         changed > 0
-    }
-
-    /// A worker left the CPU: those that waited for it are judged at their exact times again.
-    fn cpu_freed(&self, state: &mut State) {
-        let now = clock::monotonic();
-        let mut earliest: Option<Nanos> = None;
-        for entry in &mut state.entries {
-            if let Some(at) = entry.pull_in(now) {
-                earliest = Some(earliest.map_or(at, |e| e.min(at)));
-            }
-        }
-        if let Some(at) = earliest {
-            self.arm(state, at);
-        }
     }
 
     /// Arms the timer for the earliest check.
@@ -340,5 +372,16 @@ impl Shared {
         if state.armed.is_none_or(|armed| at < armed) && timer.arm(at).is_ok() {
             state.armed = Some(at);
         }
+    }
+}
+
+impl State {
+    /// A worker left the CPU: those that waited for it are judged at their exact times again.
+    /// Returns the earliest time that moved.
+    fn pull_in(&mut self, now: Nanos) -> Option<Nanos> {
+        self.entries
+            .iter_mut()
+            .filter_map(|entry| entry.pull_in(now))
+            .min()
     }
 }

@@ -46,7 +46,12 @@ pub(crate) struct Overruns {
 
 impl Overruns {
     pub(crate) fn new() -> Self {
-        Self { ring: Box::new([0; KEPT]), count: 0, stalls: 0, worst: None }
+        Self {
+            ring: Box::new([0; KEPT]),
+            count: 0,
+            stalls: 0,
+            worst: None,
+        }
     }
 
     pub(crate) fn record(&mut self, overrun: i64, late: u64) {
@@ -84,7 +89,14 @@ pub(crate) fn summarise(
         let rank = (sample.len() * percent).div_ceil(100).max(1) - 1;
         sample.get(rank).copied().unwrap_or(0)
     };
-    OverrunSummary { count, median: at(50), p99: at(99), max: at(100), stalls, worst_stall }
+    OverrunSummary {
+        count,
+        median: at(50),
+        p99: at(99),
+        max: at(100),
+        stalls,
+        worst_stall,
+    }
 }
 
 #[cfg(test)]
@@ -104,7 +116,13 @@ mod tests {
         assert_eq!((s.count, s.stalls), (2048, 1));
         assert_eq!((s.median, s.max), (1024 + 511, 2047));
         assert_eq!(s.p99, 1024 + 1013);
-        assert_eq!(s.worst_stall, Some(Stall { late: STALL + 1, overrun: 9_999_999 }));
+        assert_eq!(
+            s.worst_stall,
+            Some(Stall {
+                late: STALL + 1,
+                overrun: 9_999_999
+            })
+        );
     }
 
     #[test]

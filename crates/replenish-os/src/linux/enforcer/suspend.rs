@@ -15,10 +15,13 @@
 //! What it cannot know: locks of other libraries. A callback that is suspended inside `malloc`
 //! keeps other threads from that arena. Prefer a background priority; suspend only callbacks
 //! that share nothing.
-#![expect(unsafe_code, reason = "signal handler, and a pointer in a thread local for it")]
+#![expect(
+    unsafe_code,
+    reason = "signal handler, and a pointer in a thread local for it"
+)]
 
-use super::super::futex;
-use super::super::Tid;
+use crate::linux::futex;
+use crate::linux::tid::Tid;
 use std::cell::Cell;
 use std::io;
 use std::ptr;
@@ -62,14 +65,15 @@ impl SuspendCell {
     pub(super) fn suspend(&self, tid: Tid, running: bool) {
         self.0.store(SUSPENDED, Ordering::SeqCst);
         if running {
+            let process = std::process::id();
             // SAFETY: tgkill takes plain numbers; a thread that has ended gives ESRCH.
-            unsafe { libc::syscall(libc::SYS_tgkill, libc::getpid(), tid.get(), signal()) };
+            unsafe { libc::syscall(libc::SYS_tgkill, process, tid.get(), signal()) };
         }
     }
 
     pub(super) fn resume(&self) {
         if self.0.swap(RUNNING, Ordering::SeqCst) == SUSPENDED {
-            futex::wake(&self.0, 1);
+            futex::wake_one(&self.0);
         }
     }
 

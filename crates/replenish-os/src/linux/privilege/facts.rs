@@ -1,0 +1,256 @@
+//! The facts behind a refusal, from `/proc`, `/sys` and `getrlimit(2)`.
+#![expect(unsafe_code, reason = "getrlimit, sysconf")]
+
+use std::fmt;
+use std::fs;
+use std::path::PathBuf;
+
+/// `CAP_IPC_LOCK` (linux/capability.h).
+pub(super) const CAP_IPC_LOCK: u32 = 14;
+/// `CAP_SYS_NICE`.
+pub(super) const CAP_SYS_NICE: u32 = 23;
+
+/// A resource limit; `None` is unlimited.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Limit {
+    /// What is in force.
+    pub soft: Option<u64>,
+    /// Up to which the process may raise it itself.
+    pub hard: Option<u64>,
+}
+
+impl fmt::Display for Limit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.soft {
+            Some(n) => n.fmt(f),
+            None => f.write_str("unlimited"),
+        }
+    }
+}
+
+/// `getrlimit(2)`.
+#[cfg(target_env = "gnu")]
+pub(super) fn limit(resource: libc::__rlimit_resource_t) -> Limit {
+    limit_of(|limit| {
+        // SAFETY: `limit` is writable for the call.
+        unsafe { libc::getrlimit(resource, limit) }
+    })
+}
+
+/// `getrlimit(2)`.
+#[cfg(not(target_env = "gnu"))]
+pub(super) fn limit(resource: libc::c_int) -> Limit {
+    limit_of(|limit| {
+        // SAFETY: `limit` is writable for the call.
+        unsafe { libc::getrlimit(resource, limit) }
+    })
+}
+
+fn limit_of(get: impl FnOnce(*mut libc::rlimit) -> libc::c_int) -> Limit {
+    let mut limit = libc::rlimit {
+        rlim_cur: 0,
+        rlim_max: 0,
+    };
+    if get(&raw mut limit) != 0 {
+        return Limit {
+            soft: Some(0),
+            hard: Some(0),
+        };
+    }
+    #[allow(
+        clippy::useless_conversion,
+        reason = "rlim_t has 32 bits on some targets"
+    )]
+    let finite = |value| (value != libc::RLIM_INFINITY).then_some(u64::from(value));
+    Limit {
+        soft: finite(limit.rlim_cur),
+        hard: finite(limit.rlim_max),
+    }
+}
+
+/// A set of Linux capabilities.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub(super) struct Capabilities(u64);
+
+impl Capabilities {
+    pub(super) fn contains(self, capability: u32) -> bool {
+        self.0 >> capability & 1 == 1
+    }
+
+    fn parse(status: &str) -> Self {
+        let line = status.lines().find_map(|line| line.strip_prefix("CapEff:"));
+        let bits = line.and_then(|hex| u64::from_str_radix(hex.trim(), 16).ok());
+        Self(bits.unwrap_or(0))
+    }
+}
+
+/// The effective capabilities of the calling thread.
+pub(super) fn effective_capabilities() -> Capabilities {
+    Capabilities::parse(&fs::read_to_string("/proc/thread-self/status").unwrap_or_default())
+}
+
+/// Whether what this process has mapped now may be locked.
+pub(super) fn memory_lock(capable: bool, limit: Limit) -> Result<(), String> {
+    let Some(limit) = limit.soft.filter(|_| !capable) else {
+        return Ok(());
+    };
+    // SAFETY: sysconf takes and touches no memory.
+    let page = u64::try_from(unsafe { libc::sysconf(libc::_SC_PAGESIZE) }).unwrap_or(4096);
+    let statm = fs::read_to_string("/proc/self/statm").unwrap_or_default();
+    let pages: u64 = statm
+        .split(' ')
+        .next()
+        .and_then(|n| n.parse().ok())
+        .unwrap_or(0);
+    let mapped = pages.saturating_mul(page);
+    if mapped <= limit {
+        return Ok(());
+    }
+    let (limit, mapped) = (limit >> 10, mapped >> 10);
+    Err(format!(
+        "RLIMIT_MEMLOCK is {limit} KiB, this process has {mapped} KiB mapped"
+    ))
+}
+
+/// What the control group of this process says about real-time threads.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum CgroupRt {
+    /// The `cpu` controller is bound to version 1 and gives real-time threads this much CPU.
+    V1 {
+        /// The control file, for the command that changes it.
+        file: PathBuf,
+        /// `cpu.rt_runtime_us`; 0 forbids real-time threads even to root.
+        rt_runtime_us: i64,
+    },
+    /// Version 1 without real-time group scheduling in the kernel: nothing in the way.
+    V1NoRtGroups,
+    /// Version 2. It has no real-time bandwidth; a kernel with `CONFIG_RT_GROUP_SCHED` refuses
+    /// real-time threads outside its root group.
+    V2 {
+        /// The group's path; `/` is the root.
+        path: String,
+    },
+    /// No control groups here, or unreadable.
+    None,
+}
+
+impl CgroupRt {
+    /// 1 or 2, the version that has the `cpu` controller; `None` without control groups.
+    #[must_use]
+    pub const fn version(&self) -> Option<u8> {
+        match self {
+            Self::V1 { .. } | Self::V1NoRtGroups => Some(1),
+            Self::V2 { .. } => Some(2),
+            Self::None => None,
+        }
+    }
+}
+
+/// Where this process is in the control groups.
+pub(super) fn cgroup() -> CgroupRt {
+    let membership = fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
+    let mounts = fs::read_to_string("/proc/self/mountinfo").unwrap_or_default();
+    if let Some(path) = v1_path(&membership) {
+        let file = v1_directory(&mounts, path).map(|dir| dir.join("cpu.rt_runtime_us"));
+        let runtime = file.as_ref().and_then(read_number);
+        return match (file, runtime) {
+            (Some(file), Some(rt_runtime_us)) => CgroupRt::V1 {
+                file,
+                rt_runtime_us,
+            },
+            _ => CgroupRt::V1NoRtGroups,
+        };
+    }
+    match membership.lines().find_map(|line| line.strip_prefix("0::")) {
+        Some(path) => CgroupRt::V2 { path: path.into() },
+        None => CgroupRt::None,
+    }
+}
+
+/// The path of the version 1 `cpu` group in the lines of `/proc/self/cgroup`.
+fn v1_path(membership: &str) -> Option<&str> {
+    membership.lines().find_map(|line| {
+        let (controllers, path) = line.split_once(':')?.1.split_once(':')?;
+        controllers.split(',').any(|c| c == "cpu").then_some(path)
+    })
+}
+
+/// The directory of group `path` under the mount point of the version 1 `cpu` controller.
+fn v1_directory(mounts: &str, path: &str) -> Option<PathBuf> {
+    mounts.lines().find_map(|line| {
+        let (mount, filesystem) = line.split_once(" - ")?;
+        let mut filesystem = filesystem.split(' ');
+        let cpu = filesystem.next()? == "cgroup"
+            && filesystem
+                .next_back()?
+                .split(',')
+                .any(|option| option == "cpu");
+        let mut fields = mount.split(' ').skip(3);
+        let (root, point) = (fields.next()?, fields.next()?);
+        let below = path
+            .strip_prefix(root)
+            .unwrap_or(path)
+            .trim_start_matches('/');
+        cpu.then(|| PathBuf::from(point).join(below))
+    })
+}
+
+/// The number in a one-line file.
+pub(crate) fn read_number(path: impl AsRef<std::path::Path>) -> Option<i64> {
+    fs::read_to_string(path).ok()?.trim().parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn capabilities_are_read_from_the_status_file() {
+        let caps = Capabilities::parse("Name:\tx\nCapEff:\t0000000000804000\nCapBnd:\tff\n");
+        assert!(caps.contains(CAP_SYS_NICE) && caps.contains(CAP_IPC_LOCK));
+        assert!(!caps.contains(0));
+        assert_eq!(Capabilities::parse(""), Capabilities(0));
+    }
+
+    #[test]
+    fn the_cpu_group_of_version_1_is_found_below_its_mount() {
+        let membership = "9:name=systemd:/\n3:cpuset:/x\n1:cpu,cpuacct:/docker/abc\n0::/\n";
+        assert_eq!(v1_path(membership), Some("/docker/abc"));
+        assert_eq!(v1_path("0::/user.slice\n"), None);
+        let mounts = "34 31 0:31 / /sys/fs/cgroup/cpuset rw - cgroup cgroup rw,cpuset\n\
+                      32 31 0:29 / /sys/fs/cgroup/cpu rw,relatime - cgroup cgroup rw,cpu,cpuacct\n";
+        let directory = v1_directory(mounts, "/docker/abc");
+        assert_eq!(directory, Some("/sys/fs/cgroup/cpu/docker/abc".into()));
+        // Inside a container the mount shows the container's own group as its root.
+        let inside = "32 31 0:29 /docker/abc /sys/fs/cgroup/cpu ro - cgroup cgroup rw,cpu\n";
+        assert_eq!(
+            v1_directory(inside, "/docker/abc"),
+            Some("/sys/fs/cgroup/cpu/".into())
+        );
+        assert_eq!(v1_directory("", "/"), None);
+    }
+
+    #[test]
+    fn memory_may_be_locked_with_the_capability_or_a_large_limit() {
+        let small = Limit {
+            soft: Some(4096),
+            hard: Some(4096),
+        };
+        assert!(memory_lock(true, small).is_ok());
+        assert!(
+            memory_lock(
+                false,
+                Limit {
+                    soft: None,
+                    hard: None
+                }
+            )
+            .is_ok()
+        );
+        assert!(
+            memory_lock(false, small)
+                .unwrap_err()
+                .contains("RLIMIT_MEMLOCK is 4 KiB")
+        );
+    }
+}

@@ -1,0 +1,243 @@
+//! Threads that have their name, CPU and policy *before* they run user code.
+//!
+//! ```text
+//!   spawn ──► new thread: name, affinity, policy ──► report ──► user code ──► done
+//!     │                                                │                       │
+//!     └── waits for the report ◄───────────────────────┘          join_until ◄─┘
+//! ```
+//!
+//! The affinity comes first, so that the thread never runs at real-time priority on a CPU that
+//! is not its own.
+
+use super::affinity::{CpuSet, affinity, set_affinity};
+use super::clock;
+use super::sched::{SchedClass, set_scheduler};
+use super::sched_attr;
+use super::spawn_error::SpawnError;
+use super::tid::{Tid, current_tid};
+use crate::Nanos;
+use crate::policy::Policy;
+use crate::signal::Signal;
+use std::any::Any;
+use std::io;
+use std::sync::{Arc, mpsc};
+use std::thread::JoinHandle;
+
+/// What a new thread shall have. Built in steps:
+/// `ThreadSpec::new("high").policy(Policy::fifo(60)?).cpu(1)`.
+#[derive(Clone, PartialEq, Eq, Debug)]
+#[must_use]
+pub struct ThreadSpec {
+    /// Shown by `ps -L` and `top -H`; Linux keeps the first 15 bytes.
+    pub name: String,
+    /// The policy; [`Policy::Other`] if not said.
+    pub policy: Policy,
+    /// The CPU the thread is pinned to; `None`: those its creator may use.
+    pub cpu: Option<usize>,
+    /// The stack in bytes; `None`: the 2 MiB of the standard library. Under
+    /// `memory::lock_all` the whole stack occupies memory.
+    pub stack_size: Option<usize>,
+    /// Whether threads and processes the thread creates start in `SCHED_OTHER`; true if not said.
+    /// Without it user code can leave its budget by spawning a thread.
+    pub reset_on_fork: bool,
+}
+
+impl ThreadSpec {
+    /// A thread called `name` in `SCHED_OTHER`, on any CPU.
+    pub fn new(name: impl Into<String>) -> Self {
+        let name = name.into();
+        Self {
+            name,
+            policy: Policy::Other,
+            cpu: None,
+            stack_size: None,
+            reset_on_fork: true,
+        }
+    }
+
+    /// Sets the policy.
+    pub fn policy(mut self, policy: Policy) -> Self {
+        self.policy = policy;
+        self
+    }
+
+    /// Pins the thread to one CPU.
+    pub fn cpu(mut self, cpu: impl Into<Option<usize>>) -> Self {
+        self.cpu = cpu.into();
+        self
+    }
+
+    /// Sets the stack size in bytes.
+    pub fn stack_size(mut self, bytes: usize) -> Self {
+        self.stack_size = Some(bytes);
+        self
+    }
+
+    /// Says whether children start in `SCHED_OTHER`.
+    pub fn reset_on_fork(mut self, reset: bool) -> Self {
+        self.reset_on_fork = reset;
+        self
+    }
+}
+
+/// A running thread. Dropping it lets the thread go on by itself.
+#[derive(Debug)]
+pub struct Thread<T> {
+    tid: Tid,
+    done: Arc<Signal>,
+    handle: JoinHandle<Option<T>>,
+}
+
+impl<T> Thread<T> {
+    /// Its kernel id. Not reused before the thread has ended.
+    #[must_use]
+    pub fn tid(&self) -> Tid {
+        self.tid
+    }
+
+    /// Whether the thread's function has returned.
+    #[must_use]
+    pub fn is_finished(&self) -> bool {
+        self.handle.is_finished()
+    }
+
+    /// Waits for the thread to end.
+    ///
+    /// # Errors
+    /// The payload of the panic that ended it.
+    pub fn join(self) -> std::thread::Result<T> {
+        let result = self.handle.join()?;
+        // `None` comes only from a thread that could not set itself up; `spawn` joins it itself.
+        result.ok_or_else(|| -> Box<dyn Any + Send> { Box::new("the thread never ran") })
+    }
+
+    /// Waits for the thread to end, but not longer than until `deadline` on the monotonic clock.
+    ///
+    /// # Errors
+    /// The thread itself if it still runs then.
+    pub fn join_until(self, deadline: Nanos) -> Result<std::thread::Result<T>, Self> {
+        /// Between the signal and the end the thread runs only the standard library's epilogue.
+        const POLL: Nanos = 50_000;
+        if !self.done.wait_until(deadline) {
+            return Err(self);
+        }
+        while !self.is_finished() {
+            let now = clock::monotonic();
+            if now >= deadline {
+                self.done.set(); // for a later join_until
+                return Err(self);
+            }
+            clock::sleep_until(deadline.min(now + POLL));
+        }
+        Ok(self.join())
+    }
+}
+
+/// Starts a thread that runs `f` once it has all of `spec`, and returns when it has.
+///
+/// A thread that cannot get what was asked ends without running `f`.
+///
+/// # Errors
+/// [`SpawnError`] says what was asked, what the kernel answered and what would grant it.
+pub fn spawn<T, F>(spec: ThreadSpec, f: F) -> Result<Thread<T>, SpawnError>
+where
+    F: FnOnce() -> T + Send + 'static,
+    T: Send + 'static,
+{
+    spec.policy.validate()?;
+    if spec.name.contains('\0') {
+        return Err(SpawnError::Name);
+    }
+    if let (Policy::Deadline { .. }, Some(cpu)) = (spec.policy, spec.cpu) {
+        return Err(SpawnError::PinnedDeadline { cpu });
+    }
+    let mut builder = std::thread::Builder::new().name(spec.name.clone());
+    if let Some(bytes) = spec.stack_size {
+        builder = builder.stack_size(bytes);
+    }
+    let done = Arc::new(Signal::new());
+    let at_end = SetOnDrop(Arc::clone(&done));
+    let (report, outcome) = mpsc::sync_channel(1);
+    let handle = builder
+        .spawn(move || {
+            let at_end = at_end;
+            let tid = current_tid();
+            let applied = apply(tid, &spec);
+            let ready = applied.is_ok();
+            // The creator waits for it, so it is received.
+            if report.send(applied.map(|()| tid)).is_err() || !ready {
+                return None;
+            }
+            let result = f();
+            drop(at_end);
+            Some(result)
+        })
+        .map_err(SpawnError::Create)?;
+    match outcome.recv() {
+        Ok(Ok(tid)) => Ok(Thread { tid, done, handle }),
+        Ok(Err(refused)) => {
+            drop(handle.join()); // it has nothing more to say
+            Err(refused)
+        }
+        Err(_) => Err(SpawnError::Create(io::Error::other(
+            "the new thread ended early",
+        ))),
+    }
+}
+
+/// Gives the calling thread what `spec` asks, except for its name.
+fn apply(tid: Tid, spec: &ThreadSpec) -> Result<(), SpawnError> {
+    if let Some(cpu) = spec.cpu {
+        let pinned = CpuSet::one(cpu);
+        let allowed = Box::new(affinity(tid).unwrap_or_default());
+        set_affinity(tid, &pinned).map_err(|source| SpawnError::Cpu {
+            cpu,
+            allowed,
+            source,
+        })?;
+    }
+    apply_policy(tid, spec.policy, spec.reset_on_fork)
+        .map_err(|source| SpawnError::policy(spec.policy, source))
+}
+
+fn apply_policy(tid: Tid, policy: Policy, reset_on_fork: bool) -> io::Result<()> {
+    let mut attr = sched_attr::empty();
+    if reset_on_fork {
+        attr.sched_flags = flag(libc::SCHED_FLAG_RESET_ON_FORK);
+    }
+    attr.sched_policy = match policy {
+        // The older call: it leaves the nice value alone.
+        Policy::Other => return set_scheduler(tid, SchedClass::Other, reset_on_fork),
+        Policy::Fifo { .. } | Policy::Sporadic(_) => libc::SCHED_FIFO,
+        Policy::RoundRobin { .. } => libc::SCHED_RR,
+        Policy::Deadline { .. } => libc::SCHED_DEADLINE,
+    }
+    .cast_unsigned();
+    attr.sched_priority = policy.priority().unwrap_or(0).into();
+    if let Policy::Deadline {
+        runtime,
+        deadline,
+        period,
+        reclaim,
+    } = policy
+    {
+        (attr.sched_runtime, attr.sched_deadline, attr.sched_period) = (runtime, deadline, period);
+        if reclaim {
+            attr.sched_flags |= flag(libc::SCHED_FLAG_RECLAIM);
+        }
+    }
+    sched_attr::set(tid, &attr)
+}
+
+fn flag(flag: libc::c_int) -> u64 {
+    flag.cast_unsigned().into()
+}
+
+/// Reports the end of the thread's function, also when it unwinds.
+struct SetOnDrop(Arc<Signal>);
+
+impl Drop for SetOnDrop {
+    fn drop(&mut self) {
+        self.0.set();
+    }
+}

@@ -1,0 +1,118 @@
+//! The hand-off cell: one thread waits, any thread signals, nothing is lost.
+//!
+//! ```text
+//!               set                        set (no system call)
+//!   ┌───────┐ ───────────────────────────► ┌───────┐ ──┐
+//!   │ EMPTY │                              │  SET  │   │ coalesces
+//!   └───────┘ ◄─────────────────────────── └───────┘ ◄─┘
+//!     │  ▲      wait returns (true)            ▲
+//!     │  │ deadline passed                     │ set, then one futex wake
+//!     ▼  │ (wait_until returns false)          │
+//!   ┌─────────┐ ───────────────────────────────┘
+//!   │ WAITING │   the waiter sleeps in the kernel while the word is WAITING
+//!   └─────────┘
+//! ```
+//!
+//! Why no wake-up is lost: the waiter announces itself (EMPTY to WAITING) before it sleeps, and
+//! the kernel puts it to sleep only if the word is still WAITING. A signaller swaps in SET first
+//! and looks at what it replaced. If it replaced WAITING, it wakes; if it came before the
+//! announcement, the waiter finds SET and does not sleep. `tests/loom_signal.rs` checks this code
+//! in every interleaving.
+//!
+//! The path from [`set`](Signal::set) to the waiter costs one swap and, if somebody waits, one
+//! `FUTEX_WAKE`. Nothing allocates. Signal outside of locks: a waiter of higher priority runs at
+//! once and would run into the lock.
+
+use crate::Nanos;
+use crate::sync_shim::{FutexWord, Woken};
+use std::sync::atomic::Ordering;
+
+const EMPTY: u32 = 0;
+const SET: u32 = 1;
+const WAITING: u32 = 2;
+
+/// A cell that one thread waits on and any thread sets; several sets before a wait count once.
+///
+/// What a thread wrote before [`set`](Self::set) is visible after the wait that this set ends,
+/// also if several sets coalesced. At most one thread may wait at a time: with two, a set wakes
+/// one of them and the other can sleep on until its deadline (a hang, not a data race).
+#[derive(Debug)]
+pub struct Signal {
+    word: FutexWord,
+}
+
+impl Default for Signal {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Signal {
+    /// A cell that is not set.
+    #[cfg(not(loom))]
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            word: FutexWord::new(EMPTY),
+        }
+    }
+
+    /// A cell that is not set; inside a `loom` model only.
+    #[cfg(loom)]
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            word: FutexWord::new(EMPTY),
+        }
+    }
+
+    /// Sets the cell and wakes the thread that waits, if one does. Never waits.
+    pub fn set(&self) {
+        // AcqRel, not Release: a waiter that consumes this set also sees what coalesced ones wrote.
+        if self.word.0.swap(SET, Ordering::AcqRel) == WAITING {
+            self.word.wake_one();
+        }
+    }
+
+    /// Consumes a set if there is one; never waits.
+    pub fn take(&self) -> bool {
+        self.word
+            .0
+            .compare_exchange(SET, EMPTY, Ordering::Acquire, Ordering::Relaxed)
+            .is_ok()
+    }
+
+    /// Waits until the cell is set and consumes the set.
+    pub fn wait(&self) {
+        self.wait_for(None);
+    }
+
+    /// Waits until the cell is set or [`monotonic`](crate::clock::monotonic) time has reached
+    /// `deadline`. Returns whether it consumed a set: one that is there is taken also after the
+    /// deadline.
+    pub fn wait_until(&self, deadline: Nanos) -> bool {
+        self.wait_for(Some(deadline))
+    }
+
+    fn wait_for(&self, deadline: Option<Nanos>) -> bool {
+        let word = &self.word.0;
+        loop {
+            if self.take() {
+                return true;
+            }
+            // Announce the wait. This fails if a set came in between, or if the announcement of
+            // an earlier round (after a spurious wake-up) still stands.
+            let announced =
+                word.compare_exchange(EMPTY, WAITING, Ordering::Relaxed, Ordering::Relaxed);
+            if announced == Err(SET) {
+                continue;
+            }
+            if self.word.wait(WAITING, deadline) == Woken::TimedOut {
+                // Withdraw the announcement, or find the set that came with the deadline.
+                let withdrawn =
+                    word.compare_exchange(WAITING, EMPTY, Ordering::Relaxed, Ordering::Relaxed);
+                return withdrawn.is_err() && self.take();
+            }
+        }
+    }
+}
