@@ -3,6 +3,7 @@
 //! ```text
 //!   wire     the codec: message and submessage headers, every submessage body, ids
 //!   stream   best-effort and reliable streams, both directions, fragments; used by client and agent
+//!   client   the client's session: log-in, objects, samples, loss of the agent
 //! ```
 //!
 //! Nothing here allocates, reads a clock or touches a socket; storage is the caller's. The
@@ -13,11 +14,15 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing, clippy::arithmetic_side_effects)]
 
+pub mod client;
 pub mod seq;
 pub mod stream;
 pub mod wire;
 
 pub use seq::SeqNum;
+
+#[cfg(test)]
+extern crate std;
 
 /// Nanoseconds on whatever monotonic clock the caller uses; only differences matter.
 pub type Nanos = u64;

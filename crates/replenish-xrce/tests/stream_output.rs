@@ -187,7 +187,7 @@ fn heartbeats_come_while_something_is_unacknowledged() {
 #[test]
 fn best_effort_packs_and_has_one_message_at_a_time() {
     let header = header(StreamId::BEST_EFFORT);
-    let mut stream = OutputBestEffort::new([0; MTU], header, Tail::Exact);
+    let mut stream = OutputBestEffort::new([0; 2 * MTU], header, Tail::Exact).limited(MTU);
     assert_eq!(
         stream.push(&write(&[0; 60])),
         Err(PushError::TooLarge {

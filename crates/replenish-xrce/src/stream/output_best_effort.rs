@@ -4,11 +4,11 @@ use super::{PushError, StreamHeader, Tail};
 use crate::SeqNum;
 use crate::wire::{Encode, MessageWriter, WireError, submessage_len};
 
-/// The sending end of a best-effort stream. `S` holds one message; its length is the longest
-/// message that is sent.
+/// The sending end of a best-effort stream. `S` holds one message.
 #[derive(Debug)]
 pub struct OutputBestEffort<S> {
     buf: S,
+    mtu: usize,
     header: StreamHeader,
     tail: Tail,
     /// Bytes of the message under construction; 0 if there is none.
@@ -17,15 +17,22 @@ pub struct OutputBestEffort<S> {
 }
 
 impl<S: AsRef<[u8]> + AsMut<[u8]>> OutputBestEffort<S> {
-    /// A stream at its beginning.
+    /// A stream at its beginning; no message is longer than `buf`.
     pub const fn new(buf: S, header: StreamHeader, tail: Tail) -> Self {
         OutputBestEffort {
             buf,
+            mtu: usize::MAX,
             header,
             tail,
             len: 0,
             next: SeqNum(0),
         }
+    }
+
+    /// The same with no message longer than `mtu`.
+    #[must_use]
+    pub fn limited(self, mtu: usize) -> Self {
+        OutputBestEffort { mtu, ..self }
     }
 
     /// Back to the beginning, for a new session.
@@ -42,7 +49,11 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>> OutputBestEffort<S> {
 
     /// The largest submessage, header included, that can be sent.
     pub fn limit(&self) -> usize {
-        self.buf.as_ref().len().saturating_sub(self.header.len())
+        self.buf
+            .as_ref()
+            .len()
+            .min(self.mtu)
+            .saturating_sub(self.header.len())
     }
 
     /// Appends a submessage to the message under construction.
@@ -56,12 +67,14 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>> OutputBestEffort<S> {
         if size > limit {
             return Err(PushError::TooLarge { size, limit });
         }
-        let empty = self.len == 0;
-        let mut writer = if empty {
-            MessageWriter::new(self.buf.as_mut(), &self.header.at(self.next))
-                .map_err(PushError::Wire)?
+        let room = self.buf.as_mut();
+        let room = room
+            .get_mut(..limit.saturating_add(self.header.len()))
+            .unwrap_or(&mut []);
+        let mut writer = if self.len == 0 {
+            MessageWriter::new(room, &self.header.at(self.next)).map_err(PushError::Wire)?
         } else {
-            MessageWriter::resume(self.buf.as_mut(), self.len)
+            MessageWriter::resume(room, self.len)
         };
         let pushed = match self.tail {
             Tail::Padded => writer.push_padded(body),

@@ -130,6 +130,11 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         self.ring.used == 0
     }
 
+    /// Messages that were pushed and not acknowledged.
+    pub const fn unacknowledged(&self) -> usize {
+        self.ring.used
+    }
+
     /// What happened so far.
     pub const fn stats(&self) -> OutputStats {
         self.stats

@@ -1,7 +1,7 @@
 //! `WRITE_DATA`, `READ_DATA` and DATA: samples up, the request for samples, samples down.
 
-use super::message::{Encode, SubmessageId};
 use super::{BaseRequest, Reader, StreamId, WireError, Writer};
+use super::{Encode, SubmessageId};
 
 const FORMAT_MASK: u8 = 0x0e;
 

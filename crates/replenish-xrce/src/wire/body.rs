@@ -1,11 +1,11 @@
 //! The sum of all submessage bodies, for decoding by id.
 
-use super::message::{Encode, FLAG_LITTLE_ENDIAN, SubmessageId};
 use super::{
     AckNack, Create, CreateClient, Data, Delete, Fragment, GetInfo, Heartbeat, Info, ReadData,
     Reader, Reset, StatusAgent, StatusReply, Timestamp, TimestampReply, WireError, WriteData,
     Writer,
 };
+use super::{Encode, FLAG_LITTLE_ENDIAN, SubmessageId};
 
 /// A decoded submessage body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

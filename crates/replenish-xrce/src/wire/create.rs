@@ -1,10 +1,10 @@
 //! CREATE and DELETE: a client's objects come and go.
 
-use super::message::{Encode, SubmessageId};
 use super::{
     BaseRequest, DataReaderBinary, DataWriterBinary, GroupBinary, ObjectId, ObjectKind,
     ParticipantBinary, Reader, ServiceBinary, TopicBinary, WireError, Writer,
 };
+use super::{Encode, SubmessageId};
 
 /// What to do if the object exists already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]

@@ -1,8 +1,8 @@
 //! `GET_INFO` and INFO: who is the agent, and is it there? The protocol's ping.
 
 use super::login::{COOKIE, Properties};
-use super::message::{Encode, SubmessageId};
 use super::{BaseRequest, ObjectKind, Reader, Status, WireError, Writer};
+use super::{Encode, SubmessageId};
 
 /// Bit of the `GET_INFO` mask: the configuration.
 pub const INFO_CONFIGURATION: u32 = 0x1;

@@ -1,7 +1,7 @@
 //! `CREATE_CLIENT`, `STATUS_AGENT` and STATUS: how a session begins, and the answer to requests.
 
-use super::message::{Encode, SubmessageId};
 use super::{BaseRequest, ClientKey, Reader, SessionId, Status, WireError, Writer};
+use super::{Encode, SubmessageId};
 
 /// The four bytes that begin a log-in.
 pub const COOKIE: [u8; 4] = *b"XRCE";

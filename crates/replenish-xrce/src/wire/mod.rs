@@ -13,7 +13,7 @@
 mod access;
 mod body;
 mod create;
-mod cursor;
+mod encode;
 mod endpoint;
 mod entity;
 mod error;
@@ -21,13 +21,15 @@ mod ids;
 mod info;
 mod login;
 mod message;
+mod reader;
 mod reliability;
 mod time;
+mod writer;
 
 pub use access::{Data, DeliveryControl, ReadData, WriteData};
 pub use body::Body;
 pub use create::{Create, CreationMode, Delete, Entity, Representation};
-pub use cursor::{Reader, Writer};
+pub use encode::{Encode, MessageWriter, encode_submessage, measure, submessage_len};
 pub use endpoint::{
     DataReaderBinary, DataWriterBinary, EndpointQos, QOS_DURABILITY_PERSISTENT,
     QOS_DURABILITY_TRANSIENT, QOS_DURABILITY_TRANSIENT_LOCAL, QOS_HISTORY_KEEP_LAST, QOS_RELIABLE,
@@ -40,9 +42,13 @@ pub use ids::{
 };
 pub use info::{AgentInfo, GetInfo, INFO_ACTIVITY, INFO_CONFIGURATION, Info};
 pub use login::{COOKIE, CreateClient, Properties, StatusAgent, StatusReply, VENDOR, VERSION};
-pub use message::{
-    Encode, FLAG_LITTLE_ENDIAN, Header, Message, MessageWriter, Submessage, SubmessageId,
-    Submessages, encode_submessage, measure, submessage_len,
-};
+pub use message::{FLAG_LITTLE_ENDIAN, Header, Message, Submessage, SubmessageId, Submessages};
+pub use reader::Reader;
 pub use reliability::{AckNack, Fragment, Heartbeat, Reset};
 pub use time::{Timestamp, TimestampReply, WireTime};
+pub use writer::Writer;
+
+/// Bytes from `pos` to the next multiple of `to`, a power of two.
+pub(crate) const fn padding(pos: usize, to: usize) -> usize {
+    pos.wrapping_neg() & to.wrapping_sub(1)
+}

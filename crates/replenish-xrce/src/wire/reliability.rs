@@ -3,7 +3,7 @@
 //! ACKNACK and HEARTBEAT travel outside of streams (stream 0, number 0) and name the stream they
 //! are about: an ACKNACK names the sender's input stream, a HEARTBEAT the sender's output stream.
 
-use super::message::{Encode, SubmessageId};
+use super::{Encode, SubmessageId};
 use super::{Reader, StreamId, WireError, Writer};
 use crate::SeqNum;
 

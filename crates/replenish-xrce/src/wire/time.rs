@@ -1,6 +1,6 @@
 //! TIMESTAMP and `TIMESTAMP_REPLY`: the agent's clock as seen by the client (as in NTP).
 
-use super::message::{Encode, SubmessageId};
+use super::{Encode, SubmessageId};
 use super::{Reader, WireError, Writer};
 
 /// A point in time: seconds and nanoseconds since the Unix epoch.

@@ -1,0 +1,131 @@
+//! What a session tells, and what it refuses.
+
+use core::fmt;
+
+use crate::stream::PushError;
+use crate::wire::{ObjectId, RequestId, Status, StreamId, TimestampReply, WireError};
+
+/// Something that happened in a session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event<'a> {
+    /// The session exists and everything in the journal was answered.
+    Up,
+    /// The agent is lost; the session tries to reach it again by itself.
+    Down,
+    /// The agent refuses the session; the session tries again by itself.
+    Refused(Status),
+    /// The answer to a CREATE or DELETE, or the agent's complaint about another request.
+    Status {
+        /// The request.
+        request: RequestId,
+        /// Its object.
+        object: ObjectId,
+        /// Its outcome.
+        status: Status,
+    },
+    /// A sample.
+    Data {
+        /// The data reader, requester or replier.
+        reader: ObjectId,
+        /// The `READ_DATA` that asked for it.
+        request: RequestId,
+        /// The sample: CDR without encapsulation header.
+        payload: &'a [u8],
+    },
+    /// The answer to [`Session::request_time`](super::Session::request_time).
+    Time(TimestampReply),
+    /// The session was closed.
+    Closed,
+}
+
+/// Why a sample was not written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum WriteError {
+    /// There is no session at the moment.
+    Down,
+    /// No room in the stream until more is sent or acknowledged.
+    WouldBlock,
+    /// The sample can never be sent on this stream.
+    TooLarge {
+        /// Bytes of the sample.
+        size: usize,
+        /// The most the stream takes.
+        limit: usize,
+    },
+    /// The session has no such output stream.
+    UnknownStream(StreamId),
+}
+
+impl WriteError {
+    /// Bytes of a `WRITE_DATA` besides its payload.
+    pub(super) const OVERHEAD: usize = 8;
+
+    pub(super) fn from_push(error: PushError, size: usize) -> Self {
+        match error {
+            PushError::WouldBlock => WriteError::WouldBlock,
+            PushError::TooLarge { limit, .. } => WriteError::TooLarge {
+                size,
+                limit: limit.saturating_sub(Self::OVERHEAD),
+            },
+            PushError::Wire(_) => {
+                let limit = usize::from(u16::MAX).saturating_sub(Self::OVERHEAD);
+                WriteError::TooLarge { size, limit }
+            }
+        }
+    }
+}
+
+impl fmt::Display for WriteError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            WriteError::Down => f.write_str("no session with the agent at the moment"),
+            WriteError::WouldBlock => f.write_str("the output stream is full"),
+            WriteError::TooLarge { size, limit } => {
+                write!(
+                    f,
+                    "a sample of {size} bytes; the stream takes at most {limit}"
+                )
+            }
+            WriteError::UnknownStream(id) => write!(f, "no output stream {:#04x}", id.0),
+        }
+    }
+}
+
+impl core::error::Error for WriteError {}
+
+/// Why a request was not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum RequestError {
+    /// No entry is left in the journal, or no room for this one's names.
+    JournalFull,
+    /// The object's id or kind does not fit the request.
+    WrongObject(ObjectId),
+    /// The description cannot be sent on this session's streams.
+    Stream(PushError),
+    /// There is no session at the moment.
+    Down,
+}
+
+impl From<WireError> for RequestError {
+    fn from(error: WireError) -> Self {
+        match error {
+            WireError::NoRoom { .. } => RequestError::JournalFull,
+            other => RequestError::Stream(PushError::Wire(other)),
+        }
+    }
+}
+
+impl fmt::Display for RequestError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            RequestError::JournalFull => f.write_str("the session's journal of objects is full"),
+            RequestError::WrongObject(object) => write!(f, "wrong object {object:?}"),
+            RequestError::Stream(error) => error.fmt(f),
+            RequestError::Down => f.write_str("no session with the agent at the moment"),
+        }
+    }
+}
+
+impl core::error::Error for RequestError {}

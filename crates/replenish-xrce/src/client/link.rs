@@ -1,0 +1,168 @@
+//! When to log in, to ping, to give up: the part of a session that is about the agent's presence.
+
+use super::{Config, State};
+use crate::Nanos;
+use crate::wire::SessionId;
+
+/// What happened to a session's link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct LinkStats {
+    /// Log-ins sent.
+    pub logins: u64,
+    /// Sessions that were up.
+    pub sessions: u64,
+    /// Times the agent was lost.
+    pub losses: u64,
+    /// Reliable messages that were not acknowledged when the agent was lost.
+    pub unacknowledged: u64,
+    /// Pings sent.
+    pub pings: u64,
+    /// Datagrams that were malformed or not of this session.
+    pub rejected: u64,
+}
+
+/// Timers and state of the link.
+#[derive(Debug)]
+pub(super) struct Link {
+    pub(super) state: State,
+    pub(super) session: SessionId,
+    pub(super) stats: LinkStats,
+    /// When to send the next log-in or log-out.
+    next_request: Nanos,
+    retry: Nanos,
+    /// Log-ins or log-outs sent in this state.
+    attempts: u32,
+    heard: Nanos,
+    next_ping: Nanos,
+}
+
+impl Link {
+    /// Log-outs that are sent before the session counts as closed.
+    const LOGOUTS: u32 = 3;
+
+    pub(super) const fn new(config: &Config) -> Self {
+        Link {
+            state: State::Idle,
+            session: config.session,
+            stats: LinkStats {
+                logins: 0,
+                sessions: 0,
+                losses: 0,
+                unacknowledged: 0,
+                pings: 0,
+                rejected: 0,
+            },
+            next_request: 0,
+            retry: config.retry_first,
+            attempts: 0,
+            heard: 0,
+            next_ping: 0,
+        }
+    }
+
+    /// Enters `state`, whose first request is due at once.
+    pub(super) const fn enter(&mut self, now: Nanos, state: State, config: &Config) {
+        self.state = state;
+        self.next_request = now;
+        self.retry = config.retry_first;
+        self.attempts = 0;
+        self.hear(now, config);
+    }
+
+    /// The agent was heard.
+    pub(super) const fn hear(&mut self, now: Nanos, config: &Config) {
+        self.heard = now;
+        if let Some(ping) = config.ping {
+            self.next_ping = now.saturating_add(ping.after);
+        }
+    }
+
+    /// Whether a log-in (log-out) is due; if so it counts as sent. The second one and later ones
+    /// use the next session id.
+    pub(super) fn take_request(&mut self, now: Nanos, config: &Config) -> bool {
+        if !matches!(self.state, State::Connecting | State::Closing) || now < self.next_request {
+            return false;
+        }
+        if self.state == State::Connecting {
+            if self.stats.logins > 0 {
+                self.session = next_session(self.session);
+            }
+            self.stats.logins = self.stats.logins.saturating_add(1);
+        }
+        self.attempts = self.attempts.saturating_add(1);
+        self.next_request = now.saturating_add(self.retry);
+        self.retry = self.retry.saturating_mul(2).min(config.retry_max);
+        true
+    }
+
+    /// Whether a ping is due; if so it counts as sent.
+    pub(super) fn take_ping(&mut self, now: Nanos, config: &Config) -> bool {
+        let Some(ping) = config
+            .ping
+            .filter(|_| self.has_session() && now >= self.next_ping)
+        else {
+            return false;
+        };
+        self.next_ping = now.saturating_add(ping.after);
+        self.stats.pings = self.stats.pings.saturating_add(1);
+        true
+    }
+
+    /// Whether the agent has been silent for too long.
+    pub(super) fn is_lost(&self, now: Nanos, config: &Config) -> bool {
+        self.silent_at(config)
+            .is_some_and(|at| self.has_session() && now >= at)
+    }
+
+    /// Whether the agent did not answer the last log-out either.
+    pub(super) const fn gave_up_closing(&self, now: Nanos) -> bool {
+        matches!(self.state, State::Closing)
+            && self.attempts >= Self::LOGOUTS
+            && now >= self.next_request
+    }
+
+    /// When the agent was last heard of.
+    pub(super) const fn heard(&self) -> Nanos {
+        self.heard
+    }
+
+    pub(super) const fn has_session(&self) -> bool {
+        matches!(self.state, State::Restoring | State::Up)
+    }
+
+    pub(super) fn next_deadline(&self, config: &Config) -> Option<Nanos> {
+        match self.state {
+            State::Idle => None,
+            State::Connecting | State::Closing => Some(self.next_request),
+            State::Restoring | State::Up => {
+                let ping = config.ping.map(|_| self.next_ping);
+                ping.into_iter().chain(self.silent_at(config)).min()
+            }
+        }
+    }
+
+    fn silent_at(&self, config: &Config) -> Option<Nanos> {
+        config
+            .ping
+            .map(|ping| self.heard.saturating_add(ping.silence_limit))
+    }
+}
+
+/// The session id after `id`, with the same answer to "is the key in the header".
+fn next_session(id: SessionId) -> SessionId {
+    let number = (id.0 & 0x7f).wrapping_add(1) & 0x7f;
+    SessionId(id.before_login().0 | number.max(1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn session_ids_count_up_and_keep_their_kind() {
+        assert_eq!(next_session(SessionId(0x81)), SessionId(0x82));
+        assert_eq!(next_session(SessionId(0xff)), SessionId(0x81));
+        assert_eq!(next_session(SessionId(0x7f)), SessionId(0x01));
+        assert_eq!(next_session(SessionId(0x01)), SessionId(0x02));
+    }
+}

@@ -1,0 +1,90 @@
+//! The session's sending half: what goes out next, and when.
+
+use super::{Session, State};
+use crate::wire::{
+    BaseRequest, CreateClient, Delete, Encode, GetInfo, Header, INFO_ACTIVITY, MessageWriter,
+    ObjectId, Properties, RequestId, SessionId, StreamId, Timestamp, VENDOR, VERSION,
+};
+use crate::{Nanos, SeqNum};
+
+impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N, E> {
+    /// When [`Session::tick`] and [`Session::poll_transmit`] have something to do even if nothing
+    /// else happens; `None`: never.
+    pub fn next_deadline(&self) -> Option<Nanos> {
+        let streams = self
+            .outputs
+            .reliable
+            .next_deadline()
+            .filter(|_| self.link.has_session());
+        self.link
+            .next_deadline(&self.config)
+            .into_iter()
+            .chain(streams)
+            .min()
+    }
+
+    /// The next datagram to send, if there is one.
+    pub fn poll_transmit(&mut self, now: Nanos) -> Option<&[u8]> {
+        if self.link.take_request(now, &self.config) {
+            return self.login_or_logout();
+        }
+        if !self.link.has_session() {
+            return None;
+        }
+        if let Some(ack) = self.inputs.reliable.take_ack() {
+            return self.control(&ack);
+        }
+        if let Some(heartbeat) = self.outputs.reliable.take_heartbeat(now) {
+            return self.control(&heartbeat);
+        }
+        if let Some(transmit) = self.time_request.take() {
+            return self.control(&Timestamp { transmit });
+        }
+        if self.link.take_ping(now, &self.config) {
+            self.requests = self.requests.next();
+            let base = BaseRequest {
+                request: self.requests,
+                object: ObjectId::AGENT,
+            };
+            return self.control(&GetInfo {
+                base,
+                mask: INFO_ACTIVITY,
+            });
+        }
+        if self.outputs.best_effort.has_message() {
+            return self.outputs.best_effort.take();
+        }
+        self.outputs.reliable.next_datagram(now)
+    }
+
+    fn login_or_logout(&mut self) -> Option<&[u8]> {
+        if self.link.state == State::Closing {
+            let base = BaseRequest {
+                request: RequestId::LOGOUT,
+                object: ObjectId::CLIENT,
+            };
+            return self.control(&Delete { base });
+        }
+        let body = CreateClient {
+            version: VERSION,
+            vendor: VENDOR,
+            key: self.config.key,
+            session: self.link.session,
+            properties: Properties::None,
+            mtu: self.config.mtu,
+        };
+        self.message(self.link.session.before_login(), &body)
+    }
+
+    fn control(&mut self, body: &impl Encode) -> Option<&[u8]> {
+        self.message(self.link.session, body)
+    }
+
+    /// A message outside of streams.
+    fn message(&mut self, session: SessionId, body: &impl Encode) -> Option<&[u8]> {
+        let header = Header::new(session, StreamId::NONE, SeqNum(0), self.config.key);
+        let mut writer = MessageWriter::new(&mut self.scratch, &header).ok()?;
+        writer.push(body).ok()?;
+        Some(writer.finish())
+    }
+}

@@ -1,0 +1,271 @@
+//! [`Session`]: log-in, objects, samples, time.
+
+use super::journal::RecordError;
+use super::link::{Link, LinkStats};
+use super::streams::{self, Inputs, Outputs};
+use super::{Buffers, Config, Journal, RequestError, RequestState, WriteError};
+use crate::Nanos;
+use crate::stream::{BestEffortStats, InputStats, OutputStats, PushError};
+use crate::wire::{
+    BaseRequest, Create, CreationMode, Delete, DeliveryControl, Encode, Entity, ObjectId,
+    ObjectKind, ReadData, RequestId, SessionId, StreamId, WireTime, WriteData, submessage_len,
+};
+
+/// How a session stands with its agent. See the module's picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// Not wanted.
+    Idle,
+    /// Logging in.
+    Connecting,
+    /// Logged in; objects are being created anew.
+    Restoring,
+    /// Logged in, objects as they were.
+    Up,
+    /// Logging out.
+    Closing,
+}
+
+/// A session with an agent; `S` is any kind of buffer, `N` the most messages kept per reliable
+/// stream, `E` the most objects and reads.
+#[derive(Debug)]
+pub struct Session<S, const N: usize, const E: usize> {
+    pub(super) config: Config,
+    pub(super) link: Link,
+    pub(super) journal: Journal<S, E>,
+    pub(super) requests: RequestId,
+    pub(super) outputs: Outputs<S, N>,
+    pub(super) inputs: Inputs<S, N>,
+    pub(super) time_request: Option<WireTime>,
+    pub(super) scratch: [u8; 48],
+}
+
+impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N, E> {
+    /// A session that is not wanted yet.
+    pub fn new(config: Config, buffers: Buffers<S>) -> Self {
+        let (outputs, inputs, journal) = streams::make(&config, buffers);
+        Session {
+            link: Link::new(&config),
+            config,
+            journal: Journal::new(journal),
+            requests: RequestId::NONE,
+            outputs,
+            inputs,
+            time_request: None,
+            scratch: [0; 48],
+        }
+    }
+
+    /// Begins to log in.
+    pub fn connect(&mut self, now: Nanos) {
+        if self.link.state == State::Idle {
+            self.link.enter(now, State::Connecting, &self.config);
+        }
+    }
+
+    /// Begins to log out; what was not acknowledged is given up.
+    pub fn close(&mut self, now: Nanos) {
+        let state = if self.link.has_session() {
+            State::Closing
+        } else {
+            State::Idle
+        };
+        self.link.enter(now, state, &self.config);
+    }
+
+    /// How the session stands with its agent.
+    pub const fn state(&self) -> State {
+        self.link.state
+    }
+
+    /// The session's id, or that of the latest log-in.
+    pub const fn id(&self) -> SessionId {
+        self.link.session
+    }
+
+    /// When the agent was last heard of.
+    pub const fn heard(&self) -> Nanos {
+        self.link.heard()
+    }
+
+    /// What happened to the link.
+    pub const fn link_stats(&self) -> LinkStats {
+        self.link.stats
+    }
+
+    /// What happened on the reliable output stream.
+    pub const fn output_stats(&self) -> OutputStats {
+        self.outputs.reliable.stats()
+    }
+
+    /// What happened on the reliable and the best-effort input stream.
+    pub const fn input_stats(&self) -> (InputStats, BestEffortStats) {
+        (
+            self.inputs.reliable.stats(),
+            self.inputs.best_effort.stats(),
+        )
+    }
+
+    /// Whether every reliable message that was written has been acknowledged.
+    pub const fn is_delivered(&self) -> bool {
+        self.outputs.reliable.is_idle()
+    }
+
+    /// The largest sample that [`Session::write`] takes on `stream`, if there is that stream.
+    pub fn limit(&self, stream: StreamId) -> Option<usize> {
+        self.outputs.limit(stream)
+    }
+
+    /// Creates an object, now or once the session is up, and anew after every later log-in. The
+    /// answer is an [`Event::Status`] and in [`Session::creation`].
+    ///
+    /// # Errors
+    /// [`RequestError`]; nothing was done then.
+    pub fn create(
+        &mut self,
+        object: ObjectId,
+        mode: CreationMode,
+        entity: &Entity<'_>,
+    ) -> Result<(), RequestError> {
+        if object.kind() != Ok(entity.kind()) {
+            return Err(RequestError::WrongObject(object));
+        }
+        let base = BaseRequest {
+            request: RequestId::NONE,
+            object,
+        };
+        self.record(
+            object,
+            &Create {
+                base,
+                mode,
+                entity: *entity,
+            },
+        )
+    }
+
+    /// Asks for the samples of `reader`, on the agent's `stream`, now or once the session is up,
+    /// and anew after every later log-in.
+    ///
+    /// # Errors
+    /// [`RequestError`]; nothing was done then.
+    pub fn read(
+        &mut self,
+        reader: ObjectId,
+        stream: StreamId,
+        control: DeliveryControl,
+    ) -> Result<(), RequestError> {
+        let kind = reader.kind();
+        if !matches!(
+            kind,
+            Ok(ObjectKind::DataReader | ObjectKind::Requester | ObjectKind::Replier)
+        ) {
+            return Err(RequestError::WrongObject(reader));
+        }
+        let base = BaseRequest {
+            request: RequestId::NONE,
+            object: reader,
+        };
+        self.record(
+            reader,
+            &ReadData {
+                base,
+                stream,
+                filter: None,
+                control: Some(control),
+            },
+        )
+    }
+
+    /// Deletes an object, and forgets it even if there is no session.
+    ///
+    /// # Errors
+    /// [`RequestError::Stream`] if the agent cannot be told now.
+    pub fn delete(&mut self, object: ObjectId) -> Result<(), RequestError> {
+        if self.link.has_session() {
+            let request = self.requests.next();
+            let body = Delete {
+                base: BaseRequest { request, object },
+            };
+            self.outputs.request(&body).map_err(RequestError::Stream)?;
+            self.requests = request;
+        }
+        self.journal.forget(object);
+        Ok(())
+    }
+
+    /// How far the creation of `object` has got; `None` if it was not asked for.
+    pub fn creation(&self, object: ObjectId) -> Option<RequestState> {
+        self.journal.creation(object)
+    }
+
+    /// Writes a sample: CDR without encapsulation header. It goes out with the next
+    /// [`Session::poll_transmit`], together with what else is written before that.
+    ///
+    /// # Errors
+    /// [`WriteError`]; nothing was done then.
+    pub fn write(
+        &mut self,
+        writer: ObjectId,
+        stream: StreamId,
+        payload: &[u8],
+    ) -> Result<(), WriteError> {
+        if self.link.state != State::Up {
+            return Err(WriteError::Down);
+        }
+        let request = self.requests.next();
+        let base = BaseRequest {
+            request,
+            object: writer,
+        };
+        self.outputs
+            .write(stream, &WriteData { base, payload }, payload.len())?;
+        self.requests = request;
+        Ok(())
+    }
+
+    /// Asks for the agent's time; `wall` is the client's time now. The answer is an
+    /// [`Event::Time`]. Neither is repeated if it is lost.
+    ///
+    /// # Errors
+    /// [`RequestError::Down`].
+    pub fn request_time(&mut self, wall: WireTime) -> Result<(), RequestError> {
+        if !self.link.has_session() {
+            return Err(RequestError::Down);
+        }
+        self.time_request = Some(wall);
+        Ok(())
+    }
+
+    pub(super) fn send_queued(&mut self) {
+        loop {
+            let request = self.requests.next();
+            let Some(recorded) = self.journal.next_queued(request) else {
+                return;
+            };
+            if self.outputs.request(&recorded).is_err() {
+                return; // again when messages have been acknowledged
+            }
+            self.requests = request;
+            self.journal.mark_sent(request);
+        }
+    }
+
+    fn record(&mut self, object: ObjectId, body: &impl Encode) -> Result<(), RequestError> {
+        let size = submessage_len(body)?;
+        let limit = self.outputs.reliable.limit();
+        if size > limit {
+            return Err(RequestError::Stream(PushError::TooLarge { size, limit }));
+        }
+        self.journal
+            .record(object, body)
+            .map_err(|error| match error {
+                RecordError::Full => RequestError::JournalFull,
+                RecordError::Wire(error) => error.into(),
+            })?;
+        if self.link.has_session() {
+            self.send_queued();
+        }
+        Ok(())
+    }
+}
