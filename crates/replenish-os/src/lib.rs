@@ -11,6 +11,7 @@
 //! - [`Tid`], [`current_tid`], [`set_affinity`], [`affinity`]: naming and placing threads.
 //! - [`SchedClass`], [`set_priority`], [`promote`], [`demote_to_tail`]: what an enforcer does to
 //!   the threads it watches.
+//! - [`baseline`]: what the hand-off and the enforcer are measured against.
 //! - [`privilege`]: what this process may do, and the commands that grant what is missing.
 //!
 //! Time is `u64` nanoseconds of `CLOCK_MONOTONIC` ([`Nanos`]) unless said otherwise.
@@ -28,7 +29,10 @@ mod sync_shim;
 pub use linux::{
     affinity::{CpuSet, affinity, set_affinity},
     clock,
-    enforcer::{Account, Enforcement, Enforcer, EnforcerConfig, EnforcerStats, EnrollError, Meter, OverrunSummary, Stall, Stopped, Usage},
+    enforcer::{
+        Account, Enforcement, Enforcer, EnforcerConfig, EnforcerStats, EnrollError, Meter,
+        OverrunSamples, OverrunSummary, Stall, Stopped, Usage,
+    },
     granted::{Granted, GrantedPolicy, granted},
     pi_mutex::{PiMutex, PiMutexGuard},
     privilege,
@@ -39,6 +43,12 @@ pub use linux::{
     tid::{Tid, current_tid},
     timer,
 };
+/// What others build on: here to be measured against, not to be used.
+#[cfg(target_os = "linux")]
+pub mod baseline {
+    pub use crate::linux::bare_futex::BareFutex;
+    pub use crate::linux::cpu_timer::CpuTimer;
+}
 pub use policy::{MAX_PRIORITY, MIN_RUNTIME, Policy, PolicyError};
 #[cfg(target_os = "linux")]
 pub use signal::Signal;

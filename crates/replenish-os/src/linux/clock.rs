@@ -40,6 +40,11 @@ impl ThreadCpuClock {
         Self((!tid.get() << 3) | 6)
     }
 
+    /// The number that other system calls know the clock by.
+    pub(super) const fn id(&self) -> libc::clockid_t {
+        self.0
+    }
+
     /// CPU time consumed by the thread so far, in nanoseconds; `None` once the thread has ended
     /// (or never was one of this process).
     #[must_use]

@@ -1,7 +1,9 @@
 //! The Linux back end: one topic per file, each a thin safe wrapper around a few system calls.
 
 pub(crate) mod affinity;
+pub(crate) mod bare_futex;
 pub mod clock;
+pub(crate) mod cpu_timer;
 pub(crate) mod enforcer;
 pub(crate) mod futex;
 pub(crate) mod granted;
@@ -10,8 +12,8 @@ pub mod privilege;
 pub(crate) mod sched;
 mod sched_attr;
 pub(crate) mod spawn_error;
+pub(crate) mod switches;
 mod sys;
 pub(crate) mod thread;
 pub(crate) mod tid;
 pub mod timer;
-pub(crate) mod switches;

@@ -3,7 +3,7 @@
 use super::entry::{Entry, Outcome};
 use super::overruns::summarise;
 use super::suspend::SuspendCell;
-use super::{AnyServer, Enforcement, EnrollError, OverrunSummary, Shared};
+use super::{AnyServer, Enforcement, EnrollError, OverrunSamples, OverrunSummary, Shared};
 use crate::Nanos;
 use crate::Signal;
 use crate::linux::clock::{self, ThreadCpuClock};
@@ -291,6 +291,27 @@ impl Meter {
             entry.overruns.copy_into(&mut sample)
         };
         summarise(&mut sample, totals)
+    }
+
+    /// The samples behind [`overruns`](Self::overruns). Allocates: not for the hot path.
+    #[must_use]
+    pub fn overrun_samples(&self) -> OverrunSamples {
+        let Some(b) = &self.0.budget else {
+            return OverrunSamples::default();
+        };
+        let mut overruns = Vec::with_capacity(1024);
+        let (stalls, kept) = {
+            let state = b.shared.state.lock();
+            let Some(entry) = state.entries.get(b.index) else {
+                return OverrunSamples::default();
+            };
+            entry.overruns.copy_into(&mut overruns);
+            entry.overruns.newest_stalls()
+        };
+        OverrunSamples {
+            overruns,
+            stalls: stalls.into_iter().take(kept).collect(),
+        }
     }
 
     /// Ends every wait for budget, now and later: the executor stops.

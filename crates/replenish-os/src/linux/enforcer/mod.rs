@@ -33,7 +33,7 @@ mod overruns;
 pub(super) mod suspend;
 
 pub use account::{Account, Meter, Stopped, Usage};
-pub use overruns::{OverrunSummary, STALL, Stall};
+pub use overruns::{OverrunSamples, OverrunSummary, STALL, Stall};
 
 use super::clock::{self, ThreadCpuClock};
 use super::pi_mutex::PiMutex;

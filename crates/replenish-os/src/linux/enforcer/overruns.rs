@@ -3,9 +3,12 @@
 /// How many of the newest overruns of a worker are kept.
 const KEPT: usize = 1024;
 
+/// How many of the newest stalls of a worker are kept.
+const STALLS_KEPT: usize = 16;
+
 /// A demotion that came late because the machine stood still (a hypervisor pause, the kernel's
 /// real-time throttle): listed apart from the mechanism's own overruns.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stall {
     /// How late the enforcer ran, in nanoseconds of wall time.
     pub late: u64,
@@ -32,6 +35,15 @@ pub struct OverrunSummary {
     pub worst_stall: Option<Stall>,
 }
 
+/// What [`OverrunSummary`] is made of, so that several workers can be summed up together.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct OverrunSamples {
+    /// The newest 1024 overruns in nanoseconds, in no order, stalls not among them.
+    pub overruns: Vec<i64>,
+    /// The newest 16 stalls, in no order.
+    pub stalls: Vec<Stall>,
+}
+
 /// From which lateness on a demotion counts as a stall: 500 µs, far above the mechanism's own.
 pub const STALL: u64 = 500_000;
 
@@ -42,6 +54,7 @@ pub(crate) struct Overruns {
     count: u64,
     stalls: u64,
     worst: Option<Stall>,
+    newest_stalls: [Stall; STALLS_KEPT],
 }
 
 impl Overruns {
@@ -51,14 +64,20 @@ impl Overruns {
             count: 0,
             stalls: 0,
             worst: None,
+            newest_stalls: [Stall::default(); STALLS_KEPT],
         }
     }
 
     pub(crate) fn record(&mut self, overrun: i64, late: u64) {
         if late > STALL {
+            let stall = Stall { late, overrun };
+            let slot = usize::try_from(self.stalls % STALLS_KEPT as u64).unwrap_or(0);
+            if let Some(place) = self.newest_stalls.get_mut(slot) {
+                *place = stall;
+            }
             self.stalls += 1;
             if self.worst.is_none_or(|w| late > w.late) {
-                self.worst = Some(Stall { late, overrun });
+                self.worst = Some(stall);
             }
             return;
         }
@@ -76,6 +95,12 @@ impl Overruns {
         out.clear();
         out.extend(self.ring.iter().take(kept));
         (self.count, self.stalls, self.worst)
+    }
+
+    /// The newest stalls, in no order. Does not allocate: called under the enforcer's lock.
+    pub(crate) fn newest_stalls(&self) -> ([Stall; STALLS_KEPT], usize) {
+        let kept = usize::try_from(self.stalls).unwrap_or(STALLS_KEPT);
+        (self.newest_stalls, kept.min(STALLS_KEPT))
     }
 }
 
@@ -123,6 +148,18 @@ mod tests {
                 overrun: 9_999_999
             })
         );
+    }
+
+    #[test]
+    fn the_newest_stalls_are_kept() {
+        let mut o = Overruns::new();
+        for overrun in 0..20 {
+            o.record(overrun, STALL + 1);
+        }
+        let (stalls, kept) = o.newest_stalls();
+        let mut overruns: Vec<_> = stalls[..kept].iter().map(|s| s.overrun).collect();
+        overruns.sort_unstable();
+        assert_eq!(overruns, (4..20).collect::<Vec<_>>());
     }
 
     #[test]
