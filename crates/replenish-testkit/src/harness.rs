@@ -11,7 +11,7 @@
 //! ```
 
 use crate::rt;
-use libtest_mimic::{Arguments, Trial};
+use libtest_mimic::{Arguments, Failed, Trial};
 
 /// A trial that runs everywhere; it fails when `body` panics.
 pub fn trial(name: &str, body: impl FnOnce() + Send + 'static) -> Trial {
@@ -24,18 +24,30 @@ pub fn trial(name: &str, body: impl FnOnce() + Send + 'static) -> Trial {
 /// A trial that needs real-time priority: it takes the machine-wide lock, and where the priority
 /// is missing it counts as ignored, unless [`rt::REQUIRE`] is set.
 pub fn rt_trial(name: &str, body: impl FnOnce() + Send + 'static) -> Trial {
+    needs_rt(name, move || {
+        let _alone = rt::lock().map_err(|e| format!("real-time lock: {e}"))?;
+        body();
+        Ok(())
+    })
+}
+
+/// Like [`rt_trial`], for a body that runs a program which takes the lock itself.
+pub fn rt_program_trial(name: &str, body: impl FnOnce() + Send + 'static) -> Trial {
+    needs_rt(name, move || {
+        body();
+        Ok(())
+    })
+}
+
+fn needs_rt(name: &str, body: impl FnOnce() -> Result<(), Failed> + Send + 'static) -> Trial {
     let missing = rt::available().err();
     let skip = missing.is_some() && !rt::required();
     if let (true, Some(why)) = (skip, &missing) {
         eprintln!("skipped: {name}: {why}");
     }
-    Trial::test(name, move || {
-        if let Some(why) = missing {
-            return Err(format!("{why}, and {} forbids skipping", rt::REQUIRE).into());
-        }
-        let _alone = rt::lock().map_err(|e| format!("real-time lock: {e}"))?;
-        body();
-        Ok(())
+    Trial::test(name, move || match missing {
+        Some(why) => Err(format!("{why}, and {} forbids skipping", rt::REQUIRE).into()),
+        None => body(),
     })
     .with_ignored_flag(skip)
 }
