@@ -120,9 +120,8 @@ impl<const N: usize> Posix<N> {
         if !self.replenishments.push_back(Chunk { time, amount }, limit)
             && let Some(last) = self.replenishments.back_mut()
         {
-            // Outside the rules: N pending means Low, and yet something was charged at High (it was
-            // lowered late). Never more than N, never early.
-            last.time = time;
+            // Outside the rules: N pending means Low, and yet something was charged at High (the
+            // thread was lowered late). Its activation is that of the youngest, and so is its time.
             last.amount = last.amount.saturating_add(amount);
         }
     }

@@ -43,6 +43,17 @@ fn r2_only_tail_insertions_at_p_set_the_activation_time() {
 }
 
 #[test]
+fn r2_an_activation_sees_what_came_back_before_it() {
+    let mut server = posix(3, 10, 4);
+    server.activate(0);
+    server.charge(3, 3);
+    server.block(3);
+    server.activate(12); // nobody looked at 10
+    assert_eq!(server.update(13), Level::High);
+    assert_eq!(server.activation_time(), 12);
+}
+
+#[test]
 fn r2_a_thread_raised_late_is_activated_late() {
     let mut server = posix(3, 10, 4);
     server.activate(0);
@@ -162,4 +173,14 @@ fn a_wait_that_went_unseen_counts_as_one() {
     server.activate(5);
     assert_eq!(state(&server, 5), (2, vec![(10, 1)]));
     assert_eq!(server.activation_time(), 5);
+}
+
+#[test]
+fn what_is_charged_after_a_late_demotion_comes_back_with_the_youngest() {
+    let mut server = posix(3, 10, 1);
+    server.activate(0);
+    server.charge(3, 3);
+    assert_eq!(server.update(3), Level::Low); // one pending replenishment, the only one allowed
+    server.charge(2, 5);
+    assert_eq!(pairs(server.replenishments()), [(10, 5)]);
 }

@@ -110,6 +110,9 @@ fn an_endless_overrun_is_charged_at_once() {
     server.activate(0);
     server.charge(u64::MAX, 10); // a loop over used / B would not end
     assert_eq!(server.next_replenishment(), Some(u64::MAX));
+    let mut server = corrected(1, 1 << 63, 4);
+    server.charge(2, 10); // 2 T is one more than the last time there is
+    assert_eq!(server.next_replenishment(), Some(u64::MAX));
     let mut server = posix(1, 1, 4);
     server.activate(0);
     server.charge(u64::MAX, 10);
