@@ -116,14 +116,17 @@ impl<const N: usize> Posix<N> {
             self.give(amount, before, now);
             return;
         }
-        let limit = usize::from(self.params.max_repl());
-        if !self.replenishments.push_back(Chunk { time, amount }, limit)
-            && let Some(last) = self.replenishments.back_mut()
+        if let Some(last) = self.replenishments.back_mut()
+            && last.time == time
         {
-            // Outside the rules: N pending means Low, and yet something was charged at High (the
-            // thread was lowered late). Its activation is that of the youngest, and so is its time.
+            // Charged after the limit was noticed (the thread was lowered late): the same
+            // activation, so the same replenishment.
             last.amount = last.amount.saturating_add(amount);
+            return;
         }
+        // There is room: with N pending the level is Low and the activation stays as it is.
+        let limit = usize::from(self.params.max_repl());
+        self.replenishments.push_back(Chunk { time, amount }, limit);
     }
 }
 

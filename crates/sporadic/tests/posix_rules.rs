@@ -176,11 +176,15 @@ fn a_wait_that_went_unseen_counts_as_one() {
 }
 
 #[test]
-fn what_is_charged_after_a_late_demotion_comes_back_with_the_youngest() {
-    let mut server = posix(3, 10, 1);
-    server.activate(0);
-    server.charge(3, 3);
-    assert_eq!(server.update(3), Level::Low); // one pending replenishment, the only one allowed
-    server.charge(2, 5);
-    assert_eq!(pairs(server.replenishments()), [(10, 5)]);
+fn what_is_charged_after_the_limit_belongs_to_the_same_replenishment() {
+    for max_repl in [1, 4] {
+        let mut server = posix(3, 10, max_repl);
+        server.activate(0);
+        server.charge(3, 3);
+        assert_eq!(server.update(3), Level::Low);
+        server.charge(2, 5); // it was lowered at 5 only
+        assert_eq!(pairs(server.replenishments()), [(10, 5)]);
+        server.block(6);
+        assert_eq!(pairs(server.replenishments()), [(10, 5)]);
+    }
 }

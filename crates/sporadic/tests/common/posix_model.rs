@@ -113,12 +113,13 @@ impl PosixModel {
         if due < now {
             let was = self.level();
             self.replenish(amount, was, now);
-        } else if self.pending.len() < self.max_repl {
-            self.pending.push((due, amount));
+        } else if let Some(same) = self.pending.iter_mut().find(|entry| entry.0 == due) {
+            // Charged after the limit was noticed: all that was executed since the activation
+            // comes back together.
+            same.1 += amount;
         } else {
-            // Charged although Low: the youngest takes it, at the later time.
-            let youngest = self.pending.iter_mut().max_by_key(|p| p.0).unwrap();
-            *youngest = (due.max(youngest.0), youngest.1 + amount);
+            self.pending.push((due, amount));
+            assert!(self.pending.len() <= self.max_repl, "more than N pending");
         }
     }
 }
