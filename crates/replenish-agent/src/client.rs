@@ -25,6 +25,8 @@ pub(crate) struct Client<P> {
     /// The longest message it takes.
     pub(crate) mtu: usize,
     pub(crate) created: Nanos,
+    /// The session of this client that this one replaced.
+    pub(crate) before: Option<SessionId>,
     pub(crate) entities: Entities,
     /// It stands in the agent's line of clients to be served.
     pub(crate) queued: bool,
@@ -52,6 +54,7 @@ impl<P> Client<P> {
             session,
             mtu,
             created: now,
+            before: None,
             entities: Entities::new(index),
             queued: false,
             heard: now,

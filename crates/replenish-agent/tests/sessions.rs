@@ -90,6 +90,21 @@ fn a_log_in_that_the_network_repeats_resets_nothing() {
 }
 
 #[test]
+fn a_log_in_that_comes_late_does_not_undo_the_one_after_it() {
+    let world = &mut world();
+    let mut late = Client::new(1, 1);
+    assert_eq!(late.login(world), [Got::Agent(Status::OK)]);
+    let mut client = Client::new(1, 1);
+    client.session = SessionId(0x82);
+    assert_eq!(client.login(world), [Got::Agent(Status::OK)]);
+    world.pass(20 * MS);
+    assert_eq!(late.login(world), [], "the network repeats the first one");
+    client.endpoint(world, true, Some(10));
+    client.read(world, 1, StreamId::RELIABLE, UNLIMITED);
+    assert_eq!(client.write(world, 1, b"here"), [data(1, b"here")]);
+}
+
+#[test]
 fn an_agent_that_starts_again_knows_nobody_until_they_log_in() {
     let mut before = world();
     let mut client = Client::open(&mut before, 1, 1);

@@ -9,8 +9,8 @@ use replenish_xrce::wire::{
 };
 use std::hash::Hash;
 
-/// A `CREATE_CLIENT` that repeats one this recent is a duplicate from the network, not a client that
-/// has started again: it must not reset streams that may be in use by now.
+/// A `CREATE_CLIENT` this soon after another of the same client may be a duplicate, or be late: it
+/// must not reset streams that may be in use by now. A client does not start again that fast.
 const DUPLICATE: Nanos = 100_000_000;
 
 /// The shortest message length a client may announce: room for a header, a FRAGMENT and some bytes.
@@ -60,7 +60,9 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     }
 
     fn create_client(&mut self, now: Now, peer: P, header: &Header, create: &CreateClient<'_>) {
-        let status = self.open(now.monotonic, peer, header, create);
+        let Some(status) = self.open(now.monotonic, peer, header, create) else {
+            return;
+        };
         if !status.is_ok() {
             self.counters.refused.hit();
         }
@@ -77,27 +79,30 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     }
 
     /// Opens the session. A client with the same key, or at the same place with the same session
-    /// id, is replaced: the newer one wins.
-    fn open(&mut self, now: Nanos, peer: P, header: &Header, create: &CreateClient<'_>) -> Status {
+    /// id, is replaced: the newer one wins. `None` for a log-in that is out of date.
+    fn open(
+        &mut self,
+        now: Nanos,
+        peer: P,
+        header: &Header,
+        create: &CreateClient<'_>,
+    ) -> Option<Status> {
         let (key, session) = (create.key, create.session);
-        let other_form = session.has_key() != header.session.has_key();
-        let other_key = header.key.is_some_and(|in_header| in_header != key);
-        if key == ClientKey([0; 4]) || session.is_none() || other_form || other_key {
-            return Status::INVALID_DATA;
-        }
-        if create.version.first() != VERSION.first() {
-            return Status::INCOMPATIBLE;
-        }
-        if create.mtu < MIN_MTU {
-            return Status::INVALID_DATA;
+        if let Some(refusal) = refusal(header, create) {
+            return Some(refusal);
         }
         let mtu = usize::from(create.mtu);
         let same = self.clients.by_key(key);
+        let mut before = None;
         if let Some(client) = same.and_then(|index| self.clients.get_mut(index)) {
-            let again = (client.peer, client.session, client.mtu) == (peer, session, mtu);
-            if again && now.saturating_sub(client.created) < DUPLICATE {
-                return Status::OK;
+            let recent = client.peer == peer && now.saturating_sub(client.created) < DUPLICATE;
+            if recent && (client.session, client.mtu) == (session, mtu) {
+                return Some(Status::OK);
             }
+            if recent && client.before == Some(session) {
+                return None;
+            }
+            before = Some(client.session);
         }
         for index in [same, self.clients.by_route(peer, session)]
             .into_iter()
@@ -109,12 +114,27 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             }
         }
         let Some(index) = self.clients.vacancy() else {
-            return Status::RESOURCES;
+            return Some(Status::RESOURCES);
         };
-        let client = Client::new(index, peer, (key, session), mtu, now, &self.limits);
+        let mut client = Client::new(index, peer, (key, session), mtu, now, &self.limits);
+        client.before = before;
         self.clients.insert(index, client);
         self.counters.clients_created.hit();
         self.counters.clients.set(self.clients.len());
-        Status::OK
+        Some(Status::OK)
     }
+}
+
+/// Why a log-in cannot be accepted from anybody, if so.
+fn refusal(header: &Header, create: &CreateClient<'_>) -> Option<Status> {
+    let (key, session) = (create.key, create.session);
+    let other_form = session.has_key() != header.session.has_key();
+    let other_key = header.key.is_some_and(|in_header| in_header != key);
+    if key == ClientKey([0; 4]) || session.is_none() || other_form || other_key {
+        return Some(Status::INVALID_DATA);
+    }
+    if create.version.first() != VERSION.first() {
+        return Some(Status::INCOMPATIBLE);
+    }
+    (create.mtu < MIN_MTU).then_some(Status::INVALID_DATA)
 }

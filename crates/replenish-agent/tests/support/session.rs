@@ -1,0 +1,89 @@
+//! A client session with a writer and a reader, as the tests over links and sockets use it.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "test code"
+)]
+
+use replenish_xrce::client::{Buffers, Config, PingPolicy, Session};
+use replenish_xrce::wire::{
+    ClientKey, CreationMode, DataReaderBinary, DataWriterBinary, DeliveryControl, EndpointQos,
+    Entity, GroupBinary, ObjectId, ObjectKind, ParticipantBinary, QOS_HISTORY_KEEP_LAST,
+    QOS_RELIABLE, ReaderQos, Representation, StreamId, TopicBinary,
+};
+
+pub(crate) const MS: u64 = 1_000_000;
+
+pub(crate) const WRITER: ObjectId = ObjectId::new(1, ObjectKind::DataWriter);
+
+pub(crate) type Client = Session<Vec<u8>, 32, 32>;
+
+/// A client that takes the agent for lost after `patience` nanoseconds of silence.
+pub(crate) fn session(key: u8, patience: u64) -> Client {
+    let mut config = Config::new(ClientKey([key; 4]));
+    config.ping = Some(PingPolicy {
+        after: 200 * MS,
+        silence_limit: patience,
+    });
+    let buffer = |len| vec![0; len];
+    let buffers = Buffers {
+        best_effort_out: buffer(512),
+        reliable_out: buffer(32 * 512),
+        reliable_in: buffer(16 * 512),
+        fragments_in: buffer(32 * 512),
+        journal: buffer(4096),
+    };
+    Session::new(config, buffers)
+}
+
+/// A participant with a writer of one topic and a reader of another.
+pub(crate) fn endpoints(session: &mut Client, writes: &str, reads: &str, stream: StreamId) {
+    let id = ObjectId::new;
+    let participant = id(1, ObjectKind::Participant);
+    let mut create = |object, entity| {
+        session
+            .create(object, CreationMode::REUSE_OR_REPLACE, &entity)
+            .unwrap();
+    };
+    let repr = Representation::Binary(ParticipantBinary::default());
+    create(participant, Entity::Participant { repr, domain: 0 });
+    for (number, name) in [(1, writes), (2, reads)] {
+        let topic = TopicBinary {
+            name,
+            type_reference: None,
+            type_name: Some("T"),
+        };
+        let repr = Representation::Binary(topic);
+        create(
+            id(number, ObjectKind::Topic),
+            Entity::Topic { repr, participant },
+        );
+    }
+    let repr = Representation::Binary(GroupBinary::default());
+    let (publisher, subscriber) = (id(1, ObjectKind::Publisher), id(1, ObjectKind::Subscriber));
+    create(publisher, Entity::Publisher { repr, participant });
+    create(subscriber, Entity::Subscriber { repr, participant });
+    let topic = id(1, ObjectKind::Topic);
+    let repr = Representation::Binary(DataWriterBinary { topic, qos: None });
+    create(
+        id(1, ObjectKind::DataWriter),
+        Entity::DataWriter { repr, publisher },
+    );
+    let endpoint = EndpointQos {
+        flags: QOS_RELIABLE | QOS_HISTORY_KEEP_LAST,
+        depth: Some(100),
+        ..EndpointQos::default()
+    };
+    let qos = Some(ReaderQos {
+        endpoint,
+        ..ReaderQos::default()
+    });
+    let topic = id(2, ObjectKind::Topic);
+    let repr = Representation::Binary(DataReaderBinary { topic, qos });
+    let reader = id(2, ObjectKind::DataReader);
+    create(reader, Entity::DataReader { repr, subscriber });
+    session
+        .read(reader, stream, DeliveryControl::UNLIMITED)
+        .unwrap();
+}
