@@ -8,11 +8,14 @@
 //! - [`PiMutex`]: a lock with priority inheritance.
 //! - [`clock`], [`timer`]: monotonic time, CPU clocks of this and other threads, absolute sleep,
 //!   one-shot timers.
+//! - [`poll`], [`WakeFd`]: waiting on descriptors, and waking such a wait.
+//! - [`memory`]: locking memory and touching stacks, so that page faults stay out.
 //! - [`Tid`], [`current_tid`], [`set_affinity`], [`affinity`]: naming and placing threads.
 //! - [`SchedClass`], [`set_priority`], [`promote`], [`demote_to_tail`]: what an enforcer does to
 //!   the threads it watches.
 //! - [`baseline`]: what the hand-off and the enforcer are measured against.
-//! - [`privilege`]: what this process may do, and the commands that grant what is missing.
+//! - [`privilege`], [`machine`]: what this process may do, the commands that grant what is missing,
+//!   and what kind of machine this is.
 //!
 //! Time is `u64` nanoseconds of `CLOCK_MONOTONIC` ([`Nanos`]) unless said otherwise.
 //! Every `unsafe` block lives in a module of its own topic under `linux/` and wraps one system call.
@@ -30,11 +33,14 @@ pub use linux::{
     affinity::{CpuSet, affinity, set_affinity},
     clock,
     enforcer::{
-        Account, Enforcement, Enforcer, EnforcerConfig, EnforcerStats, EnrollError, Meter,
-        OverrunSamples, OverrunSummary, Stall, Stopped, Usage,
+        Account, Enforcement, Enforcer, EnforcerConfig, EnforcerStats, EnrollError, MAX_REPL,
+        Meter, OverrunSamples, OverrunSummary, STALL, Stall, Stopped, Usage,
     },
     granted::{Granted, GrantedPolicy, granted},
+    machine::{Machine, Preemption, machine},
+    memory,
     pi_mutex::{PiMutex, PiMutexGuard},
+    poll::{PollFd, WakeFd, poll},
     privilege,
     sched::{SchedClass, demote_to_tail, promote, set_priority},
     spawn_error::SpawnError,

@@ -68,8 +68,9 @@ impl Signal {
 
     /// Sets the cell and wakes the thread that waits, if one does. Never waits.
     pub fn set(&self) {
-        // AcqRel, not Release: a waiter that consumes this set also sees what coalesced ones wrote.
-        if self.word.0.swap(SET, Ordering::AcqRel) == WAITING {
+        // A swap, also over SET: consecutive swaps are one release sequence, through which the
+        // waiter sees what every coalesced setter wrote.
+        if self.word.0.swap(SET, Ordering::Release) == WAITING {
             self.word.wake_one();
         }
     }

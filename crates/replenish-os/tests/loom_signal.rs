@@ -13,10 +13,19 @@ use loom::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use loom::thread;
 use replenish_os::Signal;
 
+/// All interleavings with up to three preemptions, which is where bugs of such small protocols
+/// are; without a bound the models with three threads take minutes. `LOOM_MAX_PREEMPTIONS`
+/// changes the bound.
+fn model(f: impl Fn() + Send + Sync + 'static) {
+    let mut builder = loom::model::Builder::new();
+    builder.preemption_bound = builder.preemption_bound.or(Some(3));
+    builder.check(f);
+}
+
 /// A lost wake-up would leave the waiter asleep, which `loom` reports as a deadlock.
 #[test]
 fn a_set_always_ends_the_wait() {
-    loom::model(|| {
+    model(|| {
         let signal = Arc::new(Signal::new());
         let setter = thread::spawn({
             let signal = Arc::clone(&signal);
@@ -30,7 +39,7 @@ fn a_set_always_ends_the_wait() {
 
 #[test]
 fn a_set_before_the_wait_returns_at_once() {
-    loom::model(|| {
+    model(|| {
         let signal = Signal::new();
         signal.set();
         signal.set();
@@ -45,7 +54,7 @@ fn a_set_before_the_wait_returns_at_once() {
 /// flag and wait for a set that never comes.
 #[test]
 fn what_setters_wrote_is_visible_also_when_sets_coalesce() {
-    loom::model(|| {
+    model(|| {
         let signal = Arc::new(Signal::new());
         let flags = Arc::new([AtomicBool::new(false), AtomicBool::new(false)]);
         let setters: Vec<_> = (0..2)
@@ -69,7 +78,7 @@ fn what_setters_wrote_is_visible_also_when_sets_coalesce() {
 /// Plain memory handed over by one set is free of data races.
 #[test]
 fn plain_memory_is_handed_over() {
-    loom::model(|| {
+    model(|| {
         let signal = Arc::new(Signal::new());
         let slot = Arc::new(UnsafeCell::new(0));
         let setter = thread::spawn({
@@ -90,7 +99,7 @@ fn plain_memory_is_handed_over() {
 /// The deadline may beat the set or not; the set is never lost to it.
 #[test]
 fn a_timeout_never_swallows_a_set() {
-    loom::model(|| {
+    model(|| {
         let signal = Arc::new(Signal::new());
         let setter = thread::spawn({
             let signal = Arc::clone(&signal);
@@ -108,7 +117,7 @@ fn a_timeout_never_swallows_a_set() {
 /// item, then the loop is told to stop: it ends, and the item has been seen.
 #[test]
 fn the_stop_protocol_ends_the_worker_after_its_last_item() {
-    loom::model(|| {
+    model(|| {
         let signal = Arc::new(Signal::new());
         let item = Arc::new(AtomicBool::new(false));
         let stop = Arc::new(AtomicBool::new(false));
@@ -139,7 +148,7 @@ fn the_stop_protocol_ends_the_worker_after_its_last_item() {
 /// Two producers and a worker that counts: every item is counted although sets coalesce.
 #[test]
 fn no_item_is_left_behind_by_coalescing() {
-    loom::model(|| {
+    model(|| {
         let signal = Arc::new(Signal::new());
         let items = Arc::new(AtomicU32::new(0));
         let producers: Vec<_> = (0..2)

@@ -1,5 +1,4 @@
 //! Threads have what was asked from their first instruction on, and refusals say why.
-#![cfg(not(loom))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "test code")]
 
 mod common;

@@ -26,6 +26,21 @@ impl CpuSet {
         set
     }
 
+    /// The set a list like `0-3,7` names (the kernel's cpulist format); `None` if it is not one.
+    /// An empty list is the empty set.
+    #[must_use]
+    pub fn parse(list: &str) -> Option<Self> {
+        let mut set = Self::default();
+        for part in list.trim().split(',').filter(|part| !part.is_empty()) {
+            let (first, last) = part.split_once('-').unwrap_or((part, part));
+            let (first, last): (usize, usize) = (first.parse().ok()?, last.parse().ok()?);
+            for cpu in first..=last {
+                *set.0.get_mut(cpu / WORD)? |= 1 << (cpu % WORD);
+            }
+        }
+        Some(set)
+    }
+
     /// Whether `cpu` is in the set.
     #[must_use]
     pub fn contains(&self, cpu: usize) -> bool {
@@ -116,5 +131,10 @@ mod tests {
         assert_eq!(set.len(), 6);
         assert_eq!(CpuSet::one(MAX_CPUS - 1).to_string(), "1023");
         assert!(CpuSet::one(MAX_CPUS).is_empty());
+        assert_eq!(CpuSet::parse("0-3,7,64\n"), Some(set));
+        assert_eq!(CpuSet::parse(""), Some(CpuSet::default()));
+        for bad in ["x", "1-", "1024", "0-18446744073709551615"] {
+            assert_eq!(CpuSet::parse(bad), None, "{bad}");
+        }
     }
 }

@@ -105,7 +105,10 @@ impl<T: ?Sized> PiMutex<T> {
                 // EAGAIN: the owner is about to exit; EINTR: the kernel restarts by itself on
                 // most versions; ENOMEM: no kernel memory for the inheritance state just now.
                 libc::EINTR | libc::EAGAIN | libc::ENOMEM => {}
-                error => refuse(error),
+                error => {
+                    suspend::leave_critical(); // no guard will do it
+                    refuse(error)
+                }
             }
         }
     }

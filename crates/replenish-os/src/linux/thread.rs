@@ -35,7 +35,7 @@ pub struct ThreadSpec {
     /// The CPU the thread is pinned to; `None`: those its creator may use.
     pub cpu: Option<usize>,
     /// The stack in bytes; `None`: the 2 MiB of the standard library. Under
-    /// `memory::lock_all` the whole stack occupies memory.
+    /// [`memory::lock_all`](crate::memory::lock_all) the whole stack occupies memory.
     pub stack_size: Option<usize>,
     /// Whether threads and processes the thread creates start in `SCHED_OTHER`; true if not said.
     /// Without it user code can leave its budget by spawning a thread.

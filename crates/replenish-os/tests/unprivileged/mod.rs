@@ -1,6 +1,6 @@
 //! One trial runs this very program again as a user without any privilege.
 
-use replenish_os::{Policy, ThreadSpec, privilege, spawn};
+use replenish_os::{Policy, ThreadSpec, memory, privilege, spawn};
 use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
 
@@ -24,6 +24,10 @@ pub(crate) fn child() -> ! {
     assert!(!privilege.real_time());
     assert!(privilege.fifo.is_err() && privilege.deadline.is_err());
     assert!(!privilege.cap_sys_nice);
+    if privilege.memlock.soft.is_some_and(|limit| limit < 64 << 20) {
+        let error = memory::lock_all().unwrap_err().to_string();
+        assert!(error.contains("RLIMIT_MEMLOCK is"), "{error}");
+    }
     let answer = spawn(ThreadSpec::new("plain").cpu(super::cpu()), || 42)
         .unwrap()
         .join()

@@ -86,10 +86,10 @@ impl Privilege {
                 rt_runtime_us: 0,
             } => {
                 let file = file.display();
+                let too = if self.cap_sys_nice { "" } else { ", too" };
                 write!(
                     f,
-                    "\nthe control group of this process forbids it too, even to root \
-                     ({file} is 0):\n  \
+                    "\nthe control group of this process forbids it{too}, even to root ({file} is 0):\n  \
                      allow it:       echo 100000 | sudo tee {file}   (its parents first)\n  \
                      or leave it:    echo $$ | sudo tee /sys/fs/cgroup/cpu/cgroup.procs"
                 )

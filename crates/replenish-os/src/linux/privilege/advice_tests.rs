@@ -17,6 +17,7 @@ fn ordinary_user() -> Privilege {
         fifo: Err(refused()),
         deadline: Err(refused()),
         memory_lock: Err("RLIMIT_MEMLOCK is 8192 KiB, this process has 90000 KiB mapped".into()),
+        switch_records: Ok(()),
         cap_sys_nice: false,
         cap_ipc_lock: false,
         rtprio: zero,

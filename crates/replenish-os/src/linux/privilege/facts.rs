@@ -6,7 +6,7 @@ use std::fs;
 use std::path::PathBuf;
 
 /// `CAP_IPC_LOCK` (linux/capability.h).
-pub(super) const CAP_IPC_LOCK: u32 = 14;
+pub(in crate::linux) const CAP_IPC_LOCK: u32 = 14;
 /// `CAP_SYS_NICE`.
 pub(super) const CAP_SYS_NICE: u32 = 23;
 
@@ -30,7 +30,7 @@ impl fmt::Display for Limit {
 
 /// `getrlimit(2)`.
 #[cfg(target_env = "gnu")]
-pub(super) fn limit(resource: libc::__rlimit_resource_t) -> Limit {
+pub(in crate::linux) fn limit(resource: libc::__rlimit_resource_t) -> Limit {
     limit_of(|limit| {
         // SAFETY: `limit` is writable for the call.
         unsafe { libc::getrlimit(resource, limit) }
@@ -39,7 +39,7 @@ pub(super) fn limit(resource: libc::__rlimit_resource_t) -> Limit {
 
 /// `getrlimit(2)`.
 #[cfg(not(target_env = "gnu"))]
-pub(super) fn limit(resource: libc::c_int) -> Limit {
+pub(in crate::linux) fn limit(resource: libc::c_int) -> Limit {
     limit_of(|limit| {
         // SAFETY: `limit` is writable for the call.
         unsafe { libc::getrlimit(resource, limit) }
@@ -70,10 +70,10 @@ fn limit_of(get: impl FnOnce(*mut libc::rlimit) -> libc::c_int) -> Limit {
 
 /// A set of Linux capabilities.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub(super) struct Capabilities(u64);
+pub(in crate::linux) struct Capabilities(u64);
 
 impl Capabilities {
-    pub(super) fn contains(self, capability: u32) -> bool {
+    pub(in crate::linux) fn contains(self, capability: u32) -> bool {
         self.0 >> capability & 1 == 1
     }
 
@@ -85,7 +85,7 @@ impl Capabilities {
 }
 
 /// The effective capabilities of the calling thread.
-pub(super) fn effective_capabilities() -> Capabilities {
+pub(in crate::linux) fn effective_capabilities() -> Capabilities {
     Capabilities::parse(&fs::read_to_string("/proc/thread-self/status").unwrap_or_default())
 }
 
@@ -94,6 +94,18 @@ pub(super) fn memory_lock(capable: bool, limit: Limit) -> Result<(), String> {
     let Some(limit) = limit.soft.filter(|_| !capable) else {
         return Ok(());
     };
+    let mapped = mapped_bytes();
+    if mapped <= limit {
+        return Ok(());
+    }
+    let (limit, mapped) = (limit >> 10, mapped >> 10);
+    Err(format!(
+        "RLIMIT_MEMLOCK is {limit} KiB, this process has {mapped} KiB mapped"
+    ))
+}
+
+/// How many bytes of address space this process has mapped; what `mlockall` would lock.
+pub(in crate::linux) fn mapped_bytes() -> u64 {
     // SAFETY: sysconf takes and touches no memory.
     let page = u64::try_from(unsafe { libc::sysconf(libc::_SC_PAGESIZE) }).unwrap_or(4096);
     let statm = fs::read_to_string("/proc/self/statm").unwrap_or_default();
@@ -102,14 +114,7 @@ pub(super) fn memory_lock(capable: bool, limit: Limit) -> Result<(), String> {
         .next()
         .and_then(|n| n.parse().ok())
         .unwrap_or(0);
-    let mapped = pages.saturating_mul(page);
-    if mapped <= limit {
-        return Ok(());
-    }
-    let (limit, mapped) = (limit >> 10, mapped >> 10);
-    Err(format!(
-        "RLIMIT_MEMLOCK is {limit} KiB, this process has {mapped} KiB mapped"
-    ))
+    pages.saturating_mul(page)
 }
 
 /// What the control group of this process says about real-time threads.
@@ -196,7 +201,7 @@ fn v1_directory(mounts: &str, path: &str) -> Option<PathBuf> {
 }
 
 /// The number in a one-line file.
-pub(crate) fn read_number(path: impl AsRef<std::path::Path>) -> Option<i64> {
+pub(in crate::linux) fn read_number(path: impl AsRef<std::path::Path>) -> Option<i64> {
     fs::read_to_string(path).ok()?.trim().parse().ok()
 }
 

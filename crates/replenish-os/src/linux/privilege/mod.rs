@@ -5,13 +5,14 @@
 //! user needs; `replenish doctor` reads its fields.
 
 mod advice;
-mod facts;
+pub(super) mod facts;
 
 pub(super) use advice::setcap_line;
 pub use facts::{CgroupRt, Limit};
 
 use super::sched::{SchedClass, set_priority};
 use super::sched_attr;
+use super::switches::SwitchLog;
 use super::tid::current_tid;
 use crate::policy::MAX_PRIORITY;
 use std::io;
@@ -25,6 +26,9 @@ pub struct Privilege {
     pub deadline: Result<(), io::Error>,
     /// Whether the memory this process has now may be locked; the error names the limit.
     pub memory_lock: Result<(), String>,
+    /// Whether context-switch records of own threads can be had ([`SwitchLog`]); without them
+    /// blocking inside a callback is told from the coarser [`crate::voluntary_switches`].
+    pub switch_records: Result<(), io::Error>,
     /// `CAP_SYS_NICE` is effective.
     pub cap_sys_nice: bool,
     /// `CAP_IPC_LOCK` is effective.
@@ -59,6 +63,7 @@ pub fn probe() -> Privilege {
         fifo: on_a_thread(move || highest_fifo(rtprio)),
         deadline: on_a_thread(small_reservation),
         memory_lock: facts::memory_lock(cap_ipc_lock, memlock),
+        switch_records: SwitchLog::open(current_tid()).map(drop),
         cap_sys_nice: caps.contains(facts::CAP_SYS_NICE),
         cap_ipc_lock,
         rtprio,
