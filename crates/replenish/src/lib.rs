@@ -1,15 +1,52 @@
 //! A ROS 2 and micro-ROS executor that gives every callback a CPU budget.
 //!
+//! - [`Context`], [`Node`], [`Publisher`]: where messages come from and go to.
+//! - [`Executor`] and its [workers](Executor::worker): threads with a policy and a [`Budget`] each,
+//!   that run subscriptions and timers.
+//! - [`Report`]: what every thread got from the kernel and what every handle has been through.
 //! - [`middleware`]: the seam between the executor and whatever carries the bytes.
-//! - [`qos`]: reliability and history of an endpoint.
 //!
-//! Modules name `core` and `alloc` wherever they can: the crate is meant to lose `std`.
+//! Modules name `core` and `alloc` wherever they can, and the operating system through
+//! `replenish-os` alone: the crate is meant to lose `std`.
 #![forbid(unsafe_code)]
+// Under `--cfg loom` the models in `tests/` include the files they check; the rest is left out.
+#![cfg(not(loom))]
 
 extern crate alloc;
 
+mod budget;
+mod context;
+mod error;
+mod event;
+mod executor;
+mod handoff;
+mod name;
+mod publisher;
+mod stats;
+mod sync;
+
 pub mod middleware;
 pub mod qos;
+
+pub use budget::{Amount, Budget};
+pub use context::{Context, Node};
+pub use error::Error;
+pub use event::Event;
+pub use executor::{
+    CallbackContext, CallbackResult, DispatcherReport, Every, Executor, HandleReport, Overrun,
+    Report, RunningExecutor, StopHandle, ThreadReport, Topic, WorkerBuilder,
+};
+pub use middleware::PublishError;
+pub use name::NameError;
+pub use publisher::Publisher;
+pub use qos::Qos;
+pub use replenish_msg as msg;
+pub use replenish_os::{
+    Enforcement, EnforcerStats, Low, OverrunSummary, ParamError, Params, Policy, PolicyError,
+    Stall, Usage,
+};
+pub use sporadic::Kind as ServerKind;
+pub use stats::HandleStats;
 
 /// Nanoseconds; of `CLOCK_MONOTONIC` where it is an instant.
 pub type Nanos = u64;

@@ -2,6 +2,7 @@
 
 use alloc::string::String;
 use core::fmt;
+use replenish_msg::CdrError;
 
 /// An operation of the middleware failed.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -79,6 +80,8 @@ impl core::error::Error for MiddlewareError {}
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PublishError {
+    /// The message could not be encoded into [`Message::MAX_SIZE`](replenish_msg::Message) bytes.
+    Encode(CdrError),
     /// The encoded sample is larger than the writer allows.
     TooLarge {
         /// Bytes of the sample.
@@ -99,6 +102,7 @@ pub enum PublishError {
 impl fmt::Display for PublishError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Encode(e) => write!(f, "the message cannot be encoded: {e}"),
             Self::TooLarge { size, limit } => {
                 write!(f, "the sample has {size} bytes, the writer allows {limit}")
             }

@@ -18,9 +18,11 @@
 //! reader *outside* the set never ends a wait, so that nothing is missed and nothing is spun on.
 
 mod error;
+mod in_process;
 mod interest;
 
 pub use error::{MiddlewareError, PublishError};
+pub use in_process::{InProcess, InProcessBus};
 pub use interest::{Interest, MAX_READERS};
 
 use crate::Nanos;

@@ -1,0 +1,167 @@
+//! The connection to a middleware, and the nodes in it.
+
+use crate::error::Error;
+use crate::middleware::{EndpointSpec, InProcessBus, LinkState, Middleware};
+use crate::name;
+use crate::publisher::Publisher;
+use crate::qos::Qos;
+use crate::sync::{Arc, AtomicBool, Ordering};
+use alloc::string::String;
+use core::fmt;
+use replenish_msg::Message;
+
+/// A connection to a middleware: where nodes live and which one [`Executor`](crate::Executor)
+/// spins. Clones are the same connection. Any thread may use it.
+#[derive(Clone)]
+pub struct Context {
+    inner: Arc<Inner>,
+}
+
+struct Inner {
+    middleware: Arc<dyn Middleware>,
+    /// An executor's dispatcher waits on the middleware at this moment.
+    spinning: AtomicBool,
+}
+
+impl Context {
+    /// A context over any middleware.
+    #[must_use]
+    pub fn new(middleware: impl Middleware) -> Self {
+        Self {
+            inner: Arc::new(Inner {
+                middleware: Arc::new(middleware),
+                spinning: AtomicBool::new(false),
+            }),
+        }
+    }
+
+    /// A context of its own inside this process: what its nodes publish reaches its nodes.
+    ///
+    /// Several contexts that shall hear each other come from one [`InProcessBus`].
+    #[must_use]
+    pub fn in_process() -> Self {
+        Self::new(InProcessBus::new().participant())
+    }
+
+    /// A node. `name` may carry a namespace: `pong`, `robot/pong` and `/robot/pong` are all right.
+    ///
+    /// # Errors
+    /// [`Error::Name`] for a name that ROS does not allow.
+    pub fn node(&self, name: &str) -> Result<Node, Error> {
+        Ok(Node {
+            context: self.clone(),
+            name: name::node(name)?.into(),
+        })
+    }
+
+    /// Whether samples can be exchanged at the moment.
+    #[must_use]
+    pub fn link(&self) -> LinkState {
+        self.inner.middleware.link()
+    }
+
+    pub(crate) fn middleware(&self) -> &Arc<dyn Middleware> {
+        &self.inner.middleware
+    }
+
+    /// Whether both are the same connection.
+    pub(crate) fn is(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.inner, &other.inner)
+    }
+
+    /// Claims the right to wait and take; `None` while somebody else has it.
+    pub(crate) fn claim(&self) -> Option<Claim> {
+        let taken = self.inner.spinning.swap(true, Ordering::AcqRel);
+        (!taken).then(|| Claim(self.clone()))
+    }
+}
+
+impl fmt::Debug for Context {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Context")
+            .field("link", &self.link())
+            .finish_non_exhaustive()
+    }
+}
+
+/// The right to wait on and take from a context's middleware, until dropped.
+#[derive(Debug)]
+pub(crate) struct Claim(Context);
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        self.0.inner.spinning.store(false, Ordering::Release);
+    }
+}
+
+/// A named participant: publishers and subscriptions belong to a node. Clones are the same node.
+#[derive(Clone, Debug)]
+pub struct Node {
+    context: Context,
+    name: Arc<str>,
+}
+
+impl Node {
+    /// The fully qualified name, `/robot/pong`.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The context the node lives in.
+    #[must_use]
+    pub fn context(&self) -> &Context {
+        &self.context
+    }
+
+    /// A publisher of `M` on `topic`, which is expanded against this node's name
+    /// (`scan`, `/scan`, `~/scan`).
+    ///
+    /// # Errors
+    /// [`Error::Name`], [`Error::Parameter`] for a depth of 0 or above [`Qos::MAX_DEPTH`],
+    /// [`Error::Middleware`] when it cannot be created.
+    pub fn publisher<M: Message>(&self, topic: &str, qos: Qos) -> Result<Publisher<M>, Error> {
+        let topic = self.resolve(topic)?;
+        check_depth(&topic, qos)?;
+        let spec = self.endpoint::<M>(&topic, qos, M::MAX_SIZE);
+        let writer = self
+            .context
+            .middleware()
+            .create_writer(&spec)
+            .map_err(|e| Error::endpoint("publisher", &topic, e))?;
+        let middleware = Arc::clone(self.context.middleware());
+        Ok(Publisher::new(middleware, writer, topic))
+    }
+
+    pub(crate) fn resolve(&self, topic: &str) -> Result<String, Error> {
+        Ok(name::topic(topic, &self.name)?)
+    }
+
+    pub(crate) fn endpoint<'a, M: Message>(
+        &'a self,
+        topic: &'a str,
+        qos: Qos,
+        max_size: usize,
+    ) -> EndpointSpec<'a> {
+        EndpointSpec {
+            node: &self.name,
+            topic,
+            type_name: M::TYPE_NAME,
+            dds_type_name: M::DDS_TYPE_NAME,
+            qos,
+            max_size,
+        }
+    }
+}
+
+pub(crate) fn check_depth(topic: &str, qos: Qos) -> Result<(), Error> {
+    match qos.checked_depth() {
+        Some(_) => Ok(()),
+        None => Err(Error::parameter(
+            alloc::format!("topic {topic}"),
+            "qos.depth",
+            &qos.depth,
+            "1..=4096",
+        )),
+    }
+}

@@ -1,0 +1,138 @@
+//! What can go wrong while an executor is set up and started. Nothing here happens while it spins.
+
+use crate::middleware::MiddlewareError;
+use crate::name::NameError;
+use alloc::string::{String, ToString};
+use core::fmt;
+use replenish_os::{ParamError, PolicyError};
+
+/// Setting up or starting failed; the message names the thing, the field and what is allowed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Error {
+    /// A name that ROS does not allow.
+    Name(NameError),
+    /// A parameter outside its range.
+    Parameter {
+        /// Whose parameter: `worker "high"`, `topic /scan`, `executor`.
+        owner: String,
+        /// Its name, as in the API.
+        field: &'static str,
+        /// The value it was given.
+        value: String,
+        /// What is allowed.
+        allowed: String,
+    },
+    /// A policy's parameter out of its range, from [`Policy`](crate::Policy)'s constructors.
+    Policy(PolicyError),
+    /// Two workers have the same name.
+    DuplicateWorker(String),
+    /// A worker without subscription and timer.
+    IdleWorker(String),
+    /// A node of another context than the executor's.
+    ForeignNode(String),
+    /// Another executor spins this context.
+    ContextBusy,
+    /// The middleware could not create an endpoint.
+    Middleware {
+        /// Which one.
+        endpoint: String,
+        /// Why.
+        source: MiddlewareError,
+    },
+    /// A thread could not be started.
+    Thread {
+        /// Its name.
+        name: String,
+        /// Why.
+        reason: String,
+    },
+    /// `strict` is set and a guarantee cannot be given.
+    NotGranted {
+        /// What was asked for.
+        what: String,
+        /// Why it is refused, and how to get it.
+        reason: String,
+    },
+}
+
+impl Error {
+    pub(crate) fn parameter(
+        owner: impl Into<String>,
+        field: &'static str,
+        value: &dyn fmt::Display,
+        allowed: impl Into<String>,
+    ) -> Self {
+        Self::Parameter {
+            owner: owner.into(),
+            field,
+            value: value.to_string(),
+            allowed: allowed.into(),
+        }
+    }
+
+    pub(crate) fn endpoint(kind: &str, topic: &str, source: MiddlewareError) -> Self {
+        Self::Middleware {
+            endpoint: alloc::format!("{kind} {topic}"),
+            source,
+        }
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Name(e) => e.fmt(f),
+            Self::Parameter {
+                owner,
+                field,
+                value,
+                allowed,
+            } => write!(f, "{owner}: {field} = {value} is not allowed: {allowed}"),
+            Self::Policy(e) => e.fmt(f),
+            Self::DuplicateWorker(name) => write!(f, "there are two workers named {name:?}"),
+            Self::IdleWorker(name) => {
+                write!(f, "worker {name:?} has neither subscription nor timer")
+            }
+            Self::ForeignNode(node) => {
+                write!(
+                    f,
+                    "node {node} belongs to another context than the executor"
+                )
+            }
+            Self::ContextBusy => f.write_str("another executor spins this context"),
+            Self::Middleware { endpoint, source } => write!(f, "{endpoint}: {source}"),
+            Self::Thread { name, reason } => write!(f, "thread {name:?}: {reason}"),
+            Self::NotGranted { what, reason } => write!(f, "{what} cannot be granted: {reason}"),
+        }
+    }
+}
+
+impl core::error::Error for Error {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Name(e) => Some(e),
+            Self::Policy(e) => Some(e),
+            Self::Middleware { source, .. } => Some(source),
+            _ => None,
+        }
+    }
+}
+
+impl From<NameError> for Error {
+    fn from(e: NameError) -> Self {
+        Self::Name(e)
+    }
+}
+
+impl From<PolicyError> for Error {
+    fn from(e: PolicyError) -> Self {
+        Self::Policy(e)
+    }
+}
+
+impl From<ParamError> for Error {
+    fn from(e: ParamError) -> Self {
+        Self::Policy(e.into())
+    }
+}

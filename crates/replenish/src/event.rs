@@ -1,0 +1,192 @@
+//! What an executor tells about itself while it runs: rare, and never on the ordinary path.
+//!
+//! Everything here is also counted in the [`Report`](crate::Report). What can happen for every
+//! sample is told the first time and then whenever its count doubles.
+
+use crate::middleware::MiddlewareError;
+use alloc::boxed::Box;
+use core::fmt;
+use replenish_msg::CdrError;
+
+/// Something worth a line in the log.
+#[derive(Clone, Copy)]
+#[non_exhaustive]
+pub enum Event<'a> {
+    /// A guarantee that was asked for is not in force; `strict` would have made it an error.
+    Fallback {
+        /// What is missing, what happens instead, and how to get the real thing.
+        message: &'a str,
+    },
+    /// A callback returned an error.
+    CallbackFailed {
+        /// The handle's id.
+        handle: &'a str,
+        /// The error.
+        error: &'a dyn fmt::Display,
+        /// How often this handle has failed by now.
+        count: u64,
+    },
+    /// A callback panicked; its handle has stopped.
+    CallbackPanicked {
+        /// The handle's id.
+        handle: &'a str,
+        /// The panic's message.
+        message: &'a str,
+    },
+    /// A sample could not be decoded.
+    Undecodable {
+        /// The handle's id.
+        handle: &'a str,
+        /// Why.
+        error: CdrError,
+        /// How many of this handle's samples have been undecodable by now.
+        count: u64,
+    },
+    /// A sample was larger than the slots of its handle.
+    Oversize {
+        /// The handle's id.
+        handle: &'a str,
+        /// Bytes of the sample.
+        size: usize,
+        /// How many of this handle's samples have been too large by now.
+        count: u64,
+    },
+    /// The middleware could not wait or take; the dispatcher tries again.
+    MiddlewareFailed {
+        /// Why.
+        error: &'a MiddlewareError,
+        /// How often by now.
+        count: u64,
+    },
+    /// The link to the peer went down or came back.
+    Link {
+        /// Whether samples can be exchanged now.
+        up: bool,
+    },
+    /// A thread of the executor itself panicked: a defect of replenish or of the middleware. The
+    /// executor stops.
+    ThreadPanicked {
+        /// The thread's name.
+        thread: &'a str,
+    },
+    /// A thread has not ended in time after a stop; it was demoted and left behind.
+    Stuck {
+        /// The thread's name.
+        thread: &'a str,
+    },
+}
+
+impl fmt::Display for Event<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Fallback { message } => f.write_str(message),
+            Self::CallbackFailed {
+                handle,
+                error,
+                count,
+            } => {
+                write!(f, "{handle}: callback failed ({count} times): {error}")
+            }
+            Self::CallbackPanicked { handle, message } => {
+                write!(
+                    f,
+                    "{handle}: callback panicked, the handle has stopped: {message}"
+                )
+            }
+            Self::Undecodable {
+                handle,
+                error,
+                count,
+            } => {
+                write!(
+                    f,
+                    "{handle}: sample cannot be decoded ({count} times): {error}"
+                )
+            }
+            Self::Oversize {
+                handle,
+                size,
+                count,
+            } => {
+                write!(
+                    f,
+                    "{handle}: sample of {size} bytes does not fit ({count} times)"
+                )
+            }
+            Self::MiddlewareFailed { error, count } => {
+                write!(f, "middleware failed ({count} times): {error}")
+            }
+            Self::Link { up: true } => f.write_str("link is up"),
+            Self::Link { up: false } => f.write_str("link is down"),
+            Self::ThreadPanicked { thread } => {
+                write!(f, "thread {thread} panicked outside a callback; stopping")
+            }
+            Self::Stuck { thread } => {
+                write!(f, "{thread} has not ended in time; demoted and left behind")
+            }
+        }
+    }
+}
+
+impl fmt::Debug for Event<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Event({self})")
+    }
+}
+
+/// Where events go.
+pub(crate) struct Events(Box<dyn Fn(&Event<'_>) + Send + Sync>);
+
+impl Events {
+    pub(crate) fn new(hook: impl Fn(&Event<'_>) + Send + Sync + 'static) -> Self {
+        Self(Box::new(hook))
+    }
+
+    pub(crate) fn emit(&self, event: &Event<'_>) {
+        (self.0)(event);
+    }
+
+    /// Emits if `count` is a power of two: the first time, and whenever it has doubled.
+    pub(crate) fn emit_rarely(&self, count: u64, event: &Event<'_>) {
+        if count.is_power_of_two() {
+            self.emit(event);
+        }
+    }
+}
+
+impl Default for Events {
+    /// One line on standard error each.
+    fn default() -> Self {
+        Self::new(|event| std::eprintln!("replenish: {event}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::{Arc, Mutex};
+
+    #[test]
+    fn repeated_events_are_told_when_their_count_doubles() {
+        let told = Arc::new(Mutex::new(Vec::new()));
+        let log = Arc::clone(&told);
+        let events = Events::new(move |e| log.lock().unwrap().push(e.to_string()));
+        for count in 1..=1000 {
+            let handle = "/n/sub:/t";
+            events.emit_rarely(
+                count,
+                &Event::Oversize {
+                    handle,
+                    size: 9,
+                    count,
+                },
+            );
+        }
+        let told = told.lock().unwrap();
+        assert_eq!(told.len(), 10); // 1, 2, 4, … 512
+        assert_eq!(
+            told[0],
+            "/n/sub:/t: sample of 9 bytes does not fit (1 times)"
+        );
+    }
+}

@@ -1,0 +1,182 @@
+//! The dispatcher, the paper's executor thread (its Algorithm 1, corrected):
+//!
+//! ```text
+//!   ┌─► readmit readers whose inbox has room again
+//!   │   wait on the middleware              no lock held; buffered data first
+//!   │   take a bounded batch into inboxes   a reader that is full leaves the interest set
+//!   │   ring the workers that got samples   outside all locks, highest priority first
+//!   └───┘
+//! ```
+//!
+//! Workers end its wait when a reader that had left the set has room again, and only then.
+
+use super::doorbell::Doorbell;
+use super::handle::Shared;
+use super::stop::StopHandle;
+use crate::event::{Event, Events};
+use crate::handoff::{Delivery, Outcome};
+use crate::middleware::{
+    Interest, LinkState, Middleware, MiddlewareError, ReaderId, Room, SampleInfo,
+};
+use crate::stats::Counter;
+use crate::sync::Arc;
+use alloc::vec::Vec;
+use replenish_os::Account;
+use replenish_os::clock;
+
+/// The pause after the middleware has failed, in nanoseconds: it must not become a busy loop at
+/// the highest priority.
+const PAUSE: u64 = 10_000_000;
+
+/// What the dispatcher has done so far.
+#[derive(Debug, Default)]
+pub(crate) struct DispatcherCounters {
+    pub(crate) rounds: Counter,
+    pub(crate) samples: Counter,
+    pub(crate) failures: Counter,
+}
+
+/// Where a reader's samples go.
+pub(crate) struct Route {
+    pub(crate) shared: Arc<Shared>,
+    /// Index into [`Dispatcher::bells`].
+    pub(crate) worker: usize,
+}
+
+/// The dispatcher's state; lives on its thread.
+pub(crate) struct Dispatcher {
+    pub(crate) stop: StopHandle,
+    pub(crate) events: Arc<Events>,
+    pub(crate) counters: Arc<DispatcherCounters>,
+    /// By reader id.
+    pub(crate) routes: Vec<Option<Route>>,
+    /// The workers' bells, highest priority first, and whether each is to be rung.
+    pub(crate) bells: Vec<(Arc<Doorbell>, bool)>,
+}
+
+impl Dispatcher {
+    /// Dispatches until a stop is requested.
+    pub(crate) fn run(mut self, account: &mut Account) {
+        let middleware = Arc::clone(&self.stop.middleware);
+        let mut interest = self.everybody();
+        let mut parked = Interest::empty();
+        let mut link_up = true;
+        while !self.stop.is_stopping() {
+            self.readmit(&mut interest, &mut parked);
+            account.block();
+            let waited = middleware.wait(&interest, None);
+            account.activate(clock::monotonic());
+            self.counters.rounds.add(1);
+            let taken = self.take(&*middleware, &mut interest, &mut parked);
+            self.ring();
+            if let Err(error) = waited.and(taken) {
+                self.failed(&error);
+                account.block();
+                clock::sleep_until(clock::monotonic().saturating_add(PAUSE));
+                account.activate(clock::monotonic());
+            }
+            let up = middleware.link() == LinkState::Up;
+            if up != link_up {
+                link_up = up;
+                self.events.emit(&Event::Link { up });
+            }
+        }
+    }
+
+    fn everybody(&self) -> Interest {
+        let mut all = Interest::empty();
+        for route in self.routes.iter().flatten() {
+            if let Some((reader, _)) = route.shared.input {
+                all.insert(reader);
+            }
+        }
+        all
+    }
+
+    fn readmit(&self, interest: &mut Interest, parked: &mut Interest) {
+        if parked.is_empty() {
+            return;
+        }
+        let out = *parked;
+        for reader in out.iter() {
+            let inbox = self.route(reader).and_then(|r| r.shared.input.as_ref());
+            if inbox.is_some_and(|(_, inbox)| !inbox.is_parked()) {
+                parked.remove(reader);
+                interest.insert(reader);
+            }
+        }
+    }
+
+    fn route(&self, reader: ReaderId) -> Option<&Route> {
+        self.routes.get(usize::from(reader.0))?.as_ref()
+    }
+
+    fn take(
+        &mut self,
+        middleware: &dyn Middleware,
+        interest: &mut Interest,
+        parked: &mut Interest,
+    ) -> Result<(), MiddlewareError> {
+        let before = *interest;
+        let mut sink = |reader: ReaderId, info: &SampleInfo, bytes: &[u8]| {
+            let Some((delivery, worker)) = self.deliver(reader, info, bytes) else {
+                return Room::Left; // nobody subscribes to it any more
+            };
+            if let Some((_, due)) = self.bells.get_mut(worker) {
+                *due = true;
+            }
+            if delivery.parked {
+                interest.remove(reader);
+                parked.insert(reader);
+                return Room::Full;
+            }
+            Room::Left
+        };
+        let taken = middleware.take(&before, &mut sink)?;
+        self.counters.samples.add(taken as u64);
+        Ok(())
+    }
+
+    fn deliver(
+        &self,
+        reader: ReaderId,
+        info: &SampleInfo,
+        bytes: &[u8],
+    ) -> Option<(Delivery, usize)> {
+        let route = self.route(reader)?;
+        let (_, inbox) = route.shared.input.as_ref()?;
+        let counters = &route.shared.counters;
+        counters.received.add(1);
+        let delivery = inbox.deliver(bytes, info.arrival);
+        match delivery.outcome {
+            Outcome::Stored => {}
+            Outcome::ReplacedOldest | Outcome::NoRoom => drop(counters.dropped.add(1)),
+            Outcome::Closed => drop(counters.discarded.add(1)),
+            Outcome::Oversize => {
+                let (count, size) = (counters.oversize.add(1), bytes.len());
+                let handle = &route.shared.id;
+                let event = Event::Oversize {
+                    handle,
+                    size,
+                    count,
+                };
+                self.events.emit_rarely(count, &event);
+            }
+        }
+        Some((delivery, route.worker))
+    }
+
+    fn ring(&mut self) {
+        for (bell, due) in &mut self.bells {
+            if core::mem::take(due) {
+                bell.ring(clock::monotonic());
+            }
+        }
+    }
+
+    fn failed(&self, error: &MiddlewareError) {
+        let count = self.counters.failures.add(1);
+        let event = Event::MiddlewareFailed { error, count };
+        self.events.emit_rarely(count, &event);
+    }
+}

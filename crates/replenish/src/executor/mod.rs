@@ -1,0 +1,242 @@
+//! The executor: workers, each a thread with a policy, behind one dispatcher.
+//!
+//! ```text
+//!   middleware ──► dispatcher ──► inbox ──► worker: decode, callback   (one thread, one policy)
+//!       ▲                                     │
+//!       └────────────── publish ──────────────┘      enforcers hold the budgets from below
+//! ```
+//!
+//! - `mod.rs`: options, and the way in.
+//! - [`builder`]: describing workers and handles. [`plan`]: from wishes to policies.
+//! - [`start`]: threads, enforcers, the declared fallbacks. [`threads`]: one thread's life.
+//! - [`dispatcher`], [`worker`]: the two loops; [`doorbell`]: what the second sleeps on. [`handle`], [`subscription`], [`timer`]: what
+//!   workers run. [`callback`]: what callbacks see.
+//! - [`running`], [`stop`]: watching and ending it. [`report`]: the numbers.
+
+mod builder;
+mod callback;
+mod dispatcher;
+mod doorbell;
+mod handle;
+mod plan;
+mod report;
+mod running;
+mod start;
+mod stop;
+mod subscription;
+mod threads;
+mod timer;
+mod worker;
+
+pub use builder::WorkerBuilder;
+pub use callback::{CallbackContext, CallbackResult};
+pub use report::{DispatcherReport, HandleReport, Report, ThreadReport};
+pub use running::RunningExecutor;
+pub use stop::StopHandle;
+pub use subscription::Topic;
+pub use timer::{Every, Overrun};
+
+use crate::context::Context;
+use crate::error::Error;
+use crate::event::{Event, Events};
+use crate::handoff::Stop;
+use crate::sync::Arc;
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
+use builder::WorkerSpec;
+use core::fmt;
+use core::time::Duration;
+use plan::Request;
+use replenish_os::Policy;
+use sporadic::Kind;
+
+/// Runs callbacks on workers, each with its own scheduling policy and budget.
+///
+/// ```
+/// use replenish::{Context, Executor, Qos};
+/// use replenish::msg::std_msgs::Int32;
+/// use std::time::Duration;
+///
+/// let ctx = Context::in_process();
+/// let node = ctx.node("counter")?;
+/// let out = node.publisher::<Int32>("count", Qos::reliable())?;
+/// let mut n = 0;
+///
+/// let mut exec = Executor::new(&ctx);
+/// exec.worker("count").timer(Duration::from_millis(1), move |_| {
+///     n += 1;
+///     out.publish(&Int32 { data: n })
+/// })?;
+/// exec.worker("print").subscribe(&node, "count", Qos::reliable(), |count: &Int32, cx| {
+///     println!("{}", count.data);
+///     if count.data == 3 {
+///         cx.stop();
+///     }
+/// })?;
+/// let report = exec.spin()?;
+/// assert!(report.handles.iter().all(|h| h.stats.executed >= 3));
+/// # Ok::<(), replenish::Error>(())
+/// ```
+#[must_use = "an executor does nothing until it spins"]
+pub struct Executor {
+    context: Context,
+    workers: Vec<WorkerSpec>,
+    stop: StopHandle,
+    options: Options,
+}
+
+/// Everything that can be set besides workers.
+struct Options {
+    dispatcher: Option<Policy>,
+    dispatcher_cpu: Option<usize>,
+    enforcer_priority: u8,
+    server: Kind,
+    strict: bool,
+    switch_log: bool,
+    stop_grace: Duration,
+    events: Arc<Events>,
+}
+
+impl Executor {
+    /// An executor without workers over `context`.
+    pub fn new(context: &Context) -> Self {
+        let stop = StopHandle {
+            stop: Arc::new(Stop::new()),
+            middleware: Arc::clone(context.middleware()),
+        };
+        Self {
+            context: context.clone(),
+            workers: Vec::new(),
+            stop,
+            options: Options {
+                dispatcher: None,
+                dispatcher_cpu: None,
+                enforcer_priority: 99,
+                server: Kind::Corrected,
+                strict: false,
+                switch_log: true,
+                stop_grace: Duration::from_millis(150),
+                events: Arc::new(Events::default()),
+            },
+        }
+    }
+
+    /// Starts to describe a worker. Its name must be unique in this executor; it becomes the
+    /// thread's name.
+    pub fn worker(&mut self, name: &str) -> WorkerBuilder<'_> {
+        self.workers.push(WorkerSpec {
+            request: Request {
+                name: name.into(),
+                ..Request::default()
+            },
+            entries: Vec::new(),
+            timers: 0,
+        });
+        let index = self.workers.len() - 1;
+        WorkerBuilder {
+            executor: self,
+            index,
+        }
+    }
+
+    /// The dispatcher's policy; a sporadic one gives it a budget. Default: FIFO 98 as soon as any
+    /// worker is real-time, else time sharing.
+    pub fn dispatcher(&mut self, policy: Policy) -> &mut Self {
+        self.options.dispatcher = Some(policy);
+        self
+    }
+
+    /// Pins the dispatcher to one CPU. Default: not pinned.
+    pub fn dispatcher_cpu(&mut self, cpu: usize) -> &mut Self {
+        self.options.dispatcher_cpu = Some(cpu);
+        self
+    }
+
+    /// The enforcers' FIFO priority, 2..=99, above all workers' and the dispatcher's. Default 99.
+    pub fn enforcer_priority(&mut self, priority: u8) -> &mut Self {
+        self.options.enforcer_priority = priority;
+        self
+    }
+
+    /// Which budget server holds the budgets. Default: the corrected one.
+    pub fn server(&mut self, kind: Kind) -> &mut Self {
+        self.options.server = kind;
+        self
+    }
+
+    /// `true`: a policy or a budget that cannot be granted is an error when the executor starts.
+    /// `false`, the default: it is a fallback, told once and kept in the report.
+    pub fn strict(&mut self, strict: bool) -> &mut Self {
+        self.options.strict = strict;
+        self
+    }
+
+    /// Whether the enforcers read the kernel's context-switch records to see callbacks that block
+    /// (exact); otherwise a counter stands in (safe, less exact). Default: yes.
+    pub fn switch_log(&mut self, on: bool) -> &mut Self {
+        self.options.switch_log = on;
+        self
+    }
+
+    /// How long callbacks that run have to finish after a stop. A thread that is not back by then
+    /// is reported as stuck, demoted to time sharing and left behind. Default: 150 ms.
+    pub fn stop_grace(&mut self, grace: Duration) -> &mut Self {
+        self.options.stop_grace = grace;
+        self
+    }
+
+    /// Where [`Event`]s go; called on the thread they happen on. Default: one line each on
+    /// standard error.
+    pub fn on_event(&mut self, hook: impl Fn(&Event<'_>) + Send + Sync + 'static) -> &mut Self {
+        self.options.events = Arc::new(Events::new(hook));
+        self
+    }
+
+    /// Stops this executor from anywhere, also before it has started.
+    #[must_use]
+    pub fn stop_handle(&self) -> StopHandle {
+        self.stop.clone()
+    }
+
+    /// Starts everything and blocks until somebody stops it.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start).
+    pub fn spin(self) -> Result<Report, Error> {
+        Ok(self.start()?.wait())
+    }
+
+    /// Starts everything and returns: no callback has run before all threads have what was granted.
+    ///
+    /// # Errors
+    /// [`Error::DuplicateWorker`], [`Error::IdleWorker`], [`Error::Name`] and
+    /// [`Error::Parameter`] for what was described; [`Error::ContextBusy`];
+    /// [`Error::Thread`] when a thread cannot be started; with [`strict`](Self::strict)
+    /// [`Error::NotGranted`]. Nothing runs then.
+    pub fn start(self) -> Result<RunningExecutor, Error> {
+        start::start(self)
+    }
+
+    /// `id`, or `id#2`, `id#3`, … if it is taken.
+    fn unique(&self, id: String) -> String {
+        let taken = |id: &str| {
+            let mut entries = self.workers.iter().flat_map(|w| &w.entries);
+            entries.any(|e| e.shared.id == id)
+        };
+        if !taken(&id) {
+            return id;
+        }
+        let numbered = |n: u32| alloc::format!("{id}#{n}");
+        let free = (2..u32::MAX).map(numbered).find(|id| !taken(id));
+        free.unwrap_or_else(|| id.to_string())
+    }
+}
+
+impl fmt::Debug for Executor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names = self.workers.iter().map(|w| &w.request.name);
+        f.debug_struct("Executor")
+            .field("workers", &names.collect::<Vec<_>>())
+            .finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,261 @@
+//! From what users ask for to one scheduling policy per thread. Pure; run when the executor starts.
+//!
+//! | policy | budget | result |
+//! |---|---|---|
+//! | none | none | time sharing (`SCHED_OTHER`) |
+//! | any | none | that policy |
+//! | none | B every T | sporadic; priority 60 for the shortest T, one less for each longer T |
+//! | FIFO p | B every T | sporadic at priority p |
+//!
+//! A budget's background priority is 6 (the paper's), or p - 1 where p is 6 or less.
+
+use super::timer::nanos;
+use crate::Nanos;
+use crate::budget::Budget;
+use crate::error::Error;
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
+use replenish_os::{Low, MAX_REPL, Params, Policy};
+
+/// Priority of the budgeted worker with the shortest period, where none was given.
+const FIRST_PRIORITY: u8 = 60;
+/// Priorities that are given out never fall below this.
+const LAST_PRIORITY: u8 = 20;
+/// Where budgeted workers run without budget.
+const BACKGROUND: u8 = 6;
+/// The dispatcher's FIFO priority as soon as any worker is real-time.
+const DISPATCHER: u8 = 98;
+/// The smallest stack that is accepted, in bytes: what glibc accepts.
+const MIN_STACK: usize = 16 * 1024;
+
+/// What was asked for a worker.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Request {
+    pub(crate) name: String,
+    pub(crate) policy: Option<Policy>,
+    pub(crate) budget: Option<Budget>,
+    pub(crate) cpu: Option<usize>,
+    pub(crate) stack_size: Option<usize>,
+}
+
+impl Request {
+    fn owner(&self) -> String {
+        alloc::format!("worker {:?}", self.name)
+    }
+}
+
+/// The policy of each worker, in order, and the dispatcher's.
+pub(crate) fn plan(
+    workers: &[&Request],
+    dispatcher: Option<&Policy>,
+    enforcer_priority: u8,
+) -> Result<(Vec<Policy>, Policy), Error> {
+    if !(2..=99).contains(&enforcer_priority) {
+        let field = "enforcer_priority";
+        return Err(Error::parameter(
+            "executor",
+            field,
+            &enforcer_priority,
+            "2..=99",
+        ));
+    }
+    let mut periods: Vec<Nanos> = workers
+        .iter()
+        .filter(|w| w.policy.is_none())
+        .filter_map(|w| w.budget.map(|b| nanos(b.period)))
+        .collect();
+    periods.sort_unstable();
+    periods.dedup();
+    let mut policies = Vec::with_capacity(workers.len());
+    for w in workers {
+        check(w)?;
+        policies.push(policy(w, &periods)?);
+    }
+    let dispatcher = match dispatcher {
+        Some(p) => *p,
+        None if policies.iter().all(|p| rank(p) == 0) => Policy::Other,
+        None => Policy::Fifo {
+            priority: DISPATCHER.min(enforcer_priority - 1),
+        },
+    };
+    let all = || policies.iter().chain([&dispatcher]);
+    if all().any(|p| matches!(p, Policy::Sporadic(_))) {
+        let owners = workers.iter().map(|w| w.owner());
+        for (owner, p) in owners.chain(["dispatcher".to_string()]).zip(all()) {
+            below_enforcer(owner, p, enforcer_priority)?;
+        }
+    }
+    Ok((policies, dispatcher))
+}
+
+/// How urgent a policy is: workers are woken in this order. 0 is time sharing.
+pub(crate) fn rank(policy: &Policy) -> u16 {
+    match policy {
+        Policy::Other => 0,
+        Policy::Fifo { priority } | Policy::RoundRobin { priority } => u16::from(*priority),
+        Policy::Sporadic(params) => u16::from(params.priority()),
+        Policy::Deadline { .. } => 256,
+    }
+}
+
+fn check(w: &Request) -> Result<(), Error> {
+    crate::name::worker(&w.name)?;
+    if let Some(bytes) = w.stack_size.filter(|s| *s < MIN_STACK) {
+        let allowed = "16384 bytes or more";
+        return Err(Error::parameter(w.owner(), "stack_size", &bytes, allowed));
+    }
+    if let (Some(Policy::Deadline { .. }), Some(cpu)) = (&w.policy, w.cpu) {
+        let allowed = "none: SCHED_DEADLINE threads cannot be pinned";
+        return Err(Error::parameter(w.owner(), "cpu", &cpu, allowed));
+    }
+    Ok(())
+}
+
+fn policy(w: &Request, periods: &[Nanos]) -> Result<Policy, Error> {
+    let Some(budget) = w.budget else {
+        return Ok(w.policy.unwrap_or(Policy::Other));
+    };
+    let priority = match &w.policy {
+        Some(Policy::Fifo { priority }) => *priority,
+        Some(other) => {
+            let allowed = alloc::format!("no budget beside {other}: give a FIFO policy or none");
+            return Err(Error::parameter(w.owner(), "budget", &budget, allowed));
+        }
+        None => {
+            let shorter = periods
+                .iter()
+                .filter(|p| **p < nanos(budget.period))
+                .count();
+            let steps = u8::try_from(shorter).unwrap_or(u8::MAX);
+            FIRST_PRIORITY.saturating_sub(steps).max(LAST_PRIORITY)
+        }
+    };
+    let low = match budget.suspend {
+        true => Low::Suspend,
+        false if priority > 1 => Low::Background(BACKGROUND.min(priority - 1)),
+        false => {
+            let allowed = "2..=98: the background priority needs room below it";
+            return Err(Error::parameter(
+                w.owner(),
+                "policy.priority",
+                &priority,
+                allowed,
+            ));
+        }
+    };
+    let max_repl = u16::try_from(MAX_REPL).unwrap_or(u16::MAX);
+    let (amount, period) = (nanos(budget.amount), nanos(budget.period));
+    Params::new(priority, low, amount, period, max_repl)
+        .map(Policy::Sporadic)
+        .map_err(|e| Error::parameter(w.owner(), "budget", &budget, e.to_string()))
+}
+
+fn below_enforcer(owner: String, policy: &Policy, enforcer: u8) -> Result<(), Error> {
+    let rank = rank(policy);
+    if rank < u16::from(enforcer) || rank > 99 {
+        return Ok(());
+    }
+    let allowed = alloc::format!("1..={}: below the enforcer", enforcer - 1);
+    Err(Error::parameter(owner, "policy.priority", &rank, allowed))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::time::Duration;
+
+    fn ms(n: u64) -> Duration {
+        Duration::from_millis(n)
+    }
+
+    fn request(name: &str, policy: Option<Policy>, budget: Option<Budget>) -> Request {
+        Request {
+            name: name.into(),
+            policy,
+            budget,
+            ..Request::default()
+        }
+    }
+
+    fn planned(requests: &[Request]) -> Result<Vec<Policy>, Error> {
+        let requests: Vec<_> = requests.iter().collect();
+        plan(&requests, None, 99).map(|(workers, _)| workers)
+    }
+
+    fn sporadic(policy: &Policy) -> Params {
+        match policy {
+            Policy::Sporadic(p) => *p,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn shorter_periods_get_higher_priorities_and_equal_ones_the_same() {
+        let budget = |period| Some(Budget::of(ms(1)).every(ms(period)));
+        let names = [("a", 100), ("b", 10), ("c", 100), ("d", 20)];
+        let all: Vec<_> = names.map(|(n, p)| request(n, None, budget(p))).into();
+        let got = planned(&all).unwrap();
+        let priorities: Vec<_> = got.iter().map(|p| sporadic(p).priority()).collect();
+        assert_eq!(priorities, [58, 60, 58, 59]);
+        assert!(got.iter().all(|p| sporadic(p).low() == Low::Background(6)));
+    }
+
+    #[test]
+    fn a_budget_beside_fifo_keeps_the_priority() {
+        let fifo = |p| Some(Policy::fifo(p).unwrap());
+        let budget = Some(Budget::of(ms(30)).every(ms(100)));
+        let got = planned(&[
+            request("a", fifo(50), budget),
+            request("b", fifo(3), budget),
+            request("c", fifo(3), budget.map(Budget::suspend)),
+        ])
+        .unwrap();
+        let all: Vec<_> = got.iter().map(sporadic).collect();
+        assert_eq!((all[0].priority(), all[0].low()), (50, Low::Background(6)));
+        assert_eq!((all[1].priority(), all[1].low()), (3, Low::Background(2)));
+        assert_eq!((all[2].priority(), all[2].low()), (3, Low::Suspend));
+        assert_eq!(
+            (all[0].budget(), all[0].period()),
+            (30_000_000, 100_000_000)
+        );
+    }
+
+    #[test]
+    fn the_dispatcher_is_real_time_iff_a_worker_is() {
+        let plain = request("a", None, None);
+        let fifo = request("b", Some(Policy::fifo(10).unwrap()), None);
+        assert_eq!(plan(&[&plain], None, 99).unwrap().1, Policy::Other);
+        let dispatcher = plan(&[&plain, &fifo], None, 99).unwrap().1;
+        assert_eq!(dispatcher, Policy::fifo(98).unwrap());
+    }
+
+    #[test]
+    fn bad_requests_name_the_worker_the_field_and_the_range() {
+        let says = |r: Request| planned(&[r]).unwrap_err().to_string();
+        let budget = |b, t| Some(Budget::of(ms(b)).every(ms(t)));
+        let over = says(request("w", None, budget(20, 10)));
+        assert!(
+            over.starts_with("worker \"w\": budget = 20ms every 10ms is not allowed"),
+            "{over}"
+        );
+        assert!(says(request("w", None, budget(0, 10))).contains("budget"));
+        assert!(says(request("w", None, budget(0, 0))).contains("budget"));
+        let both = says(request("w", Some(Policy::Other), budget(1, 10)));
+        assert!(both.contains("no budget beside"), "{both}");
+        let high = says(request("w", Some(Policy::fifo(99).unwrap()), budget(1, 10)));
+        assert!(
+            high.contains("policy.priority = 99 is not allowed: 1..=98"),
+            "{high}"
+        );
+        let low = says(request("w", Some(Policy::fifo(1).unwrap()), budget(1, 10)));
+        assert!(
+            low.contains("policy.priority = 1 is not allowed: 2..=98"),
+            "{low}"
+        );
+        let stack = Request {
+            stack_size: Some(100),
+            ..request("w", None, None)
+        };
+        assert!(says(stack).contains("stack_size = 100"));
+    }
+}

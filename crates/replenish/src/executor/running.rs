@@ -1,0 +1,228 @@
+//! An executor that runs: watching it, and ending it for certain.
+//!
+//! ```text
+//!   running ── stop requested ──► grace: callbacks finish, waits for budget end
+//!                                    │ all back                │ grace over
+//!                                    ▼                         ▼
+//!                                  join                stuck ones: unsupervised, demoted to
+//!                                                      time sharing, left behind; join the rest
+//! ```
+
+use super::dispatcher::DispatcherCounters;
+use super::handle::Shared;
+use super::report::{DispatcherReport, HandleReport, Report, ThreadReport};
+use super::stop::StopHandle;
+use super::threads::{Ready, Seat};
+use super::timer::nanos;
+use crate::Nanos;
+use crate::context::Claim;
+use crate::event::{Event, Events};
+use crate::stats::HandleStats;
+use crate::sync::{Arc, Signal};
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
+use core::fmt;
+use core::time::Duration;
+use replenish_os::clock;
+use replenish_os::{self as os, Enforcer, SchedClass, Thread, Usage};
+
+/// How long threads that have finished their work may take to end, in nanoseconds.
+const EPILOGUE: Nanos = 40_000_000;
+
+/// A thread and its place.
+pub(crate) struct Crew {
+    pub(crate) seat: Arc<Seat>,
+    thread: Thread<()>,
+}
+
+impl Crew {
+    pub(crate) fn new(seat: Arc<Seat>, thread: Thread<()>) -> Self {
+        Self { seat, thread }
+    }
+
+    /// Waits for the end of a thread that has finished its work; its panics are events already.
+    pub(crate) fn join(self) {
+        self.thread.join().ok();
+    }
+}
+
+/// An executor that runs. Dropping it stops it.
+#[must_use = "dropping it stops the executor"]
+pub struct RunningExecutor {
+    pub(crate) stop: StopHandle,
+    pub(crate) owner: Arc<Signal>,
+    pub(crate) crew: Vec<Crew>,
+    pub(crate) enforcers: Vec<Arc<Enforcer>>,
+    pub(crate) handles: Vec<(Arc<str>, Arc<Shared>)>,
+    pub(crate) counters: Arc<DispatcherCounters>,
+    pub(crate) fallbacks: Vec<String>,
+    pub(crate) stuck: Vec<String>,
+    pub(crate) events: Arc<Events>,
+    pub(crate) grace: Duration,
+    pub(crate) claim: Option<Claim>,
+    pub(crate) start: Nanos,
+    pub(crate) end: Option<Report>,
+}
+
+impl RunningExecutor {
+    /// Stops this executor from anywhere.
+    #[must_use]
+    pub fn stop_handle(&self) -> StopHandle {
+        self.stop.clone()
+    }
+
+    /// Stops, joins and reports: within the grace period plus a few milliseconds, whatever the
+    /// callbacks do.
+    pub fn stop(mut self) -> Report {
+        self.stop.stop();
+        self.finish()
+    }
+
+    /// Blocks until somebody stops the executor, then joins and reports.
+    pub fn wait(mut self) -> Report {
+        while !self.stop.is_stopping() {
+            self.owner.wait();
+        }
+        self.finish()
+    }
+
+    /// The numbers at this moment. Allocates; takes no lock that a callback could wait for long.
+    #[must_use]
+    pub fn report(&self) -> Report {
+        let threads = self.crew.iter().map(|c| thread_report(&c.seat));
+        Report {
+            elapsed: clock::monotonic().saturating_sub(self.start),
+            threads: threads.collect(),
+            handles: self
+                .handles
+                .iter()
+                .map(|(w, h)| self.handle(w, h))
+                .collect(),
+            dispatcher: DispatcherReport {
+                rounds: self.counters.rounds.get(),
+                samples: self.counters.samples.get(),
+                failures: self.counters.failures.get(),
+            },
+            enforcers: self.enforcers.iter().map(|e| e.stats()).collect(),
+            fallbacks: self.fallbacks.clone(),
+            stuck: self.stuck.clone(),
+        }
+    }
+
+    /// The counters of one handle. Does not allocate.
+    #[must_use]
+    pub fn stats(&self, id: &str) -> Option<HandleStats> {
+        let (_, handle) = self.handles.iter().find(|(_, h)| h.id == id)?;
+        Some(self.snapshot(handle))
+    }
+
+    /// What one worker, or the `dispatcher`, has used. Does not allocate.
+    #[must_use]
+    pub fn usage(&self, thread: &str) -> Option<Usage> {
+        let crew = self.crew.iter().find(|c| &*c.seat.name == thread)?;
+        Some(crew.seat.meter()?.usage())
+    }
+
+    /// Discards every sample that waits for a worker and returns how many; they are counted as
+    /// discarded. Samples still in the middleware are not touched.
+    pub fn discard_waiting(&self) -> u64 {
+        let handles = self.handles.iter();
+        handles.map(|(_, h)| h.discard(false, &self.stop)).sum()
+    }
+
+    fn snapshot(&self, handle: &Shared) -> HandleStats {
+        let lost = handle.input.as_ref();
+        let lost = lost.map_or(0, |(reader, _)| self.stop.middleware.lost(*reader));
+        handle.counters.snapshot(handle.waiting(), lost)
+    }
+
+    fn handle(&self, worker: &str, handle: &Shared) -> HandleReport {
+        let error = handle.last_error.lock().as_str().to_string();
+        HandleReport {
+            id: handle.id.clone(),
+            worker: worker.into(),
+            stats: self.snapshot(handle),
+            last_error: Some(error).filter(|e| !e.is_empty()),
+        }
+    }
+
+    /// Ends all threads, one way or the other. The stop has been requested.
+    fn finish(&mut self) -> Report {
+        if let Some(report) = &self.end {
+            return report.clone();
+        }
+        let deadline = clock::monotonic().saturating_add(nanos(self.grace));
+        for meter in self.crew.iter().filter_map(|c| c.seat.meter()) {
+            meter.cancel();
+        }
+        while !self.crew.iter().all(|c| c.seat.is_finished()) {
+            if !self.owner.wait_until(deadline) && clock::monotonic() >= deadline {
+                break;
+            }
+        }
+        // Stuck ones first: one that spins at high priority would keep the others from ending.
+        for c in self.crew.iter().filter(|c| !c.seat.is_finished()) {
+            self.stuck.push(c.seat.name.to_string());
+            if let Some(meter) = c.seat.meter() {
+                meter.abandon();
+            }
+            os::set_priority(c.thread.tid(), SchedClass::Other).ok();
+            let thread = &c.seat.name;
+            self.events.emit(&Event::Stuck { thread });
+        }
+        let mut report = self.report();
+        let patience = clock::monotonic().saturating_add(EPILOGUE);
+        for c in self.crew.drain(..) {
+            let name = &c.seat.name;
+            if c.seat.is_finished() && c.thread.join_until(patience).is_err() {
+                // Done, but something above it on its CPU keeps it from ending.
+                self.stuck.push(name.to_string());
+                self.events.emit(&Event::Stuck { thread: name });
+            }
+        }
+        for enforcer in &self.enforcers {
+            enforcer.stop();
+        }
+        if self.stuck.iter().any(|s| s == "dispatcher") {
+            core::mem::forget(self.claim.take()); // it may still be in the middleware
+        }
+        self.claim = None;
+        report.stuck.clone_from(&self.stuck);
+        self.end = Some(report.clone());
+        report
+    }
+}
+
+impl Drop for RunningExecutor {
+    fn drop(&mut self) {
+        if self.end.is_none() {
+            self.stop.stop();
+            self.finish();
+        }
+    }
+}
+
+impl fmt::Debug for RunningExecutor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("RunningExecutor")
+            .field("stop", &self.stop)
+            .finish_non_exhaustive()
+    }
+}
+
+fn thread_report(seat: &Seat) -> ThreadReport {
+    let ready = match &*seat.ready.lock() {
+        Some(Ok(ready)) => Some(ready.clone()),
+        _ => None,
+    };
+    let meter = ready.as_ref().map(|r: &Ready| &r.meter);
+    ThreadReport {
+        name: seat.name.to_string(),
+        requested: seat.policy.to_string(),
+        granted: ready.as_ref().map_or("-".into(), |r| r.granted.clone()),
+        cpu: seat.cpu,
+        enforcement: meter.and_then(os::Meter::enforcement),
+        usage: meter.map(os::Meter::usage).unwrap_or_default(),
+        overruns: meter.map(os::Meter::overruns).unwrap_or_default(),
+    }
+}

@@ -1,0 +1,331 @@
+//! Starting an executor: plan, spawn, fall back where allowed, launch all or none.
+
+use super::dispatcher::{Dispatcher, DispatcherCounters, Route};
+use super::doorbell::Doorbell;
+use super::handle::Shared;
+use super::plan::{Request, plan, rank};
+use super::running::{Crew, RunningExecutor};
+use super::threads::{Body, Funding, Launch, Seat};
+use super::worker::Worker;
+use super::{Executor, Options, StopHandle};
+use crate::error::Error;
+use crate::event::Event;
+use crate::sync::{Arc, AtomicBool, Mutex, Signal};
+use alloc::boxed::Box;
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
+use replenish_os::clock;
+use replenish_os::{self as os, Enforcer, EnforcerConfig, Policy};
+
+/// Stack size in bytes where none was given.
+const STACK: usize = 1 << 20;
+
+pub(crate) fn start(executor: Executor) -> Result<RunningExecutor, Error> {
+    let Executor {
+        context,
+        workers,
+        stop,
+        options,
+    } = executor;
+    let requests: Vec<&Request> = workers.iter().map(|w| &w.request).collect();
+    check_names(&requests)?;
+    if let Some(w) = workers.iter().find(|w| w.entries.is_empty()) {
+        return Err(Error::IdleWorker(w.request.name.clone()));
+    }
+    let dispatcher = options.dispatcher.as_ref();
+    let (policies, dispatcher) = plan(&requests, dispatcher, options.enforcer_priority)?;
+    let claim = context.claim().ok_or(Error::ContextBusy)?;
+
+    let owner = Arc::new(Signal::new());
+    stop.stop.join(Arc::clone(&owner));
+    let mut starter = Starter::new(&options, &stop, &owner);
+
+    // Bells in the order in which workers are woken: highest priority first, then as described.
+    let mut order: Vec<usize> = (0..workers.len()).collect();
+    order.sort_by_key(|w| core::cmp::Reverse(policies.get(*w).map_or(0, rank)));
+    let mut bells: Vec<(Arc<Doorbell>, bool)> = Vec::with_capacity(workers.len());
+    bells.extend(order.iter().map(|_| (Arc::default(), false)));
+    let place = |worker: usize| order.iter().position(|w| *w == worker).unwrap_or(0);
+
+    let counters = Arc::new(DispatcherCounters::default());
+    let mut dispatch = Dispatcher {
+        stop: stop.clone(),
+        events: Arc::clone(&options.events),
+        counters: Arc::clone(&counters),
+        routes: Vec::new(),
+        bells,
+    };
+    let mut bodies = Vec::with_capacity(workers.len());
+    let mut handles: Vec<(Arc<str>, Arc<Shared>)> = Vec::new();
+    for (i, (spec, policy)) in workers.into_iter().zip(policies).enumerate() {
+        let name: Arc<str> = spec.request.name.as_str().into();
+        for entry in &spec.entries {
+            handles.push((Arc::clone(&name), Arc::clone(&entry.shared)));
+            dispatch.route_to(place(i), &entry.shared);
+        }
+        let Some((bell, _)) = dispatch.bells.get(place(i)) else {
+            continue;
+        };
+        let bell = Arc::clone(bell);
+        let signal = Arc::clone(bell.signal());
+        stop.stop.join(Arc::clone(&signal));
+        let worker = Worker {
+            name: Arc::clone(&name),
+            bell,
+            stop: stop.clone(),
+            events: Arc::clone(&options.events),
+            entries: spec.entries,
+        };
+        let body: Body = Box::new(move |account, start| worker.run(account, start));
+        bodies.push((starter.seat(&name, policy, &spec.request, signal), body));
+    }
+    let request = Request {
+        cpu: options.dispatcher_cpu,
+        ..Request::default()
+    };
+    let bell = Arc::new(Signal::new());
+    let seat = starter.seat(&"dispatcher".into(), dispatcher, &request, bell);
+    let body: Body = Box::new(move |account, _| dispatch.run(account));
+    bodies.insert(0, (seat, body));
+
+    starter.enforcers(&bodies.iter().map(|(seat, _)| seat))?;
+    let mut crew = Vec::with_capacity(bodies.len());
+    for (seat, body) in bodies {
+        *seat.body.lock() = Some(body);
+        match starter.spawn(&seat) {
+            Ok(thread) => crew.push(Crew::new(seat, thread)),
+            Err(e) => return Err(abort(&mut crew, e)),
+        }
+    }
+    if let Err(e) = all_ready(&crew, &owner) {
+        return Err(abort(&mut crew, e));
+    }
+    let fallbacks = starter.declare();
+    let enforcers = starter.enforcers.into_iter().map(|(_, e)| e).collect();
+    let start = clock::monotonic();
+    crew.iter().for_each(|c| c.seat.launch(Launch::Go(start)));
+    Ok(RunningExecutor {
+        stop,
+        owner,
+        crew,
+        enforcers,
+        handles,
+        counters,
+        fallbacks,
+        stuck: Vec::new(),
+        events: Arc::clone(&options.events),
+        grace: options.stop_grace,
+        claim: Some(claim),
+        start,
+        end: None,
+    })
+}
+
+fn check_names(requests: &[&Request]) -> Result<(), Error> {
+    for (i, r) in requests.iter().enumerate() {
+        let earlier = requests.iter().take(i);
+        if r.name == "dispatcher" || earlier.into_iter().any(|o| o.name == r.name) {
+            return Err(Error::DuplicateWorker(r.name.clone()));
+        }
+    }
+    Ok(())
+}
+
+impl Dispatcher {
+    fn route_to(&mut self, worker: usize, shared: &Arc<Shared>) {
+        let Some((reader, _)) = shared.input else {
+            return;
+        };
+        let at = usize::from(reader.0);
+        if self.routes.len() <= at {
+            self.routes.resize_with(at + 1, || None);
+        }
+        if let Some(route) = self.routes.get_mut(at) {
+            *route = Some(Route {
+                shared: Arc::clone(shared),
+                worker,
+            });
+        }
+    }
+}
+
+/// Waits until every thread has what it needs; the first that has not is the error.
+fn all_ready(crew: &[Crew], owner: &Signal) -> Result<(), Error> {
+    for c in crew {
+        let seat = &c.seat;
+        loop {
+            match &*seat.ready.lock() {
+                Some(Ok(_)) => break,
+                Some(Err(reason)) => return Err(thread_error(seat, reason.clone())),
+                None if seat.is_finished() => {
+                    return Err(thread_error(seat, "it ended while it was set up".into()));
+                }
+                None => {}
+            }
+            owner.wait();
+        }
+    }
+    Ok(())
+}
+
+fn abort(crew: &mut Vec<Crew>, error: Error) -> Error {
+    for c in crew.iter() {
+        c.seat.launch(Launch::Abort);
+    }
+    for c in crew.drain(..) {
+        c.join();
+    }
+    error
+}
+
+fn thread_error(seat: &Seat, reason: String) -> Error {
+    Error::Thread {
+        name: seat.name.to_string(),
+        reason,
+    }
+}
+
+/// What starting needs to know, and what it has to admit.
+struct Starter<'a> {
+    options: &'a Options,
+    stop: &'a StopHandle,
+    owner: &'a Arc<Signal>,
+    /// By CPU; `None` is the one for workers that are not pinned.
+    enforcers: Vec<(Option<usize>, Arc<Enforcer>)>,
+    /// Threads that did not get their policy, and why the first did not.
+    refused: Vec<String>,
+    why: Option<String>,
+}
+
+impl<'a> Starter<'a> {
+    fn new(options: &'a Options, stop: &'a StopHandle, owner: &'a Arc<Signal>) -> Self {
+        Self {
+            options,
+            stop,
+            owner,
+            enforcers: Vec::new(),
+            refused: Vec::new(),
+            why: None,
+        }
+    }
+
+    fn seat(
+        &self,
+        name: &Arc<str>,
+        policy: Policy,
+        request: &Request,
+        bell: Arc<Signal>,
+    ) -> Arc<Seat> {
+        Arc::new(Seat {
+            name: Arc::clone(name),
+            policy,
+            cpu: request.cpu,
+            stack_size: request.stack_size.unwrap_or(STACK),
+            bell,
+            owner: Arc::clone(self.owner),
+            stop: self.stop.clone(),
+            events: Arc::clone(&self.options.events),
+            body: Mutex::new(None),
+            budget: Mutex::new(None),
+            ready: Mutex::new(None),
+            launch: Mutex::new(None),
+            finished: AtomicBool::new(false),
+        })
+    }
+
+    /// Starts one enforcer per CPU with budgets and tells every budgeted thread its own.
+    fn enforcers<'s>(
+        &mut self,
+        seats: &(impl Iterator<Item = &'s Arc<Seat>> + Clone),
+    ) -> Result<(), Error> {
+        for seat in seats.clone() {
+            let Policy::Sporadic(params) = &seat.policy else {
+                continue;
+            };
+            let known = self.enforcers.iter().find(|(cpu, _)| *cpu == seat.cpu);
+            let enforcer = match known {
+                Some((_, e)) => Arc::clone(e),
+                None => {
+                    let here = |s: &&Arc<Seat>| s.cpu == seat.cpu;
+                    let enforcer = self.enforcer(seat, seats.clone().filter(here).count())?;
+                    self.enforcers.push((seat.cpu, Arc::clone(&enforcer)));
+                    enforcer
+                }
+            };
+            *seat.budget.lock() = Some(Funding {
+                enforcer,
+                params: *params,
+                kind: self.options.server,
+            });
+        }
+        Ok(())
+    }
+
+    fn enforcer(&mut self, seat: &Seat, capacity: usize) -> Result<Arc<Enforcer>, Error> {
+        let defaults = match seat.cpu {
+            Some(cpu) => EnforcerConfig::on_cpu(cpu),
+            None => EnforcerConfig::unpinned(),
+        };
+        let config = EnforcerConfig {
+            priority: self.options.enforcer_priority,
+            capacity,
+            switch_log: self.options.switch_log,
+            ..defaults
+        };
+        match Enforcer::start(config) {
+            Ok(enforcer) => Ok(enforcer),
+            Err(e) if e.is_permission() && !self.options.strict => {
+                self.why.get_or_insert_with(|| e.to_string());
+                Ok(Enforcer::deferred())
+            }
+            Err(e) => Err(self.refusal(seat, &e)),
+        }
+    }
+
+    /// Starts the thread, without its policy if that is not granted and need not be.
+    fn spawn(&mut self, seat: &Arc<Seat>) -> Result<os::Thread<()>, Error> {
+        match seat.spawn(seat.class()) {
+            Ok(thread) => Ok(thread),
+            Err(e) if e.is_permission() && !self.options.strict => {
+                self.refused.push(seat.name.to_string());
+                self.why.get_or_insert_with(|| e.to_string());
+                if let Some(funding) = &mut *seat.budget.lock() {
+                    funding.enforcer = Enforcer::deferred();
+                }
+                seat.spawn(Policy::Other)
+                    .map_err(|e| thread_error(seat, e.to_string()))
+            }
+            Err(e) => Err(self.refusal(seat, &e)),
+        }
+    }
+
+    fn refusal(&self, seat: &Seat, e: &os::SpawnError) -> Error {
+        if e.is_permission() {
+            return Error::NotGranted {
+                what: alloc::format!("{} for {}", seat.policy, seat.name),
+                reason: alloc::format!("{e}; {}", os::privilege::probe()),
+            };
+        }
+        thread_error(seat, e.to_string())
+    }
+
+    /// Says once what is not in force.
+    fn declare(&mut self) -> Vec<String> {
+        let mut fallbacks = Vec::new();
+        if let Some(why) = self.why.take() {
+            let budgets = match self.enforcers.is_empty() {
+                true => "",
+                false => "; budgets are held at callback boundaries only",
+            };
+            let who = self.refused.join(", ");
+            fallbacks.push(alloc::format!(
+                "no real-time priority for {who}: they are time-shared{budgets} ({why}). {}",
+                os::privilege::probe()
+            ));
+        }
+        for message in &fallbacks {
+            self.options.events.emit(&Event::Fallback { message });
+        }
+        fallbacks
+    }
+}

@@ -1,0 +1,37 @@
+//! Stopping an executor from anywhere.
+
+use crate::handoff::Stop;
+use crate::middleware::Middleware;
+use crate::sync::Arc;
+use core::fmt;
+
+/// Stops an executor: from a callback, another thread, before it started or after it ended. Clones
+/// stop the same executor.
+#[derive(Clone)]
+pub struct StopHandle {
+    pub(crate) stop: Arc<Stop>,
+    pub(crate) middleware: Arc<dyn Middleware>,
+}
+
+impl StopHandle {
+    /// Asks for the end and returns at once. No callback starts any more; those that run are left
+    /// to finish (see [`Executor::stop_grace`](crate::Executor::stop_grace)).
+    pub fn stop(&self) {
+        self.stop.request();
+        self.middleware.wake();
+    }
+
+    /// Whether the end was asked for.
+    #[must_use]
+    pub fn is_stopping(&self) -> bool {
+        self.stop.is_requested()
+    }
+}
+
+impl fmt::Debug for StopHandle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("StopHandle")
+            .field("stopping", &self.is_stopping())
+            .finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,159 @@
+//! The threads of an executor: how each is started, told to go, and seen to end.
+//!
+//! ```text
+//!   starter                                 thread
+//!   spawn ────────────────────────────────► enroll with the enforcer
+//!   wait until all are ready ◄── owner bell ── ready (or why not)
+//!   launch: Go(start) or Abort ── own bell ──► body … end
+//!   finish: wait until all ended ◄ owner bell ─ finished
+//! ```
+//!
+//! So either every thread of an executor runs with what was granted to it, or none has run at all.
+
+use super::stop::StopHandle;
+use crate::Nanos;
+use crate::event::{Event, Events};
+use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
+use alloc::boxed::Box;
+use alloc::string::{String, ToString};
+use replenish_os::{self as os, Account, Enforcer, Meter, Params, Policy, Thread};
+use sporadic::Kind;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// What a thread does between launch and stop.
+pub(crate) type Body = Box<dyn FnOnce(&mut Account, Nanos) + Send>;
+
+/// What a thread of this executor is to be.
+pub(crate) struct Seat {
+    pub(crate) name: Arc<str>,
+    pub(crate) policy: Policy,
+    pub(crate) cpu: Option<usize>,
+    pub(crate) stack_size: usize,
+    pub(crate) bell: Arc<Signal>,
+    pub(crate) owner: Arc<Signal>,
+    pub(crate) stop: StopHandle,
+    pub(crate) events: Arc<Events>,
+    pub(crate) body: Mutex<Option<Body>>,
+    pub(crate) budget: Mutex<Option<Funding>>,
+    pub(crate) ready: Mutex<Option<Result<Ready, String>>>,
+    pub(crate) launch: Mutex<Option<Launch>>,
+    pub(crate) finished: AtomicBool,
+}
+
+/// Who enforces a thread's budget.
+#[derive(Clone)]
+pub(crate) struct Funding {
+    pub(crate) enforcer: Arc<Enforcer>,
+    pub(crate) params: Params,
+    pub(crate) kind: Kind,
+}
+
+/// A thread that waits for its launch.
+#[derive(Clone)]
+pub(crate) struct Ready {
+    pub(crate) meter: Meter,
+    pub(crate) granted: String,
+}
+
+#[derive(Clone, Copy)]
+pub(crate) enum Launch {
+    /// Begin; timers count from this instant.
+    Go(Nanos),
+    /// Somebody else could not start: end without having run.
+    Abort,
+}
+
+impl Seat {
+    /// Starts the thread under `policy`, which may be a fallback for the one asked for.
+    pub(crate) fn spawn(self: &Arc<Self>, policy: Policy) -> Result<Thread<()>, os::SpawnError> {
+        let mut spec = os::ThreadSpec::new(&*self.name)
+            .policy(policy)
+            .stack_size(self.stack_size);
+        if let Some(cpu) = self.cpu {
+            spec = spec.cpu(cpu);
+        }
+        let seat = Arc::clone(self);
+        os::spawn(spec, move || seat.main())
+    }
+
+    /// The policy the thread is created with: an enforcer makes it sporadic.
+    pub(crate) fn class(&self) -> Policy {
+        match &self.policy {
+            Policy::Sporadic(params) => Policy::Fifo {
+                priority: params.priority(),
+            },
+            other => *other,
+        }
+    }
+
+    pub(crate) fn is_finished(&self) -> bool {
+        self.finished.load(Ordering::Acquire)
+    }
+
+    pub(crate) fn launch(&self, launch: Launch) {
+        *self.launch.lock() = Some(launch);
+        self.bell.set();
+    }
+
+    pub(crate) fn meter(&self) -> Option<Meter> {
+        match &*self.ready.lock() {
+            Some(Ok(ready)) => Some(ready.meter.clone()),
+            _ => None,
+        }
+    }
+
+    fn main(&self) {
+        let _finished = Finished(self); // dropped last: the account's final reading is in by then
+        let enrolled = self.enroll();
+        let (mut account, ready) = match enrolled {
+            Ok((account, ready)) => (Some(account), Ok(ready)),
+            Err(why) => (None, Err(why)),
+        };
+        *self.ready.lock() = Some(ready);
+        self.owner.set();
+        let start = loop {
+            self.bell.wait();
+            match *self.launch.lock() {
+                Some(Launch::Go(start)) => break start,
+                Some(Launch::Abort) => return,
+                None => {}
+            }
+        };
+        let body = self.body.lock().take();
+        let (Some(account), Some(body)) = (&mut account, body) else {
+            return;
+        };
+        // Callbacks are caught one by one in the worker: what arrives here is our own mistake, or
+        // a middleware's, and must not leave the others running without it.
+        if catch_unwind(AssertUnwindSafe(|| body(account, start))).is_err() {
+            let thread = &self.name;
+            self.events.emit(&Event::ThreadPanicked { thread });
+            self.stop.stop();
+        }
+    }
+
+    fn enroll(&self) -> Result<(Account, Ready), String> {
+        let account = match &*self.budget.lock() {
+            None => Account::unbudgeted(),
+            Some(f) => f
+                .enforcer
+                .enroll(&f.params, f.kind)
+                .map_err(|e| e.to_string())?,
+        };
+        let meter = account.meter();
+        let granted = match os::granted(meter.tid()) {
+            Ok(granted) => granted.to_string(),
+            Err(e) => alloc::format!("unknown: {e}"),
+        };
+        Ok((account, Ready { meter, granted }))
+    }
+}
+
+struct Finished<'a>(&'a Seat);
+
+impl Drop for Finished<'_> {
+    fn drop(&mut self) {
+        self.0.finished.store(true, Ordering::Release);
+        self.0.owner.set();
+    }
+}

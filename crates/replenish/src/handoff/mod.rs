@@ -1,0 +1,22 @@
+//! How samples get from the dispatcher to a worker, and how everything is told to stop.
+//!
+//! ```text
+//!   dispatcher                        worker
+//!   deliver ──► [Inbox: Ring] ──────► pop, decode, give back
+//!      │                                │
+//!      └─ ring(bell), after all locks ─►│ waits on its bell
+//!      ▲                                │
+//!      └── wake the middleware, iff ◄───┘
+//!          the reader had left the interest set
+//! ```
+//!
+//! These files are small and use [`crate::sync`] alone: the `loom` models in `tests/` include and
+//! run them as they are.
+
+mod inbox;
+mod ring;
+mod stop;
+
+pub(crate) use inbox::{Delivery, Inbox, Outcome};
+pub(crate) use ring::Ring;
+pub(crate) use stop::Stop;

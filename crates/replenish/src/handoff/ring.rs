@@ -1,0 +1,123 @@
+//! A bounded queue of preallocated buffers. Plain data: whoever owns it brings the lock.
+//!
+//! ```text
+//!             spare()                push()                  pop()
+//!   free ────────────► (being filled) ──────► waiting ────────────► (being read)
+//!    ▲                                     │ depth reached: the oldest  │
+//!    └─────────────────────────────────────┴────────────────────────────┘ give_back()
+//! ```
+//!
+//! A ring of depth `d` owns `d + 2` buffers: `d` that wait, one in the hands of the one that fills
+//! and one in the hands of the one that reads. Buffers move by value (three words), so bytes are
+//! copied outside the lock, and a spare one is always there for a single filler.
+
+use alloc::boxed::Box;
+use alloc::collections::VecDeque;
+use alloc::vec::Vec;
+
+/// One preallocated buffer with the sample in it.
+#[derive(Debug)]
+pub(crate) struct Slot {
+    bytes: Box<[u8]>,
+    len: usize,
+    arrival: u64,
+}
+
+impl Slot {
+    fn new(size: usize) -> Self {
+        Self {
+            bytes: alloc::vec![0; size].into_boxed_slice(),
+            len: 0,
+            arrival: 0,
+        }
+    }
+
+    /// Copies a sample into the buffer; `false`, and an empty slot, if it does not fit.
+    pub(crate) fn fill(&mut self, bytes: &[u8], arrival: u64) -> bool {
+        self.arrival = arrival;
+        self.len = 0;
+        let Some(room) = self.bytes.get_mut(..bytes.len()) else {
+            return false;
+        };
+        room.copy_from_slice(bytes);
+        self.len = bytes.len();
+        true
+    }
+
+    /// The sample.
+    pub(crate) fn payload(&self) -> &[u8] {
+        self.bytes.get(..self.len).unwrap_or_default()
+    }
+
+    /// When the sample reached this process.
+    pub(crate) fn arrival(&self) -> u64 {
+        self.arrival
+    }
+}
+
+/// A bounded first-in first-out queue of [`Slot`]s. Allocates in [`Ring::new`] only.
+#[derive(Debug)]
+pub(crate) struct Ring {
+    waiting: VecDeque<Slot>,
+    free: Vec<Slot>,
+    depth: usize,
+}
+
+impl Ring {
+    /// A ring that lets `depth` samples of up to `size` bytes wait.
+    pub(crate) fn new(depth: usize, size: usize) -> Self {
+        let buffers = depth + 2;
+        let mut free = Vec::with_capacity(buffers);
+        free.extend((0..buffers).map(|_| Slot::new(size)));
+        Self {
+            waiting: VecDeque::with_capacity(buffers),
+            free,
+            depth,
+        }
+    }
+
+    /// A buffer to fill; `None` only while another filler or reader holds too many.
+    pub(crate) fn spare(&mut self) -> Option<Slot> {
+        self.free.pop()
+    }
+
+    /// Appends a filled buffer. With `depth` samples waiting, the oldest makes room: `true`.
+    pub(crate) fn push(&mut self, slot: Slot) -> bool {
+        let dropped = if self.is_full() {
+            self.waiting.pop_front()
+        } else {
+            None
+        };
+        let lost = dropped.is_some();
+        self.free.extend(dropped);
+        self.waiting.push_back(slot);
+        lost
+    }
+
+    /// The oldest sample.
+    pub(crate) fn pop(&mut self) -> Option<Slot> {
+        self.waiting.pop_front()
+    }
+
+    /// Returns a buffer that came from [`Ring::pop`] or [`Ring::spare`].
+    pub(crate) fn give_back(&mut self, slot: Slot) {
+        self.free.push(slot);
+    }
+
+    /// Discards what waits and returns how many samples that were.
+    pub(crate) fn clear(&mut self) -> usize {
+        let waiting = self.waiting.len();
+        self.free.extend(self.waiting.drain(..));
+        waiting
+    }
+
+    /// Whether `depth` samples wait.
+    pub(crate) fn is_full(&self) -> bool {
+        self.waiting.len() >= self.depth
+    }
+
+    /// How many samples wait.
+    pub(crate) fn len(&self) -> usize {
+        self.waiting.len()
+    }
+}

@@ -1,0 +1,47 @@
+//! The stop request: one flag, and a bell for everybody who may be asleep.
+//!
+//! ```text
+//!   request: flag := true ──► lock bells, ring each
+//!   join:    lock bells, add own ──► … ──► flag? ──► wait(bell) ──► flag? …
+//! ```
+//!
+//! If the request locks the bells before a thread adds its own, the flag's store happens before
+//! that thread's critical section, and it sees the flag before it waits. If after, its bell rings,
+//! and a bell is sticky.
+
+use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
+use alloc::vec::Vec;
+
+/// Tells threads to end. Requesting is possible from any thread, any number of times.
+pub(crate) struct Stop {
+    requested: AtomicBool,
+    bells: Mutex<Vec<Arc<Signal>>>,
+}
+
+impl Stop {
+    /// Nothing is requested, nobody is told.
+    pub(crate) fn new() -> Self {
+        Self {
+            requested: AtomicBool::new(false),
+            bells: Mutex::new(Vec::new()),
+        }
+    }
+
+    /// From now on `bell` rings when a stop is requested. Set-up only: may allocate.
+    pub(crate) fn join(&self, bell: Arc<Signal>) {
+        self.bells.lock().push(bell);
+    }
+
+    /// Asks everybody to end.
+    pub(crate) fn request(&self) {
+        self.requested.store(true, Ordering::Release);
+        for bell in self.bells.lock().iter() {
+            bell.set();
+        }
+    }
+
+    /// Whether an end was asked for.
+    pub(crate) fn is_requested(&self) -> bool {
+        self.requested.load(Ordering::Acquire)
+    }
+}

@@ -1,0 +1,348 @@
+//! Topics inside one process: for tests, and for nodes that live together.
+//!
+//! One lock with priority inheritance guards a bus; it is held while one sample's bytes are copied
+//! into the queues of its readers, or while one buffer changes hands, never across a wait. Every
+//! queue is allocated when its reader is created.
+
+use super::{
+    EndpointSpec, Interest, LinkState, MAX_READERS, Middleware, MiddlewareError, PublishError,
+    ReaderId, Room, SampleInfo, WriterId,
+};
+use crate::Nanos;
+use crate::handoff::Ring;
+use crate::qos::{History, Reliability};
+use crate::sync::{Arc, Mutex, Signal};
+use alloc::string::String;
+use alloc::vec::Vec;
+use core::fmt;
+use replenish_os::clock;
+
+/// The most participants of one bus.
+const MAX_PARTICIPANTS: usize = 64;
+/// Samples that one `take` hands over at most.
+const BATCH: usize = 64;
+
+/// Carries samples between the contexts made from it. Clones are the same bus.
+///
+/// ```
+/// use replenish::{Context, middleware::InProcessBus};
+/// let bus = InProcessBus::new();
+/// let (ping, pong) = (Context::new(bus.participant()), Context::new(bus.participant()));
+/// # let _ = (ping, pong);
+/// ```
+#[derive(Clone)]
+pub struct InProcessBus {
+    state: Arc<Mutex<Bus>>,
+}
+
+#[derive(Default)]
+struct Bus {
+    topics: Vec<Topic>,
+    participants: Vec<Participant>,
+}
+
+struct Topic {
+    name: String,
+    type_name: String,
+    /// Participant and reader of each subscription.
+    readers: Vec<(usize, usize)>,
+}
+
+struct Participant {
+    bell: Arc<Signal>,
+    /// What its dispatcher waits for at this moment.
+    waits_for: Option<Interest>,
+    /// Where the next `take` starts to look, so that no reader starves the others.
+    next: usize,
+    readers: Vec<Reader>,
+    /// Topic of each writer, and the largest payload it may send.
+    writers: Vec<(usize, usize)>,
+}
+
+struct Reader {
+    queue: Ring,
+    keep_all: bool,
+    reliable: bool,
+    lost: u64,
+}
+
+impl InProcessBus {
+    /// A bus without participants.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            state: Arc::new(Mutex::new(Bus::default())),
+        }
+    }
+
+    /// One end of the bus, for one context. At most 64; a further one cannot create endpoints.
+    #[must_use]
+    pub fn participant(&self) -> InProcess {
+        let bell = Arc::new(Signal::new());
+        let mut bus = self.state.lock();
+        bus.participants.push(Participant {
+            bell: Arc::clone(&bell),
+            waits_for: None,
+            next: 0,
+            readers: Vec::new(),
+            writers: Vec::new(),
+        });
+        InProcess {
+            bus: self.clone(),
+            bell,
+            me: bus.participants.len() - 1,
+        }
+    }
+
+    fn bell(&self, participant: usize) -> Option<Arc<Signal>> {
+        let bus = self.state.lock();
+        bus.participants
+            .get(participant)
+            .map(|p| Arc::clone(&p.bell))
+    }
+}
+
+impl Default for InProcessBus {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl fmt::Debug for InProcessBus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("InProcessBus").finish_non_exhaustive()
+    }
+}
+
+/// One end of an [`InProcessBus`].
+pub struct InProcess {
+    bus: InProcessBus,
+    bell: Arc<Signal>,
+    me: usize,
+}
+
+impl fmt::Debug for InProcess {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("InProcess")
+            .field("participant", &self.me)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Bus {
+    fn topic(&mut self, spec: &EndpointSpec<'_>) -> Result<usize, MiddlewareError> {
+        if let Some(at) = self.topics.iter().position(|t| t.name == spec.topic) {
+            let existing = &self.topics.get(at).map(|t| t.type_name.clone());
+            return match existing {
+                Some(name) if name != spec.type_name => Err(MiddlewareError::TypeMismatch {
+                    existing: name.clone(),
+                }),
+                _ => Ok(at),
+            };
+        }
+        self.topics.push(Topic {
+            name: spec.topic.into(),
+            type_name: spec.type_name.into(),
+            readers: Vec::new(),
+        });
+        Ok(self.topics.len() - 1)
+    }
+
+    fn me(&mut self, me: usize) -> Result<&mut Participant, MiddlewareError> {
+        let too_many = MiddlewareError::Capacity {
+            what: "participants of one in-process bus",
+            limit: MAX_PARTICIPANTS,
+        };
+        let known = self.participants.get_mut(me);
+        known.filter(|_| me < MAX_PARTICIPANTS).ok_or(too_many)
+    }
+
+    /// Copies the sample to every reader of the topic. Returns the participants to wake, as bits,
+    /// and whether a reliable reader that keeps all had no room.
+    fn distribute(&mut self, topic: usize, payload: &[u8], now: Nanos) -> (u64, bool) {
+        let (mut wake, mut full) = (0, false);
+        let Some(topic) = self.topics.get(topic) else {
+            return (wake, full);
+        };
+        for &(p, r) in &topic.readers {
+            let Some(participant) = self.participants.get_mut(p) else {
+                continue;
+            };
+            let Some(reader) = participant.readers.get_mut(r) else {
+                continue;
+            };
+            if reader.store(payload, now) {
+                let waits = participant.waits_for.as_ref();
+                if waits.is_some_and(|i| i.contains(id(r))) {
+                    participant.waits_for = None; // one bell is enough
+                    wake |= 1 << p;
+                }
+            } else {
+                full |= reader.reliable && reader.keep_all;
+            }
+        }
+        (wake, full)
+    }
+}
+
+impl Reader {
+    /// Whether the sample waits now. Anything that did not find room is counted.
+    fn store(&mut self, payload: &[u8], now: Nanos) -> bool {
+        if self.keep_all && self.queue.is_full() {
+            self.lost += 1;
+            return false;
+        }
+        let Some(mut slot) = self.queue.spare() else {
+            self.lost += 1;
+            return false;
+        };
+        if !slot.fill(payload, now) {
+            self.queue.give_back(slot);
+            self.lost += 1;
+            return false;
+        }
+        self.lost += u64::from(self.queue.push(slot));
+        true
+    }
+}
+
+impl Middleware for InProcess {
+    fn create_writer(&self, spec: &EndpointSpec<'_>) -> Result<WriterId, MiddlewareError> {
+        let mut bus = self.bus.state.lock();
+        bus.me(self.me)?;
+        let topic = bus.topic(spec)?;
+        let writers = &mut bus.me(self.me)?.writers;
+        let id = bounded(writers.len(), "writers of one context")?;
+        writers.push((topic, spec.max_size));
+        Ok(WriterId(id))
+    }
+
+    fn create_reader(&self, spec: &EndpointSpec<'_>) -> Result<ReaderId, MiddlewareError> {
+        let depth = spec.qos.depth.into();
+        let reader = Reader {
+            queue: Ring::new(depth, spec.max_size),
+            keep_all: spec.qos.history == History::KeepAll,
+            reliable: spec.qos.reliability == Reliability::Reliable,
+            lost: 0,
+        };
+        let mut bus = self.bus.state.lock();
+        let index = bus.me(self.me)?.readers.len();
+        let id = bounded(index, "readers of one context")?;
+        let topic = bus.topic(spec)?;
+        bus.me(self.me)?.readers.push(reader);
+        if let Some(topic) = bus.topics.get_mut(topic) {
+            topic.readers.push((self.me, index));
+        }
+        Ok(ReaderId(id))
+    }
+
+    /// Delivers to every reader of the topic. [`PublishError::Full`] if a reliable reader that
+    /// keeps all had no room; the others have got the sample.
+    fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError> {
+        let (mut wake, full) = {
+            let mut bus = self.bus.state.lock();
+            let mine = bus.participants.get(self.me);
+            let writer = mine.and_then(|p| p.writers.get(usize::from(writer.0)));
+            let &(topic, limit) = writer.ok_or(PublishError::UnknownWriter)?;
+            let size = payload.len();
+            if size > limit {
+                return Err(PublishError::TooLarge { size, limit });
+            }
+            bus.distribute(topic, payload, clock::monotonic())
+        };
+        // A bell rung under the lock would wake a thread into that lock.
+        while wake != 0 {
+            let bell = self.bus.bell(wake.trailing_zeros() as usize);
+            bell.iter().for_each(|bell| bell.set());
+            wake &= wake - 1;
+        }
+        if full {
+            Err(PublishError::Full)
+        } else {
+            Ok(())
+        }
+    }
+
+    fn wait(&self, interest: &Interest, deadline: Option<Nanos>) -> Result<(), MiddlewareError> {
+        {
+            let mut bus = self.bus.state.lock();
+            let me = bus.me(self.me)?;
+            let mut readers = me.readers.iter().enumerate();
+            if readers.any(|(r, reader)| reader.queue.len() > 0 && interest.contains(id(r))) {
+                return Ok(());
+            }
+            me.waits_for = Some(*interest);
+        }
+        match deadline {
+            Some(at) => drop(self.bell.wait_until(at)),
+            None => self.bell.wait(),
+        }
+        self.bus.state.lock().me(self.me)?.waits_for = None;
+        Ok(())
+    }
+
+    fn take(
+        &self,
+        interest: &Interest,
+        sink: &mut dyn FnMut(ReaderId, &SampleInfo, &[u8]) -> Room,
+    ) -> Result<usize, MiddlewareError> {
+        let mut open = *interest;
+        let mut taken = 0;
+        let (mut at, readers) = {
+            let mut bus = self.bus.state.lock();
+            let me = bus.me(self.me)?;
+            (me.next, me.readers.len())
+        };
+        let mut idle = 0; // readers in a row that had nothing
+        while taken < BATCH && idle < readers {
+            at = (at + 1) % readers;
+            let reader = id(at);
+            let slot = match open.contains(reader) {
+                true => self.reader(at, |r| r.queue.pop()).flatten(),
+                false => None,
+            };
+            let Some(slot) = slot else {
+                idle += 1;
+                continue;
+            };
+            idle = 0;
+            taken += 1;
+            let arrival = slot.arrival();
+            if sink(reader, &SampleInfo { arrival }, slot.payload()) == Room::Full {
+                open.remove(reader);
+            }
+            self.reader(at, |r| r.queue.give_back(slot));
+        }
+        self.bus.state.lock().me(self.me)?.next = at;
+        Ok(taken)
+    }
+
+    fn wake(&self) {
+        self.bell.set();
+    }
+
+    fn link(&self) -> LinkState {
+        LinkState::Up
+    }
+
+    fn lost(&self, reader: ReaderId) -> u64 {
+        self.reader(reader.0.into(), |r| r.lost).unwrap_or(0)
+    }
+}
+
+impl InProcess {
+    fn reader<T>(&self, at: usize, f: impl FnOnce(&mut Reader) -> T) -> Option<T> {
+        let mut bus = self.bus.state.lock();
+        bus.me(self.me).ok()?.readers.get_mut(at).map(f)
+    }
+}
+
+fn bounded(index: usize, what: &'static str) -> Result<u16, MiddlewareError> {
+    let limit = MAX_READERS;
+    let id = u16::try_from(index).ok().filter(|_| index < limit);
+    id.ok_or(MiddlewareError::Capacity { what, limit })
+}
+
+fn id(index: usize) -> ReaderId {
+    ReaderId(u16::try_from(index).unwrap_or(u16::MAX))
+}

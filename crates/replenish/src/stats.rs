@@ -1,0 +1,170 @@
+//! Counters of one handle: fixed size, written by the dispatcher and one worker, read by anybody
+//! at any time without a lock.
+//!
+//! At rest, `received = executed + dropped + oversize + undecodable + discarded + waiting`.
+
+use crate::Nanos;
+use core::fmt;
+use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+/// A number that only its writers change and anybody may read.
+#[derive(Debug, Default)]
+pub(crate) struct Counter(AtomicU64);
+
+impl Counter {
+    /// Adds and returns the new value.
+    pub(crate) fn add(&self, n: u64) -> u64 {
+        self.0.fetch_add(n, Ordering::Relaxed).wrapping_add(n)
+    }
+
+    /// Raises the value to `n` if it is lower.
+    pub(crate) fn raise(&self, n: u64) {
+        self.0.fetch_max(n, Ordering::Relaxed);
+    }
+
+    pub(crate) fn get(&self) -> u64 {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// The live counters of one handle; [`HandleStats`] is a snapshot of them.
+#[derive(Debug, Default)]
+pub(crate) struct Counters {
+    pub(crate) received: Counter,
+    pub(crate) dropped: Counter,
+    pub(crate) oversize: Counter,
+    pub(crate) undecodable: Counter,
+    pub(crate) discarded: Counter,
+    pub(crate) executed: Counter,
+    pub(crate) errors: Counter,
+    pub(crate) skipped: Counter,
+    pub(crate) deadline_misses: Counter,
+    pub(crate) exhaustions: Counter,
+    pub(crate) cpu_high: Counter,
+    pub(crate) cpu_background: Counter,
+    pub(crate) worst_latency: Counter,
+    pub(crate) worst_execution: Counter,
+    pub(crate) worst_lateness: Counter,
+    pub(crate) panicked: AtomicBool,
+}
+
+/// What one handle has been through since the start. Times in nanoseconds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub struct HandleStats {
+    /// Samples the dispatcher had for this handle.
+    pub received: u64,
+    /// Samples that made room for newer ones, or found none.
+    pub dropped: u64,
+    /// Samples larger than a slot.
+    pub oversize: u64,
+    /// Samples that could not be decoded.
+    pub undecodable: u64,
+    /// Samples discarded because the handle had stopped, or on request.
+    pub discarded: u64,
+    /// Samples that wait for the worker at this moment.
+    pub waiting: u64,
+    /// Samples the middleware itself has lost for this handle; not among `received`.
+    pub lost: u64,
+    /// Callbacks that ran to their end, failed ones included.
+    pub executed: u64,
+    /// Callbacks that returned an error.
+    pub errors: u64,
+    /// Whether a callback panicked; the handle has stopped then.
+    pub panicked: bool,
+    /// Timer releases left out because they were overrun.
+    pub skipped: u64,
+    /// Timer callbacks that ended after the next release was due.
+    pub deadline_misses: u64,
+    /// Budget exhaustions while a callback of this handle ran.
+    pub exhaustions: u64,
+    /// CPU time of the callbacks at the worker's own priority.
+    pub cpu_high: Nanos,
+    /// CPU time of the callbacks at background priority.
+    pub cpu_background: Nanos,
+    /// Longest time from arrival (timer: release) to the start of the callback.
+    pub worst_latency: Nanos,
+    /// Most CPU time that one callback took.
+    pub worst_execution: Nanos,
+    /// Timers: the furthest a callback ended behind the next release.
+    pub worst_lateness: Nanos,
+}
+
+impl Counters {
+    pub(crate) fn snapshot(&self, waiting: u64, lost: u64) -> HandleStats {
+        HandleStats {
+            received: self.received.get(),
+            dropped: self.dropped.get(),
+            oversize: self.oversize.get(),
+            undecodable: self.undecodable.get(),
+            discarded: self.discarded.get(),
+            waiting,
+            lost,
+            executed: self.executed.get(),
+            errors: self.errors.get(),
+            panicked: self.panicked.load(Ordering::Relaxed),
+            skipped: self.skipped.get(),
+            deadline_misses: self.deadline_misses.get(),
+            exhaustions: self.exhaustions.get(),
+            cpu_high: self.cpu_high.get(),
+            cpu_background: self.cpu_background.get(),
+            worst_latency: self.worst_latency.get(),
+            worst_execution: self.worst_execution.get(),
+            worst_lateness: self.worst_lateness.get(),
+        }
+    }
+}
+
+/// A short text written without allocation; what does not fit is cut off.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Text {
+    bytes: [u8; 120],
+    len: usize,
+}
+
+impl Text {
+    pub(crate) const EMPTY: Self = Self {
+        bytes: [0; 120],
+        len: 0,
+    };
+
+    pub(crate) fn of(value: &dyn fmt::Display) -> Self {
+        let mut text = Self::EMPTY;
+        // Truncation ends the writing with an error, which is what is wanted.
+        let _truncated = fmt::Write::write_fmt(&mut text, format_args!("{value}")).is_err();
+        text
+    }
+
+    pub(crate) fn as_str(&self) -> &str {
+        let bytes = self.bytes.get(..self.len).unwrap_or_default();
+        core::str::from_utf8(bytes).unwrap_or_default()
+    }
+}
+
+impl fmt::Write for Text {
+    fn write_str(&mut self, s: &str) -> fmt::Result {
+        let room = self.bytes.get_mut(self.len..).unwrap_or_default();
+        let mut n = s.len().min(room.len());
+        while !s.is_char_boundary(n) {
+            n -= 1;
+        }
+        for (to, from) in room.iter_mut().zip(s.bytes().take(n)) {
+            *to = from;
+        }
+        self.len += n;
+        if n < s.len() { Err(fmt::Error) } else { Ok(()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_is_cut_at_a_character() {
+        assert_eq!(Text::of(&"short").as_str(), "short");
+        assert_eq!(Text::of(&"x".repeat(200)).as_str().len(), 120);
+        let wide = "ä".repeat(59) + "xä!"; // the 120th byte is in the middle of the last ä
+        assert_eq!(Text::of(&wide).as_str(), "ä".repeat(59) + "x");
+    }
+}

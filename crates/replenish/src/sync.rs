@@ -1,0 +1,66 @@
+//! The synchronisation the hand-off is built from, behind one name each: the operating system's in
+//! a normal build, `loom`'s in a model (`--cfg loom`), so that the models run the real code.
+//!
+//! Everything in `handoff/` uses these names and nothing else of the operating system.
+
+#[cfg(not(loom))]
+pub(crate) use alloc::sync::Arc;
+#[cfg(not(loom))]
+pub(crate) use core::sync::atomic::{AtomicBool, Ordering};
+#[cfg(not(loom))]
+pub(crate) use replenish_os::{PiMutex as Mutex, Signal};
+
+#[cfg(loom)]
+pub(crate) use loom::sync::{
+    Arc,
+    atomic::{AtomicBool, Ordering},
+};
+#[cfg(loom)]
+pub(crate) use model::{Mutex, Signal};
+
+#[cfg(loom)]
+mod model {
+    use loom::sync::{Condvar, MutexGuard};
+
+    /// `loom`'s mutex with the interface of `replenish_os::PiMutex`.
+    pub(crate) struct Mutex<T>(loom::sync::Mutex<T>);
+
+    impl<T> Mutex<T> {
+        pub(crate) fn new(value: T) -> Self {
+            Self(loom::sync::Mutex::new(value))
+        }
+
+        pub(crate) fn lock(&self) -> MutexGuard<'_, T> {
+            self.0.lock().unwrap()
+        }
+    }
+
+    /// The contract of `replenish_os::Signal`: sticky, one waiter. (Its own futex protocol has its
+    /// own models in that crate.)
+    pub(crate) struct Signal {
+        set: loom::sync::Mutex<bool>,
+        changed: Condvar,
+    }
+
+    impl Signal {
+        pub(crate) fn new() -> Self {
+            Self {
+                set: loom::sync::Mutex::new(false),
+                changed: Condvar::new(),
+            }
+        }
+
+        pub(crate) fn set(&self) {
+            *self.set.lock().unwrap() = true;
+            self.changed.notify_one();
+        }
+
+        pub(crate) fn wait(&self) {
+            let mut set = self.set.lock().unwrap();
+            while !*set {
+                set = self.changed.wait(set).unwrap();
+            }
+            *set = false;
+        }
+    }
+}
