@@ -1,0 +1,115 @@
+//! What the executor's tests share: waiting for a condition, a gate to hold a callback, quiet
+//! events, and a middleware that does what a script says.
+#![allow(
+    dead_code,
+    unreachable_pub,
+    reason = "each test target uses a part of it"
+)]
+
+pub mod scripted;
+
+use replenish::{Context, Event, Executor, RunningExecutor};
+use std::sync::{Arc, Condvar, Mutex};
+use std::time::{Duration, Instant};
+
+/// Waits until `condition` holds; `false` after ten seconds. For things that need no limit but
+/// must not hang a test.
+#[must_use]
+pub fn eventually(condition: impl Fn() -> bool) -> bool {
+    let end = Instant::now() + Duration::from_secs(10);
+    while !condition() {
+        if Instant::now() > end {
+            return false;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    true
+}
+
+/// Waits until nothing more happens in the executor's dispatcher.
+pub fn quiet(running: &RunningExecutor) {
+    let mut rounds = running.report().dispatcher.rounds;
+    loop {
+        std::thread::sleep(Duration::from_millis(20));
+        let now = running.report().dispatcher.rounds;
+        if now == rounds {
+            return;
+        }
+        rounds = now;
+    }
+}
+
+/// Holds callbacks until it is opened.
+#[derive(Clone, Default)]
+pub struct Gate(Arc<(Mutex<(bool, u32)>, Condvar)>);
+
+impl Gate {
+    #[must_use]
+    pub fn closed() -> Self {
+        Self::default()
+    }
+
+    /// Called by the callback.
+    pub fn pass(&self) {
+        let (state, changed) = &*self.0;
+        let mut state = state.lock().unwrap();
+        state.1 += 1;
+        changed.notify_all();
+        while !state.0 {
+            state = changed.wait(state).unwrap();
+        }
+    }
+
+    /// Waits until some callback has arrived at the gate.
+    pub fn arrived(&self) {
+        let (state, changed) = &*self.0;
+        let mut state = state.lock().unwrap();
+        while state.1 == 0 {
+            state = changed.wait(state).unwrap();
+        }
+    }
+
+    pub fn open(&self) {
+        let (state, changed) = &*self.0;
+        state.lock().unwrap().0 = true;
+        changed.notify_all();
+    }
+}
+
+/// What an executor told about itself.
+#[derive(Clone, Default)]
+pub struct Log(Arc<Mutex<Vec<String>>>);
+
+impl Log {
+    #[must_use]
+    pub fn lines(&self) -> Vec<String> {
+        self.0.lock().unwrap().clone()
+    }
+
+    #[must_use]
+    pub fn has(&self, part: &str) -> bool {
+        self.lines().iter().any(|l| l.contains(part))
+    }
+}
+
+/// An executor whose events end up in the log instead of on standard error.
+pub fn executor(ctx: &Context) -> (Executor, Log) {
+    let log = Log::default();
+    let sink = log.clone();
+    let mut exec = Executor::new(ctx);
+    exec.on_event(move |e: &Event<'_>| sink.0.lock().unwrap().push(e.to_string()));
+    (exec, log)
+}
+
+/// The CPU for real-time experiments: the last one this process may use.
+#[must_use]
+pub fn cpu() -> usize {
+    let allowed = replenish_os::affinity(replenish_os::current_tid()).unwrap();
+    allowed.iter().last().unwrap()
+}
+
+/// Consumes so many milliseconds of CPU time of the calling thread.
+pub fn burn(ms: u64) {
+    let end = replenish_os::clock::thread_cpu() + ms * 1_000_000;
+    while replenish_os::clock::thread_cpu() < end {}
+}

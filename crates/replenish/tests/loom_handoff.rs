@@ -1,0 +1,164 @@
+//! Every interleaving of the hand-off between dispatcher and worker, over the real inbox:
+//! nothing is lost, nothing deadlocks, a full inbox comes back into the interest set.
+//!
+//! `RUSTFLAGS="--cfg loom" cargo test -p replenish --release --test "loom_*"`
+#![cfg(loom)]
+#![allow(clippy::unwrap_used, reason = "a model may panic")]
+
+extern crate alloc;
+
+#[path = "../src/handoff/mod.rs"]
+#[allow(dead_code, unused_imports, reason = "models use a part of it each")]
+mod handoff;
+#[path = "../src/sync.rs"]
+mod sync;
+
+use handoff::{Inbox, Outcome};
+use loom::thread;
+use sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
+
+/// What the dispatcher needs of a middleware: buffered samples, and a sticky wake-up.
+struct Middleware {
+    buffered: Mutex<Vec<u8>>,
+    bell: Signal,
+}
+
+impl Middleware {
+    fn holding(samples: &[u8]) -> Arc<Self> {
+        Arc::new(Self {
+            buffered: Mutex::new(samples.to_vec()),
+            bell: Signal::new(),
+        })
+    }
+
+    /// Level-triggered on the interest set: returns at once iff an interesting reader has data.
+    fn wait(&self, interested: bool) {
+        if interested && !self.buffered.lock().is_empty() {
+            return;
+        }
+        self.bell.wait();
+    }
+}
+
+/// The dispatcher's loop for one keep-all reader, as in `executor/dispatcher.rs`.
+fn dispatch(middleware: &Middleware, inbox: &Inbox, bell: &Signal, done: &AtomicBool) {
+    let mut parked = false;
+    while !done.load(Ordering::Acquire) {
+        if parked {
+            parked = inbox.is_parked();
+        }
+        middleware.wait(!parked);
+        while !parked {
+            let Some(sample) = ({
+                let mut buffered = middleware.buffered.lock();
+                (!buffered.is_empty()).then(|| buffered.remove(0))
+            }) else {
+                break;
+            };
+            let delivery = inbox.deliver(&[sample], 0);
+            assert_eq!(delivery.outcome, Outcome::Stored);
+            parked = delivery.parked;
+        }
+        bell.set();
+    }
+}
+
+/// The worker's part of one sample.
+fn pop(inbox: &Inbox, middleware: &Middleware) -> Option<u8> {
+    let popped = inbox.pop()?;
+    if popped.wake {
+        middleware.bell.set();
+    }
+    let sample = popped.slot.payload()[0];
+    inbox.give_back(popped.slot);
+    Some(sample)
+}
+
+#[test]
+fn a_full_inbox_rejoins_the_interest_set_as_soon_as_there_is_room() {
+    loom::model(|| {
+        let middleware = Middleware::holding(&[1, 2, 3]);
+        let inbox = Arc::new(Inbox::new(1, 1, true));
+        let bell = Arc::new(Signal::new());
+        let done = Arc::new(AtomicBool::new(false));
+        let dispatcher = {
+            let (middleware, inbox) = (Arc::clone(&middleware), Arc::clone(&inbox));
+            let (bell, done) = (Arc::clone(&bell), Arc::clone(&done));
+            thread::spawn(move || dispatch(&middleware, &inbox, &bell, &done))
+        };
+        let mut got = Vec::new();
+        while got.len() < 3 {
+            match pop(&inbox, &middleware) {
+                Some(sample) => got.push(sample),
+                None => bell.wait(),
+            }
+        }
+        assert_eq!(got, [1, 2, 3]);
+        done.store(true, Ordering::Release);
+        middleware.bell.set();
+        dispatcher.join().unwrap();
+    });
+}
+
+#[test]
+fn keep_last_hands_over_the_newest_and_counts_every_other() {
+    loom::model(|| {
+        let inbox = Arc::new(Inbox::new(1, 1, false));
+        let bell = Arc::new(Signal::new());
+        let dispatcher = {
+            let (inbox, bell) = (Arc::clone(&inbox), Arc::clone(&bell));
+            thread::spawn(move || {
+                let mut dropped = 0;
+                for sample in [1, 2, 3] {
+                    let delivery = inbox.deliver(&[sample], 0);
+                    assert!(!delivery.parked);
+                    dropped += usize::from(delivery.outcome == Outcome::ReplacedOldest);
+                    bell.set();
+                }
+                dropped
+            })
+        };
+        let mut got: Vec<u8> = Vec::new();
+        while got.last() != Some(&3) {
+            match inbox.pop() {
+                Some(popped) => {
+                    assert!(!popped.wake);
+                    got.push(popped.slot.payload()[0]);
+                    inbox.give_back(popped.slot);
+                }
+                None => bell.wait(),
+            }
+        }
+        let dropped = dispatcher.join().unwrap();
+        assert!(got.is_sorted());
+        assert_eq!(got.len() + dropped, 3);
+    });
+}
+
+#[test]
+fn closing_a_full_inbox_wakes_the_middleware_and_accounts_for_every_sample() {
+    loom::model(|| {
+        let inbox = Arc::new(Inbox::new(1, 1, true));
+        let middleware = Middleware::holding(&[]);
+        let dispatcher = {
+            let (inbox, middleware) = (Arc::clone(&inbox), Arc::clone(&middleware));
+            thread::spawn(move || {
+                let mut discarded = 0;
+                for sample in [1, 2] {
+                    let delivery = inbox.deliver(&[sample], 0);
+                    discarded += usize::from(delivery.outcome == Outcome::Closed);
+                    if delivery.parked {
+                        middleware.bell.wait(); // only a wake-up brings it back
+                    }
+                }
+                discarded
+            })
+        };
+        let (cleared, wake) = inbox.close();
+        if wake {
+            middleware.bell.set();
+        }
+        assert_eq!(cleared + dispatcher.join().unwrap(), 2);
+        assert_eq!(inbox.waiting(), 0);
+    });
+}

@@ -1,0 +1,358 @@
+//! What needs real-time priority: inheritance (D2), wake-up order (D8), budgets, and the stop of
+//! threads that loop at high priority.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests may panic"
+)]
+
+mod common;
+
+use common::scripted::Scripted;
+use common::{burn, cpu, eventually, executor};
+use replenish::middleware::InProcessBus;
+use replenish::msg::std_msgs::{Int32, UInt8MultiArray};
+use replenish::{Budget, Context, Enforcement, Every, Policy, Qos, RunningExecutor};
+use replenish_os::{ThreadSpec, clock, spawn};
+use replenish_testkit::harness::{rt_trial, run};
+use replenish_testkit::watchdog::watchdog;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+const LIMIT: Duration = Duration::from_secs(60);
+const MS: Duration = Duration::from_millis(1);
+
+fn main() {
+    run(vec![
+        rt_trial(
+            "d2_a_background_worker_in_the_session_lock_inherits",
+            inheritance,
+        ),
+        rt_trial("d8_workers_are_woken_in_priority_order", priority_order),
+        rt_trial("a_budget_is_held_and_what_it_does_is_reported", budget),
+        rt_trial(
+            "a_loop_at_high_priority_does_not_keep_stop_from_returning",
+            stuck,
+        ),
+        rt_trial("a_stop_ends_the_wait_for_budget", suspended),
+        rt_trial("every_thread_gets_what_it_asked_for", granted),
+    ]);
+}
+
+fn fifo(priority: u8) -> Policy {
+    Policy::fifo(priority).unwrap()
+}
+
+fn executed(running: &RunningExecutor, id: &str) -> u64 {
+    running.stats(id).unwrap().executed
+}
+
+/// D2: a worker without budget (background priority) spends its time inside the session lock,
+/// publishing 4 kB to 500 readers. A hog of middle priority keeps it from running, again and again;
+/// meanwhile a message for the high worker comes in. Without inheritance its publisher, and then
+/// the dispatcher, wait for the lock until the hog pauses; with it the message overtakes the hog.
+fn inheritance() {
+    const ROUNDS: i32 = 20;
+    let _dog = watchdog("inheritance", LIMIT);
+    let cpu = cpu();
+    let bus = InProcessBus::new();
+    let (ctx, outside) = (
+        Context::new(bus.participant()),
+        Context::new(bus.participant()),
+    );
+    let node = ctx.node("n").unwrap();
+    let qos = Qos::best_effort().keep_last(1);
+    let mut unread = Vec::new();
+    for _ in 0..5 {
+        let other = Context::new(bus.participant());
+        let node = other.node("crowd").unwrap();
+        let (mut exec, _) = executor(&other);
+        let mut crowd = exec.worker("crowd");
+        for _ in 0..100 {
+            crowd = crowd
+                .subscribe(&node, "bulk", qos, |_: &UInt8MultiArray, _| ())
+                .unwrap();
+        }
+        unread.push(exec); // never started: nobody empties these queues
+    }
+    let bulk = node.publisher::<UInt8MultiArray>("bulk", qos).unwrap();
+    let call = outside
+        .node("o")
+        .unwrap()
+        .publisher::<Int32>("call", qos)
+        .unwrap();
+
+    let (mut exec, _) = executor(&ctx);
+    exec.dispatcher(fifo(90)).dispatcher_cpu(cpu);
+    let heard = Arc::new(AtomicU64::new(0));
+    let count = Arc::clone(&heard);
+    exec.worker("high")
+        .policy(fifo(80))
+        .cpu(cpu)
+        .subscribe(&node, "call", qos, move |_: &Int32, _| {
+            count.fetch_add(1, Ordering::SeqCst);
+        })
+        .unwrap();
+    let mut payload = UInt8MultiArray::default();
+    payload.data.resize(4096, 1).unwrap();
+    exec.worker("background")
+        .policy(fifo(60))
+        .budget(Budget::of(MS).every(10_000 * MS))
+        .cpu(cpu)
+        .timer(Every::period(MS).first_after(Duration::ZERO), move |cx| {
+            while !cx.is_stopping() {
+                bulk.publish(&payload).unwrap();
+            }
+        })
+        .unwrap();
+    let running = exec.start().unwrap();
+    assert!(eventually(|| running.usage("background").unwrap().low));
+
+    for round in 1..=ROUNDS {
+        let before = heard.load(Ordering::SeqCst);
+        let (hogging, over) = (
+            Arc::new(AtomicBool::new(false)),
+            Arc::new(AtomicBool::new(false)),
+        );
+        let hog = {
+            let (hogging, over, heard) =
+                (Arc::clone(&hogging), Arc::clone(&over), Arc::clone(&heard));
+            let spec = ThreadSpec::new("hog").policy(fifo(50)).cpu(cpu);
+            spawn(spec, move || {
+                hogging.store(true, Ordering::SeqCst);
+                let end = clock::thread_cpu() + 100_000_000;
+                while clock::thread_cpu() < end && heard.load(Ordering::SeqCst) == before {}
+                over.store(true, Ordering::SeqCst);
+                heard.load(Ordering::SeqCst) > before
+            })
+        };
+        while !hogging.load(Ordering::SeqCst) {
+            std::thread::yield_now();
+        }
+        let caller = {
+            let call = call.clone();
+            let spec = ThreadSpec::new("caller").policy(fifo(95));
+            spawn(spec, move || call.publish(&Int32 { data: round })).unwrap()
+        };
+        caller.join().unwrap().unwrap();
+        let overtaken = hog.unwrap().join().unwrap();
+        assert!(
+            overtaken,
+            "round {round}: the message waited until the hog was over"
+        );
+        std::thread::sleep(5 * MS); // the background worker gets into its lock again
+    }
+    assert!(running.stop().stuck.is_empty());
+}
+
+/// D8: in one batch the sample for the low worker comes first; the high worker runs first. The
+/// dispatcher is below both here, so that the order of its wake-ups is what decides.
+fn priority_order() {
+    let _dog = watchdog("priority order", LIMIT);
+    let cpu = cpu();
+    let mw = Scripted::default();
+    let ctx = Context::new(mw.clone());
+    let node = ctx.node("n").unwrap();
+    let (mut exec, _) = executor(&ctx);
+    exec.dispatcher(fifo(10)).dispatcher_cpu(cpu);
+    let order = Arc::new(Mutex::new(Vec::new()));
+    for (name, priority) in [("low", 50), ("middle", 55), ("high", 60)] {
+        let order = Arc::clone(&order);
+        exec.worker(name)
+            .policy(fifo(priority))
+            .cpu(cpu)
+            .subscribe(&node, name, Qos::reliable(), move |_: &Int32, _| {
+                order.lock().unwrap().push(name);
+                burn(1);
+            })
+            .unwrap();
+    }
+    let running = exec.start().unwrap();
+    let one = 1_i32.to_le_bytes();
+    for round in 1..=20 {
+        mw.put_all(&[(0, &one), (1, &one), (2, &one)]);
+        assert!(eventually(|| order.lock().unwrap().len() == 3 * round));
+    }
+    running.stop();
+    for three in order.lock().unwrap().chunks(3) {
+        assert_eq!(three, ["high", "middle", "low"]);
+    }
+}
+
+/// Two workers that always have work, for a third of a second: the budgeted one gets its share at
+/// its priority, and the report says how, per thread and per handle.
+fn budget() {
+    let _dog = watchdog("budget", LIMIT);
+    let cpu = cpu();
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    let at_once = Every::period(MS).first_after(Duration::ZERO);
+    exec.worker("high")
+        .policy(fifo(60))
+        .budget(Budget::of(10 * MS).every(40 * MS))
+        .cpu(cpu)
+        .timer(at_once, |_| burn(1))
+        .unwrap();
+    exec.worker("low")
+        .policy(fifo(50))
+        .cpu(cpu)
+        .timer(at_once, |_| burn(1))
+        .unwrap();
+    let running = exec.start().unwrap();
+    std::thread::sleep(330 * MS);
+    let periods = running.report().elapsed / 40_000_000 + 1;
+    let report = running.stop();
+    assert!(report.fallbacks.is_empty(), "{report}");
+    let high = report.thread("high").unwrap();
+    assert_eq!(high.enforcement, Some(Enforcement::SameCpu));
+    assert_eq!(high.requested, "SPORADIC 60/6 (10 ms every 40 ms)");
+    assert_eq!(high.granted, format!("FIFO 60, CPU {cpu}"));
+    let usage = high.usage;
+    // Debt carries overruns over, so the sum is bounded however late the enforcer was.
+    assert!(
+        usage.cpu_high <= (periods + 1) * 10_000_000,
+        "{usage:?} in {periods} periods"
+    );
+    assert!(
+        usage.cpu_high >= (periods - 2) * 10_000_000,
+        "{usage:?} in {periods} periods"
+    );
+    assert!(
+        usage.exhaustions >= periods - 2 && high.overruns.count > 0,
+        "{report}"
+    );
+    let handle = report.handle("high/timer:0").unwrap().stats;
+    assert!(handle.exhaustions > 0 && handle.cpu_high > 0);
+    assert!(handle.cpu_high + handle.cpu_background <= usage.cpu_high + usage.cpu_low);
+    let low = report.thread("low").unwrap().usage.cpu_high;
+    assert!(low > usage.cpu_high, "{report}");
+}
+
+/// Issue 2, item 6: one of several budgeted workers loops for ever; it is reported as stuck,
+/// demoted and left behind, and the others are joined.
+fn stuck() {
+    let _dog = watchdog("stuck at high priority", LIMIT);
+    let cpu = cpu();
+    let ctx = Context::in_process();
+    let (mut exec, log) = executor(&ctx);
+    let release = Arc::new(AtomicBool::new(false));
+    let tid = Arc::new(AtomicU64::new(0));
+    let (flag, cell) = (Arc::clone(&release), Arc::clone(&tid));
+    let budget = Budget::of(20 * MS).every(100 * MS);
+    exec.worker("loops")
+        .budget(budget)
+        .cpu(cpu)
+        .timer(MS, move |_| {
+            cell.store(
+                replenish_os::current_tid().get().try_into().unwrap(),
+                Ordering::SeqCst,
+            );
+            while !flag.load(Ordering::Relaxed) {}
+        })
+        .unwrap();
+    for i in 0..3 {
+        let name = format!("fine {i}");
+        exec.worker(&name)
+            .budget(budget)
+            .cpu(cpu)
+            .timer(MS, |_| ())
+            .unwrap();
+    }
+    let running = exec.start().unwrap();
+    assert!(eventually(
+        || running.usage("loops").unwrap().exhaustions > 1
+    ));
+    let before = clock::monotonic();
+    let report = running.stop();
+    let took = clock::monotonic() - before;
+    assert_eq!(report.stuck, ["loops"], "{report}");
+    assert!(took < 2_000_000_000, "{took} ns");
+    assert!(log.has("loops has not ended in time"));
+    let left = replenish_os::Tid::new(tid.load(Ordering::SeqCst).try_into().unwrap()).unwrap();
+    let granted = replenish_os::granted(left).unwrap().to_string();
+    assert!(granted.starts_with("OTHER"), "{granted}");
+    for i in 0..3 {
+        let id = format!("fine {i}/timer:0");
+        assert!(report.handle(&id).unwrap().stats.executed > 0, "{report}");
+    }
+    release.store(true, Ordering::Relaxed);
+    let gone = || replenish_os::granted(left).is_err();
+    assert!(eventually(gone), "the thread does not end by itself");
+}
+
+/// A worker that waits for a replenishment an hour away ends with the executor.
+fn suspended() {
+    let _dog = watchdog("suspended", LIMIT);
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    let budget = Budget::of(2 * MS).every(3_600_000 * MS).suspend();
+    exec.worker("w")
+        .budget(budget)
+        .cpu(cpu())
+        .timer(MS, |_| burn(1))
+        .unwrap();
+    let running = exec.start().unwrap();
+    assert!(eventually(|| running.usage("w").unwrap().low));
+    let before = executed(&running, "w/timer:0");
+    std::thread::sleep(50 * MS);
+    assert!(
+        executed(&running, "w/timer:0") <= before + 1,
+        "it runs without budget"
+    );
+    let report = running.stop();
+    assert!(report.stuck.is_empty(), "{report}");
+}
+
+/// What was asked for is what the kernel says it gave, for every kind of policy, and the
+/// dispatcher may have a budget like everybody else.
+fn granted() {
+    let _dog = watchdog("granted", LIMIT);
+    let cpu = cpu();
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let out = node.publisher::<Int32>("t", Qos::reliable()).unwrap();
+    let (mut exec, _) = executor(&ctx);
+    let params =
+        replenish::Params::new(70, replenish::Low::Background(6), 5_000_000, 50_000_000, 8);
+    exec.dispatcher(Policy::sporadic(params.unwrap()).unwrap())
+        .dispatcher_cpu(cpu)
+        .strict(true);
+    exec.worker("fifo")
+        .policy(fifo(42))
+        .cpu(cpu)
+        .timer(MS, |_| ())
+        .unwrap();
+    let rr = Policy::round_robin(3).unwrap();
+    exec.worker("rr")
+        .policy(rr)
+        .subscribe(&node, "t", Qos::reliable(), |_: &Int32, _| ())
+        .unwrap();
+    let deadline = Policy::deadline(1_000_000, 10_000_000, 10_000_000).unwrap();
+    let with_deadline = replenish_os::privilege::probe().deadline.is_ok();
+    if with_deadline {
+        exec.worker("deadline")
+            .policy(deadline)
+            .timer(10 * MS, |_| ())
+            .unwrap();
+    }
+    exec.worker("other").timer(MS, |_| ()).unwrap();
+    let running = exec.start().unwrap();
+    for data in 0..100 {
+        out.publish(&Int32 { data }).unwrap();
+        std::thread::sleep(MS / 2);
+    }
+    assert!(eventually(|| executed(&running, "/n/sub:/t") == 100));
+    let report = running.stop();
+    let got = |name: &str| report.thread(name).unwrap().granted.clone();
+    assert_eq!(got("dispatcher"), format!("FIFO 70, CPU {cpu}"));
+    assert_eq!(got("fifo"), format!("FIFO 42, CPU {cpu}"));
+    assert!(got("rr").starts_with("RR 3, CPU"));
+    if with_deadline {
+        assert!(got("deadline").starts_with("DEADLINE 1 ms/10 ms/10 ms"));
+    }
+    assert!(got("other").starts_with("OTHER, CPU"));
+    assert!(report.thread("dispatcher").unwrap().usage.cpu_high > 0);
+    assert!(report.stuck.is_empty(), "{report}");
+}
