@@ -22,7 +22,7 @@ pub(crate) struct Client<P> {
     pub(crate) peer: P,
     pub(crate) key: ClientKey,
     pub(crate) session: SessionId,
-    /// The longest message it takes.
+    /// The longest message it is sent.
     pub(crate) mtu: usize,
     pub(crate) created: Nanos,
     /// The session of this client that this one replaced.

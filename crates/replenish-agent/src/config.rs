@@ -39,6 +39,9 @@ pub struct Limits {
     pub entities: usize,
     /// Streams of one client in each direction.
     pub streams: usize,
+    /// Bytes of one message to a client, even if the client takes longer ones, and of one from a
+    /// client that is kept until an earlier one arrives; at least 64.
+    pub message: usize,
     /// Bytes of one sample, fragmented or not; at most 65531, the protocol's limit.
     pub sample: usize,
     /// Bytes of all samples that wait in the queues of all readers.
@@ -68,6 +71,7 @@ impl Default for Limits {
             clients: 64,
             entities: 128,
             streams: 4,
+            message: 8 * 1024,
             sample: MAX_SAMPLE,
             queued_bytes: 64 * 1024 * 1024,
             default_depth: 16,

@@ -316,24 +316,36 @@ fn a_long_sample_goes_out_in_fragments_and_a_too_long_one_is_dropped() {
 }
 
 #[test]
-fn no_datagram_is_longer_than_the_client_takes() {
-    let (mut world, mut client) = alone(10);
-    let world = &mut world;
-    client.read(world, 1, StreamId::RELIABLE, UNLIMITED);
-    client.acknowledging = false;
-    world.sent.clear();
-    let base = client.base(ObjectId::new(1, ObjectKind::DataWriter));
-    let payload = &[7; 5000];
-    let header = Header::new(client.session, StreamId::BEST_EFFORT, SeqNum(0), client.key);
-    let mut buf = [0; 6000];
-    let mut message = MessageWriter::new(&mut buf, &header).unwrap();
-    message.push(&WriteData { base, payload }).unwrap();
-    world.deliver(1, message.finish());
-    let sent = world.take(1);
-    assert_eq!(sent.len(), 10, "5000 bytes in pieces of 504");
-    for datagram in sent {
-        assert!(datagram.len() <= usize::from(MTU));
-        assert!(Message::parse(&datagram).is_ok());
+fn no_datagram_is_longer_than_client_and_limit_allow() {
+    // What the client says, the longest datagram, the number of them for 5000 bytes.
+    for (mtu, longest, count) in [
+        (MTU, usize::from(MTU), 10),
+        (64, 64, 16),
+        (u16::MAX, 1000, 6),
+    ] {
+        let mut world = World::new(Limits {
+            message: 1000,
+            ..Limits::default()
+        });
+        let world = &mut world;
+        let mut client = Client::new(1, 1);
+        client.mtu = mtu;
+        client.login(world);
+        client.endpoint(world, true, Some(10));
+        client.read(world, 1, StreamId::RELIABLE, UNLIMITED);
+        client.acknowledging = false;
+        let base = client.base(ObjectId::new(1, ObjectKind::DataWriter));
+        let payload = &[7; 5000];
+        let (session, key) = (client.session, client.key);
+        let header = Header::new(session, StreamId::BEST_EFFORT, SeqNum(0), key);
+        let mut buf = [0; 6000];
+        let mut message = MessageWriter::new(&mut buf, &header).unwrap();
+        message.push(&WriteData { base, payload }).unwrap();
+        world.deliver(1, message.finish());
+        let sent = world.take(1);
+        assert_eq!(sent.len(), count, "mtu {mtu}; 16 may be under way");
+        assert_eq!(sent.iter().map(Vec::len).max(), Some(longest), "mtu {mtu}");
+        assert!(sent.iter().all(|datagram| Message::parse(datagram).is_ok()));
     }
 }
 

@@ -76,32 +76,35 @@ fn an_address_of_another_host_is_named() {
     );
 }
 
+/// Without a wake-up each stop would take a second.
+fn stops_at_once(config: &AgentConfig) {
+    let before = Instant::now();
+    for _ in 0..20 {
+        Agent::bind(config)
+            .unwrap()
+            .spawn()
+            .unwrap()
+            .stop()
+            .unwrap();
+    }
+    assert!(
+        before.elapsed() < Duration::from_secs(10),
+        "woken, not timed out"
+    );
+}
+
 #[test]
 fn an_idle_agent_stops_at_once() {
-    for _ in 0..20 {
-        let agent = start();
-        let before = Instant::now();
-        agent.stop().unwrap();
-        assert!(
-            before.elapsed() < Duration::from_millis(900),
-            "woken, not timed out"
-        );
-    }
+    stops_at_once(&config());
 }
 
 #[test]
 fn an_agent_on_all_addresses_stops_at_once() {
-    let config = AgentConfig {
-        addr: (Ipv4Addr::UNSPECIFIED, 0).into(),
+    let addr = (Ipv4Addr::UNSPECIFIED, 0).into();
+    stops_at_once(&AgentConfig {
+        addr,
         ..AgentConfig::default()
-    };
-    let agent = Agent::bind(&config).unwrap().spawn().unwrap();
-    let before = Instant::now();
-    agent.stop().unwrap();
-    assert!(
-        before.elapsed() < Duration::from_millis(900),
-        "woken, not timed out"
-    );
+    });
 }
 
 #[test]

@@ -91,7 +91,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         if let Some(refusal) = refusal(header, create) {
             return Some(refusal);
         }
-        let mtu = usize::from(create.mtu);
+        let longest = self.limits.message.max(MIN_MTU.into());
+        let mtu = usize::from(create.mtu).min(longest);
         let same = self.clients.by_key(key);
         let mut before = None;
         if let Some(client) = same.and_then(|index| self.clients.get_mut(index)) {

@@ -1,4 +1,4 @@
-//! The socket: receiving with a time limit, sending without waiting.
+//! The socket: receiving and sending with a time limit.
 
 use crate::config::Nanos;
 use crate::error::AgentError;
@@ -11,6 +11,10 @@ const MAX_DATAGRAM: usize = 65_535;
 
 /// Nothing waits longer than this, so that a wake-up that got lost delays a stop by no more.
 const MAX_WAIT: Duration = Duration::from_secs(1);
+
+/// When an interface takes nothing for that long, datagrams to it are dropped: whoever is reached
+/// through another one does not wait.
+const MAX_SEND: Duration = Duration::from_millis(1);
 
 /// A bound UDP socket with a receive buffer.
 #[derive(Debug)]
@@ -35,6 +39,7 @@ impl Port {
         let error = |error| AgentError::new("listen at", addr, error);
         let socket = UdpSocket::bind(addr).map_err(error)?;
         socket.set_read_timeout(Some(MAX_WAIT)).map_err(error)?;
+        socket.set_write_timeout(Some(MAX_SEND)).map_err(error)?;
         let addr = socket.local_addr().map_err(error)?;
         let buf = vec![0; MAX_DATAGRAM].into_boxed_slice();
         Ok(Self {

@@ -92,6 +92,7 @@ pub(crate) struct Client {
     pub(crate) peer: u32,
     pub(crate) key: ClientKey,
     pub(crate) session: SessionId,
+    pub(crate) mtu: u16,
     next_seq: u16,
     next_request: u16,
     /// Where what the agent sends on its reliable stream is put in order.
@@ -107,6 +108,7 @@ impl Client {
             peer,
             key: ClientKey([key; 4]),
             session: SessionId(0x81),
+            mtu: MTU,
             next_seq: 0,
             next_request: 9,
             input: InputReliable::new(StreamId::RELIABLE, vec![0; 16 * 512], 512, vec![0; 1 << 17]),
@@ -128,7 +130,7 @@ impl Client {
             key: self.key,
             session: self.session,
             properties: Properties::None,
-            mtu: MTU,
+            mtu: self.mtu,
         };
         let header = Header::new(
             self.session.before_login(),
