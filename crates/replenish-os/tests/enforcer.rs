@@ -82,7 +82,11 @@ fn load(
             account.block();
         }
     });
-    Load { meter: rx.recv().unwrap(), quit, thread }
+    Load {
+        meter: rx.recv().unwrap(),
+        quit,
+        thread,
+    }
 }
 
 /// Consumes CPU time of this thread, until `end` at the latest.
@@ -112,7 +116,9 @@ fn measure(window: &Window, loads: &[Load], length: u64) -> Option<Vec<(u64, u64
     let after: Vec<_> = loads.iter().map(|l| l.meter.usage()).collect();
     clock::sleep_until(end + 110 * MS);
     let used = before.iter().zip(&after);
-    let used = used.map(|(b, a)| (a.cpu_high - b.cpu_high, a.cpu_low - b.cpu_low)).collect();
+    let used = used
+        .map(|(b, a)| (a.cpu_high - b.cpu_high, a.cpu_low - b.cpu_low))
+        .collect();
     (late < 2 * MS).then_some(used)
 }
 
@@ -160,7 +166,9 @@ fn budgeted(
 ) -> Load {
     let params = Params::new(priority, low, budget * MS, 100 * MS, 100).unwrap();
     let enforcer = Arc::clone(enforcer);
-    load(window, priority, shape, move || enforcer.enroll(&params, kind).unwrap())
+    load(window, priority, shape, move || {
+        enforcer.enroll(&params, kind).unwrap()
+    })
 }
 
 fn near(value: u64, theory: u64, tolerance: u64) -> bool {
@@ -173,7 +181,14 @@ fn shares_follow_budgets(kind: Kind) {
         let enforcer = enforcer();
         let window = Arc::new(Window::default());
         let loads = vec![
-            budgeted(&window, &enforcer, (60, Low::Background(6)), budget, SPIN, kind),
+            budgeted(
+                &window,
+                &enforcer,
+                (60, Low::Background(6)),
+                budget,
+                SPIN,
+                kind,
+            ),
             load(&window, 50, SPIN, Account::unbudgeted),
         ];
         let theory = 4 * budget * MS;
@@ -182,7 +197,11 @@ fn shares_follow_budgets(kind: Kind) {
             // The other thread got the rest: lowering made room.
             near(u[0].0, theory, theory * 3 / 1000) && u[1].0 >= rest * 97 / 100 && u[0].1 < MS
         });
-        println!("B={budget}: {used:?} {:?} {:?}", enforcer.stats(), loads[0].meter.overruns());
+        println!(
+            "B={budget}: {used:?} {:?} {:?}",
+            enforcer.stats(),
+            loads[0].meter.overruns()
+        );
         finish(loads);
     }
 }
@@ -196,12 +215,22 @@ fn four_budgets_at_once() {
         .iter()
         .zip(60..)
         .map(|(b, p)| {
-            budgeted(&window, &enforcer, (p, Low::Background(6)), *b, SPIN, Kind::Corrected)
+            budgeted(
+                &window,
+                &enforcer,
+                (p, Low::Background(6)),
+                *b,
+                SPIN,
+                Kind::Corrected,
+            )
         })
         .collect();
     loads.push(load(&window, 50, SPIN, Account::unbudgeted));
     let used = window_until(&window, &loads, |u| {
-        budgets.iter().zip(u).all(|(b, u)| near(u.0, 4 * b * MS, 4 * b * MS / 100))
+        budgets
+            .iter()
+            .zip(u)
+            .all(|(b, u)| near(u.0, 4 * b * MS, 4 * b * MS / 100))
     });
     println!("{used:?} {:?}", enforcer.stats());
     finish(loads);
@@ -212,7 +241,14 @@ fn background_time_is_free_and_counted() {
     let enforcer = enforcer();
     let window = Arc::new(Window::default());
     let prio = (60, Low::Background(40));
-    let loads = vec![budgeted(&window, &enforcer, prio, 30, SPIN, Kind::Corrected)];
+    let loads = vec![budgeted(
+        &window,
+        &enforcer,
+        prio,
+        30,
+        SPIN,
+        Kind::Corrected,
+    )];
     // Alone on the CPU: the budget at high priority, everything else in the background.
     window_until(&window, &loads, |u| {
         near(u[0].0, 120 * MS, MS) && near(u[0].0 + u[0].1, 400 * MS, 8 * MS)
@@ -225,9 +261,18 @@ fn suspend_stops_the_thread() {
     let enforcer = enforcer();
     let window = Arc::new(Window::default());
     let prio = (60, Low::Suspend);
-    let loads = vec![budgeted(&window, &enforcer, prio, 20, SPIN, Kind::Corrected)];
+    let loads = vec![budgeted(
+        &window,
+        &enforcer,
+        prio,
+        20,
+        SPIN,
+        Kind::Corrected,
+    )];
     // Alone on an idle CPU it still gets its budget and not more.
-    window_until(&window, &loads, |u| near(u[0].0, 80 * MS, MS) && u[0].1 < MS);
+    window_until(&window, &loads, |u| {
+        near(u[0].0, 80 * MS, MS) && u[0].1 < MS
+    });
     finish(loads);
 }
 
@@ -237,13 +282,18 @@ fn sleeping_inside_a_callback_is_seen() {
     let _dog = watchdog("blocking", Duration::from_secs(60));
     let enforcer = enforcer();
     let window = Arc::new(Window::default());
-    let shape = Shape { run: 4 * MS, pause: 16 * MS };
+    let shape = Shape {
+        run: 4 * MS,
+        pause: 16 * MS,
+    };
     let prio = (60, Low::Background(6));
     let loads = vec![
         budgeted(&window, &enforcer, prio, 30, shape, Kind::Corrected),
         load(&window, 50, SPIN, Account::unbudgeted),
     ];
-    window_until(&window, &loads, |u| near(u[0].0, 80 * MS, 6 * MS) && u[0].1 < MS);
+    window_until(&window, &loads, |u| {
+        near(u[0].0, 80 * MS, 6 * MS) && u[0].1 < MS
+    });
     let usage = loads[0].meter.usage();
     println!("{usage:?} {:?}", enforcer.stats());
     assert!(usage.blocked_inside >= 15);
@@ -266,9 +316,15 @@ fn without_privilege_callbacks_wait_for_budget() {
     account.block();
     let (wall, cpu) = (clock::monotonic() - wall, clock::thread_cpu() - cpu);
     // 200 ms of CPU time at 20 per 50 ms: the last callback cannot start before nine periods.
-    assert!(wall >= 9 * 50 * MS, "200 ms of work took only {wall} ns at 40 %");
+    assert!(
+        wall >= 9 * 50 * MS,
+        "200 ms of work took only {wall} ns at 40 %"
+    );
     let usage = account.meter().usage();
-    assert!(near(usage.cpu_high + usage.cpu_low, cpu, MS), "{usage:?} against {cpu}");
+    assert!(
+        near(usage.cpu_high + usage.cpu_low, cpu, MS),
+        "{usage:?} against {cpu}"
+    );
     assert!(usage.exhaustions >= 8, "{usage:?}");
 }
 
@@ -285,15 +341,26 @@ fn a_cancelled_worker_stops_waiting_for_budget() {
         std::thread::sleep(Duration::from_millis(50));
         meter.cancel();
     });
-    assert!(account.callback_begin().is_err(), "an hour to go, and yet it went on");
+    assert!(
+        account.callback_begin().is_err(),
+        "an hour to go, and yet it went on"
+    );
     other.join().unwrap();
 }
 
 fn enrolment_is_bounded_and_says_so() {
-    let config = EnforcerConfig { capacity: 2, ..EnforcerConfig::on_cpu(cpu()) };
+    let config = EnforcerConfig {
+        capacity: 2,
+        ..EnforcerConfig::on_cpu(cpu())
+    };
     let enforcer = Enforcer::start(config).unwrap();
     let params = |p, n| Params::new(p, Low::Background(6), MS, 10 * MS, n).unwrap();
-    let error = |p: Params| enforcer.enroll(&p, Kind::Corrected).unwrap_err().to_string();
+    let error = |p: Params| {
+        enforcer
+            .enroll(&p, Kind::Corrected)
+            .unwrap_err()
+            .to_string()
+    };
     let e = error(params(99, 16));
     assert!(e.contains("99"), "{e}");
     let e = error(params(60, 1000));
@@ -306,18 +373,31 @@ fn enrolment_is_bounded_and_says_so() {
 
 fn main() {
     run(vec![
-        rt_trial("shares_follow_budgets", || shares_follow_budgets(Kind::Corrected)),
-        rt_trial("shares_follow_budgets_posix", || shares_follow_budgets(Kind::Posix)),
+        rt_trial("shares_follow_budgets", || {
+            shares_follow_budgets(Kind::Corrected)
+        }),
+        rt_trial("shares_follow_budgets_posix", || {
+            shares_follow_budgets(Kind::Posix)
+        }),
         rt_trial("four_budgets_at_once", four_budgets_at_once),
-        rt_trial("background_time_is_free_and_counted", background_time_is_free_and_counted),
+        rt_trial(
+            "background_time_is_free_and_counted",
+            background_time_is_free_and_counted,
+        ),
         rt_trial("suspend_stops_the_thread", suspend_stops_the_thread),
-        rt_trial("sleeping_inside_a_callback_is_seen", sleeping_inside_a_callback_is_seen),
+        rt_trial(
+            "sleeping_inside_a_callback_is_seen",
+            sleeping_inside_a_callback_is_seen,
+        ),
         trial("without_privilege_callbacks_wait_for_budget", || {
             without_privilege_callbacks_wait_for_budget();
         }),
         trial("a_cancelled_worker_stops_waiting_for_budget", || {
             a_cancelled_worker_stops_waiting_for_budget();
         }),
-        rt_trial("enrolment_is_bounded_and_says_so", enrolment_is_bounded_and_says_so),
+        rt_trial(
+            "enrolment_is_bounded_and_says_so",
+            enrolment_is_bounded_and_says_so,
+        ),
     ]);
 }

@@ -1,5 +1,9 @@
 //! The kernel's switch records, and the cheap counter that stands in for them.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test fails by panicking"
+)]
 
 use replenish_os::{
     CpuSet, SchedClass, Switch, SwitchKind, SwitchLog, clock, current_tid, set_affinity,
@@ -31,10 +35,15 @@ fn sleeps_are_voluntary_and_timed() {
         .filter(|s| s.kind == SwitchKind::Out { preempted: false })
         .collect();
     assert_eq!(outs.len(), 3, "{switches:?}");
-    assert!(switches.iter().all(|s| (from..=to).contains(&s.time)), "{switches:?}");
+    assert!(
+        switches.iter().all(|s| (from..=to).contains(&s.time)),
+        "{switches:?}"
+    );
     assert!(switches.is_sorted_by_key(|s| s.time));
     // Every way out is followed by a way in, at least the sleep later.
-    let pairs = switches.windows(2).filter(|p| p[0].kind == SwitchKind::Out { preempted: false });
+    let pairs = switches
+        .windows(2)
+        .filter(|p| p[0].kind == SwitchKind::Out { preempted: false });
     for pair in pairs {
         assert_eq!(pair[1].kind, SwitchKind::In);
         assert!(pair[1].time - pair[0].time >= MS, "{pair:?}");
@@ -43,7 +52,9 @@ fn sleeps_are_voluntary_and_timed() {
 }
 
 fn a_full_ring_says_that_it_lost_something() {
-    let Ok(mut log) = SwitchLog::open(current_tid()) else { return };
+    let Ok(mut log) = SwitchLog::open(current_tid()) else {
+        return;
+    };
     for _ in 0..3000 {
         clock::sleep_until(clock::monotonic() + 1000);
     }
@@ -79,8 +90,10 @@ fn preemption_is_told_from_blocking() {
         switches
     });
     let switches = worker.join().unwrap();
-    let preempted =
-        switches.iter().filter(|s| s.kind == SwitchKind::Out { preempted: true }).count();
+    let preempted = switches
+        .iter()
+        .filter(|s| s.kind == SwitchKind::Out { preempted: true })
+        .count();
     assert!(preempted >= 5, "{switches:?}");
 }
 
@@ -94,9 +107,21 @@ fn the_cheap_counter_counts_sleeps() {
 
 fn main() {
     run(vec![
-        trial("sleeps_are_voluntary_and_timed", sleeps_are_voluntary_and_timed),
-        trial("a_full_ring_says_that_it_lost_something", a_full_ring_says_that_it_lost_something),
-        rt_trial("preemption_is_told_from_blocking", preemption_is_told_from_blocking),
-        trial("the_cheap_counter_counts_sleeps", the_cheap_counter_counts_sleeps),
+        trial(
+            "sleeps_are_voluntary_and_timed",
+            sleeps_are_voluntary_and_timed,
+        ),
+        trial(
+            "a_full_ring_says_that_it_lost_something",
+            a_full_ring_says_that_it_lost_something,
+        ),
+        rt_trial(
+            "preemption_is_told_from_blocking",
+            preemption_is_told_from_blocking,
+        ),
+        trial(
+            "the_cheap_counter_counts_sleeps",
+            the_cheap_counter_counts_sleeps,
+        ),
     ]);
 }

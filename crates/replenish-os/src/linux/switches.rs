@@ -11,7 +11,10 @@
 //!          │ SWITCH 24│ SWITCH 24│ LOST …   │      word i at (tail + 8 i) mod size
 //!          └──────────┴──────────┴──────────┘
 //! ```
-#![expect(unsafe_code, reason = "perf_event_open, mmap, and a ring shared with the kernel")]
+#![expect(
+    unsafe_code,
+    reason = "perf_event_open, mmap, and a ring shared with the kernel"
+)]
 
 use super::sys;
 use super::tid::Tid;
@@ -88,7 +91,14 @@ impl SwitchLog {
         let (attr, cloexec) = (&raw const attr, FLAG_FD_CLOEXEC);
         // SAFETY: `attr` lives across the call and states its own size.
         let fd = sys::check(unsafe {
-            libc::syscall(libc::SYS_perf_event_open, attr, tid.get(), any_cpu, no_group, cloexec)
+            libc::syscall(
+                libc::SYS_perf_event_open,
+                attr,
+                tid.get(),
+                any_cpu,
+                no_group,
+                cloexec,
+            )
         })?;
         let fd = i32::try_from(fd).map_err(io::Error::other)?;
         // SAFETY: the descriptor is new, open and owned by nobody else.
@@ -102,7 +112,11 @@ impl SwitchLog {
         if map == libc::MAP_FAILED {
             return Err(io::Error::last_os_error());
         }
-        Ok(Self { map: map.cast(), page, _event: event })
+        Ok(Self {
+            map: map.cast(),
+            page,
+            _event: event,
+        })
     }
 
     /// Hands every switch since the last drain to `each`, oldest first.
@@ -121,7 +135,11 @@ impl SwitchLog {
                 let time = self.word(tail + 16);
                 let preempted = misc & MISC_SWITCH_OUT_PREEMPT != 0;
                 let out = misc & MISC_SWITCH_OUT != 0;
-                let kind = if out { SwitchKind::Out { preempted } } else { SwitchKind::In };
+                let kind = if out {
+                    SwitchKind::Out { preempted }
+                } else {
+                    SwitchKind::In
+                };
                 each(Switch { time, kind });
             } else if kind == RECORD_LOST {
                 lost = true;
@@ -225,5 +243,9 @@ pub fn voluntary_switches() -> u64 {
     let mut usage: libc::rusage = unsafe { std::mem::zeroed() };
     // SAFETY: `usage` is writable for the call.
     let rc = unsafe { libc::getrusage(libc::RUSAGE_THREAD, &raw mut usage) };
-    if rc == 0 { u64::try_from(usage.ru_nvcsw).unwrap_or(0) } else { 0 }
+    if rc == 0 {
+        u64::try_from(usage.ru_nvcsw).unwrap_or(0)
+    } else {
+        0
+    }
 }
