@@ -10,6 +10,7 @@ use replenish_os::{
 };
 use replenish_testkit::harness::{rt_trial, run, trial};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 mod unprivileged;
 
@@ -38,6 +39,7 @@ fn main() {
             "threads_of_a_worker_leave_its_class_unless_asked",
             reset_on_fork,
         ),
+        rt_trial("a_hog_on_the_cpu_does_not_hold_up_the_start", beside_a_hog),
         rt_trial("a_deadline_reservation_is_granted", || {
             let policy = Policy::deadline(MS, 10 * MS, 100 * MS).unwrap();
             let spec = ThreadSpec::new("deadline").policy(policy);
@@ -181,4 +183,41 @@ fn reset_on_fork() {
         assert_eq!(escaped.policy == GrantedPolicy::Fifo, !reset, "{escaped}");
         assert_eq!(asked.policy, GrantedPolicy::Other { nice: 0 });
     }
+}
+
+/// Threads start above and below a hog that keeps their CPU for 200 ms: `spawn` returns before the
+/// hog ends, the one above runs at once, the one below has all it was given although it waits.
+fn beside_a_hog() {
+    let cpu = cpu();
+    let ended = Arc::new(AtomicBool::new(false));
+    let fifo = |priority| Policy::fifo(priority).unwrap();
+    let spec = ThreadSpec::new("hog").policy(fifo(50)).cpu(cpu);
+    let hog = spawn(spec, {
+        let ended = Arc::clone(&ended);
+        move || {
+            common::burn(200 * MS);
+            ended.store(true, Ordering::SeqCst);
+        }
+    });
+    clock::sleep_until(clock::monotonic() + 2 * MS); // it runs
+    let look = || {
+        let ended = Arc::clone(&ended);
+        move || ended.load(Ordering::SeqCst)
+    };
+    let above = spawn(ThreadSpec::new("above").policy(fifo(60)).cpu(cpu), look()).unwrap();
+    let below = spawn(ThreadSpec::new("below").policy(fifo(40)).cpu(cpu), look()).unwrap();
+    assert!(
+        !ended.load(Ordering::SeqCst),
+        "spawn waited for the hog to end"
+    );
+    assert_eq!(
+        granted(below.tid()).unwrap().to_string(),
+        format!("FIFO 40, CPU {cpu}")
+    );
+    assert!(!above.join().unwrap(), "the thread above ran after the hog");
+    assert!(
+        below.join().unwrap(),
+        "the thread below ran before the hog ended"
+    );
+    hog.unwrap().join().unwrap();
 }

@@ -29,10 +29,10 @@ pub(super) fn errno() -> i32 {
     io::Error::last_os_error().raw_os_error().unwrap_or(0)
 }
 
-/// `t` as the kernel wants it; times beyond the range of `time_t` become its end.
+/// `t` as the kernel wants it; times a 32-bit `time_t` cannot hold become its end.
 pub(super) fn timespec(t: Nanos) -> libc::timespec {
     libc::timespec {
-        tv_sec: libc::time_t::try_from(t / NANOS_PER_SEC).unwrap_or(libc::time_t::MAX),
+        tv_sec: (t / NANOS_PER_SEC).try_into().unwrap_or(i32::MAX.into()),
         tv_nsec: libc::c_long::try_from(t % NANOS_PER_SEC).unwrap_or(0),
     }
 }

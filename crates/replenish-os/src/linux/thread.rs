@@ -1,13 +1,15 @@
 //! Threads that have their name, CPU and policy *before* they run user code.
 //!
 //! ```text
-//!   spawn ──► new thread: name, affinity, policy ──► report ──► user code ──► done
-//!     │                                                │                       │
-//!     └── waits for the report ◄───────────────────────┘          join_until ◄─┘
+//!   spawn:   create ──────────── wait ─────────────── set its CPU ─ go ──► return
+//!              │                  ▲                          ▲       │
+//!   thread:    └─► name, policy ──┴─ report ─── wait ────────┘       └──► user code ──► done
 //! ```
 //!
-//! The affinity comes first, so that the thread never runs at real-time priority on a CPU that
-//! is not its own.
+//! The creator sets the CPU while the new thread waits, for the sake of busy CPUs: a thread that
+//! moved itself there first would still be in the time-sharing class, and a real-time thread of
+//! any priority on that CPU could keep it from ever asking for its own. So `spawn` returns soon,
+//! even if the new thread will not run for a while.
 
 use super::affinity::{CpuSet, affinity, set_affinity};
 use super::clock;
@@ -144,60 +146,71 @@ where
     F: FnOnce() -> T + Send + 'static,
     T: Send + 'static,
 {
-    spec.policy.validate()?;
-    if spec.name.contains('\0') {
+    let ThreadSpec {
+        name,
+        policy,
+        cpu,
+        stack_size,
+        reset_on_fork,
+    } = spec;
+    policy.validate()?;
+    if name.contains('\0') {
         return Err(SpawnError::Name);
     }
-    if let (Policy::Deadline { .. }, Some(cpu)) = (spec.policy, spec.cpu) {
+    if let (Policy::Deadline { .. }, Some(cpu)) = (policy, cpu) {
         return Err(SpawnError::PinnedDeadline { cpu });
     }
-    let mut builder = std::thread::Builder::new().name(spec.name.clone());
-    if let Some(bytes) = spec.stack_size {
+    let mut builder = std::thread::Builder::new().name(name);
+    if let Some(bytes) = stack_size {
         builder = builder.stack_size(bytes);
     }
     let done = Arc::new(Signal::new());
     let at_end = SetOnDrop(Arc::clone(&done));
     let (report, outcome) = mpsc::sync_channel(1);
+    let (go, wait_for_go) = mpsc::sync_channel::<()>(1);
     let handle = builder
         .spawn(move || {
             let at_end = at_end;
             let tid = current_tid();
-            let applied = apply(tid, &spec);
-            let ready = applied.is_ok();
-            // The creator waits for it, so it is received.
-            if report.send(applied.map(|()| tid)).is_err() || !ready {
-                return None;
-            }
+            let applied = apply_policy(tid, policy, reset_on_fork);
+            let applied = applied.map_err(|source| SpawnError::policy(policy, source));
+            // The creator waits for the report; without a go it has given up.
+            report.send(applied.map(|()| tid)).ok()?;
+            wait_for_go.recv().ok()?;
             let result = f();
             drop(at_end);
             Some(result)
         })
         .map_err(SpawnError::Create)?;
-    match outcome.recv() {
-        Ok(Ok(tid)) => Ok(Thread { tid, done, handle }),
-        Ok(Err(refused)) => {
+    let ready = outcome.recv().unwrap_or_else(|_| {
+        Err(SpawnError::Create(io::Error::other(
+            "the new thread ended early",
+        )))
+    });
+    let placed = ready.and_then(|tid| cpu.map_or(Ok(tid), |cpu| place(tid, cpu)));
+    match placed {
+        Ok(tid) if go.send(()).is_ok() => Ok(Thread { tid, done, handle }),
+        Ok(_) => Err(SpawnError::Create(io::Error::other(
+            "the new thread ended early",
+        ))),
+        Err(refused) => {
+            drop(go);
             drop(handle.join()); // it has nothing more to say
             Err(refused)
         }
-        Err(_) => Err(SpawnError::Create(io::Error::other(
-            "the new thread ended early",
-        ))),
     }
 }
 
-/// Gives the calling thread what `spec` asks, except for its name.
-fn apply(tid: Tid, spec: &ThreadSpec) -> Result<(), SpawnError> {
-    if let Some(cpu) = spec.cpu {
-        let pinned = CpuSet::one(cpu);
-        let allowed = Box::new(affinity(tid).unwrap_or_default());
-        set_affinity(tid, &pinned).map_err(|source| SpawnError::Cpu {
+/// Pins the waiting thread to its CPU.
+fn place(tid: Tid, cpu: usize) -> Result<Tid, SpawnError> {
+    let allowed = Box::new(affinity(tid).unwrap_or_default());
+    set_affinity(tid, &CpuSet::one(cpu))
+        .map(|()| tid)
+        .map_err(|source| SpawnError::Cpu {
             cpu,
             allowed,
             source,
-        })?;
-    }
-    apply_policy(tid, spec.policy, spec.reset_on_fork)
-        .map_err(|source| SpawnError::policy(spec.policy, source))
+        })
 }
 
 fn apply_policy(tid: Tid, policy: Policy, reset_on_fork: bool) -> io::Result<()> {
