@@ -4,9 +4,10 @@
 //!   wire     the codec: message and submessage headers, every submessage body, ids
 //!   stream   best-effort and reliable streams, both directions, fragments; used by client and agent
 //!   client   the client's session: log-in, objects, samples, loss of the agent
+//!   udp      a socket to the agent (feature `std`)
 //! ```
 //!
-//! Nothing here allocates, reads a clock or touches a socket; storage is the caller's. The
+//! Nothing but `udp` allocates, reads a clock or touches a socket; storage is the caller's. The
 //! specification is OMG DDS-XRCE 1.0 (formal/20-02-01); where the text and eProsima's implementation
 //! differ, the implementation's wire form is what is written here, because that is what micro-ROS
 //! speaks.
@@ -17,11 +18,13 @@
 pub mod client;
 pub mod seq;
 pub mod stream;
+#[cfg(all(feature = "std", unix))]
+pub mod udp;
 pub mod wire;
 
 pub use seq::SeqNum;
 
-#[cfg(test)]
+#[cfg(any(test, feature = "std"))]
 extern crate std;
 
 /// Nanoseconds on whatever monotonic clock the caller uses; only differences matter.

@@ -335,6 +335,18 @@ fn a_lost_agent_is_noticed_and_everything_comes_back_with_it() {
 }
 
 #[test]
+fn a_caller_that_was_away_does_not_lose_the_agent() {
+    let mut world = World::new();
+    world.connect();
+    world.now += 20 * SECOND; // without tick, handle or poll_transmit
+    world.run(SECOND);
+    assert_eq!(
+        (world.take_told(), world.session.link_stats().losses),
+        (vec![], 0)
+    );
+}
+
+#[test]
 fn an_agent_that_was_restarted_at_once_is_logged_in_to_again() {
     let mut world = World::new();
     world.connect();

@@ -29,7 +29,8 @@ pub struct Config {
 pub struct PingPolicy {
     /// Ping after that long without a message from the agent, and again after each such time.
     pub after: Nanos,
-    /// The agent counts as lost after that long without a message.
+    /// The agent counts as lost after that long without a message, the last `silence_limit - after`
+    /// of it with pings.
     pub silence_limit: Nanos,
 }
 

@@ -104,6 +104,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N,
     /// The agent has a new session for us: everything starts from the beginning.
     fn logged_in(&mut self, now: Nanos) {
         self.link.enter(now, State::Restoring, &self.config);
+        self.link.hear(now, &self.config);
         self.outputs.reset(&self.config, self.link.session);
         self.inputs.best_effort.reset();
         self.inputs.reliable.reset();

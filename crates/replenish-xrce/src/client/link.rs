@@ -34,6 +34,8 @@ pub(super) struct Link {
     attempts: u32,
     heard: Nanos,
     next_ping: Nanos,
+    /// The first ping since the agent was heard.
+    first_ping: Option<Nanos>,
 }
 
 impl Link {
@@ -57,6 +59,7 @@ impl Link {
             attempts: 0,
             heard: 0,
             next_ping: 0,
+            first_ping: None,
         }
     }
 
@@ -66,12 +69,12 @@ impl Link {
         self.next_request = now;
         self.retry = config.retry_first;
         self.attempts = 0;
-        self.hear(now, config);
     }
 
     /// The agent was heard.
     pub(super) const fn hear(&mut self, now: Nanos, config: &Config) {
         self.heard = now;
+        self.first_ping = None;
         if let Some(ping) = config.ping {
             self.next_ping = now.saturating_add(ping.after);
         }
@@ -104,6 +107,7 @@ impl Link {
             return false;
         };
         self.next_ping = now.saturating_add(ping.after);
+        self.first_ping = self.first_ping.or(Some(now));
         self.stats.pings = self.stats.pings.saturating_add(1);
         true
     }
@@ -141,10 +145,12 @@ impl Link {
         }
     }
 
+    /// When the agent counts as lost. Only the time in which it could have answered a ping counts,
+    /// not the time in which the caller did not look after the session.
     fn silent_at(&self, config: &Config) -> Option<Nanos> {
-        config
-            .ping
-            .map(|ping| self.heard.saturating_add(ping.silence_limit))
+        let ping = config.ping?;
+        let patience = ping.silence_limit.saturating_sub(ping.after);
+        self.first_ping.map(|at| at.saturating_add(patience))
     }
 }
 

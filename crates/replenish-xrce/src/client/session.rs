@@ -60,6 +60,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N,
     pub fn connect(&mut self, now: Nanos) {
         if self.link.state == State::Idle {
             self.link.enter(now, State::Connecting, &self.config);
+            self.link.hear(now, &self.config);
         }
     }
 
@@ -83,7 +84,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N,
         self.link.session
     }
 
-    /// When the agent was last heard of.
+    /// When the agent was last heard of in a session, or when [`Session::connect`] was called.
     pub const fn heard(&self) -> Nanos {
         self.link.heard()
     }
