@@ -43,6 +43,18 @@ impl Context {
         Self::new(InProcessBus::new().participant())
     }
 
+    /// A context over DDS-XRCE: a session with the agent at `agent`, an address and UDP port.
+    ///
+    /// [`XrceUdp::connect_with`](crate::middleware::xrce::XrceUdp::connect_with) and
+    /// [`Context::new`] take other settings than the default ones.
+    ///
+    /// # Errors
+    /// If the address cannot be used, or no agent answers there within 1.5 s.
+    #[cfg(feature = "xrce")]
+    pub fn xrce_udp(agent: &str) -> Result<Self, crate::middleware::xrce::ConnectError> {
+        crate::middleware::xrce::XrceUdp::connect(agent).map(Self::new)
+    }
+
     /// A node. `name` may carry a namespace: `pong`, `robot/pong` and `/robot/pong` are all right.
     ///
     /// # Errors

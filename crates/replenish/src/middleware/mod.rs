@@ -20,6 +20,8 @@
 mod error;
 mod in_process;
 mod interest;
+#[cfg(feature = "xrce")]
+pub mod xrce;
 
 pub use error::{MiddlewareError, PublishError};
 pub use in_process::{InProcess, InProcessBus};

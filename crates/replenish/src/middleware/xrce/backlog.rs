@@ -1,0 +1,106 @@
+//! Samples of one reader that arrived while its handle had no room.
+
+use crate::Nanos;
+use alloc::boxed::Box;
+use alloc::vec;
+
+/// A ring of preallocated slots, oldest first.
+#[derive(Debug)]
+pub(super) struct Backlog {
+    bytes: Box<[u8]>,
+    /// Length and arrival of the sample in each slot.
+    slots: Box<[(usize, Nanos)]>,
+    slot_size: usize,
+    head: usize,
+    len: usize,
+    keep_last: bool,
+}
+
+impl Backlog {
+    /// Room for `depth` samples (at least one) of up to `max_size` bytes. With `keep_last` a new
+    /// sample replaces the oldest when all slots are taken, else it is refused.
+    pub(super) fn new(depth: u16, max_size: usize, keep_last: bool) -> Self {
+        let depth = usize::from(depth.max(1));
+        Self {
+            bytes: vec![0; depth * max_size].into(),
+            slots: vec![(0, 0); depth].into(),
+            slot_size: max_size,
+            head: 0,
+            len: 0,
+            keep_last,
+        }
+    }
+
+    pub(super) const fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Keeps a sample; false if one was lost for it: the oldest, or itself.
+    pub(super) fn push(&mut self, arrival: Nanos, sample: &[u8]) -> bool {
+        if sample.len() > self.slot_size {
+            return false;
+        }
+        let full = self.len == self.slots.len();
+        if full && !self.keep_last {
+            return false;
+        }
+        if full {
+            self.pop();
+        }
+        let slot = (self.head + self.len) % self.slots.len();
+        let start = slot * self.slot_size;
+        if let Some(room) = self.bytes.get_mut(start..start + sample.len()) {
+            room.copy_from_slice(sample);
+        }
+        if let Some(entry) = self.slots.get_mut(slot) {
+            *entry = (sample.len(), arrival);
+        }
+        self.len += 1;
+        !full
+    }
+
+    /// The oldest sample and its arrival.
+    pub(super) fn front(&self) -> Option<(Nanos, &[u8])> {
+        let (len, arrival) = *self.slots.get(self.head).filter(|_| self.len > 0)?;
+        let start = self.head * self.slot_size;
+        Some((arrival, self.bytes.get(start..start + len)?))
+    }
+
+    /// Drops the oldest sample.
+    pub(super) fn pop(&mut self) {
+        if self.len > 0 {
+            self.head = (self.head + 1) % self.slots.len();
+            self.len -= 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn drain(backlog: &mut Backlog) -> Vec<Vec<u8>> {
+        let mut all = Vec::new();
+        while let Some((_, sample)) = backlog.front() {
+            all.push(sample.to_vec());
+            backlog.pop();
+        }
+        all
+    }
+
+    #[test]
+    fn keep_last_drops_the_oldest_and_keep_all_the_newest() {
+        let mut last = Backlog::new(2, 4, true);
+        assert!(last.push(1, b"a") && last.push(2, b"bb"));
+        assert!(!last.push(3, b"ccc"));
+        assert!(!last.push(4, b"too long"));
+        assert_eq!(last.front().unwrap().0, 2);
+        assert_eq!(drain(&mut last), [b"bb".to_vec(), b"ccc".to_vec()]);
+        assert!(last.is_empty());
+
+        let mut all = Backlog::new(2, 4, false);
+        assert!(all.push(1, b"a") && all.push(2, b"b"));
+        assert!(!all.push(3, b"c"));
+        assert_eq!(drain(&mut all), [b"a".to_vec(), b"b".to_vec()]);
+    }
+}

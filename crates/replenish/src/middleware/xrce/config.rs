@@ -1,0 +1,141 @@
+//! Settings of the XRCE adapter, and what can go wrong when it connects.
+
+use crate::Nanos;
+use alloc::string::String;
+use core::fmt;
+use replenish_xrce::client::PingPolicy;
+use replenish_xrce::stream::Reliability;
+use replenish_xrce::wire::Status;
+use std::hash::{BuildHasher, RandomState};
+use std::io;
+
+/// Settings of an [`XrceUdp`](super::XrceUdp). [`Default`] is what micro-ROS does, where that is
+/// sensible. Times are in nanoseconds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct XrceConfig {
+    /// The longest datagram in bytes, both ways, 64..=65507. Best-effort samples must fit one, with
+    /// 12 bytes to spare; reliable ones are cut into pieces. micro-ROS has 512.
+    pub mtu: u16,
+    /// Reliable datagrams that are kept until they are acknowledged, 1..=64.
+    pub window: u16,
+    /// The largest sample that can be received on a reliable topic, in bytes, up to 65531.
+    pub max_sample: usize,
+    /// The DDS domain.
+    pub domain: i16,
+    /// Identifies this client; no two clients of an agent may have the same. `None`: at random.
+    pub key: Option<[u8; 4]>,
+    /// How long to wait for the agent's first answer.
+    pub connect_timeout: Nanos,
+    /// How long to wait until the agent has created a reader or writer.
+    pub request_timeout: Nanos,
+    /// How the loss of the agent is noticed.
+    pub ping: PingPolicy,
+    /// Heartbeats and window of reliable topics.
+    pub reliability: Reliability,
+}
+
+impl Default for XrceConfig {
+    /// MTU 512, 64 datagrams kept, samples up to 16 KiB, domain 0, random key, 1.5 s for the agent's
+    /// first answer, 1 s for a reader or writer, ping after 0.2 s of silence, loss after 0.9 s.
+    fn default() -> Self {
+        Self {
+            mtu: 512,
+            window: 64,
+            max_sample: 16 * 1024,
+            domain: 0,
+            key: None,
+            connect_timeout: 1_500_000_000,
+            request_timeout: 1_000_000_000,
+            ping: PingPolicy {
+                after: 200_000_000,
+                silence_limit: 900_000_000,
+            },
+            reliability: Reliability::default(),
+        }
+    }
+}
+
+impl XrceConfig {
+    /// The key to use: never all zeros, which the protocol forbids.
+    pub(super) fn client_key(&self) -> [u8; 4] {
+        let random = || {
+            let hash = RandomState::new().hash_one(std::process::id());
+            u32::try_from(hash >> 32).unwrap_or(1).max(1).to_be_bytes()
+        };
+        self.key.unwrap_or_else(random)
+    }
+}
+
+/// Connecting to an agent failed.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum ConnectError {
+    /// The address cannot be resolved or used.
+    Address {
+        /// As it was given.
+        agent: String,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A setting is outside its range.
+    Setting {
+        /// Which one.
+        field: &'static str,
+        /// What is allowed.
+        allowed: &'static str,
+    },
+    /// No agent answered in time.
+    NoAgent {
+        /// Its address.
+        agent: String,
+        /// How long it had, in nanoseconds.
+        waited: Nanos,
+    },
+    /// The agent refused the session.
+    Refused {
+        /// Its address.
+        agent: String,
+        /// Its reason.
+        status: Status,
+    },
+    /// The operating system refused something else.
+    Io {
+        /// What was tried.
+        what: &'static str,
+        /// What it says.
+        source: io::Error,
+    },
+}
+
+impl fmt::Display for ConnectError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Address { agent, source } => {
+                write!(f, "the agent's address {agent} cannot be used: {source}")
+            }
+            Self::Setting { field, allowed } => {
+                write!(f, "the XRCE setting {field} must be {allowed}")
+            }
+            Self::NoAgent { agent, waited } => {
+                let (seconds, tenths) = (waited / 1_000_000_000, waited / 100_000_000 % 10);
+                write!(
+                    f,
+                    "no XRCE agent answered at {agent} within {seconds}.{tenths} s"
+                )
+            }
+            Self::Refused { agent, status } => {
+                write!(f, "the XRCE agent at {agent} refused a session: {status}")
+            }
+            Self::Io { what, source } => write!(f, "{what}: {source}"),
+        }
+    }
+}
+
+impl core::error::Error for ConnectError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Address { source, .. } | Self::Io { source, .. } => Some(source),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,219 @@
+//! DDS-XRCE over UDP: the protocol of micro-ROS, to any XRCE agent.
+//!
+//! ```text
+//!   dispatcher                                      publishers (any thread)
+//!   wait: poll socket · waker · timer   no lock     lock ─ write ─ send ─ unlock
+//!   take: recv  ─ lock ─ handle ─ unlock, ...            (sends never wait)
+//!         lock ─ acknowledge, heartbeat, ping ─ unlock
+//! ```
+//!
+//! One lock with priority inheritance protects the session. It is held while bytes are encoded,
+//! decoded and given to the socket, which never waits, and never while anybody waits for the network.
+//! The session's next deadline is in a timer descriptor, which a publisher that makes it earlier
+//! sets itself: so the dispatcher neither has to be woken for that nor to guess.
+
+mod backlog;
+mod config;
+mod endpoints;
+mod setup;
+mod state;
+
+pub use config::{ConnectError, XrceConfig};
+pub use state::SocketStats;
+
+use super::{
+    EndpointSpec, Interest, LinkState, Middleware, MiddlewareError, PublishError, ReaderId, Room,
+    SampleInfo, WriterId,
+};
+use crate::Nanos;
+use alloc::boxed::Box;
+use core::fmt;
+use replenish_os::timer::TimerFd;
+use replenish_os::{PiMutex, PollFd, WakeFd, clock, poll};
+use replenish_xrce::client::LinkStats;
+use replenish_xrce::stream::{BestEffortStats, InputStats, OutputStats};
+use replenish_xrce::udp::UdpTransport;
+use state::{REQUESTS, State};
+use std::io;
+
+/// Datagrams handled in one [`Middleware::take`].
+const BATCH: usize = 16;
+
+/// A session with an XRCE agent over UDP.
+///
+/// ```no_run
+/// use replenish::middleware::xrce::XrceUdp;
+/// let agent = XrceUdp::connect("127.0.0.1:8888")?;
+/// # Ok::<(), replenish::middleware::xrce::ConnectError>(())
+/// ```
+///
+/// If the agent goes away, [`link`](Middleware::link) says so within a second, publishing fails with
+/// [`PublishError::LinkDown`], and the session and everything in it come back with the agent.
+/// Dropping it ends the session.
+pub struct XrceUdp {
+    config: XrceConfig,
+    transport: UdpTransport,
+    waker: WakeFd,
+    timer: TimerFd,
+    state: PiMutex<State>,
+    /// Where datagrams are received, outside of the session lock. Used by one thread at a time, so
+    /// that its lock is free.
+    inbox: PiMutex<Box<[u8]>>,
+}
+
+/// What an adapter and its session have counted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct XrceStats {
+    /// Log-ins, losses, pings.
+    pub link: LinkStats,
+    /// Reliable datagrams sent and sent again.
+    pub output: OutputStats,
+    /// Reliable datagrams received.
+    pub reliable_input: InputStats,
+    /// Best-effort datagrams received.
+    pub best_effort_input: BestEffortStats,
+    /// Trouble at the socket.
+    pub socket: SocketStats,
+}
+
+impl XrceUdp {
+    /// What was counted so far.
+    #[must_use]
+    pub fn stats(&self) -> XrceStats {
+        let state = self.state.lock();
+        let (reliable_input, best_effort_input) = state.session.input_stats();
+        XrceStats {
+            link: state.session.link_stats(),
+            output: state.session.output_stats(),
+            reliable_input,
+            best_effort_input,
+            socket: state.socket,
+        }
+    }
+
+    /// Receives and handles datagrams, up to a batch; returns how many samples went to `sink`.
+    fn receive(
+        &self,
+        interest: &mut Interest,
+        sink: &mut state::Sink<'_>,
+    ) -> Result<usize, MiddlewareError> {
+        let mut taken = 0;
+        let mut inbox = self.inbox.lock();
+        for _ in 0..BATCH {
+            let received = self.transport.recv(&mut inbox);
+            let Some(len) = received.map_err(|error| io_error("receive", &error))? else {
+                break;
+            };
+            let now = clock::monotonic();
+            let datagram = inbox.get(..len).unwrap_or(&[]);
+            let mut state = self.state.lock();
+            if datagram.len() > usize::from(self.config.mtu) {
+                state.socket.oversized += 1; // cut off by the inbox
+            } else {
+                taken += state.receive(now, datagram, interest, sink);
+            }
+        }
+        Ok(taken)
+    }
+
+    /// Lets the session do what time asks for, and sends what there is to send.
+    fn housekeep(&self) {
+        let now = clock::monotonic();
+        let mut state = self.state.lock();
+        state.tick(now);
+        // What is not sent is counted there; the session makes up for it.
+        state.flush(now, &self.transport, &self.timer).ok();
+    }
+}
+
+impl Middleware for XrceUdp {
+    fn create_writer(&self, spec: &EndpointSpec<'_>) -> Result<WriterId, MiddlewareError> {
+        self.set_up_writer(spec)
+    }
+
+    fn create_reader(&self, spec: &EndpointSpec<'_>) -> Result<ReaderId, MiddlewareError> {
+        self.set_up_reader(spec)
+    }
+
+    fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError> {
+        let now = clock::monotonic();
+        let mut state = self.state.lock();
+        state.publish(now, writer, payload, &self.transport, &self.timer)
+    }
+
+    fn wait(&self, interest: &Interest, deadline: Option<Nanos>) -> Result<(), MiddlewareError> {
+        if self.state.lock().has_sample(interest) {
+            return Ok(());
+        }
+        let mut fds = [
+            PollFd::readable(&self.waker),
+            PollFd::readable(&self.transport),
+            PollFd::readable(&self.timer),
+        ];
+        poll(&mut fds, deadline).map_err(|error| io_error("wait for the agent", &error))?;
+        let [waker, ..] = fds;
+        if waker.is_ready() {
+            self.waker.clear();
+        }
+        Ok(())
+    }
+
+    fn take(
+        &self,
+        interest: &Interest,
+        sink: &mut dyn FnMut(ReaderId, &SampleInfo, &[u8]) -> Room,
+    ) -> Result<usize, MiddlewareError> {
+        let mut interest = *interest;
+        let waited = self.state.lock().take_backlog(&mut interest, BATCH, sink);
+        let received = self.receive(&mut interest, sink);
+        self.housekeep();
+        received.map(|received| waited + received)
+    }
+
+    fn wake(&self) {
+        self.waker.wake();
+    }
+
+    fn link(&self) -> LinkState {
+        let state = self.state.lock();
+        if state.is_up() {
+            LinkState::Up
+        } else {
+            LinkState::Down {
+                since: state.session.heard(),
+            }
+        }
+    }
+
+    fn lost(&self, reader: ReaderId) -> u64 {
+        let state = self.state.lock();
+        state
+            .readers
+            .get(usize::from(reader.0))
+            .map_or(0, |reader| reader.lost)
+    }
+}
+
+impl Drop for XrceUdp {
+    fn drop(&mut self) {
+        // The agent forgets the session at once; if this is lost, after a while.
+        self.state.lock().session.close(clock::monotonic());
+        self.housekeep();
+    }
+}
+
+impl fmt::Debug for XrceUdp {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("XrceUdp")
+            .field("agent", &self.transport.agent())
+            .field("link", &self.link())
+            .finish_non_exhaustive()
+    }
+}
+
+fn io_error(what: &'static str, error: &io::Error) -> MiddlewareError {
+    MiddlewareError::Io {
+        what,
+        errno: error.raw_os_error().unwrap_or(0),
+    }
+}
