@@ -304,28 +304,29 @@ fn without_privilege_callbacks_wait_for_budget() {
     let _dog = watchdog("deferred", Duration::from_secs(60));
     let enforcer = Enforcer::deferred();
     assert_eq!(enforcer.enforcement(), Enforcement::Deferred);
-    let params = Params::new(60, Low::Background(6), 20 * MS, 50 * MS, 16).unwrap();
+    // A tenth of a CPU, which this thread gets on a busy machine, too.
+    let params = Params::new(60, Low::Background(6), 5 * MS, 50 * MS, 16).unwrap();
     let mut account = enforcer.enroll(&params, Kind::Corrected).unwrap();
-    account.activate(clock::monotonic());
     let (wall, cpu) = (clock::monotonic(), clock::thread_cpu());
-    for _ in 0..20 {
+    account.activate(wall);
+    for _ in 0..8 {
         account.callback_begin().unwrap();
         burn(10 * MS, u64::MAX);
         account.callback_end();
     }
     account.block();
     let (wall, cpu) = (clock::monotonic() - wall, clock::thread_cpu() - cpu);
-    // 200 ms of CPU time at 20 per 50 ms: the last callback cannot start before nine periods.
+    // Before the last callback 70 ms were consumed: 14 replenishments of 5 ms and the first 5.
     assert!(
-        wall >= 9 * 50 * MS,
-        "200 ms of work took only {wall} ns at 40 %"
+        wall >= 14 * 50 * MS,
+        "80 ms of work took only {wall} ns at 5 per 50 ms"
     );
     let usage = account.meter().usage();
     assert!(
         near(usage.cpu_high + usage.cpu_low, cpu, MS),
         "{usage:?} against {cpu}"
     );
-    assert!(usage.exhaustions >= 8, "{usage:?}");
+    assert!(usage.exhaustions >= 7, "{usage:?}");
 }
 
 fn a_cancelled_worker_stops_waiting_for_budget() {
@@ -374,10 +375,10 @@ fn enrolment_is_bounded_and_says_so() {
 fn main() {
     run(vec![
         rt_trial("shares_follow_budgets", || {
-            shares_follow_budgets(Kind::Corrected)
+            shares_follow_budgets(Kind::Corrected);
         }),
         rt_trial("shares_follow_budgets_posix", || {
-            shares_follow_budgets(Kind::Posix)
+            shares_follow_budgets(Kind::Posix);
         }),
         rt_trial("four_budgets_at_once", four_budgets_at_once),
         rt_trial(
