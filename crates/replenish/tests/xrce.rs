@@ -1,7 +1,6 @@
 //! The XRCE adapter against a real agent on loopback: samples both ways, limits, loss and return of
 //! the agent, and that publishers never wait for the dispatcher.
 
-#![cfg(all(feature = "xrce", not(loom)))]
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

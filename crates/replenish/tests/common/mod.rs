@@ -6,6 +6,8 @@
     reason = "each test target uses a part of it"
 )]
 
+#[cfg(feature = "xrce")]
+pub mod agent;
 pub mod scripted;
 
 use replenish::{Context, Event, Executor, RunningExecutor};
