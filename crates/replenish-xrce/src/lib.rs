@@ -3,6 +3,7 @@
 //! ```text
 //!   wire     the codec: message and submessage headers, every submessage body, ids
 //!   stream   best-effort and reliable streams, both directions, fragments; used by client and agent
+//!   framing  messages on serial lines and TCP
 //!   client   the client's session: log-in, objects, samples, loss of the agent
 //!   udp      a socket to the agent (feature `std`)
 //! ```
@@ -16,6 +17,7 @@
 #![deny(clippy::indexing_slicing, clippy::arithmetic_side_effects)]
 
 pub mod client;
+pub mod framing;
 pub mod seq;
 pub mod stream;
 #[cfg(all(feature = "std", unix))]

@@ -1,0 +1,352 @@
+//! Serial lines: frames that begin with a byte that occurs nowhere else, and end with a checksum.
+//!
+//! ```text
+//!              0x7E                 4 bytes              length bytes            2 bytes
+//!   HUNTING ──────────► HEADER ──────────────► PAYLOAD ───────────────► CRC ───────────► HUNTING
+//!                          ▲                                                   deliver if it fits
+//!                          └── 0x7E, from every state: the frame before it is lost, this one is not
+//! ```
+//!
+//! Inside a frame 0x7E and 0x7D are sent as 0x7D and the byte with bit 5 flipped, so that a damaged
+//! or cut frame costs itself and what the damage hides, never what begins after it.
+
+use core::fmt;
+
+const BEGIN: u8 = 0x7e;
+const ESCAPE: u8 = 0x7d;
+const FLIP: u8 = 0x20;
+
+/// The address agents have on a serial line.
+pub const SERIAL_AGENT: u8 = 0;
+/// The address clients have on a serial line unless told otherwise.
+pub const SERIAL_CLIENT: u8 = 1;
+
+/// The buffer is too short for the frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameTooShort;
+
+impl fmt::Display for FrameTooShort {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the buffer is too short for the frame")
+    }
+}
+
+impl core::error::Error for FrameTooShort {}
+
+/// The most bytes that a frame with a message of `len` bytes can have.
+#[must_use]
+pub const fn serial_frame_len(len: usize) -> usize {
+    len.saturating_add(6).saturating_mul(2).saturating_add(1)
+}
+
+/// Writes `message` as a frame from `source` to `target` into `out`; gives its length.
+///
+/// # Errors
+/// [`FrameTooShort`] if `out` is, which it is never with [`serial_frame_len`] bytes, or if the
+/// message is longer than 65535 bytes.
+pub fn serial_frame(
+    source: u8,
+    target: u8,
+    message: &[u8],
+    out: &mut [u8],
+) -> Result<usize, FrameTooShort> {
+    let [low, high] = u16::try_from(message.len())
+        .map_err(|_| FrameTooShort)?
+        .to_le_bytes();
+    let crc = message.iter().fold(0, |crc, byte| crc16(crc, *byte));
+    let header = [source, target, low, high];
+    let tail = crc.to_le_bytes();
+    let mut len = 0_usize;
+    let mut put = |byte: u8| {
+        *out.get_mut(len).ok_or(FrameTooShort)? = byte;
+        len = len.saturating_add(1);
+        Ok(())
+    };
+    put(BEGIN)?;
+    for &byte in header.iter().chain(message).chain(&tail) {
+        if matches!(byte, BEGIN | ESCAPE) {
+            put(ESCAPE)?;
+            put(byte ^ FLIP)?;
+        } else {
+            put(byte)?;
+        }
+    }
+    Ok(len)
+}
+
+/// What a [`Serial`] has seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct FrameStats {
+    /// Messages handed out.
+    pub frames: u64,
+    /// Frames with a wrong checksum.
+    pub damaged: u64,
+    /// Frames that ended before their length said so, because another one began.
+    pub cut: u64,
+    /// Frames longer than the buffer.
+    pub too_long: u64,
+    /// Frames for somebody else.
+    pub not_mine: u64,
+    /// Bytes outside of frames.
+    pub noise: u64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Hunting,
+    Header(usize),
+    Payload(usize),
+    Crc(Option<u8>),
+}
+
+/// Finds messages in the bytes of a line; the longest is as long as `B`.
+///
+/// The checksum covers the message alone, as in the stock framing: a damaged address is not noticed
+/// here, and 1 in 65536 damaged messages passes.
+#[derive(Debug)]
+pub struct Serial<B> {
+    buf: B,
+    local: u8,
+    state: State,
+    escaped: bool,
+    header: [u8; 4],
+    crc: u16,
+    stats: FrameStats,
+}
+
+impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
+    /// A line of which nothing was seen yet, at address `local`.
+    pub const fn new(local: u8, buf: B) -> Self {
+        Self {
+            buf,
+            local,
+            state: State::Hunting,
+            escaped: false,
+            header: [0; 4],
+            crc: 0,
+            stats: FrameStats {
+                frames: 0,
+                damaged: 0,
+                cut: 0,
+                too_long: 0,
+                not_mine: 0,
+                noise: 0,
+            },
+        }
+    }
+
+    /// What happened so far.
+    pub const fn stats(&self) -> FrameStats {
+        self.stats
+    }
+
+    /// Takes in bytes of the line; calls `deliver` with the sender's address and the message of
+    /// each frame that ends in them unharmed.
+    pub fn push(&mut self, bytes: &[u8], mut deliver: impl FnMut(u8, &[u8])) {
+        for &byte in bytes {
+            if byte == BEGIN {
+                self.begin();
+            } else if self.state == State::Hunting {
+                self.stats.noise = self.stats.noise.saturating_add(1);
+            } else if byte == ESCAPE {
+                self.escaped = true;
+            } else {
+                let flip = if core::mem::take(&mut self.escaped) {
+                    FLIP
+                } else {
+                    0
+                };
+                if self.step(byte ^ flip) {
+                    let [source, ..] = self.header;
+                    let message = self.buf.as_ref().get(..self.announced()).unwrap_or(&[]);
+                    deliver(source, message);
+                }
+            }
+        }
+    }
+
+    fn begin(&mut self) {
+        if !matches!(self.state, State::Hunting | State::Header(0)) {
+            self.stats.cut = self.stats.cut.saturating_add(1);
+        }
+        self.state = State::Header(0);
+        self.escaped = false;
+        self.crc = 0;
+    }
+
+    fn announced(&self) -> usize {
+        let [_, _, low, high] = self.header;
+        usize::from(u16::from_le_bytes([low, high]))
+    }
+
+    /// One byte of a frame, unescaped; whether that makes the frame whole.
+    fn step(&mut self, byte: u8) -> bool {
+        match self.state {
+            State::Hunting => {}
+            State::Header(at) => {
+                if let Some(slot) = self.header.get_mut(at) {
+                    *slot = byte;
+                }
+                self.state = self.after_header(at.saturating_add(1));
+            }
+            State::Payload(at) => {
+                if let Some(slot) = self.buf.as_mut().get_mut(at) {
+                    *slot = byte;
+                }
+                self.crc = crc16(self.crc, byte);
+                let next = at.saturating_add(1);
+                self.state = if next == self.announced() {
+                    State::Crc(None)
+                } else {
+                    State::Payload(next)
+                };
+            }
+            State::Crc(None) => self.state = State::Crc(Some(byte)),
+            State::Crc(Some(low)) => {
+                self.state = State::Hunting;
+                let whole = u16::from_le_bytes([low, byte]) == self.crc;
+                let count = if whole {
+                    &mut self.stats.frames
+                } else {
+                    &mut self.stats.damaged
+                };
+                *count = count.saturating_add(1);
+                return whole;
+            }
+        }
+        false
+    }
+
+    fn after_header(&mut self, len: usize) -> State {
+        let [_, target, _, _] = self.header;
+        if len < self.header.len() {
+            return State::Header(len);
+        }
+        let count = if target != self.local {
+            &mut self.stats.not_mine
+        } else if self.announced() > self.buf.as_ref().len() {
+            &mut self.stats.too_long
+        } else if self.announced() == 0 {
+            return State::Crc(None);
+        } else {
+            return State::Payload(0);
+        };
+        *count = count.saturating_add(1);
+        State::Hunting
+    }
+}
+
+/// CRC-16/ARC: polynomial 0x8005 reflected, from 0.
+fn crc16(crc: u16, byte: u8) -> u16 {
+    let mut crc = crc ^ u16::from(byte);
+    for _ in 0..8 {
+        let carry = crc & 1;
+        crc >>= 1;
+        if carry != 0 {
+            crc ^= 0xa001;
+        }
+    }
+    crc
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::vec;
+    use std::vec::Vec;
+
+    fn frame(message: &[u8]) -> Vec<u8> {
+        let mut out = vec![0; serial_frame_len(message.len())];
+        let len = serial_frame(SERIAL_CLIENT, SERIAL_AGENT, message, &mut out).unwrap();
+        out.truncate(len);
+        out
+    }
+
+    fn decode(line: &[u8], size: usize) -> (Vec<Vec<u8>>, FrameStats) {
+        let mut decoder = Serial::new(SERIAL_AGENT, [0; 64]);
+        let mut got = Vec::new();
+        for piece in line.chunks(size) {
+            decoder.push(piece, |_source, message| got.push(message.to_vec()));
+        }
+        (got, decoder.stats())
+    }
+
+    #[test]
+    fn the_checksum_is_the_one_of_the_catalogue() {
+        let crc = b"123456789".iter().fold(0, |crc, byte| crc16(crc, *byte));
+        assert_eq!(crc, 0xbb3d);
+    }
+
+    #[test]
+    fn a_frame_as_the_stock_client_sends_it() {
+        let expected = [0x7e, 1, 0, 3, 0, 0x7d, 0x5e, 0x7d, 0x5d, 0xff];
+        let line = frame(&[0x7e, 0x7d, 0xff]);
+        assert_eq!(line[..10], expected);
+        let mut decoder = Serial::new(SERIAL_AGENT, [0; 64]);
+        let mut got = Vec::new();
+        decoder.push(&line, |source, message| {
+            got.push((source, message.to_vec()))
+        });
+        assert_eq!(got, [(SERIAL_CLIENT, vec![0x7e, 0x7d, 0xff])]);
+    }
+
+    #[test]
+    fn every_byte_value_passes_in_pieces_of_every_size() {
+        let messages: Vec<Vec<u8>> = (0..16_u8)
+            .map(|i| (0..16).map(|j| i * 16 + j).collect())
+            .collect();
+        let line: Vec<u8> = messages.iter().flat_map(|m| frame(m)).collect();
+        for size in [1, 2, 3, 7, 20, line.len()] {
+            assert_eq!(decode(&line, size).0, messages);
+        }
+    }
+
+    /// Any one byte changed, lost or put in costs at most the frame it is in and, if it was the
+    /// beginning of a frame, nothing else.
+    #[test]
+    fn damage_costs_one_frame() {
+        let messages: Vec<Vec<u8>> = (0..5_u8).map(|i| vec![i, 0x7e, 3, 0x7d, i, 0]).collect();
+        let line: Vec<u8> = messages.iter().flat_map(|m| frame(m)).collect();
+        for at in 0..line.len() {
+            for value in [0x00, 0x01, 0x20, 0x7d, 0x7e, 0xff] {
+                let mut changed = line.clone();
+                changed[at] = value;
+                let mut longer = line.clone();
+                longer.insert(at, value);
+                let mut shorter = line.clone();
+                shorter.remove(at);
+                for damaged in [changed, longer, shorter] {
+                    let (got, _) = decode(&damaged, 5);
+                    assert!(got.len() >= 4, "{at} {value:#x}: {got:?}");
+                    assert!(got.iter().all(|message| messages.contains(message)));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_dropped_is_counted() {
+        let mut line = vec![1, 2, 3];
+        line.extend(&frame(&[5; 10])[..9]);
+        line.extend(frame(&[6; 65]));
+        let mut wrong = frame(&[7; 10]);
+        wrong[7] ^= 1;
+        line.extend(wrong);
+        let mut other = [0; 64];
+        let len = serial_frame(SERIAL_CLIENT, 9, &[8; 10], &mut other).unwrap();
+        line.extend(&other[..len]);
+        line.extend(frame(&[9; 10]));
+        let (got, stats) = decode(&line, 4);
+        assert_eq!(got, [vec![9; 10]]);
+        assert_eq!((stats.frames, stats.damaged, stats.cut), (1, 1, 1));
+        assert_eq!((stats.too_long, stats.not_mine), (1, 1));
+        assert!(stats.noise >= 3);
+    }
+
+    #[test]
+    fn a_buffer_that_is_too_short_is_an_error() {
+        let mut out = [0; 12];
+        assert_eq!(serial_frame(1, 0, &[1; 6], &mut out), Err(FrameTooShort));
+        assert_eq!(serial_frame(1, 0, &[1; 5], &mut out), Ok(12));
+    }
+}
