@@ -285,7 +285,7 @@ mod tests {
         let mut decoder = Serial::new(SERIAL_AGENT, [0; 64]);
         let mut got = Vec::new();
         decoder.push(&line, |source, message| {
-            got.push((source, message.to_vec()))
+            got.push((source, message.to_vec()));
         });
         assert_eq!(got, [(SERIAL_CLIENT, vec![0x7e, 0x7d, 0xff])]);
     }
