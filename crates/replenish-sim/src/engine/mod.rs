@@ -1,0 +1,334 @@
+//! The simulation itself: a discrete-event loop over exact integer time.
+//!
+//! ```text
+//!            ┌───────────────────────────── settle ─────────────────────────────┐
+//!   events ─►│ assign the most urgent ready threads to CPUs                      │
+//!   at now   │ a running thread whose CPU time is used up does its next step     │─► next time:
+//!            │ a running thread whose budget is used up is judged                │   event, end of
+//!            └──────────────── until nothing changes ───────────────────────────┘   a step, budget
+//!                 ▲                                                                      │
+//!                 └────────────── all running threads consume until then ◄───────────────┘
+//! ```
+//!
+//! A thread:
+//!
+//! ```text
+//!            release            dispatched                 Block / Lock held
+//!     Idle ──────────► Ready ◄─────────────► on a CPU ─────────────────────────► Blocked
+//!      ▲                 ▲      preempted        │                               LockWait
+//!      │                 └───────────────────────┼──────────────────────────────────┘
+//!      └──────────── job ends, queue empty ──────┘        wakes / gets the lock
+//! ```
+//!
+//! Files: `ready` the ordered list of ready threads, `jobs` releases and steps, `locks` priority
+//! inheritance, `budget` the servers and their enforcement, `cbs` `SCHED_DEADLINE`.
+
+mod budget;
+mod cbs;
+mod jobs;
+mod locks;
+mod ready;
+mod schedule;
+mod state;
+
+use crate::{Event, Nanos, Outcome, SpecError, System, What};
+use core::cmp::Reverse;
+use core::fmt;
+use ready::Ready;
+use sporadic::Server;
+use state::{Cpu, Lock, State};
+use std::collections::BinaryHeap;
+
+/// The largest `max_repl` of a simulated server.
+pub(crate) const CAPACITY: usize = 128;
+/// Steps without CPU time that may happen at one instant before a run is given up.
+const LIVELOCK: u32 = 100_000;
+
+type Budget = sporadic::Reservation<Server<CAPACITY>>;
+
+/// How to run a system.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Options {
+    /// How long, in ns.
+    pub horizon: Nanos,
+    /// The seed of everything drawn.
+    pub seed: u64,
+    /// Whether to record [`Outcome::trace`].
+    pub trace: bool,
+}
+
+impl Options {
+    /// A run of `horizon` ns with seed 0 and without trace.
+    pub const fn until(horizon: Nanos) -> Self {
+        Self {
+            horizon,
+            seed: 0,
+            trace: false,
+        }
+    }
+
+    /// Sets the seed.
+    #[must_use]
+    pub const fn seed(mut self, seed: u64) -> Self {
+        self.seed = seed;
+        self
+    }
+
+    /// Records the trace.
+    #[must_use]
+    pub const fn traced(mut self) -> Self {
+        self.trace = true;
+        self
+    }
+}
+
+/// Why a run did not come to its end.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum SimError {
+    /// The system is not valid.
+    Spec(SpecError),
+    /// The thread waits for a lock whose owner waits, over some steps, for the thread.
+    Deadlock {
+        /// When, in ns.
+        time: Nanos,
+        /// The name of the thread that closed the circle.
+        thread: String,
+    },
+    /// Threads keep releasing each other without consuming CPU time.
+    Livelock {
+        /// When, in ns.
+        time: Nanos,
+        /// The name of one of them.
+        thread: String,
+    },
+}
+
+impl fmt::Display for SimError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Spec(error) => error.fmt(f),
+            Self::Deadlock { time, thread } => {
+                write!(
+                    f,
+                    "deadlock at {time} ns: thread \"{thread}\" waits for itself"
+                )
+            }
+            Self::Livelock { time, thread } => write!(
+                f,
+                "at {time} ns thread \"{thread}\" and others release each other without consuming CPU time"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for SimError {}
+
+impl From<SpecError> for SimError {
+    fn from(error: SpecError) -> Self {
+        Self::Spec(error)
+    }
+}
+
+/// Runs `system` from time 0, when all threads wait and all budgets are full, to the horizon.
+///
+/// Releases at the horizon no longer count; jobs that end there do. Time taken and memory grow
+/// with the number of events in the run.
+///
+/// # Errors
+/// [`SimError`]: the system is not valid, or it cannot go on.
+pub fn simulate(system: &System, options: &Options) -> Result<Outcome, SimError> {
+    system.check()?;
+    let mut sim = Sim::new(system, options)?;
+    sim.run()?;
+    Ok(sim.finish())
+}
+
+/// What a timer does. The order is that of events at one time of one thread.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Timer {
+    /// The budget of a thread is looked at; stale unless set for `at`.
+    Check { at: Nanos },
+    /// `SCHED_DEADLINE` gives runtime; stale unless set for `at`.
+    Unthrottle { at: Nanos },
+    /// A [`Step::Block`](crate::Step::Block) ends.
+    BlockEnd,
+    /// A release, counted from `arrival`.
+    Release { arrival: Nanos },
+}
+
+struct Sim<'a> {
+    system: &'a System,
+    horizon: Nanos,
+    now: Nanos,
+    states: Vec<State<'a>>,
+    ready: Ready,
+    locks: Vec<Lock>,
+    cpus: Vec<Cpu>,
+    timers: BinaryHeap<Reverse<(Nanos, usize, Timer)>>,
+    /// The next assignment of threads to CPUs; kept to save allocations.
+    assigned: Vec<Option<usize>>,
+    trace: Option<Vec<Event>>,
+    /// A circle of locks was closed by this thread.
+    deadlock: Option<usize>,
+}
+
+impl<'a> Sim<'a> {
+    fn new(system: &'a System, options: &Options) -> Result<Self, SimError> {
+        let mut states = Vec::with_capacity(system.threads.len());
+        for (id, thread) in system.threads.iter().enumerate() {
+            let state = State::new(thread, &system.platform, options.seed, id);
+            states.push(state.map_err(|message| SpecError {
+                thread: Some(thread.name.clone()),
+                message,
+            })?);
+        }
+        let mut sim = Self {
+            system,
+            horizon: options.horizon,
+            now: 0,
+            states,
+            ready: Ready::default(),
+            locks: (0..system.locks).map(|_| Lock::default()).collect(),
+            cpus: vec![Cpu::default(); system.cpus],
+            timers: BinaryHeap::new(),
+            assigned: vec![None; system.cpus],
+            trace: options.trace.then(Vec::new),
+            deadlock: None,
+        };
+        for id in 0..sim.states.len() {
+            sim.refresh(id, crate::End::Tail);
+            sim.schedule_release(id, None);
+        }
+        Ok(sim)
+    }
+
+    fn run(&mut self) -> Result<(), SimError> {
+        loop {
+            // What ends now has ended before a timer of now can come between.
+            if self.cpus.iter().any(|cpu| self.has_ended(cpu).is_some()) {
+                self.settle()?;
+            }
+            self.fire_timers();
+            self.settle()?;
+            let next = self.next_time();
+            if next > self.horizon {
+                self.advance(self.horizon);
+                return Ok(());
+            }
+            self.advance(next);
+        }
+    }
+
+    /// Handles every timer that is due.
+    fn fire_timers(&mut self) {
+        while let Some(&Reverse((time, id, timer))) = self.timers.peek()
+            && time <= self.now
+        {
+            self.timers.pop();
+            match timer {
+                Timer::Release { arrival } => self.timed_release(id, arrival),
+                Timer::BlockEnd => self.wake(id),
+                Timer::Check { at } => self.check_budget(id, at),
+                Timer::Unthrottle { at } => self.unthrottle(id, at),
+            }
+        }
+    }
+
+    /// Lets everything happen that happens at this instant.
+    fn settle(&mut self) -> Result<(), SimError> {
+        let mut steps = 0;
+        loop {
+            self.reschedule();
+            if let Some(id) = self.cpus.iter().find_map(|cpu| self.has_ended(cpu)) {
+                steps += 1;
+                if steps > LIVELOCK {
+                    return Err(SimError::Livelock {
+                        time: self.now,
+                        thread: self.system.threads[id].name.clone(),
+                    });
+                }
+                self.progress(id);
+                if let Some(id) = self.deadlock {
+                    return Err(SimError::Deadlock {
+                        time: self.now,
+                        thread: self.system.threads[id].name.clone(),
+                    });
+                }
+            } else if !self.judge_running() {
+                return Ok(());
+            }
+        }
+    }
+
+    /// The thread on this CPU, if it has consumed what its step asked for.
+    fn has_ended(&self, cpu: &Cpu) -> Option<usize> {
+        let free = cpu.stalled_until <= self.now;
+        cpu.running.filter(|&id| free && self.states[id].left == 0)
+    }
+
+    /// When something can happen next.
+    fn next_time(&self) -> Nanos {
+        let timer = self.timers.peek().map_or(Nanos::MAX, |t| t.0.0);
+        let running = self.cpus.iter().filter_map(|cpu| {
+            let id = cpu.running?;
+            let start = self.now.max(cpu.stalled_until);
+            let end = start.saturating_add(self.states[id].left);
+            Some(end.min(self.limit_of(id, start)))
+        });
+        running.fold(timer, Nanos::min)
+    }
+
+    /// Time passes, up to `to`: running threads consume.
+    fn advance(&mut self, to: Nanos) {
+        for cpu in &mut self.cpus {
+            let from = cpu.stalled_until.clamp(self.now, to);
+            cpu.overhead += from - self.now;
+            match cpu.running {
+                Some(id) => self.states[id].consume(to - from),
+                None => cpu.idle += to - from,
+            }
+        }
+        self.now = to;
+    }
+
+    /// The first time from `time` on at which a timer can act.
+    fn timer_time(&self, time: Nanos) -> Nanos {
+        match self.system.platform.tick {
+            Some(tick) => time.div_ceil(tick).saturating_mul(tick),
+            None => time,
+        }
+    }
+
+    fn set_timer(&mut self, time: Nanos, id: usize, timer: Timer) {
+        let time = self.timer_time(time);
+        self.timers.push(Reverse((time, id, timer)));
+    }
+
+    /// The CPU that handles timers of this thread does so for `cost`, instead of running anyone.
+    fn stall(&mut self, id: usize, cost: Nanos) {
+        let at = self.system.threads[id].cpu.or(self.states[id].on);
+        let cpu = &mut self.cpus[at.unwrap_or(0)];
+        cpu.stalled_until = cpu.stalled_until.max(self.now).saturating_add(cost);
+    }
+
+    fn note(&mut self, thread: usize, what: What) {
+        if let Some(trace) = &mut self.trace {
+            trace.push(Event {
+                time: self.now,
+                thread,
+                what,
+            });
+        }
+    }
+
+    fn finish(mut self) -> Outcome {
+        let now = self.now;
+        Outcome {
+            horizon: self.horizon,
+            threads: self.states.iter_mut().map(|s| s.finish(now)).collect(),
+            idle: self.cpus.iter().map(|cpu| cpu.idle).collect(),
+            overhead: self.cpus.iter().map(|cpu| cpu.overhead).collect(),
+            trace: self.trace.unwrap_or_default(),
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! What scheduling costs on the simulated machine, and how late it acts.
+
+use crate::{Nanos, Span};
+use sporadic::Tuning;
+
+/// Costs and delays. All times in ns.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Platform {
+    /// Each time a CPU turns to another thread, that thread first consumes this much.
+    pub context_switch: Nanos,
+    /// Each job first consumes this much: taking the message, decoding it, the wake-up.
+    pub job: Nanos,
+    /// Each release by a timer takes this much of the CPU from whoever runs (the thread's CPU, or
+    /// CPU 0), charged to nobody.
+    pub release_interrupt: Nanos,
+    /// Timers (releases, enforcement, the end of [`Step::Block`](crate::Step::Block), throttling)
+    /// act at multiples of this only; `None`: at once.
+    pub tick: Option<Nanos>,
+    /// Whether blocking inside a job is seen and accounted as POSIX says. If not, the server takes
+    /// the thread for runnable meanwhile.
+    pub blocking_seen: bool,
+    /// Where a thread without budget joins the list of its background priority. A plain
+    /// `sched_setattr` of Linux puts it at the head, our enforcer makes it the tail (POSIX).
+    pub demote_to: End,
+    /// Who enforces budgets.
+    pub enforcement: Enforcement,
+}
+
+impl Platform {
+    /// No costs, no delays, POSIX rules.
+    pub const IDEAL: Self = Self {
+        context_switch: 0,
+        job: 0,
+        release_interrupt: 0,
+        tick: None,
+        blocking_seen: true,
+        demote_to: End::Tail,
+        enforcement: Enforcement::Kernel,
+    };
+}
+
+impl Default for Platform {
+    fn default() -> Self {
+        Self::IDEAL
+    }
+}
+
+/// An end of the list of ready threads of one priority; the thread at the head runs first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum End {
+    /// Before its equals.
+    Head,
+    /// Behind its equals.
+    Tail,
+}
+
+/// Who enforces budgets.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Enforcement {
+    /// The kernel, which knows what the running thread has consumed and acts at once (with a
+    /// [tick](Platform::tick): at the next one).
+    Kernel,
+    /// An enforcer with a lazy timer per thread, as `replenish-os` has it on Linux: it acts on
+    /// [`sporadic::Reservation`] and may be late.
+    Timer {
+        /// Its constants.
+        tuning: Tuning,
+        /// From the expiry of the timer to the reading of the CPU clock; the thread runs on.
+        latency: Span,
+        /// What each expiry takes of the CPU, charged to nobody.
+        cost: Nanos,
+    },
+}
