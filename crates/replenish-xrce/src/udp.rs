@@ -78,15 +78,18 @@ impl UdpTransport {
     /// Receives a datagram, if there is one. What does not fit into `buf` is cut off.
     ///
     /// # Errors
-    /// What the system says, except for "nothing there" and "nobody at the agent's address".
+    /// What the system says, except for "nothing there" and "no way to the agent".
     pub fn recv(&self, buf: &mut [u8]) -> io::Result<Option<usize>> {
         loop {
             match self.socket.recv(buf) {
                 Ok(len) => return Ok(Some(len)),
                 Err(error) => match error.kind() {
                     ErrorKind::WouldBlock => return Ok(None),
-                    // Each refusal is reported once, so that this ends.
-                    ErrorKind::ConnectionRefused | ErrorKind::Interrupted => {}
+                    // News of datagrams sent earlier; each is told once, so that this ends.
+                    ErrorKind::ConnectionRefused
+                    | ErrorKind::HostUnreachable
+                    | ErrorKind::NetworkUnreachable
+                    | ErrorKind::Interrupted => {}
                     _ => return Err(error),
                 },
             }

@@ -10,7 +10,7 @@
 //!   Up, Restoring ── close() ──► Closing ── STATUS or silence ──► Idle
 //! ```
 //!
-//! *Silence* is no valid message of the session for [`Config::silence_limit`], although pings
+//! *Silence* is no valid message of the session for [`PingPolicy::silence_limit`], although pings
 //! (`GET_INFO`) were sent. Every log-in uses a new session id, so that whatever is still under way
 //! from the session before cannot be taken for the new one's, and only the answer to the latest
 //! log-in counts, because an agent that got an earlier one too has by then replaced that session.
@@ -21,6 +21,33 @@
 //! Feed [`Session::handle`] with datagrams and [`Session::tick`] with the time; after either, and
 //! after every other call, send what [`Session::poll_transmit`] gives until it gives nothing; wait
 //! for a datagram until [`Session::next_deadline`].
+//!
+//! ```
+//! use replenish_xrce::client::{Buffers, Config, Event, Session, State};
+//! use replenish_xrce::wire::ClientKey;
+//!
+//! const MTU: usize = 512;
+//! // What micro-ROS keeps: four messages each way.
+//! let (mut out, mut reliable_out) = ([0; MTU], [0; 4 * MTU]);
+//! let (mut reliable_in, mut fragments, mut journal) = ([0; 4 * MTU], [0; 4 * MTU], [0; 1024]);
+//! let buffers = Buffers {
+//!     best_effort_out: &mut out[..],
+//!     reliable_out: &mut reliable_out[..],
+//!     reliable_in: &mut reliable_in[..],
+//!     fragments_in: &mut fragments[..],
+//!     journal: &mut journal[..],
+//! };
+//! let mut session: Session<&mut [u8], 4, 16> = Session::new(Config::new(ClientKey(*b"demo")), buffers);
+//! session.connect(0);
+//! let login = session.poll_transmit(0).expect("the log-in");
+//! assert_eq!(login.get(8..12), Some(&b"XRCE"[..]));
+//!
+//! // The agent's answer: a session.
+//! let answer = [0x81, 0, 0, 0, 4, 1, 11, 0, 0, 0, b'X', b'R', b'C', b'E', 1, 0, 1, 15, 0];
+//! let mut up = false;
+//! session.handle(1_000_000, &answer, &mut |event| up |= event == Event::Up);
+//! assert!(up && session.state() == State::Up);
+//! ```
 
 mod config;
 mod event;

@@ -118,7 +118,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N,
     }
 
     /// Creates an object, now or once the session is up, and anew after every later log-in. The
-    /// answer is an [`Event::Status`] and in [`Session::creation`].
+    /// answer is an [`Event::Status`](super::Event::Status) and in [`Session::creation`].
     ///
     /// # Errors
     /// [`RequestError`]; nothing was done then.
@@ -226,7 +226,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N,
     }
 
     /// Asks for the agent's time; `wall` is the client's time now. The answer is an
-    /// [`Event::Time`]. Neither is repeated if it is lost.
+    /// [`Event::Time`](super::Event::Time). Neither is repeated if it is lost.
     ///
     /// # Errors
     /// [`RequestError::Down`].

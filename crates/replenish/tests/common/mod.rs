@@ -8,6 +8,8 @@
 
 #[cfg(feature = "xrce")]
 pub mod agent;
+#[cfg(feature = "xrce")]
+pub mod relay;
 pub mod scripted;
 
 use replenish::{Context, Event, Executor, RunningExecutor};

@@ -50,6 +50,11 @@ const BATCH: usize = 16;
 /// If the agent goes away, [`link`](Middleware::link) says so within a second, publishing fails with
 /// [`PublishError::LinkDown`], and the session and everything in it come back with the agent.
 /// Dropping it ends the session.
+///
+/// Something must call [`wait`](Middleware::wait) and [`take`](Middleware::take), as an executor
+/// does: acknowledgements, heartbeats and pings happen there. Without that, best-effort samples
+/// go out all the same, reliable ones until the window is full, and the loss of the agent is not
+/// noticed.
 pub struct XrceUdp {
     config: XrceConfig,
     transport: UdpTransport,
