@@ -44,9 +44,15 @@ struct Load {
 struct Shape {
     run: u64,
     pause: u64,
+    /// The pause is a wait for work, not a sleep inside the callback.
+    waits: bool,
 }
 
-const SPIN: Shape = Shape { run: MS, pause: 0 };
+const SPIN: Shape = Shape {
+    run: MS,
+    pause: 0,
+    waits: false,
+};
 
 fn load(
     window: &Arc<Window>,
@@ -74,10 +80,19 @@ fn load(
             account.activate(start);
             while clock::monotonic() < end && account.callback_begin().is_ok() {
                 burn(shape.run, end);
-                if shape.pause > 0 {
-                    clock::sleep_until((clock::monotonic() + shape.pause).min(end));
+                let pause = || {
+                    let until = (clock::monotonic() + shape.pause).min(end);
+                    clock::sleep_until(until);
+                    until
+                };
+                if shape.pause > 0 && !shape.waits {
+                    pause();
                 }
                 account.callback_end();
+                if shape.waits {
+                    account.block();
+                    account.activate(pause());
+                }
             }
             account.block();
         }
@@ -285,6 +300,7 @@ fn sleeping_inside_a_callback_is_seen() {
     let shape = Shape {
         run: 4 * MS,
         pause: 16 * MS,
+        waits: false,
     };
     let prio = (60, Low::Background(6));
     let loads = vec![
@@ -297,6 +313,28 @@ fn sleeping_inside_a_callback_is_seen() {
     let usage = loads[0].meter.usage();
     println!("{usage:?} {:?}", enforcer.stats());
     assert!(usage.blocked_inside >= 15);
+    finish(loads);
+}
+
+/// Callbacks that end just when the budget does, each followed by a short wait, beside a thread
+/// that takes every chance: whoever lowers the worker must not need the worker to raise it again.
+fn budgets_that_end_with_the_callback_come_back() {
+    let _dog = watchdog("ends with callback", Duration::from_secs(60));
+    let enforcer = enforcer();
+    let window = Arc::new(Window::default());
+    let shape = Shape {
+        run: 5 * MS - 10_000,
+        pause: 50_000,
+        waits: true,
+    };
+    let prio = (60, Low::Background(6));
+    let loads = vec![
+        budgeted(&window, &enforcer, prio, 40, shape, Kind::Corrected),
+        load(&window, 50, SPIN, Account::unbudgeted),
+    ];
+    for _ in 0..5 {
+        window_until(&window, &loads, |u| near(u[0].0, 160 * MS, 5 * MS));
+    }
     finish(loads);
 }
 
@@ -380,6 +418,10 @@ fn main() {
         rt_trial("shares_follow_budgets_posix", || {
             shares_follow_budgets(Kind::Posix);
         }),
+        rt_trial(
+            "budgets_that_end_with_the_callback_come_back",
+            budgets_that_end_with_the_callback_come_back,
+        ),
         rt_trial("four_budgets_at_once", four_budgets_at_once),
         rt_trial(
             "background_time_is_free_and_counted",

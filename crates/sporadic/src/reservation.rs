@@ -8,6 +8,11 @@
 //! [`Reservation`] is that bookkeeping, as a state machine over clock readings. It calls no
 //! operating system; whoever owns it feeds it readings and obeys [`Verdict`]s.
 //!
+//! Only [`judge`](Reservation::judge) gives verdicts, and the thread itself never calls it: a
+//! thread that lowered itself could be preempted for good before it has set the timer that raises
+//! it again. What it does call ([`activate`](Reservation::activate),
+//! [`block`](Reservation::block)) at most asks for a check at once.
+//!
 //! ```text
 //!                      activate ──────────────► Runnable ─┐ judge: still funded
 //!            Waiting ◄────────────── block ────    │  ▲ ◄─┘   (check again later)
@@ -159,20 +164,21 @@ impl<S: BudgetServer> Reservation<S> {
     ///
     /// What it consumed on the way into and out of the wait since the last reading belongs to the
     /// new activation, so that no CPU time escapes the account.
-    pub fn activate(&mut self, woken: Nanos, now: Nanos, cpu: Nanos) -> Verdict {
+    pub fn activate(&mut self, woken: Nanos, now: Nanos, cpu: Nanos) {
         self.runnable = true;
         self.server.activate(woken.max(self.read_at).min(now));
         self.backoff = 0;
         self.account(now, cpu, &[]);
-        self.decide(now)
+        self.replan(now);
     }
 
-    /// The thread is about to wait.
-    pub fn block(&mut self, now: Nanos, cpu: Nanos, gaps: &[Gap]) -> Verdict {
+    /// The thread is about to wait. Nothing is decided: if the budget is used up just now, the
+    /// thread keeps its level while it waits, where it does no harm, and the next activation asks
+    /// for a check at once, unless the budget is back by then.
+    pub fn block(&mut self, now: Nanos, cpu: Nanos, gaps: &[Gap]) {
         self.account(now, cpu, gaps);
         self.server.block(now);
         self.runnable = false;
-        self.decide(now)
     }
 
     /// Decides by a fresh reading of the CPU clock; due at [`check_at`](Self::check_at), allowed at
@@ -216,22 +222,23 @@ impl<S: BudgetServer> Reservation<S> {
         let overrun = self.margin.saturating_add(signed(late));
         self.account(now, cpu, &[]);
         let before = core::mem::replace(&mut self.level, level);
-        match (before, level) {
-            (Level::High, Level::Low) => {
-                self.check_at = self.server.next_replenishment();
-                if !self.runnable {
-                    return None; // it waited with the last of its budget: nothing was cut short
-                }
+        if before == level {
+            return None;
+        }
+        self.check_at = None;
+        self.backoff = 0;
+        self.replan(now);
+        match level {
+            Level::High => {
+                self.counters.replenishments += 1;
+                None
+            }
+            // It waited with the last of its budget: nothing was cut short.
+            Level::Low if !self.runnable => None,
+            Level::Low => {
                 self.counters.exhaustions += 1;
                 Some(overrun)
             }
-            (Level::Low, Level::High) => {
-                self.counters.replenishments += 1;
-                self.backoff = 0;
-                self.plan(now);
-                None
-            }
-            _ => None,
         }
     }
 
@@ -310,6 +317,15 @@ impl<S: BudgetServer> Reservation<S> {
         }
         self.plan(now);
         Verdict { change: None }
+    }
+
+    /// Sets the next check: at once if the level in force is not, or no longer, the right one.
+    fn replan(&mut self, now: Nanos) {
+        if self.server.update(now) == self.level {
+            self.plan(now);
+        } else {
+            self.check_at = Some(now);
+        }
     }
 
     /// Sets the next check; an earlier one that is already set stays (the lazy timer).

@@ -1,6 +1,6 @@
 //! The worker's side of enforcement ([`Account`]) and the reader's ([`Meter`]).
 
-use super::entry::{Entry, Outcome};
+use super::entry::Entry;
 use super::overruns::summarise;
 use super::suspend::SuspendCell;
 use super::{AnyServer, Enforcement, EnrollError, OverrunSamples, OverrunSummary, Shared};
@@ -160,14 +160,14 @@ impl Account {
     /// budget still comes back a period after `woken`, as the rules say.
     pub fn activate(&mut self, woken: Nanos) {
         if let Some(b) = &self.meter.0.budget {
-            b.with(|entry, rung| entry.activate(woken, clock::monotonic(), rung));
+            b.with(|entry| entry.activate(woken, clock::monotonic()));
         }
     }
 
     /// The worker is about to wait: call when there is nothing left to do.
     pub fn block(&mut self) {
         if let Some(b) = &self.meter.0.budget {
-            b.with(|entry, rung| entry.block(clock::monotonic(), rung));
+            b.with(|entry| entry.block(clock::monotonic()));
         }
     }
 
@@ -202,10 +202,7 @@ impl Account {
             return;
         };
         if !b.has_switch_log && voluntary_switches() != self.switches_seen {
-            b.with(|entry, _| {
-                entry.blocked_inside(clock::monotonic());
-                Outcome::Unchanged
-            });
+            b.with(|entry| entry.blocked_inside(clock::monotonic()));
         }
     }
 }
@@ -327,10 +324,9 @@ impl Meter {
     /// what priority it keeps.
     pub fn abandon(&self) {
         if let Some(b) = &self.0.budget {
-            b.with(|entry, _| {
+            b.with(|entry| {
                 entry.observe(clock::monotonic());
                 entry.release();
-                Outcome::Unchanged
             });
         }
     }
@@ -338,19 +334,18 @@ impl Meter {
 
 impl Budgeted {
     /// One step on the entry under the lock, and the timer set if the step asks for it earlier.
-    fn with(&self, step: impl FnOnce(&mut Entry, Enforcement) -> Outcome) {
+    /// The step changes no priority: that is the enforcer's alone.
+    fn with(&self, step: impl FnOnce(&mut Entry)) {
         let mut state = self.shared.state.lock();
         let Some(entry) = state.entries.get_mut(self.index) else {
             return;
         };
-        let outcome = step(entry, self.shared.rung);
-        let (check, waits) = (entry.check_at(), !entry.reservation.is_runnable());
-        state.stats.changes += u64::from(outcome == Outcome::Changed);
-        state.stats.refused += u64::from(outcome == Outcome::Refused);
-        let pulled = if waits || outcome != Outcome::Unchanged {
-            state.pull_in(clock::monotonic())
-        } else {
+        step(entry);
+        let (check, runs) = (entry.check_at(), entry.reservation.is_runnable());
+        let pulled = if runs {
             None
+        } else {
+            state.pull_in(clock::monotonic())
         };
         if let Some(at) = check.into_iter().chain(pulled).min() {
             self.shared.arm(&mut state, at);

@@ -100,22 +100,20 @@ impl Entry {
     }
 
     /// The worker leaves its wait; it was woken at `woken`.
-    pub(super) fn activate(&mut self, woken: Nanos, now: Nanos, rung: Enforcement) -> Outcome {
+    pub(super) fn activate(&mut self, woken: Nanos, now: Nanos) {
         let cpu = self.cpu();
         if let Some(log) = &mut self.switches {
             log.drain(&mut |_| {}); // switches of the wait itself
         }
         self.gaps.restart(now);
-        let verdict = self.reservation.activate(woken, now, cpu);
-        self.obey(verdict, 0, rung)
+        self.reservation.activate(woken, now, cpu);
     }
 
     /// The worker is about to wait.
-    pub(super) fn block(&mut self, now: Nanos, rung: Enforcement) -> Outcome {
+    pub(super) fn block(&mut self, now: Nanos) {
         let cpu = self.cpu();
         self.drain(now);
-        let verdict = self.reservation.block(now, cpu, self.gaps.gaps());
-        self.obey(verdict, 0, rung)
+        self.reservation.block(now, cpu, self.gaps.gaps());
     }
 
     /// Decides by the CPU clock, and carries the decision out.
