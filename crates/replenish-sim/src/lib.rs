@@ -4,6 +4,8 @@
 //!   over `u64` nanoseconds that drives the very budget servers of the `sporadic` crate.
 //!   Periodic, sporadic and bursty releases, blocking, priority-inheriting locks, messages between
 //!   threads, overheads, late enforcement, `SCHED_DEADLINE`. The same seed gives the same run.
+//! - **History** ([`nuttx`]): an emulation of NuttX's `SCHED_SPORADIC`, which explains what the
+//!   paper measured.
 //!
 //! No I/O, no clock, no thread, no `unsafe`. Nothing panics on any input: [`System::check`] names
 //! what is wrong with a system, and [`simulate`] calls it first.
@@ -32,6 +34,7 @@
 
 mod check;
 mod engine;
+pub mod nuttx;
 mod outcome;
 mod platform;
 mod random;

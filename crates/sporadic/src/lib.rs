@@ -12,6 +12,8 @@
 //! - [`Posix`]: the rules of POSIX (XSH 2.8.4, `SCHED_SPORADIC`) to the letter, defects included,
 //!   for conformance and for explaining what another system does.
 //!
+//! [`nuttx`] emulates a third that is no budget server, to explain what was measured on it.
+//!
 //! [`Reservation`] adds to a server what supervising a real thread takes: charging CPU-clock
 //! readings to the level in force, and the lazy check timer. [`Server`] is one or the other, chosen at run time. All are `Send + Sync` plain data without
 //! interior mutability: the caller serialises access.
@@ -37,6 +39,7 @@
 #![forbid(unsafe_code)]
 
 mod corrected;
+pub mod nuttx;
 mod params;
 mod posix;
 mod reservation;
