@@ -1,7 +1,8 @@
 //! Counters of one handle: fixed size, written by the dispatcher and one worker, read by anybody
 //! at any time without a lock.
 //!
-//! At rest, `received = executed + dropped + oversize + undecodable + discarded + waiting`.
+//! At rest, `received = executed + dropped + oversize + undecodable + discarded + waiting`, plus the
+//! one whose callback panicked.
 
 use crate::Nanos;
 use core::fmt;

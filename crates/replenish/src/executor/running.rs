@@ -27,7 +27,7 @@ use replenish_os::clock;
 use replenish_os::{self as os, Enforcer, SchedClass, Thread, Usage};
 
 /// How long threads that have finished their work may take to end, in nanoseconds.
-const EPILOGUE: Nanos = 40_000_000;
+const EPILOGUE: Nanos = 20_000_000;
 
 /// A thread and its place.
 pub(crate) struct Crew {

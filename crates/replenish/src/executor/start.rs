@@ -15,7 +15,7 @@ use alloc::boxed::Box;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use replenish_os::clock;
-use replenish_os::{self as os, Enforcer, EnforcerConfig, Policy};
+use replenish_os::{self as os, Enforcement, Enforcer, EnforcerConfig, Policy};
 
 /// Stack size in bytes where none was given.
 const STACK: usize = 1 << 20;
@@ -38,7 +38,16 @@ pub(crate) fn start(executor: Executor) -> Result<RunningExecutor, Error> {
 
     let owner = Arc::new(Signal::new());
     stop.stop.join(Arc::clone(&owner));
-    let mut starter = Starter::new(&options, &stop, &owner);
+    let mut starter = Starter {
+        options: &options,
+        stop: &stop,
+        owner: &owner,
+        enforcers: Vec::new(),
+        refused: Refused::default(),
+    };
+    if options.lock_memory {
+        starter.lock_memory()?;
+    }
 
     // Bells in the order in which workers are woken: highest priority first, then as described.
     let mut order: Vec<usize> = (0..workers.len()).collect();
@@ -101,7 +110,8 @@ pub(crate) fn start(executor: Executor) -> Result<RunningExecutor, Error> {
         return Err(abort(&mut crew, e));
     }
     let fallbacks = starter.declare();
-    let enforcers = starter.enforcers.into_iter().map(|(_, e)| e).collect();
+    let enforcers = starter.enforcers.into_iter().filter_map(|(_, e)| e);
+    let enforcers = enforcers.collect();
     let start = clock::monotonic();
     crew.iter().for_each(|c| c.seat.launch(Launch::Go(start)));
     Ok(RunningExecutor {
@@ -190,25 +200,24 @@ struct Starter<'a> {
     options: &'a Options,
     stop: &'a StopHandle,
     owner: &'a Arc<Signal>,
-    /// By CPU; `None` is the one for workers that are not pinned.
-    enforcers: Vec<(Option<usize>, Arc<Enforcer>)>,
-    /// Threads that did not get their policy, and why the first did not.
-    refused: Vec<String>,
+    /// By CPU, `None` for threads that are not pinned; without one where it was refused.
+    enforcers: Vec<(Option<usize>, Option<Arc<Enforcer>>)>,
+    refused: Refused,
+}
+
+/// What was asked for and is not in force.
+#[derive(Default)]
+struct Refused {
+    memory: Option<String>,
+    /// Threads without their policy.
+    policies: Vec<String>,
+    /// Threads whose budget has no enforcer.
+    budgets: Vec<String>,
+    /// What the kernel said first, with what would grant it.
     why: Option<String>,
 }
 
-impl<'a> Starter<'a> {
-    fn new(options: &'a Options, stop: &'a StopHandle, owner: &'a Arc<Signal>) -> Self {
-        Self {
-            options,
-            stop,
-            owner,
-            enforcers: Vec::new(),
-            refused: Vec::new(),
-            why: None,
-        }
-    }
-
+impl Starter<'_> {
     fn seat(
         &self,
         name: &Arc<str>,
@@ -221,6 +230,7 @@ impl<'a> Starter<'a> {
             policy,
             cpu: request.cpu,
             stack_size: request.stack_size.unwrap_or(STACK),
+            prefault: self.options.lock_memory,
             bell,
             owner: Arc::clone(self.owner),
             stop: self.stop.clone(),
@@ -233,6 +243,20 @@ impl<'a> Starter<'a> {
         })
     }
 
+    fn lock_memory(&mut self) -> Result<(), Error> {
+        match os::memory::lock_all() {
+            Err(e) if self.options.strict => Err(Error::NotGranted {
+                what: "locked memory".into(),
+                reason: e.to_string(),
+            }),
+            Err(e) => {
+                self.refused.memory = Some(alloc::format!("memory is not locked: {e}"));
+                Ok(())
+            }
+            Ok(()) => Ok(()),
+        }
+    }
+
     /// Starts one enforcer per CPU with budgets and tells every budgeted thread its own.
     fn enforcers<'s>(
         &mut self,
@@ -242,16 +266,17 @@ impl<'a> Starter<'a> {
             let Policy::Sporadic(params) = &seat.policy else {
                 continue;
             };
-            let known = self.enforcers.iter().find(|(cpu, _)| *cpu == seat.cpu);
-            let enforcer = match known {
-                Some((_, e)) => Arc::clone(e),
-                None => {
-                    let here = |s: &&Arc<Seat>| s.cpu == seat.cpu;
-                    let enforcer = self.enforcer(seat, seats.clone().filter(here).count())?;
-                    self.enforcers.push((seat.cpu, Arc::clone(&enforcer)));
-                    enforcer
-                }
-            };
+            if !self.enforcers.iter().any(|(cpu, _)| *cpu == seat.cpu) {
+                let here = seats.clone().filter(|s| s.cpu == seat.cpu);
+                let enforcer = self.enforcer(seat, here.count())?;
+                self.enforcers.push((seat.cpu, enforcer));
+            }
+            let mut known = self.enforcers.iter();
+            let known = known.find(|(cpu, _)| *cpu == seat.cpu);
+            let enforcer = known.and_then(|(_, e)| e.clone()).unwrap_or_else(|| {
+                self.refused.budgets.push(seat.name.to_string());
+                Enforcer::deferred()
+            });
             *seat.budget.lock() = Some(Funding {
                 enforcer,
                 params: *params,
@@ -261,7 +286,8 @@ impl<'a> Starter<'a> {
         Ok(())
     }
 
-    fn enforcer(&mut self, seat: &Seat, capacity: usize) -> Result<Arc<Enforcer>, Error> {
+    /// An enforcer for the CPU of `seat`; none if its priority is refused and need not be granted.
+    fn enforcer(&mut self, seat: &Seat, capacity: usize) -> Result<Option<Arc<Enforcer>>, Error> {
         let defaults = match seat.cpu {
             Some(cpu) => EnforcerConfig::on_cpu(cpu),
             None => EnforcerConfig::unpinned(),
@@ -273,55 +299,61 @@ impl<'a> Starter<'a> {
             ..defaults
         };
         match Enforcer::start(config) {
-            Ok(enforcer) => Ok(enforcer),
-            Err(e) if e.is_permission() && !self.options.strict => {
-                self.why.get_or_insert_with(|| e.to_string());
-                Ok(Enforcer::deferred())
-            }
-            Err(e) => Err(self.refusal(seat, &e)),
+            Ok(enforcer) => Ok(Some(enforcer)),
+            Err(e) => self.refuse(seat, &e).map(|()| None),
         }
     }
 
     /// Starts the thread, without its policy if that is not granted and need not be.
     fn spawn(&mut self, seat: &Arc<Seat>) -> Result<os::Thread<()>, Error> {
-        match seat.spawn(seat.class()) {
-            Ok(thread) => Ok(thread),
-            Err(e) if e.is_permission() && !self.options.strict => {
-                self.refused.push(seat.name.to_string());
-                self.why.get_or_insert_with(|| e.to_string());
-                if let Some(funding) = &mut *seat.budget.lock() {
-                    funding.enforcer = Enforcer::deferred();
-                }
-                seat.spawn(Policy::Other)
-                    .map_err(|e| thread_error(seat, e.to_string()))
-            }
-            Err(e) => Err(self.refusal(seat, &e)),
+        let refused = match seat.spawn(seat.class()) {
+            Ok(thread) => return Ok(thread),
+            Err(e) => e,
+        };
+        self.refuse(seat, &refused)?;
+        self.refused.policies.push(seat.name.to_string());
+        if let Some(funding) = &mut *seat.budget.lock()
+            && funding.enforcer.enforcement() != Enforcement::Deferred
+        {
+            funding.enforcer = Enforcer::deferred();
+            self.refused.budgets.push(seat.name.to_string());
         }
+        seat.spawn(Policy::Other)
+            .map_err(|e| thread_error(seat, e.to_string()))
     }
 
-    fn refusal(&self, seat: &Seat, e: &os::SpawnError) -> Error {
-        if e.is_permission() {
-            return Error::NotGranted {
-                what: alloc::format!("{} for {}", seat.policy, seat.name),
-                reason: alloc::format!("{e}; {}", os::privilege::probe()),
-            };
+    /// Takes note of a refusal that may be lived with; otherwise it is the error.
+    fn refuse(&mut self, seat: &Seat, e: &os::SpawnError) -> Result<(), Error> {
+        if !e.is_permission() {
+            return Err(thread_error(seat, e.to_string()));
         }
-        thread_error(seat, e.to_string())
+        if self.options.strict {
+            return Err(Error::NotGranted {
+                what: alloc::format!("{} for {:?}", seat.policy, &*seat.name),
+                reason: e.to_string(),
+            });
+        }
+        self.refused.why.get_or_insert_with(|| e.to_string());
+        Ok(())
     }
 
     /// Says once what is not in force.
     fn declare(&mut self) -> Vec<String> {
-        let mut fallbacks = Vec::new();
-        if let Some(why) = self.why.take() {
-            let budgets = match self.enforcers.is_empty() {
-                true => "",
-                false => "; budgets are held at callback boundaries only",
-            };
-            let who = self.refused.join(", ");
-            fallbacks.push(alloc::format!(
-                "no real-time priority for {who}: they are time-shared{budgets} ({why}). {}",
-                os::privilege::probe()
-            ));
+        let refused = core::mem::take(&mut self.refused);
+        let mut fallbacks: Vec<String> = refused.memory.into_iter().collect();
+        if let Some(why) = refused.why {
+            let mut parts = Vec::new();
+            if !refused.policies.is_empty() {
+                let who = refused.policies.join(", ");
+                parts.push(alloc::format!("time-shared instead of real-time: {who}"));
+            }
+            if !refused.budgets.is_empty() {
+                let who = refused.budgets.join(", ");
+                parts.push(alloc::format!(
+                    "budgets held at callback boundaries only: {who}"
+                ));
+            }
+            fallbacks.push(alloc::format!("{}. {why}", parts.join("; ")));
         }
         for message in &fallbacks {
             self.options.events.emit(&Event::Fallback { message });

@@ -29,6 +29,8 @@ pub(crate) struct Seat {
     pub(crate) policy: Policy,
     pub(crate) cpu: Option<usize>,
     pub(crate) stack_size: usize,
+    /// Touch the stack before the first callback.
+    pub(crate) prefault: bool,
     pub(crate) bell: Arc<Signal>,
     pub(crate) owner: Arc<Signal>,
     pub(crate) stop: StopHandle,
@@ -104,6 +106,10 @@ impl Seat {
 
     fn main(&self) {
         let _finished = Finished(self); // dropped last: the account's final reading is in by then
+        if self.prefault {
+            // Without it callbacks meet page faults: slower, not wrong.
+            os::memory::prefault_stack(self.stack_size).ok();
+        }
         let enrolled = self.enroll();
         let (mut account, ready) = match enrolled {
             Ok((account, ready)) => (Some(account), Ok(ready)),
@@ -126,9 +132,9 @@ impl Seat {
         // Callbacks are caught one by one in the worker: what arrives here is our own mistake, or
         // a middleware's, and must not leave the others running without it.
         if catch_unwind(AssertUnwindSafe(|| body(account, start))).is_err() {
+            self.stop.stop();
             let thread = &self.name;
             self.events.emit(&Event::ThreadPanicked { thread });
-            self.stop.stop();
         }
     }
 
