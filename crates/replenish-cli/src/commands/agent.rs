@@ -1,0 +1,114 @@
+//! `replenish agent`: the agent alone.
+
+use crate::load::spec::SUPPORT_PRIORITY;
+use crate::machine::cpus;
+use crate::machine::fifo_or_other;
+use crate::options::JsonOption;
+use crate::outcome::{Failure, Outcome};
+use crate::parts::protocol::{Event, Ready};
+use crate::parts::supervised::{self, SharedGrid};
+use crate::parts::threads;
+use crate::report::files;
+use crate::signals::Stop;
+use replenish_agent::{Agent, AgentConfig, AgentError, Stats, StopHandle};
+use replenish_os::{Policy, Thread, ThreadSpec, spawn};
+use std::net::SocketAddr;
+
+/// How the agent's thread is called.
+const THREAD: &str = "xrce-agent";
+
+/// Options of `agent`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Where to listen; 0.0.0.0:8888 for clients on other hosts, port 0 for any free one. XRCE
+    /// knows no authentication: whoever reaches the address can read and write every topic
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8888")]
+    listen: SocketAddr,
+
+    /// The CPU of its thread
+    #[arg(long, value_name = "CPU")]
+    cpu: Option<usize>,
+
+    #[command(flatten)]
+    json: JsonOption,
+
+    #[arg(long, hide = true)]
+    supervised: bool,
+}
+
+/// Runs the agent until a signal.
+pub(crate) fn run(args: &Args) -> Outcome {
+    cpus::check("--cpu", args.cpu)?;
+    files::check_writable(args.json.json.as_deref())?;
+    let stop = Stop::on_signals()?;
+    let config = AgentConfig {
+        addr: args.listen,
+        ..AgentConfig::default()
+    };
+    let agent = Agent::bind(&config).map_err(Failure::refused)?;
+    let address = agent.local_addr();
+    // Under the orchestrator it must not wait for other programs of a busy machine.
+    let policy = if args.supervised {
+        fifo_or_other(SUPPORT_PRIORITY)
+    } else {
+        Policy::Other
+    };
+    let handle = StopHandle::new();
+    let thread = start(agent, policy, args.cpu, handle.clone(), stop.clone())?;
+    if args.supervised {
+        supervised::listen(SharedGrid::default(), stop.clone());
+        let row = threads::row("agent", THREAD, &policy);
+        let address = Some(address.to_string());
+        supervised::emit(&Event::Ready(Ready {
+            address,
+            mode: None,
+            threads: vec![row],
+        }));
+    } else {
+        println!("agent listening at {address} (UDP); end it with SIGINT or SIGTERM");
+    }
+    stop.wait_forever();
+    handle.stop();
+    let stats = thread
+        .join()
+        .map_err(|_| Failure::refused("the agent's thread panicked"))?
+        .map_err(Failure::refused)?;
+    if !args.supervised {
+        println!(
+            "{} sessions; {} samples in, {} out, {} dropped for want of room",
+            stats.clients_created,
+            stats.samples_in,
+            stats.samples_out,
+            stats.samples_dropped + stats.samples_refused
+        );
+    }
+    let json = serde_json::json!({
+        "address": address.to_string(),
+        "sessions": stats.clients_created,
+        "datagrams_in": stats.datagrams_in,
+        "datagrams_out": stats.datagrams_out,
+        "malformed": stats.malformed,
+        "samples_in": stats.samples_in,
+        "samples_out": stats.samples_out,
+        "samples_dropped": stats.samples_dropped + stats.samples_refused,
+        "retransmitted": stats.retransmitted,
+    });
+    files::write_json(args.json.json.as_deref(), &json)
+}
+
+/// The agent on a thread of its own; a socket that fails ends the command.
+fn start(
+    mut agent: Agent,
+    policy: Policy,
+    cpu: Option<usize>,
+    handle: StopHandle,
+    stop: Stop,
+) -> Result<Thread<Result<Stats, AgentError>>, Failure> {
+    let spec = ThreadSpec::new(THREAD).policy(policy).cpu(cpu);
+    let body = move || {
+        let outcome = agent.run(&handle);
+        stop.trigger();
+        outcome.map(|()| agent.stats())
+    };
+    spawn(spec, body).map_err(Failure::refused)
+}

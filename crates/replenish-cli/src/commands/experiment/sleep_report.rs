@@ -1,0 +1,164 @@
+//! What Experiment 2 tells: table, JSON, CSV, the figure in the shape of the paper's, the page.
+
+use super::Files;
+use crate::outcome::Outcome;
+use crate::parts::protocol::Mode;
+use crate::report::figure::{Figure, HIGH, INK, LOW, Series, Style};
+use crate::report::html::Page;
+use crate::report::table::{Table, percent};
+use crate::run::triple::Run;
+
+/// The columns of the CSV: names of the JSON.
+const COLUMNS: [&str; 9] = [
+    "sleep_percent",
+    "high_cpu_percent",
+    "theory_percent",
+    "high_priority_cpu_percent",
+    "background_cpu_percent",
+    "high_answered",
+    "expected_high",
+    "windows",
+    "windows_repeated",
+];
+
+/// One point of Experiment 2. The first three names are a contract.
+#[derive(Debug, Clone, serde::Serialize)]
+pub(crate) struct SleepPoint {
+    sleep_percent: u8,
+    high_cpu_percent: f64,
+    theory_percent: f64,
+    low_cpu_percent: f64,
+    high_answered: u64,
+    low_answered: u64,
+    expected_high: u64,
+    high_priority_cpu_percent: f64,
+    background_cpu_percent: f64,
+    windows: u64,
+    windows_repeated: u64,
+    mode: Mode,
+}
+
+impl SleepPoint {
+    /// The point of one run.
+    pub(crate) fn new(sleep_percent: u8, run: &Run) -> Self {
+        let s = &run.summary;
+        Self {
+            sleep_percent,
+            high_cpu_percent: s.high.cpu_percent,
+            theory_percent: s.high.expected_cpu_percent,
+            low_cpu_percent: s.low.cpu_percent,
+            high_answered: s.high.answered,
+            low_answered: s.low.answered,
+            expected_high: s.high.expected,
+            high_priority_cpu_percent: s.high.high_priority_cpu_percent,
+            background_cpu_percent: s.high.background_cpu_percent,
+            windows: s.windows,
+            windows_repeated: s.windows_repeated,
+            mode: run.mode,
+        }
+    }
+
+    fn row(&self) -> [String; 8] {
+        [
+            self.sleep_percent.to_string(),
+            percent(self.high_cpu_percent),
+            percent(self.theory_percent),
+            percent(self.high_priority_cpu_percent),
+            percent(self.background_cpu_percent),
+            self.high_answered.to_string(),
+            self.expected_high.to_string(),
+            self.windows_repeated.to_string(),
+        ]
+    }
+}
+
+/// Writes and prints Experiment 2.
+pub(super) fn sleep(to: &Files, points: &[SleepPoint]) -> Outcome {
+    let mut table = Table::new(&[
+        "low sleeps %",
+        "high CPU",
+        "theory",
+        "at its priority",
+        "in background",
+        "high answered",
+        "high expected",
+        "repeated",
+    ]);
+    for p in points {
+        table.row(p.row());
+    }
+    println!("{}", table.to_text());
+    super::warn(points.iter().any(|p| p.mode == Mode::Deferred));
+
+    let json = serde_json::json!({
+        "experiment": "work-conserving",
+        "budget_ms": 30,
+        "period_ms": 100,
+        "points": points,
+    });
+    let svg = figure(points).to_svg()?;
+    let mut page = Page::new(
+        "Experiment 2: what nobody else uses goes to the background",
+        "Measured on this machine by `replenish experiment work-conserving`.",
+    );
+    page.text(
+        "The worker of topic high has 30 ms per 100 ms at high priority and goes on in the \
+         background when they are used up. The callback of topic low sleeps for a part of its \
+         10 ms. Theory: high gets 30 % and all that low sleeps, 30 + 70 x percent.",
+    );
+    page.figure(
+        &svg,
+        "CPU time of the high worker. Marks: measured. Dashed: theory.",
+    );
+    page.table(&table);
+    super::write(to, &COLUMNS, &json, &svg, page)
+}
+
+fn figure(points: &[SleepPoint]) -> Figure {
+    let line = |y: fn(&SleepPoint) -> f64| -> Vec<(f64, f64)> {
+        let mut line: Vec<_> = points
+            .iter()
+            .map(|p| (f64::from(p.sleep_percent), y(p)))
+            .collect();
+        line.sort_by(|a, b| a.0.total_cmp(&b.0));
+        line
+    };
+    let series = |label: &str, color, style, points| Series {
+        label: label.into(),
+        color,
+        style,
+        points,
+    };
+    Figure {
+        title: "Work conserving nature of the sporadic scheduler".into(),
+        x_label: "time that the low callback sleeps, %".into(),
+        y_label: "CPU time, % of the windows".into(),
+        x_max: 100.0,
+        series: vec![
+            series(
+                "high, measured",
+                HIGH,
+                Style::Measured,
+                line(|p| p.high_cpu_percent),
+            ),
+            series(
+                "high, theory: 30 + 70 x",
+                HIGH,
+                Style::Theory,
+                line(|p| p.theory_percent),
+            ),
+            series(
+                "high within its budget, measured",
+                INK,
+                Style::Reference,
+                line(|p| p.high_priority_cpu_percent),
+            ),
+            series(
+                "low, measured",
+                LOW,
+                Style::Measured,
+                line(|p| p.low_cpu_percent),
+            ),
+        ],
+    }
+}

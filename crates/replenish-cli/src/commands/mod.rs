@@ -1,0 +1,82 @@
+//! The command line: one module per command.
+
+mod agent;
+mod bench_enforcement;
+mod bench_handoff;
+mod demo;
+mod demo_report;
+mod doctor;
+mod experiment;
+mod latency;
+mod ping;
+mod pong;
+
+use crate::outcome::Outcome;
+use clap::{Parser, Subcommand};
+
+/// A ROS executor that gives every callback a CPU budget: see it, measure it, run it.
+#[derive(Debug, Parser)]
+#[command(name = "replenish", version, arg_required_else_help = true)]
+#[command(after_help = "Start with: replenish demo\n\
+    Exit codes: 0 done, 1 could not be done (the reason is printed), 2 wrong command line.")]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Two topics fight over one CPU; a budget decides. Ten seconds, then a table and a report
+    Demo(demo::Args),
+    /// The experiments of the paper, with the theoretical line beside the measured one
+    #[command(subcommand)]
+    Experiment(Experiment),
+    /// What this machine grants to real-time threads, with advice
+    Doctor(doctor::Args),
+    /// Figures of the mechanisms next to a baseline measured in the same run
+    #[command(subcommand)]
+    Bench(Bench),
+    /// The agent alone: what ping and pong talk through
+    Agent(agent::Args),
+    /// Ping alone: sends on two topics and counts the answers
+    Ping(ping::Args),
+    /// Pong alone: answers, its workers under their scheduling policies
+    Pong(pong::Args),
+}
+
+#[derive(Debug, Subcommand)]
+enum Experiment {
+    /// Experiment 1: answers over the budget, and both workers under plain FIFO
+    BudgetSweep(experiment::budget_sweep::Args),
+    /// Experiment 2: the low worker sleeps; the high one uses what is left in the background
+    WorkConserving(experiment::work_conserving::Args),
+}
+
+#[derive(Debug, Subcommand)]
+enum Bench {
+    /// How far budgets are overrun, against a POSIX CPU timer
+    Enforcement(bench_enforcement::Args),
+    /// Waking a worker, against a bare futex
+    Handoff(bench_handoff::Args),
+}
+
+impl Cli {
+    /// Runs the command.
+    pub(crate) fn run(self) -> Outcome {
+        match self.command {
+            Command::Demo(args) => demo::run(&args),
+            Command::Experiment(Experiment::BudgetSweep(args)) => {
+                experiment::budget_sweep::run(&args)
+            }
+            Command::Experiment(Experiment::WorkConserving(args)) => {
+                experiment::work_conserving::run(&args)
+            }
+            Command::Doctor(args) => doctor::run(&args),
+            Command::Bench(Bench::Enforcement(args)) => bench_enforcement::run(&args),
+            Command::Bench(Bench::Handoff(args)) => bench_handoff::run(&args),
+            Command::Agent(args) => agent::run(&args),
+            Command::Ping(args) => ping::run(&args),
+            Command::Pong(args) => pong::run(&args),
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! `replenish ping`: ping alone.
+
+use crate::machine::cpus;
+use crate::options::{self, JsonOption};
+use crate::outcome::Outcome;
+use crate::parts::ping::{self, Config, Totals};
+use crate::parts::protocol::Event;
+use crate::parts::supervised::{self, SharedGrid};
+use crate::report::files;
+use crate::signals::Stop;
+use std::net::SocketAddr;
+use std::time::{Duration, Instant};
+
+/// Options of `ping`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Where the agent is
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8888")]
+    agent: SocketAddr,
+
+    /// Milliseconds between two messages of one topic
+    #[arg(long, value_name = "MS", default_value_t = 10,
+          value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    interval: u64,
+
+    /// Stop after this time instead of at SIGINT or SIGTERM
+    #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=86_400))]
+    seconds: Option<u64>,
+
+    /// The CPU of its threads
+    #[arg(long, value_name = "CPU")]
+    cpu: Option<usize>,
+
+    #[command(flatten)]
+    json: JsonOption,
+
+    #[arg(long, hide = true)]
+    supervised: bool,
+}
+
+/// Runs ping.
+pub(crate) fn run(args: &Args) -> Outcome {
+    cpus::check("--cpu", args.cpu)?;
+    files::check_writable(args.json.json.as_deref())?;
+    let stop = Stop::on_signals()?;
+    let grid = SharedGrid::default();
+    let config = Config {
+        agent: args.agent,
+        interval: options::ms(args.interval),
+        cpu: args.cpu,
+        supervised: args.supervised,
+    };
+    if args.supervised {
+        supervised::listen(SharedGrid::clone(&grid), stop.clone());
+    }
+    let ping = ping::start(&config, &grid, &stop)?;
+    if args.supervised {
+        supervised::emit(&Event::Ready(ping.ready()));
+        stop.wait_forever();
+    } else {
+        println!(
+            "sending high_ping and low_ping every {} ms to {}",
+            args.interval, args.agent
+        );
+        let end = args
+            .seconds
+            .map(|s| Instant::now() + Duration::from_secs(s));
+        let mut before = Totals::default();
+        while !stop.wait(Duration::from_secs(1)) {
+            let now = ping.totals();
+            println!("{}", line(&before, &now));
+            before = now;
+            if end.is_some_and(|end| Instant::now() >= end) {
+                stop.trigger();
+            }
+        }
+    }
+    let totals = ping.end()?;
+    if !args.supervised {
+        println!("in total: {}", line(&Totals::default(), &totals));
+    }
+    files::write_json(args.json.json.as_deref(), &totals)
+}
+
+fn line(before: &Totals, now: &Totals) -> String {
+    let topic = |n: usize, name: &str| {
+        let delta = |now: &[u64; 2], before: &[u64; 2]| match (now.get(n), before.get(n)) {
+            (Some(now), Some(before)) => now.saturating_sub(*before),
+            _ => 0,
+        };
+        let (sent, answered) = (
+            delta(&now.sent, &before.sent),
+            delta(&now.answered, &before.answered),
+        );
+        format!("{name} {sent} sent, {answered} answered")
+    };
+    let failed = match now.failed.saturating_sub(before.failed) {
+        0 => String::new(),
+        n => format!("; {n} could not be sent"),
+    };
+    format!("{}; {}{failed}", topic(0, "high"), topic(1, "low"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_tells_what_happened_since_the_last_one() {
+        let before = Totals {
+            sent: [10, 20],
+            answered: [1, 2],
+            failed: 0,
+        };
+        let now = Totals {
+            sent: [110, 120],
+            answered: [31, 72],
+            failed: 3,
+        };
+        assert_eq!(
+            line(&before, &now),
+            "high 100 sent, 30 answered; low 100 sent, 70 answered; 3 could not be sent"
+        );
+    }
+}

@@ -1,0 +1,20 @@
+//! The load of the paper and the arithmetic of what it must give: pure functions and data.
+//!
+//! - [`grid`]: windows of load on an absolute clock, shared by ping and pong.
+//! - [`spec`]: what is offered and how the callbacks behave.
+//! - [`theory`]: how many answers and how much CPU time a window must give.
+//! - [`burn`]: the only impure part, a loop that consumes CPU time.
+
+pub(crate) mod burn;
+pub(crate) mod grid;
+pub(crate) mod spec;
+pub(crate) mod theory;
+
+/// Nanoseconds, of `CLOCK_MONOTONIC` or of a thread's CPU clock.
+pub(crate) type Nanos = u64;
+
+/// One millisecond.
+pub(crate) const MS: Nanos = 1_000_000;
+
+/// One second.
+pub(crate) const SEC: Nanos = 1_000_000_000;

@@ -1,0 +1,63 @@
+//! How a command ends: exit codes and the sentence that goes with them.
+//!
+//! 0: it did what was asked. 1: it could not, and says why. 2: the command line was wrong
+//! (clap's own errors use the same code).
+
+use std::fmt;
+use std::process::ExitCode;
+
+/// Why a command did not do what was asked.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Failure {
+    /// The machine, the network or the other side said no: exit code 1.
+    Refused(String),
+    /// An option has a value that cannot be: exit code 2.
+    Usage(String),
+}
+
+impl Failure {
+    /// An exit with code 1.
+    pub(crate) fn refused(why: impl fmt::Display) -> Self {
+        Self::Refused(why.to_string())
+    }
+
+    /// An exit with code 2: names the option and the range it must lie in.
+    pub(crate) fn range(
+        option: &str,
+        value: impl fmt::Display,
+        allowed: impl fmt::Display,
+    ) -> Self {
+        Self::Usage(format!(
+            "invalid value '{value}' for '{option}': allowed is {allowed}"
+        ))
+    }
+
+    /// Adds what was being done: `what: why`.
+    pub(crate) fn context(self, what: impl fmt::Display) -> Self {
+        match self {
+            Self::Refused(why) => Self::Refused(format!("{what}: {why}")),
+            Self::Usage(why) => Self::Usage(format!("{what}: {why}")),
+        }
+    }
+
+    /// The process's exit code.
+    pub(crate) fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Refused(_) => ExitCode::from(1),
+            Self::Usage(_) => ExitCode::from(2),
+        }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Refused(why) | Self::Usage(why) => f.write_str(why),
+        }
+    }
+}
+
+impl std::error::Error for Failure {}
+
+/// What a command returns.
+pub(crate) type Outcome = Result<(), Failure>;

@@ -1,0 +1,317 @@
+//! Pong: answers two topics, each on its own worker with its own scheduling.
+//!
+//! Answering takes CPU time (and, in Experiment 2, sleep). With a grid, a callback that starts
+//! outside a window returns at once, and one that the end of its window catches gives up: so a
+//! backlog is discarded, and what is answered was done inside the window.
+
+use super::monitor;
+use super::protocol::{Event, Mode, Overrun, PongEnd, Ready, ThreadRow};
+use super::supervised::{self, SharedGrid};
+use super::tape::Tape;
+use super::{link, threads};
+use crate::load::Nanos;
+use crate::load::burn::burn;
+use crate::load::grid::{Place, window_of};
+use crate::load::spec::{
+    DISPATCHER_PRIORITY, ENFORCER_PRIORITY, HIGH_PRIORITY, High, LOW_PRIORITY, MAX_REPL, Spec,
+};
+use crate::machine;
+use crate::outcome::Failure;
+use crate::signals::Stop;
+use replenish::msg::std_msgs::Int32;
+use replenish::{CallbackContext, Context, Executor, Publisher, Qos, Report, RunningExecutor};
+use replenish_os::{PiMutex, Policy, clock, memory};
+use sporadic::{Low, Params};
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// How pong is to run.
+#[derive(Debug, Clone)]
+pub(crate) struct Config {
+    /// Where the agent is.
+    pub agent: SocketAddr,
+    /// Scheduling and work.
+    pub spec: Spec,
+    /// CPU of workers, dispatcher and enforcer.
+    pub cpu: Option<usize>,
+    /// CPU of the thread that takes the snapshots.
+    pub monitor_cpu: Option<usize>,
+    /// Refuses to start without real enforcement.
+    pub strict: bool,
+}
+
+/// What a topic's callback and the monitor share.
+#[derive(Debug)]
+pub(crate) struct Topic {
+    /// Answers published.
+    pub answered: AtomicU64,
+    /// When the worker had the CPU.
+    pub tape: PiMutex<Tape>,
+}
+
+impl Topic {
+    fn new() -> Arc<Self> {
+        Arc::new(Self {
+            answered: AtomicU64::new(0),
+            tape: PiMutex::new(Tape::new()),
+        })
+    }
+}
+
+/// A pong that runs.
+pub(crate) struct Pong {
+    /// Its executor.
+    pub running: RunningExecutor,
+    /// The topic with the budget.
+    pub high: Arc<Topic>,
+    /// The other one.
+    pub low: Arc<Topic>,
+    /// How budgets are held.
+    pub mode: Mode,
+    /// Requested policies by thread name.
+    requested: Vec<(String, String)>,
+}
+
+/// Connects, creates the endpoints and starts the executor.
+pub(crate) fn start(config: &Config, grid: &SharedGrid, supervised: bool) -> Result<Pong, Failure> {
+    let context = link::connect(config.agent)?;
+    let (high_policy, low_policy) = policies(&config.spec)?;
+    let real_time = machine::privilege().real_time();
+    if real_time && let Err(e) = memory::lock_all() {
+        note(
+            &format!("memory is not locked, page faults can delay callbacks: {e}"),
+            supervised,
+        );
+    }
+    let mut exec = Executor::new(&context);
+    exec.strict(config.strict)
+        .enforcer_priority(ENFORCER_PRIORITY)
+        .on_event(move |event| report_event(event, supervised));
+    let dispatcher = fifo(DISPATCHER_PRIORITY)?;
+    exec.dispatcher(dispatcher);
+    if let Some(cpu) = config.cpu {
+        exec.dispatcher_cpu(cpu);
+    }
+    let (high, low) = (Topic::new(), Topic::new());
+    let spec = &config.spec;
+    let mut topics = [
+        ("high", &high, high_policy, spec.burst, 0),
+        ("low", &low, low_policy, spec.low_burn(), spec.low_sleep()),
+    ];
+    let mut requested = vec![("dispatcher".to_string(), dispatcher.to_string())];
+    for (name, topic, policy, cpu, sleep) in &mut topics {
+        requested.push((name.to_string(), policy.to_string()));
+        let answer = Answer {
+            topic: Arc::clone(topic),
+            tape: Tape::new(),
+            grid: Arc::clone(grid),
+            pong: publisher(&context, name)?,
+            cpu: spec.net(*cpu),
+            sleep: *sleep,
+        };
+        add_worker(&mut exec, &context, name, *policy, config.cpu, answer)?;
+    }
+    let running = exec.start().map_err(Failure::refused)?;
+    let mode = mode(&running.report(), real_time);
+    if mode == Mode::Enforced && matches!(spec.high, High::Sporadic { .. }) {
+        let name = config
+            .cpu
+            .map_or_else(|| "enforcer".into(), |cpu| format!("enforcer/{cpu}"));
+        requested.push((name, fifo(ENFORCER_PRIORITY)?.to_string()));
+    }
+    Ok(Pong {
+        running,
+        high,
+        low,
+        mode,
+        requested,
+    })
+}
+
+fn publisher(context: &Context, name: &str) -> Result<Publisher<Int32>, Failure> {
+    let node = context.node("pong").map_err(Failure::refused)?;
+    node.publisher(&format!("{name}_pong"), Qos::best_effort())
+        .map_err(Failure::refused)
+}
+
+fn add_worker(
+    exec: &mut Executor,
+    context: &Context,
+    name: &str,
+    policy: Policy,
+    cpu: Option<usize>,
+    mut answer: Answer,
+) -> Result<(), Failure> {
+    let node = context.node("pong").map_err(Failure::refused)?;
+    let mut worker = exec.worker(name).policy(policy);
+    if let Some(cpu) = cpu {
+        worker = worker.cpu(cpu);
+    }
+    let topic = format!("{name}_ping");
+    let callback = move |ping: &Int32, cx: &CallbackContext<'_>| answer.answer(ping, cx);
+    worker
+        .subscribe(&node, topic.as_str(), Qos::best_effort(), callback)
+        .map(drop)
+        .map_err(Failure::refused)
+}
+
+fn policies(spec: &Spec) -> Result<(Policy, Policy), Failure> {
+    let high = match spec.high {
+        High::Fifo => fifo(HIGH_PRIORITY)?,
+        High::Sporadic {
+            budget,
+            period,
+            background,
+        } => {
+            let low = Low::Background(background);
+            Params::new(HIGH_PRIORITY, low, budget, period, MAX_REPL)
+                .map(Policy::Sporadic)
+                .map_err(|e| Failure::Usage(e.to_string()))?
+        }
+    };
+    Ok((high, fifo(LOW_PRIORITY)?))
+}
+
+fn fifo(priority: u8) -> Result<Policy, Failure> {
+    Policy::fifo(priority).map_err(Failure::refused)
+}
+
+fn mode(report: &Report, real_time: bool) -> Mode {
+    let deferred = report
+        .threads
+        .iter()
+        .any(|t| t.enforcement == Some(replenish_os::Enforcement::Deferred));
+    if deferred || !real_time {
+        Mode::Deferred
+    } else {
+        Mode::Enforced
+    }
+}
+
+/// One topic's callback.
+struct Answer {
+    topic: Arc<Topic>,
+    tape: Tape,
+    grid: SharedGrid,
+    pong: Publisher<Int32>,
+    cpu: Nanos,
+    sleep: Nanos,
+}
+
+impl Answer {
+    fn answer(
+        &mut self,
+        ping: &Int32,
+        cx: &CallbackContext<'_>,
+    ) -> Result<(), replenish::middleware::PublishError> {
+        let Some(end) = self.deadline(ping.data) else {
+            return Ok(());
+        };
+        let tape = &mut self.tape;
+        let done = burn(self.cpu, end, |now| tape.ran(now));
+        self.topic.tape.lock().clone_from(&self.tape);
+        if !done || cx.is_stopping() {
+            return Ok(());
+        }
+        if self.sleep > 0 {
+            clock::sleep_until(clock::monotonic().saturating_add(self.sleep).min(end));
+            if clock::monotonic() >= end {
+                return Ok(());
+            }
+        }
+        self.pong.publish(ping)?;
+        self.topic.answered.fetch_add(1, Ordering::Relaxed);
+        Ok(())
+    }
+
+    /// When work on this message must stop; `None`: it is not to be answered at all.
+    fn deadline(&mut self, number: i32) -> Option<Nanos> {
+        let Some(grid) = self.grid.get() else {
+            return Some(Nanos::MAX);
+        };
+        match grid.locate(clock::monotonic()) {
+            Place::Outside => None,
+            Place::Window { end, .. } if grid.is_continuous() => Some(end),
+            Place::Window { index, end } => (window_of(number) == Some(index)).then_some(end),
+        }
+    }
+}
+
+/// Events of the executor: under the orchestrator as notes, else on standard error.
+pub(crate) fn report_event(event: &replenish::Event<'_>, supervised: bool) {
+    match event {
+        replenish::Event::Link { up: true } => {
+            link::report(true, "the agent answers again", supervised);
+        }
+        replenish::Event::Link { up: false } => {
+            link::report(false, "the agent does not answer", supervised);
+        }
+        // The orchestrator knows from `Ready` and says it in one line of its own.
+        replenish::Event::Fallback { .. } if supervised => {}
+        _ => note(&event.to_string(), supervised),
+    }
+}
+
+fn note(text: &str, supervised: bool) {
+    if supervised {
+        let text = text.to_string();
+        supervised::emit(&Event::Note { text });
+    } else {
+        eprintln!("replenish: {text}");
+    }
+}
+
+impl Pong {
+    /// What to tell when set-up is done.
+    pub(crate) fn ready(&self) -> Ready {
+        Ready {
+            address: None,
+            mode: Some(self.mode),
+            threads: self.threads(),
+        }
+    }
+
+    /// The threads with requested and granted policy.
+    pub(crate) fn threads(&self) -> Vec<ThreadRow> {
+        self.requested
+            .iter()
+            .map(|(name, policy)| threads::row("pong", name, policy))
+            .collect()
+    }
+}
+
+/// Runs pong with a monitor until `stop`; windows are reported if there is a grid.
+pub(crate) fn watch(
+    pong: Pong,
+    config: &Config,
+    grid: &SharedGrid,
+    stop: &Stop,
+) -> Result<Report, Failure> {
+    let pong = monitor::run(pong, config.monitor_cpu, grid, stop)?;
+    Ok(pong.running.stop())
+}
+
+/// The last words of pong.
+pub(crate) fn end(report: &Report) -> PongEnd {
+    let us = |ns: i64| ns as f64 / 1e3;
+    let overruns = report
+        .threads
+        .iter()
+        .find(|t| t.name == "high")
+        .map(|t| t.overruns);
+    PongEnd {
+        overrun_us: overruns.map_or_else(Overrun::default, |o| Overrun {
+            median: us(o.median),
+            p99: us(o.p99),
+            count: o.count,
+            stalls: o.worst_stall.map(|s| us(s.overrun)).into_iter().collect(),
+        }),
+        dropped: report
+            .handles
+            .iter()
+            .map(|h| h.stats.dropped + h.stats.lost)
+            .sum(),
+        stuck: report.stuck.clone(),
+    }
+}

@@ -1,0 +1,78 @@
+//! Writing results: JSON, CSV and text files, with errors that name the file.
+
+use crate::outcome::Failure;
+use std::path::Path;
+
+/// Writes `text` to `path`.
+pub(crate) fn write(path: &Path, text: &str) -> Result<(), Failure> {
+    std::fs::write(path, text)
+        .map_err(|e| Failure::refused(format!("cannot write {}: {e}", path.display())))
+}
+
+/// Writes `value` as indented JSON to `path`, if there is one.
+pub(crate) fn write_json<T: serde::Serialize>(
+    path: Option<&Path>,
+    value: &T,
+) -> Result<(), Failure> {
+    let Some(path) = path else { return Ok(()) };
+    let text = serde_json::to_string_pretty(value)
+        .map_err(|e| Failure::refused(format!("cannot encode {}: {e}", path.display())))?;
+    write(path, &(text + "\n"))
+}
+
+/// Fails early if `path` cannot be written, so that a long run is not lost at its end.
+///
+/// Creates the file if it does not exist; does not touch its contents.
+pub(crate) fn check_writable(path: Option<&Path>) -> Result<(), Failure> {
+    let Some(path) = path else { return Ok(()) };
+    std::fs::OpenOptions::new()
+        .create(true)
+        .append(true)
+        .open(path)
+        .map(drop)
+        .map_err(|e| Failure::refused(format!("cannot write {}: {e}", path.display())))
+}
+
+/// Rows of cells as CSV (RFC 4180: quoted where needed, lines end in a line feed).
+pub(crate) fn csv<R, C>(rows: R) -> String
+where
+    R: IntoIterator,
+    R::Item: IntoIterator<Item = C>,
+    C: AsRef<str>,
+{
+    let mut text = String::new();
+    for row in rows {
+        let cells: Vec<String> = row.into_iter().map(|c| quote(c.as_ref())).collect();
+        text.push_str(&cells.join(","));
+        text.push('\n');
+    }
+    text
+}
+
+fn quote(cell: &str) -> String {
+    if cell.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", cell.replace('"', "\"\""))
+    } else {
+        cell.to_string()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn csv_quotes_what_would_break_it() {
+        assert_eq!(
+            csv([["a", "b,c"], ["say \"hi\"", ""]]),
+            "a,\"b,c\"\n\"say \"\"hi\"\"\",\n"
+        );
+    }
+
+    #[test]
+    fn an_unwritable_path_is_named() {
+        let path = Path::new("/nonexistent/dir/x.json");
+        let e = check_writable(Some(path)).unwrap_err();
+        assert!(e.to_string().contains("/nonexistent/dir/x.json"), "{e}");
+    }
+}

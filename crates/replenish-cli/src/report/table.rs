@@ -1,0 +1,89 @@
+//! Plain-text tables with aligned columns.
+
+/// A table under construction.
+#[derive(Debug)]
+pub(crate) struct Table {
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// A table whose first row names the columns.
+    pub(crate) fn new(columns: &[&str]) -> Self {
+        Self {
+            rows: vec![columns.iter().map(ToString::to_string).collect()],
+        }
+    }
+
+    /// Adds a row.
+    pub(crate) fn row<S: Into<String>>(&mut self, cells: impl IntoIterator<Item = S>) {
+        self.rows.push(cells.into_iter().map(Into::into).collect());
+    }
+
+    /// The rows; the first one names the columns.
+    pub(crate) fn rows(&self) -> &[Vec<String>] {
+        &self.rows
+    }
+
+    /// The table as text. Columns whose cells are all numbers are aligned to the right.
+    pub(crate) fn to_text(&self) -> String {
+        let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
+        let cells = |c: usize| self.rows.iter().filter_map(move |r| r.get(c));
+        let width: Vec<usize> = (0..columns)
+            .map(|c| cells(c).map(|s| s.chars().count()).max().unwrap_or(0))
+            .collect();
+        let right: Vec<bool> = (0..columns)
+            .map(|c| cells(c).skip(1).all(|s| is_number(s)))
+            .collect();
+        let mut text = String::new();
+        for (n, row) in self.rows.iter().enumerate() {
+            let mut line = String::new();
+            for (c, cell) in row.iter().enumerate() {
+                let w = width.get(c).copied().unwrap_or(0);
+                if right.get(c).copied().unwrap_or(false) {
+                    line.push_str(&format!("  {cell:>w$}"));
+                } else {
+                    line.push_str(&format!("  {cell:<w$}"));
+                }
+            }
+            text.push_str(line.trim_end());
+            text.push('\n');
+            if n == 0 {
+                let rule: Vec<String> = width.iter().map(|w| "-".repeat(*w)).collect();
+                text.push_str(&format!("  {}\n", rule.join("  ")));
+            }
+        }
+        text
+    }
+}
+
+/// Whether a cell is a number, with or without a unit sign, or a dash for "none".
+pub(crate) fn is_number(cell: &str) -> bool {
+    let first = cell.trim_start_matches(['+', '-', '−']).chars().next();
+    cell == "-" || first.is_some_and(|c| c.is_ascii_digit())
+}
+
+/// A percentage for people: `30.00 %`.
+pub(crate) fn percent(x: f64) -> String {
+    format!("{x:.2} %")
+}
+
+/// A signed percentage for people: `+0.03 %`.
+pub(crate) fn signed_percent(x: f64) -> String {
+    format!("{x:+.3} %")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_go_right_and_words_left() {
+        let mut t = Table::new(&["topic", "sent"]);
+        t.row(["high", "800"]);
+        t.row(["a longer one", "7"]);
+        assert_eq!(
+            t.to_text(),
+            "  topic         sent\n  ------------  ----\n  high           800\n  a longer one     7\n"
+        );
+    }
+}
