@@ -31,9 +31,23 @@ impl Sim<'_> {
         let now = self.now;
         let state = &mut self.states[id];
         if let Some(budget) = &mut state.budget {
-            let verdict = budget.activate(woken, now, state.cpu_clock);
+            budget.activate(woken, now, state.cpu_clock);
+            self.consider(id);
+        }
+    }
+
+    /// After the thread's own report: a kernel decides at once, an enforcer when its timer says so.
+    fn consider(&mut self, id: usize) {
+        let by_timer = self.by_timer();
+        let now = self.now;
+        let state = &mut self.states[id];
+        if let Some(budget) = &mut state.budget
+            && !by_timer
+        {
+            let verdict = budget.judge(now, state.cpu_clock, &[]);
             self.obey(id, verdict);
         }
+        self.set_check(id);
     }
 
     /// The thread blocks inside a job.
@@ -50,8 +64,8 @@ impl Sim<'_> {
         let Some(budget) = &mut state.budget else {
             return;
         };
-        let verdict = budget.block(now, state.cpu_clock, &[]);
-        self.obey(id, verdict);
+        budget.block(now, state.cpu_clock, &[]);
+        self.consider(id);
         if self.by_timer() {
             self.pull_in_others(id);
         }
@@ -162,13 +176,9 @@ impl Sim<'_> {
         let Some(budget) = &state.budget else {
             return;
         };
-        let wanted = if by_timer {
-            budget.check_at()
-        } else if budget.level() == Level::Low {
-            budget.server().next_replenishment()
-        } else {
-            None
-        };
+        // A kernel needs no timer to see what the running thread consumes.
+        let needed = by_timer || budget.level() == Level::Low;
+        let wanted = budget.check_at().filter(|_| needed);
         if wanted == state.check_at {
             return;
         }
