@@ -6,25 +6,36 @@
 //!                  ▼                                                             ▼
 //!               inlet (order, fragments) ──► requests: CREATE, READ_DATA, ..    pump ──► datagrams
 //!                                               │ WRITE_DATA                     ▲
-//!                                               ▼                                │ one datagram per
-//!                                    topics ──► queues of readers ──► outlets ───┘ client and turn
+//!                                               ▼                                │ the most urgent
+//!                              route: topics ──► queues of readers ──► outlets ──┘ client, in turns
 //! ```
 //!
 //! Nothing here can fail: what is wrong is dropped, refused or answered with a status, and counted.
 
+mod line;
 mod login;
+mod pressure;
 mod requests;
+mod route;
+mod snapshot;
 
 use crate::clients::Clients;
-use crate::config::{Limits, Nanos};
-use crate::entities::ReaderAddress;
+use crate::config::{AgentConfig, Nanos};
+use crate::entities::Address;
 use crate::inlet::Inlet;
+use crate::limits::Limits;
+use crate::pace::Pace;
+use crate::profiles::Profiles;
 use crate::replies::Replies;
-use crate::sample::Pool;
+use crate::rules::TopicRule;
+use crate::sample::Ledger;
+use crate::snapshot::Refusal;
 use crate::stats::{Counters, Stats};
 use crate::topics::Topics;
+use line::Line;
+use pressure::Pressed;
 use replenish_xrce::wire::{Message, StreamId};
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::hash::Hash;
 use std::sync::Arc;
 
@@ -45,28 +56,69 @@ pub struct Now {
 #[derive(Debug)]
 pub struct AgentCore<P> {
     limits: Limits,
+    rules: Vec<TopicRule>,
+    profiles: Profiles,
+    /// Tells this agent from the one that was here before.
+    instance: u16,
+    /// Requesters there were.
+    requesters: u32,
     clients: Clients<P>,
-    topics: Topics<ReaderAddress>,
-    pool: Pool,
+    topics: Topics<Address>,
+    /// Bytes of all samples.
+    pool: Ledger,
     replies: Replies<P>,
-    /// The clients that may have something to send, each once.
-    line: VecDeque<usize>,
+    /// Datagrams that may come from outside of sessions.
+    strangers: Option<Pace>,
+    /// The clients that may have something to send.
+    line: Line,
+    /// When which client needs attention, at the latest.
+    agenda: BTreeSet<(Nanos, usize)>,
+    pressed: Vec<Pressed>,
+    /// Clients that a sample has just been routed to; kept for its memory.
+    served: Vec<usize>,
+    refusals: VecDeque<Refusal>,
     counters: Arc<Counters>,
 }
 
 impl<P: Copy + Eq + Hash> AgentCore<P> {
-    /// An agent without clients.
+    /// An agent without clients and without rules.
     #[must_use]
     pub fn new(limits: Limits) -> Self {
+        Self::with(&AgentConfig {
+            limits,
+            ..AgentConfig::default()
+        })
+    }
+
+    /// An agent without clients; addresses in `config` do not matter.
+    #[must_use]
+    pub fn with(config: &AgentConfig) -> Self {
+        let limits = config.limits;
         Self {
             limits,
+            rules: config.rules.clone(),
+            profiles: config.profiles.clone(),
+            instance: 0,
+            requesters: 0,
             clients: Clients::new(limits.clients),
             topics: Topics::new(),
-            pool: Pool::new(limits.queued_bytes),
+            pool: Ledger::new(limits.queued_bytes),
             replies: Replies::new(),
-            line: VecDeque::with_capacity(limits.clients),
+            strangers: Pace::new(limits.strangers_per_second),
+            line: Line::default(),
+            agenda: BTreeSet::new(),
+            pressed: Vec::new(),
+            served: Vec::new(),
+            refusals: VecDeque::new(),
             counters: Arc::default(),
         }
+    }
+
+    /// Makes the identities of requests differ from those of agents with another `instance`, so
+    /// that a reply that is late by an agent's life is not taken for another.
+    #[must_use]
+    pub fn instance(self, instance: u16) -> Self {
+        Self { instance, ..self }
     }
 
     /// Takes in a datagram from `peer`.
@@ -77,30 +129,58 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             return;
         };
         let header = message.header;
-        if header.session.is_none() {
-            self.outside(now, peer, &message);
-            return;
-        }
-        let Some(index) = self.clients.by_route(peer, header.session) else {
-            self.counters.no_session.hit();
-            return;
-        };
-        let Some(client) = self.clients.get_mut(index) else {
+        let route = self.clients.by_route(peer, header.session);
+        let client = route.and_then(|index| self.clients.get_mut(index));
+        let (Some(index), Some(client)) = (route, client) else {
+            if self.admit_stranger(now.monotonic) {
+                self.stranger(now, peer, &message);
+            }
             return;
         };
         if header.key.is_some_and(|key| key != client.key) {
             self.counters.no_session.hit();
             return;
         }
+        client.counts.datagrams_in += 1;
+        client.counts.bytes_in += datagram.len() as u64;
+        if let Some(pace) = &mut client.pace
+            && !pace.admit(now.monotonic, 1)
+        {
+            client.counts.rate_limited += 1;
+            self.counters.rate_limited.hit();
+            return;
+        }
         client.heard(now.monotonic, &self.limits);
         if header.stream == StreamId::NONE {
             self.requests(now, index, StreamId::NONE, message.submessages());
-        } else if let Some(inlet) = client.take_inlet(header.stream, &self.limits) {
+        } else if self.is_held_up(now.monotonic, index, header.stream, header.seq) {
+            self.counters.held_back.hit();
+        } else if let Some(inlet) = self
+            .clients
+            .get_mut(index)
+            .and_then(|client| client.take_inlet(header.stream, &self.limits))
+        {
             self.receive_on(now, index, inlet, &message);
         } else {
             self.counters.unsupported.hit();
         }
-        self.stand_in_line(index);
+        self.serve(now.monotonic, index);
+    }
+
+    fn admit_stranger(&mut self, now: Nanos) -> bool {
+        let admitted = self.strangers.as_mut().is_none_or(|p| p.admit(now, 1));
+        if !admitted {
+            self.counters.rate_limited.hit();
+        }
+        admitted
+    }
+
+    fn stranger(&mut self, now: Now, peer: P, message: &Message<'_>) {
+        if message.header.session.is_none() {
+            self.outside(now, peer, message);
+        } else {
+            self.counters.no_session.hit();
+        }
     }
 
     fn receive_on(&mut self, now: Now, index: usize, mut inlet: Inlet, message: &Message<'_>) {
@@ -116,8 +196,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// Does what is due at `now` and hands up to `max` datagrams to `send`, to each client in
-    /// turn. Returns whether there may be more to send.
+    /// Does what is due at `now` and hands up to `max` datagrams to `send`, the most urgent first
+    /// and to equals in turn. Returns whether there may be more to send.
     pub fn pump(&mut self, now: Now, max: usize, send: &mut dyn FnMut(&P, &[u8])) -> bool {
         self.attend(now.monotonic);
         for _ in 0..max {
@@ -125,28 +205,50 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
                 self.counters.datagrams_out.hit();
                 continue;
             }
-            let Some(index) = self.line.pop_front() else {
+            let Some(index) = self.next_in_line() else {
                 return false;
             };
             let Some(client) = self.clients.get_mut(index) else {
                 continue;
             };
-            client.queued = false;
             if client.send_one(now.monotonic, &self.limits, &self.counters, send) {
                 self.counters.datagrams_out.hit();
-                self.stand_in_line(index);
+                self.serve(now.monotonic, index);
+            } else {
+                self.make_appointment(now.monotonic, index);
             }
+            self.relieve(now.monotonic);
         }
         !(self.replies.is_empty() && self.line.is_empty())
     }
 
-    /// When [`pump`](Self::pump) must be called at the latest although nothing was received.
-    #[must_use]
-    pub fn next_deadline(&self) -> Option<Nanos> {
-        self.clients
-            .iter()
-            .map(|client| client.deadline(&self.limits))
-            .min()
+    /// `peer` takes nothing until it is [released](Self::release): what is for it waits where its
+    /// order can still change.
+    pub fn hold(&mut self, peer: P) {
+        for index in self.clients.at(peer) {
+            if let Some(client) = self.clients.get_mut(index) {
+                client.held = true;
+            }
+        }
+    }
+
+    /// `peer` takes datagrams again.
+    pub fn release(&mut self, now: Now, peer: P) {
+        for index in self.clients.at(peer) {
+            if let Some(client) = self.clients.get_mut(index) {
+                client.held = false;
+            }
+            self.serve(now.monotonic, index);
+        }
+    }
+
+    /// `peer` is gone for good: its sessions end.
+    pub fn gone(&mut self, peer: P) {
+        for index in self.clients.at(peer) {
+            self.counters.clients_lost.hit();
+            self.remove(index);
+        }
+        self.replies.forget(&peer);
     }
 
     /// What was counted so far.
@@ -159,43 +261,19 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         &self.counters
     }
 
-    /// Forgets clients that were silent for too long; lets those whose time has come stand in line.
-    fn attend(&mut self, now: Nanos) {
-        let limits = self.limits;
-        let due = |client: &crate::client::Client<P>| client.deadline(&limits) <= now;
-        let due: Vec<usize> = self
-            .clients
-            .iter_mut()
-            .filter(|(_, c)| due(c))
-            .map(|(index, _)| index)
-            .collect();
-        for index in due {
-            let dead = self
-                .clients
-                .get_mut(index)
-                .is_some_and(|c| c.dies_at(&limits) <= now);
-            if dead {
-                self.counters.clients_reaped.hit();
-                self.remove(index);
-            } else {
-                self.stand_in_line(index);
-            }
-        }
-    }
-
-    fn stand_in_line(&mut self, index: usize) {
-        if let Some(client) = self.clients.get_mut(index).filter(|client| !client.queued) {
-            client.queued = true;
-            self.line.push_back(index);
-        }
-    }
-
     /// Ends a session.
     fn remove(&mut self, index: usize) {
-        if let Some(mut client) = self.clients.remove(index) {
-            client.close(&mut self.topics);
-            self.line.retain(|waiting| *waiting != index);
-            self.counters.clients.set(self.clients.len());
+        let Some(mut client) = self.clients.remove(index) else {
+            return;
+        };
+        client.entities.clear(&mut self.topics);
+        if let Some(level) = client.queued {
+            self.line.leave(level, index);
         }
+        if let Some(at) = client.appointment {
+            self.agenda.remove(&(at, index));
+        }
+        self.pressed.retain(|pressed| pressed.client != index);
+        self.counters.clients.set(self.clients.len());
     }
 }

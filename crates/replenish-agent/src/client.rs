@@ -1,11 +1,12 @@
 //! One client: its session, its entities, its streams.
 
-use crate::config::Limits;
-use crate::entities::Entities;
+use crate::entities::{Entities, Readiness};
 use crate::inlet::Inlet;
-use crate::outlet::Outlet;
+use crate::limits::Limits;
+use crate::outlet::{Outlet, TOP, Throttled};
+use crate::pace::Pace;
+use crate::sample::Ledger;
 use crate::stats::Counters;
-use crate::topics::Topics;
 use replenish_xrce::stream::StreamHeader;
 use replenish_xrce::wire::{
     AckNack, ClientKey, Encode, Header, Heartbeat, MessageWriter, ObjectId, SessionId, StatusReply,
@@ -28,14 +29,34 @@ pub(crate) struct Client<P> {
     /// The session of this client that this one replaced.
     pub(crate) before: Option<SessionId>,
     pub(crate) entities: Entities,
-    /// It stands in the agent's line of clients to be served.
-    pub(crate) queued: bool,
-    heard: Nanos,
+    /// What it makes the agent keep.
+    pub(crate) ledger: Ledger,
+    /// Datagrams it may send.
+    pub(crate) pace: Option<Pace>,
+    /// It stands in the agent's line of clients to be served, at this level.
+    pub(crate) queued: Option<u8>,
+    /// It is in the agent's agenda for this time.
+    pub(crate) appointment: Option<Nanos>,
+    /// Its transport takes nothing now.
+    pub(crate) held: bool,
+    pub(crate) counts: ClientCounts,
+    pub(crate) heard: Nanos,
     probe_at: Nanos,
     inlets: Vec<Inlet>,
     outlets: Vec<Outlet>,
-    /// The outlet whose turn it is.
+    throttled: Throttled,
+    /// The outlet whose turn it is among equals.
     turn: usize,
+}
+
+/// What is counted for each client.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct ClientCounts {
+    pub(crate) datagrams_in: u64,
+    pub(crate) datagrams_out: u64,
+    pub(crate) bytes_in: u64,
+    pub(crate) bytes_out: u64,
+    pub(crate) rate_limited: u64,
 }
 
 impl<P> Client<P> {
@@ -56,11 +77,17 @@ impl<P> Client<P> {
             created: now,
             before: None,
             entities: Entities::new(index),
-            queued: false,
+            ledger: Ledger::new(limits.client_bytes),
+            pace: Pace::new(limits.datagrams_per_second),
+            queued: None,
+            appointment: None,
+            held: false,
+            counts: ClientCounts::default(),
             heard: now,
             probe_at: now.saturating_add(limits.silence / 3),
             inlets: Vec::new(),
             outlets: Vec::new(),
+            throttled: Vec::new(),
             turn: 0,
         }
     }
@@ -76,17 +103,18 @@ impl<P> Client<P> {
         self.heard.saturating_add(limits.silence)
     }
 
+    /// A stream from the client.
+    pub(crate) fn inlet(&mut self, stream: StreamId) -> Option<&mut Inlet> {
+        self.inlets.iter_mut().find(|i| i.stream() == stream)
+    }
+
     /// Takes a stream out to work with it, new if need be; `None` above the limit.
     /// [`put_back`](Self::put_back) it.
     pub(crate) fn take_inlet(&mut self, stream: StreamId, limits: &Limits) -> Option<Inlet> {
-        match self
-            .inlets
-            .iter()
-            .position(|inlet| inlet.stream() == stream)
-        {
+        match self.inlets.iter().position(|i| i.stream() == stream) {
             Some(at) => Some(self.inlets.swap_remove(at)),
             None if self.inlets.len() < limits.streams => {
-                Some(Inlet::new(stream, self.mtu, limits))
+                Inlet::new(stream, self.mtu, limits, &self.ledger)
             }
             None => None,
         }
@@ -99,11 +127,7 @@ impl<P> Client<P> {
 
     /// A stream to the client, new if need be; `None` above the limit or for "no stream".
     pub(crate) fn outlet(&mut self, stream: StreamId, limits: &Limits) -> Option<&mut Outlet> {
-        let at = match self
-            .outlets
-            .iter()
-            .position(|outlet| outlet.stream() == stream)
-        {
+        let at = match self.outlets.iter().position(|o| o.stream() == stream) {
             Some(at) => at,
             None if stream == StreamId::NONE || self.outlets.len() >= limits.streams => {
                 return None;
@@ -114,11 +138,17 @@ impl<P> Client<P> {
                     stream,
                     key: self.key,
                 };
-                self.outlets.push(Outlet::new(header, self.mtu, limits));
+                let outlet = Outlet::new(header, self.mtu, limits, &self.ledger)?;
+                self.outlets.push(outlet);
                 self.outlets.len() - 1
             }
         };
         self.outlets.get_mut(at)
+    }
+
+    /// The streams to the client.
+    pub(crate) fn outlets(&self) -> &[Outlet] {
+        &self.outlets
     }
 
     /// Queues the answer to a request that came on `stream`; returns whether there was room.
@@ -132,48 +162,76 @@ impl<P> Client<P> {
             .is_some_and(|outlet| outlet.status(status))
     }
 
-    /// Gives `reader` its turn on the stream it has something to say on.
-    pub(crate) fn queue(&mut self, reader: ObjectId) {
-        let Some(stream) = self
-            .entities
-            .reader(reader)
-            .and_then(|reader| reader.ready())
-        else {
+    /// Gives `reader` its turn on the stream it has something to say on, now or later.
+    pub(crate) fn queue(&mut self, reader: ObjectId, now: Nanos, counters: &Counters) {
+        let Some(endpoint) = self.entities.reader(reader) else {
             return;
         };
-        if let Some(outlet) = self
-            .outlets
-            .iter_mut()
-            .find(|outlet| outlet.stream() == stream)
-        {
-            outlet.queue(reader);
+        match endpoint.readiness(now, counters) {
+            Readiness::Idle => {}
+            Readiness::Now(stream) => {
+                let service = endpoint.service;
+                let outlet = self.outlets.iter_mut().find(|o| o.stream() == stream);
+                if let Some(outlet) = outlet {
+                    outlet.queue(reader, service);
+                }
+            }
+            Readiness::At(at) => {
+                self.throttled.retain(|(_, id)| *id != reader);
+                self.throttled.push((at, reader));
+            }
         }
     }
 
-    /// Takes the turns of deleted entities away.
-    pub(crate) fn forget(&mut self, deleted: &[ObjectId]) {
+    /// Gives those their turns whose waiting time is over.
+    pub(crate) fn wake(&mut self, now: Nanos, counters: &Counters) {
+        while let Some(due) = self.throttled.iter().position(|(at, _)| *at <= now) {
+            let (_, reader) = self.throttled.swap_remove(due);
+            self.queue(reader, now, counters);
+        }
+    }
+
+    /// Takes the turns of a deleted entity away.
+    pub(crate) fn forget(&mut self, deleted: ObjectId) {
+        self.throttled.retain(|(_, id)| *id != deleted);
         for outlet in &mut self.outlets {
-            deleted.iter().for_each(|id| outlet.forget(*id));
+            outlet.forget(deleted);
         }
     }
 
     /// An ACKNACK.
     pub(crate) fn acknowledge(&mut self, now: Nanos, acknack: &AckNack) {
         let stream = acknack.stream;
-        if let Some(outlet) = self
-            .outlets
-            .iter_mut()
-            .find(|outlet| outlet.stream() == stream)
-        {
+        if let Some(outlet) = self.outlets.iter_mut().find(|o| o.stream() == stream) {
             outlet.acknowledge(now, acknack);
         }
     }
 
     /// When it next needs attention without having sent anything.
     pub(crate) fn deadline(&self, limits: &Limits) -> Nanos {
-        let heartbeat = self.outlets.iter().filter_map(Outlet::deadline).min();
-        let alive = self.dies_at(limits).min(self.probe_at);
-        heartbeat.map_or(alive, |heartbeat| heartbeat.min(alive))
+        let dies = self.dies_at(limits);
+        if self.held {
+            return dies;
+        }
+        let heartbeats = self.outlets.iter().filter_map(Outlet::deadline);
+        let throttled = self.throttled.iter().map(|(at, _)| *at);
+        let first = heartbeats.chain(throttled).chain([self.probe_at]).min();
+        first.map_or(dies, |first| first.min(dies))
+    }
+
+    /// How urgent what it can be sent now is; `None` if there is nothing.
+    pub(crate) fn urgency(&self, now: Nanos) -> Option<u8> {
+        if self.held {
+            return None;
+        }
+        let heartbeat = |outlet: &Outlet| outlet.deadline().is_some_and(|at| at <= now);
+        let control = self.inlets.iter().any(Inlet::ack_due)
+            || self.outlets.iter().any(heartbeat)
+            || self.probe_at <= now;
+        if control {
+            return Some(TOP);
+        }
+        self.outlets.iter().filter_map(|o| o.urgency(now)).max()
     }
 
     /// Hands the next datagram for this client to `send`; returns whether there was one.
@@ -189,52 +247,59 @@ impl<P> Client<P> {
             inlets,
             outlets,
             entities,
+            throttled,
+            counts,
             ..
         } = self;
+        let mut send = |bytes: &[u8]| {
+            counts.datagrams_out += 1;
+            counts.bytes_out += bytes.len() as u64;
+            send(peer, bytes);
+        };
+        let header = Header::new(self.session, StreamId::NONE, SeqNum(0), self.key);
         if let Some(ack) = inlets.iter_mut().find_map(Inlet::take_ack) {
-            return self.control(&ack, send);
+            return control(&header, &ack, &mut send);
         }
         if let Some(heartbeat) = outlets.iter_mut().find_map(|o| o.take_heartbeat(now)) {
-            return self.control(&heartbeat, send);
+            return control(&header, &heartbeat, &mut send);
         }
-        for _ in 0..outlets.len() {
-            let turn = self.turn % outlets.len();
-            self.turn = turn + 1;
-            if let Some(outlet) = outlets.get_mut(turn)
-                && outlet.send_one(now, entities, counters, &mut |bytes| send(peer, bytes))
+        // The most urgent outlet; among equals the one after the last that had its turn.
+        let count = outlets.len();
+        let mut tried = 0_u32;
+        for _ in 0..count {
+            let order = (0..count).map(|i| (self.turn + i) % count);
+            let untried = order.filter(|at| tried & (1 << at) == 0);
+            let level = |at: usize| outlets.get(at).and_then(|o| o.urgency(now));
+            let Some((at, _)) = untried
+                .filter_map(|at| Some((at, level(at)?)))
+                .reduce(|best, next| if next.1 > best.1 { next } else { best })
+            else {
+                break;
+            };
+            tried |= 1 << at;
+            if let Some(outlet) = outlets.get_mut(at)
+                && outlet.send_one(now, entities, throttled, counters, &mut send)
             {
+                self.turn = at + 1;
                 return true;
             }
         }
-        match self.probe(now, limits) {
-            Some(probe) => self.control(&probe, send),
-            None => false,
-        }
-    }
-
-    /// Asks a client that has long been silent for a sign of life: every receiver answers a
-    /// HEARTBEAT, also one about nothing.
-    fn probe(&mut self, now: Nanos, limits: &Limits) -> Option<Heartbeat> {
         if now < self.probe_at {
-            return None;
+            return false;
         }
+        // Asks for a sign of life: every receiver answers a HEARTBEAT, also one about nothing.
         self.probe_at = now.saturating_add(limits.silence / 3);
-        self.outlets.iter().find_map(Outlet::probe)
+        let probe: Option<Heartbeat> = outlets.iter().find_map(Outlet::probe);
+        probe.is_some_and(|probe| control(&header, &probe, &mut send))
     }
+}
 
-    /// Sends a message outside of streams.
-    fn control(&self, body: &impl Encode, send: &mut dyn FnMut(&P, &[u8])) -> bool {
-        let header = Header::new(self.session, StreamId::NONE, SeqNum(0), self.key);
-        let mut buf = [0; LONGEST_CONTROL];
-        let message = MessageWriter::new(&mut buf, &header).and_then(|mut message| {
-            message.push(body)?;
-            Ok(message.finish())
-        });
-        message.map(|bytes| send(&self.peer, bytes)).is_ok()
-    }
-
-    /// Detaches all entities from their topics, at the end of the session.
-    pub(crate) fn close(&mut self, topics: &mut Topics<crate::entities::ReaderAddress>) {
-        self.entities.clear(topics);
-    }
+/// Sends a message outside of streams.
+fn control(header: &Header, body: &impl Encode, send: &mut dyn FnMut(&[u8])) -> bool {
+    let mut buf = [0; LONGEST_CONTROL];
+    let message = MessageWriter::new(&mut buf, header).and_then(|mut message| {
+        message.push(body)?;
+        Ok(message.finish())
+    });
+    message.map(send).is_ok()
 }

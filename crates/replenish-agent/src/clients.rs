@@ -49,17 +49,21 @@ impl<P: Copy + Eq + Hash> Clients<P> {
         self.routes.get(&(peer, session)).copied()
     }
 
+    /// The clients at `peer`.
+    pub(crate) fn at(&self, peer: P) -> Vec<usize> {
+        let slots = self.slots.iter().enumerate();
+        slots
+            .filter(|(_, slot)| slot.as_ref().is_some_and(|client| client.peer == peer))
+            .map(|(index, _)| index)
+            .collect()
+    }
+
     pub(crate) fn by_key(&self, key: ClientKey) -> Option<usize> {
         self.keys.get(&key).copied()
     }
 
     pub(crate) fn get_mut(&mut self, index: usize) -> Option<&mut Client<P>> {
         self.slots.get_mut(index)?.as_mut()
-    }
-
-    pub(crate) fn iter_mut(&mut self) -> impl Iterator<Item = (usize, &mut Client<P>)> {
-        let slots = self.slots.iter_mut().enumerate();
-        slots.filter_map(|(index, slot)| Some((index, slot.as_mut()?)))
     }
 
     pub(crate) fn iter(&self) -> impl Iterator<Item = &Client<P>> {

@@ -2,32 +2,67 @@
 //!
 //! ```text
 //!   participant (domain) ◄── topic (name, type)
-//!        ▲                      ▲ copied when the endpoint is created
-//!        ├── publisher  ◄── data writer
-//!        └── subscriber ◄── data reader (queue, read request)
+//!        ▲                      ▲
+//!        ├── publisher  ◄── data writer ── writer ─┐
+//!        ├── subscriber ◄── data reader ── reader ─┤
+//!        ├── requester ── writer and reader ───────┼── topics of the agent
+//!        └── replier ──── reader and writer ───────┘
 //! ```
 //!
-//! Arrows are owners; deleting an owner deletes what it owns.
+//! Arrows are looked up when an entity is created, and what it needs is copied: as with eProsima's
+//! agents, each entity is deleted by itself, and what was created with its help stays.
 
+mod calls;
+mod delivery;
 mod describe;
-mod endpoint;
+mod qos;
+mod reader;
+mod writer;
 
-pub(crate) use endpoint::{Reader, Request, Writer};
+pub(crate) use delivery::Delivery;
+pub(crate) use describe::Plan;
+pub(crate) use qos::Qos;
+pub(crate) use reader::{Reader, Readiness, Role};
+pub(crate) use writer::Writer;
 
-use crate::config::Limits;
-use crate::topics::{TopicKey, Topics};
-use replenish_xrce::wire::{Create, CreationMode, ObjectId, ObjectKind, Status};
+use crate::identity::{Guid, Identity};
+use crate::limits::Limits;
+use crate::profiles::Profiles;
+use crate::rules::{TopicRule, service};
+use crate::topics::{Attached, End, TopicKey, Topics};
+use calls::Calls;
+use replenish_xrce::wire::{Create, CreationMode, ObjectId, ObjectKind, RequestId, Status};
 use std::collections::HashMap;
 
-/// The address of a reader: its client's slot in the agent and its id.
+/// The address of an endpoint: its client's slot in the agent and its id.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct ReaderAddress {
+pub(crate) struct Address {
     pub(crate) client: usize,
-    pub(crate) reader: ObjectId,
+    pub(crate) object: ObjectId,
 }
 
-/// The longest description that is kept, in bytes; far above what names and QoS need.
+/// The longest description that is taken, in bytes; far above what names and QoS need.
 const MAX_DEFINITION: usize = 2048;
+
+/// What the creation of entities depends on besides the client.
+pub(crate) struct Surroundings<'a> {
+    pub(crate) limits: &'a Limits,
+    pub(crate) profiles: &'a Profiles,
+    pub(crate) rules: &'a [TopicRule],
+    pub(crate) topics: &'a mut Topics<Address>,
+    /// For a requester.
+    pub(crate) guid: Guid,
+}
+
+/// What a CREATE did.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Created {
+    pub(crate) status: Status,
+    /// An entity with the same id was deleted before.
+    pub(crate) deleted: bool,
+    /// Writers or readers of the same topics that have another QoS.
+    pub(crate) mismatches: usize,
+}
 
 /// All entities of the client in slot `client`.
 #[derive(Debug)]
@@ -37,29 +72,10 @@ pub(crate) struct Entities {
 }
 
 #[derive(Debug)]
-struct Record {
-    owner: ObjectId,
-    /// The bytes that described it, to tell whether a second CREATE means the same.
-    definition: Box<[u8]>,
-    object: Object,
-}
-
-#[derive(Debug)]
-enum Object {
-    Participant { domain: i16 },
-    Topic { name: Box<str>, type_name: Box<str> },
-    Group,
-    Writer(Writer),
-    Reader(Box<Reader>),
-}
-
-/// What a CREATE asks for, as far as it does not depend on other entities being kept.
-enum Plan {
-    Participant { domain: i16 },
-    Topic { name: Box<str>, type_name: Box<str> },
-    Group,
-    Writer { key: TopicKey },
-    Reader { key: TopicKey, depth: usize },
+pub(crate) struct Record {
+    pub(crate) plan: Plan,
+    pub(crate) writer: Option<Box<Writer>>,
+    pub(crate) reader: Option<Box<Reader>>,
 }
 
 impl Entities {
@@ -70,152 +86,176 @@ impl Entities {
         }
     }
 
-    /// Carries out a CREATE. `definition` is the encoded description, owner included.
-    /// Returns the status to answer with, and the entities that were deleted for it.
+    /// Carries out a CREATE of `size` bytes.
     pub(crate) fn create(
         &mut self,
         create: &Create<'_>,
-        definition: &[u8],
-        topics: &mut Topics<ReaderAddress>,
-        limits: &Limits,
-    ) -> (Status, Vec<ObjectId>) {
-        match self.try_create(create, definition, topics, limits) {
-            Ok(done) => done,
-            Err(status) => (status, Vec::new()),
-        }
+        size: usize,
+        around: &mut Surroundings<'_>,
+    ) -> Created {
+        let done = self.try_create(create, size, around);
+        done.unwrap_or_else(|status| Created {
+            status,
+            deleted: false,
+            mismatches: 0,
+        })
     }
 
+    /// The answers for an entity that exists are those of DDS-XRCE 1.0, table 7.
     fn try_create(
         &mut self,
         create: &Create<'_>,
-        definition: &[u8],
-        topics: &mut Topics<ReaderAddress>,
-        limits: &Limits,
-    ) -> Result<(Status, Vec<ObjectId>), Status> {
+        size: usize,
+        around: &mut Surroundings<'_>,
+    ) -> Result<Created, Status> {
         let id = create.base.object;
         if id.kind() != Ok(create.entity.kind()) {
             return Err(Status::INVALID_DATA);
         }
-        if definition.len() > MAX_DEFINITION {
-            return Err(Status::RESOURCES);
-        }
         let existing = self.records.get(&id);
-        if let Some(record) = existing {
-            match create.mode {
-                CreationMode { reuse: true, .. } if *record.definition == *definition => {
-                    return Ok((Status::OK_MATCHED, Vec::new()));
-                }
-                CreationMode { replace: true, .. } => {}
-                CreationMode { reuse: true, .. } => return Err(Status::MISMATCH),
-                CreationMode { .. } => return Err(Status::ALREADY_EXISTS),
-            }
-        } else if self.records.len() >= limits.entities {
+        let CreationMode { reuse, replace } = create.mode;
+        if existing.is_some() && !reuse && !replace {
+            return Err(Status::ALREADY_EXISTS);
+        }
+        if size > MAX_DEFINITION {
             return Err(Status::RESOURCES);
         }
-        let (owner, plan) = self.plan(&create.entity, limits)?;
-        let deleted = self.delete(id, topics);
-        let object = self.realize(id, plan, topics);
-        let definition = definition.into();
+        let plan = self.plan(&create.entity, around.profiles, around.limits);
+        if let Some(record) = existing.filter(|_| reuse) {
+            if plan.as_ref() == Ok(&record.plan) {
+                return Ok(Created {
+                    status: Status::OK_MATCHED,
+                    deleted: false,
+                    mismatches: 0,
+                });
+            }
+            if !replace {
+                return Err(Status::MISMATCH);
+            }
+        } else if existing.is_none() && self.records.len() >= around.limits.entities {
+            return Err(Status::RESOURCES);
+        }
+        let plan = plan?;
+        let deleted = self.delete(id, around.topics);
+        let mismatches = self.realize(id, plan, around);
+        Ok(Created {
+            status: Status::OK,
+            deleted,
+            mismatches,
+        })
+    }
+
+    fn realize(&mut self, id: ObjectId, plan: Plan, around: &mut Surroundings<'_>) -> usize {
+        let limits = around.limits;
+        let for_services = Qos::service(limits);
+        let (writes, reads) = match &plan {
+            Plan::Participant { .. } | Plan::Topic { .. } | Plan::Group { .. } => (None, None),
+            Plan::Writer { key, qos } => (Some((key, *qos)), None),
+            Plan::Reader { key, qos } => (None, Some((key, *qos, Role::Data))),
+            Plan::Requester { request, reply } => {
+                let role = Role::Requester(Calls::new(around.guid, id, limits.calls));
+                (
+                    Some((request, for_services)),
+                    Some((reply, for_services, role)),
+                )
+            }
+            Plan::Replier { request, reply } => (
+                Some((reply, for_services)),
+                Some((request, for_services, Role::Replier)),
+            ),
+        };
+        let client = self.client;
+        let mut mismatches = 0;
+        let mut attach = |key: &TopicKey, end, qos| {
+            let object = id;
+            let address = Address { client, object };
+            let (topic, n) = around.topics.attach(key, end, Attached { address, qos });
+            mismatches += n;
+            topic
+        };
+        let writer = writes.map(|(key, qos)| {
+            let topic = attach(key, End::Writer, qos);
+            Box::new(Writer::new(topic, qos))
+        });
+        let reader = reads.map(|(key, qos, role)| {
+            let topic = attach(key, End::Reader, qos);
+            let service = service(around.rules, &key.name);
+            Box::new(Reader::new(topic, qos, service, role))
+        });
         self.records.insert(
             id,
             Record {
-                owner,
-                definition,
-                object,
+                plan,
+                writer,
+                reader,
             },
         );
-        Ok((Status::OK, deleted))
+        mismatches
     }
 
-    fn realize(&self, id: ObjectId, plan: Plan, topics: &mut Topics<ReaderAddress>) -> Object {
-        match plan {
-            Plan::Participant { domain } => Object::Participant { domain },
-            Plan::Topic { name, type_name } => Object::Topic { name, type_name },
-            Plan::Group => Object::Group,
-            Plan::Writer { key } => Object::Writer(Writer {
-                topic: topics.attach(key, None),
-            }),
-            Plan::Reader { key, depth } => {
-                let topic = topics.attach(key, Some(self.address(id)));
-                Object::Reader(Box::new(Reader::new(topic, depth)))
-            }
+    /// Deletes an entity; returns whether it existed.
+    pub(crate) fn delete(&mut self, id: ObjectId, topics: &mut Topics<Address>) -> bool {
+        let Some(record) = self.records.remove(&id) else {
+            return false;
+        };
+        let address = Address {
+            client: self.client,
+            object: id,
+        };
+        if let Some(writer) = record.writer {
+            topics.detach(writer.topic, End::Writer, address);
         }
-    }
-
-    /// Deletes an entity and what it owns; returns their ids, none if it does not exist.
-    pub(crate) fn delete(
-        &mut self,
-        id: ObjectId,
-        topics: &mut Topics<ReaderAddress>,
-    ) -> Vec<ObjectId> {
-        let mut deleted = Vec::new();
-        let mut doomed = vec![id];
-        while let Some(id) = doomed.pop() {
-            let Some(record) = self.records.remove(&id) else {
-                continue;
-            };
-            match record.object {
-                Object::Writer(writer) => topics.detach(writer.topic, None),
-                Object::Reader(reader) => topics.detach(reader.topic, Some(self.address(id))),
-                _ => {}
-            }
-            deleted.push(id);
-            let owned = self.records.iter().filter(|(_, record)| record.owner == id);
-            doomed.extend(owned.map(|(id, _)| *id));
+        if let Some(reader) = record.reader {
+            topics.detach(reader.topic, End::Reader, address);
         }
-        deleted
+        true
     }
 
     /// Deletes everything.
-    pub(crate) fn clear(&mut self, topics: &mut Topics<ReaderAddress>) {
+    pub(crate) fn clear(&mut self, topics: &mut Topics<Address>) {
         let ids: Vec<ObjectId> = self.records.keys().copied().collect();
         for id in ids {
             self.delete(id, topics);
         }
     }
 
-    pub(crate) fn writer(&self, id: ObjectId) -> Option<&Writer> {
-        match &self.records.get(&id)?.object {
-            Object::Writer(writer) => Some(writer),
-            _ => None,
-        }
+    /// The sending half of an entity, if it has one.
+    pub(crate) fn writer(&mut self, id: ObjectId) -> Option<&mut Writer> {
+        self.records.get_mut(&id)?.writer.as_deref_mut()
     }
 
+    /// The receiving half of an entity, if it has one.
     pub(crate) fn reader(&mut self, id: ObjectId) -> Option<&mut Reader> {
-        match &mut self.records.get_mut(&id)?.object {
-            Object::Reader(reader) => Some(reader),
-            _ => None,
+        self.records.get_mut(&id)?.reader.as_deref_mut()
+    }
+
+    /// Numbers a request of a requester; also tells whether an older one was forgotten for it.
+    /// `None` for other entities.
+    pub(crate) fn call(&mut self, id: ObjectId, request: RequestId) -> Option<(Identity, bool)> {
+        match &mut self.reader(id)?.role {
+            Role::Requester(calls) => Some(calls.call(request)),
+            Role::Data | Role::Replier => None,
         }
     }
 
-    /// The domain of a participant.
-    fn domain(&self, participant: ObjectId) -> Option<i16> {
-        match self.records.get(&participant)?.object {
-            Object::Participant { domain } => Some(domain),
-            _ => None,
+    /// All entities.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (ObjectId, &Record)> {
+        self.records.iter().map(|(id, record)| (*id, record))
+    }
+
+    /// The domain of a participant, publisher or subscriber.
+    fn domain(&self, id: ObjectId, kind: ObjectKind) -> Result<i16, Status> {
+        let record = self.records.get(&id).filter(|_| id.kind() == Ok(kind));
+        match record.map(|record| &record.plan) {
+            Some(Plan::Participant { domain, .. } | Plan::Group { domain }) => Ok(*domain),
+            _ => Err(Status::UNKNOWN_REFERENCE),
         }
     }
 
-    /// The domain of what belongs to a publisher or subscriber.
-    fn domain_of_group(&self, group: ObjectId, kind: ObjectKind) -> Option<i16> {
-        let record = self.records.get(&group)?;
-        match record.object {
-            Object::Group if group.kind() == Ok(kind) => self.domain(record.owner),
+    fn topic(&self, id: ObjectId) -> Option<&TopicKey> {
+        match &self.records.get(&id)?.plan {
+            Plan::Topic { key } => Some(key),
             _ => None,
-        }
-    }
-
-    fn topic(&self, id: ObjectId) -> Option<(&str, &str)> {
-        match &self.records.get(&id)?.object {
-            Object::Topic { name, type_name } => Some((name, type_name)),
-            _ => None,
-        }
-    }
-
-    fn address(&self, reader: ObjectId) -> ReaderAddress {
-        ReaderAddress {
-            client: self.client,
-            reader,
         }
     }
 }

@@ -4,10 +4,36 @@ use std::fmt;
 use std::io;
 use std::net::SocketAddr;
 
+/// A setting is out of its range.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ConfigError {
+    /// The setting, as in the code: `limits.clients`.
+    pub field: &'static str,
+    /// What it was set to.
+    pub value: String,
+    /// What it can be set to.
+    pub allowed: String,
+}
+
+impl fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            field,
+            value,
+            allowed,
+        } = self;
+        write!(f, "{field} is {value}, allowed is {allowed}")
+    }
+}
+
+impl std::error::Error for ConfigError {}
+
 /// An agent could not be started, or its socket failed.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum AgentError {
+    /// A setting is out of its range.
+    Config(ConfigError),
     /// Something else listens there.
     AddressInUse(SocketAddr),
     /// The operating system refused.
@@ -33,6 +59,7 @@ impl AgentError {
 impl fmt::Display for AgentError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Config(error) => error.fmt(f),
             Self::AddressInUse(addr) => {
                 write!(
                     f,
@@ -47,8 +74,15 @@ impl fmt::Display for AgentError {
 impl std::error::Error for AgentError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
+            Self::Config(error) => Some(error),
             Self::AddressInUse(_) => None,
             Self::Io { source, .. } => Some(source),
         }
+    }
+}
+
+impl From<ConfigError> for AgentError {
+    fn from(error: ConfigError) -> Self {
+        Self::Config(error)
     }
 }

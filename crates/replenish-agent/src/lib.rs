@@ -13,21 +13,22 @@
 //! # What it does
 //! - Sessions of many clients over UDP, each with its own entities and streams; several sessions
 //!   may share an address.
-//! - Participants, topics, publishers, subscribers, data writers and data readers, described in
-//!   binary form or by the XML that stock clients build.
-//! - Every written sample goes to all readers with the same domain, topic and type, of any client,
-//!   the writer's own included.
+//! - Every kind of entity, described in binary form, by the XML that stock clients build, or by a
+//!   name for which there is a profile ([`Profiles`]) or not.
+//! - Every written sample goes to all readers with the same domain, topic and type whose QoS its
+//!   writer serves, of any client, the writer's own included; requests go to all repliers of the
+//!   service, and replies to the one request they answer.
+//! - Reliability, durability (history of living writers), keep-last, keep-all with back-pressure,
+//!   lifespan, deadline (missed ones are counted), time filter.
+//! - Delivery control: number of samples, time, bytes per second, pace.
 //! - Best-effort and reliable streams both ways, fragments on reliable ones; ping; time.
-//! - Readers take turns: a backlog on one topic delays another topic by one sample, not by the
-//!   backlog.
+//! - What is urgent goes first ([`TopicRule`]); among equals readers and clients take turns: a
+//!   backlog on one topic delays another topic by one sample, not by the backlog.
 //! - Everything a client can make it hold is bounded by [`Limits`]; everything it drops is counted
-//!   in [`Stats`]. No bytes end it.
+//!   in [`Stats`]; [`AgentCore::snapshot`] tells who does what. No bytes end it.
 //!
 //! # What it does not do yet
-//! Services (requesters and repliers are refused with `INCOMPATIBLE`), entities by reference to
-//! names in a configuration file, delivery control other than the number of samples, content
-//! filters, transient-local durability, matching of reliability between writer and reader, TCP,
-//! serial lines, DDS.
+//! Content filters (refused with `INCOMPATIBLE`), DDS.
 //!
 //! # Structure
 //! [`AgentCore`] is the whole agent without sockets and clocks. [`Agent`] puts it on a UDP socket.
@@ -40,17 +41,31 @@ mod clients;
 mod config;
 mod entities;
 mod error;
+mod identity;
 mod inlet;
+mod limits;
 mod outlet;
+mod pace;
+mod profiles;
 mod replies;
+mod rules;
 mod sample;
+mod snapshot;
 mod stats;
 mod topics;
+mod turns;
 mod udp;
 mod xml;
 
 pub use agent_core::{AgentCore, Now};
-pub use config::{AgentConfig, Limits, Nanos};
-pub use error::AgentError;
+pub use config::{AgentConfig, Nanos};
+pub use error::{AgentError, ConfigError};
+pub use limits::Limits;
+pub use profiles::Profiles;
+pub use rules::TopicRule;
+pub use snapshot::{
+    ClientSnapshot, EntitySnapshot, ReaderSnapshot, Refusal, Snapshot, StreamSnapshot,
+    WriterSnapshot,
+};
 pub use stats::Stats;
 pub use udp::{Agent, RunningAgent, StopHandle};

@@ -4,7 +4,7 @@
 //!   statuses ──────────────┐ first
 //!   reader ─┐              ▼
 //!   reader ─┼─► turns ──► stream ──► datagrams
-//!   reader ─┘  one sample at a time
+//!   reader ─┘  one sample at a time, the most urgent first
 //! ```
 //!
 //! Samples stay in their readers' queues, where keep-last applies, until the stream can really
@@ -14,18 +14,25 @@
 //! Each datagram carries one submessage, as those of eProsima's agents do: their client skips what
 //! is packed behind a service reply.
 
-use crate::config::Limits;
-use crate::entities::Entities;
+use crate::entities::{Entities, Readiness};
+use crate::limits::Limits;
+use crate::rules::{Service, TopicRule};
+use crate::sample::{Charge, Ledger};
 use crate::stats::Counters;
+use crate::turns::Turns;
 use replenish_xrce::stream::{
     OutputBestEffort, OutputReliable, PushError, Reliability, StreamHeader, Tail,
 };
-use replenish_xrce::wire::{AckNack, Data, Encode, Heartbeat, ObjectId, StatusReply, StreamId};
+use replenish_xrce::wire::{AckNack, Encode, Heartbeat, ObjectId, StatusReply, StreamId};
 use replenish_xrce::{Nanos, SeqNum};
 use std::collections::VecDeque;
 
 /// Unacknowledged messages: what the client's ACKNACK can name.
 const IN_FLIGHT: u16 = 16;
+
+/// So many of them are kept free for what is more urgent than the rest, where there is such a thing:
+/// it need not wait until an acknowledgement makes room.
+const RESERVED: u16 = 4;
 
 /// Messages that a reliable stream can hold: a sample in fragments besides those in flight.
 const SLOTS: usize = 256;
@@ -33,13 +40,23 @@ const SLOTS: usize = 256;
 /// Statuses that may wait.
 const MAX_STATUSES: usize = 64;
 
+/// The most urgent level: answers, acknowledgements.
+pub(crate) const TOP: u8 = 7;
+
+/// Readers that may send again at some time.
+pub(crate) type Throttled = Vec<(Nanos, ObjectId)>;
+
 /// A stream's sending end.
 #[derive(Debug)]
 pub(crate) struct Outlet {
     machine: Machine,
     statuses: VecDeque<StatusReply>,
-    /// Readers with samples for this stream, each once.
-    turns: VecDeque<ObjectId>,
+    turns: Turns,
+    /// How urgent what was handed to the machine last is.
+    level: u8,
+    /// Somebody more urgent than the rest sends on this stream.
+    reserve: bool,
+    _charge: Charge,
 }
 
 #[derive(Debug)]
@@ -53,27 +70,41 @@ enum Machine {
 
 impl Outlet {
     /// A stream at its beginning, for a client that takes messages of up to `mtu` bytes.
-    pub(crate) fn new(header: StreamHeader, mtu: usize, limits: &Limits) -> Self {
+    /// `None` if the client may not have so much memory.
+    pub(crate) fn new(
+        header: StreamHeader,
+        mtu: usize,
+        limits: &Limits,
+        ledger: &Ledger,
+    ) -> Option<Self> {
+        let piece = mtu.saturating_sub(header.len() + 4).max(1);
+        let slots = if header.stream.is_reliable() {
+            limits.longest_submessage().div_ceil(piece) + usize::from(IN_FLIGHT)
+        } else {
+            1
+        };
+        let bytes = slots.min(SLOTS) * mtu;
+        let charge = ledger.charge(bytes)?;
+        let buf = vec![0; bytes].into_boxed_slice();
         let machine = if header.stream.is_reliable() {
             let config = Reliability {
                 in_flight: IN_FLIGHT,
                 ..Reliability::default()
             };
-            let piece = mtu.saturating_sub(header.len() + 4).max(1);
-            let slots = limits.longest_submessage().div_ceil(piece) + usize::from(IN_FLIGHT);
-            let ring = vec![0; slots.min(SLOTS) * mtu].into_boxed_slice();
-            let machine = Box::new(OutputReliable::new(ring, mtu, header, Tail::Exact, config));
+            let machine = Box::new(OutputReliable::new(buf, mtu, header, Tail::Exact, config));
             let capacity = machine.free();
             Machine::Reliable { machine, capacity }
         } else {
-            let buf = vec![0; mtu].into_boxed_slice();
             Machine::BestEffort(OutputBestEffort::new(buf, header, Tail::Exact))
         };
-        Self {
+        Some(Self {
             machine,
             statuses: VecDeque::new(),
-            turns: VecDeque::new(),
-        }
+            turns: Turns::default(),
+            level: TOP,
+            reserve: false,
+            _charge: charge,
+        })
     }
 
     pub(crate) fn stream(&self) -> StreamId {
@@ -93,15 +124,43 @@ impl Outlet {
     }
 
     /// Gives `reader` a turn, because it has a sample for this stream.
-    pub(crate) fn queue(&mut self, reader: ObjectId) {
-        if !self.turns.contains(&reader) {
-            self.turns.push_back(reader);
-        }
+    pub(crate) fn queue(&mut self, reader: ObjectId, service: Service) {
+        self.reserve |= service.priority > TopicRule::DEFAULT_PRIORITY;
+        self.turns.queue(reader, service);
     }
 
     /// Takes the turns of `reader` away.
     pub(crate) fn forget(&mut self, reader: ObjectId) {
-        self.turns.retain(|id| *id != reader);
+        self.turns.forget(reader);
+    }
+
+    /// How urgent what can be sent now is; `None` if there is nothing.
+    pub(crate) fn urgency(&self, now: Nanos) -> Option<u8> {
+        if self.machine.has_message(now) {
+            return Some(self.level);
+        }
+        let level = self.next_level()?;
+        self.has_room(now, level).then_some(level)
+    }
+
+    /// How urgent the next submessage is.
+    fn next_level(&self) -> Option<u8> {
+        if self.statuses.is_empty() {
+            self.turns.top()
+        } else {
+            Some(TOP)
+        }
+    }
+
+    /// Whether a submessage pushed now goes out now.
+    fn has_room(&self, now: Nanos, level: u8) -> bool {
+        let ordinary = level <= TopicRule::DEFAULT_PRIORITY;
+        let reserved = if self.reserve && ordinary {
+            RESERVED
+        } else {
+            0
+        };
+        self.machine.has_room(now, IN_FLIGHT - reserved)
     }
 
     /// An ACKNACK of this stream.
@@ -142,11 +201,28 @@ impl Outlet {
         }
     }
 
+    /// Messages that were sent again.
+    pub(crate) fn resent(&self) -> u64 {
+        match &self.machine {
+            Machine::BestEffort(_) => 0,
+            Machine::Reliable { machine, .. } => machine.stats().resent,
+        }
+    }
+
+    /// Messages that are not acknowledged.
+    pub(crate) fn unacknowledged(&self) -> usize {
+        match &self.machine {
+            Machine::BestEffort(_) => 0,
+            Machine::Reliable { machine, .. } => machine.unacknowledged(),
+        }
+    }
+
     /// Hands one datagram to `send`; returns whether there was one.
     pub(crate) fn send_one(
         &mut self,
         now: Nanos,
         entities: &mut Entities,
+        throttled: &mut Throttled,
         counters: &Counters,
         send: &mut dyn FnMut(&[u8]),
     ) -> bool {
@@ -154,48 +230,66 @@ impl Outlet {
             if self.machine.send_one(now, counters, send) {
                 return true;
             }
-            if !self.machine.has_room(now) || !self.fill(entities, counters) {
+            let room = self
+                .next_level()
+                .is_some_and(|level| self.has_room(now, level));
+            if !room || !self.fill(now, entities, throttled, counters) {
                 return false;
             }
         }
     }
 
     /// Gives the stream its next submessage; returns whether there was one.
-    fn fill(&mut self, entities: &mut Entities, counters: &Counters) -> bool {
+    fn fill(
+        &mut self,
+        now: Nanos,
+        entities: &mut Entities,
+        throttled: &mut Throttled,
+        counters: &Counters,
+    ) -> bool {
         if let Some(status) = self.statuses.pop_front() {
+            self.level = TOP;
             if self.machine.push(&status).is_err() {
                 counters.replies_dropped.hit();
             }
             return true;
         }
         let stream = self.stream();
-        while let Some(id) = self.turns.pop_front() {
+        while let Some(id) = self.turns.front() {
             let Some(reader) = entities.reader(id) else {
+                self.turns.served(false);
                 continue;
             };
-            let Some((request, sample)) = reader.next_on(stream) else {
+            let mut is_ready = |readiness| match readiness {
+                Readiness::Now(on) => on == stream,
+                Readiness::Idle => false,
+                Readiness::At(at) => {
+                    throttled.push((at, id));
+                    false
+                }
+            };
+            if !is_ready(reader.readiness(now, counters)) {
+                self.turns.served(false);
+                continue;
+            }
+            let Some(pushed) = reader.next().map(|data| self.machine.push(&data)) else {
+                self.turns.served(false);
                 continue;
             };
-            match self.machine.push(&Data {
-                base: request,
-                payload: sample,
-            }) {
+            match pushed {
                 Ok(()) => {
-                    reader.delivered();
+                    self.level = reader.service.priority;
+                    reader.delivered(now);
                     counters.samples_out.hit();
                 }
-                Err(PushError::WouldBlock) => {
-                    self.turns.push_front(id);
-                    return false;
-                }
+                Err(PushError::WouldBlock) => return false,
                 Err(_too_large) => {
                     reader.discard();
                     counters.samples_refused.hit();
                 }
             }
-            if reader.ready() == Some(stream) {
-                self.turns.push_back(id);
-            }
+            let more = is_ready(reader.readiness(now, counters));
+            self.turns.served(more);
             return true;
         }
         false
@@ -203,12 +297,20 @@ impl Outlet {
 }
 
 impl Machine {
-    /// Whether a submessage pushed now goes out now.
-    fn has_room(&self, now: Nanos) -> bool {
+    /// Whether there is something to send without being pushed anything.
+    fn has_message(&self, now: Nanos) -> bool {
+        match self {
+            Self::BestEffort(machine) => machine.has_message(),
+            Self::Reliable { machine, .. } => machine.has_message(now),
+        }
+    }
+
+    /// Whether a submessage pushed now goes out now, with `window` messages in flight.
+    fn has_room(&self, now: Nanos, window: u16) -> bool {
         match self {
             Self::BestEffort(machine) => !machine.has_message(),
             Self::Reliable { machine, capacity } => {
-                capacity - machine.free() < usize::from(IN_FLIGHT) && !machine.has_message(now)
+                capacity - machine.free() < usize::from(window) && !machine.has_message(now)
             }
         }
     }

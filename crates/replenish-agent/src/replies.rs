@@ -27,7 +27,7 @@ struct Reply<P> {
     len: usize,
 }
 
-impl<P> Replies<P> {
+impl<P: PartialEq> Replies<P> {
     pub(crate) fn new() -> Self {
         Self {
             queue: VecDeque::with_capacity(LIMIT),
@@ -64,6 +64,11 @@ impl<P> Replies<P> {
         };
         send(&reply.to, reply.bytes.get(..reply.len).unwrap_or(&[]));
         true
+    }
+
+    /// Drops what waits for `peer`.
+    pub(crate) fn forget(&mut self, peer: &P) {
+        self.queue.retain(|reply| reply.to != *peer);
     }
 
     pub(crate) fn is_empty(&self) -> bool {

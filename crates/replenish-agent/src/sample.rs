@@ -1,9 +1,59 @@
-//! Samples on their way from a writer to readers, and the bound on all of them together.
+//! Samples on their way from writers to readers, and the accounts of what they take.
 
-use std::collections::VecDeque;
+use crate::config::Nanos;
+use crate::identity::Identity;
 use std::ops::Deref;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Bytes in use, up to a limit: of all samples together, or of one client.
+#[derive(Clone, Debug)]
+pub(crate) struct Ledger {
+    used: Arc<AtomicUsize>,
+    limit: usize,
+}
+
+/// Bytes taken from a [`Ledger`]; given back when it is dropped.
+#[derive(Debug)]
+pub(crate) struct Charge {
+    used: Arc<AtomicUsize>,
+    bytes: usize,
+}
+
+impl Ledger {
+    pub(crate) fn new(limit: usize) -> Self {
+        Self {
+            used: Arc::default(),
+            limit,
+        }
+    }
+
+    /// Takes `bytes`, or `None` when that would exceed the limit.
+    pub(crate) fn charge(&self, bytes: usize) -> Option<Charge> {
+        if bytes > self.free() {
+            return None;
+        }
+        self.used.fetch_add(bytes, Ordering::Relaxed);
+        let used = Arc::clone(&self.used);
+        Some(Charge { used, bytes })
+    }
+
+    /// Bytes that can be taken now.
+    pub(crate) fn free(&self) -> usize {
+        self.limit.saturating_sub(self.used())
+    }
+
+    /// Bytes in use now.
+    pub(crate) fn used(&self) -> usize {
+        self.used.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for Charge {
+    fn drop(&mut self) {
+        self.used.fetch_sub(self.bytes, Ordering::Relaxed);
+    }
+}
 
 /// A written payload, shared by the queues of all readers it is for.
 #[derive(Clone, Debug)]
@@ -12,7 +62,39 @@ pub(crate) struct Sample(Arc<Payload>);
 #[derive(Debug)]
 struct Payload {
     bytes: Box<[u8]>,
-    queued: Arc<AtomicUsize>,
+    about: About,
+    _charge: Charge,
+}
+
+/// What goes with a sample's bytes.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct About {
+    /// Which request this is.
+    pub(crate) request: Option<Identity>,
+    /// Which request this is the reply to.
+    pub(crate) reply_to: Option<Identity>,
+    /// When it is of no use any more.
+    pub(crate) expires: Option<Nanos>,
+}
+
+impl Sample {
+    /// Copies `bytes`, or `None` when the ledger's limit would be exceeded.
+    pub(crate) fn new(bytes: &[u8], about: About, ledger: &Ledger) -> Option<Self> {
+        let payload = Payload {
+            _charge: ledger.charge(bytes.len())?,
+            bytes: bytes.into(),
+            about,
+        };
+        Some(Self(Arc::new(payload)))
+    }
+
+    pub(crate) fn about(&self) -> &About {
+        &self.0.about
+    }
+
+    pub(crate) fn is_expired(&self, now: Nanos) -> bool {
+        self.0.about.expires.is_some_and(|at| at <= now)
+    }
 }
 
 impl Deref for Sample {
@@ -23,115 +105,22 @@ impl Deref for Sample {
     }
 }
 
-impl Drop for Payload {
-    fn drop(&mut self) {
-        self.queued.fetch_sub(self.bytes.len(), Ordering::Relaxed);
-    }
-}
-
-/// Hands out samples while fewer bytes than a limit are held by them.
-#[derive(Debug)]
-pub(crate) struct Pool {
-    queued: Arc<AtomicUsize>,
-    limit: usize,
-}
-
-impl Pool {
-    pub(crate) fn new(limit: usize) -> Self {
-        Self {
-            queued: Arc::default(),
-            limit,
-        }
-    }
-
-    /// Copies `bytes` into a new sample, or `None` when that would exceed the limit.
-    pub(crate) fn sample(&self, bytes: &[u8]) -> Option<Sample> {
-        let queued = self.queued();
-        if bytes.len() > self.limit.saturating_sub(queued) {
-            return None;
-        }
-        self.queued.fetch_add(bytes.len(), Ordering::Relaxed);
-        let payload = Payload {
-            bytes: bytes.into(),
-            queued: Arc::clone(&self.queued),
-        };
-        Some(Sample(Arc::new(payload)))
-    }
-
-    /// Bytes held by samples now.
-    pub(crate) fn queued(&self) -> usize {
-        self.queued.load(Ordering::Relaxed)
-    }
-}
-
-/// The samples that wait for one reader: at most `depth`, the oldest go first (keep-last).
-#[derive(Debug)]
-pub(crate) struct Queue {
-    samples: VecDeque<Sample>,
-    depth: usize,
-}
-
-impl Queue {
-    /// An empty queue for `depth` samples, at least one.
-    pub(crate) fn new(depth: usize) -> Self {
-        Self {
-            samples: VecDeque::new(),
-            depth: depth.max(1),
-        }
-    }
-
-    /// Adds a sample; returns whether the oldest one had to go.
-    pub(crate) fn push(&mut self, sample: Sample) -> bool {
-        let full = self.samples.len() >= self.depth;
-        if full {
-            self.samples.pop_front();
-        }
-        self.samples.push_back(sample);
-        full
-    }
-
-    pub(crate) fn front(&self) -> Option<&Sample> {
-        self.samples.front()
-    }
-
-    pub(crate) fn pop(&mut self) -> Option<Sample> {
-        self.samples.pop_front()
-    }
-
-    pub(crate) fn is_empty(&self) -> bool {
-        self.samples.is_empty()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn the_oldest_goes_when_the_queue_is_full() {
-        let pool = Pool::new(100);
-        let mut queue = Queue::new(2);
-        let dropped: Vec<bool> = (0..4)
-            .map(|i| queue.push(pool.sample(&[i]).unwrap()))
-            .collect();
-        assert_eq!(dropped, [false, false, true, true]);
-        let left: Vec<u8> = std::iter::from_fn(|| queue.pop()).map(|s| s[0]).collect();
-        assert_eq!(left, [2, 3]);
-    }
-
-    #[test]
-    fn a_shared_sample_counts_once_and_until_its_last_reader_lets_go() {
-        let pool = Pool::new(10);
-        let sample = pool.sample(&[0; 8]).unwrap();
-        let (mut a, mut b) = (Queue::new(1), Queue::new(1));
-        a.push(sample.clone());
-        b.push(sample);
-        assert_eq!(pool.queued(), 8);
-        assert!(pool.sample(&[0; 3]).is_none());
-        a.pop();
-        assert!(pool.sample(&[0; 3]).is_none());
-        b.pop();
-        assert_eq!(pool.queued(), 0);
-        assert!(pool.sample(&[0; 10]).is_some());
+    fn a_shared_sample_counts_once_and_until_its_last_user_lets_go() {
+        let ledger = Ledger::new(10);
+        let sample = |len| Sample::new(&vec![0; len], About::default(), &ledger);
+        let first = sample(8).unwrap();
+        let second = first.clone();
+        assert_eq!(ledger.used(), 8);
+        assert!(sample(3).is_none());
+        drop(first);
+        assert!(sample(3).is_none());
+        drop(second);
+        assert_eq!(ledger.used(), 0);
+        assert!(sample(10).is_some());
     }
 }

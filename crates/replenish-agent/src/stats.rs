@@ -35,6 +35,8 @@ counters! {
     clients_replaced,
     /// Sessions ended because the client was silent for too long.
     clients_reaped,
+    /// Sessions ended because the client's connection did.
+    clients_lost,
     /// Datagrams received.
     datagrams_in,
     /// Datagrams sent.
@@ -43,6 +45,8 @@ counters! {
     malformed,
     /// Datagrams dropped because nobody opened a session there.
     no_session,
+    /// Datagrams dropped because their sender, or all strangers together, sent too many.
+    rate_limited,
     /// Submessages ignored because this agent does not know or support them.
     unsupported,
     /// Requests answered with an error status.
@@ -59,6 +63,21 @@ counters! {
     samples_dropped,
     /// Samples dropped because they are too large, or because too many bytes wait already.
     samples_refused,
+    /// Samples that left a reader's queue unsent because their lifespan was over.
+    samples_expired,
+    /// Samples that a reader did not want because they came too soon after the one before.
+    samples_filtered,
+    /// Samples that came later after the one before than their writer had promised.
+    deadlines_missed,
+    /// Pairs of a writer and a reader of one topic that do not talk because of their QoS, counted
+    /// when the second of them is created.
+    qos_mismatches,
+    /// Requests that were forgotten without a reply, because too many newer ones waited.
+    calls_forgotten,
+    /// Replies dropped because nobody waits for them (any more).
+    replies_unwanted,
+    /// Messages not taken because a keep-all reader has no room; the client sends them again.
+    held_back,
     /// Datagrams sent again because a client missed them.
     retransmitted,
     /// Datagrams that the operating system did not take.
@@ -73,6 +92,11 @@ impl Counter {
     /// Adds one.
     pub(crate) fn hit(&self) {
         self.0.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Adds `n`.
+    pub(crate) fn add(&self, n: u64) {
+        self.0.fetch_add(n, Ordering::Relaxed);
     }
 
     /// Sets the value.

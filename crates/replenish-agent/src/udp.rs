@@ -38,9 +38,10 @@ impl Agent {
     /// [`AgentError::AddressInUse`], or [`AgentError::Io`] for everything else the operating
     /// system can say.
     pub fn bind(config: &AgentConfig) -> Result<Self, AgentError> {
+        config.validate()?;
         Ok(Self {
             port: Port::bind(config.addr)?,
-            core: AgentCore::new(config.limits),
+            core: AgentCore::with(config),
         })
     }
 

@@ -7,6 +7,28 @@
 ///
 /// Attributes are skipped; an element of the same name nested inside ends the outer one early.
 pub(crate) fn element<'a>(xml: &'a str, tag: &str) -> Option<&'a str> {
+    let (_attributes, contents) = open(xml, tag)?;
+    until_close(contents, tag)
+}
+
+/// The value of attribute `name` of the first element `tag`.
+pub(crate) fn attribute<'a>(xml: &'a str, tag: &str, name: &str) -> Option<&'a str> {
+    let (attributes, _contents) = open(xml, tag)?;
+    let mut rest = attributes;
+    loop {
+        let (before, after) = rest.split_once('=')?;
+        let after = after.trim_start();
+        let quote = after.chars().next().filter(|c| matches!(c, '"' | '\''))?;
+        let (value, next) = after.get(1..)?.split_once(quote)?;
+        if before.trim() == name {
+            return Some(value);
+        }
+        rest = next;
+    }
+}
+
+/// The attributes of the first element `tag`, and what follows its opening.
+fn open<'a>(xml: &'a str, tag: &str) -> Option<(&'a str, &'a str)> {
     let mut rest = xml;
     loop {
         let (_, after) = rest.split_once('<')?;
@@ -14,11 +36,10 @@ pub(crate) fn element<'a>(xml: &'a str, tag: &str) -> Option<&'a str> {
         let Some(tail) = after.strip_prefix(tag) else {
             continue;
         };
-        if !tail.starts_with(['>', ' ', '\t', '\r', '\n']) {
+        if !tail.starts_with(['>', '/', ' ', '\t', '\r', '\n']) {
             continue; // a longer name
         }
-        let (_attributes, contents) = tail.split_once('>')?;
-        return until_close(contents, tag);
+        return tail.split_once('>');
     }
 }
 
@@ -70,6 +91,19 @@ mod tests {
     #[test]
     fn attributes_and_white_space_are_skipped() {
         assert_eq!(text("<a k=\"v\">\n x </a >", &["a"]), Some("x"));
+    }
+
+    #[test]
+    fn attributes_are_found_by_name_even_without_space_between_them() {
+        let xml =
+            "<dds><replier profile_name=\"p\"service_name = 's'\n type=\"a=b\"></replier></dds>";
+        let of = |name| attribute(xml, "replier", name);
+        assert_eq!(of("profile_name"), Some("p"));
+        assert_eq!(of("service_name"), Some("s"));
+        assert_eq!(of("type"), Some("a=b"));
+        assert_eq!(of("name"), None);
+        assert_eq!(attribute("<a b=c d=\"e\">", "a", "d"), None);
+        assert_eq!(attribute("<a b=\"c\"/>", "a", "b"), Some("c"));
     }
 
     #[test]

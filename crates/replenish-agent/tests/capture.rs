@@ -16,7 +16,7 @@ mod common;
 
 use common::{Datagram, scenario};
 use replenish_agent::{AgentCore, Limits, Now};
-use replenish_xrce::wire::{Body, Message, Status, SubmessageId, WireTime};
+use replenish_xrce::wire::{Body, Message, SubmessageId, WireTime};
 use std::collections::BTreeSet;
 
 type Sent = BTreeSet<(u16, Vec<u8>)>;
@@ -182,26 +182,80 @@ fn time_is_told() {
     }
 }
 
-/// Requesters and repliers are left to later: refused, and the session goes on.
+/// GUIDs are the agent's choice: zeros in what both agents send, and ours in what the captured
+/// replier sends back.
 #[test]
-fn services_are_refused() {
-    let datagrams = scenario("reqrep");
-    let ours = play(&datagrams, 0);
-    let statuses: Vec<Status> = ours
+fn requests_and_replies() {
+    let mut datagrams = scenario("reqrep");
+    let theirs = datagrams
         .iter()
-        .filter_map(|(_, bytes)| {
-            let message = Message::parse(bytes).unwrap();
-            match message.submessages().next()?.unwrap().body().unwrap() {
-                Body::Status(reply) if reply.base.object.number() == 1 => Some(reply.status),
-                _ => None,
-            }
-        })
-        .collect();
-    let count = |status| statuses.iter().filter(|s| **s == status).count();
-    assert_eq!(count(Status::OK), 2, "participants");
-    assert_eq!(count(Status::INCOMPATIBLE), 2, "a requester and a replier");
+        .find_map(|d| guid(&d.bytes).filter(|_| !d.from_client))
+        .unwrap();
+    // The first request, as it arrives at the replier; no reply is needed for it.
+    let ours = {
+        let mut agent = AgentCore::new(Limits::default());
+        let mut found = None;
+        for d in datagrams.iter().filter(|d| d.from_client) {
+            agent.receive(at(d.time), d.client_port, &d.bytes);
+            while agent.pump(at(d.time), 100, &mut |_, bytes| {
+                found = found.or(guid(bytes));
+            }) {}
+        }
+        found.unwrap()
+    };
+    assert_eq!(ours[..2], theirs[..2], "the vendor");
+    assert_ne!(ours, theirs);
+    for datagram in &mut datagrams {
+        let (old, new) = if datagram.from_client {
+            (theirs, ours)
+        } else {
+            (theirs, [0; 16])
+        };
+        replace(&mut datagram.bytes, old, new);
+    }
+    let mut sent = Sent::new();
+    for (port, mut bytes) in play(&datagrams, 0) {
+        replace(&mut bytes, ours, [0; 16]);
+        sent.insert((port, bytes));
+    }
+    let expected = captured(&datagrams);
+    let missing = hex(&expected, &sent);
+    assert!(missing.is_empty(), "{missing:#?}");
+    // The captured requester was stopped before the last replies came.
+    let besides: Vec<&(u16, Vec<u8>)> = sent.difference(&expected).collect();
     assert!(
-        count(Status::UNKNOWN_REFERENCE) > 0,
-        "reading and writing them"
+        besides
+            .iter()
+            .all(|(port, bytes)| *port == 40493 || kind(bytes) == SubmessageId::AckNack),
+        "{besides:02x?}"
     );
+    let data = |sent: &Sent| {
+        let all = sent.iter().filter(|(_, b)| kind(b) == SubmessageId::Data);
+        all.count()
+    };
+    assert!(data(&expected) >= 8, "{}", data(&expected));
+}
+
+fn at(monotonic: u64) -> Now {
+    Now { monotonic, unix: 0 }
+}
+
+/// The GUID in DATA for a replier.
+fn guid(bytes: &[u8]) -> Option<[u8; 16]> {
+    let message = Message::parse(bytes).unwrap();
+    let first = message.submessages().next()?.unwrap();
+    match first.body().unwrap() {
+        Body::Data(data) if data.base.object.to_bytes()[1] & 15 == 8 => {
+            data.payload.first_chunk().copied()
+        }
+        _ => None,
+    }
+}
+
+fn replace(bytes: &mut [u8], old: [u8; 16], new: [u8; 16]) {
+    for at in 0..bytes.len().saturating_sub(15) {
+        if bytes[at..at + 16] == old {
+            bytes[at..at + 16].copy_from_slice(&new);
+        }
+    }
 }

@@ -122,7 +122,7 @@ fn what_an_entity_belongs_to_must_exist() {
 }
 
 #[test]
-fn references_and_unknown_topics_are_refused() {
+fn descriptions_without_names_are_refused() {
     let (mut world, mut client) = alone(10);
     let world = &mut world;
     let subscriber = ObjectId::new(1, ObjectKind::Subscriber);
@@ -132,7 +132,7 @@ fn references_and_unknown_topics_are_refused() {
         client.create(world, id, CreationMode::default(), entity)
     };
     assert_eq!(
-        create(Representation::Reference("profile")),
+        create(Representation::Reference("")),
         Status::UNKNOWN_REFERENCE
     );
     assert_eq!(
@@ -172,21 +172,33 @@ fn xml_says_how_many_samples_are_kept() {
     assert_eq!(got, [data(2, &[3; 4]), data(2, &[4; 4])]);
 }
 
+/// As with eProsima's agents: each entity by itself, and what was made with its help stays.
 #[test]
-fn deleting_a_participant_deletes_what_it_owns() {
+fn deleting_an_entity_deletes_only_that() {
     let (mut world, mut client) = alone(10);
     let world = &mut world;
     client.read(world, 1, StreamId::RELIABLE, UNLIMITED);
-    assert!(matches!(
-        client.delete(world, PARTICIPANT)[..],
-        [Got::Status(_, _, Status::OK)]
-    ));
-    for id in [READER, PARTICIPANT] {
-        let got = client.delete(world, id);
-        assert!(
-            matches!(got[..], [Got::Status(_, _, Status::UNKNOWN_REFERENCE)]),
-            "{got:?}"
-        );
+    for kind in [
+        ObjectKind::Participant,
+        ObjectKind::Topic,
+        ObjectKind::Publisher,
+        ObjectKind::Subscriber,
+    ] {
+        let id = ObjectId::new(1, kind);
+        for expected in [Status::OK, Status::UNKNOWN_REFERENCE] {
+            let got = client.delete(world, id);
+            assert!(
+                matches!(got[..], [Got::Status(_, _, status)] if status == expected),
+                "{id:?} {got:?}"
+            );
+        }
+    }
+    assert_eq!(client.write(world, 1, b"here"), [data(1, b"here")]);
+    assert_eq!(client.writer(world, 1), Status::ALREADY_EXISTS);
+    assert_eq!(client.writer(world, 2), Status::UNKNOWN_REFERENCE);
+    for kind in [ObjectKind::DataWriter, ObjectKind::DataReader] {
+        let got = client.delete(world, ObjectId::new(1, kind));
+        assert!(matches!(got[..], [Got::Status(_, _, Status::OK)]));
     }
     let got = client.write(world, 1, b"void");
     assert!(

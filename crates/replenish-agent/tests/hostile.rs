@@ -28,7 +28,10 @@ const LIMITS: Limits = Limits {
     queued_bytes: 20_000,
     default_depth: 4,
     max_depth: 8,
+    datagrams_per_second: 0,
+    strangers_per_second: 0,
     silence: 30_000 * MS,
+    ..Limits::DEFAULT
 };
 
 /// What clients sent in the capture, as a start.

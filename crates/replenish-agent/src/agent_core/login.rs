@@ -120,6 +120,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         let mut client = Client::new(index, peer, (key, session), mtu, now, &self.limits);
         client.before = before;
         self.clients.insert(index, client);
+        self.serve(now, index);
         self.counters.clients_created.hit();
         self.counters.clients.set(self.clients.len());
         Some(Status::OK)

@@ -1,12 +1,14 @@
 //! What clients ask for in a session, submessage by submessage.
 
 use super::{AgentCore, Now};
-use crate::entities::Request;
+use crate::entities::{Delivery, Surroundings};
+use crate::identity::Guid;
+use crate::snapshot::Refusal;
 use replenish_xrce::SeqNum;
 use replenish_xrce::wire::{
     BaseRequest, Body, Create, Delete, Header, Heartbeat, ObjectId, ReadData, RequestId, Status,
     StatusReply, StreamId, Submessage, SubmessageId, Submessages, Timestamp, TimestampReply,
-    WireError, WireTime, WriteData,
+    WireError, WireTime,
 };
 use std::hash::Hash;
 
@@ -39,17 +41,16 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         submessage: &Submessage<'_>,
     ) {
         match submessage.body() {
-            Ok(Body::WriteData(write)) => self.write(index, stream, &write),
+            Ok(Body::WriteData(write)) => self.write(now, index, stream, &write),
             Ok(Body::AckNack(acknack)) => {
                 if let Some(client) = self.clients.get_mut(index) {
                     client.acknowledge(now.monotonic, &acknack);
                 }
             }
             Ok(Body::Heartbeat(heartbeat)) => self.heartbeat(index, stream, &heartbeat),
-            Ok(Body::ReadData(read)) => self.read(index, stream, &read),
+            Ok(Body::ReadData(read)) => self.read(now, index, stream, &read),
             Ok(Body::Create(create)) => {
-                let definition = submessage.payload.get(BASE..).unwrap_or_default();
-                self.create(index, stream, &create, definition);
+                self.create(now, index, stream, &create, submessage.payload.len());
             }
             Ok(Body::Delete(delete)) => self.delete(index, stream, delete),
             Ok(Body::Timestamp(timestamp)) => self.timestamp(now, index, timestamp),
@@ -63,65 +64,25 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    fn write(&mut self, index: usize, stream: StreamId, write: &WriteData<'_>) {
+    fn read(&mut self, now: Now, index: usize, stream: StreamId, read: &ReadData<'_>) {
         let Some(client) = self.clients.get_mut(index) else {
             return;
         };
-        let Some(writer) = client.entities.writer(write.base.object) else {
-            self.answer(index, stream, write.base, Status::UNKNOWN_REFERENCE);
-            return;
-        };
-        self.counters.samples_in.hit();
-        let readers = self.topics.readers(writer.topic);
-        if readers.is_empty() {
-            return;
-        }
-        let sample = if write.payload.len() <= self.limits.sample {
-            self.pool.sample(write.payload)
-        } else {
-            None
-        };
-        let Some(sample) = sample else {
-            self.counters.samples_refused.hit();
-            return;
-        };
-        for address in readers {
-            let Some(client) = self.clients.get_mut(address.client) else {
-                continue;
-            };
-            let Some(reader) = client.entities.reader(address.reader) else {
-                continue;
-            };
-            self.counters.samples_routed.hit();
-            if reader.push(sample.clone()) {
-                self.counters.samples_dropped.hit();
-            }
-            client.queue(address.reader);
-            if !client.queued {
-                client.queued = true;
-                self.line.push_back(address.client);
-            }
-        }
-    }
-
-    fn read(&mut self, index: usize, stream: StreamId, read: &ReadData<'_>) {
-        let Some(client) = self.clients.get_mut(index) else {
-            return;
-        };
-        let request = Request::new(read.base, read.stream, read.control);
+        let at = now.monotonic;
+        let delivery = Delivery::new(read.base, read.stream, read.control, at);
         let status = if client.entities.reader(read.base.object).is_none() {
             Status::UNKNOWN_REFERENCE
         } else if read.filter.is_some() {
             Status::INCOMPATIBLE
-        } else if request.is_some() && read.stream == StreamId::NONE {
+        } else if delivery.is_some() && read.stream == StreamId::NONE {
             Status::INVALID_DATA
-        } else if request.is_some() && client.outlet(read.stream, &self.limits).is_none() {
+        } else if delivery.is_some() && client.outlet(read.stream, &self.limits).is_none() {
             Status::RESOURCES
         } else {
             if let Some(reader) = client.entities.reader(read.base.object) {
-                reader.request(request);
+                reader.request(delivery);
             }
-            client.queue(read.base.object);
+            client.queue(read.base.object, at, &self.counters);
             return; // granted: the samples are the answer
         };
         self.answer(index, stream, read.base, status);
@@ -145,16 +106,35 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    fn create(&mut self, index: usize, stream: StreamId, create: &Create<'_>, definition: &[u8]) {
+    fn create(
+        &mut self,
+        now: Now,
+        index: usize,
+        stream: StreamId,
+        create: &Create<'_>,
+        size: usize,
+    ) {
         let Some(client) = self.clients.get_mut(index) else {
             return;
         };
-        let (status, deleted) =
-            client
-                .entities
-                .create(create, definition, &mut self.topics, &self.limits);
-        client.forget(&deleted);
-        self.answer(index, stream, create.base, status);
+        let id = create.base.object;
+        self.requesters = self.requesters.wrapping_add(1);
+        let mut around = Surroundings {
+            limits: &self.limits,
+            profiles: &self.profiles,
+            rules: &self.rules,
+            topics: &mut self.topics,
+            guid: Guid::new(client.key, id, self.requesters, self.instance),
+        };
+        let created = client.entities.create(create, size, &mut around);
+        if created.deleted {
+            client.forget(id);
+        }
+        self.counters.qos_mismatches.add(created.mismatches as u64);
+        if created.status == Status::OK {
+            self.catch_up(now, index, id);
+        }
+        self.answer(index, stream, create.base, created.status);
     }
 
     fn delete(&mut self, index: usize, stream: StreamId, delete: Delete) {
@@ -181,11 +161,11 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             return;
         };
         let deleted = client.entities.delete(id, &mut self.topics);
-        client.forget(&deleted);
-        let status = if deleted.is_empty() {
-            Status::UNKNOWN_REFERENCE
-        } else {
+        client.forget(id);
+        let status = if deleted {
             Status::OK
+        } else {
+            Status::UNKNOWN_REFERENCE
         };
         self.answer(index, stream, delete.base, status);
     }
@@ -234,7 +214,13 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     }
 
     /// Answers a request on the stream it came on; outside of streams if it came there.
-    fn answer(&mut self, index: usize, stream: StreamId, base: BaseRequest, status: Status) {
+    pub(super) fn answer(
+        &mut self,
+        index: usize,
+        stream: StreamId,
+        base: BaseRequest,
+        status: Status,
+    ) {
         if !status.is_ok() {
             self.counters.refused.hit();
         }
@@ -246,6 +232,9 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         let Some(client) = self.clients.get_mut(index) else {
             return;
         };
+        if !status.is_ok() {
+            Refusal::note(&mut self.refusals, client.key, base.object, status);
+        }
         let queued = if stream == StreamId::NONE {
             self.replies
                 .push(client.peer, client.session, client.key, &reply)

@@ -1,126 +1,226 @@
-//! What a CREATE describes: from XML and binary representations to a plan.
+//! What a CREATE describes: from XML, binary representations and references to a plan.
 
-use super::{Entities, Plan};
-use crate::config::Limits;
+use super::{Entities, Qos};
+use crate::limits::Limits;
+use crate::profiles::{Profile, Profiles};
 use crate::topics::TopicKey;
 use crate::xml;
 use replenish_xrce::wire::{
-    EndpointQos, Entity, ObjectId, ObjectKind, QOS_HISTORY_KEEP_LAST, Representation, Status,
+    Entity, ObjectId, ObjectKind, ParticipantBinary, Representation, ServiceBinary, Status,
     TopicBinary,
 };
 
+/// What a CREATE asks for. Two that are equal describe the same entity, however they say it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Plan {
+    Participant { domain: i16, name: Box<str> },
+    Topic { key: TopicKey },
+    Group { domain: i16 },
+    Writer { key: TopicKey, qos: Qos },
+    Reader { key: TopicKey, qos: Qos },
+    Requester { request: TopicKey, reply: TopicKey },
+    Replier { request: TopicKey, reply: TopicKey },
+}
+
+/// In the place of a participant's domain: the one that the profile says.
+const DOMAIN_OF_PROFILE: i16 = 255;
+
 impl Entities {
-    /// The owner and the plan of an entity, or the status that refuses it.
+    /// The plan of an entity, or the status that refuses it.
     pub(super) fn plan(
         &self,
         entity: &Entity<'_>,
+        profiles: &Profiles,
         limits: &Limits,
-    ) -> Result<(ObjectId, Plan), Status> {
+    ) -> Result<Plan, Status> {
+        let find = |name| {
+            let profile = profiles.find(entity.kind(), name);
+            profile.ok_or(Status::UNKNOWN_REFERENCE)
+        };
         match *entity {
-            Entity::Participant { domain, .. } => {
-                Ok((ObjectId::INVALID, Plan::Participant { domain }))
-            }
+            Entity::Participant { repr, domain } => participant(repr, domain, &find),
             Entity::Topic { repr, participant } => {
-                self.domain(participant).ok_or(Status::UNKNOWN_REFERENCE)?;
-                let (name, type_name) = topic_names(&repr)?;
-                Ok((
-                    participant,
-                    Plan::Topic {
-                        name: name.into(),
-                        type_name: type_name.into(),
+                let domain = self.domain(participant, ObjectKind::Participant)?;
+                let key = match repr {
+                    Representation::Binary(topic) => binary_topic(domain, &topic),
+                    Representation::Xml(xml) => xml_topic(domain, xml),
+                    Representation::Reference(name) => match find(name)? {
+                        Profile::Xml(xml) => xml_topic(domain, xml),
+                        Profile::Name(name) => key(domain, name, name),
                     },
-                ))
+                };
+                key.map(|key| Plan::Topic { key })
             }
             Entity::Publisher { participant, .. } | Entity::Subscriber { participant, .. } => {
-                self.domain(participant).ok_or(Status::UNKNOWN_REFERENCE)?;
-                Ok((participant, Plan::Group))
+                let domain = self.domain(participant, ObjectKind::Participant)?;
+                Ok(Plan::Group { domain })
             }
             Entity::DataWriter { repr, publisher } => {
-                let domain = self
-                    .domain_of_group(publisher, ObjectKind::Publisher)
-                    .ok_or(Status::UNKNOWN_REFERENCE)?;
-                let (name, type_name) = match repr {
-                    Representation::Binary(binary) => self.known_topic(binary.topic)?,
-                    Representation::Xml(xml) => xml_topic(xml)?,
-                    Representation::Reference(_) => return Err(Status::UNKNOWN_REFERENCE),
-                };
-                Ok((
-                    publisher,
-                    Plan::Writer {
-                        key: key(domain, name, type_name),
+                let domain = self.domain(publisher, ObjectKind::Publisher)?;
+                let by_xml = |xml| Ok((xml_topic(domain, xml)?, xml));
+                let default = Qos::writer();
+                let (key, qos) = match repr {
+                    Representation::Binary(binary) => {
+                        let given = binary.qos.map(|qos| qos.endpoint);
+                        let qos = given.map(|qos| default.with_binary(&qos, limits));
+                        (self.known_topic(domain, binary.topic)?, qos)
+                    }
+                    Representation::Xml(xml) => {
+                        let (key, xml) = by_xml(xml)?;
+                        (key, Some(default.with_xml(xml, limits)))
+                    }
+                    Representation::Reference(name) => match find(name)? {
+                        Profile::Xml(xml) => {
+                            let (key, xml) = by_xml(xml)?;
+                            (key, Some(default.with_xml(xml, limits)))
+                        }
+                        Profile::Name(name) => (key(domain, name, name)?, None),
                     },
-                ))
+                };
+                let qos = qos.unwrap_or(default);
+                Ok(Plan::Writer { key, qos })
             }
             Entity::DataReader { repr, subscriber } => {
-                let domain = self
-                    .domain_of_group(subscriber, ObjectKind::Subscriber)
-                    .ok_or(Status::UNKNOWN_REFERENCE)?;
-                let ((name, type_name), depth) = match repr {
-                    Representation::Binary(binary) => {
-                        let depth = binary.qos.and_then(|qos| depth(&qos.endpoint, limits));
-                        (self.known_topic(binary.topic)?, depth)
-                    }
-                    Representation::Xml(xml) => (xml_topic(xml)?, xml_depth(xml, limits)),
-                    Representation::Reference(_) => return Err(Status::UNKNOWN_REFERENCE),
+                let domain = self.domain(subscriber, ObjectKind::Subscriber)?;
+                let default = Qos::reader(limits);
+                let by_xml = |xml| {
+                    let qos = default.with_xml(xml, limits);
+                    xml_topic(domain, xml).map(|key| (key, qos))
                 };
-                let depth = depth.unwrap_or(limits.default_depth).min(limits.max_depth);
-                let key = key(domain, name, type_name);
-                Ok((subscriber, Plan::Reader { key, depth }))
+                let (key, qos) = match repr {
+                    Representation::Binary(binary) => {
+                        let key = self.known_topic(domain, binary.topic)?;
+                        let qos = binary.qos.map_or(default, |qos| {
+                            let separation = qos.time_filter_ms.filter(|ms| *ms > 0);
+                            Qos {
+                                separation: separation.map(|ms| u64::from(ms) * 1_000_000),
+                                ..default.with_binary(&qos.endpoint, limits)
+                            }
+                        });
+                        if binary.qos.is_some_and(|qos| qos.content_filter.is_some()) {
+                            return Err(Status::INCOMPATIBLE);
+                        }
+                        (key, qos)
+                    }
+                    Representation::Xml(xml) => by_xml(xml)?,
+                    Representation::Reference(name) => match find(name)? {
+                        Profile::Xml(xml) => by_xml(xml)?,
+                        Profile::Name(name) => (key(domain, name, name)?, default),
+                    },
+                };
+                Ok(Plan::Reader { key, qos })
             }
-            Entity::Requester { .. } | Entity::Replier { .. } => Err(Status::INCOMPATIBLE),
+            Entity::Requester { repr, participant } => {
+                let domain = self.domain(participant, ObjectKind::Participant)?;
+                let (request, reply) = service(repr, domain, "requester", &find)?;
+                Ok(Plan::Requester { request, reply })
+            }
+            Entity::Replier { repr, participant } => {
+                let domain = self.domain(participant, ObjectKind::Participant)?;
+                let (request, reply) = service(repr, domain, "replier", &find)?;
+                Ok(Plan::Replier { request, reply })
+            }
         }
     }
 
-    fn known_topic(&self, id: ObjectId) -> Result<(&str, &str), Status> {
-        self.topic(id).ok_or(Status::UNKNOWN_REFERENCE)
+    /// The topic's name and type in the endpoint's own domain.
+    fn known_topic(&self, domain: i16, id: ObjectId) -> Result<TopicKey, Status> {
+        let topic = self.topic(id).ok_or(Status::UNKNOWN_REFERENCE)?;
+        Ok(TopicKey {
+            domain,
+            ..topic.clone()
+        })
     }
 }
 
-fn key(domain: i16, name: &str, type_name: &str) -> TopicKey {
-    TopicKey {
+fn participant<'a>(
+    repr: Representation<'a, ParticipantBinary<'a>>,
+    domain: i16,
+    find: &impl Fn(&'a str) -> Result<Profile<'a>, Status>,
+) -> Result<Plan, Status> {
+    let (name, of_profile) = match repr {
+        Representation::Binary(binary) => (binary.name.unwrap_or_default(), None),
+        Representation::Xml(xml) => (xml::text(xml, &["rtps", "name"]).unwrap_or_default(), None),
+        Representation::Reference(name) => match find(name)? {
+            Profile::Name(name) => (name, Some(0)),
+            Profile::Xml(xml) => {
+                let domain = xml::text(xml, &["domainId"]).and_then(|id| id.parse().ok());
+                (name, Some(domain.unwrap_or(0)))
+            }
+        },
+    };
+    let domain = match of_profile {
+        Some(of_profile) if domain == DOMAIN_OF_PROFILE => of_profile,
+        _ => domain,
+    };
+    let name = name.into();
+    Ok(Plan::Participant { domain, name })
+}
+
+/// The topics of requests and replies. Where a client does not name them they are called after the
+/// service, as in Fast DDS.
+fn service<'a>(
+    repr: Representation<'a, ServiceBinary<'a>>,
+    domain: i16,
+    tag: &str,
+    find: &impl Fn(&'a str) -> Result<Profile<'a>, Status>,
+) -> Result<(TopicKey, TopicKey), Status> {
+    let by_xml = |xml| {
+        let attribute = |name| xml::attribute(xml, tag, name).unwrap_or_default();
+        let optional = |name| xml::text(xml, &[name]);
+        ServiceBinary {
+            service: attribute("service_name"),
+            request_type: attribute("request_type"),
+            reply_type: attribute("reply_type"),
+            request_topic: optional("request_topic_name"),
+            reply_topic: optional("reply_topic_name"),
+        }
+    };
+    let service = match repr {
+        Representation::Binary(binary) => binary,
+        Representation::Xml(xml) => by_xml(xml),
+        Representation::Reference(name) => match find(name)? {
+            Profile::Xml(xml) => by_xml(xml),
+            Profile::Name(name) => ServiceBinary {
+                service: name,
+                request_type: name,
+                reply_type: name,
+                request_topic: None,
+                reply_topic: None,
+            },
+        },
+    };
+    let named = |topic: Option<&str>, suffix| match topic.filter(|topic| !topic.is_empty()) {
+        Some(topic) => topic.into(),
+        None if service.service.is_empty() => String::new(),
+        None => format!("{}{suffix}", service.service),
+    };
+    let request = named(service.request_topic, "_Request");
+    let reply = named(service.reply_topic, "_Reply");
+    Ok((
+        key(domain, &request, service.request_type)?,
+        key(domain, &reply, service.reply_type)?,
+    ))
+}
+
+fn binary_topic(domain: i16, topic: &TopicBinary<'_>) -> Result<TopicKey, Status> {
+    let type_name = topic.type_name.or(topic.type_reference);
+    key(domain, topic.name, type_name.unwrap_or_default())
+}
+
+/// The topic that XML describes, either itself or in the element of an endpoint.
+fn xml_topic(domain: i16, xml: &str) -> Result<TopicKey, Status> {
+    let part = |tag| xml::text(xml, &["topic", tag]).unwrap_or_default();
+    key(domain, part("name"), part("dataType"))
+}
+
+fn key(domain: i16, name: &str, type_name: &str) -> Result<TopicKey, Status> {
+    if name.is_empty() || type_name.is_empty() {
+        return Err(Status::INVALID_DATA);
+    }
+    Ok(TopicKey {
         domain,
         name: name.into(),
         type_name: type_name.into(),
-    }
-}
-
-fn topic_names<'a>(
-    repr: &Representation<'a, TopicBinary<'a>>,
-) -> Result<(&'a str, &'a str), Status> {
-    match repr {
-        Representation::Binary(topic) => named(topic.name, topic.type_name),
-        Representation::Xml(xml) => xml_topic(xml),
-        Representation::Reference(_) => Err(Status::UNKNOWN_REFERENCE),
-    }
-}
-
-fn xml_topic(xml: &str) -> Result<(&str, &str), Status> {
-    let name = xml::text(xml, &["topic", "name"]).unwrap_or_default();
-    named(name, xml::text(xml, &["topic", "dataType"]))
-}
-
-fn named<'a>(name: &'a str, type_name: Option<&'a str>) -> Result<(&'a str, &'a str), Status> {
-    match type_name {
-        Some(type_name) if !name.is_empty() && !type_name.is_empty() => Ok((name, type_name)),
-        _ => Err(Status::INVALID_DATA),
-    }
-}
-
-/// How many samples a reader with this QoS keeps; `None` if it does not say.
-fn depth(qos: &EndpointQos<'_>, limits: &Limits) -> Option<usize> {
-    if qos.flags & QOS_HISTORY_KEEP_LAST == 0 {
-        return Some(limits.max_depth);
-    }
-    qos.depth.filter(|depth| *depth > 0).map(usize::from)
-}
-
-fn xml_depth(xml: &str, limits: &Limits) -> Option<usize> {
-    let history = xml::element(xml, "historyQos").or_else(|| xml::element(xml, "history"))?;
-    if xml::text(history, &["kind"]) == Some("KEEP_ALL") {
-        return Some(limits.max_depth);
-    }
-    xml::text(history, &["depth"])?
-        .parse()
-        .ok()
-        .filter(|depth| *depth > 0)
+    })
 }

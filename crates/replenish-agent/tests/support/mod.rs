@@ -8,15 +8,16 @@
 )]
 #![allow(dead_code, reason = "every test binary uses its own part")]
 
-use replenish_agent::{AgentCore, Limits, Now};
+use replenish_agent::{AgentConfig, AgentCore, Limits, Now};
 use replenish_xrce::SeqNum;
 use replenish_xrce::stream::InputReliable;
 use replenish_xrce::wire::{
     AckNack, BaseRequest, ClientKey, Create, CreateClient, CreationMode, DataReaderBinary,
     DataWriterBinary, Delete, DeliveryControl, Encode, EndpointQos, Entity, GroupBinary, Header,
     Message, MessageWriter, ObjectId, ObjectKind, ParticipantBinary, Properties,
-    QOS_HISTORY_KEEP_LAST, QOS_RELIABLE, ReadData, ReaderQos, Representation, RequestId, SessionId,
-    Status, StreamId, SubmessageId, TopicBinary, VENDOR, VERSION, WriteData,
+    QOS_HISTORY_KEEP_LAST, QOS_RELIABLE, ReadData, ReaderQos, Representation, RequestId,
+    ServiceBinary, SessionId, Status, StreamId, SubmessageId, TopicBinary, VENDOR, VERSION,
+    WriteData, WriterQos,
 };
 use replenish_xrce::wire::{Body, Submessages};
 
@@ -50,6 +51,13 @@ impl World {
         }
     }
 
+    pub(crate) fn with(config: &AgentConfig) -> Self {
+        Self {
+            agent: AgentCore::with(config),
+            ..Self::new(config.limits)
+        }
+    }
+
     /// Lets time pass and the agent do what is due.
     pub(crate) fn pass(&mut self, nanos: u64) {
         self.now += nanos;
@@ -70,7 +78,7 @@ impl World {
         {}
     }
 
-    fn at(&self) -> Now {
+    pub(crate) fn at(&self) -> Now {
         Now {
             monotonic: self.now,
             unix: 0,
@@ -94,6 +102,7 @@ pub(crate) struct Client {
     pub(crate) session: SessionId,
     pub(crate) mtu: u16,
     next_seq: u16,
+    next_loose: u16,
     next_request: u16,
     /// Where what the agent sends on its reliable stream is put in order.
     input: InputReliable<Vec<u8>, Vec<u8>, 16>,
@@ -110,6 +119,7 @@ impl Client {
             session: SessionId(0x81),
             mtu: MTU,
             next_seq: 0,
+            next_loose: 0,
             next_request: 9,
             input: InputReliable::new(StreamId::RELIABLE, vec![0; 16 * 512], 512, vec![0; 1 << 17]),
             acknowledging: true,
@@ -294,6 +304,106 @@ impl Client {
             CreationMode::default(),
             Entity::DataWriter { repr, publisher },
         )
+    }
+
+    /// A writer and a reader of the topic with the same number, with this QoS.
+    pub(crate) fn writer_with(
+        &mut self,
+        world: &mut World,
+        number: u16,
+        endpoint: EndpointQos<'_>,
+    ) -> Status {
+        let topic = ObjectId::new(number, ObjectKind::Topic);
+        let qos = Some(WriterQos {
+            endpoint,
+            ownership_strength: None,
+        });
+        let repr = Representation::Binary(DataWriterBinary { topic, qos });
+        let publisher = ObjectId::new(number, ObjectKind::Publisher);
+        let entity = Entity::DataWriter { repr, publisher };
+        let id = ObjectId::new(number, ObjectKind::DataWriter);
+        self.create(world, id, CreationMode::default(), entity)
+    }
+
+    pub(crate) fn reader_with(
+        &mut self,
+        world: &mut World,
+        number: u16,
+        qos: ReaderQos<'_>,
+    ) -> Status {
+        let topic = ObjectId::new(number, ObjectKind::Topic);
+        let qos = Some(qos);
+        let repr = Representation::Binary(DataReaderBinary { topic, qos });
+        let subscriber = ObjectId::new(number, ObjectKind::Subscriber);
+        let entity = Entity::DataReader { repr, subscriber };
+        let id = ObjectId::new(number, ObjectKind::DataReader);
+        self.create(world, id, CreationMode::default(), entity)
+    }
+
+    /// A requester or replier, number 1, of participant 1.
+    pub(crate) fn service(&mut self, world: &mut World, kind: ObjectKind, name: &str) -> Status {
+        let repr = Representation::Binary(ServiceBinary {
+            service: name,
+            request_type: "Q",
+            reply_type: "R",
+            request_topic: None,
+            reply_topic: None,
+        });
+        let participant = ObjectId::new(1, ObjectKind::Participant);
+        let entity = match kind {
+            ObjectKind::Requester => Entity::Requester { repr, participant },
+            _ => Entity::Replier { repr, participant },
+        };
+        let id = ObjectId::new(1, kind);
+        self.create(world, id, CreationMode::default(), entity)
+    }
+
+    /// `READ_DATA` for any entity.
+    pub(crate) fn read_from(
+        &mut self,
+        world: &mut World,
+        object: ObjectId,
+        control: DeliveryControl,
+    ) -> Vec<Got> {
+        let read = ReadData {
+            base: self.base(object),
+            stream: StreamId::RELIABLE,
+            filter: None,
+            control: Some(control),
+        };
+        self.request(world, &read)
+    }
+
+    /// `WRITE_DATA` to any entity; gives the request's number, too.
+    pub(crate) fn write_to(
+        &mut self,
+        world: &mut World,
+        object: ObjectId,
+        payload: &[u8],
+    ) -> (RequestId, Vec<Got>) {
+        let base = self.base(object);
+        let got = self.request(world, &WriteData { base, payload });
+        (base.request, got)
+    }
+
+    /// Sends the last reliable message again: a write of `payload` to writer 1.
+    pub(crate) fn again(&mut self, world: &mut World, payload: &[u8]) {
+        let base = BaseRequest {
+            request: RequestId(self.next_request),
+            object: ObjectId::new(1, ObjectKind::DataWriter),
+        };
+        let seq = SeqNum(self.next_seq.wrapping_sub(1));
+        let header = Header::new(self.session, StreamId::RELIABLE, seq, self.key);
+        self.send(world, &header, &WriteData { base, payload });
+    }
+
+    /// `WRITE_DATA` to writer `number` on a best-effort stream.
+    pub(crate) fn write_loosely(&mut self, world: &mut World, number: u16, payload: &[u8]) {
+        let base = self.base(ObjectId::new(number, ObjectKind::DataWriter));
+        let seq = SeqNum(self.next_loose);
+        self.next_loose = self.next_loose.wrapping_add(1);
+        let header = Header::new(self.session, StreamId::BEST_EFFORT, seq, self.key);
+        self.send(world, &header, &WriteData { base, payload });
     }
 
     /// A reader of the topic with the same number, which keeps `depth` samples.

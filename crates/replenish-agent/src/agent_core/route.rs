@@ -1,0 +1,145 @@
+//! From writers to readers: `WRITE_DATA`, and what readers that come late are given.
+
+use super::{AgentCore, Now};
+use crate::entities::Address;
+use crate::identity::Identity;
+use crate::sample::{About, Sample};
+use replenish_xrce::wire::{ObjectId, ObjectKind, Status, StreamId, WriteData};
+use std::hash::Hash;
+
+impl<P: Copy + Eq + Hash> AgentCore<P> {
+    /// A client has written a sample, a request or a reply.
+    pub(super) fn write(
+        &mut self,
+        now: Now,
+        index: usize,
+        stream: StreamId,
+        write: &WriteData<'_>,
+    ) {
+        let at = now.monotonic;
+        let Some(client) = self.clients.get_mut(index) else {
+            return;
+        };
+        let id = write.base.object;
+        let Some(writer) = client.entities.writer(id) else {
+            self.answer(index, stream, write.base, Status::UNKNOWN_REFERENCE);
+            return;
+        };
+        self.counters.samples_in.hit();
+        writer.wrote(at, &self.counters);
+        let (topic, qos, keeps) = (writer.topic, writer.qos, writer.keeps());
+        let mut about = About {
+            expires: qos.lifespan.map(|lifespan| at.saturating_add(lifespan)),
+            ..About::default()
+        };
+        let mut payload = write.payload;
+        match id.kind() {
+            Ok(ObjectKind::Requester) => {
+                if let Some((identity, forgot)) = client.entities.call(id, write.base.request) {
+                    about.request = Some(identity);
+                    self.counters.calls_forgotten.add(forgot.into());
+                }
+            }
+            Ok(ObjectKind::Replier) => {
+                let Some((identity, reply)) = Identity::split(payload) else {
+                    self.counters.malformed.hit();
+                    return;
+                };
+                (about.reply_to, payload) = (Some(identity), reply);
+            }
+            _ => {}
+        }
+        let readers = self.topics.readers(topic);
+        if readers.is_empty() && !keeps {
+            self.counters
+                .replies_unwanted
+                .add(about.reply_to.is_some().into());
+            return;
+        }
+        let sample = if payload.len() <= self.limits.sample {
+            Sample::new(payload, about, &self.pool)
+        } else {
+            None
+        };
+        let Some(sample) = sample else {
+            self.counters.samples_refused.hit();
+            return;
+        };
+        if keeps {
+            let ledger = client.ledger.clone();
+            if let Some(writer) = client.entities.writer(id) {
+                writer.keep(&sample, &ledger);
+            }
+        }
+        let mut taken = 0_u64;
+        let mut full = None;
+        let mut served = std::mem::take(&mut self.served);
+        for reader in readers.iter().filter(|reader| qos.serves(&reader.qos)) {
+            let Address { client, object } = reader.address;
+            let Some(target) = self.clients.get_mut(client) else {
+                continue;
+            };
+            let Some(endpoint) = target.entities.reader(object) else {
+                continue;
+            };
+            if endpoint.offer(&sample, at, &target.ledger, &self.counters) {
+                taken += 1;
+            }
+            let presses = qos.keep_all && qos.reliable && reader.qos.reliable;
+            if presses && endpoint.is_pressed(at, self.limits.patience) {
+                full = Some(reader.address);
+            }
+            target.queue(object, at, &self.counters);
+            served.push(client);
+        }
+        self.counters.samples_routed.add(taken);
+        if about.reply_to.is_some() && taken == 0 {
+            self.counters.replies_unwanted.hit();
+        }
+        for client in served.drain(..) {
+            self.serve(at, client);
+        }
+        self.served = served;
+        if let Some(reader) = full {
+            self.press(at, index, stream, reader);
+        }
+    }
+
+    /// Gives a new reader what durable writers of its topic have kept for it.
+    pub(super) fn catch_up(&mut self, now: Now, index: usize, id: ObjectId) {
+        let at = now.monotonic;
+        let client = self.clients.get_mut(index);
+        let Some(reader) = client.and_then(|client| client.entities.reader(id)) else {
+            return;
+        };
+        let (topic, qos) = (reader.topic, reader.qos);
+        if !qos.is_durable() {
+            return;
+        }
+        let writers = self.topics.writers(topic).iter();
+        let addresses: Vec<Address> = writers
+            .filter(|writer| writer.qos.is_durable() && writer.qos.serves(&qos))
+            .map(|writer| writer.address)
+            .collect();
+        for Address { client, object } in addresses {
+            let writer = self
+                .clients
+                .get_mut(client)
+                .and_then(|client| client.entities.writer(object));
+            let history: Vec<Sample> = writer
+                .map(|writer| writer.history(at).cloned().collect())
+                .unwrap_or_default();
+            let Some(target) = self.clients.get_mut(index) else {
+                return;
+            };
+            let Some(reader) = target.entities.reader(id) else {
+                return;
+            };
+            for sample in history {
+                if reader.offer(&sample, at, &target.ledger, &self.counters) {
+                    self.counters.samples_routed.hit();
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! Taking a [`Snapshot`].
+
+use super::{AgentCore, Now};
+use crate::client::Client;
+use crate::entities::{Plan, Reader, Record, Writer};
+use crate::snapshot::{
+    ClientSnapshot, EntitySnapshot, ReaderSnapshot, Snapshot, StreamSnapshot, WriterSnapshot,
+};
+use replenish_xrce::wire::{ObjectId, ObjectKind};
+use std::fmt::Display;
+use std::hash::Hash;
+
+impl<P: Copy + Eq + Hash + Display> AgentCore<P> {
+    /// What it is doing.
+    #[must_use]
+    pub fn snapshot(&self, now: Now) -> Snapshot {
+        let mut clients: Vec<ClientSnapshot> = self
+            .clients
+            .iter()
+            .map(|client| self.client(now, client))
+            .collect();
+        clients.sort_by(|a, b| a.key.cmp(&b.key));
+        Snapshot {
+            at: now.monotonic,
+            stats: self.stats(),
+            topics: self.topics.len(),
+            queued_bytes: self.pool.used(),
+            clients,
+            refusals: self.refusals.iter().cloned().collect(),
+        }
+    }
+
+    fn client(&self, now: Now, client: &Client<P>) -> ClientSnapshot {
+        let counts = client.counts;
+        let outlets = client.outlets().iter();
+        let entities = client.entities.iter();
+        let mut entities: Vec<EntitySnapshot> = entities
+            .map(|(id, record)| self.entity(id, record))
+            .collect();
+        entities.sort_by(|a, b| a.id.cmp(&b.id));
+        ClientSnapshot {
+            key: client.key.to_string(),
+            session: client.session.0,
+            peer: client.peer.to_string(),
+            mtu: client.mtu,
+            age: now.monotonic.saturating_sub(client.created),
+            silent: now.monotonic.saturating_sub(client.heard),
+            bytes: client.ledger.used(),
+            datagrams_in: counts.datagrams_in,
+            datagrams_out: counts.datagrams_out,
+            bytes_in: counts.bytes_in,
+            bytes_out: counts.bytes_out,
+            rate_limited: counts.rate_limited,
+            streams: outlets
+                .map(|outlet| StreamSnapshot {
+                    stream: outlet.stream().0,
+                    unacknowledged: outlet.unacknowledged(),
+                    resent: outlet.resent(),
+                })
+                .collect(),
+            entities,
+        }
+    }
+
+    fn entity(&self, id: ObjectId, record: &Record) -> EntitySnapshot {
+        let (domain, name, type_name) = match &record.plan {
+            Plan::Participant { domain, name } => (*domain, &**name, ""),
+            Plan::Group { domain } => (*domain, "", ""),
+            Plan::Topic { key } | Plan::Writer { key, .. } | Plan::Reader { key, .. } => {
+                (key.domain, &*key.name, &*key.type_name)
+            }
+            Plan::Requester { request, .. } | Plan::Replier { request, .. } => {
+                (request.domain, &*request.name, &*request.type_name)
+            }
+        };
+        let [high, low] = id.to_bytes();
+        EntitySnapshot {
+            id: format!("{high:02x}{low:02x}"),
+            kind: kind(id),
+            domain,
+            name: name.into(),
+            type_name: type_name.into(),
+            writer: record.writer.as_deref().map(|writer| self.writer(writer)),
+            reader: record.reader.as_deref().map(|reader| self.reader(reader)),
+        }
+    }
+
+    fn writer(&self, writer: &Writer) -> WriterSnapshot {
+        let readers = self.topics.readers(writer.topic);
+        let matched = readers.iter().filter(|r| writer.qos.serves(&r.qos)).count();
+        WriterSnapshot {
+            reliable: writer.qos.reliable,
+            durable: writer.keeps(),
+            written: writer.written,
+            matched,
+            mismatched: readers.len() - matched,
+        }
+    }
+
+    fn reader(&self, reader: &Reader) -> ReaderSnapshot {
+        let writers = self.topics.writers(reader.topic);
+        let matched = writers.iter().filter(|w| w.qos.serves(&reader.qos)).count();
+        ReaderSnapshot {
+            reliable: reader.qos.reliable,
+            priority: reader.service.priority,
+            reading: reader.is_reading(),
+            queued: reader.queued(),
+            received: reader.counts.kept,
+            delivered: reader.counts.delivered,
+            dropped: reader.counts.dropped,
+            expired: reader.counts.expired,
+            matched,
+            mismatched: writers.len() - matched,
+        }
+    }
+}
+
+fn kind(id: ObjectId) -> &'static str {
+    match id.kind() {
+        Ok(ObjectKind::Participant) => "participant",
+        Ok(ObjectKind::Topic) => "topic",
+        Ok(ObjectKind::Publisher) => "publisher",
+        Ok(ObjectKind::Subscriber) => "subscriber",
+        Ok(ObjectKind::DataWriter) => "data_writer",
+        Ok(ObjectKind::DataReader) => "data_reader",
+        Ok(ObjectKind::Requester) => "requester",
+        Ok(ObjectKind::Replier) => "replier",
+        _ => "other",
+    }
+}

@@ -1,0 +1,76 @@
+//! `READ_DATA`: how much of a reader's samples the client wants, how fast, and on which stream.
+
+use crate::config::Nanos;
+use crate::pace::Pace;
+use replenish_xrce::wire::{BaseRequest, DeliveryControl, StreamId};
+
+const MS: Nanos = 1_000_000;
+const SECOND: Nanos = 1_000 * MS;
+
+/// A client's `READ_DATA` that is being carried out.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Delivery {
+    /// Repeated in every DATA.
+    pub(crate) base: BaseRequest,
+    /// Where the client wants it.
+    pub(crate) stream: StreamId,
+    /// Samples still to deliver; `None` for no end.
+    left: Option<u16>,
+    /// When it ends.
+    until: Option<Nanos>,
+    pace: Option<Pace>,
+    /// Shortest time between two samples.
+    gap: Nanos,
+    /// When the next sample may go because of `gap`.
+    next_at: Nanos,
+}
+
+impl Delivery {
+    /// The request as of `now`, or `None` if it asks for nothing (which cancels).
+    pub(crate) fn new(
+        base: BaseRequest,
+        stream: StreamId,
+        control: Option<DeliveryControl>,
+        now: Nanos,
+    ) -> Option<Self> {
+        let control = control.unwrap_or(DeliveryControl {
+            max_samples: 1,
+            ..DeliveryControl::UNLIMITED
+        });
+        let left = match control.max_samples {
+            0 => return None,
+            DeliveryControl::UNLIMITED_SAMPLES => None,
+            limit => Some(limit),
+        };
+        let elapsed = Nanos::from(control.max_elapsed_s) * SECOND;
+        Some(Self {
+            base,
+            stream,
+            left,
+            until: (elapsed > 0).then(|| now.saturating_add(elapsed)),
+            pace: Pace::new(control.max_bytes_per_second.into()),
+            gap: Nanos::from(control.min_pace_ms) * MS,
+            next_at: 0,
+        })
+    }
+
+    /// Whether nothing is to be delivered any more.
+    pub(crate) fn is_over(&self, now: Nanos) -> bool {
+        self.left == Some(0) || self.until.is_some_and(|until| until <= now)
+    }
+
+    /// When a sample of `bytes` may go.
+    pub(crate) fn earliest(&self, bytes: usize) -> Nanos {
+        let paced = self.pace.map_or(0, |pace| pace.earliest(bytes));
+        paced.max(self.next_at)
+    }
+
+    /// A sample of `bytes` has gone.
+    pub(crate) fn spend(&mut self, now: Nanos, bytes: usize) {
+        self.left = self.left.map(|left| left.saturating_sub(1));
+        self.next_at = now.saturating_add(self.gap);
+        if let Some(pace) = &mut self.pace {
+            pace.spend(now, bytes);
+        }
+    }
+}

@@ -1,0 +1,310 @@
+//! The receiving half of data readers, requesters and repliers: the samples that wait for a client.
+//!
+//! ```text
+//!   offer ──► mine? room? ──► queue ──► lifespan over? pace? ──► next_on ──► delivered
+//!               │   └─ keep-last: the oldest goes                 (DATA)
+//!               └─ requester: only replies to its own requests
+//! ```
+//!
+//! Samples are kept from the reader's creation on, so that nothing written between CREATE and
+//! `READ_DATA` is lost within the queue's depth.
+
+use super::calls::Calls;
+use super::delivery::Delivery;
+use super::qos::Qos;
+use crate::config::Nanos;
+use crate::identity::Identity;
+use crate::rules::Service;
+use crate::sample::{Charge, Ledger, Sample};
+use crate::stats::Counters;
+use crate::topics::TopicId;
+use replenish_xrce::wire::{BaseRequest, StreamId};
+use std::collections::VecDeque;
+
+/// Bytes that a place in a queue is counted with besides the sample's own.
+const PLACE: usize = 64;
+
+/// How many samples a keep-all queue takes above its depth: those that are acknowledged already
+/// when it gets full.
+const OVERTIME: usize = 64;
+
+/// Who reads.
+#[derive(Debug)]
+pub(crate) enum Role {
+    /// A data reader.
+    Data,
+    /// A requester, with what it waits for.
+    Requester(Calls),
+    /// A replier.
+    Replier,
+}
+
+/// What goes before a sample's bytes in DATA.
+#[derive(Clone, Copy, Debug)]
+enum Prefix {
+    None,
+    Request(Identity),
+    Reply(BaseRequest),
+}
+
+/// The receiving half of an entity.
+#[derive(Debug)]
+pub(crate) struct Reader {
+    pub(crate) topic: TopicId,
+    pub(crate) qos: Qos,
+    pub(crate) service: Service,
+    pub(crate) role: Role,
+    queue: VecDeque<Place>,
+    delivery: Option<Delivery>,
+    /// When the last sample was kept.
+    last: Option<Nanos>,
+    /// Since when a keep-all queue has been full without getting shorter.
+    full_since: Option<Nanos>,
+    pub(crate) counts: ReaderCounts,
+}
+
+#[derive(Debug)]
+struct Place {
+    sample: Sample,
+    prefix: Prefix,
+    _charge: Charge,
+}
+
+/// What a reader counts.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct ReaderCounts {
+    pub(crate) kept: u64,
+    pub(crate) delivered: u64,
+    pub(crate) dropped: u64,
+    pub(crate) expired: u64,
+}
+
+/// Whether a reader has something to send.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Readiness {
+    /// Nothing waits, or the client does not want it.
+    Idle,
+    /// On this stream, now.
+    Now(StreamId),
+    /// Not before this time.
+    At(Nanos),
+}
+
+impl Reader {
+    pub(crate) fn new(topic: TopicId, qos: Qos, service: Service, role: Role) -> Self {
+        Self {
+            topic,
+            qos,
+            service,
+            role,
+            queue: VecDeque::new(),
+            delivery: None,
+            last: None,
+            full_since: None,
+            counts: ReaderCounts::default(),
+        }
+    }
+
+    /// Keeps a sample if it is for this reader and there is room; returns whether it did.
+    pub(crate) fn offer(
+        &mut self,
+        sample: &Sample,
+        now: Nanos,
+        ledger: &Ledger,
+        counters: &Counters,
+    ) -> bool {
+        let prefix = match &mut self.role {
+            Role::Data => Prefix::None,
+            Role::Replier => match sample.about().request {
+                Some(identity) => Prefix::Request(identity),
+                None => return false,
+            },
+            Role::Requester(calls) => match sample.about().reply_to.map(|to| calls.answer(to)) {
+                Some(Some(base)) => Prefix::Reply(base),
+                _ => return false,
+            },
+        };
+        let too_soon = |last: Nanos, least: Nanos| now < last.saturating_add(least);
+        if let (Some(last), Some(least)) = (self.last, self.qos.separation)
+            && too_soon(last, least)
+        {
+            counters.samples_filtered.hit();
+            return false;
+        }
+        self.expire(now, counters);
+        let charge = self.make_room(sample.len() + PLACE, ledger, counters);
+        let Some(charge) = charge else {
+            self.count_dropped(counters);
+            return false;
+        };
+        self.last = Some(now);
+        self.counts.kept += 1;
+        self.queue.push_back(Place {
+            sample: sample.clone(),
+            prefix,
+            _charge: charge,
+        });
+        if self.is_full() && self.full_since.is_none() {
+            self.full_since = Some(now);
+        }
+        true
+    }
+
+    fn make_room(&mut self, bytes: usize, ledger: &Ledger, counters: &Counters) -> Option<Charge> {
+        if self.qos.keep_all {
+            let hopeless = self.queue.len() >= self.qos.depth + OVERTIME;
+            return if hopeless { None } else { ledger.charge(bytes) };
+        }
+        while self.queue.len() >= self.qos.depth.max(1) {
+            self.queue.pop_front();
+            self.count_dropped(counters);
+        }
+        loop {
+            if let Some(charge) = ledger.charge(bytes) {
+                return Some(charge);
+            }
+            self.queue.pop_front()?;
+            self.count_dropped(counters);
+        }
+    }
+
+    fn count_dropped(&mut self, counters: &Counters) {
+        self.counts.dropped += 1;
+        counters.samples_dropped.hit();
+    }
+
+    fn expire(&mut self, now: Nanos, counters: &Counters) {
+        while self.queue.front().is_some_and(|p| p.sample.is_expired(now)) {
+            self.queue.pop_front();
+            self.counts.expired += 1;
+            counters.samples_expired.hit();
+            self.full_since = None;
+        }
+    }
+
+    /// Whether a keep-all queue is full, although its client wants the samples.
+    pub(crate) fn is_full(&self) -> bool {
+        self.qos.keep_all && self.queue.len() >= self.qos.depth && self.delivery.is_some()
+    }
+
+    /// Whether a writer should wait for this reader: it is full, and not for too long.
+    pub(crate) fn is_pressed(&self, now: Nanos, patience: Nanos) -> bool {
+        let short = |since: Nanos| now < since.saturating_add(patience);
+        self.is_full() && self.full_since.is_some_and(short)
+    }
+
+    /// Replaces or (with `None`) cancels the read request.
+    pub(crate) fn request(&mut self, delivery: Option<Delivery>) {
+        self.delivery = delivery;
+    }
+
+    /// Whether the client has asked for samples.
+    pub(crate) fn is_reading(&self) -> bool {
+        self.delivery.is_some()
+    }
+
+    /// Samples that wait.
+    pub(crate) fn queued(&self) -> usize {
+        self.queue.len()
+    }
+
+    /// Whether it has something to say.
+    pub(crate) fn readiness(&mut self, now: Nanos, counters: &Counters) -> Readiness {
+        self.expire(now, counters);
+        if self.delivery.is_some_and(|delivery| delivery.is_over(now)) {
+            self.delivery = None;
+        }
+        let (Some(delivery), Some(place)) = (&self.delivery, self.queue.front()) else {
+            return Readiness::Idle;
+        };
+        match delivery.earliest(place.len()) {
+            at if at > now => Readiness::At(at),
+            _ => Readiness::Now(delivery.stream),
+        }
+    }
+
+    /// The next DATA. Only right after [`readiness`](Self::readiness) said so.
+    pub(crate) fn next(&self) -> Option<Outgoing<'_>> {
+        let base = self.delivery.as_ref()?.base;
+        let place = self.queue.front()?;
+        let prefix = match place.prefix {
+            Prefix::None => PrefixBytes::None,
+            Prefix::Request(identity) => PrefixBytes::Request(identity.to_bytes()),
+            Prefix::Reply(base) => {
+                let [r0, r1] = base.request.0.to_be_bytes();
+                let [o0, o1] = base.object.to_bytes();
+                PrefixBytes::Reply([r0, r1, o0, o1])
+            }
+        };
+        Some(Outgoing {
+            base,
+            prefix,
+            payload: &place.sample,
+        })
+    }
+
+    /// The next sample is on its way.
+    pub(crate) fn delivered(&mut self, now: Nanos) {
+        self.full_since = None;
+        let Some(place) = self.queue.pop_front() else {
+            return;
+        };
+        self.counts.delivered += 1;
+        if let Some(delivery) = &mut self.delivery {
+            delivery.spend(now, place.len());
+        }
+    }
+
+    /// The next sample cannot be delivered.
+    pub(crate) fn discard(&mut self) {
+        self.queue.pop_front();
+        self.counts.dropped += 1;
+    }
+}
+
+impl Place {
+    /// Bytes it takes in DATA.
+    fn len(&self) -> usize {
+        let prefix = match self.prefix {
+            Prefix::None => 0,
+            Prefix::Request(_) => Identity::LEN,
+            Prefix::Reply(_) => 4,
+        };
+        prefix + self.sample.len()
+    }
+}
+
+/// The contents of a DATA.
+#[derive(Debug)]
+pub(crate) struct Outgoing<'a> {
+    pub(crate) base: BaseRequest,
+    prefix: PrefixBytes,
+    payload: &'a [u8],
+}
+
+#[derive(Debug)]
+enum PrefixBytes {
+    None,
+    Request([u8; Identity::LEN]),
+    Reply([u8; 4]),
+}
+
+impl replenish_xrce::wire::Encode for Outgoing<'_> {
+    fn id(&self) -> replenish_xrce::wire::SubmessageId {
+        replenish_xrce::wire::SubmessageId::Data
+    }
+
+    fn encode(
+        &self,
+        w: &mut replenish_xrce::wire::Writer<'_>,
+    ) -> Result<(), replenish_xrce::wire::WireError> {
+        w.put(&self.base.request.0.to_be_bytes())?;
+        w.put(&self.base.object.to_bytes())?;
+        match &self.prefix {
+            PrefixBytes::None => {}
+            PrefixBytes::Request(bytes) => w.put(bytes)?,
+            PrefixBytes::Reply(bytes) => w.put(bytes)?,
+        }
+        w.put(self.payload)
+    }
+}

@@ -1,0 +1,174 @@
+//! What an agent is doing, as plain data: clients, their entities, their streams, and what they
+//! have moved. Rates are differences: [`Snapshot::seconds_since`] two of them.
+
+use crate::config::Nanos;
+use crate::stats::Stats;
+use replenish_xrce::wire::{ClientKey, ObjectId, Status};
+use std::collections::VecDeque;
+
+/// Refusals that are kept.
+const REFUSALS: usize = 64;
+
+/// The state of an agent at one time.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Snapshot {
+    /// When, in nanoseconds on the agent's monotonic clock.
+    pub at: Nanos,
+    /// What was counted so far.
+    pub stats: Stats,
+    /// Topics that have a writer or a reader.
+    pub topics: usize,
+    /// Bytes of all samples that are kept.
+    pub queued_bytes: usize,
+    /// The clients, by key.
+    pub clients: Vec<ClientSnapshot>,
+    /// The last requests that were refused, the oldest first.
+    pub refusals: Vec<Refusal>,
+}
+
+/// One client.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ClientSnapshot {
+    /// Its key, as eight hexadecimal digits.
+    pub key: String,
+    /// Its session id.
+    pub session: u8,
+    /// Where it is.
+    pub peer: String,
+    /// Bytes of the longest message it is sent.
+    pub mtu: usize,
+    /// Nanoseconds since it logged in.
+    pub age: Nanos,
+    /// Nanoseconds since it was last heard.
+    pub silent: Nanos,
+    /// Bytes it makes the agent keep.
+    pub bytes: usize,
+    /// Datagrams from it, dropped ones included.
+    pub datagrams_in: u64,
+    /// Datagrams to it, outside of a session's replies.
+    pub datagrams_out: u64,
+    /// Bytes of the datagrams from it.
+    pub bytes_in: u64,
+    /// Bytes of the datagrams to it.
+    pub bytes_out: u64,
+    /// Datagrams from it that were dropped because there were too many.
+    pub rate_limited: u64,
+    /// The streams to it.
+    pub streams: Vec<StreamSnapshot>,
+    /// Its entities, by id.
+    pub entities: Vec<EntitySnapshot>,
+}
+
+/// One stream to a client.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StreamSnapshot {
+    /// Its id.
+    pub stream: u8,
+    /// Messages that are not acknowledged.
+    pub unacknowledged: usize,
+    /// Messages that were sent again.
+    pub resent: u64,
+}
+
+/// One entity.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EntitySnapshot {
+    /// Its id on the wire, as four hexadecimal digits; the last is the kind.
+    pub id: String,
+    /// `participant`, `topic`, `publisher`, `subscriber`, `data_writer`, `data_reader`, `requester`
+    /// or `replier`.
+    pub kind: &'static str,
+    /// The DDS domain.
+    pub domain: i16,
+    /// The participant's name, the topic, or the topic of a service's requests.
+    pub name: String,
+    /// The type of the topic, if it has one.
+    pub type_name: String,
+    /// What it sends.
+    pub writer: Option<WriterSnapshot>,
+    /// What it receives.
+    pub reader: Option<ReaderSnapshot>,
+}
+
+/// The sending half of an entity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WriterSnapshot {
+    /// Whether it is reliable.
+    pub reliable: bool,
+    /// Whether it keeps samples for readers that come later.
+    pub durable: bool,
+    /// Samples written.
+    pub written: u64,
+    /// Readers it talks to.
+    pub matched: usize,
+    /// Readers of its topic it does not talk to because of their QoS.
+    pub mismatched: usize,
+}
+
+/// The receiving half of an entity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReaderSnapshot {
+    /// Whether it is reliable.
+    pub reliable: bool,
+    /// 0 to 7, the most urgent.
+    pub priority: u8,
+    /// Whether the client has asked for samples.
+    pub reading: bool,
+    /// Samples that wait.
+    pub queued: usize,
+    /// Samples put into its queue.
+    pub received: u64,
+    /// Samples sent to the client.
+    pub delivered: u64,
+    /// Samples dropped for want of room.
+    pub dropped: u64,
+    /// Samples dropped because their lifespan was over.
+    pub expired: u64,
+    /// Writers it hears.
+    pub matched: usize,
+    /// Writers of its topic it does not hear because of their QoS.
+    pub mismatched: usize,
+}
+
+/// A request that was refused.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Refusal {
+    /// The client's key.
+    pub key: ClientKey,
+    /// What the request was about.
+    pub object: ObjectId,
+    /// The answer.
+    pub status: Status,
+}
+
+impl Refusal {
+    pub(crate) fn note(
+        list: &mut VecDeque<Self>,
+        key: ClientKey,
+        object: ObjectId,
+        status: Status,
+    ) {
+        if list.len() >= REFUSALS {
+            list.pop_front();
+        }
+        list.push_back(Self {
+            key,
+            object,
+            status,
+        });
+    }
+}
+
+impl Snapshot {
+    /// The time between two snapshots of an agent, to make rates of differences.
+    #[must_use]
+    pub fn seconds_since(&self, earlier: &Snapshot) -> f64 {
+        self.at.saturating_sub(earlier.at) as f64 / 1e9
+    }
+
+    /// The client with this key, if it is there.
+    #[must_use]
+    pub fn client(&self, key: &str) -> Option<&ClientSnapshot> {
+        self.clients.iter().find(|client| client.key == key)
+    }
+}
