@@ -9,6 +9,7 @@
 //! - [`clock`], [`timer`]: monotonic time, CPU clocks of this and other threads, absolute sleep,
 //!   one-shot timers.
 //! - [`poll`], [`WakeFd`]: waiting on descriptors, and waking such a wait.
+//! - [`tty`]: serial lines and pseudo-terminals.
 //! - [`memory`]: locking memory and touching stacks, so that page faults stay out.
 //! - [`Tid`], [`current_tid`], [`set_affinity`], [`affinity`]: naming and placing threads.
 //! - [`SchedClass`], [`set_priority`], [`promote`], [`demote_to_tail`]: what an enforcer does to
@@ -47,7 +48,7 @@ pub use linux::{
     switches::{Drained, Switch, SwitchKind, SwitchLog, voluntary_switches},
     thread::{Thread, ThreadSpec, spawn},
     tid::{Tid, current_tid},
-    timer,
+    timer, tty,
 };
 /// What others build on: here to be measured against, not to be used.
 #[cfg(target_os = "linux")]

@@ -20,3 +20,4 @@ mod sys;
 pub(crate) mod thread;
 pub(crate) mod tid;
 pub mod timer;
+pub mod tty;
