@@ -51,7 +51,7 @@ pub struct Tuning {
 impl Tuning {
     /// For Linux, from measurements (`docs/enforcement.md`).
     pub const LINUX: Self = Self {
-        slack: 5_000,
+        slack: 10_000,
         min_rearm: 10_000,
         max_backoff: 1_000_000,
     };
@@ -252,6 +252,17 @@ impl<S: BudgetServer> Reservation<S> {
         self.check_at = None;
         self.plan(now);
         true
+    }
+
+    /// The thread could not run for another `by` nanoseconds, since somebody it cannot preempt had
+    /// its CPU: a check for the end of its budget moves by as much.
+    pub fn postpone(&mut self, by: Nanos) {
+        if self.runnable
+            && self.level == Level::High
+            && let Some(at) = &mut self.check_at
+        {
+            *at = at.saturating_add(by);
+        }
     }
 
     /// Whether the next check was put off for want of progress.

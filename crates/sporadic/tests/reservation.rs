@@ -221,6 +221,32 @@ fn a_budget_that_ends_with_the_callback_costs_no_change_of_level() {
     assert_eq!(sim.r.level(), Level::High);
 }
 
+#[test]
+fn time_that_the_enforcer_itself_took_moves_the_check() {
+    let mut sim = Sim::new(10 * MS, 100 * MS, vec![0]);
+    sim.r.postpone(50 * US);
+    assert_eq!(
+        sim.r.check_at(),
+        None,
+        "nothing to move for a thread that waits"
+    );
+    sim.activate();
+    assert_eq!(sim.r.check_at(), Some(10 * MS));
+    sim.r.postpone(50 * US);
+    assert_eq!(sim.r.check_at(), Some(10 * MS + 50 * US));
+    sim.pass(20 * MS, true);
+    assert_eq!(
+        (sim.r.level(), sim.r.check_at()),
+        (Level::Low, Some(100 * MS))
+    );
+    sim.r.postpone(50 * US);
+    assert_eq!(
+        sim.r.check_at(),
+        Some(100 * MS),
+        "a replenishment is due when it is due"
+    );
+}
+
 /// The replenishment comes due while the enforcer is busy lowering the thread.
 #[test]
 fn a_replenishment_during_the_change_of_level_is_not_missed() {

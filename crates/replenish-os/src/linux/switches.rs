@@ -156,6 +156,12 @@ impl SwitchLog {
         Drained { lost }
     }
 
+    /// Whether there is nothing to drain: the thread has not been switched since the last time.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.counter(HEAD).load(Ordering::Acquire) == self.counter(TAIL).load(Ordering::Relaxed)
+    }
+
     /// A counter of the control page.
     fn counter(&self, offset: usize) -> &AtomicU64 {
         // SAFETY: within the control page, which is mapped for as long as `self` lives.

@@ -79,12 +79,25 @@ impl Entry {
         }
     }
 
+    /// See [`Reservation::postpone`].
+    pub(super) fn postpone(&mut self, by: Nanos) {
+        if self.live {
+            self.reservation.postpone(by);
+        }
+    }
+
     /// The thread's CPU clock; a thread that has ended keeps its last reading.
     fn cpu(&mut self) -> Nanos {
         self.clock.read().unwrap_or_else(|| {
             self.live = false;
             self.reservation.last_reading().0
         })
+    }
+
+    /// Whether the records show that the thread has not had the CPU since the last reading; saves
+    /// a system call per preempted worker and check.
+    fn has_not_run(&self) -> bool {
+        self.gaps.is_off_cpu() && self.switches.as_ref().is_some_and(SwitchLog::is_empty)
     }
 
     /// Reads the switch log up to `now`.
@@ -119,10 +132,15 @@ impl Entry {
     /// Decides by the CPU clock, and carries the decision out.
     pub(super) fn judge(&mut self, now: Nanos, rung: Enforcement) -> Outcome {
         let late = self.check_at().map_or(0, |at| now.saturating_sub(at));
-        let cpu = self.cpu();
-        self.drain(now);
+        let cpu = if self.has_not_run() {
+            self.gaps.next_reading(now);
+            self.reservation.last_reading().0
+        } else {
+            self.drain(now);
+            self.cpu()
+        };
         let verdict = self.reservation.judge(now, cpu, self.gaps.gaps());
-        self.obey(verdict, late, rung)
+        self.obey(verdict, now, late, rung)
     }
 
     /// The worker found that it blocked inside its callback, without knowing when: whatever has
@@ -147,7 +165,7 @@ impl Entry {
         self.suspend.resume();
     }
 
-    fn obey(&mut self, verdict: Verdict, late: u64, rung: Enforcement) -> Outcome {
+    fn obey(&mut self, verdict: Verdict, now: Nanos, late: u64, rung: Enforcement) -> Outcome {
         let Some(level) = verdict.change else {
             return Outcome::Unchanged;
         };
@@ -168,7 +186,11 @@ impl Entry {
                 Ok(())
             }
         };
-        let now = clock::monotonic();
+        // Where the enforcer is on the worker's CPU, no time has passed for the worker.
+        let now = match rung {
+            Enforcement::SameCpu => now,
+            Enforcement::OtherCpu | Enforcement::Deferred => clock::monotonic(),
+        };
         let cpu = self.cpu();
         // A refused change is counted by the caller; the account goes on as decided, since
         // deciding the same thing again at once would help nobody.

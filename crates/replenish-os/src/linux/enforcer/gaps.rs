@@ -93,6 +93,11 @@ impl GapTracker {
         });
     }
 
+    /// Whether the thread was off the CPU after the last record.
+    pub(crate) fn is_off_cpu(&self) -> bool {
+        !self.on_cpu
+    }
+
     pub(crate) fn gaps(&self) -> &[Gap] {
         self.gaps.get(..self.len).unwrap_or(&[])
     }

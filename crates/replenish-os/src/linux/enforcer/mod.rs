@@ -336,10 +336,13 @@ impl Shared {
     }
 
     /// Judges every entry whose check is due; returns whether any level changed.
+    ///
+    /// On the workers' own CPU none of them runs before this is over. So one reading of the time
+    /// serves all, and what the sweep itself took is added to every check at the end: a worker
+    /// has lost it, and a check that ignored it would come early.
     fn sweep(&self, state: &mut State) -> bool {
-        let mut changed = 0;
-        let mut refused = 0;
-        let mut now = clock::monotonic();
+        let now = clock::monotonic();
+        let (mut changed, mut refused) = (0, 0);
         for entry in &mut state.entries {
             if entry.is_due(now.saturating_add(self.config.tuning.slack)) {
                 match entry.judge(now, self.rung) {
@@ -347,13 +350,19 @@ impl Shared {
                     entry::Outcome::Changed => changed += 1,
                     entry::Outcome::Refused => refused += 1,
                 }
-                now = clock::monotonic();
             }
         }
         state.stats.changes += changed;
         state.stats.refused += refused;
         if changed > 0 {
             state.pull_in(now);
+        }
+        if self.rung == Enforcement::SameCpu {
+            let took = clock::monotonic().saturating_sub(now);
+            state
+                .entries
+                .iter_mut()
+                .for_each(|entry| entry.postpone(took));
         }
         changed > 0
     }
