@@ -10,11 +10,12 @@
 
 mod common;
 
-use common::{Scratch, json, run, stderr, stdout};
+use common::{Running, Scratch, json, run, stderr, stdout};
 use replenish_testkit::harness::{rt_program_trial, run as run_trials, trial};
 use replenish_testkit::rt;
 use std::os::unix::fs::PermissionsExt;
 use std::process::{Command, Output, Stdio};
+use std::time::Duration;
 
 fn main() {
     run_trials(vec![
@@ -25,6 +26,11 @@ fn main() {
             unprivileged_demo,
         ),
         trial("strict_refuses_an_ordinary_user", strict_refuses),
+        trial(
+            "an_agent_that_dies_ends_the_demo_with_the_reason",
+            agent_dies,
+        ),
+        trial("a_signal_ends_the_demo_and_its_parts", signal_ends_all),
     ]);
 }
 
@@ -207,6 +213,73 @@ fn strict_refuses() {
         text.contains("CAP_SYS_NICE") || text.contains("rtprio"),
         "{text}"
     );
+}
+
+fn agent_dies() {
+    let scratch = Scratch::new("agent-dies");
+    let (mut demo, parts) = demo_in_progress(&scratch);
+    let agent = parts
+        .iter()
+        .find(|(_, args)| args.contains("agent"))
+        .expect("an agent runs");
+    let killed = Command::new("kill")
+        .args(["-s", "KILL", &agent.0.to_string()])
+        .status()
+        .unwrap();
+    assert!(killed.success());
+    demo.expect_line("agent process ended unexpectedly", Duration::from_secs(3));
+    assert_eq!(demo.end(Duration::from_secs(3)).code(), Some(1));
+    assert_eq!(still_running(&parts), [] as [u32; 0]);
+}
+
+fn signal_ends_all() {
+    let scratch = Scratch::new("signal");
+    let (mut demo, parts) = demo_in_progress(&scratch);
+    assert_eq!(parts.len(), 3, "{parts:?}");
+    demo.signal("TERM");
+    demo.expect_line("interrupted", Duration::from_secs(3));
+    assert_eq!(demo.end(Duration::from_secs(3)).code(), Some(1));
+    assert_eq!(still_running(&parts), [] as [u32; 0]);
+}
+
+/// A demo whose load is on, and its children: process id and arguments.
+fn demo_in_progress(scratch: &Scratch) -> (Running, Vec<(u32, String)>) {
+    let page = scratch.path("report.html");
+    let mut demo = Running::start(&[
+        "demo",
+        "--seconds",
+        "30",
+        "--report",
+        page.to_str().unwrap(),
+    ]);
+    demo.expect_line("answers:", Duration::from_secs(300)); // it may wait for another run
+    let children = children_of(demo.id());
+    (demo, children)
+}
+
+fn children_of(parent: u32) -> Vec<(u32, String)> {
+    let mut children = Vec::new();
+    for entry in std::fs::read_dir("/proc").unwrap().flatten() {
+        let Some(pid) = entry.file_name().to_str().and_then(|n| n.parse().ok()) else {
+            continue;
+        };
+        // The name, in parentheses, may hold anything; what follows has fixed fields.
+        let stat = std::fs::read_to_string(entry.path().join("stat")).unwrap_or_default();
+        let ppid = stat
+            .rsplit(')')
+            .next()
+            .and_then(|rest| rest.split_whitespace().nth(1));
+        if ppid.and_then(|p| p.parse().ok()) == Some(parent) {
+            let args = std::fs::read_to_string(entry.path().join("cmdline")).unwrap_or_default();
+            children.push((pid, args.replace('\0', " ")));
+        }
+    }
+    children
+}
+
+fn still_running(parts: &[(u32, String)]) -> Vec<u32> {
+    let alive = |pid: &u32| std::path::Path::new(&format!("/proc/{pid}")).exists();
+    parts.iter().map(|(pid, _)| *pid).filter(alive).collect()
 }
 
 fn open_to_all(scratch: &Scratch) {

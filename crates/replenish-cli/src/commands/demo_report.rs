@@ -133,20 +133,13 @@ fn details(plan: &Plan, run: &Run) -> String {
 }
 
 fn stalls(overrun: &Overrun) -> String {
-    if overrun.stalls.is_empty() {
-        return String::new();
+    match overrun.stalls.first() {
+        None => String::new(),
+        Some(worst) => format!(
+            "; apart from these, the machine stood still {} times (at worst {worst:.0} us)",
+            overrun.stall_count
+        ),
     }
-    let list: Vec<String> = overrun
-        .stalls
-        .iter()
-        .take(5)
-        .map(|s| format!("{s:.0}"))
-        .collect();
-    format!(
-        "; apart from these, the machine stalled {} times ({} us)",
-        overrun.stalls.len(),
-        list.join(", ")
-    )
 }
 
 fn threads(rows: &[ThreadRow]) -> Table {

@@ -20,7 +20,7 @@ use crate::outcome::Failure;
 use crate::signals::Stop;
 use replenish::msg::std_msgs::Int32;
 use replenish::{CallbackContext, Context, Executor, Publisher, Qos, Report, RunningExecutor};
-use replenish_os::{PiMutex, Policy, clock, memory};
+use replenish_os::{PiMutex, Policy, clock};
 use sporadic::{Low, Params};
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -78,14 +78,9 @@ pub(crate) fn start(config: &Config, grid: &SharedGrid, supervised: bool) -> Res
     let context = link::connect(config.agent)?;
     let (high_policy, low_policy) = policies(&config.spec)?;
     let real_time = machine::privilege().real_time();
-    if real_time && let Err(e) = memory::lock_all() {
-        note(
-            &format!("memory is not locked, page faults can delay callbacks: {e}"),
-            supervised,
-        );
-    }
     let mut exec = Executor::new(&context);
     exec.strict(config.strict)
+        .lock_memory(real_time && machine::privilege().memory_lock.is_ok())
         .enforcer_priority(ENFORCER_PRIORITY)
         .on_event(move |event| report_event(event, supervised));
     let dispatcher = fifo(DISPATCHER_PRIORITY)?;
@@ -305,6 +300,7 @@ pub(crate) fn end(report: &Report) -> PongEnd {
             median: us(o.median),
             p99: us(o.p99),
             count: o.count,
+            stall_count: o.stalls,
             stalls: o.worst_stall.map(|s| us(s.overrun)).into_iter().collect(),
         }),
         dropped: report

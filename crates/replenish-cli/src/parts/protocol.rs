@@ -142,6 +142,8 @@ pub(crate) struct Overrun {
     pub p99: f64,
     /// Exhaustions measured.
     pub count: u64,
-    /// Overruns during which the machine itself stood still; not part of median and p99.
+    /// Demotions that were late because the machine itself stood still; not part of the above.
+    pub stall_count: u64,
+    /// What they overran; of many, the worst.
     pub stalls: Vec<f64>,
 }

@@ -7,6 +7,8 @@ use plotters::prelude::*;
 pub(crate) const HIGH: RGBColor = RGBColor(0x25, 0x63, 0xa8);
 /// The other worker.
 pub(crate) const LOW: RGBColor = RGBColor(0xd9, 0x7a, 0x1e);
+/// Theory.
+pub(crate) const THEORY: RGBColor = RGBColor(0x1c, 0x27, 0x33);
 /// Axes and remarks.
 pub(crate) const INK: RGBColor = RGBColor(0x52, 0x60, 0x6d);
 /// Grid lines.
@@ -26,7 +28,7 @@ pub(crate) enum Style {
 /// One line of a figure.
 #[derive(Debug, Clone)]
 pub(crate) struct Series {
-    /// Its name in the legend.
+    /// Its name in the legend; a dashed line without one is not in it.
     pub label: String,
     /// Its colour.
     pub color: RGBColor,
@@ -80,12 +82,10 @@ impl Figure {
             .y_desc(&self.y_label)
             .x_labels(11)
             .x_label_formatter(&|x| format!("{x:.0}"))
-            .y_label_formatter(&|y| {
-                if top < 5.0 {
-                    format!("{y:.1}")
-                } else {
-                    format!("{y:.0}")
-                }
+            .y_label_formatter(&|y| match y {
+                y if *y > top * 1.02 => String::new(), // room for the legend, not for values
+                y if top < 5.0 => format!("{y:.1}"),
+                y => format!("{y:.0}"),
             })
             .label_style(("sans-serif", 15, &INK))
             .axis_desc_style(("sans-serif", 17, &BLACK))
@@ -93,27 +93,31 @@ impl Figure {
             .bold_line_style(GRID)
             .light_line_style(TRANSPARENT)
             .draw()?;
-        for s in &self.series {
+        // Theory last: where both agree, its dashes are still to be seen on the measured line.
+        let (theory, measured): (Vec<_>, Vec<_>) =
+            self.series.iter().partition(|s| s.style == Style::Theory);
+        for s in measured.into_iter().chain(theory) {
             let color = s.color;
             let points = s.points.iter().copied();
             match s.style {
                 Style::Measured => {
-                    chart.draw_series(LineSeries::new(points.clone(), color.stroke_width(2)))?;
+                    let line = color.mix(0.35).stroke_width(4);
+                    chart.draw_series(LineSeries::new(points.clone(), line))?;
                     chart
                         .draw_series(points.map(|p| Circle::new(p, 4, color.filled())))?
                         .label(s.label.as_str())
                         .legend(move |(x, y)| Circle::new((x + 11, y), 4, color.filled()));
                 }
                 Style::Theory => {
-                    chart
-                        .draw_series(DashedLineSeries::new(points, 7, 5, color.stroke_width(1)))?
-                        .label(s.label.as_str())
-                        .legend(move |(x, y)| {
-                            let dash = |from, to| {
-                                PathElement::new([(from, 0), (to, 0)], color.stroke_width(1))
-                            };
-                            EmptyElement::at((x, y)) + dash(0, 7) + dash(12, 19)
-                        });
+                    let line = color.stroke_width(1);
+                    let drawn = chart.draw_series(DashedLineSeries::new(points, 6, 4, line))?;
+                    if s.label.is_empty() {
+                        continue; // one entry in the legend stands for all dashed lines
+                    }
+                    drawn.label(s.label.as_str()).legend(move |(x, y)| {
+                        let dash = |from, to| PathElement::new([(from, 0), (to, 0)], line);
+                        EmptyElement::at((x, y)) + dash(0, 6) + dash(10, 16)
+                    });
                 }
                 Style::Reference => {
                     let thin = color.mix(0.55).stroke_width(1);

@@ -20,6 +20,8 @@ use std::time::Duration;
 const SET_UP: Nanos = 5_000 * MS;
 /// From the last part's readiness to the first message.
 const LEAD: Nanos = 150 * MS;
+/// After the end of a window a part may be silent for this long.
+const SILENCE: Nanos = 1_300 * MS;
 /// A part must have ended within this time after it was told to.
 const WIND_DOWN: Duration = Duration::from_secs(2);
 
@@ -98,15 +100,31 @@ pub(crate) fn run(
     let deadline = epoch + collector.longest(&grid) + 3_000 * MS;
     pong.start(&grid)?;
     ping.start(&grid)?;
+    let mut heard = [("ping", epoch), ("pong", epoch)];
     while !collector.is_complete() {
-        match inbox.next(deadline)? {
-            Some((_, Event::PongWindow(w))) => collector.pong(w),
-            Some((_, Event::PingWindow(w))) => collector.ping(w),
+        let (quiet, since) = if heard[0].1 <= heard[1].1 {
+            heard[0]
+        } else {
+            heard[1]
+        };
+        match inbox.next(deadline.min(since + grid.cycle() + SILENCE))? {
+            Some((_, Event::PongWindow(w))) => {
+                heard[1].1 = clock::monotonic();
+                collector.pong(w);
+            }
+            Some((_, Event::PingWindow(w))) => {
+                heard[0].1 = clock::monotonic();
+                collector.ping(w);
+            }
             Some((name, Event::Link { up: false, detail })) => {
                 return Err(Failure::refused(format!("{name} lost the agent: {detail}")));
             }
             Some(_) => continue,
-            None => return Err(Failure::refused("the run did not end in time")),
+            None => {
+                return Err(Failure::refused(format!(
+                    "the {quiet} process does not report any more"
+                )));
+            }
         }
         progress(&collector);
     }

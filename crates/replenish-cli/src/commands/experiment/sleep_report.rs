@@ -3,7 +3,7 @@
 use super::Files;
 use crate::outcome::Outcome;
 use crate::parts::protocol::Mode;
-use crate::report::figure::{Figure, HIGH, INK, LOW, Series, Style};
+use crate::report::figure::{Figure, HIGH, INK, LOW, Series, Style, THEORY};
 use crate::report::html::Page;
 use crate::report::table::{Table, percent};
 use crate::run::triple::Run;
@@ -143,7 +143,7 @@ fn figure(points: &[SleepPoint]) -> Figure {
             ),
             series(
                 "high, theory: 30 + 70 x",
-                HIGH,
+                THEORY,
                 Style::Theory,
                 line(|p| p.theory_percent),
             ),

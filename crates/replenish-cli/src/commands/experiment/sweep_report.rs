@@ -3,7 +3,7 @@
 use super::Files;
 use crate::outcome::Outcome;
 use crate::parts::protocol::{Mode, Overrun};
-use crate::report::figure::{Figure, HIGH, LOW, Series, Style};
+use crate::report::figure::{Figure, HIGH, LOW, Series, Style, THEORY};
 use crate::report::html::Page;
 use crate::report::table::{Table, percent, signed_percent};
 use crate::run::summary::PerWindow;
@@ -133,7 +133,8 @@ pub(super) fn sweep(
     ));
     page.figure(
         &svg,
-        "Answers that ping received. Marks: measured. Dashed: theory.",
+        "Answers that ping received. Marks: measured. Dashed: theory, whole answers per window of load; \
+         one less per window is normal for low, whose last answer the end of the window cuts off.",
     );
     page.table(&table);
     super::write(to, &COLUMNS, &json, &svg, page)
@@ -167,13 +168,8 @@ fn figure(period: u64, points: &[SweepPoint], fifo: Option<&SweepPoint>) -> Figu
             Style::Measured,
             line(|p| p.low_answered),
         ),
-        series(
-            "high, theory",
-            HIGH,
-            Style::Theory,
-            line(|p| p.expected_high),
-        ),
-        series("low, theory", LOW, Style::Theory, line(|p| p.expected_low)),
+        series("theory", THEORY, Style::Theory, line(|p| p.expected_high)),
+        series("", THEORY, Style::Theory, line(|p| p.expected_low)),
     ];
     if let Some(f) = fifo {
         let flat = |y: u64| vec![(0.0, y as f64), (period as f64, y as f64)];
