@@ -14,6 +14,7 @@ pub struct Watchdog(
 pub fn watchdog(what: &'static str, limit: Duration) -> Watchdog {
     let (tx, rx) = mpsc::channel::<()>();
     std::thread::spawn(move || {
+        crate::alloc::exempt_this_thread(); // its first wait allocates
         if rx.recv_timeout(limit) == Err(mpsc::RecvTimeoutError::Timeout) {
             eprintln!("watchdog: {what} did not end within {limit:?}; aborting");
             std::process::abort();

@@ -33,6 +33,11 @@ pub enum Error {
     ForeignNode(String),
     /// Another executor spins this context.
     ContextBusy,
+    /// No connection to the middleware's peer.
+    Connect {
+        /// Why.
+        reason: String,
+    },
     /// The middleware could not create an endpoint.
     Middleware {
         /// Which one.
@@ -101,6 +106,7 @@ impl fmt::Display for Error {
                 )
             }
             Self::ContextBusy => f.write_str("another executor spins this context"),
+            Self::Connect { reason } => f.write_str(reason),
             Self::Middleware { endpoint, source } => write!(f, "{endpoint}: {source}"),
             Self::Thread { name, reason } => write!(f, "thread {name:?}: {reason}"),
             Self::NotGranted { what, reason } => write!(f, "{what} cannot be granted: {reason}"),
@@ -134,5 +140,14 @@ impl From<PolicyError> for Error {
 impl From<ParamError> for Error {
     fn from(e: ParamError) -> Self {
         Self::Policy(e.into())
+    }
+}
+
+#[cfg(feature = "xrce")]
+impl From<crate::middleware::xrce::ConnectError> for Error {
+    fn from(e: crate::middleware::xrce::ConnectError) -> Self {
+        Self::Connect {
+            reason: e.to_string(),
+        }
     }
 }

@@ -25,6 +25,11 @@ mod publisher;
 mod stats;
 mod sync;
 
+/// The README's example compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+mod readme {}
+
 pub mod middleware;
 pub mod qos;
 

@@ -4,7 +4,7 @@
 use replenish::msg::std_msgs::{Int32, UInt8MultiArray};
 use replenish::{Budget, Context, Executor, Policy, Qos};
 use replenish_testkit::alloc::{CountingAllocator, exempt_this_thread};
-use replenish_testkit::harness::{rt_trial, run, trial};
+use replenish_testkit::harness::{rt_trial, trial};
 use replenish_testkit::watchdog::watchdog;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -16,12 +16,16 @@ static ALLOC: CountingAllocator = CountingAllocator::new();
 const MESSAGES: u64 = 10_000;
 
 fn main() {
-    run(vec![
+    let trials = vec![
         trial("nothing_allocates_in_time_sharing", || {
             allocations(false);
         }),
         rt_trial("nothing_allocates_under_budgets", || allocations(true)),
-    ]);
+    ];
+    // One after another: the counter sees every thread of the process.
+    let mut arguments = libtest_mimic::Arguments::from_args();
+    arguments.test_threads = Some(1);
+    libtest_mimic::run(&arguments, trials).exit();
 }
 
 /// Ping-pong: a small message and a large one there, the small one back.

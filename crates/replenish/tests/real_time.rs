@@ -118,32 +118,30 @@ fn inheritance() {
 
     for round in 1..=ROUNDS {
         let before = heard.load(Ordering::SeqCst);
-        let (hogging, over) = (
-            Arc::new(AtomicBool::new(false)),
-            Arc::new(AtomicBool::new(false)),
-        );
+        let hogging = Arc::new(AtomicBool::new(false));
+        // Above everything, so that it calls while the hog runs, however busy the machine is.
+        let caller = {
+            let (call, hogging) = (call.clone(), Arc::clone(&hogging));
+            let spec = ThreadSpec::new("caller").policy(fifo(95));
+            spawn(spec, move || {
+                while !hogging.load(Ordering::SeqCst) {
+                    std::thread::sleep(MS / 10);
+                }
+                call.publish(&Int32 { data: round })
+            })
+        };
         let hog = {
-            let (hogging, over, heard) =
-                (Arc::clone(&hogging), Arc::clone(&over), Arc::clone(&heard));
+            let (hogging, heard) = (Arc::clone(&hogging), Arc::clone(&heard));
             let spec = ThreadSpec::new("hog").policy(fifo(50)).cpu(cpu);
             spawn(spec, move || {
                 hogging.store(true, Ordering::SeqCst);
                 let end = clock::thread_cpu() + 100_000_000;
                 while clock::thread_cpu() < end && heard.load(Ordering::SeqCst) == before {}
-                over.store(true, Ordering::SeqCst);
                 heard.load(Ordering::SeqCst) > before
             })
         };
-        while !hogging.load(Ordering::SeqCst) {
-            std::thread::yield_now();
-        }
-        let caller = {
-            let call = call.clone();
-            let spec = ThreadSpec::new("caller").policy(fifo(95));
-            spawn(spec, move || call.publish(&Int32 { data: round })).unwrap()
-        };
-        caller.join().unwrap().unwrap();
         let overtaken = hog.unwrap().join().unwrap();
+        caller.unwrap().join().unwrap().unwrap();
         assert!(
             overtaken,
             "round {round}: the message waited until the hog was over"
