@@ -4,6 +4,8 @@
 //!   over `u64` nanoseconds that drives the very budget servers of the `sporadic` crate.
 //!   Periodic, sporadic and bursty releases, blocking, priority-inheriting locks, messages between
 //!   threads, overheads, late enforcement, `SCHED_DEADLINE`. The same seed gives the same run.
+//! - **Analysis** ([`analysis`]): bounds on response times that no run exceeds, for the same
+//!   systems.
 //! - **History** ([`nuttx`]): an emulation of NuttX's `SCHED_SPORADIC`, which explains what the
 //!   paper measured.
 //!
@@ -32,6 +34,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod analysis;
 mod check;
 mod engine;
 pub mod nuttx;

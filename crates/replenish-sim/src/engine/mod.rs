@@ -204,10 +204,12 @@ impl<'a> Sim<'a> {
 
     fn run(&mut self) -> Result<(), SimError> {
         loop {
-            // What ends now has ended before a timer of now can come between.
+            // What ends now has ended, and who has used up its budget is judged, before a timer of
+            // now can come between.
             if self.cpus.iter().any(|cpu| self.has_ended(cpu).is_some()) {
                 self.settle()?;
             }
+            while self.judge_running() {}
             self.fire_timers();
             self.settle()?;
             let next = self.next_time();

@@ -1,0 +1,132 @@
+//! What a reservation delivers at least, and how long work takes inside it.
+
+use super::response::MAX_JOBS;
+use crate::Nanos;
+use sporadic::Params;
+
+/// The least CPU time a reservation (corrected sporadic server) delivers to a worker that always
+/// has work, in any window of a given length [SL03, LB03].
+///
+/// ```text
+///  delivered │                          ┌──────── …
+///         2B │                         ╱          the least: nothing for as long as possible,
+///            │           ┌────────────┘           then B in every T
+///          B │          ╱ :           :
+///            │         ╱  :           :
+///            └────────┘───┴───────────┴────────► window
+///             blackout  B       T
+/// ```
+///
+/// Worst case: the budget has just been used up, as early as it could be, and is then served as
+/// late as it can be. Budget used at an activation comes back a period later and is delivered
+/// within `service` of that time, so the blackout is `T - 2B + service`: with `service = B`
+/// (nobody interferes) `T - B`; with `service = T` the `2 (T - B)` of the periodic resource model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Supply {
+    budget: Nanos,
+    period: Nanos,
+    service: Nanos,
+    overrun: Nanos,
+    merged: bool,
+    max_repl: u64,
+}
+
+impl Supply {
+    /// The supply of a reservation.
+    ///
+    /// - `service`: budget that is due and asked for is delivered within this time: see
+    ///   [`Bounds::service`](super::Bounds::service). At least the budget.
+    /// - `overrun`: by how much the budget can be overdrawn. It is paid back, so this much is
+    ///   missing, once.
+    /// - `slack`: how much of the budget can be put off as too little to be used, in each period.
+    ///   `None` is returned if that is all of it.
+    pub fn new(params: &Params, service: Nanos, overrun: Nanos, slack: Nanos) -> Option<Self> {
+        let budget = params.budget().checked_sub(slack).filter(|&b| b > 0)?;
+        Some(Self {
+            budget,
+            period: params.period(),
+            service: service.max(budget),
+            overrun,
+            merged: false,
+            max_repl: params.max_repl().into(),
+        })
+    }
+
+    /// Says how often the worker can wake up in a period. If `max_repl` is smaller, replenishments
+    /// are merged at the later time, and all of the budget can come as late as a period after it
+    /// was used up.
+    #[must_use]
+    pub fn with_wake_ups(mut self, per_period: u64) -> Self {
+        self.merged = per_period > self.max_repl;
+        self
+    }
+
+    /// The longest time without any delivery, in ns.
+    pub fn blackout(&self) -> Nanos {
+        let late = self.period + self.service - self.budget;
+        if self.merged {
+            late
+        } else {
+            late - self.budget
+        }
+    }
+
+    /// The least CPU time delivered in any window of this length, in ns.
+    pub fn in_window(&self, window: Nanos) -> Nanos {
+        let Some(rest) = window.checked_sub(self.blackout()) else {
+            return 0;
+        };
+        let whole = (rest / self.period).saturating_mul(self.budget);
+        let part = (rest % self.period).min(self.budget);
+        whole.saturating_add(part).saturating_sub(self.overrun)
+    }
+
+    /// The shortest window in which at least `cost` is delivered, in ns: how long a callback of
+    /// this CPU time can take that finds no other work before it.
+    pub fn window_for(&self, cost: Nanos) -> Nanos {
+        if cost == 0 {
+            return 0;
+        }
+        let cost = cost.saturating_add(self.overrun);
+        let whole = (cost - 1) / self.budget;
+        let part = cost - whole * self.budget;
+        whole
+            .saturating_mul(self.period)
+            .saturating_add(self.blackout())
+            .saturating_add(part)
+    }
+
+    /// From the arrival to the end of a job of `cost` every `period` with this much release
+    /// `jitter`, jobs done in order; `None` if the worker can fall behind for ever, or for longer
+    /// than `limit`.
+    ///
+    /// The busy period [Leh90] with the supply in the place of the CPU.
+    pub fn response(
+        &self,
+        cost: Nanos,
+        period: Nanos,
+        jitter: Nanos,
+        limit: Nanos,
+    ) -> Option<Nanos> {
+        let asked = u128::from(cost) * u128::from(self.period);
+        if asked > u128::from(period) * u128::from(self.budget) {
+            return None;
+        }
+        let mut worst = 0;
+        for job in 0..=MAX_JOBS {
+            if job == MAX_JOBS {
+                return None;
+            }
+            let end = self.window_for(cost.checked_mul(job + 1)?);
+            if end > limit {
+                return None;
+            }
+            let arrival = job * period;
+            worst = worst.max((end + jitter).saturating_sub(arrival));
+            if end + jitter <= arrival + period {
+                break;
+            }
+        }
+        Some(worst)
+    }
+}

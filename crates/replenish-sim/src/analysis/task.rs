@@ -1,0 +1,142 @@
+//! What the analysis is told of a system.
+
+use crate::Nanos;
+use sporadic::{Low, Params};
+
+/// One thread on the CPU that is analysed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Task {
+    /// How it is scheduled.
+    pub scheduling: Scheduling,
+    /// What it is asked to do; `None`: unknown, so a reservation may use all of its budget, and
+    /// nothing below an unlimited thread has a bound.
+    pub demand: Option<Demand>,
+    /// The locks each of its jobs takes.
+    pub sections: Vec<Section>,
+}
+
+/// How a thread is scheduled. Larger priorities are more urgent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scheduling {
+    /// At one priority for ever.
+    Fifo(u8),
+    /// In a reservation with the corrected sporadic server.
+    Reserved(Params),
+}
+
+/// Jobs that come at least so far apart and take at most so long.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Demand {
+    /// The largest CPU time of one job.
+    pub cost: Nanos,
+    /// The smallest distance of two arrivals, at least 1.
+    pub period: Nanos,
+    /// The largest delay from arrival to release. Responses count from the arrival.
+    pub jitter: Nanos,
+    /// How often one job blocks (sleeps, service calls), locks not counted.
+    pub suspensions: u32,
+    /// For how long at most, in all.
+    pub suspended: Nanos,
+}
+
+impl Demand {
+    /// Jobs without jitter that never block.
+    pub const fn new(cost: Nanos, period: Nanos) -> Self {
+        Self {
+            cost,
+            period,
+            jitter: 0,
+            suspensions: 0,
+            suspended: 0,
+        }
+    }
+}
+
+/// A stretch during which a job holds a lock.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Section {
+    /// Which lock. All users of a lock must be on the CPU that is analysed.
+    pub lock: usize,
+    /// CPU time, that of locks taken inside included. Blocking inside is not covered.
+    pub length: Nanos,
+}
+
+/// Overheads and delays of the platform, the counterpart of [`Platform`](crate::Platform).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Costs {
+    /// Of turning the CPU to another thread, paid by that thread.
+    pub context_switch: Nanos,
+    /// Per job: taking the message, decoding it, waking up.
+    pub job: Nanos,
+    /// Per timed release, taken from whoever runs. Releases of threads whose demand is unknown are
+    /// not counted.
+    pub release_interrupt: Nanos,
+    /// Timers act this much late at most: the period of the tick.
+    pub tick: Nanos,
+    /// From the timer of the enforcer to its reading of the CPU clock, at most.
+    pub latency: Nanos,
+    /// How much longer a check can be put off ([`sporadic::Tuning::max_backoff`] and
+    /// [`sporadic::Tuning::min_rearm`] together).
+    pub put_off: Nanos,
+    /// Budgets count as used up with this much left ([`sporadic::Tuning::slack`]).
+    pub slack: Nanos,
+    /// CPU time the enforcer takes per period of a reservation. An estimate, unlike the rest: the
+    /// number of checks per period depends on who preempts whom.
+    pub enforcement: Nanos,
+}
+
+impl Costs {
+    /// How much a budget can be overdrawn.
+    pub const fn overrun(&self) -> Nanos {
+        self.tick + self.latency + self.put_off
+    }
+
+    /// How late a replenishment can act.
+    pub const fn raise_delay(&self) -> Nanos {
+        self.tick + self.latency
+    }
+}
+
+impl Task {
+    /// A FIFO thread.
+    pub const fn fifo(priority: u8, demand: Demand) -> Self {
+        Self {
+            scheduling: Scheduling::Fifo(priority),
+            demand: Some(demand),
+            sections: Vec::new(),
+        }
+    }
+
+    /// A thread in a reservation.
+    pub const fn reserved(params: Params, demand: Option<Demand>) -> Self {
+        Self {
+            scheduling: Scheduling::Reserved(params),
+            demand,
+            sections: Vec::new(),
+        }
+    }
+
+    /// Its priority, with budget if it has one.
+    pub const fn priority(&self) -> u8 {
+        match &self.scheduling {
+            Scheduling::Fifo(priority) => *priority,
+            Scheduling::Reserved(params) => params.priority(),
+        }
+    }
+
+    /// Its priority without budget; `None`: it does not run then.
+    pub const fn low_priority(&self) -> Option<u8> {
+        match &self.scheduling {
+            Scheduling::Fifo(priority) => Some(*priority),
+            Scheduling::Reserved(params) => match params.low() {
+                Low::Background(low) => Some(low),
+                Low::Suspend => None,
+            },
+        }
+    }
+
+    /// Whether a job can wait while nobody works for it.
+    pub(super) fn suspends(&self) -> bool {
+        self.demand.is_some_and(|d| d.suspensions > 0)
+    }
+}

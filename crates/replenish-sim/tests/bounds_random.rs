@@ -1,0 +1,82 @@
+//! No simulated response exceeds its bound, in 10 000 random systems; `REPLENISH_SETS` sets
+//! another number (nightly: 1000000), `REPLENISH_SEED` the first seed.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests")]
+
+mod common;
+
+use common::random_case;
+use replenish_sim::analysis::{Scheduling, Supply, bounds};
+use replenish_sim::{Options, simulate};
+
+#[derive(Default)]
+struct Tally {
+    bounded: u64,
+    reserved: u64,
+    unbounded: u64,
+    reached: u64,
+    jobs: u64,
+}
+
+fn check(seed: u64, tally: &mut Tally) -> Result<(), String> {
+    let case = random_case(seed);
+    let bounds = bounds(&case.tasks, &case.costs);
+    let outcome = simulate(&case.system, &Options::until(case.horizon).seed(seed))
+        .map_err(|error| format!("seed {seed}: {error}"))?;
+    for (index, (bound, thread)) in bounds.iter().zip(&outcome.threads).enumerate() {
+        let task = &case.tasks[index];
+        if let (Some((_, from)), Some(service), Scheduling::Reserved(params)) = (
+            case.greedy.iter().find(|(greedy, _)| *greedy == index),
+            bound.service,
+            task.scheduling,
+        ) && service <= params.period()
+        {
+            let (overrun, slack) = (case.costs.overrun(), case.costs.slack);
+            let supply = Supply::new(&params, service, overrun, slack).map(|s| s.with_wake_ups(1));
+            let least = supply.map_or(0, |s| s.in_window(case.horizon - from - case.costs.tick));
+            if thread.cpu_high < least {
+                let got = thread.cpu_high;
+                return Err(format!(
+                    "seed {seed}: thread {index} got {got}, at least {least} ({supply:?})\n{:?}\n{:?}",
+                    case.tasks, case.system
+                ));
+            }
+        }
+        let Some(limit) = bound.response else {
+            tally.unbounded += 1;
+            continue;
+        };
+        tally.bounded += 1;
+        tally.reserved += u64::from(matches!(task.scheduling, Scheduling::Reserved(_)));
+        let Some(worst) = thread.worst() else {
+            continue;
+        };
+        tally.jobs += thread.completed;
+        tally.reached += u64::from(worst == limit);
+        if worst > limit {
+            return Err(format!(
+                "seed {seed}: thread {index} took {worst}, bound {limit}\n{:?}\n{:?}",
+                case.tasks, case.system
+            ));
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn no_run_exceeds_its_bounds() {
+    let from_env = |name: &str| std::env::var(name).ok().and_then(|v| v.parse::<u64>().ok());
+    let sets = from_env("REPLENISH_SETS").unwrap_or(10_000);
+    let first = from_env("REPLENISH_SEED").unwrap_or(0);
+    let mut tally = Tally::default();
+    for seed in first..first + sets {
+        check(seed, &mut tally).unwrap_or_else(|message| panic!("{message}"));
+    }
+    println!(
+        "{sets} systems: {} threads bounded ({} reserved), {} without bound, {} bounds reached, {} jobs",
+        tally.bounded, tally.reserved, tally.unbounded, tally.reached, tally.jobs
+    );
+    // The comparison means something: most threads have a bound, and many reach it.
+    assert!(tally.bounded > tally.unbounded);
+    assert!(tally.reserved * 10 > tally.bounded);
+    assert!(tally.reached * 20 > tally.bounded);
+}
