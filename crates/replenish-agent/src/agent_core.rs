@@ -222,19 +222,19 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         !(self.replies.is_empty() && self.line.is_empty())
     }
 
-    /// `peer` takes nothing until it is [released](Self::release): what is for it waits where its
-    /// order can still change.
-    pub fn hold(&mut self, peer: P) {
-        for index in self.clients.at(peer) {
+    /// These peers take nothing until they are [released](Self::release): what is for them waits
+    /// where its order can still change.
+    pub fn hold(&mut self, which: impl Fn(&P) -> bool) {
+        for index in self.clients.at(which) {
             if let Some(client) = self.clients.get_mut(index) {
                 client.held = true;
             }
         }
     }
 
-    /// `peer` takes datagrams again.
-    pub fn release(&mut self, now: Now, peer: P) {
-        for index in self.clients.at(peer) {
+    /// These peers take datagrams again.
+    pub fn release(&mut self, now: Now, which: impl Fn(&P) -> bool) {
+        for index in self.clients.at(which) {
             if let Some(client) = self.clients.get_mut(index) {
                 client.held = false;
             }
@@ -242,13 +242,13 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// `peer` is gone for good: its sessions end.
-    pub fn gone(&mut self, peer: P) {
-        for index in self.clients.at(peer) {
+    /// These peers are gone for good: their sessions end.
+    pub fn gone(&mut self, which: impl Fn(&P) -> bool) {
+        for index in self.clients.at(&which) {
             self.counters.clients_lost.hit();
             self.remove(index);
         }
-        self.replies.forget(&peer);
+        self.replies.forget(which);
     }
 
     /// What was counted so far.

@@ -49,11 +49,11 @@ impl<P: Copy + Eq + Hash> Clients<P> {
         self.routes.get(&(peer, session)).copied()
     }
 
-    /// The clients at `peer`.
-    pub(crate) fn at(&self, peer: P) -> Vec<usize> {
+    /// The clients at some peers.
+    pub(crate) fn at(&self, which: impl Fn(&P) -> bool) -> Vec<usize> {
         let slots = self.slots.iter().enumerate();
         slots
-            .filter(|(_, slot)| slot.as_ref().is_some_and(|client| client.peer == peer))
+            .filter(|(_, slot)| slot.as_ref().is_some_and(|client| which(&client.peer)))
             .map(|(index, _)| index)
             .collect()
     }

@@ -4,7 +4,9 @@ use crate::error::ConfigError;
 use crate::limits::Limits;
 use crate::profiles::Profiles;
 use crate::rules::TopicRule;
+use replenish_os::tty;
 use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
 
 /// Time and intervals in nanoseconds.
 pub type Nanos = u64;
@@ -17,12 +19,47 @@ pub struct AgentConfig {
     /// Loopback unless told otherwise: XRCE knows no authentication, so that whoever reaches
     /// this address can read and write every topic.
     pub addr: SocketAddr,
+    /// Where to listen for TCP, too.
+    pub tcp: Option<SocketAddr>,
+    /// Serial lines to serve; at most 64.
+    pub serial: Vec<SerialConfig>,
     /// Bounds on what clients can make the agent hold.
     pub limits: Limits,
     /// Which topics are more urgent than others; at most 256.
     pub rules: Vec<TopicRule>,
     /// What entities are that clients describe by a name alone.
     pub profiles: Profiles,
+}
+
+/// A serial line, 8N1 without flow control, with eProsima's framing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SerialConfig {
+    /// The terminal: `/dev/ttyUSB0`, or the other end of a pseudo-terminal.
+    pub path: PathBuf,
+    /// One of [`replenish_os::tty::baud_rates`].
+    pub baud: u32,
+}
+
+impl SerialConfig {
+    /// A line at 115 200 baud.
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        Self {
+            path: path.into(),
+            baud: 115_200,
+        }
+    }
+
+    fn validate(&self) -> Result<(), ConfigError> {
+        if tty::baud_rates().any(|baud| baud == self.baud) {
+            return Ok(());
+        }
+        let rates: Vec<String> = tty::baud_rates().map(|baud| baud.to_string()).collect();
+        Err(ConfigError {
+            field: "serial.baud",
+            value: self.baud.to_string(),
+            allowed: rates.join(", "),
+        })
+    }
 }
 
 impl AgentConfig {
@@ -32,6 +69,8 @@ impl AgentConfig {
     /// The first thing that is not.
     pub fn validate(&self) -> Result<(), ConfigError> {
         self.limits.validate()?;
+        crate::limits::within("serial.length", self.serial.len(), 0..=64)?;
+        self.serial.iter().try_for_each(SerialConfig::validate)?;
         crate::limits::within("rules.length", self.rules.len(), 0..=256)?;
         self.rules.iter().try_for_each(TopicRule::validate)
     }
@@ -42,6 +81,8 @@ impl Default for AgentConfig {
     fn default() -> Self {
         Self {
             addr: (Ipv4Addr::LOCALHOST, 8888).into(),
+            tcp: None,
+            serial: Vec::new(),
             limits: Limits::default(),
             rules: Vec::new(),
             profiles: Profiles::default(),

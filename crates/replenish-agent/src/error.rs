@@ -3,6 +3,7 @@
 use std::fmt;
 use std::io;
 use std::net::SocketAddr;
+use std::path::PathBuf;
 
 /// A setting is out of its range.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -36,6 +37,13 @@ pub enum AgentError {
     Config(ConfigError),
     /// Something else listens there.
     AddressInUse(SocketAddr),
+    /// A serial line cannot be opened.
+    Serial {
+        /// The terminal.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
     /// The operating system refused.
     Io {
         /// What was tried.
@@ -66,6 +74,9 @@ impl fmt::Display for AgentError {
                     "address {addr} is in use; another agent may be running there"
                 )
             }
+            Self::Serial { path, source } => {
+                write!(f, "cannot open serial line {}: {source}", path.display())
+            }
             Self::Io { what, addr, source } => write!(f, "cannot {what} {addr}: {source}"),
         }
     }
@@ -76,7 +87,7 @@ impl std::error::Error for AgentError {
         match self {
             Self::Config(error) => Some(error),
             Self::AddressInUse(_) => None,
-            Self::Io { source, .. } => Some(source),
+            Self::Serial { source, .. } | Self::Io { source, .. } => Some(source),
         }
     }
 }

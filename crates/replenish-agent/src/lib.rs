@@ -11,8 +11,8 @@
 //! ```
 //!
 //! # What it does
-//! - Sessions of many clients over UDP, each with its own entities and streams; several sessions
-//!   may share an address.
+//! - Sessions of many clients over UDP, TCP and serial lines, each with its own entities and
+//!   streams; several sessions may share an address.
 //! - Every kind of entity, described in binary form, by the XML that stock clients build, or by a
 //!   name for which there is a profile ([`Profiles`]) or not.
 //! - Every written sample goes to all readers with the same domain, topic and type whose QoS its
@@ -31,7 +31,7 @@
 //! Content filters (refused with `INCOMPATIBLE`), DDS.
 //!
 //! # Structure
-//! [`AgentCore`] is the whole agent without sockets and clocks. [`Agent`] puts it on a UDP socket.
+//! [`AgentCore`] is the whole agent without sockets and clocks. [`Agent`] puts it on its transports.
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
 
@@ -50,22 +50,22 @@ mod profiles;
 mod replies;
 mod rules;
 mod sample;
+mod shell;
 mod snapshot;
 mod stats;
 mod topics;
 mod turns;
-mod udp;
 mod xml;
 
 pub use agent_core::{AgentCore, Now};
-pub use config::{AgentConfig, Nanos};
+pub use config::{AgentConfig, Nanos, SerialConfig};
 pub use error::{AgentError, ConfigError};
 pub use limits::Limits;
 pub use profiles::Profiles;
 pub use rules::TopicRule;
+pub use shell::{Agent, Inspector, RunningAgent, StopHandle};
 pub use snapshot::{
     ClientSnapshot, EntitySnapshot, ReaderSnapshot, Refusal, Snapshot, StreamSnapshot,
     WriterSnapshot,
 };
 pub use stats::Stats;
-pub use udp::{Agent, RunningAgent, StopHandle};

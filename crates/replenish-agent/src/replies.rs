@@ -27,7 +27,7 @@ struct Reply<P> {
     len: usize,
 }
 
-impl<P: PartialEq> Replies<P> {
+impl<P> Replies<P> {
     pub(crate) fn new() -> Self {
         Self {
             queue: VecDeque::with_capacity(LIMIT),
@@ -66,9 +66,9 @@ impl<P: PartialEq> Replies<P> {
         true
     }
 
-    /// Drops what waits for `peer`.
-    pub(crate) fn forget(&mut self, peer: &P) {
-        self.queue.retain(|reply| reply.to != *peer);
+    /// Drops what waits for some peers.
+    pub(crate) fn forget(&mut self, which: impl Fn(&P) -> bool) {
+        self.queue.retain(|reply| !which(&reply.to));
     }
 
     pub(crate) fn is_empty(&self) -> bool {

@@ -47,6 +47,10 @@ counters! {
     no_session,
     /// Datagrams dropped because their sender, or all strangers together, sent too many.
     rate_limited,
+    /// Frames on serial lines and TCP dropped because they are damaged, cut or too long.
+    bad_frames,
+    /// TCP connections closed at once because there are too many.
+    connections_refused,
     /// Submessages ignored because this agent does not know or support them.
     unsupported,
     /// Requests answered with an error status.

@@ -1,0 +1,256 @@
+//! The agent on its transports: one thread that waits for all of them and for the next deadline.
+//!
+//! ```text
+//!   spawn / run ──► wait: UDP, TCP, serial, deadline, or woken ──► receive ──► pump ──┐
+//!                     ▲                                                               │
+//!                     └───────────────────────────────────────────────────────────────┘
+//! ```
+
+mod inspector;
+mod link;
+mod peer;
+mod ports;
+mod stop;
+mod udp;
+
+pub use inspector::Inspector;
+pub use stop::StopHandle;
+
+use crate::agent_core::{AgentCore, Now};
+use crate::config::AgentConfig;
+use crate::error::AgentError;
+use crate::stats::{Counters, Stats};
+use inspector::Asked;
+use peer::Peer;
+use ports::{Ports, Ready};
+use replenish_os::{WakeFd, clock};
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::thread::{Builder, JoinHandle};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Datagrams sent in one go before the clock is read again.
+const BATCH: usize = 64;
+
+/// An agent that has its addresses and waits to be run.
+#[derive(Debug)]
+pub struct Agent {
+    ports: Ports,
+    core: AgentCore<Peer>,
+    wake: Arc<WakeFd>,
+    asked: Arc<Asked>,
+}
+
+impl Agent {
+    /// Takes the addresses and opens the serial lines; clients can send from now on and are
+    /// answered once the agent runs.
+    ///
+    /// # Errors
+    /// [`AgentError::Config`], [`AgentError::AddressInUse`], [`AgentError::Serial`], or
+    /// [`AgentError::Io`] for everything else the operating system can say.
+    pub fn bind(config: &AgentConfig) -> Result<Self, AgentError> {
+        config.validate()?;
+        let ports = Ports::open(config, clock::monotonic())?;
+        let wake = WakeFd::new()
+            .map_err(|error| AgentError::new("make a wake-up for", config.addr, error))?;
+        Ok(Self {
+            ports,
+            core: AgentCore::with(config).instance(instance()),
+            wake: Arc::new(wake),
+            asked: Arc::default(),
+        })
+    }
+
+    /// Where it listens for UDP, with the port that the operating system chose if 0 was asked for.
+    #[must_use]
+    pub fn local_addr(&self) -> SocketAddr {
+        self.ports.local_addr()
+    }
+
+    /// Where it listens for TCP, if it does.
+    #[must_use]
+    pub fn tcp_addr(&self) -> Option<SocketAddr> {
+        self.ports.tcp_addr()
+    }
+
+    /// Tells what the agent is doing while it runs.
+    #[must_use]
+    pub fn inspector(&self) -> Inspector {
+        Inspector::new(Arc::clone(&self.wake), Arc::clone(&self.asked))
+    }
+
+    /// Runs in the calling thread until `stop` says so.
+    ///
+    /// # Errors
+    /// [`AgentError::Io`] if the UDP socket fails for good. Connections and serial lines that fail
+    /// end the sessions on them; serial lines are opened again when they are back.
+    pub fn run(&mut self, stop: &StopHandle) -> Result<(), AgentError> {
+        let wake = Arc::clone(&self.wake);
+        let _running = stop.runs(&wake);
+        let mut ready = Vec::new();
+        while !stop.is_stopped() {
+            let waited = self
+                .ports
+                .wait(&wake, self.core.next_deadline(), &mut ready);
+            waited.map_err(|error| AgentError::new("wait at", self.local_addr(), error))?;
+            let Self { ports, core, .. } = self;
+            for found in ready.drain(..) {
+                match found {
+                    Ready::Wake => drop(wake.clear()),
+                    Ready::Udp => ports.receive_udp(core, now, send_all)?,
+                    Ready::Listener => ports.accept(core, now().monotonic),
+                    Ready::Read(at) => ports.read(at, core, now()),
+                    Ready::Write(at) => ports.write(at, core),
+                }
+                send_all(ports, core);
+            }
+            ports.upkeep(core, now().monotonic);
+            send_all(ports, core);
+            self.asked.answer(|| core.snapshot(now()));
+        }
+        Ok(())
+    }
+
+    /// Runs in a thread of its own, called `xrce-agent`.
+    ///
+    /// # Errors
+    /// [`AgentError::Io`] if no thread can be had.
+    pub fn spawn(mut self) -> Result<RunningAgent, AgentError> {
+        let addr = self.local_addr();
+        let tcp = self.tcp_addr();
+        let inspector = self.inspector();
+        let stop = StopHandle::new();
+        let counters = Arc::clone(self.core.counters());
+        let handle = stop.clone();
+        let thread = Builder::new()
+            .name("xrce-agent".into())
+            .spawn(move || self.run(&handle))
+            .map_err(|error| AgentError::new("start a thread for the agent at", addr, error))?;
+        Ok(RunningAgent {
+            addr,
+            tcp,
+            inspector,
+            stop,
+            counters,
+            thread: Some(thread),
+        })
+    }
+
+    /// What was counted so far.
+    #[must_use]
+    pub fn stats(&self) -> Stats {
+        self.core.stats()
+    }
+}
+
+/// Sends everything that can be sent now. Where links can get full, one at a time, so that what is
+/// for a full one stays where the order can still change.
+fn send_all(ports: &mut Ports, core: &mut AgentCore<Peer>) {
+    let counters = Arc::clone(core.counters());
+    loop {
+        if ports.has_links() {
+            ports.settle(core, now());
+        }
+        let max = if ports.has_links() { 1 } else { BATCH };
+        let more = core.pump(now(), max, &mut |to, bytes| {
+            if !ports.send(to, bytes) {
+                counters.send_failed.hit();
+            }
+        });
+        if !more {
+            return;
+        }
+    }
+}
+
+/// An agent that runs in a thread of its own. Dropping it stops it.
+#[derive(Debug)]
+pub struct RunningAgent {
+    addr: SocketAddr,
+    tcp: Option<SocketAddr>,
+    inspector: Inspector,
+    stop: StopHandle,
+    counters: Arc<Counters>,
+    thread: Option<JoinHandle<Result<(), AgentError>>>,
+}
+
+impl RunningAgent {
+    /// Where it listens for UDP.
+    #[must_use]
+    pub fn local_addr(&self) -> SocketAddr {
+        self.addr
+    }
+
+    /// Where it listens for TCP, if it does.
+    #[must_use]
+    pub fn tcp_addr(&self) -> Option<SocketAddr> {
+        self.tcp
+    }
+
+    /// Tells what the agent is doing.
+    #[must_use]
+    pub fn inspector(&self) -> &Inspector {
+        &self.inspector
+    }
+
+    /// What was counted so far.
+    #[must_use]
+    pub fn stats(&self) -> Stats {
+        self.counters.snapshot()
+    }
+
+    /// Whether it still runs. It ends by itself only when its socket fails; [`stop`](Self::stop)
+    /// then tells why.
+    #[must_use]
+    pub fn is_running(&self) -> bool {
+        self.thread
+            .as_ref()
+            .is_some_and(|thread| !thread.is_finished())
+    }
+
+    /// Stops it and waits until its thread has ended and its address is free.
+    ///
+    /// # Errors
+    /// What ended it before.
+    pub fn stop(mut self) -> Result<Stats, AgentError> {
+        self.join()?;
+        Ok(self.stats())
+    }
+
+    fn join(&mut self) -> Result<(), AgentError> {
+        self.stop.stop();
+        match self.thread.take().map(JoinHandle::join) {
+            None => Ok(()),
+            Some(Ok(result)) => result,
+            Some(Err(panic)) => std::panic::resume_unwind(panic),
+        }
+    }
+}
+
+impl Drop for RunningAgent {
+    fn drop(&mut self) {
+        if !std::thread::panicking() {
+            // What ended it before is lost here; `stop` tells it.
+            drop(self.join());
+        }
+    }
+}
+
+/// Both clocks.
+fn now() -> Now {
+    Now {
+        monotonic: clock::monotonic(),
+        unix: i64::try_from(unix()).unwrap_or(i64::MAX),
+    }
+}
+
+fn unix() -> u128 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH);
+    since.unwrap_or_default().as_nanos()
+}
+
+/// A number that the agent before this one hardly had.
+fn instance() -> u16 {
+    let mixed = (unix() >> 10) ^ u128::from(std::process::id());
+    u16::try_from(mixed & 0xffff).unwrap_or(0)
+}

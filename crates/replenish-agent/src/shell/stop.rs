@@ -1,0 +1,71 @@
+//! Ending a running agent from another thread: a flag, and what its wait is woken with.
+
+use replenish_os::WakeFd;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Stops agents that run with it, from any thread and as often as one likes. Clones are the same
+/// handle.
+#[derive(Clone, Debug, Default)]
+pub struct StopHandle {
+    shared: Arc<Shared>,
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    stopped: AtomicBool,
+    /// The agents that run with this handle.
+    running: Mutex<Vec<Arc<WakeFd>>>,
+}
+
+impl StopHandle {
+    /// A handle that has not stopped anything.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Stops the agents that run with this handle, and those that are going to, for good. Does not
+    /// wait for them.
+    pub fn stop(&self) {
+        self.shared.stopped.store(true, Ordering::SeqCst);
+        for agent in self.running().iter() {
+            agent.wake();
+        }
+    }
+
+    /// Whether [`stop`](Self::stop) was called.
+    #[must_use]
+    pub fn is_stopped(&self) -> bool {
+        self.shared.stopped.load(Ordering::SeqCst)
+    }
+
+    /// Says that an agent runs that is woken with `wake`, until the result is dropped. The agent
+    /// must look at [`is_stopped`](Self::is_stopped) after this and before it waits.
+    pub(super) fn runs(&self, wake: &Arc<WakeFd>) -> Running<'_> {
+        self.running().push(Arc::clone(wake));
+        Running {
+            stop: self,
+            wake: Arc::clone(wake),
+        }
+    }
+
+    fn running(&self) -> MutexGuard<'_, Vec<Arc<WakeFd>>> {
+        let running = self.shared.running.lock();
+        running.unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// An agent that runs; see [`StopHandle::runs`].
+pub(super) struct Running<'a> {
+    stop: &'a StopHandle,
+    wake: Arc<WakeFd>,
+}
+
+impl Drop for Running<'_> {
+    fn drop(&mut self) {
+        self.stop
+            .running()
+            .retain(|wake| !Arc::ptr_eq(wake, &self.wake));
+    }
+}
