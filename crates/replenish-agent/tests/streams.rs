@@ -194,7 +194,8 @@ fn a_noisy_line_delivers_everything_unharmed() {
     let sample = |i: u32| -> Vec<u8> { (0..60).map(|at| (i * 31 + at * 7) as u8).collect() };
     for i in 0..300 {
         live.write(StreamId::RELIABLE, &sample(i));
-        live.until(|live| live.session.is_delivered() || live.got.len() > i as usize);
+        // The reader keeps the last 100.
+        live.until(|live| live.got.len() + 50 > i as usize);
     }
     live.until(|live| live.got.len() >= 300);
     let expected: Vec<Vec<u8>> = (0..300).map(sample).collect();

@@ -48,7 +48,7 @@ impl Noise {
     fn damage(&mut self, bytes: &[u8]) -> Vec<u8> {
         let mut damaged = Vec::new();
         for &byte in bytes {
-            if self.one_in == 0 || self.draw() % self.one_in != 0 {
+            if self.one_in == 0 || !self.draw().is_multiple_of(self.one_in) {
                 damaged.push(byte);
                 continue;
             }
