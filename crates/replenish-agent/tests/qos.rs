@@ -381,3 +381,67 @@ fn limits_on_memory_and_rate_of_a_client() {
     assert!((50..=101).contains(&(after.samples_in - before.samples_in)));
     assert!(after.rate_limited - before.rate_limited >= 199);
 }
+
+fn prioritized() -> AgentConfig {
+    AgentConfig {
+        rules: vec![TopicRule::new("/urgent", 7)],
+        ..AgentConfig::default()
+    }
+}
+
+/// A link that takes nothing for a while: what was written last can still be what is sent first.
+#[test]
+fn the_urgent_overtakes_what_waits_for_a_slow_link() {
+    let world = &mut World::with(&prioritized());
+    let mut client = bare(world, 1);
+    for (number, name) in [(2, "rt/bulk"), (3, "rt/urgent")] {
+        client.topic(world, number, 1, name, "T");
+        client.writer(world, number);
+        client.reader(world, number, 50);
+        client.read(world, number, StreamId::BEST_EFFORT, UNLIMITED);
+    }
+    world.agent.hold(|peer| *peer == 1);
+    for i in 0..50 {
+        client.write_loosely(world, 2, &[i; 4]);
+    }
+    client.write_loosely(world, 3, b"now!");
+    assert_eq!(client.got(world), []);
+    world.pass(5 * SECOND);
+    assert_eq!(
+        client.got(world),
+        [],
+        "not even signs of life are asked for"
+    );
+    world.agent.release(world.at(), |peer| *peer == 1);
+    world.pass(0);
+    let got = payloads(&client.got(world));
+    assert_eq!((got.len(), &got[0][..]), (51, &b"now!"[..]));
+}
+
+#[test]
+fn the_urgent_goes_before_a_backlog_of_other_clients() {
+    let world = &mut World::with(&prioritized());
+    let mut clients: Vec<Client> = (1..=3).map(|peer| bare(world, peer)).collect();
+    for (number, name) in [(2, "rt/bulk"), (3, "rt/urgent")] {
+        for client in &mut clients {
+            client.topic(world, number, 1, name, "T");
+            client.writer(world, number);
+        }
+    }
+    for (at, number) in [(0, 2), (1, 2), (2, 3)] {
+        clients[at].reader(world, number, 50);
+        clients[at].read(world, number, StreamId::BEST_EFFORT, UNLIMITED);
+    }
+    world.agent.hold(|_| true);
+    for i in 0..20 {
+        clients[0].write_loosely(world, 2, &[i; 4]);
+    }
+    clients[1].write_loosely(world, 3, b"now!");
+    world.agent.release(world.at(), |_| true);
+    world.pass(0);
+    let order: Vec<u32> = world.sent.iter().map(|(peer, _)| *peer).collect();
+    assert_eq!(order.len(), 41);
+    assert_eq!(order[0], 3, "{order:?}");
+    let turns = order[1..].windows(2).filter(|pair| pair[0] == pair[1]);
+    assert_eq!(turns.count(), 0, "the others in turn: {order:?}");
+}

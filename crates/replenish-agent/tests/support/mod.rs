@@ -180,7 +180,7 @@ impl Client {
     }
 
     pub(crate) fn base(&mut self, object: ObjectId) -> BaseRequest {
-        self.next_request += 1;
+        self.next_request = self.next_request.wrapping_add(1).max(10);
         BaseRequest {
             request: RequestId(self.next_request),
             object,
