@@ -22,6 +22,8 @@ pub(crate) struct DemoJson<'a> {
     overrun_us: &'a Overrun,
     /// The share that the kernel's RT throttle took; with continuous load only.
     throttled_percent: Option<f64>,
+    /// The share that the kernel keeps from real-time threads, if it does.
+    throttle_limit_percent: Option<f64>,
     threads: &'a [ThreadRow],
     notes: &'a [String],
 }
@@ -37,9 +39,19 @@ pub(crate) fn json<'a>(plan: &Plan, run: &'a Run) -> DemoJson<'a> {
         summary: &run.summary,
         overrun_us: &run.end.overrun_us,
         throttled_percent: throttled_percent(plan, run),
+        throttle_limit_percent: throttle_limit(),
         threads: &run.threads,
         notes: &run.notes,
     }
+}
+
+/// What `kernel.sched_rt_runtime_us` keeps from the real-time threads of a CPU, in percent.
+fn throttle_limit() -> Option<f64> {
+    let period = crate::machine::facts::number("/proc/sys/kernel/sched_rt_period_us")?;
+    let runtime = crate::machine::privilege()
+        .rt_runtime_us
+        .filter(|r| *r >= 0)?;
+    Some(100.0 - runtime as f64 * 100.0 / period.max(1) as f64)
 }
 
 fn budget(plan: &Plan) -> (f64, f64) {
@@ -103,10 +115,11 @@ fn details(plan: &Plan, run: &Run) -> String {
     let mut lines = vec![if plan.continuous {
         format!("  {} s of continuous load", s.windows)
     } else {
-        format!(
-            "  {} windows of {:.0} ms, {} of them repeated because the machine stood still",
-            s.windows, s.window_ms, s.windows_repeated
-        )
+        let repeated = match s.windows_repeated {
+            0 => String::new(),
+            n => format!("; {n} more did not count, because the machine stood still"),
+        };
+        format!("  {} windows of {:.0} ms{repeated}", s.windows, s.window_ms)
     }];
     lines.push(format!(
         "  CPU: high + low {}, dispatcher and enforcer {}, unused {}",
@@ -124,8 +137,10 @@ fn details(plan: &Plan, run: &Run) -> String {
         ));
     }
     if let Some(taken) = throttled_percent(plan, run) {
+        let limit = throttle_limit().map_or_else(|| "nothing".to_string(), |limit| percent(limit));
         lines.push(format!(
-            "  Taken by the kernel's RT throttle (and by others): {}",
+            "  Taken by the kernel's RT throttle and by others: {} (the throttle keeps {limit} \
+             from real-time threads)",
             percent(taken)
         ));
     }
@@ -227,9 +242,18 @@ pub(crate) fn html(plan: &Plan, run: &Run, privilege: &Privilege) -> Result<Stri
     page.heading("What the kernel granted");
     page.table(&threads(&run.threads));
     page.heading("Words");
+    let load = if plan.continuous {
+        "Load is offered all the time and shown per second. Linux stops all real-time threads of a \
+         CPU for 50 ms in each second in which they used 95 % of it; theory leaves that out."
+    } else {
+        "Load is offered for 0.4 s, then there is a pause of 0.1 s, because Linux stops all \
+         real-time threads of a CPU for 50 ms in each second in which they used 95 % of it. What is \
+         unfinished at the end of a window is discarded."
+    };
     page.glossary(&[
-        ("expected", "Theory: whole bursts of 10 ms that fit into a window. One answer less per window is normal, because a burst that the window cuts off is not answered."),
-        ("window", "Load is offered for 0.4 s, then there is a pause of 0.1 s, because Linux stops all real-time threads for 50 ms per second if they would otherwise use more than 95 % of it. What is unfinished at the end of a window is discarded."),
+        ("answer", "Takes 10 ms of CPU time all in all: 1 % of them is left for receiving and sending, the rest is burnt in the callback."),
+        ("expected", "Theory: whole answers that fit into a window. One less per window is normal, because an answer that the window cuts off does not count."),
+        ("window", load),
         ("budget error", "CPU time at high priority against the budget, in percent of the budget."),
         ("budget overrun", "CPU time between the instant a budget was used up and the instant the thread was lowered. It is paid back from the next replenishment."),
         ("in background", "CPU time after the budget was used up, when nobody else wanted the CPU."),

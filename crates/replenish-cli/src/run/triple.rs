@@ -154,10 +154,12 @@ fn collector(plan: &Plan, grid: &Grid, mode: Mode) -> Collector {
         plan.windows.max(3)
     };
     let t = theory::per_window(&plan.spec, grid, grid.messages());
-    // Without real-time priority other programs may take their share of the CPU: no gap then.
-    // A low callback that sleeps leaves the CPU idle when the high one has nothing to do.
-    let busy = match mode {
-        Mode::Enforced if plan.spec.low_sleep_percent == 0 => t.high_priority + t.low,
+    // Others may have their share of the CPU without a gap of the clocks: other programs without
+    // real-time priority, ping and agent where there is one CPU only. A low callback that sleeps
+    // leaves the CPU idle when the high one has nothing to do.
+    let exclusive = mode == Mode::Enforced && !plan.cpus.is_single();
+    let busy = match plan.spec.low_sleep_percent {
+        0 if exclusive => t.high_priority + t.low,
         _ => 0,
     };
     Collector::new(plan.windows, repeats, busy)
