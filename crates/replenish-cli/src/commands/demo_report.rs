@@ -137,7 +137,7 @@ fn details(plan: &Plan, run: &Run) -> String {
         ));
     }
     if let Some(taken) = throttled_percent(plan, run) {
-        let limit = throttle_limit().map_or_else(|| "nothing".to_string(), |limit| percent(limit));
+        let limit = throttle_limit().map_or_else(|| "nothing".to_string(), percent);
         lines.push(format!(
             "  Taken by the kernel's RT throttle and by others: {} (the throttle keeps {limit} \
              from real-time threads)",
