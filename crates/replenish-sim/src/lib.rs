@@ -39,6 +39,7 @@ mod check;
 mod engine;
 pub mod nuttx;
 mod outcome;
+pub mod paper;
 mod platform;
 mod random;
 mod spec;

@@ -91,6 +91,16 @@ impl Span {
         }
     }
 
+    /// The smallest value that can be drawn, in ns.
+    pub fn min(&self) -> Nanos {
+        match self {
+            Self::Constant(value) => *value,
+            Self::Uniform { min, .. } => *min,
+            Self::Rare { usual, worst, .. } => *usual.min(worst),
+            Self::Samples(values) => values.iter().copied().min().unwrap_or(0),
+        }
+    }
+
     /// The largest value that can be drawn, in ns.
     pub fn max(&self) -> Nanos {
         match self {

@@ -136,7 +136,7 @@ fn callbacks_in_a_reservation_take_whole_periods_for_whole_budgets() {
 #[test]
 fn the_supply_bound_is_reached_right_after_the_budget_was_used_up() {
     let params = params(9, 30, 100);
-    let supply = Supply::new(&params, 30, 0, 0).unwrap();
+    let supply = Supply::new(&params, 30, 0, 0).unwrap().unmerged();
     assert_eq!(supply.blackout(), 70);
     let in_windows = [70, 71, 100, 101, 170, 171, 200].map(|w| supply.in_window(w));
     assert_eq!(in_windows, [0, 1, 30, 30, 30, 31, 60]);
@@ -153,10 +153,11 @@ fn the_supply_bound_is_reached_right_after_the_budget_was_used_up() {
     ]);
     assert_eq!(worst(&system, 500), [supply.window_for(30)]);
     // The periodic resource model: served as late as the period allows.
-    let late = Supply::new(&params, 100, 0, 0).unwrap();
+    let late = Supply::new(&params, 100, 0, 0).unwrap().unmerged();
     assert_eq!(late.blackout(), 2 * (100 - 30));
     assert_eq!(Supply::new(&params, 30, 0, 30), None);
-    assert_eq!(supply.with_wake_ups(17).blackout(), 100);
+    let merged = Supply::new(&params, 30, 0, 0).unwrap();
+    assert_eq!(merged.blackout(), 100);
 }
 
 #[test]

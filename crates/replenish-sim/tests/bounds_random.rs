@@ -5,7 +5,7 @@
 mod common;
 
 use common::random_case;
-use replenish_sim::analysis::{Scheduling, Supply, bounds};
+use replenish_sim::analysis::{Costs, Scheduling, Supply, bounds, describe};
 use replenish_sim::{Options, simulate};
 
 #[derive(Default)]
@@ -20,6 +20,16 @@ struct Tally {
 fn check(seed: u64, tally: &mut Tally) -> Result<(), String> {
     let case = random_case(seed);
     let bounds = bounds(&case.tasks, &case.costs);
+    // What the generator says of a system, the library finds by itself.
+    if let Some(described) = describe(&case.system, 0) {
+        let found: Vec<_> = described.into_iter().map(|(_, task)| task).collect();
+        if found != case.tasks || Costs::of(&case.system.platform) != case.costs {
+            return Err(format!(
+                "seed {seed}: {found:?} instead of {:?}",
+                case.tasks
+            ));
+        }
+    }
     let outcome = simulate(&case.system, &Options::until(case.horizon).seed(seed))
         .map_err(|error| format!("seed {seed}: {error}"))?;
     for (index, (bound, thread)) in bounds.iter().zip(&outcome.threads).enumerate() {
@@ -31,7 +41,7 @@ fn check(seed: u64, tally: &mut Tally) -> Result<(), String> {
         ) && service <= params.period()
         {
             let (overrun, slack) = (case.costs.overrun(), case.costs.slack);
-            let supply = Supply::new(&params, service, overrun, slack).map(|s| s.with_wake_ups(1));
+            let supply = Supply::new(&params, service, overrun, slack).map(Supply::unmerged);
             let least = supply.map_or(0, |s| s.in_window(case.horizon - from - case.costs.tick));
             if thread.cpu_high < least {
                 let got = thread.cpu_high;

@@ -1,7 +1,7 @@
 //! What was measured on NuttX, on the board and under QEMU, against the emulation.
 
 use replenish_sim::nuttx::emulated::{Row, experiment_1, experiment_2, two_threads};
-use replenish_sim::nuttx::history::{Bugs, replay};
+use replenish_sim::nuttx::history::{Bugs, after_the_fixes, replay};
 
 fn rows_within(bugs: Bugs, ms: u64) -> usize {
     let rows = replay(bugs);
@@ -45,4 +45,12 @@ fn nuttx_under_qemu_does_what_the_emulation_does() {
     // Where the second thread's start is what the row says, within two ticks.
     let (good, all) = within_one_burst(&two_threads(2));
     assert!(good >= 16 && all == 20, "{good} of {all}");
+}
+
+#[test]
+fn the_fixes_leave_a_budget_that_depends_on_phase() {
+    for row in after_the_fixes() {
+        let difference = row.measured_ms.abs_diff(row.simulated_ms);
+        assert!(difference <= 100, "of 100 s: {row:?}");
+    }
 }

@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests")]
 
 use replenish_sim::{
-    End, Enforcement, Nanos, Options, Outcome, Overflow, Platform, Policy, Releases, Span, Step,
-    System, Thread, What, simulate,
+    End, Enforcement, Nanos, Options, Outcome, Overflow, Platform, Policy, Random, Releases, Span,
+    Step, System, Thread, What, simulate,
 };
 use sporadic::{Kind, Level, Low, Params, Tuning};
 
@@ -287,4 +287,30 @@ fn the_same_seed_gives_the_same_run() {
     let run = |seed| simulate(&system, &Options::until(50_000).seed(seed).traced()).unwrap();
     assert_eq!(run(5), run(5));
     assert_ne!(run(5).threads, run(6).threads);
+}
+
+#[test]
+fn several_budgets_hold_whenever_their_threads_start() {
+    let mut random = Random::new(2);
+    for _ in 0..50 {
+        let threads = [(60, 10), (59, 20), (58, 30)].map(|(priority, percent)| {
+            Thread::new(
+                "t",
+                budget(priority, Low::Background(6), percent * 10, 1_000),
+            )
+            .released(once(random.up_to(3_000)))
+            .runs(10_000_000)
+        });
+        let fifo = Thread::new("fifo", fifo(50))
+            .released(once(0))
+            .runs(10_000_000);
+        let system = System::on_one_cpu(threads.into_iter().chain([fifo]).collect());
+        let high = |horizon| {
+            let outcome = simulate(&system, &Options::until(horizon)).unwrap();
+            [0, 1, 2].map(|id| outcome.threads[id].cpu_high)
+        };
+        let (before, after) = (high(5_000), high(105_000));
+        let got = [0, 1, 2].map(|id| after[id] - before[id]);
+        assert_eq!(got, [10_000, 20_000, 30_000]);
+    }
 }

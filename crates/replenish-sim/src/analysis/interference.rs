@@ -4,7 +4,7 @@ use super::{Costs, Scheduling, Task};
 use crate::Nanos;
 use sporadic::Params;
 
-/// `⌈(w + jitter) / period⌉ * cost` in a window of length w [ABRTW93].
+/// `⌈(w + jitter) / period⌉ * cost` in a window of length w (ABRTW93).
 #[derive(Debug, Clone, Copy)]
 struct Term {
     cost: Nanos,
@@ -28,11 +28,11 @@ impl Interference {
     /// What delays `tasks[index]` at its own priority; `None`: somebody can do so without limit.
     ///
     /// - Equal priorities count as higher ones.
-    /// - A FIFO thread of higher priority: its jobs, with their switches to it and back [BTW95]. If
+    /// - A FIFO thread of higher priority: its jobs, with their switches to it and back (BTW95). If
     ///   it can suspend itself: with the jitter `period - cost`, valid if it meets its period
-    ///   [CNH19] (checked by the caller).
+    ///   (CNH19) (checked by the caller).
     /// - A reservation whose background priority is below: budget per period like a periodic task
-    ///   [SSL89, SBWH10], once more by the overrun, with jitter if it is raised late.
+    ///   (SSL89, SBWH10), once more by the overrun, with jitter if it is raised late.
     /// - A reservation whose background priority is not below: its jobs, like a FIFO thread.
     /// - Release interrupts and the enforcer, whomever they serve.
     /// - Critical sections of the less urgent, see [`blocking`].
@@ -142,7 +142,7 @@ impl Interference {
         shares.sum()
     }
 
-    /// The shortest window that holds `cost` and its interference, at most `limit` [JP86]. The caller
+    /// The shortest window that holds `cost` and its interference, at most `limit` (JP86). The caller
     /// knows that it is at least `from`.
     #[expect(
         clippy::cast_sign_loss,
@@ -186,7 +186,7 @@ impl Interference {
     }
 }
 
-/// CPU time of a job with everything that comes with it [BTW95]: the switch to it and back, again
+/// CPU time of a job with everything that comes with it (BTW95): the switch to it and back, again
 /// for each time it blocks or may have to wait for a lock.
 pub(super) fn job_cost(task: &Task, costs: &Costs) -> Nanos {
     task.demand.map_or(0, |demand| {
@@ -236,7 +236,7 @@ fn longest_section(task: &Task, priority: u8, ceilings: &[u8], costs: &Costs) ->
 }
 
 /// The delay by less urgent threads that hold locks: under priority inheritance each of them delays
-/// with at most one critical section, and each lock is waited for at most once [SRL90].
+/// with at most one critical section, and each lock is waited for at most once (SRL90).
 fn blocking(tasks: &[Task], priority: u8, costs: &Costs, ceilings: &[u8]) -> Nanos {
     let lower = || tasks.iter().filter(|task| task.priority() < priority);
     let by_thread: Nanos = lower()

@@ -72,8 +72,8 @@ fn bound(tasks: &[Task], index: usize, costs: &Costs, ceilings: &[u8], limit: Na
     }
 }
 
-/// Over all jobs of a busy period [Leh90], with release jitter [ABRTW93]; of a thread that
-/// suspends itself, suspension counted as computation, the first job only [CNH19].
+/// Over all jobs of a busy period (Leh90), with release jitter (ABRTW93); of a thread that
+/// suspends itself, suspension counted as computation, the first job only (CNH19).
 fn fifo_response(
     task: &Task,
     interference: &Interference,
@@ -156,8 +156,8 @@ impl InReservation<'_> {
     /// The response, and how many budgets it takes.
     ///
     /// If each job finds the budget full (and can use it): q whole budgets come a period after
-    /// each other, and what remains is served like a job of the reservation's priority [SSL89,
-    /// SBWH10]. Otherwise by the [`Supply`].
+    /// each other, and what remains is served like a job of the reservation's priority (SSL89,
+    /// SBWH10). Otherwise by the [`Supply`].
     fn response(
         &self,
         interference: &Interference,
@@ -186,14 +186,13 @@ impl InReservation<'_> {
         if self.service <= params.period() && apart >= full_again {
             return Some((jitter + response, rounds));
         }
-        let supply = Supply::new(params, self.service, costs.overrun(), costs.slack)?
-            .with_wake_ups(params.period().div_ceil(apart.max(1)) + 1);
+        let supply = Supply::new(params, self.service, costs.overrun(), costs.slack)?;
         let response = supply.response(self.cost, demand.period, jitter, limit)?;
         Some((response, rounds + 1))
     }
 }
 
-/// The bounds of [CNH19] hold if each self-suspending thread above ends within its period.
+/// The bounds of (CNH19) hold if each self-suspending thread above ends within its period.
 fn discard_unfounded(tasks: &[Task], result: &mut [Bounds]) {
     let unfounded = tasks
         .iter()

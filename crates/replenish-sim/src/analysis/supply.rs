@@ -5,7 +5,7 @@ use crate::Nanos;
 use sporadic::Params;
 
 /// The least CPU time a reservation (corrected sporadic server) delivers to a worker that always
-/// has work, in any window of a given length [SL03, LB03].
+/// has work, in any window of a given length (SL03, LB03).
 ///
 /// ```text
 ///  delivered │                          ┌──────── …
@@ -17,10 +17,15 @@ use sporadic::Params;
 ///             blackout  B       T
 /// ```
 ///
-/// Worst case: the budget has just been used up, as early as it could be, and is then served as
-/// late as it can be. Budget used at an activation comes back a period later and is delivered
-/// within `service` of that time, so the blackout is `T - 2B + service`: with `service = B`
-/// (nobody interferes) `T - B`; with `service = T` the `2 (T - B)` of the periodic resource model.
+/// Worst case: the budget has just been used up, as late as could be, and what comes back is served
+/// as late as it can be. Budget used at an activation comes back a period later and is delivered
+/// within `service` of that time.
+/// - If it was used in small pieces, at activations of their own, and `max_repl` was too small for
+///   so many, they are merged at the latest of their times: nothing comes before that, so the
+///   blackout is `T - B + service`.
+/// - If they are never merged, they come as they went: `T - 2B + service`. With `service = B`
+///   (nobody interferes) that is `T - B`; with `service = T` the `2 (T - B)` of the periodic
+///   resource model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Supply {
     budget: Nanos,
@@ -28,7 +33,6 @@ pub struct Supply {
     service: Nanos,
     overrun: Nanos,
     merged: bool,
-    max_repl: u64,
 }
 
 impl Supply {
@@ -47,17 +51,16 @@ impl Supply {
             period: params.period(),
             service: service.max(budget),
             overrun,
-            merged: false,
-            max_repl: params.max_repl().into(),
+            merged: true,
         })
     }
 
-    /// Says how often the worker can wake up in a period. If `max_repl` is smaller, replenishments
-    /// are merged at the later time, and all of the budget can come as late as a period after it
-    /// was used up.
+    /// Says that replenishments are never merged. True for a worker that does not wait; otherwise
+    /// hard to know, since pieces of budget that is waited for keep their times from period to
+    /// period, so that more of them than wake-ups in a period can be pending.
     #[must_use]
-    pub fn with_wake_ups(mut self, per_period: u64) -> Self {
-        self.merged = per_period > self.max_repl;
+    pub fn unmerged(mut self) -> Self {
+        self.merged = false;
         self
     }
 
@@ -100,7 +103,7 @@ impl Supply {
     /// `jitter`, jobs done in order; `None` if the worker can fall behind for ever, or for longer
     /// than `limit`.
     ///
-    /// The busy period [Leh90] with the supply in the place of the CPU.
+    /// The busy period (Leh90) with the supply in the place of the CPU.
     pub fn response(
         &self,
         cost: Nanos,

@@ -150,3 +150,64 @@ fn simulate_row(sporadic: &[(u8, u8, u32)], skews: &[u32], bugs: Bugs) -> Vec<u6
         .map(|(id, before)| (used(&kernel, id) - before) * CALIBRATION / 1000 / 1_000_000)
         .collect()
 }
+
+/// CPU time at high priority of a thread with 30 of 100 ms beside one with `budget_ms`, in 100 s,
+/// tick 10 ms, on a kernel without the bugs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Fixed {
+    /// The budget of the other thread.
+    pub budget_ms: u32,
+    /// Measured by NuttX's author after the fixes (issue 2935).
+    pub measured_ms: u64,
+    /// Simulated, both threads created in the same tick; nothing is fitted.
+    pub simulated_ms: u64,
+}
+
+/// What the fixes did not mend: six measurements of a kernel without the bugs, replayed.
+pub fn after_the_fixes() -> Vec<Fixed> {
+    let measured = [
+        (0, 41_749),
+        (10, 41_745),
+        (20, 8_351),
+        (30, 0),
+        (40, 41_733),
+        (50, 41_725),
+    ];
+    let rows = measured.into_iter().map(|(budget_ms, measured_ms)| Fixed {
+        budget_ms,
+        measured_ms,
+        simulated_ms: simulate_fixed(budget_ms),
+    });
+    rows.collect()
+}
+
+fn simulate_fixed(budget_ms: u32) -> u64 {
+    const CREATED: u32 = 1;
+    let sporadic = |high, low, budget_ms| NuttxThread {
+        policy: NuttxPolicy::Sporadic {
+            high,
+            low,
+            budget: budget_ms / 10,
+            period: 10,
+            max_repl: 100,
+        },
+        program: Program::Busy,
+        created: CREATED,
+    };
+    let fifo = |priority, program| NuttxThread {
+        policy: NuttxPolicy::Fifo(priority),
+        program,
+        created: 0,
+    };
+    let mut kernel = Kernel::new(
+        10 * TICK,
+        &[
+            sporadic(180, 20, budget_ms),
+            sporadic(179, 19, 30),
+            fifo(120, Program::Busy),
+            fifo(255, Program::Until(CREATED)),
+        ],
+    );
+    kernel.run_until(CREATED + 10_000);
+    kernel.cpu(1).1 / 1_000_000
+}
