@@ -40,6 +40,11 @@ fn a_ping_is_answered() {
     let agent = start();
     ping(&agent);
     ping(&agent);
+    // The counters are published after the answer has left.
+    let deadline = Instant::now() + Duration::from_secs(10);
+    while agent.stats().datagrams_out < 2 && Instant::now() < deadline {
+        std::thread::sleep(Duration::from_millis(1));
+    }
     assert_eq!(agent.stats().datagrams_out, 2);
 }
 
