@@ -1,7 +1,7 @@
 //! The bounds against worst cases that are known, where they must be exact, and against time.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests")]
 
-use replenish_sim::analysis::chain::{Stage, data_age, end_to_end, event_jitter};
+use replenish_sim::analysis::chain::{Stage, end_to_end};
 use replenish_sim::analysis::{Costs, Demand, Section, Supply, Task, bounds, utilisation};
 use replenish_sim::{
     Nanos, Options, Policy, Random, Releases, Span, Step, System, Thread, simulate,
@@ -227,8 +227,6 @@ fn chains_add_up() {
         sampling: Some(100),
     };
     assert_eq!(end_to_end(&[event, sampled, event]), 140);
-    assert_eq!(data_age(&[event, sampled, event], 50), 190);
-    assert_eq!(event_jitter(30, 12), 18);
     // A chain by events, simulated: the last stage ends within the sum after the first release.
     let fifo = |name, priority| Thread::new(name, Policy::Fifo { priority });
     let system = System::on_one_cpu(vec![

@@ -1,11 +1,12 @@
 //! End-to-end bounds of chains: a message goes from worker to worker.
 
+use super::{Costs, Task, bounds};
 use crate::Nanos;
 
-/// One stage of a chain.
+/// One stage of a chain, for [`end_to_end`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stage {
-    /// Bound of its response, from the arrival of its input, in ns.
+    /// Bound of its response from its release (a bound from the arrival less its jitter), in ns.
     pub response: Nanos,
     /// If it is not released by its input but samples the latest one: the distance of its
     /// releases, in ns.
@@ -14,24 +15,49 @@ pub struct Stage {
 
 /// From the arrival of the first input to the end of the last stage that has made use of it, in ns.
 ///
-/// - A stage released by its input: its response (TC94). That response must have been computed
-///   with the jitter the stages before cause, see [`event_jitter`].
+/// - A stage released by its input: its response (TC94).
 /// - A stage that samples: an input can just miss a release, so a whole period more (DZNP07).
 pub fn end_to_end(stages: &[Stage]) -> Nanos {
     let of = |stage: &Stage| stage.sampling.unwrap_or(0).saturating_add(stage.response);
     stages.iter().map(of).fold(0, Nanos::saturating_add)
 }
 
-/// The release jitter of a stage that is released by the end of the stage before: the largest
-/// less the smallest response, on top of the jitter that one has itself (TC94).
+/// A task of a chain: its CPU, and its place among the tasks of that CPU.
+pub type Place = (usize, usize);
+
+/// Bounds of a chain by events over several CPUs: for each stage, from the arrival of the first
+/// input to the end of the stage, in ns. `None` if a stage has no bound, or a place is none.
 ///
-/// `response` counts from the arrival, so it contains that jitter already.
-pub fn event_jitter(response: Nanos, best_response: Nanos) -> Nanos {
-    response.saturating_sub(best_response)
+/// Holistic analysis (TC94): a stage is released by the end of the stage before, so it arrives with
+/// the first input and has the bound of the stage before as its jitter; that changes how the stages
+/// interfere, also with each other, so it is repeated until nothing changes. Each stage but the
+/// first gets the period of the first; its own period and jitter are ignored.
+pub fn by_events(cpus: &[Vec<Task>], chain: &[Place], costs: &Costs) -> Option<Vec<Nanos>> {
+    let mut cpus = cpus.to_vec();
+    let (&first, others) = chain.split_first()?;
+    let period = demand_at(&mut cpus, first)?.period;
+    for &place in others {
+        let demand = demand_at(&mut cpus, place)?;
+        demand.period = period;
+        demand.jitter = 0;
+    }
+    loop {
+        let found: Vec<_> = cpus.iter().map(|tasks| bounds(tasks, costs)).collect();
+        let ends = chain.iter().map(|&(cpu, task)| found[cpu][task].response);
+        let ends: Vec<Nanos> = ends.collect::<Option<_>>()?;
+        let mut changed = false;
+        for (&place, &before) in others.iter().zip(&ends) {
+            let demand = demand_at(&mut cpus, place)?;
+            changed |= demand.jitter < before;
+            // Never back, so that it comes to an end: at the latest where a bound is lost.
+            demand.jitter = demand.jitter.max(before);
+        }
+        if !changed {
+            return Some(ends);
+        }
+    }
 }
 
-/// For how long the output of a chain can be older than its next update: the age of data with
-/// sampling stages, `end_to_end` and one more period of the source, in ns (DZNP07).
-pub fn data_age(stages: &[Stage], source_period: Nanos) -> Nanos {
-    end_to_end(stages).saturating_add(source_period)
+fn demand_at(cpus: &mut [Vec<Task>], (cpu, task): Place) -> Option<&mut super::Demand> {
+    cpus.get_mut(cpu)?.get_mut(task)?.demand.as_mut()
 }
