@@ -18,7 +18,9 @@ use std::collections::{BTreeMap, VecDeque};
 
 use common::{Datagram, assert_same, scenario};
 use replenish_xrce::SeqNum;
-use replenish_xrce::client::{Buffers, Config, Event, PingPolicy, Session, State, WriteError};
+use replenish_xrce::client::{
+    Buffers, Config, Event, PingPolicy, ReliableBuffers, Session, State, WriteError,
+};
 use replenish_xrce::stream::Reliability;
 use replenish_xrce::wire::{Body, Message, ObjectId, Status, StreamId, SubmessageId};
 
@@ -40,7 +42,9 @@ impl Told {
             Event::Up => self.up += 1,
             Event::Closed => self.closed += 1,
             Event::Status { status, .. } => self.statuses.push(status),
-            Event::Data { payload, .. } => self.samples.push(payload.to_vec()),
+            Event::Data { payload, .. }
+            | Event::Request { payload, .. }
+            | Event::Reply { payload, .. } => self.samples.push(payload.to_vec()),
             Event::Time(reply) => self.times.push(reply.offset(reply.originate)),
             other => panic!("unexpected {other:?}"),
         }
@@ -95,11 +99,15 @@ impl Playback {
             ..Config::new(create.key)
         };
         let buffers = Buffers {
-            best_effort_out: vec![0; 512],
-            reliable_out: vec![0; 128 * usize::from(create.mtu)],
-            reliable_in: vec![0; 16 * 512],
-            fragments_in: vec![0; 66_000],
+            best_effort: [vec![0; 512]],
+            reliable: [ReliableBuffers {
+                output: vec![0; 128 * usize::from(create.mtu)],
+                large_output: Vec::new(),
+                input: vec![0; 16 * 512],
+                fragments: vec![0; 66_000],
+            }],
             journal: vec![0; 4096],
+            restore: Vec::new(),
         };
         let mut session = Session::new(config, buffers);
         session.connect(login.time);

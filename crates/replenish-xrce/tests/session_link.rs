@@ -15,7 +15,7 @@ use agent::FakeAgent;
 use proptest::prelude::*;
 use replenish_xrce::Nanos;
 use replenish_xrce::client::{
-    Buffers, Config, Event, RequestError, RequestState, Session, State, WriteError,
+    Buffers, Config, Event, ReliableBuffers, RequestError, RequestState, Session, State, WriteError,
 };
 use replenish_xrce::stream::PushError;
 use replenish_xrce::wire::{
@@ -43,6 +43,7 @@ enum Told {
     Data(ObjectId, Vec<u8>),
     Time(i64),
     Closed,
+    Other,
 }
 
 fn told(event: Event<'_>) -> Told {
@@ -56,6 +57,7 @@ fn told(event: Event<'_>) -> Told {
         } => Told::Data(reader, payload.to_vec()),
         Event::Time(reply) => Told::Time(reply.offset(reply.originate)),
         Event::Closed => Told::Closed,
+        _ => Told::Other,
     }
 }
 
@@ -76,11 +78,15 @@ impl World {
 
     fn with(config: Config) -> Self {
         let buffers = Buffers {
-            best_effort_out: vec![0; 512],
-            reliable_out: vec![0; 16 * 512],
-            reliable_in: vec![0; 16 * 512],
-            fragments_in: vec![0; 6000],
+            best_effort: [vec![0; 512]],
+            reliable: [ReliableBuffers {
+                output: vec![0; 16 * 512],
+                large_output: Vec::new(),
+                input: vec![0; 16 * 512],
+                fragments: vec![0; 6000],
+            }],
             journal: vec![0; 1024],
+            restore: Vec::new(),
         };
         World {
             session: Session::new(config, buffers),

@@ -1,8 +1,8 @@
 //! Settings and storage of a session.
 
 use crate::Nanos;
-use crate::stream::Reliability;
-use crate::wire::{ClientKey, SessionId};
+use crate::stream::{AckPolicy, Reliability};
+use crate::wire::{ClientKey, Properties, SessionId};
 
 /// Settings of a session. All times are in nanoseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,7 +12,15 @@ pub struct Config {
     /// The first session id; later sessions count up from it. From 0x81 on the key is not part of
     /// every message, which is what the agent expects on UDP and serial lines.
     pub session: SessionId,
-    /// The longest message in bytes, both ways: 64..=65507 on UDP. micro-ROS has 512.
+    /// Log in again under the same session id. An agent that has the session yet keeps its objects;
+    /// what is still under way from before can then be taken for the new session's.
+    pub reuse: bool,
+    /// Pairs of name and value for the agent, 400 bytes in all; what is longer is not sent and
+    /// counted in [`LinkStats::properties_omitted`](super::LinkStats::properties_omitted).
+    pub properties: Properties<'static>,
+    /// The longest message in bytes, both ways: 64..=65507 on UDP. micro-ROS has 512. The log-in
+    /// tells it to the agent, which sends none longer; so it is to be what the transport and both
+    /// sides can carry.
     pub mtu: u16,
     /// Time until a log-in that was not answered is sent again; doubles up to `retry_max`.
     pub retry_first: Nanos,
@@ -20,8 +28,10 @@ pub struct Config {
     pub retry_max: Nanos,
     /// How the loss of the agent is noticed; `None`: never.
     pub ping: Option<PingPolicy>,
-    /// Heartbeats and window of the reliable output stream.
+    /// Heartbeats and window of the reliable output streams.
     pub reliability: Reliability,
+    /// When reliable input streams acknowledge.
+    pub acks: AckPolicy,
 }
 
 /// How the loss of the agent is noticed.
@@ -42,6 +52,8 @@ impl Config {
         Config {
             key,
             session: SessionId(0x81),
+            reuse: false,
+            properties: Properties::None,
             mtu: 512,
             retry_first: 200_000_000,
             retry_max: 1_000_000_000,
@@ -50,22 +62,37 @@ impl Config {
                 silence_limit: 900_000_000,
             }),
             reliability: Reliability::default(),
+            acks: AckPolicy::IMMEDIATE,
         }
     }
 }
 
-/// Storage of a session; lengths are free, the comments say what follows from them.
+/// Storage of a session with `B` best-effort and `R` reliable streams each way; lengths are free,
+/// the comments say what follows from them.
 #[derive(Debug)]
-pub struct Buffers<S> {
-    /// One message: length at least `mtu`.
-    pub best_effort_out: S,
-    /// The messages sent and not acknowledged: `length / mtu` of them, at most the session's `N`.
-    /// The largest reliable sample fills all of them.
-    pub reliable_out: S,
-    /// The messages that wait for a missing one: `length / mtu` of them, at most `N`.
-    pub reliable_in: S,
-    /// The largest sample that can be received in fragments, plus 8 bytes.
-    pub fragments_in: S,
+pub struct Buffers<S, const B: usize = 1, const R: usize = 1> {
+    /// One message for each best-effort stream: length at least `mtu`.
+    pub best_effort: [S; B],
+    /// The reliable streams.
+    pub reliable: [ReliableBuffers<S>; R],
     /// What was created, to create it anew: about 20 bytes and the names for each object.
     pub journal: S,
+    /// Requests on their way after a new log-in, `length / mtu` messages of them: with room for at
+    /// least one, samples that were not acknowledged when the agent was lost are sent again; with
+    /// less, they are given up and counted. Then a request must fit in it.
+    pub restore: S,
+}
+
+/// Storage of one reliable stream, both ways.
+#[derive(Debug)]
+pub struct ReliableBuffers<S> {
+    /// The messages sent and not acknowledged: `length / mtu` of them, at most the session's `N`.
+    pub output: S,
+    /// One sample that is too large for the free part of `output`, with 8 bytes more and padded to
+    /// a multiple of four; may be empty, then the largest sample fills `output`.
+    pub large_output: S,
+    /// The messages that wait for a missing one: `length / mtu` of them, at most `N`.
+    pub input: S,
+    /// The largest sample that can be received in fragments, plus 8 bytes.
+    pub fragments: S,
 }

@@ -3,7 +3,9 @@
 use core::fmt;
 
 use crate::stream::PushError;
-use crate::wire::{ObjectId, RequestId, Status, StreamId, TimestampReply, WireError};
+use crate::wire::{
+    Info, ObjectId, RequestId, SampleIdentity, Status, StreamId, TimestampReply, WireError,
+};
 
 /// Something that happened in a session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,13 +27,33 @@ pub enum Event<'a> {
     },
     /// A sample.
     Data {
-        /// The data reader, requester or replier.
+        /// The data reader.
         reader: ObjectId,
         /// The `READ_DATA` that asked for it.
         request: RequestId,
         /// The sample: CDR without encapsulation header.
         payload: &'a [u8],
     },
+    /// A request to a replier.
+    Request {
+        /// The replier.
+        replier: ObjectId,
+        /// To be given to [`Session::reply`](super::Session::reply).
+        identity: SampleIdentity,
+        /// The request.
+        payload: &'a [u8],
+    },
+    /// A reply to a requester.
+    Reply {
+        /// The requester.
+        requester: ObjectId,
+        /// What [`Session::request`](super::Session::request) gave for the request.
+        request: RequestId,
+        /// The reply.
+        payload: &'a [u8],
+    },
+    /// The answer to [`Session::request_info`](super::Session::request_info).
+    Info(Info),
     /// The answer to [`Session::request_time`](super::Session::request_time).
     Time(TimestampReply),
     /// The session was closed.

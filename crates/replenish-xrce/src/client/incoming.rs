@@ -2,9 +2,14 @@
 
 use super::{Event, Journal, Session, State};
 use crate::Nanos;
-use crate::wire::{BaseRequest, Body, Data, Message, RequestId, StreamId, Submessage};
+use crate::wire::{
+    BaseRequest, Body, Data, Message, ObjectKind, RequestId, SampleIdentity, StreamId, Submessage,
+};
 
-impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N, E> {
+impl<S, const N: usize, const E: usize, const B: usize, const R: usize> Session<S, N, E, B, R>
+where
+    S: AsRef<[u8]> + AsMut<[u8]>,
+{
     /// A datagram has arrived.
     pub fn handle(&mut self, now: Nanos, datagram: &[u8], events: &mut impl FnMut(Event<'_>)) {
         let Some(message) = self.mine(datagram) else {
@@ -21,31 +26,45 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N,
                 }
             }
             _ if !self.link.has_session() => {}
-            StreamId::BEST_EFFORT => {
-                if self.inputs.best_effort.accept(message.header.seq) {
-                    for submessage in message.submessages().map_while(Result::ok) {
-                        sample(&mut self.journal, &submessage, events);
-                    }
+            stream => {
+                if !self.receive(stream, &message, events) {
+                    self.link.stats.rejected = self.link.stats.rejected.saturating_add(1);
                 }
             }
-            StreamId::RELIABLE => {
-                let journal = &mut self.journal;
-                self.inputs
-                    .reliable
-                    .receive(message.header.seq, message.body, |submessage| {
-                        sample(journal, submessage, events);
-                    });
-            }
-            _ => self.link.stats.rejected = self.link.stats.rejected.saturating_add(1),
         }
         self.advance(events);
+    }
+
+    /// A message of a stream; false if there is no such stream.
+    fn receive(
+        &mut self,
+        stream: StreamId,
+        message: &Message<'_>,
+        events: &mut impl FnMut(Event<'_>),
+    ) -> bool {
+        let (journal, malformed) = (&mut self.journal, &mut self.link.stats.malformed);
+        let seq = message.header.seq;
+        if let Some(stream) = self.streams.reliable_mut(stream) {
+            stream.input.receive(seq, message.body, |submessage| {
+                sample(journal, malformed, submessage, events);
+            });
+        } else if let Some(stream) = self.streams.best_effort_mut(stream) {
+            if stream.input.accept(seq) {
+                for submessage in message.submessages().map_while(Result::ok) {
+                    sample(journal, malformed, &submessage, events);
+                }
+            }
+        } else {
+            return false;
+        }
+        true
     }
 
     /// Time has passed: notices the loss of the agent.
     pub fn tick(&mut self, now: Nanos, events: &mut impl FnMut(Event<'_>)) {
         if self.link.is_lost(now, &self.config) {
             self.link.stats.losses = self.link.stats.losses.saturating_add(1);
-            let kept = self.outputs.reliable.unacknowledged();
+            let kept = self.streams.unacknowledged();
             let kept = u64::try_from(kept).unwrap_or(u64::MAX);
             self.link.stats.unacknowledged = self.link.stats.unacknowledged.saturating_add(kept);
             self.link.enter(now, State::Connecting, &self.config);
@@ -90,14 +109,23 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N,
             }
             _ if !self.link.has_session() => {}
             Ok(Body::AckNack(ack)) => {
-                self.outputs
+                self.streams
                     .acknowledge(now, ack.stream, ack.first_unacked, ack.missing);
             }
-            Ok(Body::Heartbeat(heartbeat)) if heartbeat.stream == StreamId::RELIABLE => {
-                self.inputs.reliable.heartbeat(heartbeat.last);
+            Ok(Body::Heartbeat(heartbeat)) => {
+                if let Some(stream) = self.streams.reliable_mut(heartbeat.stream) {
+                    stream.input.heartbeat(heartbeat.last);
+                }
+            }
+            Ok(Body::Info(info)) if Some(info.base.request) == self.info_asked => {
+                self.info_asked = None;
+                events(Event::Info(info));
             }
             Ok(Body::TimestampReply(reply)) => events(Event::Time(reply)),
-            _ => sample(&mut self.journal, submessage, events),
+            _ => {
+                let malformed = &mut self.link.stats.malformed;
+                sample(&mut self.journal, malformed, submessage, events);
+            }
         }
     }
 
@@ -105,11 +133,14 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N,
     fn logged_in(&mut self, now: Nanos) {
         self.link.enter(now, State::Restoring, &self.config);
         self.link.hear(now, &self.config);
-        self.outputs.reset(&self.config, self.link.session);
-        self.inputs.best_effort.reset();
-        self.inputs.reliable.reset();
+        let carried = self.streams.begin(&self.config, self.link.session);
+        let stats = &mut self.link.stats;
+        stats.carried = stats.carried.saturating_add(carried.samples);
+        stats.lost = stats.lost.saturating_add(carried.lost);
         self.journal.requeue();
         self.time_request = None;
+        self.info_request = None;
+        self.info_asked = None;
     }
 
     /// Sends queued requests as far as the stream takes them; notices that all were answered.
@@ -118,7 +149,9 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N,
             return;
         }
         self.send_queued();
-        if self.link.state == State::Restoring && self.journal.is_settled() {
+        let settled = self.journal.is_settled() && self.streams.is_restored();
+        if self.link.state == State::Restoring && settled {
+            self.streams.resume();
             self.link.state = State::Up;
             self.link.stats.sessions = self.link.stats.sessions.saturating_add(1);
             events(Event::Up);
@@ -129,17 +162,15 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N,
 /// Handles a submessage of a stream: samples and answers.
 fn sample<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize>(
     journal: &mut Journal<S, E>,
+    malformed: &mut u64,
     submessage: &Submessage<'_>,
     events: &mut impl FnMut(Event<'_>),
 ) {
     match submessage.body() {
-        Ok(Body::Data(Data { base, payload })) => {
-            events(Event::Data {
-                reader: base.object,
-                request: base.request,
-                payload,
-            });
-        }
+        Ok(Body::Data(data)) => match service_data(&data) {
+            Some(event) => events(event),
+            None => *malformed = malformed.saturating_add(1),
+        },
         Ok(Body::Status(answer)) => {
             journal.answer(answer.base, answer.status);
             let BaseRequest { request, object } = answer.base;
@@ -151,4 +182,33 @@ fn sample<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize>(
         }
         _ => {}
     }
+}
+
+/// What a sample is: plain, a request with its identity, or a reply with its request. `None` if it
+/// is too short to be that.
+fn service_data<'a>(data: &Data<'a>) -> Option<Event<'a>> {
+    let Data { base, payload } = *data;
+    Some(match base.object.kind() {
+        Ok(ObjectKind::Replier) => {
+            let (identity, payload) = SampleIdentity::split(payload)?;
+            Event::Request {
+                replier: base.object,
+                identity,
+                payload,
+            }
+        }
+        Ok(ObjectKind::Requester) => {
+            let (answered, payload) = BaseRequest::split(payload)?;
+            Event::Reply {
+                requester: base.object,
+                request: answered.request,
+                payload,
+            }
+        }
+        _ => Event::Data {
+            reader: base.object,
+            request: base.request,
+            payload,
+        },
+    })
 }

@@ -15,6 +15,16 @@ pub struct LinkStats {
     pub losses: u64,
     /// Reliable messages that were not acknowledged when the agent was lost.
     pub unacknowledged: u64,
+    /// Samples that were not acknowledged in one session and are sent again in the next one. Some
+    /// of them may have arrived before: their acknowledgement may be what was lost.
+    pub carried: u64,
+    /// Reliable samples that were taken and given up: by a log-out, or for want of
+    /// [`Buffers::restore`](super::Buffers::restore).
+    pub lost: u64,
+    /// Log-ins without the properties, which were too long.
+    pub properties_omitted: u64,
+    /// Requests and replies of services that were too short to be any.
+    pub malformed: u64,
     /// Pings sent.
     pub pings: u64,
     /// Datagrams that were malformed or not of this session.
@@ -51,6 +61,10 @@ impl Link {
                 sessions: 0,
                 losses: 0,
                 unacknowledged: 0,
+                carried: 0,
+                lost: 0,
+                properties_omitted: 0,
+                malformed: 0,
                 pings: 0,
                 rejected: 0,
             },
@@ -87,7 +101,7 @@ impl Link {
             return false;
         }
         if self.state == State::Connecting {
-            if self.stats.logins > 0 {
+            if self.stats.logins > 0 && !config.reuse {
                 self.session = next_session(self.session);
             }
             self.stats.logins = self.stats.logins.saturating_add(1);

@@ -5,7 +5,7 @@
 //!   Idle ──────────────► Connecting ─────────────────► Restoring ─────────────────────► Up
 //!                         ▲      │ CREATE_CLIENT,          │ silence                     │ silence
 //!                         │      │ again and again         ▼                             ▼
-//!                         └──────┴───────────────────── (Event::Down, streams start anew)
+//!                         └──────┴───────────────────── (Event::Down)
 //!
 //!   Up, Restoring ── close() ──► Closing ── STATUS or silence ──► Idle
 //! ```
@@ -15,6 +15,10 @@
 //! from the session before cannot be taken for the new one's, and only the answer to the latest
 //! log-in counts, because an agent that got an earlier one too has by then replaced that session.
 //!
+//! Samples on reliable streams that were not acknowledged when the agent was lost are sent again in
+//! the new session, after its objects exist: at least once, that is; what was acknowledged is never
+//! sent again. [`LinkStats`] counts both, and what had to be given up.
+//!
 //! What was created is kept in a [journal](Journal) and created anew, in order, after each log-in.
 //!
 //! # Use
@@ -23,19 +27,25 @@
 //! for a datagram until [`Session::next_deadline`].
 //!
 //! ```
-//! use replenish_xrce::client::{Buffers, Config, Event, Session, State};
+//! use replenish_xrce::client::{Buffers, Config, Event, ReliableBuffers, Session, State};
 //! use replenish_xrce::wire::ClientKey;
 //!
 //! const MTU: usize = 512;
 //! // What micro-ROS keeps: four messages each way.
-//! let (mut out, mut reliable_out) = ([0; MTU], [0; 4 * MTU]);
-//! let (mut reliable_in, mut fragments, mut journal) = ([0; 4 * MTU], [0; 4 * MTU], [0; 1024]);
+//! let (mut out, mut output) = ([0; MTU], [0; 4 * MTU]);
+//! let (mut input, mut fragments, mut journal) = ([0; 4 * MTU], [0; 4 * MTU], [0; 1024]);
+//! let (mut restore, mut none) = ([0; MTU], []);
+//! let reliable = ReliableBuffers {
+//!     output: &mut output[..],
+//!     large_output: &mut none[..],
+//!     input: &mut input[..],
+//!     fragments: &mut fragments[..],
+//! };
 //! let buffers = Buffers {
-//!     best_effort_out: &mut out[..],
-//!     reliable_out: &mut reliable_out[..],
-//!     reliable_in: &mut reliable_in[..],
-//!     fragments_in: &mut fragments[..],
+//!     best_effort: [&mut out[..]],
+//!     reliable: [reliable],
 //!     journal: &mut journal[..],
+//!     restore: &mut restore[..],
 //! };
 //! let mut session: Session<&mut [u8], 4, 16> = Session::new(Config::new(ClientKey(*b"demo")), buffers);
 //! session.connect(0);
@@ -55,11 +65,13 @@ mod incoming;
 mod journal;
 mod link;
 mod outgoing;
+mod ping;
 mod session;
 mod streams;
 
-pub use config::{Buffers, Config, PingPolicy};
+pub use config::{Buffers, Config, PingPolicy, ReliableBuffers};
 pub use event::{Event, RequestError, WriteError};
 pub use journal::{Journal, RequestState};
 pub use link::LinkStats;
+pub use ping::{PING_LEN, ping, pong};
 pub use session::{Session, State};

@@ -4,16 +4,19 @@ use super::{Session, State};
 use crate::wire::{
     BaseRequest, CreateClient, Delete, Encode, GetInfo, Header, INFO_ACTIVITY, MessageWriter,
     ObjectId, Properties, RequestId, SessionId, StreamId, Timestamp, VENDOR, VERSION,
+    submessage_len,
 };
 use crate::{Nanos, SeqNum};
 
-impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N, E> {
+impl<S, const N: usize, const E: usize, const B: usize, const R: usize> Session<S, N, E, B, R>
+where
+    S: AsRef<[u8]> + AsMut<[u8]>,
+{
     /// When [`Session::tick`] and [`Session::poll_transmit`] have something to do even if nothing
     /// else happens; `None`: never.
     pub fn next_deadline(&self) -> Option<Nanos> {
         let streams = self
-            .outputs
-            .reliable
+            .streams
             .next_deadline()
             .filter(|_| self.link.has_session());
         self.link
@@ -31,30 +34,36 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N,
         if !self.link.has_session() {
             return None;
         }
-        if let Some(ack) = self.inputs.reliable.take_ack() {
+        if let Some(ack) = self.streams.take_ack(now) {
             return self.control(&ack);
         }
-        if let Some(heartbeat) = self.outputs.reliable.take_heartbeat(now) {
+        if let Some(heartbeat) = self.streams.take_heartbeat(now) {
             return self.control(&heartbeat);
         }
         if let Some(transmit) = self.time_request.take() {
             return self.control(&Timestamp { transmit });
         }
+        if let Some(mask) = self.info_request.take() {
+            let base = self.about_agent();
+            self.info_asked = Some(base.request);
+            return self.control(&GetInfo { base, mask });
+        }
         if self.link.take_ping(now, &self.config) {
-            self.requests = self.requests.next();
-            let base = BaseRequest {
-                request: self.requests,
-                object: ObjectId::AGENT,
-            };
+            let base = self.about_agent();
             return self.control(&GetInfo {
                 base,
                 mask: INFO_ACTIVITY,
             });
         }
-        if self.outputs.best_effort.has_message() {
-            return self.outputs.best_effort.take();
+        self.streams.next_message(now)
+    }
+
+    fn about_agent(&mut self) -> BaseRequest {
+        self.requests = self.requests.next();
+        BaseRequest {
+            request: self.requests,
+            object: ObjectId::AGENT,
         }
-        self.outputs.reliable.next_datagram(now)
     }
 
     fn login_or_logout(&mut self) -> Option<&[u8]> {
@@ -65,14 +74,20 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N,
             };
             return self.control(&Delete { base });
         }
-        let body = CreateClient {
+        let mut body = CreateClient {
             version: VERSION,
             vendor: VENDOR,
             key: self.config.key,
             session: self.link.session,
-            properties: Properties::None,
+            properties: self.config.properties,
             mtu: self.config.mtu,
         };
+        let room = self.scratch.len().saturating_sub(8);
+        if !submessage_len(&body).is_ok_and(|len| len <= room) {
+            body.properties = Properties::None;
+            let omitted = &mut self.link.stats.properties_omitted;
+            *omitted = omitted.saturating_add(1);
+        }
         self.message(self.link.session.before_login(), &body)
     }
 

@@ -2,13 +2,14 @@
 
 use super::journal::RecordError;
 use super::link::{Link, LinkStats};
-use super::streams::{self, Inputs, Outputs};
+use super::streams::Streams;
 use super::{Buffers, Config, Journal, RequestError, RequestState, WriteError};
 use crate::Nanos;
 use crate::stream::{BestEffortStats, InputStats, OutputStats, PushError};
 use crate::wire::{
     BaseRequest, Create, CreationMode, Delete, DeliveryControl, Encode, Entity, ObjectId,
-    ObjectKind, ReadData, RequestId, SessionId, StreamId, WireTime, WriteData, submessage_len,
+    ObjectKind, ReadData, RequestId, SampleIdentity, SessionId, StreamId, WireTime, WriteData,
+    WriteReply, submessage_len,
 };
 
 /// How a session stands with its agent. See the module's picture.
@@ -27,32 +28,38 @@ pub enum State {
 }
 
 /// A session with an agent; `S` is any kind of buffer, `N` the most messages kept per reliable
-/// stream, `E` the most objects and reads.
+/// stream, `E` the most objects and reads; `B` best-effort and `R` reliable streams each way.
 #[derive(Debug)]
-pub struct Session<S, const N: usize, const E: usize> {
+pub struct Session<S, const N: usize, const E: usize, const B: usize = 1, const R: usize = 1> {
     pub(super) config: Config,
     pub(super) link: Link,
     pub(super) journal: Journal<S, E>,
     pub(super) requests: RequestId,
-    pub(super) outputs: Outputs<S, N>,
-    pub(super) inputs: Inputs<S, N>,
+    pub(super) streams: Streams<S, N, B, R>,
     pub(super) time_request: Option<WireTime>,
-    pub(super) scratch: [u8; 48],
+    /// What to ask the agent about itself, and the question it has not answered yet.
+    pub(super) info_request: Option<u32>,
+    pub(super) info_asked: Option<RequestId>,
+    pub(super) scratch: [u8; 448],
 }
 
-impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N, E> {
+impl<S, const N: usize, const E: usize, const B: usize, const R: usize> Session<S, N, E, B, R>
+where
+    S: AsRef<[u8]> + AsMut<[u8]>,
+{
     /// A session that is not wanted yet.
-    pub fn new(config: Config, buffers: Buffers<S>) -> Self {
-        let (outputs, inputs, journal) = streams::make(&config, buffers);
+    pub fn new(config: Config, buffers: Buffers<S, B, R>) -> Self {
+        let (streams, journal) = Streams::new(&config, buffers);
         Session {
             link: Link::new(&config),
             config,
             journal: Journal::new(journal),
             requests: RequestId::NONE,
-            outputs,
-            inputs,
+            streams,
             time_request: None,
-            scratch: [0; 48],
+            info_request: None,
+            info_asked: None,
+            scratch: [0; 448],
         }
     }
 
@@ -66,6 +73,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N,
 
     /// Begins to log out; what was not acknowledged is given up.
     pub fn close(&mut self, now: Nanos) {
+        let lost = self.streams.give_up();
+        self.link.stats.lost = self.link.stats.lost.saturating_add(lost);
         let state = if self.link.has_session() {
             State::Closing
         } else {
@@ -94,27 +103,29 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N,
         self.link.stats
     }
 
-    /// What happened on the reliable output stream.
-    pub const fn output_stats(&self) -> OutputStats {
-        self.outputs.reliable.stats()
+    /// What happened on the reliable output streams together.
+    pub fn output_stats(&self) -> OutputStats {
+        self.streams.output_stats()
     }
 
-    /// What happened on the reliable and the best-effort input stream.
-    pub const fn input_stats(&self) -> (InputStats, BestEffortStats) {
-        (
-            self.inputs.reliable.stats(),
-            self.inputs.best_effort.stats(),
-        )
+    /// What happened on the reliable and the best-effort input streams together.
+    pub fn input_stats(&self) -> (InputStats, BestEffortStats) {
+        self.streams.input_stats()
+    }
+
+    /// What happened on one reliable stream, both ways.
+    pub fn stream_stats(&self, stream: StreamId) -> Option<(OutputStats, InputStats)> {
+        self.streams.stream_stats(stream)
     }
 
     /// Whether every reliable message that was written has been acknowledged.
-    pub const fn is_delivered(&self) -> bool {
-        self.outputs.reliable.is_idle()
+    pub fn is_delivered(&self) -> bool {
+        self.streams.is_delivered()
     }
 
     /// The largest sample that [`Session::write`] takes on `stream`, if there is that stream.
     pub fn limit(&self, stream: StreamId) -> Option<usize> {
-        self.outputs.limit(stream)
+        self.streams.limit(stream)
     }
 
     /// Creates an object, now or once the session is up, and anew after every later log-in. The
@@ -188,7 +199,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N,
             let body = Delete {
                 base: BaseRequest { request, object },
             };
-            self.outputs.request(&body).map_err(RequestError::Stream)?;
+            self.streams.request(&body).map_err(RequestError::Stream)?;
             self.requests = request;
         }
         self.journal.forget(object);
@@ -211,17 +222,77 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N,
         stream: StreamId,
         payload: &[u8],
     ) -> Result<(), WriteError> {
+        self.push(writer, stream, payload.len(), |base| WriteData {
+            base,
+            payload,
+        })?;
+        Ok(())
+    }
+
+    /// Sends a request: CDR without encapsulation header. Its reply is an
+    /// [`Event::Reply`](super::Event::Reply) with the number given here.
+    ///
+    /// # Errors
+    /// [`WriteError`]; nothing was done then.
+    pub fn request(
+        &mut self,
+        requester: ObjectId,
+        stream: StreamId,
+        payload: &[u8],
+    ) -> Result<RequestId, WriteError> {
+        self.push(requester, stream, payload.len(), |base| WriteData {
+            base,
+            payload,
+        })
+    }
+
+    /// Answers the request of that identity.
+    ///
+    /// # Errors
+    /// [`WriteError`]; nothing was done then.
+    pub fn reply(
+        &mut self,
+        replier: ObjectId,
+        stream: StreamId,
+        identity: SampleIdentity,
+        payload: &[u8],
+    ) -> Result<(), WriteError> {
+        self.push(replier, stream, payload.len(), |base| WriteReply {
+            base,
+            identity,
+            payload,
+        })?;
+        Ok(())
+    }
+
+    fn push<T: Encode>(
+        &mut self,
+        object: ObjectId,
+        stream: StreamId,
+        size: usize,
+        body: impl FnOnce(BaseRequest) -> T,
+    ) -> Result<RequestId, WriteError> {
         if self.link.state != State::Up {
             return Err(WriteError::Down);
         }
         let request = self.requests.next();
-        let base = BaseRequest {
-            request,
-            object: writer,
-        };
-        self.outputs
-            .write(stream, &WriteData { base, payload }, payload.len())?;
+        let body = body(BaseRequest { request, object });
+        self.streams.write(stream, &body, size)?;
         self.requests = request;
+        Ok(request)
+    }
+
+    /// Asks the agent about itself: `mask` is made of [`INFO_ACTIVITY`](crate::wire::INFO_ACTIVITY)
+    /// and [`INFO_CONFIGURATION`](crate::wire::INFO_CONFIGURATION). The answer is an
+    /// [`Event::Info`](super::Event::Info). Neither is repeated if it is lost.
+    ///
+    /// # Errors
+    /// [`RequestError::Down`].
+    pub fn request_info(&mut self, mask: u32) -> Result<(), RequestError> {
+        if !self.link.has_session() {
+            return Err(RequestError::Down);
+        }
+        self.info_request = Some(mask);
         Ok(())
     }
 
@@ -244,7 +315,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N,
             let Some(recorded) = self.journal.next_queued(request) else {
                 return;
             };
-            if self.outputs.request(&recorded).is_err() {
+            if self.streams.request(&recorded).is_err() {
                 return; // again when messages have been acknowledged
             }
             self.requests = request;
@@ -254,7 +325,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const E: usize> Session<S, N,
 
     fn record(&mut self, object: ObjectId, body: &impl Encode) -> Result<(), RequestError> {
         let size = submessage_len(body)?;
-        let limit = self.outputs.reliable.limit();
+        let limit = self.streams.request_limit();
         if size > limit {
             return Err(RequestError::Stream(PushError::TooLarge { size, limit }));
         }

@@ -1,27 +1,46 @@
-//! The streams of a session: one best effort and one reliable, each way.
+//! The streams of a session: any number of best-effort and reliable ones, each with both
+//! directions.
+//!
+//! ```text
+//!   index          0        1       ..
+//!   best effort   0x01     0x02     ..        higher indices are sent first:
+//!   reliable      0x80     0x81     ..        a backlog of one never delays those above it
+//! ```
+//!
+//! Requests go on the first reliable stream. After a new log-in they must arrive before the samples
+//! that were kept from the session before; they then go through `restore`, which begins that
+//! stream, and the kept samples follow with the numbers after them.
 
 use super::{Buffers, Config, WriteError};
 use crate::stream::{
-    InputBestEffort, InputReliable, OutputBestEffort, OutputReliable, PushError, StreamHeader, Tail,
+    BestEffortStats, Carried, InputBestEffort, InputReliable, InputStats, OutputBestEffort,
+    OutputReliable, OutputStats, PushError, StreamHeader, Tail,
 };
-use crate::wire::{Encode, SessionId, StreamId};
+use crate::wire::{AckNack, Encode, Heartbeat, SessionId, StreamId};
 use crate::{Nanos, SeqNum};
 
-/// Output streams; apart from the input streams, whose messages change them.
 #[derive(Debug)]
-pub(super) struct Outputs<S, const N: usize> {
-    pub(super) best_effort: OutputBestEffort<S>,
-    pub(super) reliable: OutputReliable<S, N>,
+pub(super) struct BestEffort<S> {
+    pub(super) output: OutputBestEffort<S>,
+    pub(super) input: InputBestEffort,
 }
 
-/// Input streams.
 #[derive(Debug)]
-pub(super) struct Inputs<S, const N: usize> {
-    pub(super) best_effort: InputBestEffort,
-    pub(super) reliable: InputReliable<S, S, N>,
+pub(super) struct Reliable<S, const N: usize> {
+    pub(super) output: OutputReliable<S, N>,
+    pub(super) input: InputReliable<S, S, N>,
 }
 
-fn header(config: &Config, session: SessionId, stream: StreamId) -> StreamHeader {
+#[derive(Debug)]
+pub(super) struct Streams<S, const N: usize, const B: usize, const R: usize> {
+    best_effort: [BestEffort<S>; B],
+    reliable: [Reliable<S, N>; R],
+    restore: OutputReliable<S, N>,
+    /// Requests go through `restore`; no sample is sent.
+    restoring: bool,
+}
+
+const fn header(config: &Config, session: SessionId, stream: StreamId) -> StreamHeader {
     StreamHeader {
         session,
         stream,
@@ -29,46 +48,109 @@ fn header(config: &Config, session: SessionId, stream: StreamId) -> StreamHeader
     }
 }
 
-pub(super) fn make<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize>(
-    config: &Config,
-    buffers: Buffers<S>,
-) -> (Outputs<S, N>, Inputs<S, N>, S) {
-    let mtu = usize::from(config.mtu);
-    let head = |stream| header(config, config.session, stream);
-    let outputs = Outputs {
-        best_effort: OutputBestEffort::new(
-            buffers.best_effort_out,
-            head(StreamId::BEST_EFFORT),
-            Tail::Padded,
-        )
-        .limited(mtu),
-        reliable: OutputReliable::new(
-            buffers.reliable_out,
-            mtu,
-            head(StreamId::RELIABLE),
-            Tail::Padded,
-            config.reliability,
-        ),
-    };
-    let inputs = Inputs {
-        best_effort: InputBestEffort::new(),
-        reliable: InputReliable::new(
-            StreamId::RELIABLE,
-            buffers.reliable_in,
-            mtu,
-            buffers.fragments_in,
-        ),
-    };
-    (outputs, inputs, buffers.journal)
+/// Gives the streams that `make` makes of 0, 1, 2, ...
+fn count_up(make: impl Fn(u8) -> StreamId) -> impl FnMut() -> StreamId {
+    let mut next = 0_u8;
+    move || {
+        let stream = make(next);
+        next = next.saturating_add(1);
+        stream
+    }
 }
 
-impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Outputs<S, N> {
-    /// Everything from the start, for a new session.
-    pub(super) fn reset(&mut self, config: &Config, session: SessionId) {
-        self.best_effort
-            .reset(header(config, session, StreamId::BEST_EFFORT));
-        self.reliable
-            .reset(header(config, session, StreamId::RELIABLE));
+impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usize>
+    Streams<S, N, B, R>
+{
+    pub(super) fn new(config: &Config, buffers: Buffers<S, B, R>) -> (Self, S) {
+        let mtu = usize::from(config.mtu);
+        let head = |stream| header(config, config.session, stream);
+        let mut next = count_up(StreamId::best_effort);
+        let best_effort = buffers.best_effort.map(|out| BestEffort {
+            output: OutputBestEffort::new(out, head(next()), Tail::Padded).limited(mtu),
+            input: InputBestEffort::new(),
+        });
+        let mut next = count_up(StreamId::reliable);
+        let keeps = buffers.restore.as_ref().len() >= mtu;
+        let reliable = buffers.reliable.map(|buffers| {
+            let stream = next();
+            let (ring, policy) = (buffers.output, config.reliability);
+            let output = OutputReliable::new(ring, mtu, head(stream), Tail::Padded, policy)
+                .with_spill(buffers.large_output);
+            Reliable {
+                output: if keeps {
+                    output.keeping_whole_samples()
+                } else {
+                    output
+                },
+                input: InputReliable::new(stream, buffers.input, mtu, buffers.fragments)
+                    .acknowledging(config.acks),
+            }
+        });
+        let (restore, policy) = (buffers.restore, config.reliability);
+        let restore =
+            OutputReliable::new(restore, mtu, head(StreamId::RELIABLE), Tail::Padded, policy);
+        let streams = Streams {
+            best_effort,
+            reliable,
+            restore,
+            restoring: false,
+        };
+        (streams, buffers.journal)
+    }
+
+    /// A new session begins: input streams from the start, output streams with the samples that
+    /// were not acknowledged, if there is a way to bring them over.
+    pub(super) fn begin(&mut self, config: &Config, session: SessionId) -> Carried {
+        let head = |stream| header(config, session, stream);
+        for stream in &mut self.best_effort {
+            let id = stream.output.header().stream;
+            stream.output.reset(head(id));
+            stream.input.reset();
+        }
+        let keeps = self.restore.limit() > 0;
+        let mut all = Carried::default();
+        for stream in &mut self.reliable {
+            let id = stream.output.header().stream;
+            let carried = stream.output.carry_over(head(id));
+            all.lost = all.lost.saturating_add(carried.lost);
+            if keeps {
+                all.samples = all.samples.saturating_add(carried.samples);
+            } else {
+                all.lost = all.lost.saturating_add(carried.samples);
+                stream.output.reset(head(id));
+            }
+            stream.input.reset();
+        }
+        self.restore.reset(head(StreamId::RELIABLE));
+        self.restoring = all.samples > 0 && keeps;
+        all
+    }
+
+    /// The objects exist again: the samples may follow.
+    pub(super) fn resume(&mut self) {
+        if core::mem::take(&mut self.restoring) {
+            let next = self.restore.first_unacknowledged();
+            if let Some(first) = self.reliable.first_mut() {
+                first.output.start_at(next);
+            }
+        }
+    }
+
+    /// Whether all requests of a restoration were acknowledged.
+    pub(super) fn is_restored(&self) -> bool {
+        !self.restoring || self.restore.is_idle()
+    }
+
+    /// Gives up what was not acknowledged; how many samples that is.
+    pub(super) fn give_up(&mut self) -> u64 {
+        let mut lost = 0_u64;
+        for Reliable { output, .. } in &mut self.reliable {
+            let header = output.header();
+            let carried = output.carry_over(header);
+            lost = lost.saturating_add(carried.samples.saturating_add(carried.lost));
+            output.reset(header);
+        }
+        lost
     }
 
     /// Pushes a sample's submessage.
@@ -78,22 +160,57 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Outputs<S, N> {
         body: &impl Encode,
         size: usize,
     ) -> Result<(), WriteError> {
-        let pushed = match stream {
-            StreamId::BEST_EFFORT => self.best_effort.push(body),
-            StreamId::RELIABLE => self.reliable.push(body),
-            other => return Err(WriteError::UnknownStream(other)),
+        let pushed = if let Some(stream) = self.reliable_mut(stream) {
+            stream.output.push(body)
+        } else if let Some(stream) = self.best_effort_mut(stream) {
+            stream.output.push(body)
+        } else {
+            return Err(WriteError::UnknownStream(stream));
         };
         pushed.map_err(|error| WriteError::from_push(error, size))
     }
 
+    /// Pushes a request.
+    pub(super) fn request(&mut self, body: &impl Encode) -> Result<(), PushError> {
+        if self.restoring {
+            return self.restore.push(body);
+        }
+        match self.reliable.first_mut() {
+            Some(first) => first.output.push(body),
+            None => Err(PushError::TooLarge { size: 0, limit: 0 }),
+        }
+    }
+
+    /// The largest request, submessage header included, that can be sent whatever happens.
+    pub(super) fn request_limit(&self) -> usize {
+        let first = self.reliable.first();
+        let limit = first.map_or(0, |stream| stream.output.limit());
+        match self.restore.limit() {
+            0 => limit,
+            restore => limit.min(restore),
+        }
+    }
+
     /// The largest sample on `stream`.
     pub(super) fn limit(&self, stream: StreamId) -> Option<usize> {
-        let limit = match stream {
-            StreamId::BEST_EFFORT => self.best_effort.limit(),
-            StreamId::RELIABLE => self.reliable.limit(),
+        let reliable = stream.reliable_index().and_then(|i| self.reliable.get(i));
+        let best_effort = stream
+            .best_effort_index()
+            .and_then(|i| self.best_effort.get(i));
+        let limit = match (reliable, best_effort) {
+            (Some(stream), _) => stream.output.limit(),
+            (_, Some(stream)) => stream.output.limit(),
             _ => return None,
         };
         Some(limit.saturating_sub(WriteError::OVERHEAD))
+    }
+
+    pub(super) fn best_effort_mut(&mut self, stream: StreamId) -> Option<&mut BestEffort<S>> {
+        self.best_effort.get_mut(stream.best_effort_index()?)
+    }
+
+    pub(super) fn reliable_mut(&mut self, stream: StreamId) -> Option<&mut Reliable<S, N>> {
+        self.reliable.get_mut(stream.reliable_index()?)
     }
 
     pub(super) fn acknowledge(
@@ -103,13 +220,74 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Outputs<S, N> {
         first: SeqNum,
         missing: u16,
     ) {
-        if stream == StreamId::RELIABLE {
-            self.reliable.acknowledge(now, first, missing);
+        if self.restoring && stream == StreamId::RELIABLE {
+            self.restore.acknowledge(now, first, missing);
+        } else if let Some(stream) = self.reliable_mut(stream) {
+            stream.output.acknowledge(now, first, missing);
         }
     }
 
-    /// Pushes a request.
-    pub(super) fn request(&mut self, body: &impl Encode) -> Result<(), PushError> {
-        self.reliable.push(body)
+    pub(super) fn take_ack(&mut self, now: Nanos) -> Option<AckNack> {
+        let mut inputs = self.reliable.iter_mut().rev().map(|s| &mut s.input);
+        inputs.find_map(|input| input.take_ack_at(now))
+    }
+
+    pub(super) fn take_heartbeat(&mut self, now: Nanos) -> Option<Heartbeat> {
+        if self.restoring {
+            return self.restore.take_heartbeat(now);
+        }
+        let mut outputs = self.reliable.iter_mut().rev().map(|s| &mut s.output);
+        outputs.find_map(|output| output.take_heartbeat(now))
+    }
+
+    /// The next message of a stream, those with higher indices first, best effort before reliable.
+    pub(super) fn next_message(&mut self, now: Nanos) -> Option<&[u8]> {
+        let has_message = |s: &BestEffort<S>| s.output.has_message();
+        if let Some(i) = self.best_effort.iter().rposition(has_message) {
+            return self.best_effort.get_mut(i)?.output.take();
+        }
+        if self.restoring {
+            return self.restore.next_datagram(now);
+        }
+        let has_message = |s: &Reliable<S, N>| s.output.has_message(now);
+        let i = self.reliable.iter().rposition(has_message)?;
+        self.reliable.get_mut(i)?.output.next_datagram(now)
+    }
+
+    pub(super) fn next_deadline(&self) -> Option<Nanos> {
+        let restore = self.restore.next_deadline().filter(|_| self.restoring);
+        let outputs = self.reliable.iter().map(|s| s.output.next_deadline());
+        let outputs = outputs.flatten().filter(|_| !self.restoring);
+        let acks = self.reliable.iter().filter_map(|s| s.input.ack_deadline());
+        restore.into_iter().chain(outputs).chain(acks).min()
+    }
+
+    /// Whether every sample was acknowledged.
+    pub(super) fn is_delivered(&self) -> bool {
+        self.reliable.iter().all(|stream| stream.output.is_idle())
+    }
+
+    pub(super) fn unacknowledged(&self) -> usize {
+        let outputs = self.reliable.iter().map(|s| s.output.unacknowledged());
+        outputs.fold(0, usize::saturating_add)
+    }
+
+    pub(super) fn output_stats(&self) -> OutputStats {
+        let outputs = self.reliable.iter().map(|s| s.output.stats());
+        outputs.fold(self.restore.stats(), OutputStats::plus)
+    }
+
+    pub(super) fn input_stats(&self) -> (InputStats, BestEffortStats) {
+        let reliable = self.reliable.iter().map(|s| s.input.stats());
+        let best_effort = self.best_effort.iter().map(|s| s.input.stats());
+        (
+            reliable.fold(InputStats::default(), InputStats::plus),
+            best_effort.fold(BestEffortStats::default(), BestEffortStats::plus),
+        )
+    }
+
+    pub(super) fn stream_stats(&self, stream: StreamId) -> Option<(OutputStats, InputStats)> {
+        let stream = self.reliable.get(stream.reliable_index()?)?;
+        Some((stream.output.stats(), stream.input.stats()))
     }
 }

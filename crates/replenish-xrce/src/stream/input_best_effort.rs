@@ -13,6 +13,18 @@ pub struct BestEffortStats {
     pub old: u64,
 }
 
+impl BestEffortStats {
+    /// Both together.
+    #[must_use]
+    pub const fn plus(self, other: Self) -> Self {
+        BestEffortStats {
+            received: self.received.saturating_add(other.received),
+            skipped: self.skipped.saturating_add(other.skipped),
+            old: self.old.saturating_add(other.old),
+        }
+    }
+}
+
 /// The receiving end of a best-effort stream.
 #[derive(Debug, Default)]
 pub struct InputBestEffort {

@@ -9,8 +9,35 @@
 //! ```
 
 use super::reassembly::{Piece, Reassembly};
-use crate::SeqNum;
 use crate::wire::{AckNack, Fragment, StreamId, Submessage, SubmessageId, Submessages};
+use crate::{Nanos, SeqNum};
+
+/// When an input stream acknowledges. A gap, a duplicate and a heartbeat are always answered at
+/// once: only the confirmation that all is well can wait.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AckPolicy {
+    /// After this many messages at the latest. At most a half of the sender's window, lest it stops.
+    pub every: u16,
+    /// After this many nanoseconds at the latest.
+    pub delay: Nanos,
+}
+
+impl AckPolicy {
+    /// Whatever has arrived is acknowledged at the next opportunity.
+    pub const IMMEDIATE: AckPolicy = AckPolicy { every: 1, delay: 0 };
+    /// One acknowledgement for eight messages or 5 ms, for slow links.
+    pub const BATCHED: AckPolicy = AckPolicy {
+        every: 8,
+        delay: 5_000_000,
+    };
+}
+
+impl Default for AckPolicy {
+    /// [`AckPolicy::IMMEDIATE`].
+    fn default() -> Self {
+        Self::IMMEDIATE
+    }
+}
 
 /// What happened on a reliable input stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -27,6 +54,21 @@ pub struct InputStats {
     pub malformed: u64,
     /// Submessages dropped because their fragments together were too long.
     pub too_long: u64,
+}
+
+impl InputStats {
+    /// Both together.
+    #[must_use]
+    pub const fn plus(self, other: Self) -> Self {
+        InputStats {
+            received: self.received.saturating_add(other.received),
+            duplicates: self.duplicates.saturating_add(other.duplicates),
+            reordered: self.reordered.saturating_add(other.reordered),
+            dropped: self.dropped.saturating_add(other.dropped),
+            malformed: self.malformed.saturating_add(other.malformed),
+            too_long: self.too_long.saturating_add(other.too_long),
+        }
+    }
 }
 
 /// The receiving end of a reliable stream: up to `N` messages wait in `S` for missing ones, and
@@ -46,6 +88,13 @@ pub struct InputReliable<S, R, const N: usize> {
     reassembly: Reassembly<R>,
     stream: StreamId,
     ack_due: bool,
+    policy: AckPolicy,
+    /// Messages since the last acknowledgement.
+    unconfirmed: u16,
+    /// The acknowledgement must not wait.
+    urgent: bool,
+    /// When it is due, from the first look at it on.
+    ack_at: Option<Nanos>,
     stats: InputStats,
 }
 
@@ -75,8 +124,19 @@ where
             reassembly: Reassembly::new(fragments),
             stream,
             ack_due: false,
+            policy: AckPolicy::IMMEDIATE,
+            unconfirmed: 0,
+            urgent: false,
+            ack_at: None,
             stats: InputStats::default(),
         }
+    }
+
+    /// The same with another policy for [`InputReliable::take_ack_at`].
+    #[must_use]
+    pub const fn acknowledging(mut self, policy: AckPolicy) -> Self {
+        self.policy = policy;
+        self
     }
 
     /// Back to the beginning, for a new session. The counters go on.
@@ -86,15 +146,17 @@ where
         self.next = SeqNum(0);
         self.announced = SeqNum(0).previous();
         self.reassembly.reset();
-        self.ack_due = false;
+        self.acknowledged();
     }
 
     /// A message has arrived: `body` is what follows its header. Calls `deliver` with every
     /// submessage that is due now, this message's and those of kept ones, fragments put together.
     pub fn receive(&mut self, seq: SeqNum, body: &[u8], mut deliver: impl FnMut(&Submessage<'_>)) {
         self.ack_due = true;
+        self.unconfirmed = self.unconfirmed.saturating_add(1);
         let ahead = seq.since(self.next);
         let Ok(ahead) = usize::try_from(ahead) else {
+            self.urgent = true; // the acknowledgement was lost
             self.stats.duplicates = self.stats.duplicates.saturating_add(1);
             return;
         };
@@ -102,6 +164,7 @@ where
             self.announced = seq;
         }
         if ahead > 0 {
+            self.urgent = true;
             self.keep(ahead, body);
             return;
         }
@@ -120,11 +183,39 @@ where
             self.announced = last;
         }
         self.ack_due = true;
+        self.urgent = true;
     }
 
     /// The acknowledgement to send, if anything has arrived since the last one.
     pub fn take_ack(&mut self) -> Option<AckNack> {
-        core::mem::take(&mut self.ack_due).then(|| self.ack())
+        if !self.ack_due {
+            return None;
+        }
+        self.acknowledged();
+        Some(self.ack())
+    }
+
+    /// The acknowledgement to send by now, as the [`AckPolicy`] says.
+    pub fn take_ack_at(&mut self, now: Nanos) -> Option<AckNack> {
+        let at = self.ack_at.unwrap_or(now.saturating_add(self.policy.delay));
+        let due = self.urgent || self.unconfirmed >= self.policy.every || at <= now;
+        if self.ack_due && !due {
+            self.ack_at = Some(at);
+            return None;
+        }
+        self.take_ack()
+    }
+
+    /// When [`InputReliable::take_ack_at`] has something to send, once it was asked.
+    pub const fn ack_deadline(&self) -> Option<Nanos> {
+        self.ack_at
+    }
+
+    const fn acknowledged(&mut self) {
+        self.ack_due = false;
+        self.urgent = false;
+        self.unconfirmed = 0;
+        self.ack_at = None;
     }
 
     /// Whether [`InputReliable::take_ack`] has something to send.

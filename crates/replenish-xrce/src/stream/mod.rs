@@ -12,6 +12,7 @@
 //! (an array, a slice, a box) given once; nothing is allocated. Consecutive submessages are packed
 //! into one message until it is taken for sending.
 
+mod carry;
 mod input_best_effort;
 mod input_reliable;
 mod output_best_effort;
@@ -19,9 +20,11 @@ mod output_reliable;
 mod reassembly;
 mod ring;
 mod rtt;
+mod spill;
 
+pub use carry::Carried;
 pub use input_best_effort::{BestEffortStats, InputBestEffort};
-pub use input_reliable::{InputReliable, InputStats};
+pub use input_reliable::{AckPolicy, InputReliable, InputStats};
 pub use output_best_effort::OutputBestEffort;
 pub use output_reliable::{OutputReliable, OutputStats, Reliability};
 

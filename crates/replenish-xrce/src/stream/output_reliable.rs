@@ -14,8 +14,10 @@
 //! not every gap is a loss. On a link with a steady delay that time has always passed when the
 //! first ACKNACK arrives, so that repair is immediate there.
 
+use super::carry::Carried;
 use super::ring::Ring;
 use super::rtt::Rtt;
+use super::spill::Spill;
 use super::{PushError, StreamHeader, Tail};
 use crate::wire::{Encode, Heartbeat};
 use crate::{Nanos, SeqNum};
@@ -23,9 +25,11 @@ use crate::{Nanos, SeqNum};
 /// Settings of a reliable output stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reliability {
-    /// Nanoseconds without an acknowledgement until the first heartbeat; longer if the measured
-    /// round trip is.
+    /// Nanoseconds without an acknowledgement until the first heartbeat while no round trip has
+    /// been measured. Then it comes as soon as an acknowledgement is overdue.
     pub heartbeat_first: Nanos,
+    /// The shortest time until the first heartbeat, however short the round trip.
+    pub heartbeat_min: Nanos,
     /// The time between heartbeats doubles up to this many nanoseconds.
     pub heartbeat_max: Nanos,
     /// Messages sent and not acknowledged at a time; what a receiver with 16 slots can keep is 16.
@@ -36,16 +40,19 @@ impl Reliability {
     /// What eProsima's client does: a heartbeat every 100 ms.
     pub const EPROSIMA: Reliability = Reliability {
         heartbeat_first: 100_000_000,
+        heartbeat_min: 100_000_000,
         heartbeat_max: 100_000_000,
         in_flight: 16,
     };
 }
 
 impl Default for Reliability {
-    /// First heartbeat after 10 ms, then 20, 40, 80, 100 ms; 16 messages in flight.
+    /// First heartbeat after 10 ms, with a measured round trip as soon as that has passed, but not
+    /// within 2 ms; the time doubles up to 100 ms; 16 messages in flight.
     fn default() -> Self {
         Reliability {
             heartbeat_first: 10_000_000,
+            heartbeat_min: 2_000_000,
             ..Self::EPROSIMA
         }
     }
@@ -66,11 +73,28 @@ pub struct OutputStats {
     pub bogus_acks: u64,
 }
 
+impl OutputStats {
+    /// Both together.
+    #[must_use]
+    pub const fn plus(self, other: Self) -> Self {
+        OutputStats {
+            sent: self.sent.saturating_add(other.sent),
+            resent: self.resent.saturating_add(other.resent),
+            resent_bytes: self.resent_bytes.saturating_add(other.resent_bytes),
+            heartbeats: self.heartbeats.saturating_add(other.heartbeats),
+            bogus_acks: self.bogus_acks.saturating_add(other.bogus_acks),
+        }
+    }
+}
+
 /// The sending end of a reliable stream: up to `N` messages are kept in `S`.
 #[derive(Debug)]
 pub struct OutputReliable<S, const N: usize> {
     ring: Ring<S, N>,
     config: Reliability,
+    /// Messages from the first one on that are acknowledged and kept all the same, because their
+    /// sample is not acknowledged as a whole.
+    confirmed: usize,
     /// Messages from the first one on that were sent.
     sent: usize,
     heartbeat: Option<Nanos>,
@@ -87,6 +111,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         OutputReliable {
             ring: Ring::new(ring, mtu, header, tail),
             config,
+            confirmed: 0,
             sent: 0,
             heartbeat: None,
             interval: config.heartbeat_first,
@@ -95,10 +120,47 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         }
     }
 
+    /// The same with room in `spill` for one submessage that is larger than what is free of the
+    /// ring: it goes out in fragments as the ring has room. Nothing else is taken meanwhile.
+    #[must_use]
+    pub fn with_spill(mut self, spill: S) -> Self {
+        self.ring.spill = Some(Spill::new(spill));
+        self
+    }
+
+    /// The same, but keeping samples until all their fragments are acknowledged, so that
+    /// [`OutputReliable::carry_over`] loses none.
+    #[must_use]
+    pub const fn keeping_whole_samples(mut self) -> Self {
+        self.ring.keep_whole = true;
+        self
+    }
+
+    /// Back to the beginning, for a new session with a receiver that has forgotten everything:
+    /// samples that were not acknowledged are kept and will be sent again, requests are not.
+    pub fn carry_over(&mut self, header: StreamHeader) -> Carried {
+        let carried = self.ring.carry_over(header);
+        self.restart();
+        carried
+    }
+
+    /// The number of the first message, if others have been sent on this stream by other means.
+    /// Only before anything is sent.
+    pub const fn start_at(&mut self, first: SeqNum) {
+        if self.sent == 0 {
+            self.ring.first = first;
+        }
+    }
+
     /// Back to the beginning, for a new session; what was not acknowledged is forgotten. The
     /// counters go on.
     pub fn reset(&mut self, header: StreamHeader) {
         self.ring.reset(header);
+        self.restart();
+    }
+
+    fn restart(&mut self) {
+        self.confirmed = 0;
         self.sent = 0;
         self.heartbeat = None;
         self.interval = self.config.heartbeat_first;
@@ -111,7 +173,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
     }
 
     /// The largest submessage, header included, that can be sent.
-    pub const fn limit(&self) -> usize {
+    pub fn limit(&self) -> usize {
         self.ring.limit()
     }
 
@@ -121,18 +183,20 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
     }
 
     /// The first message that is not acknowledged; the next one to be sent if all are.
-    pub const fn first_unacknowledged(&self) -> SeqNum {
-        self.ring.first
+    pub fn first_unacknowledged(&self) -> SeqNum {
+        let confirmed = u16::try_from(self.confirmed).unwrap_or(0);
+        self.ring.first.plus(confirmed)
     }
 
     /// Whether everything was acknowledged.
-    pub const fn is_idle(&self) -> bool {
-        self.ring.used == 0
+    pub fn is_idle(&self) -> bool {
+        self.ring.used == 0 && !self.ring.spill.as_ref().is_some_and(Spill::is_busy)
     }
 
     /// Messages that were pushed and not acknowledged.
-    pub const fn unacknowledged(&self) -> usize {
-        self.ring.used
+    pub fn unacknowledged(&self) -> usize {
+        let used = self.ring.used.saturating_sub(self.confirmed);
+        used.saturating_add(self.ring.in_spill())
     }
 
     /// What happened so far.
@@ -154,6 +218,9 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
     pub fn next_datagram(&mut self, now: Nanos) -> Option<&[u8]> {
         let i = self.due(now)?;
         let new = i >= self.sent;
+        if new {
+            self.ring.stamp(i);
+        }
         let slot = self.ring.get_mut(i)?;
         slot.open = false;
         slot.lost = None;
@@ -183,14 +250,15 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         if self.heartbeat? > now {
             return None;
         }
-        let last = u16::try_from(self.sent.checked_sub(1)?).ok()?;
+        let unacknowledged = self.sent.checked_sub(self.confirmed)?;
+        let last = u16::try_from(unacknowledged.checked_sub(1)?).ok()?;
         self.interval = self
             .interval
             .saturating_mul(2)
             .min(self.config.heartbeat_max);
         self.heartbeat = Some(now.saturating_add(self.interval));
         self.stats.heartbeats = self.stats.heartbeats.saturating_add(1);
-        let first = self.ring.first;
+        let first = self.first_unacknowledged();
         Some(Heartbeat {
             first,
             last: first.plus(last),
@@ -200,48 +268,59 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
 
     /// When there is something to send even if nothing else happens.
     pub fn next_deadline(&self) -> Option<Nanos> {
-        let lost = (0..self.sent).filter_map(|i| self.ring.get(i)?.lost).min();
+        let lost = (self.confirmed..self.sent)
+            .filter_map(|i| self.ring.get(i)?.lost)
+            .min();
         lost.into_iter().chain(self.heartbeat).min()
     }
 
     /// An acknowledgement has arrived: see [`AckNack`](crate::wire::AckNack).
     pub fn acknowledge(&mut self, now: Nanos, first_unacked: SeqNum, missing: u16) {
-        let Ok(acked) = usize::try_from(first_unacked.since(self.ring.first)) else {
+        let before = self.first_unacknowledged();
+        let Ok(acked) = usize::try_from(first_unacked.since(before)) else {
             return; // an old one
         };
-        if acked > self.sent {
+        let confirmed = self.confirmed.saturating_add(acked);
+        if confirmed > self.sent {
             self.stats.bogus_acks = self.stats.bogus_acks.saturating_add(1);
             return;
         }
-        for i in 0..acked {
-            if let Some(slot) = self
-                .ring
-                .get(i)
-                .filter(|slot| !slot.resent && !slot.received)
-            {
-                self.rtt.sample(now.saturating_sub(slot.sent_at));
+        for i in self.confirmed..confirmed {
+            if let Some(slot) = self.ring.get_mut(i) {
+                if !slot.resent && !slot.received {
+                    self.rtt.sample(now.saturating_sub(slot.sent_at));
+                }
+                slot.lost = None;
             }
         }
-        self.ring.release(acked);
-        self.sent = self.sent.saturating_sub(acked);
-        let patience = self
-            .rtt
-            .timeout()
-            .unwrap_or(0)
-            .min(self.config.heartbeat_max);
+        let released = self.ring.complete(confirmed);
+        self.ring.release(released);
+        self.sent = self.sent.saturating_sub(released);
+        self.confirmed = confirmed.saturating_sub(released);
+        let timeout = self.rtt.timeout();
+        let Reliability {
+            heartbeat_min,
+            heartbeat_max,
+            ..
+        } = self.config;
         if acked > 0 {
-            self.interval = patience.max(self.config.heartbeat_first);
+            self.interval = timeout.map_or(self.config.heartbeat_first, |timeout| {
+                timeout.min(heartbeat_max).max(heartbeat_min)
+            });
         }
-        self.heartbeat = (self.sent > 0).then(|| now.saturating_add(self.interval));
-        self.note_missing(now, missing, patience);
+        let waiting = self.sent > self.confirmed;
+        self.heartbeat = waiting.then(|| now.saturating_add(self.interval));
+        self.note_missing(now, missing, timeout.unwrap_or(0).min(heartbeat_max));
     }
 
     /// Marks what an acknowledgement names as missing, and what it thereby says has arrived.
     fn note_missing(&mut self, now: Nanos, missing: u16, patience: Nanos) {
         let known = 16_u32.saturating_sub(missing.leading_zeros());
-        let known = usize::try_from(known).unwrap_or(16).min(self.sent);
+        let known = usize::try_from(known).unwrap_or(16);
+        let known = known.min(self.sent.saturating_sub(self.confirmed));
         for i in 0..known {
-            let Some(slot) = self.ring.get_mut(i) else {
+            let at = self.confirmed.saturating_add(i);
+            let Some(slot) = self.ring.get_mut(at) else {
                 return;
             };
             if (missing >> i) & 1 == 0 {
@@ -265,7 +344,10 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
                 .is_some_and(|lost| lost <= now)
         };
         let window = usize::from(self.config.in_flight.max(1));
-        let new = self.sent < self.ring.used && self.sent < window;
-        (0..self.sent).find(is_lost).or(new.then_some(self.sent))
+        let in_flight = self.sent.saturating_sub(self.confirmed);
+        let new = self.sent < self.ring.used && in_flight < window;
+        (self.confirmed..self.sent)
+            .find(is_lost)
+            .or(new.then_some(self.sent))
     }
 }

@@ -1,10 +1,25 @@
 //! The messages of a reliable output stream from the first unacknowledged one on, in a ring of
 //! equal slots.
 
+use super::spill::Spill;
 use super::{PushError, StreamHeader, Tail};
 use crate::wire::{Encode, FLAG_LITTLE_ENDIAN, Fragment, MessageWriter, SubmessageId, WireError};
 use crate::wire::{Writer, encode_submessage, submessage_len};
 use crate::{Nanos, SeqNum};
+
+/// What part of a submessage a message holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Part {
+    /// One or more whole submessages.
+    #[default]
+    Whole,
+    /// The first fragment.
+    First,
+    /// A fragment between the first and the last.
+    Middle,
+    /// The last fragment.
+    Last,
+}
 
 /// One message and what is known about it.
 #[derive(Clone, Copy, Debug, Default)]
@@ -21,16 +36,23 @@ pub(super) struct Slot {
     pub(super) lost: Option<Nanos>,
     /// The receiver has it, although not everything before it.
     pub(super) received: bool,
+    /// What it holds.
+    pub(super) part: Part,
+    /// It is a fragment of what the spill holds.
+    pub(super) spilled: bool,
 }
 
 /// A ring of at most `N` messages in `S`.
 #[derive(Debug)]
 pub(super) struct Ring<S, const N: usize> {
-    storage: S,
-    slot_size: usize,
+    pub(super) storage: S,
+    pub(super) slot_size: usize,
     capacity: usize,
     slots: [Slot; N],
     pub(super) header: StreamHeader,
+    /// Fragments stay until the last one of their sample is acknowledged.
+    pub(super) keep_whole: bool,
+    pub(super) spill: Option<Spill<S>>,
     tail: Tail,
     head: usize,
     pub(super) first: SeqNum,
@@ -52,6 +74,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
             capacity,
             slots: [Slot::default(); N],
             header,
+            keep_whole: false,
+            spill: None,
             tail,
             head: 0,
             first: SeqNum(0),
@@ -59,24 +83,27 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         }
     }
 
-    pub(super) const fn reset(&mut self, header: StreamHeader) {
+    pub(super) fn reset(&mut self, header: StreamHeader) {
         self.header = header;
         self.head = 0;
         self.first = SeqNum(0);
         self.used = 0;
+        if let Some(spill) = &mut self.spill {
+            spill.clear();
+        }
     }
 
     /// Header, body of 65535 bytes, and padding.
     const LONGEST: usize = 4 + 65536;
 
     /// The largest submessage, header included, that can be pushed.
-    pub(super) const fn limit(&self) -> usize {
+    pub(super) fn limit(&self) -> usize {
         let by_ring = self.piece().saturating_mul(self.capacity);
-        if by_ring < Self::LONGEST {
-            by_ring
-        } else {
-            Self::LONGEST
-        }
+        let by_spill = match &self.spill {
+            Some(spill) if self.capacity > 0 => spill.room(),
+            _ => 0,
+        };
+        by_ring.max(by_spill).min(Self::LONGEST)
     }
 
     pub(super) const fn free(&self) -> usize {
@@ -88,6 +115,32 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         self.head = self.index(n);
         self.first = self.first.plus(u16::try_from(n).unwrap_or(0));
         self.used = self.used.saturating_sub(n);
+        self.refill();
+    }
+
+    /// How many of the first `n` messages can be forgotten: all, or those before a sample of which
+    /// a fragment is not among them.
+    pub(super) fn complete(&self, n: usize) -> usize {
+        if !self.keep_whole {
+            return n;
+        }
+        let ends_a_sample = |i: &usize| {
+            i.checked_sub(1)
+                .and_then(|before| self.get(before))
+                .is_none_or(|slot| slot.spilled || matches!(slot.part, Part::Whole | Part::Last))
+        };
+        (0..=n).rev().find(ends_a_sample).unwrap_or(0)
+    }
+
+    /// Writes the header of message `first + i` anew: its number is certain only when it is sent.
+    pub(super) fn stamp(&mut self, i: usize) {
+        let header = self
+            .header
+            .at(self.first.plus(u16::try_from(i).unwrap_or(0)));
+        let index = self.index(i);
+        if let Some(room) = self.room(index) {
+            header.encode(&mut Writer::new(room)).ok();
+        }
     }
 
     /// Message `first + i`.
@@ -112,26 +165,37 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
     /// See [`OutputReliable::push`](super::OutputReliable::push).
     pub(super) fn push(&mut self, body: &impl Encode) -> Result<(), PushError> {
         let size = submessage_len(body).map_err(PushError::Wire)?;
-        if self.append(body)? {
-            return Ok(());
-        }
         let fits_one = size.saturating_add(self.header.len()) <= self.slot_size;
         let count = if fits_one {
             1
         } else {
             size.div_ceil(self.piece().max(1))
         };
-        if count > self.capacity {
+        let spills = !fits_one && self.spill.as_ref().is_some_and(|s| size <= s.room());
+        if count > self.capacity && !(spills && self.capacity > 0) {
             return Err(PushError::TooLarge {
                 size,
                 limit: self.limit(),
             });
         }
-        if count > self.free() {
+        if self.spill.as_ref().is_some_and(Spill::is_busy) {
+            return Err(PushError::WouldBlock);
+        }
+        if self.append(body)? {
+            return Ok(());
+        }
+        if count > self.free() && !spills {
             return Err(PushError::WouldBlock);
         }
         if let Some(newest) = self.used.checked_sub(1).and_then(|i| self.get_mut(i)) {
             newest.open = false;
+        }
+        if count > self.free() {
+            if let Some(spill) = &mut self.spill {
+                spill.fill(body, size).map_err(PushError::Wire)?;
+            }
+            self.refill();
+            return Ok(());
         }
         if fits_one {
             self.begin()?;
@@ -139,13 +203,71 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         }
         let mut position = 0;
         for _ in 0..count {
-            position = self.begin_fragment(body, position, size)?;
+            position = self.begin_fragment(position, size, false, |piece, position| {
+                encode_submessage(body, true, &mut Writer::window(piece, position))
+            })?;
         }
         Ok(())
     }
 
+    /// Moves fragments from the spill into free messages.
+    pub(super) fn refill(&mut self) {
+        let Some(mut spill) = self.spill.take() else {
+            return;
+        };
+        while self.free() > 0 && spill.position < spill.len {
+            let moved = self.begin_fragment(spill.position, spill.len, true, |piece, position| {
+                spill.copy(piece, position);
+                Ok(())
+            });
+            match moved {
+                Ok(position) => spill.position = position,
+                Err(_) => break, // there was no room after all
+            }
+        }
+        let is_kept = |i| self.get(i).is_some_and(|slot| slot.spilled);
+        if spill.position >= spill.len && !(self.keep_whole && (0..self.used).any(is_kept)) {
+            spill.clear();
+        }
+        self.spill = Some(spill);
+    }
+
+    /// Messages that what is left in the spill will take.
+    pub(super) fn in_spill(&self) -> usize {
+        let left = |spill: &Spill<S>| spill.len.saturating_sub(spill.position);
+        let left = self.spill.as_ref().map_or(0, left);
+        left.div_ceil(self.piece().max(1))
+    }
+
+    /// Takes over the first `used` messages as they are now, none of which was sent.
+    pub(super) const fn restart(&mut self, header: StreamHeader, used: usize) {
+        self.header = header;
+        self.first = SeqNum(0);
+        self.used = used;
+    }
+
+    /// Moves the bytes and description of message `from` to `to`, `len` bytes long.
+    pub(super) fn shift(&mut self, from: usize, to: usize, part: Part) {
+        let Some(len) = self.get(from).map(|slot| slot.len) else {
+            return;
+        };
+        let start = self.index(from).saturating_mul(self.slot_size);
+        let target = self.index(to).saturating_mul(self.slot_size);
+        let end = start.saturating_add(len);
+        if target.saturating_add(len) <= self.storage.as_ref().len() {
+            self.storage.as_mut().copy_within(start..end, target);
+        }
+        if let Some(slot) = self.get_mut(to) {
+            *slot = Slot {
+                len,
+                part,
+                ..Slot::default()
+            };
+        }
+    }
+
     /// Bytes of a submessage that go into one fragment.
-    const fn piece(&self) -> usize {
+    pub(super) const fn piece(&self) -> usize {
         self.slot_size
             .saturating_sub(self.header.len())
             .saturating_sub(4)
@@ -156,6 +278,11 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
             .saturating_add(i)
             .checked_rem(self.capacity)
             .unwrap_or(0)
+    }
+
+    pub(super) fn room_of(&mut self, i: usize) -> Option<&mut [u8]> {
+        let index = self.index(i);
+        self.room(index)
     }
 
     fn room(&mut self, index: usize) -> Option<&mut [u8]> {
@@ -222,21 +349,26 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         room.ok_or(PushError::WouldBlock)
     }
 
-    /// Begins a message that is one fragment of `body`'s submessage, from `position` on; gives the
-    /// position after it.
+    /// Begins a message that is one fragment of a submessage of `size` bytes, from `position` on,
+    /// which `write` puts there; gives the position after it.
     fn begin_fragment(
         &mut self,
-        body: &impl Encode,
         position: usize,
         size: usize,
+        spilled: bool,
+        write: impl FnOnce(&mut [u8], usize) -> Result<(), WireError>,
     ) -> Result<usize, PushError> {
         let len = self.piece().min(size.saturating_sub(position));
         let end = position.saturating_add(len);
-        let last = if end >= size { Fragment::FLAG_LAST } else { 0 };
+        let (flag, part) = match (position, end >= size) {
+            (_, true) => (Fragment::FLAG_LAST, Part::Last),
+            (0, false) => (0, Part::First),
+            (_, false) => (0, Part::Middle),
+        };
         let [low, high] = u16::try_from(len).unwrap_or(0).to_le_bytes();
         let subheader = [
             SubmessageId::Fragment as u8,
-            last | FLAG_LITTLE_ENDIAN,
+            flag | FLAG_LITTLE_ENDIAN,
             low,
             high,
         ];
@@ -247,11 +379,12 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         };
         front.copy_from_slice(&subheader);
         let piece = piece.get_mut(..len).unwrap_or(&mut []);
-        encode_submessage(body, true, &mut Writer::window(piece, position))
-            .map_err(PushError::Wire)?;
+        write(piece, position).map_err(PushError::Wire)?;
         if let Some(slot) = self.get_mut(newest) {
             slot.len = slot.len.saturating_add(subheader.len()).saturating_add(len);
             slot.open = false;
+            slot.part = part;
+            slot.spilled = spilled;
         }
         Ok(end)
     }

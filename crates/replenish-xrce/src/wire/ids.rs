@@ -55,6 +55,42 @@ impl StreamId {
     /// The first reliable stream, the one micro-ROS uses.
     pub const RELIABLE: StreamId = StreamId(0x80);
 
+    /// Best-effort stream `index`, 0..=126: 0x01 and up.
+    #[must_use]
+    pub const fn best_effort(index: u8) -> StreamId {
+        StreamId(if index < 0x7f {
+            index.wrapping_add(1)
+        } else {
+            0x7f
+        })
+    }
+
+    /// Reliable stream `index`, 0..=127: 0x80 and up.
+    #[must_use]
+    pub const fn reliable(index: u8) -> StreamId {
+        StreamId(0x80 | index)
+    }
+
+    /// Which best-effort stream it is, if it is one.
+    #[must_use]
+    pub const fn best_effort_index(self) -> Option<usize> {
+        if self.is_best_effort() {
+            Some(self.0.wrapping_sub(1) as usize)
+        } else {
+            None
+        }
+    }
+
+    /// Which reliable stream it is, if it is one.
+    #[must_use]
+    pub const fn reliable_index(self) -> Option<usize> {
+        if self.is_reliable() {
+            Some((self.0 & 0x7f) as usize)
+        } else {
+            None
+        }
+    }
+
     /// Ids from 0x80 on.
     #[must_use]
     pub const fn is_reliable(self) -> bool {

@@ -23,6 +23,7 @@ mod login;
 mod message;
 mod reader;
 mod reliability;
+mod service;
 mod time;
 mod writer;
 
@@ -45,6 +46,7 @@ pub use login::{COOKIE, CreateClient, Properties, StatusAgent, StatusReply, VEND
 pub use message::{FLAG_LITTLE_ENDIAN, Header, Message, Submessage, SubmessageId, Submessages};
 pub use reader::Reader;
 pub use reliability::{AckNack, Fragment, Heartbeat, Reset};
+pub use service::{SampleIdentity, WriteReply};
 pub use time::{Timestamp, TimestampReply, WireTime};
 pub use writer::Writer;
 

@@ -9,6 +9,8 @@
 )]
 #![allow(dead_code, reason = "every test binary uses its own part")]
 
+use std::collections::BTreeMap;
+
 use replenish_xrce::stream::{InputReliable, OutputReliable, Reliability, StreamHeader, Tail};
 use replenish_xrce::wire::{
     AgentInfo, BaseRequest, Body, ClientKey, Data, Encode, Info, Message, MessageWriter, ObjectId,
@@ -22,7 +24,7 @@ const MTU: usize = 512;
 /// The agent's side of the one session it has.
 pub(crate) struct FakeAgent {
     session: Option<(SessionId, ClientKey)>,
-    input: InputReliable<Vec<u8>, Vec<u8>, 16>,
+    inputs: BTreeMap<u8, InputReliable<Vec<u8>, Vec<u8>, 16>>,
     output: OutputReliable<Vec<u8>, 16>,
     out: Vec<Vec<u8>>,
     /// The answer to log-ins.
@@ -34,6 +36,8 @@ pub(crate) struct FakeAgent {
     /// Objects and reads of the current session, in order.
     pub(crate) created: Vec<ObjectId>,
     pub(crate) reads: Vec<(BaseRequest, StreamId)>,
+    /// The properties of the latest log-in.
+    pub(crate) properties: Vec<(String, String)>,
     /// Samples written, of all sessions.
     pub(crate) written: Vec<(ObjectId, Vec<u8>)>,
     best_effort: SeqNum,
@@ -49,7 +53,7 @@ impl FakeAgent {
         let (ring, config) = (vec![0; 16 * MTU], Reliability::default());
         FakeAgent {
             session: None,
-            input: InputReliable::new(StreamId::RELIABLE, vec![0; 16 * MTU], MTU, vec![0; 66_000]),
+            inputs: BTreeMap::new(),
             output: OutputReliable::new(ring, MTU, header, Tail::Exact, config),
             out: Vec::new(),
             login_status: Status::OK,
@@ -57,6 +61,7 @@ impl FakeAgent {
             sessions: Vec::new(),
             created: Vec::new(),
             reads: Vec::new(),
+            properties: Vec::new(),
             written: Vec::new(),
             best_effort: SeqNum(0),
         }
@@ -76,6 +81,10 @@ impl FakeAgent {
             && let Ok(Body::CreateClient(create)) = first.body()
         {
             assert!(header.session.is_none(), "a log-in outside of sessions");
+            self.properties.clear();
+            create.properties.for_each(|name, value| {
+                self.properties.push((name.into(), value.into()));
+            });
             self.login(create.session, create.key);
             return self.drain(now);
         }
@@ -87,7 +96,8 @@ impl FakeAgent {
         }
         if header.stream.is_reliable() {
             let mut submessages: Vec<(Vec<u8>, _, _)> = Vec::new();
-            self.input.receive(header.seq, message.body, |s| {
+            let input = self.input(header.stream);
+            input.receive(header.seq, message.body, |s| {
                 submessages.push((s.payload.to_vec(), s.id, s.flags));
             });
             for (payload, id, flags) in submessages {
@@ -135,6 +145,12 @@ impl FakeAgent {
         self.output.is_idle()
     }
 
+    fn input(&mut self, stream: StreamId) -> &mut InputReliable<Vec<u8>, Vec<u8>, 16> {
+        self.inputs
+            .entry(stream.0)
+            .or_insert_with(|| InputReliable::new(stream, vec![0; 16 * MTU], MTU, vec![0; 66_000]))
+    }
+
     fn login(&mut self, session: SessionId, key: ClientKey) {
         self.session = Some((session, key));
         if self.login_status.is_ok() {
@@ -142,7 +158,7 @@ impl FakeAgent {
             self.created.clear();
             self.reads.clear();
             self.best_effort = SeqNum(0);
-            self.input.reset();
+            self.inputs.clear();
             self.output.reset(StreamHeader {
                 session,
                 stream: StreamId::RELIABLE,
@@ -220,13 +236,17 @@ impl FakeAgent {
                 self.send(StreamId::NONE, SeqNum(0), &reply);
             }
             Body::AckNack(ack) => self.output.acknowledge(now, ack.first_unacked, ack.missing),
-            Body::Heartbeat(heartbeat) => self.input.heartbeat(heartbeat.last),
+            Body::Heartbeat(heartbeat) => {
+                self.input(heartbeat.stream).heartbeat(heartbeat.last);
+            }
             other => panic!("unexpected {other:?}"),
         }
     }
 
     fn drain(&mut self, now: Nanos) -> Vec<Vec<u8>> {
-        if let Some(ack) = self.input.take_ack() {
+        let mut inputs: Vec<_> = self.inputs.values_mut().collect();
+        let acks: Vec<_> = inputs.iter_mut().filter_map(|i| i.take_ack()).collect();
+        for ack in acks {
             self.send(StreamId::NONE, SeqNum(0), &ack);
         }
         if let Some(heartbeat) = self.output.take_heartbeat(now) {

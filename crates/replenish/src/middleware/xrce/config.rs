@@ -18,7 +18,8 @@ pub struct XrceConfig {
     pub mtu: u16,
     /// Reliable datagrams that are kept until they are acknowledged, 1..=64.
     pub window: u16,
-    /// The largest sample that can be received on a reliable topic, in bytes, up to 65531.
+    /// The largest sample that can be sent and received on a reliable topic, in bytes, up to 65528.
+    /// What the window can hold besides can be sent, too.
     pub max_sample: usize,
     /// The DDS domain.
     pub domain: i16,

@@ -9,7 +9,7 @@ use alloc::string::ToString;
 use alloc::vec;
 use replenish_os::timer::TimerFd;
 use replenish_os::{PiMutex, PollFd, WakeFd, clock, poll};
-use replenish_xrce::client::{Buffers, Config, Session};
+use replenish_xrce::client::{Buffers, Config, ReliableBuffers, Session};
 use replenish_xrce::udp::UdpTransport;
 use replenish_xrce::wire::{ClientKey, ObjectId};
 use std::io::{self, ErrorKind};
@@ -19,6 +19,8 @@ use std::net::ToSocketAddrs;
 const GLANCE: Nanos = 5_000_000;
 /// Messages that wait for a missing one; agents keep sixteen.
 const REORDER: usize = 16;
+/// Messages of requests on their way after a new log-in.
+const RESTORE: usize = 16;
 /// Bytes of journal: what `REQUESTS` descriptions with names of usual length need.
 const JOURNAL: usize = 128 * 1024;
 
@@ -160,20 +162,26 @@ fn session(config: &XrceConfig) -> Result<super::state::XrceSession, ConnectErro
     if !(1..=WINDOW).contains(&usize::from(config.window)) {
         return setting("window", "from 1 to 64 datagrams");
     }
-    if !(1..=65_531).contains(&config.max_sample) {
-        return setting("max_sample", "from 1 to 65531 bytes");
+    if !(1..=65_528).contains(&config.max_sample) {
+        return setting("max_sample", "from 1 to 65528 bytes");
     }
     if config.key == Some([0; 4]) {
         return setting("key", "other than 0, which the protocol reserves");
     }
     let mtu = usize::from(config.mtu);
     let bytes = |len: usize| -> Box<[u8]> { vec![0; len].into() };
+    let sample = (config.max_sample + 8).next_multiple_of(4);
+    let reliable = || ReliableBuffers {
+        output: bytes(mtu * usize::from(config.window)),
+        large_output: bytes(sample),
+        input: bytes(mtu * REORDER),
+        fragments: bytes(sample),
+    };
     let buffers = Buffers {
-        best_effort_out: bytes(mtu),
-        reliable_out: bytes(mtu * usize::from(config.window)),
-        reliable_in: bytes(mtu * REORDER),
-        fragments_in: bytes((config.max_sample + 8).next_multiple_of(4)),
+        best_effort: [bytes(mtu), bytes(mtu)],
+        reliable: [reliable(), reliable()],
         journal: bytes(JOURNAL),
+        restore: bytes(mtu * RESTORE),
     };
     let session = Config {
         mtu: config.mtu,

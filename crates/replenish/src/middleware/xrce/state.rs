@@ -20,7 +20,10 @@ pub(super) const WINDOW: usize = 64;
 /// each node and one for each topic of a node.
 pub(super) const REQUESTS: usize = 1024;
 
-pub(super) type XrceSession = Session<Box<[u8]>, WINDOW, REQUESTS>;
+/// Streams of each kind and direction.
+pub(super) const STREAMS: usize = 2;
+
+pub(super) type XrceSession = Session<Box<[u8]>, WINDOW, REQUESTS, STREAMS, STREAMS>;
 
 /// The sink of [`Middleware::take`](crate::middleware::Middleware::take).
 pub(super) type Sink<'a> = dyn FnMut(ReaderId, &SampleInfo, &[u8]) -> Room + 'a;

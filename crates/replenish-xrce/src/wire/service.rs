@@ -1,0 +1,57 @@
+//! Requests and replies of services: what stands before their payloads.
+//!
+//! ```text
+//!   requester ── WRITE_DATA: request ──► agent ── DATA: identity, request ──► replier
+//!   requester ◄── DATA: base, reply ──── agent ◄─ WRITE_DATA: identity, reply ── replier
+//! ```
+//!
+//! The base before a reply names the `WRITE_DATA` that the request was.
+
+use super::{BaseRequest, Encode, Reader, SubmessageId, WireError, Writer};
+
+/// Who has sent a request and which one it is (`SampleIdentity` of DDS-RPC): a GUID of 16 bytes and
+/// a number of 8. A replier sends it back as it came.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct SampleIdentity(pub [u8; 24]);
+
+impl SampleIdentity {
+    /// Splits what a replier receives into identity and request.
+    #[must_use]
+    pub fn split(payload: &[u8]) -> Option<(SampleIdentity, &[u8])> {
+        let (identity, rest) = payload.split_first_chunk()?;
+        Some((SampleIdentity(*identity), rest))
+    }
+}
+
+impl BaseRequest {
+    /// Splits what a requester receives into the request that is answered and the reply.
+    #[must_use]
+    pub fn split(payload: &[u8]) -> Option<(BaseRequest, &[u8])> {
+        let mut r = Reader::new(payload, true);
+        let base = BaseRequest::decode(&mut r).ok()?;
+        Some((base, r.rest()))
+    }
+}
+
+/// `WRITE_DATA` of a replier: a reply.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WriteReply<'a> {
+    /// The replier.
+    pub base: BaseRequest,
+    /// Of the request that is answered.
+    pub identity: SampleIdentity,
+    /// The reply.
+    pub payload: &'a [u8],
+}
+
+impl Encode for WriteReply<'_> {
+    fn id(&self) -> SubmessageId {
+        SubmessageId::WriteData
+    }
+
+    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
+        self.base.encode(w)?;
+        w.put(&self.identity.0)?;
+        w.put(self.payload)
+    }
+}
