@@ -6,7 +6,7 @@
     reason = "test code"
 )]
 
-use replenish_xrce::client::{Buffers, Config, PingPolicy, Session};
+use replenish_xrce::client::{Buffers, Config, PingPolicy, ReliableBuffers, Session};
 use replenish_xrce::wire::{
     ClientKey, CreationMode, DataReaderBinary, DataWriterBinary, DeliveryControl, EndpointQos,
     Entity, GroupBinary, ObjectId, ObjectKind, ParticipantBinary, QOS_HISTORY_KEEP_LAST,
@@ -28,10 +28,14 @@ pub(crate) fn session(key: u8, patience: u64) -> Client {
     });
     let buffer = |len| vec![0; len];
     let buffers = Buffers {
-        best_effort_out: buffer(512),
-        reliable_out: buffer(32 * 512),
-        reliable_in: buffer(16 * 512),
-        fragments_in: buffer(32 * 512),
+        best_effort: [buffer(512)],
+        reliable: [ReliableBuffers {
+            output: buffer(32 * 512),
+            large_output: buffer(0),
+            input: buffer(16 * 512),
+            fragments: buffer(32 * 512),
+        }],
+        restore: buffer(512),
         journal: buffer(4096),
     };
     Session::new(config, buffers)
