@@ -9,6 +9,7 @@
 //! - [`clock`], [`timer`]: monotonic time, CPU clocks of this and other threads, absolute sleep,
 //!   one-shot timers.
 //! - [`poll`], [`WakeFd`]: waiting on descriptors, and waking such a wait.
+//! - [`connect_tcp`]: TCP without waiting for the other side.
 //! - [`tty`]: serial lines and pseudo-terminals.
 //! - [`memory`]: locking memory and touching stacks, so that page faults stay out.
 //! - [`Tid`], [`current_tid`], [`set_affinity`], [`affinity`]: naming and placing threads.
@@ -46,6 +47,7 @@ pub use linux::{
     sched::{SchedClass, demote_to_tail, promote, set_priority},
     spawn_error::SpawnError,
     switches::{Drained, Switch, SwitchKind, SwitchLog, voluntary_switches},
+    tcp::connect_tcp,
     thread::{Thread, ThreadSpec, spawn},
     tid::{Tid, current_tid},
     timer, tty,

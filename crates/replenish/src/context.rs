@@ -4,7 +4,7 @@ use crate::error::Error;
 use crate::middleware::{EndpointSpec, InProcessBus, LinkState, Middleware};
 use crate::name;
 use crate::publisher::Publisher;
-use crate::qos::Qos;
+use crate::qos::{IngressLimit, Qos};
 use crate::sync::{Arc, AtomicBool, Ordering};
 use alloc::string::String;
 use core::fmt;
@@ -45,14 +45,37 @@ impl Context {
 
     /// A context over DDS-XRCE: a session with the agent at `agent`, an address and UDP port.
     ///
-    /// [`XrceUdp::connect_with`](crate::middleware::xrce::XrceUdp::connect_with) and
+    /// [`Xrce::udp_with`](crate::middleware::xrce::Xrce::udp_with) and
     /// [`Context::new`] take other settings than the default ones.
     ///
     /// # Errors
     /// If the address cannot be used, or no agent answers there within 1.5 s.
     #[cfg(feature = "xrce")]
     pub fn xrce_udp(agent: &str) -> Result<Self, crate::middleware::xrce::ConnectError> {
-        crate::middleware::xrce::XrceUdp::connect(agent).map(Self::new)
+        crate::middleware::xrce::Xrce::udp(agent).map(Self::new)
+    }
+
+    /// A context over DDS-XRCE and TCP: a session with the agent at `agent`, an address and port.
+    ///
+    /// # Errors
+    /// If the address cannot be used, or no agent answers there within 1.5 s.
+    #[cfg(feature = "xrce")]
+    pub fn xrce_tcp(agent: &str) -> Result<Self, crate::middleware::xrce::ConnectError> {
+        use crate::middleware::xrce::{Xrce, XrceConfig};
+        Xrce::tcp_with(agent, XrceConfig::default()).map(Self::new)
+    }
+
+    /// A context over DDS-XRCE and a serial line or pseudo-terminal, with the stock framing.
+    ///
+    /// # Errors
+    /// If the line cannot be used, or no agent answers there within 1.5 s.
+    #[cfg(feature = "xrce")]
+    pub fn xrce_serial(
+        path: impl AsRef<std::path::Path>,
+        baud: u32,
+    ) -> Result<Self, crate::middleware::xrce::ConnectError> {
+        use crate::middleware::xrce::{Xrce, XrceConfig};
+        Xrce::serial_with(path.as_ref(), baud, XrceConfig::slow_line()).map(Self::new)
     }
 
     /// A node. `name` may carry a namespace: `pong`, `robot/pong` and `/robot/pong` are all right.
@@ -162,6 +185,7 @@ impl Node {
             dds_type_name: M::DDS_TYPE_NAME,
             qos,
             max_size,
+            ingress: IngressLimit::none(),
         }
     }
 }

@@ -44,7 +44,7 @@ pub use executor::{
 pub use middleware::PublishError;
 pub use name::NameError;
 pub use publisher::Publisher;
-pub use qos::Qos;
+pub use qos::{Criticality, IngressLimit, Qos};
 pub use replenish_msg as msg;
 pub use replenish_os::{
     Enforcement, EnforcerStats, Low, OverrunSummary, ParamError, Params, Policy, PolicyError,

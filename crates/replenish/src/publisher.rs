@@ -6,7 +6,9 @@ use alloc::boxed::Box;
 use alloc::string::String;
 use core::fmt;
 use core::marker::PhantomData;
+use core::time::Duration;
 use replenish_msg::Message;
+use replenish_os::clock;
 
 /// Publishes messages of type `M` on one topic.
 ///
@@ -48,6 +50,26 @@ impl<M: Message> Publisher<M> {
         let len = replenish_msg::encode(message, &mut buffer).map_err(PublishError::Encode)?;
         let payload = buffer.get(..len).unwrap_or_default();
         self.inner.middleware.publish(self.inner.writer, payload)
+    }
+
+    /// Like [`publish`](Self::publish), but while the output queue is full it waits for room, looking
+    /// for it every 0.2 ms, until `limit` has passed. In a callback this is blocking: other callbacks
+    /// of the worker wait, and its budget is accounted as for any other wait.
+    ///
+    /// # Errors
+    /// [`PublishError::Full`] if there was no room in time; the others at once.
+    pub fn publish_within(&self, message: &M, limit: Duration) -> Result<(), PublishError> {
+        const GLANCE: u64 = 200_000;
+        let limit = u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX);
+        let deadline = clock::monotonic().saturating_add(limit);
+        loop {
+            let result = self.publish(message);
+            let now = clock::monotonic();
+            if result != Err(PublishError::Full) || now >= deadline {
+                return result;
+            }
+            clock::sleep_until(now.saturating_add(GLANCE).min(deadline));
+        }
     }
 
     /// The fully qualified topic name.

@@ -1,6 +1,7 @@
 //! Quality of service of an endpoint: what a subscription keeps, what a topic retransmits.
 
 use core::num::NonZeroU16;
+use core::time::Duration;
 
 /// Whether lost samples are sent again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -21,7 +22,133 @@ pub enum History {
     KeepAll,
 }
 
-/// Reliability, history and depth of one publisher or subscription.
+/// Whether a subscription that comes late gets what was published before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Durability {
+    /// No.
+    Volatile,
+    /// Yes: what the publisher still keeps.
+    TransientLocal,
+}
+
+/// Which topics share a way with each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Criticality {
+    /// Its samples may wait behind those of other such topics.
+    Normal,
+    /// Its samples go a way of their own, served first: a backlog of a normal topic does not delay
+    /// them. Where a middleware has one way only, this changes nothing.
+    RealTime,
+}
+
+/// What a peer may send for one subscription: a flood is then stopped at its source and costs this
+/// machine nothing. On DDS-XRCE it is the delivery control of `READ_DATA` (7.7.8 of the
+/// specification), which the agent carries out.
+///
+/// ```
+/// use core::time::Duration;
+/// use replenish::{IngressLimit, Topic};
+/// let limit = IngressLimit::none().bytes_per_second(20_000).min_interval(Duration::from_millis(10));
+/// let camera = Topic::named("camera").ingress_limit(limit);
+/// # let _ = camera;
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct IngressLimit {
+    pub(crate) bytes_per_second: Option<u16>,
+    pub(crate) min_interval: Option<Duration>,
+    pub(crate) samples: Option<u16>,
+    pub(crate) duration: Option<Duration>,
+}
+
+impl IngressLimit {
+    /// No limit.
+    #[must_use]
+    pub const fn none() -> Self {
+        Self {
+            bytes_per_second: None,
+            min_interval: None,
+            samples: None,
+            duration: None,
+        }
+    }
+
+    /// At most so many bytes of samples each second, 1..=65535.
+    #[must_use]
+    pub const fn bytes_per_second(self, bytes: u16) -> Self {
+        Self {
+            bytes_per_second: Some(bytes),
+            ..self
+        }
+    }
+
+    /// At least so much time between two samples, 1 ms to 65.535 s; fractions of a millisecond are
+    /// rounded up.
+    #[must_use]
+    pub const fn min_interval(self, time: Duration) -> Self {
+        Self {
+            min_interval: Some(time),
+            ..self
+        }
+    }
+
+    /// So many samples and then no more, 1..=65534.
+    #[must_use]
+    pub const fn samples(self, samples: u16) -> Self {
+        Self {
+            samples: Some(samples),
+            ..self
+        }
+    }
+
+    /// Samples for so long and then no more, 1 s to 65535 s in whole seconds.
+    #[must_use]
+    pub const fn duration(self, time: Duration) -> Self {
+        Self {
+            duration: Some(time),
+            ..self
+        }
+    }
+
+    /// The first field that is out of range, with its value and what is allowed.
+    pub(crate) fn violation(&self) -> Option<(&'static str, u128, &'static str)> {
+        let micros = |time: Duration| time.as_micros();
+        let fields = [
+            (
+                "ingress_limit.bytes_per_second",
+                self.bytes_per_second.map(u128::from),
+                1..=65_535,
+                "1..=65535",
+            ),
+            (
+                "ingress_limit.min_interval",
+                self.min_interval.map(micros),
+                1_000..=65_535_000,
+                "1000..=65535000 us",
+            ),
+            (
+                "ingress_limit.samples",
+                self.samples.map(u128::from),
+                1..=65_534,
+                "1..=65534",
+            ),
+            (
+                "ingress_limit.duration",
+                self.duration.map(micros),
+                1_000_000..=65_535_000_000,
+                "1..=65535 s",
+            ),
+        ];
+        let mut violations = fields
+            .into_iter()
+            .filter_map(|(field, value, range, allowed)| {
+                let value = value.filter(|value| !range.contains(value))?;
+                Some((field, value, allowed))
+            });
+        violations.next()
+    }
+}
+
+/// Reliability, history and depth of one publisher or subscription, and what else may matter.
 ///
 /// The depth is the number of samples a subscription holds *besides* the one its callback works
 /// on. Publishers carry it for the middleware's output queue.
@@ -40,6 +167,15 @@ pub struct Qos {
     pub history: History,
     /// Samples held, 1..=[`Qos::MAX_DEPTH`]; checked where an endpoint is created.
     pub depth: u16,
+    /// Whether late subscriptions get what was published before.
+    pub durability: Durability,
+    /// The longest time between two samples that is promised (publisher) or asked for
+    /// (subscription); whether it is watched is the middleware's matter. In milliseconds on XRCE.
+    pub deadline: Option<Duration>,
+    /// How long a sample is worth delivering. In milliseconds on XRCE.
+    pub lifespan: Option<Duration>,
+    /// Whether samples may wait behind those of other topics.
+    pub criticality: Criticality,
 }
 
 impl Qos {
@@ -53,6 +189,10 @@ impl Qos {
             reliability: Reliability::Reliable,
             history: History::KeepLast,
             depth: 10,
+            durability: Durability::Volatile,
+            deadline: None,
+            lifespan: None,
+            criticality: Criticality::Normal,
         }
     }
 
@@ -61,8 +201,7 @@ impl Qos {
     pub const fn best_effort() -> Self {
         Self {
             reliability: Reliability::BestEffort,
-            history: History::KeepLast,
-            depth: 10,
+            ..Self::reliable()
         }
     }
 
@@ -70,9 +209,8 @@ impl Qos {
     #[must_use]
     pub const fn sensor_data() -> Self {
         Self {
-            reliability: Reliability::BestEffort,
-            history: History::KeepLast,
             depth: 5,
+            ..Self::best_effort()
         }
     }
 
@@ -92,6 +230,42 @@ impl Qos {
         Self {
             history: History::KeepAll,
             depth,
+            ..self
+        }
+    }
+
+    /// Late subscriptions get what the publisher still keeps.
+    #[must_use]
+    pub const fn transient_local(self) -> Self {
+        Self {
+            durability: Durability::TransientLocal,
+            ..self
+        }
+    }
+
+    /// At most this time between two samples.
+    #[must_use]
+    pub const fn deadline(self, time: Duration) -> Self {
+        Self {
+            deadline: Some(time),
+            ..self
+        }
+    }
+
+    /// Samples are worth delivering for this time.
+    #[must_use]
+    pub const fn lifespan(self, time: Duration) -> Self {
+        Self {
+            lifespan: Some(time),
+            ..self
+        }
+    }
+
+    /// Samples of this topic never wait behind those of normal ones.
+    #[must_use]
+    pub const fn real_time(self) -> Self {
+        Self {
+            criticality: Criticality::RealTime,
             ..self
         }
     }

@@ -8,12 +8,12 @@
     reason = "test code"
 )]
 
-use replenish::middleware::xrce::{ConnectError, XrceConfig, XrceUdp};
+use replenish::middleware::xrce::{ConnectError, Xrce, XrceConfig};
 use replenish::middleware::{
     EndpointSpec, Interest, LinkState, Middleware, MiddlewareError, PublishError, ReaderId, Room,
     WriterId,
 };
-use replenish::qos::Qos;
+use replenish::qos::{IngressLimit, Qos};
 use replenish_agent::{Agent, AgentConfig, RunningAgent};
 use replenish_os::clock;
 use std::net::{SocketAddr, UdpSocket};
@@ -35,8 +35,8 @@ fn agent_at(addr: &str) -> RunningAgent {
     .unwrap()
 }
 
-fn connect(agent: SocketAddr) -> XrceUdp {
-    XrceUdp::connect(&agent.to_string()).unwrap()
+fn connect(agent: SocketAddr) -> Xrce {
+    Xrce::udp(&agent.to_string()).unwrap()
 }
 
 fn spec(topic: &'static str, qos: Qos, max_size: usize) -> EndpointSpec<'static> {
@@ -47,6 +47,7 @@ fn spec(topic: &'static str, qos: Qos, max_size: usize) -> EndpointSpec<'static>
         dds_type_name: "std_msgs::msg::dds_::UInt8MultiArray_",
         qos,
         max_size,
+        ingress: IngressLimit::none(),
     }
 }
 
@@ -59,10 +60,10 @@ fn interest(readers: &[ReaderId]) -> Interest {
 /// Waits and takes like a dispatcher until `n` samples have come or 5 s have passed. `others` get
 /// their turn meanwhile.
 fn collect(
-    middleware: &XrceUdp,
+    middleware: &Xrce,
     readers: &[ReaderId],
     n: usize,
-    others: &[&XrceUdp],
+    others: &[&Xrce],
 ) -> Vec<(ReaderId, Vec<u8>)> {
     let (set, end) = (interest(readers), Instant::now() + Duration::from_secs(5));
     let mut samples = Vec::new();
@@ -86,12 +87,12 @@ fn collect(
 }
 
 /// Whether `sample` is what `reader` gets next, and all it gets.
-fn gets(middleware: &XrceUdp, reader: ReaderId, sample: &[u8], other: &XrceUdp) -> bool {
+fn gets(middleware: &Xrce, reader: ReaderId, sample: &[u8], other: &Xrce) -> bool {
     collect(middleware, &[reader], 1, &[other]) == [(reader, sample.to_vec())]
 }
 
 /// Runs the session like a dispatcher without interest until `done` or 5 s have passed.
-fn spin_until(middleware: &XrceUdp, done: impl Fn() -> bool) -> bool {
+fn spin_until(middleware: &Xrce, done: impl Fn() -> bool) -> bool {
     let end = Instant::now() + Duration::from_secs(5);
     let nobody = Interest::empty();
     while !done() {
@@ -107,7 +108,7 @@ fn spin_until(middleware: &XrceUdp, done: impl Fn() -> bool) -> bool {
 }
 
 /// Publishes, giving the dispatcher's part its turn while the output queue is full.
-fn publish(middleware: &XrceUdp, writer: WriterId, payload: &[u8]) {
+fn publish(middleware: &Xrce, writer: WriterId, payload: &[u8]) {
     let sent = || match middleware.publish(writer, payload) {
         Ok(()) => true,
         Err(PublishError::Full) => false,
@@ -318,7 +319,7 @@ fn no_agent_is_a_clear_error_within_two_seconds() {
     let mute = UdpSocket::bind("127.0.0.1:0").unwrap();
     for address in [free, mute.local_addr().unwrap().to_string()] {
         let start = Instant::now();
-        let error = XrceUdp::connect(&address).unwrap_err();
+        let error = Xrce::udp(&address).unwrap_err();
         assert!(
             start.elapsed() < Duration::from_secs(2),
             "{:?}",
@@ -330,7 +331,7 @@ fn no_agent_is_a_clear_error_within_two_seconds() {
             format!("no XRCE agent answered at {address} within 1.5 s")
         );
     }
-    let error = XrceUdp::connect("127.0.0.1:notaport").unwrap_err();
+    let error = Xrce::udp("127.0.0.1:notaport").unwrap_err();
     assert!(matches!(error, ConnectError::Address { .. }), "{error}");
     for config in [
         XrceConfig {
@@ -354,7 +355,7 @@ fn no_agent_is_a_clear_error_within_two_seconds() {
             ..XrceConfig::default()
         },
     ] {
-        let error = XrceUdp::connect_with("127.0.0.1:8888", config).unwrap_err();
+        let error = Xrce::udp_with("127.0.0.1:8888", config).unwrap_err();
         assert!(matches!(error, ConnectError::Setting { .. }), "{error}");
     }
 }
@@ -386,7 +387,7 @@ fn what_does_not_fit_is_refused_with_size_and_limit() {
         mtu: 8192,
         ..XrceConfig::default()
     };
-    let wide = XrceUdp::connect_with(&agent.local_addr().to_string(), config).unwrap();
+    let wide = Xrce::udp_with(&agent.local_addr().to_string(), config).unwrap();
     let (writer, reader) = (
         wide.create_writer(&big).unwrap(),
         wide.create_reader(&big).unwrap(),
@@ -472,7 +473,7 @@ fn a_session_that_is_dropped_is_gone_at_the_agent() {
         ..XrceConfig::default()
     };
     for _ in 0..3 {
-        let middleware = XrceUdp::connect_with(&agent.local_addr().to_string(), key).unwrap();
+        let middleware = Xrce::udp_with(&agent.local_addr().to_string(), key).unwrap();
         let reader = middleware
             .create_reader(&spec("/again", Qos::reliable(), 8))
             .unwrap();

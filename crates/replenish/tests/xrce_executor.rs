@@ -12,7 +12,7 @@ mod common;
 use common::agent::TestAgent;
 use common::{cpu, eventually, executor};
 use replenish::middleware::LinkState;
-use replenish::middleware::xrce::{XrceConfig, XrceUdp};
+use replenish::middleware::xrce::{Xrce, XrceConfig};
 use replenish::msg::std_msgs::{Int32, UInt8MultiArray};
 use replenish::{Budget, Context, Every, Policy, PublishError, Qos};
 use replenish_os::{ThreadSpec, clock, spawn};
@@ -106,7 +106,7 @@ fn inheritance() {
         mtu: 8192,
         ..XrceConfig::default()
     };
-    let ctx = Context::new(XrceUdp::connect_with(&agent.address.to_string(), config).unwrap());
+    let ctx = Context::new(Xrce::udp_with(&agent.address.to_string(), config).unwrap());
     let outside = agent.context();
     let qos = Qos::best_effort().keep_last(1);
     let node = ctx.node("inside").unwrap();

@@ -12,7 +12,7 @@ use common::agent::TestAgent;
 use common::relay::Relay;
 use common::{eventually, executor};
 use replenish::middleware::LinkState;
-use replenish::middleware::xrce::{XrceConfig, XrceUdp};
+use replenish::middleware::xrce::{Xrce, XrceConfig};
 use replenish::msg::std_msgs::{Int32, UInt8MultiArray};
 use replenish::{Context, PublishError, Qos, RunningExecutor};
 use replenish_testkit::watchdog::watchdog;
@@ -53,7 +53,7 @@ fn reliable_samples_survive_a_lossy_link_once_and_in_order() {
     // Enough patience that a run of bad luck with pings is no lost agent.
     let mut config = XrceConfig::default();
     config.ping.silence_limit = 10_000_000_000;
-    let ctx = Context::new(XrceUdp::connect_with(&relay.address.to_string(), config).unwrap());
+    let ctx = Context::new(Xrce::udp_with(&relay.address.to_string(), config).unwrap());
     let qos = Qos::reliable().keep_all(64);
     let node = ctx.node("talker").unwrap();
     let numbers = node.publisher::<Int32>("numbers", qos).unwrap();
@@ -118,7 +118,7 @@ fn a_client_that_comes_back_replaces_its_old_self() {
         key: Some([7, 7, 7, 7]),
         ..XrceConfig::default()
     };
-    let connect = || Context::new(XrceUdp::connect_with(&address, config).unwrap());
+    let connect = || Context::new(Xrce::udp_with(&address, config).unwrap());
     let qos = Qos::reliable().keep_all(64);
     let dead = connect();
     let dead_reader = {

@@ -17,6 +17,7 @@ mod sched_attr;
 pub(crate) mod spawn_error;
 pub(crate) mod switches;
 mod sys;
+pub(crate) mod tcp;
 pub(crate) mod thread;
 pub(crate) mod tid;
 pub mod timer;

@@ -2,7 +2,7 @@
 
 use crate::Nanos;
 use crate::stream::{AckPolicy, Reliability};
-use crate::wire::{ClientKey, Properties, SessionId};
+use crate::wire::{ClientKey, Properties, SessionId, StreamId};
 
 /// Settings of a session. All times are in nanoseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,6 +15,8 @@ pub struct Config {
     /// Log in again under the same session id. An agent that has the session yet keeps its objects;
     /// what is still under way from before can then be taken for the new session's.
     pub reuse: bool,
+    /// The reliable stream that requests go on; those of other streams do not delay them.
+    pub requests: StreamId,
     /// Pairs of name and value for the agent, 400 bytes in all; what is longer is not sent and
     /// counted in [`LinkStats::properties_omitted`](super::LinkStats::properties_omitted).
     pub properties: Properties<'static>,
@@ -53,6 +55,7 @@ impl Config {
             key,
             session: SessionId(0x81),
             reuse: false,
+            requests: StreamId::RELIABLE,
             properties: Properties::None,
             mtu: 512,
             retry_first: 200_000_000,

@@ -63,17 +63,28 @@ where
     /// Time has passed: notices the loss of the agent.
     pub fn tick(&mut self, now: Nanos, events: &mut impl FnMut(Event<'_>)) {
         if self.link.is_lost(now, &self.config) {
-            self.link.stats.losses = self.link.stats.losses.saturating_add(1);
-            let kept = self.streams.unacknowledged();
-            let kept = u64::try_from(kept).unwrap_or(u64::MAX);
-            self.link.stats.unacknowledged = self.link.stats.unacknowledged.saturating_add(kept);
-            self.link.enter(now, State::Connecting, &self.config);
-            events(Event::Down);
+            self.lose(now, events);
         } else if self.link.gave_up_closing(now) {
             self.link.enter(now, State::Idle, &self.config);
             events(Event::Closed);
         }
         self.advance(events);
+    }
+
+    /// The transport says that the agent is gone: nothing is gained by waiting for its silence.
+    pub fn disconnected(&mut self, now: Nanos, events: &mut impl FnMut(Event<'_>)) {
+        if self.link.has_session() {
+            self.lose(now, events);
+        }
+    }
+
+    fn lose(&mut self, now: Nanos, events: &mut impl FnMut(Event<'_>)) {
+        let stats = &mut self.link.stats;
+        stats.losses = stats.losses.saturating_add(1);
+        let kept = u64::try_from(self.streams.unacknowledged()).unwrap_or(u64::MAX);
+        stats.unacknowledged = stats.unacknowledged.saturating_add(kept);
+        self.link.enter(now, State::Connecting, &self.config);
+        events(Event::Down);
     }
 
     /// Parses a datagram and checks that it is of this session.

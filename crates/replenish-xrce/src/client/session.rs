@@ -123,6 +123,11 @@ where
         self.streams.is_delivered()
     }
 
+    /// Reliable messages that were written and not acknowledged.
+    pub fn unacknowledged(&self) -> usize {
+        self.streams.unacknowledged()
+    }
+
     /// The largest sample that [`Session::write`] takes on `stream`, if there is that stream.
     pub fn limit(&self, stream: StreamId) -> Option<usize> {
         self.streams.limit(stream)

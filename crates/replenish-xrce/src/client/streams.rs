@@ -7,7 +7,7 @@
 //!   reliable      0x80     0x81     ..        a backlog of one never delays those above it
 //! ```
 //!
-//! Requests go on the first reliable stream. After a new log-in they must arrive before the samples
+//! Requests go on one of the reliable streams. After a new log-in they must arrive before the samples
 //! that were kept from the session before; they then go through `restore`, which begins that
 //! stream, and the kept samples follow with the numbers after them.
 
@@ -121,7 +121,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
             }
             stream.input.reset();
         }
-        self.restore.reset(head(StreamId::RELIABLE));
+        self.restore.reset(head(config.requests));
         self.restoring = all.samples > 0 && keeps;
         all
     }
@@ -130,10 +130,14 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
     pub(super) fn resume(&mut self) {
         if core::mem::take(&mut self.restoring) {
             let next = self.restore.first_unacknowledged();
-            if let Some(first) = self.reliable.first_mut() {
-                first.output.start_at(next);
+            if let Some(stream) = self.reliable_mut(self.requests()) {
+                stream.output.start_at(next);
             }
         }
+    }
+
+    const fn requests(&self) -> StreamId {
+        self.restore.header().stream
     }
 
     /// Whether all requests of a restoration were acknowledged.
@@ -175,16 +179,16 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
         if self.restoring {
             return self.restore.push(body);
         }
-        match self.reliable.first_mut() {
-            Some(first) => first.output.push(body),
+        match self.reliable_mut(self.requests()) {
+            Some(stream) => stream.output.push(body),
             None => Err(PushError::TooLarge { size: 0, limit: 0 }),
         }
     }
 
     /// The largest request, submessage header included, that can be sent whatever happens.
     pub(super) fn request_limit(&self) -> usize {
-        let first = self.reliable.first();
-        let limit = first.map_or(0, |stream| stream.output.limit());
+        let limit = self.limit(self.requests()).unwrap_or(0);
+        let limit = limit.saturating_add(WriteError::OVERHEAD);
         match self.restore.limit() {
             0 => limit,
             restore => limit.min(restore),
@@ -220,7 +224,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
         first: SeqNum,
         missing: u16,
     ) {
-        if self.restoring && stream == StreamId::RELIABLE {
+        if self.restoring && stream == self.requests() {
             self.restore.acknowledge(now, first, missing);
         } else if let Some(stream) = self.reliable_mut(stream) {
             stream.output.acknowledge(now, first, missing);

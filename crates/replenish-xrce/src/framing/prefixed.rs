@@ -32,6 +32,12 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Prefixed<B> {
         }
     }
 
+    /// Forgets what it has of a message, for a new connection.
+    pub const fn reset(&mut self) {
+        self.head_len = 0;
+        self.len = 0;
+    }
+
     /// Messages that were longer than the buffer.
     pub const fn skipped(&self) -> u64 {
         self.skipped

@@ -11,6 +11,7 @@ use crate::budget::Budget;
 use crate::context::{Node, check_depth};
 use crate::error::Error;
 use crate::handoff::Inbox;
+use crate::middleware::EndpointSpec;
 use crate::qos::{History, Qos};
 use crate::sync::Arc;
 use alloc::boxed::Box;
@@ -63,8 +64,8 @@ impl WorkerBuilder<'_> {
     /// Messages are decoded on this worker, into one message that is reused.
     ///
     /// # Errors
-    /// [`Error::Name`], [`Error::ForeignNode`], [`Error::Parameter`] for a depth or size out of
-    /// range, [`Error::Middleware`] when the reader cannot be created.
+    /// [`Error::Name`], [`Error::ForeignNode`], [`Error::Parameter`] for a depth, size or limit out
+    /// of range, [`Error::Middleware`] when the reader cannot be created.
     pub fn subscribe<'t, M, F, R>(
         self,
         node: &Node,
@@ -89,10 +90,18 @@ impl WorkerBuilder<'_> {
             let owner = alloc::format!("topic {name}");
             return Err(Error::parameter(owner, "max_size", &size, allowed));
         }
+        if let Some((field, value, allowed)) = topic.ingress.violation() {
+            let owner = alloc::format!("topic {name}");
+            return Err(Error::parameter(owner, field, &value, allowed));
+        }
+        let spec = EndpointSpec {
+            ingress: topic.ingress,
+            ..node.endpoint::<M>(&name, qos, size)
+        };
         let reader = node
             .context()
             .middleware()
-            .create_reader(&node.endpoint::<M>(&name, qos, size))
+            .create_reader(&spec)
             .map_err(|e| Error::endpoint("subscription", &name, e))?;
         let keep_all = qos.history == History::KeepAll;
         let inbox = Arc::new(Inbox::new(qos.depth.into(), size, keep_all));

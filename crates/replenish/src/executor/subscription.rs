@@ -5,6 +5,7 @@ use super::handle::{Env, Handle, Shared};
 use crate::Nanos;
 use crate::event::Event;
 use crate::handoff::Inbox;
+use crate::qos::IngressLimit;
 use crate::sync::Arc;
 use replenish_msg::Message;
 use replenish_os::clock;
@@ -21,6 +22,7 @@ use replenish_os::clock;
 pub struct Topic<'a> {
     pub(crate) name: &'a str,
     pub(crate) max_size: Option<usize>,
+    pub(crate) ingress: IngressLimit,
 }
 
 impl<'a> Topic<'a> {
@@ -30,6 +32,7 @@ impl<'a> Topic<'a> {
         Self {
             name,
             max_size: None,
+            ingress: IngressLimit::none(),
         }
     }
 
@@ -39,6 +42,15 @@ impl<'a> Topic<'a> {
     pub const fn max_size(self, bytes: usize) -> Self {
         Self {
             max_size: Some(bytes),
+            ..self
+        }
+    }
+
+    /// What the peer may send, so that a flood is stopped before it reaches this machine.
+    #[must_use]
+    pub const fn ingress_limit(self, limit: IngressLimit) -> Self {
+        Self {
+            ingress: limit,
             ..self
         }
     }

@@ -10,7 +10,7 @@ use super::{
 };
 use crate::Nanos;
 use crate::handoff::Ring;
-use crate::qos::{History, Reliability};
+use crate::qos::{History, IngressLimit, Reliability};
 use crate::sync::{Arc, Mutex, Signal};
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -218,6 +218,9 @@ impl Middleware for InProcess {
     }
 
     fn create_reader(&self, spec: &EndpointSpec<'_>) -> Result<ReaderId, MiddlewareError> {
+        if spec.ingress != IngressLimit::none() {
+            return Err(MiddlewareError::Unsupported("limits on what peers send"));
+        }
         let depth = spec.qos.depth.into();
         let reader = Reader {
             queue: Ring::new(depth, spec.max_size),

@@ -28,7 +28,7 @@ pub use in_process::{InProcess, InProcessBus};
 pub use interest::{Interest, MAX_READERS};
 
 use crate::Nanos;
-use crate::qos::Qos;
+use crate::qos::{IngressLimit, Qos};
 
 /// A reader of one middleware: small, dense, given out from 0 upwards.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -53,6 +53,8 @@ pub struct EndpointSpec<'a> {
     pub qos: Qos,
     /// The largest payload in bytes, without encapsulation header.
     pub max_size: usize,
+    /// What the peer may send for a reader.
+    pub ingress: IngressLimit,
 }
 
 /// What is known about a sample besides its bytes.

@@ -9,6 +9,8 @@
 #[cfg(feature = "xrce")]
 pub mod agent;
 #[cfg(feature = "xrce")]
+pub mod bridge;
+#[cfg(feature = "xrce")]
 pub mod relay;
 pub mod scripted;
 

@@ -35,6 +35,10 @@ impl Backlog {
         self.len == 0
     }
 
+    pub(super) const fn len(&self) -> usize {
+        self.len
+    }
+
     /// Keeps a sample; false if one was lost for it: the oldest, or itself.
     pub(super) fn push(&mut self, arrival: Nanos, sample: &[u8]) -> bool {
         if sample.len() > self.slot_size {

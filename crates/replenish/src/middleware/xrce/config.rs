@@ -1,15 +1,16 @@
 //! Settings of the XRCE adapter, and what can go wrong when it connects.
 
+use super::state::WINDOW;
 use crate::Nanos;
 use alloc::string::String;
 use core::fmt;
 use replenish_xrce::client::PingPolicy;
-use replenish_xrce::stream::Reliability;
+use replenish_xrce::stream::{AckPolicy, Reliability};
 use replenish_xrce::wire::Status;
 use std::hash::{BuildHasher, RandomState};
 use std::io;
 
-/// Settings of an [`XrceUdp`](super::XrceUdp). [`Default`] is what micro-ROS does, where that is
+/// Settings of an [`Xrce`](super::Xrce). [`Default`] is what micro-ROS does, where that is
 /// sensible. Times are in nanoseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct XrceConfig {
@@ -33,6 +34,8 @@ pub struct XrceConfig {
     pub ping: PingPolicy,
     /// Heartbeats and window of reliable topics.
     pub reliability: Reliability,
+    /// When what is received on reliable topics is acknowledged.
+    pub acks: AckPolicy,
 }
 
 impl Default for XrceConfig {
@@ -52,11 +55,54 @@ impl Default for XrceConfig {
                 silence_limit: 900_000_000,
             },
             reliability: Reliability::default(),
+            acks: AckPolicy::IMMEDIATE,
         }
     }
 }
 
 impl XrceConfig {
+    /// For slow lines: acknowledgements in batches, and more patience with an agent that may only
+    /// be behind a long message.
+    #[must_use]
+    pub fn slow_line() -> Self {
+        let ping = PingPolicy {
+            after: 400_000_000,
+            silence_limit: 950_000_000,
+        };
+        let reliability = Reliability {
+            heartbeat_first: 200_000_000,
+            heartbeat_min: 20_000_000,
+            heartbeat_max: 400_000_000,
+            ..Reliability::default()
+        };
+        Self {
+            ping,
+            reliability,
+            acks: AckPolicy::BATCHED,
+            ..Self::default()
+        }
+    }
+
+    pub(super) fn check(&self) -> Result<(), ConnectError> {
+        let setting = |field, allowed| Err(ConnectError::Setting { field, allowed });
+        if !(64..=65_507).contains(&self.mtu) {
+            return setting("mtu", "from 64 to 65507 bytes");
+        }
+        if !(1..=WINDOW).contains(&usize::from(self.window)) {
+            return setting("window", "from 1 to 64 datagrams");
+        }
+        if !(1..=65_528).contains(&self.max_sample) {
+            return setting("max_sample", "from 1 to 65528 bytes");
+        }
+        if self.key == Some([0; 4]) {
+            return setting("key", "other than 0, which the protocol reserves");
+        }
+        if self.acks.every == 0 {
+            return setting("acks.every", "at least 1");
+        }
+        Ok(())
+    }
+
     /// The key to use: never all zeros, which the protocol forbids.
     pub(super) fn client_key(&self) -> [u8; 4] {
         let random = || {

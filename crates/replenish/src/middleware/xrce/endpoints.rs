@@ -6,15 +6,17 @@
 use super::backlog::Backlog;
 use super::state::{State, backlog, stream};
 use crate::middleware::{EndpointSpec, MAX_READERS, MiddlewareError, ReaderId, WriterId};
-use crate::qos::{History, Qos, Reliability};
+use crate::qos::{Durability, History, IngressLimit, Qos, Reliability};
 use alloc::format;
 use alloc::string::{String, ToString};
+use core::time::Duration;
 use replenish_xrce::client::{RequestError, RequestState};
 use replenish_xrce::stream::PushError;
 use replenish_xrce::wire::{
     CreationMode, DataReaderBinary, DataWriterBinary, DeliveryControl, EndpointQos, Entity,
-    GroupBinary, ObjectId, ObjectKind, ParticipantBinary, QOS_HISTORY_KEEP_LAST, QOS_RELIABLE,
-    ReaderQos, Representation, StreamId, TopicBinary, WriterQos,
+    GroupBinary, ObjectId, ObjectKind, ParticipantBinary, QOS_DURABILITY_TRANSIENT_LOCAL,
+    QOS_HISTORY_KEEP_LAST, QOS_RELIABLE, ReaderQos, Representation, StreamId, TopicBinary,
+    WriterQos,
 };
 
 /// The most objects of one kind: ids have twelve bits.
@@ -25,6 +27,18 @@ pub(super) struct Reader {
     pub(super) max_size: usize,
     pub(super) backlog: Backlog,
     pub(super) lost: u64,
+    /// How a keep-all reader holds the agent back.
+    pub(super) flow: Option<Flow>,
+}
+
+/// What a keep-all reader has asked its agent for: never more than it has room for.
+pub(super) struct Flow {
+    pub(super) stream: StreamId,
+    pub(super) control: DeliveryControl,
+    /// Samples it can keep.
+    pub(super) depth: usize,
+    /// Samples that may still come.
+    pub(super) granted: u16,
 }
 
 pub(super) struct Writer {
@@ -47,7 +61,8 @@ impl State {
         spec: &EndpointSpec<'_>,
         domain: i16,
     ) -> Result<(WriterId, ObjectId), MiddlewareError> {
-        let stream = stream(spec.qos.reliability == Reliability::Reliable);
+        let reliable = spec.qos.reliability == Reliability::Reliable;
+        let stream = stream(reliable, spec.qos.criticality);
         self.check(spec, self.session.limit(stream).unwrap_or(0))?;
         let number = number(self.writers.len(), MAX_NUMBER, "writers")?;
         let topic = self.topic(spec, domain)?;
@@ -112,15 +127,30 @@ impl State {
             qos: Some(qos),
         });
         self.create(object, &Entity::DataReader { repr, subscriber })?;
-        self.session
-            .read(object, stream(reliable), DeliveryControl::UNLIMITED)
-            .map_err(|error| request_error(&error))?;
         let keep_last = spec.qos.history == History::KeepLast;
+        let mut control = control(spec.ingress);
+        let depth = spec.qos.depth.max(1);
+        // What is lost on the way would never be asked for again, so best effort has no such thing.
+        let counts = control.max_samples == DeliveryControl::UNLIMITED_SAMPLES;
+        let stream = stream(reliable, spec.qos.criticality);
+        let flow = (reliable && !keep_last && counts).then(|| {
+            control.max_samples = depth;
+            Flow {
+                stream,
+                control,
+                depth: depth.into(),
+                granted: depth,
+            }
+        });
+        self.session
+            .read(object, stream, control)
+            .map_err(|error| request_error(&error))?;
         self.readers.push(Reader {
             object,
             max_size: spec.max_size,
-            backlog: backlog(spec.qos.depth, spec.max_size, keep_last),
+            backlog: backlog(depth, spec.max_size, keep_last),
             lost: 0,
+            flow,
         });
         Ok((ReaderId(number - 1), object))
     }
@@ -253,20 +283,33 @@ fn number(count: usize, limit: usize, what: &'static str) -> Result<u16, Middlew
 }
 
 fn qos(qos: &Qos) -> EndpointQos<'static> {
-    let reliable = if qos.reliability == Reliability::Reliable {
-        QOS_RELIABLE
-    } else {
-        0
+    let flag = |set: bool, flag: u16| if set { flag } else { 0 };
+    let milliseconds = |time: Option<Duration>| {
+        time.map(|time| u32::try_from(time.as_millis().max(1)).unwrap_or(u32::MAX))
     };
-    let keep_last = if qos.history == History::KeepLast {
-        QOS_HISTORY_KEEP_LAST
-    } else {
-        0
-    };
+    let local = qos.durability == Durability::TransientLocal;
     EndpointQos {
-        flags: reliable | keep_last,
+        flags: flag(qos.reliability == Reliability::Reliable, QOS_RELIABLE)
+            | flag(qos.history == History::KeepLast, QOS_HISTORY_KEEP_LAST)
+            | flag(local, QOS_DURABILITY_TRANSIENT_LOCAL),
         depth: Some(qos.depth),
-        ..EndpointQos::default()
+        deadline_ms: milliseconds(qos.deadline),
+        lifespan_ms: milliseconds(qos.lifespan),
+        user_data: None,
+    }
+}
+
+fn control(limit: IngressLimit) -> DeliveryControl {
+    let pace = limit.min_interval.map_or(0, |pace| {
+        let ms = pace.as_micros().div_ceil(1000);
+        u16::try_from(ms).unwrap_or(u16::MAX)
+    });
+    let seconds = |time: Duration| u16::try_from(time.as_secs()).unwrap_or(u16::MAX);
+    DeliveryControl {
+        max_samples: limit.samples.unwrap_or(DeliveryControl::UNLIMITED_SAMPLES),
+        max_elapsed_s: limit.duration.map_or(0, seconds),
+        max_bytes_per_second: limit.bytes_per_second.unwrap_or(0),
+        min_pace_ms: pace,
     }
 }
 

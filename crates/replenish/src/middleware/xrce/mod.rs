@@ -1,8 +1,9 @@
-//! DDS-XRCE over UDP: the protocol of micro-ROS, to any XRCE agent.
+//! DDS-XRCE: the protocol of micro-ROS, to any XRCE agent, over UDP, TCP, a serial line or whatever
+//! else a [`Transport`] can be made of.
 //!
 //! ```text
 //!   dispatcher                                      publishers (any thread)
-//!   wait: poll socket · waker · timer   no lock     lock ─ write ─ send ─ unlock
+//!   wait: poll transport · waker · timer   no lock     lock ─ write ─ send ─ unlock
 //!   take: recv  ─ lock ─ handle ─ unlock, ...            (sends never wait)
 //!         lock ─ acknowledge, heartbeat, ping ─ unlock
 //! ```
@@ -17,9 +18,11 @@ mod config;
 mod endpoints;
 mod setup;
 mod state;
+mod transport;
 
 pub use config::{ConnectError, XrceConfig};
 pub use state::SocketStats;
+pub use transport::{Received, Sent, SerialTransport, TcpTransport, Transport};
 
 use super::{
     EndpointSpec, Interest, LinkState, Middleware, MiddlewareError, PublishError, ReaderId, Room,
@@ -32,38 +35,38 @@ use replenish_os::timer::TimerFd;
 use replenish_os::{PiMutex, PollFd, WakeFd, clock, poll};
 use replenish_xrce::client::LinkStats;
 use replenish_xrce::stream::{BestEffortStats, InputStats, OutputStats};
-use replenish_xrce::udp::UdpTransport;
 use state::{REQUESTS, State};
 use std::io;
 
 /// Datagrams handled in one [`Middleware::take`].
 const BATCH: usize = 16;
 
-/// A session with an XRCE agent over UDP.
+/// A session with an XRCE agent.
 ///
 /// ```no_run
-/// use replenish::middleware::xrce::XrceUdp;
-/// let agent = XrceUdp::connect("127.0.0.1:8888")?;
+/// use replenish::middleware::xrce::Xrce;
+/// let agent = Xrce::udp("127.0.0.1:8888")?;
 /// # Ok::<(), replenish::middleware::xrce::ConnectError>(())
 /// ```
 ///
 /// If the agent goes away, [`link`](Middleware::link) says so within a second, publishing fails with
 /// [`PublishError::LinkDown`], and the session and everything in it come back with the agent.
+/// Reliable samples that were taken and not acknowledged are then sent again; the agent may have
+/// had some of them. [`XrceStats::link`] counts them.
 /// Dropping it ends the session.
 ///
 /// Something must call [`wait`](Middleware::wait) and [`take`](Middleware::take), as an executor
 /// does: acknowledgements, heartbeats and pings happen there. Without that, best-effort samples
 /// go out all the same, reliable ones until the window is full, and the loss of the agent is not
 /// noticed.
-pub struct XrceUdp {
+pub struct Xrce {
     config: XrceConfig,
-    transport: UdpTransport,
+    transport: Box<dyn Transport>,
     waker: WakeFd,
+    /// Waited for by those who are not to be woken.
+    nobody: WakeFd,
     timer: TimerFd,
     state: PiMutex<State>,
-    /// Where datagrams are received, outside of the session lock. Used by one thread at a time, so
-    /// that its lock is free.
-    inbox: PiMutex<Box<[u8]>>,
 }
 
 /// What an adapter and its session have counted.
@@ -79,9 +82,11 @@ pub struct XrceStats {
     pub best_effort_input: BestEffortStats,
     /// Trouble at the socket.
     pub socket: SocketStats,
+    /// Reliable datagrams that are not acknowledged at this moment.
+    pub unacknowledged: usize,
 }
 
-impl XrceUdp {
+impl Xrce {
     /// What was counted so far.
     #[must_use]
     pub fn stats(&self) -> XrceStats {
@@ -93,6 +98,7 @@ impl XrceUdp {
             reliable_input,
             best_effort_input,
             socket: state.socket,
+            unacknowledged: state.session.unacknowledged(),
         }
     }
 
@@ -103,22 +109,44 @@ impl XrceUdp {
         sink: &mut state::Sink<'_>,
     ) -> Result<usize, MiddlewareError> {
         let mut taken = 0;
-        let mut inbox = self.inbox.lock();
         for _ in 0..BATCH {
-            let received = self.transport.recv(&mut inbox);
-            let Some(len) = received.map_err(|error| io_error("receive", &error))? else {
-                break;
-            };
-            let now = clock::monotonic();
-            let datagram = inbox.get(..len).unwrap_or(&[]);
-            let mut state = self.state.lock();
-            if datagram.len() > usize::from(self.config.mtu) {
-                state.socket.oversized += 1; // cut off by the inbox
-            } else {
-                taken += state.receive(now, datagram, interest, sink);
+            let received = self.transport.receive(&mut |message| {
+                let now = clock::monotonic();
+                let mut state = self.state.lock();
+                if message.len() > usize::from(self.config.mtu) {
+                    state.socket.oversized += 1; // cut off by the transport
+                } else {
+                    taken += state.receive(now, message, interest, sink);
+                }
+            });
+            match received.map_err(|error| io_error("receive", &error))? {
+                Received::Something => {}
+                Received::Nothing => break,
+                Received::Closed => {
+                    self.state.lock().disconnected(clock::monotonic());
+                    break;
+                }
             }
         }
         Ok(taken)
+    }
+
+    /// Waits for the transport, the timer and `waker`.
+    fn wait_for(&self, waker: &WakeFd, deadline: Option<Nanos>) -> io::Result<()> {
+        let mut result = Ok(0);
+        let writes = self.transport.wants_write();
+        self.transport.with_descriptor(&mut |descriptor| {
+            let (waker, timer) = (PollFd::readable(waker), PollFd::readable(&self.timer));
+            result = match &descriptor {
+                Some(fd) if writes => {
+                    let (input, output) = (PollFd::readable(fd), PollFd::writable(fd));
+                    poll(&mut [waker, timer, input, output], deadline)
+                }
+                Some(fd) => poll(&mut [waker, timer, PollFd::readable(fd)], deadline),
+                None => poll(&mut [waker, timer], deadline),
+            };
+        });
+        result.map(|_| ())
     }
 
     /// Lets the session do what time asks for, and sends what there is to send.
@@ -126,12 +154,13 @@ impl XrceUdp {
         let now = clock::monotonic();
         let mut state = self.state.lock();
         state.tick(now);
+        state.grant();
         // What is not sent is counted there; the session makes up for it.
-        state.flush(now, &self.transport, &self.timer).ok();
+        state.flush(now, &*self.transport, &self.timer).ok();
     }
 }
 
-impl Middleware for XrceUdp {
+impl Middleware for Xrce {
     fn create_writer(&self, spec: &EndpointSpec<'_>) -> Result<WriterId, MiddlewareError> {
         self.set_up_writer(spec)
     }
@@ -143,23 +172,21 @@ impl Middleware for XrceUdp {
     fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError> {
         let now = clock::monotonic();
         let mut state = self.state.lock();
-        state.publish(now, writer, payload, &self.transport, &self.timer)
+        let sent = state.publish(now, writer, payload, &*self.transport, &self.timer);
+        drop(state);
+        if self.transport.wants_write() {
+            self.waker.wake(); // the dispatcher waits for the descriptor, but not to be written
+        }
+        sent
     }
 
     fn wait(&self, interest: &Interest, deadline: Option<Nanos>) -> Result<(), MiddlewareError> {
         if self.state.lock().has_sample(interest) {
             return Ok(());
         }
-        let mut fds = [
-            PollFd::readable(&self.waker),
-            PollFd::readable(&self.transport),
-            PollFd::readable(&self.timer),
-        ];
-        poll(&mut fds, deadline).map_err(|error| io_error("wait for the agent", &error))?;
-        let [waker, ..] = fds;
-        if waker.is_ready() {
-            self.waker.clear();
-        }
+        self.wait_for(&self.waker, deadline)
+            .map_err(|error| io_error("wait for the agent", &error))?;
+        self.waker.clear();
         Ok(())
     }
 
@@ -199,7 +226,7 @@ impl Middleware for XrceUdp {
     }
 }
 
-impl Drop for XrceUdp {
+impl Drop for Xrce {
     fn drop(&mut self) {
         // The agent forgets the session at once; if this is lost, after a while.
         self.state.lock().session.close(clock::monotonic());
@@ -207,10 +234,10 @@ impl Drop for XrceUdp {
     }
 }
 
-impl fmt::Debug for XrceUdp {
+impl fmt::Debug for Xrce {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("XrceUdp")
-            .field("agent", &self.transport.agent())
+        f.debug_struct("Xrce")
+            .field("transport", &self.transport)
             .field("link", &self.link())
             .finish_non_exhaustive()
     }

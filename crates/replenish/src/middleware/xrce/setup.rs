@@ -1,19 +1,23 @@
 //! Connecting, and creating readers and writers: the only code here that waits for the agent.
 
-use super::state::{State, WINDOW};
-use super::{ConnectError, XrceConfig, XrceUdp, io_error};
+use super::state::{State, stream};
+use super::transport::udp::Udp;
+use super::{ConnectError, SerialTransport, TcpTransport, Transport, Xrce, XrceConfig, io_error};
 use crate::Nanos;
 use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId, Room, WriterId};
+use crate::qos::Criticality;
 use alloc::boxed::Box;
 use alloc::string::ToString;
 use alloc::vec;
 use replenish_os::timer::TimerFd;
-use replenish_os::{PiMutex, PollFd, WakeFd, clock, poll};
+use replenish_os::{PiMutex, WakeFd, clock};
 use replenish_xrce::client::{Buffers, Config, ReliableBuffers, Session};
 use replenish_xrce::udp::UdpTransport;
-use replenish_xrce::wire::{ClientKey, ObjectId};
+use replenish_xrce::wire::{ClientKey, ObjectId, WireTime};
 use std::io::{self, ErrorKind};
-use std::net::ToSocketAddrs;
+use std::net::{SocketAddr, ToSocketAddrs};
+use std::path::Path;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The longest wait without a look at the session: a dispatcher may have received the answer.
 const GLANCE: Nanos = 5_000_000;
@@ -24,37 +28,65 @@ const RESTORE: usize = 16;
 /// Bytes of journal: what `REQUESTS` descriptions with names of usual length need.
 const JOURNAL: usize = 128 * 1024;
 
-impl XrceUdp {
-    /// Connects to the agent at `agent`, an address and port, with the default settings.
+impl Xrce {
+    /// Connects over UDP to the agent at `agent`, an address and port, with the default settings.
     ///
     /// # Errors
     /// [`ConnectError`]; after 1.5 s if nobody answers.
-    pub fn connect(agent: &str) -> Result<Self, ConnectError> {
-        Self::connect_with(agent, XrceConfig::default())
+    pub fn udp(agent: &str) -> Result<Self, ConnectError> {
+        Self::udp_with(agent, XrceConfig::default())
     }
 
-    /// Connects to the agent at `agent`, an address and port.
+    /// Connects over UDP to the agent at `agent`, an address and port.
     ///
     /// # Errors
     /// [`ConnectError`]; after [`XrceConfig::connect_timeout`] if nobody answers.
-    pub fn connect_with(agent: &str, config: XrceConfig) -> Result<Self, ConnectError> {
-        let session = session(&config)?;
-        let address = |source| ConnectError::Address {
-            agent: agent.to_string(),
-            source,
-        };
-        let mut resolved = agent.to_socket_addrs().map_err(address)?;
-        let none = || address(io::Error::from(ErrorKind::NotFound));
-        let transport =
-            UdpTransport::connect(resolved.next().ok_or_else(none)?).map_err(address)?;
+    pub fn udp_with(agent: &str, config: XrceConfig) -> Result<Self, ConnectError> {
+        config.check()?;
+        let socket = UdpTransport::connect(resolve(agent)?).map_err(address(agent))?;
+        Self::over(agent, Udp::new(socket, config.mtu), config)
+    }
+
+    /// Connects over TCP to the agent at `agent`, an address and port.
+    ///
+    /// # Errors
+    /// [`ConnectError`]; after [`XrceConfig::connect_timeout`] if nobody answers.
+    pub fn tcp_with(agent: &str, config: XrceConfig) -> Result<Self, ConnectError> {
+        config.check()?;
+        let transport = TcpTransport::new(resolve(agent)?, config.mtu);
+        Self::over(agent, transport, config)
+    }
+
+    /// Connects over the serial line or pseudo-terminal at `path`, at `baud` bits per second.
+    ///
+    /// # Errors
+    /// [`ConnectError`]; after [`XrceConfig::connect_timeout`] if nobody answers.
+    pub fn serial_with(path: &Path, baud: u32, config: XrceConfig) -> Result<Self, ConnectError> {
+        config.check()?;
+        let agent = path.display().to_string();
+        let transport = SerialTransport::open(path, baud, config.mtu).map_err(address(&agent))?;
+        Self::over(&agent, transport, config)
+    }
+
+    /// Connects over a transport of your own to what you call `agent`.
+    ///
+    /// # Errors
+    /// [`ConnectError`]; after [`XrceConfig::connect_timeout`] if nobody answers.
+    pub fn over(
+        agent: &str,
+        transport: impl Transport,
+        config: XrceConfig,
+    ) -> Result<Self, ConnectError> {
+        config.check()?;
+        let session = session(&config);
         let io = |what| move |source| ConnectError::Io { what, source };
         let this = Self {
             config,
-            transport,
+            transport: Box::new(transport),
             waker: WakeFd::new().map_err(io("create an eventfd"))?,
+            nobody: WakeFd::new().map_err(io("create an eventfd"))?,
             timer: TimerFd::new().map_err(io("create a timer"))?,
             state: PiMutex::new(State::new(session)),
-            inbox: PiMutex::new(vec![0; usize::from(config.mtu).saturating_add(1)].into()),
         };
         let start = clock::monotonic();
         this.state.lock().session.connect(start);
@@ -144,30 +176,55 @@ impl XrceUdp {
                 return Ok(result);
             }
             let glance = deadline.min(now.saturating_add(GLANCE));
-            let mut fds = [
-                PollFd::readable(&self.transport),
-                PollFd::readable(&self.timer),
-            ];
-            poll(&mut fds, Some(glance))?;
+            self.wait_for(&self.nobody, Some(glance))?;
         }
+    }
+
+    /// Asks the agent for its wall-clock time; how many nanoseconds it is ahead of this machine's,
+    /// give or take half the round trip.
+    ///
+    /// # Errors
+    /// [`MiddlewareError::LinkDown`]; [`MiddlewareError::NoAnswer`] after
+    /// [`XrceConfig::request_timeout`].
+    pub fn agent_clock_offset(&self) -> Result<i64, MiddlewareError> {
+        let sent = {
+            let mut state = self.state.lock();
+            state.agent_time = None;
+            state.session.request_time(wall_clock())
+        };
+        sent.map_err(|_| MiddlewareError::LinkDown)?;
+        let deadline = clock::monotonic().saturating_add(self.config.request_timeout);
+        let what = "the time";
+        self.until(deadline, |state| state.agent_time)
+            .map_err(|error| io_error("wait for the agent", &error))?
+            .ok_or(MiddlewareError::NoAnswer { what })
     }
 }
 
+pub(super) fn wall_clock() -> WireTime {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH);
+    let since = since.unwrap_or_default();
+    WireTime {
+        seconds: i32::try_from(since.as_secs()).unwrap_or(i32::MAX),
+        nanoseconds: since.subsec_nanos(),
+    }
+}
+
+fn address(agent: &str) -> impl Fn(io::Error) -> ConnectError {
+    move |source| ConnectError::Address {
+        agent: agent.to_string(),
+        source,
+    }
+}
+
+fn resolve(agent: &str) -> Result<SocketAddr, ConnectError> {
+    let mut resolved = agent.to_socket_addrs().map_err(address(agent))?;
+    let none = || address(agent)(io::Error::from(ErrorKind::NotFound));
+    resolved.next().ok_or_else(none)
+}
+
 /// A session with its storage.
-fn session(config: &XrceConfig) -> Result<super::state::XrceSession, ConnectError> {
-    let setting = |field, allowed| Err(ConnectError::Setting { field, allowed });
-    if !(64..=65_507).contains(&config.mtu) {
-        return setting("mtu", "from 64 to 65507 bytes");
-    }
-    if !(1..=WINDOW).contains(&usize::from(config.window)) {
-        return setting("window", "from 1 to 64 datagrams");
-    }
-    if !(1..=65_528).contains(&config.max_sample) {
-        return setting("max_sample", "from 1 to 65528 bytes");
-    }
-    if config.key == Some([0; 4]) {
-        return setting("key", "other than 0, which the protocol reserves");
-    }
+fn session(config: &XrceConfig) -> super::state::XrceSession {
     let mtu = usize::from(config.mtu);
     let bytes = |len: usize| -> Box<[u8]> { vec![0; len].into() };
     let sample = (config.max_sample + 8).next_multiple_of(4);
@@ -187,7 +244,9 @@ fn session(config: &XrceConfig) -> Result<super::state::XrceSession, ConnectErro
         mtu: config.mtu,
         ping: Some(config.ping),
         reliability: config.reliability,
+        acks: config.acks,
+        requests: stream(true, Criticality::RealTime),
         ..Config::new(ClientKey(config.client_key()))
     };
-    Ok(Session::new(session, buffers))
+    Session::new(session, buffers)
 }

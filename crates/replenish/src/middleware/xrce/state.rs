@@ -3,15 +3,16 @@
 
 use super::backlog::Backlog;
 use super::endpoints::{Reader, Topic, Writer};
+use super::{Sent, Transport};
 use crate::Nanos;
 use crate::middleware::{Interest, PublishError, ReaderId, Room, SampleInfo, WriterId};
+use crate::qos::Criticality;
 use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
 use replenish_os::timer::TimerFd;
 use replenish_xrce::client::{Event, Session, State as Link, WriteError};
-use replenish_xrce::udp::{Sent, UdpTransport};
-use replenish_xrce::wire::{ObjectId, Status, StreamId};
+use replenish_xrce::wire::{DeliveryControl, ObjectId, Status, StreamId};
 use std::io;
 
 /// Reliable datagrams kept per direction at most.
@@ -20,10 +21,13 @@ pub(super) const WINDOW: usize = 64;
 /// each node and one for each topic of a node.
 pub(super) const REQUESTS: usize = 1024;
 
-/// Streams of each kind and direction.
+/// Streams of each kind and direction, one for each [`Criticality`].
 pub(super) const STREAMS: usize = 2;
 
 pub(super) type XrceSession = Session<Box<[u8]>, WINDOW, REQUESTS, STREAMS, STREAMS>;
+
+/// How often the session is looked after at most while the transport takes nothing.
+const BLOCKED: Nanos = 5_000_000;
 
 /// The sink of [`Middleware::take`](crate::middleware::Middleware::take).
 pub(super) type Sink<'a> = dyn FnMut(ReaderId, &SampleInfo, &[u8]) -> Room + 'a;
@@ -50,6 +54,12 @@ pub(super) struct State {
     pub(super) topics: Vec<Topic>,
     /// The agent's refusal of the session, if that was its last word.
     pub(super) refused: Option<Status>,
+    /// The latest answer to a question for the agent's time: how far it is ahead.
+    pub(super) agent_time: Option<i64>,
+    /// Readers that the agent gives no more samples until they are granted some.
+    pub(super) spent: Interest,
+    /// The agent was lost, and what it may send after its return is to be determined anew.
+    regrant: bool,
     /// Readers with a backlog.
     pending: Interest,
     /// What the timer is set to.
@@ -66,6 +76,9 @@ impl State {
             participants: Vec::new(),
             topics: Vec::new(),
             refused: None,
+            agent_time: None,
+            spent: Interest::empty(),
+            regrant: false,
             pending: Interest::empty(),
             armed: Nanos::MAX,
             socket: SocketStats::default(),
@@ -132,6 +145,8 @@ impl State {
             readers,
             pending,
             refused,
+            spent,
+            agent_time,
             ..
         } = self;
         session.handle(now, datagram, &mut |event| match event {
@@ -143,6 +158,12 @@ impl State {
                     return;
                 };
                 let id = ReaderId(index);
+                if let Some(flow) = &mut reader.flow {
+                    flow.granted = flow.granted.saturating_sub(1);
+                    if flow.granted == 0 {
+                        spent.insert(id);
+                    }
+                }
                 if payload.len() > reader.max_size {
                     reader.lost += 1;
                 } else if interest.contains(id) && reader.backlog.is_empty() {
@@ -156,6 +177,9 @@ impl State {
                 }
             }
             Event::Refused(status) => *refused = Some(status),
+            Event::Time(reply) => {
+                *agent_time = Some(reply.offset(super::setup::wall_clock()));
+            }
             _ => {}
         });
         taken
@@ -163,7 +187,54 @@ impl State {
 
     /// Lets the session notice that time has passed.
     pub(super) fn tick(&mut self, now: Nanos) {
-        self.session.tick(now, &mut |_| ());
+        let regrant = &mut self.regrant;
+        self.session
+            .tick(now, &mut |event| *regrant |= event == Event::Down);
+    }
+
+    /// The transport says that the agent is gone.
+    pub(super) fn disconnected(&mut self, now: Nanos) {
+        let regrant = &mut self.regrant;
+        self.session
+            .disconnected(now, &mut |event| *regrant |= event == Event::Down);
+    }
+
+    /// Asks the agent for as many samples as there is room for, for keep-all readers that have got
+    /// all they had asked for: so none comes that must be dropped, and the others wait at the agent.
+    pub(super) fn grant(&mut self) {
+        let lost = core::mem::take(&mut self.regrant);
+        if !lost && self.spent.is_empty() {
+            return;
+        }
+        let spent = self.spent;
+        for (index, reader) in (0..).zip(&mut self.readers) {
+            let id = ReaderId(index);
+            let Some(flow) = reader.flow.as_mut().filter(|_| lost || spent.contains(id)) else {
+                continue;
+            };
+            let room = flow.depth.saturating_sub(reader.backlog.len());
+            if !lost && room < flow.depth.div_ceil(2) {
+                continue;
+            }
+            let room = u16::try_from(room).unwrap_or(u16::MAX - 1);
+            let control = DeliveryControl {
+                max_samples: room,
+                ..flow.control
+            };
+            // If there is no way to ask now, the reader stays spent, and is asked for later.
+            if self
+                .session
+                .read(reader.object, flow.stream, control)
+                .is_ok()
+                && room > 0
+            {
+                flow.granted = room;
+                self.spent.remove(id);
+            } else {
+                flow.granted = 0;
+                self.spent.insert(id);
+            }
+        }
     }
 
     /// Writes a sample and sends what is due.
@@ -172,7 +243,7 @@ impl State {
         now: Nanos,
         writer: WriterId,
         payload: &[u8],
-        transport: &UdpTransport,
+        transport: &dyn Transport,
         timer: &TimerFd,
     ) -> Result<(), PublishError> {
         let writer = self
@@ -210,12 +281,14 @@ impl State {
     pub(super) fn flush(
         &mut self,
         now: Nanos,
-        transport: &UdpTransport,
+        transport: &dyn Transport,
         timer: &TimerFd,
     ) -> io::Result<Sent> {
         let mut result = Ok(Sent::Yes);
-        while let Some(datagram) = self.session.poll_transmit(now) {
-            match transport.send(datagram) {
+        while transport.ready_at() <= now
+            && let Some(datagram) = self.session.poll_transmit(now)
+        {
+            match transport.send(now, datagram) {
                 Ok(Sent::Yes) => {}
                 Ok(Sent::Full) => {
                     self.socket.full += 1;
@@ -231,14 +304,19 @@ impl State {
                 }
             }
         }
-        self.arm(now, timer);
+        self.arm(now, transport.ready_at(), timer);
         result
     }
 
     /// Sets the timer if it is not set to fire early enough. A timer that fires too early costs one
     /// look at the session; moving it for every message would cost more.
-    fn arm(&mut self, now: Nanos, timer: &TimerFd) {
-        let next = self.session.next_deadline().unwrap_or(Nanos::MAX);
+    fn arm(&mut self, now: Nanos, ready: Nanos, timer: &TimerFd) {
+        let mut next = self.session.next_deadline().unwrap_or(Nanos::MAX);
+        if ready == Nanos::MAX {
+            next = next.max(now.saturating_add(BLOCKED)); // the descriptor will tell
+        } else if ready > now {
+            next = ready;
+        }
         let fired = self.armed <= now;
         if next >= self.armed && !fired {
             return;
@@ -258,11 +336,16 @@ pub(super) fn backlog(depth: u16, max_size: usize, keep_last: bool) -> Backlog {
     Backlog::new(depth, max_size, keep_last)
 }
 
-/// The stream for a reliability.
-pub(super) const fn stream(reliable: bool) -> StreamId {
+/// The stream for a reliability and a criticality: real-time topics have one of their own, which is
+/// served first.
+pub(super) const fn stream(reliable: bool, criticality: Criticality) -> StreamId {
+    let index = match criticality {
+        Criticality::Normal => 0,
+        Criticality::RealTime => 1,
+    };
     if reliable {
-        StreamId::RELIABLE
+        StreamId::reliable(index)
     } else {
-        StreamId::BEST_EFFORT
+        StreamId::best_effort(index)
     }
 }

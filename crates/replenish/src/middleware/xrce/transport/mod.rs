@@ -1,0 +1,66 @@
+//! What carries messages between the adapter and its agent.
+//!
+//! ```text
+//!   Xrce ── send ────► Transport ──► UDP datagrams · TCP with lengths · frames on a serial line
+//!        ◄─ receive ──     │
+//!        ◄─ with_descriptor┘  what the dispatcher's poll waits for
+//! ```
+
+mod outbox;
+mod serial;
+mod tcp;
+pub(super) mod udp;
+
+pub use serial::SerialTransport;
+pub use tcp::TcpTransport;
+
+use crate::Nanos;
+use core::fmt::Debug;
+pub use replenish_xrce::udp::Sent;
+use std::io;
+use std::os::fd::BorrowedFd;
+
+/// What a look at the transport's input gave.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Received {
+    /// Nothing was there.
+    Nothing,
+    /// Something was; there may be more.
+    Something,
+    /// The connection has ended. The next message sent opens a new one, if that can be.
+    Closed,
+}
+
+/// Carries whole messages to an agent and from it, unreliably: what is lost, the session repairs.
+///
+/// No method waits. `send` is called by any thread, by one at a time and with the session's lock
+/// held; `receive` and `with_descriptor` by any thread. After set-up nothing may be allocated.
+pub trait Transport: Send + Sync + Debug + 'static {
+    /// Hands over a message. It is called when [`ready_at`](Self::ready_at) has passed.
+    ///
+    /// # Errors
+    /// What the system says, except for what [`Sent`] has a name for.
+    fn send(&self, now: Nanos, message: &[u8]) -> io::Result<Sent>;
+
+    /// When the next message can be handed over; `Nanos::MAX` while only the descriptor can tell.
+    /// Messages wait in the session until then, so that urgent ones overtake.
+    fn ready_at(&self) -> Nanos {
+        0
+    }
+
+    /// Whether the wait must also end when the descriptor can be written.
+    fn wants_write(&self) -> bool {
+        false
+    }
+
+    /// Reads once, and calls `deliver` with every message that is whole then. Also goes on with what
+    /// could not be written at once.
+    ///
+    /// # Errors
+    /// What the system says, except for "nothing there" and the end of a connection.
+    fn receive(&self, deliver: &mut dyn FnMut(&[u8])) -> io::Result<Received>;
+
+    /// Calls `wait` once with the descriptor that is readable when there is something to receive;
+    /// `None` while there is no connection. The descriptor stays open until `wait` returns.
+    fn with_descriptor(&self, wait: &mut dyn FnMut(Option<BorrowedFd<'_>>));
+}
