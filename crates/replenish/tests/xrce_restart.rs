@@ -81,7 +81,7 @@ fn dispatch(
 
 fn sample(number: u32) -> Vec<u8> {
     let bytes = number.to_le_bytes();
-    let len = if number % 10 == 0 { 2000 } else { 100 };
+    let len = if number.is_multiple_of(10) { 2000 } else { 100 };
     let mut sample = vec![bytes[0]; len];
     sample[..4].copy_from_slice(&bytes);
     sample
