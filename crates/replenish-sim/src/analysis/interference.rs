@@ -124,7 +124,6 @@ impl Interference {
         // Each time it is lowered it can hold a lock, and is then raised by inheritance, for free.
         let section = longest_section(task, priority, ceilings, costs);
         self.push(section * raises, period, period, raises);
-        self.constant += section;
     }
 
     /// How often a thread that has the CPU can lose it in a window of this length.
