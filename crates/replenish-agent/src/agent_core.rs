@@ -29,13 +29,13 @@ use crate::profiles::Profiles;
 use crate::replies::Replies;
 use crate::rules::TopicRule;
 use crate::sample::Ledger;
-use crate::snapshot::Refusal;
+use crate::snapshot::Refusals;
 use crate::stats::{Counters, Stats};
 use crate::topics::Topics;
 use line::Line;
 use pressure::Pressed;
 use replenish_xrce::wire::{Message, StreamId};
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::BTreeSet;
 use std::hash::Hash;
 use std::sync::Arc;
 
@@ -76,7 +76,7 @@ pub struct AgentCore<P> {
     pressed: Vec<Pressed>,
     /// Clients that a sample has just been routed to; kept for its memory.
     served: Vec<usize>,
-    refusals: VecDeque<Refusal>,
+    refusals: Refusals,
     counters: Arc<Counters>,
 }
 
@@ -109,7 +109,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             agenda: BTreeSet::new(),
             pressed: Vec::new(),
             served: Vec::new(),
-            refusals: VecDeque::new(),
+            refusals: Refusals::default(),
             counters: Arc::default(),
         }
     }

@@ -1,5 +1,5 @@
 //! What an agent is doing, as plain data: clients, their entities, their streams, and what they
-//! have moved. Rates are differences: [`Snapshot::seconds_since`] two of them.
+//! have moved. Rates are differences of two snapshots over [`Snapshot::seconds_since`].
 
 use crate::config::Nanos;
 use crate::stats::Stats;
@@ -11,6 +11,7 @@ const REFUSALS: usize = 64;
 
 /// The state of an agent at one time.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Snapshot {
     /// When, in nanoseconds on the agent's monotonic clock.
     pub at: Nanos,
@@ -28,6 +29,7 @@ pub struct Snapshot {
 
 /// One client.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct ClientSnapshot {
     /// Its key, as eight hexadecimal digits.
     pub key: String,
@@ -61,6 +63,7 @@ pub struct ClientSnapshot {
 
 /// One stream to a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct StreamSnapshot {
     /// Its id.
     pub stream: u8,
@@ -72,6 +75,7 @@ pub struct StreamSnapshot {
 
 /// One entity.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct EntitySnapshot {
     /// Its id on the wire, as four hexadecimal digits; the last is the kind.
     pub id: String,
@@ -92,6 +96,7 @@ pub struct EntitySnapshot {
 
 /// The sending half of an entity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct WriterSnapshot {
     /// Whether it is reliable.
     pub reliable: bool,
@@ -107,6 +112,7 @@ pub struct WriterSnapshot {
 
 /// The receiving half of an entity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct ReaderSnapshot {
     /// Whether it is reliable.
     pub reliable: bool,
@@ -132,31 +138,44 @@ pub struct ReaderSnapshot {
 
 /// A request that was refused.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Refusal {
-    /// The client's key.
-    pub key: ClientKey,
-    /// What the request was about.
-    pub object: ObjectId,
-    /// The answer.
-    pub status: Status,
+    /// The client's key, as in [`ClientSnapshot::key`].
+    pub key: String,
+    /// What the request was about, as in [`EntitySnapshot::id`].
+    pub id: String,
+    /// The answer: `UNKNOWN_REFERENCE`, `RESOURCES`, and so on.
+    pub status: String,
 }
 
-impl Refusal {
-    pub(crate) fn note(
-        list: &mut VecDeque<Self>,
-        key: ClientKey,
-        object: ObjectId,
-        status: Status,
-    ) {
-        if list.len() >= REFUSALS {
-            list.pop_front();
+/// The last requests that were refused.
+#[derive(Debug, Default)]
+pub(crate) struct Refusals {
+    list: VecDeque<(ClientKey, ObjectId, Status)>,
+}
+
+impl Refusals {
+    pub(crate) fn note(&mut self, key: ClientKey, object: ObjectId, status: Status) {
+        if self.list.len() >= REFUSALS {
+            self.list.pop_front();
         }
-        list.push_back(Self {
-            key,
-            object,
-            status,
-        });
+        self.list.push_back((key, object, status));
     }
+
+    pub(crate) fn tell(&self) -> Vec<Refusal> {
+        let tell = |(key, object, status): &(ClientKey, ObjectId, Status)| Refusal {
+            key: key.to_string(),
+            id: hex(*object),
+            status: status.to_string(),
+        };
+        self.list.iter().map(tell).collect()
+    }
+}
+
+/// An id as it is on the wire.
+pub(crate) fn hex(id: ObjectId) -> String {
+    let [high, low] = id.to_bytes();
+    format!("{high:02x}{low:02x}")
 }
 
 impl Snapshot {

@@ -10,7 +10,8 @@ mod support;
 
 use replenish_agent::{AgentConfig, Limits, Profiles};
 use replenish_xrce::wire::{
-    CreationMode, DeliveryControl, Entity, ObjectId, ObjectKind, Representation, RequestId, Status,
+    CreationMode, DeliveryControl, Entity, ObjectId, ObjectKind, Representation, RequestId,
+    ServiceBinary, Status, StreamId,
 };
 use support::{Client, Got, World};
 
@@ -215,4 +216,42 @@ fn entities_by_reference() {
     let world = &mut World::new(Limits::default());
     let mut two = Client::open(world, 2, 2);
     assert_eq!(create(world, &mut two, "any"), [Status::OK; 5]);
+}
+
+/// What micro-ROS sends: topics of its own names, in binary form or as XML, which are the same.
+#[test]
+fn topics_of_a_service_can_be_named() {
+    let world = &mut World::new(Limits::default());
+    let mut client = Client::open(world, 1, 1);
+    client.participant(world, 1, 0);
+    let participant = ObjectId::new(1, ObjectKind::Participant);
+    let binary = Entity::Replier {
+        repr: Representation::Binary(ServiceBinary {
+            service: "/add",
+            request_type: "Q",
+            reply_type: "R",
+            request_topic: Some("rq/addRequest"),
+            reply_topic: Some("rr/addReply"),
+        }),
+        participant,
+    };
+    let xml = "<dds><replier profile_name=\"p\" service_name=\"/add\" request_type=\"Q\" \
+               reply_type=\"R\"><request_topic_name>rq/addRequest</request_topic_name>\
+               <reply_topic_name>rr/addReply</reply_topic_name></replier></dds>";
+    let xml = Entity::Replier {
+        repr: Representation::Xml(xml),
+        participant,
+    };
+    let mut create = |world: &mut World, entity| {
+        client.create(world, REPLIER, CreationMode::REUSE_OR_REPLACE, entity)
+    };
+    assert_eq!(create(world, binary), Status::OK);
+    assert_eq!(create(world, xml), Status::OK_MATCHED);
+    // A plain data writer's samples are no requests; a plain reader sees what requesters send.
+    client.topic(world, 2, 1, "rq/addRequest", "Q");
+    client.writer(world, 2);
+    client.reader(world, 2, 5);
+    client.read(world, 2, StreamId::RELIABLE, Some(ALL));
+    client.read_from(world, REPLIER, ALL);
+    assert_eq!(client.write(world, 2, b"what"), [support::data(2, b"what")]);
 }

@@ -6,7 +6,9 @@
     reason = "test code"
 )]
 
-use replenish_agent::{Agent, AgentConfig, AgentError, RunningAgent, StopHandle};
+use replenish_agent::{
+    Agent, AgentConfig, AgentError, Limits, RunningAgent, StopHandle, TopicRule,
+};
 use std::net::{Ipv4Addr, UdpSocket};
 use std::time::{Duration, Instant};
 
@@ -146,4 +148,43 @@ fn clients_that_vanish_do_not_end_it() {
     }
     ping(&agent);
     assert!(agent.is_running());
+}
+
+#[test]
+fn settings_out_of_range_are_named() {
+    let limits = Limits {
+        clients: 0,
+        ..Limits::default()
+    };
+    let wrong = [
+        AgentConfig { limits, ..config() },
+        AgentConfig {
+            rules: vec![TopicRule::new("*", 8)],
+            ..config()
+        },
+    ];
+    let texts = wrong.map(|config| Agent::bind(&config).unwrap_err().to_string());
+    assert_eq!(
+        texts,
+        [
+            "limits.clients is 0, allowed is 1 to 4096",
+            "rules.priority is 8, allowed is 0 to 7"
+        ]
+    );
+}
+
+#[test]
+fn a_running_agent_tells_what_it_does_and_others_do_not() {
+    let agent = Agent::bind(&config()).unwrap();
+    let inspector = agent.inspector();
+    assert_eq!(inspector.snapshot(Duration::from_millis(10)), None);
+    let agent = agent.spawn().unwrap();
+    ping(&agent);
+    let first = inspector.snapshot(Duration::from_secs(10)).unwrap();
+    assert_eq!((first.stats.datagrams_in, first.clients.len()), (1, 0));
+    std::thread::sleep(Duration::from_millis(2));
+    let second = inspector.snapshot(Duration::from_secs(10)).unwrap();
+    assert!(second.seconds_since(&first) >= 0.002);
+    agent.stop().unwrap();
+    assert_eq!(inspector.snapshot(Duration::from_millis(10)), None);
 }

@@ -3,7 +3,6 @@
 use super::{AgentCore, Now};
 use crate::entities::{Delivery, Surroundings};
 use crate::identity::Guid;
-use crate::snapshot::Refusal;
 use replenish_xrce::SeqNum;
 use replenish_xrce::wire::{
     BaseRequest, Body, Create, Delete, Header, Heartbeat, ObjectId, ReadData, RequestId, Status,
@@ -233,7 +232,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             return;
         };
         if !status.is_ok() {
-            Refusal::note(&mut self.refusals, client.key, base.object, status);
+            self.refusals.note(client.key, base.object, status);
         }
         let queued = if stream == StreamId::NONE {
             self.replies

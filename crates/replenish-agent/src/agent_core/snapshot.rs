@@ -4,7 +4,7 @@ use super::{AgentCore, Now};
 use crate::client::Client;
 use crate::entities::{Plan, Reader, Record, Writer};
 use crate::snapshot::{
-    ClientSnapshot, EntitySnapshot, ReaderSnapshot, Snapshot, StreamSnapshot, WriterSnapshot,
+    ClientSnapshot, EntitySnapshot, ReaderSnapshot, Snapshot, StreamSnapshot, WriterSnapshot, hex,
 };
 use replenish_xrce::wire::{ObjectId, ObjectKind};
 use std::fmt::Display;
@@ -26,7 +26,7 @@ impl<P: Copy + Eq + Hash + Display> AgentCore<P> {
             topics: self.topics.len(),
             queued_bytes: self.pool.used(),
             clients,
-            refusals: self.refusals.iter().cloned().collect(),
+            refusals: self.refusals.tell(),
         }
     }
 
@@ -73,9 +73,8 @@ impl<P: Copy + Eq + Hash + Display> AgentCore<P> {
                 (request.domain, &*request.name, &*request.type_name)
             }
         };
-        let [high, low] = id.to_bytes();
         EntitySnapshot {
-            id: format!("{high:02x}{low:02x}"),
+            id: hex(id),
             kind: kind(id),
             domain,
             name: name.into(),
