@@ -88,7 +88,7 @@ fn entity(kind: ObjectKind, id: u16, flags: u16, depth: u16) -> Entity<'static> 
     let endpoint = EndpointQos {
         flags,
         depth: Some(depth),
-        lifespan_ms: (flags & 4 != 0).then_some(200),
+        lifespan_ms: (flags & 4 != 0).then_some(20),
         deadline_ms: (depth == 4).then_some(100),
         user_data: None,
     };
@@ -195,12 +195,16 @@ fn carry_out(world: &mut World, client: &mut Client, deed: &Deed, last: &mut Vec
         Deed::Acknowledging(acknowledging) => client.acknowledging = acknowledging,
         Deed::Hold(true) => world.agent.hold(|at| *at == peer),
         Deed::Hold(false) => world.agent.release(world.at(), |at| *at == peer),
-        Deed::Gone => world.agent.gone(|at| *at == peer),
-        Deed::Wait(milliseconds) => world.pass(milliseconds * MS),
-        Deed::Login => {
-            *client = Client::new(peer, peer as u8);
-            client.login(world);
+        Deed::Gone | Deed::Login => {
+            if matches!(deed, Deed::Gone) {
+                world.agent.gone(|at| *at == peer);
+            }
+            world.pass(200 * MS);
+            world.take(peer); // for the one before
+            *client = Client::open(world, peer, peer as u8);
+            set_up(world, client);
         }
+        Deed::Wait(milliseconds) => world.pass(milliseconds * MS),
     }
     for got in client.got(world) {
         if let support::Got::Data(id, bytes) = got
@@ -208,6 +212,26 @@ fn carry_out(world: &mut World, client: &mut Client, deed: &Deed, last: &mut Vec
         {
             *last = bytes[..24].to_vec();
         }
+    }
+}
+
+/// What a client begins with: everything that the deeds are about, in a form that works.
+fn set_up(world: &mut World, client: &mut Client) {
+    client.endpoint(world, false, None);
+    client.topic(world, 2, 1, "slow", "T");
+    for (number, flags) in [(1, 1), (2, 2 | 4 | 8)] {
+        for kind in [ObjectKind::DataWriter, ObjectKind::DataReader] {
+            let create = Deed::Create(kind, number, flags, 4);
+            carry_out(world, client, &create, &mut Vec::new());
+        }
+    }
+    for kind in [ObjectKind::Requester, ObjectKind::Replier] {
+        client.service(world, kind, "b");
+        client.read_from(world, ObjectId::new(1, kind), DeliveryControl::UNLIMITED);
+    }
+    for number in [1, 2] {
+        let id = ObjectId::new(number, ObjectKind::DataReader);
+        client.read_from(world, id, DeliveryControl::UNLIMITED);
     }
 }
 
@@ -223,20 +247,7 @@ fn storm(deeds: &[(usize, Deed)]) -> Result<Stats, TestCaseError> {
         .map(|i| Client::open(&mut world, i, i as u8))
         .collect();
     for client in &mut clients {
-        client.endpoint(&mut world, false, None);
-        let keep_all = EndpointQos {
-            flags: QOS_RELIABLE,
-            ..EndpointQos::default()
-        };
-        client.writer_with(&mut world, 1, keep_all);
-        let endpoint = keep_all;
-        let qos = ReaderQos {
-            endpoint,
-            ..ReaderQos::default()
-        };
-        client.reader_with(&mut world, 1, qos);
-        let control = Some(DeliveryControl::UNLIMITED);
-        client.read(&mut world, 1, StreamId::RELIABLE, control);
+        set_up(&mut world, client);
     }
     let mut last = vec![0; 24];
     for (which, deed) in deeds {
