@@ -16,8 +16,8 @@ use replenish_agent::{AgentConfig, Limits, Stats, TopicRule};
 use replenish_xrce::framing::{SERIAL_AGENT, Serial, serial_frame, serial_frame_len};
 use replenish_xrce::wire::{
     CreationMode, DataReaderBinary, DataWriterBinary, DeliveryControl, EndpointQos, Entity,
-    GroupBinary, ObjectId, ObjectKind, ParticipantBinary, QOS_RELIABLE, ReadData, ReaderQos,
-    Representation, ServiceBinary, StreamId, TopicBinary, WriterQos,
+    GroupBinary, ObjectId, ObjectKind, ParticipantBinary, ReadData, ReaderQos, Representation,
+    ServiceBinary, StreamId, TopicBinary, WriterQos,
 };
 use support::{Client, MS, World};
 
