@@ -242,16 +242,18 @@ impl<S: BudgetServer> Reservation<S> {
         }
     }
 
-    /// The CPU became free: a check that was put off for want of progress is due at its exact
-    /// time again. Returns whether [`check_at`](Self::check_at) moved.
+    /// The CPU became free: a check that was put off for want of progress is due again when the
+    /// budget can end if the thread has consumed nothing since the last reading. Returns whether
+    /// [`check_at`](Self::check_at) moved; it never moves away, since the thread may have consumed
+    /// something.
     pub fn pull_in(&mut self, now: Nanos) -> bool {
         if self.backoff == 0 || !self.runnable || self.level == Level::Low {
             return false;
         }
         self.backoff = 0;
-        self.check_at = None;
+        let before = self.check_at;
         self.plan(now);
-        true
+        self.check_at != before
     }
 
     /// The thread could not run for another `by` nanoseconds, since somebody it cannot preempt had

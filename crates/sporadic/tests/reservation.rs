@@ -165,6 +165,24 @@ fn a_preempted_thread_with_a_sliver_left_causes_no_storm() {
 }
 
 #[test]
+fn pulling_a_check_in_never_moves_it_away() {
+    // Hardly any progress up to the first check. Then the thread runs unseen, and somebody else
+    // leaves the CPU: how much it has consumed since the reading is not known.
+    let mut sim = Sim::new(53 * MS, 253 * MS, vec![0]);
+    sim.activate();
+    sim.pass(5 * MS, true);
+    sim.pass(48 * MS, false);
+    assert!(sim.r.is_backed_off());
+    let check = sim.r.check_at();
+    sim.pass(27 * MS, true);
+    assert!(!sim.r.pull_in(sim.now));
+    assert_eq!(sim.r.check_at(), check);
+    sim.pass(100 * MS, true);
+    assert_eq!(sim.r.level(), Level::Low);
+    assert_eq!(sim.overruns, [0]);
+}
+
+#[test]
 fn blocking_inside_a_callback_starts_a_new_activation() {
     // 5 ms, a sleep of 50 ms inside the callback, 5 ms: what was used after the sleep comes back
     // a period after the sleep, not a period after the first activation.
