@@ -124,18 +124,21 @@ fn self_demotion() {
     let _dog = watchdog("self-demotion", Duration::from_secs(20));
     let cpu = cpu();
     let (wake, woken) = mpsc::channel::<()>();
+    let (arrive, arrived) = mpsc::channel::<()>();
     let other_ran = Arc::new(AtomicBool::new(false));
     let other = std::thread::spawn({
         let other_ran = Arc::clone(&other_ran);
         move || {
             become_fifo(cpu, 40);
+            arrive.send(()).unwrap();
             woken.recv().unwrap();
             other_ran.store(true, Ordering::Relaxed);
         }
     });
     let itself = std::thread::spawn(move || {
+        arrived.recv().unwrap();
         become_fifo(cpu, 60);
-        clock::sleep_until(clock::monotonic() + MS); // the other reaches its channel
+        clock::sleep_until(clock::monotonic() + 5 * MS); // the other waits at its channel
         wake.send(()).unwrap(); // and is runnable now, at 40
         assert!(!other_ran.load(Ordering::Relaxed));
         demote_to_tail(current_tid(), 40).unwrap();

@@ -130,7 +130,9 @@ fn what_was_acknowledged_came_once_and_traffic_resumes_within_two_seconds() {
         for _ in 0..count {
             assert!(publish(&talker, writer, next), "round {round}: no agent");
             next += 1;
-            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            random = random
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
             thread::sleep(Duration::from_micros(random >> 55));
             if talker.stats().unacknowledged == 0 {
                 acknowledged = next;
