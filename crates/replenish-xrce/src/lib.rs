@@ -5,10 +5,11 @@
 //!   stream   best-effort and reliable streams, both directions, fragments; used by client and agent
 //!   framing  messages on serial lines and TCP
 //!   client   the client's session: log-in, objects, samples, loss of the agent
+//!   lossy    streams over a bad link in virtual time, for tests and measurements (feature `std`)
 //!   udp      a socket to the agent (feature `std`)
 //! ```
 //!
-//! Nothing but `udp` allocates, reads a clock or touches a socket; storage is the caller's. The
+//! Nothing but those two allocates, reads a clock or touches a socket; storage is the caller's. The
 //! specification is OMG DDS-XRCE 1.0 (formal/20-02-01); where the text and eProsima's implementation
 //! differ, the implementation's wire form is what is written here, because that is what micro-ROS
 //! speaks.
@@ -18,6 +19,8 @@
 
 pub mod client;
 pub mod framing;
+#[cfg(feature = "std")]
+pub mod lossy;
 pub mod seq;
 pub mod stream;
 #[cfg(all(feature = "std", unix))]
