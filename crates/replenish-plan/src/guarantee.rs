@@ -1,0 +1,241 @@
+//! What a worker needs, in its user's words.
+
+use crate::Nanos;
+use crate::span::Exact;
+use std::fmt;
+use std::time::Duration;
+
+/// CPU time that a worker is to get, whatever else runs.
+///
+/// Two ways to say it:
+/// - an amount per period: `Guarantee::of(ms(30)).every(ms(100))`. The worker gets 30 ms of CPU
+///   time in every 100 ms, and not more at its priority;
+/// - a rate: `Guarantee::at(50.0).taking(ms(3))`. A callback of at most 3 ms runs 50 times a second
+///   and ends within its deadline. The planner adds what enforcing costs.
+///
+/// Ranges are checked when a plan is made: `0 < minimum <= amount <= desired <= deadline <= period`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Guarantee {
+    pub(crate) amount: Nanos,
+    pub(crate) period: Nanos,
+    pub(crate) per_job: bool,
+    pub(crate) deadline: Option<Nanos>,
+    pub(crate) importance: u8,
+    pub(crate) minimum: Option<Nanos>,
+    pub(crate) desired: Option<Nanos>,
+    pub(crate) suspend: bool,
+}
+
+/// An amount that still needs its period.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[must_use = "a guarantee needs a period: .every(…)"]
+pub struct OfAmount(Nanos);
+
+/// A rate that still needs an execution time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[must_use = "a rate needs an execution time: .taking(…)"]
+pub struct OfRate(Nanos);
+
+impl Guarantee {
+    /// What [`importance`](Self::importance) is if it is not given.
+    pub const IMPORTANCE: u8 = 100;
+
+    /// `amount` of CPU time; the period follows.
+    pub fn of(amount: Duration) -> OfAmount {
+        OfAmount(nanos(amount))
+    }
+
+    /// So many callbacks per second, in Hz; their execution time follows. A rate that is not
+    /// positive and finite counts as out of range when the plan is made.
+    pub fn at(hertz: f64) -> OfRate {
+        OfRate(period_of(hertz).unwrap_or(0))
+    }
+
+    /// By when after a release the time must have been given; 0 < deadline <= period. Default: the
+    /// period.
+    #[must_use]
+    pub fn deadline(mut self, deadline: Duration) -> Self {
+        self.deadline = Some(nanos(deadline));
+        self
+    }
+
+    /// 0 to 255, default 100. What is more important is admitted first, gets its desired amount
+    /// first, and goes first when it works beyond its budget. It is no priority: deadlines decide
+    /// who preempts whom.
+    #[must_use]
+    pub fn importance(mut self, importance: u8) -> Self {
+        self.importance = importance;
+        self
+    }
+
+    /// It can live with this amount; admission tests no more than it. Default: the amount.
+    #[must_use]
+    pub fn at_least(mut self, minimum: Duration) -> Self {
+        self.minimum = Some(nanos(minimum));
+        self
+    }
+
+    /// It can make use of this amount, and gets it if it fits. Default: the amount.
+    #[must_use]
+    pub fn up_to(mut self, desired: Duration) -> Self {
+        self.desired = Some(nanos(desired));
+        self
+    }
+
+    /// Beyond its budget it waits instead of running in the background.
+    #[must_use]
+    pub fn suspend(mut self) -> Self {
+        self.suspend = true;
+        self
+    }
+
+    /// The CPU time per period (of a rate: per callback), in ns.
+    #[must_use]
+    pub fn amount(&self) -> Nanos {
+        self.amount
+    }
+
+    /// The period (of a rate: 1 / rate), in ns.
+    #[must_use]
+    pub fn period(&self) -> Nanos {
+        self.period
+    }
+
+    /// Whether it was stated as a rate.
+    #[must_use]
+    pub fn is_rate(&self) -> bool {
+        self.per_job
+    }
+
+    /// The deadline in force, in ns.
+    #[must_use]
+    pub fn due_within(&self) -> Nanos {
+        self.deadline.unwrap_or(self.period)
+    }
+
+    /// The amount below which it is not admitted, in ns.
+    #[must_use]
+    pub fn minimum(&self) -> Nanos {
+        self.minimum.unwrap_or(self.amount)
+    }
+
+    /// The largest amount it gets, in ns.
+    #[must_use]
+    pub fn desired(&self) -> Nanos {
+        self.desired.unwrap_or(self.amount)
+    }
+
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// The first field out of its range, with the range.
+    pub fn check(&self) -> Result<(), GuaranteeError> {
+        let (amount, period, deadline) = (self.amount, self.period, self.due_within());
+        let fields = [
+            ("period", period, 1, MAX_PERIOD),
+            ("deadline", deadline, 1, period),
+            ("amount", amount, 1, deadline),
+            ("minimum", self.minimum(), 1, amount),
+            ("desired", self.desired(), amount, deadline),
+        ];
+        for (field, value, low, high) in fields {
+            if !(low..=high).contains(&value) {
+                return Err(GuaranteeError {
+                    field,
+                    value,
+                    low,
+                    high,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The longest period that can be planned with: a day. Beyond, windows of a hundred periods would
+/// not fit 64 bits of nanoseconds.
+pub(crate) const MAX_PERIOD: Nanos = 86_400_000_000_000;
+
+impl OfAmount {
+    /// The guarantee of this amount in every `period`.
+    pub fn every(self, period: Duration) -> Guarantee {
+        Guarantee::new(self.0, nanos(period), false)
+    }
+}
+
+impl OfRate {
+    /// The guarantee of this rate for callbacks of at most `execution` CPU time: measured, with a
+    /// margin, or known.
+    pub fn taking(self, execution: Duration) -> Guarantee {
+        Guarantee::new(nanos(execution), self.0, true)
+    }
+}
+
+impl Guarantee {
+    pub(crate) fn new(amount: Nanos, period: Nanos, per_job: bool) -> Self {
+        Self {
+            amount,
+            period,
+            per_job,
+            deadline: None,
+            importance: Self::IMPORTANCE,
+            minimum: None,
+            desired: None,
+            suspend: false,
+        }
+    }
+}
+
+pub(crate) fn nanos(span: Duration) -> Nanos {
+    Nanos::try_from(span.as_nanos()).unwrap_or(Nanos::MAX)
+}
+
+/// The period of a rate in Hz, in ns; `None` unless it is positive, finite, and at most 1 GHz.
+pub(crate) fn period_of(hertz: f64) -> Option<Nanos> {
+    #[expect(clippy::cast_sign_loss, reason = "positive here")]
+    let period = (1e9 / hertz).floor() as Nanos;
+    (hertz.is_finite() && hertz > 0.0 && period > 0).then_some(period)
+}
+
+impl fmt::Display for Guarantee {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let every = if self.per_job { "once every" } else { "every" };
+        write!(f, "{} {every} {}", Exact(self.amount), Exact(self.period))?;
+        if let Some(deadline) = self.deadline {
+            write!(f, ", within {}", Exact(deadline))?;
+        }
+        Ok(())
+    }
+}
+
+/// A field of a guarantee out of its range.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct GuaranteeError {
+    /// Which.
+    pub field: &'static str,
+    /// Its value in ns.
+    pub value: Nanos,
+    /// The smallest allowed value in ns.
+    pub low: Nanos,
+    /// The largest allowed value in ns.
+    pub high: Nanos,
+}
+
+impl fmt::Display for GuaranteeError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (value, low, high) = (Exact(self.value), Exact(self.low), Exact(self.high));
+        write!(
+            f,
+            "{} {value} is out of range: allowed {low} to {high}",
+            self.field
+        )?;
+        match self.field {
+            "amount" | "desired" => f.write_str(" (the deadline)"),
+            "deadline" => f.write_str(" (the period)"),
+            "minimum" => f.write_str(" (the amount)"),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl std::error::Error for GuaranteeError {}

@@ -1,0 +1,141 @@
+//! What there is to give: CPUs, priorities, and what enforcing costs.
+
+use crate::Nanos;
+use replenish_sim::analysis::Costs;
+use replenish_sim::{End, Enforcement, Platform, Span};
+use sporadic::Tuning;
+use std::ops::RangeInclusive;
+
+/// What a plan may use.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Machine {
+    /// The CPUs that workers may be put on, by their numbers, at least one.
+    pub cpus: Vec<usize>,
+    /// Priorities for guaranteed workers, low to high; within 2..=97.
+    pub priorities: RangeInclusive<u8>,
+    /// The enforcers' priority, above all others.
+    pub enforcer_priority: u8,
+    /// The share of each CPU that real-time threads may take, above 0 up to 1. Linux stops them for
+    /// the rest of every second (`kernel.sched_rt_runtime_us`).
+    pub real_time_share: f64,
+    /// What scheduling and enforcing cost.
+    pub overheads: Overheads,
+}
+
+impl Machine {
+    /// CPUs 0 to `count` - 1 (at least CPU 0), Linux's defaults.
+    #[must_use]
+    pub fn with_cpus(count: usize) -> Self {
+        Self::on_cpus((0..count.max(1)).collect())
+    }
+
+    /// These CPUs, Linux's defaults: workers between 20 and 89, enforcers at 99, 95 % of each CPU.
+    #[must_use]
+    pub fn on_cpus(cpus: Vec<usize>) -> Self {
+        Self {
+            cpus,
+            priorities: 20..=89,
+            enforcer_priority: 99,
+            real_time_share: 0.95,
+            overheads: Overheads::LINUX,
+        }
+    }
+
+    /// Whether the kernel stops real-time threads that take a whole CPU.
+    pub(crate) fn is_throttled(&self) -> bool {
+        self.real_time_share < 1.0
+    }
+}
+
+/// What scheduling costs and how late enforcement can be, in ns. Conservative: a bound that is
+/// computed with them is as good as they are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Overheads {
+    /// Of turning a CPU to another thread.
+    pub context_switch: Nanos,
+    /// Per callback, in the worker: waking up, taking the message, decoding it.
+    pub callback: Nanos,
+    /// Per message, in the executor's thread.
+    pub dispatch: Nanos,
+    /// Per timed release, taken from whoever runs.
+    pub release_interrupt: Nanos,
+    /// From the enforcer's timer to its reading of the CPU clock, at most.
+    pub latency: Nanos,
+    /// CPU time of the enforcer per budget and period.
+    pub enforcement: Nanos,
+    /// The enforcer's constants.
+    pub tuning: Tuning,
+}
+
+impl Overheads {
+    /// Several times what `replenish bench enforcement` and `replenish bench handoff` measured on a
+    /// virtual machine with 2 CPUs (Linux 6.18, HZ=250, not `PREEMPT_RT`; `docs/enforcement.md`):
+    /// overruns of 5 to 7 us (99 %), 30 to 80 us of the enforcer per budget and 100 ms.
+    /// Interruptions of a virtual machine by its host are not covered.
+    pub const LINUX: Self = Self {
+        context_switch: 3_000,
+        callback: 10_000,
+        dispatch: 25_000,
+        release_interrupt: 5_000,
+        latency: 50_000,
+        enforcement: 40_000,
+        tuning: Tuning::LINUX,
+    };
+
+    /// None at all: for studying a schedule in theory.
+    pub const NONE: Self = Self {
+        context_switch: 0,
+        callback: 0,
+        dispatch: 0,
+        release_interrupt: 0,
+        latency: 0,
+        enforcement: 0,
+        tuning: Tuning {
+            slack: 0,
+            min_rearm: 0,
+            max_backoff: 0,
+        },
+    };
+
+    /// For the analysis. `alone`: everything above a budgeted worker on this CPU has a budget held
+    /// by the same enforcer, which then looks at the worker again as soon as the CPU is free;
+    /// otherwise its check can be put off by [`Tuning::max_backoff`].
+    pub(crate) fn costs(&self, alone: bool) -> Costs {
+        let backoff = if alone { 0 } else { self.tuning.max_backoff };
+        Costs {
+            context_switch: self.context_switch,
+            job: self.callback,
+            release_interrupt: self.release_interrupt,
+            tick: 0,
+            latency: self.latency,
+            put_off: self.tuning.min_rearm + backoff,
+            slack: self.tuning.slack,
+            enforcement: self.enforcement,
+        }
+    }
+
+    /// For the simulation: costs always as here, latency drawn between none and the whole.
+    #[must_use]
+    pub fn platform(&self) -> Platform {
+        Platform {
+            context_switch: self.context_switch,
+            job: self.callback,
+            release_interrupt: self.release_interrupt,
+            tick: None,
+            blocking_seen: true,
+            demote_to: End::Tail,
+            enforcement: if *self == Self::NONE {
+                Enforcement::Kernel
+            } else {
+                Enforcement::Timer {
+                    tuning: self.tuning,
+                    latency: Span::Uniform {
+                        min: 0,
+                        max: self.latency,
+                    },
+                    cost: 3_000.min(self.enforcement),
+                }
+            },
+        }
+    }
+}

@@ -1,0 +1,182 @@
+//! Which worker goes to which CPU.
+//!
+//! Two tries, both deterministic:
+//! 1. by shares: the largest first, each to the CPU with the least reserved (worst fit). Every CPU
+//!    keeps room, which keeps responses short; one test per CPU at the end.
+//! 2. by tests, if that does not hold and the set is not too large: the largest first, each to the
+//!    first CPU that still holds with it (first fit).
+
+use super::cpu::{self, CpuPlan, Failure, Fixed, Seat, Victim};
+use super::problem::{Problem, Whose};
+use crate::Nanos;
+
+/// Up to so many seats the second try is made.
+const FEW: usize = 100;
+
+/// Where everybody is, and whether it holds.
+#[derive(Debug, Clone)]
+pub(super) struct Placed {
+    /// Per CPU of the machine: seats by their index.
+    pub(super) on: Vec<Vec<usize>>,
+    /// Per CPU: its fixed threads by their index.
+    pub(super) fixed: Vec<Vec<usize>>,
+    pub(super) plans: Vec<CpuPlan>,
+}
+
+impl Placed {
+    /// The first CPU that does not hold, with why.
+    pub(super) fn failure(&self) -> Option<(usize, Failure)> {
+        let plans = self.plans.iter().enumerate();
+        plans
+            .filter_map(|(at, plan)| Some((at, plan.failure?)))
+            .next()
+    }
+}
+
+/// Places the seats of `include` with these amounts.
+pub(super) fn place(problem: &Problem<'_>, include: &[usize], amounts: &[Nanos]) -> Placed {
+    let by_shares = worst_fit(problem, include, amounts);
+    let unplaced = |index: &usize| seat(problem, *index).is_some_and(|s| s.cpu.is_none());
+    let movable = problem.request.machine.cpus.len() > 1 && include.iter().any(unplaced);
+    if by_shares.failure().is_none() || !movable || include.len() > FEW {
+        return by_shares;
+    }
+    first_fit(problem, include, amounts).unwrap_or(by_shares)
+}
+
+fn seat<'p>(problem: &'p Problem<'_>, index: usize) -> Option<&'p Seat> {
+    problem.seats.get(index).map(|(_, seat)| seat)
+}
+
+/// Tests one CPU with these seats.
+pub(super) fn test(
+    problem: &Problem<'_>,
+    seats: &[usize],
+    fixed: &[usize],
+    amounts: &[Nanos],
+) -> CpuPlan {
+    let seats: Vec<(&Seat, Nanos)> = seats
+        .iter()
+        .filter_map(|i| Some((seat(problem, *i)?, *amounts.get(*i)?)))
+        .collect();
+    let fixed: Vec<&Fixed> = fixed
+        .iter()
+        .filter_map(|i| problem.fixed.get(*i).map(|(_, _, f)| f))
+        .collect();
+    cpu::test(&seats, &fixed, &problem.request.machine)
+}
+
+fn empty(problem: &Problem<'_>) -> Placed {
+    let cpus = &problem.request.machine.cpus;
+    let on_cpu = |cpu: &usize| {
+        let fixed = problem.fixed.iter().enumerate();
+        let here = fixed.filter(|(_, (_, at, _))| at.is_none_or(|at| at == *cpu));
+        here.map(|(index, _)| index).collect()
+    };
+    Placed {
+        on: vec![Vec::new(); cpus.len()],
+        fixed: cpus.iter().map(on_cpu).collect(),
+        plans: Vec::new(),
+    }
+}
+
+/// Pinned ones first, then by falling share, then in order.
+fn order(problem: &Problem<'_>, include: &[usize], amounts: &[Nanos]) -> Vec<usize> {
+    let mut order = include.to_vec();
+    let share = |i: usize| {
+        let amount = amounts.get(i).copied().unwrap_or(0);
+        seat(problem, i).map_or(0.0, |s| s.share(amount))
+    };
+    let pinned = |i: usize| seat(problem, i).is_some_and(|s| s.cpu.is_some());
+    order.sort_by(|a, b| {
+        pinned(*b)
+            .cmp(&pinned(*a))
+            .then(share(*b).total_cmp(&share(*a)))
+            .then(a.cmp(b))
+    });
+    order
+}
+
+fn cpu_at(problem: &Problem<'_>, index: usize) -> Option<usize> {
+    let wanted = seat(problem, index)?.cpu?;
+    problem
+        .request
+        .machine
+        .cpus
+        .iter()
+        .position(|c| *c == wanted)
+}
+
+fn worst_fit(problem: &Problem<'_>, include: &[usize], amounts: &[Nanos]) -> Placed {
+    let mut placed = empty(problem);
+    let test_fixed = |fixed: &Vec<usize>| test(problem, &[], fixed, amounts).share;
+    let mut load: Vec<f64> = placed.fixed.iter().map(test_fixed).collect();
+    for index in order(problem, include, amounts) {
+        let least = || {
+            let loads = load.iter().enumerate();
+            loads.min_by(|a, b| a.1.total_cmp(b.1)).map(|(at, _)| at)
+        };
+        let Some(at) = cpu_at(problem, index).or_else(least) else {
+            continue;
+        };
+        if let (Some(here), Some(load)) = (placed.on.get_mut(at), load.get_mut(at)) {
+            here.push(index);
+            let amount = amounts.get(index).copied().unwrap_or(0);
+            *load += seat(problem, index).map_or(0.0, |s| s.share(amount));
+        }
+    }
+    placed.on.iter_mut().for_each(|seats| seats.sort_unstable());
+    placed.plans = placed
+        .on
+        .iter()
+        .zip(&placed.fixed)
+        .map(|(seats, fixed)| test(problem, seats, fixed, amounts))
+        .collect();
+    placed
+}
+
+fn first_fit(problem: &Problem<'_>, include: &[usize], amounts: &[Nanos]) -> Option<Placed> {
+    let mut placed = empty(problem);
+    let alone = |fixed: &Vec<usize>| test(problem, &[], fixed, amounts);
+    placed.plans = placed.fixed.iter().map(alone).collect();
+    if placed.failure().is_some() {
+        return None;
+    }
+    for index in order(problem, include, amounts) {
+        let cpus: Vec<usize> = match cpu_at(problem, index) {
+            Some(at) => vec![at],
+            None => (0..placed.on.len()).collect(),
+        };
+        let fits = |at: &usize| {
+            let mut seats = placed.on.get(*at)?.clone();
+            seats.push(index);
+            seats.sort_unstable();
+            let plan = test(problem, &seats, placed.fixed.get(*at)?, amounts);
+            plan.failure.is_none().then_some((*at, seats, plan))
+        };
+        let (at, seats, plan) = cpus.iter().find_map(fits)?;
+        *placed.on.get_mut(at)? = seats;
+        *placed.plans.get_mut(at)? = plan;
+    }
+    Some(placed)
+}
+
+/// Whom a failure on the CPU at `at` is about.
+pub(super) fn whose(
+    problem: &Problem<'_>,
+    placed: &Placed,
+    at: usize,
+    victim: Victim,
+) -> Option<Whose> {
+    match victim {
+        Victim::Sum => None,
+        Victim::Seat(place) => {
+            let index = placed.on.get(at)?.get(place)?;
+            problem.seats.get(*index).map(|(whose, _)| *whose)
+        }
+        Victim::Fixed(place) => {
+            let index = placed.fixed.get(at)?.get(place)?;
+            problem.fixed.get(*index).map(|(whose, _, _)| *whose)
+        }
+    }
+}

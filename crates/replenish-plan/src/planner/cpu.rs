@@ -1,0 +1,414 @@
+//! One CPU: who is on it, with which parameters, and does it hold?
+
+use super::levels;
+use crate::{Machine, Nanos};
+use replenish_sim::Policy;
+use replenish_sim::analysis::{Bounds, Costs, Demand, Scheduling, Section, Task, bounds};
+use sporadic::{Low, Params};
+
+/// How many wake-ups per period a worker is taken to have whose demand is unknown, and its number
+/// of replenishments. More replenishments than that make bounds worse and help few.
+pub(super) const PIECES: u16 = 16;
+/// Replenishments of a worker with one job per period: at most two jobs begin in a period.
+const PIECES_OF_JOBS: u16 = 4;
+
+/// A thread whose parameters we choose.
+#[derive(Debug, Clone)]
+pub(super) struct Seat {
+    pub(super) period: Nanos,
+    pub(super) deadline: Nanos,
+    /// One job per period that takes the amount; otherwise the amount is the budget.
+    pub(super) per_job: bool,
+    pub(super) importance: u8,
+    pub(super) suspend: bool,
+    /// Given for all seats of jobs; the cost is the amount then.
+    pub(super) demand: Option<Demand>,
+    pub(super) sections: Vec<Section>,
+    /// The executor's: above all workers.
+    pub(super) level: Option<u8>,
+    pub(super) cpu: Option<usize>,
+}
+
+impl Seat {
+    /// The share of a CPU, roughly: for placing.
+    pub(super) fn share(&self, amount: Nanos) -> f64 {
+        amount as f64 / self.period.max(1) as f64
+    }
+}
+
+/// A thread whose parameters are given.
+#[derive(Debug, Clone)]
+pub(super) struct Fixed {
+    pub(super) policy: Policy,
+    pub(super) demand: Option<Demand>,
+    pub(super) sections: Vec<Section>,
+    pub(super) deadline: Option<Nanos>,
+    /// Its budget is held by this program's enforcer.
+    pub(super) own: bool,
+}
+
+impl Fixed {
+    fn priority(&self) -> u8 {
+        match &self.policy {
+            Policy::Other => 0,
+            Policy::Fifo { priority } => *priority,
+            Policy::Budget { params, .. } => params.priority(),
+            Policy::Deadline { .. } => u8::MAX,
+        }
+    }
+
+    /// Whether it may take the CPU from a thread at `level` for ever.
+    pub(super) fn is_unlimited_above(&self, level: u8) -> bool {
+        match &self.policy {
+            Policy::Other | Policy::Deadline { .. } => false,
+            Policy::Fifo { priority } => *priority >= level && self.demand.is_none(),
+            Policy::Budget { params, .. } => {
+                self.demand.is_none()
+                    && matches!(params.low(), Low::Background(low) if low >= level)
+            }
+        }
+    }
+}
+
+/// Who has a problem.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Victim {
+    /// A seat, by its place in the list given.
+    Seat(usize),
+    /// A fixed thread, likewise.
+    Fixed(usize),
+    /// Everybody: too much is reserved.
+    Sum,
+}
+
+/// Why a CPU does not hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Failure {
+    pub(super) victim: Victim,
+    /// What would be certain; `None`: nothing.
+    pub(super) bound: Option<Nanos>,
+    pub(super) allowed: Nanos,
+}
+
+/// A CPU with everybody's parameters.
+#[derive(Debug, Clone, Default)]
+pub(super) struct CpuPlan {
+    pub(super) params: Vec<Params>,
+    pub(super) bounds: Vec<Bounds>,
+    pub(super) fixed: Vec<Bounds>,
+    pub(super) share: f64,
+    pub(super) failure: Option<Failure>,
+}
+
+/// Chooses parameters for `seats` (each with its amount) beside `fixed`, and tests them.
+pub(super) fn test(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], machine: &Machine) -> CpuPlan {
+    let alone = fixed
+        .iter()
+        .all(|f| f.own && matches!(f.policy, Policy::Budget { .. } | Policy::Other));
+    let costs = machine.overheads.costs(alone);
+    let (low, high) = (*machine.priorities.start(), *machine.priorities.end());
+    let others: Vec<u8> = fixed
+        .iter()
+        .map(|f| f.priority())
+        .filter(|p| *p > 0)
+        .collect();
+    let highest = others.iter().copied().filter(|p| *p < high).max();
+    let lowest = others.iter().copied().filter(|p| *p > low).min();
+    // On the common scale; else above all others; else below.
+    let mut ranges = vec![low..=high];
+    ranges.extend(highest.map(|h| low.max(h + 1)..=high));
+    ranges.extend(lowest.map(|l| low..=high.min(l - 1)));
+    let mut first = None;
+    for range in ranges {
+        let levels = levels_in(seats, fixed, &range);
+        let plan = test_levels(seats, fixed, &levels, machine, &costs);
+        if plan.failure.is_none() {
+            return plan;
+        }
+        let hopeless = plan.failure.is_some_and(|f| f.victim == Victim::Sum);
+        first.get_or_insert(plan);
+        if hopeless {
+            break;
+        }
+    }
+    first.unwrap_or_default()
+}
+
+fn levels_in(
+    seats: &[(&Seat, Nanos)],
+    fixed: &[&Fixed],
+    range: &std::ops::RangeInclusive<u8>,
+) -> Vec<u8> {
+    let deadlines: Vec<Nanos> = seats.iter().map(|(s, _)| s.deadline).collect();
+    let planned = seats.iter().filter(|(s, _)| s.level.is_none());
+    let ordinary: Vec<Nanos> = planned.map(|(s, _)| s.deadline).collect();
+    let taken: Vec<(u8, Nanos)> = fixed
+        .iter()
+        .map(|f| (f.priority(), f.deadline.unwrap_or(0)))
+        .collect();
+    let mut given = levels::assign(&ordinary, range, &taken).into_iter();
+    let level = |(seat, _): (&(&Seat, Nanos), Nanos)| match seat.0.level {
+        Some(level) => level,
+        None => given.next().unwrap_or(*range.start()),
+    };
+    seats.iter().zip(deadlines).map(level).collect()
+}
+
+fn test_levels(
+    seats: &[(&Seat, Nanos)],
+    fixed: &[&Fixed],
+    levels: &[u8],
+    machine: &Machine,
+    costs: &Costs,
+) -> CpuPlan {
+    let mut plan = CpuPlan::default();
+    let floor = levels.iter().copied().min().unwrap_or(u8::MAX);
+    let others: Vec<Task> = fixed.iter().filter_map(|f| fixed_task(f, floor)).collect();
+    let pieces: Vec<Task> = seats
+        .iter()
+        .zip(levels)
+        .filter_map(|((seat, amount), level)| skeleton(seat, *amount, *level))
+        .collect();
+    for (index, ((seat, amount), &level)) in seats.iter().zip(levels).enumerate() {
+        let extra = if seat.per_job {
+            overhead(index, &pieces, &others, seat, level, costs)
+        } else {
+            0
+        };
+        let Some(params) = parameters(seat, *amount, extra, level, machine, costs) else {
+            plan.failure = Some(Failure {
+                victim: Victim::Seat(index),
+                bound: None,
+                allowed: seat.deadline,
+            });
+            return plan;
+        };
+        plan.params.push(params);
+    }
+    plan.share = share(&plan.params, fixed, costs);
+    if plan.share > machine.real_time_share + 1e-9 {
+        plan.failure = Some(Failure {
+            victim: Victim::Sum,
+            bound: None,
+            allowed: 0,
+        });
+        return plan;
+    }
+    let mut tasks: Vec<Task> = seats
+        .iter()
+        .zip(&plan.params)
+        .map(|((seat, amount), params)| task(seat, *amount, *params))
+        .collect();
+    tasks.extend(others);
+    let mut found = bounds(&tasks, costs);
+    let mut rest = found.split_off(seats.len()).into_iter();
+    plan.bounds = found;
+    plan.fixed = fixed
+        .iter()
+        .map(|f| match fixed_task(f, floor) {
+            Some(_) => rest.next().unwrap_or_default(),
+            None => Bounds::default(),
+        })
+        .collect();
+    plan.failure = failure(seats, fixed, &plan);
+    plan
+}
+
+/// The worst violation, in relation to what is allowed; fixed threads first.
+fn failure(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], plan: &CpuPlan) -> Option<Failure> {
+    let promised = fixed.iter().zip(&plan.fixed).enumerate();
+    let promised = promised.filter_map(|(index, (f, bounds))| {
+        let allowed = f.deadline?;
+        let bound = match (f.demand, &f.policy) {
+            (None, Policy::Budget { .. }) => bounds.service,
+            (Some(_), Policy::Budget { .. }) => both(bounds),
+            _ => bounds.response,
+        };
+        Some((Victim::Fixed(index), bound, allowed))
+    });
+    let own = seats.iter().zip(&plan.bounds).enumerate();
+    let own = own.map(|(index, ((seat, _), bounds))| {
+        let bound = if seat.per_job {
+            bounds.response
+        } else {
+            bounds.service
+        };
+        (Victim::Seat(index), bound, seat.deadline)
+    });
+    let late = |(victim, bound, allowed): (Victim, Option<Nanos>, Nanos)| {
+        bound.is_none_or(|b| b > allowed).then_some(Failure {
+            victim,
+            bound,
+            allowed,
+        })
+    };
+    if let Some(broken) = promised.filter_map(late).next() {
+        return Some(broken);
+    }
+    let excess = |f: &Failure| match f.bound {
+        None => f64::INFINITY,
+        Some(bound) => bound as f64 / f.allowed.max(1) as f64,
+    };
+    own.filter_map(late)
+        .max_by(|a, b| excess(a).total_cmp(&excess(b)))
+}
+
+fn both(bounds: &Bounds) -> Option<Nanos> {
+    Some(bounds.service?.max(bounds.response?))
+}
+
+/// What is known before budgets are: for counting preemptions.
+fn skeleton(seat: &Seat, amount: Nanos, level: u8) -> Option<Task> {
+    let repl = replenishments(seat);
+    let amount = amount.clamp(1, seat.period);
+    let params = Params::new(level, Low::Background(0), amount, seat.period, repl).ok()?;
+    Some(task(seat, amount, params))
+}
+
+fn replenishments(seat: &Seat) -> u16 {
+    let suspensions = seat.demand.map_or(0, |d| d.suspensions);
+    if seat.per_job {
+        let more = u16::try_from(suspensions).unwrap_or(u16::MAX);
+        PIECES_OF_JOBS.saturating_add(more).min(128)
+    } else {
+        PIECES
+    }
+}
+
+fn task(seat: &Seat, amount: Nanos, params: Params) -> Task {
+    let demand = seat.demand.map(|d| Demand { cost: amount, ..d });
+    let demand = demand.filter(|_| seat.per_job);
+    Task {
+        sections: seat.sections.clone(),
+        ..Task::reserved(params, Some(demand.unwrap_or_else(|| pieces_of(&params))))
+    }
+}
+
+/// Stands for what is unknown: the whole budget, in so many pieces per period.
+fn pieces_of(params: &Params) -> Demand {
+    let pieces = Nanos::from(PIECES);
+    Demand::new(
+        (params.budget() / pieces).max(1),
+        (params.period() / pieces).max(1),
+    )
+}
+
+/// How a fixed thread delays others; `None`: not at all.
+fn fixed_task(fixed: &Fixed, floor: u8) -> Option<Task> {
+    let mut task = match &fixed.policy {
+        Policy::Other => return None,
+        Policy::Fifo { priority } => Task {
+            scheduling: Scheduling::Fifo(*priority),
+            demand: fixed.demand,
+            sections: Vec::new(),
+        },
+        Policy::Budget { params, .. } => {
+            let below = match params.low() {
+                Low::Background(low) => low < floor,
+                Low::Suspend => true,
+            };
+            let stand_in = below.then(|| pieces_of(params));
+            Task::reserved(*params, fixed.demand.or(stand_in))
+        }
+        // A constant-bandwidth server can give two budgets around one of its deadlines.
+        Policy::Deadline {
+            runtime, period, ..
+        } => Task::fifo(
+            u8::MAX,
+            Demand {
+                jitter: *period,
+                ..Demand::new(*runtime, *period)
+            },
+        ),
+    };
+    task.sections.clone_from(&fixed.sections);
+    Some(task)
+}
+
+/// What a job needs beyond its own CPU time to find its end in one budget: taking its message,
+/// being switched to after each possible preemption, and what enforcement can hold back.
+fn overhead(
+    index: usize,
+    own: &[Task],
+    others: &[Task],
+    seat: &Seat,
+    level: u8,
+    costs: &Costs,
+) -> Nanos {
+    let window = seat.deadline;
+    let in_window =
+        |period: Nanos, jitter: Nanos| window.saturating_add(jitter).div_ceil(period.max(1));
+    let above = own.iter().enumerate().filter(|(at, _)| *at != index);
+    let above = above.map(|(_, task)| task).chain(others);
+    let preemptions = |task: &Task| {
+        let waits =
+            task.demand.map_or(0, |d| u64::from(d.suspensions)) + task.sections.len() as u64;
+        let jobs = task.demand.map_or(0, |d| {
+            in_window(d.period, d.jitter.saturating_add(d.period))
+        });
+        let raises = match task.scheduling {
+            Scheduling::Reserved(params) => {
+                let most = u64::from(params.max_repl()) + 2;
+                in_window(params.period(), params.period()).saturating_mul(most)
+            }
+            Scheduling::Fifo(_) => 0,
+        };
+        jobs.saturating_mul(waits + 1).saturating_add(raises)
+    };
+    let switches = if costs.context_switch == 0 {
+        0
+    } else {
+        let sum = above.filter(|t| t.priority() >= level).map(preemptions);
+        let locks = 2 * (own.len() + others.len()) as u64 * (1 + seat.sections.len() as u64);
+        let locks = if seat.sections.is_empty() { 0 } else { locks };
+        sum.fold(2 + locks, u64::saturating_add)
+    };
+    let waits = seat.demand.map_or(0, |d| u64::from(d.suspensions)) + seat.sections.len() as u64;
+    let switched = switches.saturating_add(2 * (1 + waits));
+    costs.job + costs.context_switch.saturating_mul(switched) + costs.overrun() + costs.slack
+}
+
+fn parameters(
+    seat: &Seat,
+    amount: Nanos,
+    extra: Nanos,
+    level: u8,
+    machine: &Machine,
+    costs: &Costs,
+) -> Option<Params> {
+    let budget = amount.checked_add(extra)?;
+    let mut period = seat.period;
+    if seat.per_job {
+        // So that each job finds the budget full, however late it was raised before.
+        let demand = seat.demand?;
+        period = period.checked_sub(demand.jitter + costs.raise_delay())?;
+        if demand.suspensions > 0 || !seat.sections.is_empty() {
+            // A wait can move the activation to the end of the job.
+            period /= 2;
+        }
+    }
+    let low = if seat.suspend {
+        Low::Suspend
+    } else if machine.is_throttled() {
+        Low::Background(0)
+    } else {
+        let top = machine.priorities.start().saturating_sub(1).min(10);
+        Low::Background(1 + (u16::from(seat.importance) * u16::from(top.max(1) - 1) / 255) as u8)
+    };
+    Params::new(level, low, budget, period, replenishments(seat)).ok()
+}
+
+/// The share of the CPU that is reserved.
+fn share(params: &[Params], fixed: &[&Fixed], costs: &Costs) -> f64 {
+    let ratio = |amount: Nanos, period: Nanos| amount as f64 / period.max(1) as f64;
+    let reserved = |p: &Params| ratio(p.budget() + costs.enforcement, p.period());
+    let given = fixed.iter().map(|f| match &f.policy {
+        Policy::Other => 0.0,
+        Policy::Fifo { .. } => f.demand.map_or(0.0, |d| ratio(d.cost, d.period)),
+        Policy::Budget { params, .. } => reserved(params),
+        Policy::Deadline {
+            runtime, period, ..
+        } => ratio(*runtime, *period),
+    });
+    params.iter().map(reserved).sum::<f64>() + given.sum::<f64>()
+}

@@ -1,0 +1,130 @@
+//! After a refusal: the nearest thing that would fit, each tried before it is said.
+
+use super::{assign, problem::Problem, search};
+use crate::span::{Rounded, step};
+use crate::{Guarantee, Nanos, Request, Wish, Worker};
+use std::fmt;
+
+/// A change to a request with which it is admitted.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Fit {
+    /// Whose guarantee would change.
+    pub worker: String,
+    /// The amount per period that fits, in ns.
+    pub amount: Nanos,
+    /// The period, in ns.
+    pub period: Nanos,
+    /// Which of both is new.
+    pub changed: Changed,
+    /// Workers that would have to be left out as well.
+    pub without: Vec<String>,
+}
+
+/// What a [`Fit`] changes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Changed {
+    /// A smaller amount.
+    Amount,
+    /// A longer period.
+    Period,
+}
+
+impl Fit {
+    /// The request with this change.
+    #[must_use]
+    pub fn apply(&self, request: &Request) -> Request {
+        let mut request = without(request, &self.without);
+        for worker in request.workers.iter_mut().filter(|w| w.name == self.worker) {
+            change(worker, self.amount, self.period);
+        }
+        request
+    }
+}
+
+impl fmt::Display for Fit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (amount, period) = (Rounded(self.amount), Rounded(self.period));
+        match self.changed {
+            Changed::Amount => write!(f, "{amount} every {period}"),
+            Changed::Period => write!(f, "a period of {period}"),
+        }
+    }
+}
+
+pub(super) fn without(request: &Request, names: &[String]) -> Request {
+    let mut request = request.clone();
+    request.workers.retain(|w| !names.contains(&w.name));
+    request
+}
+
+/// Gives a worker's guarantee another amount, fixed, and another period. A deadline that was the
+/// period, or does not fit the period any more, becomes the period.
+fn change(worker: &mut Worker, amount: Nanos, period: Nanos) {
+    if let Wish::Guarantee(guarantee) = &mut worker.wish {
+        *guarantee = Guarantee {
+            amount,
+            period,
+            minimum: None,
+            desired: None,
+            deadline: guarantee.deadline.filter(|d| *d < guarantee.period),
+            ..*guarantee
+        };
+    }
+}
+
+/// What fits of this worker: a smaller amount and a longer period, where there are such.
+pub(super) fn nearest(request: &Request, worker: &str, left_out: &[String]) -> Vec<Fit> {
+    let Some(guarantee) = request.workers.iter().find(|w| w.name == worker) else {
+        return Vec::new();
+    };
+    let Some(guarantee) = guarantee.guarantee().copied() else {
+        return Vec::new();
+    };
+    let fit = |amount, period, changed| Fit {
+        worker: worker.into(),
+        amount,
+        period,
+        changed,
+        without: left_out.to_vec(),
+    };
+    let admits = |fit: &Fit| admits(&fit.apply(request));
+    // Large sets take longer to test: fewer digits then.
+    let digits = if request.workers.len() > 100 { 2 } else { 3 };
+    let mut found = Vec::new();
+
+    let amount = guarantee.minimum();
+    let by = step(amount, digits);
+    let smaller = |n: Nanos| fit(n * by, guarantee.period, Changed::Amount);
+    let good = search(0, amount.div_ceil(by), |n| admits(&smaller(n)));
+    if good > 0 {
+        found.push(smaller(good));
+    }
+
+    let longer = |period| fit(amount, period, Changed::Period);
+    let mut good = guarantee.period;
+    let reached = (0..7).any(|_| {
+        good = good.saturating_mul(2);
+        admits(&longer(good))
+    });
+    if reached {
+        let by = step(good, digits);
+        // Downwards: what is searched for is how many steps can be taken off.
+        let top = good.div_ceil(by);
+        let off = search(0, top - good / 2 / by, |n| admits(&longer((top - n) * by)));
+        let good = top - off;
+        let best = longer(good * by);
+        if admits(&best) {
+            found.push(best);
+        }
+    }
+    found
+}
+
+/// Whether the minimum of everybody holds.
+pub(super) fn admits(request: &Request) -> bool {
+    Problem::new(request).is_ok_and(|problem| {
+        let (minimum, _) = problem.amounts();
+        let all: Vec<usize> = (0..problem.seats.len()).collect();
+        assign::place(&problem, &all, &minimum).failure().is_none()
+    })
+}

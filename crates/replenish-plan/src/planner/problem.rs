@@ -1,0 +1,255 @@
+//! A request, sorted into what can be chosen and what cannot.
+
+use super::cpu::{Fixed, Seat};
+use crate::guarantee::MAX_PERIOD;
+use crate::span::Exact;
+use crate::{ExecutorRequest, Guarantee, Nanos, Request};
+use replenish_sim::Policy;
+use replenish_sim::analysis::Demand;
+
+/// The share of a CPU that a planned executor gets: a twentieth.
+const EXECUTOR_SHARE: Nanos = 20;
+/// Limits of its period.
+const EXECUTOR_PERIODS: (Nanos, Nanos) = (1_000_000, 10_000_000);
+
+/// Whose a thread is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Whose {
+    Worker(usize),
+    Executor,
+    Promise(usize),
+}
+
+/// What the planner works on.
+#[derive(Debug, Clone)]
+pub(super) struct Problem<'r> {
+    pub(super) request: &'r Request,
+    /// What is to be placed: the executor first, if it is, then the guaranteed workers in order.
+    pub(super) seats: Vec<(Whose, Seat)>,
+    /// What has its parameters, with its CPU (`None`: any).
+    pub(super) fixed: Vec<(Whose, Option<usize>, Fixed)>,
+}
+
+impl<'r> Problem<'r> {
+    /// Checks and sorts.
+    ///
+    /// # Errors
+    /// What is out of range, in a sentence.
+    pub(super) fn new(request: &'r Request) -> Result<Self, String> {
+        let mut problem = Self {
+            request,
+            seats: Vec::new(),
+            fixed: Vec::new(),
+        };
+        problem.check_machine()?;
+        problem.add_executor();
+        for (index, worker) in request.workers.iter().enumerate() {
+            let owner = format!("worker {:?}", worker.name);
+            problem.check_cpu(&owner, worker.cpu)?;
+            if request
+                .workers
+                .iter()
+                .take(index)
+                .any(|w| w.name == worker.name)
+            {
+                return Err(format!("there are two workers named {:?}", worker.name));
+            }
+            match (worker.guarantee(), &worker.wish) {
+                (Some(guarantee), _) => {
+                    guarantee.check().map_err(|e| format!("{owner}: {e}"))?;
+                    let seat = worker_seat(worker, guarantee);
+                    problem.seats.push((Whose::Worker(index), seat));
+                }
+                (None, crate::Wish::Policy(policy)) => {
+                    problem.check_policy(&owner, policy)?;
+                    let fixed = Fixed {
+                        policy: policy.clone(),
+                        demand: worker.demand,
+                        sections: worker.sections.clone(),
+                        deadline: worker.deadline,
+                        own: true,
+                    };
+                    problem
+                        .fixed
+                        .push((Whose::Worker(index), worker.cpu, fixed));
+                }
+                (None, crate::Wish::Guarantee(_)) => {}
+            }
+        }
+        for (index, promise) in request.promised.iter().enumerate() {
+            let fixed = Fixed {
+                policy: promise.policy.clone(),
+                demand: promise.demand,
+                sections: Vec::new(),
+                deadline: promise.deadline,
+                own: false,
+            };
+            problem
+                .fixed
+                .push((Whose::Promise(index), promise.cpu, fixed));
+        }
+        Ok(problem)
+    }
+
+    fn check_machine(&self) -> Result<(), String> {
+        let machine = &self.request.machine;
+        let (low, high) = (*machine.priorities.start(), *machine.priorities.end());
+        if machine.cpus.is_empty() {
+            return Err("machine: cpus is empty: at least one is needed".into());
+        }
+        if let Some(cpu) = machine.cpus.iter().find(|c| **c > 4095) {
+            return Err(format!(
+                "machine: cpu {cpu} is out of range: allowed 0 to 4095"
+            ));
+        }
+        let enforcer = machine.enforcer_priority;
+        if !(4..=99).contains(&enforcer) {
+            return Err(format!(
+                "machine: enforcer_priority {enforcer} is out of range: allowed 4 to 99"
+            ));
+        }
+        if low < 2 || low > high || high > enforcer - 2 {
+            return Err(format!(
+                "machine: priorities {low} to {high} are out of range: allowed 2 to {}, low to high",
+                enforcer - 2
+            ));
+        }
+        let share = machine.real_time_share;
+        if !(share > 0.0 && share <= 1.0) {
+            return Err(format!(
+                "machine: real_time_share {share} is out of range: allowed above 0 to 1"
+            ));
+        }
+        Ok(())
+    }
+
+    fn check_cpu(&self, owner: &str, cpu: Option<usize>) -> Result<(), String> {
+        let cpus = &self.request.machine.cpus;
+        match cpu {
+            Some(cpu) if !cpus.contains(&cpu) => Err(format!(
+                "{owner}: cpu {cpu} is not one the plan may use: allowed {cpus:?}"
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    fn check_policy(&self, owner: &str, policy: &Policy) -> Result<(), String> {
+        let enforcer = self.request.machine.enforcer_priority;
+        let priority = match policy {
+            Policy::Fifo { priority } => *priority,
+            Policy::Budget { params, .. } if params.period() > MAX_PERIOD => {
+                return Err(format!(
+                    "{owner}: period {} is out of range: allowed up to {}",
+                    Exact(params.period()),
+                    Exact(MAX_PERIOD)
+                ));
+            }
+            Policy::Budget { params, .. } => params.priority(),
+            Policy::Other | Policy::Deadline { .. } => return Ok(()),
+        };
+        if priority == 0 || priority > 99 {
+            return Err(format!(
+                "{owner}: priority {priority} is out of range: allowed 1 to 99"
+            ));
+        }
+        let budget = matches!(policy, Policy::Budget { .. });
+        if budget && priority >= enforcer {
+            return Err(format!(
+                "{owner}: priority {priority} is out of range: allowed 1 to {} (below the enforcer)",
+                enforcer - 1
+            ));
+        }
+        Ok(())
+    }
+
+    fn add_executor(&mut self) {
+        let level = self.request.machine.enforcer_priority - 1;
+        match &self.request.executor {
+            ExecutorRequest::None => {}
+            ExecutorRequest::Policy { policy, cpu } => {
+                let fixed = Fixed {
+                    policy: policy.clone(),
+                    demand: None,
+                    sections: Vec::new(),
+                    deadline: None,
+                    own: true,
+                };
+                self.fixed.push((Whose::Executor, *cpu, fixed));
+            }
+            ExecutorRequest::Planned { cpu } => {
+                let period = executor_period(self.request);
+                let seat = Seat {
+                    period,
+                    deadline: period,
+                    per_job: false,
+                    importance: u8::MAX,
+                    suspend: false,
+                    demand: None,
+                    sections: Vec::new(),
+                    level: Some(level),
+                    cpu: *cpu,
+                };
+                self.seats.push((Whose::Executor, seat));
+            }
+        }
+    }
+
+    /// What each seat cannot do without, and what it would like, in ns.
+    pub(super) fn amounts(&self) -> (Vec<Nanos>, Vec<Nanos>) {
+        let of = |(whose, seat): &(Whose, Seat)| match whose {
+            Whose::Worker(index) => {
+                let worker = self.request.workers.get(*index);
+                let guarantee = worker.and_then(crate::Worker::guarantee);
+                guarantee.map_or((1, 1), |g| (g.minimum(), g.desired()))
+            }
+            _ => (seat.period / EXECUTOR_SHARE, seat.period / EXECUTOR_SHARE),
+        };
+        self.seats.iter().map(of).unzip()
+    }
+
+    pub(super) fn name(&self, whose: Whose) -> String {
+        let of = |index: usize| self.request.workers.get(index).map(|w| w.name.as_str());
+        match whose {
+            Whose::Worker(index) => format!("worker {:?}", of(index).unwrap_or_default()),
+            Whose::Executor => "the executor".into(),
+            Whose::Promise(index) => self
+                .request
+                .promised
+                .get(index)
+                .map_or_else(String::new, |p| p.owner.clone()),
+        }
+    }
+}
+
+/// As short as the shortest deadline, so that a message does not wait for the executor's budget
+/// longer than its worker may take.
+fn executor_period(request: &Request) -> Nanos {
+    let deadlines = request.workers.iter().filter_map(|w| w.guarantee());
+    let shortest = deadlines.map(Guarantee::due_within).min();
+    let (low, high) = EXECUTOR_PERIODS;
+    shortest.unwrap_or(high).clamp(low, high)
+}
+
+fn worker_seat(worker: &crate::Worker, guarantee: &Guarantee) -> Seat {
+    let rate = guarantee.is_rate();
+    let stated = worker.demand.unwrap_or(Demand::new(1, guarantee.period()));
+    let demand = Demand {
+        period: guarantee.period(),
+        ..stated
+    };
+    Seat {
+        period: guarantee.period(),
+        deadline: guarantee.due_within(),
+        per_job: rate,
+        importance: guarantee.importance,
+        suspend: guarantee.suspend,
+        demand: rate.then_some(demand),
+        sections: if rate {
+            worker.sections.clone()
+        } else {
+            Vec::new()
+        },
+        level: None,
+        cpu: worker.cpu,
+    }
+}

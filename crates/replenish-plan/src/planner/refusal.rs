@@ -1,0 +1,214 @@
+//! Why a request is not admitted, in one sentence.
+
+use super::Plan;
+use super::assign::{self, Placed};
+use super::cpu::{Failure, Victim};
+use super::fit::{self, Fit};
+use super::problem::{Problem, Whose};
+use super::search;
+use crate::Nanos;
+use crate::span::Rounded;
+use std::fmt;
+
+/// A request that is not admitted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refusal {
+    /// The worker that does not fit, if it is about one.
+    pub worker: Option<String>,
+    /// The CPU where it does not, if it is about one.
+    pub cpu: Option<usize>,
+    /// The sentence: who does not fit, where and why, with the numbers, and what would fit.
+    pub sentence: String,
+    /// What would fit; each was tried.
+    pub fits: Vec<Fit>,
+    /// What the plan would have been: for looking at, not for running.
+    pub attempt: Option<Box<Plan>>,
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.sentence)
+    }
+}
+
+impl std::error::Error for Refusal {}
+
+impl Refusal {
+    pub(super) fn invalid(sentence: String) -> Self {
+        Self {
+            worker: None,
+            cpu: None,
+            sentence,
+            fits: Vec::new(),
+            attempt: None,
+        }
+    }
+}
+
+/// Finds the first worker, most important first, with which it does not hold any more.
+pub(super) fn refuse(problem: &Problem<'_>, amounts: &[Nanos], all: &Placed) -> Refusal {
+    let mut order: Vec<usize> = (0..problem.seats.len()).collect();
+    let importance = |i: usize| problem.seats.get(i).map_or(0, |(_, s)| s.importance);
+    order.sort_by_key(|i| (core::cmp::Reverse(importance(*i)), *i));
+    let with = |count: usize| {
+        let include = order.get(..count).unwrap_or(&order);
+        assign::place(problem, include, amounts)
+    };
+    let attempt = super::describe(problem, all, amounts);
+    let attempt = Some(Box::new(attempt));
+    let nothing = with(0);
+    if let Some((at, failure)) = nothing.failure() {
+        let sentence = alone(problem, &nothing, at, failure);
+        return Refusal {
+            cpu: problem.request.machine.cpus.get(at).copied(),
+            attempt,
+            ..Refusal::invalid(sentence)
+        };
+    }
+    let mut broken = all.clone();
+    let good = search(0, order.len() as u64, |count| {
+        let placed = with(count as usize);
+        let holds = placed.failure().is_none();
+        if !holds {
+            broken = placed;
+        }
+        holds
+    }) as usize;
+    let Some((whose, seat)) = order.get(good).and_then(|i| problem.seats.get(*i)) else {
+        return Refusal::invalid("nothing was asked for".into());
+    };
+    let (at, failure) = broken.failure().unwrap_or((0, SUM));
+    let cpu = problem.request.machine.cpus.get(at).copied();
+    let (worker, fits) = match whose {
+        Whose::Worker(index) => {
+            let name = problem.request.workers.get(*index).map(|w| w.name.clone());
+            let fits = name
+                .as_deref()
+                .map(|name| fits(problem, &order, good, name));
+            (name, fits.unwrap_or_default())
+        }
+        _ => (None, Vec::new()),
+    };
+    let elsewhere = seat.cpu.is_none() && problem.request.machine.cpus.len() > 1;
+    let mut sentence = format!(
+        "{} does not fit{}: {}",
+        problem.name(*whose),
+        if elsewhere { " on any CPU" } else { "" },
+        reason(problem, &broken, at, failure, *whose, elsewhere)
+    );
+    sentence += &advice(problem, &broken, at, failure, &fits);
+    Refusal {
+        worker,
+        cpu,
+        sentence,
+        fits,
+        attempt,
+    }
+}
+
+const SUM: Failure = Failure {
+    victim: Victim::Sum,
+    bound: None,
+    allowed: 0,
+};
+
+/// Fits with everybody else in place; if there are none, without those that come later.
+fn fits(problem: &Problem<'_>, order: &[usize], refused: usize, name: &str) -> Vec<Fit> {
+    let found = fit::nearest(problem.request, name, &[]);
+    let later = order.get(refused + 1..).unwrap_or_default();
+    if !found.is_empty() || later.is_empty() {
+        return found;
+    }
+    let names = later.iter().filter_map(|i| match problem.seats.get(*i)?.0 {
+        Whose::Worker(index) => problem.request.workers.get(index).map(|w| w.name.clone()),
+        _ => None,
+    });
+    fit::nearest(problem.request, name, &names.collect::<Vec<_>>())
+}
+
+/// What is wrong on this CPU.
+fn reason(
+    problem: &Problem<'_>,
+    placed: &Placed,
+    at: usize,
+    failure: Failure,
+    newcomer: Whose,
+    nearest: bool,
+) -> String {
+    let cpu = problem.request.machine.cpus.get(at).copied().unwrap_or(0);
+    let cpu = match nearest {
+        true => format!("on CPU {cpu}, as good as any,"),
+        false => format!("on CPU {cpu}"),
+    };
+    let plan = placed.plans.get(at);
+    let share = plan.map_or(0.0, |p| p.share) * 100.0;
+    let most = problem.request.machine.real_time_share * 100.0;
+    let Some(victim) = assign::whose(problem, placed, at, failure.victim) else {
+        return format!("{cpu} {share:.1} % would be reserved, {most:.0} % are allowed");
+    };
+    let who = match victim == newcomer {
+        true => "it".into(),
+        false => problem.name(victim),
+    };
+    let promised = match victim {
+        Whose::Promise(_) => ", which is promised its time already,",
+        _ => "",
+    };
+    let allowed = Rounded(failure.allowed);
+    match failure.bound {
+        Some(bound) => format!(
+            "{cpu} {who}{promised} could take up to {} where its deadline allows {allowed}",
+            Rounded(bound)
+        ),
+        None => format!("{cpu} nothing would be certain for {who}{promised} within its {allowed}"),
+    }
+}
+
+/// What to do about it.
+fn advice(
+    problem: &Problem<'_>,
+    placed: &Placed,
+    at: usize,
+    failure: Failure,
+    fits: &[Fit],
+) -> String {
+    if failure.bound.is_none()
+        && let Some(culprit) = unlimited(problem, placed, at)
+    {
+        return format!(
+            ", since {culprit} runs there at a real-time priority without a budget; give that one a budget, a lower priority or another CPU"
+        );
+    }
+    let said: Vec<String> = fits.iter().map(ToString::to_string).collect();
+    let mut text = match said.as_slice() {
+        [] => return "; no amount and no period up to 128 times as long would fit".into(),
+        [one] => format!("; {one} would fit"),
+        [one, other, ..] => format!("; {one} would fit, or {other}"),
+    };
+    if let Some(left_out) = fits.first().map(|f| &f.without).filter(|w| !w.is_empty()) {
+        text += &format!(", once {} is left out", left_out.join(", "));
+    }
+    text
+}
+
+/// A thread that may take this CPU for ever, if there is one.
+fn unlimited(problem: &Problem<'_>, placed: &Placed, at: usize) -> Option<String> {
+    let lowest = *problem.request.machine.priorities.start();
+    let fixed = placed.fixed.get(at)?.iter();
+    let mut fixed = fixed.filter_map(|i| problem.fixed.get(*i));
+    let (whose, _, _) = fixed.find(|(_, _, f)| f.is_unlimited_above(lowest))?;
+    Some(problem.name(*whose))
+}
+
+/// It does not even hold with what cannot be changed.
+fn alone(problem: &Problem<'_>, placed: &Placed, at: usize, failure: Failure) -> String {
+    let what = reason(problem, placed, at, failure, Whose::Executor, false);
+    format!(
+        "the policies that are given do not fit: {what}{}",
+        match unlimited(problem, placed, at) {
+            Some(culprit) =>
+                format!(", since {culprit} runs there at a real-time priority without a budget"),
+            None => String::new(),
+        }
+    )
+}
