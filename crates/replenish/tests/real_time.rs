@@ -357,7 +357,8 @@ fn granted() {
     if privilege.deadline.is_ok() {
         assert!(got("deadline").starts_with("DEADLINE 1 ms/10 ms/10 ms"));
     }
-    assert!(got("other").starts_with("OTHER, CPU"));
+    // A niced test run hands its nice value down: "OTHER nice 5, CPU 0-1".
+    assert!(got("other").starts_with("OTHER") && got("other").contains(", CPU"));
     assert!(report.thread("dispatcher").unwrap().usage.cpu_high > 0);
     assert!(report.stuck.is_empty(), "{report}");
     replenish_os::memory::unlock_all().unwrap();
