@@ -11,6 +11,7 @@
 //! - [`Machine`], [`Overheads`]: what there is to give, and what enforcing costs.
 //! - [`plan`]: pure; the same request gives the same plan. Bounds come from
 //!   [`replenish_sim::analysis`].
+//! - [`Deployment`]: `replenish.toml`, which is also the simulator's input.
 //!
 //! ```
 //! use replenish_plan::{Guarantee, Machine, Request, Worker, plan};
@@ -30,12 +31,14 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod file;
 mod guarantee;
 mod machine;
 mod planner;
 mod request;
 pub mod span;
 
+pub use file::{Deployment, FileError, Template, TemplateWorker};
 pub use guarantee::{Guarantee, GuaranteeError, OfAmount, OfRate};
 pub use machine::{Machine, Overheads};
 pub use planner::{Changed, CpuLoad, Fit, Plan, PlannedExecutor, PlannedWorker, Refusal, plan};

@@ -1,0 +1,218 @@
+//! `replenish.toml`: what runs on a machine and what it needs.
+//!
+//! One file for three readers: the planner takes guarantees and policies from it, the executor
+//! scheduling by stable handle ids, the simulator releases and execution times. Unknown keys,
+//! unknown names and values that contradict each other are errors with line and column.
+//!
+//! ```toml
+//! [machine]
+//! cpus = 2                     # or a list: [1, 3]
+//!
+//! [[worker]]
+//! name = "control"
+//! handles = ["control/timer:0"]
+//! guarantee = { rate = "100 Hz", takes = "2 ms", deadline = "5 ms" }
+//! runs = { min = "1 ms", max = "2 ms" }
+//!
+//! [[worker]]
+//! name = "map"
+//! handles = ["/map/sub:/scan"]
+//! guarantee = { budget = "30 ms", period = "100 ms", desired = "60 ms" }
+//! releases = { every = "100 ms", jitter = "5 ms" }
+//! runs = "25 ms"
+//! ```
+//!
+//! `docs/guarantees.md` has every key.
+
+mod error;
+mod raw;
+mod read;
+mod system;
+mod template;
+
+pub use error::FileError;
+pub use template::{Template, TemplateWorker};
+
+use crate::{ExecutorRequest, Machine, Nanos, Plan, Refusal, Request, Wish};
+use error::Source;
+use replenish_sim::analysis::Demand;
+use replenish_sim::{Overflow, Releases, Span};
+use std::ops::Range;
+use std::path::Path;
+
+/// Longer files are refused, in bytes.
+pub const MAX_FILE: u64 = 4 << 20;
+/// More workers are refused.
+pub const MAX_WORKERS: usize = 4096;
+
+/// A deployment file that was read and makes sense by itself.
+#[derive(Debug, Clone)]
+pub struct Deployment {
+    /// What there is to give.
+    pub machine: Machine,
+    /// The executor's own thread.
+    pub executor: ExecutorRequest,
+    /// The workers, in the order of the file.
+    pub workers: Vec<Described>,
+    /// Chains of workers.
+    pub chains: Vec<Chain>,
+    /// Which parts of the machine section were written in the file.
+    pub machine_given: bool,
+    source: Source,
+}
+
+/// One worker of a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Described {
+    /// Its name.
+    pub name: String,
+    /// The ids of its handles.
+    pub handles: Vec<String>,
+    /// Its CPU.
+    pub cpu: Option<usize>,
+    /// How it is to be scheduled; `None`: the file does not say (time-shared, or as the program
+    /// says).
+    pub wish: Option<Wish>,
+    /// What it does.
+    pub load: Load,
+    place: Range<usize>,
+    handle_places: Vec<Range<usize>>,
+}
+
+/// What a worker does, for the simulator and for bounds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Load {
+    /// CPU time of one callback; `None`: not stated.
+    pub runs: Option<Span>,
+    /// How long each callback blocks, before it runs.
+    pub blocks: Option<Span>,
+    /// When callbacks are released; `None`: not stated.
+    pub releases: Option<Releases>,
+    /// How many releases may wait.
+    pub queue: usize,
+    /// Which release is lost when too many wait.
+    pub overflow: Overflow,
+    /// Workers that each callback releases at its end.
+    pub sends: Vec<usize>,
+    /// Locks that each callback takes, one after another, and for how long it holds them.
+    pub locks: Vec<(usize, Nanos)>,
+    /// By when its callbacks must end, if it has no guarantee.
+    pub deadline: Option<Nanos>,
+}
+
+/// Workers that hand on a message.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Chain {
+    /// Its name.
+    pub name: String,
+    /// The workers, first to last, by their place in [`Deployment::workers`].
+    pub workers: Vec<usize>,
+    /// From the first release to the end of the last callback.
+    pub deadline: Option<Nanos>,
+}
+
+impl Deployment {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// If it cannot be read, or as [`parse`](Self::parse).
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        let file = path.display().to_string();
+        let unreadable = |message: String| FileError {
+            file: file.clone(),
+            line: 0,
+            column: 0,
+            field: String::new(),
+            message,
+        };
+        let facts = std::fs::metadata(path).map_err(|e| unreadable(e.to_string()))?;
+        if facts.len() > MAX_FILE {
+            let message = format!("{} bytes: allowed up to {MAX_FILE}", facts.len());
+            return Err(unreadable(message));
+        }
+        let text = std::fs::read_to_string(path).map_err(|e| unreadable(e.to_string()))?;
+        Self::parse(&text, &file)
+    }
+
+    /// Makes sense of a text; `file` names it in errors.
+    ///
+    /// # Errors
+    /// The first thing that is wrong, with its place, its field and what is allowed.
+    pub fn parse(text: &str, file: &str) -> Result<Self, FileError> {
+        read::read(Source {
+            file: file.into(),
+            text: text.into(),
+        })
+    }
+
+    /// What to ask of [`plan`](crate::plan()).
+    #[must_use]
+    pub fn request(&self) -> Request {
+        let worker = |described: &Described| crate::Worker {
+            name: described.name.clone(),
+            wish: described
+                .wish
+                .clone()
+                .unwrap_or(Wish::Policy(replenish_sim::Policy::Other)),
+            cpu: described.cpu,
+            demand: self.demand(described),
+            sections: described.load.sections(),
+            deadline: described.load.deadline,
+        };
+        Request {
+            machine: self.machine.clone(),
+            workers: self.workers.iter().map(worker).collect(),
+            executor: self.executor.clone(),
+            promised: Vec::new(),
+        }
+    }
+
+    /// Makes the plan.
+    ///
+    /// # Errors
+    /// As [`plan`](crate::plan()), and if a chain takes longer than its deadline.
+    pub fn plan(&self) -> Result<Plan, Refusal> {
+        crate::plan(&self.request())
+    }
+
+    /// What a worker is known to do.
+    fn demand(&self, described: &Described) -> Option<Demand> {
+        let load = &described.load;
+        let (period, jitter) = match &load.releases {
+            Some(Releases::Periodic { period, jitter, .. }) => (*period, *jitter),
+            Some(Releases::Sporadic { gap, .. }) => (gap.min().max(1), 0),
+            _ => match &described.wish {
+                Some(Wish::Guarantee(g)) if g.is_rate() => (g.period(), 0),
+                _ => return None,
+            },
+        };
+        let held: Nanos = load.locks.iter().map(|(_, holds)| holds).sum();
+        let cost = match (&load.runs, &described.wish) {
+            (Some(runs), _) => runs.max(),
+            (None, Some(Wish::Guarantee(g))) => g.amount(),
+            (None, _) => return None,
+        };
+        Some(Demand {
+            cost: cost.saturating_add(held).max(1),
+            period,
+            jitter,
+            suspensions: u32::from(load.blocks.is_some()),
+            suspended: load.blocks.as_ref().map_or(0, Span::max),
+        })
+    }
+
+    /// An error at the place of a worker.
+    #[must_use]
+    pub fn error_at_worker(&self, worker: usize, message: &str) -> FileError {
+        let place = self.workers.get(worker).map_or(0..0, |w| w.place.clone());
+        self.source.error(&place, message)
+    }
+
+    /// An error at the place of a handle's id.
+    #[must_use]
+    pub fn error_at_handle(&self, worker: usize, handle: usize, message: &str) -> FileError {
+        let places = self.workers.get(worker).map(|w| w.handle_places.as_slice());
+        let place = places.and_then(|p| p.get(handle)).cloned();
+        self.source.error(&place.unwrap_or(0..0), message)
+    }
+}

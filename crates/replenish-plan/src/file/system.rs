@@ -1,0 +1,123 @@
+//! From a file and its plan to what the simulator runs.
+
+use super::{Deployment, Described, Load};
+use crate::{Nanos, Plan, Wish};
+use replenish_sim::analysis::Section;
+use replenish_sim::{Policy, Releases, Span, Step, System, Thread};
+
+impl Deployment {
+    /// The system as planned. Thread `i` is worker `i`; the executor, if it has a budget, comes
+    /// last, as busy as the releases make it. CPU `i` of the system is the `i`-th of
+    /// `machine.cpus`.
+    ///
+    /// What a file leaves open is filled in: callbacks of a rate come at that rate and take what
+    /// was stated; those of a budget come once per period and use it up, but for the overheads.
+    #[must_use]
+    pub fn system(&self, plan: &Plan) -> System {
+        let cpus = &self.machine.cpus;
+        let place = |cpu: Option<usize>| cpu.and_then(|cpu| cpus.iter().position(|c| *c == cpu));
+        let workers = self.workers.iter().zip(&plan.workers);
+        let mut threads: Vec<Thread> = workers
+            .map(|(described, planned)| {
+                let mut thread = Thread::new(&*described.name, planned.policy.clone());
+                thread.cpu = place(planned.cpu);
+                thread.deadline = planned.deadline;
+                self.fill(&mut thread, described, planned.amount);
+                thread
+            })
+            .collect();
+        if let Some(executor) = &plan.executor
+            && let Policy::Budget { params, .. } = &executor.policy
+        {
+            let mut thread = Thread::new("executor", executor.policy.clone());
+            thread.cpu = place(executor.cpu);
+            let busy = self.dispatching(params.period()).min(params.budget());
+            thread.releases = Releases::periodic(params.period());
+            thread.body = vec![Step::Run(Span::Constant(busy))];
+            threads.push(thread);
+        }
+        System {
+            cpus: cpus.len(),
+            locks: self.locks(),
+            platform: self.machine.overheads.platform(),
+            threads,
+        }
+    }
+
+    fn fill(&self, thread: &mut Thread, described: &Described, amount: Option<Nanos>) {
+        let load = &described.load;
+        let guarantee = match &described.wish {
+            Some(Wish::Guarantee(guarantee)) => Some(guarantee),
+            _ => None,
+        };
+        thread.releases = match (&load.releases, guarantee) {
+            (Some(releases), _) => releases.clone(),
+            (None, Some(guarantee)) => Releases::periodic(guarantee.period()),
+            (None, None) => Releases::Never,
+        };
+        thread.queue = load.queue;
+        thread.overflow = load.overflow;
+        if let Some(blocks) = &load.blocks {
+            thread.body.push(Step::Block(blocks.clone()));
+        }
+        for (lock, holds) in &load.locks {
+            let held = Step::Run(Span::Constant(*holds));
+            let steps = [Step::Lock(*lock), held, Step::Unlock(*lock)];
+            thread.body.extend(steps);
+        }
+        let all = amount
+            .or(guarantee.map(crate::Guarantee::amount))
+            .unwrap_or(0);
+        let runs = load.runs.clone().unwrap_or_else(|| {
+            let costs = self.machine.overheads.costs(true);
+            let around = costs.job + 4 * costs.context_switch + costs.overrun() + costs.slack;
+            Span::Constant(match guarantee {
+                Some(guarantee) if !guarantee.is_rate() => all.saturating_sub(around),
+                _ => all,
+            })
+        });
+        thread.body.push(Step::Run(runs));
+        thread
+            .body
+            .extend(load.sends.iter().map(|to| Step::Send(*to)));
+    }
+
+    fn locks(&self) -> usize {
+        let locks = self.workers.iter().flat_map(|w| &w.load.locks);
+        locks.map(|(lock, _)| lock + 1).max().unwrap_or(0)
+    }
+
+    /// CPU time the executor needs in a period at the mean rate of all that come as messages.
+    fn dispatching(&self, period: Nanos) -> Nanos {
+        let mean = |worker: &Described| match &worker.load.releases {
+            _ if worker.handles.iter().all(|h| h.contains("/timer:"))
+                && !worker.handles.is_empty() =>
+            {
+                0.0
+            }
+            Some(Releases::Periodic { period, .. }) => 1.0 / *period as f64,
+            Some(Releases::Sporadic { gap, .. }) => 2.0 / (gap.min() + gap.max()).max(1) as f64,
+            Some(Releases::Bursty { period, burst, .. }) => f64::from(*burst) / *period as f64,
+            Some(Releases::At(_) | Releases::Never) => 0.0,
+            None => match &worker.wish {
+                Some(Wish::Guarantee(guarantee)) => 1.0 / guarantee.period() as f64,
+                _ => 0.0,
+            },
+        };
+        let messages = self.workers.iter().map(mean).sum::<f64>() * period as f64;
+        #[expect(clippy::cast_sign_loss, reason = "a number of messages")]
+        let messages = messages.ceil() as Nanos;
+        messages.saturating_mul(self.machine.overheads.dispatch)
+    }
+}
+
+impl Load {
+    /// The locks, for the analysis.
+    pub(super) fn sections(&self) -> Vec<Section> {
+        let section = |(lock, length): &(usize, Nanos)| Section {
+            lock: *lock,
+            length: *length,
+        };
+        self.locks.iter().map(section).collect()
+    }
+}
