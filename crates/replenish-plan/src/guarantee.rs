@@ -192,8 +192,9 @@ pub(crate) fn nanos(span: Duration) -> Nanos {
 
 /// The period of a rate in Hz, in ns; `None` unless it is positive, finite, and at most 1 GHz.
 pub(crate) fn period_of(hertz: f64) -> Option<Nanos> {
-    #[expect(clippy::cast_sign_loss, reason = "positive here")]
-    let period = (1e9 / hertz).floor() as Nanos;
+    #[expect(clippy::cast_sign_loss, reason = "a negative one becomes 0")]
+    // Rounded down, but for what the division itself rounds.
+    let period = (1e9 / hertz + 0.01).floor() as Nanos;
     (hertz.is_finite() && hertz > 0.0 && period > 0).then_some(period)
 }
 

@@ -186,7 +186,11 @@ fn advice(
         [one, other, ..] => format!("; {one} would fit, or {other}"),
     };
     if let Some(left_out) = fits.first().map(|f| &f.without).filter(|w| !w.is_empty()) {
-        text += &format!(", once {} is left out", left_out.join(", "));
+        text += &match left_out.as_slice() {
+            [one] => format!(", once {one} is left out"),
+            [first, rest @ ..] => format!(", once {first} and {} more are left out", rest.len()),
+            [] => String::new(),
+        };
     }
     text
 }

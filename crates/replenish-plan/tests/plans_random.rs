@@ -1,0 +1,283 @@
+//! Random sets of guarantees: an admitted plan is simulated without a miss, a refusal's suggestion is
+//! admitted, the same request gives the same plan, and asking for less never turns a yes into a no.
+//!
+//! 3 000 sets; `REPLENISH_SETS` sets another number (nightly: 1000000), `REPLENISH_SEED` the first
+//! seed.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests may panic"
+)]
+
+use replenish_plan::{
+    ExecutorRequest, Guarantee, Machine, Nanos, Overheads, Plan, Promise, Request, Wish, Worker,
+    plan,
+};
+use replenish_sim::analysis::Demand;
+use replenish_sim::{Options, Policy, Random, Releases, Span, Step, System, Thread, simulate};
+use sporadic::{Kind, Low, Params};
+use std::time::Duration;
+
+const US: Nanos = 1_000;
+const MS: Nanos = 1_000_000;
+
+fn one_in(r: &mut Random, n: u64) -> bool {
+    r.up_to(n - 1) == 0
+}
+
+fn random_request(r: &mut Random) -> Request {
+    let cpus = r.between(1, 3) as usize;
+    let mut machine = Machine::with_cpus(cpus);
+    if one_in(r, 3) {
+        machine.real_time_share = 1.0;
+    }
+    if one_in(r, 4) {
+        machine.overheads = Overheads::NONE;
+    }
+    let mut request = Request::new(machine);
+    if one_in(r, 2) {
+        request.executor = ExecutorRequest::None;
+    }
+    let count = r.between(1, 4) * cpus as u64;
+    let share = r.between(20, 110) * cpus as u64 / count;
+    for index in 0..count {
+        let worker = random_worker(r, index, share);
+        let pinned = one_in(r, 4).then(|| r.up_to(cpus as u64 - 1) as usize);
+        request = request.worker(Worker {
+            cpu: pinned,
+            ..worker
+        });
+    }
+    if one_in(r, 5) {
+        request.promised.push(random_promise(r, cpus));
+    }
+    request
+}
+
+fn random_worker(r: &mut Random, index: u64, share: u64) -> Worker {
+    let name = format!("w{index}");
+    let period = r.between(2, 60) * MS;
+    let amount = (period * share / 100).clamp(200 * US, period / 2);
+    let span = Duration::from_nanos;
+    let mut demand = None;
+    let mut guarantee = if one_in(r, 2) {
+        Guarantee::of(span(amount)).every(span(period))
+    } else {
+        let mut known = Demand::new(amount, period);
+        if one_in(r, 4) {
+            known.jitter = r.up_to(period / 8);
+        }
+        if one_in(r, 6) {
+            known.suspensions = 1;
+            known.suspended = r.between(1, period / 10);
+        }
+        demand = Some(known);
+        Guarantee::at(1e9 / period as f64).taking(span(amount))
+    };
+    if one_in(r, 3) {
+        let least = amount.max(guarantee.period() / 2);
+        guarantee = guarantee.deadline(span(r.between(least, guarantee.period())));
+    }
+    if one_in(r, 4) {
+        guarantee = guarantee
+            .at_least(span(amount / 2))
+            .up_to(span(amount + amount / 4));
+        if guarantee.check().is_err() {
+            guarantee = guarantee.up_to(span(amount));
+        }
+    }
+    guarantee = guarantee.importance(r.up_to(255) as u8);
+    if one_in(r, 4) {
+        guarantee = guarantee.suspend();
+    }
+    let worker = Worker::guaranteed(name, guarantee);
+    match demand {
+        Some(demand) => worker.doing(demand),
+        None => worker,
+    }
+}
+
+fn random_promise(r: &mut Random, cpus: usize) -> Promise {
+    let period = r.between(5, 40) * MS;
+    let budget = period / r.between(5, 20);
+    let priority = r.between(20, 89) as u8;
+    let params = Params::new(priority, Low::Background(0), budget, period, 16).unwrap();
+    Promise {
+        owner: "another program".into(),
+        cpu: Some(r.up_to(cpus as u64 - 1) as usize),
+        policy: Policy::Budget {
+            kind: Kind::Corrected,
+            params,
+        },
+        demand: None,
+        deadline: Some(period),
+    }
+}
+
+/// The worst that may happen: everybody as busy as the plan allows, released together or not.
+fn system(request: &Request, plan: &Plan, r: &mut Random) -> System {
+    let overheads = &request.machine.overheads;
+    let mut threads = Vec::new();
+    for (worker, planned) in request.workers.iter().zip(&plan.workers) {
+        let Wish::Guarantee(guarantee) = &worker.wish else {
+            continue;
+        };
+        let mut thread = Thread::new(&*worker.name, planned.policy.clone()).on(planned.cpu);
+        let offset = if one_in(r, 2) {
+            0
+        } else {
+            r.up_to(guarantee.period())
+        };
+        let amount = planned.amount.unwrap();
+        if guarantee.is_rate() {
+            let known = worker.demand.unwrap_or(Demand::new(0, 0));
+            if known.suspensions > 0 {
+                thread = thread.then(Step::Block(Span::Uniform {
+                    min: 0,
+                    max: known.suspended,
+                }));
+            }
+            let min = if one_in(r, 2) { amount } else { amount / 2 };
+            thread = thread.runs(Span::Uniform { min, max: amount });
+            thread.deadline = Some(guarantee.due_within());
+            thread.releases = Releases::Periodic {
+                offset,
+                period: guarantee.period(),
+                jitter: known.jitter,
+            };
+        } else if one_in(r, 3) {
+            // Never enough.
+            thread = thread.runs(1_000_000 * MS);
+            thread.releases = Releases::At(vec![offset]);
+        } else {
+            // One callback that fits the budget with all that comes with it, when the budget is
+            // certain to be back.
+            let extra = overheads.callback
+                + overheads.context_switch * 200
+                + overheads.latency
+                + overheads.tuning.min_rearm
+                + overheads.tuning.max_backoff
+                + overheads.tuning.slack;
+            let Some(runs) = amount.checked_sub(extra).filter(|runs| *runs > 0) else {
+                continue;
+            };
+            thread = thread.runs(runs);
+            thread.deadline = Some(guarantee.due_within());
+            thread.releases = Releases::Periodic {
+                offset,
+                period: guarantee.period() + 2 * overheads.latency,
+                jitter: 0,
+            };
+        }
+        threads.push(thread.queue(10));
+    }
+    for promise in &request.promised {
+        let thread = Thread::new("promised", promise.policy.clone())
+            .on(promise.cpu)
+            .released(Releases::At(vec![0]));
+        threads.push(thread.runs(1_000_000 * MS));
+    }
+    if let Some(executor) = &plan.executor {
+        let thread = Thread::new("executor", executor.policy.clone()).on(executor.cpu);
+        threads.push(thread.released(Releases::At(vec![0])).runs(1_000_000 * MS));
+    }
+    System {
+        cpus: request.machine.cpus.len(),
+        locks: 0,
+        platform: overheads.platform(),
+        threads,
+    }
+}
+
+#[derive(Debug, Default)]
+struct Tally {
+    admitted: u64,
+    refused: u64,
+    suggestions: u64,
+    jobs: u64,
+    close: u64,
+}
+
+fn check(seed: u64, tally: &mut Tally) {
+    let r = &mut Random::new(seed);
+    let request = random_request(r);
+    let found = plan(&request);
+    assert_eq!(found, plan(&request), "seed {seed}: two answers");
+    match found {
+        Ok(admitted) => {
+            tally.admitted += 1;
+            let system = system(&request, &admitted, r);
+            let options = Options::until(600 * MS).seed(seed);
+            let outcome = simulate(&system, &options).unwrap();
+            for (thread, done) in system.threads.iter().zip(&outcome.threads) {
+                assert_eq!(
+                    done.misses,
+                    0,
+                    "seed {seed}: {} took {:?}\n{request:#?}\n{admitted:#?}",
+                    thread.name,
+                    done.worst()
+                );
+                tally.jobs += done.completed;
+                let worst = done.worst().unwrap_or(0);
+                tally.close += u64::from(thread.deadline.is_some_and(|d| worst * 2 > d));
+            }
+            if request.machine.cpus.len() == 1 {
+                asking_for_less(seed, &request, r);
+            }
+        }
+        Err(refusal) => {
+            tally.refused += 1;
+            assert!(!refusal.sentence.contains('\n') && refusal.sentence.len() < 400);
+            for fit in &refusal.fits {
+                tally.suggestions += 1;
+                if let Err(again) = plan(&fit.apply(&request)) {
+                    panic!("seed {seed}: {refusal}\n{fit:?}\n{again}\n{request:#?}");
+                }
+            }
+        }
+    }
+}
+
+/// On one CPU: without one of the workers, or with less for it, the rest is admitted as well.
+fn asking_for_less(seed: u64, request: &Request, r: &mut Random) {
+    let index = r.up_to(request.workers.len() as u64 - 1) as usize;
+    let mut fewer = request.clone();
+    fewer.workers.remove(index);
+    assert!(
+        plan(&fewer).is_ok(),
+        "seed {seed}: refused without worker {index}"
+    );
+    let mut less = request.clone();
+    let Wish::Guarantee(guarantee) = &mut less.workers[index].wish else {
+        return;
+    };
+    let amount = Duration::from_nanos((guarantee.minimum() / 2).max(1));
+    let period = Duration::from_nanos(guarantee.period());
+    let deadline = Duration::from_nanos(guarantee.due_within());
+    let rate = guarantee.is_rate();
+    let smaller = if rate {
+        Guarantee::at(1e9 / guarantee.period() as f64).taking(amount)
+    } else {
+        Guarantee::of(amount).every(period)
+    };
+    *guarantee = smaller.deadline(deadline);
+    if let Err(refusal) = plan(&less) {
+        panic!("seed {seed}: less is refused: {refusal}\n{request:#?}");
+    }
+}
+
+#[test]
+fn what_is_admitted_holds_and_what_is_suggested_is_admitted() {
+    let from_env = |name: &str| std::env::var(name).ok().and_then(|v| v.parse::<u64>().ok());
+    let sets = from_env("REPLENISH_SETS").unwrap_or(3_000);
+    let first = from_env("REPLENISH_SEED").unwrap_or(0);
+    let mut tally = Tally::default();
+    for seed in first..first + sets {
+        check(seed, &mut tally);
+    }
+    println!("{sets} sets: {tally:?}");
+    // The comparison means something.
+    assert!(tally.admitted * 5 > sets && tally.refused * 10 > sets);
+    assert!(tally.suggestions > tally.refused && tally.close * 4 > tally.admitted);
+}
