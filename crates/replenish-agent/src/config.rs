@@ -19,6 +19,10 @@ pub struct AgentConfig {
     /// Loopback unless told otherwise: XRCE knows no authentication, so that whoever reaches
     /// this address can read and write every topic.
     pub addr: SocketAddr,
+    /// Where else to listen for UDP; at most 15 addresses.
+    pub more_udp: Vec<SocketAddr>,
+    /// Do not listen for UDP at all; `addr` and `more_udp` do not matter then.
+    pub without_udp: bool,
     /// Where to listen for TCP, too.
     pub tcp: Option<SocketAddr>,
     /// Serial lines to serve; at most 64.
@@ -69,6 +73,7 @@ impl AgentConfig {
     /// The first thing that is not.
     pub fn validate(&self) -> Result<(), ConfigError> {
         self.limits.validate()?;
+        crate::limits::within("more_udp.length", self.more_udp.len(), 0..=15)?;
         crate::limits::within("serial.length", self.serial.len(), 0..=64)?;
         self.serial.iter().try_for_each(SerialConfig::validate)?;
         crate::limits::within("rules.length", self.rules.len(), 0..=256)?;
@@ -81,6 +86,8 @@ impl Default for AgentConfig {
     fn default() -> Self {
         Self {
             addr: (Ipv4Addr::LOCALHOST, 8888).into(),
+            more_udp: Vec::new(),
+            without_udp: false,
             tcp: None,
             serial: Vec::new(),
             limits: Limits::default(),

@@ -61,10 +61,18 @@ impl Agent {
         })
     }
 
-    /// Where it listens for UDP, with the port that the operating system chose if 0 was asked for.
+    /// Where it listens for UDP, with the port that the operating system chose if 0 was asked for:
+    /// the first address, [`AgentConfig::addr`]. `0.0.0.0:0` if it does not listen for UDP.
     #[must_use]
     pub fn local_addr(&self) -> SocketAddr {
-        self.ports.local_addr()
+        let first = self.ports.udp_addrs().next();
+        first.unwrap_or_else(|| (std::net::Ipv4Addr::UNSPECIFIED, 0).into())
+    }
+
+    /// All addresses at which it listens for UDP.
+    #[must_use]
+    pub fn udp_addrs(&self) -> Vec<SocketAddr> {
+        self.ports.udp_addrs().collect()
     }
 
     /// Where it listens for TCP, if it does.
@@ -97,7 +105,7 @@ impl Agent {
             for found in ready.drain(..) {
                 match found {
                     Ready::Wake => drop(wake.clear()),
-                    Ready::Udp => ports.receive_udp(core, now, send_all)?,
+                    Ready::Udp(at) => ports.receive_udp(at, core, now, send_all)?,
                     Ready::Listener => ports.accept(core, now().monotonic),
                     Ready::Read(at) => ports.read(at, core, now()),
                     Ready::Write(at) => ports.write(at, core),

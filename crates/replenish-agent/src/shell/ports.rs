@@ -23,7 +23,7 @@ const BATCH: usize = 32;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ready {
     Wake,
-    Udp,
+    Udp(usize),
     Listener,
     Read(usize),
     Write(usize),
@@ -32,7 +32,7 @@ pub(super) enum Ready {
 /// All ports. Links are numbered: serial lines first, as in the configuration, then connections.
 #[derive(Debug)]
 pub(super) struct Ports {
-    udp: UdpPort,
+    udp: Vec<UdpPort>,
     listener: Option<TcpListener>,
     tcp_addr: Option<SocketAddr>,
     /// Connections could not be taken; nobody listens until the next upkeep.
@@ -48,7 +48,11 @@ pub(super) struct Ports {
 
 impl Ports {
     pub(super) fn open(config: &AgentConfig, now: Nanos) -> Result<Self, AgentError> {
-        let udp = UdpPort::bind(config.addr)?;
+        let addresses = std::iter::once(&config.addr).chain(&config.more_udp);
+        let addresses = addresses.filter(|_| !config.without_udp);
+        let udp = addresses
+            .map(|addr| UdpPort::bind(*addr))
+            .collect::<Result<_, _>>()?;
         let listen = |addr| {
             let error = |error| AgentError::new("listen at", addr, error);
             let listener = TcpListener::bind(addr).map_err(error)?;
@@ -80,8 +84,9 @@ impl Ports {
         })
     }
 
-    pub(super) fn local_addr(&self) -> SocketAddr {
-        self.udp.local_addr()
+    /// Where it listens for UDP.
+    pub(super) fn udp_addrs(&self) -> impl Iterator<Item = SocketAddr> {
+        self.udp.iter().map(UdpPort::local_addr)
     }
 
     pub(super) fn tcp_addr(&self) -> Option<SocketAddr> {
@@ -102,12 +107,14 @@ impl Ports {
     ) -> std::io::Result<()> {
         let upkeep = (self.has_links() || self.deaf).then_some(self.upkeep_at);
         let deadline = deadline.into_iter().chain(upkeep).min();
-        let mut fds = Vec::with_capacity(3 + 2 * self.links.len());
+        let mut fds = Vec::with_capacity(2 + self.udp.len() + 2 * self.links.len());
         ready.clear();
         fds.push(PollFd::readable(wake));
         ready.push(Ready::Wake);
-        fds.push(PollFd::readable(&self.udp));
-        ready.push(Ready::Udp);
+        for (at, udp) in self.udp.iter().enumerate() {
+            fds.push(PollFd::readable(udp));
+            ready.push(Ready::Udp(at));
+        }
         if let Some(listener) = self.listener.as_ref().filter(|_| !self.deaf) {
             fds.push(PollFd::readable(listener));
             ready.push(Ready::Listener);
@@ -132,16 +139,20 @@ impl Ports {
     /// Takes what has come over UDP; `after` is called after each datagram.
     pub(super) fn receive_udp(
         &mut self,
+        port: usize,
         core: &mut AgentCore<Peer>,
         clock: impl Fn() -> Now,
         mut after: impl FnMut(&mut Self, &mut AgentCore<Peer>),
     ) -> Result<(), AgentError> {
         for _ in 0..BATCH {
-            match self.udp.receive()? {
+            let Some(udp) = self.udp.get_mut(port) else {
+                return Ok(());
+            };
+            match udp.receive()? {
                 Arrival::Nothing => return Ok(()),
                 Arrival::Void => {}
-                Arrival::Datagram(from, bytes) => {
-                    core.receive(clock(), Peer::Udp(from), bytes);
+                Arrival::Datagram(addr, bytes) => {
+                    core.receive(clock(), Peer::Udp { port, addr }, bytes);
                     after(self, core);
                 }
             }
@@ -208,8 +219,9 @@ impl Ports {
 
     /// Sends a datagram; returns whether it was taken.
     pub(super) fn send(&mut self, to: &Peer, bytes: &[u8]) -> bool {
-        if let Peer::Udp(addr) = to {
-            return self.udp.send(*addr, bytes);
+        if let Peer::Udp { port, addr } = to {
+            let udp = self.udp.get(*port);
+            return udp.is_some_and(|udp| udp.send(*addr, bytes));
         }
         let link = self.links.iter_mut().flatten().find(|l| l.leads_to(to));
         link.is_some_and(|link| link.send(to, bytes))

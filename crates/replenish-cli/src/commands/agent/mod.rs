@@ -1,5 +1,7 @@
 //! `replenish agent`: the agent alone.
 
+mod options;
+
 use crate::load::spec::SUPPORT_PRIORITY;
 use crate::machine::cpus;
 use crate::machine::fifo_or_other;
@@ -12,7 +14,6 @@ use crate::report::files;
 use crate::signals::Stop;
 use replenish_agent::{Agent, AgentConfig, AgentError, Stats, StopHandle};
 use replenish_os::{Policy, Thread, ThreadSpec, spawn};
-use std::net::SocketAddr;
 
 /// How the agent's thread is called.
 const THREAD: &str = "xrce-agent";
@@ -20,10 +21,14 @@ const THREAD: &str = "xrce-agent";
 /// Options of `agent`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Where to listen; 0.0.0.0:8888 for clients on other hosts, port 0 for any free one. XRCE
-    /// knows no authentication: whoever reaches the address can read and write every topic
-    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8888")]
-    listen: SocketAddr,
+    #[command(flatten)]
+    transports: options::Transports,
+
+    #[command(flatten)]
+    bounds: options::Bounds,
+
+    #[command(flatten)]
+    service: options::Service,
 
     /// The CPU of its thread
     #[arg(long, value_name = "CPU")]
@@ -41,12 +46,11 @@ pub(crate) fn run(args: &Args) -> Outcome {
     cpus::check("--cpu", args.cpu)?;
     files::check_writable(args.json.json.as_deref())?;
     let stop = Stop::on_signals()?;
-    let config = AgentConfig {
-        addr: args.listen,
-        ..AgentConfig::default()
-    };
+    let config = options::config(&args.transports, &args.bounds, &args.service)?;
     let agent = Agent::bind(&config).map_err(Failure::refused)?;
     let address = agent.local_addr();
+    let places = places(&agent, &config);
+    warn_of_strangers(&agent);
     // Under the orchestrator it must not wait for other programs of a busy machine.
     let policy = if args.supervised {
         fifo_or_other(SUPPORT_PRIORITY)
@@ -65,7 +69,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
             threads: vec![row],
         }));
     } else {
-        println!("agent listening at {address} (UDP); end it with SIGINT or SIGTERM");
+        println!("agent listening at {places}; end it with SIGINT or SIGTERM");
     }
     stop.wait_forever();
     handle.stop();
@@ -94,6 +98,31 @@ pub(crate) fn run(args: &Args) -> Outcome {
         "retransmitted": stats.retransmitted,
     });
     files::write_json(args.json.json.as_deref(), &json)
+}
+
+/// Everything it listens at, for people.
+fn places(agent: &Agent, config: &AgentConfig) -> String {
+    let udp = agent
+        .udp_addrs()
+        .into_iter()
+        .map(|at| format!("{at} (UDP)"));
+    let tcp = agent.tcp_addr().map(|at| format!("{at} (TCP)"));
+    let serial = config
+        .serial
+        .iter()
+        .map(|line| format!("{} ({} baud)", line.path.display(), line.baud));
+    udp.chain(tcp).chain(serial).collect::<Vec<_>>().join(", ")
+}
+
+/// Says so when other hosts can reach it.
+fn warn_of_strangers(agent: &Agent) {
+    let addresses = agent.udp_addrs().into_iter().chain(agent.tcp_addr());
+    for address in addresses.filter(|address| !address.ip().is_loopback()) {
+        eprintln!(
+            "note: {address} can be reached from other hosts, and XRCE knows no authentication: \
+             whoever reaches it can read and write every topic"
+        );
+    }
 }
 
 /// The agent on a thread of its own; a socket that fails ends the command.
