@@ -135,6 +135,14 @@ fn sweep_with_odd_values() {
             (get("high_answered") - get("expected_high")).abs() <= windows,
             "{point:#}"
         );
+        for topic in ["high", "low"] {
+            let measured = get(&format!("{topic}_answered"));
+            let simulated = get(&format!("simulated_{topic}_answered"));
+            assert!(
+                (measured - simulated).abs() <= windows,
+                "{topic}: {point:#}"
+            );
+        }
         assert!(
             (get("high_cpu_percent") - budget / 0.9).abs() < 1.0,
             "{point:#}"

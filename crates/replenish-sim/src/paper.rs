@@ -21,14 +21,20 @@ const LOW: u8 = 50;
 pub struct Point {
     /// The high worker's budget, period and background priority; `None`: FIFO.
     pub reservation: Option<(Nanos, Nanos, u8)>,
-    /// What an answer takes of the CPU, the dispatcher's part included.
-    pub burst: Nanos,
-    /// The dispatcher's part of it.
+    /// What the dispatcher consumes for a message.
     pub dispatch: Nanos,
-    /// The part of a low answer that is slept instead, in percent (experiment 2).
-    pub low_sleep_percent: u8,
+    /// What the high worker consumes for an answer.
+    pub high: Nanos,
+    /// What the low worker consumes for an answer.
+    pub low: Nanos,
+    /// How long the low worker sleeps in each answer, after that (experiment 2).
+    pub low_sleep: Nanos,
     /// Time between two messages of a topic.
     pub interval: Nanos,
+    /// From the start of the window to the arrival of the first messages.
+    pub arrival: Nanos,
+    /// How much later than that a message may come, at most.
+    pub jitter: Nanos,
     /// For how long load is offered; answers count that are complete by then.
     pub window: Nanos,
     /// Costs and delays of the machine.
@@ -41,30 +47,35 @@ impl Point {
         const MS: Nanos = 1_000_000;
         Self {
             reservation: Some((budget, 100 * MS, 6)),
-            burst: 10 * MS,
             dispatch: 0,
-            low_sleep_percent: 0,
+            high: 10 * MS,
+            low: 10 * MS,
+            low_sleep: 0,
             interval: 10 * MS,
+            arrival: 0,
+            jitter: 0,
             window: 400 * MS,
             platform: Platform::IDEAL,
         }
     }
 
-    /// Experiment 2: 30 of 100 ms, and the low callback sleeps.
-    pub const fn experiment_2(low_sleep_percent: u8) -> Self {
+    /// Experiment 2: 30 of 100 ms, and the low callback sleeps for a part of its 10 ms, in percent
+    /// up to 100.
+    pub fn experiment_2(low_sleep_percent: u8) -> Self {
         const MS: Nanos = 1_000_000;
         let mut point = Self::experiment_1(30 * MS);
         point.reservation = Some((30 * MS, 100 * MS, 10));
-        point.low_sleep_percent = low_sleep_percent;
+        point.low_sleep = point.low * Nanos::from(low_sleep_percent.min(100)) / 100;
+        point.low -= point.low_sleep;
         point
     }
 
-    /// Simulates one window, with full budgets at its start.
+    /// Simulates one window, with full budgets at its start; `seed` is for the jitter.
     ///
     /// # Errors
     /// A field is out of its range, by name.
-    pub fn run(&self) -> Result<Counts, SimError> {
-        let outcome = simulate(&self.system()?, &Options::until(self.window))?;
+    pub fn run(&self, seed: u64) -> Result<Counts, SimError> {
+        let outcome = simulate(&self.system()?, &Options::until(self.window).seed(seed))?;
         let [_, _, high, low] = &outcome.threads[..] else {
             return Ok(Counts::default());
         };
@@ -80,15 +91,11 @@ impl Point {
     /// The system: a dispatcher per topic, the high and the low worker.
     ///
     /// # Errors
-    /// The budget is not one, or `low_sleep_percent` is above 100.
+    /// The budget is not one.
     pub fn system(&self) -> Result<System, SimError> {
         let wrong = |message: String| crate::SpecError {
             thread: None,
             message,
-        };
-        let Some(busy_percent) = 100u8.checked_sub(self.low_sleep_percent) else {
-            let percent = self.low_sleep_percent;
-            return Err(wrong(format!("low_sleep_percent {percent}: allowed 0 to 100")).into());
         };
         let policy = match self.reservation {
             None => Policy::Fifo { priority: HIGH },
@@ -106,16 +113,18 @@ impl Point {
                     priority: DISPATCHER,
                 },
             )
-            .released(Releases::periodic(self.interval))
+            .released(Releases::Periodic {
+                offset: self.arrival,
+                period: self.interval,
+                jitter: self.jitter,
+            })
             .runs(self.dispatch)
             .then(Step::Send(worker))
             .queue(messages)
         };
-        let net = self.burst.saturating_sub(self.dispatch);
-        let busy = net * Nanos::from(busy_percent) / 100;
         let low = Thread::new("low", Policy::Fifo { priority: LOW })
-            .runs(busy)
-            .then(Step::Block(Span::Constant(net - busy)))
+            .runs(self.low)
+            .then(Step::Block(Span::Constant(self.low_sleep)))
             .queue(messages);
         Ok(System {
             cpus: 1,
@@ -124,7 +133,7 @@ impl Point {
             threads: vec![
                 dispatcher("dispatch high", 2),
                 dispatcher("dispatch low", 3),
-                Thread::new("high", policy).runs(net).queue(messages),
+                Thread::new("high", policy).runs(self.high).queue(messages),
                 low,
             ],
         })

@@ -50,6 +50,8 @@ enum Experiment {
     BudgetSweep(experiment::budget_sweep::Args),
     /// Experiment 2: the low worker sleeps; the high one uses what is left in the background
     WorkConserving(experiment::work_conserving::Args),
+    /// The paper's open question: its measurements on NuttX, replayed with and without two bugs
+    NuttxHistory(experiment::nuttx_history::Args),
 }
 
 #[derive(Debug, Subcommand)]
@@ -70,6 +72,9 @@ impl Cli {
             }
             Command::Experiment(Experiment::WorkConserving(args)) => {
                 experiment::work_conserving::run(&args)
+            }
+            Command::Experiment(Experiment::NuttxHistory(args)) => {
+                experiment::nuttx_history::run(&args)
             }
             Command::Doctor(args) => doctor::run(&args),
             Command::Bench(Bench::Enforcement(args)) => bench_enforcement::run(&args),

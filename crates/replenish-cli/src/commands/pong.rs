@@ -11,6 +11,7 @@ use crate::report::files;
 use crate::report::table::Table;
 use crate::signals::Stop;
 use std::net::SocketAddr;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
@@ -81,6 +82,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     }
     let config = config(args);
     let pong = pong::start(&config, &grid, args.supervised)?;
+    let topics = [Arc::clone(&pong.high), Arc::clone(&pong.low)];
     let report = if args.supervised {
         supervised::emit(&Event::Ready(pong.ready()));
         pong::watch(pong, &config, &grid, &stop)?
@@ -101,7 +103,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         }
         pong.running.stop()
     };
-    let end = pong::end(&report);
+    let end = pong::end(&report, &topics);
     if args.supervised {
         supervised::emit(&Event::PongEnd(end));
         return Ok(());

@@ -137,6 +137,11 @@ pub(crate) fn window_of(number: i32) -> Option<u64> {
     u64::try_from(number).ok().map(|n| n / PER_WINDOW)
 }
 
+/// The place in its window that a message number names.
+pub(crate) fn place_of(number: i32) -> u64 {
+    u64::try_from(number).map_or(0, |n| n % PER_WINDOW)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -209,6 +214,7 @@ mod tests {
     #[test]
     fn numbers_name_their_window() {
         assert_eq!(window_of(number(17, 39)), Some(17));
+        assert_eq!(place_of(number(17, 39)), 39);
         assert_eq!(window_of(-1), None);
         assert!(number(u64::MAX, 5) >= 0);
     }

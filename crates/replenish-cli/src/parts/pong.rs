@@ -11,7 +11,8 @@ use super::tape::Tape;
 use super::{link, threads};
 use crate::load::Nanos;
 use crate::load::burn::burn;
-use crate::load::grid::{Place, window_of};
+use crate::load::grid::{Place, place_of, window_of};
+use crate::load::simulated::Costs;
 use crate::load::spec::{
     DISPATCHER_PRIORITY, ENFORCER_PRIORITY, HIGH_PRIORITY, High, LOW_PRIORITY, MAX_REPL, Spec,
 };
@@ -46,6 +47,12 @@ pub(crate) struct Config {
 pub(crate) struct Topic {
     /// Answers published.
     pub answered: AtomicU64,
+    /// CPU time that callbacks were asked to consume, in ns.
+    pub burnt: AtomicU64,
+    /// The least time from the sending of a message to its callback, in ns.
+    pub arrival: AtomicU64,
+    /// The least lateness of a wake-up from a callback's sleep, in ns.
+    pub wake_up: AtomicU64,
     /// When the worker had the CPU.
     pub tape: PiMutex<Tape>,
 }
@@ -54,6 +61,9 @@ impl Topic {
     fn new() -> Arc<Self> {
         Arc::new(Self {
             answered: AtomicU64::new(0),
+            burnt: AtomicU64::new(0),
+            arrival: AtomicU64::new(Nanos::MAX),
+            wake_up: AtomicU64::new(Nanos::MAX),
             tape: PiMutex::new(Tape::new()),
         })
     }
@@ -204,16 +214,23 @@ impl Answer {
             return Ok(());
         };
         let tape = &mut self.tape;
+        let before = clock::thread_cpu();
         let done = burn(self.cpu, end, |now| tape.ran(now));
+        let burnt = clock::thread_cpu().saturating_sub(before);
+        self.topic.burnt.fetch_add(burnt, Ordering::Relaxed);
         self.topic.tape.lock().clone_from(&self.tape);
         if !done || cx.is_stopping() {
             return Ok(());
         }
         if self.sleep > 0 {
-            clock::sleep_until(clock::monotonic().saturating_add(self.sleep).min(end));
-            if clock::monotonic() >= end {
+            let due = clock::monotonic().saturating_add(self.sleep).min(end);
+            clock::sleep_until(due);
+            let now = clock::monotonic();
+            if now >= end {
                 return Ok(());
             }
+            let late = now.saturating_sub(due);
+            self.topic.wake_up.fetch_min(late, Ordering::Relaxed);
         }
         self.pong.publish(ping)?;
         self.topic.answered.fetch_add(1, Ordering::Relaxed);
@@ -225,10 +242,19 @@ impl Answer {
         let Some(grid) = self.grid.get() else {
             return Some(Nanos::MAX);
         };
-        match grid.locate(clock::monotonic()) {
+        let now = clock::monotonic();
+        match grid.locate(now) {
             Place::Outside => None,
             Place::Window { end, .. } if grid.is_continuous() => Some(end),
-            Place::Window { index, end } => (window_of(number) == Some(index)).then_some(end),
+            Place::Window { index, end } => {
+                if window_of(number) != Some(index) {
+                    return None;
+                }
+                let sent = grid.release(index, place_of(number));
+                let took = now.saturating_sub(sent);
+                self.topic.arrival.fetch_min(took, Ordering::Relaxed);
+                Some(end)
+            }
         }
     }
 }
@@ -287,8 +313,35 @@ pub(crate) fn watch(
     Ok(pong.running.stop())
 }
 
-/// The last words of pong.
-pub(crate) fn end(report: &Report) -> PongEnd {
+/// What a message and an answer cost on average, over the whole life of pong.
+fn costs(report: &Report, [high, low]: &[Arc<Topic>; 2]) -> Costs {
+    let used = |name: &str| {
+        let thread = report.thread(name);
+        thread.map_or(0, |t| t.usage.cpu_high.saturating_add(t.usage.cpu_low))
+    };
+    let answer = |name: &str, topic: &Topic| {
+        let of_worker = report.handles.iter().filter(|h| h.worker == name);
+        let callbacks: u64 = of_worker.map(|h| h.stats.executed).sum();
+        let rest = used(name).saturating_sub(topic.burnt.load(Ordering::Relaxed));
+        rest.checked_div(callbacks).unwrap_or(0)
+    };
+    let least = |seen: &AtomicU64| match seen.load(Ordering::Relaxed) {
+        Nanos::MAX => 0, // never seen
+        least => least,
+    };
+    let enforcers: Nanos = report.enforcers.iter().map(|e| e.cpu).sum();
+    let support = used("dispatcher").saturating_add(enforcers);
+    Costs {
+        dispatch: support.checked_div(report.dispatcher.samples).unwrap_or(0),
+        high: answer("high", high),
+        low: answer("low", low),
+        arrival: least(&high.arrival),
+        wake_up: least(&low.wake_up),
+    }
+}
+
+/// The last words of pong about its topics high and low.
+pub(crate) fn end(report: &Report, topics: &[Arc<Topic>; 2]) -> PongEnd {
     let us = |ns: i64| ns as f64 / 1e3;
     let overruns = report
         .threads
@@ -303,6 +356,7 @@ pub(crate) fn end(report: &Report) -> PongEnd {
             stall_count: o.stalls,
             stalls: o.worst_stall.map(|s| us(s.overrun)).into_iter().collect(),
         }),
+        costs: costs(report, topics),
         dropped: report
             .handles
             .iter()

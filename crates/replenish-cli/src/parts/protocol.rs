@@ -8,6 +8,7 @@
 //! End of file doubles as the dead man's handle: if the orchestrator dies, its children stop.
 
 use crate::load::Nanos;
+use crate::load::simulated::Costs;
 
 /// What a part reports.
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
@@ -127,6 +128,9 @@ pub(crate) struct PingWindow {
 pub(crate) struct PongEnd {
     /// CPU time beyond the budget at the high priority, per exhaustion.
     pub overrun_us: Overrun,
+    /// What messages and answers cost besides the work of the callbacks.
+    #[serde(default)]
+    pub costs: Costs,
     /// Samples that slots dropped because newer ones came.
     pub dropped: u64,
     /// Workers that did not end when told to, by name.

@@ -21,6 +21,8 @@ pub(crate) enum Style {
     Measured,
     /// Theory: a dashed line.
     Theory,
+    /// Simulated: rings, without a line.
+    Simulated,
     /// Measured, for comparison: a thin line without marks.
     Reference,
 }
@@ -94,8 +96,10 @@ impl Figure {
             .light_line_style(TRANSPARENT)
             .draw()?;
         // Theory last: where both agree, its dashes are still to be seen on the measured line.
-        let (theory, measured): (Vec<_>, Vec<_>) =
-            self.series.iter().partition(|s| s.style == Style::Theory);
+        let (theory, measured): (Vec<_>, Vec<_>) = self
+            .series
+            .iter()
+            .partition(|s| matches!(s.style, Style::Theory | Style::Simulated));
         for s in measured.into_iter().chain(theory) {
             let color = s.color;
             let points = s.points.iter().copied();
@@ -118,6 +122,16 @@ impl Figure {
                         let dash = |from, to| PathElement::new([(from, 0), (to, 0)], line);
                         EmptyElement::at((x, y)) + dash(0, 6) + dash(10, 16)
                     });
+                }
+                Style::Simulated => {
+                    let ring = move |at| Circle::new(at, 8, color.stroke_width(1));
+                    let drawn = chart
+                        .draw_series(points.map(|at| Circle::new(at, 8, color.stroke_width(1))))?;
+                    if !s.label.is_empty() {
+                        drawn
+                            .label(s.label.as_str())
+                            .legend(move |(x, y)| ring((x + 11, y)));
+                    }
                 }
                 Style::Reference => {
                     let thin = color.mix(0.55).stroke_width(1);

@@ -62,6 +62,11 @@ pub(crate) fn is_number(cell: &str) -> bool {
     cell == "-" || first.is_some_and(|c| c.is_ascii_digit())
 }
 
+/// A count, or a dash where there is none.
+pub(crate) fn count(n: Option<u64>) -> String {
+    n.map_or_else(|| "-".to_string(), |n| n.to_string())
+}
+
 /// A percentage for people: `30.00 %`.
 pub(crate) fn percent(x: f64) -> String {
     format!("{x:.2} %")

@@ -3,6 +3,7 @@
 use super::windows::Window;
 use crate::load::Nanos;
 use crate::load::grid::Grid;
+use crate::load::simulated::Prediction;
 use crate::load::spec::{High, Spec};
 use crate::load::theory::{self, Theory};
 use crate::parts::protocol::WorkerWindow;
@@ -18,6 +19,8 @@ pub(crate) struct Topic {
     pub published: u64,
     /// Answers that theory expects: whole bursts that fit, per window.
     pub expected: u64,
+    /// Answers that the simulator gives for these windows; absent for continuous load.
+    pub simulated: Option<u64>,
     /// CPU time in percent of the windows.
     pub cpu_percent: f64,
     /// The part of it at the worker's own priority.
@@ -48,6 +51,10 @@ pub(crate) struct Summary {
     pub window_ms: f64,
     /// CPU time of dispatcher and enforcer, in percent of the windows.
     pub support_cpu_percent: f64,
+    /// What the simulator gives for one window; absent for continuous load.
+    pub simulated_per_window: Option<Prediction>,
+    /// How far the measured answers of one topic in one window are from it, at worst.
+    pub simulated_worst_difference: Option<u64>,
     /// What neither worker nor dispatcher nor enforcer used, in percent of the windows.
     pub unused_cpu_percent: f64,
     /// Each window that counts, in order.
@@ -71,6 +78,21 @@ pub(crate) struct PerWindow {
     pub low_answered: u64,
     /// Times the budget ran out.
     pub exhaustions: u64,
+}
+
+impl Summary {
+    /// Adds what the simulator says about one window.
+    pub(crate) fn simulated(mut self, prediction: &Prediction) -> Self {
+        self.high.simulated = Some(self.windows * prediction.high.median);
+        self.low.simulated = Some(self.windows * prediction.low.median);
+        let differences = self.per_window.iter().map(|w| {
+            let high = prediction.high.distance(w.high_answered);
+            high.max(prediction.low.distance(w.low_answered))
+        });
+        self.simulated_worst_difference = Some(differences.max().unwrap_or(0));
+        self.simulated_per_window = Some(*prediction);
+        self
+    }
 }
 
 impl PerWindow {
@@ -132,6 +154,8 @@ pub(crate) fn summarise(spec: &Spec, grid: &Grid, windows: &[Window], repeated: 
         windows: windows.len() as u64,
         windows_repeated: repeated,
         window_ms: as_f64(grid.window) / 1e6,
+        simulated_worst_difference: None,
+        simulated_per_window: None,
         per_window: windows.iter().map(|w| PerWindow::of(w, grid)).collect(),
         support_cpu_percent: percent(support),
         unused_cpu_percent: round((100.0 - as_f64(used) * 100.0 / time.max(1.0)).max(0.0)),
@@ -178,6 +202,7 @@ impl Total {
             answered: self.received,
             published: self.published,
             expected: self.expected,
+            simulated: None,
             cpu_percent: percent(self.cpu()),
             high_priority_cpu_percent: percent(self.cpu_high),
             background_cpu_percent: percent(self.cpu_low),
@@ -204,6 +229,7 @@ pub(crate) fn as_f64(t: Nanos) -> f64 {
 mod tests {
     use super::*;
     use crate::load::MS;
+    use crate::load::simulated::Answers;
     use crate::parts::protocol::{PingWindow, PongWindow};
 
     fn window(high_ms: u64, low_ms: u64) -> Window {
@@ -245,6 +271,26 @@ mod tests {
         assert_eq!(s.support_cpu_percent, 0.5);
         assert_eq!(s.unused_cpu_percent, 0.25);
         assert_eq!((s.windows, s.windows_repeated), (2, 1));
+    }
+
+    #[test]
+    fn the_simulators_counts_are_compared_window_by_window() {
+        let spec = Spec::paper(30 * MS, 100 * MS);
+        let grid = Grid::windowed(0, spec.period, spec.interval);
+        let answers = |median, min| Answers {
+            median,
+            min,
+            max: median,
+        };
+        let prediction = Prediction {
+            high: answers(12, 12),
+            low: answers(28, 27),
+        };
+        let mut far = window(120, 276);
+        far.ping.received_low = 25;
+        let s = summarise(&spec, &grid, &[window(120, 276), far], 0).simulated(&prediction);
+        assert_eq!((s.high.simulated, s.low.simulated), (Some(24), Some(56)));
+        assert_eq!(s.simulated_worst_difference, Some(2));
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::child::{Child, News};
 use super::summary::{Summary, summarise};
 use super::windows::{Collector, Window};
 use crate::load::grid::Grid;
+use crate::load::simulated;
 use crate::load::spec::{High, Spec};
 use crate::load::theory;
 use crate::load::{MS, Nanos};
@@ -135,13 +136,18 @@ pub(crate) fn run(
     }
     let repeated = collector.repeated();
     let windows = collector.counted().to_vec();
+    let end = inbox.end.take().unwrap_or_default();
+    let mut summary = summarise(&plan.spec, &grid, &windows, repeated);
+    if !grid.is_continuous() {
+        summary = summary.simulated(&simulated::per_window(&plan.spec, &grid, &end.costs)?);
+    }
     Ok(Run {
-        summary: summarise(&plan.spec, &grid, &windows, repeated),
+        summary,
         grid,
         windows,
         mode,
         threads: inbox.threads(),
-        end: inbox.end.unwrap_or_default(),
+        end,
         notes: inbox.notes,
     })
 }

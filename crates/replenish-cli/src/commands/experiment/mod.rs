@@ -1,6 +1,9 @@
-//! `replenish experiment …`: the paper's two experiments, and the files that they write.
+//! `replenish experiment …`: the paper's two experiments and its open question, and the files that
+//! they write.
 
 pub(super) mod budget_sweep;
+mod history_figure;
+pub(super) mod nuttx_history;
 mod sleep_report;
 mod sweep_report;
 pub(super) mod work_conserving;
@@ -49,11 +52,34 @@ fn warn(deferred: bool) {
     }
 }
 
-/// Writes the files that were asked for; `columns` are those of the CSV.
-fn write(to: &Files, columns: &[&str], json: &serde_json::Value, svg: &str, page: Page) -> Outcome {
+/// How well simulation and measurement agree, in one sentence: the largest differences of one topic
+/// in one window, and numbers of windows, of all points.
+fn agreement(points: impl Iterator<Item = (Option<u64>, u64)>) -> String {
+    let (mut windows, mut worst) = (0, 0);
+    for (difference, of) in points {
+        windows += of;
+        worst = worst.max(difference.unwrap_or(0));
+    }
+    let verdict = if worst <= 1 {
+        "agree within"
+    } else {
+        "DIFFER by up to"
+    };
+    let bursts = if worst <= 1 {
+        "1 answer".to_string()
+    } else {
+        format!("{worst} answers")
+    };
+    format!(
+        "Simulated and measured counts {verdict} {bursts} per window and topic ({windows} windows)."
+    )
+}
+
+/// Writes the files that were asked for.
+fn write(to: &Files, csv: &str, json: &serde_json::Value, svg: &str, page: Page) -> Outcome {
     files::write_json(to.json.json.as_deref(), json)?;
     if let Some(path) = &to.csv {
-        files::write(path, &csv(columns, json))?;
+        files::write(path, csv)?;
     }
     if let Some(path) = &to.svg {
         files::write(path, svg)?;

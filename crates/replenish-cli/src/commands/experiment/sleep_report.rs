@@ -1,15 +1,16 @@
 //! What Experiment 2 tells: table, JSON, CSV, the figure in the shape of the paper's, the page.
 
 use super::Files;
+use crate::load::simulated::{Costs, Prediction};
 use crate::outcome::Outcome;
 use crate::parts::protocol::Mode;
 use crate::report::figure::{Figure, HIGH, INK, LOW, Series, Style, THEORY};
 use crate::report::html::Page;
-use crate::report::table::{Table, percent};
+use crate::report::table::{Table, count, percent};
 use crate::run::triple::Run;
 
 /// The columns of the CSV: names of the JSON.
-const COLUMNS: [&str; 9] = [
+const COLUMNS: [&str; 13] = [
     "sleep_percent",
     "high_cpu_percent",
     "theory_percent",
@@ -17,6 +18,10 @@ const COLUMNS: [&str; 9] = [
     "background_cpu_percent",
     "high_answered",
     "expected_high",
+    "simulated_high_answered",
+    "low_answered",
+    "simulated_low_answered",
+    "simulated_worst_difference",
     "windows",
     "windows_repeated",
 ];
@@ -31,9 +36,18 @@ pub(crate) struct SleepPoint {
     high_answered: u64,
     low_answered: u64,
     expected_high: u64,
+    /// What the simulator gives for as many windows.
+    simulated_high_answered: Option<u64>,
+    simulated_low_answered: Option<u64>,
+    /// The same for one window, with the least and the most of several runs.
+    simulated_per_window: Option<Prediction>,
+    /// How far one topic in one window is from that, at worst.
+    simulated_worst_difference: Option<u64>,
     high_priority_cpu_percent: f64,
     background_cpu_percent: f64,
     windows: u64,
+    /// What the simulator was told about this machine, measured in this run.
+    simulated_with_ns: Costs,
     windows_repeated: u64,
     mode: Mode,
 }
@@ -50,15 +64,20 @@ impl SleepPoint {
             high_answered: s.high.answered,
             low_answered: s.low.answered,
             expected_high: s.high.expected,
+            simulated_high_answered: s.high.simulated,
+            simulated_low_answered: s.low.simulated,
+            simulated_per_window: s.simulated_per_window,
+            simulated_worst_difference: s.simulated_worst_difference,
             high_priority_cpu_percent: s.high.high_priority_cpu_percent,
             background_cpu_percent: s.high.background_cpu_percent,
+            simulated_with_ns: run.end.costs,
             windows: s.windows,
             windows_repeated: s.windows_repeated,
             mode: run.mode,
         }
     }
 
-    fn row(&self) -> [String; 8] {
+    fn row(&self) -> [String; 12] {
         [
             self.sleep_percent.to_string(),
             percent(self.high_cpu_percent),
@@ -67,6 +86,10 @@ impl SleepPoint {
             percent(self.background_cpu_percent),
             self.high_answered.to_string(),
             self.expected_high.to_string(),
+            count(self.simulated_high_answered),
+            self.low_answered.to_string(),
+            count(self.simulated_low_answered),
+            count(self.simulated_worst_difference),
             self.windows_repeated.to_string(),
         ]
     }
@@ -81,13 +104,23 @@ pub(super) fn sleep(to: &Files, points: &[SleepPoint]) -> Outcome {
         "at its priority",
         "in background",
         "high answered",
-        "high expected",
+        "theory",
+        "simulated",
+        "low answered",
+        "simulated",
+        "off per window",
         "repeated",
     ]);
     for p in points {
         table.row(p.row());
     }
     println!("{}", table.to_text());
+    let agreement = super::agreement(
+        points
+            .iter()
+            .map(|p| (p.simulated_worst_difference, p.windows)),
+    );
+    println!("{agreement}");
     super::warn(points.iter().any(|p| p.mode == Mode::Deferred));
 
     let json = serde_json::json!({
@@ -106,12 +139,13 @@ pub(super) fn sleep(to: &Files, points: &[SleepPoint]) -> Outcome {
          background when they are used up. The callback of topic low sleeps for a part of its \
          10 ms. Theory: high gets 30 % and all that low sleeps, 30 + 70 x percent.",
     );
+    page.answer(&agreement);
     page.figure(
         &svg,
         "CPU time of the high worker. Marks: measured. Dashed: theory.",
     );
     page.table(&table);
-    super::write(to, &COLUMNS, &json, &svg, page)
+    super::write(to, &super::csv(&COLUMNS, &json), &json, &svg, page)
 }
 
 fn figure(points: &[SleepPoint]) -> Figure {

@@ -1,21 +1,25 @@
 //! What Experiment 1 tells: table, JSON, CSV, the figure in the shape of the paper's, the page.
 
 use super::Files;
+use crate::load::simulated::{Costs, Prediction};
 use crate::outcome::Outcome;
 use crate::parts::protocol::{Mode, Overrun};
-use crate::report::figure::{Figure, HIGH, LOW, Series, Style, THEORY};
+use crate::report::figure::{Figure, HIGH, INK, LOW, Series, Style, THEORY};
 use crate::report::html::Page;
-use crate::report::table::{Table, percent, signed_percent};
+use crate::report::table::{Table, count, percent, signed_percent};
 use crate::run::summary::PerWindow;
 use crate::run::triple::Run;
 
 /// The columns of the CSV: names of the JSON.
-const COLUMNS: [&str; 12] = [
+const COLUMNS: [&str; 15] = [
     "budget_ms",
     "high_answered",
     "expected_high",
+    "simulated_high_answered",
     "low_answered",
     "expected_low",
+    "simulated_low_answered",
+    "simulated_worst_difference",
     "high_cpu_percent",
     "low_cpu_percent",
     "budget_percent",
@@ -36,6 +40,13 @@ pub(crate) struct SweepPoint {
     low_answered: u64,
     expected_high: u64,
     expected_low: u64,
+    /// What the simulator gives for as many windows.
+    simulated_high_answered: Option<u64>,
+    simulated_low_answered: Option<u64>,
+    /// The same for one window, with the least and the most of several runs.
+    simulated_per_window: Option<Prediction>,
+    /// How far one topic in one window is from that, at worst.
+    simulated_worst_difference: Option<u64>,
     budget_percent: Option<f64>,
     budget_error_percent: Option<f64>,
     high_priority_cpu_percent: f64,
@@ -43,6 +54,8 @@ pub(crate) struct SweepPoint {
     sent: u64,
     windows: u64,
     windows_repeated: u64,
+    /// What the simulator was told about this machine, measured in this run.
+    simulated_with_ns: Costs,
     overrun_us: Overrun,
     per_window: Vec<PerWindow>,
     mode: Mode,
@@ -60,11 +73,16 @@ impl SweepPoint {
             low_answered: s.low.answered,
             expected_high: s.high.expected,
             expected_low: s.low.expected,
+            simulated_high_answered: s.high.simulated,
+            simulated_low_answered: s.low.simulated,
+            simulated_per_window: s.simulated_per_window,
+            simulated_worst_difference: s.simulated_worst_difference,
             budget_percent: budget_ms.map(|b| b as f64 * 100.0 / period_ms as f64),
             budget_error_percent: s.high.budget_error_percent,
             high_priority_cpu_percent: s.high.high_priority_cpu_percent,
             background_cpu_percent: s.high.background_cpu_percent,
             sent: s.high.sent,
+            simulated_with_ns: run.end.costs,
             windows: s.windows,
             windows_repeated: s.windows_repeated,
             overrun_us: run.end.overrun_us.clone(),
@@ -73,14 +91,17 @@ impl SweepPoint {
         }
     }
 
-    fn row(&self) -> [String; 9] {
+    fn row(&self) -> [String; 12] {
         [
             self.budget_ms
                 .map_or_else(|| "FIFO/FIFO".to_string(), |b| b.to_string()),
             self.high_answered.to_string(),
             self.expected_high.to_string(),
+            count(self.simulated_high_answered),
             self.low_answered.to_string(),
             self.expected_low.to_string(),
+            count(self.simulated_low_answered),
+            count(self.simulated_worst_difference),
             percent(self.high_cpu_percent),
             percent(self.low_cpu_percent),
             self.budget_error_percent
@@ -100,9 +121,12 @@ pub(super) fn sweep(
     let mut table = Table::new(&[
         "budget ms",
         "high answered",
-        "high expected",
+        "theory",
+        "simulated",
         "low answered",
-        "low expected",
+        "theory",
+        "simulated",
+        "off per window",
         "high CPU",
         "low CPU",
         "budget error",
@@ -112,6 +136,13 @@ pub(super) fn sweep(
         table.row(p.row());
     }
     println!("{}", table.to_text());
+    let agreement = super::agreement(
+        points
+            .iter()
+            .chain(fifo)
+            .map(|p| (p.simulated_worst_difference, p.windows)),
+    );
+    println!("{agreement}");
     super::warn(points.iter().chain(fifo).any(|p| p.mode == Mode::Deferred));
 
     let json = serde_json::json!({
@@ -131,13 +162,14 @@ pub(super) fn sweep(
          low runs at a priority in between. Theory: high gets its budget, low gets the rest, so both \
          lines are straight. With two FIFO workers high takes everything."
     ));
+    page.answer(&agreement);
     page.figure(
         &svg,
-        "Answers that ping received. Marks: measured. Dashed: theory, whole answers per window of load; \
+        "Answers that ping received. Marks: measured. Rings: simulated, the same servers in virtual time. Dashed: theory, whole answers per window of load; \
          one less per window is normal for low, whose last answer the end of the window cuts off.",
     );
     page.table(&table);
-    super::write(to, &COLUMNS, &json, &svg, page)
+    super::write(to, &super::csv(&COLUMNS, &json), &json, &svg, page)
 }
 
 fn figure(period: u64, points: &[SweepPoint], fifo: Option<&SweepPoint>) -> Figure {
@@ -170,6 +202,18 @@ fn figure(period: u64, points: &[SweepPoint], fifo: Option<&SweepPoint>) -> Figu
         ),
         series("theory", THEORY, Style::Theory, line(|p| p.expected_high)),
         series("", THEORY, Style::Theory, line(|p| p.expected_low)),
+        series(
+            "simulated",
+            INK,
+            Style::Simulated,
+            line(|p| p.simulated_high_answered.unwrap_or(0)),
+        ),
+        series(
+            "",
+            INK,
+            Style::Simulated,
+            line(|p| p.simulated_low_answered.unwrap_or(0)),
+        ),
     ];
     if let Some(f) = fifo {
         let flat = |y: u64| vec![(0.0, y as f64), (period as f64, y as f64)];
