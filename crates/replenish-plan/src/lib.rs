@@ -12,6 +12,7 @@
 //! - [`plan`]: pure; the same request gives the same plan. Bounds come from
 //!   [`replenish_sim::analysis`].
 //! - [`Deployment`]: `replenish.toml`, which is also the simulator's input.
+//! - [`ledger`]: what programs on this host have reserved; the only part with I/O.
 //!
 //! ```
 //! use replenish_plan::{Guarantee, Machine, Request, Worker, plan};
@@ -33,6 +34,8 @@
 
 pub mod file;
 mod guarantee;
+#[cfg(unix)]
+pub mod ledger;
 mod machine;
 mod planner;
 mod request;

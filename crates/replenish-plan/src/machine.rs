@@ -97,6 +97,23 @@ impl Overheads {
         },
     };
 
+    /// The larger of both, field by field.
+    pub(crate) fn worst(&self, other: &Self) -> Self {
+        Self {
+            context_switch: self.context_switch.max(other.context_switch),
+            callback: self.callback.max(other.callback),
+            dispatch: self.dispatch.max(other.dispatch),
+            release_interrupt: self.release_interrupt.max(other.release_interrupt),
+            latency: self.latency.max(other.latency),
+            enforcement: self.enforcement.max(other.enforcement),
+            tuning: Tuning {
+                slack: self.tuning.slack.max(other.tuning.slack),
+                min_rearm: self.tuning.min_rearm.max(other.tuning.min_rearm),
+                max_backoff: self.tuning.max_backoff.max(other.tuning.max_backoff),
+            },
+        }
+    }
+
     /// For the analysis. `alone`: everything above a budgeted worker on this CPU has a budget held
     /// by the same enforcer, which then looks at the worker again as soon as the CPU is free;
     /// otherwise its check can be put off by [`Tuning::max_backoff`].

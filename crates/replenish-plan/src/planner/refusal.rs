@@ -141,10 +141,12 @@ fn reason(
         false => format!("on CPU {cpu}"),
     };
     let plan = placed.plans.get(at);
-    let share = plan.map_or(0.0, |p| p.share) * 100.0;
+    // Rounded up, so that it never looks like what is allowed.
+    let share = (plan.map_or(0.0, |p| p.share) * 1000.0).ceil() / 10.0;
     let most = problem.request.machine.real_time_share * 100.0;
     let Some(victim) = assign::whose(problem, placed, at, failure.victim) else {
-        return format!("{cpu} {share:.1} % would be reserved, {most:.0} % are allowed");
+        let others = others(problem, placed, at);
+        return format!("{cpu} {share:.1} % would be reserved{others}, {most:.0} % are allowed");
     };
     let who = match victim == newcomer {
         true => "it".into(),
@@ -162,6 +164,29 @@ fn reason(
         ),
         None => format!("{cpu} nothing would be certain for {who}{promised} within its {allowed}"),
     }
+}
+
+/// How much of it other programs have, if any.
+fn others(problem: &Problem<'_>, placed: &Placed, at: usize) -> String {
+    let fixed = placed.fixed.get(at).map_or(&[][..], Vec::as_slice);
+    let promised = |i: &usize| {
+        let (whose, _, _) = problem.fixed.get(*i)?;
+        matches!(whose, Whose::Promise(_)).then_some((*i, *whose))
+    };
+    let promised: Vec<(usize, Whose)> = fixed.iter().filter_map(promised).collect();
+    let Some((_, first)) = promised.first() else {
+        return String::new();
+    };
+    let indices: Vec<usize> = promised.iter().map(|(i, _)| *i).collect();
+    let share = assign::test(problem, &[], &indices, &[]).share * 100.0;
+    let more = match promised.len() {
+        1 => String::new(),
+        n => format!(" and {} more", n - 1),
+    };
+    format!(
+        " ({share:.1} % by other programs: {}{more})",
+        problem.name(*first)
+    )
 }
 
 /// What to do about it.

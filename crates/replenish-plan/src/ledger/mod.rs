@@ -1,0 +1,209 @@
+//! Who has reserved what on this host: a directory, no daemon.
+//!
+//! ```text
+//!   /run/replenish/lock          held while somebody reads all entries, plans, and adds its own
+//!   /run/replenish/<n>.entry     one program's reservations, locked by it for as long as it lives
+//! ```
+//!
+//! - An entry counts while its file is locked (`flock`). The kernel lets go of the lock when its
+//!   owner ends, however it ends; what is left behind counts for nothing and is removed by the
+//!   next one. Nothing depends on process ids, so pid namespaces do not matter.
+//! - An entry appears whole: written and locked under another name, then renamed; a checksum
+//!   covers it.
+//! - Reading, planning and adding happen under one exclusive lock: of two programs that race, one
+//!   sees the other.
+//! - Who may write to the directory may reserve. An entry that makes no sense is left out, with a
+//!   warning that names the file: it could only have been written by somebody with that right, and
+//!   must not keep the others from starting. [`Ledger::strict`] makes it an error.
+//! - Sizes are bounded: 1024 live entries of 256 KiB and 1024 threads each.
+//!
+//! `flock` does not reach across hosts, nor does the directory have to outlive a reboot.
+
+mod entry;
+mod error;
+mod file;
+
+pub use entry::Entry;
+pub use error::{Denied, LedgerError};
+pub use file::Reservation;
+
+use crate::{Plan, Request, plan};
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Names the directory, or is `off`.
+pub const VARIABLE: &str = "REPLENISH_LEDGER";
+/// The directory if no other is named.
+pub const DEFAULT: &str = "/run/replenish";
+
+/// How long admission waits for others to finish theirs.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// A directory with reservations.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Ledger {
+    directory: PathBuf,
+    strict: bool,
+}
+
+/// What is reserved at a moment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct View {
+    /// The entries of programs that live.
+    pub entries: Vec<Entry>,
+    /// Files that were left out, and why.
+    pub warnings: Vec<String>,
+}
+
+/// A program that was admitted.
+#[derive(Debug)]
+pub struct Admitted {
+    /// What it shall run with.
+    pub plan: Plan,
+    /// Its place in the ledger, until dropped.
+    pub reservation: Reservation,
+    /// Files that were left out, and why.
+    pub warnings: Vec<String>,
+}
+
+/// The ledger that programs use if they are not told otherwise.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Found {
+    /// This one.
+    Here(Ledger),
+    /// None is wanted.
+    Off,
+    /// None can be had, and why.
+    Nowhere(String),
+}
+
+impl Ledger {
+    /// The ledger in `directory`, which is created if it does not exist.
+    ///
+    /// # Errors
+    /// If it can neither be found nor created, or is no directory.
+    pub fn open(directory: impl Into<PathBuf>) -> Result<Self, LedgerError> {
+        let directory = directory.into();
+        let wrong = |e: &dyn std::fmt::Display| LedgerError::new(&directory, e.to_string());
+        match std::fs::create_dir(&directory) {
+            Ok(()) => {}
+            Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {
+                let facts = std::fs::metadata(&directory).map_err(|e| wrong(&e))?;
+                if !facts.is_dir() {
+                    return Err(wrong(&"it is not a directory"));
+                }
+            }
+            Err(e) => return Err(wrong(&e)),
+        }
+        Ok(Self {
+            directory,
+            strict: false,
+        })
+    }
+
+    /// The ledger of this host and user: the directory that [`VARIABLE`] names, else
+    /// [`DEFAULT`], else `replenish` in `$XDG_RUNTIME_DIR`.
+    ///
+    /// # Errors
+    /// If the directory that is named cannot be used.
+    pub fn find() -> Result<Found, LedgerError> {
+        if let Some(named) = std::env::var_os(VARIABLE).filter(|v| !v.is_empty()) {
+            if named == "off" {
+                return Ok(Found::Off);
+            }
+            return Self::open(PathBuf::from(named)).map(Found::Here);
+        }
+        let mut why = match Self::open(DEFAULT) {
+            Ok(ledger) => return Ok(Found::Here(ledger)),
+            Err(e) => e.to_string(),
+        };
+        if let Some(own) = std::env::var_os("XDG_RUNTIME_DIR").filter(|v| !v.is_empty()) {
+            match Self::open(Path::new(&own).join("replenish")) {
+                Ok(ledger) => return Ok(Found::Here(ledger)),
+                Err(e) => why = format!("{why}; {e}"),
+            }
+        }
+        Ok(Found::Nowhere(why))
+    }
+
+    /// `true`: an entry that makes no sense is an error. Default: a warning.
+    #[must_use]
+    pub fn strict(mut self, strict: bool) -> Self {
+        self.strict = strict;
+        self
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+
+    /// What is reserved now.
+    ///
+    /// # Errors
+    /// If the directory cannot be read, or somebody keeps it locked; with
+    /// [`strict`](Self::strict) if an entry makes no sense.
+    pub fn view(&self) -> Result<View, LedgerError> {
+        let _lock = self.lock()?;
+        self.read()
+    }
+
+    /// Plans `request` beside everything that is reserved and, if it holds, reserves it for as long
+    /// as the result lives. `program` names the owner for others; the first 200 bytes are kept.
+    ///
+    /// # Errors
+    /// [`Denied::Refused`] if it does not fit; [`Denied::Ledger`] as [`view`](Self::view), and if
+    /// nothing can be written.
+    pub fn admit(&self, request: &Request, program: &str) -> Result<Admitted, Denied> {
+        let _lock = self.lock()?;
+        let view = self.read()?;
+        let mut request = request.clone();
+        for entry in &view.entries {
+            request.promised.extend(entry.promises());
+            let overheads = &mut request.machine.overheads;
+            *overheads = overheads.worst(&entry.overheads);
+        }
+        let plan = plan(&request)?;
+        let entry = Entry::of(&request, &plan, program);
+        let reservation = file::add(&self.directory, &entry)?;
+        Ok(Admitted {
+            plan,
+            reservation,
+            warnings: view.warnings,
+        })
+    }
+
+    fn lock(&self) -> Result<File, LedgerError> {
+        let path = self.directory.join("lock");
+        let wrong = |e: &std::io::Error| LedgerError::new(&path, e.to_string());
+        let file = file::open_lock(&path).map_err(|e| wrong(&e))?;
+        let start = Instant::now();
+        loop {
+            match file.try_lock() {
+                Ok(()) => return Ok(file),
+                Err(std::fs::TryLockError::Error(e)) => return Err(wrong(&e)),
+                Err(std::fs::TryLockError::WouldBlock) if start.elapsed() > PATIENCE => {
+                    let seconds = PATIENCE.as_secs();
+                    let why = format!("somebody has kept it locked for {seconds} s");
+                    return Err(LedgerError::new(&path, why));
+                }
+                Err(std::fs::TryLockError::WouldBlock) => {
+                    std::thread::sleep(Duration::from_millis(2));
+                }
+            }
+        }
+    }
+
+    fn read(&self) -> Result<View, LedgerError> {
+        let (entries, wrong) = file::read_all(&self.directory)?;
+        if self.strict
+            && let Some(first) = wrong.first()
+        {
+            return Err(first.clone());
+        }
+        let warnings = wrong.iter().map(|e| format!("left out: {e}")).collect();
+        Ok(View { entries, warnings })
+    }
+}
