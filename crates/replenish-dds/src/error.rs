@@ -1,0 +1,110 @@
+//! Why DDS cannot start, or an endpoint cannot be opened.
+
+use std::fmt;
+use std::io;
+use std::net::IpAddr;
+
+/// A setting is out of its range.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ConfigError {
+    /// The setting, as in the code: `dds.limits.queue`.
+    pub field: &'static str,
+    /// What it was set to.
+    pub value: String,
+    /// What it can be set to.
+    pub allowed: String,
+}
+
+impl fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            field,
+            value,
+            allowed,
+        } = self;
+        write!(f, "{field} is {value}, allowed is {allowed}")
+    }
+}
+
+impl std::error::Error for ConfigError {}
+
+/// DDS could not be started.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum DdsError {
+    /// A setting is out of its range.
+    Config(ConfigError),
+    /// No network interface of this machine has the address.
+    Interface(IpAddr),
+    /// The operating system refused.
+    Io {
+        /// What was tried.
+        what: &'static str,
+        /// Why.
+        source: io::Error,
+    },
+}
+
+impl fmt::Display for DdsError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Config(error) => error.fmt(f),
+            Self::Interface(address) => {
+                write!(
+                    f,
+                    "no network interface of this machine has the address {address}"
+                )
+            }
+            Self::Io { what, source } => write!(f, "cannot {what}: {source}"),
+        }
+    }
+}
+
+impl std::error::Error for DdsError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Config(error) => Some(error),
+            Self::Interface(_) => None,
+            Self::Io { source, .. } => Some(source),
+        }
+    }
+}
+
+impl From<ConfigError> for DdsError {
+    fn from(error: ConfigError) -> Self {
+        Self::Config(error)
+    }
+}
+
+/// An endpoint or node could not be opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum OpenError {
+    /// There are as many as [`DdsLimits::endpoints`](crate::DdsLimits::endpoints) already.
+    Full,
+    /// Something with this id exists.
+    Exists,
+    /// The domain is above [`MAX_DOMAIN`](crate::MAX_DOMAIN).
+    Domain(u16),
+    /// The thread of DDS has ended.
+    Ended,
+}
+
+impl fmt::Display for OpenError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Full => f.write_str("there are too many endpoints in DDS"),
+            Self::Exists => f.write_str("an endpoint with this id exists"),
+            Self::Domain(domain) => {
+                write!(
+                    f,
+                    "the domain is {domain}, allowed is 0 to {}",
+                    crate::MAX_DOMAIN
+                )
+            }
+            Self::Ended => f.write_str("the thread of DDS has ended"),
+        }
+    }
+}
+
+impl std::error::Error for OpenError {}

@@ -1,0 +1,137 @@
+//! The program's end: opens, closes, writes and takes without ever waiting for DDS.
+
+use crate::config::{DdsConfig, Interfaces};
+use crate::endpoint::{Endpoint, Id, Incoming, Node, Outgoing};
+use crate::error::{DdsError, OpenError};
+use crate::report::DdsReport;
+use crate::state::{State, What};
+use crate::thread::{Engine, WAKE};
+use replenish_os::{PiMutex, Policy, Thread, ThreadSpec, WakeFd, spawn};
+use rustdds::mio1::{Poll, Waker};
+use std::io;
+use std::net::{IpAddr, UdpSocket};
+use std::sync::Arc;
+
+/// What both ends hold.
+#[derive(Debug)]
+pub(crate) struct Common {
+    pub(crate) state: PiMutex<State>,
+    /// Wakes the program.
+    pub(crate) program: Arc<WakeFd>,
+}
+
+/// DDS on a thread of its own. It ends when this is dropped.
+///
+/// Every call takes a lock with priority inheritance for some hundred nanoseconds and allocates;
+/// none waits for DDS. Any thread may call.
+#[derive(Debug)]
+pub struct Dds {
+    common: Arc<Common>,
+    waker: Waker,
+    thread: Option<Thread<()>>,
+}
+
+impl Dds {
+    /// Starts the thread, called `dds`, with the ordinary scheduling policy, which RustDDS's own
+    /// threads inherit from it. `wake` is woken when there is something to [take](Self::take).
+    ///
+    /// # Errors
+    /// [`DdsError::Config`], [`DdsError::Interface`], or [`DdsError::Io`] when no descriptor or
+    /// thread can be had.
+    pub fn start(config: &DdsConfig, wake: Arc<WakeFd>) -> Result<Self, DdsError> {
+        config.validate()?;
+        if let Interfaces::Only(addresses) = &config.interfaces {
+            addresses.iter().try_for_each(|address| is_here(*address))?;
+        }
+        let io = |what| move |source: io::Error| DdsError::Io { what, source };
+        let poll = Poll::new().map_err(io("make a poll for DDS"))?;
+        let waker = Waker::new(poll.registry(), WAKE).map_err(io("make a wake-up for DDS"))?;
+        let common = Arc::new(Common {
+            state: PiMutex::new(State::new(config.limits)),
+            program: wake,
+        });
+        let engine = Engine::new(config.clone(), Arc::clone(&common), poll);
+        let spec = ThreadSpec::new("dds").policy(Policy::Other);
+        let thread = spawn(spec, move || engine.run())
+            .map_err(|error| io("start the thread of DDS")(io::Error::other(error)))?;
+        Ok(Self {
+            common,
+            waker,
+            thread: Some(thread),
+        })
+    }
+
+    /// Announces a node under an `id` that was not used before.
+    ///
+    /// # Errors
+    /// See [`OpenError`].
+    pub fn open_node(&self, id: Id, node: Node) -> Result<(), OpenError> {
+        self.open_what(id, What::Node(node))
+    }
+
+    /// Opens an endpoint under an `id` that was not used before. Whether DDS takes it is told by
+    /// the [report](Self::report); samples can be written at once.
+    ///
+    /// # Errors
+    /// See [`OpenError`].
+    pub fn open(&self, id: Id, endpoint: Endpoint) -> Result<(), OpenError> {
+        self.open_what(id, What::Endpoint(endpoint))
+    }
+
+    fn open_what(&self, id: Id, what: What) -> Result<(), OpenError> {
+        self.common.state.lock().open(id, what)?;
+        self.wake();
+        Ok(())
+    }
+
+    /// Closes an endpoint or node, with what waits for it in both directions.
+    pub fn close(&self, id: Id) {
+        self.common.state.lock().close(id);
+        self.wake();
+    }
+
+    /// Queues a sample for DDS. What there is no room for is dropped, the oldest of the endpoint
+    /// first, and counted.
+    pub fn write(&self, id: Id, outgoing: Outgoing) {
+        let wake = self.common.state.lock().write(id, outgoing);
+        if wake {
+            self.wake();
+        }
+    }
+
+    /// The next sample from DDS, the endpoints in turn. To be called until there is none: the
+    /// wake-up comes only for the first.
+    pub fn take(&self) -> Option<(Id, Incoming)> {
+        self.common.state.lock().incoming.pop()
+    }
+
+    /// What it is doing.
+    #[must_use]
+    pub fn report(&self) -> DdsReport {
+        self.common.state.lock().report()
+    }
+
+    fn wake(&self) {
+        // An eventfd can always take one more; were it broken, the thread would have ended.
+        drop(self.waker.wake());
+    }
+}
+
+impl Drop for Dds {
+    /// Ends the thread and waits for it: participants say good-bye.
+    fn drop(&mut self) {
+        self.common.state.lock().stop();
+        self.wake();
+        if let Some(thread) = self.thread.take() {
+            drop(thread.join());
+        }
+    }
+}
+
+/// RustDDS would silently use no interface at all.
+fn is_here(address: IpAddr) -> Result<(), DdsError> {
+    match UdpSocket::bind((address, 0)) {
+        Ok(_) => Ok(()),
+        Err(_) => Err(DdsError::Interface(address)),
+    }
+}

@@ -1,0 +1,389 @@
+//! An endpoint that is open in DDS.
+//!
+//! ```text
+//!   requester:  request ──► writer: sequence number ──► table ◄── reply's related identity ── reader
+//!   replier:    reader: request's identity ──► table ◄── reply ──► writer: related identity
+//! ```
+
+use crate::calls::Calls;
+use crate::config::{DdsLimits, ServiceMapping};
+use crate::domain::{Domain, Reader, Writer};
+use crate::endpoint::{EndpointKind, Id, Incoming, Outgoing, RequestId};
+use crate::header::{self, Header};
+use crate::qos::Qos;
+use crate::state::Counts;
+use rustdds::bytes::Bytes;
+use rustdds::dds::{ReadError, WriteError};
+use rustdds::no_key::DeserializedCacheChange;
+use rustdds::rpc::SampleIdentity;
+use rustdds::{GUID, RTPSEntity, SequenceNumber, Timestamp, WriteOptionsBuilder};
+use std::collections::HashMap;
+use std::time::{Duration, Instant};
+
+/// How long a new requester waits for a server to be found before it sends.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Writers and readers of others that are remembered per endpoint.
+const MAX_MATCHED: usize = 1024;
+
+/// In which form an exchange goes on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Form {
+    Enhanced,
+    Cyclone,
+}
+
+enum Role {
+    Plain,
+    Requester {
+        calls: Calls<(Form, i64), RequestId>,
+        /// The last number of Cyclone's form.
+        last: i64,
+    },
+    Replier {
+        calls: Calls<RequestId, Form>,
+    },
+}
+
+/// An open endpoint.
+pub(crate) struct Live {
+    pub(crate) domain: u16,
+    pub(crate) node: Option<Id>,
+    pub(crate) writer: Option<Writer>,
+    pub(crate) reader: Option<Reader>,
+    role: Role,
+    services: ServiceMapping,
+    participant: GUID,
+    /// A volatile reader wants nothing from before: RustDDS's cache outlives readers.
+    since: Option<Timestamp>,
+    opened: Instant,
+    readers: Vec<GUID>,
+    writers: Vec<GUID>,
+    /// The last sample of each writer that is heard.
+    last: HashMap<GUID, i64>,
+    pub(crate) counts: Counts,
+}
+
+/// A sample as it goes to DDS.
+pub(crate) struct Prepared {
+    bytes: Bytes,
+    related: Option<SampleIdentity>,
+    /// The program's name for the request, and its form.
+    call: Option<(RequestId, Form, i64)>,
+}
+
+impl Live {
+    pub(crate) fn open(
+        domain: &mut Domain,
+        number: u16,
+        node: Option<Id>,
+        kind: &EndpointKind,
+        (services, limits): (ServiceMapping, &DdsLimits),
+    ) -> Result<Self, String> {
+        let since = Timestamp::now();
+        let service = Qos::default();
+        let (writer, reader, role, volatile) = match kind {
+            EndpointKind::Writer { topic, qos } => {
+                (Some(domain.writer(topic, qos)?), None, Role::Plain, true)
+            }
+            EndpointKind::Reader { topic, qos } => {
+                let reader = domain.reader(topic, qos)?;
+                (None, Some(reader), Role::Plain, qos.is_volatile())
+            }
+            EndpointKind::Requester { request, reply } => {
+                let reader = domain.reader(reply, &service)?;
+                let writer = domain.writer(request, &service)?;
+                let role = Role::Requester {
+                    calls: Calls::new(limits.calls),
+                    last: 0,
+                };
+                (Some(writer), Some(reader), role, true)
+            }
+            EndpointKind::Replier { request, reply } => {
+                let writer = domain.writer(reply, &service)?;
+                let reader = domain.reader(request, &service)?;
+                let role = Role::Replier {
+                    calls: Calls::new(limits.calls),
+                };
+                (Some(writer), Some(reader), role, true)
+            }
+        };
+        Ok(Self {
+            domain: number,
+            node,
+            writer,
+            reader,
+            role,
+            services,
+            participant: domain.guid(),
+            since: volatile.then_some(since),
+            opened: Instant::now(),
+            readers: Vec::new(),
+            writers: Vec::new(),
+            last: HashMap::new(),
+            counts: Counts::default(),
+        })
+    }
+
+    /// How many of others it talks with.
+    pub(crate) fn matched(&self) -> usize {
+        self.readers.len() + self.writers.len()
+    }
+
+    /// A reader (of its writer) or writer (of its reader) was found.
+    pub(crate) fn found(&mut self, guid: GUID, reads: bool) {
+        let list = if reads {
+            &mut self.readers
+        } else {
+            &mut self.writers
+        };
+        let own = guid.prefix == self.participant.prefix;
+        if !own && list.len() < MAX_MATCHED && !list.contains(&guid) {
+            list.push(guid);
+        }
+    }
+
+    /// Some are gone.
+    pub(crate) fn lost(&mut self, which: impl Fn(&GUID) -> bool) {
+        self.readers.retain(|guid| !which(guid));
+        self.writers.retain(|guid| !which(guid));
+        self.last.retain(|guid, _| !which(guid));
+    }
+
+    /// Whether requests should wait a little: a new requester has not found its server yet.
+    pub(crate) fn is_early(&self) -> bool {
+        matches!(self.role, Role::Requester { .. })
+            && self.readers.is_empty()
+            && self.opened.elapsed() < PATIENCE
+    }
+
+    /// Gives a sample its form on the wire, or `None` for a reply that nobody waits for.
+    pub(crate) fn prepare(&mut self, outgoing: Outgoing) -> Option<Prepared> {
+        let Outgoing { payload, request } = outgoing;
+        let plain = |payload: Vec<u8>| Prepared {
+            bytes: Bytes::from(payload),
+            related: None,
+            call: None,
+        };
+        match &mut self.role {
+            Role::Plain => Some(plain(payload)),
+            Role::Requester { last, .. } => {
+                let request = request?;
+                let all_cyclone =
+                    !self.readers.is_empty() && self.readers.iter().all(header::is_cyclone);
+                let form = match self.services {
+                    ServiceMapping::Enhanced => Form::Enhanced,
+                    ServiceMapping::Cyclone => Form::Cyclone,
+                    ServiceMapping::Auto if all_cyclone => Form::Cyclone,
+                    ServiceMapping::Auto => Form::Enhanced,
+                };
+                if form == Form::Cyclone {
+                    *last += 1;
+                    let header = Header {
+                        client: client(self.writer.as_ref()?.guid()),
+                        sequence: *last,
+                    };
+                    let mut prepared = plain(header.before(&payload));
+                    prepared.call = Some((request, form, *last));
+                    return Some(prepared);
+                }
+                // As rmw_fastrtps: whom to wait for before the reply is sent.
+                let mut prepared = plain(payload);
+                prepared.related = Some(SampleIdentity {
+                    writer_guid: self.reader.as_ref()?.guid(),
+                    sequence_number: SequenceNumber::UNKNOWN,
+                });
+                prepared.call = Some((request, form, 0));
+                Some(prepared)
+            }
+            Role::Replier { calls } => {
+                let request = request?;
+                let Some(form) = calls.take(&request) else {
+                    self.counts.calls_lost += 1;
+                    return None;
+                };
+                if form == Form::Cyclone {
+                    let header = Header {
+                        client: client(GUID::from_bytes(request.guid)),
+                        sequence: request.sequence,
+                    };
+                    return Some(plain(header.before(&payload)));
+                }
+                let mut prepared = plain(payload);
+                prepared.related = Some(SampleIdentity {
+                    writer_guid: GUID::from_bytes(request.guid),
+                    sequence_number: SequenceNumber::new(request.sequence),
+                });
+                Some(prepared)
+            }
+        }
+    }
+
+    /// Hands a sample to DDS; gives it back if its window is full.
+    pub(crate) fn submit(&mut self, prepared: Prepared) -> Result<(), Prepared> {
+        let Some(writer) = &self.writer else {
+            self.counts.dropped_out += 1;
+            return Ok(());
+        };
+        let Prepared {
+            bytes,
+            related,
+            call,
+        } = prepared;
+        let options = WriteOptionsBuilder::new()
+            .source_timestamp(Timestamp::now())
+            .related_sample_identity_opt(related)
+            .build();
+        match writer.write_with_options(bytes, options) {
+            Ok(identity) => {
+                self.counts.sent += 1;
+                if let (Role::Requester { calls, .. }, Some((request, form, number))) =
+                    (&mut self.role, call)
+                {
+                    let number = match form {
+                        Form::Enhanced => i64::from(identity.sequence_number),
+                        Form::Cyclone => number,
+                    };
+                    self.counts.calls_lost += u64::from(calls.add((form, number), request));
+                }
+                Ok(())
+            }
+            Err(WriteError::WouldBlock { data: bytes }) => Err(Prepared {
+                bytes,
+                related,
+                call,
+            }),
+            Err(_) => {
+                self.counts.dropped_out += 1;
+                Ok(())
+            }
+        }
+    }
+
+    /// The next sample from others; `None` when there is none now.
+    pub(crate) fn take(&mut self) -> Option<Incoming> {
+        loop {
+            let reader = self.reader.as_ref()?;
+            match reader.try_take_one() {
+                Ok(None) => return None,
+                Ok(Some(sample)) => {
+                    if let Some(incoming) = self.accept(sample) {
+                        return Some(incoming);
+                    }
+                }
+                Err(ReadError::Deserialization { .. }) => self.counts.dropped_in += 1,
+                Err(_) => return None,
+            }
+        }
+    }
+
+    fn accept(&mut self, sample: DeserializedCacheChange<Vec<u8>>) -> Option<Incoming> {
+        let from = sample.writer_guid;
+        let old = self
+            .since
+            .is_some_and(|since| sample.receive_instant < since);
+        if old || from.prefix == self.participant.prefix {
+            return None;
+        }
+        let cyclone = match self.services {
+            ServiceMapping::Auto => header::is_cyclone(&from),
+            ServiceMapping::Enhanced => false,
+            ServiceMapping::Cyclone => true,
+        };
+        let related = sample.related_sample_identity();
+        let sequence = i64::from(sample.sequence_number);
+        self.notice_gap(from, sequence);
+        let mut payload = sample.into_value();
+        let header = if cyclone && !matches!(self.role, Role::Plain) {
+            let Some(header) = Header::split(&mut payload) else {
+                self.counts.dropped_in += 1;
+                return None;
+            };
+            Some(header)
+        } else {
+            None
+        };
+        let request = match &mut self.role {
+            Role::Plain => None,
+            Role::Requester { calls, .. } => {
+                let writer = self.writer.as_ref()?.guid();
+                let (mine, key) = match (header, related) {
+                    (Some(header), _) => {
+                        let mine = header.client == client(writer);
+                        (mine, (Form::Cyclone, header.sequence))
+                    }
+                    (None, Some(id)) => {
+                        let reader = self.reader.as_ref()?.guid();
+                        let mine = [writer, reader].contains(&id.writer_guid);
+                        (mine, (Form::Enhanced, i64::from(id.sequence_number)))
+                    }
+                    (None, None) => {
+                        self.counts.calls_lost += 1;
+                        return None;
+                    }
+                };
+                if !mine {
+                    return None; // another client's
+                }
+                let Some(request) = calls.take(&key) else {
+                    self.counts.calls_lost += 1;
+                    return None;
+                };
+                Some(request)
+            }
+            Role::Replier { calls } => {
+                let (request, form) = match header {
+                    Some(header) => {
+                        let mut guid = from.to_bytes();
+                        let (_, low) = guid.split_at_mut(8);
+                        low.copy_from_slice(&header.client);
+                        let sequence = header.sequence;
+                        (RequestId { guid, sequence }, Form::Cyclone)
+                    }
+                    None => (enhanced(from, sequence, related), Form::Enhanced),
+                };
+                self.counts.calls_lost += u64::from(calls.add(request, form));
+                Some(request)
+            }
+        };
+        Some(Incoming { payload, request })
+    }
+}
+
+impl Live {
+    fn notice_gap(&mut self, from: GUID, sequence: i64) {
+        if let Some(last) = self.last.get_mut(&from) {
+            let gap = sequence.saturating_sub(*last).saturating_sub(1);
+            self.counts.missed += u64::try_from(gap).unwrap_or(0);
+            *last = sequence.max(*last);
+        } else if self.last.len() < MAX_MATCHED {
+            self.last.insert(from, sequence);
+        }
+    }
+}
+
+/// What names a client in Cyclone's form.
+fn client(writer: GUID) -> [u8; 8] {
+    let bytes = writer.to_bytes();
+    let mut client = [0; 8];
+    client.copy_from_slice(bytes.split_at(8).1);
+    client
+}
+
+/// The identity to answer to: the request's own, unless it says another. `rmw_fastrtps` says the
+/// reader that waits for the reply, and leaves the number open.
+fn enhanced(from: GUID, sequence: i64, related: Option<SampleIdentity>) -> RequestId {
+    let own = RequestId {
+        guid: from.to_bytes(),
+        sequence,
+    };
+    let Some(related) = related.filter(|id| id.writer_guid != GUID::GUID_UNKNOWN) else {
+        return own;
+    };
+    let number = related.sequence_number;
+    let open = number == SequenceNumber::UNKNOWN || i64::from(number) <= 0;
+    RequestId {
+        guid: related.writer_guid.to_bytes(),
+        sequence: if open { sequence } else { i64::from(number) },
+    }
+}

@@ -1,0 +1,62 @@
+//! What DDS is doing, as plain data.
+
+use crate::endpoint::Id;
+
+/// The state of a [`Dds`](crate::Dds).
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct DdsReport {
+    /// Why its thread ended by itself, if it did.
+    pub ended: Option<String>,
+    /// The endpoints and nodes, by id.
+    pub endpoints: Vec<EndpointReport>,
+}
+
+/// One endpoint or node. Counters only grow.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct EndpointReport {
+    /// Its id.
+    pub id: Id,
+    /// The domain.
+    pub domain: u16,
+    /// The topic, of a service that of the requests; of a node its name.
+    pub name: String,
+    /// Where it stands.
+    pub state: EndpointState,
+    /// Writers and readers of others that it talks with.
+    pub matched: usize,
+    /// Times that a writer or reader of others did not match because of its QoS.
+    pub mismatched: u64,
+    /// Samples that wait for DDS.
+    pub waiting_out: usize,
+    /// Samples that wait for the program.
+    pub waiting_in: usize,
+    /// Samples handed to DDS.
+    pub sent: u64,
+    /// Samples from others handed to the program's queue.
+    pub received: u64,
+    /// Samples for DDS dropped because too many waited, or because they are too long.
+    pub dropped_out: u64,
+    /// Samples from DDS dropped because too many waited, because they are too long or because
+    /// their encoding is not little-endian XCDR1.
+    pub dropped_in: u64,
+    /// Samples that a reader never got, by the gaps in their writers' numbers: lost by a best-effort
+    /// writer or the network, or overwritten before they were taken.
+    pub missed: u64,
+    /// Requests forgotten without a reply, and replies that nobody waits for.
+    pub calls_lost: u64,
+}
+
+/// Where an endpoint stands.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+pub enum EndpointState {
+    /// The thread of DDS has not seen it yet.
+    Opening,
+    /// It is in DDS.
+    Open,
+    /// DDS refused it; why.
+    Failed(String),
+}

@@ -1,0 +1,336 @@
+//! What the program and the thread of DDS share, under one lock: what is to be open, the samples
+//! that wait in both directions, and the counters.
+//!
+//! ```text
+//!   open ──► WANTED ──(thread takes work)──► SEEN ──► open or failed
+//!              │ close                         │ close
+//!              ▼                               ▼
+//!            gone                     CLOSING ──(thread takes work)──► gone
+//! ```
+//!
+//! The thread closes before it opens, so that neither side ever has more than the limit.
+
+use crate::config::{DdsLimits, MAX_DOMAIN};
+use crate::endpoint::{Endpoint, Id, Incoming, Node, Outgoing};
+use crate::error::OpenError;
+use crate::queues::{Queues, Weight};
+use crate::report::{DdsReport, EndpointReport, EndpointState};
+use std::collections::{HashMap, VecDeque};
+
+/// Bytes that a waiting sample is counted with besides its own.
+const PLACE: usize = 64;
+
+impl Weight for Outgoing {
+    fn weight(&self) -> usize {
+        self.payload.len() + PLACE
+    }
+}
+
+impl Weight for Incoming {
+    fn weight(&self) -> usize {
+        self.payload.len() + PLACE
+    }
+}
+
+/// Something in the table.
+#[derive(Clone, Debug)]
+pub(crate) enum What {
+    Node(Node),
+    Endpoint(Endpoint),
+}
+
+impl What {
+    pub(crate) fn domain(&self) -> u16 {
+        match self {
+            Self::Node(node) => node.domain,
+            Self::Endpoint(endpoint) => endpoint.domain,
+        }
+    }
+
+    fn name(&self) -> &str {
+        match self {
+            Self::Node(node) => &node.name,
+            Self::Endpoint(endpoint) => &endpoint.kind.topic().name,
+        }
+    }
+}
+
+/// What the thread counts for an endpoint between two looks at the state.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Counts {
+    pub(crate) sent: u64,
+    pub(crate) received: u64,
+    pub(crate) dropped_out: u64,
+    pub(crate) dropped_in: u64,
+    pub(crate) missed: u64,
+    pub(crate) calls_lost: u64,
+    pub(crate) mismatched: u64,
+}
+
+#[derive(Debug)]
+struct Slot {
+    what: What,
+    seen: bool,
+    state: EndpointState,
+    matched: usize,
+    counts: Counts,
+}
+
+/// What the thread is to do.
+#[derive(Debug, Default)]
+pub(crate) struct Work {
+    pub(crate) stop: bool,
+    pub(crate) closes: Vec<Id>,
+    pub(crate) opens: Vec<(Id, What)>,
+}
+
+/// The shared state.
+#[derive(Debug)]
+pub(crate) struct State {
+    limits: DdsLimits,
+    table: HashMap<Id, Slot>,
+    wanted: VecDeque<Id>,
+    closing: Vec<Id>,
+    stop: bool,
+    ended: Option<String>,
+    /// Towards DDS.
+    pub(crate) outgoing: Queues<Outgoing>,
+    /// From DDS.
+    pub(crate) incoming: Queues<Incoming>,
+}
+
+impl State {
+    pub(crate) fn new(limits: DdsLimits) -> Self {
+        Self {
+            limits,
+            table: HashMap::new(),
+            wanted: VecDeque::new(),
+            closing: Vec::new(),
+            stop: false,
+            ended: None,
+            outgoing: Queues::new(limits.queue, limits.queued_bytes),
+            incoming: Queues::new(limits.queue, limits.queued_bytes),
+        }
+    }
+
+    pub(crate) fn open(&mut self, id: Id, what: What) -> Result<(), OpenError> {
+        if self.ended.is_some() {
+            return Err(OpenError::Ended);
+        }
+        if what.domain() > MAX_DOMAIN {
+            return Err(OpenError::Domain(what.domain()));
+        }
+        if self.table.contains_key(&id) || self.closing.contains(&id) {
+            return Err(OpenError::Exists);
+        }
+        if self.table.len() >= self.limits.endpoints {
+            return Err(OpenError::Full);
+        }
+        let slot = Slot {
+            what,
+            seen: false,
+            state: EndpointState::Opening,
+            matched: 0,
+            counts: Counts::default(),
+        };
+        self.table.insert(id, slot);
+        self.wanted.push_back(id);
+        Ok(())
+    }
+
+    pub(crate) fn close(&mut self, id: Id) {
+        let Some(slot) = self.table.remove(&id) else {
+            return;
+        };
+        self.outgoing.remove(id);
+        self.incoming.remove(id);
+        if slot.seen {
+            self.closing.push(id);
+        } else {
+            self.wanted.retain(|wanted| *wanted != id);
+        }
+    }
+
+    /// Queues a sample; returns whether the thread has to be woken for it.
+    pub(crate) fn write(&mut self, id: Id, outgoing: Outgoing) -> bool {
+        let Some(slot) = self.table.get_mut(&id) else {
+            return false;
+        };
+        let failed = matches!(slot.state, EndpointState::Failed(_));
+        if failed || outgoing.payload.len() > self.limits.sample {
+            slot.counts.dropped_out += 1;
+            return false;
+        }
+        let idle = self.outgoing.is_empty();
+        slot.counts.dropped_out += self.outgoing.push(id, outgoing);
+        idle
+    }
+
+    /// Queues a sample from DDS; returns whether the program has to be woken for it.
+    pub(crate) fn deliver(&mut self, id: Id, incoming: Incoming) -> bool {
+        let Some(slot) = self.table.get_mut(&id) else {
+            return false;
+        };
+        if incoming.payload.len() > self.limits.sample {
+            slot.counts.dropped_in += 1;
+            return false;
+        }
+        let idle = self.incoming.is_empty();
+        slot.counts.received += 1;
+        slot.counts.dropped_in += self.incoming.push(id, incoming);
+        idle
+    }
+
+    pub(crate) fn stop(&mut self) {
+        self.stop = true;
+    }
+
+    pub(crate) fn end(&mut self, why: String) {
+        if !self.stop {
+            self.ended = Some(why);
+        }
+    }
+
+    pub(crate) fn take_work(&mut self) -> Work {
+        let wanted = std::mem::take(&mut self.wanted);
+        let mut take = |id: Id| {
+            let slot = self.table.get_mut(&id)?;
+            slot.seen = true;
+            Some((id, slot.what.clone()))
+        };
+        Work {
+            stop: self.stop,
+            closes: std::mem::take(&mut self.closing),
+            opens: wanted.into_iter().filter_map(&mut take).collect(),
+        }
+    }
+
+    pub(crate) fn opened(&mut self, id: Id, result: Result<(), String>) {
+        if let Some(slot) = self.table.get_mut(&id) {
+            slot.state = match result {
+                Ok(()) => EndpointState::Open,
+                Err(why) => {
+                    self.outgoing.remove(id);
+                    EndpointState::Failed(why)
+                }
+            };
+        }
+    }
+
+    /// Adds what the thread has counted.
+    pub(crate) fn account(&mut self, id: Id, counts: Counts, matched: usize) {
+        let Some(slot) = self.table.get_mut(&id) else {
+            return;
+        };
+        slot.matched = matched;
+        let total = &mut slot.counts;
+        total.sent += counts.sent;
+        total.received += counts.received;
+        total.dropped_out += counts.dropped_out;
+        total.dropped_in += counts.dropped_in;
+        total.missed += counts.missed;
+        total.calls_lost += counts.calls_lost;
+        total.mismatched += counts.mismatched;
+    }
+
+    pub(crate) fn report(&self) -> DdsReport {
+        let report = |(id, slot): (&Id, &Slot)| EndpointReport {
+            id: *id,
+            domain: slot.what.domain(),
+            name: slot.what.name().to_string(),
+            state: slot.state.clone(),
+            matched: slot.matched,
+            mismatched: slot.counts.mismatched,
+            waiting_out: self.outgoing.len(*id),
+            waiting_in: self.incoming.len(*id),
+            sent: slot.counts.sent,
+            received: slot.counts.received,
+            dropped_out: slot.counts.dropped_out,
+            dropped_in: slot.counts.dropped_in,
+            missed: slot.counts.missed,
+            calls_lost: slot.counts.calls_lost,
+        };
+        let mut endpoints: Vec<EndpointReport> = self.table.iter().map(report).collect();
+        endpoints.sort_by_key(|endpoint| endpoint.id);
+        DdsReport {
+            ended: self.ended.clone(),
+            endpoints,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn node() -> What {
+        What::Node(Node {
+            domain: 0,
+            name: "n".into(),
+        })
+    }
+
+    fn state(endpoints: usize) -> State {
+        State::new(DdsLimits {
+            endpoints,
+            queue: 2,
+            sample: 8,
+            ..DdsLimits::DEFAULT
+        })
+    }
+
+    #[test]
+    fn what_is_closed_before_it_was_seen_never_was() {
+        let mut state = state(1);
+        for id in 0..1000 {
+            assert_eq!(state.open(id, node()), Ok(()));
+            assert_eq!(state.open(id, node()), Err(OpenError::Exists));
+            assert_eq!(state.open(id + 1, node()), Err(OpenError::Full));
+            state.close(id);
+        }
+        let work = state.take_work();
+        assert!(work.opens.is_empty() && work.closes.is_empty() && state.wanted.is_empty());
+    }
+
+    #[test]
+    fn the_thread_closes_what_it_has_seen() {
+        let mut state = state(1);
+        assert_eq!(state.open(1, node()), Ok(()));
+        assert_eq!(state.take_work().opens.len(), 1);
+        state.close(1);
+        assert_eq!(state.open(1, node()), Err(OpenError::Exists));
+        assert_eq!(state.open(2, node()), Ok(()));
+        let work = state.take_work();
+        assert_eq!((work.closes, work.opens.len()), (vec![1], 1));
+        let far = What::Node(Node {
+            domain: 233,
+            name: String::new(),
+        });
+        assert_eq!(state.open(3, far), Err(OpenError::Domain(233)));
+    }
+
+    #[test]
+    fn drops_are_counted_where_they_happen() {
+        let mut state = state(4);
+        assert_eq!(state.open(1, node()), Ok(()));
+        let wakes: Vec<bool> = (0..4)
+            .map(|i| state.write(1, Outgoing::sample(vec![i])))
+            .collect();
+        assert_eq!(wakes, [true, false, false, false]);
+        assert!(!state.write(1, Outgoing::sample(vec![0; 9])), "too long");
+        assert!(!state.write(2, Outgoing::sample(vec![0])), "nobody");
+        let incoming = |payload| Incoming {
+            payload,
+            request: None,
+        };
+        assert!(state.deliver(1, incoming(vec![1])));
+        assert!(!state.deliver(1, incoming(vec![0; 9])));
+        let report = state.report();
+        let endpoint = &report.endpoints[0];
+        assert_eq!((endpoint.dropped_out, endpoint.waiting_out), (3, 2));
+        assert_eq!((endpoint.dropped_in, endpoint.received), (1, 1));
+        state.opened(1, Err("no".into()));
+        assert!(!state.write(1, Outgoing::sample(vec![0])));
+        assert_eq!(state.report().endpoints[0].dropped_out, 4);
+    }
+}

@@ -1,0 +1,361 @@
+//! The thread that owns DDS.
+//!
+//! ```text
+//!   wait ──► close, open ──► matches ──► samples in ──► samples out ──► counters, node graph ──┐
+//!    ▲        (work)        (statuses)  (BATCH each)   (all, in turn)                          │
+//!    └─────────────────────────────────────────────────────────────────────────────────────────┘
+//! ```
+
+use crate::config::DdsConfig;
+use crate::domain::Domain;
+use crate::endpoint::{Id, Node};
+use crate::graph::NodeInfo;
+use crate::handle::Common;
+use crate::live::{Live, Prepared};
+use crate::state::{Counts, What};
+use rustdds::mio1::{Events, Interest, Poll, Token};
+use rustdds::{DomainParticipantStatusEvent as Status, GUID, RTPSEntity, StatusEvented};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// The token of wake-ups.
+pub(crate) const WAKE: Token = Token(0);
+
+/// Above it are the tokens of domains, and above 2^16 + it those of readers.
+const DOMAINS: usize = 1;
+const READERS: usize = DOMAINS + (1 << 16);
+
+/// Samples taken from one reader before the others have their turn, and written in one go.
+const BATCH: usize = 64;
+
+/// When to try again what DDS had no room for, or what waits for a server.
+const AGAIN: Duration = Duration::from_millis(5);
+
+/// The thread's own state.
+pub(crate) struct Engine {
+    config: DdsConfig,
+    common: Arc<Common>,
+    poll: Poll,
+    domains: BTreeMap<u16, Domain>,
+    nodes: BTreeMap<Id, Node>,
+    live: BTreeMap<Id, Live>,
+    /// Whose GUID a writer's or reader's is.
+    owners: HashMap<GUID, Id>,
+    tokens: HashMap<usize, Id>,
+    next_token: usize,
+    /// Readers that may have samples.
+    readable: BTreeSet<Id>,
+    /// What DDS had no room for, one each; their queues are paused. `None`: waits for a server.
+    blocked: BTreeMap<Id, Option<Prepared>>,
+}
+
+/// Tells the program when the thread ends, however it does.
+struct Ending(Arc<Common>);
+
+impl Drop for Ending {
+    fn drop(&mut self) {
+        self.0
+            .state
+            .lock()
+            .end("the thread of DDS panicked or its poll failed".into());
+        self.0.program.wake();
+    }
+}
+
+impl Engine {
+    pub(crate) fn new(config: DdsConfig, common: Arc<Common>, poll: Poll) -> Self {
+        Self {
+            config,
+            common,
+            poll,
+            domains: BTreeMap::new(),
+            nodes: BTreeMap::new(),
+            live: BTreeMap::new(),
+            owners: HashMap::new(),
+            tokens: HashMap::new(),
+            next_token: READERS,
+            readable: BTreeSet::new(),
+            blocked: BTreeMap::new(),
+        }
+    }
+
+    pub(crate) fn run(mut self) {
+        let _ending = Ending(Arc::clone(&self.common));
+        let mut events = Events::with_capacity(256);
+        while self.turn(&mut events) {}
+    }
+
+    /// One round; returns whether there is another.
+    fn turn(&mut self, events: &mut Events) -> bool {
+        let idle = self.readable.is_empty() && self.common.state.lock().outgoing.is_empty();
+        let timeout = match (idle, self.blocked.is_empty()) {
+            (false, _) => Some(Duration::ZERO),
+            (true, false) => Some(AGAIN),
+            (true, true) => None,
+        };
+        if let Err(error) = self.poll.poll(events, timeout)
+            && error.kind() != std::io::ErrorKind::Interrupted
+        {
+            return false;
+        }
+        for event in events.iter() {
+            if let Some(id) = self.tokens.get(&event.token().0) {
+                self.readable.insert(*id);
+            }
+        }
+        let work = self.common.state.lock().take_work();
+        if work.stop {
+            return false;
+        }
+        work.closes.into_iter().for_each(|id| self.close(id));
+        for (id, what) in work.opens {
+            let opened = self.open(id, what);
+            self.common.state.lock().opened(id, opened);
+        }
+        self.statuses();
+        self.receive();
+        self.send();
+        self.account();
+        self.tell();
+        true
+    }
+
+    fn open(&mut self, id: Id, what: What) -> Result<(), String> {
+        let number = what.domain();
+        self.join(number)?;
+        let Some(domain) = self.domains.get_mut(&number) else {
+            return Err("no participant".into());
+        };
+        domain.changed = true;
+        let endpoint = match what {
+            What::Node(node) => {
+                self.nodes.insert(id, node);
+                return Ok(());
+            }
+            What::Endpoint(endpoint) => endpoint,
+        };
+        let how = (self.config.services, &self.config.limits);
+        let mut live = Live::open(domain, number, endpoint.node, &endpoint.kind, how)?;
+        if let Some(reader) = &mut live.reader {
+            let token = Token(self.next_token);
+            self.next_token += 1;
+            self.poll
+                .registry()
+                .register(reader, token, Interest::READABLE)
+                .map_err(|error| format!("cannot wait for a reader: {error}"))?;
+            self.tokens.insert(token.0, id);
+            self.owners.insert(reader.guid(), id);
+            self.readable.insert(id);
+        }
+        if let Some(writer) = &live.writer {
+            self.owners.insert(writer.guid(), id);
+        }
+        self.live.insert(id, live);
+        Ok(())
+    }
+
+    /// Makes the participant of a domain, in place of one that is not used any more if need be.
+    fn join(&mut self, number: u16) -> Result<(), String> {
+        if self.domains.contains_key(&number) {
+            return Ok(());
+        }
+        let limit = self.config.limits.domains;
+        if self.domains.len() >= limit {
+            let used = |domain: &u16| {
+                self.live.values().any(|live| live.domain == *domain)
+                    || self.nodes.values().any(|node| node.domain == *domain)
+            };
+            let Some(unused) = self.domains.keys().copied().find(|domain| !used(domain)) else {
+                return Err(format!("{limit} domains are in use, dds.limits.domains"));
+            };
+            self.leave(unused);
+        }
+        let mut domain = Domain::new(number, &self.config)?;
+        let token = Token(DOMAINS + usize::from(number));
+        self.poll
+            .registry()
+            .register(&mut domain.statuses, token, Interest::READABLE)
+            .map_err(|error| format!("cannot wait for a participant: {error}"))?;
+        self.domains.insert(number, domain);
+        Ok(())
+    }
+
+    fn leave(&mut self, number: u16) {
+        if let Some(mut domain) = self.domains.remove(&number) {
+            drop(self.poll.registry().deregister(&mut domain.statuses));
+        }
+    }
+
+    fn close(&mut self, id: Id) {
+        self.readable.remove(&id);
+        self.blocked.remove(&id);
+        let node = self.nodes.remove(&id).map(|node| node.domain);
+        let live = self.live.remove(&id);
+        let number = node.or(live.as_ref().map(|live| live.domain));
+        if let Some(mut live) = live {
+            self.tokens.retain(|_, owner| *owner != id);
+            self.owners.retain(|_, owner| *owner != id);
+            if let Some(reader) = &mut live.reader {
+                drop(self.poll.registry().deregister(reader));
+            }
+        }
+        if let Some(domain) = number.and_then(|number| self.domains.get_mut(&number)) {
+            domain.changed = true;
+        }
+    }
+
+    /// Who was found, who is gone.
+    fn statuses(&mut self) {
+        let Self {
+            domains,
+            live,
+            owners,
+            ..
+        } = self;
+        let owner = |guid: &GUID| owners.get(guid).copied();
+        for domain in domains.values() {
+            while let Some(status) = domain.statuses.try_recv_status() {
+                match status {
+                    Status::RemoteReaderMatched {
+                        local_writer,
+                        remote_reader,
+                    } => {
+                        if let Some(live) = owner(&local_writer).and_then(|id| live.get_mut(&id)) {
+                            live.found(remote_reader, true);
+                        }
+                    }
+                    Status::RemoteWriterMatched {
+                        local_reader,
+                        remote_writer,
+                    } => {
+                        if let Some(live) = owner(&local_reader).and_then(|id| live.get_mut(&id)) {
+                            live.found(remote_writer, false);
+                        }
+                    }
+                    Status::RemoteReaderQosIncompatible { local_writer, .. } => {
+                        if let Some(live) = owner(&local_writer).and_then(|id| live.get_mut(&id)) {
+                            live.counts.mismatched += 1;
+                        }
+                    }
+                    Status::RemoteWriterQosIncompatible { local_reader, .. } => {
+                        if let Some(live) = owner(&local_reader).and_then(|id| live.get_mut(&id)) {
+                            live.counts.mismatched += 1;
+                        }
+                    }
+                    Status::ReaderLost { guid, .. } | Status::WriterLost { guid, .. } => {
+                        live.values_mut().for_each(|live| live.lost(|g| *g == guid));
+                    }
+                    Status::ParticipantLost { id, .. } => {
+                        live.values_mut()
+                            .for_each(|live| live.lost(|g| g.prefix == id));
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+
+    /// Takes from the readers that may have something, a batch each.
+    fn receive(&mut self) {
+        let mut wake = false;
+        for id in std::mem::take(&mut self.readable) {
+            let Some(live) = self.live.get_mut(&id) else {
+                continue;
+            };
+            if let Some(reader) = &live.reader {
+                reader.drain_read_notifications();
+            }
+            let mut taken = 0;
+            while taken < BATCH
+                && let Some(incoming) = live.take()
+            {
+                taken += 1;
+                wake |= self.common.state.lock().deliver(id, incoming);
+            }
+            if taken == BATCH {
+                self.readable.insert(id);
+            }
+        }
+        if wake {
+            self.common.program.wake();
+        }
+    }
+
+    /// Hands what waits to DDS.
+    fn send(&mut self) {
+        for (id, prepared) in std::mem::take(&mut self.blocked) {
+            let Some(live) = self.live.get_mut(&id) else {
+                continue;
+            };
+            let still = match prepared {
+                Some(prepared) => live.submit(prepared).err().map(Some),
+                None => live.is_early().then_some(None),
+            };
+            match still {
+                Some(still) => {
+                    self.blocked.insert(id, still);
+                }
+                None => self.common.state.lock().outgoing.resume(id),
+            }
+        }
+        for _ in 0..BATCH {
+            let mut state = self.common.state.lock();
+            let early = |live: &Live| live.is_early();
+            let Some((id, outgoing)) = state.outgoing.pop() else {
+                return;
+            };
+            let Some(live) = self.live.get_mut(&id) else {
+                continue; // closed meanwhile, or never opened
+            };
+            if early(live) {
+                // It goes back to where it was.
+                state.outgoing.push_front(id, outgoing);
+                state.outgoing.pause(id);
+                self.blocked.insert(id, None);
+                continue;
+            }
+            drop(state);
+            let Some(prepared) = live.prepare(outgoing) else {
+                continue;
+            };
+            if let Err(prepared) = live.submit(prepared) {
+                self.common.state.lock().outgoing.pause(id);
+                self.blocked.insert(id, Some(prepared));
+            }
+        }
+    }
+
+    /// Hands over what was counted.
+    fn account(&mut self) {
+        let mut state = self.common.state.lock();
+        for (id, live) in &mut self.live {
+            let counts: Counts = std::mem::take(&mut live.counts);
+            state.account(*id, counts, live.matched());
+        }
+    }
+
+    /// Tells ROS 2 about nodes where something has changed.
+    fn tell(&mut self) {
+        for (number, domain) in &mut self.domains {
+            if !std::mem::take(&mut domain.changed) {
+                continue;
+            }
+            let here = self.nodes.iter().filter(|(_, node)| node.domain == *number);
+            let info = |(id, node): (&Id, &Node)| {
+                let of_node = |live: &&Live| live.node == Some(*id);
+                let all: Vec<&Live> = self.live.values().filter(of_node).collect();
+                let gid = |guid: GUID| guid.to_bytes();
+                let readers = all.iter().filter_map(|live| live.reader.as_ref());
+                let writers = all.iter().filter_map(|live| live.writer.as_ref());
+                NodeInfo {
+                    name: node.name.clone(),
+                    readers: readers.map(|reader| gid(reader.guid())).collect(),
+                    writers: writers.map(|writer| gid(writer.guid())).collect(),
+                }
+            };
+            let nodes: Vec<NodeInfo> = here.map(info).collect();
+            domain.tell(&nodes);
+        }
+    }
+}
