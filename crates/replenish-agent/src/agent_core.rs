@@ -14,11 +14,13 @@
 
 mod line;
 mod login;
+mod outside;
 mod pressure;
 mod requests;
 mod route;
 mod snapshot;
 
+use crate::bridge::Bridge;
 use crate::clients::Clients;
 use crate::config::{AgentConfig, Nanos};
 use crate::entities::Address;
@@ -76,6 +78,8 @@ pub struct AgentCore<P> {
     pressed: Vec<Pressed>,
     /// Clients that a sample has just been routed to; kept for its memory.
     served: Vec<usize>,
+    /// The seam to another middleware.
+    bridge: Option<Bridge>,
     refusals: Refusals,
     counters: Arc<Counters>,
 }
@@ -109,6 +113,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             agenda: BTreeSet::new(),
             pressed: Vec::new(),
             served: Vec::new(),
+            bridge: None,
             refusals: Refusals::default(),
             counters: Arc::default(),
         }
@@ -267,6 +272,9 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             return;
         };
         client.entities.clear(&mut self.topics);
+        if let Some(bridge) = &mut self.bridge {
+            bridge.removed(index);
+        }
         if let Some(level) = client.queued {
             self.line.leave(level, index);
         }

@@ -33,6 +33,20 @@ pub struct AgentConfig {
     pub rules: Vec<TopicRule>,
     /// What entities are that clients describe by a name alone.
     pub profiles: Profiles,
+    /// Makes the clients' topics and services those of DDS, too, so that ROS 2 sees them.
+    #[cfg(feature = "dds")]
+    pub dds: Option<DdsBridge>,
+}
+
+/// How the agent's clients appear in DDS.
+#[cfg(feature = "dds")]
+#[derive(Clone, Debug, Default)]
+pub struct DdsBridge {
+    /// Interfaces, service mapping and limits; loopback unless told otherwise.
+    pub dds: replenish_dds::DdsConfig,
+    /// The DDS domain of clients that say 0, which microcontrollers usually do: 0 to 232. Others
+    /// have the domain they say.
+    pub domain: u16,
 }
 
 /// A serial line, 8N1 without flow control, with eProsima's framing.
@@ -77,6 +91,10 @@ impl AgentConfig {
         crate::limits::within("serial.length", self.serial.len(), 0..=64)?;
         self.serial.iter().try_for_each(SerialConfig::validate)?;
         crate::limits::within("rules.length", self.rules.len(), 0..=256)?;
+        #[cfg(feature = "dds")]
+        if let Some(bridge) = &self.dds {
+            crate::limits::within("dds.domain", bridge.domain, 0..=replenish_dds::MAX_DOMAIN)?;
+        }
         self.rules.iter().try_for_each(TopicRule::validate)
     }
 }
@@ -93,6 +111,8 @@ impl Default for AgentConfig {
             limits: Limits::default(),
             rules: Vec::new(),
             profiles: Profiles::default(),
+            #[cfg(feature = "dds")]
+            dds: None,
         }
     }
 }

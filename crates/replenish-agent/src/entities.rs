@@ -35,7 +35,7 @@ use replenish_xrce::wire::{Create, CreationMode, ObjectId, ObjectKind, RequestId
 use std::collections::HashMap;
 
 /// The address of an endpoint: its client's slot in the agent and its id.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Address {
     pub(crate) client: usize,
     pub(crate) object: ObjectId,
@@ -236,6 +236,11 @@ impl Entities {
             Role::Requester(calls) => Some(calls.call(request)),
             Role::Data | Role::Replier => None,
         }
+    }
+
+    /// An entity.
+    pub(crate) fn record(&self, id: ObjectId) -> Option<&Record> {
+        self.records.get(&id)
     }
 
     /// All entities.

@@ -44,6 +44,9 @@ pub enum AgentError {
         /// Why.
         source: io::Error,
     },
+    /// DDS could not be started.
+    #[cfg(feature = "dds")]
+    Dds(replenish_dds::DdsError),
     /// The operating system refused.
     Io {
         /// What was tried.
@@ -77,6 +80,8 @@ impl fmt::Display for AgentError {
             Self::Serial { path, source } => {
                 write!(f, "cannot open serial line {}: {source}", path.display())
             }
+            #[cfg(feature = "dds")]
+            Self::Dds(error) => error.fmt(f),
             Self::Io { what, addr, source } => write!(f, "cannot {what} {addr}: {source}"),
         }
     }
@@ -87,8 +92,17 @@ impl std::error::Error for AgentError {
         match self {
             Self::Config(error) => Some(error),
             Self::AddressInUse(_) => None,
+            #[cfg(feature = "dds")]
+            Self::Dds(error) => Some(error),
             Self::Serial { source, .. } | Self::Io { source, .. } => Some(source),
         }
+    }
+}
+
+#[cfg(feature = "dds")]
+impl From<replenish_dds::DdsError> for AgentError {
+    fn from(error: replenish_dds::DdsError) -> Self {
+        Self::Dds(error)
     }
 }
 

@@ -1,5 +1,5 @@
 //! A DDS-XRCE agent: it connects XRCE clients (microcontrollers, and Linux processes that use the
-//! same protocol) with each other, without DDS.
+//! same protocol) with each other, and with DDS.
 //!
 //! ```no_run
 //! use replenish_agent::{Agent, AgentConfig, StopHandle};
@@ -27,8 +27,11 @@
 //! - Everything a client can make it hold is bounded by [`Limits`]; everything it drops is counted
 //!   in [`Stats`]; [`AgentCore::snapshot`] tells who does what. No bytes end it.
 //!
+//! - With the feature `dds` every writer, reader, requester and replier of a client is one of DDS
+//!   too, and every participant a ROS 2 node ([`BridgeEvent`] is the seam; `AgentConfig::dds`).
+//!
 //! # What it does not do yet
-//! Content filters (refused with `INCOMPATIBLE`), DDS.
+//! Content filters (refused with `INCOMPATIBLE`).
 //!
 //! # Structure
 //! [`AgentCore`] is the whole agent without sockets and clocks. [`Agent`] puts it on its transports.
@@ -36,6 +39,7 @@
 #![deny(clippy::indexing_slicing)]
 
 mod agent_core;
+mod bridge;
 mod client;
 mod clients;
 mod config;
@@ -58,14 +62,19 @@ mod turns;
 mod xml;
 
 pub use agent_core::{AgentCore, Now};
+pub use bridge::{BridgeEvent, BridgeId, BridgeKind, BridgeQos, BridgeSample, BridgeTopic};
+#[cfg(feature = "dds")]
+pub use config::DdsBridge;
 pub use config::{AgentConfig, Nanos, SerialConfig};
 pub use error::{AgentError, ConfigError};
 pub use limits::Limits;
 pub use profiles::Profiles;
+#[cfg(feature = "dds")]
+pub use replenish_dds as dds;
 pub use rules::TopicRule;
 pub use shell::{Agent, Inspector, RunningAgent, StopHandle};
 pub use snapshot::{
-    ClientSnapshot, EntitySnapshot, ReaderSnapshot, Refusal, Snapshot, StreamSnapshot,
-    WriterSnapshot,
+    BridgeSnapshot, ClientSnapshot, EntitySnapshot, ReaderSnapshot, Refusal, Snapshot,
+    StreamSnapshot, WriterSnapshot,
 };
 pub use stats::Stats;

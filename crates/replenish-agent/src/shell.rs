@@ -6,6 +6,8 @@
 //!                     └───────────────────────────────────────────────────────────────┘
 //! ```
 
+#[cfg(feature = "dds")]
+mod dds;
 mod inspector;
 mod link;
 mod peer;
@@ -19,6 +21,7 @@ pub use stop::StopHandle;
 use crate::agent_core::{AgentCore, Now};
 use crate::config::AgentConfig;
 use crate::error::AgentError;
+use crate::snapshot::Snapshot;
 use crate::stats::{Counters, Stats};
 use inspector::Asked;
 use peer::Peer;
@@ -39,6 +42,8 @@ pub struct Agent {
     core: AgentCore<Peer>,
     wake: Arc<WakeFd>,
     asked: Arc<Asked>,
+    #[cfg(feature = "dds")]
+    dds: Option<dds::DdsPort>,
 }
 
 impl Agent {
@@ -53,11 +58,20 @@ impl Agent {
         let ports = Ports::open(config, clock::monotonic())?;
         let wake = WakeFd::new()
             .map_err(|error| AgentError::new("make a wake-up for", config.addr, error))?;
+        let wake = Arc::new(wake);
+        let core = AgentCore::with(config).instance(instance());
+        #[cfg(feature = "dds")]
+        let (core, dds) = match &config.dds {
+            Some(bridge) => (core.bridged(), Some(dds::DdsPort::start(bridge, &wake)?)),
+            None => (core, None),
+        };
         Ok(Self {
             ports,
-            core: AgentCore::with(config).instance(instance()),
-            wake: Arc::new(wake),
+            core,
+            wake,
             asked: Arc::default(),
+            #[cfg(feature = "dds")]
+            dds,
         })
     }
 
@@ -112,9 +126,22 @@ impl Agent {
                 }
                 send_all(ports, core);
             }
+            // After the wake-up was cleared, so that none is lost.
+            #[cfg(feature = "dds")]
+            if let Some(dds) = &mut self.dds {
+                dds.take(core, now());
+            }
             ports.upkeep(core, now().monotonic);
             send_all(ports, core);
-            self.asked.answer(|| core.snapshot(now()));
+            #[cfg(feature = "dds")]
+            if let Some(dds) = &mut self.dds {
+                dds.tell(core);
+            }
+            self.asked.answer(|| Snapshot {
+                #[cfg(feature = "dds")]
+                bridge: self.dds.as_ref().map(dds::DdsPort::snapshot),
+                ..core.snapshot(now())
+            });
         }
         Ok(())
     }

@@ -25,6 +25,42 @@ pub struct Snapshot {
     pub clients: Vec<ClientSnapshot>,
     /// The last requests that were refused, the oldest first.
     pub refusals: Vec<Refusal>,
+    /// What the bridge to DDS makes of the clients' participants, writers, readers, requesters and
+    /// repliers; `None` without a bridge.
+    pub bridge: Option<Vec<BridgeSnapshot>>,
+}
+
+/// A participant or endpoint of a client in DDS.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct BridgeSnapshot {
+    /// As in [`EntitySnapshot::kind`].
+    pub kind: &'static str,
+    /// The DDS domain.
+    pub domain: u16,
+    /// The participant's name, the topic, or the topic of a service's requests.
+    pub name: String,
+    /// `opening`, `open`, or why it is not in DDS.
+    pub state: String,
+    /// Writers and readers in DDS that it talks with.
+    pub matched: usize,
+    /// Times that one did not match because of its QoS.
+    pub mismatched: u64,
+    /// Samples that wait for DDS.
+    pub waiting: usize,
+    /// Samples handed to DDS.
+    pub sent: u64,
+    /// Samples received from DDS.
+    pub received: u64,
+    /// Samples for DDS that were dropped: too many waited, or too long.
+    pub dropped_out: u64,
+    /// Samples from DDS that were dropped: too many waited, too long, or in another encoding than
+    /// little-endian XCDR1.
+    pub dropped_in: u64,
+    /// Samples from DDS that were lost on the way, by the gaps in their writers' numbers.
+    pub missed: u64,
+    /// Requests that were forgotten, and replies that nobody waits for.
+    pub calls_lost: u64,
 }
 
 /// One client.

@@ -81,6 +81,12 @@ counters! {
     calls_forgotten,
     /// Replies dropped because nobody waits for them (any more).
     replies_unwanted,
+    /// Samples handed to the bridge to another middleware.
+    bridge_out,
+    /// Samples that came from the bridge, each for one reader.
+    bridge_in,
+    /// Samples dropped because the bridge did not ask for them.
+    bridge_dropped,
     /// Messages not taken because a keep-all reader has no room; the client sends them again.
     held_back,
     /// Datagrams sent again because a client missed them.

@@ -130,7 +130,11 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             client.forget(id);
         }
         self.counters.qos_mismatches.add(created.mismatches as u64);
+        if created.deleted {
+            self.tell_deleted(index, id);
+        }
         if created.status == Status::OK {
+            self.tell_created(index, create);
             self.catch_up(now, index, id);
         }
         self.answer(index, stream, create.base, created.status);
@@ -162,6 +166,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         let deleted = client.entities.delete(id, &mut self.topics);
         client.forget(id);
         let status = if deleted {
+            self.tell_deleted(index, id);
             Status::OK
         } else {
             Status::UNKNOWN_REFERENCE

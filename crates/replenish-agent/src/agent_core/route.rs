@@ -49,8 +49,9 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             }
             _ => {}
         }
+        let beyond = self.beyond(index, id);
         let readers = self.topics.readers(topic);
-        if readers.is_empty() && !keeps {
+        if readers.is_empty() && !keeps && beyond.is_none() {
             self.counters
                 .replies_unwanted
                 .add(about.reply_to.is_some().into());
@@ -65,7 +66,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             self.counters.samples_refused.hit();
             return;
         };
-        if keeps {
+        if keeps && let Some(client) = self.clients.get_mut(index) {
             let ledger = client.ledger.clone();
             if let Some(writer) = client.entities.writer(id) {
                 writer.keep(&sample, &ledger);
@@ -93,8 +94,12 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             served.push(client);
         }
         self.counters.samples_routed.add(taken);
-        if about.reply_to.is_some() && taken == 0 {
-            self.counters.replies_unwanted.hit();
+        let is_reply = about.reply_to.is_some();
+        match beyond {
+            // A reply is for one only.
+            Some(beyond) if taken == 0 || !is_reply => self.cross(beyond, &sample),
+            None if is_reply && taken == 0 => self.counters.replies_unwanted.hit(),
+            _ => {}
         }
         for client in served.drain(..) {
             self.serve(at, client);

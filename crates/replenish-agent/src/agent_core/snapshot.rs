@@ -27,6 +27,7 @@ impl<P: Copy + Eq + Hash + Display> AgentCore<P> {
             queued_bytes: self.pool.used(),
             clients,
             refusals: self.refusals.tell(),
+            bridge: None,
         }
     }
 

@@ -1,0 +1,290 @@
+//! The seam to another middleware: what the agent's core tells it, and what it takes from it.
+//!
+//! ```text
+//!   CREATE, DELETE, WRITE_DATA ──► AgentCore ── BridgeEvent ──► bridge ──► DDS
+//!   DATA to the one reader     ◄── AgentCore ◄─ BridgeSample ── bridge ◄──┘
+//! ```
+//!
+//! Each writer, reader, requester and replier of a client has one counterpart on the other side,
+//! with the same topic, type and QoS, so that matching, history and late joining are the other
+//! side's. Between clients samples go through the agent as ever: a bridge must not give back what
+//! it got from here, and what comes from it goes to clients only. So nothing goes in circles.
+
+use crate::config::Nanos;
+use crate::entities::{Address, Plan, Qos, Record};
+use crate::identity::Identity;
+use crate::sample::Sample;
+use crate::topics::TopicKey;
+use replenish_xrce::wire::{Entity, ObjectId};
+use std::collections::{HashMap, VecDeque};
+
+/// Samples that may wait for the bridge to ask for them.
+const MAX_SAMPLES: usize = 1024;
+
+/// Names a node or endpoint at the seam; never used twice.
+pub type BridgeId = u64;
+
+/// What has happened among the clients.
+#[derive(Clone, Debug)]
+pub enum BridgeEvent {
+    /// A participant: a ROS 2 node.
+    Node {
+        /// Its name at the seam.
+        id: BridgeId,
+        /// The domain, as the client says.
+        domain: i16,
+        /// The participant's name; empty if it has none.
+        name: String,
+    },
+    /// Something that sends or receives.
+    Endpoint {
+        /// Its name at the seam.
+        id: BridgeId,
+        /// The domain, as the client says.
+        domain: i16,
+        /// The participant it belongs to, if that is still there.
+        node: Option<BridgeId>,
+        /// What it does.
+        kind: BridgeKind,
+    },
+    /// A node or endpoint is gone.
+    Close {
+        /// Its name at the seam.
+        id: BridgeId,
+    },
+    /// A client has written.
+    Sample {
+        /// The endpoint it has written with.
+        id: BridgeId,
+        /// What.
+        sample: BridgeSample,
+    },
+}
+
+/// What an endpoint of a client does.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum BridgeKind {
+    /// A data writer.
+    Writer(BridgeTopic, BridgeQos),
+    /// A data reader.
+    Reader(BridgeTopic, BridgeQos),
+    /// A requester, with the topics of its requests and replies.
+    Requester(BridgeTopic, BridgeTopic),
+    /// A replier, with the topics of its requests and replies.
+    Replier(BridgeTopic, BridgeTopic),
+}
+
+/// A topic, as the client names it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BridgeTopic {
+    /// `rt/chatter`.
+    pub name: String,
+    /// `std_msgs::msg::dds_::String_`.
+    pub type_name: String,
+}
+
+/// What a client asks of a writer or reader.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BridgeQos {
+    /// Reliable or best effort.
+    pub reliable: bool,
+    /// Transient local or above, or volatile.
+    pub durable: bool,
+    /// How many samples are kept; `None` for all.
+    pub depth: Option<usize>,
+    /// The longest time between samples.
+    pub deadline: Option<Nanos>,
+    /// How long a writer's samples are of use.
+    pub lifespan: Option<Nanos>,
+}
+
+/// A sample at the seam.
+#[derive(Clone, Debug)]
+pub struct BridgeSample {
+    payload: Bytes,
+    /// Of a request or reply: which one, as a GUID and a number. At a requester the bridge gives
+    /// back with the reply what it got with the request; at a replier the agent does.
+    pub request: Option<([u8; 16], i64)>,
+}
+
+#[derive(Clone, Debug)]
+enum Bytes {
+    Inner(Sample),
+    Outer(Vec<u8>),
+}
+
+impl BridgeSample {
+    /// A sample for a client: CDR without the encapsulation header.
+    #[must_use]
+    pub fn new(payload: Vec<u8>, request: Option<([u8; 16], i64)>) -> Self {
+        Self {
+            payload: Bytes::Outer(payload),
+            request,
+        }
+    }
+
+    /// CDR without the encapsulation header.
+    #[must_use]
+    pub fn payload(&self) -> &[u8] {
+        match &self.payload {
+            Bytes::Inner(sample) => sample,
+            Bytes::Outer(bytes) => bytes,
+        }
+    }
+}
+
+/// The core's side of the seam.
+#[derive(Debug, Default)]
+pub(crate) struct Bridge {
+    last: BridgeId,
+    ids: HashMap<Address, BridgeId>,
+    addresses: HashMap<BridgeId, Address>,
+    /// The participants of publishers and subscribers.
+    groups: HashMap<Address, ObjectId>,
+    events: VecDeque<BridgeEvent>,
+    samples: usize,
+}
+
+impl Bridge {
+    /// An entity has been created.
+    pub(crate) fn created(&mut self, address: Address, entity: &Entity<'_>, record: &Record) {
+        let at = |object| Address { object, ..address };
+        let of_group = |group| self.groups.get(&at(group)).copied();
+        let participant = match *entity {
+            Entity::Publisher { participant, .. } | Entity::Subscriber { participant, .. } => {
+                self.groups.insert(address, participant);
+                return;
+            }
+            Entity::Participant { .. } | Entity::Topic { .. } => None,
+            Entity::DataWriter { publisher, .. } => of_group(publisher),
+            Entity::DataReader { subscriber, .. } => of_group(subscriber),
+            Entity::Requester { participant, .. } | Entity::Replier { participant, .. } => {
+                Some(participant)
+            }
+        };
+        let node = participant.and_then(|participant| self.ids.get(&at(participant)).copied());
+        let (domain, kind) = match &record.plan {
+            Plan::Topic { .. } | Plan::Group { .. } => return,
+            Plan::Participant { domain, name } => {
+                let id = self.name(address);
+                let (domain, name) = (*domain, name.to_string());
+                self.events
+                    .push_back(BridgeEvent::Node { id, domain, name });
+                return;
+            }
+            Plan::Writer { key, qos } => (key.domain, BridgeKind::Writer(key.into(), qos.into())),
+            Plan::Reader { key, qos } => (key.domain, BridgeKind::Reader(key.into(), qos.into())),
+            Plan::Requester { request, reply } => {
+                let kind = BridgeKind::Requester(request.into(), reply.into());
+                (request.domain, kind)
+            }
+            Plan::Replier { request, reply } => {
+                let kind = BridgeKind::Replier(request.into(), reply.into());
+                (request.domain, kind)
+            }
+        };
+        let id = self.name(address);
+        self.events.push_back(BridgeEvent::Endpoint {
+            id,
+            domain,
+            node,
+            kind,
+        });
+    }
+
+    fn name(&mut self, address: Address) -> BridgeId {
+        self.last += 1;
+        self.ids.insert(address, self.last);
+        self.addresses.insert(self.last, address);
+        self.last
+    }
+
+    /// An entity is gone. What the bridge has not heard of yet it never hears of.
+    pub(crate) fn deleted(&mut self, address: Address) {
+        self.groups.remove(&address);
+        let Some(gone) = self.ids.remove(&address) else {
+            return;
+        };
+        self.addresses.remove(&gone);
+        let of_gone = |event: &BridgeEvent| match event {
+            BridgeEvent::Node { id, .. } | BridgeEvent::Endpoint { id, .. } => *id == gone,
+            _ => false,
+        };
+        if self.events.iter().any(of_gone) {
+            let samples = &mut self.samples;
+            self.events.retain(|event| match event {
+                BridgeEvent::Sample { id, .. } if *id == gone => {
+                    *samples -= 1;
+                    false
+                }
+                event => !of_gone(event),
+            });
+        } else {
+            self.events.push_back(BridgeEvent::Close { id: gone });
+        }
+    }
+
+    /// All entities of a client are gone.
+    pub(crate) fn removed(&mut self, client: usize) {
+        self.groups.retain(|address, _| address.client != client);
+        let of_client = |address: &&Address| address.client == client;
+        let gone: Vec<Address> = self.ids.keys().filter(of_client).copied().collect();
+        gone.into_iter().for_each(|address| self.deleted(address));
+    }
+
+    /// The name of an entity at the seam.
+    pub(crate) fn id(&self, address: Address) -> Option<BridgeId> {
+        self.ids.get(&address).copied()
+    }
+
+    /// The entity with this name.
+    pub(crate) fn address(&self, id: BridgeId) -> Option<Address> {
+        self.addresses.get(&id).copied()
+    }
+
+    /// A client has written; returns whether there was room.
+    pub(crate) fn wrote(&mut self, id: BridgeId, sample: &Sample) -> bool {
+        if self.samples >= MAX_SAMPLES {
+            return false;
+        }
+        self.samples += 1;
+        let about = sample.about();
+        let request = about.request.or(about.reply_to).map(pair);
+        let payload = Bytes::Inner(sample.clone());
+        let sample = BridgeSample { payload, request };
+        self.events.push_back(BridgeEvent::Sample { id, sample });
+        true
+    }
+
+    /// The next event.
+    pub(crate) fn poll(&mut self) -> Option<BridgeEvent> {
+        let event = self.events.pop_front()?;
+        self.samples -= usize::from(matches!(event, BridgeEvent::Sample { .. }));
+        Some(event)
+    }
+}
+
+fn pair(identity: Identity) -> ([u8; 16], i64) {
+    (identity.guid.0, identity.seq.cast_signed())
+}
+
+impl From<&TopicKey> for BridgeTopic {
+    fn from(key: &TopicKey) -> Self {
+        Self {
+            name: key.name.to_string(),
+            type_name: key.type_name.to_string(),
+        }
+    }
+}
+
+impl From<&Qos> for BridgeQos {
+    fn from(qos: &Qos) -> Self {
+        Self {
+            reliable: qos.reliable,
+            durable: qos.is_durable(),
+            depth: (!qos.keep_all).then_some(qos.depth.max(1)),
+            deadline: qos.deadline,
+            lifespan: qos.lifespan,
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! XRCE clients, the agent and DDS: another program of `replenish-dds` in the place of a ROS 2
+//! node, over loopback. The foreign peers are in `dds_peers.rs`.
+#![cfg(feature = "dds")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "test code"
+)]
+
+#[path = "support/bridged.rs"]
+mod bridged;
+
+use bridged::{Client, agent, domain, dds_program, service_client, topic_client};
+use replenish_agent::dds::{EndpointKind, Outgoing, Qos, RequestId, Topic};
+use replenish_xrce::wire::{ObjectKind, StreamId};
+use std::time::{Duration, Instant};
+
+const TYPE: &str = "std_msgs::msg::dds_::Int32_";
+
+fn topic(name: &str) -> Topic {
+    Topic::new(name, TYPE)
+}
+
+#[test]
+fn samples_cross_in_both_directions_and_do_not_come_back() {
+    for stream in [StreamId::BEST_EFFORT, StreamId::RELIABLE] {
+        let reliable = stream == StreamId::RELIABLE;
+        let domain = domain();
+        let agent = agent(domain);
+        let qos = Qos {
+            reliable,
+            ..Qos::default()
+        };
+        let mut ros = dds_program(domain);
+        let heard = ros.reader(&topic("rt/up"), qos);
+        let said = ros.writer(&topic("rt/down"), qos);
+        // Writes up, reads down, and a second one that reads what the first one writes.
+        let mut one = topic_client(&agent, 1, "rt/up", "rt/down", stream);
+        let mut two = topic_client(&agent, 2, "rt/other", "rt/up", stream);
+        ros.matched(heard, 1);
+        ros.matched(said, 1);
+        for i in 0..100_u32 {
+            one.write(stream, &i.to_le_bytes());
+            assert_eq!(ros.next(heard).payload, i.to_le_bytes());
+            assert_eq!(two.read(), i.to_le_bytes());
+            ros.write(said, &(i + 1000).to_le_bytes());
+            assert_eq!(one.read(), (i + 1000).to_le_bytes());
+        }
+        // Nothing more has come anywhere: no sample went in a circle.
+        two.idle(Duration::from_millis(100));
+        assert_eq!(two.got.len() + one.got.len(), 0);
+        let snapshot = agent.inspector().snapshot(Duration::from_secs(5)).unwrap();
+        let bridge = snapshot.bridge.unwrap();
+        let find = |name: &str, kind: &str| {
+            let found = bridge.iter().find(|b| b.name == name && b.kind == kind);
+            found.unwrap_or_else(|| panic!("{name} in {bridge:?}"))
+        };
+        assert_eq!(find("rt/up", "data_writer").sent, 100);
+        assert_eq!(find("rt/down", "data_reader").received, 100);
+        assert_eq!(find("rt/up", "data_reader").received, 0, "its own are left out");
+        assert!(bridge.iter().all(|b| b.state == "open"), "{bridge:?}");
+        assert_eq!((snapshot.stats.bridge_in, snapshot.stats.bridge_dropped), (100, 0));
+        // Clients that leave are gone in DDS.
+        one.close();
+        two.close();
+        ros.matched(heard, 0);
+        ros.matched(said, 0);
+        agent.stop().unwrap();
+    }
+}
+
+#[test]
+fn requests_and_replies_cross_in_both_directions() {
+    let domain = domain();
+    let agent = agent(domain);
+    let mut ros = dds_program(domain);
+    let (request, reply) = bridged::service_topics();
+    let (rq, rr) = (request.clone(), reply.clone());
+    let replier = ros.open(EndpointKind::Replier {
+        request: rq,
+        reply: rr,
+    });
+    let mut caller = service_client(&agent, 1, ObjectKind::Requester);
+    // Sent at once: the agent waits until the server is found.
+    let first = caller.request(b"ask1");
+    let ask = ros.next(replier);
+    assert_eq!(ask.payload, b"ask1");
+    let answer = Outgoing::call(ask.request.unwrap(), b"yes1".to_vec());
+    ros.dds.write(replier, answer);
+    assert_eq!(caller.reply(), (first, b"yes1".to_vec()));
+    ros.dds.close(replier);
+
+    let mut server = service_client(&agent, 2, ObjectKind::Replier);
+    let requester = ros.open(EndpointKind::Requester { request, reply });
+    ros.matched(requester, 4); // the agent's replier and requester have both ends
+    let name = RequestId {
+        guid: [3; 16],
+        sequence: 77,
+    };
+    ros.dds.write(requester, Outgoing::call(name, b"ask2".to_vec()));
+    let asked = server.read();
+    let (identity, text) = asked.split_at(24);
+    assert_eq!(text, b"ask2");
+    server.write(StreamId::RELIABLE, &[identity, b"yes2"].concat());
+    let got = ros.next(requester);
+    assert_eq!((got.request, &got.payload[..]), (Some(name), &b"yes2"[..]));
+
+    // Among the agent's own clients requests are answered as ever, and once.
+    let second = caller.request(b"ask3");
+    let asked = server.read();
+    let (identity, text) = asked.split_at(24);
+    assert_eq!(text, b"ask3");
+    server.write(StreamId::RELIABLE, &[identity, b"yes3"].concat());
+    assert_eq!(caller.reply(), (second, b"yes3".to_vec()));
+    server.idle(Duration::from_millis(100));
+    assert!(server.got.is_empty(), "the request has not come again over DDS");
+    agent.stop().unwrap();
+}
+
+#[test]
+fn entities_beyond_the_limit_wait_for_their_turn() {
+    let domain = domain();
+    let agent = bridged::agent_with(domain, |config| config.limits.endpoints = 4);
+    let mut ros = dds_program(domain);
+    let heard = ros.reader(&topic("rt/b"), Qos::default());
+    // Each client has a participant, a writer and a reader.
+    let one = topic_client(&agent, 1, "rt/a", "rt/x", StreamId::RELIABLE);
+    let mut two = topic_client(&agent, 2, "rt/b", "rt/y", StreamId::RELIABLE);
+    let states = || {
+        let snapshot = agent.inspector().snapshot(Duration::from_secs(5)).unwrap();
+        let bridge = snapshot.bridge.unwrap();
+        bridge.into_iter().map(|b| b.state).collect::<Vec<String>>()
+    };
+    let full = |states: &[String]| states.iter().filter(|s| s.contains("too many")).count();
+    let deadline = Instant::now() + Duration::from_secs(20);
+    while states().len() < 6 {
+        assert!(Instant::now() < deadline, "{:?}", states());
+    }
+    assert_eq!(full(&states()), 2);
+    one.close();
+    ros.matched(heard, 1);
+    two.write(StreamId::RELIABLE, b"now!");
+    assert_eq!(ros.next(heard).payload, b"now!");
+    assert_eq!(full(&states()), 0);
+    agent.stop().unwrap();
+}
+
+/// A dds client type must stay usable from other tests.
+#[allow(dead_code, reason = "names the type for the reader")]
+type Xrce = Client;
