@@ -6,6 +6,8 @@
     reason = "test code"
 )]
 
+extern crate replenish_dds; // the agent's tests use the same support
+
 mod support;
 
 use replenish_dds::{

@@ -1,6 +1,8 @@
 //! Programs in a DDS domain of this test process alone.
 
-use replenish_dds::{
+#![allow(dead_code, reason = "every test binary uses its own part")]
+
+use crate::replenish_dds::{
     Dds, DdsConfig, Endpoint, EndpointKind, EndpointReport, EndpointState, Id, Incoming, Outgoing,
     Qos, Topic,
 };

@@ -1,5 +1,7 @@
 //! `replenish agent`: the agent alone.
 
+#[cfg(feature = "dds")]
+mod dds;
 mod options;
 
 use crate::load::spec::SUPPORT_PRIORITY;
@@ -30,6 +32,10 @@ pub(crate) struct Args {
     #[command(flatten)]
     service: options::Service,
 
+    #[cfg(feature = "dds")]
+    #[command(flatten)]
+    bridge: dds::Bridge,
+
     /// The CPU of its thread
     #[arg(long, value_name = "CPU")]
     cpu: Option<usize>,
@@ -46,7 +52,11 @@ pub(crate) fn run(args: &Args) -> Outcome {
     cpus::check("--cpu", args.cpu)?;
     files::check_writable(args.json.json.as_deref())?;
     let stop = Stop::on_signals()?;
-    let config = options::config(&args.transports, &args.bounds, &args.service)?;
+    let config = AgentConfig {
+        #[cfg(feature = "dds")]
+        dds: args.bridge.config(),
+        ..options::config(&args.transports, &args.bounds, &args.service)?
+    };
     let agent = Agent::bind(&config).map_err(Failure::refused)?;
     let address = agent.local_addr();
     let places = places(&agent, &config);

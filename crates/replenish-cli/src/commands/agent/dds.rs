@@ -1,0 +1,107 @@
+//! The options of the bridge to DDS.
+
+use clap::ValueEnum;
+use replenish_agent::DdsBridge;
+use replenish_agent::dds::{DdsConfig, DdsLimits, GidSize, Interfaces, MAX_DOMAIN, ServiceMapping};
+use std::net::IpAddr;
+
+/// How the clients appear in DDS.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "ROS 2")]
+pub(crate) struct Bridge {
+    /// Make the clients' topics, services and nodes those of DDS, too, so that ROS 2 sees them
+    #[arg(long)]
+    dds: bool,
+
+    /// The DDS domain of clients that say 0, which microcontrollers usually do; others have the
+    /// domain they say
+    #[arg(long, value_name = "N", requires = "dds", env = "ROS_DOMAIN_ID", default_value_t = 0,
+          value_parser = clap::value_parser!(u16).range(0..=i64::from(MAX_DOMAIN)))]
+    domain: u16,
+
+    /// The address of a network interface to use, or "all"; may be given several times. Without it
+    /// only programs on this machine are found. DDS knows no authentication
+    #[arg(long, value_name = "ADDRESS", requires = "dds", value_parser = parse_interface)]
+    interface: Vec<Interface>,
+
+    /// How a reply says which request it answers
+    #[arg(long, value_name = "FORM", requires = "dds", default_value = "auto")]
+    services: Form,
+
+    /// List nodes in the form of ROS 2 Humble and older
+    #[arg(long, requires = "dds")]
+    humble: bool,
+
+    /// Nodes, writers, readers, requesters and repliers in DDS; the rest waits. Each takes about
+    /// four file descriptors
+    #[arg(long, value_name = "N", requires = "dds",
+          default_value_t = DdsLimits::DEFAULT.endpoints as u64,
+          value_parser = clap::value_parser!(u64).range(1..=4096))]
+    dds_endpoints: u64,
+}
+
+/// Whose form.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Form {
+    /// As the other side does it
+    Auto,
+    /// As `rmw_fastrtps` and `rmw_connextdds` do it
+    Enhanced,
+    /// As `rmw_cyclonedds` does it
+    Cyclone,
+}
+
+/// An interface, or all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Interface {
+    At(IpAddr),
+    All,
+}
+
+fn parse_interface(text: &str) -> Result<Interface, String> {
+    if text == "all" {
+        return Ok(Interface::All);
+    }
+    let address = text.parse().map(Interface::At);
+    address.map_err(|_| "allowed is the address of an interface of this machine, or all".into())
+}
+
+impl Bridge {
+    /// What the agent is to do, if it was asked for.
+    pub(crate) fn config(&self) -> Option<DdsBridge> {
+        if !self.dds {
+            return None;
+        }
+        let given = self.interface.iter().map(|interface| match interface {
+            Interface::At(address) => Some(*address),
+            Interface::All => None,
+        });
+        let interfaces = match given.collect::<Option<Vec<IpAddr>>>() {
+            None => Interfaces::All,
+            Some(none) if none.is_empty() => Interfaces::default(),
+            Some(addresses) => Interfaces::Only(addresses),
+        };
+        let services = match self.services {
+            Form::Auto => ServiceMapping::Auto,
+            Form::Enhanced => ServiceMapping::Enhanced,
+            Form::Cyclone => ServiceMapping::Cyclone,
+        };
+        let gids = if self.humble {
+            GidSize::Bytes24
+        } else {
+            GidSize::Bytes16
+        };
+        let limits = DdsLimits {
+            endpoints: usize::try_from(self.dds_endpoints).unwrap_or(usize::MAX),
+            ..DdsLimits::DEFAULT
+        };
+        let dds = DdsConfig {
+            interfaces,
+            services,
+            gids,
+            limits,
+        };
+        let domain = self.domain;
+        Some(DdsBridge { dds, domain })
+    }
+}
