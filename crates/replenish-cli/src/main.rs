@@ -3,6 +3,7 @@
 mod commands;
 mod load;
 mod machine;
+mod net;
 mod options;
 mod outcome;
 mod parts;

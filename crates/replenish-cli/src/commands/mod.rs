@@ -3,6 +3,9 @@
 mod agent;
 mod bench_enforcement;
 mod bench_handoff;
+mod bench_load;
+mod bench_round_trip;
+mod bench_xrce;
 mod demo;
 mod demo_report;
 mod doctor;
@@ -60,6 +63,12 @@ enum Bench {
     Enforcement(bench_enforcement::Args),
     /// Waking a worker, against a bare futex
     Handoff(bench_handoff::Args),
+    /// The reliable streams over links that lose datagrams, in virtual time
+    Xrce(bench_xrce::Args),
+    /// Client to agent to client, against a raw UDP echo
+    RoundTrip(bench_round_trip::Args),
+    /// Many clients with many topics on real sockets, through one agent process
+    Load(bench_load::Args),
 }
 
 impl Cli {
@@ -79,6 +88,9 @@ impl Cli {
             Command::Doctor(args) => doctor::run(&args),
             Command::Bench(Bench::Enforcement(args)) => bench_enforcement::run(&args),
             Command::Bench(Bench::Handoff(args)) => bench_handoff::run(&args),
+            Command::Bench(Bench::Xrce(args)) => bench_xrce::run(&args),
+            Command::Bench(Bench::RoundTrip(args)) => bench_round_trip::run(&args),
+            Command::Bench(Bench::Load(args)) => bench_load::run(&args),
             Command::Agent(args) => agent::run(&args),
             Command::Ping(args) => ping::run(&args),
             Command::Pong(args) => pong::run(&args),

@@ -71,6 +71,11 @@ impl Child {
         self.name
     }
 
+    /// Its process id.
+    pub(crate) fn id(&self) -> u32 {
+        self.process.id()
+    }
+
     /// Hands it the grid: load starts at the epoch.
     pub(crate) fn start(&mut self, grid: &Grid) -> Result<(), Failure> {
         let line = serde_json::to_string(grid)

@@ -45,6 +45,10 @@ pub(crate) struct Args {
 
     #[arg(long, hide = true)]
     supervised: bool,
+
+    /// Under the ordinary policy although supervised.
+    #[arg(long, hide = true)]
+    ordinary: bool,
 }
 
 /// Runs the agent until a signal.
@@ -62,7 +66,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let places = places(&agent, &config);
     warn_of_strangers(&agent);
     // Under the orchestrator it must not wait for other programs of a busy machine.
-    let policy = if args.supervised {
+    let policy = if args.supervised && !args.ordinary {
         fifo_or_other(SUPPORT_PRIORITY)
     } else {
         Policy::Other
