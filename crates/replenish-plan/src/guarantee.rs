@@ -107,6 +107,12 @@ impl Guarantee {
         self.per_job
     }
 
+    /// Whether it waits without budget.
+    #[must_use]
+    pub fn suspends(&self) -> bool {
+        self.suspend
+    }
+
     /// The deadline in force, in ns.
     #[must_use]
     pub fn due_within(&self) -> Nanos {
@@ -222,20 +228,28 @@ pub struct GuaranteeError {
     pub high: Nanos,
 }
 
+impl GuaranteeError {
+    /// The range: `1 ns to 10 ms (the deadline)`.
+    #[must_use]
+    pub fn allowed(&self) -> String {
+        let limit = match self.field {
+            "amount" | "desired" => " (the deadline)",
+            "deadline" => " (the period)",
+            "minimum" => " (the amount)",
+            _ => "",
+        };
+        format!("{} to {}{limit}", Exact(self.low), Exact(self.high))
+    }
+}
+
 impl fmt::Display for GuaranteeError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (value, low, high) = (Exact(self.value), Exact(self.low), Exact(self.high));
+        let (value, allowed) = (Exact(self.value), self.allowed());
         write!(
             f,
-            "{} {value} is out of range: allowed {low} to {high}",
+            "{} {value} is out of range: allowed {allowed}",
             self.field
-        )?;
-        match self.field {
-            "amount" | "desired" => f.write_str(" (the deadline)"),
-            "deadline" => f.write_str(" (the period)"),
-            "minimum" => f.write_str(" (the amount)"),
-            _ => Ok(()),
-        }
+        )
     }
 }
 

@@ -40,6 +40,15 @@ impl Budget {
         }
     }
 
+    /// The same without what a plain budget cannot say.
+    pub(crate) fn from_guarantee(guarantee: &replenish_plan::Guarantee) -> Self {
+        Self {
+            amount: Duration::from_nanos(guarantee.amount()),
+            period: Duration::from_nanos(guarantee.period()),
+            suspend: guarantee.suspends(),
+        }
+    }
+
     /// The CPU time per period.
     #[must_use]
     pub const fn amount(&self) -> Duration {

@@ -52,6 +52,16 @@ pub enum Error {
         /// Why.
         reason: String,
     },
+    /// A guarantee does not fit on this host, or would break what another program was promised.
+    NotAdmitted {
+        /// One sentence: who does not fit, where and why, and what would fit.
+        reason: String,
+    },
+    /// A deployment file that cannot be applied.
+    Overlay {
+        /// The place, the field, and what is allowed.
+        reason: String,
+    },
     /// `strict` is set and a guarantee cannot be given.
     NotGranted {
         /// What was asked for.
@@ -109,6 +119,8 @@ impl fmt::Display for Error {
             Self::Connect { reason } => f.write_str(reason),
             Self::Middleware { endpoint, source } => write!(f, "{endpoint}: {source}"),
             Self::Thread { name, reason } => write!(f, "thread {name:?}: {reason}"),
+            Self::NotAdmitted { reason } => write!(f, "not admitted: {reason}"),
+            Self::Overlay { reason } => f.write_str(reason),
             Self::NotGranted { what, reason } => write!(f, "{what} cannot be granted: {reason}"),
         }
     }

@@ -38,8 +38,8 @@ pub use context::{Context, Node};
 pub use error::Error;
 pub use event::Event;
 pub use executor::{
-    CallbackContext, CallbackResult, DispatcherReport, Every, Executor, HandleReport, Overrun,
-    Report, RunningExecutor, StopHandle, ThreadReport, Topic, WorkerBuilder,
+    AdmissionReport, CallbackContext, CallbackResult, DispatcherReport, Every, Executor,
+    HandleReport, Overrun, Report, RunningExecutor, StopHandle, ThreadReport, Topic, WorkerBuilder,
 };
 pub use middleware::PublishError;
 pub use name::NameError;
@@ -50,6 +50,9 @@ pub use replenish_os::{
     Enforcement, EnforcerStats, Low, OverrunSummary, ParamError, Params, Policy, PolicyError,
     Stall, Usage,
 };
+/// Planning, deployment files, the ledger.
+pub use replenish_plan as planning;
+pub use replenish_plan::Guarantee;
 pub use sporadic::Kind as ServerKind;
 pub use stats::HandleStats;
 

@@ -43,6 +43,7 @@ fn allocations(budgets: bool) {
     let ms = Duration::from_millis;
 
     let mut exec = Executor::new(&ctx);
+    exec.no_ledger();
     let (count, sum) = (Arc::clone(&answers), Arc::clone(&bytes));
     let mut high = exec.worker("high");
     if budgets {

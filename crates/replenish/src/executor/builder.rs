@@ -20,6 +20,7 @@ use alloc::vec::Vec;
 use core::time::Duration;
 use replenish_msg::Message;
 use replenish_os::Policy;
+use replenish_plan::Guarantee;
 
 /// A worker that is described so far.
 pub(crate) struct WorkerSpec {
@@ -41,11 +42,18 @@ impl WorkerBuilder<'_> {
         self.request(|r| r.policy = Some(policy))
     }
 
-    /// The CPU budget. Alone, it lets the executor choose the priority: 60 for the shortest period
-    /// of all such workers, one less for each longer one, background 6. Beside a FIFO policy, it
-    /// bounds that priority.
+    /// The CPU budget. Alone, it is a [`guarantee`](Self::guarantee) of this amount. Beside a FIFO
+    /// policy, it bounds that priority.
     pub fn budget(self, budget: Budget) -> Self {
         self.request(|r| r.budget = Some(budget))
+    }
+
+    /// What the worker is guaranteed: CPU time per period, or callbacks at a rate; with a deadline,
+    /// an importance, a minimum and a desired amount, as you like. The executor chooses priority,
+    /// background, CPU and number of replenishments, and does not start where it cannot keep the
+    /// promise.
+    pub fn guarantee(self, guarantee: impl Into<Guarantee>) -> Self {
+        self.request(|r| r.guarantee = Some(guarantee.into()))
     }
 
     /// Pins the worker to one CPU. Budgets are exact to microseconds only on pinned workers: their

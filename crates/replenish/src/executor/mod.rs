@@ -8,16 +8,19 @@
 //!
 //! - `mod.rs`: options, and the way in.
 //! - [`builder`]: describing workers and handles. [`plan`]: from wishes to policies.
+//!   [`overlay`]: scheduling from a file. [`admission`]: does it fit on this host?
 //! - [`start`]: threads, enforcers, the declared fallbacks. [`threads`]: one thread's life.
 //! - [`dispatcher`], [`worker`]: the two loops; [`doorbell`]: what the second sleeps on. [`handle`], [`subscription`], [`timer`]: what
 //!   workers run. [`callback`]: what callbacks see.
 //! - [`running`], [`stop`]: watching and ending it. [`report`]: the numbers.
 
+mod admission;
 mod builder;
 mod callback;
 mod dispatcher;
 mod doorbell;
 mod handle;
+mod overlay;
 mod plan;
 mod report;
 mod running;
@@ -30,7 +33,7 @@ mod worker;
 
 pub use builder::WorkerBuilder;
 pub use callback::{CallbackContext, CallbackResult};
-pub use report::{DispatcherReport, HandleReport, Report, ThreadReport};
+pub use report::{AdmissionReport, DispatcherReport, HandleReport, Report, ThreadReport};
 pub use running::RunningExecutor;
 pub use stop::StopHandle;
 pub use subscription::Topic;
@@ -48,7 +51,9 @@ use core::fmt;
 use core::time::Duration;
 use plan::Request;
 use replenish_os::Policy;
+use replenish_plan::Machine;
 use sporadic::Kind;
+use std::path::PathBuf;
 
 /// Runs callbacks on workers, each with its own scheduling policy and budget.
 ///
@@ -92,10 +97,25 @@ struct Options {
     enforcer_priority: u8,
     server: Kind,
     strict: bool,
+    admission: bool,
+    ledger: LedgerUse,
+    machine: Option<Machine>,
+    overlays: Vec<PathBuf>,
     lock_memory: bool,
     switch_log: bool,
     stop_grace: Duration,
     events: Arc<Events>,
+}
+
+/// Where reservations are looked up and kept.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum LedgerUse {
+    /// As [`Ledger::find`](replenish_plan::ledger::Ledger::find) says.
+    Default,
+    /// In this directory.
+    At(PathBuf),
+    /// Nowhere.
+    Off,
 }
 
 impl Executor {
@@ -115,6 +135,10 @@ impl Executor {
                 enforcer_priority: 99,
                 server: Kind::Corrected,
                 strict: false,
+                admission: true,
+                ledger: LedgerUse::Default,
+                machine: None,
+                overlays: Vec::new(),
                 lock_memory: false,
                 switch_log: true,
                 stop_grace: Duration::from_millis(120),
@@ -173,6 +197,48 @@ impl Executor {
         self
     }
 
+    /// Whether guarantees are planned and tested before anything starts (default), together with
+    /// what other programs on this host were promised. `false`: budgets get priorities by their
+    /// periods, and nobody checks whether they fit.
+    pub fn admission(&mut self, on: bool) -> &mut Self {
+        self.options.admission = on;
+        self
+    }
+
+    /// The directory in which programs on this host reserve CPU time, instead of the default:
+    /// what `REPLENISH_LEDGER` names, else `/run/replenish`, else `$XDG_RUNTIME_DIR/replenish`.
+    pub fn ledger(&mut self, directory: impl Into<PathBuf>) -> &mut Self {
+        self.options.ledger = LedgerUse::At(directory.into());
+        self
+    }
+
+    /// Neither sees what other programs have reserved nor tells them.
+    pub fn no_ledger(&mut self) -> &mut Self {
+        self.options.ledger = LedgerUse::Off;
+        self
+    }
+
+    /// What the plan may use, and the overheads it counts with. Default: the CPUs this process may
+    /// use, what the kernel says about them, and [`Overheads::LINUX`](replenish_plan::Overheads).
+    pub fn machine(&mut self, machine: Machine) -> &mut Self {
+        self.options.machine = Some(machine);
+        self
+    }
+
+    /// A deployment file that sets or overrides the scheduling of workers and handles when the
+    /// executor starts. Several are applied in order, and the one that the environment variable
+    /// `REPLENISH_OVERLAY` names comes last.
+    pub fn overlay(&mut self, file: impl Into<PathBuf>) -> &mut Self {
+        self.options.overlays.push(file.into());
+        self
+    }
+
+    /// The deployment file that describes this executor as it is so far.
+    #[must_use]
+    pub fn template(&self) -> String {
+        overlay::template(&self.workers)
+    }
+
     /// Locks the process's memory and touches the threads' stacks before the first callback, so
     /// that callbacks meet no page fault. Default: no.
     pub fn lock_memory(&mut self, lock: bool) -> &mut Self {
@@ -221,6 +287,8 @@ impl Executor {
     /// # Errors
     /// [`Error::DuplicateWorker`], [`Error::IdleWorker`], [`Error::Name`] and
     /// [`Error::Parameter`] for what was described; [`Error::ContextBusy`];
+    /// [`Error::Overlay`] for a deployment file; [`Error::NotAdmitted`] when a guarantee does not
+    /// fit, or would break another program's;
     /// [`Error::Thread`] when a thread cannot be started; with [`strict`](Self::strict)
     /// [`Error::NotGranted`]. Nothing runs then.
     pub fn start(self) -> Result<RunningExecutor, Error> {

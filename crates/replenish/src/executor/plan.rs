@@ -16,6 +16,7 @@ use crate::error::Error;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use replenish_os::{Low, MAX_REPL, Params, Policy};
+use replenish_plan::Guarantee;
 
 /// Priority of the budgeted worker with the shortest period, where none was given.
 const FIRST_PRIORITY: u8 = 60;
@@ -34,12 +35,21 @@ pub(crate) struct Request {
     pub(crate) name: String,
     pub(crate) policy: Option<Policy>,
     pub(crate) budget: Option<Budget>,
+    pub(crate) guarantee: Option<Guarantee>,
     pub(crate) cpu: Option<usize>,
     pub(crate) stack_size: Option<usize>,
 }
 
 impl Request {
-    fn owner(&self) -> String {
+    /// What is to be planned for it; `None`: it has a policy, or nothing.
+    pub(crate) fn wants(&self) -> Option<Guarantee> {
+        match self.policy {
+            Some(_) => None,
+            None => self.guarantee.or(self.budget.map(Guarantee::from)),
+        }
+    }
+
+    pub(crate) fn owner(&self) -> String {
         alloc::format!("worker {:?}", self.name)
     }
 }
@@ -98,11 +108,15 @@ pub(crate) fn rank(policy: &Policy) -> u16 {
     }
 }
 
-fn check(w: &Request) -> Result<(), Error> {
+pub(crate) fn check(w: &Request) -> Result<(), Error> {
     crate::name::worker(&w.name)?;
     if let Some(bytes) = w.stack_size.filter(|s| *s < MIN_STACK) {
         let allowed = "16384 bytes or more";
         return Err(Error::parameter(w.owner(), "stack_size", &bytes, allowed));
+    }
+    if let (Some(policy), Some(guarantee)) = (&w.policy, &w.guarantee) {
+        let allowed = alloc::format!("none beside the policy {policy}: it is one or the other");
+        return Err(Error::parameter(w.owner(), "guarantee", guarantee, allowed));
     }
     if let (Some(Policy::Deadline { .. }), Some(cpu)) = (&w.policy, w.cpu) {
         let allowed = "none: SCHED_DEADLINE threads cannot be pinned";
@@ -112,7 +126,9 @@ fn check(w: &Request) -> Result<(), Error> {
 }
 
 fn policy(w: &Request, periods: &[Nanos]) -> Result<Policy, Error> {
-    let Some(budget) = w.budget else {
+    // Guarantees get here only where admission is turned off.
+    let guaranteed = w.guarantee.map(|g| Budget::from_guarantee(&g));
+    let Some(budget) = w.budget.or(guaranteed) else {
         return Ok(w.policy.unwrap_or(Policy::Other));
     };
     let priority = match &w.policy {
@@ -130,24 +146,29 @@ fn policy(w: &Request, periods: &[Nanos]) -> Result<Policy, Error> {
             FIRST_PRIORITY.saturating_sub(steps).max(LAST_PRIORITY)
         }
     };
-    let low = match budget.suspend {
-        true => Low::Suspend,
-        false if priority > 1 => Low::Background(BACKGROUND.min(priority - 1)),
-        false => {
-            let allowed = "2..=98: the background priority needs room below it";
-            return Err(Error::parameter(
-                w.owner(),
-                "policy.priority",
-                &priority,
-                allowed,
-            ));
-        }
+    let Some(low) = background(&budget, priority) else {
+        let allowed = "2..=98: the background priority needs room below it";
+        return Err(Error::parameter(
+            w.owner(),
+            "policy.priority",
+            &priority,
+            allowed,
+        ));
     };
     let max_repl = u16::try_from(MAX_REPL).unwrap_or(u16::MAX);
     let (amount, period) = (nanos(budget.amount), nanos(budget.period));
     Params::new(priority, low, amount, period, max_repl)
         .map(Policy::Sporadic)
         .map_err(|e| Error::parameter(w.owner(), "budget", &budget, e.to_string()))
+}
+
+/// What becomes of a worker at this priority without budget; `None`: there is no room below.
+pub(crate) fn background(budget: &Budget, priority: u8) -> Option<Low> {
+    if budget.suspend {
+        return Some(Low::Suspend);
+    }
+    let below = priority.checked_sub(1).filter(|below| *below > 0)?;
+    Some(Low::Background(BACKGROUND.min(below)))
 }
 
 fn below_enforcer(owner: String, policy: &Policy, enforcer: u8) -> Result<(), Error> {

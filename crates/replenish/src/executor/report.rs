@@ -6,6 +6,8 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
 use replenish_os::{Enforcement, EnforcerStats, OverrunSummary, Usage};
+use replenish_plan::Plan;
+use std::path::PathBuf;
 
 /// Everything an executor knows about itself, at one moment or at its end.
 #[derive(Debug, Clone)]
@@ -23,8 +25,22 @@ pub struct Report {
     pub enforcers: Vec<EnforcerStats>,
     /// Guarantees that were asked for and are not in force, in words.
     pub fallbacks: Vec<String>,
+    /// Whether and how guarantees were tested.
+    pub admission: AdmissionReport,
     /// Threads that did not end in time; they were demoted and left behind.
     pub stuck: Vec<String>,
+}
+
+/// Whether and how guarantees were tested before the start.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
+pub struct AdmissionReport {
+    /// What was chosen, with reasons; `None` where nothing was guaranteed.
+    pub plan: Option<Plan>,
+    /// The directory in which it is reserved; `None`: other programs do not know.
+    pub ledger: Option<PathBuf>,
+    /// What limits the guarantees, and files of the ledger that were left out.
+    pub notes: Vec<String>,
 }
 
 /// What the dispatcher has done.
@@ -91,6 +107,9 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for line in &self.fallbacks {
             writeln!(f, "not guaranteed: {line}")?;
+        }
+        for line in &self.admission.notes {
+            writeln!(f, "note: {line}")?;
         }
         writeln!(
             f,

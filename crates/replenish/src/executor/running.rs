@@ -8,6 +8,7 @@
 //!                                                      time sharing, left behind; join the rest
 //! ```
 
+use super::admission::Admission;
 use super::dispatcher::DispatcherCounters;
 use super::handle::Shared;
 use super::report::{DispatcherReport, HandleReport, Report, ThreadReport};
@@ -60,6 +61,8 @@ pub struct RunningExecutor {
     pub(crate) events: Arc<Events>,
     pub(crate) grace: Duration,
     pub(crate) claim: Option<Claim>,
+    pub(crate) admission: Admission,
+    pub(crate) template: String,
     pub(crate) start: Nanos,
     pub(crate) end: Option<Report>,
 }
@@ -105,6 +108,7 @@ impl RunningExecutor {
             },
             enforcers: self.enforcers.iter().map(|e| e.stats()).collect(),
             fallbacks: self.fallbacks.clone(),
+            admission: self.admission.report.clone(),
             stuck: self.stuck.clone(),
         }
     }
@@ -121,6 +125,13 @@ impl RunningExecutor {
     pub fn usage(&self, thread: &str) -> Option<Usage> {
         let crew = self.crew.iter().find(|c| &*c.seat.name == thread)?;
         Some(crew.seat.meter()?.usage())
+    }
+
+    /// The deployment file that describes the program as it runs: a start for one's own, which
+    /// [`Executor::overlay`](crate::Executor::overlay) or `REPLENISH_OVERLAY` applies.
+    #[must_use]
+    pub fn template(&self) -> &str {
+        &self.template
     }
 
     /// Discards every sample that waits for a worker and returns how many; they are counted as
@@ -187,6 +198,7 @@ impl RunningExecutor {
             core::mem::forget(self.claim.take()); // it may still be in the middleware
         }
         self.claim = None;
+        self.admission.place = None;
         report.stuck.clone_from(&self.stuck);
         self.end = Some(report.clone());
         report

@@ -3,11 +3,11 @@
 use super::dispatcher::{Dispatcher, DispatcherCounters, Route};
 use super::doorbell::Doorbell;
 use super::handle::Shared;
-use super::plan::{Request, plan, rank};
+use super::plan::{Request, check, plan, rank};
 use super::running::{Crew, RunningExecutor};
 use super::threads::{Body, Funding, Launch, Seat};
 use super::worker::Worker;
-use super::{Executor, Options, StopHandle};
+use super::{Executor, Options, StopHandle, admission, overlay};
 use crate::error::Error;
 use crate::event::Event;
 use crate::sync::{Arc, AtomicBool, Mutex, Signal};
@@ -20,18 +20,25 @@ use replenish_os::{self as os, Enforcement, Enforcer, EnforcerConfig, Policy};
 /// Stack size in bytes where none was given.
 const STACK: usize = 1 << 20;
 
-pub(crate) fn start(executor: Executor) -> Result<RunningExecutor, Error> {
+pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
+    overlay::apply_all(&mut executor)?;
+    let template = executor.template();
     let Executor {
         context,
-        workers,
+        mut workers,
         stop,
-        options,
+        mut options,
     } = executor;
     let requests: Vec<&Request> = workers.iter().map(|w| &w.request).collect();
     check_names(&requests)?;
     if let Some(w) = workers.iter().find(|w| w.entries.is_empty()) {
         return Err(Error::IdleWorker(w.request.name.clone()));
     }
+    for request in &requests {
+        check(request)?;
+    }
+    let mut admission = admission::admit(&mut workers, &mut options)?;
+    let requests: Vec<&Request> = workers.iter().map(|w| &w.request).collect();
     let dispatcher = options.dispatcher.as_ref();
     let (policies, dispatcher) = plan(&requests, dispatcher, options.enforcer_priority)?;
     let claim = context.claim().ok_or(Error::ContextBusy)?;
@@ -109,7 +116,7 @@ pub(crate) fn start(executor: Executor) -> Result<RunningExecutor, Error> {
     if let Err(e) = all_ready(&crew, &owner) {
         return Err(abort(&mut crew, e));
     }
-    let fallbacks = starter.declare();
+    let fallbacks = starter.declare(admission.fallback.take());
     let enforcers = starter.enforcers.into_iter().filter_map(|(_, e)| e);
     let enforcers = enforcers.collect();
     let start = clock::monotonic();
@@ -126,6 +133,8 @@ pub(crate) fn start(executor: Executor) -> Result<RunningExecutor, Error> {
         events: Arc::clone(&options.events),
         grace: options.stop_grace,
         claim: Some(claim),
+        admission,
+        template,
         start,
         end: None,
     })
@@ -338,9 +347,9 @@ impl Starter<'_> {
     }
 
     /// Says once what is not in force.
-    fn declare(&mut self) -> Vec<String> {
+    fn declare(&mut self, unseen: Option<String>) -> Vec<String> {
         let refused = core::mem::take(&mut self.refused);
-        let mut fallbacks: Vec<String> = refused.memory.into_iter().collect();
+        let mut fallbacks: Vec<String> = refused.memory.into_iter().chain(unseen).collect();
         if let Some(why) = refused.why {
             let mut parts = Vec::new();
             if !refused.policies.is_empty() {

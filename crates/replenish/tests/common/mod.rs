@@ -103,6 +103,8 @@ pub fn executor(ctx: &Context) -> (Executor, Log) {
     let log = Log::default();
     let sink = log.clone();
     let mut exec = Executor::new(ctx);
+    // Other tests run at the same time; those of the ledger have one of their own.
+    exec.no_ledger();
     exec.on_event(move |e: &Event<'_>| sink.0.lock().unwrap().push(e.to_string()));
     (exec, log)
 }

@@ -73,6 +73,13 @@ pub fn probe() -> Privilege {
     }
 }
 
+/// Whether a thread of this process can have a real-time priority at all; quicker than [`probe`].
+#[must_use]
+pub fn may_be_real_time() -> bool {
+    let rtprio = facts::limit(libc::RLIMIT_RTPRIO);
+    on_a_thread(move || highest_fifo(rtprio)).is_ok()
+}
+
 fn on_a_thread<T: Send + 'static>(
     f: impl FnOnce() -> io::Result<T> + Send + 'static,
 ) -> io::Result<T> {
