@@ -4,12 +4,16 @@ use crate::limits::Limits;
 use crate::sample::{Charge, Ledger};
 use replenish_xrce::SeqNum;
 use replenish_xrce::stream::{InputBestEffort, InputReliable};
-use replenish_xrce::wire::{AckNack, StreamId, Submessage, Submessages, WireError};
+use replenish_xrce::wire::{AckNack, StreamId, Submessage, Submessages};
 
 /// Messages that may wait for a missing one: what the bitmap of an ACKNACK can name.
 const SLOTS: usize = 16;
 
 type Reliable = InputReliable<Box<[u8]>, Box<[u8]>, SLOTS>;
+
+/// A message, or what was put together of its fragments, made no sense from somewhere on.
+#[derive(Debug)]
+pub(crate) struct Malformed;
 
 /// A stream's receiving end.
 #[derive(Debug)]
@@ -63,19 +67,35 @@ impl Inlet {
     }
 
     /// Takes in message `seq`; calls `deliver` with each submessage that is due now.
+    ///
+    /// # Errors
+    /// Something was malformed, or too long when its fragments were put together; it was dropped.
     pub(crate) fn receive(
         &mut self,
         seq: SeqNum,
         body: &[u8],
         mut deliver: impl FnMut(&Submessage<'_>),
-    ) -> Result<(), WireError> {
+    ) -> Result<(), Malformed> {
         match &mut self.machine {
             Machine::BestEffort(machine) => {
                 if machine.accept(seq) {
-                    Submessages::new(body).try_for_each(|s| s.map(|s| deliver(&s)))?;
+                    let mut submessages = Submessages::new(body);
+                    return submessages
+                        .try_for_each(|s| s.map(|s| deliver(&s)))
+                        .map_err(|_| Malformed);
                 }
             }
-            Machine::Reliable(machine) => machine.receive(seq, body, deliver),
+            Machine::Reliable(machine) => {
+                let damage = |machine: &Reliable| {
+                    let stats = machine.stats();
+                    stats.malformed.saturating_add(stats.too_long)
+                };
+                let before = damage(machine);
+                machine.receive(seq, body, deliver);
+                if damage(machine) != before {
+                    return Err(Malformed);
+                }
+            }
         }
         Ok(())
     }

@@ -311,19 +311,27 @@ fn consume<R: AsRef<[u8]> + AsMut<[u8]>>(
 ) {
     stats.received = stats.received.saturating_add(1);
     let mut malformed = false;
-    for submessage in Submessages::new(body) {
-        match submessage {
-            Ok(Submessage {
+    let mut submessages = Submessages::new(body);
+    loop {
+        let head = submessages.peek();
+        match submessages.next() {
+            None => break,
+            Some(Ok(Submessage {
                 id: SubmessageId::Fragment,
                 flags,
                 payload,
-            }) => match reassembly.append(payload, flags & Fragment::FLAG_LAST != 0) {
+            })) => match reassembly.append(payload, flags & Fragment::FLAG_LAST != 0) {
                 Piece::Partial => {}
                 Piece::TooLong => stats.too_long = stats.too_long.saturating_add(1),
                 Piece::Complete(whole) => malformed |= !deliver_whole(whole, deliver),
             },
-            Ok(submessage) => deliver(&submessage),
-            Err(_) => malformed = true,
+            Some(Ok(submessage)) => deliver(&submessage),
+            Some(Err(_)) => {
+                malformed = true;
+                if let Some((SubmessageId::Fragment, flags)) = head {
+                    reassembly.spoil(flags & Fragment::FLAG_LAST != 0);
+                }
+            }
         }
     }
     if malformed {

@@ -34,6 +34,12 @@ impl<R: AsRef<[u8]> + AsMut<[u8]>> Reassembly<R> {
         self.skipping = false;
     }
 
+    /// A piece is here, but cannot be read: what it belongs to is dropped, up to its last piece.
+    pub(super) const fn spoil(&mut self, last: bool) {
+        self.len = 0;
+        self.skipping = !last;
+    }
+
     pub(super) fn append(&mut self, piece: &[u8], last: bool) -> Piece<'_> {
         let mut result = Piece::Partial;
         let end = self.len.saturating_add(piece.len());
@@ -75,6 +81,13 @@ mod tests {
         assert_eq!(r.append(b"jk", true), Piece::Complete(b"jk"));
         assert_eq!(r.append(b"abcdefg", true), Piece::TooLong);
         assert_eq!(r.append(b"l", false), Piece::Partial);
+        r.spoil(false);
+        assert_eq!(r.append(b"a", false), Piece::Partial);
+        assert_eq!(r.append(b"b", true), Piece::Partial);
+        assert_eq!(r.append(b"c", false), Piece::Partial);
+        r.spoil(true);
+        assert_eq!(r.append(b"de", true), Piece::Complete(b"de"));
+        r.append(b"f", false);
         r.reset();
         assert_eq!(r.append(b"m", true), Piece::Complete(b"m"));
     }

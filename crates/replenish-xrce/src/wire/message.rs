@@ -195,6 +195,12 @@ impl<'a> Submessages<'a> {
         Submessages { bytes, pos: 0 }
     }
 
+    /// What the next submessage is, and its flags, even if it is too short for what it says.
+    pub(crate) fn peek(&self) -> Option<(SubmessageId, u8)> {
+        let [id, flags] = *self.bytes.get(self.pos..)?.first_chunk()?;
+        Some((SubmessageId::from_number(id).ok()?, flags))
+    }
+
     fn read(&self) -> Result<(Submessage<'a>, usize), WireError> {
         let rest = self.bytes.get(self.pos..).unwrap_or(&[]);
         let mut r = Reader::new(rest, true);
