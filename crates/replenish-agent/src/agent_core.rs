@@ -18,6 +18,7 @@ mod outside;
 mod pressure;
 mod requests;
 mod route;
+mod settle;
 mod snapshot;
 
 use crate::bridge::Bridge;
@@ -28,6 +29,7 @@ use crate::inlet::Inlet;
 use crate::limits::Limits;
 use crate::pace::Pace;
 use crate::profiles::Profiles;
+use crate::receipt::{Receipt, Settled};
 use crate::replies::Replies;
 use crate::rules::TopicRule;
 use crate::sample::Ledger;
@@ -37,6 +39,7 @@ use crate::topics::Topics;
 use line::Line;
 use pressure::Pressed;
 use replenish_xrce::wire::{Message, StreamId};
+use settle::Comeback;
 use std::collections::BTreeSet;
 use std::hash::Hash;
 use std::sync::Arc;
@@ -81,6 +84,13 @@ pub struct AgentCore<P> {
     /// The seam to another middleware.
     bridge: Option<Bridge>,
     refusals: Refusals,
+    /// What has been settled lately.
+    settled: Settled,
+    /// For the message that is being taken in, once somebody has to be waited for.
+    receipt: Option<Receipt>,
+    comeback: Comeback,
+    /// Something is kept for them.
+    stashed: bool,
     counters: Arc<Counters>,
 }
 
@@ -115,6 +125,10 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             served: Vec::new(),
             bridge: None,
             refusals: Refusals::default(),
+            settled: Settled::default(),
+            receipt: None,
+            comeback: Comeback::default(),
+            stashed: false,
             counters: Arc::default(),
         }
     }
@@ -129,6 +143,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     /// Takes in a datagram from `peer`.
     pub fn receive(&mut self, now: Now, peer: P, datagram: &[u8]) {
         self.counters.datagrams_in.hit();
+        self.begin(now.monotonic);
         let Ok(message) = Message::parse(datagram) else {
             self.counters.malformed.hit();
             return;
@@ -156,6 +171,10 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             return;
         }
         client.heard(now.monotonic, &self.limits);
+        if !std::mem::replace(&mut client.arrived, true) {
+            let delivery = client.delivery;
+            self.comeback.arrived(now.monotonic, delivery);
+        }
         if header.stream == StreamId::NONE {
             self.requests(now, index, StreamId::NONE, message.submessages());
         } else if self.is_held_up(now.monotonic, index, header.stream, header.seq) {
@@ -170,6 +189,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             self.counters.unsupported.hit();
         }
         self.serve(now.monotonic, index);
+        self.settle(now.monotonic);
     }
 
     fn admit_stranger(&mut self, now: Nanos) -> bool {
@@ -190,11 +210,16 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
 
     fn receive_on(&mut self, now: Now, index: usize, mut inlet: Inlet, message: &Message<'_>) {
         let stream = inlet.stream();
+        let from = inlet.next();
         let received = inlet.receive(message.header.seq, message.body, |submessage| {
             self.request(now, index, stream, submessage);
         });
         if received.is_err() {
             self.counters.malformed.hit();
+        }
+        if let Some(receipt) = self.receipt.take() {
+            let until = self.settles_at(now.monotonic, index);
+            inlet.withhold(from, &receipt, until);
         }
         if let Some(client) = self.clients.get_mut(index) {
             client.put_back(inlet);
@@ -204,7 +229,9 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     /// Does what is due at `now` and hands up to `max` datagrams to `send`, the most urgent first
     /// and to equals in turn. Returns whether there may be more to send.
     pub fn pump(&mut self, now: Now, max: usize, send: &mut dyn FnMut(&P, &[u8])) -> bool {
+        self.begin(now.monotonic);
         self.attend(now.monotonic);
+        self.settle(now.monotonic);
         for _ in 0..max {
             if self.replies.send_one(send) {
                 self.counters.datagrams_out.hit();
@@ -216,13 +243,15 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             let Some(client) = self.clients.get_mut(index) else {
                 continue;
             };
-            if client.send_one(now.monotonic, &self.limits, &self.counters, send) {
+            let about = (&self.limits, self.comeback.companions(now.monotonic));
+            if client.send_one(now.monotonic, about, &self.counters, send) {
                 self.counters.datagrams_out.hit();
                 self.serve(now.monotonic, index);
             } else {
                 self.make_appointment(now.monotonic, index);
             }
             self.relieve(now.monotonic);
+            self.settle(now.monotonic);
         }
         !(self.replies.is_empty() && self.line.is_empty())
     }
@@ -271,6 +300,10 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         let Some(mut client) = self.clients.remove(index) else {
             return;
         };
+        let left = client.entities.iter();
+        let left = left.filter_map(|(_, record)| record.reader.as_deref());
+        let left = left.map(|reader| reader.queued() as u64).sum();
+        self.counters.samples_orphaned.add(left);
         client.entities.clear(&mut self.topics);
         if let Some(bridge) = &mut self.bridge {
             bridge.removed(index);
@@ -283,5 +316,6 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
         self.pressed.retain(|pressed| pressed.client != index);
         self.counters.clients.set(self.clients.len());
+        self.count_companions();
     }
 }

@@ -28,6 +28,9 @@ pub(crate) struct Client<P> {
     pub(crate) created: Nanos,
     /// The session of this client that this one replaced.
     pub(crate) before: Option<SessionId>,
+    pub(crate) delivery: Option<Promise>,
+    /// It has sent something in a session: it knows that it has one.
+    pub(crate) arrived: bool,
     pub(crate) entities: Entities,
     /// What it makes the agent keep.
     pub(crate) ledger: Ledger,
@@ -47,6 +50,16 @@ pub(crate) struct Client<P> {
     throttled: Throttled,
     /// The outlet whose turn it is among equals.
     turn: usize,
+}
+
+/// What a client that asks for [`DELIVERY`](replenish_xrce::wire::DELIVERY) has said about itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Promise {
+    /// It has just begun.
+    New,
+    /// It had a session before, with an agent that was lost; so many clients had, itself included,
+    /// if it knows.
+    Back(u8),
 }
 
 /// What is counted for each client.
@@ -76,6 +89,8 @@ impl<P> Client<P> {
             mtu,
             created: now,
             before: None,
+            delivery: None,
+            arrived: false,
             entities: Entities::new(index),
             ledger: Ledger::new(limits.client_bytes),
             pace: Pace::new(limits.datagrams_per_second),
@@ -114,7 +129,8 @@ impl<P> Client<P> {
         match self.inlets.iter().position(|i| i.stream() == stream) {
             Some(at) => Some(self.inlets.swap_remove(at)),
             None if self.inlets.len() < limits.streams => {
-                Inlet::new(stream, self.mtu, limits, &self.ledger)
+                let both = self.delivery.is_some();
+                Inlet::new(stream, self.mtu, both, limits, &self.ledger)
             }
             None => None,
         }
@@ -183,8 +199,30 @@ impl<P> Client<P> {
         }
     }
 
+    /// Whether what is written for `reader` now must reach this client before it counts as settled.
+    pub(crate) fn is_awaited(&mut self, reader: ObjectId, now: Nanos, patience: Nanos) -> bool {
+        let Some(endpoint) = self.entities.reader(reader) else {
+            return false;
+        };
+        let stream = endpoint.stream();
+        // One that has got all it asked for is waited for if its client is known to ask for more.
+        if stream.is_none() && self.delivery.is_none() {
+            return false;
+        }
+        let lags = |outlet: &Outlet| Some(outlet.stream()) == stream && outlet.lags(now, patience);
+        endpoint.is_awaited(now, patience) && !self.outlets.iter().any(lags)
+    }
+
+    /// Notes what of the client's messages is settled by now.
+    pub(crate) fn settle(&mut self, now: Nanos, counters: &Counters) {
+        for inlet in &mut self.inlets {
+            counters.settled_late.add(inlet.settle(now));
+        }
+    }
+
     /// Gives those their turns whose waiting time is over.
     pub(crate) fn wake(&mut self, now: Nanos, counters: &Counters) {
+        self.settle(now, counters);
         while let Some(due) = self.throttled.iter().position(|(at, _)| *at <= now) {
             let (_, reader) = self.throttled.swap_remove(due);
             self.queue(reader, now, counters);
@@ -215,7 +253,9 @@ impl<P> Client<P> {
         }
         let heartbeats = self.outlets.iter().filter_map(Outlet::deadline);
         let throttled = self.throttled.iter().map(|(at, _)| *at);
-        let first = heartbeats.chain(throttled).chain([self.probe_at]).min();
+        let unsettled = self.inlets.iter().filter_map(Inlet::deadline);
+        let timers = heartbeats.chain(throttled).chain(unsettled);
+        let first = timers.chain([self.probe_at]).min();
         first.map_or(dies, |first| first.min(dies))
     }
 
@@ -238,7 +278,7 @@ impl<P> Client<P> {
     pub(crate) fn send_one(
         &mut self,
         now: Nanos,
-        limits: &Limits,
+        (limits, companions): (&Limits, u8),
         counters: &Counters,
         send: &mut dyn FnMut(&P, &[u8]),
     ) -> bool {
@@ -257,7 +297,7 @@ impl<P> Client<P> {
             send(peer, bytes);
         };
         let header = Header::new(self.session, StreamId::NONE, SeqNum(0), self.key);
-        if let Some(ack) = inlets.iter_mut().find_map(Inlet::take_ack) {
+        if let Some(ack) = inlets.iter_mut().find_map(|i| i.take_ack(companions)) {
             return control(&header, &ack, &mut send);
         }
         if let Some(heartbeat) = outlets.iter_mut().find_map(|o| o.take_heartbeat(now)) {

@@ -224,6 +224,12 @@ impl Entities {
         self.records.get_mut(&id)?.writer.as_deref_mut()
     }
 
+    /// The sending halves of all entities.
+    pub(crate) fn writers(&mut self) -> impl Iterator<Item = &mut Writer> {
+        let records = self.records.values_mut();
+        records.filter_map(|record| record.writer.as_deref_mut())
+    }
+
     /// The receiving half of an entity, if it has one.
     pub(crate) fn reader(&mut self, id: ObjectId) -> Option<&mut Reader> {
         self.records.get_mut(&id)?.reader.as_deref_mut()

@@ -1,13 +1,21 @@
 //! One stream from a client to the agent.
 
+use crate::config::Nanos;
 use crate::limits::Limits;
+use crate::receipt::{Receipt, Token};
 use crate::sample::{Charge, Ledger};
 use replenish_xrce::SeqNum;
 use replenish_xrce::stream::{InputBestEffort, InputReliable};
-use replenish_xrce::wire::{AckNack, StreamId, Submessage, Submessages};
+use replenish_xrce::wire::{AckNack, Confirmation, Settled, StreamId, Submessage, Submessages};
+use std::collections::VecDeque;
+use std::sync::{Arc, Weak};
 
 /// Messages that may wait for a missing one: what the bitmap of an ACKNACK can name.
 const SLOTS: usize = 16;
+
+/// Newly settled messages of which a client that is told both is told at once; fewer wait for more,
+/// or until all are.
+const SETTLED_AT_ONCE: i16 = 8;
 
 type Reliable = InputReliable<Box<[u8]>, Box<[u8]>, SLOTS>;
 
@@ -22,7 +30,22 @@ pub(crate) struct Inlet {
     machine: Machine,
     /// The last message that was not taken because there is no room for what it brings.
     postponed: Option<SeqNum>,
+    /// Messages that are not settled, the oldest first.
+    unsettled: VecDeque<Unsettled>,
+    /// The first message that the client does not know to be settled.
+    told: SeqNum,
+    /// The client is told what has come as well as what is settled; else only the latter.
+    tells_both: bool,
     _charge: Charge,
+}
+
+/// Messages from one on that wait for a receipt.
+#[derive(Debug)]
+struct Unsettled {
+    from: SeqNum,
+    receipt: Weak<Token>,
+    /// They count as settled from then on.
+    until: Nanos,
 }
 
 #[derive(Debug)]
@@ -38,6 +61,7 @@ impl Inlet {
     pub(crate) fn new(
         stream: StreamId,
         mtu: usize,
+        tells_both: bool,
         limits: &Limits,
         ledger: &Ledger,
     ) -> Option<Self> {
@@ -58,6 +82,9 @@ impl Inlet {
             stream,
             machine,
             postponed: None,
+            unsettled: VecDeque::new(),
+            told: SeqNum(0),
+            tells_both,
             _charge: charge,
         })
     }
@@ -129,24 +156,93 @@ impl Inlet {
         }
     }
 
-    /// Whether an ACKNACK is due.
-    pub(crate) fn ack_due(&self) -> bool {
+    /// The first message that has not been taken in, on a reliable stream.
+    pub(crate) fn next(&self) -> SeqNum {
         match &self.machine {
-            Machine::BestEffort(_) => false,
-            Machine::Reliable(machine) => machine.ack_due(),
+            Machine::BestEffort(_) => SeqNum(0),
+            Machine::Reliable(machine) => machine.next_expected(),
+        }
+    }
+
+    /// The messages from `from` on that have just come are not settled before nobody holds
+    /// `receipt` any more, or `until` has come.
+    pub(crate) fn withhold(&mut self, from: SeqNum, receipt: &Receipt, until: Nanos) {
+        self.unsettled.push_back(Unsettled {
+            from,
+            receipt: Arc::downgrade(receipt),
+            until,
+        });
+    }
+
+    /// Notes what is settled by now; returns how many were not in time.
+    pub(crate) fn settle(&mut self, now: Nanos) -> u64 {
+        let mut late = 0;
+        while let Some(oldest) = self.unsettled.front() {
+            let held = oldest.receipt.strong_count() > 0;
+            if held && now < oldest.until {
+                break;
+            }
+            late += u64::from(held);
+            self.unsettled.pop_front();
+        }
+        late
+    }
+
+    /// When something counts as settled at the latest.
+    pub(crate) fn deadline(&self) -> Option<Nanos> {
+        self.unsettled.front().map(|oldest| oldest.until)
+    }
+
+    /// The first message that is not settled.
+    fn first_unsettled(&self) -> SeqNum {
+        let oldest = self.unsettled.front();
+        oldest.map_or_else(|| self.next(), |oldest| oldest.from)
+    }
+
+    /// Whether an ACKNACK is due. What has come and is not settled is no reason for one to a client
+    /// that is told nothing else.
+    pub(crate) fn ack_due(&self) -> bool {
+        let Machine::Reliable(machine) = &self.machine else {
+            return false;
+        };
+        let settled = self.first_unsettled();
+        let progress = settled.since(self.told);
+        if self.tells_both {
+            let enough = settled == self.next() || progress >= SETTLED_AT_ONCE;
+            machine.ack_due() || (progress > 0 && enough)
+        } else {
+            machine.is_urgent() || progress > 0
         }
     }
 
     /// The ACKNACK to send, if one is due. It names nothing as missing while messages are
     /// postponed: they would only come again.
-    pub(crate) fn take_ack(&mut self) -> Option<AckNack> {
-        let ack = match &mut self.machine {
-            Machine::BestEffort(_) => None,
-            Machine::Reliable(machine) => machine.take_ack(),
+    pub(crate) fn take_ack(&mut self, companions: u8) -> Option<Confirmation> {
+        if !self.ack_due() {
+            return None;
+        }
+        let settled = self.first_unsettled();
+        let Machine::Reliable(machine) = &mut self.machine else {
+            return None;
         };
-        ack.map(|ack| match self.postponed {
-            Some(_) => AckNack { missing: 0, ..ack },
-            None => ack,
-        })
+        let mut ack = machine.take_ack().unwrap_or_else(|| machine.ack());
+        self.told = settled;
+        if self.postponed.is_some() {
+            ack.missing = 0;
+        }
+        if self.tells_both {
+            let settled = Some(Settled {
+                first_unsettled: settled,
+                companions,
+            });
+            return Some(Confirmation { ack, settled });
+        }
+        let ahead = u32::try_from(ack.first_unacked.since(settled)).unwrap_or(0);
+        let ack = AckNack {
+            first_unacked: settled,
+            missing: ack.missing.checked_shl(ahead).unwrap_or(0),
+            ..ack
+        };
+        Some(Confirmation { ack, settled: None })
     }
 }

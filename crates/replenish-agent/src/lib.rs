@@ -51,6 +51,7 @@ mod limits;
 mod outlet;
 mod pace;
 mod profiles;
+mod receipt;
 mod replies;
 mod rules;
 mod sample;

@@ -48,6 +48,14 @@ pub struct Limits {
     /// How long a keep-all reader that is full may hold up reliable keep-all writers before its
     /// samples are dropped; 0 to 60 s.
     pub patience: Nanos,
+    /// How long the acknowledgement of a reliable message waits until its samples have reached all
+    /// their reliable readers, which are not waited for while they lag behind by more; 0 to 60 s.
+    /// With 0 it does not wait: then what the agent has queued is lost with it. Should be below the
+    /// time that clients wait for an acknowledgement, which is 1 s with micro-ROS.
+    pub settle: Nanos,
+    /// How long after its own start the agent keeps what returning clients write for readers whose
+    /// clients return later; 0 to 60 s. Until then none of that is acknowledged as settled.
+    pub comeback: Nanos,
     /// How long a client may be silent before it is forgotten, 10 ms to 24 h. Before that, at a
     /// third of it, it is asked for a sign of life.
     pub silence: Nanos,
@@ -69,6 +77,8 @@ impl Limits {
         datagrams_per_second: 50_000,
         strangers_per_second: 1_000,
         patience: SECOND,
+        settle: SECOND / 2,
+        comeback: SECOND * 5 / 2,
         silence: 30 * SECOND,
     };
 
@@ -106,6 +116,8 @@ impl Limits {
             rate,
         )?;
         within("limits.patience", self.patience, 0..=60 * SECOND)?;
+        within("limits.settle", self.settle, 0..=60 * SECOND)?;
+        within("limits.comeback", self.comeback, 0..=60 * SECOND)?;
         let silence = SECOND / 100..=24 * 3600 * SECOND;
         within("limits.silence", self.silence, silence)
     }

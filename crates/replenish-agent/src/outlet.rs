@@ -16,6 +16,7 @@
 
 use crate::entities::{Entities, Readiness};
 use crate::limits::Limits;
+use crate::receipt::Receipt;
 use crate::rules::{Service, TopicRule};
 use crate::sample::{Charge, Ledger};
 use crate::stats::Counters;
@@ -56,6 +57,8 @@ pub(crate) struct Outlet {
     level: u8,
     /// Somebody more urgent than the rest sends on this stream.
     reserve: bool,
+    /// What to let go of when the message with that number has arrived; the oldest first.
+    receipts: VecDeque<(SeqNum, Receipt)>,
     _charge: Charge,
 }
 
@@ -103,6 +106,7 @@ impl Outlet {
             turns: Turns::default(),
             level: TOP,
             reserve: false,
+            receipts: VecDeque::new(),
             _charge: charge,
         })
     }
@@ -167,7 +171,21 @@ impl Outlet {
     pub(crate) fn acknowledge(&mut self, now: Nanos, acknack: &AckNack) {
         if let Machine::Reliable { machine, .. } = &mut self.machine {
             machine.acknowledge(now, acknack.first_unacked, acknack.missing);
+            let first = machine.first_unacknowledged();
+            while self
+                .receipts
+                .front()
+                .is_some_and(|(last, _)| first.is_after(*last))
+            {
+                self.receipts.pop_front();
+            }
         }
+    }
+
+    /// Whether a sample has been under way for longer than `patience`.
+    pub(crate) fn lags(&self, now: Nanos, patience: Nanos) -> bool {
+        let oldest = self.receipts.front();
+        oldest.is_some_and(|(_, receipt)| receipt.since.saturating_add(patience) <= now)
     }
 
     /// The HEARTBEAT to send, if its time has come.
@@ -279,7 +297,9 @@ impl Outlet {
             match pushed {
                 Ok(()) => {
                     self.level = reader.service.priority;
-                    reader.delivered(now);
+                    let receipt = reader.delivered(now);
+                    let last = self.machine.newest();
+                    self.receipts.extend(last.zip(receipt));
                     counters.samples_out.hit();
                 }
                 Err(PushError::WouldBlock) => return false,
@@ -312,6 +332,14 @@ impl Machine {
             Self::Reliable { machine, capacity } => {
                 capacity - machine.free() < usize::from(window) && !machine.has_message(now)
             }
+        }
+    }
+
+    /// The number of the message that was pushed last, on a reliable stream.
+    fn newest(&self) -> Option<SeqNum> {
+        match self {
+            Self::BestEffort(_) => None,
+            Self::Reliable { machine, .. } => Some(machine.newest()),
         }
     }
 

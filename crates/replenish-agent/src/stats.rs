@@ -87,6 +87,11 @@ counters! {
     bridge_in,
     /// Samples dropped because the bridge did not ask for them.
     bridge_dropped,
+    /// Reliable messages acknowledged before they had reached all their readers, because one of
+    /// those took too long.
+    settled_late,
+    /// Samples that waited for a reader when it was deleted or its client's session ended.
+    samples_orphaned,
     /// Messages not taken because a keep-all reader has no room; the client sends them again.
     held_back,
     /// Datagrams sent again because a client missed them.

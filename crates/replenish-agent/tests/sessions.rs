@@ -11,8 +11,8 @@ mod support;
 use replenish_agent::Limits;
 use replenish_xrce::SeqNum;
 use replenish_xrce::wire::{
-    ClientKey, Delete, DeliveryControl, Header, MessageWriter, ObjectId, ObjectKind, SessionId,
-    Status, StreamId, WriteData,
+    AckNack, ClientKey, Delete, DeliveryControl, Header, MessageWriter, ObjectId, ObjectKind,
+    SessionId, Status, StreamId, WriteData,
 };
 use support::{Client, Got, MS, World, data, payloads};
 
@@ -179,10 +179,24 @@ fn one_address_can_have_two_sessions() {
         })
         .unwrap();
     world.deliver(1, message.finish());
-    // The acknowledgement goes to session 0x81, the sample to session 0x82.
-    let mut sessions: Vec<u8> = world.take(1).iter().map(|bytes| bytes[0]).collect();
-    sessions.sort_unstable();
-    assert_eq!(sessions, [0x81, 0x82]);
+    // The sample goes to session 0x82; once that has acknowledged it, so does the agent, to 0x81.
+    let sessions = |world: &mut World| -> Vec<u8> {
+        let datagrams = world.take(1);
+        datagrams.iter().map(|bytes| bytes[0]).collect()
+    };
+    assert_eq!(sessions(world), [0x82]);
+    let header = Header::new(b.session, StreamId::NONE, SeqNum(0), b.key);
+    let mut message = MessageWriter::new(&mut buf, &header).unwrap();
+    let (first_unacked, missing) = (b.expects().plus(1), 0);
+    let stream = StreamId::RELIABLE;
+    let ack = AckNack {
+        first_unacked,
+        missing,
+        stream,
+    };
+    message.push_padded(&ack).unwrap();
+    world.deliver(1, message.finish());
+    assert_eq!(sessions(world), [0x81]);
 }
 
 #[test]

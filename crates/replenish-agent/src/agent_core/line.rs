@@ -44,7 +44,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     pub fn next_deadline(&self) -> Option<Nanos> {
         let client = self.agenda.first().map(|(at, _)| *at);
         let pressed = self.pressed.iter().map(|pressed| pressed.until).min();
-        client.into_iter().chain(pressed).min()
+        let comeback = self.comeback.deadline().filter(|_| self.stashed);
+        client.into_iter().chain(pressed).chain(comeback).min()
     }
 
     pub(super) fn next_in_line(&mut self) -> Option<usize> {

@@ -1,11 +1,12 @@
 //! What clients may ask for without a session: to open one, and whether the agent is there.
 
 use super::{AgentCore, Now};
-use crate::client::Client;
+use crate::client::{Client, Promise};
 use crate::config::Nanos;
 use replenish_xrce::wire::{
-    AgentInfo, Body, ClientKey, CreateClient, GetInfo, Header, Info, Message, ObjectId, Properties,
-    Status, StatusAgent, VENDOR, VERSION,
+    AgentInfo, Body, ClientKey, CreateClient, DELIVERY, DELIVERY_BACK, DELIVERY_NEW,
+    DELIVERY_SETTLED, GetInfo, Header, Info, Message, ObjectId, Properties, Status, StatusAgent,
+    VENDOR, VERSION,
 };
 use std::hash::Hash;
 
@@ -71,7 +72,10 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             implementation: 0,
             version: VERSION,
             vendor: VENDOR,
-            properties: Properties::None,
+            properties: match promise(&create.properties) {
+                Some(_) => Properties::List(&[(DELIVERY, DELIVERY_SETTLED)]),
+                None => Properties::None,
+            },
         };
         if !self.replies.push(peer, create.session, create.key, &reply) {
             self.counters.replies_dropped.hit();
@@ -94,7 +98,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         let longest = self.limits.message.max(MIN_MTU.into());
         let mtu = usize::from(create.mtu).min(longest);
         let same = self.clients.by_key(key);
-        let mut before = None;
+        let (mut before, mut arrived) = (None, false);
         if let Some(client) = same.and_then(|index| self.clients.get_mut(index)) {
             let recent = client.peer == peer && now.saturating_sub(client.created) < DUPLICATE;
             if recent && (client.session, client.mtu) == (session, mtu) {
@@ -104,6 +108,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
                 return None;
             }
             before = Some(client.session);
+            arrived = client.arrived;
         }
         for index in [same, self.clients.by_route(peer, session)]
             .into_iter()
@@ -119,12 +124,30 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         };
         let mut client = Client::new(index, peer, (key, session), mtu, now, &self.limits);
         client.before = before;
+        client.arrived = arrived;
+        client.delivery = promise(&create.properties);
         self.clients.insert(index, client);
+        self.count_companions();
         self.serve(now, index);
         self.counters.clients_created.hit();
         self.counters.clients.set(self.clients.len());
         Some(Status::OK)
     }
+}
+
+/// What the client says about itself, if it does.
+fn promise(properties: &Properties<'_>) -> Option<Promise> {
+    let mut promise = None;
+    properties.for_each(|name, value| match (name, value) {
+        (DELIVERY, DELIVERY_NEW) => promise = Some(Promise::New),
+        (DELIVERY, value) => {
+            let companions = value.strip_prefix(DELIVERY_BACK);
+            let companions = companions.map(|digits| u8::from_str_radix(digits, 16));
+            promise = companions.map(|n| Promise::Back(n.unwrap_or(0)));
+        }
+        _ => {}
+    });
+    promise
 }
 
 /// Why a log-in cannot be accepted from anybody, if so.

@@ -57,7 +57,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             self.counters.samples_refused.hit();
             return;
         };
-        if reader.offer(&sample, at, &target.ledger, &self.counters) {
+        if reader.offer(&sample, None, at, &target.ledger, &self.counters) {
             self.counters.samples_routed.hit();
         } else if about.reply_to.is_some() {
             self.counters.replies_unwanted.hit();

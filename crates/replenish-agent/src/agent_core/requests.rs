@@ -1,6 +1,7 @@
 //! What clients ask for in a session, submessage by submessage.
 
 use super::{AgentCore, Now};
+use crate::client::Promise;
 use crate::entities::{Delivery, Surroundings};
 use crate::identity::Guid;
 use replenish_xrce::SeqNum;
@@ -117,6 +118,9 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             return;
         };
         let id = create.base.object;
+        if matches!(client.delivery, Some(Promise::Back(_))) {
+            self.comeback.equips(now.monotonic);
+        }
         self.requesters = self.requesters.wrapping_add(1);
         let mut around = Surroundings {
             limits: &self.limits,

@@ -3,6 +3,7 @@
 use super::{AgentCore, Now};
 use crate::entities::Address;
 use crate::identity::Identity;
+use crate::receipt::Receipt;
 use crate::sample::{About, Sample};
 use replenish_xrce::wire::{ObjectId, ObjectKind, Status, StreamId, WriteData};
 use std::hash::Hash;
@@ -50,8 +51,10 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             _ => {}
         }
         let beyond = self.beyond(index, id);
+        let repeats = stream.is_reliable() && qos.reliable && self.limits.settle > 0;
+        let returns = repeats && self.returns(at, index);
         let readers = self.topics.readers(topic);
-        if readers.is_empty() && !keeps && beyond.is_none() {
+        if readers.is_empty() && !keeps && !returns && beyond.is_none() {
             self.counters
                 .replies_unwanted
                 .add(about.reply_to.is_some().into());
@@ -66,10 +69,17 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             self.counters.samples_refused.hit();
             return;
         };
-        if keeps && let Some(client) = self.clients.get_mut(index) {
-            let ledger = client.ledger.clone();
-            if let Some(writer) = client.entities.writer(id) {
-                writer.keep(&sample, &ledger);
+        let mint = || self.settled.receipt((index, stream), at);
+        if let Some(client) = self.clients.get_mut(index)
+            && let Some(writer) = client.entities.writer(id)
+        {
+            if keeps {
+                writer.keep(&sample, &client.ledger);
+            }
+            if returns {
+                let receipt = self.receipt.get_or_insert_with(mint);
+                writer.stash(&sample, receipt, self.limits.max_depth, &client.ledger);
+                self.stashed = true;
             }
         }
         let mut taken = 0_u64;
@@ -80,10 +90,14 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             let Some(target) = self.clients.get_mut(client) else {
                 continue;
             };
+            let awaited = repeats
+                && (returns || target.is_awaited(object, at, self.limits.settle))
+                && reader.qos.reliable;
+            let receipt = awaited.then(|| &*self.receipt.get_or_insert_with(mint));
             let Some(endpoint) = target.entities.reader(object) else {
                 continue;
             };
-            if endpoint.offer(&sample, at, &target.ledger, &self.counters) {
+            if endpoint.offer(&sample, receipt, at, &target.ledger, &self.counters) {
                 taken += 1;
             }
             let presses = qos.keep_all && qos.reliable && reader.qos.reliable;
@@ -110,20 +124,24 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// Gives a new reader what durable writers of its topic have kept for it.
+    /// Gives a new reader what durable writers of its topic have kept for it or, if its client has
+    /// just returned from another agent, everything that other such clients have written since.
     pub(super) fn catch_up(&mut self, now: Now, index: usize, id: ObjectId) {
         let at = now.monotonic;
+        let returns = self.returns(at, index);
         let client = self.clients.get_mut(index);
         let Some(reader) = client.and_then(|client| client.entities.reader(id)) else {
             return;
         };
         let (topic, qos) = (reader.topic, reader.qos);
-        if !qos.is_durable() {
+        let returns = returns && qos.reliable;
+        if !qos.is_durable() && !returns {
             return;
         }
         let writers = self.topics.writers(topic).iter();
         let addresses: Vec<Address> = writers
-            .filter(|writer| writer.qos.is_durable() && writer.qos.serves(&qos))
+            .filter(|writer| writer.qos.is_durable() || returns)
+            .filter(|writer| writer.qos.serves(&qos))
             .map(|writer| writer.address)
             .collect();
         for Address { client, object } in addresses {
@@ -131,17 +149,17 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
                 .clients
                 .get_mut(client)
                 .and_then(|client| client.entities.writer(object));
-            let history: Vec<Sample> = writer
-                .map(|writer| writer.history(at).cloned().collect())
-                .unwrap_or_default();
+            let history = writer.map(|writer| writer.for_late(at, qos.is_durable(), returns));
+            let history: Vec<(Sample, Option<Receipt>)> = history.unwrap_or_default();
             let Some(target) = self.clients.get_mut(index) else {
                 return;
             };
             let Some(reader) = target.entities.reader(id) else {
                 return;
             };
-            for sample in history {
-                if reader.offer(&sample, at, &target.ledger, &self.counters) {
+            for (sample, receipt) in history {
+                let receipt = receipt.as_ref();
+                if reader.offer(&sample, receipt, at, &target.ledger, &self.counters) {
                     self.counters.samples_routed.hit();
                 }
             }

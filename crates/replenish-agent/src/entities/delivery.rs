@@ -59,6 +59,11 @@ impl Delivery {
         self.left == Some(0) || self.until.is_some_and(|until| until <= now)
     }
 
+    /// Whether it is over because all samples that were asked for were delivered.
+    pub(crate) fn is_used_up(&self) -> bool {
+        self.left == Some(0)
+    }
+
     /// When a sample of `bytes` may go.
     pub(crate) fn earliest(&self, bytes: usize) -> Nanos {
         let paced = self.pace.map_or(0, |pace| pace.earliest(bytes));

@@ -14,6 +14,7 @@ use super::delivery::Delivery;
 use super::qos::Qos;
 use crate::config::Nanos;
 use crate::identity::Identity;
+use crate::receipt::Receipt;
 use crate::rules::Service;
 use crate::sample::{Charge, Ledger, Sample};
 use crate::stats::Counters;
@@ -56,6 +57,8 @@ pub(crate) struct Reader {
     pub(crate) role: Role,
     queue: VecDeque<Place>,
     delivery: Option<Delivery>,
+    /// The client has asked for samples on a reliable stream, and may ask for more.
+    waits: bool,
     /// When the last sample was kept.
     last: Option<Nanos>,
     /// Since when a keep-all queue has been full without getting shorter.
@@ -67,6 +70,7 @@ pub(crate) struct Reader {
 struct Place {
     sample: Sample,
     prefix: Prefix,
+    receipt: Option<Receipt>,
     _charge: Charge,
 }
 
@@ -99,16 +103,32 @@ impl Reader {
             role,
             queue: VecDeque::new(),
             delivery: None,
+            waits: false,
             last: None,
             full_since: None,
             counts: ReaderCounts::default(),
         }
     }
 
-    /// Keeps a sample if it is for this reader and there is room; returns whether it did.
+    /// Whether what is offered on `now` must reach the client before it counts as settled: it is
+    /// wanted on a reliable stream, and the queue does not lag behind by `patience`.
+    pub(crate) fn is_awaited(&self, now: Nanos, patience: Nanos) -> bool {
+        let oldest = self.queue.iter().find_map(|place| place.receipt.as_ref());
+        let lags = oldest.is_some_and(|receipt| receipt.since.saturating_add(patience) <= now);
+        self.waits && self.qos.reliable && !lags
+    }
+
+    /// The stream that the client wants samples on.
+    pub(crate) fn stream(&self) -> Option<StreamId> {
+        self.delivery.as_ref().map(|delivery| delivery.stream)
+    }
+
+    /// Keeps a sample, and `receipt` with it, if it is for this reader and there is room; returns
+    /// whether it did.
     pub(crate) fn offer(
         &mut self,
         sample: &Sample,
+        receipt: Option<&Receipt>,
         now: Nanos,
         ledger: &Ledger,
         counters: &Counters,
@@ -142,6 +162,7 @@ impl Reader {
         self.queue.push_back(Place {
             sample: sample.clone(),
             prefix,
+            receipt: receipt.cloned(),
             _charge: charge,
         });
         if self.is_full() && self.full_since.is_none() {
@@ -195,6 +216,7 @@ impl Reader {
 
     /// Replaces or (with `None`) cancels the read request.
     pub(crate) fn request(&mut self, delivery: Option<Delivery>) {
+        self.waits = delivery.is_some_and(|delivery| delivery.stream.is_reliable());
         self.delivery = delivery;
     }
 
@@ -211,7 +233,8 @@ impl Reader {
     /// Whether it has something to say.
     pub(crate) fn readiness(&mut self, now: Nanos, counters: &Counters) -> Readiness {
         self.expire(now, counters);
-        if self.delivery.is_some_and(|delivery| delivery.is_over(now)) {
+        if let Some(delivery) = self.delivery.filter(|delivery| delivery.is_over(now)) {
+            self.waits &= delivery.is_used_up(); // then the client may grant more
             self.delivery = None;
         }
         let (Some(delivery), Some(place)) = (&self.delivery, self.queue.front()) else {
@@ -243,16 +266,15 @@ impl Reader {
         })
     }
 
-    /// The next sample is on its way.
-    pub(crate) fn delivered(&mut self, now: Nanos) {
+    /// The next sample is on its way; gives the receipt to keep until it has arrived.
+    pub(crate) fn delivered(&mut self, now: Nanos) -> Option<Receipt> {
         self.full_since = None;
-        let Some(place) = self.queue.pop_front() else {
-            return;
-        };
+        let place = self.queue.pop_front()?;
         self.counts.delivered += 1;
         if let Some(delivery) = &mut self.delivery {
             delivery.spend(now, place.len());
         }
+        place.receipt
     }
 
     /// The next sample cannot be delivered.

@@ -2,6 +2,7 @@
 
 use super::qos::Qos;
 use crate::config::Nanos;
+use crate::receipt::Receipt;
 use crate::sample::{Charge, Ledger, Sample};
 use crate::stats::Counters;
 use crate::topics::TopicId;
@@ -14,6 +15,8 @@ pub(crate) struct Writer {
     pub(crate) qos: Qos,
     /// The last samples, for readers that come later; the oldest first.
     history: VecDeque<(Sample, Charge)>,
+    /// What readers on their way back have not seen; the oldest first.
+    stash: VecDeque<(Sample, Receipt, Charge)>,
     last: Option<Nanos>,
     pub(crate) written: u64,
 }
@@ -24,6 +27,7 @@ impl Writer {
             topic,
             qos,
             history: VecDeque::new(),
+            stash: VecDeque::new(),
             last: None,
             written: 0,
         }
@@ -59,9 +63,49 @@ impl Writer {
         }
     }
 
-    /// What a reader that comes now gets.
-    pub(crate) fn history(&self, now: Nanos) -> impl Iterator<Item = &Sample> {
-        let all = self.history.iter().map(|(sample, _)| sample);
-        all.filter(move |sample| !sample.is_expired(now))
+    /// Keeps a sample for readers on their way back, as far as there is room.
+    pub(crate) fn stash(
+        &mut self,
+        sample: &Sample,
+        receipt: &Receipt,
+        most: usize,
+        ledger: &Ledger,
+    ) {
+        if self.stash.len() < most
+            && let Some(charge) = ledger.charge(sample.len())
+        {
+            self.stash
+                .push_back((sample.clone(), receipt.clone(), charge));
+        }
+    }
+
+    /// Whether something is kept for readers on their way back.
+    pub(crate) fn has_stash(&self) -> bool {
+        !self.stash.is_empty()
+    }
+
+    /// Nobody is on their way back any more.
+    pub(crate) fn clear_stash(&mut self) {
+        self.stash = VecDeque::new();
+    }
+
+    /// What a reader that comes now gets, the oldest first: of a reader that `returns` everything
+    /// since, else what is kept for a durable one.
+    pub(crate) fn for_late(
+        &self,
+        now: Nanos,
+        durable: bool,
+        returns: bool,
+    ) -> Vec<(Sample, Option<Receipt>)> {
+        let stash = self.stash.iter().filter(|_| returns);
+        let stash = stash.map(|(sample, receipt, _)| (sample, Some(receipt)));
+        let kept = durable && self.keeps() && !(returns && !self.stash.is_empty());
+        let history = self.history.iter().filter(|_| kept);
+        let history = history.map(|(sample, _)| (sample, None));
+        let alive = history.chain(stash);
+        let alive = alive.filter(|(sample, _)| !sample.is_expired(now));
+        alive
+            .map(|(sample, receipt)| (sample.clone(), receipt.cloned()))
+            .collect()
     }
 }

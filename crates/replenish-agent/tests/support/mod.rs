@@ -108,6 +108,8 @@ pub(crate) struct Client {
     input: InputReliable<Vec<u8>, Vec<u8>, 16>,
     /// Acknowledge what arrives.
     pub(crate) acknowledging: bool,
+    /// The agent's latest acknowledgement that nobody has asked for yet.
+    acked: Option<SeqNum>,
 }
 
 impl Client {
@@ -123,6 +125,7 @@ impl Client {
             next_request: 9,
             input: InputReliable::new(StreamId::RELIABLE, vec![0; 16 * 512], 512, vec![0; 1 << 17]),
             acknowledging: true,
+            acked: None,
         }
     }
 
@@ -194,7 +197,8 @@ impl Client {
         loop {
             let datagrams = world.take(self.peer);
             if datagrams.is_empty() {
-                all.retain(|got| !matches!(got, Got::Ack(seq, 0) if seq.0 == self.next_seq));
+                let next = SeqNum(self.next_seq);
+                all.retain(|got| !matches!(got, Got::Ack(seq, 0) if !seq.is_after(next)));
                 return all;
             }
             for datagram in datagrams {
@@ -213,8 +217,10 @@ impl Client {
                 }
             }
             for got in &all {
-                if let Got::Heartbeat(_, last) = got {
-                    self.input.heartbeat(*last);
+                match got {
+                    Got::Heartbeat(_, last) => self.input.heartbeat(*last),
+                    Got::Ack(first_unacked, _) => self.acked = Some(*first_unacked),
+                    _ => {}
                 }
             }
             if let Some(ack) = self.input.take_ack().filter(|_| self.acknowledging) {
@@ -222,6 +228,17 @@ impl Client {
                 self.send(world, &header, &ack);
             }
         }
+    }
+
+    /// What the agent has acknowledged last, if it has since this was asked before.
+    pub(crate) fn acknowledged(&mut self, world: &mut World) -> Option<u16> {
+        self.got(world);
+        self.acked.take().map(|seq| seq.0)
+    }
+
+    /// The number of the agent's next reliable message.
+    pub(crate) fn expects(&self) -> SeqNum {
+        self.input.next_expected()
     }
 
     /// Acknowledges all that has arrived.

@@ -5,6 +5,7 @@
     clippy::panic,
     reason = "test code"
 )]
+#![allow(dead_code, reason = "every test binary uses its own part")]
 
 use replenish_xrce::client::{Buffers, Config, PingPolicy, ReliableBuffers, Session};
 use replenish_xrce::wire::{
@@ -21,7 +22,11 @@ pub(crate) type Client = Session<Vec<u8>, 32, 32>;
 
 /// A client that takes the agent for lost after `patience` nanoseconds of silence.
 pub(crate) fn session(key: u8, patience: u64) -> Client {
-    let mut config = Config::new(ClientKey([key; 4]));
+    session_with(Config::new(ClientKey([key; 4])), patience)
+}
+
+/// The same with other settings.
+pub(crate) fn session_with(mut config: Config, patience: u64) -> Client {
     config.ping = Some(PingPolicy {
         after: 200 * MS,
         silence_limit: patience,

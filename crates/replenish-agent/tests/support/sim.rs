@@ -7,6 +7,7 @@
     clippy::panic,
     reason = "test code"
 )]
+#![allow(dead_code, reason = "every test binary uses its own part")]
 
 use super::session::{Client, MS, WRITER, endpoints, session};
 use replenish_agent::{AgentCore, Limits, Now};
@@ -48,6 +49,8 @@ struct Node {
     session: Client,
     /// What was written while the stream was full, or the session down.
     outbox: VecDeque<(StreamId, Vec<u8>)>,
+    /// How many samples the session has taken.
+    taken: usize,
     got: Vec<Vec<u8>>,
 }
 
@@ -90,12 +93,18 @@ impl Sim {
 
     /// Adds a client, which begins to log in; gives its number.
     pub(crate) fn client(&mut self) -> usize {
+        let key = u8::try_from(self.nodes.len() + 1).unwrap();
+        self.client_with(session(key, PATIENCE))
+    }
+
+    /// The same with a session of its own.
+    pub(crate) fn client_with(&mut self, mut session: Client) -> usize {
         let number = self.nodes.len();
-        let mut session = session(u8::try_from(number + 1).unwrap(), PATIENCE);
         session.connect(self.now);
         self.nodes.push(Node {
             session,
             outbox: VecDeque::new(),
+            taken: 0,
             got: Vec::new(),
         });
         number
@@ -139,6 +148,16 @@ impl Sim {
             .outbox
             .push_back((stream, payload.to_vec()));
         self.flush();
+    }
+
+    /// A client's session.
+    pub(crate) fn session(&self, client: usize) -> &Client {
+        &self.nodes[client].session
+    }
+
+    /// How many samples a client's session has taken.
+    pub(crate) fn taken(&self, client: usize) -> usize {
+        self.nodes[client].taken
     }
 
     /// How many samples have arrived and were not taken.
@@ -231,7 +250,10 @@ impl Sim {
                     break;
                 };
                 match node.session.write(WRITER, *stream, payload) {
-                    Ok(()) => drop(node.outbox.pop_front()),
+                    Ok(()) => {
+                        node.taken += 1;
+                        node.outbox.pop_front();
+                    }
                     Err(WriteError::WouldBlock | WriteError::Down) => break,
                     Err(error) => panic!("{error}"),
                 }

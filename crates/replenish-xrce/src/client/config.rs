@@ -20,6 +20,11 @@ pub struct Config {
     /// Pairs of name and value for the agent, 400 bytes in all; what is longer is not sent and
     /// counted in [`LinkStats::properties_omitted`](super::LinkStats::properties_omitted).
     pub properties: Properties<'static>,
+    /// Asks the agent, with a property more, to tell what it has received from what has reached
+    /// everybody it is for, and keeps samples until the latter: so none is lost with an agent that
+    /// dies. An agent that does not know this ignores it; `replenish-agent` does know it. Of the
+    /// other properties the first seven are sent then.
+    pub settling: bool,
     /// The longest message in bytes, both ways: 64..=65507 on UDP. micro-ROS has 512. The log-in
     /// tells it to the agent, which sends none longer; so it is to be what the transport and both
     /// sides can carry.
@@ -39,7 +44,8 @@ pub struct Config {
 /// How the loss of the agent is noticed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PingPolicy {
-    /// Ping after that long without a message from the agent, and again after each such time.
+    /// Ping after that long without a message from the agent, and again after each half of it: with
+    /// the defaults, one of eight pings has to be answered.
     pub after: Nanos,
     /// The agent counts as lost after that long without a message, the last `silence_limit - after`
     /// of it with pings.
@@ -47,8 +53,8 @@ pub struct PingPolicy {
 }
 
 impl Config {
-    /// The defaults, for client `key`: session 0x81, MTU 512, log-in every 0.2 s to 1 s, ping after
-    /// 0.2 s of silence, loss after 0.9 s.
+    /// The defaults, for client `key`: session 0x81, MTU 512, log-in every 0.2 s to 0.5 s, ping
+    /// after 0.16 s of silence and every 0.08 s from then on, loss after 0.8 s.
     #[must_use]
     pub fn new(key: ClientKey) -> Self {
         Config {
@@ -57,12 +63,13 @@ impl Config {
             reuse: false,
             requests: StreamId::RELIABLE,
             properties: Properties::None,
+            settling: false,
             mtu: 512,
             retry_first: 200_000_000,
-            retry_max: 1_000_000_000,
+            retry_max: 500_000_000,
             ping: Some(PingPolicy {
-                after: 200_000_000,
-                silence_limit: 900_000_000,
+                after: 160_000_000,
+                silence_limit: 800_000_000,
             }),
             reliability: Reliability::default(),
             acks: AckPolicy::IMMEDIATE,

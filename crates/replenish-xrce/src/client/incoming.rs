@@ -3,7 +3,8 @@
 use super::{Event, Journal, Session, State};
 use crate::Nanos;
 use crate::wire::{
-    BaseRequest, Body, Data, Message, ObjectKind, RequestId, SampleIdentity, StreamId, Submessage,
+    BaseRequest, Body, Confirmation, DELIVERY, DELIVERY_SETTLED, Data, Message, ObjectKind,
+    RequestId, SampleIdentity, StreamId, Submessage,
 };
 
 impl<S, const N: usize, const E: usize, const B: usize, const R: usize> Session<S, N, E, B, R>
@@ -106,7 +107,11 @@ where
         match submessage.body() {
             Ok(Body::StatusAgent(answer)) if self.link.state == State::Connecting => {
                 if answer.status.is_ok() {
-                    self.logged_in(now);
+                    let mut settles = false;
+                    answer.properties.for_each(|name, value| {
+                        settles |= (name, value) == (DELIVERY, DELIVERY_SETTLED);
+                    });
+                    self.logged_in(now, settles);
                 } else {
                     events(Event::Refused(answer.status));
                 }
@@ -120,8 +125,11 @@ where
             }
             _ if !self.link.has_session() => {}
             Ok(Body::AckNack(ack)) => {
-                self.streams
-                    .acknowledge(now, ack.stream, ack.first_unacked, ack.missing);
+                let settled = Confirmation::settled_in(submessage);
+                self.streams.acknowledge(now, &ack, settled);
+                if let Some(settled) = settled {
+                    self.companions = settled.companions;
+                }
             }
             Ok(Body::Heartbeat(heartbeat)) => {
                 if let Some(stream) = self.streams.reliable_mut(heartbeat.stream) {
@@ -141,10 +149,11 @@ where
     }
 
     /// The agent has a new session for us: everything starts from the beginning.
-    fn logged_in(&mut self, now: Nanos) {
+    fn logged_in(&mut self, now: Nanos, settles: bool) {
         self.link.enter(now, State::Restoring, &self.config);
         self.link.hear(now, &self.config);
-        let carried = self.streams.begin(&self.config, self.link.session);
+        let session = self.link.session;
+        let carried = self.streams.begin(&self.config, session, settles);
         let stats = &mut self.link.stats;
         stats.carried = stats.carried.saturating_add(carried.samples);
         stats.lost = stats.lost.saturating_add(carried.lost);

@@ -120,7 +120,7 @@ impl Link {
         else {
             return false;
         };
-        self.next_ping = now.saturating_add(ping.after);
+        self.next_ping = now.saturating_add(ping.after / 2);
         self.first_ping = self.first_ping.or(Some(now));
         self.stats.pings = self.stats.pings.saturating_add(1);
         true

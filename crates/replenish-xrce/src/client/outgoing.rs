@@ -2,11 +2,34 @@
 
 use super::{Session, State};
 use crate::wire::{
-    BaseRequest, CreateClient, Delete, Encode, GetInfo, Header, INFO_ACTIVITY, MessageWriter,
-    ObjectId, Properties, RequestId, SessionId, StreamId, Timestamp, VENDOR, VERSION,
-    submessage_len,
+    BaseRequest, CreateClient, DELIVERY, DELIVERY_BACK, DELIVERY_NEW, Delete, Encode, GetInfo,
+    Header, INFO_ACTIVITY, MessageWriter, ObjectId, Properties, RequestId, SessionId, StreamId,
+    Timestamp, VENDOR, VERSION, submessage_len,
 };
 use crate::{Nanos, SeqNum};
+
+/// Properties that are sent at most if the session's own is among them.
+const MAX_PROPERTIES: usize = 8;
+
+/// The value of the property [`DELIVERY`].
+fn delivery(sessions: u64, companions: u8, room: &mut [u8; 7]) -> &str {
+    if sessions == 0 {
+        return DELIVERY_NEW;
+    }
+    let digit = |n: u8| {
+        if n < 10 {
+            n | b'0'
+        } else {
+            n.wrapping_add(b'a' - 10)
+        }
+    };
+    let digits = [digit(companions >> 4), digit(companions & 0xf)];
+    let text = DELIVERY_BACK.bytes().chain(digits);
+    room.iter_mut()
+        .zip(text)
+        .for_each(|(room, byte)| *room = byte);
+    core::str::from_utf8(room).unwrap_or(DELIVERY_NEW)
+}
 
 impl<S, const N: usize, const E: usize, const B: usize, const R: usize> Session<S, N, E, B, R>
 where
@@ -82,6 +105,20 @@ where
             properties: self.config.properties,
             mtu: self.config.mtu,
         };
+        let (mut list, mut value) = ([("", ""); MAX_PROPERTIES], [0; 7]);
+        if self.config.settling {
+            let value = delivery(self.link.stats.sessions, self.companions, &mut value);
+            let mut used = 0_usize;
+            let mut add = |name, value| {
+                if let Some(slot) = list.get_mut(used) {
+                    *slot = (name, value);
+                    used = used.saturating_add(1);
+                }
+            };
+            add(DELIVERY, value);
+            body.properties.for_each(add);
+            body.properties = Properties::List(list.get(..used).unwrap_or(&[]));
+        }
         let room = self.scratch.len().saturating_sub(8);
         if !submessage_len(&body).is_ok_and(|len| len <= room) {
             body.properties = Properties::None;

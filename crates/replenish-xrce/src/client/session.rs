@@ -40,6 +40,8 @@ pub struct Session<S, const N: usize, const E: usize, const B: usize = 1, const 
     /// What to ask the agent about itself, and the question it has not answered yet.
     pub(super) info_request: Option<u32>,
     pub(super) info_asked: Option<RequestId>,
+    /// Clients that will return with this one, as the agent has said last.
+    pub(super) companions: u8,
     pub(super) scratch: [u8; 448],
 }
 
@@ -59,6 +61,7 @@ where
             time_request: None,
             info_request: None,
             info_asked: None,
+            companions: 0,
             scratch: [0; 448],
         }
     }

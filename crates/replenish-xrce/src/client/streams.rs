@@ -12,12 +12,12 @@
 //! stream, and the kept samples follow with the numbers after them.
 
 use super::{Buffers, Config, WriteError};
+use crate::Nanos;
 use crate::stream::{
     BestEffortStats, Carried, InputBestEffort, InputReliable, InputStats, OutputBestEffort,
     OutputReliable, OutputStats, PushError, StreamHeader, Tail,
 };
-use crate::wire::{AckNack, Encode, Heartbeat, SessionId, StreamId};
-use crate::{Nanos, SeqNum};
+use crate::wire::{AckNack, Encode, Heartbeat, SessionId, Settled, StreamId};
 
 #[derive(Debug)]
 pub(super) struct BestEffort<S> {
@@ -100,7 +100,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
 
     /// A new session begins: input streams from the start, output streams with the samples that
     /// were not acknowledged, if there is a way to bring them over.
-    pub(super) fn begin(&mut self, config: &Config, session: SessionId) -> Carried {
+    pub(super) fn begin(&mut self, config: &Config, session: SessionId, settles: bool) -> Carried {
         let head = |stream| header(config, session, stream);
         for stream in &mut self.best_effort {
             let id = stream.output.header().stream;
@@ -119,6 +119,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
                 all.lost = all.lost.saturating_add(carried.samples);
                 stream.output.reset(head(id));
             }
+            stream.output.until_settled(settles);
             stream.input.reset();
         }
         self.restore.reset(head(config.requests));
@@ -217,17 +218,17 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
         self.reliable.get_mut(stream.reliable_index()?)
     }
 
-    pub(super) fn acknowledge(
-        &mut self,
-        now: Nanos,
-        stream: StreamId,
-        first: SeqNum,
-        missing: u16,
-    ) {
-        if self.restoring && stream == self.requests() {
-            self.restore.acknowledge(now, first, missing);
-        } else if let Some(stream) = self.reliable_mut(stream) {
-            stream.output.acknowledge(now, first, missing);
+    pub(super) fn acknowledge(&mut self, now: Nanos, ack: &AckNack, settled: Option<Settled>) {
+        let output = if self.restoring && ack.stream == self.requests() {
+            &mut self.restore
+        } else if let Some(stream) = self.reliable_mut(ack.stream) {
+            &mut stream.output
+        } else {
+            return;
+        };
+        output.acknowledge(now, ack.first_unacked, ack.missing);
+        if let Some(settled) = settled {
+            output.settle(now, settled.first_unsettled);
         }
     }
 

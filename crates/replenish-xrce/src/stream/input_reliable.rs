@@ -223,6 +223,11 @@ where
         self.ack_due
     }
 
+    /// Whether the sender waits for an acknowledgement, or has to be told of a gap.
+    pub const fn is_urgent(&self) -> bool {
+        self.urgent
+    }
+
     /// The state as an acknowledgement.
     pub fn ack(&self) -> AckNack {
         let mut missing = 0_u16;

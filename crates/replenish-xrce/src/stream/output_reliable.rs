@@ -95,6 +95,10 @@ pub struct OutputReliable<S, const N: usize> {
     /// Messages from the first one on that are acknowledged and kept all the same, because their
     /// sample is not acknowledged as a whole.
     confirmed: usize,
+    /// Messages are kept until they are settled, which the receiver tells besides acknowledging.
+    settles: bool,
+    /// Messages from the first one on that are settled, if that is told.
+    settled: usize,
     /// Messages from the first one on that were sent.
     sent: usize,
     heartbeat: Option<Nanos>,
@@ -112,6 +116,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
             ring: Ring::new(ring, mtu, header, tail),
             config,
             confirmed: 0,
+            settles: false,
+            settled: 0,
             sent: 0,
             heartbeat: None,
             interval: config.heartbeat_first,
@@ -161,10 +167,17 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
 
     fn restart(&mut self) {
         self.confirmed = 0;
+        self.settled = 0;
         self.sent = 0;
         self.heartbeat = None;
         self.interval = self.config.heartbeat_first;
         self.rtt = Rtt::default();
+    }
+
+    /// From now on the receiver tells, or does not, which messages are settled (see
+    /// [`Confirmation`](crate::wire::Confirmation)), and they are kept until they are.
+    pub const fn until_settled(&mut self, settles: bool) {
+        self.settles = settles;
     }
 
     /// Which stream this is.
@@ -188,14 +201,20 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         self.ring.first.plus(confirmed)
     }
 
+    /// The number of the message that was begun last, or the one before the first.
+    pub fn newest(&self) -> SeqNum {
+        let used = u16::try_from(self.ring.used).unwrap_or(0);
+        self.ring.first.plus(used).previous()
+    }
+
     /// Whether everything was acknowledged.
     pub fn is_idle(&self) -> bool {
         self.ring.used == 0 && !self.ring.spill.as_ref().is_some_and(Spill::is_busy)
     }
 
-    /// Messages that were pushed and not acknowledged.
+    /// Messages that were pushed and not acknowledged or, if the receiver tells, not settled.
     pub fn unacknowledged(&self) -> usize {
-        let used = self.ring.used.saturating_sub(self.confirmed);
+        let used = self.ring.used.saturating_sub(self.done());
         used.saturating_add(self.ring.in_spill())
     }
 
@@ -234,8 +253,9 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
             let bytes = u64::try_from(slot.len).unwrap_or(u64::MAX);
             self.stats.resent_bytes = self.stats.resent_bytes.saturating_add(bytes);
         }
-        if !new || self.heartbeat.is_none() {
-            self.heartbeat = Some(now.saturating_add(self.interval));
+        let overdue = now.saturating_add(self.interval);
+        if !new || self.heartbeat.is_none_or(|at| at > overdue) {
+            self.heartbeat = Some(overdue);
         }
         self.ring.bytes(i)
     }
@@ -250,18 +270,21 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         if self.heartbeat? > now {
             return None;
         }
-        let unacknowledged = self.sent.checked_sub(self.confirmed)?;
-        let last = u16::try_from(unacknowledged.checked_sub(1)?).ok()?;
-        self.interval = self
-            .interval
-            .saturating_mul(2)
-            .min(self.config.heartbeat_max);
-        self.heartbeat = Some(now.saturating_add(self.interval));
+        let unacknowledged = self.sent.saturating_sub(self.confirmed);
+        let unacknowledged = u16::try_from(unacknowledged).ok()?;
+        let longest = self.config.heartbeat_max;
+        let wait = if unacknowledged == 0 {
+            longest
+        } else {
+            self.interval = self.interval.saturating_mul(2).min(longest);
+            self.interval
+        };
+        self.heartbeat = Some(now.saturating_add(wait));
         self.stats.heartbeats = self.stats.heartbeats.saturating_add(1);
         let first = self.first_unacknowledged();
         Some(Heartbeat {
             first,
-            last: first.plus(last),
+            last: first.plus(unacknowledged).previous(),
             stream: self.header().stream,
         })
     }
@@ -293,10 +316,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
                 slot.lost = None;
             }
         }
-        let released = self.ring.complete(confirmed);
-        self.ring.release(released);
-        self.sent = self.sent.saturating_sub(released);
-        self.confirmed = confirmed.saturating_sub(released);
+        self.confirmed = confirmed;
+        self.release();
         let timeout = self.rtt.timeout();
         let Reliability {
             heartbeat_min,
@@ -308,9 +329,53 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
                 timeout.min(heartbeat_max).max(heartbeat_min)
             });
         }
-        let waiting = self.sent > self.confirmed;
-        self.heartbeat = waiting.then(|| now.saturating_add(self.interval));
+        self.await_answer(now);
         self.note_missing(now, missing, timeout.unwrap_or(0).min(heartbeat_max));
+    }
+
+    /// Everything before `first_unsettled` is settled: see
+    /// [`Confirmation`](crate::wire::Confirmation).
+    pub fn settle(&mut self, now: Nanos, first_unsettled: SeqNum) {
+        let Ok(settled) = usize::try_from(first_unsettled.since(self.ring.first)) else {
+            return; // an old one
+        };
+        if settled > self.confirmed {
+            self.stats.bogus_acks = self.stats.bogus_acks.saturating_add(1);
+            return;
+        }
+        self.settled = self.settled.max(settled);
+        self.release();
+        self.await_answer(now);
+    }
+
+    /// Messages from the first one on whose fate is known.
+    const fn done(&self) -> usize {
+        if self.settles {
+            self.settled
+        } else {
+            self.confirmed
+        }
+    }
+
+    /// Forgets what need not be kept any more.
+    fn release(&mut self) {
+        let released = self.ring.complete(self.done());
+        self.ring.release(released);
+        self.sent = self.sent.saturating_sub(released);
+        self.confirmed = self.confirmed.saturating_sub(released);
+        self.settled = self.settled.saturating_sub(released);
+    }
+
+    /// Something was heard: the time to the next heartbeat begins anew.
+    fn await_answer(&mut self, now: Nanos) {
+        let wait = if self.sent > self.confirmed {
+            Some(self.interval)
+        } else if self.sent > self.done() {
+            Some(self.config.heartbeat_max) // settling takes the receiver's readers, too
+        } else {
+            None
+        };
+        self.heartbeat = wait.map(|wait| now.saturating_add(wait));
     }
 
     /// Marks what an acknowledgement names as missing, and what it thereby says has arrived.

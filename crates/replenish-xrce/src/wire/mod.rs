@@ -45,7 +45,10 @@ pub use info::{AgentInfo, GetInfo, INFO_ACTIVITY, INFO_CONFIGURATION, Info};
 pub use login::{COOKIE, CreateClient, Properties, StatusAgent, StatusReply, VENDOR, VERSION};
 pub use message::{FLAG_LITTLE_ENDIAN, Header, Message, Submessage, SubmessageId, Submessages};
 pub use reader::Reader;
-pub use reliability::{AckNack, Fragment, Heartbeat, Reset};
+pub use reliability::{
+    AckNack, Confirmation, DELIVERY, DELIVERY_BACK, DELIVERY_NEW, DELIVERY_SETTLED, Fragment,
+    Heartbeat, Reset, Settled,
+};
 pub use service::{SampleIdentity, WriteReply};
 pub use time::{Timestamp, TimestampReply, WireTime};
 pub use writer::Writer;

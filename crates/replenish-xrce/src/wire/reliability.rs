@@ -3,7 +3,7 @@
 //! ACKNACK and HEARTBEAT travel outside of streams (stream 0, number 0) and name the stream they
 //! are about: an ACKNACK names the sender's input stream, a HEARTBEAT the sender's output stream.
 
-use super::{Encode, SubmessageId};
+use super::{Encode, FLAG_LITTLE_ENDIAN, Submessage, SubmessageId};
 use super::{Reader, StreamId, WireError, Writer};
 use crate::SeqNum;
 
@@ -39,6 +39,77 @@ impl AckNack {
             missing: u16::from_be_bytes(r.array()?),
             stream: StreamId(r.u8()?),
         })
+    }
+}
+
+/// An ACKNACK that may say more: which messages are *settled*, that is, have reached everybody they
+/// are for, and not just the agent. An extension of this project, sent only to clients that ask for
+/// it with the property [`DELIVERY`]: other decoders expect exactly five bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Confirmation {
+    /// What every client is told.
+    pub ack: AckNack,
+    /// What clients that ask are told besides.
+    pub settled: Option<Settled>,
+}
+
+/// What a [`Confirmation`] adds to an ACKNACK.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settled {
+    /// The first message that is not settled; never after the first one that is not acknowledged.
+    pub first_unsettled: SeqNum,
+    /// Clients of the agent that have asked to be told, up to 255: as many will return if the agent
+    /// is lost.
+    pub companions: u8,
+}
+
+/// The property of a log-in that asks for [`Confirmation::settled`], and of the agent's answer that
+/// promises it.
+pub const DELIVERY: &str = "replenish.delivery";
+/// Value of [`DELIVERY`]: a client that has no samples from before.
+pub const DELIVERY_NEW: &str = "new";
+/// Begin of a value of [`DELIVERY`]: a client that had a session, lost its agent and will repeat what
+/// was not settled. What follows is the number of [`Settled::companions`] it was told last, as two
+/// hexadecimal digits.
+pub const DELIVERY_BACK: &str = "back:";
+/// Value of [`DELIVERY`] in the agent's answer.
+pub const DELIVERY_SETTLED: &str = "settled";
+
+impl Confirmation {
+    /// Where `settled` is in the payload, and where the payload ends.
+    const SETTLED: core::ops::Range<usize> = 5..8;
+
+    /// What the ACKNACK `submessage` says to be settled, if it does.
+    #[must_use]
+    pub fn settled_in(submessage: &Submessage<'_>) -> Option<Settled> {
+        let &[companions, a, b] = submessage.payload.get(Self::SETTLED)? else {
+            return None;
+        };
+        let little = submessage.flags & FLAG_LITTLE_ENDIAN != 0;
+        let first = if little {
+            u16::from_le_bytes([a, b])
+        } else {
+            u16::from_be_bytes([a, b])
+        };
+        Some(Settled {
+            first_unsettled: SeqNum(first),
+            companions,
+        })
+    }
+}
+
+impl Encode for Confirmation {
+    fn id(&self) -> SubmessageId {
+        SubmessageId::AckNack
+    }
+
+    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
+        self.ack.encode(w)?;
+        let Some(settled) = self.settled else {
+            return Ok(());
+        };
+        w.u8(settled.companions)?;
+        w.u16(settled.first_unsettled.0)
     }
 }
 

@@ -246,6 +246,7 @@ fn session(config: &XrceConfig) -> super::state::XrceSession {
         reliability: config.reliability,
         acks: config.acks,
         requests: stream(true, Criticality::RealTime),
+        settling: true,
         ..Config::new(ClientKey(config.client_key()))
     };
     Session::new(session, buffers)
