@@ -99,7 +99,8 @@ impl Writer {
     ) -> Vec<(Sample, Option<Receipt>)> {
         let stash = self.stash.iter().filter(|_| returns);
         let stash = stash.map(|(sample, receipt, _)| (sample, Some(receipt)));
-        let kept = durable && self.keeps() && !(returns && !self.stash.is_empty());
+        let all_stashed = returns && self.has_stash();
+        let kept = durable && self.keeps() && !all_stashed;
         let history = self.history.iter().filter(|_| kept);
         let history = history.map(|(sample, _)| (sample, None));
         let alive = history.chain(stash);

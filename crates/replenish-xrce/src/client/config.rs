@@ -54,7 +54,7 @@ pub struct PingPolicy {
 
 impl Config {
     /// The defaults, for client `key`: session 0x81, MTU 512, log-in every 0.2 s to 0.5 s, ping
-    /// after 0.16 s of silence and every 0.08 s from then on, loss after 0.8 s.
+    /// after 0.14 s of silence and every 0.07 s from then on, loss after 0.7 s.
     #[must_use]
     pub fn new(key: ClientKey) -> Self {
         Config {
@@ -68,8 +68,8 @@ impl Config {
             retry_first: 200_000_000,
             retry_max: 500_000_000,
             ping: Some(PingPolicy {
-                after: 160_000_000,
-                silence_limit: 800_000_000,
+                after: 140_000_000,
+                silence_limit: 700_000_000,
             }),
             reliability: Reliability::default(),
             acks: AckPolicy::IMMEDIATE,

@@ -40,7 +40,7 @@ pub struct XrceConfig {
 
 impl Default for XrceConfig {
     /// MTU 512, 64 datagrams kept, samples up to 16 KiB, domain 0, random key, 1.5 s for the agent's
-    /// first answer, 1 s for a reader or writer, ping after 0.16 s of silence, loss after 0.8 s.
+    /// first answer, 1 s for a reader or writer, ping after 0.14 s of silence, loss after 0.7 s.
     fn default() -> Self {
         Self {
             mtu: 512,
@@ -51,8 +51,8 @@ impl Default for XrceConfig {
             connect_timeout: 1_500_000_000,
             request_timeout: 1_000_000_000,
             ping: PingPolicy {
-                after: 160_000_000,
-                silence_limit: 800_000_000,
+                after: 140_000_000,
+                silence_limit: 700_000_000,
             },
             reliability: Reliability::default(),
             acks: AckPolicy::IMMEDIATE,
