@@ -94,6 +94,17 @@ pub enum What {
         /// Which.
         cpu: usize,
     },
+    /// It gave its CPU up, since it waits or must not run.
+    Yield {
+        /// Which.
+        cpu: usize,
+    },
+    /// What its budget has left, in ns. Between two entries it falls evenly while the thread runs,
+    /// and stays while it does not; a jump is two entries at one time.
+    Budget {
+        /// The amount.
+        left: Nanos,
+    },
     /// It blocked inside a job.
     Block,
     /// It left a wait, in or between jobs.

@@ -12,7 +12,9 @@ mod doctor;
 mod experiment;
 mod latency;
 mod ping;
+mod plan;
 mod pong;
+mod simulate;
 
 use crate::outcome::Outcome;
 use clap::{Parser, Subcommand};
@@ -34,6 +36,10 @@ enum Command {
     /// The experiments of the paper, with the theoretical line beside the measured one
     #[command(subcommand)]
     Experiment(Experiment),
+    /// Does a deployment file fit on its machine? The plan with its worst cases, or the reason why not
+    Plan(plan::Args),
+    /// Run a deployment file in virtual time and draw its schedule
+    Simulate(simulate::Args),
     /// What this machine grants to real-time threads, with advice
     Doctor(doctor::Args),
     /// Figures of the mechanisms next to a baseline measured in the same run
@@ -85,6 +91,8 @@ impl Cli {
             Command::Experiment(Experiment::NuttxHistory(args)) => {
                 experiment::nuttx_history::run(&args)
             }
+            Command::Plan(args) => plan::run(&args),
+            Command::Simulate(args) => simulate::run(&args),
             Command::Doctor(args) => doctor::run(&args),
             Command::Bench(Bench::Enforcement(args)) => bench_enforcement::run(&args),
             Command::Bench(Bench::Handoff(args)) => bench_handoff::run(&args),

@@ -5,6 +5,7 @@
 //! [`Enforcement::Timer`] everything goes as in `replenish-os`: the worker itself reports its
 //! wake-up when it first runs, and it is judged when the lazy timer says so, late.
 
+use super::state::Noted;
 use super::{Sim, Timer};
 use crate::{End, Enforcement, Nanos, What};
 use sporadic::{BudgetServer, Level, Verdict};
@@ -106,6 +107,40 @@ impl Sim<'_> {
         }
         let used = state.cpu_clock - budget.last_reading().0;
         Some(budget.server().available(self.now).saturating_sub(used))
+    }
+
+    /// Records what budgets have left, where that has changed.
+    pub(super) fn note_budgets(&mut self) {
+        if self.trace.is_none() {
+            return;
+        }
+        for id in 0..self.states.len() {
+            let state = &self.states[id];
+            let Some(budget) = &state.budget else {
+                continue;
+            };
+            let Noted {
+                left,
+                clock,
+                charged,
+            } = state.noted;
+            let used = |since: Nanos, charged| if charged { state.cpu_clock - since } else { 0 };
+            let before = left.saturating_sub(used(clock, charged));
+            let charged = budget.level() == Level::High;
+            let open = used(budget.last_reading().0, charged);
+            let now = budget.server().available(self.now).saturating_sub(open);
+            self.states[id].noted = Noted {
+                left: now,
+                clock: state.cpu_clock,
+                charged,
+            };
+            if before != left || now != before {
+                self.note(id, What::Budget { left: before });
+            }
+            if now != before {
+                self.note(id, What::Budget { left: now });
+            }
+        }
     }
 
     /// Judges each running thread whose limit is reached; true if one changed.

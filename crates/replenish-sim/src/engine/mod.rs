@@ -212,9 +212,11 @@ impl<'a> Sim<'a> {
             while self.judge_running() {}
             self.fire_timers();
             self.settle()?;
+            self.note_budgets();
             let next = self.next_time();
             if next > self.horizon {
                 self.advance(self.horizon);
+                self.note_budgets();
                 return Ok(());
             }
             self.advance(next);

@@ -65,6 +65,8 @@ impl Sim<'_> {
             if self.states[id].phase == Phase::Ready {
                 self.states[id].out.preemptions += 1;
                 self.note(id, What::Preempt { cpu });
+            } else {
+                self.note(id, What::Yield { cpu });
             }
         }
     }

@@ -24,6 +24,16 @@ pub(super) enum Phase {
     LockWait(LockId),
 }
 
+/// What was last recorded of a budget.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Noted {
+    pub(super) left: Nanos,
+    /// The thread's CPU clock then.
+    pub(super) clock: Nanos,
+    /// Whether what it consumed from then on was charged.
+    pub(super) charged: bool,
+}
+
 pub(super) struct State<'a> {
     pub(super) policy: &'a Policy,
     pub(super) releases: &'a Releases,
@@ -44,6 +54,8 @@ pub(super) struct State<'a> {
     /// The thread's CPU clock.
     pub(super) cpu_clock: Nanos,
     pub(super) budget: Option<Box<Budget>>,
+    /// What the trace says of its budget.
+    pub(super) noted: Noted,
     pub(super) cbs: Option<Cbs>,
     /// Urgency with inheritance; `None`: must not run.
     pub(super) rank: Option<Rank>,
@@ -105,6 +117,7 @@ impl<'a> State<'a> {
             left: 0,
             cpu_clock: 0,
             budget,
+            noted: Noted::default(),
             cbs,
             rank: None,
             queued: false,

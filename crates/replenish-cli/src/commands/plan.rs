@@ -1,0 +1,304 @@
+//! `replenish plan FILE`: does what a deployment file asks for fit, and how late is anything at
+//! worst?
+//!
+//! Exit code 0: it fits. 1: it does not (or the file makes no sense), with one sentence that says
+//! why and what would fit.
+
+use crate::options::JsonOption;
+use crate::outcome::{Failure, Outcome};
+use crate::report::files;
+use crate::report::table::Table;
+use replenish_plan::span::Rounded;
+use replenish_plan::{CpuLoad, Deployment, Plan, PlannedExecutor, PlannedWorker};
+use replenish_sim::Policy;
+use sporadic::Low;
+use std::path::PathBuf;
+
+/// Options of `plan`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The deployment file, for example examples/robot.toml
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+
+    /// Print the table only, without the reasons
+    #[arg(long)]
+    brief: bool,
+
+    #[command(flatten)]
+    json: JsonOption,
+}
+
+/// One worker. The first seven names are a contract; absent values are `null`.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+struct Row {
+    id: String,
+    cpu: Option<usize>,
+    priority: u8,
+    background: Option<u8>,
+    budget_ms: Option<f64>,
+    period_ms: Option<f64>,
+    worst_response_ms: Option<f64>,
+    deadline_ms: Option<f64>,
+    slack_ms: Option<f64>,
+    /// Of what the guarantee asked for, this much is granted.
+    granted_ms: Option<f64>,
+    max_replenishments: Option<u16>,
+    policy: &'static str,
+    handles: Vec<String>,
+    reasons: Vec<String>,
+}
+
+/// Reads, plans, tells.
+pub(crate) fn run(args: &Args) -> Outcome {
+    files::check_writable(args.json.json.as_deref())?;
+    let deployment = Deployment::read(&args.file).map_err(Failure::refused)?;
+    let name = args.file.display();
+    match deployment.plan() {
+        Ok(plan) => {
+            print(&deployment, &plan, args.brief);
+            files::write_json(args.json.json.as_deref(), &admitted(&deployment, &plan))
+        }
+        Err(refusal) => {
+            let json = serde_json::json!({
+                "admitted": false,
+                "refusal": refusal.sentence,
+                "worker": refusal.worker,
+                "cpu": refusal.cpu,
+                "would_fit": refusal.fits.iter().map(|fit| serde_json::json!({
+                    "worker": fit.worker,
+                    "amount_ms": ms(fit.amount),
+                    "period_ms": ms(fit.period),
+                    "without": fit.without,
+                })).collect::<Vec<_>>(),
+                "workers": [],
+            });
+            files::write_json(args.json.json.as_deref(), &json)?;
+            if let Some(attempt) = refusal.attempt.as_deref().filter(|_| !args.brief) {
+                println!("What was tried, for orientation; it does not hold:\n");
+                println!("{}", table(attempt).to_text());
+                println!("{}", loads(&attempt.cpus));
+            }
+            Err(Failure::refused(format!("{name} is refused: {refusal}")))
+        }
+    }
+}
+
+fn admitted(deployment: &Deployment, plan: &Plan) -> serde_json::Value {
+    let handles = |n: usize| deployment.workers.get(n).map(|w| w.handles.clone());
+    let workers: Vec<Row> = plan
+        .workers
+        .iter()
+        .enumerate()
+        .map(|(n, worker)| Row::new(worker, handles(n).unwrap_or_default()))
+        .collect();
+    serde_json::json!({
+        "admitted": true,
+        "refusal": null,
+        "workers": workers,
+        "executor": plan.executor.as_ref().map(executor),
+        "enforcer_priority": plan.enforcer_priority,
+        "cpus": plan.cpus.iter().map(|c| serde_json::json!({
+            "cpu": c.cpu,
+            "reserved_percent": round(c.reserved * 100.0),
+            "allowed_percent": round(c.allowed * 100.0),
+        })).collect::<Vec<_>>(),
+        "warnings": plan.warnings,
+    })
+}
+
+fn executor(executor: &PlannedExecutor) -> Row {
+    let worker = PlannedWorker {
+        name: "executor".into(),
+        cpu: executor.cpu,
+        policy: executor.policy.clone(),
+        amount: None,
+        deadline: None,
+        worst_response: executor.worst_response,
+        reasons: executor.reasons.clone(),
+    };
+    Row::new(&worker, Vec::new())
+}
+
+impl Row {
+    fn new(worker: &PlannedWorker, handles: Vec<String>) -> Self {
+        let params = match &worker.policy {
+            Policy::Budget { params, .. } => Some(params),
+            _ => None,
+        };
+        let (runtime, period) = match (&worker.policy, params) {
+            (_, Some(p)) => (Some(p.budget()), Some(p.period())),
+            (
+                Policy::Deadline {
+                    runtime, period, ..
+                },
+                _,
+            ) => (Some(*runtime), Some(*period)),
+            _ => (None, None),
+        };
+        Self {
+            id: worker.name.clone(),
+            cpu: worker.cpu,
+            priority: worker.priority(),
+            background: params.and_then(|p| match p.low() {
+                Low::Background(low) => Some(low),
+                Low::Suspend => None,
+            }),
+            budget_ms: runtime.map(ms),
+            period_ms: period.map(ms),
+            worst_response_ms: worker.worst_response.map(ms),
+            deadline_ms: worker.deadline.map(ms),
+            slack_ms: worker.slack().map(ms),
+            granted_ms: worker.amount.map(ms),
+            max_replenishments: params.map(sporadic::Params::max_repl),
+            policy: policy_name(&worker.policy),
+            handles,
+            reasons: worker.reasons.clone(),
+        }
+    }
+
+    fn cells(&self) -> [String; 9] {
+        let time = |ms: Option<f64>| ms.map_or_else(|| "-".into(), |ms| format!("{ms:.3} ms"));
+        [
+            self.id.clone(),
+            self.cpu.map_or_else(|| "any".into(), |cpu| cpu.to_string()),
+            match self.priority {
+                0 => self.policy.to_string(),
+                priority => priority.to_string(),
+            },
+            match (self.background, self.budget_ms) {
+                (Some(0), _) => "time-shared".into(),
+                (Some(low), _) => low.to_string(),
+                (None, Some(_)) => "waits".into(),
+                (None, None) => "-".into(),
+            },
+            time(self.budget_ms),
+            time(self.period_ms),
+            time(self.worst_response_ms),
+            time(self.deadline_ms),
+            time(self.slack_ms),
+        ]
+    }
+}
+
+fn print(deployment: &Deployment, plan: &Plan, brief: bool) {
+    println!("It fits: every deadline holds, whatever the other workers do.\n");
+    println!("{}", table(plan).to_text());
+    println!("{}", loads(&plan.cpus));
+    for warning in &plan.warnings {
+        println!("Warning: {warning}.");
+    }
+    if brief {
+        return;
+    }
+    println!(
+        "\nHow to read it: a worker runs at its priority (larger goes first) while it has budget, and \
+         in the\nbackground when it has used it up. Worst response: the longest time from a release to \
+         the end of its\ncallback if callbacks take what the file says at most; without such a \
+         statement, until budget that is\ndue has been delivered. Slack: what is left of the deadline \
+         then.\n\nWhy:"
+    );
+    let common = common(&plan.workers);
+    let list = |name: &str, reasons: &[String]| {
+        println!("  {name}");
+        for reason in reasons.iter().filter(|r| !common.contains(r)) {
+            println!("    - {reason}");
+        }
+    };
+    for worker in guaranteed(&plan.workers) {
+        list(&worker.name, &worker.reasons);
+    }
+    if let Some(executor) = &plan.executor {
+        list(
+            "executor (takes messages and hands them to workers)",
+            &executor.reasons,
+        );
+    }
+    if !common.is_empty() {
+        println!("  all workers with a guarantee");
+        for reason in &common {
+            println!("    - {reason}");
+        }
+    }
+    let unstated = deployment.workers.iter().filter(|w| w.wish.is_none());
+    let names: Vec<&str> = unstated.map(|w| w.name.as_str()).collect();
+    if !names.is_empty() {
+        println!(
+            "\nWithout guarantee, time-shared with everything else: {}.",
+            names.join(", ")
+        );
+    }
+}
+
+/// Workers for which something was chosen.
+fn guaranteed(workers: &[PlannedWorker]) -> impl Iterator<Item = &PlannedWorker> {
+    workers.iter().filter(|w| w.policy != Policy::Other)
+}
+
+/// Reasons that every one of several guaranteed workers has: to be said once.
+fn common(workers: &[PlannedWorker]) -> Vec<&String> {
+    let mut workers = guaranteed(workers);
+    let (Some(first), Some(second)) = (workers.next(), workers.next()) else {
+        return Vec::new();
+    };
+    let rest: Vec<_> = workers.chain([second]).collect();
+    let everywhere = |reason: &&String| rest.iter().all(|w| w.reasons.contains(reason));
+    first.reasons.iter().filter(everywhere).collect()
+}
+
+fn table(plan: &Plan) -> Table {
+    let mut table = Table::new(&[
+        "worker",
+        "CPU",
+        "priority",
+        "background",
+        "budget",
+        "period",
+        "worst response",
+        "deadline",
+        "slack",
+    ]);
+    let workers = plan.workers.iter().map(|w| Row::new(w, Vec::new()));
+    for row in workers.chain(plan.executor.as_ref().map(executor)) {
+        table.row(row.cells());
+    }
+    table
+}
+
+/// One line per CPU.
+fn loads(cpus: &[CpuLoad]) -> String {
+    let line = |c: &CpuLoad| {
+        let percent = |share: f64| share * 100.0;
+        format!(
+            "CPU {}: {:.1} % reserved, {:.0} % can be.",
+            c.cpu,
+            percent(c.reserved),
+            percent(c.allowed)
+        )
+    };
+    cpus.iter().map(line).collect::<Vec<_>>().join("\n")
+}
+
+/// What kind of policy it is, in a word.
+fn policy_name(policy: &Policy) -> &'static str {
+    match policy {
+        Policy::Other => "time-shared",
+        Policy::Fifo { .. } => "FIFO",
+        Policy::Budget { .. } => "sporadic",
+        Policy::Deadline { .. } => "SCHED_DEADLINE",
+    }
+}
+
+/// Nanoseconds in milliseconds.
+pub(super) fn ms(span: replenish_plan::Nanos) -> f64 {
+    span as f64 / 1e6
+}
+
+fn round(x: f64) -> f64 {
+    (x * 1e3).round() / 1e3
+}
+
+/// A span for people.
+pub(super) fn short(span: replenish_plan::Nanos) -> String {
+    Rounded(span).to_string()
+}

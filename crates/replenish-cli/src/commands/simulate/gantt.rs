@@ -1,0 +1,283 @@
+//! The drawing of a schedule: a lane per thread, grouped by CPU, budgets above the bars.
+//!
+//! ```text
+//!   CPU 0
+//!   name            ╲    ╱╲   what the budget has left
+//!   30 ms / 100 ms  ▇▇▇  ░░▇  dark: within the budget, light: background
+//!                   ▴    ▴    releases                      ──► ms
+//! ```
+
+use super::lanes::Lane;
+use crate::report::html::escape;
+use replenish_plan::Nanos;
+use std::fmt::Write;
+
+const WIDTH: f64 = 1100.0;
+/// Where time 0 is.
+const LEFT: f64 = 220.0;
+const RIGHT: f64 = 18.0;
+const TOP: f64 = 40.0;
+/// Of a CPU's name.
+const HEADING: f64 = 26.0;
+const LANE: f64 = 58.0;
+/// Of a lane without a budget line.
+const PLAIN_LANE: f64 = 38.0;
+const CURVE: f64 = 22.0;
+const BAR: f64 = 16.0;
+const FOOT: f64 = 44.0;
+/// More lanes than that are not drawn.
+const MOST_LANES: usize = 60;
+/// More shapes than that per lane cannot be told apart.
+const MOST_SHAPES: usize = 4_000;
+
+/// Draws the lanes from 0 to `shown`; `cpus` are the numbers of the system's CPUs.
+pub(super) fn draw(lanes: &[Lane], cpus: &[usize], shown: Nanos) -> String {
+    let scale = Scale {
+        shown: shown.max(1),
+    };
+    let mut body = String::new();
+    let mut y = TOP;
+    let left_out = lanes.len().saturating_sub(MOST_LANES);
+    let lanes = lanes.get(..MOST_LANES).unwrap_or(lanes);
+    let groups = (0..cpus.len()).map(Some).chain(std::iter::once(None));
+    for group in groups {
+        let members: Vec<&Lane> = lanes.iter().filter(|l| l.cpu == group).collect();
+        if members.is_empty() {
+            continue;
+        }
+        let name = match group.and_then(|at| cpus.get(at)) {
+            Some(cpu) => format!("CPU {cpu}"),
+            None => "any CPU".to_string(),
+        };
+        text(&mut body, 12.0, y + 18.0, "cpu", &name);
+        y += HEADING;
+        for lane in members {
+            y = draw_lane(&mut body, lane, &scale, y);
+        }
+    }
+    if left_out > 0 {
+        let remark = format!("and {left_out} more that are not drawn");
+        text(&mut body, 12.0, y + 18.0, "sub", &remark);
+        y += HEADING;
+    }
+    axis(&mut body, &scale, y);
+    let height = y + FOOT;
+    format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" width=\"{WIDTH}\" \
+         height=\"{height}\" font-family=\"sans-serif\">\n<style>{STYLE}</style>\n\
+         <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n{}{body}</svg>\n",
+        legend()
+    )
+}
+
+const STYLE: &str = "\
+.cpu{font-size:16px;font-weight:bold;fill:#1c2733}.name{font-size:14px;fill:#1c2733}\
+.sub{font-size:11px;fill:#52606d}.axis{font-size:12px;fill:#52606d}\
+.run{fill:#2563a8}.back{fill:#a9c6e6}.plain{fill:#d97a1e}.curve{fill:#e8f3ec;stroke:#2f855a;stroke-width:1.2}\
+.grid{stroke:#e4e7eb}.line{stroke:#9aa5b1}.release{fill:#52606d}.late{fill:#c53030}";
+
+struct Scale {
+    shown: Nanos,
+}
+
+impl Scale {
+    fn x(&self, time: Nanos) -> f64 {
+        let part = time.min(self.shown) as f64 / self.shown as f64;
+        LEFT + part * (WIDTH - LEFT - RIGHT)
+    }
+}
+
+fn draw_lane(body: &mut String, lane: &Lane, scale: &Scale, y: f64) -> f64 {
+    let budgeted = lane.full > 0;
+    let bar_top = y + if budgeted { CURVE + 8.0 } else { 8.0 };
+    text(body, 24.0, bar_top + 2.0, "name", &lane.name);
+    text(body, 24.0, bar_top + 16.0, "sub", &lane.policy);
+    let base = bar_top + BAR;
+    shape(
+        body,
+        format_args!(
+            "<line class=\"line\" x1=\"{LEFT}\" x2=\"{}\" y1=\"{base:.1}\" y2=\"{base:.1}\"/>",
+            WIDTH - RIGHT
+        ),
+    );
+    if budgeted {
+        curve(body, lane, scale, y + 4.0);
+    }
+    for bar in lane.bars.iter().take(MOST_SHAPES) {
+        let class = match (budgeted, bar.background) {
+            (_, true) => "back",
+            (true, false) => "run",
+            (false, false) => "plain",
+        };
+        let (from, to) = (scale.x(bar.from), scale.x(bar.to));
+        let width = (to - from).max(0.4);
+        shape(
+            body,
+            format_args!(
+                "<rect class=\"{class}\" x=\"{from:.2}\" y=\"{bar_top:.1}\" width=\"{width:.2}\" height=\"{BAR}\"/>"
+            ),
+        );
+    }
+    for release in lane.releases.iter().take(MOST_SHAPES) {
+        let x = scale.x(*release);
+        let (left, right, foot) = (x - 2.5, x + 2.5, base + 5.0);
+        shape(
+            body,
+            format_args!(
+                "<path class=\"release\" d=\"M{x:.2} {base:.1}L{right:.2} {foot:.1}L{left:.2} {foot:.1}Z\"/>"
+            ),
+        );
+    }
+    for late in lane.late.iter().take(MOST_SHAPES) {
+        let x = scale.x(*late) - 1.5;
+        let (top, height) = (bar_top - 3.0, BAR + 6.0);
+        shape(
+            body,
+            format_args!(
+                "<rect class=\"late\" x=\"{x:.2}\" y=\"{top:.1}\" width=\"3\" height=\"{height}\"/>"
+            ),
+        );
+    }
+    y + if budgeted { LANE } else { PLAIN_LANE }
+}
+
+/// What the budget has left, as an area.
+fn curve(body: &mut String, lane: &Lane, scale: &Scale, top: f64) {
+    let foot = top + CURVE;
+    let height = |left: Nanos| foot - CURVE * left as f64 / lane.full as f64;
+    let mut path = format!("M{LEFT} {foot:.1}");
+    let mut end = LEFT;
+    for (time, left) in lane.budget.iter().take(MOST_SHAPES) {
+        end = scale.x(*time);
+        append(&mut path, format_args!("L{end:.2} {:.2}", height(*left)));
+    }
+    append(&mut path, format_args!("L{end:.2} {foot:.1}Z"));
+    shape(body, format_args!("<path class=\"curve\" d=\"{path}\"/>"));
+}
+
+fn axis(body: &mut String, scale: &Scale, y: f64) {
+    let step = step(scale.shown);
+    let mut grid = String::new();
+    let mut time = 0;
+    while time <= scale.shown {
+        let x = scale.x(time);
+        shape(
+            &mut grid,
+            format_args!(
+                "<line class=\"grid\" x1=\"{x:.2}\" x2=\"{x:.2}\" y1=\"{TOP}\" y2=\"{y:.1}\"/>"
+            ),
+        );
+        let label = format!("{}", time as f64 / 1e6);
+        shape(
+            body,
+            format_args!(
+                "<text class=\"axis\" text-anchor=\"middle\" x=\"{x:.2}\" y=\"{:.1}\">{label}</text>",
+                y + 18.0
+            ),
+        );
+        time += step;
+    }
+    let middle = (LEFT + WIDTH - RIGHT) / 2.0;
+    shape(
+        body,
+        format_args!(
+            "<text class=\"axis\" text-anchor=\"middle\" x=\"{middle:.1}\" y=\"{:.1}\">time, ms</text>",
+            y + 36.0
+        ),
+    );
+    body.insert_str(0, &grid);
+}
+
+/// A round distance of marks: 1, 2 or 5 times a power of ten, at most 12 of them.
+fn step(shown: Nanos) -> Nanos {
+    let mut unit: Nanos = 1;
+    loop {
+        for factor in [1, 2, 5] {
+            let step = unit.saturating_mul(factor);
+            if shown / step <= 12 {
+                return step;
+            }
+        }
+        unit = unit.saturating_mul(10);
+    }
+}
+
+fn legend() -> String {
+    let mut legend = String::new();
+    let boxes = [
+        ("run", "runs within its budget"),
+        ("back", "runs in the background"),
+        ("plain", "runs, has no budget"),
+        ("curve", "what the budget has left"),
+        ("late", "ends late"),
+    ];
+    for (x, (class, name)) in [LEFT, 400.0, 585.0, 755.0, 950.0].into_iter().zip(boxes) {
+        shape(
+            &mut legend,
+            format_args!("<rect class=\"{class}\" x=\"{x}\" y=\"14\" width=\"14\" height=\"12\"/>"),
+        );
+        text(&mut legend, x + 20.0, 24.0, "axis", name);
+    }
+    legend
+}
+
+fn text(body: &mut String, x: f64, y: f64, class: &str, content: &str) {
+    let content = escape(content);
+    shape(
+        body,
+        format_args!("<text class=\"{class}\" x=\"{x:.1}\" y=\"{y:.1}\">{content}</text>"),
+    );
+}
+
+fn shape(body: &mut String, shape: std::fmt::Arguments<'_>) {
+    append(body, shape);
+    body.push('\n');
+}
+
+fn append(body: &mut String, what: std::fmt::Arguments<'_>) {
+    body.write_fmt(what).ok(); // writing to a string does not fail
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::lanes::Bar;
+    use super::*;
+
+    #[test]
+    fn a_drawing_names_its_threads_and_escapes_them() {
+        let lane = Lane {
+            name: "a<b".into(),
+            policy: "30 ms / 100 ms, priority 60".into(),
+            cpu: Some(0),
+            bars: vec![Bar {
+                from: 0,
+                to: 5,
+                background: false,
+            }],
+            budget: vec![(0, 10), (5, 5), (10, 5)],
+            full: 10,
+            releases: vec![0],
+            late: vec![5],
+        };
+        let svg = draw(&[lane], &[3], 10);
+        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
+        for text in [
+            "CPU 3",
+            "a&lt;b",
+            "class=\"curve\"",
+            "class=\"late\"",
+            "time, ms",
+        ] {
+            assert!(svg.contains(text), "{text}");
+        }
+        assert!(!svg.contains("a<b"));
+    }
+
+    #[test]
+    fn marks_are_round_and_few() {
+        for (shown, expected) in [(400_000_000, 50_000_000), (100_000_000, 10_000_000), (7, 1)] {
+            assert_eq!(step(shown), expected);
+        }
+        assert!(step(Nanos::MAX) > 0);
+    }
+}
