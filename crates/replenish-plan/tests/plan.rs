@@ -177,11 +177,13 @@ fn a_thousand_workers() {
             start.elapsed()
         );
         assert!(admitted.workers.iter().all(|w| w.slack().is_some()));
-        let start = std::time::Instant::now();
-        let refusal = plan(&all.worker(every("more", 95, 100))).unwrap_err();
-        println!(
-            "  and one that does not fit: {:?}: {refusal}",
-            start.elapsed()
-        );
+        if cpus == 8 && !elastic {
+            let start = std::time::Instant::now();
+            let refusal = plan(&all.worker(every("more", 95, 100))).unwrap_err();
+            println!(
+                "  and one that does not fit: {:?}: {refusal}",
+                start.elapsed()
+            );
+        }
     }
 }

@@ -326,7 +326,8 @@ fn fixed_task(fixed: &Fixed, floor: u8) -> Option<Task> {
 }
 
 /// What a job needs beyond its own CPU time to find its end in one budget: taking its message,
-/// being switched to after each possible preemption, and what enforcement can hold back.
+/// being switched to after each possible preemption, and what must be left so that the budget does
+/// not count as used up.
 fn overhead(
     index: usize,
     own: &[Task],
@@ -365,7 +366,7 @@ fn overhead(
     };
     let waits = seat.demand.map_or(0, |d| u64::from(d.suspensions)) + seat.sections.len() as u64;
     let switched = switches.saturating_add(2 * (1 + waits));
-    costs.job + costs.context_switch.saturating_mul(switched) + costs.overrun() + costs.slack
+    costs.job + costs.context_switch.saturating_mul(switched) + costs.slack + 1
 }
 
 fn parameters(

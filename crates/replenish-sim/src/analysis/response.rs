@@ -168,7 +168,11 @@ impl InReservation<'_> {
         let demand = task.demand?;
         let jitter = demand.jitter + costs.tick;
         let apart = demand.period.checked_sub(jitter)?;
-        let held_back = costs.overrun() + costs.slack;
+        // A job that leaves more than the slack of a full budget does not exhaust it, so there is no
+        // overrun for the next one to pay back.
+        let spared = self.cost.saturating_add(costs.slack) < params.budget();
+        let held_back = if spared { 0 } else { costs.overrun() };
+        let held_back = held_back + costs.slack;
         let budget = params.budget().checked_sub(held_back).filter(|&b| b > 0)?;
         let rounds = self.cost.div_ceil(budget).max(1);
         let last_part = self.cost - (rounds - 1) * budget;
