@@ -23,6 +23,10 @@ use std::time::{Duration, Instant};
 /// How long a new requester waits for a server to be found before it sends.
 const PATIENCE: Duration = Duration::from_secs(2);
 
+/// How long it waits after that for the server to find it, too: a reply to somebody who is not
+/// known yet is lost, and nothing tells the client when it is known.
+const SETTLE: Duration = Duration::from_millis(100);
+
 /// Writers and readers of others that are remembered per endpoint.
 const MAX_MATCHED: usize = 1024;
 
@@ -56,7 +60,8 @@ pub(crate) struct Live {
     participant: GUID,
     /// A volatile reader wants nothing from before: RustDDS's cache outlives readers.
     since: Option<Timestamp>,
-    opened: Instant,
+    /// Until when requests wait for a server to be found.
+    early: Option<Instant>,
     readers: Vec<GUID>,
     writers: Vec<GUID>,
     /// The last sample of each writer that is heard.
@@ -108,6 +113,8 @@ impl Live {
                 (Some(writer), Some(reader), role, true)
             }
         };
+        let calls = matches!(role, Role::Requester { .. });
+        let early = calls.then(|| Instant::now() + PATIENCE);
         Ok(Self {
             domain: number,
             node,
@@ -117,7 +124,7 @@ impl Live {
             services,
             participant: domain.guid(),
             since: volatile.then_some(since),
-            opened: Instant::now(),
+            early,
             readers: Vec::new(),
             writers: Vec::new(),
             last: HashMap::new(),
@@ -141,6 +148,10 @@ impl Live {
         if !own && list.len() < MAX_MATCHED && !list.contains(&guid) {
             list.push(guid);
         }
+        let found = !self.readers.is_empty() && !self.writers.is_empty();
+        if let (true, Some(early)) = (found, &mut self.early) {
+            *early = (*early).min(Instant::now() + SETTLE);
+        }
     }
 
     /// Some are gone.
@@ -151,10 +162,11 @@ impl Live {
     }
 
     /// Whether requests should wait a little: a new requester has not found its server yet.
-    pub(crate) fn is_early(&self) -> bool {
-        matches!(self.role, Role::Requester { .. })
-            && self.readers.is_empty()
-            && self.opened.elapsed() < PATIENCE
+    pub(crate) fn is_early(&mut self) -> bool {
+        if self.early.is_some_and(|until| until <= Instant::now()) {
+            self.early = None;
+        }
+        self.early.is_some()
     }
 
     /// Gives a sample its form on the wire, or `None` for a reply that nobody waits for.

@@ -31,6 +31,16 @@ struct Queue<T> {
     paused: bool,
 }
 
+impl<T> Queue<T> {
+    fn new() -> Self {
+        Self {
+            waiting: VecDeque::new(),
+            queued: false,
+            paused: false,
+        }
+    }
+}
+
 impl<T: Weight> Queues<T> {
     /// Queues of up to `depth` each and `room` bytes together.
     pub(crate) fn new(depth: usize, room: usize) -> Self {
@@ -47,11 +57,7 @@ impl<T: Weight> Queues<T> {
     /// itself included.
     pub(crate) fn push(&mut self, id: u64, thing: T) -> u64 {
         let weight = thing.weight();
-        let queue = self.queues.entry(id).or_insert_with(|| Queue {
-            waiting: VecDeque::new(),
-            queued: false,
-            paused: false,
-        });
+        let queue = self.queues.entry(id).or_insert_with(Queue::new);
         let mut dropped = 0;
         while queue.waiting.len() >= self.depth || self.bytes + weight > self.room {
             let Some(oldest) = queue.waiting.pop_front() else {
@@ -106,11 +112,10 @@ impl<T: Weight> Queues<T> {
 
     /// Takes no more from this queue until it is resumed.
     pub(crate) fn pause(&mut self, id: u64) {
-        if let Some(queue) = self.queues.get_mut(&id) {
-            queue.paused = true;
-            queue.queued = false;
-            self.turns.retain(|turn| *turn != id);
-        }
+        let queue = self.queues.entry(id).or_insert_with(Queue::new);
+        queue.paused = true;
+        queue.queued = false;
+        self.turns.retain(|turn| *turn != id);
     }
 
     /// Takes from this queue again.

@@ -134,6 +134,7 @@ impl State {
             counts: Counts::default(),
         };
         self.table.insert(id, slot);
+        self.outgoing.pause(id); // until it is there
         self.wanted.push_back(id);
         Ok(())
     }
@@ -163,7 +164,7 @@ impl State {
         }
         let idle = self.outgoing.is_empty();
         slot.counts.dropped_out += self.outgoing.push(id, outgoing);
-        idle
+        idle && !self.outgoing.is_empty()
     }
 
     /// Queues a sample from DDS; returns whether the program has to be woken for it.
@@ -208,7 +209,10 @@ impl State {
     pub(crate) fn opened(&mut self, id: Id, result: Result<(), String>) {
         if let Some(slot) = self.table.get_mut(&id) {
             slot.state = match result {
-                Ok(()) => EndpointState::Open,
+                Ok(()) => {
+                    self.outgoing.resume(id);
+                    EndpointState::Open
+                }
                 Err(why) => {
                     self.outgoing.remove(id);
                     EndpointState::Failed(why)
@@ -313,6 +317,13 @@ mod tests {
     fn drops_are_counted_where_they_happen() {
         let mut state = state(4);
         assert_eq!(state.open(1, node()), Ok(()));
+        assert!(
+            !state.write(1, Outgoing::sample(vec![7])),
+            "nobody is there yet"
+        );
+        assert_eq!(state.outgoing.pop(), None);
+        state.opened(1, Ok(()));
+        assert_eq!(state.outgoing.pop(), Some((1, Outgoing::sample(vec![7]))));
         let wakes: Vec<bool> = (0..4)
             .map(|i| state.write(1, Outgoing::sample(vec![i])))
             .collect();

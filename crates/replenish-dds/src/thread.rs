@@ -301,14 +301,13 @@ impl Engine {
         }
         for _ in 0..BATCH {
             let mut state = self.common.state.lock();
-            let early = |live: &Live| live.is_early();
             let Some((id, outgoing)) = state.outgoing.pop() else {
                 return;
             };
             let Some(live) = self.live.get_mut(&id) else {
                 continue; // closed meanwhile, or never opened
             };
-            if early(live) {
+            if live.is_early() {
                 // It goes back to where it was.
                 state.outgoing.push_front(id, outgoing);
                 state.outgoing.pause(id);

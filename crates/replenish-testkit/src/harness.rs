@@ -52,6 +52,31 @@ fn needs_rt(name: &str, body: impl FnOnce() -> Result<(), Failed> + Send + 'stat
     .with_ignored_flag(skip)
 }
 
+/// Set to `1`, it makes trials that lack a foreign peer fail instead of being ignored.
+pub const REQUIRE_PEERS: &str = "REPLENISH_REQUIRE_PEERS";
+
+/// A trial that needs a foreign program, of which `missing` says what is not here and how to get
+/// it: then it counts as ignored, unless [`REQUIRE_PEERS`] is set.
+pub fn peer_trial(
+    name: &str,
+    missing: Option<String>,
+    body: impl FnOnce() + Send + 'static,
+) -> Trial {
+    let required = std::env::var_os(REQUIRE_PEERS).is_some_and(|value| value == "1");
+    let skip = missing.is_some() && !required;
+    if let (true, Some(why)) = (skip, &missing) {
+        eprintln!("skipped: {name}: {why}");
+    }
+    Trial::test(name, move || match missing {
+        Some(why) => Err(format!("{why}, and {REQUIRE_PEERS} forbids skipping").into()),
+        None => {
+            body();
+            Ok(())
+        }
+    })
+    .with_ignored_flag(skip)
+}
+
 /// Runs the trials with the usual `cargo test` arguments and exits.
 pub fn run(trials: Vec<Trial>) -> ! {
     libtest_mimic::run(&Arguments::from_args(), trials).exit()

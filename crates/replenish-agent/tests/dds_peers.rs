@@ -1,0 +1,201 @@
+//! XRCE clients, the agent, and a DDS that is not ours: Eclipse Cyclone DDS (C, through Python), in
+//! the place of a ROS 2 node with `rmw_cyclonedds`. `tests/peers/setup.sh` installs it; without it
+//! these trials count as ignored.
+#![cfg_attr(
+    feature = "dds",
+    allow(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic,
+        reason = "test code"
+    )
+)]
+
+#[cfg(not(feature = "dds"))]
+fn main() {
+    replenish_testkit::harness::run(Vec::new());
+}
+
+#[cfg(feature = "dds")]
+use replenish_agent::dds as replenish_dds;
+
+#[cfg(feature = "dds")]
+#[path = "support/bridged.rs"]
+mod bridged;
+
+#[cfg(feature = "dds")]
+fn main() {
+    peers::main();
+}
+
+#[cfg(feature = "dds")]
+mod peers {
+    use super::bridged::{Client, agent, domain, service_client, typed_client};
+    use replenish_agent::RunningAgent;
+    use replenish_testkit::harness::{peer_trial, run};
+    use replenish_xrce::wire::{ObjectKind, StreamId};
+    use std::io::{BufRead, BufReader};
+    use std::path::{Path, PathBuf};
+    use std::process::{Child, ChildStdout, Command, Stdio};
+    use std::time::{Duration, Instant};
+
+    const STRING: &str = "std_msgs::msg::dds_::String_";
+
+    pub(super) fn main() {
+        let python = python();
+        let missing = (!python.exists()).then(|| {
+            let script = "crates/replenish-agent/tests/peers/setup.sh";
+            format!("no {}: run {script}", python.display())
+        });
+        let trial = |name, body: fn()| peer_trial(name, missing.clone(), body);
+        run(vec![
+            trial("cyclone_echoes_what_a_client_publishes", echo),
+            trial("cyclone_answers_a_client", cyclone_answers),
+            trial("a_client_answers_cyclone", client_answers),
+        ]);
+    }
+
+    fn python() -> PathBuf {
+        let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap();
+        let dir = std::env::var_os("CARGO_TARGET_DIR").map_or(target.to_path_buf(), PathBuf::from);
+        // A relative one is meant from the workspace's root.
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        root.join(dir).join("peers/cyclonedds/bin/python")
+    }
+
+    /// The foreign program. Ends with this.
+    struct Cyclone {
+        child: Child,
+        output: BufReader<ChildStdout>,
+    }
+
+    impl Cyclone {
+        fn start(domain: u16, arguments: &[&str]) -> Self {
+            let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/peers/cyclone.py");
+            let (mode, rest) = arguments.split_first().unwrap();
+            let mut child = Command::new(python())
+                .args([script, mode, &domain.to_string()])
+                .args(rest)
+                .stdout(Stdio::piped())
+                .spawn()
+                .unwrap();
+            let output = BufReader::new(child.stdout.take().unwrap());
+            let mut cyclone = Self { child, output };
+            cyclone.says("ready");
+            cyclone
+        }
+
+        fn says(&mut self, expected: &str) {
+            let mut line = String::new();
+            self.output.read_line(&mut line).unwrap();
+            assert_eq!(line.trim(), expected);
+        }
+    }
+
+    impl Drop for Cyclone {
+        fn drop(&mut self) {
+            drop(self.child.kill());
+            drop(self.child.wait());
+        }
+    }
+
+    /// Waits until each endpoint in DDS talks with somebody.
+    fn matched(agent: &RunningAgent, topics: &[&str]) {
+        let deadline = Instant::now() + Duration::from_secs(30);
+        loop {
+            let snapshot = agent.inspector().snapshot(Duration::from_secs(5)).unwrap();
+            let bridge = snapshot.bridge.unwrap();
+            let done = |topic: &&str| bridge.iter().any(|b| b.name == *topic && b.matched > 0);
+            if topics.iter().all(done) {
+                return;
+            }
+            assert!(Instant::now() < deadline, "in vain: {bridge:?}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    fn string(text: &str) -> Vec<u8> {
+        let length = u32::try_from(text.len() + 1).unwrap();
+        [&length.to_le_bytes(), text.as_bytes(), b"\0"].concat()
+    }
+
+    fn echo() {
+        for stream in [StreamId::RELIABLE, StreamId::BEST_EFFORT] {
+            let domain = domain();
+            let agent = agent(domain);
+            let reliability = if stream.is_reliable() {
+                "reliable"
+            } else {
+                "best_effort"
+            };
+            let _cyclone = Cyclone::start(domain, &["echo", reliability]);
+            let topics = ("rt/chatter", "rt/echo");
+            // One publishes and listens, another one only listens.
+            let mut one = typed_client(&agent, 1, STRING, topics, stream);
+            let mut two = typed_client(&agent, 2, STRING, ("rt/other", "rt/echo"), stream);
+            matched(&agent, &["rt/chatter", "rt/echo"]);
+            warm_up(stream, &mut one, &mut two);
+            for i in 0..100 {
+                one.write(stream, &string(&format!("hello {i}")));
+                let expected = string(&format!("echo of hello {i}"));
+                for client in [&mut one, &mut two] {
+                    let got = client.read();
+                    assert!(
+                        got.starts_with(&expected),
+                        "{}",
+                        String::from_utf8_lossy(&got)
+                    );
+                }
+            }
+            let stats = agent.stop().unwrap();
+            assert_eq!((stats.bridge_dropped, stats.samples_dropped), (0, 0));
+        }
+    }
+
+    /// Until Cyclone has found our readers, which nothing tells us, its echoes are lost.
+    fn warm_up(stream: StreamId, one: &mut Client, two: &mut Client) {
+        let deadline = Instant::now() + Duration::from_secs(30);
+        while one.got.is_empty() || two.got.is_empty() {
+            assert!(Instant::now() < deadline, "no echo");
+            one.write(stream, &string("warm up"));
+            one.idle(Duration::from_millis(50));
+            two.idle(Duration::from_millis(50));
+        }
+        one.idle(Duration::from_millis(100));
+        two.idle(Duration::from_millis(100));
+        one.got.clear();
+        two.got.clear();
+    }
+
+    fn cyclone_answers() {
+        let domain = domain();
+        let agent = agent(domain);
+        let _cyclone = Cyclone::start(domain, &["replier"]);
+        let mut client = service_client(&agent, 1, ObjectKind::Requester);
+        for i in 0..50_i64 {
+            let request = client.request(&[i.to_le_bytes(), 7_i64.to_le_bytes()].concat());
+            let sum = (i + 7).to_le_bytes().to_vec();
+            assert_eq!(client.reply(), (request, sum));
+        }
+        agent.stop().unwrap();
+    }
+
+    fn client_answers() {
+        let domain = domain();
+        let agent = agent(domain);
+        let mut client = service_client(&agent, 1, ObjectKind::Replier);
+        let mut cyclone = Cyclone::start(domain, &["requester", "50"]);
+        for _ in 0..50 {
+            let asked = client.read();
+            let (identity, request) = asked.split_at(24);
+            let number = |at: usize| {
+                let bytes = request[at..at + 8].try_into().unwrap();
+                i64::from_le_bytes(bytes)
+            };
+            let sum = (number(0) + number(8)).to_le_bytes();
+            client.write(StreamId::RELIABLE, &[identity, &sum].concat());
+        }
+        cyclone.says("done");
+        agent.stop().unwrap();
+    }
+}
