@@ -13,7 +13,7 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 
 thread_local! {
     static EXEMPT: Cell<bool> = const { Cell::new(false) };
@@ -29,6 +29,7 @@ pub fn exempt_this_thread() {
 pub struct CountingAllocator {
     armed: AtomicBool,
     count: AtomicU64,
+    live: AtomicUsize,
 }
 
 impl Default for CountingAllocator {
@@ -44,6 +45,7 @@ impl CountingAllocator {
         Self {
             armed: AtomicBool::new(false),
             count: AtomicU64::new(0),
+            live: AtomicUsize::new(0),
         }
     }
 
@@ -59,6 +61,11 @@ impl CountingAllocator {
         self.count.load(Ordering::SeqCst)
     }
 
+    /// Bytes that are allocated now, by all threads, armed or not, as they were asked for.
+    pub fn live(&self) -> usize {
+        self.live.load(Ordering::Relaxed)
+    }
+
     fn note(&self) {
         if self.armed.load(Ordering::Relaxed) && !EXEMPT.try_with(Cell::get).unwrap_or(true) {
             self.count.fetch_add(1, Ordering::Relaxed);
@@ -71,17 +78,21 @@ impl CountingAllocator {
 unsafe impl GlobalAlloc for CountingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         self.note();
+        self.live.fetch_add(layout.size(), Ordering::Relaxed);
         // SAFETY: the caller's contract is passed on.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, ptr: *mut u8, layout: Layout) {
+        self.live.fetch_sub(layout.size(), Ordering::Relaxed);
         // SAFETY: the caller's contract is passed on.
         unsafe { System.dealloc(ptr, layout) }
     }
 
     unsafe fn realloc(&self, ptr: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
         self.note();
+        self.live.fetch_add(new_size, Ordering::Relaxed);
+        self.live.fetch_sub(layout.size(), Ordering::Relaxed);
         // SAFETY: the caller's contract is passed on.
         unsafe { System.realloc(ptr, layout, new_size) }
     }

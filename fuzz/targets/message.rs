@@ -1,0 +1,9 @@
+//! A message, every submessage, and pings.
+#![no_main]
+
+#[path = "../../crates/replenish-agent/tests/fuzzed/mod.rs"]
+mod fuzzed;
+
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| fuzzed::decoders::message(bytes));
