@@ -44,7 +44,9 @@ pub mod span;
 pub use file::{Deployment, FileError, Template, TemplateWorker};
 pub use guarantee::{Guarantee, GuaranteeError, OfAmount, OfRate};
 pub use machine::{Machine, Overheads};
-pub use planner::{Changed, CpuLoad, Fit, Plan, PlannedExecutor, PlannedWorker, Refusal, plan};
+pub use planner::{
+    Changed, CpuLoad, Fit, Plan, PlannedChain, PlannedExecutor, PlannedWorker, Refusal, plan,
+};
 pub use request::{ExecutorRequest, Promise, Request, Wish, Worker};
 
 /// Nanoseconds.

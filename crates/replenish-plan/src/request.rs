@@ -54,6 +54,9 @@ pub struct Worker {
     /// By when its callbacks must end, for workers whose demand is known. Ignored beside a
     /// guarantee, which has its own.
     pub deadline: Option<Nanos>,
+    /// Of a worker that others release: how late in relation to a strict pattern that can be, in
+    /// ns. Unlike jitter it does not count as response: deadlines run from the release itself.
+    pub late: Nanos,
 }
 
 impl Worker {
@@ -77,6 +80,7 @@ impl Worker {
             demand: None,
             sections: Vec::new(),
             deadline: None,
+            late: 0,
         }
     }
 

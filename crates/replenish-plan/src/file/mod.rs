@@ -24,6 +24,7 @@
 //!
 //! `docs/guarantees.md` has every key.
 
+mod chain;
 mod error;
 mod raw;
 mod read;
@@ -42,6 +43,8 @@ use std::path::Path;
 
 /// Longer files are refused, in bytes.
 pub const MAX_FILE: u64 = 4 << 20;
+/// Chains are gone through so often at most; each round adds what a stage can be late.
+const MAX_ROUNDS: usize = 32;
 /// More workers are refused.
 pub const MAX_WORKERS: usize = 4096;
 
@@ -158,6 +161,7 @@ impl Deployment {
             demand: self.demand(described),
             sections: described.load.sections(),
             deadline: described.load.deadline,
+            late: 0,
         };
         Request {
             machine: self.machine.clone(),
@@ -172,7 +176,30 @@ impl Deployment {
     /// # Errors
     /// As [`plan`](crate::plan()), and if a chain takes longer than its deadline.
     pub fn plan(&self) -> Result<Plan, Refusal> {
-        crate::plan(&self.request())
+        let mut request = self.request();
+        let mut plan = crate::plan(&request)?;
+        // How late a stage is released depends on the stages before it, which may depend on it:
+        // until nothing changes (TC94). Never back, so that it comes to an end.
+        let mut changed = !self.chains.is_empty();
+        for _ in 0..MAX_ROUNDS {
+            changed = false;
+            for (worker, late) in request.workers.iter_mut().zip(self.lateness(&plan)) {
+                changed |= late > worker.late;
+                worker.late = late.max(worker.late);
+            }
+            if !changed {
+                break;
+            }
+            plan = crate::plan(&request)?;
+        }
+        if changed {
+            return Err(Refusal::unsettled());
+        }
+        plan.chains = self.chains(&plan);
+        match self.late_chain(&plan) {
+            Some(refusal) => Err(refusal),
+            None => Ok(plan),
+        }
     }
 
     /// What a worker is known to do.

@@ -23,6 +23,8 @@ pub(super) struct Seat {
     pub(super) suspend: bool,
     /// Given for all seats of jobs; the cost is the amount then.
     pub(super) demand: Option<Demand>,
+    /// How much of the demand's jitter is before the release that the deadline runs from.
+    pub(super) late: Nanos,
     pub(super) sections: Vec<Section>,
     /// The executor's: above all workers.
     pub(super) level: Option<u8>,
@@ -233,6 +235,7 @@ fn failure(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], plan: &CpuPlan) -> Option
         } else {
             bounds.service
         };
+        let bound = bound.map(|b| b.saturating_sub(seat.late));
         (Victim::Seat(index), bound, seat.deadline)
     });
     let late = |(victim, bound, allowed): (Victim, Option<Nanos>, Nanos)| {

@@ -41,6 +41,8 @@ pub struct Plan {
     pub enforcer_priority: u8,
     /// The CPUs of the request.
     pub cpus: Vec<CpuLoad>,
+    /// The chains of a deployment file.
+    pub chains: Vec<PlannedChain>,
     /// What limits these guarantees, in sentences.
     pub warnings: Vec<String>,
 }
@@ -97,6 +99,17 @@ pub struct PlannedExecutor {
     pub reasons: Vec<String>,
 }
 
+/// A chain of workers.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PlannedChain {
+    /// Its name.
+    pub name: String,
+    /// From the first release to the end of the last callback at worst, in ns; `None`: no bound.
+    pub worst: Option<Nanos>,
+    /// What is allowed, in ns.
+    pub deadline: Option<Nanos>,
+}
+
 /// What is reserved of a CPU.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CpuLoad {
@@ -145,6 +158,7 @@ fn describe(problem: &Problem<'_>, placed: &Placed, amounts: &[Nanos]) -> Plan {
         executor: None,
         enforcer_priority: machine.enforcer_priority,
         cpus: Vec::with_capacity(machine.cpus.len()),
+        chains: Vec::new(),
         warnings: Vec::new(),
     };
     let cpus = machine.cpus.iter().zip(&placed.on).zip(&placed.fixed);
@@ -164,6 +178,7 @@ fn describe(problem: &Problem<'_>, placed: &Placed, amounts: &[Nanos]) -> Plan {
             } else {
                 bounds.service
             };
+            let worst = worst.map(|w| w.saturating_sub(seat.late));
             let Some(&params) = found.params.get(place) else {
                 continue;
             };

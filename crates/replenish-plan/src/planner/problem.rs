@@ -185,6 +185,7 @@ impl<'r> Problem<'r> {
                     importance: u8::MAX,
                     suspend: false,
                     demand: None,
+                    late: 0,
                     sections: Vec::new(),
                     level: Some(level),
                     cpu: *cpu,
@@ -235,6 +236,7 @@ fn worker_seat(worker: &crate::Worker, guarantee: &Guarantee) -> Seat {
     let stated = worker.demand.unwrap_or(Demand::new(1, guarantee.period()));
     let demand = Demand {
         period: guarantee.period(),
+        jitter: stated.jitter.saturating_add(worker.late),
         ..stated
     };
     Seat {
@@ -244,6 +246,7 @@ fn worker_seat(worker: &crate::Worker, guarantee: &Guarantee) -> Seat {
         importance: guarantee.importance,
         suspend: guarantee.suspend,
         demand: rate.then_some(demand),
+        late: if rate { worker.late } else { 0 },
         sections: if rate {
             worker.sections.clone()
         } else {

@@ -34,6 +34,14 @@ impl fmt::Display for Refusal {
 impl std::error::Error for Refusal {}
 
 impl Refusal {
+    /// Stages that delay each other more and more.
+    pub(crate) fn unsettled() -> Self {
+        Self::invalid(
+            "the chains do not settle: their stages delay each other without end; put them on different CPUs, or give one of them releases of its own"
+                .into(),
+        )
+    }
+
     pub(super) fn invalid(sentence: String) -> Self {
         Self {
             worker: None,
@@ -162,7 +170,9 @@ fn reason(
             "{cpu} {who}{promised} could take up to {} where its deadline allows {allowed}",
             Rounded(bound)
         ),
-        None => format!("{cpu} nothing would be certain for {who}{promised} within its {allowed}"),
+        None => {
+            format!("{cpu} {who}{promised} would not be certain to make its deadline of {allowed}")
+        }
     }
 }
 
