@@ -1,5 +1,6 @@
 //! The files: opening, locking, adding and removing.
 
+use super::VARIABLE;
 use super::entry::{Entry, MAX_BYTES};
 use super::error::LedgerError;
 use std::fs::{self, File, OpenOptions, Permissions, TryLockError};
@@ -152,7 +153,12 @@ pub(super) fn add(directory: &Path, entry: &Entry) -> Result<Reservation, Ledger
             .open(&new);
         let wrong = |e: io::Error| {
             fs::remove_file(&new).ok();
-            LedgerError::new(directory, format!("nothing can be reserved here: {e}"))
+            LedgerError::new(
+                directory,
+                format!(
+                    "nothing can be reserved here: {e} (who may write to it may reserve; {VARIABLE} names another directory, or is off)"
+                ),
+            )
         };
         let mut file = match made {
             Ok(file) => file,
