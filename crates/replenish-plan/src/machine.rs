@@ -68,6 +68,24 @@ pub struct Overheads {
 }
 
 impl Overheads {
+    /// None of them may be larger, in ns.
+    pub const MOST: Nanos = 1_000_000_000;
+
+    /// All of them.
+    pub(crate) fn all(&self) -> [Nanos; 9] {
+        [
+            self.context_switch,
+            self.callback,
+            self.dispatch,
+            self.release_interrupt,
+            self.latency,
+            self.enforcement,
+            self.tuning.slack,
+            self.tuning.min_rearm,
+            self.tuning.max_backoff,
+        ]
+    }
+
     /// Several times what `replenish bench enforcement` and `replenish bench handoff` measured on a
     /// virtual machine with 2 CPUs (Linux 6.18, HZ=250, not `PREEMPT_RT`; `docs/enforcement.md`):
     /// overruns of 5 to 7 us (99 %), 30 to 80 us of the enforcer per budget and 100 ms.

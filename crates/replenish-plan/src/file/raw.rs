@@ -35,15 +35,15 @@ pub(super) struct Machine {
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Overheads {
-    pub(super) context_switch: Option<Time>,
-    pub(super) callback: Option<Time>,
-    pub(super) dispatch: Option<Time>,
-    pub(super) release_interrupt: Option<Time>,
-    pub(super) latency: Option<Time>,
-    pub(super) enforcement: Option<Time>,
-    pub(super) slack: Option<Time>,
-    pub(super) min_rearm: Option<Time>,
-    pub(super) max_backoff: Option<Time>,
+    pub(super) context_switch: Option<Spanned<Time>>,
+    pub(super) callback: Option<Spanned<Time>>,
+    pub(super) dispatch: Option<Spanned<Time>>,
+    pub(super) release_interrupt: Option<Spanned<Time>>,
+    pub(super) latency: Option<Spanned<Time>>,
+    pub(super) enforcement: Option<Spanned<Time>>,
+    pub(super) slack: Option<Spanned<Time>>,
+    pub(super) min_rearm: Option<Spanned<Time>>,
+    pub(super) max_backoff: Option<Spanned<Time>>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -170,11 +170,20 @@ impl<'de> Deserialize<'de> for Time {
                 f.write_str("a duration in quotes with its unit, for example \"30 ms\"")
             }
             fn visit_str<E: Error>(self, text: &str) -> Result<Time, E> {
-                span::parse(text).map(Time).map_err(E::custom)
+                time(text).map(Time)
             }
         }
         deserializer.deserialize_any(Read)
     }
+}
+
+/// At most a day, so that sums and products stay within 64 bits.
+fn time<E: Error>(text: &str) -> Result<Nanos, E> {
+    let time = span::parse(text).map_err(E::custom)?;
+    if time > guarantee::MAX_PERIOD {
+        return Err(E::custom(format!("{text:?}: allowed up to 86400 s")));
+    }
+    Ok(time)
 }
 
 /// `100 Hz`, as its period.
@@ -305,8 +314,7 @@ impl<'de> Deserialize<'de> for Times {
                 )
             }
             fn visit_str<E: Error>(self, text: &str) -> Result<Times, E> {
-                let time = span::parse(text).map_err(E::custom)?;
-                Ok(Times(Span::Constant(time)))
+                Ok(Times(Span::Constant(time(text)?)))
             }
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Times, A::Error> {
                 let drawn = Drawn::deserialize(MapAccessDeserializer::new(map))?;

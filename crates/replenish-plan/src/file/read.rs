@@ -4,7 +4,7 @@ use super::error::{FileError, Source};
 use super::raw::{self, Kind, Time};
 use super::{Chain, Deployment, Described, Load, MAX_WORKERS};
 use crate::guarantee::Guarantee;
-use crate::{ExecutorRequest, Machine, Nanos, Wish};
+use crate::{ExecutorRequest, Machine, Nanos, Overheads, Wish};
 use replenish_sim::{Overflow, Policy, Releases};
 use sporadic::{Low, Params};
 use toml::Spanned;
@@ -102,17 +102,21 @@ impl Reader<'_> {
         }
         let (raw, mine) = (&raw.overheads, &mut machine.overheads);
         for (given, own) in [
-            (raw.context_switch, &mut mine.context_switch),
-            (raw.callback, &mut mine.callback),
-            (raw.dispatch, &mut mine.dispatch),
-            (raw.release_interrupt, &mut mine.release_interrupt),
-            (raw.latency, &mut mine.latency),
-            (raw.enforcement, &mut mine.enforcement),
-            (raw.slack, &mut mine.tuning.slack),
-            (raw.min_rearm, &mut mine.tuning.min_rearm),
-            (raw.max_backoff, &mut mine.tuning.max_backoff),
+            (&raw.context_switch, &mut mine.context_switch),
+            (&raw.callback, &mut mine.callback),
+            (&raw.dispatch, &mut mine.dispatch),
+            (&raw.release_interrupt, &mut mine.release_interrupt),
+            (&raw.latency, &mut mine.latency),
+            (&raw.enforcement, &mut mine.enforcement),
+            (&raw.slack, &mut mine.tuning.slack),
+            (&raw.min_rearm, &mut mine.tuning.min_rearm),
+            (&raw.max_backoff, &mut mine.tuning.max_backoff),
         ] {
-            *own = given.map_or(*own, |time| time.0);
+            let Some(given) = given else { continue };
+            *own = given.get_ref().0;
+            if *own > Overheads::MOST {
+                return self.wrong(given, "allowed up to 1 s");
+            }
         }
         Ok(machine)
     }

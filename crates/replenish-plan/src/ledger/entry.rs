@@ -123,18 +123,7 @@ impl Entry {
 
     pub(super) fn write(&self) -> String {
         let mut body = String::new();
-        let o = &self.overheads;
-        let overheads = [
-            o.context_switch,
-            o.callback,
-            o.dispatch,
-            o.release_interrupt,
-            o.latency,
-            o.enforcement,
-            o.tuning.slack,
-            o.tuning.min_rearm,
-            o.tuning.max_backoff,
-        ];
+        let overheads = self.overheads.all();
         // Writing to a string cannot fail.
         let mut line = |text: std::fmt::Arguments<'_>| body.write_fmt(text).unwrap_or_default();
         line(format_args!("program = '{}'\n", clean(&self.program, 200)));
@@ -211,7 +200,7 @@ impl Entry {
             rearm,
             backoff,
         ] = raw.overheads;
-        if raw.overheads.iter().any(|o| *o > 1_000_000_000) {
+        if raw.overheads.iter().any(|o| *o > Overheads::MOST) {
             return Err("an overhead is above 1 s".into());
         }
         Ok(Self {

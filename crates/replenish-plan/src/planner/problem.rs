@@ -3,7 +3,7 @@
 use super::cpu::{Fixed, Seat};
 use crate::guarantee::MAX_PERIOD;
 use crate::span::Exact;
-use crate::{ExecutorRequest, Guarantee, Nanos, Request};
+use crate::{ExecutorRequest, Guarantee, Nanos, Overheads, Request};
 use replenish_sim::Policy;
 use replenish_sim::analysis::Demand;
 
@@ -46,6 +46,7 @@ impl<'r> Problem<'r> {
         for (index, worker) in request.workers.iter().enumerate() {
             let owner = format!("worker {:?}", worker.name);
             problem.check_cpu(&owner, worker.cpu)?;
+            check_demand(&owner, worker)?;
             if request
                 .workers
                 .iter()
@@ -114,6 +115,9 @@ impl<'r> Problem<'r> {
                 enforcer - 2
             ));
         }
+        if machine.overheads.all().iter().any(|o| *o > Overheads::MOST) {
+            return Err("machine: an overhead is out of range: allowed up to 1 s".into());
+        }
         let share = machine.real_time_share;
         if !(share > 0.0 && share <= 1.0) {
             return Err(format!(
@@ -145,6 +149,12 @@ impl<'r> Problem<'r> {
                 ));
             }
             Policy::Budget { params, .. } => params.priority(),
+            Policy::Deadline { period, .. } if *period > MAX_PERIOD => {
+                let (period, most) = (Exact(*period), Exact(MAX_PERIOD));
+                return Err(format!(
+                    "{owner}: period {period} is out of range: allowed up to {most}"
+                ));
+            }
             Policy::Other | Policy::Deadline { .. } => return Ok(()),
         };
         if priority == 0 || priority > 99 {
@@ -220,6 +230,32 @@ impl<'r> Problem<'r> {
                 .map_or_else(String::new, |p| p.owner.clone()),
         }
     }
+}
+
+/// All times up to a day, so that sums and products stay within 64 bits.
+fn check_demand(owner: &str, worker: &crate::Worker) -> Result<(), String> {
+    let mut times = vec![worker.late, worker.deadline.unwrap_or(0)];
+    times.extend(worker.sections.iter().map(|s| s.length));
+    if let Some(d) = worker.demand {
+        if d.cost == 0 || d.period == 0 {
+            return Err(format!(
+                "{owner}: a demand of 0, or every 0, is out of range"
+            ));
+        }
+        times.extend([d.cost, d.period, d.jitter, d.suspended]);
+    }
+    if times.into_iter().any(|t| t > MAX_PERIOD) {
+        let most = Exact(MAX_PERIOD);
+        return Err(format!(
+            "{owner}: a time is out of range: allowed up to {most}"
+        ));
+    }
+    if worker.sections.iter().any(|s| s.lock >= 4096) {
+        return Err(format!(
+            "{owner}: a lock is out of range: allowed 0 to 4095"
+        ));
+    }
+    Ok(())
 }
 
 /// As short as the shortest deadline, so that a message does not wait for the executor's budget
