@@ -158,3 +158,59 @@ fn entities_beyond_the_limit_wait_for_their_turn() {
     assert_eq!(full(&states()), 0);
     agent.stop().unwrap();
 }
+
+/// Resident memory of this process in bytes: client, agent, its DDS and another program in DDS.
+fn resident() -> u64 {
+    let statm = std::fs::read_to_string("/proc/self/statm").unwrap();
+    let pages = statm.split(' ').nth(1).unwrap();
+    pages.parse::<u64>().unwrap() * 4096
+}
+
+/// 30 000 reliable samples of 64 bytes to DDS and back, and what that does to the memory. Nightly:
+/// `cargo test -p replenish-agent --features dds --test dds -- --ignored --nocapture soak`.
+#[test]
+#[ignore = "takes a minute; prints figures"]
+fn soak() {
+    const MESSAGES: u64 = 30_000;
+    let domain = domain();
+    let agent = agent(domain);
+    let mut ros = dds_program(domain);
+    let heard = ros.reader(&topic("rt/up"), Qos::default());
+    let said = ros.writer(&topic("rt/down"), Qos::default());
+    let stream = StreamId::RELIABLE;
+    let mut client = topic_client(&agent, 1, "rt/up", "rt/down", stream);
+    ros.matched(heard, 1);
+    ros.matched(said, 1);
+    let mut after_warm_up = 0;
+    let start = Instant::now();
+    for i in 0..=MESSAGES {
+        if i % 5_000 == 0 {
+            let kilobytes = resident() / 1024;
+            println!("{i:>6} there and back: {kilobytes} kB resident");
+        }
+        if i == 5_000 {
+            after_warm_up = resident();
+        }
+        let payload = [&i.to_le_bytes()[..], &[0; 56]].concat();
+        client.write(stream, &payload);
+        let sample = ros.next(heard);
+        assert_eq!(sample.payload, payload);
+        ros.write(said, &sample.payload);
+        assert_eq!(client.read(), payload);
+    }
+    let micros = start.elapsed().as_micros() / u128::from(MESSAGES);
+    let growth = resident().saturating_sub(after_warm_up);
+    println!(
+        "{micros} us each; {} kB more than after 5000",
+        growth / 1024
+    );
+    assert!(growth < 32 << 20, "{growth} bytes in 25 000 messages");
+    let snapshot = agent.inspector().snapshot(Duration::from_secs(5)).unwrap();
+    let bridge = snapshot.bridge.unwrap();
+    let dropped: u64 = bridge
+        .iter()
+        .map(|b| b.dropped_in + b.dropped_out + b.missed)
+        .sum();
+    assert_eq!(dropped, 0, "{bridge:?}");
+    agent.stop().unwrap();
+}
