@@ -166,12 +166,14 @@ fn resident() -> u64 {
     pages.parse::<u64>().unwrap() * 4096
 }
 
-/// 30 000 reliable samples of 64 bytes to DDS and back, and what that does to the memory. Nightly:
+/// 30 000 reliable samples of 64 bytes to DDS and back, or `REPLENISH_SOAK` many, and what that does
+/// to the memory. Nightly:
 /// `cargo test -p replenish-agent --features dds --test dds -- --ignored --nocapture soak`.
 #[test]
 #[ignore = "takes a minute; prints figures"]
 fn soak() {
-    const MESSAGES: u64 = 30_000;
+    let messages = std::env::var("REPLENISH_SOAK").map_or(30_000, |count| count.parse().unwrap());
+    let step: u64 = messages / 6;
     let domain = domain();
     let agent = agent(domain);
     let mut ros = dds_program(domain);
@@ -183,12 +185,12 @@ fn soak() {
     ros.matched(said, 1);
     let mut after_warm_up = 0;
     let start = Instant::now();
-    for i in 0..=MESSAGES {
-        if i % 5_000 == 0 {
+    for i in 0..=messages {
+        if i % step == 0 {
             let kilobytes = resident() / 1024;
             println!("{i:>6} there and back: {kilobytes} kB resident");
         }
-        if i == 5_000 {
+        if i == step {
             after_warm_up = resident();
         }
         let payload = [&i.to_le_bytes()[..], &[0; 56]].concat();
@@ -198,13 +200,13 @@ fn soak() {
         ros.write(said, &sample.payload);
         assert_eq!(client.read(), payload);
     }
-    let micros = start.elapsed().as_micros() / u128::from(MESSAGES);
+    let micros = start.elapsed().as_micros() / u128::from(messages);
     let growth = resident().saturating_sub(after_warm_up);
     println!(
-        "{micros} us each; {} kB more than after 5000",
+        "{micros} us each; {} kB more than after {step}",
         growth / 1024
     );
-    assert!(growth < 32 << 20, "{growth} bytes in 25 000 messages");
+    assert!(growth < 32 << 20, "{growth} bytes since message {step}");
     let snapshot = agent.inspector().snapshot(Duration::from_secs(5)).unwrap();
     let bridge = snapshot.bridge.unwrap();
     let dropped: u64 = bridge

@@ -243,7 +243,7 @@ fn nodes_are_announced_with_what_is_theirs() {
     let mut names: Vec<String> = info
         .nodes()
         .iter()
-        .map(|n| n.fully_qualified_name())
+        .map(ros2_client::entities_info::NodeEntitiesInfo::fully_qualified_name)
         .collect();
     names.sort();
     assert_eq!(names, ["/mcu/left", "/right"]);
