@@ -379,3 +379,47 @@ fn every_kind_is_generated() {
     let all = (0..=15).filter(|number| SubmessageId::from_number(*number).is_ok());
     assert_eq!(kinds, all.collect());
 }
+
+/// A delivery control as an appendable struct (Annex B.4.2), with its length before it: what
+/// `zerodds-xrce-client` sends unless told otherwise.
+#[test]
+fn a_delivery_control_with_its_length() {
+    let control = [0xff, 0xff, 1, 0, 2, 0, 3, 0];
+    let bare = [&[0, 10, 0, 0x16, 0x80, 0, 0, 1], &control[..]].concat();
+    let appendable = [&[0, 10, 0, 0x16, 0x80, 0, 0, 1, 8, 0, 0, 0], &control[..]].concat();
+    let bare = Body::decode(SubmessageId::ReadData, 1, &bare).unwrap();
+    assert_eq!(
+        Body::decode(SubmessageId::ReadData, 1, &appendable),
+        Ok(bare)
+    );
+    let Body::ReadData(read) = bare else {
+        panic!("{bare:?}")
+    };
+    let expected = DeliveryControl {
+        max_samples: 0xffff,
+        max_elapsed_s: 1,
+        max_bytes_per_second: 2,
+        min_pace_ms: 3,
+    };
+    assert_eq!(read.control, Some(expected));
+    // Eight samples at most, bare: nothing else starts like a length.
+    let eight = [0, 10, 0, 0x16, 0x80, 0, 0, 1, 8, 0, 0, 0, 2, 0, 3, 0];
+    let Ok(Body::ReadData(read)) = Body::decode(SubmessageId::ReadData, 1, &eight) else {
+        panic!()
+    };
+    assert_eq!(read.control.unwrap().max_samples, 8);
+}
+
+/// The same of ACKNACK and HEARTBEAT. What is five bytes long is never taken for it.
+#[test]
+fn an_acknack_and_a_heartbeat_with_their_length() {
+    for id in [SubmessageId::AckNack, SubmessageId::Heartbeat] {
+        for first in [0, 5, 0x80] {
+            let bare = [first, 0, 0, 0, 0x80];
+            let decoded = Body::decode(id, 1, &bare).unwrap();
+            let appendable = [&[5, 0, 0, 0], &bare[..]].concat();
+            assert_eq!(Body::decode(id, 1, &appendable), Ok(decoded));
+            assert_eq!(encoded(&decoded), bare);
+        }
+    }
+}

@@ -145,6 +145,7 @@ impl<'a> ReadData<'a> {
         plain(r.u8()?)?;
         let filter = r.option(Reader::string)?;
         let control = r.option(|r| {
+            r.skip_length(8)?;
             Ok(DeliveryControl {
                 max_samples: r.u16()?,
                 max_elapsed_s: r.u16()?,

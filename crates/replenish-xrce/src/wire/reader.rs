@@ -144,6 +144,20 @@ impl<'a> Reader<'a> {
         core::str::from_utf8(bytes).map_err(|_| WireError::BadString)
     }
 
+    /// Steps over the length that the specification puts before an appendable structure of `size`
+    /// bytes (XCDR2's DHEADER) and eProsima's implementations leave out, if it is there: it is told
+    /// from the structure's own beginning by the bytes that follow.
+    ///
+    /// # Errors
+    /// [`WireError::Truncated`].
+    pub(super) fn skip_length(&mut self, size: u16) -> Result<(), WireError> {
+        let mut ahead = self.clone();
+        if ahead.u32()? == u32::from(size) && ahead.rest().len() >= usize::from(size) {
+            self.u32()?;
+        }
+        Ok(())
+    }
+
     /// A boolean and, if it is true, what `read` reads.
     ///
     /// # Errors

@@ -34,6 +34,7 @@ impl Encode for AckNack {
 
 impl AckNack {
     pub(super) fn decode(r: &mut Reader<'_>) -> Result<Self, WireError> {
+        r.skip_length(5)?;
         Ok(AckNack {
             first_unacked: SeqNum(r.u16()?),
             missing: u16::from_be_bytes(r.array()?),
@@ -138,6 +139,7 @@ impl Encode for Heartbeat {
 
 impl Heartbeat {
     pub(super) fn decode(r: &mut Reader<'_>) -> Result<Self, WireError> {
+        r.skip_length(5)?;
         Ok(Heartbeat {
             first: SeqNum(r.u16()?),
             last: SeqNum(r.u16()?),
