@@ -11,6 +11,7 @@ use replenish_xrce::wire::{
 use std::net::SocketAddr;
 use std::time::Instant;
 
+#[derive(Debug)]
 pub(crate) struct Ours {
     session: Session<Vec<u8>, 16, 16>,
     socket: UdpTransport,
