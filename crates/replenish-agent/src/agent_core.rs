@@ -25,6 +25,7 @@ use crate::bridge::Bridge;
 use crate::clients::Clients;
 use crate::config::{AgentConfig, Nanos};
 use crate::entities::Address;
+use crate::incident::{Log, Reason};
 use crate::inlet::Inlet;
 use crate::limits::Limits;
 use crate::pace::Pace;
@@ -38,7 +39,7 @@ use crate::stats::{Counters, Stats};
 use crate::topics::Topics;
 use line::Line;
 use pressure::Pressed;
-use replenish_xrce::wire::{Message, StreamId};
+use replenish_xrce::wire::{ClientKey, Message, StreamId};
 use settle::Comeback;
 use std::collections::BTreeSet;
 use std::hash::Hash;
@@ -91,6 +92,11 @@ pub struct AgentCore<P> {
     comeback: Comeback,
     /// Something is kept for them.
     stashed: bool,
+    log: Arc<Log<P>>,
+    /// Incidents so far.
+    incidents: u64,
+    /// The time of the last event.
+    time: Nanos,
     counters: Arc<Counters>,
 }
 
@@ -129,6 +135,9 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             receipt: None,
             comeback: Comeback::default(),
             stashed: false,
+            log: Arc::new(Log::new()),
+            incidents: 0,
+            time: 0,
             counters: Arc::default(),
         }
     }
@@ -142,23 +151,27 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
 
     /// Takes in a datagram from `peer`.
     pub fn receive(&mut self, now: Now, peer: P, datagram: &[u8]) {
+        self.time = now.monotonic;
         self.counters.datagrams_in.hit();
         self.begin(now.monotonic);
         let Ok(message) = Message::parse(datagram) else {
             self.counters.malformed.hit();
+            let bytes = datagram.len();
+            self.note(peer, None, Reason::Malformed { bytes });
             return;
         };
         let header = message.header;
         let route = self.clients.by_route(peer, header.session);
         let client = route.and_then(|index| self.clients.get_mut(index));
         let (Some(index), Some(client)) = (route, client) else {
-            if self.admit_stranger(now.monotonic) {
+            if self.admit_stranger(now.monotonic, peer) {
                 self.stranger(now, peer, &message);
             }
             return;
         };
         if header.key.is_some_and(|key| key != client.key) {
             self.counters.no_session.hit();
+            self.note(peer, header.key, Reason::WrongKey);
             return;
         }
         client.counts.datagrams_in += 1;
@@ -167,7 +180,10 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             && !pace.admit(now.monotonic, 1)
         {
             client.counts.rate_limited += 1;
+            let key = client.key;
             self.counters.rate_limited.hit();
+            let limit = self.limits.datagrams_per_second;
+            self.note(peer, Some(key), Reason::Rate { limit });
             return;
         }
         client.heard(now.monotonic, &self.limits);
@@ -176,7 +192,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             self.comeback.arrived(now.monotonic, delivery);
         }
         if header.stream == StreamId::NONE {
-            self.requests(now, index, StreamId::NONE, message.submessages());
+            self.requests(now, index, StreamId::NONE, &message);
         } else if self.is_held_up(now.monotonic, index, header.stream, header.seq) {
             self.counters.held_back.hit();
         } else if let Some(inlet) = self
@@ -187,15 +203,34 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             self.receive_on(now, index, inlet, &message);
         } else {
             self.counters.unsupported.hit();
+            let limit = self.limits.streams;
+            self.note_of(index, Reason::Streams { limit });
         }
         self.serve(now.monotonic, index);
         self.settle(now.monotonic);
     }
 
-    fn admit_stranger(&mut self, now: Nanos) -> bool {
+    /// Takes down what was refused to whom.
+    pub(crate) fn note(&mut self, peer: P, key: Option<ClientKey>, reason: Reason) {
+        self.incidents += 1;
+        let (at, number) = (self.time, self.incidents);
+        self.log.note(at, number, peer, key, reason);
+    }
+
+    /// The same for the client in slot `index`.
+    fn note_of(&mut self, index: usize, reason: Reason) {
+        if let Some(client) = self.clients.get_mut(index) {
+            let (peer, key) = (client.peer, client.key);
+            self.note(peer, Some(key), reason);
+        }
+    }
+
+    fn admit_stranger(&mut self, now: Nanos, peer: P) -> bool {
         let admitted = self.strangers.as_mut().is_none_or(|p| p.admit(now, 1));
         if !admitted {
             self.counters.rate_limited.hit();
+            let limit = self.limits.strangers_per_second;
+            self.note(peer, None, Reason::Strangers { limit });
         }
         admitted
     }
@@ -205,6 +240,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             self.outside(now, peer, message);
         } else {
             self.counters.no_session.hit();
+            let session = message.header.session.0;
+            self.note(peer, message.header.key, Reason::NoSession { session });
         }
     }
 
@@ -216,6 +253,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         });
         if received.is_err() {
             self.counters.malformed.hit();
+            let bytes = message.body.len();
+            self.note_of(index, Reason::Malformed { bytes });
         }
         if let Some(receipt) = self.receipt.take() {
             let until = self.settles_at(now.monotonic, index);
@@ -230,6 +269,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     /// and to equals in turn. Returns whether there may be more to send.
     pub fn pump(&mut self, now: Now, max: usize, send: &mut dyn FnMut(&P, &[u8])) -> bool {
         self.begin(now.monotonic);
+        self.time = now.monotonic;
         self.attend(now.monotonic);
         self.settle(now.monotonic);
         for _ in 0..max {
@@ -280,6 +320,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     pub fn gone(&mut self, which: impl Fn(&P) -> bool) {
         for index in self.clients.at(&which) {
             self.counters.clients_lost.hit();
+            self.note_of(index, Reason::Disconnected);
             self.remove(index);
         }
         self.replies.forget(which);
@@ -289,6 +330,11 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     #[must_use]
     pub fn stats(&self) -> Stats {
         self.counters.snapshot()
+    }
+
+    /// What was refused, for whoever asks; see [`Log`].
+    pub(crate) fn log(&self) -> &Arc<Log<P>> {
+        &self.log
     }
 
     pub(crate) fn counters(&self) -> &Arc<Counters> {

@@ -42,7 +42,7 @@ pub(crate) struct Address {
 }
 
 /// The longest description that is taken, in bytes; far above what names and QoS need.
-const MAX_DEFINITION: usize = 2048;
+pub(crate) const MAX_DEFINITION: usize = 2048;
 
 /// What the creation of entities depends on besides the client.
 pub(crate) struct Surroundings<'a> {

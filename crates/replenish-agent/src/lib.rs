@@ -25,7 +25,8 @@
 //! - What is urgent goes first ([`TopicRule`]); among equals readers and clients take turns: a
 //!   backlog on one topic delays another topic by one sample, not by the backlog.
 //! - Everything a client can make it hold is bounded by [`Limits`]; everything it drops is counted
-//!   in [`Stats`]; [`AgentCore::snapshot`] tells who does what. No bytes end it.
+//!   in [`Stats`] and told with its [`Reason`]; [`AgentCore::snapshot`] tells who does what. No
+//!   bytes end it.
 //!
 //! - With the feature `dds` every writer, reader, requester and replier of a client is one of DDS
 //!   too, and every participant a ROS 2 node ([`BridgeEvent`] is the seam; `AgentConfig::dds`).
@@ -46,6 +47,7 @@ mod config;
 mod entities;
 mod error;
 mod identity;
+mod incident;
 mod inlet;
 mod limits;
 mod outlet;
@@ -68,6 +70,7 @@ pub use bridge::{BridgeEvent, BridgeId, BridgeKind, BridgeQos, BridgeSample, Bri
 pub use config::DdsBridge;
 pub use config::{AgentConfig, Nanos, SerialConfig};
 pub use error::{AgentError, ConfigError};
+pub use incident::{Incident, Incidents, Reason};
 pub use limits::Limits;
 pub use profiles::Profiles;
 #[cfg(feature = "dds")]

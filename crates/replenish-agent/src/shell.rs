@@ -98,7 +98,8 @@ impl Agent {
     /// Tells what the agent is doing while it runs.
     #[must_use]
     pub fn inspector(&self) -> Inspector {
-        Inspector::new(Arc::clone(&self.wake), Arc::clone(&self.asked))
+        let log = Arc::clone(self.core.log());
+        Inspector::new(Arc::clone(&self.wake), Arc::clone(&self.asked), log)
     }
 
     /// Runs in the calling thread until `stop` says so.

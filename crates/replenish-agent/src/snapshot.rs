@@ -138,8 +138,12 @@ pub struct WriterSnapshot {
     pub reliable: bool,
     /// Whether it keeps samples for readers that come later.
     pub durable: bool,
+    /// Samples that its QoS wants kept; `None` for all.
+    pub depth: Option<usize>,
     /// Samples written.
     pub written: u64,
+    /// Their bytes.
+    pub written_bytes: u64,
     /// Readers it talks to.
     pub matched: usize,
     /// Readers of its topic it does not talk to because of their QoS.
@@ -152,6 +156,10 @@ pub struct WriterSnapshot {
 pub struct ReaderSnapshot {
     /// Whether it is reliable.
     pub reliable: bool,
+    /// Whether it wants what was written before it came.
+    pub durable: bool,
+    /// Samples that its queue takes before the oldest is dropped; `None` if it wants all kept.
+    pub depth: Option<usize>,
     /// 0 to 7, the most urgent.
     pub priority: u8,
     /// Whether the client has asked for samples.
@@ -162,6 +170,8 @@ pub struct ReaderSnapshot {
     pub received: u64,
     /// Samples sent to the client.
     pub delivered: u64,
+    /// Their bytes.
+    pub delivered_bytes: u64,
     /// Samples dropped for want of room.
     pub dropped: u64,
     /// Samples dropped because their lifespan was over.

@@ -6,6 +6,7 @@
 
 use super::AgentCore;
 use crate::config::Nanos;
+use crate::incident::Reason;
 use crate::rules::LEVELS;
 use std::collections::VecDeque;
 use std::hash::Hash;
@@ -105,6 +106,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             client.appointment = None;
             if client.dies_at(&self.limits) <= now {
                 self.counters.clients_reaped.hit();
+                let limit = self.limits.silence;
+                self.note_of(index, Reason::Silent { limit });
                 self.remove(index);
                 continue;
             }

@@ -3,6 +3,7 @@
 use super::{AgentCore, Now};
 use crate::client::{Client, Promise};
 use crate::config::Nanos;
+use crate::incident::Reason;
 use replenish_xrce::wire::{
     AgentInfo, Body, ClientKey, CreateClient, DELIVERY, DELIVERY_BACK, DELIVERY_NEW,
     DELIVERY_SETTLED, GetInfo, Header, Info, Message, ObjectId, Properties, Status, StatusAgent,
@@ -27,9 +28,14 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
                     self.create_client(now, peer, &message.header, &create);
                 }
                 Ok(Body::GetInfo(get)) => self.info(peer, &message.header, &get),
-                Ok(_) => self.counters.unsupported.hit(),
+                Ok(_) => {
+                    self.counters.unsupported.hit();
+                    self.note(peer, message.header.key, Reason::Unsupported);
+                }
                 Err(_) => {
                     self.counters.malformed.hit();
+                    let bytes = message.body.len();
+                    self.note(peer, message.header.key, Reason::Malformed { bytes });
                     return;
                 }
             }
@@ -92,8 +98,9 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         create: &CreateClient<'_>,
     ) -> Option<Status> {
         let (key, session) = (create.key, create.session);
-        if let Some(refusal) = refusal(header, create) {
-            return Some(refusal);
+        if let Some((status, field)) = refusal(header, create) {
+            self.note(peer, Some(key), Reason::LogIn { field, status });
+            return Some(status);
         }
         let longest = self.limits.message.max(MIN_MTU.into());
         let mtu = usize::from(create.mtu).min(longest);
@@ -120,6 +127,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             }
         }
         let Some(index) = self.clients.vacancy() else {
+            let limit = self.limits.clients;
+            self.note(peer, Some(key), Reason::Clients { limit });
             return Some(Status::RESOURCES);
         };
         let mut client = Client::new(index, peer, (key, session), mtu, now, &self.limits);
@@ -150,16 +159,23 @@ fn promise(properties: &Properties<'_>) -> Option<Promise> {
     promise
 }
 
-/// Why a log-in cannot be accepted from anybody, if so.
-fn refusal(header: &Header, create: &CreateClient<'_>) -> Option<Status> {
+/// Why a log-in cannot be accepted from anybody, if so: the answer, and which part of it is wrong.
+fn refusal(header: &Header, create: &CreateClient<'_>) -> Option<(Status, &'static str)> {
     let (key, session) = (create.key, create.session);
     let other_form = session.has_key() != header.session.has_key();
     let other_key = header.key.is_some_and(|in_header| in_header != key);
-    if key == ClientKey([0; 4]) || session.is_none() || other_form || other_key {
-        return Some(Status::INVALID_DATA);
+    if key == ClientKey([0; 4]) || other_key {
+        return Some((Status::INVALID_DATA, "the key is zero, or not the header's"));
+    }
+    if session.is_none() || other_form {
+        return Some((
+            Status::INVALID_DATA,
+            "the session id is none, or not the header's form",
+        ));
     }
     if create.version.first() != VERSION.first() {
-        return Some(Status::INCOMPATIBLE);
+        return Some((Status::INCOMPATIBLE, "another version of the protocol"));
     }
-    (create.mtu < MIN_MTU).then_some(Status::INVALID_DATA)
+    let short = create.mtu < MIN_MTU;
+    short.then_some((Status::INVALID_DATA, "the MTU is below 64 bytes"))
 }

@@ -2,13 +2,14 @@
 
 use super::{AgentCore, Now};
 use crate::client::Promise;
-use crate::entities::{Delivery, Surroundings};
+use crate::entities::{Delivery, MAX_DEFINITION, Surroundings};
 use crate::identity::Guid;
+use crate::incident::Reason;
 use replenish_xrce::SeqNum;
 use replenish_xrce::wire::{
-    BaseRequest, Body, Create, Delete, Header, Heartbeat, ObjectId, ReadData, RequestId, Status,
-    StatusReply, StreamId, Submessage, SubmessageId, Submessages, Timestamp, TimestampReply,
-    WireError, WireTime,
+    BaseRequest, Body, Create, Delete, Header, Heartbeat, Message, ObjectId, ReadData, RequestId,
+    Status, StatusReply, StreamId, Submessage, SubmessageId, Timestamp, TimestampReply, WireError,
+    WireTime,
 };
 use std::hash::Hash;
 
@@ -22,12 +23,16 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         now: Now,
         index: usize,
         stream: StreamId,
-        submessages: Submessages<'_>,
+        message: &Message<'_>,
     ) {
-        for submessage in submessages {
+        for submessage in message.submessages() {
             match submessage {
                 Ok(submessage) => self.request(now, index, stream, &submessage),
-                Err(_) => self.counters.malformed.hit(),
+                Err(_) => {
+                    self.counters.malformed.hit();
+                    let bytes = message.body.len();
+                    self.note_of(index, Reason::Malformed { bytes });
+                }
             }
         }
     }
@@ -59,7 +64,10 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
                     self.info(peer, &header, &get);
                 }
             }
-            Ok(_) => self.counters.unsupported.hit(),
+            Ok(_) => {
+                self.counters.unsupported.hit();
+                self.note_of(index, Reason::Unsupported);
+            }
             Err(error) => self.unreadable(index, stream, submessage, error),
         }
     }
@@ -85,7 +93,16 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             client.queue(read.base.object, at, &self.counters);
             return; // granted: the samples are the answer
         };
-        self.answer(index, stream, read.base, status);
+        let client = self.clients.get_mut(index);
+        let streams = client.map_or(0, |client| client.outlets().len());
+        let limit = match status {
+            Status::RESOURCES if streams >= self.limits.streams => {
+                Some(("limits.streams", self.limits.streams))
+            }
+            Status::RESOURCES => Some(("limits.client_bytes", self.limits.client_bytes)),
+            _ => None,
+        };
+        self.answer_because(index, stream, read.base, status, limit);
     }
 
     fn heartbeat(&mut self, index: usize, stream: StreamId, heartbeat: &Heartbeat) {
@@ -141,7 +158,14 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             self.tell_created(index, create);
             self.catch_up(now, index, id);
         }
-        self.answer(index, stream, create.base, created.status);
+        let limit = match created.status {
+            Status::RESOURCES if size > MAX_DEFINITION => {
+                Some(("bytes of a description", MAX_DEFINITION))
+            }
+            Status::RESOURCES => Some(("limits.entities", self.limits.entities)),
+            _ => None,
+        };
+        self.answer_because(index, stream, create.base, created.status, limit);
     }
 
     fn delete(&mut self, index: usize, stream: StreamId, delete: Delete) {
@@ -218,6 +242,9 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
                 object: ObjectId::from_bytes([o1, o2]),
             };
             self.answer(index, stream, base, status);
+        } else {
+            let bytes = submessage.payload.len();
+            self.note_of(index, Reason::Malformed { bytes });
         }
     }
 
@@ -229,8 +256,27 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         base: BaseRequest,
         status: Status,
     ) {
+        self.answer_because(index, stream, base, status, None);
+    }
+
+    /// The same for a refusal because of a limit.
+    fn answer_because(
+        &mut self,
+        index: usize,
+        stream: StreamId,
+        base: BaseRequest,
+        status: Status,
+        limit: Option<(&'static str, usize)>,
+    ) {
         if !status.is_ok() {
             self.counters.refused.hit();
+            let object = base.object;
+            let reason = Reason::Request {
+                object,
+                status,
+                limit,
+            };
+            self.note_of(index, reason);
         }
         let reply = StatusReply {
             base,

@@ -3,6 +3,7 @@
 use super::{AgentCore, Now};
 use crate::entities::Address;
 use crate::identity::Identity;
+use crate::incident::Reason;
 use crate::receipt::Receipt;
 use crate::sample::{About, Sample};
 use replenish_xrce::wire::{ObjectId, ObjectKind, Status, StreamId, WriteData};
@@ -27,7 +28,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             return;
         };
         self.counters.samples_in.hit();
-        writer.wrote(at, &self.counters);
+        writer.wrote(at, write.payload.len(), &self.counters);
         let (topic, qos, keeps) = (writer.topic, writer.qos, writer.keeps());
         let mut about = About {
             expires: qos.lifespan.map(|lifespan| at.saturating_add(lifespan)),
@@ -67,6 +68,14 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         };
         let Some(sample) = sample else {
             self.counters.samples_refused.hit();
+            let (bytes, limit) = (payload.len(), self.limits.sample);
+            let reason = if bytes > limit {
+                Reason::Sample { bytes, limit }
+            } else {
+                let limit = self.limits.queued_bytes;
+                Reason::Memory { limit }
+            };
+            self.note_of(index, reason);
             return;
         };
         let mint = || self.settled.receipt((index, stream), at);

@@ -2,7 +2,7 @@
 
 use super::{AgentCore, Now};
 use crate::client::Client;
-use crate::entities::{Plan, Reader, Record, Writer};
+use crate::entities::{Plan, Qos, Reader, Record, Writer};
 use crate::snapshot::{
     ClientSnapshot, EntitySnapshot, ReaderSnapshot, Snapshot, StreamSnapshot, WriterSnapshot, hex,
 };
@@ -91,7 +91,9 @@ impl<P: Copy + Eq + Hash + Display> AgentCore<P> {
         WriterSnapshot {
             reliable: writer.qos.reliable,
             durable: writer.keeps(),
+            depth: depth(&writer.qos),
             written: writer.written,
+            written_bytes: writer.written_bytes,
             matched,
             mismatched: readers.len() - matched,
         }
@@ -102,17 +104,25 @@ impl<P: Copy + Eq + Hash + Display> AgentCore<P> {
         let matched = writers.iter().filter(|w| w.qos.serves(&reader.qos)).count();
         ReaderSnapshot {
             reliable: reader.qos.reliable,
+            durable: reader.qos.is_durable(),
+            depth: depth(&reader.qos),
             priority: reader.service.priority,
             reading: reader.is_reading(),
             queued: reader.queued(),
             received: reader.counts.kept,
             delivered: reader.counts.delivered,
+            delivered_bytes: reader.counts.delivered_bytes,
             dropped: reader.counts.dropped,
             expired: reader.counts.expired,
             matched,
             mismatched: writers.len() - matched,
         }
     }
+}
+
+/// What a QoS says about history.
+fn depth(qos: &Qos) -> Option<usize> {
+    (!qos.keep_all).then_some(qos.depth)
 }
 
 fn kind(id: ObjectId) -> &'static str {

@@ -79,6 +79,7 @@ struct Place {
 pub(crate) struct ReaderCounts {
     pub(crate) kept: u64,
     pub(crate) delivered: u64,
+    pub(crate) delivered_bytes: u64,
     pub(crate) dropped: u64,
     pub(crate) expired: u64,
 }
@@ -271,6 +272,7 @@ impl Reader {
         self.full_since = None;
         let place = self.queue.pop_front()?;
         self.counts.delivered += 1;
+        self.counts.delivered_bytes += place.sample.len() as u64;
         if let Some(delivery) = &mut self.delivery {
             delivery.spend(now, place.len());
         }

@@ -19,6 +19,7 @@ pub(crate) struct Writer {
     stash: VecDeque<(Sample, Receipt, Charge)>,
     last: Option<Nanos>,
     pub(crate) written: u64,
+    pub(crate) written_bytes: u64,
 }
 
 impl Writer {
@@ -30,11 +31,12 @@ impl Writer {
             stash: VecDeque::new(),
             last: None,
             written: 0,
+            written_bytes: 0,
         }
     }
 
-    /// Something was written.
-    pub(crate) fn wrote(&mut self, now: Nanos, counters: &Counters) {
+    /// A payload of `bytes` was written.
+    pub(crate) fn wrote(&mut self, now: Nanos, bytes: usize, counters: &Counters) {
         let late = |last: Nanos, deadline: Nanos| now > last.saturating_add(deadline);
         if let (Some(last), Some(deadline)) = (self.last, self.qos.deadline)
             && late(last, deadline)
@@ -43,6 +45,7 @@ impl Writer {
         }
         self.last = Some(now);
         self.written += 1;
+        self.written_bytes += bytes as u64;
     }
 
     /// Whether samples have to be kept.

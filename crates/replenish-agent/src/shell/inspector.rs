@@ -1,5 +1,7 @@
 //! Asking a running agent what it is doing.
 
+use super::peer::Peer;
+use crate::incident::{Incidents, Log};
 use crate::snapshot::Snapshot;
 use replenish_os::WakeFd;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,6 +14,7 @@ use std::time::Duration;
 pub struct Inspector {
     wake: Arc<WakeFd>,
     asked: Arc<Asked>,
+    log: Arc<Log<Peer>>,
 }
 
 /// Who wants a snapshot.
@@ -22,8 +25,15 @@ pub(super) struct Asked {
 }
 
 impl Inspector {
-    pub(super) fn new(wake: Arc<WakeFd>, asked: Arc<Asked>) -> Self {
-        Self { wake, asked }
+    pub(super) fn new(wake: Arc<WakeFd>, asked: Arc<Asked>, log: Arc<Log<Peer>>) -> Self {
+        Self { wake, asked, log }
+    }
+
+    /// What was refused since the last look, by whichever of the clones. The last 32 incidents of
+    /// each kind are kept; what there was besides is counted.
+    #[must_use]
+    pub fn incidents(&self) -> Incidents {
+        self.log.drain()
     }
 
     /// What the agent is doing, or `None` if it does not say within `patience`, because it does not

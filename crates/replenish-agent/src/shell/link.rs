@@ -94,6 +94,17 @@ impl Link {
         }
     }
 
+    /// Who is at the other end; on a serial line everybody, as address 0.
+    pub(super) fn peer(&self) -> Peer {
+        match &self.io {
+            Io::Tcp { peer, .. } => *peer,
+            Io::Serial { line, .. } => Peer::Serial {
+                line: *line,
+                address: 0,
+            },
+        }
+    }
+
     /// Whether `peer` is at the other end.
     pub(super) fn leads_to(&self, to: &Peer) -> bool {
         match (&self.io, to) {

@@ -6,6 +6,7 @@ use super::udp::{Arrival, UdpPort};
 use crate::agent_core::{AgentCore, Now};
 use crate::config::{AgentConfig, Nanos, SerialConfig};
 use crate::error::AgentError;
+use crate::incident::Reason;
 use replenish_os::tty::Tty;
 use replenish_os::{PollFd, WakeFd, poll};
 use std::io::ErrorKind;
@@ -161,7 +162,7 @@ impl Ports {
     }
 
     /// Takes connections that wait.
-    pub(super) fn accept(&mut self, core: &AgentCore<Peer>, now: Nanos) {
+    pub(super) fn accept(&mut self, core: &mut AgentCore<Peer>, now: Nanos) {
         for _ in 0..BATCH {
             let (stream, addr) = match self.listener.as_ref().map(TcpListener::accept) {
                 Some(Ok(accepted)) => accepted,
@@ -184,7 +185,13 @@ impl Ports {
                     }
                 }
                 (Ok(link), None) if !full => self.links.push(Some(link)),
-                _ => core.counters().connections_refused.hit(),
+                _ => {
+                    core.counters().connections_refused.hit();
+                    let number = self.connections;
+                    let limit = self.max_links - self.lines.len();
+                    let reason = Reason::Connection { limit };
+                    core.note(Peer::Tcp { number, addr }, None, reason);
+                }
             }
         }
     }
@@ -201,7 +208,10 @@ impl Ports {
         let after = link.frames();
         let bad = (after.damaged - before.damaged) + (after.cut - before.cut);
         let bad = bad + (after.too_long - before.too_long);
-        core.counters().bad_frames.add(bad);
+        if bad > 0 {
+            core.counters().bad_frames.add(bad);
+            core.note(link.peer(), None, Reason::Frames { count: bad });
+        }
         if let Err(Dead) = result {
             self.lose(at, core);
         }

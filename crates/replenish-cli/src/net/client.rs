@@ -1,9 +1,11 @@
 //! One XRCE client on a UDP socket: a session, its entities, and what it has received.
 
-use crate::load::{MS, Nanos};
+use crate::load::{MS, Nanos, SEC};
 use crate::outcome::Failure;
 use replenish_os::clock;
-use replenish_xrce::client::{Buffers, Config, Event, ReliableBuffers, Session, State, WriteError};
+use replenish_xrce::client::{
+    Buffers, Config, Event, PingPolicy, ReliableBuffers, Session, State, WriteError,
+};
 use replenish_xrce::stream::AckPolicy;
 use replenish_xrce::udp::UdpTransport;
 use replenish_xrce::wire::{
@@ -59,6 +61,11 @@ impl Client {
         let config = Config {
             acks,
             mtu: u16::try_from(MTU).unwrap_or(512),
+            // A machine that stands still for a moment is not a lost agent.
+            ping: Some(PingPolicy {
+                after: SEC,
+                silence_limit: 10 * SEC,
+            }),
             ..Config::new(ClientKey(key.to_be_bytes()))
         };
         let buffer = |len| vec![0; len];

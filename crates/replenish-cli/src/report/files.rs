@@ -20,6 +20,27 @@ pub(crate) fn write_json<T: serde::Serialize>(
     write(path, &(text + "\n"))
 }
 
+/// Writes `value` as indented JSON to `path`, if there is one, so that a reader at any time finds
+/// all of the old or all of the new: to a file beside it, which then takes its place. What is not
+/// an ordinary file (`/dev/stdout`) is written to as it is.
+pub(crate) fn replace_json<T: serde::Serialize>(
+    path: Option<&Path>,
+    value: &T,
+) -> Result<(), Failure> {
+    let Some(path) = path else { return Ok(()) };
+    if !std::fs::symlink_metadata(path).is_ok_and(|file| file.is_file()) {
+        return write_json(Some(path), value);
+    }
+    let mut name = path.file_name().unwrap_or_default().to_os_string();
+    name.push(format!(".{}.tmp", std::process::id()));
+    let beside = path.with_file_name(name);
+    write_json(Some(&beside), value)?;
+    std::fs::rename(&beside, path).map_err(|e| {
+        std::fs::remove_file(&beside).ok();
+        Failure::refused(format!("cannot replace {}: {e}", path.display()))
+    })
+}
+
 /// Fails early if `path` cannot be written, so that a long run is not lost at its end.
 ///
 /// Creates the file if it does not exist; does not touch its contents.
@@ -67,6 +88,23 @@ mod tests {
             csv([["a", "b,c"], ["say \"hi\"", ""]]),
             "a,\"b,c\"\n\"say \"\"hi\"\"\",\n"
         );
+    }
+
+    #[test]
+    fn a_result_takes_the_place_of_the_one_before() {
+        let dir = std::env::temp_dir().join(format!("replenish-files-{}", std::process::id()));
+        std::fs::create_dir_all(&dir).unwrap();
+        let path = dir.join("x.json");
+        for number in 1..=2 {
+            check_writable(Some(&path)).unwrap();
+            replace_json(Some(&path), &number).unwrap();
+            assert_eq!(
+                std::fs::read_to_string(&path).unwrap(),
+                format!("{number}\n")
+            );
+        }
+        assert_eq!(std::fs::read_dir(&dir).unwrap().count(), 1);
+        std::fs::remove_dir_all(&dir).unwrap();
     }
 
     #[test]

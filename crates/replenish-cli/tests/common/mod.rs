@@ -129,6 +129,13 @@ impl Running {
         }
     }
 
+    /// All lines that were not waited for, up to the end of its output; after [`end`](Self::end).
+    pub(crate) fn rest(&mut self) -> Vec<String> {
+        let mut lines = std::mem::take(&mut self.seen);
+        lines.extend(self.lines.iter());
+        lines
+    }
+
     /// Its process id.
     pub(crate) fn id(&self) -> u32 {
         self.child.id()

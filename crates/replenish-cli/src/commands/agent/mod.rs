@@ -1,13 +1,17 @@
-//! `replenish agent`: the agent alone.
+//! `replenish agent`: the agent alone, and what it is doing.
 
 #[cfg(feature = "dds")]
 mod dds;
+mod log;
 mod options;
+mod status;
+mod view;
+mod watch;
 
+use crate::load::SEC;
 use crate::load::spec::SUPPORT_PRIORITY;
 use crate::machine::cpus;
 use crate::machine::fifo_or_other;
-use crate::options::JsonOption;
 use crate::outcome::{Failure, Outcome};
 use crate::parts::protocol::{Event, Ready};
 use crate::parts::supervised::{self, SharedGrid};
@@ -16,6 +20,9 @@ use crate::report::files;
 use crate::signals::Stop;
 use replenish_agent::{Agent, AgentConfig, AgentError, Stats, StopHandle};
 use replenish_os::{Policy, Thread, ThreadSpec, spawn};
+use std::io::Write;
+use std::path::PathBuf;
+use watch::Watcher;
 
 /// How the agent's thread is called.
 const THREAD: &str = "xrce-agent";
@@ -40,8 +47,16 @@ pub(crate) struct Args {
     #[arg(long, value_name = "CPU")]
     cpu: Option<usize>,
 
-    #[command(flatten)]
-    json: JsonOption,
+    /// Show clients, topics and endpoints with their rates as a table, every so many seconds (1 if
+    /// not said). Without it SIGUSR1 asks for one
+    #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "1",
+          value_parser = clap::value_parser!(u64).range(1..=3600))]
+    watch: Option<u64>,
+
+    /// Write the state to this file as JSON: with every table, and at the end. A reader never finds
+    /// half of it
+    #[arg(long, value_name = "PATH")]
+    json: Option<PathBuf>,
 
     #[arg(long, hide = true)]
     supervised: bool,
@@ -54,8 +69,8 @@ pub(crate) struct Args {
 /// Runs the agent until a signal.
 pub(crate) fn run(args: &Args) -> Outcome {
     cpus::check("--cpu", args.cpu)?;
-    files::check_writable(args.json.json.as_deref())?;
-    let stop = Stop::on_signals()?;
+    files::check_writable(args.json.as_deref())?;
+    let stop = Stop::on_signals_and_questions()?;
     let config = AgentConfig {
         #[cfg(feature = "dds")]
         dds: args.bridge.config(),
@@ -64,6 +79,15 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let agent = Agent::bind(&config).map_err(Failure::refused)?;
     let address = agent.local_addr();
     let places = places(&agent, &config);
+    let watcher = Watcher {
+        inspector: agent.inspector(),
+        address: address.to_string(),
+        addresses: places.clone(),
+        limits: config.limits,
+        every: args.watch.map(|seconds| seconds * SEC),
+        json: args.json.clone(),
+        quiet: args.supervised,
+    };
     warn_of_strangers(&agent);
     // Under the orchestrator it must not wait for other programs of a busy machine.
     let policy = if args.supervised && !args.ordinary {
@@ -83,39 +107,35 @@ pub(crate) fn run(args: &Args) -> Outcome {
             threads: vec![row],
         }));
     } else {
-        println!("agent listening at {places}; end it with SIGINT or SIGTERM");
+        println!(
+            "agent listening at {}; end it with SIGINT or SIGTERM",
+            places.join(", ")
+        );
     }
-    stop.wait_forever();
+    let seen = watcher.watch(&stop);
     handle.stop();
     let stats = thread
         .join()
         .map_err(|_| Failure::refused("the agent's thread panicked"))?
         .map_err(Failure::refused)?;
+    let outcome = seen.finish(&stats);
     if !args.supervised {
-        println!(
+        // Whoever has read this may be gone already.
+        writeln!(
+            std::io::stdout(),
             "{} sessions; {} samples in, {} out, {} dropped for want of room",
             stats.clients_created,
             stats.samples_in,
             stats.samples_out,
             stats.samples_dropped + stats.samples_refused
-        );
+        )
+        .ok();
     }
-    let json = serde_json::json!({
-        "address": address.to_string(),
-        "sessions": stats.clients_created,
-        "datagrams_in": stats.datagrams_in,
-        "datagrams_out": stats.datagrams_out,
-        "malformed": stats.malformed,
-        "samples_in": stats.samples_in,
-        "samples_out": stats.samples_out,
-        "samples_dropped": stats.samples_dropped + stats.samples_refused,
-        "retransmitted": stats.retransmitted,
-    });
-    files::write_json(args.json.json.as_deref(), &json)
+    outcome
 }
 
 /// Everything it listens at, for people.
-fn places(agent: &Agent, config: &AgentConfig) -> String {
+fn places(agent: &Agent, config: &AgentConfig) -> Vec<String> {
     let udp = agent
         .udp_addrs()
         .into_iter()
@@ -125,7 +145,7 @@ fn places(agent: &Agent, config: &AgentConfig) -> String {
         .serial
         .iter()
         .map(|line| format!("{} ({} baud)", line.path.display(), line.baud));
-    udp.chain(tcp).chain(serial).collect::<Vec<_>>().join(", ")
+    udp.chain(tcp).chain(serial).collect()
 }
 
 /// Says so when other hosts can reach it.

@@ -1,5 +1,6 @@
 //! The agent under load: a process of its own, watched from outside.
 
+use super::generator::DEPTH;
 use crate::load::Nanos;
 use crate::machine::facts;
 use crate::outcome::Failure;
@@ -58,6 +59,7 @@ impl AgentProcess {
             // Topics and their endpoints, both ways; participant, publisher, subscriber.
             format!("--entities={}", 4 * topics + 3),
             "--strangers-rate=0".into(),
+            format!("--depth={DEPTH}"),
             "--ordinary".into(),
             format!("--json={}", json.display()),
         ];

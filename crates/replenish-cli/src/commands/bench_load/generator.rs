@@ -24,6 +24,10 @@ const SET_UP: Nanos = 20 * SEC;
 /// Datagrams taken from one socket before the others have their turn.
 const BATCH: usize = 32;
 
+/// Samples that the agent keeps for a reader before it drops: ten seconds at 100 Hz, so that what
+/// counts as lost is not a moment in which the machine did something else.
+pub(super) const DEPTH: u16 = 1000;
+
 /// What is offered.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Load {
@@ -167,7 +171,7 @@ impl<'a> Fleet<'a> {
             let names: Vec<_> = topics
                 .map(|topic| (topic + 1, name(index, topic), name(before, topic)))
                 .collect();
-            let depth = 200;
+            let depth = DEPTH;
             let writers: Vec<_> = names
                 .iter()
                 .map(|(number, topic, _)| endpoint(*number, topic, depth))

@@ -1,0 +1,149 @@
+//! The log of what the agent refuses: one line each, but bounded, whatever peers do.
+//!
+//! ```text
+//!   window of 10 s ── 5 lines of each kind, the rest counted ──► "... 1234 more"
+//!        ▲    └─ there was more: the next window is twice as long, up to 20 min
+//!        └────── there was not: 10 s again
+//! ```
+//!
+//! So a flood that goes on costs six lines of its kind in 20 minutes.
+
+use crate::load::{Nanos, SEC};
+use replenish_agent::Incidents;
+use std::collections::BTreeMap;
+
+/// Lines of one kind in a window.
+const LINES: u64 = 5;
+
+/// The shortest window, and the longest.
+const WINDOW: Nanos = 10 * SEC;
+const LONGEST: Nanos = 1200 * SEC;
+
+/// What was logged of each kind.
+#[derive(Debug, Default)]
+pub(super) struct Log {
+    kinds: BTreeMap<&'static str, Kind>,
+    /// Incidents of each kind so far.
+    totals: BTreeMap<&'static str, u64>,
+}
+
+#[derive(Debug)]
+struct Kind {
+    ends: Nanos,
+    window: Nanos,
+    shown: u64,
+    hidden: u64,
+}
+
+impl Log {
+    /// The lines that `incidents` are worth at `now`.
+    pub(super) fn lines(&mut self, incidents: &Incidents, now: Nanos) -> Vec<String> {
+        let mut lines = Vec::new();
+        for (name, count) in &incidents.omitted {
+            *self.totals.entry(name).or_default() += count;
+        }
+        for incident in &incidents.list {
+            let name = incident.reason.kind();
+            *self.totals.entry(name).or_default() += 1;
+            let kind = self.kinds.entry(name).or_insert(Kind {
+                ends: now.saturating_add(WINDOW),
+                window: WINDOW,
+                shown: 0,
+                hidden: 0,
+            });
+            if kind.shown < LINES {
+                kind.shown += 1;
+                lines.push(incident.to_string());
+            } else {
+                kind.hidden += 1;
+            }
+        }
+        for (name, count) in &incidents.omitted {
+            if let Some(kind) = self.kinds.get_mut(name) {
+                kind.hidden += count;
+            }
+        }
+        lines.extend(self.windows_over(now));
+        lines
+    }
+
+    /// Closes the windows that are over; what they have hidden.
+    fn windows_over(&mut self, now: Nanos) -> Vec<String> {
+        let mut lines = Vec::new();
+        self.kinds.retain(|name, kind| {
+            if now < kind.ends {
+                return true;
+            }
+            if kind.hidden == 0 {
+                return false;
+            }
+            lines.push(kind.summary(name));
+            kind.window = kind.window.saturating_mul(2).min(LONGEST);
+            kind.ends = now.saturating_add(kind.window);
+            (kind.shown, kind.hidden) = (0, 0);
+            true
+        });
+        lines
+    }
+
+    /// What was hidden and not told yet, at the end.
+    pub(super) fn rest(&mut self) -> Vec<String> {
+        let kinds = std::mem::take(&mut self.kinds);
+        let hidden = kinds.iter().filter(|(_, kind)| kind.hidden > 0);
+        hidden.map(|(name, kind)| kind.summary(name)).collect()
+    }
+
+    /// How many incidents there were, by kind.
+    pub(super) fn totals(&self) -> &BTreeMap<&'static str, u64> {
+        &self.totals
+    }
+}
+
+impl Kind {
+    fn summary(&self, name: &str) -> String {
+        format!("{} more of kind {name} were not logged", self.hidden)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use replenish_agent::{Incident, Reason};
+
+    fn flood(count: u64) -> Incidents {
+        let incident = Incident {
+            at: 0,
+            peer: "udp 127.0.0.1:1".into(),
+            key: None,
+            reason: Reason::Malformed { bytes: 3 },
+        };
+        Incidents {
+            list: vec![incident; 32],
+            omitted: vec![("malformed", count - 32)],
+        }
+    }
+
+    #[test]
+    fn a_flood_of_a_day_is_worth_some_hundred_lines_and_is_counted() {
+        let mut log = Log::default();
+        let mut lines = 0;
+        for second in 0..86_400 {
+            lines += log.lines(&flood(100_000), second * SEC).len();
+        }
+        let rest = log.rest();
+        assert_eq!(rest.len(), 1);
+        assert!((400..600).contains(&lines), "{lines}");
+        assert_eq!(log.totals().get("malformed"), Some(&8_640_000_000));
+    }
+
+    #[test]
+    fn what_is_hidden_is_told_and_a_quiet_window_forgets() {
+        let mut log = Log::default();
+        assert_eq!(log.lines(&flood(100), 0).len(), 5);
+        let over = log.lines(&Incidents::default(), WINDOW);
+        assert_eq!(over, ["95 more of kind malformed were not logged"]);
+        assert_eq!(log.lines(&Incidents::default(), 3 * WINDOW), [""; 0]);
+        assert!(log.kinds.is_empty());
+        assert_eq!(log.lines(&flood(32), 4 * WINDOW).len(), 5);
+    }
+}
