@@ -27,7 +27,22 @@ pub enum Error {
     Policy(PolicyError),
     /// Two workers have the same name.
     DuplicateWorker(String),
-    /// A worker without subscription and timer.
+    /// No worker has this name.
+    UnknownWorker(String),
+    /// No handle has this id.
+    UnknownHandle(String),
+    /// A limit that was fixed at set-up is reached.
+    Capacity {
+        /// Of what there may be no more.
+        what: String,
+        /// How many there may be.
+        limit: usize,
+    },
+    /// The callback has not ended in time; its handle goes when it has.
+    StillRunning(String),
+    /// The executor has stopped.
+    Stopped,
+    /// A worker without any handle.
     IdleWorker(String),
     /// A node of another context than the executor's.
     ForeignNode(String),
@@ -107,8 +122,13 @@ impl fmt::Display for Error {
             Self::Policy(e) => e.fmt(f),
             Self::DuplicateWorker(name) => write!(f, "there are two workers named {name:?}"),
             Self::IdleWorker(name) => {
-                write!(f, "worker {name:?} has neither subscription nor timer")
+                write!(f, "worker {name:?} has no handle and no capacity for any")
             }
+            Self::UnknownWorker(name) => write!(f, "there is no worker named {name:?}"),
+            Self::UnknownHandle(id) => write!(f, "there is no handle {id}"),
+            Self::Capacity { what, limit } => write!(f, "too many {what}: the limit is {limit}"),
+            Self::StillRunning(id) => write!(f, "{id}: its callback has not ended in time"),
+            Self::Stopped => f.write_str("the executor has stopped"),
             Self::ForeignNode(node) => {
                 write!(
                     f,

@@ -20,6 +20,7 @@ mod error;
 mod event;
 mod executor;
 mod handoff;
+mod histogram;
 mod name;
 mod publisher;
 mod stats;
@@ -38,9 +39,12 @@ pub use context::{Context, Node};
 pub use error::Error;
 pub use event::Event;
 pub use executor::{
-    AdmissionReport, CallbackContext, CallbackResult, DispatcherReport, Every, Executor,
-    HandleReport, Overrun, Report, RunningExecutor, StopHandle, ThreadReport, Topic, WorkerBuilder,
+    AdmissionReport, CallbackContext, CallbackResult, DeadlineMiss, DispatcherReport, Every, Executor,
+    ExecutorHandle, GuardCondition, HandleReport, HandleStates, Handling, LiveWorker, OnMiss,
+    Overrun, RawType, Removal, Report, RunningExecutor, Semantics, StopHandle, ThreadReport, TimerHandle, Topic, Trigger,
+    WorkerBuilder,
 };
+pub use histogram::Histogram;
 pub use middleware::PublishError;
 pub use name::NameError;
 pub use publisher::Publisher;

@@ -72,6 +72,11 @@ impl<M: Message> Publisher<M> {
         }
     }
 
+    /// Where encoded samples go.
+    pub(crate) fn target(&self) -> (&Arc<dyn Middleware>, WriterId) {
+        (&self.inner.middleware, self.inner.writer)
+    }
+
     /// The fully qualified topic name.
     #[must_use]
     pub fn topic(&self) -> &str {

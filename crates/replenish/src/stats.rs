@@ -37,6 +37,7 @@ pub(crate) struct Counters {
     pub(crate) undecodable: Counter,
     pub(crate) discarded: Counter,
     pub(crate) executed: Counter,
+    pub(crate) without_input: Counter,
     pub(crate) errors: Counter,
     pub(crate) skipped: Counter,
     pub(crate) deadline_misses: Counter,
@@ -69,13 +70,17 @@ pub struct HandleStats {
     pub lost: u64,
     /// Callbacks that ran to their end, failed ones included.
     pub executed: u64,
+    /// Callbacks that ran without input, because they run in every round.
+    pub without_input: u64,
     /// Callbacks that returned an error.
     pub errors: u64,
     /// Whether a callback panicked; the handle has stopped then.
     pub panicked: bool,
-    /// Timer releases left out because they were overrun.
+    /// Timer releases left out because they were overrun, triggers of a guard condition that were
+    /// served together with an earlier one.
     pub skipped: u64,
-    /// Timer callbacks that ended after the next release was due.
+    /// Callbacks that ended after their deadline; a timer's is its next release, if no other is
+    /// given.
     pub deadline_misses: u64,
     /// Budget exhaustions while a callback of this handle ran.
     pub exhaustions: u64,
@@ -87,7 +92,7 @@ pub struct HandleStats {
     pub worst_latency: Nanos,
     /// Most CPU time that one callback took.
     pub worst_execution: Nanos,
-    /// Timers: the furthest a callback ended behind the next release.
+    /// The furthest a callback ended behind its deadline.
     pub worst_lateness: Nanos,
 }
 
@@ -102,6 +107,7 @@ impl Counters {
             waiting,
             lost,
             executed: self.executed.get(),
+            without_input: self.without_input.get(),
             errors: self.errors.get(),
             panicked: self.panicked.load(Ordering::Relaxed),
             skipped: self.skipped.get(),

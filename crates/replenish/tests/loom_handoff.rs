@@ -13,7 +13,7 @@ mod handoff;
 #[path = "../src/sync.rs"]
 mod sync;
 
-use handoff::{Inbox, Outcome};
+use handoff::{Inbox, Keep, Outcome, SampleInfo};
 use loom::thread;
 use sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
 
@@ -55,7 +55,7 @@ fn dispatch(middleware: &Middleware, inbox: &Inbox, bell: &Signal, done: &Atomic
             }) else {
                 break;
             };
-            let delivery = inbox.deliver(&[sample], 0);
+            let delivery = inbox.deliver(&[sample], &SampleInfo::at(0));
             assert_eq!(delivery.outcome, Outcome::Stored);
             parked = delivery.parked;
         }
@@ -78,7 +78,7 @@ fn pop(inbox: &Inbox, middleware: &Middleware) -> Option<u8> {
 fn a_full_inbox_rejoins_the_interest_set_as_soon_as_there_is_room() {
     loom::model(|| {
         let middleware = Middleware::holding(&[1, 2, 3]);
-        let inbox = Arc::new(Inbox::new(1, 1, true));
+        let inbox = Arc::new(Inbox::new(1, 1, Keep::All));
         let bell = Arc::new(Signal::new());
         let done = Arc::new(AtomicBool::new(false));
         let dispatcher = {
@@ -103,14 +103,14 @@ fn a_full_inbox_rejoins_the_interest_set_as_soon_as_there_is_room() {
 #[test]
 fn keep_last_hands_over_the_newest_and_counts_every_other() {
     loom::model(|| {
-        let inbox = Arc::new(Inbox::new(1, 1, false));
+        let inbox = Arc::new(Inbox::new(1, 1, Keep::Newest));
         let bell = Arc::new(Signal::new());
         let dispatcher = {
             let (inbox, bell) = (Arc::clone(&inbox), Arc::clone(&bell));
             thread::spawn(move || {
                 let mut dropped = 0;
                 for sample in [1, 2, 3] {
-                    let delivery = inbox.deliver(&[sample], 0);
+                    let delivery = inbox.deliver(&[sample], &SampleInfo::at(0));
                     assert!(!delivery.parked);
                     dropped += usize::from(delivery.outcome == Outcome::ReplacedOldest);
                     bell.set();
@@ -138,14 +138,14 @@ fn keep_last_hands_over_the_newest_and_counts_every_other() {
 #[test]
 fn closing_a_full_inbox_wakes_the_middleware_and_accounts_for_every_sample() {
     loom::model(|| {
-        let inbox = Arc::new(Inbox::new(1, 1, true));
+        let inbox = Arc::new(Inbox::new(1, 1, Keep::All));
         let middleware = Middleware::holding(&[]);
         let dispatcher = {
             let (inbox, middleware) = (Arc::clone(&inbox), Arc::clone(&middleware));
             thread::spawn(move || {
                 let mut discarded = 0;
                 for sample in [1, 2] {
-                    let delivery = inbox.deliver(&[sample], 0);
+                    let delivery = inbox.deliver(&[sample], &SampleInfo::at(0));
                     discarded += usize::from(delivery.outcome == Outcome::Closed);
                     if delivery.parked {
                         middleware.bell.wait(); // only a wake-up brings it back

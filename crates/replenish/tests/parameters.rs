@@ -96,7 +96,7 @@ fn workers_are_checked_when_the_executor_starts() {
     let idle = start(&|e| {
         e.worker("w").cpu(0);
     });
-    assert_eq!(idle, "worker \"w\" has neither subscription nor timer");
+    assert_eq!(idle, "worker \"w\" has no handle and no capacity for any");
     let nameless = start(&|e| {
         e.worker("").timer(MS, |_| ()).unwrap();
     });

@@ -2,22 +2,22 @@
 
 use super::Executor;
 use super::callback::{CallbackContext, CallbackResult};
-use super::handle::{Handle, Shared};
+use super::doorbell::Doorbell;
+use super::entry::Entry;
+use super::forge::{Forge, RawType};
+use super::guard::GuardCondition;
+use super::mailbox::insert;
 use super::plan::Request;
-use super::subscription::{Subscription, Topic};
-use super::timer::{Every, Timer};
-use super::worker::Entry;
+use super::rules::{Handling, Rules, Semantics, Trigger};
+use super::schedule::Every;
+use super::timer::TimerHandle;
+use super::topic::Topic;
 use crate::budget::Budget;
-use crate::context::{Node, check_depth};
+use crate::context::Node;
 use crate::error::Error;
-use crate::handoff::Inbox;
-use crate::middleware::EndpointSpec;
-use crate::qos::{History, Qos};
+use crate::qos::Qos;
 use crate::sync::Arc;
-use alloc::boxed::Box;
-use alloc::string::String;
 use alloc::vec::Vec;
-use core::time::Duration;
 use replenish_msg::Message;
 use replenish_os::Policy;
 use replenish_plan::Guarantee;
@@ -25,8 +25,72 @@ use replenish_plan::Guarantee;
 /// A worker that is described so far.
 pub(crate) struct WorkerSpec {
     pub(crate) request: Request,
+    pub(crate) bell: Arc<Doorbell>,
+    pub(crate) rules: Rules,
+    /// In the order they were added.
     pub(crate) entries: Vec<Entry>,
+    /// Timers and guard conditions, by number.
     pub(crate) timers: usize,
+    pub(crate) guards: usize,
+}
+
+impl WorkerSpec {
+    pub(crate) fn new(name: &str) -> Self {
+        Self {
+            request: Request {
+                name: name.into(),
+                ..Request::default()
+            },
+            bell: Arc::default(),
+            rules: Rules::default(),
+            entries: Vec::new(),
+            timers: 0,
+            guards: 0,
+        }
+    }
+
+    /// The handles in the order in which they run, and room for as many as there may be.
+    pub(crate) fn ordered(entries: Vec<Entry>, limit: usize) -> Vec<Entry> {
+        let mut ordered = Vec::with_capacity(limit);
+        for entry in entries {
+            insert(&mut ordered, entry);
+        }
+        ordered
+    }
+
+    /// The most handles this worker can have.
+    pub(crate) fn limit(&self) -> usize {
+        let described = self.entries.len();
+        self.rules.capacity.unwrap_or(described).max(described)
+    }
+
+    /// How many timers and guard conditions it has: later ones count on.
+    pub(crate) fn numbers(&self) -> u64 {
+        self.timers.max(self.guards) as u64
+    }
+
+    /// The first rule that contradicts another.
+    pub(crate) fn violation(&self) -> Option<Error> {
+        let owner = alloc::format!("worker {:?}", self.request.name);
+        let rules = &self.rules;
+        let let_ = rules.semantics == Semantics::LogicalExecutionTime;
+        if matches!(rules.trigger, Trigger::Always) && rules.every.is_none() {
+            let allowed = "with .every(…) only: something has to start the rounds";
+            return Some(Error::parameter(owner, "trigger", &"Always", allowed));
+        }
+        if let_ && rules.batch > 1 {
+            let allowed = "1 with Logical Execution Time: a snapshot has one input per handle";
+            let batch = rules.batch;
+            return Some(Error::parameter(owner, "messages_per_round", &batch, allowed));
+        }
+        if rules.every.is_some_and(|e| e.period.is_zero()) {
+            return Some(Error::parameter(owner, "every", &0, "1 ns or more"));
+        }
+        let capacity = rules.capacity?;
+        let allowed = alloc::format!("{}..=4096: those described", self.entries.len());
+        let fits = (self.entries.len()..=4096).contains(&capacity);
+        (!fits).then(|| Error::parameter(owner, "capacity", &capacity, allowed))
+    }
 }
 
 /// Describes one worker: its scheduling first, then its handles, which run in the order they are
@@ -67,6 +131,48 @@ impl WorkerBuilder<'_> {
         self.request(|r| r.stack_size = Some(bytes))
     }
 
+    /// What must be there for a round to begin. Default: [`Trigger::Any`].
+    pub fn trigger(self, trigger: Trigger) -> Self {
+        self.rules(|r| r.trigger = trigger)
+    }
+
+    /// When callbacks get their input. Default: each just before it runs.
+    pub fn semantics(self, semantics: Semantics) -> Self {
+        self.rules(|r| r.semantics = semantics)
+    }
+
+    /// Rounds begin by the clock alone: once per period, on an absolute grid; what has come
+    /// meanwhile is served then. A round that is overrun follows the rule of `every`.
+    pub fn every(self, every: impl Into<Every>) -> Self {
+        let every = every.into();
+        self.rules(|r| r.every = Some(every))
+    }
+
+    /// Up to so many callbacks of one handle per round, before the next handle's turn. Default 1.
+    pub fn messages_per_round(self, messages: u32) -> Self {
+        self.rules(|r| r.batch = messages)
+    }
+
+    /// What callbacks publish through [`CallbackContext::publish`] goes out when the round ends: up
+    /// to so many samples per round, of up to so many bytes.
+    pub fn output_barrier(self, samples: usize, bytes: usize) -> Self {
+        self.rules(|r| r.barrier = Some((samples, bytes)))
+    }
+
+    /// The most handles the worker can have, those added while it runs included; at most 4096.
+    /// Default: those described. A worker with a capacity may begin without any.
+    pub fn capacity(self, handles: usize) -> Self {
+        self.rules(|r| r.capacity = Some(handles))
+    }
+
+    /// How the handle that was added last is treated.
+    pub fn with(mut self, handling: Handling) -> Self {
+        if let Some(entry) = self.spec().and_then(|s| s.entries.last_mut()) {
+            entry.treat(handling);
+        }
+        self
+    }
+
     /// Calls `callback` for every message on `topic`, which is a name or a [`Topic`].
     ///
     /// Messages are decoded on this worker, into one message that is reused.
@@ -79,7 +185,7 @@ impl WorkerBuilder<'_> {
         node: &Node,
         topic: impl Into<Topic<'t>>,
         qos: Qos,
-        callback: F,
+        mut callback: F,
     ) -> Result<Self, Error>
     where
         M: Message,
@@ -87,38 +193,57 @@ impl WorkerBuilder<'_> {
         R: CallbackResult + 'static,
     {
         let topic = topic.into();
-        if !node.context().is(&self.executor.context) {
-            return Err(Error::ForeignNode(node.name().into()));
-        }
-        let name = node.resolve(topic.name)?;
-        check_depth(&name, qos)?;
-        let size = topic.max_size.unwrap_or(M::MAX_SIZE);
-        if topic.max_size.is_some() && !(1..=M::MAX_SIZE).contains(&size) {
-            let allowed = alloc::format!("1..={} bytes", M::MAX_SIZE);
-            let owner = alloc::format!("topic {name}");
-            return Err(Error::parameter(owner, "max_size", &size, allowed));
-        }
-        if let Some((field, value, allowed)) = topic.ingress.violation() {
-            let owner = alloc::format!("topic {name}");
-            return Err(Error::parameter(owner, field, &value, allowed));
-        }
-        let spec = EndpointSpec {
-            ingress: topic.ingress,
-            ..node.endpoint::<M>(&name, qos, size)
+        let called = move |message: Option<&M>, cx: &CallbackContext<'_>| {
+            message.map(|message| callback(message, cx))
         };
-        let reader = node
-            .context()
-            .middleware()
-            .create_reader(&spec)
-            .map_err(|e| Error::endpoint("subscription", &name, e))?;
-        let keep_all = qos.history == History::KeepAll;
-        let inbox = Arc::new(Inbox::new(qos.depth.into(), size, keep_all));
-        let id = self
-            .executor
-            .unique(alloc::format!("{}/sub:{name}", node.name()));
-        let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
-        let handle = Subscription::<M, F>::new(Arc::clone(&shared), inbox, callback);
-        Ok(self.entry(shared, Box::new(handle)))
+        self.add(|forge| forge.subscription(node, topic, qos, called))
+    }
+
+    /// Calls `callback` in every round of this worker: with a new message on `topic`, or with
+    /// `None`. What starts a round is up to the other handles, the [trigger](Self::trigger) and
+    /// [`every`](Self::every).
+    ///
+    /// # Errors
+    /// As [`subscribe`](Self::subscribe).
+    pub fn subscribe_always<'t, M, F, R>(
+        self,
+        node: &Node,
+        topic: impl Into<Topic<'t>>,
+        qos: Qos,
+        callback: F,
+    ) -> Result<Self, Error>
+    where
+        M: Message,
+        F: FnMut(Option<&M>, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let topic = topic.into();
+        self.add(|forge| {
+            let mut entry = forge.subscription(node, topic, qos, callback)?;
+            entry.handling = Handling::new().always();
+            Ok(entry)
+        })
+    }
+
+    /// Calls `callback` with the bytes of every sample on `topic`: CDR without encapsulation header,
+    /// in the slot they arrived in. The type is given by its names.
+    ///
+    /// # Errors
+    /// As [`subscribe`](Self::subscribe).
+    pub fn subscribe_raw<'t, F, R>(
+        self,
+        node: &Node,
+        topic: impl Into<Topic<'t>>,
+        ty: RawType<'_>,
+        qos: Qos,
+        callback: F,
+    ) -> Result<Self, Error>
+    where
+        F: FnMut(&[u8], &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let topic = topic.into();
+        self.add(|forge| forge.raw(node, topic, ty, qos, callback))
     }
 
     /// Calls `callback` at every release of a timer, given as a period or an [`Every`].
@@ -133,36 +258,100 @@ impl WorkerBuilder<'_> {
         R: CallbackResult + 'static,
     {
         let every = every.into();
-        let Some(spec) = self.executor.workers.get_mut(self.index) else {
-            return Ok(self);
-        };
-        let name = &spec.request.name;
-        if every.period == Duration::ZERO {
-            let owner = alloc::format!("timer of worker {name:?}");
-            return Err(Error::parameter(owner, "period", &0, "1 ns or more"));
-        }
-        let id: String = alloc::format!("{name}/timer:{}", spec.timers);
-        spec.timers += 1;
-        let shared = Shared::new(id, None);
-        let handle = Timer::new(Arc::clone(&shared), every, callback);
-        Ok(self.entry(shared, Box::new(handle)))
+        self.timed(None, every, callback)
     }
 
-    fn request(self, change: impl FnOnce(&mut Request)) -> Self {
-        if let Some(spec) = self.executor.workers.get_mut(self.index) {
+    /// As [`timer`](Self::timer), with a handle that starts it, cancels it or changes its period.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] for a period of 0, or if `handle` belongs to a timer already.
+    pub fn timer_with<F, R>(
+        self,
+        handle: &TimerHandle,
+        every: impl Into<Every>,
+        callback: F,
+    ) -> Result<Self, Error>
+    where
+        F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let every = every.into();
+        self.timed(Some(handle), every, callback)
+    }
+
+    fn timed<F, R>(
+        mut self,
+        handle: Option<&TimerHandle>,
+        every: Every,
+        callback: F,
+    ) -> Result<Self, Error>
+    where
+        F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let number = self.spec().map_or(0, |s| {
+            s.timers += 1;
+            s.timers - 1
+        });
+        self.add_numbered(number, |forge| forge.timer(handle, every, callback))
+    }
+
+    /// Calls `callback` whenever `guard` was triggered.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if `guard` belongs to a callback already.
+    pub fn guard<F, R>(mut self, guard: &GuardCondition, callback: F) -> Result<Self, Error>
+    where
+        F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let number = self.spec().map_or(0, |s| {
+            s.guards += 1;
+            s.guards - 1
+        });
+        self.add_numbered(number, |forge| forge.guard(guard, callback))
+    }
+
+    fn spec(&mut self) -> Option<&mut WorkerSpec> {
+        self.executor.workers.get_mut(self.index)
+    }
+
+    fn request(mut self, change: impl FnOnce(&mut Request)) -> Self {
+        if let Some(spec) = self.spec() {
             change(&mut spec.request);
         }
         self
     }
 
-    fn entry(self, shared: Arc<Shared>, handle: Box<dyn Handle>) -> Self {
-        if let Some(spec) = self.executor.workers.get_mut(self.index) {
-            spec.entries.push(Entry {
-                shared,
-                handle,
-                stopped: false,
-            });
+    fn rules(mut self, change: impl FnOnce(&mut Rules)) -> Self {
+        if let Some(spec) = self.spec() {
+            change(&mut spec.rules);
         }
         self
+    }
+
+    fn add(self, make: impl FnOnce(&Forge<'_>) -> Result<Entry, Error>) -> Result<Self, Error> {
+        self.add_numbered(0, make)
+    }
+
+    fn add_numbered(
+        mut self,
+        number: usize,
+        make: impl FnOnce(&Forge<'_>) -> Result<Entry, Error>,
+    ) -> Result<Self, Error> {
+        let Some(spec) = self.executor.workers.get(self.index) else {
+            return Ok(self);
+        };
+        let entry = make(&Forge {
+            context: &self.executor.context,
+            worker: &spec.request.name,
+            bell: &spec.bell,
+            unique: &|id| self.executor.unique(id),
+            number,
+        })?;
+        if let Some(spec) = self.spec() {
+            spec.entries.push(entry);
+        }
+        Ok(self)
     }
 }

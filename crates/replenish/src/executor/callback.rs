@@ -1,60 +1,171 @@
 //! What a callback gets besides its message, and what it may return.
 
+use super::handle::{Env, Shared};
+use super::live::ExecutorHandle;
 use super::stop::StopHandle;
 use crate::Nanos;
+use crate::handoff::SampleInfo;
+use crate::middleware::PublishError;
+use crate::publisher::Publisher;
+use crate::sync::{Arc, Ordering};
 use core::fmt;
+use replenish_msg::Message;
+use replenish_os::clock;
 
-/// Facts about the callback that runs, and the way to stop the executor from inside it.
-#[derive(Debug)]
+/// Facts about the callback that runs, and the ways to act on its executor from inside it.
 pub struct CallbackContext<'a> {
-    pub(crate) id: &'a str,
-    pub(crate) worker: &'a str,
+    pub(crate) env: &'a Env<'a>,
+    pub(crate) shared: &'a Shared,
     pub(crate) due: Nanos,
     pub(crate) started: Nanos,
     pub(crate) skipped: u64,
-    pub(crate) stop: &'a StopHandle,
+    pub(crate) info: SampleInfo,
+}
+
+impl<'a> CallbackContext<'a> {
+    pub(crate) fn new(
+        env: &'a Env<'a>,
+        shared: &'a Shared,
+        due: Nanos,
+        started: Nanos,
+    ) -> Self {
+        Self {
+            env,
+            shared,
+            due,
+            started,
+            skipped: 0,
+            info: SampleInfo::at(due),
+        }
+    }
 }
 
 impl CallbackContext<'_> {
     /// The handle's id: `/node/sub:/topic`, `worker/timer:0`.
     #[must_use]
     pub fn id(&self) -> &str {
-        self.id
+        &self.shared.id
     }
 
     /// The worker's name.
     #[must_use]
     pub fn worker(&self) -> &str {
-        self.worker
+        self.env.worker
     }
 
-    /// When the sample reached this process, or the timer's release (`CLOCK_MONOTONIC`).
+    /// When the sample reached this process, or the timer's release: the *expected* time of the
+    /// call (`CLOCK_MONOTONIC`).
     #[must_use]
     pub fn due(&self) -> Nanos {
         self.due
     }
 
-    /// When the callback started (`CLOCK_MONOTONIC`).
+    /// When the callback started: the *actual* time of the call (`CLOCK_MONOTONIC`).
     #[must_use]
     pub fn started(&self) -> Nanos {
         self.started
     }
 
-    /// Timers: releases left out since the previous callback because they were overrun.
+    /// This moment (`CLOCK_MONOTONIC`).
+    #[must_use]
+    pub fn now(&self) -> Nanos {
+        clock::monotonic()
+    }
+
+    /// Timers: releases left out since the previous callback because they were overrun. Guard
+    /// conditions: triggers that this callback serves besides the first.
     #[must_use]
     pub fn skipped(&self) -> u64 {
         self.skipped
     }
 
+    /// When the sample was published, by the publisher's clock, in nanoseconds since the Unix
+    /// epoch; `None` where the middleware does not tell (DDS-XRCE), and without a sample.
+    #[must_use]
+    pub fn source_timestamp(&self) -> Option<Nanos> {
+        self.info.source_timestamp
+    }
+
+    /// The sample's number among those of its writer; `None` where the middleware does not tell
+    /// (DDS-XRCE), and without a sample.
+    #[must_use]
+    pub fn sequence(&self) -> Option<u64> {
+        self.info.sequence
+    }
+
+    /// What the worker's budget has left at this moment; `None` without a budget. Takes the
+    /// enforcer's lock for a moment.
+    #[must_use]
+    pub fn remaining_budget(&self) -> Option<Nanos> {
+        let meter = self.env.meter;
+        meter.enforcement()?;
+        Some(meter.usage().available)
+    }
+
+    /// Publishes behind the worker's output barrier: at the end of the round (see
+    /// [`WorkerBuilder::output_barrier`](crate::WorkerBuilder::output_barrier)). Without a barrier
+    /// it is [`Publisher::publish`].
+    ///
+    /// # Errors
+    /// [`PublishError::Full`] when more samples wait than the barrier holds,
+    /// [`PublishError::Encode`] when the message does not fit. What goes wrong at the end of the
+    /// round is counted as an error of the handle whose callback came last.
+    pub fn publish<M: Message>(
+        &self,
+        publisher: &Publisher<M>,
+        message: &M,
+    ) -> Result<(), PublishError> {
+        match self.env.outbox {
+            None => publisher.publish(message),
+            Some(outbox) => {
+                let (middleware, writer) = publisher.target();
+                outbox.borrow_mut().keep(middleware, writer, |room| {
+                    replenish_msg::encode(message, room).map_err(PublishError::Encode)
+                })
+            }
+        }
+    }
+
     /// Asks the executor to stop. Returns at once; nothing new starts after this callback.
     pub fn stop(&self) {
-        self.stop.stop();
+        self.env.stop.stop();
+    }
+
+    /// Stops the executor from elsewhere. Cloning it does not allocate.
+    #[must_use]
+    pub fn stop_handle(&self) -> StopHandle {
+        self.env.stop.clone()
     }
 
     /// Whether the executor has been asked to stop: a long callback should look now and then.
     #[must_use]
     pub fn is_stopping(&self) -> bool {
-        self.stop.is_stopping()
+        self.env.stop.is_stopping()
+    }
+
+    /// Whether this callback shall end: the executor stops, or its handle is
+    /// [removed](crate::Removal::Cancel). A long callback should look now and then.
+    #[must_use]
+    pub fn is_cancelled(&self) -> bool {
+        self.shared.cancelled.load(Ordering::Acquire) || self.is_stopping()
+    }
+
+    /// Adds and removes handles; `None` in an executor that runs on the thread that spins it.
+    #[must_use]
+    pub fn executor(&self) -> Option<ExecutorHandle> {
+        let live = Arc::clone(self.env.live?);
+        Some(ExecutorHandle { live })
+    }
+}
+
+impl fmt::Debug for CallbackContext<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("CallbackContext")
+            .field("id", &self.shared.id)
+            .field("worker", &self.env.worker)
+            .field("due", &self.due)
+            .field("started", &self.started)
+            .finish_non_exhaustive()
     }
 }
 
@@ -74,6 +185,14 @@ impl<E: fmt::Display> CallbackResult for Result<(), E> {
     fn inspect(self, report: &mut dyn FnMut(&dyn fmt::Display)) {
         if let Err(e) = self {
             report(&e);
+        }
+    }
+}
+
+impl<R: CallbackResult> CallbackResult for Option<R> {
+    fn inspect(self, report: &mut dyn FnMut(&dyn fmt::Display)) {
+        if let Some(result) = self {
+            result.inspect(report);
         }
     }
 }

@@ -11,7 +11,7 @@
 //! Workers end its wait when a reader that had left the set has room again, and only then.
 
 use super::doorbell::Doorbell;
-use super::handle::Shared;
+use super::routes::{Desk, Route};
 use super::stop::StopHandle;
 use crate::event::{Event, Events};
 use crate::handoff::{Delivery, Outcome};
@@ -36,13 +36,6 @@ pub(crate) struct DispatcherCounters {
     pub(crate) failures: Counter,
 }
 
-/// Where a reader's samples go.
-pub(crate) struct Route {
-    pub(crate) shared: Arc<Shared>,
-    /// Index into [`Dispatcher::bells`].
-    pub(crate) worker: usize,
-}
-
 /// The dispatcher's state; lives on its thread.
 pub(crate) struct Dispatcher {
     pub(crate) stop: StopHandle,
@@ -50,6 +43,8 @@ pub(crate) struct Dispatcher {
     pub(crate) counters: Arc<DispatcherCounters>,
     /// By reader id.
     pub(crate) routes: Vec<Option<Route>>,
+    /// How routes change.
+    pub(crate) desk: Arc<Desk>,
     /// The workers' bells, highest priority first, and whether each is to be rung.
     pub(crate) bells: Vec<(Arc<Doorbell>, bool)>,
 }
@@ -62,6 +57,8 @@ impl Dispatcher {
         let mut parked = Interest::empty();
         let mut link_up = true;
         while !self.stop.is_stopping() {
+            self.desk
+                .carry_out(&mut self.routes, &mut interest, &mut parked);
             self.readmit(&mut interest, &mut parked);
             account.block();
             let waited = middleware.wait(&interest, None);
@@ -147,7 +144,7 @@ impl Dispatcher {
         let (_, inbox) = route.shared.input.as_ref()?;
         let counters = &route.shared.counters;
         counters.received.add(1);
-        let delivery = inbox.deliver(bytes, info.arrival);
+        let delivery = inbox.deliver(bytes, info);
         match delivery.outcome {
             Outcome::Stored => {}
             Outcome::ReplacedOldest | Outcome::NoRoom => drop(counters.dropped.add(1)),
@@ -160,7 +157,7 @@ impl Dispatcher {
                     size,
                     count,
                 };
-                self.events.emit_rarely(count, &event);
+                route.shared.report(count, &event, &self.events);
             }
         }
         Some((delivery, route.worker))

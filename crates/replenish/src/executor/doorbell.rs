@@ -4,17 +4,23 @@
 //! rung or its timer's release came, not when it got the CPU. Taking a time that is too late only
 //! delays a replenishment; one that is too early would advance it, so it is never before the
 //! moment the worker went to sleep.
+//!
+//! A worker whose rounds come by the clock alone has its bell *muted*: new data does not ring it.
 
 use crate::Nanos;
-use crate::sync::{Arc, Signal};
-use core::sync::atomic::{AtomicU64, Ordering};
+use crate::middleware::Middleware;
+use crate::sync::{Arc, AtomicBool, AtomicU64, Ordering, Signal};
 use replenish_os::clock;
+use std::sync::OnceLock;
 
 /// Rung by the dispatcher or by a stop; one worker sleeps on it.
 #[derive(Default)]
 pub(crate) struct Doorbell {
     signal: Arc<Signal>,
     rung_at: AtomicU64,
+    muted: AtomicBool,
+    /// Where the worker sleeps instead, if it dispatches for itself.
+    middleware: OnceLock<Arc<dyn Middleware>>,
 }
 
 impl Doorbell {
@@ -23,10 +29,35 @@ impl Doorbell {
         &self.signal
     }
 
-    /// There is work, since `now`.
+    /// There is work, since `now`. Async-signal-safe.
     pub(crate) fn ring(&self, now: Nanos) {
-        self.rung_at.store(now, Ordering::Relaxed); // published by the signal
+        if !self.muted.load(Ordering::Relaxed) {
+            self.rung_at.store(now, Ordering::Relaxed); // published by the signal
+            self.wake();
+        }
+    }
+
+    /// Something about the worker has changed: rings also when muted.
+    pub(crate) fn call(&self) {
+        self.rung_at.store(clock::monotonic(), Ordering::Relaxed);
+        self.wake();
+    }
+
+    fn wake(&self) {
         self.signal.set();
+        if let Some(middleware) = self.middleware.get() {
+            middleware.wake();
+        }
+    }
+
+    /// New data does not ring any more.
+    pub(crate) fn mute(&self) {
+        self.muted.store(true, Ordering::Relaxed);
+    }
+
+    /// From now on the worker waits on the middleware, not on this.
+    pub(crate) fn sleep_on(&self, middleware: &Arc<dyn Middleware>) {
+        self.middleware.set(Arc::clone(middleware)).ok();
     }
 
     /// Worker: whether it was rung since it was last answered; does not wait.

@@ -1,41 +1,87 @@
 //! What a worker knows of a handle, whatever its kind; and what is shared about it.
 
+use super::live::Live;
+use super::outbox::Outbox;
 use super::stop::StopHandle;
 use crate::Nanos;
 use crate::event::{Event, Events};
 use crate::handoff::Inbox;
+use crate::histogram::LiveHistogram;
 use crate::middleware::ReaderId;
 use crate::stats::{Counters, Text};
-use crate::sync::{Arc, Mutex};
+use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
+use alloc::boxed::Box;
 use alloc::string::String;
+use core::cell::RefCell;
 use core::fmt;
+use replenish_msg::CdrError;
+use replenish_os::Meter;
+use std::sync::OnceLock;
 
 /// What callbacks run in.
 pub(crate) struct Env<'a> {
     pub(crate) worker: &'a str,
     pub(crate) stop: &'a StopHandle,
     pub(crate) events: &'a Events,
+    pub(crate) meter: &'a Meter,
+    /// The executor, if handles can be added to it.
+    pub(crate) live: Option<&'a Arc<Live>>,
+    /// Where publications wait for the end of the round.
+    pub(crate) outbox: Option<&'a RefCell<Outbox>>,
+}
+
+/// Input that waits for its callback.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Taken {
+    /// When it was released: the sample's arrival, the timer's release.
+    pub(crate) due: Nanos,
+    /// How long after that the callback should have ended, if the handle's kind says so.
+    pub(crate) deadline: Option<Nanos>,
 }
 
 /// One callback of a worker and what triggers it. Lives on the worker's thread.
+///
+/// ```text
+///   is_ready? ──► take: one sample or release ──► execute: the callback, with what was taken
+/// ```
 pub(crate) trait Handle: Send {
     /// The executor starts now.
-    fn begin(&mut self, start: Nanos);
-    /// Whether the callback has something to do.
-    fn is_ready(&self, now: Nanos) -> bool;
-    /// When it will have something to do by itself.
-    fn next_release(&self) -> Option<Nanos>;
-    /// Runs the callback once, if it (still) has something to do.
-    fn run(&mut self, env: &Env<'_>);
+    fn begin(&mut self, _start: Nanos) {}
+    /// Whether there is something to take.
+    fn is_ready(&mut self, now: Nanos) -> bool;
+    /// When it will have something to take by itself.
+    fn next_release(&mut self) -> Option<Nanos> {
+        None
+    }
+    /// Takes one input, if there (still) is one and it can be used.
+    fn take(&mut self, env: &Env<'_>) -> Option<Taken>;
+    /// Runs the callback with what was taken last.
+    fn execute(&mut self, env: &Env<'_>, started: Nanos);
+    /// Runs the callback without input, if it takes that.
+    fn execute_empty(&mut self, _env: &Env<'_>, _started: Nanos) {}
 }
+
+/// A handle's own hook for what goes wrong with it.
+pub(crate) type ErrorHook = Box<dyn Fn(&Event<'_>) + Send + Sync>;
 
 /// What is known about a handle outside its worker.
 pub(crate) struct Shared {
     pub(crate) id: String,
     pub(crate) counters: Counters,
+    /// From release to start.
+    pub(crate) latency: LiveHistogram,
+    /// From release to end.
+    pub(crate) response: LiveHistogram,
     pub(crate) last_error: Mutex<Text>,
-    /// A subscription's reader and inbox.
+    /// The reader of a subscription, service or client, and its inbox.
     pub(crate) input: Option<(ReaderId, Arc<Inbox>)>,
+    pub(crate) hook: OnceLock<ErrorHook>,
+    /// No callback of it starts any more.
+    pub(crate) removed: AtomicBool,
+    /// A callback of it that runs shall end.
+    pub(crate) cancelled: AtomicBool,
+    /// Set when the worker has let go of it.
+    pub(crate) gone: Signal,
 }
 
 impl Shared {
@@ -43,9 +89,28 @@ impl Shared {
         Arc::new(Self {
             id,
             counters: Counters::default(),
+            latency: LiveHistogram::default(),
+            response: LiveHistogram::default(),
             last_error: Mutex::new(Text::EMPTY),
             input,
+            hook: OnceLock::new(),
+            removed: AtomicBool::new(false),
+            cancelled: AtomicBool::new(false),
+            gone: Signal::new(),
         })
+    }
+
+    pub(crate) fn is_removed(&self) -> bool {
+        self.removed.load(Ordering::Acquire)
+    }
+
+    /// Something went wrong with this handle, for the `count`-th time: tells its hook each time,
+    /// and everybody rarely.
+    pub(crate) fn report(&self, count: u64, event: &Event<'_>, events: &Events) {
+        if let Some(hook) = self.hook.get() {
+            hook(event);
+        }
+        events.emit_rarely(count, event);
     }
 
     /// A callback returned an error.
@@ -53,14 +118,24 @@ impl Shared {
         let count = self.counters.errors.add(1);
         *self.last_error.lock() = Text::of(error);
         let handle = &self.id;
-        events.emit_rarely(
+        let event = Event::CallbackFailed {
+            handle,
+            error,
             count,
-            &Event::CallbackFailed {
-                handle,
-                error,
-                count,
-            },
-        );
+        };
+        self.report(count, &event, events);
+    }
+
+    /// A sample could not be decoded.
+    pub(crate) fn undecodable(&self, error: CdrError, events: &Events) {
+        let count = self.counters.undecodable.add(1);
+        let handle = &self.id;
+        let event = Event::Undecodable {
+            handle,
+            error,
+            count,
+        };
+        self.report(count, &event, events);
     }
 
     /// Discards what waits, and with `close` everything that will come. Returns how many samples.

@@ -19,25 +19,40 @@ mod builder;
 mod callback;
 mod dispatcher;
 mod doorbell;
+mod entry;
+mod forge;
+mod guard;
 mod handle;
+mod live;
+mod mailbox;
+mod outbox;
 mod overlay;
 mod plan;
 mod report;
+mod routes;
+mod rules;
 mod running;
+mod schedule;
 mod start;
 mod stop;
 mod subscription;
 mod threads;
 mod timer;
+mod topic;
 mod worker;
 
 pub use builder::WorkerBuilder;
 pub use callback::{CallbackContext, CallbackResult};
+pub use forge::RawType;
+pub use guard::GuardCondition;
+pub use live::{ExecutorHandle, LiveWorker, Removal};
 pub use report::{AdmissionReport, DispatcherReport, HandleReport, Report, ThreadReport};
+pub use rules::{DeadlineMiss, HandleStates, Handling, OnMiss, Semantics, Trigger};
 pub use running::RunningExecutor;
+pub use schedule::{Every, Overrun};
 pub use stop::StopHandle;
-pub use subscription::Topic;
-pub use timer::{Every, Overrun};
+pub use timer::TimerHandle;
+pub use topic::Topic;
 
 use crate::context::Context;
 use crate::error::Error;
@@ -49,7 +64,6 @@ use alloc::vec::Vec;
 use builder::WorkerSpec;
 use core::fmt;
 use core::time::Duration;
-use plan::Request;
 use replenish_os::Policy;
 use replenish_plan::Machine;
 use sporadic::Kind;
@@ -150,14 +164,7 @@ impl Executor {
     /// Starts to describe a worker. Its name must be unique in this executor; it becomes the
     /// thread's name.
     pub fn worker(&mut self, name: &str) -> WorkerBuilder<'_> {
-        self.workers.push(WorkerSpec {
-            request: Request {
-                name: name.into(),
-                ..Request::default()
-            },
-            entries: Vec::new(),
-            timers: 0,
-        });
+        self.workers.push(WorkerSpec::new(name));
         let index = self.workers.len() - 1;
         WorkerBuilder {
             executor: self,

@@ -9,7 +9,7 @@
 //!
 //! A budget's background priority is 6 (the paper's), or p - 1 where p is 6 or less.
 
-use super::timer::nanos;
+use super::schedule::nanos;
 use crate::Nanos;
 use crate::budget::Budget;
 use crate::error::Error;

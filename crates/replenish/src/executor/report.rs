@@ -1,6 +1,7 @@
 //! What an executor has to say about itself: plain numbers, and a table for people.
 
 use crate::Nanos;
+use crate::histogram::Histogram;
 use crate::stats::HandleStats;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -85,6 +86,10 @@ pub struct HandleReport {
     pub worker: String,
     /// Its counters.
     pub stats: HandleStats,
+    /// From release (arrival, timer's release) to the start of the callback.
+    pub latency: Histogram,
+    /// From release to the end of the callback.
+    pub response: Histogram,
     /// The last error a callback returned, or the panic's message; cut to 120 bytes.
     pub last_error: Option<String>,
 }

@@ -11,10 +11,11 @@
 use super::admission::Admission;
 use super::dispatcher::DispatcherCounters;
 use super::handle::Shared;
+use super::live::{ExecutorHandle, Live};
 use super::report::{DispatcherReport, HandleReport, Report, ThreadReport};
 use super::stop::StopHandle;
 use super::threads::{Ready, Seat};
-use super::timer::nanos;
+use super::schedule::nanos;
 use crate::Nanos;
 use crate::context::Claim;
 use crate::event::{Event, Events};
@@ -54,7 +55,7 @@ pub struct RunningExecutor {
     pub(crate) owner: Arc<Signal>,
     pub(crate) crew: Vec<Crew>,
     pub(crate) enforcers: Vec<Arc<Enforcer>>,
-    pub(crate) handles: Vec<(Arc<str>, Arc<Shared>)>,
+    pub(crate) live: Arc<Live>,
     pub(crate) counters: Arc<DispatcherCounters>,
     pub(crate) fallbacks: Vec<String>,
     pub(crate) stuck: Vec<String>,
@@ -72,6 +73,14 @@ impl RunningExecutor {
     #[must_use]
     pub fn stop_handle(&self) -> StopHandle {
         self.stop.clone()
+    }
+
+    /// Adds and removes handles while it runs.
+    #[must_use]
+    pub fn executor(&self) -> ExecutorHandle {
+        ExecutorHandle {
+            live: Arc::clone(&self.live),
+        }
     }
 
     /// Stops, joins and reports: within the grace period plus a few milliseconds, whatever the
@@ -93,14 +102,11 @@ impl RunningExecutor {
     #[must_use]
     pub fn report(&self) -> Report {
         let threads = self.crew.iter().map(|c| thread_report(&c.seat));
+        let handles = self.live.registry.all();
         Report {
             elapsed: clock::monotonic().saturating_sub(self.start),
             threads: threads.collect(),
-            handles: self
-                .handles
-                .iter()
-                .map(|(w, h)| self.handle(w, h))
-                .collect(),
+            handles: handles.iter().map(|(w, h)| self.handle(w, h)).collect(),
             dispatcher: DispatcherReport {
                 rounds: self.counters.rounds.get(),
                 samples: self.counters.samples.get(),
@@ -116,8 +122,8 @@ impl RunningExecutor {
     /// The counters of one handle. Does not allocate.
     #[must_use]
     pub fn stats(&self, id: &str) -> Option<HandleStats> {
-        let (_, handle) = self.handles.iter().find(|(_, h)| h.id == id)?;
-        Some(self.snapshot(handle))
+        let (_, handle) = self.live.registry.find(id)?;
+        Some(self.snapshot(&handle))
     }
 
     /// What one worker, or the `dispatcher`, has used. Does not allocate.
@@ -137,7 +143,8 @@ impl RunningExecutor {
     /// Discards every sample that waits for a worker and returns how many; they are counted as
     /// discarded. Samples still in the middleware are not touched.
     pub fn discard_waiting(&self) -> u64 {
-        let handles = self.handles.iter();
+        let handles = self.live.registry.all();
+        let handles = handles.iter();
         handles.map(|(_, h)| h.discard(false, &self.stop)).sum()
     }
 
@@ -153,6 +160,8 @@ impl RunningExecutor {
             id: handle.id.clone(),
             worker: worker.into(),
             stats: self.snapshot(handle),
+            latency: handle.latency.snapshot(),
+            response: handle.response.snapshot(),
             last_error: Some(error).filter(|e| !e.is_empty()),
         }
     }

@@ -1,19 +1,26 @@
 //! Starting an executor: plan, spawn, fall back where allowed, launch all or none.
 
-use super::dispatcher::{Dispatcher, DispatcherCounters, Route};
+use super::dispatcher::{Dispatcher, DispatcherCounters};
+use super::live::{Live, Post, Registry};
+use super::routes::{Desk, Route};
 use super::doorbell::Doorbell;
 use super::handle::Shared;
 use super::plan::{Request, check, plan, rank};
 use super::running::{Crew, RunningExecutor};
 use super::threads::{Body, Funding, Launch, Seat};
+use super::builder::WorkerSpec;
+use super::mailbox::Mailbox;
+use super::outbox::Outbox;
 use super::worker::Worker;
 use super::{Executor, Options, StopHandle, admission, overlay};
 use crate::error::Error;
 use crate::event::Event;
-use crate::sync::{Arc, AtomicBool, Mutex, Signal};
+use crate::middleware::MAX_READERS;
+use crate::sync::{Arc, AtomicBool, AtomicU64, Mutex, Signal};
 use alloc::boxed::Box;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
+use core::cell::RefCell;
 use replenish_os::clock;
 use replenish_os::{self as os, Enforcement, Enforcer, EnforcerConfig, Policy};
 
@@ -31,7 +38,7 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     } = executor;
     let requests: Vec<&Request> = workers.iter().map(|w| &w.request).collect();
     check_names(&requests)?;
-    if let Some(w) = workers.iter().find(|w| w.entries.is_empty()) {
+    if let Some(w) = workers.iter().find(|w| w.entries.is_empty() && w.rules.capacity.is_none()) {
         return Err(Error::IdleWorker(w.request.name.clone()));
     }
     for request in &requests {
@@ -39,6 +46,9 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     }
     let mut admission = admission::admit(&mut workers, &mut options)?;
     let requests: Vec<&Request> = workers.iter().map(|w| &w.request).collect();
+    if let Some(error) = workers.iter().find_map(WorkerSpec::violation) {
+        return Err(error);
+    }
     let dispatcher = options.dispatcher.as_ref();
     let (policies, dispatcher) = plan(&requests, dispatcher, options.enforcer_priority)?;
     let claim = context.claim().ok_or(Error::ContextBusy)?;
@@ -60,7 +70,8 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     let mut order: Vec<usize> = (0..workers.len()).collect();
     order.sort_by_key(|w| core::cmp::Reverse(policies.get(*w).map_or(0, rank)));
     let mut bells: Vec<(Arc<Doorbell>, bool)> = Vec::with_capacity(workers.len());
-    bells.extend(order.iter().map(|_| (Arc::default(), false)));
+    let bell = |w: &usize| workers.get(*w).map(|w| (Arc::clone(&w.bell), false));
+    bells.extend(order.iter().filter_map(bell));
     let place = |worker: usize| order.iter().position(|w| *w == worker).unwrap_or(0);
 
     let counters = Arc::new(DispatcherCounters::default());
@@ -69,9 +80,12 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         events: Arc::clone(&options.events),
         counters: Arc::clone(&counters),
         routes: Vec::new(),
+        desk: Desk::new(),
         bells,
     };
-    let mut bodies = Vec::with_capacity(workers.len());
+    dispatch.routes.resize_with(MAX_READERS, || None);
+    let (mut posts, mut limits) = (Vec::with_capacity(workers.len()), 0);
+    let mut crews = Vec::with_capacity(workers.len());
     let mut handles: Vec<(Arc<str>, Arc<Shared>)> = Vec::new();
     for (i, (spec, policy)) in workers.into_iter().zip(policies).enumerate() {
         let name: Arc<str> = spec.request.name.as_str().into();
@@ -79,21 +93,48 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
             handles.push((Arc::clone(&name), Arc::clone(&entry.shared)));
             dispatch.route_to(place(i), &entry.shared);
         }
-        let Some((bell, _)) = dispatch.bells.get(place(i)) else {
-            continue;
-        };
-        let bell = Arc::clone(bell);
+        let limit = spec.limit();
+        let bell = Arc::clone(&spec.bell);
         let signal = Arc::clone(bell.signal());
         stop.stop.join(Arc::clone(&signal));
+        let mailbox = Mailbox::new(spec.entries.len(), limit, Arc::clone(&bell));
+        limits += limit;
+        posts.push(Post {
+            name: Arc::clone(&name),
+            place: place(i),
+            mailbox: Arc::clone(&mailbox),
+            number: AtomicU64::new(spec.numbers()),
+        });
         let worker = Worker {
             name: Arc::clone(&name),
-            bell,
             stop: stop.clone(),
             events: Arc::clone(&options.events),
-            entries: spec.entries,
+            mailbox,
+            live: None,
+            bell,
+            entries: WorkerSpec::ordered(spec.entries, limit),
+            outbox: spec
+                .rules
+                .barrier
+                .map(|(n, bytes)| RefCell::new(Outbox::new(n, bytes))),
+            rules: spec.rules,
+            grid: None,
+            ran: 0,
         };
+        crews.push((starter.seat(&name, policy, &spec.request, signal), worker));
+    }
+    let live = Arc::new(Live {
+        context: context.clone(),
+        stop: stop.clone(),
+        registry: Registry::new(handles, limits),
+        desk: Arc::clone(&dispatch.desk),
+        posts,
+    });
+    let mut bodies = Vec::with_capacity(crews.len() + 1);
+    for (seat, mut worker) in crews {
+        worker.live = Some(Arc::clone(&live));
         let body: Body = Box::new(move |account, start| worker.run(account, start));
-        bodies.push((starter.seat(&name, policy, &spec.request, signal), body));
+        bodies.push((seat, body));
     }
     let request = Request {
         cpu: options.dispatcher_cpu,
@@ -126,7 +167,7 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         owner,
         crew,
         enforcers,
-        handles,
+        live,
         counters,
         fallbacks,
         stuck: Vec::new(),
@@ -155,11 +196,7 @@ impl Dispatcher {
         let Some((reader, _)) = shared.input else {
             return;
         };
-        let at = usize::from(reader.0);
-        if self.routes.len() <= at {
-            self.routes.resize_with(at + 1, || None);
-        }
-        if let Some(route) = self.routes.get_mut(at) {
+        if let Some(route) = self.routes.get_mut(usize::from(reader.0)) {
             *route = Some(Route {
                 shared: Arc::clone(shared),
                 worker,

@@ -1,71 +1,18 @@
 //! A subscription: bytes from its inbox, decoded in place on the worker, handed to the callback.
 
 use super::callback::{CallbackContext, CallbackResult};
-use super::handle::{Env, Handle, Shared};
+use super::handle::{Env, Handle, Shared, Taken};
 use crate::Nanos;
-use crate::event::Event;
-use crate::handoff::Inbox;
-use crate::qos::IngressLimit;
+use crate::handoff::{Inbox, SampleInfo, Slot};
 use crate::sync::Arc;
 use replenish_msg::Message;
-use replenish_os::clock;
 
-/// A topic as a subscription asks for it: its name, and possibly a bound on the sample size.
-///
-/// ```
-/// use replenish::Topic;
-/// let small = Topic::named("text").max_size(64);
-/// let usual: Topic = "text".into();
-/// # let _ = (small, usual);
-/// ```
-#[derive(Debug, Clone, Copy)]
-pub struct Topic<'a> {
-    pub(crate) name: &'a str,
-    pub(crate) max_size: Option<usize>,
-    pub(crate) ingress: IngressLimit,
-}
-
-impl<'a> Topic<'a> {
-    /// The topic of this name, expanded against the node's name.
-    #[must_use]
-    pub const fn named(name: &'a str) -> Self {
-        Self {
-            name,
-            max_size: None,
-            ingress: IngressLimit::none(),
-        }
-    }
-
-    /// Slots of this many bytes instead of [`Message::MAX_SIZE`]. Larger samples are dropped,
-    /// counted and reported. 1 ≤ `bytes` ≤ `MAX_SIZE`.
-    #[must_use]
-    pub const fn max_size(self, bytes: usize) -> Self {
-        Self {
-            max_size: Some(bytes),
-            ..self
-        }
-    }
-
-    /// What the peer may send, so that a flood is stopped before it reaches this machine.
-    #[must_use]
-    pub const fn ingress_limit(self, limit: IngressLimit) -> Self {
-        Self {
-            ingress: limit,
-            ..self
-        }
-    }
-}
-
-impl<'a> From<&'a str> for Topic<'a> {
-    fn from(name: &'a str) -> Self {
-        Self::named(name)
-    }
-}
-
+/// Messages of one type. The callback gets `None` when it is invoked without a new one.
 pub(crate) struct Subscription<M, F> {
     shared: Arc<Shared>,
     inbox: Arc<Inbox>,
     message: M,
+    info: SampleInfo,
     callback: F,
 }
 
@@ -75,6 +22,7 @@ impl<M: Message, F> Subscription<M, F> {
             shared,
             inbox,
             message: M::default(),
+            info: SampleInfo::at(0),
             callback,
         }
     }
@@ -83,53 +31,101 @@ impl<M: Message, F> Subscription<M, F> {
 impl<M, F, R> Handle for Subscription<M, F>
 where
     M: Message,
-    F: FnMut(&M, &CallbackContext<'_>) -> R + Send,
+    F: FnMut(Option<&M>, &CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
-    fn begin(&mut self, _start: Nanos) {}
-
-    fn is_ready(&self, _now: Nanos) -> bool {
+    fn is_ready(&mut self, _now: Nanos) -> bool {
         self.inbox.waiting() > 0
     }
 
-    fn next_release(&self) -> Option<Nanos> {
-        None
-    }
-
-    fn run(&mut self, env: &Env<'_>) {
-        let Some(popped) = self.inbox.pop() else {
-            return;
-        };
+    fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
+        let popped = self.inbox.pop()?;
         if popped.wake {
             env.stop.middleware.wake();
         }
-        let arrival = popped.slot.arrival();
+        self.info = *popped.slot.info();
         let decoded = replenish_msg::decode(&mut self.message, popped.slot.payload());
         self.inbox.give_back(popped.slot);
-        let shared = &self.shared;
         if let Err(error) = decoded {
-            let count = shared.counters.undecodable.add(1);
-            let handle = &shared.id;
-            let event = Event::Undecodable {
-                handle,
-                error,
-                count,
-            };
-            return env.events.emit_rarely(count, &event);
+            self.shared.undecodable(error, env.events);
+            return None;
         }
-        let started = clock::monotonic();
-        let latency = started.saturating_sub(arrival);
-        shared.counters.worst_latency.raise(latency);
+        Some(Taken {
+            due: self.info.arrival,
+            deadline: None,
+        })
+    }
+
+    fn execute(&mut self, env: &Env<'_>, started: Nanos) {
+        let due = self.info.arrival;
         let cx = CallbackContext {
-            id: &shared.id,
-            worker: env.worker,
-            due: arrival,
-            started,
-            skipped: 0,
-            stop: env.stop,
+            info: self.info,
+            ..CallbackContext::new(env, &self.shared, due, started)
         };
-        let result = (self.callback)(&self.message, &cx);
-        result.inspect(&mut |e| shared.failed(e, env.events));
-        shared.counters.executed.add(1);
+        let result = (self.callback)(Some(&self.message), &cx);
+        result.inspect(&mut |e| self.shared.failed(e, env.events));
+    }
+
+    fn execute_empty(&mut self, env: &Env<'_>, started: Nanos) {
+        let cx = CallbackContext::new(env, &self.shared, started, started);
+        let result = (self.callback)(None, &cx);
+        result.inspect(&mut |e| self.shared.failed(e, env.events));
+    }
+}
+
+/// Bytes as they came: nothing is decoded or copied, the callback reads the slot itself.
+pub(crate) struct RawSubscription<F> {
+    shared: Arc<Shared>,
+    inbox: Arc<Inbox>,
+    slot: Option<Slot>,
+    callback: F,
+}
+
+impl<F> RawSubscription<F> {
+    pub(crate) fn new(shared: Arc<Shared>, inbox: Arc<Inbox>, callback: F) -> Self {
+        Self {
+            shared,
+            inbox,
+            slot: None,
+            callback,
+        }
+    }
+}
+
+impl<F, R> Handle for RawSubscription<F>
+where
+    F: FnMut(&[u8], &CallbackContext<'_>) -> R + Send,
+    R: CallbackResult,
+{
+    fn is_ready(&mut self, _now: Nanos) -> bool {
+        self.inbox.waiting() > 0
+    }
+
+    fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
+        let popped = self.inbox.pop()?;
+        if popped.wake {
+            env.stop.middleware.wake();
+        }
+        let due = popped.slot.info().arrival;
+        if let Some(unread) = self.slot.replace(popped.slot) {
+            self.inbox.give_back(unread); // taken, and then left out after a missed deadline
+        }
+        Some(Taken {
+            due,
+            deadline: None,
+        })
+    }
+
+    fn execute(&mut self, env: &Env<'_>, started: Nanos) {
+        let Some(slot) = self.slot.take() else {
+            return;
+        };
+        let cx = CallbackContext {
+            info: *slot.info(),
+            ..CallbackContext::new(env, &self.shared, slot.info().arrival, started)
+        };
+        let result = (self.callback)(slot.payload(), &cx);
+        result.inspect(&mut |e| self.shared.failed(e, env.events));
+        self.inbox.give_back(slot);
     }
 }

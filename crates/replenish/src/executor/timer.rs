@@ -1,123 +1,128 @@
-//! Timers: absolute releases on the monotonic clock, and what happens to those that are overrun.
+//! Timers: handles that are released by time alone, and the way to change them while they run.
+//!
+//! ```text
+//!               cancel                       start
+//!   ticking ──────────────► cancelled ──────────────► ticking, one period from now
+//!      │ ▲                     ▲  ▲
+//!      └─┘ start, set_period   │  └ not_started
+//!      └── once, served ───────┘
+//! ```
+//!
+//! A [`TimerHandle`] writes down what it wants under a lock and rings the worker, which does it
+//! before it looks at the timer the next time. So only the worker touches the schedule.
 
 use super::callback::{CallbackContext, CallbackResult};
-use super::handle::{Env, Handle, Shared};
+use super::doorbell::Doorbell;
+use super::handle::{Env, Handle, Shared, Taken};
+use super::schedule::{Every, Schedule, nanos};
 use crate::Nanos;
-use crate::sync::Arc;
+use crate::error::Error;
+use crate::sync::{Arc, AtomicU64, Mutex, Ordering};
+use core::fmt;
 use core::time::Duration;
 use replenish_os::clock;
+use std::sync::OnceLock;
 
-/// What happens to releases that fall into a callback or a preemption.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Overrun {
-    /// Only the latest is served, the others are counted as skipped. The phase is kept.
-    #[default]
-    Skip,
-    /// All are served, one after another without pause. The phase is kept.
-    CatchUp,
-    /// The late one is served, and the next follows one period after that start. The phase moves.
-    Delay,
-}
-
-/// When a timer fires: a period, and possibly more.
+/// Changes a timer while it runs, from any thread, callbacks included. Clones are the same timer.
 ///
 /// ```
-/// use replenish::{Every, Overrun};
+/// use replenish::{Context, Every, Executor, TimerHandle};
 /// use std::time::Duration;
-/// let ms = Duration::from_millis;
-/// let control = Every::period(ms(10)).first_after(ms(5)).overrun(Overrun::CatchUp);
-/// let usual: Every = ms(10).into();
-/// # let _ = (control, usual);
+/// let ctx = Context::in_process();
+/// let mut exec = Executor::new(&ctx);
+/// let watchdog = TimerHandle::new();
+/// let limit = Every::once(Duration::from_millis(5)).not_started();
+/// exec.worker("w").timer_with(&watchdog, limit, |cx| cx.stop())?;
+/// watchdog.start(); // fires 5 ms later, unless it is started again or cancelled
+/// exec.spin()?;
+/// # Ok::<(), replenish::Error>(())
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Every {
-    pub(crate) period: Duration,
-    pub(crate) first_after: Duration,
-    pub(crate) overrun: Overrun,
+#[derive(Clone, Default)]
+pub struct TimerHandle {
+    inner: Arc<Control>,
 }
 
-impl Every {
-    /// The first release one period after the start, overrun releases skipped.
+#[derive(Default)]
+pub(crate) struct Control {
+    /// Even numbers of wishes, written down in `wish`.
+    version: AtomicU64,
+    wish: Mutex<Wish>,
+    bell: OnceLock<Arc<Doorbell>>,
+    /// What the schedule said last.
+    next: AtomicU64,
+}
+
+#[derive(Default, Clone, Copy)]
+struct Wish {
+    period: Option<Nanos>,
+    /// `Some(Some(t))`: started at `t`; `Some(None)`: cancelled.
+    run: Option<Option<Nanos>>,
+}
+
+impl TimerHandle {
+    /// A handle for a timer that is yet to be added.
     #[must_use]
-    pub const fn period(period: Duration) -> Self {
-        Self {
-            period,
-            first_after: period,
-            overrun: Overrun::Skip,
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Starts the timer, or starts it over: its next release is one period from now.
+    pub fn start(&self) {
+        let now = clock::monotonic();
+        self.wish(|w| w.run = Some(Some(now)));
+    }
+
+    /// Nothing is due any more until [`start`](Self::start). A callback that runs is not ended.
+    pub fn cancel(&self) {
+        self.wish(|w| w.run = Some(None));
+    }
+
+    /// Another period. It counts from the latest release, so a shorter one can be due at once.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] for a period of 0.
+    pub fn set_period(&self, period: Duration) -> Result<(), Error> {
+        if period == Duration::ZERO {
+            return Err(Error::parameter("timer", "period", &0, "1 ns or more"));
+        }
+        self.wish(|w| w.period = Some(nanos(period)));
+        Ok(())
+    }
+
+    /// The next release (`CLOCK_MONOTONIC`) as far as the worker has got; `None` if there is none.
+    #[must_use]
+    pub fn next_release(&self) -> Option<Nanos> {
+        let next = self.inner.next.load(Ordering::Relaxed);
+        Some(next).filter(|n| *n != Nanos::MAX && *n != 0)
+    }
+
+    fn wish(&self, change: impl FnOnce(&mut Wish)) {
+        let inner = &self.inner;
+        {
+            let mut wish = inner.wish.lock();
+            change(&mut wish);
+            inner.version.fetch_add(1, Ordering::Release);
+        }
+        if let Some(bell) = inner.bell.get() {
+            bell.call();
         }
     }
 
-    /// The first release this long after the start: an offset, 0 for at once.
-    #[must_use]
-    pub const fn first_after(self, first_after: Duration) -> Self {
-        Self {
-            first_after,
-            ..self
-        }
+    /// The timer belongs to the worker that sleeps on `bell`; `false` if it belongs to one already.
+    pub(crate) fn bind(&self, bell: &Arc<Doorbell>) -> bool {
+        self.inner.bell.set(Arc::clone(bell)).is_ok()
     }
 
-    /// What happens to overrun releases.
-    #[must_use]
-    pub const fn overrun(self, overrun: Overrun) -> Self {
-        Self { overrun, ..self }
+    pub(crate) fn control(&self) -> Arc<Control> {
+        Arc::clone(&self.inner)
     }
 }
 
-impl From<Duration> for Every {
-    fn from(period: Duration) -> Self {
-        Self::period(period)
-    }
-}
-
-/// The releases of one timer.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Schedule {
-    next: Nanos,
-    period: Nanos,
-    overrun: Overrun,
-}
-
-/// A release that is served now.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Release {
-    pub(crate) at: Nanos,
-    pub(crate) skipped: u64,
-}
-
-impl Schedule {
-    /// `period` in nanoseconds, at least 1.
-    pub(crate) fn new(first: Nanos, period: Nanos, overrun: Overrun) -> Self {
-        Self {
-            next: first,
-            period: period.max(1),
-            overrun,
-        }
-    }
-
-    pub(crate) fn next(&self) -> Nanos {
-        self.next
-    }
-
-    /// Takes the release to be served at `now`, if one is due.
-    pub(crate) fn serve(&mut self, now: Nanos) -> Option<Release> {
-        let behind = now.checked_sub(self.next)?;
-        let due = self.next;
-        let release = match self.overrun {
-            Overrun::Skip => {
-                let skipped = behind / self.period;
-                let at = due.saturating_add(skipped.saturating_mul(self.period));
-                Release { at, skipped }
-            }
-            Overrun::CatchUp | Overrun::Delay => Release {
-                at: due,
-                skipped: 0,
-            },
-        };
-        self.next = match self.overrun {
-            Overrun::Delay if behind >= self.period => now.saturating_add(self.period),
-            _ => release.at.saturating_add(self.period),
-        };
-        Some(release)
+impl fmt::Debug for TimerHandle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("TimerHandle")
+            .field("next_release", &self.next_release())
+            .finish_non_exhaustive()
     }
 }
 
@@ -125,17 +130,54 @@ pub(crate) struct Timer<F> {
     shared: Arc<Shared>,
     every: Every,
     schedule: Schedule,
+    control: Option<Arc<Control>>,
+    /// The version of the control's wishes that was fulfilled.
+    seen: u64,
+    skipped: u64,
+    due: Nanos,
     callback: F,
 }
 
 impl<F> Timer<F> {
-    pub(crate) fn new(shared: Arc<Shared>, every: Every, callback: F) -> Self {
+    pub(crate) fn new(
+        shared: Arc<Shared>,
+        every: Every,
+        control: Option<Arc<Control>>,
+        callback: F,
+    ) -> Self {
         Self {
             shared,
             every,
             schedule: Schedule::new(Nanos::MAX, nanos(every.period), every.overrun),
+            control,
+            seen: 0,
+            skipped: 0,
+            due: 0,
             callback,
         }
+    }
+
+    /// Does what the handle wants.
+    fn obey(&mut self) {
+        let Some(control) = &self.control else {
+            return;
+        };
+        if control.version.load(Ordering::Acquire) != self.seen {
+            let wish = {
+                let mut wish = control.wish.lock();
+                self.seen = control.version.load(Ordering::Acquire);
+                core::mem::take(&mut *wish)
+            };
+            if let Some(period) = wish.period {
+                self.schedule.change_period(period);
+            }
+            match wish.run {
+                Some(Some(since)) => self.schedule.restart(since),
+                Some(None) => self.schedule.cancel(),
+                None => {}
+            }
+        }
+        control.next.store(self.schedule.next(), Ordering::Relaxed);
     }
 }
 
@@ -145,117 +187,44 @@ where
     R: CallbackResult,
 {
     fn begin(&mut self, start: Nanos) {
-        let first = start.saturating_add(nanos(self.every.first_after));
+        let first = match self.every.autostart {
+            true => start.saturating_add(nanos(self.every.first_after)),
+            false => Nanos::MAX,
+        };
         self.schedule = Schedule::new(first, nanos(self.every.period), self.every.overrun);
     }
 
-    fn is_ready(&self, now: Nanos) -> bool {
-        self.schedule.next() <= now
+    fn is_ready(&mut self, now: Nanos) -> bool {
+        self.obey();
+        self.schedule.next() <= now && !self.schedule.is_cancelled()
     }
 
-    fn next_release(&self) -> Option<Nanos> {
-        Some(self.schedule.next())
+    fn next_release(&mut self) -> Option<Nanos> {
+        self.obey();
+        Some(self.schedule.next()).filter(|_| !self.schedule.is_cancelled())
     }
 
-    fn run(&mut self, env: &Env<'_>) {
-        let started = clock::monotonic();
-        let Some(release) = self.schedule.serve(started) else {
-            return;
-        };
-        let counters = &self.shared.counters;
-        counters.skipped.add(release.skipped);
-        let latency = started.saturating_sub(release.at);
-        counters.worst_latency.raise(latency);
-        let cx = CallbackContext {
-            id: &self.shared.id,
-            worker: env.worker,
+    fn take(&mut self, _env: &Env<'_>) -> Option<Taken> {
+        let release = self.schedule.serve(clock::monotonic())?;
+        if self.every.once {
+            self.schedule.cancel();
+        }
+        self.shared.counters.skipped.add(release.skipped);
+        self.skipped = release.skipped;
+        self.due = release.at;
+        let deadline = (!self.every.once).then(|| self.schedule.period());
+        Some(Taken {
             due: release.at,
-            started,
-            skipped: release.skipped,
-            stop: env.stop,
+            deadline,
+        })
+    }
+
+    fn execute(&mut self, env: &Env<'_>, started: Nanos) {
+        let cx = CallbackContext {
+            skipped: self.skipped,
+            ..CallbackContext::new(env, &self.shared, self.due, started)
         };
         let result = (self.callback)(&cx);
         result.inspect(&mut |e| self.shared.failed(e, env.events));
-        counters.executed.add(1);
-        let deadline = release.at.saturating_add(nanos(self.every.period));
-        let lateness = clock::monotonic().saturating_sub(deadline);
-        if lateness > 0 {
-            counters.deadline_misses.add(1);
-            counters.worst_lateness.raise(lateness);
-        }
-    }
-}
-
-/// Nanoseconds of a duration; 584 years at most.
-pub(crate) fn nanos(d: Duration) -> Nanos {
-    Nanos::try_from(d.as_nanos()).unwrap_or(Nanos::MAX)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn served(overrun: Overrun, calls: &[Nanos]) -> Vec<Option<(Nanos, u64)>> {
-        let mut s = Schedule::new(10, 10, overrun);
-        calls
-            .iter()
-            .map(|t| s.serve(*t).map(|r| (r.at, r.skipped)))
-            .collect()
-    }
-
-    #[test]
-    fn on_time_all_rules_are_alike() {
-        for rule in [Overrun::Skip, Overrun::CatchUp, Overrun::Delay] {
-            let got = served(rule, &[9, 10, 11, 20, 33, 40]);
-            let want = [
-                None,
-                Some((10, 0)),
-                None,
-                Some((20, 0)),
-                Some((30, 0)),
-                Some((40, 0)),
-            ];
-            assert_eq!(got, want, "{rule:?}");
-        }
-    }
-
-    #[test]
-    fn skip_serves_the_latest_and_keeps_the_phase() {
-        let got = served(Overrun::Skip, &[10, 45, 46, 50]);
-        assert_eq!(got, [Some((10, 0)), Some((40, 2)), None, Some((50, 0))]);
-    }
-
-    #[test]
-    fn catch_up_serves_every_release() {
-        let got = served(Overrun::CatchUp, &[10, 45, 45, 45, 45, 50]);
-        let want = [
-            Some((10, 0)),
-            Some((20, 0)),
-            Some((30, 0)),
-            Some((40, 0)),
-            None,
-            Some((50, 0)),
-        ];
-        assert_eq!(got, want);
-    }
-
-    #[test]
-    fn delay_moves_the_phase_to_the_late_start() {
-        let got = served(Overrun::Delay, &[10, 45, 54, 55, 65]);
-        let want = [
-            Some((10, 0)),
-            Some((20, 0)),
-            None,
-            Some((55, 0)),
-            Some((65, 0)),
-        ];
-        assert_eq!(got, want);
-    }
-
-    #[test]
-    fn releases_at_the_end_of_time_do_not_overflow() {
-        let mut s = Schedule::new(Nanos::MAX - 1, Nanos::MAX, Overrun::Skip);
-        assert!(s.serve(Nanos::MAX).is_some());
-        assert_eq!(s.next(), Nanos::MAX);
     }
 }

@@ -13,13 +13,25 @@
 //! lock that frees one; whoever ends it wakes the middleware, whose wake-up is sticky. So the
 //! dispatcher either sees the room before it waits, or its wait ends at once.
 
+use super::SampleInfo;
 use super::ring::{Ring, Slot};
 use crate::sync::Mutex;
 
 /// Bounded, preallocated queue of one subscription.
 pub(crate) struct Inbox {
     state: Mutex<State>,
-    keep_all: bool,
+    keep: Keep,
+}
+
+/// Which samples survive when more arrive than there are slots.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Keep {
+    /// The oldest makes room.
+    Newest,
+    /// The new one is dropped.
+    Oldest,
+    /// None is dropped: the reader leaves the interest set until there is room.
+    All,
 }
 
 struct State {
@@ -62,35 +74,36 @@ pub(crate) struct Popped {
 
 impl Inbox {
     /// An inbox for `depth` samples of up to `size` bytes; allocates everything it will ever need.
-    pub(crate) fn new(depth: usize, size: usize, keep_all: bool) -> Self {
+    pub(crate) fn new(depth: usize, size: usize, keep: Keep) -> Self {
         Self {
             state: Mutex::new(State {
                 ring: Ring::new(depth, size),
                 parked: false,
                 closed: false,
             }),
-            keep_all,
+            keep,
         }
     }
 
     /// Dispatcher: stores a sample. The bytes are copied outside the lock.
-    pub(crate) fn deliver(&self, bytes: &[u8], arrival: u64) -> Delivery {
+    pub(crate) fn deliver(&self, bytes: &[u8], info: &SampleInfo) -> Delivery {
         let refused = |outcome, parked| Delivery { outcome, parked };
         let mut slot = {
             let mut state = self.state.lock();
             if state.closed {
                 return refused(Outcome::Closed, false);
             }
-            if self.keep_all && state.ring.is_full() {
-                state.parked = true;
-                return refused(Outcome::NoRoom, true);
+            if self.keep != Keep::Newest && state.ring.is_full() {
+                let parked = self.keep == Keep::All;
+                state.parked = parked;
+                return refused(Outcome::NoRoom, parked);
             }
             match state.ring.spare() {
                 Some(slot) => slot,
                 None => return refused(Outcome::NoRoom, false),
             }
         };
-        let fits = slot.fill(bytes, arrival);
+        let fits = slot.fill(bytes, info);
         let mut state = self.state.lock();
         if !fits || state.closed {
             state.ring.give_back(slot);
@@ -102,7 +115,7 @@ impl Inbox {
             return refused(why, false);
         }
         let replaced = state.ring.push(slot);
-        let parked = self.keep_all && state.ring.is_full();
+        let parked = self.keep == Keep::All && state.ring.is_full();
         state.parked = parked;
         Delivery {
             outcome: if replaced {

@@ -13,10 +13,14 @@
 //! These files are small and use [`crate::sync`] alone: the `loom` models in `tests/` include and
 //! run them as they are.
 
+mod flag;
 mod inbox;
 mod ring;
+mod sample;
 mod stop;
 
-pub(crate) use inbox::{Delivery, Inbox, Outcome};
-pub(crate) use ring::Ring;
+pub(crate) use flag::Flag;
+pub(crate) use inbox::{Delivery, Inbox, Keep, Outcome};
+pub(crate) use ring::{Ring, Slot};
+pub use sample::{RequestIdentity, SampleInfo};
 pub(crate) use stop::Stop;

@@ -11,6 +11,7 @@
 //! and one in the hands of the one that reads. Buffers move by value (three words), so bytes are
 //! copied outside the lock, and a spare one is always there for a single filler.
 
+use super::SampleInfo;
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
@@ -20,7 +21,7 @@ use alloc::vec::Vec;
 pub(crate) struct Slot {
     bytes: Box<[u8]>,
     len: usize,
-    arrival: u64,
+    info: SampleInfo,
 }
 
 impl Slot {
@@ -28,13 +29,13 @@ impl Slot {
         Self {
             bytes: alloc::vec![0; size].into_boxed_slice(),
             len: 0,
-            arrival: 0,
+            info: SampleInfo::at(0),
         }
     }
 
     /// Copies a sample into the buffer; `false`, and an empty slot, if it does not fit.
-    pub(crate) fn fill(&mut self, bytes: &[u8], arrival: u64) -> bool {
-        self.arrival = arrival;
+    pub(crate) fn fill(&mut self, bytes: &[u8], info: &SampleInfo) -> bool {
+        self.info = *info;
         self.len = 0;
         let Some(room) = self.bytes.get_mut(..bytes.len()) else {
             return false;
@@ -49,9 +50,9 @@ impl Slot {
         self.bytes.get(..self.len).unwrap_or_default()
     }
 
-    /// When the sample reached this process.
-    pub(crate) fn arrival(&self) -> u64 {
-        self.arrival
+    /// What is known about the sample besides.
+    pub(crate) fn info(&self) -> &SampleInfo {
+        &self.info
     }
 }
 

@@ -16,6 +16,7 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
 use replenish_os::clock;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The most participants of one bus.
 const MAX_PARTICIPANTS: usize = 64;
@@ -55,8 +56,15 @@ struct Participant {
     /// Where the next `take` starts to look, so that no reader starves the others.
     next: usize,
     readers: Vec<Reader>,
-    /// Topic of each writer, and the largest payload it may send.
-    writers: Vec<(usize, usize)>,
+    writers: Vec<Writer>,
+}
+
+struct Writer {
+    topic: usize,
+    /// The largest payload it may send.
+    limit: usize,
+    /// Samples sent so far.
+    sent: u64,
 }
 
 struct Reader {
@@ -64,6 +72,8 @@ struct Reader {
     keep_all: bool,
     reliable: bool,
     lost: u64,
+    /// It was deleted; its place is free.
+    deleted: bool,
 }
 
 impl InProcessBus {
@@ -159,7 +169,7 @@ impl Bus {
 
     /// Copies the sample to every reader of the topic. Returns the participants to wake, as bits,
     /// and whether a reliable reader that keeps all had no room.
-    fn distribute(&mut self, topic: usize, payload: &[u8], now: Nanos) -> (u64, bool) {
+    fn distribute(&mut self, topic: usize, payload: &[u8], info: &SampleInfo) -> (u64, bool) {
         let (mut wake, mut full) = (0, false);
         let Some(topic) = self.topics.get(topic) else {
             return (wake, full);
@@ -171,7 +181,7 @@ impl Bus {
             let Some(reader) = participant.readers.get_mut(r) else {
                 continue;
             };
-            if reader.store(payload, now) {
+            if reader.store(payload, info) {
                 let waits = participant.waits_for.as_ref();
                 if waits.is_some_and(|i| i.contains(id(r))) {
                     participant.waits_for = None; // one bell is enough
@@ -187,7 +197,7 @@ impl Bus {
 
 impl Reader {
     /// Whether the sample waits now. Anything that did not find room is counted.
-    fn store(&mut self, payload: &[u8], now: Nanos) -> bool {
+    fn store(&mut self, payload: &[u8], info: &SampleInfo) -> bool {
         if self.keep_all && self.queue.is_full() {
             self.lost += 1;
             return false;
@@ -196,7 +206,7 @@ impl Reader {
             self.lost += 1;
             return false;
         };
-        if !slot.fill(payload, now) {
+        if !slot.fill(payload, info) {
             self.queue.give_back(slot);
             self.lost += 1;
             return false;
@@ -213,7 +223,11 @@ impl Middleware for InProcess {
         let topic = bus.topic(spec)?;
         let writers = &mut bus.me(self.me)?.writers;
         let id = bounded(writers.len(), "writers of one context")?;
-        writers.push((topic, spec.max_size));
+        writers.push(Writer {
+            topic,
+            limit: spec.max_size,
+            sent: 0,
+        });
         Ok(WriterId(id))
     }
 
@@ -227,16 +241,35 @@ impl Middleware for InProcess {
             keep_all: spec.qos.history == History::KeepAll,
             reliable: spec.qos.reliability == Reliability::Reliable,
             lost: 0,
+            deleted: false,
         };
         let mut bus = self.bus.state.lock();
-        let index = bus.me(self.me)?.readers.len();
+        let mine = &mut bus.me(self.me)?.readers;
+        let index = mine.iter().position(|r| r.deleted).unwrap_or(mine.len());
         let id = bounded(index, "readers of one context")?;
         let topic = bus.topic(spec)?;
-        bus.me(self.me)?.readers.push(reader);
+        let mine = &mut bus.me(self.me)?.readers;
+        match mine.get_mut(index) {
+            Some(place) => *place = reader,
+            None => mine.push(reader),
+        }
         if let Some(topic) = bus.topics.get_mut(topic) {
             topic.readers.push((self.me, index));
         }
         Ok(ReaderId(id))
+    }
+
+    fn delete_reader(&self, reader: ReaderId) -> Result<(), MiddlewareError> {
+        let mut bus = self.bus.state.lock();
+        let at = usize::from(reader.0);
+        for topic in &mut bus.topics {
+            topic.readers.retain(|r| *r != (self.me, at));
+        }
+        if let Some(reader) = bus.me(self.me)?.readers.get_mut(at) {
+            reader.queue.clear();
+            reader.deleted = true;
+        }
+        Ok(())
     }
 
     /// Delivers to every reader of the topic. [`PublishError::Full`] if a reliable reader that
@@ -244,14 +277,21 @@ impl Middleware for InProcess {
     fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError> {
         let (mut wake, full) = {
             let mut bus = self.bus.state.lock();
-            let mine = bus.participants.get(self.me);
-            let writer = mine.and_then(|p| p.writers.get(usize::from(writer.0)));
-            let &(topic, limit) = writer.ok_or(PublishError::UnknownWriter)?;
-            let size = payload.len();
+            let mine = bus.participants.get_mut(self.me);
+            let writer = mine.and_then(|p| p.writers.get_mut(usize::from(writer.0)));
+            let writer = writer.ok_or(PublishError::UnknownWriter)?;
+            let (size, limit) = (payload.len(), writer.limit);
             if size > limit {
                 return Err(PublishError::TooLarge { size, limit });
             }
-            bus.distribute(topic, payload, clock::monotonic())
+            writer.sent += 1;
+            let info = SampleInfo {
+                source_timestamp: wall_clock(),
+                sequence: Some(writer.sent),
+                ..SampleInfo::at(clock::monotonic())
+            };
+            let topic = writer.topic;
+            bus.distribute(topic, payload, &info)
         };
         // A bell rung under the lock would wake a thread into that lock.
         while wake != 0 {
@@ -310,8 +350,7 @@ impl Middleware for InProcess {
             };
             idle = 0;
             taken += 1;
-            let arrival = slot.arrival();
-            if sink(reader, &SampleInfo { arrival }, slot.payload()) == Room::Full {
+            if sink(reader, slot.info(), slot.payload()) == Room::Full {
                 open.remove(reader);
             }
             self.reader(at, |r| r.queue.give_back(slot));
@@ -344,6 +383,12 @@ fn bounded(index: usize, what: &'static str) -> Result<u16, MiddlewareError> {
     let limit = MAX_READERS;
     let id = u16::try_from(index).ok().filter(|_| index < limit);
     id.ok_or(MiddlewareError::Capacity { what, limit })
+}
+
+/// Nanoseconds since the Unix epoch.
+fn wall_clock() -> Option<Nanos> {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).ok()?;
+    u64::try_from(since.as_nanos()).ok()
 }
 
 fn id(index: usize) -> ReaderId {

@@ -27,6 +27,8 @@ pub use error::{MiddlewareError, PublishError};
 pub use in_process::{InProcess, InProcessBus};
 pub use interest::{Interest, MAX_READERS};
 
+pub use crate::handoff::{RequestIdentity, SampleInfo};
+
 use crate::Nanos;
 use crate::qos::{IngressLimit, Qos};
 
@@ -55,13 +57,6 @@ pub struct EndpointSpec<'a> {
     pub max_size: usize,
     /// What the peer may send for a reader.
     pub ingress: IngressLimit,
-}
-
-/// What is known about a sample besides its bytes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SampleInfo {
-    /// When its bytes reached this process (`CLOCK_MONOTONIC`).
-    pub arrival: Nanos,
 }
 
 /// The answer to a delivered sample.
@@ -105,6 +100,17 @@ pub trait Middleware: Send + Sync + 'static {
     /// # Errors
     /// When the peer refuses or does not answer, or a bound is reached.
     fn create_reader(&self, spec: &EndpointSpec<'_>) -> Result<ReaderId, MiddlewareError>;
+
+    /// Deletes a reader; its id may be given out again. Any thread, like
+    /// [`create_reader`](Self::create_reader). [`wait`](Self::wait) and [`take`](Self::take) have
+    /// no interest in it any more.
+    ///
+    /// # Errors
+    /// [`MiddlewareError::Unsupported`] where readers stay until the end.
+    fn delete_reader(&self, reader: ReaderId) -> Result<(), MiddlewareError> {
+        let _ = reader;
+        Err(MiddlewareError::Unsupported("deleting readers"))
+    }
 
     /// Sends one encoded sample: CDR without encapsulation header.
     ///

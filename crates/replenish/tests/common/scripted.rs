@@ -108,7 +108,7 @@ impl Middleware for Scripted {
             }
             taken += 1;
             state.taken.push(reader);
-            if sink(reader, &SampleInfo { arrival: 1 }, &bytes) == Room::Full {
+            if sink(reader, &SampleInfo::at(1), &bytes) == Room::Full {
                 open.remove(reader);
             }
         }

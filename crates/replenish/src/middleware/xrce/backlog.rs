@@ -1,6 +1,6 @@
 //! Samples of one reader that arrived while its handle had no room.
 
-use crate::Nanos;
+use crate::middleware::SampleInfo;
 use alloc::boxed::Box;
 use alloc::vec;
 
@@ -8,8 +8,8 @@ use alloc::vec;
 #[derive(Debug)]
 pub(super) struct Backlog {
     bytes: Box<[u8]>,
-    /// Length and arrival of the sample in each slot.
-    slots: Box<[(usize, Nanos)]>,
+    /// Length of the sample in each slot, and what is known about it.
+    slots: Box<[(usize, SampleInfo)]>,
     slot_size: usize,
     head: usize,
     len: usize,
@@ -23,7 +23,7 @@ impl Backlog {
         let depth = usize::from(depth.max(1));
         Self {
             bytes: vec![0; depth * max_size].into(),
-            slots: vec![(0, 0); depth].into(),
+            slots: vec![(0, SampleInfo::at(0)); depth].into(),
             slot_size: max_size,
             head: 0,
             len: 0,
@@ -40,7 +40,7 @@ impl Backlog {
     }
 
     /// Keeps a sample; false if one was lost for it: the oldest, or itself.
-    pub(super) fn push(&mut self, arrival: Nanos, sample: &[u8]) -> bool {
+    pub(super) fn push(&mut self, info: &SampleInfo, sample: &[u8]) -> bool {
         if sample.len() > self.slot_size {
             return false;
         }
@@ -57,17 +57,17 @@ impl Backlog {
             room.copy_from_slice(sample);
         }
         if let Some(entry) = self.slots.get_mut(slot) {
-            *entry = (sample.len(), arrival);
+            *entry = (sample.len(), *info);
         }
         self.len += 1;
         !full
     }
 
-    /// The oldest sample and its arrival.
-    pub(super) fn front(&self) -> Option<(Nanos, &[u8])> {
-        let (len, arrival) = *self.slots.get(self.head).filter(|_| self.len > 0)?;
+    /// The oldest sample and what is known about it.
+    pub(super) fn front(&self) -> Option<(&SampleInfo, &[u8])> {
+        let (len, info) = self.slots.get(self.head).filter(|_| self.len > 0)?;
         let start = self.head * self.slot_size;
-        Some((arrival, self.bytes.get(start..start + len)?))
+        Some((info, self.bytes.get(start..start + len)?))
     }
 
     /// Drops the oldest sample.
@@ -95,16 +95,16 @@ mod tests {
     #[test]
     fn keep_last_drops_the_oldest_and_keep_all_the_newest() {
         let mut last = Backlog::new(2, 4, true);
-        assert!(last.push(1, b"a") && last.push(2, b"bb"));
-        assert!(!last.push(3, b"ccc"));
-        assert!(!last.push(4, b"too long"));
-        assert_eq!(last.front().unwrap().0, 2);
+        assert!(last.push(&SampleInfo::at(1), b"a") && last.push(&SampleInfo::at(2), b"bb"));
+        assert!(!last.push(&SampleInfo::at(3), b"ccc"));
+        assert!(!last.push(&SampleInfo::at(4), b"too long"));
+        assert_eq!(last.front().unwrap().0.arrival, 2);
         assert_eq!(drain(&mut last), [b"bb".to_vec(), b"ccc".to_vec()]);
         assert!(last.is_empty());
 
         let mut all = Backlog::new(2, 4, false);
-        assert!(all.push(1, b"a") && all.push(2, b"b"));
-        assert!(!all.push(3, b"c"));
+        assert!(all.push(&SampleInfo::at(1), b"a") && all.push(&SampleInfo::at(2), b"b"));
+        assert!(!all.push(&SampleInfo::at(3), b"c"));
         assert_eq!(drain(&mut all), [b"a".to_vec(), b"b".to_vec()]);
     }
 }

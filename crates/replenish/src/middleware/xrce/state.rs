@@ -114,11 +114,11 @@ impl State {
                 continue;
             };
             while interest.contains(id) && taken < limit {
-                let Some((arrival, sample)) = reader.backlog.front() else {
+                let Some((info, sample)) = reader.backlog.front() else {
                     break;
                 };
                 taken += 1;
-                if sink(id, &SampleInfo { arrival }, sample) == Room::Full {
+                if sink(id, info, sample) == Room::Full {
                     interest.remove(id);
                 }
                 reader.backlog.pop();
@@ -168,11 +168,11 @@ impl State {
                     reader.lost += 1;
                 } else if interest.contains(id) && reader.backlog.is_empty() {
                     taken += 1;
-                    if sink(id, &SampleInfo { arrival: now }, payload) == Room::Full {
+                    if sink(id, &SampleInfo::at(now), payload) == Room::Full {
                         interest.remove(id);
                     }
                 } else {
-                    reader.lost += u64::from(!reader.backlog.push(now, payload));
+                    reader.lost += u64::from(!reader.backlog.push(&SampleInfo::at(now), payload));
                     pending.insert(id);
                 }
             }

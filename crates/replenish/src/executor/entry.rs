@@ -1,0 +1,190 @@
+//! A handle in the hands of its worker: taking, executing, and what follows from the outcome.
+
+use super::handle::{Env, Handle, Shared, Taken};
+use super::rules::{DeadlineMiss, Handling, OnMiss};
+use crate::Nanos;
+use crate::event::Event;
+use crate::stats::{Counters, Text};
+use crate::sync::{Arc, Ordering};
+use alloc::boxed::Box;
+use alloc::string::String;
+use core::any::Any;
+use replenish_os::{Meter, Usage, clock};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// A handle on its worker's thread.
+pub(crate) struct Entry {
+    pub(crate) shared: Arc<Shared>,
+    pub(crate) handle: Box<dyn Handle>,
+    pub(crate) handling: Handling,
+    /// A callback panicked; the handle is left alone from then on.
+    pub(crate) stopped: bool,
+    /// It had something to do when the round began.
+    pub(crate) ready: bool,
+    /// What was taken when the round began (Logical Execution Time).
+    taken: Option<Taken>,
+    /// The next input is left out: a deadline was missed.
+    skip: bool,
+}
+
+impl Entry {
+    pub(crate) fn new(shared: Arc<Shared>, handle: Box<dyn Handle>) -> Self {
+        Self {
+            shared,
+            handle,
+            handling: Handling::default(),
+            stopped: false,
+            ready: false,
+            taken: None,
+            skip: false,
+        }
+    }
+
+    /// From now on it is treated like this.
+    pub(crate) fn treat(&mut self, mut handling: Handling) {
+        handling.always |= self.handling.always;
+        if let Some(hook) = handling.hook.take() {
+            self.shared.hook.set(hook).ok();
+        }
+        self.handling = handling;
+    }
+
+    /// Gives up what was taken and will not run.
+    pub(crate) fn abandon(&mut self) {
+        if self.taken.take().is_some() && self.shared.input.is_some() {
+            self.shared.counters.discarded.add(1);
+        }
+    }
+
+    /// Whether it may run at all.
+    pub(crate) fn is_live(&self) -> bool {
+        !self.stopped && !self.shared.is_removed()
+    }
+
+    /// Whether it has something to do now.
+    pub(crate) fn look(&mut self, now: Nanos) -> bool {
+        self.is_live() && self.handle.is_ready(now)
+    }
+
+    /// Takes input for later.
+    pub(crate) fn snapshot(&mut self, env: &Env<'_>) {
+        self.guarded(env, |entry| entry.taken = entry.take(env));
+    }
+
+    /// Takes input, or what was taken when the round began, and runs the callback. With
+    /// `even_without`, it runs without input, too. Whether there was any input.
+    pub(crate) fn run(&mut self, env: &Env<'_>, from_snapshot: bool, even_without: bool) -> bool {
+        self.guarded(env, |entry| {
+            let taken = match from_snapshot {
+                true => entry.taken.take(),
+                false => entry.take(env),
+            };
+            let started = clock::monotonic();
+            match taken {
+                Some(taken) => entry.execute(env, taken, started),
+                None if even_without => {
+                    entry.handle.execute_empty(env, started);
+                    entry.shared.counters.without_input.add(1);
+                }
+                None => {}
+            }
+            taken.is_some()
+        })
+    }
+
+    fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
+        let taken = self.handle.take(env)?;
+        if !core::mem::take(&mut self.skip) {
+            return Some(taken);
+        }
+        let counters = &self.shared.counters;
+        match self.shared.input {
+            Some(_) => counters.discarded.add(1),
+            None => counters.skipped.add(1),
+        };
+        None
+    }
+
+    fn execute(&mut self, env: &Env<'_>, taken: Taken, started: Nanos) {
+        let counters = &self.shared.counters;
+        let latency = started.saturating_sub(taken.due);
+        counters.worst_latency.raise(latency);
+        self.shared.latency.record(latency);
+        self.handle.execute(env, started);
+        counters.executed.add(1);
+        let response = clock::monotonic().saturating_sub(taken.due);
+        self.shared.response.record(response);
+        let Some(deadline) = self.handling.deadline.or(taken.deadline) else {
+            return;
+        };
+        let lateness = response.saturating_sub(deadline);
+        if lateness > 0 {
+            let count = counters.deadline_misses.add(1);
+            counters.worst_lateness.raise(lateness);
+            let miss = DeadlineMiss {
+                id: &self.shared.id,
+                due: taken.due,
+                deadline,
+                lateness,
+                count,
+            };
+            match &mut self.handling.on_miss {
+                OnMiss::Count => {}
+                OnMiss::SkipNext => self.skip = true,
+                OnMiss::Stop => env.stop.stop(),
+                OnMiss::Call(handler) => handler(&miss),
+            }
+        }
+    }
+
+    /// Runs the user's code; a panic stops the handle.
+    fn guarded<T: Default>(&mut self, env: &Env<'_>, step: impl FnOnce(&mut Self) -> T) -> T {
+        let outcome = catch_unwind(AssertUnwindSafe(|| step(self)));
+        outcome.unwrap_or_else(|panic| {
+            self.panicked(panic, env);
+            T::default()
+        })
+    }
+
+    fn panicked(&mut self, panic: Box<dyn Any + Send>, env: &Env<'_>) {
+        self.stopped = true;
+        self.shared.counters.panicked.store(true, Ordering::Relaxed);
+        let message = match (panic.downcast_ref::<&str>(), panic.downcast_ref::<String>()) {
+            (Some(s), _) => s,
+            (None, Some(s)) => s.as_str(),
+            (None, None) => "(no message)",
+        };
+        *self.shared.last_error.lock() = Text::of(&message);
+        let handle = &self.shared.id;
+        self.shared
+            .report(1, &Event::CallbackPanicked { handle, message }, env.events);
+        self.shared.discard(true, env.stop);
+        core::mem::forget(panic); // dropping a payload may panic again
+    }
+}
+
+/// Splits what the worker uses among its handles: whatever was used since the last callback ended
+/// belongs to the one that just ended, the way there included.
+pub(crate) struct Tally {
+    pub(crate) meter: Meter,
+    before: Usage,
+}
+
+impl Tally {
+    pub(crate) fn new(meter: Meter) -> Self {
+        let before = meter.usage();
+        Self { meter, before }
+    }
+
+    pub(crate) fn settle(&mut self, counters: &Counters) {
+        let now = self.meter.usage();
+        let high = now.cpu_high.saturating_sub(self.before.cpu_high);
+        let low = now.cpu_low.saturating_sub(self.before.cpu_low);
+        counters.cpu_high.add(high);
+        counters.cpu_background.add(low);
+        counters.worst_execution.raise(high.saturating_add(low));
+        let exhaustions = now.exhaustions.saturating_sub(self.before.exhaustions);
+        counters.exhaustions.add(exhaustions);
+        self.before = now;
+    }
+}

@@ -1,0 +1,204 @@
+//! Making handles: for workers that are described, and for those that run.
+
+use super::callback::{CallbackContext, CallbackResult};
+use super::doorbell::Doorbell;
+use super::entry::Entry;
+use super::guard::{Guard, GuardCondition};
+use super::handle::Shared;
+use super::schedule::Every;
+use super::subscription::{RawSubscription, Subscription};
+use super::timer::{Timer, TimerHandle};
+use super::topic::Topic;
+use crate::context::{Context, Node, check_depth};
+use crate::error::Error;
+use crate::handoff::{Inbox, Keep};
+use crate::middleware::{EndpointSpec, ReaderId};
+use crate::qos::{History, Qos};
+use crate::sync::Arc;
+use alloc::boxed::Box;
+use alloc::string::String;
+use core::time::Duration;
+use replenish_msg::Message;
+
+/// What making a handle needs to know.
+pub(crate) struct Forge<'a> {
+    pub(crate) context: &'a Context,
+    /// The worker's name, and what it sleeps on.
+    pub(crate) worker: &'a str,
+    pub(crate) bell: &'a Arc<Doorbell>,
+    /// Makes an id unique.
+    pub(crate) unique: &'a dyn Fn(String) -> String,
+    /// How many handles without a topic the worker has had.
+    pub(crate) number: usize,
+}
+
+/// A type by its names, for those who have no [`Message`] of it.
+#[derive(Debug, Clone, Copy)]
+pub struct RawType<'a> {
+    /// The ROS name, `std_msgs/msg/Int32`.
+    pub name: &'a str,
+    /// The DDS name, `std_msgs::msg::dds_::Int32_`.
+    pub dds_name: &'a str,
+    /// The largest sample in bytes, 1..=65528.
+    pub max_size: usize,
+}
+
+impl RawType<'_> {
+    /// The names and the size of `M`.
+    #[must_use]
+    pub const fn of<M: Message>() -> RawType<'static> {
+        RawType {
+            name: M::TYPE_NAME,
+            dds_name: M::DDS_TYPE_NAME,
+            max_size: M::MAX_SIZE,
+        }
+    }
+}
+
+impl Forge<'_> {
+    fn owned(&self, node: &Node) -> Result<(), Error> {
+        match node.context().is(self.context) {
+            true => Ok(()),
+            false => Err(Error::ForeignNode(node.name().into())),
+        }
+    }
+
+    /// A reader with its inbox.
+    fn input(
+        &self,
+        node: &Node,
+        topic: Topic<'_>,
+        ty: RawType<'_>,
+        qos: Qos,
+    ) -> Result<(String, ReaderId, Arc<Inbox>), Error> {
+        self.owned(node)?;
+        let name = node.resolve(topic.name)?;
+        check_depth(&name, qos)?;
+        let owner = || alloc::format!("topic {name}");
+        let size = topic.max_size.unwrap_or(ty.max_size);
+        if topic.max_size.is_some() && !(1..=ty.max_size).contains(&size) {
+            let allowed = alloc::format!("1..={} bytes", ty.max_size);
+            return Err(Error::parameter(owner(), "max_size", &size, allowed));
+        }
+        if let Some((field, value, allowed)) = topic.ingress.violation() {
+            return Err(Error::parameter(owner(), field, &value, allowed));
+        }
+        let keep = match (qos.history, topic.keep_oldest) {
+            (History::KeepAll, false) => Keep::All,
+            (History::KeepLast, false) => Keep::Newest,
+            (History::KeepLast, true) => Keep::Oldest,
+            (History::KeepAll, true) => {
+                let (field, allowed) = ("keep_oldest", "with keep-last history only");
+                return Err(Error::parameter(owner(), field, &true, allowed));
+            }
+        };
+        let spec = EndpointSpec {
+            node: node.name(),
+            topic: &name,
+            type_name: ty.name,
+            dds_type_name: ty.dds_name,
+            qos,
+            max_size: size,
+            ingress: topic.ingress,
+        };
+        let middleware = self.context.middleware();
+        let reader = middleware
+            .create_reader(&spec)
+            .map_err(|e| Error::endpoint("subscription", &name, e))?;
+        let inbox = Arc::new(Inbox::new(qos.depth.into(), size, keep));
+        let id = (self.unique)(alloc::format!("{}/sub:{name}", node.name()));
+        Ok((id, reader, inbox))
+    }
+
+    pub(crate) fn subscription<M, F, R>(
+        &self,
+        node: &Node,
+        topic: Topic<'_>,
+        qos: Qos,
+        callback: F,
+    ) -> Result<Entry, Error>
+    where
+        M: Message,
+        F: FnMut(Option<&M>, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let (id, reader, inbox) = self.input(node, topic, RawType::of::<M>(), qos)?;
+        let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
+        let handle = Subscription::<M, F>::new(Arc::clone(&shared), inbox, callback);
+        Ok(Entry::new(shared, Box::new(handle)))
+    }
+
+    pub(crate) fn raw<F, R>(
+        &self,
+        node: &Node,
+        topic: Topic<'_>,
+        ty: RawType<'_>,
+        qos: Qos,
+        callback: F,
+    ) -> Result<Entry, Error>
+    where
+        F: FnMut(&[u8], &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        if !(1..=65_528).contains(&ty.max_size) {
+            let owner = alloc::format!("topic {}", topic.name);
+            let allowed = "1..=65528 bytes";
+            return Err(Error::parameter(owner, "max_size", &ty.max_size, allowed));
+        }
+        let (id, reader, inbox) = self.input(node, topic, ty, qos)?;
+        let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
+        let handle = RawSubscription::new(Arc::clone(&shared), inbox, callback);
+        Ok(Entry::new(shared, Box::new(handle)))
+    }
+
+    pub(crate) fn timer<F, R>(
+        &self,
+        handle: Option<&TimerHandle>,
+        every: Every,
+        callback: F,
+    ) -> Result<Entry, Error>
+    where
+        F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        if every.period == Duration::ZERO && !every.once {
+            let owner = alloc::format!("timer of worker {:?}", self.worker);
+            return Err(Error::parameter(owner, "period", &0, "1 ns or more"));
+        }
+        let shared = self.nameless("timer");
+        if let Some(handle) = handle {
+            self.bound(handle.bind(self.bell), &shared)?;
+        }
+        let control = handle.map(TimerHandle::control);
+        let timer = Timer::new(Arc::clone(&shared), every, control, callback);
+        Ok(Entry::new(shared, Box::new(timer)))
+    }
+
+    pub(crate) fn guard<F, R>(&self, guard: &GuardCondition, callback: F) -> Result<Entry, Error>
+    where
+        F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let shared = self.nameless("guard");
+        self.bound(guard.bind(self.bell), &shared)?;
+        let handle = Guard::new(Arc::clone(&shared), guard.clone(), callback);
+        Ok(Entry::new(shared, Box::new(handle)))
+    }
+
+    fn nameless(&self, kind: &str) -> Arc<Shared> {
+        let id = alloc::format!("{}/{kind}:{}", self.worker, self.number);
+        Shared::new((self.unique)(id), None)
+    }
+
+    fn bound(&self, free: bool, shared: &Shared) -> Result<(), Error> {
+        match free {
+            true => Ok(()),
+            false => Err(Error::parameter(
+                alloc::format!("worker {:?}", self.worker),
+                "handle",
+                &shared.id,
+                "one that belongs to no callback yet",
+            )),
+        }
+    }
+}

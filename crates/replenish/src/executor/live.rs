@@ -1,0 +1,335 @@
+//! Adding and removing handles while the executor runs, from any thread, callbacks included.
+
+use super::callback::{CallbackContext, CallbackResult};
+use super::entry::Entry;
+use super::forge::{Forge, RawType};
+use super::guard::GuardCondition;
+use super::handle::Shared;
+use super::mailbox::{Declined, Mailbox, Order};
+use super::routes::{Desk, Route};
+use super::rules::Handling;
+use super::schedule::{Every, nanos};
+use super::stop::StopHandle;
+use super::timer::TimerHandle;
+use super::topic::Topic;
+use crate::context::{Context, Node};
+use crate::error::Error;
+use crate::qos::Qos;
+use crate::stats::HandleStats;
+use crate::sync::{Arc, AtomicU64, Mutex, Ordering};
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
+use core::fmt;
+use core::time::Duration;
+use replenish_msg::Message;
+use replenish_os::clock;
+
+/// What happens to a callback that runs while its handle is removed. None starts after that.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Removal {
+    /// It goes on; the removal does not wait for it.
+    Detach,
+    /// It goes on; the removal waits for its end, up to so long.
+    Wait(Duration),
+    /// It is told to end ([`CallbackContext::is_cancelled`]); the removal waits up to so long.
+    Cancel(Duration),
+}
+
+/// Every handle of an executor with its worker's name.
+pub(crate) struct Registry(Mutex<Vec<(Arc<str>, Arc<Shared>)>>);
+
+impl Registry {
+    pub(crate) fn new(mut handles: Vec<(Arc<str>, Arc<Shared>)>, limit: usize) -> Self {
+        handles.reserve(limit.saturating_sub(handles.len()));
+        Self(Mutex::new(handles))
+    }
+
+    pub(crate) fn find(&self, id: &str) -> Option<(Arc<str>, Arc<Shared>)> {
+        let handles = self.0.lock();
+        handles.iter().find(|(_, h)| h.id == id).cloned()
+    }
+
+    pub(crate) fn all(&self) -> Vec<(Arc<str>, Arc<Shared>)> {
+        self.0.lock().clone()
+    }
+
+    fn forget(&self, shared: &Arc<Shared>) {
+        let mut handles = self.0.lock();
+        handles.retain(|(_, h)| !Arc::ptr_eq(h, shared));
+    }
+}
+
+/// One worker as it is seen from outside.
+pub(crate) struct Post {
+    pub(crate) name: Arc<str>,
+    /// Its place among the dispatcher's bells.
+    pub(crate) place: usize,
+    pub(crate) mailbox: Arc<Mailbox>,
+    /// Numbers for the ids of timers and guard conditions.
+    pub(crate) number: AtomicU64,
+}
+
+/// What every handle to a running executor shares.
+pub(crate) struct Live {
+    pub(crate) context: Context,
+    pub(crate) stop: StopHandle,
+    pub(crate) registry: Registry,
+    pub(crate) desk: Arc<Desk>,
+    pub(crate) posts: Vec<Post>,
+}
+
+/// Changes a running executor: adds and removes handles. Clones are for the same executor.
+///
+/// Adding allocates on the calling thread; the worker and the dispatcher only take over what is
+/// there. Other handles are not disturbed.
+#[derive(Clone)]
+pub struct ExecutorHandle {
+    pub(crate) live: Arc<Live>,
+}
+
+impl ExecutorHandle {
+    /// A worker of this name, to add handles to.
+    ///
+    /// # Errors
+    /// [`Error::UnknownWorker`].
+    pub fn worker(&self, name: &str) -> Result<LiveWorker<'_>, Error> {
+        let mut posts = self.live.posts.iter();
+        let post = posts.find(|p| &*p.name == name);
+        let post = post.ok_or_else(|| Error::UnknownWorker(name.into()))?;
+        Ok(LiveWorker {
+            live: &self.live,
+            post,
+            handling: Handling::new(),
+        })
+    }
+
+    /// Removes a handle. When this returns no callback of it starts any more; what becomes of one
+    /// that runs is up to `how`. Samples that wait are discarded. Returns the last counters.
+    ///
+    /// A callback that removes a handle of its own worker does not wait: the handle goes when the
+    /// callback has ended.
+    ///
+    /// # Errors
+    /// [`Error::UnknownHandle`]; [`Error::Stopped`]; [`Error::StillRunning`] if the callback has
+    /// not ended in time: then the handle goes when it has.
+    pub fn remove(&self, id: &str, how: Removal) -> Result<HandleStats, Error> {
+        let live = &self.live;
+        let unknown = || Error::UnknownHandle(id.into());
+        let (worker, shared) = live.registry.find(id).ok_or_else(unknown)?;
+        let mut posts = live.posts.iter();
+        let post = posts.find(|p| p.name == worker).ok_or_else(unknown)?;
+        if matches!(how, Removal::Cancel(_)) {
+            shared.cancelled.store(true, Ordering::Release);
+        }
+        if shared.removed.swap(true, Ordering::AcqRel) {
+            return Err(unknown()); // somebody else removes it
+        }
+        live.registry.forget(&shared);
+        shared.discard(true, &live.stop);
+        if let Some((reader, _)) = shared.input {
+            live.desk.order(reader, None);
+            live.stop.middleware.wake();
+        }
+        let order = Order::Remove(Arc::clone(&shared));
+        post.mailbox.send(order).map_err(|_| Error::Stopped)?;
+        let patience = match how {
+            Removal::Detach => Duration::ZERO,
+            Removal::Wait(limit) | Removal::Cancel(limit) => limit,
+        };
+        let deadline = clock::monotonic().saturating_add(nanos(patience));
+        let waits = how != Removal::Detach && !post.mailbox.is_mine();
+        let gone = !waits || shared.gone.wait_until(deadline);
+        post.mailbox.sweep();
+        live.desk.sweep(&*live.stop.middleware);
+        let lost = shared.input.as_ref();
+        let lost = lost.map_or(0, |(reader, _)| live.stop.middleware.lost(*reader));
+        match gone {
+            true => Ok(shared.counters.snapshot(shared.waiting(), lost)),
+            false => Err(Error::StillRunning(id.into())),
+        }
+    }
+
+    /// Stops the executor.
+    #[must_use]
+    pub fn stop_handle(&self) -> StopHandle {
+        self.live.stop.clone()
+    }
+}
+
+impl fmt::Debug for ExecutorHandle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ExecutorHandle").finish_non_exhaustive()
+    }
+}
+
+/// A worker of a running executor. Each method adds one handle and returns its id; the handle
+/// runs as soon as the worker has ended the callback it is in.
+///
+/// # Errors
+/// All of them: [`Error::Capacity`] with the limit when the worker is full (see
+/// [`WorkerBuilder::capacity`](crate::WorkerBuilder::capacity)), [`Error::Stopped`], and what the
+/// method of the same name says in [`WorkerBuilder`](crate::WorkerBuilder).
+pub struct LiveWorker<'e> {
+    live: &'e Arc<Live>,
+    post: &'e Post,
+    handling: Handling,
+}
+
+impl fmt::Debug for LiveWorker<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("LiveWorker")
+            .field("name", &self.post.name)
+            .finish_non_exhaustive()
+    }
+}
+
+#[expect(clippy::missing_errors_doc, reason = "said once, at the type")]
+impl LiveWorker<'_> {
+    /// How the handle that is added next is treated.
+    #[must_use]
+    pub fn with(self, handling: Handling) -> Self {
+        Self { handling, ..self }
+    }
+
+    /// A subscription.
+    pub fn subscribe<'t, M, F, R>(
+        self,
+        node: &Node,
+        topic: impl Into<Topic<'t>>,
+        qos: Qos,
+        mut callback: F,
+    ) -> Result<String, Error>
+    where
+        M: Message,
+        F: FnMut(&M, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let topic = topic.into();
+        let called = move |message: Option<&M>, cx: &CallbackContext<'_>| {
+            message.map(|message| callback(message, cx))
+        };
+        self.add(|forge| forge.subscription(node, topic, qos, called))
+    }
+
+    /// A subscription to bytes.
+    pub fn subscribe_raw<'t, F, R>(
+        self,
+        node: &Node,
+        topic: impl Into<Topic<'t>>,
+        ty: RawType<'_>,
+        qos: Qos,
+        callback: F,
+    ) -> Result<String, Error>
+    where
+        F: FnMut(&[u8], &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let topic = topic.into();
+        self.add(|forge| forge.raw(node, topic, ty, qos, callback))
+    }
+
+    /// A timer, which counts from now.
+    pub fn timer<F, R>(self, every: impl Into<Every>, callback: F) -> Result<String, Error>
+    where
+        F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let every = every.into();
+        self.add(|forge| forge.timer(None, every, callback))
+    }
+
+    /// A timer that counts from now, with a handle.
+    pub fn timer_with<F, R>(
+        self,
+        handle: &TimerHandle,
+        every: impl Into<Every>,
+        callback: F,
+    ) -> Result<String, Error>
+    where
+        F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let every = every.into();
+        self.add(|forge| forge.timer(Some(handle), every, callback))
+    }
+
+    /// A guard condition.
+    pub fn guard<F, R>(self, guard: &GuardCondition, callback: F) -> Result<String, Error>
+    where
+        F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        self.add(|forge| forge.guard(guard, callback))
+    }
+
+    pub(crate) fn add(
+        self,
+        make: impl FnOnce(&Forge<'_>) -> Result<Entry, Error>,
+    ) -> Result<String, Error> {
+        let Self {
+            live,
+            post,
+            handling,
+        } = self;
+        post.mailbox.sweep();
+        live.desk.sweep(&*live.stop.middleware);
+        post.mailbox.reserve().map_err(|e| declined(e, post))?;
+        let number = post.number.fetch_add(1, Ordering::Relaxed);
+        let made = make(&Forge {
+            context: &live.context,
+            worker: &post.name,
+            bell: post.mailbox.bell(),
+            unique: &|id| live.unique(id),
+            number: usize::try_from(number).unwrap_or(usize::MAX),
+        });
+        let mut entry = match made {
+            Ok(entry) => entry,
+            Err(e) => {
+                post.mailbox.unreserve();
+                return Err(e);
+            }
+        };
+        entry.treat(handling);
+        let shared = Arc::clone(&entry.shared);
+        let sent = post.mailbox.send(Order::Add(entry));
+        sent.map_err(|e| declined(e, post))?;
+        {
+            let mut handles = live.registry.0.lock();
+            handles.push((Arc::clone(&post.name), Arc::clone(&shared)));
+        }
+        if let Some((reader, _)) = shared.input {
+            let route = Route {
+                shared: Arc::clone(&shared),
+                worker: post.place,
+            };
+            if !live.desk.order(reader, Some(route)) {
+                let limit = crate::middleware::MAX_READERS;
+                let what = "handles that come and go at the same time".into();
+                return Err(Error::Capacity { what, limit });
+            }
+            live.stop.middleware.wake();
+        }
+        Ok(shared.id.clone())
+    }
+}
+
+impl Live {
+    fn unique(&self, id: String) -> String {
+        if self.registry.find(&id).is_none() {
+            return id;
+        }
+        let numbered = (2..u32::MAX).map(|n| alloc::format!("{id}#{n}"));
+        let mut free = numbered.filter(|id| self.registry.find(id).is_none());
+        free.next().unwrap_or_else(|| id.to_string())
+    }
+}
+
+fn declined(why: Declined, post: &Post) -> Error {
+    match why {
+        Declined::Stopped => Error::Stopped,
+        Declined::Full { limit } => Error::Capacity {
+            what: alloc::format!("handles of worker {:?}", post.name),
+            limit,
+        },
+    }
+}

@@ -1,0 +1,178 @@
+//! What is asked of a running worker from outside: handles that come and go.
+//!
+//! ```text
+//!   any thread                               worker, between two callbacks
+//!   add: build the entry ── post ──► orders ──► insert, begin
+//!   remove: removed := true ─ post ─► orders ──► take out ──► attic, gone := set
+//!           wait for gone ◄──────────────────────────────────────┘
+//!   drop what is in the attic        (memory is freed here, not on the worker)
+//! ```
+//!
+//! Everything is preallocated: so many entries per worker, in its hands, under way or in the attic.
+
+use super::doorbell::Doorbell;
+use super::entry::Entry;
+use super::handle::Shared;
+use super::worker::Worker;
+use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
+use alloc::collections::VecDeque;
+use alloc::vec::Vec;
+use replenish_os::{Tid, clock, current_tid};
+
+/// The way to one worker.
+pub(crate) struct Mailbox {
+    waiting: AtomicBool,
+    post: Mutex<Post>,
+    limit: usize,
+    bell: Arc<Doorbell>,
+}
+
+struct Post {
+    orders: VecDeque<Order>,
+    attic: Vec<Entry>,
+    /// Entries in the worker's hands, under way, and in the attic.
+    used: usize,
+    worker: Option<Tid>,
+    closed: bool,
+}
+
+pub(crate) enum Order {
+    Add(Entry),
+    Remove(Arc<Shared>),
+}
+
+/// Why an order was not taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Declined {
+    Full { limit: usize },
+    Stopped,
+}
+
+impl Mailbox {
+    /// For a worker with `used` handles that may have `limit`.
+    pub(crate) fn new(used: usize, limit: usize, bell: Arc<Doorbell>) -> Arc<Self> {
+        Arc::new(Self {
+            waiting: AtomicBool::new(false),
+            post: Mutex::new(Post {
+                orders: VecDeque::with_capacity(2 * limit),
+                attic: Vec::with_capacity(limit),
+                used,
+                worker: None,
+                closed: false,
+            }),
+            limit,
+            bell,
+        })
+    }
+
+    pub(crate) fn bell(&self) -> &Arc<Doorbell> {
+        &self.bell
+    }
+
+    /// Whether the caller is the worker itself.
+    pub(crate) fn is_mine(&self) -> bool {
+        self.post.lock().worker == Some(current_tid())
+    }
+
+    /// Keeps a place for one entry.
+    pub(crate) fn reserve(&self) -> Result<(), Declined> {
+        let mut post = self.post.lock();
+        if post.closed {
+            return Err(Declined::Stopped);
+        }
+        if post.used >= self.limit {
+            return Err(Declined::Full { limit: self.limit });
+        }
+        post.used += 1;
+        Ok(())
+    }
+
+    /// Gives a reserved place back.
+    pub(crate) fn unreserve(&self) {
+        self.post.lock().used -= 1;
+    }
+
+    /// Hands an order to the worker; for an entry, a place was reserved.
+    pub(crate) fn send(&self, order: Order) -> Result<(), Declined> {
+        {
+            let mut post = self.post.lock();
+            if post.closed {
+                return Err(Declined::Stopped);
+            }
+            post.orders.push_back(order);
+            self.waiting.store(true, Ordering::Release);
+        }
+        self.bell.call();
+        Ok(())
+    }
+
+    /// Frees what the worker has let go of, unless it is the worker who asks.
+    pub(crate) fn sweep(&self) {
+        if self.is_mine() {
+            return;
+        }
+        loop {
+            let entry = {
+                let mut post = self.post.lock();
+                let entry = post.attic.pop();
+                post.used -= usize::from(entry.is_some());
+                entry
+            };
+            if entry.is_none() {
+                return;
+            }
+        }
+    }
+
+    /// Worker: it is this thread that runs.
+    pub(crate) fn open(&self) {
+        self.post.lock().worker = Some(current_tid());
+    }
+
+    /// Worker: does what was asked.
+    pub(crate) fn empty(&self, worker: &mut Worker) {
+        if !self.waiting.load(Ordering::Acquire) {
+            return;
+        }
+        self.waiting.store(false, Ordering::Relaxed);
+        loop {
+            let Some(order) = self.post.lock().orders.pop_front() else {
+                return;
+            };
+            match order {
+                Order::Add(mut entry) => {
+                    entry.handle.begin(clock::monotonic());
+                    insert(&mut worker.entries, entry);
+                }
+                Order::Remove(shared) => {
+                    let mut entries = worker.entries.iter();
+                    let at = entries.position(|e| Arc::ptr_eq(&e.shared, &shared));
+                    if let Some(at) = at {
+                        let entry = worker.entries.remove(at);
+                        self.post.lock().attic.push(entry);
+                    }
+                    shared.gone.set();
+                }
+            }
+        }
+    }
+
+    /// Worker: it ends; nobody waits for it any more.
+    pub(crate) fn close(&self) {
+        let mut post = self.post.lock();
+        post.closed = true;
+        for order in &post.orders {
+            if let Order::Remove(shared) = order {
+                shared.gone.set();
+            }
+        }
+    }
+}
+
+/// Inserts behind the entries of the same or a higher priority.
+pub(crate) fn insert(entries: &mut Vec<Entry>, entry: Entry) {
+    let priority = entry.handling.priority;
+    let mut others = entries.iter();
+    let at = others.position(|e| e.handling.priority < priority);
+    entries.insert(at.unwrap_or(entries.len()), entry);
+}

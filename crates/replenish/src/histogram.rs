@@ -1,0 +1,124 @@
+//! Latency histograms of fixed size: written by one thread without a lock, read by anybody.
+//!
+//! Buckets are a quarter of an octave wide, from 1 us to 34 s: a percentile read from them is at
+//! most a quarter above the true value. 102 words, allocated with the handle, never more.
+
+use crate::Nanos;
+use core::sync::atomic::{AtomicU64, Ordering};
+
+/// Buckets of a histogram.
+const BUCKETS: usize = 102;
+/// Values below 2^10 ns share the first bucket.
+const FIRST: u32 = 10;
+
+/// A histogram that is being written.
+pub(crate) struct LiveHistogram([AtomicU64; BUCKETS]);
+
+impl Default for LiveHistogram {
+    fn default() -> Self {
+        Self(core::array::from_fn(|_| AtomicU64::new(0)))
+    }
+}
+
+impl LiveHistogram {
+    /// Counts one value.
+    pub(crate) fn record(&self, value: Nanos) {
+        if let Some(count) = self.0.get(bucket(value)) {
+            count.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    pub(crate) fn snapshot(&self) -> Histogram {
+        let counts = core::array::from_fn(|i| {
+            let count = self.0.get(i);
+            count.map_or(0, |c| c.load(Ordering::Relaxed))
+        });
+        Histogram { counts }
+    }
+}
+
+/// How often which latency occurred.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Histogram {
+    counts: [u64; BUCKETS],
+}
+
+impl Histogram {
+    /// How many values were counted.
+    #[must_use]
+    pub fn count(&self) -> u64 {
+        self.counts.iter().sum()
+    }
+
+    /// The value in nanoseconds that `percent` (0..=100) of all values do not exceed, rounded up
+    /// to the end of its bucket; 0 if there are none.
+    #[must_use]
+    pub fn percentile(&self, percent: u8) -> Nanos {
+        let total = u128::from(self.count());
+        let rank = (total * u128::from(percent.min(100))).div_ceil(100).max(1);
+        let mut seen = 0;
+        for (i, count) in self.counts.iter().enumerate() {
+            seen += u128::from(*count);
+            if seen >= rank {
+                return upper(i);
+            }
+        }
+        0
+    }
+
+    /// The buckets that are not empty: the largest value that belongs to each, in nanoseconds
+    /// (`u64::MAX` for the last), and how many values it holds.
+    pub fn buckets(&self) -> impl Iterator<Item = (Nanos, u64)> + '_ {
+        let all = self.counts.iter().enumerate();
+        all.filter(|(_, n)| **n > 0).map(|(i, n)| (upper(i), *n))
+    }
+}
+
+fn bucket(value: Nanos) -> usize {
+    let Some(octave) = value.checked_ilog2().filter(|o| *o >= FIRST) else {
+        return 0;
+    };
+    let quarter = (value >> (octave - 2)) & 3;
+    let index = u64::from(octave - FIRST) * 4 + quarter + 1;
+    usize::try_from(index).unwrap_or(BUCKETS).min(BUCKETS - 1)
+}
+
+fn upper(bucket: usize) -> Nanos {
+    if bucket + 1 >= BUCKETS {
+        return Nanos::MAX;
+    }
+    // The next bucket's first value, less one.
+    let (octave, quarter) = (bucket / 4, bucket as u64 % 4);
+    ((4 + quarter) << (octave + FIRST as usize - 2)) - 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_value_is_in_the_bucket_whose_bounds_enclose_it() {
+        let edges = (0..64).flat_map(|s| [(1_u64 << s) - 1, 1 << s, (1 << s) + (1 << s) / 3]);
+        for value in edges.chain([u64::MAX]) {
+            let at = bucket(value);
+            assert!(value <= upper(at), "{value} in {at}");
+            assert!(at == 0 || value > upper(at - 1), "{value} in {at}");
+        }
+    }
+
+    #[test]
+    fn percentiles_are_a_quarter_too_high_at_most() {
+        let live = LiveHistogram::default();
+        for value in 1..=1000_u64 {
+            live.record(value * 1000);
+        }
+        let h = live.snapshot();
+        assert_eq!(h.count(), 1000);
+        for percent in [1, 50, 90, 99, 100] {
+            let exact = u64::from(percent) * 10_000;
+            let got = h.percentile(percent);
+            assert!((exact..exact + exact / 4 + 1024).contains(&got), "{got}");
+        }
+        assert_eq!(LiveHistogram::default().snapshot().percentile(99), 0);
+    }
+}
