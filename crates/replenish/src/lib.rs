@@ -41,8 +41,8 @@ pub use event::Event;
 pub use executor::{
     AdmissionReport, CallbackContext, CallbackResult, DeadlineMiss, DispatcherReport, Every, Executor,
     ExecutorHandle, GuardCondition, HandleReport, HandleStates, Handling, LiveWorker, OnMiss,
-    Overrun, RawType, Removal, Report, RunningExecutor, Semantics, StopHandle, ThreadReport, TimerHandle, Topic, Trigger,
-    WorkerBuilder,
+    Overrun, RawType, Removal, Report, RunningExecutor, Semantics, StopHandle, ThreadReport,
+    TimerHandle, Topic, Trigger, WorkerBuilder,
 };
 pub use histogram::Histogram;
 pub use middleware::PublishError;

@@ -81,7 +81,12 @@ impl WorkerSpec {
         if let_ && rules.batch > 1 {
             let allowed = "1 with Logical Execution Time: a snapshot has one input per handle";
             let batch = rules.batch;
-            return Some(Error::parameter(owner, "messages_per_round", &batch, allowed));
+            return Some(Error::parameter(
+                owner,
+                "messages_per_round",
+                &batch,
+                allowed,
+            ));
         }
         if rules.every.is_some_and(|e| e.period.is_zero()) {
             return Some(Error::parameter(owner, "every", &0, "1 ns or more"));

@@ -23,12 +23,7 @@ pub struct CallbackContext<'a> {
 }
 
 impl<'a> CallbackContext<'a> {
-    pub(crate) fn new(
-        env: &'a Env<'a>,
-        shared: &'a Shared,
-        due: Nanos,
-        started: Nanos,
-    ) -> Self {
+    pub(crate) fn new(env: &'a Env<'a>, shared: &'a Shared, due: Nanos, started: Nanos) -> Self {
         Self {
             env,
             shared,

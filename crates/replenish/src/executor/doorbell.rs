@@ -8,10 +8,8 @@
 //! A worker whose rounds come by the clock alone has its bell *muted*: new data does not ring it.
 
 use crate::Nanos;
-use crate::middleware::Middleware;
 use crate::sync::{Arc, AtomicBool, AtomicU64, Ordering, Signal};
 use replenish_os::clock;
-use std::sync::OnceLock;
 
 /// Rung by the dispatcher or by a stop; one worker sleeps on it.
 #[derive(Default)]
@@ -19,8 +17,6 @@ pub(crate) struct Doorbell {
     signal: Arc<Signal>,
     rung_at: AtomicU64,
     muted: AtomicBool,
-    /// Where the worker sleeps instead, if it dispatches for itself.
-    middleware: OnceLock<Arc<dyn Middleware>>,
 }
 
 impl Doorbell {
@@ -45,19 +41,11 @@ impl Doorbell {
 
     fn wake(&self) {
         self.signal.set();
-        if let Some(middleware) = self.middleware.get() {
-            middleware.wake();
-        }
     }
 
     /// New data does not ring any more.
     pub(crate) fn mute(&self) {
         self.muted.store(true, Ordering::Relaxed);
-    }
-
-    /// From now on the worker waits on the middleware, not on this.
-    pub(crate) fn sleep_on(&self, middleware: &Arc<dyn Middleware>) {
-        self.middleware.set(Arc::clone(middleware)).ok();
     }
 
     /// Worker: whether it was rung since it was last answered; does not wait.

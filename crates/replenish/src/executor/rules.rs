@@ -1,8 +1,8 @@
 //! How a worker goes through its handles: what starts a round, what a round takes, and what
 //! happens to a handle whose deadline was missed.
 
-use super::schedule::Every;
 use super::entry::Entry;
+use super::schedule::Every;
 use crate::Nanos;
 use crate::event::Event;
 use alloc::boxed::Box;

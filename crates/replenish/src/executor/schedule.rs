@@ -148,7 +148,9 @@ impl Schedule {
 
     /// Takes the release to be served at `now`, if one is due.
     pub(crate) fn serve(&mut self, now: Nanos) -> Option<Release> {
-        let behind = now.checked_sub(self.next).filter(|_| !self.is_cancelled())?;
+        let behind = now
+            .checked_sub(self.next)
+            .filter(|_| !self.is_cancelled())?;
         let due = self.next;
         let release = match self.overrun {
             Overrun::Skip => {

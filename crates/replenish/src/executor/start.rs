@@ -1,16 +1,16 @@
 //! Starting an executor: plan, spawn, fall back where allowed, launch all or none.
 
+use super::builder::WorkerSpec;
 use super::dispatcher::{Dispatcher, DispatcherCounters};
-use super::live::{Live, Post, Registry};
-use super::routes::{Desk, Route};
 use super::doorbell::Doorbell;
 use super::handle::Shared;
-use super::plan::{Request, check, plan, rank};
-use super::running::{Crew, RunningExecutor};
-use super::threads::{Body, Funding, Launch, Seat};
-use super::builder::WorkerSpec;
+use super::live::{Live, Post, Registry};
 use super::mailbox::Mailbox;
 use super::outbox::Outbox;
+use super::plan::{Request, check, plan, rank};
+use super::routes::{Desk, Route};
+use super::running::{Crew, RunningExecutor};
+use super::threads::{Body, Funding, Launch, Seat};
 use super::worker::Worker;
 use super::{Executor, Options, StopHandle, admission, overlay};
 use crate::error::Error;
@@ -38,7 +38,10 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     } = executor;
     let requests: Vec<&Request> = workers.iter().map(|w| &w.request).collect();
     check_names(&requests)?;
-    if let Some(w) = workers.iter().find(|w| w.entries.is_empty() && w.rules.capacity.is_none()) {
+    if let Some(w) = workers
+        .iter()
+        .find(|w| w.entries.is_empty() && w.rules.capacity.is_none())
+    {
         return Err(Error::IdleWorker(w.request.name.clone()));
     }
     for request in &requests {

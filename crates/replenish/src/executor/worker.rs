@@ -132,9 +132,9 @@ impl Worker {
         let (mut ran, mut last) = (false, None);
         for (at, entry) in self.entries.iter_mut().enumerate() {
             for n in 0..batch {
-                let ready = match in_turn || n > 0 {
-                    true => entry.look(clock::monotonic()),
-                    false => entry.ready && entry.is_live(),
+                let ready = match snapshot {
+                    true => entry.ready && entry.is_live(),
+                    false => entry.look(clock::monotonic()),
                 };
                 let without = n == 0 && entry.handling.always && entry.is_live();
                 if !ready && !without {
