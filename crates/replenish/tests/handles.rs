@@ -198,7 +198,7 @@ fn the_newest_or_the_oldest_survive_as_asked() {
     assert!(eventually(|| received(1) && waiting(0)));
     for data in 1..=5 {
         out.publish(&Int32 { data }).unwrap();
-        assert!(eventually(|| received(data as u64 + 1)));
+        assert!(eventually(|| received(u64::try_from(data).unwrap() + 1)));
     }
     gate.open();
     assert!(eventually(|| got

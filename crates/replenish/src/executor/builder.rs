@@ -350,7 +350,6 @@ impl WorkerBuilder<'_> {
         let entry = make(&Forge {
             context: &self.executor.context,
             worker: &spec.request.name,
-            bell: &spec.bell,
             unique: &|id| self.executor.unique(id),
             number,
         })?;

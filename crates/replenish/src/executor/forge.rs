@@ -1,7 +1,6 @@
 //! Making handles: for workers that are described, and for those that run.
 
 use super::callback::{CallbackContext, CallbackResult};
-use super::doorbell::Doorbell;
 use super::entry::Entry;
 use super::guard::{Guard, GuardCondition};
 use super::handle::Shared;
@@ -23,9 +22,8 @@ use replenish_msg::Message;
 /// What making a handle needs to know.
 pub(crate) struct Forge<'a> {
     pub(crate) context: &'a Context,
-    /// The worker's name, and what it sleeps on.
+    /// The worker's name.
     pub(crate) worker: &'a str,
-    pub(crate) bell: &'a Arc<Doorbell>,
     /// Makes an id unique.
     pub(crate) unique: &'a dyn Fn(String) -> String,
     /// How many handles without a topic the worker has had.
@@ -167,7 +165,7 @@ impl Forge<'_> {
         }
         let shared = self.nameless("timer");
         if let Some(handle) = handle {
-            self.bound(handle.bind(self.bell), &shared)?;
+            self.bound(handle.claim(), &shared)?;
         }
         let control = handle.map(TimerHandle::control);
         let timer = Timer::new(Arc::clone(&shared), every, control, callback);
@@ -180,7 +178,7 @@ impl Forge<'_> {
         R: CallbackResult + 'static,
     {
         let shared = self.nameless("guard");
-        self.bound(guard.bind(self.bell), &shared)?;
+        self.bound(guard.claim(), &shared)?;
         let handle = Guard::new(Arc::clone(&shared), guard.clone(), callback);
         Ok(Entry::new(shared, Box::new(handle)))
     }

@@ -5,8 +5,9 @@ use super::doorbell::Doorbell;
 use super::handle::{Env, Handle, Shared, Taken};
 use crate::Nanos;
 use crate::handoff::Flag;
-use crate::sync::{Arc, AtomicU64, Ordering};
+use crate::sync::{Arc, AtomicBool, AtomicU64, Ordering};
 use core::fmt;
+use core::sync::atomic::fence;
 use replenish_os::clock;
 use std::sync::OnceLock;
 
@@ -35,6 +36,7 @@ struct Inner {
     flag: Flag,
     /// When it was triggered first since the last callback.
     since: AtomicU64,
+    claimed: AtomicBool,
     bell: OnceLock<Arc<Doorbell>>,
 }
 
@@ -46,6 +48,7 @@ impl GuardCondition {
             inner: Arc::new(Inner {
                 flag: Flag::new(),
                 since: AtomicU64::new(0),
+                claimed: AtomicBool::new(false),
                 bell: OnceLock::new(),
             }),
         }
@@ -61,15 +64,16 @@ impl GuardCondition {
         let unset = Ordering::Relaxed;
         inner.since.compare_exchange(0, now, unset, unset).ok();
         inner.flag.raise(|| {
+            fence(Ordering::SeqCst); // either the bell is seen here, or the flag after `begin`
             if let Some(bell) = inner.bell.get() {
                 bell.ring(now);
             }
         });
     }
 
-    /// The condition belongs to the worker that sleeps on `bell`; `false` if it belongs to one.
-    pub(crate) fn bind(&self, bell: &Arc<Doorbell>) -> bool {
-        self.inner.bell.set(Arc::clone(bell)).is_ok()
+    /// It belongs to a callback from now on; `false` if it has belonged to one already.
+    pub(crate) fn claim(&self) -> bool {
+        !self.inner.claimed.swap(true, Ordering::AcqRel)
     }
 }
 
@@ -112,6 +116,11 @@ where
     F: FnMut(&CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
+    fn begin(&mut self, _start: Nanos, bell: &Arc<Doorbell>) {
+        self.condition.inner.bell.set(Arc::clone(bell)).ok();
+        fence(Ordering::SeqCst);
+    }
+
     fn is_ready(&mut self, _now: Nanos) -> bool {
         self.condition.inner.flag.is_raised()
     }

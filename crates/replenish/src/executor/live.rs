@@ -278,7 +278,6 @@ impl LiveWorker<'_> {
         let made = make(&Forge {
             context: &live.context,
             worker: &post.name,
-            bell: post.mailbox.bell(),
             unique: &|id| live.unique(id),
             number: usize::try_from(number).unwrap_or(usize::MAX),
         });

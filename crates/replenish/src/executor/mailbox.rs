@@ -65,10 +65,6 @@ impl Mailbox {
         })
     }
 
-    pub(crate) fn bell(&self) -> &Arc<Doorbell> {
-        &self.bell
-    }
-
     /// Whether the caller is the worker itself.
     pub(crate) fn is_mine(&self) -> bool {
         self.post.lock().worker == Some(current_tid())
@@ -141,7 +137,7 @@ impl Mailbox {
             };
             match order {
                 Order::Add(mut entry) => {
-                    entry.handle.begin(clock::monotonic());
+                    entry.handle.begin(clock::monotonic(), &self.bell);
                     insert(&mut worker.entries, entry);
                 }
                 Order::Remove(shared) => {

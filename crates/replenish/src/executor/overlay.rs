@@ -10,8 +10,8 @@
 use super::Executor;
 use super::admission::policy_of;
 use super::builder::WorkerSpec;
+use super::entry::Entry;
 use super::plan::Request;
-use super::worker::Entry;
 use crate::error::Error;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
@@ -73,14 +73,7 @@ fn apply(executor: &mut Executor, path: &Path) -> Result<(), Error> {
                 return Err(wrong(file.error_at_worker(index, &message)));
             }
             None => {
-                executor.workers.push(WorkerSpec {
-                    request: Request {
-                        name: described.name.clone(),
-                        ..Request::default()
-                    },
-                    entries: Vec::new(),
-                    timers: 0,
-                });
+                executor.workers.push(WorkerSpec::new(&described.name));
                 executor.workers.len() - 1
             }
         };

@@ -17,8 +17,9 @@ use super::handle::{Env, Handle, Shared, Taken};
 use super::schedule::{Every, Schedule, nanos};
 use crate::Nanos;
 use crate::error::Error;
-use crate::sync::{Arc, AtomicU64, Mutex, Ordering};
+use crate::sync::{Arc, AtomicBool, AtomicU64, Mutex, Ordering};
 use core::fmt;
+use core::sync::atomic::fence;
 use core::time::Duration;
 use replenish_os::clock;
 use std::sync::OnceLock;
@@ -47,6 +48,7 @@ pub(crate) struct Control {
     /// Even numbers of wishes, written down in `wish`.
     version: AtomicU64,
     wish: Mutex<Wish>,
+    claimed: AtomicBool,
     bell: OnceLock<Arc<Doorbell>>,
     /// What the schedule said last.
     next: AtomicU64,
@@ -103,14 +105,15 @@ impl TimerHandle {
             change(&mut wish);
             inner.version.fetch_add(1, Ordering::Release);
         }
+        fence(Ordering::SeqCst); // either the bell is seen here, or the wish in `begin`
         if let Some(bell) = inner.bell.get() {
             bell.call();
         }
     }
 
-    /// The timer belongs to the worker that sleeps on `bell`; `false` if it belongs to one already.
-    pub(crate) fn bind(&self, bell: &Arc<Doorbell>) -> bool {
-        self.inner.bell.set(Arc::clone(bell)).is_ok()
+    /// It belongs to a timer from now on; `false` if it has belonged to one already.
+    pub(crate) fn claim(&self) -> bool {
+        !self.inner.claimed.swap(true, Ordering::AcqRel)
     }
 
     pub(crate) fn control(&self) -> Arc<Control> {
@@ -186,7 +189,11 @@ where
     F: FnMut(&CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
-    fn begin(&mut self, start: Nanos) {
+    fn begin(&mut self, start: Nanos, bell: &Arc<Doorbell>) {
+        if let Some(control) = &self.control {
+            control.bell.set(Arc::clone(bell)).ok();
+            fence(Ordering::SeqCst);
+        }
         let first = match self.every.autostart {
             true => start.saturating_add(nanos(self.every.first_after)),
             false => Nanos::MAX,

@@ -59,7 +59,7 @@ impl Worker {
             Schedule::new(first, nanos(every.period), every.overrun)
         });
         for entry in &mut self.entries {
-            entry.handle.begin(start);
+            entry.handle.begin(start, &self.bell);
         }
     }
 
