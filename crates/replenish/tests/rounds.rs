@@ -12,6 +12,7 @@ use common::{eventually, executor};
 use replenish::msg::std_msgs::Int32;
 use replenish::{
     Context, Executor, GuardCondition, Handling, Node, OnMiss, Publisher, Qos, Semantics, Trigger,
+    WorkerBuilder,
 };
 use replenish_testkit::watchdog::watchdog;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -344,26 +345,24 @@ fn a_missed_deadline_is_counted_and_answered_as_asked() {
 #[test]
 fn rules_that_contradict_each_other_are_refused_by_name() {
     let ctx = Context::in_process();
-    let says = |describe: fn(replenish::WorkerBuilder<'_>)| {
+    let says = |describe: for<'a> fn(WorkerBuilder<'a>) -> WorkerBuilder<'a>| {
         let (mut exec, _) = executor(&ctx);
         describe(exec.worker("w").timer(MS, |_| ()).unwrap());
         exec.start().map(drop).unwrap_err().to_string()
     };
-    let always = says(|w| drop(w.trigger(Trigger::Always)));
+    let always = says(|w| w.trigger(Trigger::Always));
     assert!(
         always.contains("trigger = Always is not allowed"),
         "{always}"
     );
     let batch = says(|w| {
-        drop(
-            w.semantics(Semantics::LogicalExecutionTime)
-                .messages_per_round(2),
-        );
+        w.semantics(Semantics::LogicalExecutionTime)
+            .messages_per_round(2)
     });
     assert!(batch.contains("messages_per_round = 2"), "{batch}");
-    let every = says(|w| drop(w.every(Duration::ZERO)));
+    let every = says(|w| w.every(Duration::ZERO));
     assert!(every.contains("every = 0"), "{every}");
-    let capacity = says(|w| drop(w.capacity(5000)));
+    let capacity = says(|w| w.capacity(5000));
     assert!(
         capacity.contains("capacity = 5000 is not allowed: 1..=4096"),
         "{capacity}"
