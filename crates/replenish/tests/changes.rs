@@ -33,7 +33,7 @@ fn handles_come_and_go_from_four_threads_and_nobody_else_is_disturbed() {
     exec.worker("w")
         .capacity(5)
         .subscribe(&node, "t", qos, move |m: &Int32, _| {
-            push.lock().unwrap().push(m.data)
+            push.lock().unwrap().push(m.data);
         })
         .unwrap();
     let running = exec.start().unwrap();
