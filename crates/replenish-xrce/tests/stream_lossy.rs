@@ -154,3 +154,24 @@ fn repair_costs_at_most_half_of_what_go_back_n_costs() {
         assert!(half || loss == 0, "{point:?}");
     }
 }
+
+#[test]
+fn a_loss_costs_round_trips_and_not_heartbeats() {
+    // With 10 % loss four windows of five lose something, and each such loss takes a round trip to
+    // be known and another to be repaired: two and a half times as long as without, or three with
+    // delays that differ.
+    for (delay_min, delay_max) in [(MILLI, MILLI), (5 * MILLI, 5 * MILLI), (MILLI, 5 * MILLI)] {
+        let speed = |loss_percent| {
+            let link = Link {
+                loss_percent,
+                duplicate_percent: 1,
+                delay_min,
+                delay_max,
+            };
+            run(1, link, load(10_000, 300, 50_000)).messages_per_second()
+        };
+        let (perfect, rough) = (speed(0), speed(10));
+        println!("{delay_min}..{delay_max} ns: {perfect:.0}/s, with 10 % loss {rough:.0}/s");
+        assert!(rough * 3.5 > perfect, "{perfect} {rough}");
+    }
+}

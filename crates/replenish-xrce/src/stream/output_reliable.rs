@@ -12,10 +12,12 @@
 //! acknowledgement of the last transmission can have come: the receiver answers every message that
 //! follows a gap, and all those answers name the same gap; and where messages overtake each other,
 //! not every gap is a loss. On a link with a steady delay that time has always passed when the
-//! first ACKNACK arrives, so that repair is immediate there.
+//! first ACKNACK arrives, so that repair is immediate there. A repair may be lost, too, and with it
+//! what would make the receiver complain: so it is repeated a few times by itself, after the time
+//! that an answer takes, which is measured only where nothing but the link can have delayed it.
 
 use super::carry::Carried;
-use super::ring::Ring;
+use super::ring::{Ring, Slot};
 use super::rtt::Rtt;
 use super::spill::Spill;
 use super::{PushError, StreamHeader, Tail};
@@ -87,6 +89,31 @@ impl OutputStats {
     }
 }
 
+/// So often a message that was named missing is sent again without being named again.
+const RETRIES: u8 = 3;
+
+/// So many heartbeats go out at the same pace before it slows down.
+const STEADY: u8 = 3;
+
+/// What an acknowledgement says that was not known.
+#[derive(Default)]
+struct News {
+    /// When the newest message was sent of which it is news that it has arrived.
+    newest: Option<Nanos>,
+    /// One that was sent again has: what else is news may have been so for long.
+    again: bool,
+}
+
+impl News {
+    fn received(&mut self, slot: &mut Slot) {
+        slot.lost = None;
+        if !core::mem::replace(&mut slot.received, true) {
+            self.again |= slot.resent;
+            self.newest = self.newest.max(Some(slot.sent_at));
+        }
+    }
+}
+
 /// The sending end of a reliable stream: up to `N` messages are kept in `S`.
 #[derive(Debug)]
 pub struct OutputReliable<S, const N: usize> {
@@ -104,6 +131,10 @@ pub struct OutputReliable<S, const N: usize> {
     heartbeat: Option<Nanos>,
     /// Time between heartbeats now.
     interval: Nanos,
+    /// Heartbeats since something new was acknowledged.
+    unanswered: u8,
+    /// When the last heartbeat was sent.
+    asked_at: Nanos,
     rtt: Rtt,
     stats: OutputStats,
 }
@@ -121,6 +152,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
             sent: 0,
             heartbeat: None,
             interval: config.heartbeat_first,
+            unanswered: 0,
+            asked_at: 0,
             rtt: Rtt::default(),
             stats: OutputStats::default(),
         }
@@ -171,6 +204,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         self.sent = 0;
         self.heartbeat = None;
         self.interval = self.config.heartbeat_first;
+        self.unanswered = 0;
+        self.asked_at = 0;
         self.rtt = Rtt::default();
     }
 
@@ -240,11 +275,17 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         if new {
             self.ring.stamp(i);
         }
+        let patience = self.rtt.timeout().unwrap_or(self.config.heartbeat_first);
+        let patience = patience.min(self.config.heartbeat_max);
         let slot = self.ring.get_mut(i)?;
         slot.open = false;
-        slot.lost = None;
         slot.resent = !new;
         slot.sent_at = now;
+        // What was lost once may be again, and with it the reason for the receiver to say so.
+        slot.lost = (!new && slot.retries < RETRIES).then(|| {
+            slot.retries = slot.retries.saturating_add(1);
+            now.saturating_add(patience.saturating_mul(slot.retries.into()))
+        });
         if new {
             self.sent = self.sent.saturating_add(1);
             self.stats.sent = self.stats.sent.saturating_add(1);
@@ -276,10 +317,14 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         let wait = if unacknowledged == 0 {
             longest
         } else {
-            self.interval = self.interval.saturating_mul(2).min(longest);
+            self.unanswered = self.unanswered.saturating_add(1);
+            if self.unanswered >= STEADY {
+                self.interval = self.interval.saturating_mul(2).min(longest);
+            }
             self.interval
         };
         self.heartbeat = Some(now.saturating_add(wait));
+        self.asked_at = now;
         self.stats.heartbeats = self.stats.heartbeats.saturating_add(1);
         let first = self.first_unacknowledged();
         Some(Heartbeat {
@@ -308,16 +353,21 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
             self.stats.bogus_acks = self.stats.bogus_acks.saturating_add(1);
             return;
         }
+        let mut news = News::default();
         for i in self.confirmed..confirmed {
             if let Some(slot) = self.ring.get_mut(i) {
-                if !slot.resent && !slot.received {
-                    self.rtt.sample(now.saturating_sub(slot.sent_at));
-                }
-                slot.lost = None;
+                news.received(slot);
             }
         }
-        self.confirmed = confirmed;
-        self.release();
+        let last = self.note_received(confirmed, missing, &mut news);
+        if let Some(sent_at) = news.newest.filter(|_| !news.again) {
+            let time = now.saturating_sub(sent_at);
+            if sent_at >= self.asked_at {
+                self.rtt.sample(time);
+            } else {
+                self.rtt.sample_at_most(time); // the answer may be to the heartbeat
+            }
+        }
         let timeout = self.rtt.timeout();
         let Reliability {
             heartbeat_min,
@@ -325,12 +375,17 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
             ..
         } = self.config;
         if acked > 0 {
+            self.unanswered = 0;
             self.interval = timeout.map_or(self.config.heartbeat_first, |timeout| {
                 timeout.min(heartbeat_max).max(heartbeat_min)
             });
         }
+        let unknown = self.config.heartbeat_first.saturating_mul(2);
+        let patience = timeout.unwrap_or(unknown).min(heartbeat_max);
+        self.note_missing(confirmed, last, missing, patience);
+        self.confirmed = confirmed;
+        self.release();
         self.await_answer(now);
-        self.note_missing(now, missing, timeout.unwrap_or(0).min(heartbeat_max));
     }
 
     /// Everything before `first_unsettled` is settled: see
@@ -378,24 +433,30 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         self.heartbeat = wait.map(|wait| now.saturating_add(wait));
     }
 
-    /// Marks what an acknowledgement names as missing, and what it thereby says has arrived.
-    fn note_missing(&mut self, now: Nanos, missing: u16, patience: Nanos) {
+    /// Marks what the bitmap of an acknowledgement from message `first` on says to have arrived;
+    /// gives how many messages it says something about.
+    fn note_received(&mut self, first: usize, missing: u16, news: &mut News) -> usize {
         let known = 16_u32.saturating_sub(missing.leading_zeros());
         let known = usize::try_from(known).unwrap_or(16);
-        let known = known.min(self.sent.saturating_sub(self.confirmed));
+        let known = known.min(self.sent.saturating_sub(first));
         for i in 0..known {
-            let at = self.confirmed.saturating_add(i);
-            let Some(slot) = self.ring.get_mut(at) else {
-                return;
-            };
-            if (missing >> i) & 1 == 0 {
-                if !slot.resent && !slot.received {
-                    self.rtt.sample(now.saturating_sub(slot.sent_at));
-                }
-                slot.received = true;
-                slot.lost = None;
-            } else if slot.lost.is_none() && !slot.received {
+            let slot = self.ring.get_mut(first.saturating_add(i));
+            if let Some(slot) = slot.filter(|_| (missing >> i) & 1 == 0) {
+                news.received(slot);
+            }
+        }
+        known
+    }
+
+    /// Marks what the bitmap names as missing: each is lost once an answer to it would have come.
+    fn note_missing(&mut self, first: usize, known: usize, missing: u16, patience: Nanos) {
+        for i in (0..known).filter(|i| (missing >> i) & 1 != 0) {
+            if let Some(slot) = self.ring.get_mut(first.saturating_add(i))
+                && slot.lost.is_none()
+                && !slot.received
+            {
                 slot.lost = Some(slot.sent_at.saturating_add(patience));
+                slot.retries = 0;
             }
         }
     }

@@ -34,6 +34,8 @@ pub(super) struct Slot {
     pub(super) resent: bool,
     /// Named missing: to be sent again from this time on.
     pub(super) lost: Option<Nanos>,
+    /// How often it was sent again since then.
+    pub(super) retries: u8,
     /// The receiver has it, although not everything before it.
     pub(super) received: bool,
     /// What it holds.

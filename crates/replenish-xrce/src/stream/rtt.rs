@@ -24,6 +24,12 @@ impl Rtt {
         });
     }
 
+    /// Takes in a measurement that may be too long: only as far as it is believable.
+    pub(super) fn sample_at_most(&mut self, rtt: Nanos) {
+        let longest = self.estimate.map(|(smooth, _)| smooth.saturating_mul(2));
+        self.sample(longest.map_or(rtt, |longest| rtt.min(longest)));
+    }
+
     /// A time after which an answer that has not come will hardly come any more, if known.
     pub(super) fn timeout(&self) -> Option<Nanos> {
         self.estimate
