@@ -48,6 +48,16 @@ pub(crate) fn session_with(mut config: Config, patience: u64) -> Client {
 
 /// A participant with a writer of one topic and a reader of another.
 pub(crate) fn endpoints(session: &mut Client, writes: &str, reads: &str, stream: StreamId) {
+    endpoints_of(session, writes, reads, stream);
+}
+
+/// The same for a session of another size.
+pub(crate) fn endpoints_of<const N: usize>(
+    session: &mut Session<Vec<u8>, N, 32>,
+    writes: &str,
+    reads: &str,
+    stream: StreamId,
+) {
     let id = ObjectId::new;
     let participant = id(1, ObjectKind::Participant);
     let mut create = |object, entity| {

@@ -452,10 +452,10 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
     fn note_missing(&mut self, first: usize, known: usize, missing: u16, patience: Nanos) {
         for i in (0..known).filter(|i| (missing >> i) & 1 != 0) {
             if let Some(slot) = self.ring.get_mut(first.saturating_add(i))
-                && slot.lost.is_none()
                 && !slot.received
             {
-                slot.lost = Some(slot.sent_at.saturating_add(patience));
+                let at = slot.sent_at.saturating_add(patience);
+                slot.lost = Some(slot.lost.map_or(at, |lost| lost.min(at)));
                 slot.retries = 0;
             }
         }
