@@ -118,7 +118,8 @@ impl Line {
     /// What has arrived up to now.
     fn receive(&mut self, now: u64) -> Vec<Vec<u8>> {
         let mut messages = Vec::new();
-        while let Some((at, byte)) = self.bytes.pop_front_if(|(at, _)| *at <= now) {
+        while let Some((at, byte)) = self.bytes.front().copied().filter(|(at, _)| *at <= now) {
+            self.bytes.pop_front();
             let Some(byte) = byte else { continue };
             let sent = &mut self.sent;
             self.decoder.push(&[byte], |_, message| {

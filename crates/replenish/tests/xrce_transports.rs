@@ -15,6 +15,7 @@ use replenish::middleware::LinkState;
 use replenish::middleware::xrce::{Received, Sent, Transport, Xrce, XrceConfig};
 use replenish::msg::std_msgs::{Int32, UInt8MultiArray};
 use replenish::{Context, Qos};
+use replenish_agent::{AgentConfig, SerialConfig};
 use replenish_os::clock;
 use replenish_testkit::watchdog::watchdog;
 use replenish_xrce::udp::UdpTransport;
@@ -83,6 +84,8 @@ fn tcp_carries_everything_and_a_cut_connection_comes_back() {
     all_come_back(&ctx, 200);
     let (exec, _) = executor(&ctx);
     let running = exec.start().unwrap();
+    // What has come back is acknowledged; else it would come again.
+    std::thread::sleep(Duration::from_millis(300));
     let start = clock::monotonic();
     bridge.cut();
     assert!(eventually(|| ctx.link() != LinkState::Up));
@@ -105,6 +108,39 @@ fn a_serial_line_carries_everything_even_with_damaged_bytes() {
     println!("clean: {:?}", start.elapsed());
     bridge.damage(4_000);
     all_come_back(&ctx, 50);
+}
+
+#[test]
+fn the_agents_own_tcp_port_is_as_good() {
+    let _dog = watchdog("agent's tcp", LIMIT);
+    let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let tcp = free.local_addr().unwrap();
+    drop(free);
+    let _agent = TestAgent::with(&AgentConfig {
+        addr: "127.0.0.1:0".parse().unwrap(),
+        tcp: Some(tcp),
+        ..AgentConfig::default()
+    });
+    let ctx = Context::xrce_tcp(&tcp.to_string()).unwrap();
+    all_come_back(&ctx, 200);
+}
+
+#[test]
+fn the_agents_own_serial_port_at_its_real_speed() {
+    let _dog = watchdog("agent's line", LIMIT);
+    let (bridge, here, there) = Bridge::line(115_200);
+    let _agent = TestAgent::with(&AgentConfig {
+        addr: "127.0.0.1:0".parse().unwrap(),
+        serial: vec![SerialConfig::new(there)],
+        ..AgentConfig::default()
+    });
+    for every in [0, 4_001, 1_009] {
+        bridge.damage(every);
+        let ctx = Context::xrce_serial(&here, 115_200).unwrap();
+        let start = std::time::Instant::now();
+        all_come_back(&ctx, 20);
+        println!("one byte of {every} damaged: {:?}", start.elapsed());
+    }
 }
 
 #[test]

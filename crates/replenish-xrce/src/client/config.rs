@@ -17,7 +17,7 @@ pub struct Config {
     pub reuse: bool,
     /// The reliable stream that requests go on; those of other streams do not delay them.
     pub requests: StreamId,
-    /// Pairs of name and value for the agent, 400 bytes in all; what is longer is not sent and
+    /// Pairs of name and value for the agent, 100 bytes in all with 10 more for each pair; what is longer is not sent and
     /// counted in [`LinkStats::properties_omitted`](super::LinkStats::properties_omitted).
     pub properties: Properties<'static>,
     /// Asks the agent, with a property more, to tell what it has received from what has reached

@@ -104,8 +104,8 @@ where
         submessage: &Submessage<'_>,
         events: &mut impl FnMut(Event<'_>),
     ) {
-        match submessage.body() {
-            Ok(Body::StatusAgent(answer)) if self.link.state == State::Connecting => {
+        match submessage.body_for_client() {
+            Ok(Some(Body::StatusAgent(answer))) if self.link.state == State::Connecting => {
                 if answer.status.is_ok() {
                     let mut settles = false;
                     answer.properties.for_each(|name, value| {
@@ -116,7 +116,7 @@ where
                     events(Event::Refused(answer.status));
                 }
             }
-            Ok(Body::Status(answer))
+            Ok(Some(Body::Status(answer)))
                 if self.link.state == State::Closing
                     && answer.base.request == RequestId::LOGOUT =>
             {
@@ -124,23 +124,23 @@ where
                 events(Event::Closed);
             }
             _ if !self.link.has_session() => {}
-            Ok(Body::AckNack(ack)) => {
+            Ok(Some(Body::AckNack(ack))) => {
                 let settled = Confirmation::settled_in(submessage);
                 self.streams.acknowledge(now, &ack, settled);
                 if let Some(settled) = settled {
                     self.companions = settled.companions;
                 }
             }
-            Ok(Body::Heartbeat(heartbeat)) => {
+            Ok(Some(Body::Heartbeat(heartbeat))) => {
                 if let Some(stream) = self.streams.reliable_mut(heartbeat.stream) {
                     stream.input.heartbeat(heartbeat.last);
                 }
             }
-            Ok(Body::Info(info)) if Some(info.base.request) == self.info_asked => {
+            Ok(Some(Body::Info(info))) if Some(info.base.request) == self.info_asked => {
                 self.info_asked = None;
                 events(Event::Info(info));
             }
-            Ok(Body::TimestampReply(reply)) => events(Event::Time(reply)),
+            Ok(Some(Body::TimestampReply(reply))) => events(Event::Time(reply)),
             _ => {
                 let malformed = &mut self.link.stats.malformed;
                 sample(&mut self.journal, malformed, submessage, events);
@@ -186,12 +186,12 @@ fn sample<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize>(
     submessage: &Submessage<'_>,
     events: &mut impl FnMut(Event<'_>),
 ) {
-    match submessage.body() {
-        Ok(Body::Data(data)) => match service_data(&data) {
+    match submessage.body_for_client() {
+        Ok(Some(Body::Data(data))) => match service_data(&data) {
             Some(event) => events(event),
             None => *malformed = malformed.saturating_add(1),
         },
-        Ok(Body::Status(answer)) => {
+        Ok(Some(Body::Status(answer))) => {
             journal.answer(answer.base, answer.status);
             let BaseRequest { request, object } = answer.base;
             events(Event::Status {

@@ -80,7 +80,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
     pub(super) fn record(
         &mut self,
         object: ObjectId,
-        body: &impl Encode,
+        body: &dyn Encode,
     ) -> Result<(), RecordError> {
         let end = self.entries().map(|entry| entry.end).max().unwrap_or(0);
         let mut w = Writer::new(self.bytes.as_mut().get_mut(end..).unwrap_or(&mut []));

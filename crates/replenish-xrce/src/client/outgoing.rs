@@ -128,12 +128,12 @@ where
         self.message(self.link.session.before_login(), &body)
     }
 
-    fn control(&mut self, body: &impl Encode) -> Option<&[u8]> {
+    fn control(&mut self, body: &dyn Encode) -> Option<&[u8]> {
         self.message(self.link.session, body)
     }
 
     /// A message outside of streams.
-    fn message(&mut self, session: SessionId, body: &impl Encode) -> Option<&[u8]> {
+    fn message(&mut self, session: SessionId, body: &dyn Encode) -> Option<&[u8]> {
         let header = Header::new(session, StreamId::NONE, SeqNum(0), self.config.key);
         let mut writer = MessageWriter::new(&mut self.scratch, &header).ok()?;
         writer.push(body).ok()?;

@@ -12,6 +12,9 @@ use crate::wire::{
     WriteReply, submessage_len,
 };
 
+/// Bytes of the longest message outside of streams: a log-in with its properties.
+const SCRATCH: usize = 192;
+
 /// How a session stands with its agent. See the module's picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
@@ -42,7 +45,7 @@ pub struct Session<S, const N: usize, const E: usize, const B: usize = 1, const 
     pub(super) info_asked: Option<RequestId>,
     /// Clients that will return with this one, as the agent has said last.
     pub(super) companions: u8,
-    pub(super) scratch: [u8; 448],
+    pub(super) scratch: [u8; SCRATCH],
 }
 
 impl<S, const N: usize, const E: usize, const B: usize, const R: usize> Session<S, N, E, B, R>
@@ -62,7 +65,7 @@ where
             info_request: None,
             info_asked: None,
             companions: 0,
-            scratch: [0; 448],
+            scratch: [0; SCRATCH],
         }
     }
 
@@ -331,7 +334,7 @@ where
         }
     }
 
-    fn record(&mut self, object: ObjectId, body: &impl Encode) -> Result<(), RequestError> {
+    fn record(&mut self, object: ObjectId, body: &dyn Encode) -> Result<(), RequestError> {
         let size = submessage_len(body)?;
         let limit = self.streams.request_limit();
         if size > limit {

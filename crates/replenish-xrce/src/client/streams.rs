@@ -162,7 +162,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
     pub(super) fn write(
         &mut self,
         stream: StreamId,
-        body: &impl Encode,
+        body: &dyn Encode,
         size: usize,
     ) -> Result<(), WriteError> {
         let pushed = if let Some(stream) = self.reliable_mut(stream) {
@@ -176,7 +176,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
     }
 
     /// Pushes a request.
-    pub(super) fn request(&mut self, body: &impl Encode) -> Result<(), PushError> {
+    pub(super) fn request(&mut self, body: &dyn Encode) -> Result<(), PushError> {
         if self.restoring {
             return self.restore.push(body);
         }

@@ -264,7 +264,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
     /// # Errors
     /// [`PushError::WouldBlock`] if too few messages are acknowledged, [`PushError::TooLarge`] if
     /// it never fits, [`PushError::Wire`].
-    pub fn push(&mut self, body: &impl Encode) -> Result<(), PushError> {
+    pub fn push(&mut self, body: &dyn Encode) -> Result<(), PushError> {
         self.ring.push(body)
     }
 
@@ -455,7 +455,11 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
                 && !slot.received
             {
                 let at = slot.sent_at.saturating_add(patience);
-                slot.lost = Some(slot.lost.map_or(at, |lost| lost.min(at)));
+                let repeated = slot.resent;
+                let known = slot
+                    .lost
+                    .map(|lost| if repeated { lost.min(at) } else { lost });
+                slot.lost = Some(known.unwrap_or(at));
                 slot.retries = 0;
             }
         }

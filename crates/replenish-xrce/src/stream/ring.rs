@@ -165,7 +165,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
     }
 
     /// See [`OutputReliable::push`](super::OutputReliable::push).
-    pub(super) fn push(&mut self, body: &impl Encode) -> Result<(), PushError> {
+    pub(super) fn push(&mut self, body: &dyn Encode) -> Result<(), PushError> {
         let size = submessage_len(body).map_err(PushError::Wire)?;
         let fits_one = size.saturating_add(self.header.len()) <= self.slot_size;
         let count = if fits_one {
@@ -295,7 +295,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
     }
 
     /// Appends to the newest message if that is open and has room.
-    fn append(&mut self, body: &impl Encode) -> Result<bool, PushError> {
+    fn append(&mut self, body: &dyn Encode) -> Result<bool, PushError> {
         let Some(index) = self.used.checked_sub(1).map(|i| self.index(i)) else {
             return Ok(false);
         };

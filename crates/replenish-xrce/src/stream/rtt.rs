@@ -1,4 +1,5 @@
-//! An estimate of the round-trip time, after RFC 6298.
+//! An estimate of the round-trip time, after RFC 6298, but with more patience: what is sent again in
+//! vain costs as much as what is sent again late.
 
 use crate::Nanos;
 
@@ -33,7 +34,7 @@ impl Rtt {
     /// A time after which an answer that has not come will hardly come any more, if known.
     pub(super) fn timeout(&self) -> Option<Nanos> {
         self.estimate
-            .map(|(smooth, var)| smooth.saturating_add(var.saturating_mul(4)))
+            .map(|(smooth, var)| smooth.saturating_add(var.saturating_mul(6)))
     }
 }
 
@@ -46,7 +47,7 @@ mod tests {
         let mut rtt = Rtt::default();
         assert_eq!(rtt.timeout(), None);
         rtt.sample(1000);
-        assert_eq!(rtt.timeout(), Some(3000));
+        assert_eq!(rtt.timeout(), Some(4000));
         for _ in 0..200 {
             rtt.sample(10_000);
         }

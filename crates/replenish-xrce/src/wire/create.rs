@@ -63,7 +63,7 @@ impl<'a, B> Representation<'a, B> {
             }
             Representation::Binary(value) => {
                 w.u8(Self::BINARY)?;
-                w.nested(|w| binary(value, w))
+                w.nested(&|w| binary(value, w))
             }
         }
     }

@@ -24,7 +24,7 @@ pub trait Encode {
 ///
 /// # Errors
 /// [`WireError::TooLong`], [`WireError::BadString`].
-pub fn measure(body: &impl Encode) -> Result<usize, WireError> {
+pub fn measure(body: &dyn Encode) -> Result<usize, WireError> {
     let mut w = Writer::measuring();
     body.encode(&mut w)?;
     if w.len() > usize::from(u16::MAX) {
@@ -37,7 +37,7 @@ pub fn measure(body: &impl Encode) -> Result<usize, WireError> {
 ///
 /// # Errors
 /// [`WireError::TooLong`], [`WireError::BadString`].
-pub fn submessage_len(body: &impl Encode) -> Result<usize, WireError> {
+pub fn submessage_len(body: &dyn Encode) -> Result<usize, WireError> {
     let len = measure(body)?;
     Ok(len
         .saturating_add(padding(len, 4))
@@ -49,7 +49,7 @@ pub fn submessage_len(body: &impl Encode) -> Result<usize, WireError> {
 /// # Errors
 /// [`WireError::NoRoom`], [`WireError::TooLong`], [`WireError::BadString`].
 pub fn encode_submessage(
-    body: &impl Encode,
+    body: &dyn Encode,
     pad: bool,
     w: &mut Writer<'_>,
 ) -> Result<(), WireError> {
@@ -92,7 +92,7 @@ impl<'a> MessageWriter<'a> {
     ///
     /// # Errors
     /// [`WireError::NoRoom`], [`WireError::TooLong`], [`WireError::BadString`].
-    pub fn push(&mut self, body: &impl Encode) -> Result<(), WireError> {
+    pub fn push(&mut self, body: &dyn Encode) -> Result<(), WireError> {
         self.append(body, false)
     }
 
@@ -101,11 +101,11 @@ impl<'a> MessageWriter<'a> {
     ///
     /// # Errors
     /// As [`MessageWriter::push`].
-    pub fn push_padded(&mut self, body: &impl Encode) -> Result<(), WireError> {
+    pub fn push_padded(&mut self, body: &dyn Encode) -> Result<(), WireError> {
         self.append(body, true)
     }
 
-    fn append(&mut self, body: &impl Encode, pad: bool) -> Result<(), WireError> {
+    fn append(&mut self, body: &dyn Encode, pad: bool) -> Result<(), WireError> {
         let gap = padding(self.len, 4);
         let no_room = WireError::NoRoom {
             needed: gap,

@@ -179,6 +179,14 @@ impl<'a> Submessage<'a> {
     pub fn body(&self) -> Result<Body<'a>, WireError> {
         Body::decode(self.id, self.flags, self.payload)
     }
+
+    /// Decodes the body if agents send such to clients: see [`Body::decode_for_client`].
+    ///
+    /// # Errors
+    /// Every [`WireError`] but `NoRoom` and `TooLong`.
+    pub fn body_for_client(&self) -> Result<Option<Body<'a>>, WireError> {
+        Body::decode_for_client(self.id, self.flags, self.payload)
+    }
 }
 
 /// Walks submessages; ends after the first one that is malformed.

@@ -183,7 +183,7 @@ impl<'a> Writer<'a> {
     /// [`WireError::NoRoom`], [`WireError::TooLong`] and those of `write`.
     pub fn nested(
         &mut self,
-        write: impl Fn(&mut Writer<'_>) -> Result<(), WireError>,
+        write: &dyn Fn(&mut Writer<'_>) -> Result<(), WireError>,
     ) -> Result<(), WireError> {
         let mut measure = Writer::measuring();
         write(&mut measure)?;
@@ -216,7 +216,7 @@ mod tests {
         w.u8(1)?;
         w.u32(0x0403_0201)?;
         w.string("abc")?;
-        w.nested(|w| {
+        w.nested(&|w| {
             w.u8(9)?;
             w.u16(0x0b0a)
         })

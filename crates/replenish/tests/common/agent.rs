@@ -16,11 +16,14 @@ pub struct TestAgent {
 impl TestAgent {
     pub fn start(address: &str) -> Self {
         let addr = address.parse().unwrap();
-        let config = AgentConfig {
+        Self::with(&AgentConfig {
             addr,
             ..AgentConfig::default()
-        };
-        let mut agent = Agent::bind(&config).unwrap();
+        })
+    }
+
+    pub fn with(config: &AgentConfig) -> Self {
+        let mut agent = Agent::bind(config).unwrap();
         let (address, stop) = (agent.local_addr(), StopHandle::new());
         let handle = stop.clone();
         let run = move || {

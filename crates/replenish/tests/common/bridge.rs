@@ -12,13 +12,30 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 fn agent_socket(agent: SocketAddr) -> UdpSocket {
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     socket.connect(agent).unwrap();
     socket.set_nonblocking(true).unwrap();
     socket
+}
+
+/// What damages bytes: at random, because what is sent again may come again at any regular distance.
+struct Noise(u64);
+
+impl Noise {
+    fn harm(&mut self, bytes: &mut [u8], every: u64) {
+        for byte in bytes {
+            self.0 = self
+                .0
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695);
+            if every > 0 && (self.0 >> 33).is_multiple_of(every) {
+                *byte ^= 0x14;
+            }
+        }
+    }
 }
 
 /// Stops and is joined when it is dropped.
@@ -54,17 +71,10 @@ impl Bridge {
             let socket = agent_socket(agent);
             let mut decoder = Serial::new(SERIAL_AGENT, vec![0; 1024]);
             let (mut bytes, mut frame) = ([0; 512], vec![0; serial_frame_len(1024)]);
-            let mut count = 0;
+            let mut noise = Noise(1);
             while !stop.load(Ordering::SeqCst) {
                 let every = damage.load(Ordering::SeqCst);
-                let mut harm = |bytes: &mut [u8]| {
-                    for byte in bytes {
-                        count += 1;
-                        if every > 0 && count % every == 0 {
-                            *byte ^= 0x14;
-                        }
-                    }
-                };
+                let mut harm = |bytes: &mut [u8]| noise.harm(bytes, every);
                 if let Ok(len) = pty.tty.read(&mut bytes) {
                     harm(&mut bytes[..len]);
                     decoder.push(&bytes[..len], |_, message| {
@@ -86,6 +96,44 @@ impl Bridge {
             }
         });
         (bridge, path)
+    }
+
+    /// A line of `baud` bits per second between the two terminals it returns; the damage is done to
+    /// both directions together.
+    pub fn line(baud: u32) -> (Self, PathBuf, PathBuf) {
+        let (left, right) = (Pty::open().unwrap(), Pty::open().unwrap());
+        let paths = (left.path().to_path_buf(), right.path().to_path_buf());
+        let bridge = Self::spawn(move |stop, _, damage| {
+            let start = Instant::now();
+            let (mut passed, mut noise) = ([0_u64; 2], Noise(2));
+            let mut bytes = [0; 64];
+            while !stop.load(Ordering::SeqCst) {
+                let every = damage.load(Ordering::SeqCst);
+                let micros = u64::try_from(start.elapsed().as_micros()).unwrap();
+                let allowed = micros * u64::from(baud) / 10_000_000;
+                for (way, passed) in passed.iter_mut().enumerate() {
+                    let (from, to) = if way == 0 {
+                        (&left, &right)
+                    } else {
+                        (&right, &left)
+                    };
+                    // What the line could have carried while there was nothing is gone.
+                    *passed = (*passed).max(allowed.saturating_sub(64));
+                    let most = usize::try_from(allowed - *passed).unwrap().min(64);
+                    let Ok(len @ 1..) = from.tty.read(&mut bytes[..most]) else {
+                        continue;
+                    };
+                    *passed += u64::try_from(len).unwrap();
+                    noise.harm(&mut bytes[..len], every);
+                    let mut rest = &bytes[..len];
+                    while !rest.is_empty() && !stop.load(Ordering::SeqCst) {
+                        rest = &rest[to.tty.write(rest).unwrap_or(0)..];
+                    }
+                }
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        });
+        (bridge, paths.0, paths.1)
     }
 
     fn spawn(run: impl FnOnce(&AtomicBool, &AtomicBool, &AtomicU64) + Send + 'static) -> Self {
@@ -110,7 +158,7 @@ impl Bridge {
         self.cut.store(true, Ordering::SeqCst);
     }
 
-    /// Changes one byte of every so many; 0 for none.
+    /// Changes one byte of so many on the average; 0 for none.
     pub fn damage(&self, every: u64) {
         self.damage.store(every, Ordering::SeqCst);
     }

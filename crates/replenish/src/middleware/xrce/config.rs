@@ -62,7 +62,7 @@ impl Default for XrceConfig {
 
 impl XrceConfig {
     /// For slow lines: acknowledgements in batches, and more patience with an agent that may only
-    /// be behind a long message.
+    /// be behind a long message: 3 s for its first answer and for a reader or writer.
     #[must_use]
     pub fn slow_line() -> Self {
         let ping = PingPolicy {
@@ -79,6 +79,8 @@ impl XrceConfig {
             ping,
             reliability,
             acks: AckPolicy::BATCHED,
+            connect_timeout: 3_000_000_000,
+            request_timeout: 3_000_000_000,
             ..Self::default()
         }
     }
