@@ -86,7 +86,7 @@ impl Line {
         let mut frame = vec![0; serial_frame_len(message.len())];
         let len = serial_frame(self.from, self.to, message, &mut frame).unwrap();
         let mut at = self.free_at.max(now);
-        let mut damaged = false;
+        let (mut damaged, mut end) = (false, at);
         for byte in &frame[..len] {
             let hit = self.damage > 0 && self.random.below(self.damage) == 0;
             damaged |= hit;
@@ -100,6 +100,7 @@ impl Line {
                 _ => Some(*byte),
             };
             self.bytes.push_back((at, arrives));
+            end = at;
             if how == 4 {
                 at += BYTE;
                 self.bytes.push_back((at, Some(noise)));
@@ -109,7 +110,7 @@ impl Line {
         let message = message.to_vec();
         self.sent.push(Sent {
             message,
-            end: at,
+            end,
             damaged,
             arrived: false,
         });

@@ -397,6 +397,32 @@ fn only_the_answer_to_the_latest_login_counts() {
 }
 
 #[test]
+fn an_agent_that_does_not_answer_requests_is_not_waited_for_for_ever() {
+    let mut world = World::new();
+    world.connect();
+    world.create_all();
+    world.settle();
+    world.take_told();
+    world.agent.mute = true;
+    let another = ObjectId::new(2, ObjectKind::Participant);
+    let repr = Representation::Binary(ParticipantBinary::default());
+    let entity = Entity::Participant { repr, domain: 0 };
+    let mode = CreationMode::REUSE_OR_REPLACE;
+    world.session.create(another, mode, &entity).unwrap();
+    world.run(4_900 * MILLI);
+    assert_eq!(world.session.creation(another), Some(RequestState::Asked));
+    world.run(200 * MILLI);
+    let unanswered = Some(RequestState::Unanswered);
+    assert_eq!(world.session.creation(another), unanswered);
+    assert_eq!(world.session.state(), State::Up);
+    // Nor after a restart: the session is up, and says what it lacks.
+    world.agent.restart();
+    world.run(10 * SECOND);
+    assert_eq!(world.take_told(), [Told::Down, Told::Up]);
+    assert_eq!(world.session.creation(READER), unanswered);
+}
+
+#[test]
 fn refusals_are_told() {
     let mut world = World::new();
     world.agent.login_status = Status::RESOURCES;

@@ -33,6 +33,10 @@ pub struct Config {
     pub retry_first: Nanos,
     /// The longest time between log-ins. Must exceed the round trip to the agent.
     pub retry_max: Nanos,
+    /// How long an agent that is there may take for the next answer to the creation of objects. What
+    /// it has not answered then is [`RequestState::Unanswered`](super::RequestState::Unanswered),
+    /// and a session that waits for it to be up waits no longer.
+    pub answer_within: Nanos,
     /// How the loss of the agent is noticed; `None`: never.
     pub ping: Option<PingPolicy>,
     /// Heartbeats and window of the reliable output streams.
@@ -53,7 +57,7 @@ pub struct PingPolicy {
 }
 
 impl Config {
-    /// The defaults, for client `key`: session 0x81, MTU 512, log-in every 0.2 s to 0.5 s, ping
+    /// The defaults, for client `key`: session 0x81, MTU 512, log-in every 0.2 s to 0.5 s, 5 s for answers, ping
     /// after 0.14 s of silence and every 0.07 s from then on, loss after 0.7 s.
     #[must_use]
     pub fn new(key: ClientKey) -> Self {
@@ -67,6 +71,7 @@ impl Config {
             mtu: 512,
             retry_first: 200_000_000,
             retry_max: 500_000_000,
+            answer_within: 5_000_000_000,
             ping: Some(PingPolicy {
                 after: 140_000_000,
                 silence_limit: 700_000_000,

@@ -33,6 +33,7 @@ where
                 }
             }
         }
+        self.watch_answers(now);
         self.advance(events);
     }
 
@@ -68,6 +69,11 @@ where
         } else if self.link.gave_up_closing(now) {
             self.link.enter(now, State::Idle, &self.config);
             events(Event::Closed);
+        }
+        self.watch_answers(now);
+        if self.answer_due().is_some_and(|at| at <= now) && self.link.has_session() {
+            self.journal.give_up();
+            self.watch_answers(now);
         }
         self.advance(events);
     }

@@ -18,6 +18,9 @@ pub enum RequestState {
     Done,
     /// Refused by the agent with this status.
     Refused(Status),
+    /// Sent, and not answered for as long as [`Config::answer_within`](super::Config::answer_within).
+    /// A late answer counts all the same.
+    Unanswered,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -183,7 +186,22 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
     #[must_use]
     pub fn is_settled(&self) -> bool {
         self.entries()
-            .all(|entry| matches!(entry.state, RequestState::Done | RequestState::Refused(_)))
+            .all(|entry| !matches!(entry.state, RequestState::Queued | RequestState::Asked))
+    }
+
+    /// Requests that were sent and are to be answered.
+    pub(super) fn asked(&self) -> usize {
+        let asked = |entry: &&Entry| entry.state == RequestState::Asked;
+        self.entries().filter(asked).count()
+    }
+
+    /// Gives up waiting for answers to what was sent.
+    pub(super) fn give_up(&mut self) {
+        for entry in self.entries.iter_mut().flatten() {
+            if entry.state == RequestState::Asked {
+                entry.state = RequestState::Unanswered;
+            }
+        }
     }
 
     /// How far the creation of `object` has got; `None` if it is not in the journal.

@@ -42,10 +42,12 @@ where
             .streams
             .next_deadline()
             .filter(|_| self.link.has_session());
+        let answers = self.answer_due().filter(|_| self.link.has_session());
         self.link
             .next_deadline(&self.config)
             .into_iter()
             .chain(streams)
+            .chain(answers)
             .min()
     }
 
@@ -78,6 +80,7 @@ where
                 mask: INFO_ACTIVITY,
             });
         }
+        self.watch_answers(now);
         self.streams.next_message(now)
     }
 

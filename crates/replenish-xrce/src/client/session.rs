@@ -43,6 +43,8 @@ pub struct Session<S, const N: usize, const E: usize, const B: usize = 1, const 
     /// What to ask the agent about itself, and the question it has not answered yet.
     pub(super) info_request: Option<u32>,
     pub(super) info_asked: Option<RequestId>,
+    /// Requests to be answered when that was last looked at, and when their number changed.
+    pub(super) asked: (usize, Nanos),
     /// Clients that will return with this one, as the agent has said last.
     pub(super) companions: u8,
     pub(super) scratch: [u8; SCRATCH],
@@ -64,6 +66,7 @@ where
             time_request: None,
             info_request: None,
             info_asked: None,
+            asked: (0, 0),
             companions: 0,
             scratch: [0; SCRATCH],
         }
@@ -318,6 +321,20 @@ where
         }
         self.time_request = Some(wall);
         Ok(())
+    }
+
+    /// Notes whether the agent answers requests.
+    pub(super) fn watch_answers(&mut self, now: Nanos) {
+        let asked = self.journal.asked();
+        if asked != self.asked.0 {
+            self.asked = (asked, now);
+        }
+    }
+
+    /// When requests that were not answered are given up.
+    pub(super) fn answer_due(&self) -> Option<Nanos> {
+        let (asked, since) = self.asked;
+        (asked > 0).then(|| since.saturating_add(self.config.answer_within))
     }
 
     pub(super) fn send_queued(&mut self) {

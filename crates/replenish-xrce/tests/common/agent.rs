@@ -36,6 +36,8 @@ pub(crate) struct FakeAgent {
     /// Objects and reads of the current session, in order.
     pub(crate) created: Vec<ObjectId>,
     pub(crate) reads: Vec<(BaseRequest, StreamId)>,
+    /// Acknowledges requests, but does not answer them.
+    pub(crate) mute: bool,
     /// The properties of the latest log-in.
     pub(crate) properties: Vec<(String, String)>,
     /// Samples written, of all sessions.
@@ -61,6 +63,7 @@ impl FakeAgent {
             sessions: Vec::new(),
             created: Vec::new(),
             reads: Vec::new(),
+            mute: false,
             properties: Vec::new(),
             written: Vec::new(),
             best_effort: SeqNum(0),
@@ -183,6 +186,9 @@ impl FakeAgent {
         match submessage.body().expect("a body") {
             Body::Create(create) => {
                 self.created.push(create.base.object);
+                if self.mute {
+                    return;
+                }
                 let answer = StatusReply {
                     base: create.base,
                     status: self.create_status,

@@ -168,7 +168,7 @@ impl State {
                 what,
                 status: status.0,
             })),
-            None => Some(Err(MiddlewareError::NoAnswer { what })),
+            Some(RequestState::Unanswered) | None => Some(Err(MiddlewareError::NoAnswer { what })),
         }
     }
 
