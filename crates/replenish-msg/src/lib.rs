@@ -64,6 +64,17 @@ pub trait Message: Default + Send + 'static {
     fn decode(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError>;
 }
 
+/// A ROS 2 service: a request and its response.
+pub trait Service: 'static {
+    /// What a client sends.
+    type Request: Message;
+    /// What a server answers.
+    type Response: Message;
+
+    /// The ROS name, such as `example_interfaces/srv/AddTwoInts`.
+    const TYPE_NAME: &'static str;
+}
+
 /// Encodes `msg` at the start of `buf` and returns the number of bytes used.
 ///
 /// # Errors

@@ -1,14 +1,17 @@
 //! The connection to a middleware, and the nodes in it.
 
 use crate::error::Error;
-use crate::middleware::{EndpointSpec, InProcessBus, LinkState, Middleware};
+use crate::executor::Client;
+use crate::handoff::{Inbox, Keep};
+use crate::middleware::{EndpointSpec, InProcessBus, LinkState, Middleware, ServiceSpec};
 use crate::name;
 use crate::publisher::Publisher;
 use crate::qos::{IngressLimit, Qos};
 use crate::sync::{Arc, AtomicBool, Ordering};
 use alloc::string::String;
 use core::fmt;
-use replenish_msg::Message;
+use core::time::Duration;
+use replenish_msg::{Message, Service};
 
 /// A connection to a middleware: where nodes live and which one [`Executor`](crate::Executor)
 /// spins. Clones are the same connection. Any thread may use it.
@@ -166,6 +169,47 @@ impl Node {
             .map_err(|e| Error::endpoint("publisher", &topic, e))?;
         let middleware = Arc::clone(self.context.middleware());
         Ok(Publisher::new(middleware, writer, topic))
+    }
+
+    /// A client of the service `name`, which is expanded as topics are. Each request may take
+    /// `limit` until its reply, and `qos.depth` requests may wait for theirs at a time. Replies
+    /// come to [`WorkerBuilder::replies`](crate::WorkerBuilder::replies).
+    ///
+    /// # Errors
+    /// [`Error::Name`], [`Error::Parameter`] for a depth out of range, [`Error::Middleware`] when
+    /// it cannot be created.
+    pub fn client<S: Service>(
+        &self,
+        name: &str,
+        qos: Qos,
+        limit: Duration,
+    ) -> Result<Client<S>, Error> {
+        let name = self.resolve(name)?;
+        check_depth(&name, qos)?;
+        let middleware = self.context.middleware();
+        let ends = middleware
+            .create_client(&self.service::<S>(&name, qos))
+            .map_err(|e| Error::endpoint("client", &name, e))?;
+        let inbox = Inbox::new(qos.depth.into(), S::Response::MAX_SIZE, Keep::Newest);
+        let middleware = Arc::clone(middleware);
+        let (node, most) = (self.name().into(), qos.depth.into());
+        let size = S::Request::MAX_SIZE;
+        Ok(Client::new(
+            middleware, ends, inbox, node, name, limit, most, size,
+        ))
+    }
+
+    pub(crate) fn service<'a, S: Service>(&'a self, name: &'a str, qos: Qos) -> ServiceSpec<'a> {
+        ServiceSpec {
+            node: &self.name,
+            service: name,
+            type_name: S::TYPE_NAME,
+            request_type: S::Request::DDS_TYPE_NAME,
+            response_type: S::Response::DDS_TYPE_NAME,
+            qos,
+            max_request: S::Request::MAX_SIZE,
+            max_response: S::Response::MAX_SIZE,
+        }
     }
 
     pub(crate) fn resolve(&self, topic: &str) -> Result<String, Error> {

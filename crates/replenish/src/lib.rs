@@ -39,10 +39,11 @@ pub use context::{Context, Node};
 pub use error::Error;
 pub use event::Event;
 pub use executor::{
-    AdmissionReport, CallbackContext, CallbackResult, DeadlineMiss, DispatcherReport, Every,
-    Executor, ExecutorHandle, GuardCondition, HandleReport, HandleStates, Handling, LiveWorker,
-    OnMiss, Overrun, RawType, Removal, Report, RunningExecutor, Semantics, StopHandle,
-    ThreadReport, TimerHandle, Topic, Trigger, WorkerBuilder,
+    AdmissionReport, CallError, CallbackContext, CallbackResult, Client, DeadlineMiss,
+    DispatcherReport, Every, Executor, ExecutorHandle, GuardCondition, HandleReport, HandleStates,
+    Handling, LiveWorker, NoReply, OnMiss, Overrun, RawType, Removal, Report, Responder,
+    RunningExecutor, Semantics, StopHandle, ThreadReport, TimerHandle, Topic, Trigger,
+    WorkerBuilder,
 };
 pub use histogram::Histogram;
 pub use middleware::PublishError;

@@ -2,6 +2,7 @@
 
 use super::Executor;
 use super::callback::{CallbackContext, CallbackResult};
+use super::client::{Client, NoReply};
 use super::doorbell::Doorbell;
 use super::entry::Entry;
 use super::forge::{Forge, RawType};
@@ -10,6 +11,7 @@ use super::mailbox::insert;
 use super::plan::Request;
 use super::rules::{Handling, Rules, Semantics, Trigger};
 use super::schedule::Every;
+use super::service::Responder;
 use super::timer::TimerHandle;
 use super::topic::Topic;
 use crate::budget::Budget;
@@ -18,7 +20,7 @@ use crate::error::Error;
 use crate::qos::Qos;
 use crate::sync::Arc;
 use alloc::vec::Vec;
-use replenish_msg::Message;
+use replenish_msg::{Message, Service};
 use replenish_os::Policy;
 use replenish_plan::Guarantee;
 
@@ -315,6 +317,64 @@ impl WorkerBuilder<'_> {
             s.guards - 1
         });
         self.add_numbered(number, |forge| forge.guard(guard, callback))
+    }
+
+    /// Serves `name`: calls `callback` with every request and a response to fill, which is then
+    /// sent. An error sends nothing. A reply that cannot be sent counts as an error of the handle.
+    ///
+    /// # Errors
+    /// As [`subscribe`](Self::subscribe).
+    pub fn serve<S, F>(
+        self,
+        node: &Node,
+        name: &str,
+        qos: Qos,
+        mut callback: F,
+    ) -> Result<Self, Error>
+    where
+        S: Service,
+        F: FnMut(&S::Request, &mut S::Response, &CallbackContext<'_>) + Send + 'static,
+    {
+        let mut response = S::Response::default();
+        let called = move |request: &S::Request, to: Responder<S>, cx: &CallbackContext<'_>| {
+            callback(request, &mut response, cx);
+            to.reply(&response)
+        };
+        self.add(|forge| forge.server::<S, _, _>(node, name, qos, called))
+    }
+
+    /// Serves `name`: calls `callback` with every request and the right to answer it, now or
+    /// later, from any thread.
+    ///
+    /// # Errors
+    /// As [`subscribe`](Self::subscribe).
+    pub fn serve_later<S, F, R>(
+        self,
+        node: &Node,
+        name: &str,
+        qos: Qos,
+        callback: F,
+    ) -> Result<Self, Error>
+    where
+        S: Service,
+        F: FnMut(&S::Request, Responder<S>, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        self.add(|forge| forge.server::<S, _, _>(node, name, qos, callback))
+    }
+
+    /// Calls `callback` once for every request of `client`: with its reply, or when its time limit
+    /// has passed.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] if `client` belongs to a callback already.
+    pub fn replies<S, F, R>(self, client: &Client<S>, callback: F) -> Result<Self, Error>
+    where
+        S: Service,
+        F: FnMut(Result<&S::Response, NoReply>, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        self.add(|forge| forge.replies(client, callback))
     }
 
     fn spec(&mut self) -> Option<&mut WorkerSpec> {

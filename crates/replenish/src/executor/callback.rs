@@ -4,7 +4,7 @@ use super::handle::{Env, Shared};
 use super::live::ExecutorHandle;
 use super::stop::StopHandle;
 use crate::Nanos;
-use crate::handoff::SampleInfo;
+use crate::handoff::{RequestIdentity, SampleInfo};
 use crate::middleware::PublishError;
 use crate::publisher::Publisher;
 use crate::sync::{Arc, Ordering};
@@ -86,6 +86,13 @@ impl CallbackContext<'_> {
     #[must_use]
     pub fn sequence(&self) -> Option<u64> {
         self.info.sequence
+    }
+
+    /// Services: which request this is (server) or answers (client, its
+    /// [number](RequestIdentity::number) only).
+    #[must_use]
+    pub fn request(&self) -> RequestIdentity {
+        self.info.request
     }
 
     /// What the worker's budget has left at this moment; `None` without a budget. Takes the

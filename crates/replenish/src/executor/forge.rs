@@ -1,10 +1,12 @@
 //! Making handles: for workers that are described, and for those that run.
 
 use super::callback::{CallbackContext, CallbackResult};
+use super::client::{Client, NoReply, Replies};
 use super::entry::Entry;
 use super::guard::{Guard, GuardCondition};
 use super::handle::Shared;
 use super::schedule::Every;
+use super::service::{ReplyLine, Responder, Server};
 use super::subscription::{RawSubscription, Subscription};
 use super::timer::{Timer, TimerHandle};
 use super::topic::Topic;
@@ -13,11 +15,11 @@ use crate::error::Error;
 use crate::handoff::{Inbox, Keep};
 use crate::middleware::{EndpointSpec, ReaderId};
 use crate::qos::{History, Qos};
-use crate::sync::Arc;
+use crate::sync::{Arc, Mutex};
 use alloc::boxed::Box;
 use alloc::string::String;
 use core::time::Duration;
-use replenish_msg::Message;
+use replenish_msg::{Message, Service};
 
 /// What making a handle needs to know.
 pub(crate) struct Forge<'a> {
@@ -180,6 +182,55 @@ impl Forge<'_> {
         let shared = self.nameless("guard");
         self.bound(guard.claim(), &shared)?;
         let handle = Guard::new(Arc::clone(&shared), guard.clone(), callback);
+        Ok(Entry::new(shared, Box::new(handle)))
+    }
+
+    pub(crate) fn server<S, F, R>(
+        &self,
+        node: &Node,
+        name: &str,
+        qos: Qos,
+        callback: F,
+    ) -> Result<Entry, Error>
+    where
+        S: Service,
+        F: FnMut(&S::Request, Responder<S>, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        self.owned(node)?;
+        let name = node.resolve(name)?;
+        check_depth(&name, qos)?;
+        let middleware = self.context.middleware();
+        let (reader, writer) = middleware
+            .create_server(&node.service::<S>(&name, qos))
+            .map_err(|e| Error::endpoint("service", &name, e))?;
+        let keep = match qos.history {
+            History::KeepAll => Keep::All,
+            History::KeepLast => Keep::Newest,
+        };
+        let inbox = Arc::new(Inbox::new(qos.depth.into(), S::Request::MAX_SIZE, keep));
+        let id = (self.unique)(alloc::format!("{}/srv:{name}", node.name()));
+        let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
+        let line = ReplyLine {
+            middleware: Arc::clone(middleware),
+            writer,
+            buffer: Mutex::new(alloc::vec![0; S::Response::MAX_SIZE].into()),
+        };
+        let handle = Server::<S, F>::new(Arc::clone(&shared), inbox, line, callback);
+        Ok(Entry::new(shared, Box::new(handle)))
+    }
+
+    pub(crate) fn replies<S, F, R>(&self, client: &Client<S>, callback: F) -> Result<Entry, Error>
+    where
+        S: Service,
+        F: FnMut(Result<&S::Response, NoReply>, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let inner = &client.inner;
+        let id = (self.unique)(alloc::format!("{}/cli:{}", inner.node, inner.name));
+        let shared = Shared::new(id, Some((inner.reader, Arc::clone(&inner.inbox))));
+        self.bound(client.claim(), &shared)?;
+        let handle = Replies::<S, F>::new(Arc::clone(&shared), Arc::clone(inner), callback);
         Ok(Entry::new(shared, Box::new(handle)))
     }
 

@@ -17,6 +17,7 @@
 mod admission;
 mod builder;
 mod callback;
+mod client;
 mod dispatcher;
 mod doorbell;
 mod entry;
@@ -33,6 +34,7 @@ mod routes;
 mod rules;
 mod running;
 mod schedule;
+mod service;
 mod start;
 mod stop;
 mod subscription;
@@ -43,6 +45,7 @@ mod worker;
 
 pub use builder::WorkerBuilder;
 pub use callback::{CallbackContext, CallbackResult};
+pub use client::{CallError, Client, NoReply};
 pub use forge::RawType;
 pub use guard::GuardCondition;
 pub use live::{ExecutorHandle, LiveWorker, Removal};
@@ -50,6 +53,7 @@ pub use report::{AdmissionReport, DispatcherReport, HandleReport, Report, Thread
 pub use rules::{DeadlineMiss, HandleStates, Handling, OnMiss, Semantics, Trigger};
 pub use running::RunningExecutor;
 pub use schedule::{Every, Overrun};
+pub use service::Responder;
 pub use stop::StopHandle;
 pub use timer::TimerHandle;
 pub use topic::Topic;

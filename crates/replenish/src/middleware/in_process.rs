@@ -4,9 +4,11 @@
 //! into the queues of its readers, or while one buffer changes hands, never across a wait. Every
 //! queue is allocated when its reader is created.
 
+mod services;
+
 use super::{
     EndpointSpec, Interest, LinkState, MAX_READERS, Middleware, MiddlewareError, PublishError,
-    ReaderId, Room, SampleInfo, WriterId,
+    ReaderId, RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
 };
 use crate::Nanos;
 use crate::handoff::Ring;
@@ -65,6 +67,8 @@ struct Writer {
     limit: usize,
     /// Samples sent so far.
     sent: u64,
+    /// A client's reader of replies.
+    replies: Option<usize>,
 }
 
 struct Reader {
@@ -101,6 +105,15 @@ impl InProcessBus {
             bus: self.clone(),
             bell,
             me: bus.participants.len() - 1,
+        }
+    }
+
+    /// Rings the participants of these bits. Not under the lock: it would wake a thread into it.
+    fn ring(&self, mut wake: u64) {
+        while wake != 0 {
+            let bell = self.bell(wake.trailing_zeros() as usize);
+            bell.iter().for_each(|bell| bell.set());
+            wake &= wake - 1;
         }
     }
 
@@ -227,6 +240,7 @@ impl Middleware for InProcess {
             topic,
             limit: spec.max_size,
             sent: 0,
+            replies: None,
         });
         Ok(WriterId(id))
     }
@@ -275,7 +289,7 @@ impl Middleware for InProcess {
     /// Delivers to every reader of the topic. [`PublishError::Full`] if a reliable reader that
     /// keeps all had no room; the others have got the sample.
     fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError> {
-        let (mut wake, full) = {
+        let (wake, full) = {
             let mut bus = self.bus.state.lock();
             let mine = bus.participants.get_mut(self.me);
             let writer = mine.and_then(|p| p.writers.get_mut(usize::from(writer.0)));
@@ -293,17 +307,43 @@ impl Middleware for InProcess {
             let topic = writer.topic;
             bus.distribute(topic, payload, &info)
         };
-        // A bell rung under the lock would wake a thread into that lock.
-        while wake != 0 {
-            let bell = self.bus.bell(wake.trailing_zeros() as usize);
-            bell.iter().for_each(|bell| bell.set());
-            wake &= wake - 1;
-        }
+        self.bus.ring(wake);
         if full {
             Err(PublishError::Full)
         } else {
             Ok(())
         }
+    }
+
+    fn create_server(
+        &self,
+        spec: &ServiceSpec<'_>,
+    ) -> Result<(ReaderId, WriterId), MiddlewareError> {
+        self.service_server(spec)
+    }
+
+    fn create_client(
+        &self,
+        spec: &ServiceSpec<'_>,
+    ) -> Result<(ReaderId, WriterId), MiddlewareError> {
+        self.service_client(spec)
+    }
+
+    fn request(&self, client: WriterId, payload: &[u8]) -> Result<u64, PublishError> {
+        self.send_request(client, payload)
+    }
+
+    fn reply(
+        &self,
+        server: WriterId,
+        to: &RequestIdentity,
+        payload: &[u8],
+    ) -> Result<(), PublishError> {
+        self.send_reply(server, to, payload)
+    }
+
+    fn has_server(&self, client: WriterId) -> Option<bool> {
+        self.knows_server(client)
     }
 
     fn wait(&self, interest: &Interest, deadline: Option<Nanos>) -> Result<(), MiddlewareError> {

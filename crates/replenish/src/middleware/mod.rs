@@ -59,6 +59,27 @@ pub struct EndpointSpec<'a> {
     pub ingress: IngressLimit,
 }
 
+/// What a service's client or server is for.
+#[derive(Debug, Clone, Copy)]
+pub struct ServiceSpec<'a> {
+    /// Fully qualified node name.
+    pub node: &'a str,
+    /// Fully qualified service name, `"/add"`.
+    pub service: &'a str,
+    /// `"example_interfaces/srv/AddTwoInts"`.
+    pub type_name: &'a str,
+    /// The DDS type of requests, `"example_interfaces::srv::dds_::AddTwoInts_Request_"`.
+    pub request_type: &'a str,
+    /// The DDS type of replies.
+    pub response_type: &'a str,
+    /// Reliability, history, depth of requests and replies.
+    pub qos: Qos,
+    /// The largest request in bytes.
+    pub max_request: usize,
+    /// The largest reply in bytes.
+    pub max_response: usize,
+}
+
 /// The answer to a delivered sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Room {
@@ -120,6 +141,61 @@ pub trait Middleware: Send + Sync + 'static {
     /// # Errors
     /// When the sample was not sent: too large, no room in the output stream, link down.
     fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError>;
+
+    /// Creates a service's server: the reader of its requests, which come with their
+    /// [identity](SampleInfo::request), and the writer of its replies. Set-up, like a reader.
+    ///
+    /// # Errors
+    /// As [`create_reader`](Self::create_reader).
+    fn create_server(
+        &self,
+        spec: &ServiceSpec<'_>,
+    ) -> Result<(ReaderId, WriterId), MiddlewareError> {
+        let _ = spec;
+        Err(MiddlewareError::Unsupported("services"))
+    }
+
+    /// Creates a service's client: the reader of its replies, which come with the
+    /// [number](RequestIdentity::number) of their request, and the writer of its requests.
+    ///
+    /// # Errors
+    /// As [`create_reader`](Self::create_reader).
+    fn create_client(
+        &self,
+        spec: &ServiceSpec<'_>,
+    ) -> Result<(ReaderId, WriterId), MiddlewareError> {
+        let _ = spec;
+        Err(MiddlewareError::Unsupported("services"))
+    }
+
+    /// Sends a request; its number. Waits for nothing, like [`publish`](Self::publish).
+    ///
+    /// # Errors
+    /// When it was not sent.
+    fn request(&self, client: WriterId, payload: &[u8]) -> Result<u64, PublishError> {
+        let _ = (client, payload);
+        Err(PublishError::UnknownWriter)
+    }
+
+    /// Sends the reply to a request. Waits for nothing, like [`publish`](Self::publish).
+    ///
+    /// # Errors
+    /// When it was not sent.
+    fn reply(
+        &self,
+        server: WriterId,
+        to: &RequestIdentity,
+        payload: &[u8],
+    ) -> Result<(), PublishError> {
+        let _ = (server, to, payload);
+        Err(PublishError::UnknownWriter)
+    }
+
+    /// Whether this client's service has a server; `None` where the middleware does not know.
+    fn has_server(&self, client: WriterId) -> Option<bool> {
+        let _ = client;
+        None
+    }
 
     /// Waits until a reader in `interest` has data, [`wake`](Self::wake) was called, the middleware
     /// has housekeeping to do in [`take`](Self::take), or `deadline` has passed.

@@ -219,7 +219,11 @@ impl State {
         Ok(())
     }
 
-    fn participant(&mut self, node: &str, domain: i16) -> Result<ObjectId, MiddlewareError> {
+    pub(super) fn participant(
+        &mut self,
+        node: &str,
+        domain: i16,
+    ) -> Result<ObjectId, MiddlewareError> {
         if let Some((_, object)) = self.participants.iter().find(|(name, _)| name == node) {
             return Ok(*object);
         }
@@ -264,7 +268,11 @@ impl State {
         Ok(object)
     }
 
-    fn create(&mut self, object: ObjectId, entity: &Entity<'_>) -> Result<(), MiddlewareError> {
+    pub(super) fn create(
+        &mut self,
+        object: ObjectId,
+        entity: &Entity<'_>,
+    ) -> Result<(), MiddlewareError> {
         self.session
             .create(object, CreationMode::REUSE_OR_REPLACE, entity)
             .map_err(|error| request_error(&error))
@@ -275,7 +283,11 @@ impl State {
 const OVERHEAD: usize = 12;
 
 /// The number of the next object, from 1 on.
-fn number(count: usize, limit: usize, what: &'static str) -> Result<u16, MiddlewareError> {
+pub(super) fn number(
+    count: usize,
+    limit: usize,
+    what: &'static str,
+) -> Result<u16, MiddlewareError> {
     u16::try_from(count + 1)
         .ok()
         .filter(|_| count < limit)
@@ -313,7 +325,7 @@ fn control(limit: IngressLimit) -> DeliveryControl {
     }
 }
 
-fn request_error(error: &RequestError) -> MiddlewareError {
+pub(super) fn request_error(error: &RequestError) -> MiddlewareError {
     match *error {
         RequestError::JournalFull => MiddlewareError::Capacity {
             what: "objects of the session",

@@ -16,6 +16,7 @@
 mod backlog;
 mod config;
 mod endpoints;
+mod services;
 mod setup;
 mod state;
 mod transport;
@@ -25,8 +26,8 @@ pub use state::SocketStats;
 pub use transport::{Received, Sent, SerialTransport, TcpTransport, Transport};
 
 use super::{
-    EndpointSpec, Interest, LinkState, Middleware, MiddlewareError, PublishError, ReaderId, Room,
-    SampleInfo, WriterId,
+    EndpointSpec, Interest, LinkState, Middleware, MiddlewareError, PublishError, ReaderId,
+    RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
 };
 use crate::Nanos;
 use alloc::boxed::Box;
@@ -35,6 +36,7 @@ use replenish_os::timer::TimerFd;
 use replenish_os::{PiMutex, PollFd, WakeFd, clock, poll};
 use replenish_xrce::client::LinkStats;
 use replenish_xrce::stream::{BestEffortStats, InputStats, OutputStats};
+use replenish_xrce::wire::ObjectKind;
 use state::{REQUESTS, State};
 use std::io;
 
@@ -178,6 +180,33 @@ impl Middleware for Xrce {
             self.waker.wake(); // the dispatcher waits for the descriptor, but not to be written
         }
         sent
+    }
+
+    fn create_server(
+        &self,
+        spec: &ServiceSpec<'_>,
+    ) -> Result<(ReaderId, WriterId), MiddlewareError> {
+        self.set_up_service(spec, ObjectKind::Replier)
+    }
+
+    fn create_client(
+        &self,
+        spec: &ServiceSpec<'_>,
+    ) -> Result<(ReaderId, WriterId), MiddlewareError> {
+        self.set_up_service(spec, ObjectKind::Requester)
+    }
+
+    fn request(&self, client: WriterId, payload: &[u8]) -> Result<u64, PublishError> {
+        self.send_service(clock::monotonic(), |state| state.request(client, payload))
+    }
+
+    fn reply(
+        &self,
+        server: WriterId,
+        to: &RequestIdentity,
+        payload: &[u8],
+    ) -> Result<(), PublishError> {
+        self.send_service(clock::monotonic(), |state| state.reply(server, to, payload))
     }
 
     fn wait(&self, interest: &Interest, deadline: Option<Nanos>) -> Result<(), MiddlewareError> {

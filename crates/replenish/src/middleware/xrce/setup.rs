@@ -144,7 +144,11 @@ impl Xrce {
     }
 
     /// Waits until the agent has answered the creation of `object`.
-    fn confirm(&self, object: ObjectId, what: &'static str) -> Result<(), MiddlewareError> {
+    pub(super) fn confirm(
+        &self,
+        object: ObjectId,
+        what: &'static str,
+    ) -> Result<(), MiddlewareError> {
         let deadline = clock::monotonic().saturating_add(self.config.request_timeout);
         self.until(deadline, |state| state.outcome(object, what))
             .map_err(|error| io_error("wait for the agent", &error))?

@@ -5,7 +5,9 @@ use super::backlog::Backlog;
 use super::endpoints::{Reader, Topic, Writer};
 use super::{Sent, Transport};
 use crate::Nanos;
-use crate::middleware::{Interest, PublishError, ReaderId, Room, SampleInfo, WriterId};
+use crate::middleware::{
+    Interest, PublishError, ReaderId, RequestIdentity, Room, SampleInfo, WriterId,
+};
 use crate::qos::Criticality;
 use alloc::boxed::Box;
 use alloc::string::String;
@@ -150,9 +152,23 @@ impl State {
             ..
         } = self;
         session.handle(now, datagram, &mut |event| match event {
-            Event::Data {
-                reader, payload, ..
-            } => {
+            Event::Data { payload, .. }
+            | Event::Request { payload, .. }
+            | Event::Reply { payload, .. } => {
+                let (reader, request) = match event {
+                    Event::Request {
+                        replier, identity, ..
+                    } => (replier, RequestIdentity(identity.0)),
+                    Event::Reply {
+                        requester, request, ..
+                    } => (requester, RequestIdentity::reply(request.0.into())),
+                    Event::Data { reader, .. } => (reader, RequestIdentity::default()),
+                    _ => return,
+                };
+                let info = SampleInfo {
+                    request,
+                    ..SampleInfo::at(now)
+                };
                 let index = reader.number().wrapping_sub(1);
                 let Some(reader) = readers.get_mut(usize::from(index)) else {
                     return;
@@ -168,11 +184,11 @@ impl State {
                     reader.lost += 1;
                 } else if interest.contains(id) && reader.backlog.is_empty() {
                     taken += 1;
-                    if sink(id, &SampleInfo::at(now), payload) == Room::Full {
+                    if sink(id, &info, payload) == Room::Full {
                         interest.remove(id);
                     }
                 } else {
-                    reader.lost += u64::from(!reader.backlog.push(&SampleInfo::at(now), payload));
+                    reader.lost += u64::from(!reader.backlog.push(&info, payload));
                     pending.insert(id);
                 }
             }

@@ -1,0 +1,327 @@
+//! A service's client: requests from any thread, each with a number and a time limit; replies and
+//! expired limits as callbacks of one worker.
+//!
+//! ```text
+//!   call: lock the table ── send ── note number and limit ── unlock ── ring, if it is the earliest
+//!   worker: reply ──► in the table? forget it, callback(reply) : too late, discarded
+//!           limit passed ──► forget it, callback(timeout)
+//! ```
+
+use super::callback::{CallbackContext, CallbackResult};
+use super::doorbell::Doorbell;
+use super::handle::{Env, Handle, Shared, Taken};
+use super::schedule::nanos;
+use crate::Nanos;
+use crate::error::Error;
+use crate::handoff::{Inbox, RequestIdentity, SampleInfo};
+use crate::middleware::{Middleware, PublishError, ReaderId, WriterId};
+use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
+use alloc::boxed::Box;
+use alloc::string::String;
+use alloc::vec::Vec;
+use core::fmt;
+use core::marker::PhantomData;
+use core::sync::atomic::fence;
+use core::time::Duration;
+use replenish_msg::Service;
+use replenish_os::clock;
+use std::sync::OnceLock;
+
+/// Sends requests of one service. Clones are the same client; any thread may use them.
+pub struct Client<S> {
+    pub(crate) inner: Arc<ClientInner>,
+    service: PhantomData<fn(&S)>,
+}
+
+pub(crate) struct ClientInner {
+    middleware: Arc<dyn Middleware>,
+    writer: WriterId,
+    pub(crate) reader: ReaderId,
+    pub(crate) inbox: Arc<Inbox>,
+    pub(crate) name: String,
+    pub(crate) node: String,
+    limit: Nanos,
+    table: Mutex<Table>,
+    bell: OnceLock<Arc<Doorbell>>,
+    claimed: AtomicBool,
+}
+
+struct Table {
+    buffer: Box<[u8]>,
+    /// Number, time sent and time limit of each request that waits for its reply.
+    waiting: Vec<(u64, Nanos, Nanos)>,
+    most: usize,
+}
+
+/// Why there is no reply.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum NoReply {
+    /// None has come in time. One that comes later is counted as discarded.
+    TimedOut,
+}
+
+impl fmt::Display for NoReply {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("no reply in time")
+    }
+}
+
+impl core::error::Error for NoReply {}
+
+/// A request was not sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum CallError {
+    /// So many requests wait for their replies already, and more may not.
+    TooMany {
+        /// How many may.
+        limit: usize,
+    },
+    /// The client has no callback for replies: [`WorkerBuilder::replies`](crate::WorkerBuilder::replies).
+    NoCallback,
+    /// The middleware did not send it.
+    Send(PublishError),
+}
+
+impl fmt::Display for CallError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TooMany { limit } => {
+                write!(f, "too many requests without reply: the limit is {limit}")
+            }
+            Self::NoCallback => f.write_str("the client has no callback for replies"),
+            Self::Send(e) => e.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for CallError {}
+
+impl<S: Service> Client<S> {
+    #[expect(clippy::too_many_arguments, reason = "one place makes it")]
+    pub(crate) fn new(
+        middleware: Arc<dyn Middleware>,
+        (reader, writer): (ReaderId, WriterId),
+        inbox: Inbox,
+        node: String,
+        name: String,
+        limit: Duration,
+        most: usize,
+        max_request: usize,
+    ) -> Self {
+        let inner = ClientInner {
+            middleware,
+            writer,
+            reader,
+            inbox: Arc::new(inbox),
+            name,
+            node,
+            limit: nanos(limit),
+            table: Mutex::new(Table {
+                buffer: alloc::vec![0; max_request].into(),
+                waiting: Vec::with_capacity(most),
+                most,
+            }),
+            bell: OnceLock::new(),
+            claimed: AtomicBool::new(false),
+        };
+        Self {
+            inner: Arc::new(inner),
+            service: PhantomData,
+        }
+    }
+
+    /// Sends a request and returns its number, which comes back with the reply
+    /// ([`CallbackContext::request`]). Does not allocate and waits for nobody.
+    ///
+    /// # Errors
+    /// [`CallError`]; then there will be no callback for it.
+    pub fn call(&self, request: &S::Request) -> Result<u64, CallError> {
+        let inner = &self.inner;
+        if !inner.claimed.load(Ordering::Acquire) {
+            return Err(CallError::NoCallback);
+        }
+        let (number, earliest) = {
+            // Held while it is sent: the reply must not come before its number is in the table.
+            let mut table = inner.table.lock();
+            let limit = table.most;
+            if table.waiting.len() >= limit {
+                return Err(CallError::TooMany { limit });
+            }
+            let encoded = replenish_msg::encode(request, &mut table.buffer);
+            let len = encoded.map_err(|e| CallError::Send(PublishError::Encode(e)))?;
+            let payload = table.buffer.get(..len).unwrap_or_default();
+            let sent = inner.middleware.request(inner.writer, payload);
+            let number = sent.map_err(CallError::Send)?;
+            let now = clock::monotonic();
+            let end = now.saturating_add(inner.limit);
+            let earliest = table.waiting.iter().all(|(_, _, other)| end < *other);
+            table.waiting.push((number, now, end));
+            (number, earliest)
+        };
+        fence(Ordering::SeqCst);
+        if earliest && let Some(bell) = inner.bell.get() {
+            bell.call(); // the worker sleeps too long otherwise
+        }
+        Ok(number)
+    }
+
+    /// Waits until the service has a server, up to so long; looks every millisecond. For set-up.
+    ///
+    /// # Errors
+    /// [`Error::Middleware`] where the middleware does not know (DDS-XRCE).
+    pub fn wait_for_server(&self, limit: Duration) -> Result<bool, Error> {
+        let deadline = clock::monotonic().saturating_add(nanos(limit));
+        loop {
+            match self.inner.middleware.has_server(self.inner.writer) {
+                None => {
+                    let unknown =
+                        crate::middleware::MiddlewareError::Unsupported("to know of servers");
+                    return Err(Error::endpoint("client", &self.inner.name, unknown));
+                }
+                Some(true) => return Ok(true),
+                Some(false) if clock::monotonic() >= deadline => return Ok(false),
+                Some(false) => clock::sleep_until(clock::monotonic().saturating_add(1_000_000)),
+            }
+        }
+    }
+
+    /// The fully qualified service name.
+    #[must_use]
+    pub fn service(&self) -> &str {
+        &self.inner.name
+    }
+
+    /// It belongs to a callback from now on; `false` if it has belonged to one already.
+    pub(crate) fn claim(&self) -> bool {
+        !self.inner.claimed.swap(true, Ordering::AcqRel)
+    }
+}
+
+impl<S> Clone for Client<S> {
+    fn clone(&self) -> Self {
+        Self {
+            inner: Arc::clone(&self.inner),
+            service: PhantomData,
+        }
+    }
+}
+
+impl<S> fmt::Debug for Client<S> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Client")
+            .field("service", &self.inner.name)
+            .finish_non_exhaustive()
+    }
+}
+
+pub(crate) struct Replies<S: Service, F> {
+    shared: Arc<Shared>,
+    client: Arc<ClientInner>,
+    response: S::Response,
+    info: SampleInfo,
+    timed_out: bool,
+    callback: F,
+}
+
+impl<S: Service, F> Replies<S, F> {
+    pub(crate) fn new(shared: Arc<Shared>, client: Arc<ClientInner>, callback: F) -> Self {
+        Self {
+            shared,
+            client,
+            response: S::Response::default(),
+            info: SampleInfo::at(0),
+            timed_out: false,
+            callback,
+        }
+    }
+
+    fn earliest(&self) -> Option<Nanos> {
+        let table = self.client.table.lock();
+        table.waiting.iter().map(|(_, _, end)| *end).min()
+    }
+
+    /// Takes a request out of the table whose limit has passed.
+    fn expire(&mut self) -> Option<Taken> {
+        let now = clock::monotonic();
+        let mut table = self.client.table.lock();
+        let at = table.waiting.iter().position(|(_, _, end)| *end <= now)?;
+        let (number, _, end) = table.waiting.swap_remove(at);
+        drop(table);
+        self.shared.counters.received.add(1);
+        self.timed_out = true;
+        self.info = SampleInfo {
+            request: RequestIdentity::reply(number),
+            ..SampleInfo::at(end)
+        };
+        Some(Taken {
+            due: end,
+            deadline: None,
+        })
+    }
+}
+
+impl<S, F, R> Handle for Replies<S, F>
+where
+    S: Service,
+    F: FnMut(Result<&S::Response, NoReply>, &CallbackContext<'_>) -> R + Send,
+    R: CallbackResult,
+{
+    fn begin(&mut self, _start: Nanos, bell: &Arc<Doorbell>) {
+        self.client.bell.set(Arc::clone(bell)).ok();
+        fence(Ordering::SeqCst);
+    }
+
+    fn is_ready(&mut self, now: Nanos) -> bool {
+        self.client.inbox.waiting() > 0 || self.earliest().is_some_and(|end| end <= now)
+    }
+
+    fn next_release(&mut self) -> Option<Nanos> {
+        self.earliest()
+    }
+
+    fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
+        let Some(popped) = self.client.inbox.pop() else {
+            return self.expire();
+        };
+        if popped.wake {
+            env.stop.middleware.wake();
+        }
+        self.info = *popped.slot.info();
+        self.timed_out = false;
+        let number = self.info.request.number();
+        let expected = {
+            let mut table = self.client.table.lock();
+            let at = table.waiting.iter().position(|(n, _, _)| *n == number);
+            at.map(|at| table.waiting.swap_remove(at)).is_some()
+        };
+        let decoded = replenish_msg::decode(&mut self.response, popped.slot.payload());
+        self.client.inbox.give_back(popped.slot);
+        if !expected {
+            self.shared.counters.discarded.add(1);
+            return None;
+        }
+        if let Err(error) = decoded {
+            self.shared.undecodable(error, env.events);
+            return None;
+        }
+        Some(Taken {
+            due: self.info.arrival,
+            deadline: None,
+        })
+    }
+
+    fn execute(&mut self, env: &Env<'_>, started: Nanos) {
+        let cx = CallbackContext {
+            info: self.info,
+            ..CallbackContext::new(env, &self.shared, self.info.arrival, started)
+        };
+        let reply = match self.timed_out {
+            true => Err(NoReply::TimedOut),
+            false => Ok(&self.response),
+        };
+        let result = (self.callback)(reply, &cx);
+        result.inspect(&mut |e| self.shared.failed(e, env.events));
+    }
+}

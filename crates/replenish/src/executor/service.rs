@@ -1,0 +1,133 @@
+//! A service's server: requests from its inbox, replies now or later, from any thread.
+
+use super::callback::{CallbackContext, CallbackResult};
+use super::handle::{Env, Handle, Shared, Taken};
+use crate::Nanos;
+use crate::handoff::{Inbox, RequestIdentity, SampleInfo};
+use crate::middleware::{Middleware, PublishError, WriterId};
+use crate::sync::{Arc, Mutex};
+use alloc::boxed::Box;
+use core::fmt;
+use core::marker::PhantomData;
+use replenish_msg::{Message, Service};
+
+/// Where replies go.
+pub(crate) struct ReplyLine {
+    pub(crate) middleware: Arc<dyn Middleware>,
+    pub(crate) writer: WriterId,
+    pub(crate) buffer: Mutex<Box<[u8]>>,
+}
+
+impl ReplyLine {
+    fn send<M: Message>(&self, to: &RequestIdentity, reply: &M) -> Result<(), PublishError> {
+        let mut buffer = self.buffer.lock();
+        let len = replenish_msg::encode(reply, &mut buffer).map_err(PublishError::Encode)?;
+        let payload = buffer.get(..len).unwrap_or_default();
+        self.middleware.reply(self.writer, to, payload)
+    }
+}
+
+/// The right to answer one request, once: in the callback, or later from any thread.
+///
+/// Dropping it leaves the request unanswered; the client then runs into its timeout.
+#[must_use = "dropping it leaves the request unanswered"]
+pub struct Responder<S> {
+    line: Arc<ReplyLine>,
+    to: RequestIdentity,
+    service: PhantomData<fn(&S)>,
+}
+
+impl<S: Service> Responder<S> {
+    /// Which request this is.
+    #[must_use]
+    pub fn request(&self) -> RequestIdentity {
+        self.to
+    }
+
+    /// Sends the answer. Does not allocate and never waits for a peer.
+    ///
+    /// # Errors
+    /// When it was not sent: the client is gone, no room, too large.
+    pub fn reply(self, response: &S::Response) -> Result<(), PublishError> {
+        self.line.send(&self.to, response)
+    }
+}
+
+impl<S> fmt::Debug for Responder<S> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Responder")
+            .field("to", &self.to)
+            .finish_non_exhaustive()
+    }
+}
+
+pub(crate) struct Server<S: Service, F> {
+    shared: Arc<Shared>,
+    inbox: Arc<Inbox>,
+    line: Arc<ReplyLine>,
+    request: S::Request,
+    info: SampleInfo,
+    callback: F,
+}
+
+impl<S: Service, F> Server<S, F> {
+    pub(crate) fn new(
+        shared: Arc<Shared>,
+        inbox: Arc<Inbox>,
+        line: ReplyLine,
+        callback: F,
+    ) -> Self {
+        Self {
+            shared,
+            inbox,
+            line: Arc::new(line),
+            request: S::Request::default(),
+            info: SampleInfo::at(0),
+            callback,
+        }
+    }
+}
+
+impl<S, F, R> Handle for Server<S, F>
+where
+    S: Service,
+    F: FnMut(&S::Request, Responder<S>, &CallbackContext<'_>) -> R + Send,
+    R: CallbackResult,
+{
+    fn is_ready(&mut self, _now: Nanos) -> bool {
+        self.inbox.waiting() > 0
+    }
+
+    fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
+        let popped = self.inbox.pop()?;
+        if popped.wake {
+            env.stop.middleware.wake();
+        }
+        self.info = *popped.slot.info();
+        let decoded = replenish_msg::decode(&mut self.request, popped.slot.payload());
+        self.inbox.give_back(popped.slot);
+        if let Err(error) = decoded {
+            self.shared.undecodable(error, env.events);
+            return None;
+        }
+        Some(Taken {
+            due: self.info.arrival,
+            deadline: None,
+        })
+    }
+
+    fn execute(&mut self, env: &Env<'_>, started: Nanos) {
+        let due = self.info.arrival;
+        let cx = CallbackContext {
+            info: self.info,
+            ..CallbackContext::new(env, &self.shared, due, started)
+        };
+        let responder = Responder {
+            line: Arc::clone(&self.line),
+            to: self.info.request,
+            service: PhantomData,
+        };
+        let result = (self.callback)(&self.request, responder, &cx);
+        result.inspect(&mut |e| self.shared.failed(e, env.events));
+    }
+}

@@ -1,0 +1,168 @@
+//! Services: a requester or a replier is a reader and a writer in one object.
+//!
+//! Names on DDS are those of ROS 2: requests of `/add` on `rq/addRequest`, replies on `rr/addReply`.
+
+use super::Xrce;
+use super::endpoints::{Reader, Writer, number, request_error};
+use super::state::{State, backlog, stream};
+use crate::Nanos;
+use crate::middleware::{
+    MAX_READERS, MiddlewareError, PublishError, ReaderId, RequestIdentity, ServiceSpec, WriterId,
+};
+use crate::qos::History;
+use alloc::format;
+use replenish_xrce::client::WriteError;
+use replenish_xrce::wire::{
+    DeliveryControl, Entity, ObjectId, ObjectKind, Representation, SampleIdentity, ServiceBinary,
+};
+
+impl Xrce {
+    pub(super) fn set_up_service(
+        &self,
+        spec: &ServiceSpec<'_>,
+        kind: ObjectKind,
+    ) -> Result<(ReaderId, WriterId), MiddlewareError> {
+        let (domain, most) = (self.config.domain, self.config.max_sample);
+        let added = self.state.lock().add_service(spec, kind, domain, most);
+        let (reader, writer, object) = added?;
+        let confirmed = self.confirm(object, "create a requester or replier");
+        if confirmed.is_err() {
+            self.state.lock().abandon_service(object);
+        }
+        confirmed.map(|()| (reader, writer))
+    }
+
+    /// Sends what `write` puts into the session.
+    pub(super) fn send_service<T>(
+        &self,
+        now: Nanos,
+        write: impl FnOnce(&mut State) -> Result<T, PublishError>,
+    ) -> Result<T, PublishError> {
+        let mut state = self.state.lock();
+        let written = write(&mut state)?;
+        // Reliable: what cannot be sent now stays in the session.
+        state.flush(now, &*self.transport, &self.timer).ok();
+        drop(state);
+        if self.transport.wants_write() {
+            self.waker.wake();
+        }
+        Ok(written)
+    }
+}
+
+impl State {
+    fn add_service(
+        &mut self,
+        spec: &ServiceSpec<'_>,
+        kind: ObjectKind,
+        domain: i16,
+        most: usize,
+    ) -> Result<(ReaderId, WriterId, ObjectId), MiddlewareError> {
+        let stream = stream(true, spec.qos.criticality);
+        let (incoming, outgoing) = match kind {
+            ObjectKind::Requester => (spec.max_response, spec.max_request),
+            _ => (spec.max_request, spec.max_response),
+        };
+        if !self.is_up() {
+            return Err(MiddlewareError::LinkDown);
+        }
+        let limit = self.session.limit(stream).unwrap_or(0).min(most);
+        let size = incoming.max(outgoing) + IDENTITY;
+        if size > limit {
+            return Err(MiddlewareError::TooLarge { size, limit });
+        }
+        let number = number(self.readers.len(), MAX_READERS, "readers")?;
+        let object = ObjectId::new(number, kind);
+        let participant = self.participant(spec.node, domain)?;
+        let request_topic = format!("rq{}Request", spec.service);
+        let reply_topic = format!("rr{}Reply", spec.service);
+        let repr = Representation::Binary(ServiceBinary {
+            service: spec.service.trim_start_matches('/'),
+            request_type: spec.request_type,
+            reply_type: spec.response_type,
+            request_topic: Some(&request_topic),
+            reply_topic: Some(&reply_topic),
+        });
+        let entity = match kind {
+            ObjectKind::Requester => Entity::Requester { repr, participant },
+            _ => Entity::Replier { repr, participant },
+        };
+        self.create(object, &entity)?;
+        self.session
+            .read(object, stream, DeliveryControl::UNLIMITED)
+            .map_err(|error| request_error(&error))?;
+        let keep_last = spec.qos.history == History::KeepLast;
+        self.readers.push(Reader {
+            object,
+            max_size: incoming,
+            backlog: backlog(spec.qos.depth.max(1), incoming, keep_last),
+            lost: 0,
+            flow: None,
+        });
+        self.writers.push(Writer {
+            object,
+            stream,
+            max_size: outgoing,
+        });
+        let writer = u16::try_from(self.writers.len() - 1).unwrap_or(u16::MAX);
+        Ok((ReaderId(number - 1), WriterId(writer), object))
+    }
+
+    fn abandon_service(&mut self, object: ObjectId) {
+        self.session.delete(object).ok();
+        if self.readers.last().is_some_and(|r| r.object == object) {
+            self.readers.pop();
+        }
+        if self.writers.last().is_some_and(|w| w.object == object) {
+            self.writers.pop();
+        }
+    }
+
+    fn service_end(
+        &self,
+        end: WriterId,
+        kind: ObjectKind,
+        size: usize,
+    ) -> Result<&Writer, PublishError> {
+        let writer = self.writers.get(usize::from(end.0));
+        let writer = writer.filter(|w| w.object.kind() == Ok(kind));
+        let writer = writer.ok_or(PublishError::UnknownWriter)?;
+        let limit = writer.max_size;
+        match size > limit {
+            true => Err(PublishError::TooLarge { size, limit }),
+            false => Ok(writer),
+        }
+    }
+
+    pub(super) fn request(&mut self, end: WriterId, payload: &[u8]) -> Result<u64, PublishError> {
+        let writer = self.service_end(end, ObjectKind::Requester, payload.len())?;
+        let (object, stream) = (writer.object, writer.stream);
+        let sent = self.session.request(object, stream, payload);
+        sent.map(|request| u64::from(request.0)).map_err(refused)
+    }
+
+    pub(super) fn reply(
+        &mut self,
+        end: WriterId,
+        to: &RequestIdentity,
+        payload: &[u8],
+    ) -> Result<(), PublishError> {
+        let writer = self.service_end(end, ObjectKind::Replier, payload.len())?;
+        let (object, stream) = (writer.object, writer.stream);
+        let identity = SampleIdentity(to.0);
+        let sent = self.session.reply(object, stream, identity, payload);
+        sent.map_err(refused)
+    }
+}
+
+/// Bytes of a request or reply besides its payload.
+const IDENTITY: usize = 24;
+
+fn refused(error: WriteError) -> PublishError {
+    match error {
+        WriteError::WouldBlock => PublishError::Full,
+        WriteError::TooLarge { size, limit } => PublishError::TooLarge { size, limit },
+        WriteError::UnknownStream(_) => PublishError::UnknownWriter,
+        _ => PublishError::LinkDown,
+    }
+}
