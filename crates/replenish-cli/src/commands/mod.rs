@@ -59,6 +59,8 @@ enum Experiment {
     BudgetSweep(experiment::budget_sweep::Args),
     /// Experiment 2: the low worker sleeps; the high one uses what is left in the background
     WorkConserving(experiment::work_conserving::Args),
+    /// What a neighbour, a runaway callback and a flood do to a control loop, without and with budgets
+    Isolation(experiment::isolation::Args),
     /// The paper's open question: its measurements on NuttX, replayed with and without two bugs
     NuttxHistory(experiment::nuttx_history::Args),
 }
@@ -88,6 +90,7 @@ impl Cli {
             Command::Experiment(Experiment::WorkConserving(args)) => {
                 experiment::work_conserving::run(&args)
             }
+            Command::Experiment(Experiment::Isolation(args)) => experiment::isolation::run(&args),
             Command::Experiment(Experiment::NuttxHistory(args)) => {
                 experiment::nuttx_history::run(&args)
             }

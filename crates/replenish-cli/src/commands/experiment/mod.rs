@@ -1,8 +1,9 @@
-//! `replenish experiment …`: the paper's two experiments and its open question, and the files that
-//! they write.
+//! `replenish experiment …`: the paper's two experiments, its open question, what budgets protect
+//! from, and the files that these write.
 
 pub(super) mod budget_sweep;
 mod history_figure;
+pub(super) mod isolation;
 pub(super) mod nuttx_history;
 mod sleep_report;
 mod sweep_report;
