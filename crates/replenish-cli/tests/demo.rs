@@ -21,6 +21,11 @@ fn main() {
     run_trials(vec![
         rt_program_trial("demo_json_and_identities", demo_json_and_identities),
         rt_program_trial("sweep_with_odd_values", sweep_with_odd_values),
+        rt_program_trial("budgets_isolate_the_control_loop", isolation),
+        trial(
+            "without_privilege_isolation_says_what_is_not_guaranteed",
+            unprivileged_isolation,
+        ),
         trial(
             "an_ordinary_user_gets_the_declared_fallback",
             unprivileged_demo,
@@ -165,6 +170,57 @@ fn sweep_with_odd_values() {
             .contains("theory")
     );
     assert!(std::fs::read_to_string(&files[3]).unwrap().contains("<svg"));
+}
+
+fn isolation() {
+    let scratch = Scratch::new("isolation");
+    let files = ["json", "csv", "svg"].map(|kind| scratch.path(&format!("i.{kind}")));
+    let [j, csv, svg] = files.each_ref().map(|p| p.to_str().unwrap());
+    let args = ["--windows", "1", "--json", j, "--csv", csv, "--svg", svg];
+    let output = run(&[&["experiment", "isolation"][..], &args].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    let result = json(&files[0]);
+    let cases = result["cases"].as_array().unwrap();
+    assert_eq!(cases.len(), 8);
+    for case in cases {
+        let releases = case["releases"].as_u64().unwrap();
+        assert!((40..=50).contains(&releases), "{case:#}");
+        assert_eq!(case["deadline_ms"], 10.0);
+        // The machine may stand still; the command says so, and it is no fault of a budget.
+        if case["windows_stalled"] == 0 && case["budgets"] == true {
+            assert_eq!(case["misses"], 0, "{case:#}");
+            assert!(case["worst_ms"].as_f64().unwrap() <= 10.0, "{case:#}");
+        }
+        let harmed = ["noisy-neighbour", "runaway-callback"].map(serde_json::Value::from);
+        if case["budgets"] == false && harmed.contains(&case["name"]) {
+            assert!(case["misses"].as_u64().unwrap() > 10, "{case:#}");
+        }
+    }
+    let lines = std::fs::read_to_string(&files[1]).unwrap().lines().count();
+    let releases = cases.iter().map(|c| c["releases"].as_u64().unwrap());
+    assert_eq!(lines as u64, 1 + releases.sum::<u64>());
+    assert!(
+        std::fs::read_to_string(&files[2])
+            .unwrap()
+            .contains("Runaway")
+    );
+}
+
+fn unprivileged_isolation() {
+    let scratch = Scratch::new("unprivileged-isolation");
+    open_to_all(&scratch);
+    let path = scratch.path("i.json");
+    let (windows, json_path) = ("--windows", path.to_str().unwrap());
+    let args = ["experiment", "isolation", windows, "1", "--json", json_path];
+    let Some(output) = as_ordinary_user(&scratch, &args) else {
+        return;
+    };
+    assert!(output.status.success(), "{}", stderr(&output));
+    for case in json(&path)["cases"].as_array().unwrap() {
+        assert_eq!(case["mode"], "deferred", "{case:#}");
+    }
+    let text = stdout(&output);
+    assert!(text.contains("held at callback boundaries only"), "{text}");
 }
 
 fn unprivileged_demo() {

@@ -15,6 +15,7 @@ mod ping;
 mod plan;
 mod pong;
 mod simulate;
+mod suggest;
 
 use crate::outcome::Outcome;
 use clap::{Parser, Subcommand};
@@ -40,6 +41,8 @@ enum Command {
     Plan(plan::Args),
     /// Run a deployment file in virtual time and draw its schedule
     Simulate(simulate::Args),
+    /// Propose budgets for a program from what its threads take while it runs
+    Suggest(suggest::Args),
     /// What this machine grants to real-time threads, with advice
     Doctor(doctor::Args),
     /// Figures of the mechanisms next to a baseline measured in the same run
@@ -96,6 +99,7 @@ impl Cli {
             }
             Command::Plan(args) => plan::run(&args),
             Command::Simulate(args) => simulate::run(&args),
+            Command::Suggest(args) => suggest::run(&args),
             Command::Doctor(args) => doctor::run(&args),
             Command::Bench(Bench::Enforcement(args)) => bench_enforcement::run(&args),
             Command::Bench(Bench::Handoff(args)) => bench_handoff::run(&args),

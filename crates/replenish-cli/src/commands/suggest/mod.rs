@@ -1,0 +1,252 @@
+//! `replenish suggest`: budgets for a program, from what its threads take while it runs.
+//!
+//! `replenish suggest -- ./my_program` starts it, `--pid` looks at one that runs. Each thread is a
+//! worker by its name; what it took at most in any period, plus a margin, becomes its guarantee in a
+//! deployment file, which `replenish plan` checks. A measurement is no bound: it says what was
+//! seen, and how often was looked.
+
+mod observe;
+
+use super::plan::ms;
+use crate::load::{MS, Nanos};
+use crate::options::{self, JsonOption};
+use crate::outcome::{Failure, Outcome};
+use crate::report::files;
+use crate::report::table::Table;
+use crate::signals::Stop;
+use observe::{Observer, Seen};
+use replenish_os::clock;
+use replenish_plan::{Guarantee, Template, TemplateWorker};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Between two samples.
+const SAMPLE: Duration = Duration::from_millis(10);
+/// Budgets are rounded up to this.
+const STEP: Nanos = MS / 10;
+/// How long a program may take to end after it was asked to.
+const WIND_DOWN: Duration = Duration::from_secs(2);
+
+/// Options of `suggest`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// A process that runs, instead of a program to start
+    #[arg(long, value_name = "PID", conflicts_with = "program",
+          value_parser = clap::value_parser!(u32).range(1..))]
+    pid: Option<u32>,
+
+    /// For how long to look, in seconds; a program that was started is ended then
+    #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=86_400))]
+    seconds: u64,
+
+    /// Period of the budgets, in milliseconds
+    #[arg(long, value_name = "MS", default_value_t = 100, value_parser = options::period())]
+    period: u64,
+
+    /// How much is added to the most that was seen, in percent
+    #[arg(long, value_name = "PERCENT", default_value_t = 20, value_parser = clap::value_parser!(u64).range(0..=400))]
+    margin: u64,
+
+    /// Where to write the deployment file
+    #[arg(long, value_name = "PATH", default_value = "suggested.toml")]
+    out: PathBuf,
+
+    #[command(flatten)]
+    json: JsonOption,
+
+    /// The program to start, and its arguments
+    #[arg(last = true, value_name = "PROGRAM", required_unless_present = "pid")]
+    program: Vec<String>,
+}
+
+/// What is suggested for one thread.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+struct Row {
+    id: String,
+    /// The most CPU time seen in any period. Not a bound.
+    max_observed_ms: f64,
+    /// Periods that were looked at.
+    samples: u64,
+    margin_percent: u64,
+    suggested_budget_ms: f64,
+    period_ms: f64,
+    cpu_percent: f64,
+    #[serde(skip)]
+    budget: Nanos,
+}
+
+/// Looks, suggests, writes.
+pub(crate) fn run(args: &Args) -> Outcome {
+    files::check_writable(args.json.json.as_deref())?;
+    let existed = args.out.exists();
+    files::check_writable(Some(&args.out))?;
+    let stop = Stop::on_signals()?;
+    let result = observe(args, &stop).and_then(|rows| report(args, &rows));
+    if result.is_err() && !existed {
+        std::fs::remove_file(&args.out).ok(); // it was ours, and is empty
+    }
+    result
+}
+
+fn observe(args: &Args, stop: &Stop) -> Result<Vec<Row>, Failure> {
+    let mut started = match args.program.split_first() {
+        Some((program, arguments)) => {
+            let mut command = Command::new(program);
+            command.args(arguments).stdin(Stdio::null());
+            let child = command
+                .spawn()
+                .map_err(|e| Failure::refused(format!("cannot start {program}: {e}")))?;
+            Some(Started(child))
+        }
+        None => None,
+    };
+    let pid = started.as_ref().map_or(args.pid, |s| Some(s.0.id()));
+    let pid = pid.ok_or_else(|| Failure::Usage("either --pid or a program is needed".into()))?;
+    eprintln!("watching process {pid} for {} s …", args.seconds);
+    let mut observer = Observer::new(pid, options::ms(args.period));
+    let end = Instant::now() + Duration::from_secs(args.seconds);
+    let mut seen = false;
+    while Instant::now() < end {
+        let gone = started.as_mut().is_some_and(Started::has_ended);
+        if gone || !observer.sample(clock::monotonic()) {
+            break;
+        }
+        seen = true;
+        if stop.wait(SAMPLE) {
+            break; // what was seen so far counts
+        }
+    }
+    drop(started);
+    if !seen {
+        return Err(Failure::refused(format!(
+            "there is no process {pid} whose threads can be seen"
+        )));
+    }
+    let mut names = std::collections::BTreeMap::new();
+    let workers = observer.workers();
+    let rows: Vec<Row> = workers
+        .iter()
+        .filter(|w| w.windows > 0)
+        .map(|w| {
+            // Threads of one name are told apart by a number.
+            let count = names.entry(w.name.clone()).or_insert(0);
+            *count += 1;
+            let id = match *count {
+                1 => w.name.clone(),
+                n => format!("{}-{n}", w.name),
+            };
+            row(args, id, w)
+        })
+        .collect();
+    if rows.is_empty() {
+        return Err(Failure::refused(format!(
+            "process {pid} had no thread besides its first one for {} ms",
+            args.period
+        )));
+    }
+    Ok(rows)
+}
+
+fn row(args: &Args, id: String, seen: &Seen) -> Row {
+    let period = options::ms(args.period);
+    let with_margin = seen.most.saturating_mul(100 + args.margin) / 100;
+    let budget = with_margin.div_ceil(STEP).max(1) * STEP;
+    let budget = budget.min(period);
+    Row {
+        id: id.replace('/', "-"),
+        max_observed_ms: ms(seen.most),
+        samples: seen.windows,
+        margin_percent: args.margin,
+        suggested_budget_ms: ms(budget),
+        period_ms: ms(period),
+        cpu_percent: (seen.percent() * 1e3).round() / 1e3,
+        budget,
+    }
+}
+
+fn report(args: &Args, rows: &[Row]) -> Outcome {
+    let mut table = Table::new(&[
+        "worker",
+        "most seen",
+        "in any",
+        "looked at",
+        "margin",
+        "suggested budget",
+        "mean CPU",
+    ]);
+    for r in rows {
+        table.row([
+            r.id.clone(),
+            format!("{:.3} ms", r.max_observed_ms),
+            format!("{:.0} ms", r.period_ms),
+            format!("{} times", r.samples),
+            format!("{} %", r.margin_percent),
+            format!("{:.1} ms", r.suggested_budget_ms),
+            format!("{:.2} %", r.cpu_percent),
+        ]);
+    }
+    println!("{}", table.to_text());
+    files::write(&args.out, &template(args, rows).to_string())?;
+    println!(
+        "Written to {out}. These are measurements, not bounds: a rare case that did not happen \
+         while we\nlooked can need more. Look longer, under the worst load you know; then:\n\n  \
+         replenish plan {out}",
+        out = args.out.display()
+    );
+    let json = serde_json::json!({
+        "seconds": args.seconds,
+        "workers": rows,
+        "file": args.out.display().to_string(),
+    });
+    files::write_json(args.json.json.as_deref(), &json)
+}
+
+fn template(args: &Args, rows: &[Row]) -> Template {
+    let worker = |r: &Row| TemplateWorker {
+        comments: vec![format!(
+            "most seen: {:.3} ms in any {} ms, {} periods looked at; + {} %",
+            r.max_observed_ms, args.period, r.samples, r.margin_percent
+        )],
+        name: r.id.clone(),
+        guarantee: Some(
+            Guarantee::of(Duration::from_nanos(r.budget)).every(Duration::from_millis(args.period)),
+        ),
+        ..TemplateWorker::default()
+    };
+    Template {
+        header: vec![
+            "Suggested by `replenish suggest` from measured CPU times.".into(),
+            "Measurements, not bounds: what did not happen while it looked is not in here.".into(),
+            "Periods are a guess: give each worker the period that its job has.".into(),
+        ],
+        machine: None,
+        workers: rows.iter().map(worker).collect(),
+    }
+}
+
+/// A program of ours: asked to end, then ended, when dropped.
+struct Started(Child);
+
+impl Started {
+    fn has_ended(&mut self) -> bool {
+        !matches!(self.0.try_wait(), Ok(None))
+    }
+}
+
+impl Drop for Started {
+    fn drop(&mut self) {
+        if self.has_ended() {
+            return;
+        }
+        let pid = self.0.id().to_string();
+        let asked = Command::new("kill").args(["-s", "TERM", &pid]).status();
+        let until = Instant::now() + WIND_DOWN;
+        while asked.is_ok() && Instant::now() < until && !self.has_ended() {
+            std::thread::sleep(SAMPLE);
+        }
+        // Nothing more can be done about a process that survives this.
+        self.0.kill().ok();
+        self.0.wait().ok();
+    }
+}
