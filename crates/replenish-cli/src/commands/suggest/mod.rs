@@ -64,6 +64,8 @@ pub(crate) struct Args {
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 struct Row {
     id: String,
+    /// How many had this name; the hungriest counts.
+    threads: u64,
     /// The most CPU time seen in any period. Not a bound.
     max_observed_ms: f64,
     /// Periods that were looked at.
@@ -123,22 +125,7 @@ fn observe(args: &Args, stop: &Stop) -> Result<Vec<Row>, Failure> {
             "there is no process {pid} whose threads can be seen"
         )));
     }
-    let mut names = std::collections::BTreeMap::new();
-    let workers = observer.workers();
-    let rows: Vec<Row> = workers
-        .iter()
-        .filter(|w| w.windows > 0)
-        .map(|w| {
-            // Threads of one name are told apart by a number.
-            let count = names.entry(w.name.clone()).or_insert(0);
-            *count += 1;
-            let id = match *count {
-                1 => w.name.clone(),
-                n => format!("{}-{n}", w.name),
-            };
-            row(args, id, w)
-        })
-        .collect();
+    let rows: Vec<Row> = observer.workers().iter().map(|w| row(args, w)).collect();
     if rows.is_empty() {
         return Err(Failure::refused(format!(
             "process {pid} had no thread besides its first one for {} ms",
@@ -148,13 +135,14 @@ fn observe(args: &Args, stop: &Stop) -> Result<Vec<Row>, Failure> {
     Ok(rows)
 }
 
-fn row(args: &Args, id: String, seen: &Seen) -> Row {
+fn row(args: &Args, seen: &Seen) -> Row {
     let period = options::ms(args.period);
     let with_margin = seen.most.saturating_mul(100 + args.margin) / 100;
     let budget = with_margin.div_ceil(STEP).max(1) * STEP;
     let budget = budget.min(period);
     Row {
-        id: id.replace('/', "-"),
+        id: seen.name.replace('/', "-"),
+        threads: seen.threads,
         max_observed_ms: ms(seen.most),
         samples: seen.windows,
         margin_percent: args.margin,

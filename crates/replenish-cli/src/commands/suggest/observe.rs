@@ -5,6 +5,7 @@
 //! whenever it stops running, so a window can be off by that much at each end.
 
 use crate::load::Nanos;
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
 
@@ -19,6 +20,8 @@ pub(super) struct Seen {
     pub(super) most: Nanos,
     /// Windows looked at: each sample ends one.
     pub(super) windows: u64,
+    /// Threads of this name, one after another or side by side.
+    pub(super) threads: u64,
     first: (Nanos, Nanos),
     last: (Nanos, Nanos),
 }
@@ -30,6 +33,7 @@ impl Seen {
             recent: VecDeque::new(),
             most: 0,
             windows: 0,
+            threads: 1,
             first: at,
             last: at,
         }
@@ -51,6 +55,14 @@ impl Seen {
             self.most = self.most.max(Nanos::try_from(used).unwrap_or(Nanos::MAX));
             self.windows += 1;
         }
+    }
+
+    fn join(&mut self, other: Self) {
+        let (windows, threads) = (self.windows + other.windows, self.threads + other.threads);
+        if other.most > self.most {
+            *self = other;
+        }
+        (self.windows, self.threads) = (windows, threads);
     }
 
     /// The share of one CPU it took all in all, in percent.
@@ -105,14 +117,25 @@ impl Observer {
         any
     }
 
-    /// The threads except the process's first one and those that an executor brings along itself.
-    pub(super) fn workers(self) -> Vec<Seen> {
-        let main = self.main;
-        let others = self.threads.into_iter().filter(|(tid, _)| *tid != main);
-        others
-            .map(|(_, seen)| seen)
-            .filter(|s| s.name != "dispatcher" && !s.name.starts_with("enforcer"))
-            .collect()
+    /// The threads except the process's first one and those that an executor brings along itself,
+    /// by name: of several threads of one name, the hungriest speaks for all. Threads that were not
+    /// given a name, and so have that of the program, count only if there are no others.
+    pub(super) fn workers(mut self) -> Vec<Seen> {
+        let program = self.threads.remove(&self.main).map(|main| main.name);
+        let mut by_name = BTreeMap::<String, Seen>::new();
+        for seen in self.threads.into_values() {
+            if seen.name == "dispatcher" || seen.name.starts_with("enforcer") || seen.windows == 0 {
+                continue;
+            }
+            match by_name.entry(seen.name.clone()) {
+                Entry::Vacant(place) => drop(place.insert(seen)),
+                Entry::Occupied(mut place) => place.get_mut().join(seen),
+            }
+        }
+        if let Some(program) = program.filter(|_| by_name.len() > 1) {
+            by_name.remove(&program);
+        }
+        by_name.into_values().collect()
     }
 }
 
