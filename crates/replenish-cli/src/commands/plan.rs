@@ -9,7 +9,7 @@ use crate::outcome::{Failure, Outcome};
 use crate::report::files;
 use crate::report::table::Table;
 use replenish_plan::span::Rounded;
-use replenish_plan::{CpuLoad, Deployment, Plan, PlannedExecutor, PlannedWorker};
+use replenish_plan::{CpuLoad, Deployment, Plan, PlannedChain, PlannedExecutor, PlannedWorker};
 use replenish_sim::Policy;
 use sporadic::Low;
 use std::path::PathBuf;
@@ -17,7 +17,7 @@ use std::path::PathBuf;
 /// Options of `plan`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The deployment file, for example examples/robot.toml
+    /// The deployment file, for example examples/robot/fits.toml
     #[arg(value_name = "FILE")]
     file: PathBuf,
 
@@ -103,6 +103,11 @@ fn admitted(deployment: &Deployment, plan: &Plan) -> serde_json::Value {
             "reserved_percent": round(c.reserved * 100.0),
             "allowed_percent": round(c.allowed * 100.0),
         })).collect::<Vec<_>>(),
+        "chains": plan.chains.iter().map(|c| serde_json::json!({
+            "id": c.name,
+            "worst_ms": c.worst.map(ms),
+            "deadline_ms": c.deadline.map(ms),
+        })).collect::<Vec<_>>(),
         "warnings": plan.warnings,
     })
 }
@@ -185,6 +190,9 @@ fn print(deployment: &Deployment, plan: &Plan, brief: bool) {
     println!("It fits: every deadline holds, whatever the other workers do.\n");
     println!("{}", table(plan).to_text());
     println!("{}", loads(&plan.cpus));
+    for chain in &plan.chains {
+        println!("{}", chain_line(chain));
+    }
     for warning in &plan.warnings {
         println!("Warning: {warning}.");
     }
@@ -277,6 +285,20 @@ fn loads(cpus: &[CpuLoad]) -> String {
         )
     };
     cpus.iter().map(line).collect::<Vec<_>>().join("\n")
+}
+
+fn chain_line(chain: &PlannedChain) -> String {
+    let allowed = chain
+        .deadline
+        .map_or_else(String::new, |d| format!(", {} allowed", short(d)));
+    match chain.worst {
+        Some(worst) => format!(
+            "Chain {}: {} from the first release to the end of the last callback at worst{allowed}.",
+            chain.name,
+            short(worst)
+        ),
+        None => format!("Chain {}: no bound{allowed}.", chain.name),
+    }
 }
 
 /// What kind of policy it is, in a word.

@@ -11,6 +11,7 @@ use super::lanes::Lane;
 use crate::report::html::escape;
 use replenish_plan::Nanos;
 use std::fmt::Write;
+use std::ops::Range;
 
 const WIDTH: f64 = 1100.0;
 /// Where time 0 is.
@@ -30,10 +31,11 @@ const MOST_LANES: usize = 60;
 /// More shapes than that per lane cannot be told apart.
 const MOST_SHAPES: usize = 4_000;
 
-/// Draws the lanes from 0 to `shown`; `cpus` are the numbers of the system's CPUs.
-pub(super) fn draw(lanes: &[Lane], cpus: &[usize], shown: Nanos) -> String {
+/// Draws this part of the lanes; `cpus` are the numbers of the system's CPUs.
+pub(super) fn draw(lanes: &[Lane], cpus: &[usize], shown: Range<Nanos>) -> String {
     let scale = Scale {
-        shown: shown.max(1),
+        from: shown.start,
+        shown: shown.end.saturating_sub(shown.start).max(1),
     };
     let mut body = String::new();
     let mut y = TOP;
@@ -77,13 +79,23 @@ const STYLE: &str = "\
 .grid{stroke:#e4e7eb}.line{stroke:#9aa5b1}.release{fill:#52606d}.late{fill:#c53030}";
 
 struct Scale {
+    from: Nanos,
     shown: Nanos,
 }
 
 impl Scale {
     fn x(&self, time: Nanos) -> f64 {
-        let part = time.min(self.shown) as f64 / self.shown as f64;
+        let since = time.saturating_sub(self.from).min(self.shown);
+        let part = since as f64 / self.shown as f64;
         LEFT + part * (WIDTH - LEFT - RIGHT)
+    }
+
+    fn to(&self) -> Nanos {
+        self.from.saturating_add(self.shown)
+    }
+
+    fn has(&self, time: Nanos) -> bool {
+        (self.from..=self.to()).contains(&time)
     }
 }
 
@@ -103,7 +115,9 @@ fn draw_lane(body: &mut String, lane: &Lane, scale: &Scale, y: f64) -> f64 {
     if budgeted {
         curve(body, lane, scale, y + 4.0);
     }
-    for bar in lane.bars.iter().take(MOST_SHAPES) {
+    let bars = lane.bars.iter();
+    let bars = bars.filter(|b| b.to > scale.from && b.from < scale.to());
+    for bar in bars.take(MOST_SHAPES) {
         let class = match (budgeted, bar.background) {
             (_, true) => "back",
             (true, false) => "run",
@@ -118,7 +132,8 @@ fn draw_lane(body: &mut String, lane: &Lane, scale: &Scale, y: f64) -> f64 {
             ),
         );
     }
-    for release in lane.releases.iter().take(MOST_SHAPES) {
+    let releases = lane.releases.iter().filter(|r| scale.has(**r));
+    for release in releases.take(MOST_SHAPES) {
         let x = scale.x(*release);
         let (left, right, foot) = (x - 2.5, x + 2.5, base + 5.0);
         shape(
@@ -128,7 +143,12 @@ fn draw_lane(body: &mut String, lane: &Lane, scale: &Scale, y: f64) -> f64 {
             ),
         );
     }
-    for late in lane.late.iter().take(MOST_SHAPES) {
+    for late in lane
+        .late
+        .iter()
+        .filter(|l| scale.has(**l))
+        .take(MOST_SHAPES)
+    {
         let x = scale.x(*late) - 1.5;
         let (top, height) = (bar_top - 3.0, BAR + 6.0);
         shape(
@@ -147,19 +167,39 @@ fn curve(body: &mut String, lane: &Lane, scale: &Scale, top: f64) {
     let height = |left: Nanos| foot - CURVE * left as f64 / lane.full as f64;
     let mut path = format!("M{LEFT} {foot:.1}");
     let mut end = LEFT;
-    for (time, left) in lane.budget.iter().take(MOST_SHAPES) {
-        end = scale.x(*time);
-        append(&mut path, format_args!("L{end:.2} {:.2}", height(*left)));
+    for (time, left) in visible(&lane.budget, scale).into_iter().take(MOST_SHAPES) {
+        end = scale.x(time);
+        append(&mut path, format_args!("L{end:.2} {:.2}", height(left)));
     }
     append(&mut path, format_args!("L{end:.2} {foot:.1}Z"));
     shape(body, format_args!("<path class=\"curve\" d=\"{path}\"/>"));
 }
 
+/// The corners that can be seen, cut at both ends.
+fn visible(line: &[(Nanos, Nanos)], scale: &Scale) -> Vec<(Nanos, Nanos)> {
+    let at = |time: Nanos| {
+        let after = line.partition_point(|(t, _)| *t <= time);
+        let (&(t0, v0), next) = (line.get(after.checked_sub(1)?)?, line.get(after));
+        let Some(&(t1, v1)) = next else {
+            return Some((time, v0));
+        };
+        let part = (time - t0) as f64 / (t1 - t0).max(1) as f64;
+        let left = v0 as f64 + (v1 as f64 - v0 as f64) * part;
+        #[expect(clippy::cast_sign_loss, reason = "between two amounts")]
+        Some((time, left as Nanos))
+    };
+    let inside = line.iter().copied();
+    let inside = inside.filter(|(t, _)| *t > scale.from && *t <= scale.to());
+    let ends = [at(scale.from), at(scale.to())];
+    let [first, last] = ends;
+    first.into_iter().chain(inside).chain(last).collect()
+}
+
 fn axis(body: &mut String, scale: &Scale, y: f64) {
     let step = step(scale.shown);
     let mut grid = String::new();
-    let mut time = 0;
-    while time <= scale.shown {
+    let mut time = scale.from.div_ceil(step) * step;
+    while time <= scale.to() {
         let x = scale.x(time);
         shape(
             &mut grid,
@@ -259,7 +299,7 @@ mod tests {
             releases: vec![0],
             late: vec![5],
         };
-        let svg = draw(&[lane], &[3], 10);
+        let svg = draw(&[lane], &[3], 0..10);
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
         for text in [
             "CPU 3",

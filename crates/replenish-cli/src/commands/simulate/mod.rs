@@ -17,11 +17,13 @@ use replenish_sim::{Options, Outcome as Simulated, Policy, System, ThreadOutcome
 use std::path::PathBuf;
 
 const MS: Nanos = 1_000_000;
+/// The drawing is of this part of a run, in virtual time.
+const TRACED: Nanos = 20_000 * MS;
 
 /// Options of `simulate`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The deployment file, for example examples/robot.toml
+    /// The deployment file, for example examples/robot/fits.toml
     #[arg(value_name = "FILE")]
     file: PathBuf,
 
@@ -33,7 +35,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 
-    /// How much of the start is drawn, in milliseconds; without it, two of the longest periods
+    /// How much is drawn, in milliseconds: from the start, or around the first missed deadline.
+    /// Without it, two of the longest periods
     #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     show: Option<u64>,
 
@@ -84,10 +87,11 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let shown = args
         .show
         .map_or_else(|| shown(&system), |show| show * MS)
-        .min(horizon);
+        .min(horizon.min(TRACED));
     let options = |horizon: Nanos| Options::until(horizon).seed(args.seed);
     let outcome = simulate(&system, &options(horizon)).map_err(Failure::refused)?;
-    let traced = simulate(&system, &options(shown).traced()).map_err(Failure::refused)?;
+    let traced = simulate(&system, &options(horizon.min(TRACED)).traced());
+    let traced = traced.map_err(Failure::refused)?;
 
     let rows: Vec<Row> = outcome
         .threads
@@ -96,7 +100,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         .map(|(n, thread)| row(n, thread, &system, &plan, &deployment, horizon))
         .collect();
     let table = table(&rows);
-    let verdict = verdict(&rows, args.seconds);
+    let verdict = verdict(&rows, args.seconds, refusal.is_none());
     if let Some(refusal) = &refusal {
         println!("The plan is refused: {refusal}\nSimulated all the same:\n");
     }
@@ -104,7 +108,8 @@ pub(crate) fn run(args: &Args) -> Outcome {
     println!("{verdict}");
 
     let lanes = lanes::of(&system, &traced);
-    let svg = gantt::draw(&lanes, &deployment.machine.cpus, shown);
+    let from = start(&lanes, shown, traced.horizon);
+    let svg = gantt::draw(&lanes, &deployment.machine.cpus, from..from + shown);
     files::write(
         &args.html,
         &page(args, &table, &svg, &verdict, refusal.as_deref()),
@@ -151,6 +156,17 @@ fn shown(system: &System) -> Nanos {
     });
     let longest = periods.max().unwrap_or(0);
     longest.saturating_mul(2).clamp(100 * MS, 1_000 * MS)
+}
+
+/// Where the drawing begins: so that the first late callback is in its last quarter, if there is
+/// one, on a round number of milliseconds.
+fn start(lanes: &[lanes::Lane], shown: Nanos, horizon: Nanos) -> Nanos {
+    let late = lanes.iter().filter_map(|l| l.late.first().copied()).min();
+    let Some(late) = late.filter(|late| *late > shown) else {
+        return 0;
+    };
+    let from = late.saturating_sub(shown / 4 * 3) / (50 * MS) * (50 * MS);
+    from.min(horizon.saturating_sub(shown))
 }
 
 fn row(
@@ -233,23 +249,25 @@ fn table(rows: &[Row]) -> Table {
 }
 
 /// What a hurried reader wants to know.
-fn verdict(rows: &[Row], seconds: u64) -> String {
+fn verdict(rows: &[Row], seconds: u64, admitted: bool) -> String {
     let late: Vec<String> = rows
         .iter()
         .filter(|r| r.misses > 0)
         .map(|r| format!("{} ({} of {})", r.id, r.misses, r.completed))
         .collect();
     let with_deadline = rows.iter().filter(|r| r.deadline_ms.is_some()).count();
-    match late.as_slice() {
-        [] => format!(
-            "In {seconds} s of virtual time no deadline was missed by any of the {with_deadline} \
-             workers that have one."
+    let begun = format!("In {seconds} s of virtual time");
+    match (late.as_slice(), admitted) {
+        ([], _) => format!(
+            "{begun} no deadline was missed by any of the {with_deadline} workers that have one."
         ),
-        late => format!(
-            "In {seconds} s of virtual time deadlines were missed by {}. A worker with a budget \
-             guarantee whose callbacks need more than the budget ends late, in the background; a \
-             rate guarantee is late only if the plan was refused or a callback takes longer than \
-             stated.",
+        (late, true) => format!(
+            "{begun} deadlines were missed by {}. Its callbacks take more CPU time than the \
+             guarantee says; everybody who keeps to it is in time.",
+            late.join(", ")
+        ),
+        (late, false) => format!(
+            "{begun} deadlines were missed by {}. That is why the plan is refused.",
             late.join(", ")
         ),
     }
