@@ -28,6 +28,7 @@ mod chain;
 mod error;
 mod raw;
 mod read;
+mod scheduling;
 mod system;
 mod template;
 

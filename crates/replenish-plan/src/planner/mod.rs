@@ -20,6 +20,7 @@ mod levels;
 mod problem;
 mod reasons;
 mod refusal;
+mod tasks;
 
 pub use fit::{Changed, Fit};
 pub use refusal::Refusal;

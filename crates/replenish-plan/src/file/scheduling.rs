@@ -1,0 +1,219 @@
+//! Guarantees, policies and releases: from what is written to what is meant.
+
+use super::raw::{self, Kind, Time};
+use super::read::{Found, Reader};
+use crate::Machine;
+use crate::Nanos;
+use crate::guarantee::Guarantee;
+use replenish_sim::{Policy, Releases};
+use sporadic::{Low, Params};
+use toml::Spanned;
+
+impl Reader<'_> {
+    pub(super) fn guarantee(&self, at: &Spanned<raw::Guarantee>) -> Found<Guarantee> {
+        let raw = at.get_ref();
+        let time = |t: &Option<Spanned<Time>>| t.as_ref().map(|t| t.get_ref().0);
+        let (amount, period, per_job) = match (&raw.budget, &raw.period, &raw.rate, &raw.takes) {
+            (Some(budget), Some(period), None, None) => {
+                (budget.get_ref().0, period.get_ref().0, false)
+            }
+            (None, None, Some(rate), Some(takes)) => (takes.get_ref().0, rate.get_ref().0, true),
+            _ => {
+                let allowed = "a guarantee is either { budget, period } or { rate, takes }";
+                return self.wrong(at, allowed);
+            }
+        };
+        let guarantee = Guarantee {
+            deadline: time(&raw.deadline),
+            importance: raw
+                .importance
+                .as_ref()
+                .map_or(Guarantee::IMPORTANCE, |i| *i.get_ref()),
+            minimum: time(&raw.minimum),
+            desired: time(&raw.desired),
+            suspend: raw.suspend,
+            ..Guarantee::new(amount, period, per_job)
+        };
+        let Err(error) = guarantee.check() else {
+            return Ok(guarantee);
+        };
+        let field = match error.field {
+            "period" => raw.period.as_ref().or(None),
+            "deadline" => raw.deadline.as_ref(),
+            "minimum" => raw.minimum.as_ref(),
+            "desired" => raw.desired.as_ref(),
+            _ => raw.budget.as_ref().or(raw.takes.as_ref()),
+        };
+        let place = field.map_or(at.span(), Spanned::span);
+        Err(self.source.error(&place, error.to_string()))
+    }
+
+    pub(super) fn policy(&self, at: &Spanned<raw::Policy>, machine: &Machine) -> Found<Policy> {
+        let raw = at.get_ref();
+        let kind = raw.kind;
+        let fields = [
+            (
+                "priority",
+                raw.priority.as_ref().map(Spanned::span),
+                &[Kind::Fifo, Kind::Sporadic][..],
+                true,
+            ),
+            (
+                "background",
+                raw.background.as_ref().map(Spanned::span),
+                &[Kind::Sporadic],
+                false,
+            ),
+            (
+                "suspend",
+                raw.suspend.as_ref().map(Spanned::span),
+                &[Kind::Sporadic],
+                false,
+            ),
+            (
+                "budget",
+                raw.budget.as_ref().map(Spanned::span),
+                &[Kind::Sporadic],
+                true,
+            ),
+            (
+                "period",
+                raw.period.as_ref().map(Spanned::span),
+                &[Kind::Sporadic, Kind::Deadline],
+                true,
+            ),
+            (
+                "max_repl",
+                raw.max_repl.as_ref().map(Spanned::span),
+                &[Kind::Sporadic],
+                false,
+            ),
+            (
+                "runtime",
+                raw.runtime.as_ref().map(Spanned::span),
+                &[Kind::Deadline],
+                true,
+            ),
+            (
+                "deadline",
+                raw.deadline.as_ref().map(Spanned::span),
+                &[Kind::Deadline],
+                true,
+            ),
+        ];
+        for (name, place, kinds, needed) in fields {
+            match place {
+                Some(place) if !kinds.contains(&kind) => {
+                    let message = format!("a policy of kind {:?} has no {name}", kind.name());
+                    return Err(self.source.error(&place, message));
+                }
+                None if needed && kinds.contains(&kind) => {
+                    let message = format!("a policy of kind {:?} needs {name}", kind.name());
+                    return self.wrong(at, message);
+                }
+                _ => {}
+            }
+        }
+        let time = |t: &Option<Spanned<Time>>| t.as_ref().map_or(0, |t| t.get_ref().0);
+        let priority = raw.priority.as_ref().map_or(0, |p| *p.get_ref());
+        if let Some(given) = &raw.priority {
+            let most = if kind == Kind::Sporadic {
+                machine.enforcer_priority - 1
+            } else {
+                99
+            };
+            if !(1..=most).contains(&priority) {
+                return self.wrong(given, format!("allowed 1 to {most}"));
+            }
+        }
+        match kind {
+            Kind::TimeShared => Ok(Policy::Other),
+            Kind::Fifo => Ok(Policy::Fifo { priority }),
+            Kind::Sporadic => {
+                let suspend = raw.suspend.as_ref().is_some_and(|s| *s.get_ref());
+                let low = match &raw.background {
+                    Some(background) if suspend => {
+                        let message = "either background or suspend = true, not both";
+                        return self.wrong(background, message);
+                    }
+                    Some(background) => Low::Background(*background.get_ref()),
+                    None if suspend => Low::Suspend,
+                    None => Low::Background(0),
+                };
+                let repl = raw.max_repl.as_ref().map_or(16, |n| *n.get_ref());
+                if let Some(given) = raw.max_repl.as_ref().filter(|_| !(1..=128).contains(&repl)) {
+                    return self.wrong(given, "allowed 1 to 128");
+                }
+                match Params::new(priority, low, time(&raw.budget), time(&raw.period), repl) {
+                    Ok(params) => Ok(Policy::Budget {
+                        kind: sporadic::Kind::Corrected,
+                        params,
+                    }),
+                    Err(error) => self.wrong(at, error.to_string()),
+                }
+            }
+            Kind::Deadline => {
+                let (runtime, deadline, period) =
+                    (time(&raw.runtime), time(&raw.deadline), time(&raw.period));
+                if !(1024 <= runtime && runtime <= deadline && deadline <= period) {
+                    let allowed = "allowed is 1024 ns <= runtime <= deadline <= period";
+                    return self.wrong(at, allowed);
+                }
+                Ok(Policy::Deadline {
+                    runtime,
+                    deadline,
+                    period,
+                })
+            }
+        }
+    }
+
+    pub(super) fn releases(&self, at: &Spanned<raw::Releases>) -> Found<Releases> {
+        let raw = at.get_ref();
+        let time = |t: &Option<Spanned<Time>>| t.as_ref().map_or(0, |t| t.get_ref().0);
+        let (offset, jitter, spacing) = (time(&raw.offset), time(&raw.jitter), time(&raw.spacing));
+        let other = "allowed are { every, offset?, jitter? }, { every, burst, spacing, offset? }, { gap, offset? } or { at }";
+        match (&raw.every, &raw.gap, &raw.at, &raw.burst) {
+            (Some(every), None, None, None) if raw.spacing.is_none() => {
+                let period = self.positive(every)?;
+                Ok(Releases::Periodic {
+                    offset,
+                    period,
+                    jitter,
+                })
+            }
+            (Some(every), None, None, Some(burst)) if raw.jitter.is_none() => {
+                let (period, count) = (self.positive(every)?, *burst.get_ref());
+                if count == 0 || spacing.saturating_mul(Nanos::from(count)) > period {
+                    let allowed = "allowed is a burst of at least 1 that ends before the next begins: burst * spacing <= every";
+                    return self.wrong(burst, allowed);
+                }
+                Ok(Releases::Bursty {
+                    offset,
+                    period,
+                    burst: count,
+                    spacing,
+                })
+            }
+            (None, Some(gap), None, None) if raw.jitter.is_none() && raw.spacing.is_none() => {
+                let gap = gap.get_ref().0.clone();
+                Ok(Releases::Sporadic { offset, gap })
+            }
+            (None, None, Some(times), None) if raw.offset.is_none() && raw.jitter.is_none() => {
+                let list: Vec<Nanos> = times.get_ref().iter().map(|t| t.0).collect();
+                if !list.is_sorted() {
+                    return self.wrong(times, "allowed are times in ascending order");
+                }
+                Ok(Releases::At(list))
+            }
+            _ => self.wrong(at, other),
+        }
+    }
+
+    fn positive(&self, time: &Spanned<Time>) -> Found<Nanos> {
+        match time.get_ref().0 {
+            0 => self.wrong(time, "0 is out of range: allowed 1 ns or more"),
+            period => Ok(period),
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! What the analysis is told of the threads of a CPU, and which parameters a budget gets.
+
+use super::cpu::{Fixed, PIECES, Seat};
+use crate::{Machine, Nanos};
+use replenish_sim::Policy;
+use replenish_sim::analysis::{Costs, Demand, Scheduling, Task};
+use sporadic::{Low, Params};
+
+/// Replenishments of a worker with one job per period: at most two jobs begin in a period.
+const PIECES_OF_JOBS: u16 = 4;
+
+/// What is known before budgets are: for counting preemptions.
+pub(super) fn skeleton(seat: &Seat, amount: Nanos, level: u8) -> Option<Task> {
+    let repl = replenishments(seat);
+    let amount = amount.clamp(1, seat.period);
+    let params = Params::new(level, Low::Background(0), amount, seat.period, repl).ok()?;
+    Some(task(seat, amount, params))
+}
+
+fn replenishments(seat: &Seat) -> u16 {
+    let suspensions = seat.demand.map_or(0, |d| d.suspensions);
+    if seat.per_job {
+        let more = u16::try_from(suspensions).unwrap_or(u16::MAX);
+        PIECES_OF_JOBS.saturating_add(more).min(128)
+    } else {
+        PIECES
+    }
+}
+
+pub(super) fn task(seat: &Seat, amount: Nanos, params: Params) -> Task {
+    let demand = seat.demand.map(|d| Demand { cost: amount, ..d });
+    let demand = demand.filter(|_| seat.per_job);
+    Task {
+        sections: seat.sections.clone(),
+        ..Task::reserved(params, Some(demand.unwrap_or_else(|| pieces_of(&params))))
+    }
+}
+
+/// Stands for what is unknown: the whole budget, in so many pieces per period.
+fn pieces_of(params: &Params) -> Demand {
+    let pieces = Nanos::from(PIECES);
+    Demand::new(
+        (params.budget() / pieces).max(1),
+        (params.period() / pieces).max(1),
+    )
+}
+
+/// How a fixed thread delays others; `None`: not at all.
+pub(super) fn fixed_task(fixed: &Fixed, floor: u8) -> Option<Task> {
+    let mut task = match &fixed.policy {
+        Policy::Other => return None,
+        Policy::Fifo { priority } => Task {
+            scheduling: Scheduling::Fifo(*priority),
+            demand: fixed.demand,
+            sections: Vec::new(),
+        },
+        Policy::Budget { params, .. } => {
+            let below = match params.low() {
+                Low::Background(low) => low < floor,
+                Low::Suspend => true,
+            };
+            let stand_in = below.then(|| pieces_of(params));
+            Task::reserved(*params, fixed.demand.or(stand_in))
+        }
+        // A constant-bandwidth server can give two budgets around one of its deadlines.
+        Policy::Deadline {
+            runtime, period, ..
+        } => Task::fifo(
+            u8::MAX,
+            Demand {
+                jitter: *period,
+                ..Demand::new(*runtime, *period)
+            },
+        ),
+    };
+    task.sections.clone_from(&fixed.sections);
+    Some(task)
+}
+
+/// What a job needs beyond its own CPU time to find its end in one budget: taking its message,
+/// being switched to after each possible preemption, and what must be left so that the budget does
+/// not count as used up.
+pub(super) fn overhead(
+    index: usize,
+    own: &[Task],
+    others: &[Task],
+    seat: &Seat,
+    level: u8,
+    costs: &Costs,
+) -> Nanos {
+    let window = seat.deadline;
+    let in_window =
+        |period: Nanos, jitter: Nanos| window.saturating_add(jitter).div_ceil(period.max(1));
+    let above = own.iter().enumerate().filter(|(at, _)| *at != index);
+    let above = above.map(|(_, task)| task).chain(others);
+    let preemptions = |task: &Task| {
+        let waits =
+            task.demand.map_or(0, |d| u64::from(d.suspensions)) + task.sections.len() as u64;
+        let jobs = task.demand.map_or(0, |d| {
+            in_window(d.period, d.jitter.saturating_add(d.period))
+        });
+        let raises = match task.scheduling {
+            Scheduling::Reserved(params) => {
+                let most = u64::from(params.max_repl()) + 2;
+                in_window(params.period(), params.period()).saturating_mul(most)
+            }
+            Scheduling::Fifo(_) => 0,
+        };
+        jobs.saturating_mul(waits + 1).saturating_add(raises)
+    };
+    let switches = if costs.context_switch == 0 {
+        0
+    } else {
+        let sum = above.filter(|t| t.priority() >= level).map(preemptions);
+        let locks = 2 * (own.len() + others.len()) as u64 * (1 + seat.sections.len() as u64);
+        let locks = if seat.sections.is_empty() { 0 } else { locks };
+        sum.fold(2 + locks, u64::saturating_add)
+    };
+    let waits = seat.demand.map_or(0, |d| u64::from(d.suspensions)) + seat.sections.len() as u64;
+    let switched = switches.saturating_add(2 * (1 + waits));
+    costs.job + costs.context_switch.saturating_mul(switched) + costs.slack + 1
+}
+
+pub(super) fn parameters(
+    seat: &Seat,
+    amount: Nanos,
+    extra: Nanos,
+    level: u8,
+    machine: &Machine,
+    costs: &Costs,
+) -> Option<Params> {
+    let budget = amount.checked_add(extra)?;
+    let mut period = seat.period;
+    if seat.per_job {
+        // So that each job finds the budget full, however late it was raised before.
+        let demand = seat.demand?;
+        period = period.checked_sub(demand.jitter + costs.raise_delay())?;
+        if demand.suspensions > 0 || !seat.sections.is_empty() {
+            // A wait can move the activation to the end of the job.
+            period /= 2;
+        }
+    }
+    let low = if seat.suspend {
+        Low::Suspend
+    } else if machine.is_throttled() {
+        Low::Background(0)
+    } else {
+        let top = machine.priorities.start().saturating_sub(1).min(10);
+        Low::Background(1 + (u16::from(seat.importance) * u16::from(top.max(1) - 1) / 255) as u8)
+    };
+    Params::new(level, low, budget, period, replenishments(seat)).ok()
+}
+
+/// The share of the CPU that is reserved.
+pub(super) fn share(params: &[Params], fixed: &[&Fixed], costs: &Costs) -> f64 {
+    let ratio = |amount: Nanos, period: Nanos| amount as f64 / period.max(1) as f64;
+    let reserved = |p: &Params| ratio(p.budget() + costs.enforcement, p.period());
+    let given = fixed.iter().map(|f| match &f.policy {
+        Policy::Other => 0.0,
+        Policy::Fifo { .. } => f.demand.map_or(0.0, |d| ratio(d.cost, d.period)),
+        Policy::Budget { params, .. } => reserved(params),
+        Policy::Deadline {
+            runtime, period, ..
+        } => ratio(*runtime, *period),
+    });
+    params.iter().map(reserved).sum::<f64>() + given.sum::<f64>()
+}
