@@ -15,7 +15,8 @@ pub(crate) struct Bridge {
 
     /// The DDS domain of clients that say 0, which microcontrollers usually do; others have the
     /// domain they say
-    #[arg(long, value_name = "N", requires = "dds", env = "ROS_DOMAIN_ID", default_value_t = 0,
+    // Without `requires`: the environment variable may be there without --dds.
+    #[arg(long, value_name = "N", env = "ROS_DOMAIN_ID", default_value_t = 0,
           value_parser = clap::value_parser!(u16).range(0..=i64::from(MAX_DOMAIN)))]
     domain: u16,
 
