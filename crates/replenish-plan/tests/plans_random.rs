@@ -222,7 +222,9 @@ fn check(seed: u64, tally: &mut Tally) {
                 let worst = done.worst().unwrap_or(0);
                 tally.close += u64::from(thread.deadline.is_some_and(|d| worst * 2 > d));
             }
-            if request.machine.cpus.len() == 1 {
+            // Beside promises it need not hold: fixed priorities of others can leave so few levels
+            // that workers share one, and who shares with whom changes with their number.
+            if request.machine.cpus.len() == 1 && request.promised.is_empty() {
                 asking_for_less(seed, &request, r);
             }
         }
@@ -244,10 +246,9 @@ fn asking_for_less(seed: u64, request: &Request, r: &mut Random) {
     let index = r.up_to(request.workers.len() as u64 - 1) as usize;
     let mut fewer = request.clone();
     fewer.workers.remove(index);
-    assert!(
-        plan(&fewer).is_ok(),
-        "seed {seed}: refused without worker {index}"
-    );
+    if let Err(refusal) = plan(&fewer) {
+        panic!("seed {seed}: refused without worker {index}: {refusal}\n{request:#?}");
+    }
     let mut less = request.clone();
     let Wish::Guarantee(guarantee) = &mut less.workers[index].wish else {
         return;
