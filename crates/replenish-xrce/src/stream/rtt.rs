@@ -13,7 +13,7 @@ impl Rtt {
     /// Takes in a measurement of a message that was sent once.
     pub(super) fn sample(&mut self, rtt: Nanos) {
         self.estimate = Some(match self.estimate {
-            None => (rtt, rtt / 2),
+            None => (rtt, rtt / 3),
             Some((smooth, var)) => {
                 let deviation = smooth.abs_diff(rtt);
                 let var = var.saturating_sub(var / 4).saturating_add(deviation / 4);
@@ -47,7 +47,7 @@ mod tests {
         let mut rtt = Rtt::default();
         assert_eq!(rtt.timeout(), None);
         rtt.sample(1000);
-        assert_eq!(rtt.timeout(), Some(4000));
+        assert_eq!(rtt.timeout(), Some(2998));
         for _ in 0..200 {
             rtt.sample(10_000);
         }
