@@ -188,6 +188,77 @@ fn a_client_logs_out() {
     assert_eq!(sim.agent.stats().clients, 1);
 }
 
+/// Sample `i` of a client: its number and a pattern; every five-hundredth has 50 kB.
+fn numbered(client: usize, i: u32) -> Vec<u8> {
+    let len = if i % 500 == 250 {
+        50_000
+    } else {
+        16 + (i.wrapping_mul(0x9e37_79b9) >> 24) as usize
+    };
+    let pattern = (0..=255)
+        .cycle()
+        .map(|at: u8| at.wrapping_mul(i as u8 | 1) ^ client as u8);
+    i.to_le_bytes()
+        .into_iter()
+        .chain(pattern)
+        .take(len)
+        .collect()
+}
+
+/// Two clients write to each other at the same time, through the agent: every sample crosses the link
+/// twice, up on the client's stream and down on the agent's.
+fn a_hundred_thousand(seed: u64, loss: u64) -> (u64, String) {
+    const EACH: u32 = 50_000;
+    /// Fewer than the readers' depth, so that nothing may be dropped.
+    const AHEAD: u32 = 90;
+    let faults = Faults {
+        loss,
+        repeat: 50,
+        delay: (MS, 50 * MS),
+    };
+    let mut sim = Sim::new(faults.seeded(seed));
+    for (writes, reads) in [("ping", "pong"), ("pong", "ping")] {
+        let key = if writes == "ping" { 1 } else { 2 };
+        let client = sim.client_with(session::large_session(key, 60 * SECOND));
+        sim.endpoint(client, writes, reads, StreamId::RELIABLE);
+    }
+    sim.until(600 * SECOND, "both are up", Sim::all_up);
+    let mut written = [0_u32; 2];
+    let mut seen = [0_u32; 2];
+    while seen != [EACH; 2] {
+        for (from, to) in [(0, 1), (1, 0)] {
+            for sample in sim.take(to) {
+                assert_eq!(sample, numbered(from, seen[to]), "sample {}", seen[to]);
+                seen[to] += 1;
+            }
+            while written[from] < EACH && written[from] < seen[to] + AHEAD {
+                sim.write(from, StreamId::RELIABLE, &numbered(from, written[from]));
+                written[from] += 1;
+            }
+        }
+        if seen != [EACH; 2] {
+            sim.until(600 * SECOND, "something arrives", |sim| {
+                sim.received(0) + sim.received(1) > 0
+            });
+        }
+    }
+    sim.run(10 * SECOND);
+    assert_eq!((sim.received(0), sim.received(1)), (0, 0), "nothing twice");
+    (sim.now(), format!("{:?}", sim.agent.stats()))
+}
+
+#[test]
+fn a_hundred_thousand_messages_both_ways_over_bad_links() {
+    for loss in [0, 100, 300] {
+        let run = a_hundred_thousand(loss + 7, loss);
+        println!("loss {loss} in 1000: {run:?}");
+        if loss == 100 {
+            let again = a_hundred_thousand(loss + 7, loss);
+            assert_eq!(run, again, "the same seed gives the same run");
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
 

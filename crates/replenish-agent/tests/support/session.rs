@@ -25,8 +25,17 @@ pub(crate) fn session(key: u8, patience: u64) -> Client {
     session_with(Config::new(ClientKey([key; 4])), patience)
 }
 
+/// One that sends and receives samples of 50 kB.
+pub(crate) fn large_session(key: u8, patience: u64) -> Client {
+    session_of(Config::new(ClientKey([key; 4])), patience, 51_200)
+}
+
 /// The same with other settings.
-pub(crate) fn session_with(mut config: Config, patience: u64) -> Client {
+pub(crate) fn session_with(config: Config, patience: u64) -> Client {
+    session_of(config, patience, 0)
+}
+
+fn session_of(mut config: Config, patience: u64, large: usize) -> Client {
     config.ping = Some(PingPolicy {
         after: 200 * MS,
         silence_limit: patience,
@@ -36,9 +45,9 @@ pub(crate) fn session_with(mut config: Config, patience: u64) -> Client {
         best_effort: [buffer(512)],
         reliable: [ReliableBuffers {
             output: buffer(32 * 512),
-            large_output: buffer(0),
+            large_output: buffer(large),
             input: buffer(16 * 512),
-            fragments: buffer(32 * 512),
+            fragments: buffer((32 * 512).max(large)),
         }],
         restore: buffer(512),
         journal: buffer(4096),

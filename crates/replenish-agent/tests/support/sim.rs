@@ -150,6 +150,11 @@ impl Sim {
         self.flush();
     }
 
+    /// What the clock says.
+    pub(crate) fn now(&self) -> u64 {
+        self.now
+    }
+
     /// A client's session.
     pub(crate) fn session(&self, client: usize) -> &Client {
         &self.nodes[client].session
