@@ -1,8 +1,8 @@
 //! A middleware that delivers what a test puts into it, level-triggered, and fails on request.
 
 use replenish::middleware::{
-    EndpointSpec, Interest, LinkState, Middleware, MiddlewareError, PublishError, ReaderId, Room,
-    SampleInfo, WriterId,
+    EndpointSpec, Interest, LinkState, Middleware, MiddlewareError, PublishError, ReaderId,
+    RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
 };
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex};
@@ -71,6 +71,16 @@ impl Middleware for Scripted {
         let mut state = self.0.0.lock().unwrap();
         state.readers += 1;
         Ok(ReaderId(state.readers - 1))
+    }
+
+    fn create_server(&self, _: &ServiceSpec<'_>) -> Result<(ReaderId, WriterId), MiddlewareError> {
+        let mut state = self.0.0.lock().unwrap();
+        state.readers += 1;
+        Ok((ReaderId(state.readers - 1), WriterId(0)))
+    }
+
+    fn reply(&self, _: WriterId, _: &RequestIdentity, _: &[u8]) -> Result<(), PublishError> {
+        Err(PublishError::LinkDown)
     }
 
     fn publish(&self, _: WriterId, _: &[u8]) -> Result<(), PublishError> {

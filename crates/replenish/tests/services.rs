@@ -1,0 +1,220 @@
+//! Services: request ids, replies now and later, time limits, and what goes wrong; in one process
+//! and through an agent.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests may panic"
+)]
+
+mod common;
+
+use common::{eventually, executor};
+use replenish::msg::Service;
+use replenish::msg::std_msgs::{Int32, Int64};
+use replenish::{CallError, Client, Context, Handling, NoReply, Qos, Responder};
+use replenish_testkit::watchdog::watchdog;
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+const LIMIT: Duration = Duration::from_secs(60);
+const MS: Duration = Duration::from_millis(1);
+
+/// Squares a number.
+struct Square;
+
+impl Service for Square {
+    type Request = Int32;
+    type Response = Int64;
+    const TYPE_NAME: &'static str = "test_msgs/srv/Square";
+}
+
+fn square(request: &Int32) -> Int64 {
+    Int64 {
+        data: i64::from(request.data) * i64::from(request.data),
+    }
+}
+
+/// Two clients of one server: everybody gets its own replies, each exactly once.
+fn replies_find_their_requests(server: &Context, clients: &Context, services: u64) {
+    let _dog = watchdog("services", LIMIT);
+    let node = server.node("server").unwrap();
+    let (mut serving, _) = executor(server);
+    serving
+        .worker("serve")
+        .serve::<Square, _>(&node, "square", Qos::reliable(), |request, response, cx| {
+            assert_ne!(cx.request().0, [0; 24]);
+            *response = square(request);
+        })
+        .unwrap();
+    let node = clients.node("clients").unwrap();
+    let (mut calling, _) = executor(clients);
+    let got = Arc::new(Mutex::new(BTreeMap::new()));
+    let mut callers: Vec<Client<Square>> = Vec::new();
+    for i in 0..2_u64 {
+        let client = node.client("square", Qos::reliable(), LIMIT).unwrap();
+        assert_eq!(client.call(&Int32::default()), Err(CallError::NoCallback));
+        let note = Arc::clone(&got);
+        calling
+            .worker(&format!("replies{i}"))
+            .replies::<Square, _, _>(&client, move |reply, cx| {
+                let data = reply.unwrap().data;
+                let twice = note
+                    .lock()
+                    .unwrap()
+                    .insert((i, cx.request().number()), data);
+                assert_eq!(twice, None);
+            })
+            .unwrap();
+        callers.push(client);
+    }
+    let (serving, calling) = (serving.start().unwrap(), calling.start().unwrap());
+    let mut expected = BTreeMap::new();
+    for data in 0..20 {
+        for (client, i) in callers.iter().zip(0..) {
+            let request = Int32 { data: data * 2 + i };
+            let number = client.call(&request).unwrap();
+            let who = u64::try_from(i).unwrap();
+            assert_eq!(expected.insert((who, number), square(&request).data), None);
+            let all = || got.lock().unwrap().len() == expected.len();
+            assert!(eventually(all), "{data} of client {i}");
+        }
+    }
+    assert_eq!(*got.lock().unwrap(), expected);
+    let served = serving.stop().handle("/server/srv:/square").unwrap().stats;
+    assert_eq!((served.executed, served.errors), (services, 0));
+    for handle in calling.stop().handles {
+        assert_eq!((handle.stats.received, handle.stats.executed), (20, 20));
+    }
+}
+
+#[test]
+fn replies_find_their_requests_in_one_process() {
+    let bus = replenish::middleware::InProcessBus::new();
+    let contexts = [(); 2].map(|()| Context::new(bus.participant()));
+    replies_find_their_requests(&contexts[0], &contexts[1], 40);
+}
+
+#[cfg(feature = "xrce")]
+#[test]
+fn replies_find_their_requests_through_the_agent() {
+    let agent = common::agent::TestAgent::start("127.0.0.1:0");
+    replies_find_their_requests(&agent.context(), &agent.context(), 40);
+}
+
+/// A reply may come after the callback, from another thread, and in another order.
+#[test]
+fn replies_may_come_later_and_in_any_order() {
+    let _dog = watchdog("deferred replies", LIMIT);
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let (mut exec, _) = executor(&ctx);
+    let waiting: Arc<Mutex<Vec<(Int32, Responder<Square>)>>> = Arc::default();
+    let keep = Arc::clone(&waiting);
+    exec.worker("serve")
+        .serve_later::<Square, _, _>(
+            &node,
+            "square",
+            Qos::reliable(),
+            move |request, responder, _| keep.lock().unwrap().push((*request, responder)),
+        )
+        .unwrap();
+    let client: Client<Square> = node.client("square", Qos::reliable(), LIMIT).unwrap();
+    let got = Arc::new(Mutex::new(Vec::new()));
+    let note = Arc::clone(&got);
+    exec.worker("call")
+        .replies::<Square, _, _>(&client, move |reply, cx| {
+            let data = reply.unwrap().data;
+            note.lock().unwrap().push((cx.request().number(), data));
+        })
+        .unwrap();
+    let running = exec.start().unwrap();
+    assert!(client.wait_for_server(LIMIT).unwrap());
+    let numbers: Vec<u64> = (1..=3)
+        .map(|data| client.call(&Int32 { data }).unwrap())
+        .collect();
+    assert!(eventually(|| waiting.lock().unwrap().len() == 3));
+    for _ in 0..3 {
+        let (request, responder) = waiting.lock().unwrap().pop().unwrap();
+        responder.reply(&square(&request)).unwrap();
+    }
+    assert!(eventually(|| got.lock().unwrap().len() == 3));
+    let expected: Vec<_> = numbers.iter().copied().zip([1, 4, 9]).rev().collect();
+    assert_eq!(*got.lock().unwrap(), expected);
+    drop(running);
+}
+
+/// Without a reply the callback learns so once, and a reply that comes later is left out.
+#[test]
+fn a_request_without_reply_ends_at_its_limit_and_so_many_may_wait() {
+    let _dog = watchdog("time limits", LIMIT);
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let (mut exec, _) = executor(&ctx);
+    let late: Arc<Mutex<Vec<Responder<Square>>>> = Arc::default();
+    let keep = Arc::clone(&late);
+    exec.worker("serve")
+        .serve_later::<Square, _, _>(&node, "square", Qos::reliable(), move |_, to, _| {
+            keep.lock().unwrap().push(to);
+        })
+        .unwrap();
+    let two = Qos::reliable().keep_last(2);
+    let client: Client<Square> = node.client("square", two, 20 * MS).unwrap();
+    let expired = Arc::new(AtomicU64::new(0));
+    let count = Arc::clone(&expired);
+    exec.worker("call")
+        .replies::<Square, _, _>(&client, move |reply, cx| {
+            assert_eq!(reply, Err(NoReply::TimedOut));
+            assert!(cx.started() >= cx.due());
+            count.fetch_add(1, Ordering::Relaxed);
+        })
+        .unwrap();
+    let running = exec.start().unwrap();
+    client.call(&Int32::default()).unwrap();
+    client.call(&Int32::default()).unwrap();
+    let third = client.call(&Int32::default());
+    assert_eq!(third, Err(CallError::TooMany { limit: 2 }));
+    assert!(eventually(|| expired.load(Ordering::Relaxed) == 2));
+    for to in late.lock().unwrap().drain(..) {
+        to.reply(&Int64::default()).unwrap();
+    }
+    let stats = || running.stats("/n/cli:/square").unwrap();
+    assert!(eventually(|| stats().discarded == 2));
+    assert_eq!((stats().executed, stats().received), (2, 4));
+    client.call(&Int32::default()).unwrap(); // there is room again
+}
+
+/// rclc defect 2: a reply that cannot be sent ended the spin.
+#[test]
+fn a_reply_to_a_client_that_is_gone_is_told_and_counted_and_the_service_goes_on() {
+    let _dog = watchdog("dead client", LIMIT);
+    let mw = common::scripted::Scripted::default();
+    let ctx = Context::new(mw.clone());
+    let node = ctx.node("n").unwrap();
+    let (mut exec, _) = executor(&ctx);
+    let told = Arc::new(AtomicU64::new(0));
+    let tell = Arc::clone(&told);
+    exec.worker("serve")
+        .serve::<Square, _>(&node, "square", Qos::reliable(), |request, response, _| {
+            *response = square(request);
+        })
+        .unwrap()
+        .with(Handling::new().on_error(move |_| {
+            tell.fetch_add(1, Ordering::Relaxed);
+        }));
+    let running = exec.start().unwrap();
+    let request = [1, 0, 0, 0]; // the script's `reply` says that the link is down
+    for _ in 0..3 {
+        mw.put(0, &request);
+    }
+    mw.put(0, &request[..2]); // undecodable
+    mw.put(0, &request);
+    let stats = || running.stats("/n/srv:/square").unwrap();
+    assert!(eventually(
+        || stats().executed == 4 && stats().undecodable == 1
+    ));
+    assert_eq!(stats().errors, 4);
+    assert_eq!(told.load(Ordering::Relaxed), 5, "each time, not rarely");
+}
