@@ -104,6 +104,8 @@ fn replies_find_their_requests_through_the_agent() {
     replies_find_their_requests(&agent.context(), &agent.context(), 40);
 }
 
+type Waiting = Arc<Mutex<Vec<(Int32, Responder<Square>)>>>;
+
 /// A reply may come after the callback, from another thread, and in another order.
 #[test]
 fn replies_may_come_later_and_in_any_order() {
@@ -111,7 +113,7 @@ fn replies_may_come_later_and_in_any_order() {
     let ctx = Context::in_process();
     let node = ctx.node("n").unwrap();
     let (mut exec, _) = executor(&ctx);
-    let waiting: Arc<Mutex<Vec<(Int32, Responder<Square>)>>> = Arc::default();
+    let waiting: Waiting = Arc::default();
     let keep = Arc::clone(&waiting);
     exec.worker("serve")
         .serve_later::<Square, _, _>(
