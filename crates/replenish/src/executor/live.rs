@@ -17,8 +17,9 @@ use crate::error::Error;
 use crate::qos::Qos;
 use crate::stats::HandleStats;
 use crate::sync::{Arc, AtomicU64, Mutex, Ordering};
-use alloc::string::{String, ToString};
+use alloc::string::String;
 use alloc::vec::Vec;
+use core::cell::RefCell;
 use core::fmt;
 use core::time::Duration;
 use replenish_msg::Message;
@@ -35,27 +36,72 @@ pub enum Removal {
     Cancel(Duration),
 }
 
-/// Every handle of an executor with its worker's name.
-pub(crate) struct Registry(Mutex<Vec<(Arc<str>, Arc<Shared>)>>);
+/// Every handle of an executor with its worker's name, and the ids of those that are being made.
+pub(crate) struct Registry(Mutex<Known>);
+
+struct Known {
+    handles: Vec<(Arc<str>, Arc<Shared>)>,
+    claimed: Vec<String>,
+}
+
+impl Known {
+    fn is_taken(&self, id: &str) -> bool {
+        self.handles.iter().any(|(_, h)| h.id == id) || self.claimed.iter().any(|c| c == id)
+    }
+}
 
 impl Registry {
     pub(crate) fn new(mut handles: Vec<(Arc<str>, Arc<Shared>)>, limit: usize) -> Self {
         handles.reserve(limit.saturating_sub(handles.len()));
-        Self(Mutex::new(handles))
+        let claimed = Vec::new();
+        Self(Mutex::new(Known { handles, claimed }))
     }
 
     pub(crate) fn find(&self, id: &str) -> Option<(Arc<str>, Arc<Shared>)> {
-        let handles = self.0.lock();
-        handles.iter().find(|(_, h)| h.id == id).cloned()
+        let known = self.0.lock();
+        known.handles.iter().find(|(_, h)| h.id == id).cloned()
     }
 
     pub(crate) fn all(&self) -> Vec<(Arc<str>, Arc<Shared>)> {
-        self.0.lock().clone()
+        self.0.lock().handles.clone()
+    }
+
+    fn enter(&self, worker: Arc<str>, shared: Arc<Shared>) {
+        self.0.lock().handles.push((worker, shared));
     }
 
     fn forget(&self, shared: &Arc<Shared>) {
-        let mut handles = self.0.lock();
-        handles.retain(|(_, h)| !Arc::ptr_eq(h, shared));
+        let mut known = self.0.lock();
+        known.handles.retain(|(_, h)| !Arc::ptr_eq(h, shared));
+    }
+}
+
+/// Ids of handles that are being made, so that two threads do not give the same one; free again
+/// when this is dropped.
+struct Claims<'r> {
+    registry: &'r Registry,
+    ids: RefCell<Vec<String>>,
+}
+
+impl Claims<'_> {
+    /// This id, or the first free one of `id#2`, `id#3`, ...
+    fn unique(&self, id: String) -> String {
+        let mut known = self.registry.0.lock();
+        let numbered = (2..u32::MAX).map(|n| alloc::format!("{id}#{n}"));
+        let mut all = core::iter::once(id.clone()).chain(numbered);
+        let free = all.find(|id| !known.is_taken(id)).unwrap_or(id);
+        known.claimed.push(free.clone());
+        drop(known);
+        self.ids.borrow_mut().push(free.clone());
+        free
+    }
+}
+
+impl Drop for Claims<'_> {
+    fn drop(&mut self) {
+        let ids = self.ids.take();
+        let mut known = self.registry.0.lock();
+        known.claimed.retain(|claimed| !ids.contains(claimed));
     }
 }
 
@@ -275,10 +321,14 @@ impl LiveWorker<'_> {
         live.desk.sweep(&*live.stop.middleware);
         post.mailbox.reserve().map_err(|e| declined(e, post))?;
         let number = post.number.fetch_add(1, Ordering::Relaxed);
+        let claims = Claims {
+            registry: &live.registry,
+            ids: RefCell::new(Vec::new()),
+        };
         let made = make(&Forge {
             context: &live.context,
             worker: &post.name,
-            unique: &|id| live.unique(id),
+            unique: &|id| claims.unique(id),
             number: usize::try_from(number).unwrap_or(usize::MAX),
         });
         let mut entry = match made {
@@ -292,10 +342,8 @@ impl LiveWorker<'_> {
         let shared = Arc::clone(&entry.shared);
         let sent = post.mailbox.send(Order::Add(entry));
         sent.map_err(|e| declined(e, post))?;
-        {
-            let mut handles = live.registry.0.lock();
-            handles.push((Arc::clone(&post.name), Arc::clone(&shared)));
-        }
+        live.registry
+            .enter(Arc::clone(&post.name), Arc::clone(&shared));
         if let Some((reader, _)) = shared.input {
             let route = Route {
                 shared: Arc::clone(&shared),
@@ -309,17 +357,6 @@ impl LiveWorker<'_> {
             live.stop.middleware.wake();
         }
         Ok(shared.id.clone())
-    }
-}
-
-impl Live {
-    fn unique(&self, id: String) -> String {
-        if self.registry.find(&id).is_none() {
-            return id;
-        }
-        let numbered = (2..u32::MAX).map(|n| alloc::format!("{id}#{n}"));
-        let mut free = numbered.filter(|id| self.registry.find(id).is_none());
-        free.next().unwrap_or_else(|| id.to_string())
     }
 }
 
