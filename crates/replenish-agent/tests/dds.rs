@@ -14,6 +14,7 @@ use replenish_agent::dds as replenish_dds;
 mod bridged;
 
 use bridged::{agent, dds_program, domain, service_client, topic_client};
+use replenish_agent::RunningAgent;
 use replenish_agent::dds::{EndpointKind, Outgoing, Qos, RequestId, Topic};
 use replenish_xrce::wire::{ObjectKind, StreamId};
 use std::time::{Duration, Instant};
@@ -22,6 +23,16 @@ const TYPE: &str = "std_msgs::msg::dds_::Int32_";
 
 fn topic(name: &str) -> Topic {
     Topic::new(name, TYPE)
+}
+
+/// Whether the agent's reader of `rt/down` has found a writer.
+fn agent_knows_the_writer(agent: &RunningAgent) -> bool {
+    let snapshot = agent.inspector().snapshot(Duration::from_secs(5)).unwrap();
+    snapshot
+        .bridge
+        .iter()
+        .flatten()
+        .any(|b| b.name == "rt/down" && b.kind == "data_reader" && b.matched > 0)
 }
 
 #[test]
@@ -42,6 +53,12 @@ fn samples_cross_in_both_directions_and_do_not_come_back() {
         let mut two = topic_client(&agent, 2, "rt/other", "rt/up", stream);
         ros.matched(heard, 1);
         ros.matched(said, 1);
+        // DDS finds each side by itself: the agent's reader must know the program's writer, too.
+        let begun = std::time::Instant::now();
+        while !agent_knows_the_writer(&agent) {
+            assert!(begun.elapsed() < Duration::from_secs(30), "not matched");
+            std::thread::sleep(Duration::from_millis(10));
+        }
         for i in 0..100_u32 {
             one.write(stream, &i.to_le_bytes());
             assert_eq!(ros.next(heard).payload, i.to_le_bytes());

@@ -177,11 +177,16 @@ fn files_that_make_no_sense_are_named_and_left_out() {
         "{error}"
     );
     drop(held);
-    assert_eq!(
-        ledger.view().unwrap().warnings.len(),
-        3,
-        "links, directories and pipes stay"
-    );
+    // A process that another test is just starting may have the locks a moment longer.
+    let mut left = ledger.view().unwrap().warnings;
+    for _ in 0..500 {
+        if left.len() == 3 {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(10));
+        left = ledger.view().unwrap().warnings;
+    }
+    assert_eq!(left.len(), 3, "links, directories and pipes stay: {left:?}");
 }
 
 #[test]

@@ -57,8 +57,8 @@ impl Dispatcher {
         let mut parked = Interest::empty();
         let mut link_up = true;
         while !self.stop.is_stopping() {
-            self.desk
-                .carry_out(&mut self.routes, &mut interest, &mut parked);
+            let (routes, desk) = (&mut self.routes, &self.desk);
+            desk.carry_out(&*middleware, routes, &mut interest, &mut parked);
             self.readmit(&mut interest, &mut parked);
             account.block();
             let waited = middleware.wait(&interest, None);

@@ -83,6 +83,8 @@ pub(crate) struct Shared {
     pub(crate) cancelled: AtomicBool,
     /// Set when the worker has let go of it.
     pub(crate) gone: Signal,
+    /// The dispatcher brings it nothing any more.
+    pub(crate) unrouted: AtomicBool,
 }
 
 impl Shared {
@@ -98,6 +100,7 @@ impl Shared {
             removed: AtomicBool::new(false),
             cancelled: AtomicBool::new(false),
             gone: Signal::new(),
+            unrouted: AtomicBool::new(false),
         })
     }
 

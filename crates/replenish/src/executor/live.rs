@@ -185,8 +185,13 @@ impl ExecutorHandle {
         let deadline = clock::monotonic().saturating_add(nanos(patience));
         let waits = how != Removal::Detach && !post.mailbox.is_mine();
         let gone = !waits || shared.gone.wait_until(deadline);
+        // The counters are the last ones when the dispatcher has let go of it, too.
+        let routed = || shared.input.is_some() && !shared.unrouted.load(Ordering::Acquire);
+        while waits && routed() && !live.stop.is_stopping() && clock::monotonic() < deadline {
+            clock::sleep_until(clock::monotonic().saturating_add(50_000));
+        }
         post.mailbox.sweep();
-        live.desk.sweep(&*live.stop.middleware);
+        live.desk.sweep();
         let lost = shared.input.as_ref();
         let lost = lost.map_or(0, |(reader, _)| live.stop.middleware.lost(*reader));
         match gone {
@@ -318,7 +323,7 @@ impl LiveWorker<'_> {
             handling,
         } = self;
         post.mailbox.sweep();
-        live.desk.sweep(&*live.stop.middleware);
+        live.desk.sweep();
         post.mailbox.reserve().map_err(|e| declined(e, post))?;
         let number = post.number.fetch_add(1, Ordering::Relaxed);
         let claims = Claims {

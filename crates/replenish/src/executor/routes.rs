@@ -1,9 +1,10 @@
 //! Where the dispatcher brings samples, and how that changes while it runs.
 //!
 //! ```text
-//!   any thread: order ──► desk ──► dispatcher, before it waits: swap the route in or out
+//!   any thread: order ──► desk ──► dispatcher, before it waits: swap the route in or out,
+//!                                       │ delete the reader that has none any more
 //!                                       │ old route
-//!   any thread: sweep ◄── attic ◄───────┘      (readers are deleted and memory is freed here)
+//!   any thread: sweep ◄── attic ◄───────┘      (memory is freed here)
 //! ```
 
 use super::handle::Shared;
@@ -27,7 +28,7 @@ pub(crate) struct Desk {
 
 struct Orders {
     inbound: VecDeque<(ReaderId, Option<Route>)>,
-    attic: Vec<(ReaderId, Option<Route>)>,
+    attic: Vec<Option<Route>>,
 }
 
 impl Desk {
@@ -52,22 +53,21 @@ impl Desk {
         true
     }
 
-    /// Deletes the readers that have lost their routes, and frees what was theirs.
-    pub(crate) fn sweep(&self, middleware: &dyn Middleware) {
+    /// Frees what belonged to routes that are no more.
+    pub(crate) fn sweep(&self) {
         loop {
-            let Some((reader, old)) = self.orders.lock().attic.pop() else {
+            let old = self.orders.lock().attic.pop();
+            if old.is_none() {
                 return;
-            };
-            if old.is_some() {
-                // A middleware that cannot do it keeps the reader; its samples are left out.
-                middleware.delete_reader(reader).ok();
             }
         }
     }
 
-    /// Dispatcher: carries the orders out.
+    /// Dispatcher: carries the orders out. A reader without route is deleted at once: nobody else
+    /// may come by for long, and a reliable reader that keeps all would hold its writers up.
     pub(crate) fn carry_out(
         &self,
+        middleware: &dyn Middleware,
         routes: &mut [Option<Route>],
         interest: &mut Interest,
         parked: &mut Interest,
@@ -83,10 +83,18 @@ impl Desk {
                 true => interest.insert(reader),
                 false => interest.remove(reader),
             }
+            let leaves = route.is_none();
             if let Some(place) = routes.get_mut(usize::from(reader.0)) {
                 core::mem::swap(place, &mut route);
             }
-            orders.attic.push((reader, route));
+            if leaves {
+                // A middleware that cannot do it keeps the reader; its samples are left out.
+                middleware.delete_reader(reader).ok();
+            }
+            if let Some(old) = &route {
+                old.shared.unrouted.store(true, Ordering::Release);
+            }
+            orders.attic.push(route);
         }
     }
 }
