@@ -6,7 +6,7 @@ use super::outbox::Outbox;
 use super::stop::StopHandle;
 use crate::Nanos;
 use crate::event::{Event, Events};
-use crate::handoff::Inbox;
+use crate::handoff::{Inbox, SampleInfo};
 use crate::histogram::LiveHistogram;
 use crate::middleware::ReaderId;
 use crate::stats::{Counters, Text};
@@ -15,7 +15,7 @@ use alloc::boxed::Box;
 use alloc::string::String;
 use core::cell::RefCell;
 use core::fmt;
-use replenish_msg::CdrError;
+use replenish_msg::{CdrError, Message};
 use replenish_os::Meter;
 use std::sync::OnceLock;
 
@@ -154,6 +154,27 @@ impl Shared {
             stop.middleware.wake();
         }
         discarded
+    }
+
+    /// Takes the next sample of its inbox and decodes it in place; one that cannot be decoded is
+    /// reported and counted.
+    pub(crate) fn take_sample<M: Message>(
+        &self,
+        inbox: &Inbox,
+        message: &mut M,
+        env: &Env<'_>,
+    ) -> Option<SampleInfo> {
+        let popped = inbox.pop()?;
+        if popped.wake {
+            env.stop.middleware.wake();
+        }
+        let info = *popped.slot.info();
+        let decoded = replenish_msg::decode(message, popped.slot.payload());
+        inbox.give_back(popped.slot);
+        decoded
+            .map_err(|error| self.undecodable(error, env.events))
+            .ok()?;
+        Some(info)
     }
 
     /// Samples that wait for the worker.

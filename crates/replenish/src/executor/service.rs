@@ -99,17 +99,9 @@ where
     }
 
     fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
-        let popped = self.inbox.pop()?;
-        if popped.wake {
-            env.stop.middleware.wake();
-        }
-        self.info = *popped.slot.info();
-        let decoded = replenish_msg::decode(&mut self.request, popped.slot.payload());
-        self.inbox.give_back(popped.slot);
-        if let Err(error) = decoded {
-            self.shared.undecodable(error, env.events);
-            return None;
-        }
+        self.info = self
+            .shared
+            .take_sample(&self.inbox, &mut self.request, env)?;
         Some(Taken {
             due: self.info.arrival,
             deadline: None,
