@@ -172,10 +172,12 @@ impl ExecutorHandle {
         }
         live.registry.forget(&shared);
         shared.discard(true, &live.stop);
-        if let Some((reader, _)) = shared.input {
-            live.desk.order(reader, None);
-            live.stop.middleware.wake();
-        }
+        live.desk.sweep(); // what others have left there takes room
+        let unroutes = match shared.input {
+            Some((reader, _)) => live.desk.order(reader, None),
+            None => false,
+        };
+        live.stop.middleware.wake();
         let order = Order::Remove(Arc::clone(&shared));
         post.mailbox.send(order).map_err(|_| Error::Stopped)?;
         let patience = match how {
@@ -186,7 +188,7 @@ impl ExecutorHandle {
         let waits = how != Removal::Detach && !post.mailbox.is_mine();
         let gone = !waits || shared.gone.wait_until(deadline);
         // The counters are the last ones when the dispatcher has let go of it, too.
-        let routed = || shared.input.is_some() && !shared.unrouted.load(Ordering::Acquire);
+        let routed = || unroutes && !shared.unrouted.load(Ordering::Acquire);
         while waits && routed() && !live.stop.is_stopping() && clock::monotonic() < deadline {
             clock::sleep_until(clock::monotonic().saturating_add(50_000));
         }
