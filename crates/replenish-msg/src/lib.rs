@@ -17,7 +17,8 @@
 //! # Ok::<(), replenish_msg::CdrError>(())
 //! ```
 //!
-//! What is here: [`cdr`] (the encoding), [`std_msgs`], [`builtin_interfaces`].
+//! What is here: [`cdr`] (the encoding), [`std_msgs`], [`builtin_interfaces`], and what actions need:
+//! [`action`], [`action_msgs`], [`unique_identifier_msgs`].
 //! What is not: XCDR2, `wstring`, `long double`, and a generator for other interfaces.
 //!
 //! Bytes are the bare CDR payload, as DDS-XRCE carries it. DDS itself puts a 4-byte
@@ -26,10 +27,14 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
 
+pub mod action;
+pub mod action_msgs;
 pub mod builtin_interfaces;
 pub mod cdr;
 pub mod std_msgs;
+pub mod unique_identifier_msgs;
 
+pub use action::Action;
 pub use cdr::{CdrError, CdrReader, CdrWriter, Endianness};
 pub use heapless;
 
