@@ -14,6 +14,7 @@
 
 extern crate alloc;
 
+mod action;
 mod budget;
 mod context;
 mod error;
@@ -34,6 +35,10 @@ mod readme {}
 pub mod middleware;
 pub mod qos;
 
+pub use action::{
+    ActionClient, ActionOptions, GoalError, GoalEvent, GoalHandle, GoalId, GoalState, GoalUpdate,
+    Lost, NewGoal,
+};
 pub use budget::{Amount, Budget};
 pub use context::{Context, Node};
 pub use error::Error;

@@ -7,7 +7,7 @@ use alloc::string::String;
 use core::fmt;
 use core::marker::PhantomData;
 use core::time::Duration;
-use replenish_msg::Message;
+use replenish_msg::{CdrError, Message};
 use replenish_os::clock;
 
 /// Publishes messages of type `M` on one topic.
@@ -46,8 +46,16 @@ impl<M: Message> Publisher<M> {
     /// # Errors
     /// When the message was not sent; see [`PublishError`].
     pub fn publish(&self, message: &M) -> Result<(), PublishError> {
+        self.publish_with(|room| replenish_msg::encode(message, room))
+    }
+
+    /// As [`publish`](Self::publish), with a message that `encode` writes.
+    pub(crate) fn publish_with(
+        &self,
+        encode: impl FnOnce(&mut [u8]) -> Result<usize, CdrError>,
+    ) -> Result<(), PublishError> {
         let mut buffer = self.inner.buffer.lock();
-        let len = replenish_msg::encode(message, &mut buffer).map_err(PublishError::Encode)?;
+        let len = encode(&mut buffer).map_err(PublishError::Encode)?;
         let payload = buffer.get(..len).unwrap_or_default();
         self.inner.middleware.publish(self.inner.writer, payload)
     }

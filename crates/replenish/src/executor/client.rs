@@ -23,7 +23,7 @@ use core::fmt;
 use core::marker::PhantomData;
 use core::sync::atomic::fence;
 use core::time::Duration;
-use replenish_msg::Service;
+use replenish_msg::{CdrError, Service};
 use replenish_os::clock;
 use std::sync::OnceLock;
 
@@ -138,6 +138,14 @@ impl<S: Service> Client<S> {
     /// # Errors
     /// [`CallError`]; then there will be no callback for it.
     pub fn call(&self, request: &S::Request) -> Result<u64, CallError> {
+        self.call_with(|room| replenish_msg::encode(request, room))
+    }
+
+    /// As [`call`](Self::call), with a request that `encode` writes.
+    pub(crate) fn call_with(
+        &self,
+        encode: impl FnOnce(&mut [u8]) -> Result<usize, CdrError>,
+    ) -> Result<u64, CallError> {
         let inner = &self.inner;
         if !inner.claimed.load(Ordering::Acquire) {
             return Err(CallError::NoCallback);
@@ -149,8 +157,8 @@ impl<S: Service> Client<S> {
             if table.waiting.len() >= limit {
                 return Err(CallError::TooMany { limit });
             }
-            let encoded = replenish_msg::encode(request, &mut table.buffer);
-            let len = encoded.map_err(|e| CallError::Send(PublishError::Encode(e)))?;
+            let len =
+                encode(&mut table.buffer).map_err(|e| CallError::Send(PublishError::Encode(e)))?;
             let payload = table.buffer.get(..len).unwrap_or_default();
             let sent = inner.middleware.request(inner.writer, payload);
             let number = sent.map_err(CallError::Send)?;

@@ -52,6 +52,7 @@ pub use live::{ExecutorHandle, LiveWorker, Removal};
 pub use report::{AdmissionReport, DispatcherReport, HandleReport, Report, ThreadReport};
 pub use rules::{DeadlineMiss, HandleStates, Handling, OnMiss, Semantics, Trigger};
 pub use running::RunningExecutor;
+pub(crate) use schedule::nanos;
 pub use schedule::{Every, Overrun};
 pub use service::Responder;
 pub use stop::StopHandle;

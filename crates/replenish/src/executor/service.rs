@@ -51,6 +51,13 @@ impl<S: Service> Responder<S> {
     pub fn reply(self, response: &S::Response) -> Result<(), PublishError> {
         self.line.send(&self.to, response)
     }
+
+    /// Sends an answer that is encoded already. May be tried again.
+    pub(crate) fn reply_bytes(&self, payload: &[u8]) -> Result<(), PublishError> {
+        self.line
+            .middleware
+            .reply(self.line.writer, &self.to, payload)
+    }
 }
 
 impl<S> fmt::Debug for Responder<S> {

@@ -10,6 +10,7 @@
 pub mod agent;
 #[cfg(feature = "xrce")]
 pub mod bridge;
+pub mod fibonacci;
 #[cfg(feature = "xrce")]
 pub mod relay;
 pub mod scripted;

@@ -1,0 +1,401 @@
+//! A client's side: goals that were sent, and what is heard of them.
+//!
+//! ```text
+//!   send_goal: a place ── request ──► SENT ── accepted ──► ASKED ── result ──► place is free
+//!                                       │                    │
+//!                    rejected, no reply ┴────────────────────┴ no reply, forget ──► place is free
+//! ```
+//!
+//! As soon as a goal is accepted its result is asked for; the server answers when the goal ends.
+
+use super::ids::Ids;
+use super::server::GoalId;
+use super::state::GoalState;
+use crate::context::Node;
+use crate::error::Error;
+use crate::executor::{CallError, CallbackResult, Client, NoReply};
+use crate::sync::{Arc, Mutex};
+use alloc::string::String;
+use alloc::vec::Vec;
+use core::fmt;
+use core::time::Duration;
+use replenish_msg::action::{
+    Action, FeedbackMessage, GetResult, GetResultRequest, GetResultResponse, SendGoal,
+    SendGoalResponse,
+};
+use replenish_msg::action_msgs::{
+    CancelGoal, CancelGoalRequest, CancelGoalResponse, GoalInfo, GoalStatusArray, MAX_GOALS,
+};
+use replenish_msg::builtin_interfaces::Time;
+use replenish_msg::{CdrWriter, Message, heapless};
+
+/// Something was heard of a goal.
+#[non_exhaustive]
+pub enum GoalUpdate<'a, A: Action> {
+    /// The server pursues it, since this time by its wall clock.
+    Accepted(Time),
+    /// The server does not pursue it. Nothing more will be heard of it.
+    Rejected,
+    /// It has come so far.
+    Feedback(&'a A::Feedback),
+    /// It is in this state now.
+    State(GoalState),
+    /// It has ended, how, and with this result. Nothing more will be heard of it.
+    Result(GoalState, &'a A::Result),
+    /// The server's answer to a request to cancel: one of the constants of
+    /// [`CancelGoalResponse`], and the goals that are being canceled, other clients' included. The
+    /// goal's id is that of the request, zeros if it was not about one goal.
+    Cancel(&'a CancelGoalResponse),
+    /// The server does not answer. What becomes of the goal is not known, and nothing more will be
+    /// heard of it.
+    Lost(Lost),
+}
+
+/// Why nothing more is heard of a goal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Lost {
+    /// The server has not said in time whether it accepts the goal.
+    Goal(NoReply),
+    /// The server has not sent the result in time.
+    Result(NoReply),
+    /// The result could not be asked for.
+    Ask(CallError),
+    /// The server knows nothing of the goal any more: it was started anew, or the result expired.
+    Unknown,
+    /// The server has not answered a request to cancel in time. Of the goal itself more may be
+    /// heard.
+    Cancel(NoReply),
+}
+
+impl fmt::Display for Lost {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Goal(e) => write!(f, "goal: {e}"),
+            Self::Result(e) => write!(f, "result: {e}"),
+            Self::Ask(e) => write!(f, "result: {e}"),
+            Self::Unknown => f.write_str("the server does not know the goal"),
+            Self::Cancel(e) => write!(f, "cancel: {e}"),
+        }
+    }
+}
+
+impl core::error::Error for Lost {}
+
+impl<A: Action> fmt::Debug for GoalUpdate<'_, A> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Accepted(at) => write!(f, "Accepted({}.{:09})", at.sec, at.nanosec),
+            Self::Rejected => f.write_str("Rejected"),
+            Self::Feedback(_) => f.write_str("Feedback(..)"),
+            Self::State(state) => write!(f, "State({state})"),
+            Self::Result(state, _) => write!(f, "Result({state}, ..)"),
+            Self::Cancel(answer) => write!(f, "Cancel({})", answer.return_code),
+            Self::Lost(why) => write!(f, "Lost({why})"),
+        }
+    }
+}
+
+/// Sends goals of one action. Clones are the same client; any thread may use them.
+///
+/// What is heard of the goals comes to the callback of
+/// [`WorkerBuilder::follow`](crate::WorkerBuilder::follow).
+pub struct ActionClient<A: Action> {
+    pub(super) inner: Arc<Inner<A>>,
+}
+
+pub(super) struct Inner<A: Action> {
+    pub(super) send: Client<SendGoal<A>>,
+    pub(super) cancel: Client<CancelGoal>,
+    pub(super) result: Client<GetResult<A>>,
+    pub(super) node: Node,
+    pub(super) name: String,
+    pub(super) feedback_depth: u16,
+    ids: Ids,
+    goals: Mutex<Goals>,
+}
+
+struct Goals {
+    sent: Vec<Sent>,
+    /// Requests to cancel: their numbers, and which goal they are about.
+    cancels: Vec<(u64, GoalId)>,
+    limit: usize,
+}
+
+struct Sent {
+    id: GoalId,
+    /// The number of the request that waits for its reply.
+    number: u64,
+    asked: bool,
+    /// What was heard last.
+    state: Option<GoalState>,
+}
+
+impl<A: Action> ActionClient<A> {
+    pub(super) fn new(
+        node: Node,
+        name: String,
+        (send, cancel, result): (
+            Client<SendGoal<A>>,
+            Client<CancelGoal>,
+            Client<GetResult<A>>,
+        ),
+        limit: usize,
+        feedback_depth: u16,
+    ) -> Self {
+        let goals = Goals {
+            sent: Vec::with_capacity(limit),
+            cancels: Vec::with_capacity(limit),
+            limit,
+        };
+        Self {
+            inner: Arc::new(Inner {
+                send,
+                cancel,
+                result,
+                node,
+                name,
+                feedback_depth,
+                ids: Ids::new(),
+                goals: Mutex::new(goals),
+            }),
+        }
+    }
+
+    /// Sends a goal and returns its id. Does not allocate and waits for nobody.
+    ///
+    /// # Errors
+    /// [`CallError::TooMany`] with the limit of [`ActionOptions::goals`](super::ActionOptions::goals)
+    /// while so many goals have not ended; [`CallError::NoCallback`] before
+    /// [`WorkerBuilder::follow`](crate::WorkerBuilder::follow); [`CallError::Send`].
+    pub fn send(&self, goal: &A::Goal) -> Result<GoalId, CallError> {
+        let inner = &self.inner;
+        let id = inner.ids.next();
+        // Held while it is sent: nothing must be heard of the goal before it is in the table.
+        let mut goals = inner.goals.lock();
+        let limit = goals.limit;
+        if goals.sent.len() >= limit {
+            return Err(CallError::TooMany { limit });
+        }
+        let number = inner.send.call_with(|room| {
+            let mut w = CdrWriter::new(room);
+            id.encode(&mut w)?;
+            goal.encode(&mut w)?;
+            Ok(w.len())
+        })?;
+        goals.sent.push(Sent {
+            id,
+            number,
+            asked: false,
+            state: None,
+        });
+        Ok(id)
+    }
+
+    /// Asks the server to cancel one goal.
+    ///
+    /// # Errors
+    /// As [`send`](Self::send), with as many requests to cancel at a time as goals.
+    pub fn cancel(&self, goal: GoalId) -> Result<(), CallError> {
+        self.request_cancel(goal, Time::default())
+    }
+
+    /// Asks the server to cancel all goals, those of other clients included.
+    ///
+    /// # Errors
+    /// As [`cancel`](Self::cancel).
+    pub fn cancel_all(&self) -> Result<(), CallError> {
+        self.request_cancel(GoalId::default(), Time::default())
+    }
+
+    /// Asks the server to cancel the goals it has accepted at `stamp` by its wall clock or before,
+    /// those of other clients included. (Zeros mean all goals.)
+    ///
+    /// # Errors
+    /// As [`cancel`](Self::cancel).
+    pub fn cancel_until(&self, stamp: Time) -> Result<(), CallError> {
+        self.request_cancel(GoalId::default(), stamp)
+    }
+
+    fn request_cancel(&self, goal_id: GoalId, stamp: Time) -> Result<(), CallError> {
+        let goal_info = GoalInfo { goal_id, stamp };
+        let mut goals = self.inner.goals.lock();
+        let limit = goals.limit;
+        if goals.cancels.len() >= limit {
+            return Err(CallError::TooMany { limit });
+        }
+        let number = self.inner.cancel.call(&CancelGoalRequest { goal_info })?;
+        goals.cancels.push((number, goal_id));
+        Ok(())
+    }
+
+    /// Wants to hear no more of a goal: its place is free. The server goes on with it. `false` if
+    /// nothing would have been heard anyway.
+    #[must_use]
+    pub fn forget(&self, goal: GoalId) -> bool {
+        let mut goals = self.inner.goals.lock();
+        let at = goals.sent.iter().position(|s| s.id == goal);
+        at.map(|at| goals.sent.swap_remove(at)).is_some()
+    }
+
+    /// How many goals have not ended.
+    #[must_use]
+    pub fn under_way(&self) -> usize {
+        self.inner.goals.lock().sent.len()
+    }
+
+    /// Waits until the action has a server, up to so long. For set-up; see
+    /// [`Client::wait_for_server`].
+    ///
+    /// # Errors
+    /// [`Error::Middleware`] where the middleware does not know (DDS-XRCE).
+    pub fn wait_for_server(&self, limit: Duration) -> Result<bool, Error> {
+        self.inner.send.wait_for_server(limit)
+    }
+
+    /// The action's fully qualified name.
+    #[must_use]
+    pub fn action(&self) -> &str {
+        &self.inner.name
+    }
+}
+
+impl<A: Action> Clone for ActionClient<A> {
+    fn clone(&self) -> Self {
+        let inner = Arc::clone(&self.inner);
+        Self { inner }
+    }
+}
+
+impl<A: Action> fmt::Debug for ActionClient<A> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ActionClient")
+            .field("action", &self.inner.name)
+            .finish_non_exhaustive()
+    }
+}
+
+/// What the worker's callbacks make of what comes; `tell` is the user's.
+impl<A: Action> Inner<A> {
+    /// The answer to request `number`: a goal is accepted or not.
+    pub(super) fn answered<R>(
+        &self,
+        number: u64,
+        answer: Result<&SendGoalResponse<A>, NoReply>,
+        tell: impl FnOnce(GoalId, GoalUpdate<'_, A>) -> R,
+    ) -> Option<R> {
+        let (id, update) = {
+            let mut goals = self.goals.lock();
+            let mut all = goals.sent.iter();
+            let at = all.position(|s| !s.asked && s.number == number)?;
+            let sent = goals.sent.get_mut(at)?;
+            let id = sent.id;
+            let update = match answer {
+                Ok(answer) if answer.accepted => {
+                    match self.result.call(&GetResultRequest::new(id)) {
+                        Ok(number) => {
+                            (sent.number, sent.asked) = (number, true);
+                            GoalUpdate::Accepted(answer.stamp)
+                        }
+                        Err(e) => GoalUpdate::Lost(Lost::Ask(e)),
+                    }
+                }
+                Ok(_) => GoalUpdate::Rejected,
+                Err(e) => GoalUpdate::Lost(Lost::Goal(e)),
+            };
+            if !matches!(update, GoalUpdate::Accepted(_)) {
+                goals.sent.swap_remove(at);
+            }
+            (id, update)
+        };
+        Some(tell(id, update))
+    }
+
+    /// The answer to request `number`: a result.
+    pub(super) fn ended<R>(
+        &self,
+        number: u64,
+        answer: Result<&GetResultResponse<A>, NoReply>,
+        tell: impl FnOnce(GoalId, GoalUpdate<'_, A>) -> R,
+    ) -> Option<R> {
+        let id = {
+            let mut goals = self.goals.lock();
+            let mut all = goals.sent.iter();
+            let at = all.position(|s| s.asked && s.number == number)?;
+            goals.sent.swap_remove(at).id
+        };
+        let update = match answer {
+            Ok(answer) => match GoalState::from_status(answer.status) {
+                Some(state) => GoalUpdate::Result(state, &answer.result),
+                None => GoalUpdate::Lost(Lost::Unknown),
+            },
+            Err(e) => GoalUpdate::Lost(Lost::Result(e)),
+        };
+        Some(tell(id, update))
+    }
+
+    /// The answer to request `number` to cancel.
+    pub(super) fn canceled<R>(
+        &self,
+        number: u64,
+        answer: Result<&CancelGoalResponse, NoReply>,
+        tell: impl FnOnce(GoalId, GoalUpdate<'_, A>) -> R,
+    ) -> Option<R> {
+        let id = {
+            let mut goals = self.goals.lock();
+            let at = goals.cancels.iter().position(|(n, _)| *n == number)?;
+            goals.cancels.swap_remove(at).1
+        };
+        let update = match answer {
+            Ok(answer) => GoalUpdate::Cancel(answer),
+            Err(e) => GoalUpdate::Lost(Lost::Cancel(e)),
+        };
+        Some(tell(id, update))
+    }
+
+    /// Feedback for a goal, of this client or another.
+    pub(super) fn heard<R>(
+        &self,
+        message: &FeedbackMessage<A>,
+        tell: impl FnOnce(GoalId, GoalUpdate<'_, A>) -> R,
+    ) -> Option<R> {
+        let id = message.goal_id;
+        let mine = self.goals.lock().sent.iter().any(|s| s.id == id);
+        mine.then(|| tell(id, GoalUpdate::Feedback(&message.feedback)))
+    }
+
+    /// The states of all goals of the server: tells those that have changed.
+    pub(super) fn states<R>(
+        &self,
+        all: &GoalStatusArray,
+        mut tell: impl FnMut(GoalId, GoalUpdate<'_, A>) -> R,
+    ) -> Several<R> {
+        let mut results = heapless::Vec::new();
+        for status in &all.status_list {
+            let id = status.goal_info.goal_id;
+            let Some(state) = GoalState::from_status(status.status) else {
+                continue;
+            };
+            let changed = {
+                let mut goals = self.goals.lock();
+                let sent = goals.sent.iter_mut().find(|s| s.id == id);
+                // States only go forward; an older array may come late.
+                let sent = sent.filter(|s| s.state.is_none_or(|before| before < state));
+                sent.map(|s| s.state = Some(state)).is_some()
+            };
+            if changed {
+                results.push(tell(id, GoalUpdate::State(state))).ok();
+            }
+        }
+        Several(results)
+    }
+}
+
+/// What a callback has returned that was called for several goals.
+pub(super) struct Several<R>(heapless::Vec<R, MAX_GOALS>);
+
+impl<R: CallbackResult> CallbackResult for Several<R> {
+    fn inspect(self, report: &mut dyn FnMut(&dyn fmt::Display)) {
+        self.0.into_iter().for_each(|result| result.inspect(report));
+    }
+}

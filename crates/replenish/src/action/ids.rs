@@ -1,0 +1,47 @@
+//! Names for goals, and the wall clock they are stamped with.
+
+use crate::sync::{AtomicU64, Ordering};
+use core::hash::BuildHasher;
+use replenish_msg::builtin_interfaces::Time;
+use replenish_msg::unique_identifier_msgs::UUID;
+use replenish_os::clock;
+use std::hash::RandomState;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Gives out ids that no other client gives out: random bits, then a number.
+pub(super) struct Ids {
+    random: u64,
+    next: AtomicU64,
+}
+
+impl Ids {
+    pub(super) fn new() -> Self {
+        // Keyed at random by the operating system, once per thread and then counted on.
+        let seed = |salt: u64| RandomState::new().hash_one((salt, clock::monotonic()));
+        Self {
+            random: seed(1),
+            next: AtomicU64::new(seed(2)),
+        }
+    }
+
+    /// A UUID as RFC 9562 wants it: version 8, whose bits are the maker's own affair.
+    pub(super) fn next(&self) -> UUID {
+        let number = self.next.fetch_add(1, Ordering::Relaxed);
+        let mut uuid = [0; 16];
+        let (random, counted) = uuid.split_at_mut(8);
+        random.copy_from_slice(&self.random.to_be_bytes());
+        counted.copy_from_slice(&number.to_be_bytes());
+        uuid[6] = uuid[6] & 0x0f | 0x80;
+        uuid[8] = uuid[8] & 0x3f | 0x80;
+        UUID { uuid }
+    }
+}
+
+/// This moment by the wall clock; zeros before 1970 and after 2038.
+pub(super) fn now() -> Time {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH);
+    let since = since.unwrap_or_default();
+    let sec = i32::try_from(since.as_secs()).unwrap_or_default();
+    let nanosec = since.subsec_nanos();
+    Time { sec, nanosec }
+}

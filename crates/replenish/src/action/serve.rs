@@ -1,0 +1,195 @@
+//! Adding an action's server to a worker: three services and a timer.
+
+use super::server::{Core, GoalId, NewGoal};
+use super::{ActionOptions, part, status_qos};
+use crate::context::Node;
+use crate::error::Error;
+use crate::executor::{
+    CallbackContext, CallbackResult, Every, Responder, TimerHandle, WorkerBuilder, nanos,
+};
+use crate::middleware::PublishError;
+use crate::qos::Qos;
+use crate::sync::Arc;
+use core::fmt;
+use core::time::Duration;
+use replenish_msg::action::{Action, GetResult, SendGoal, SendGoalRequest};
+use replenish_msg::action_msgs::{CancelGoal, CancelGoalRequest, CancelGoalResponse};
+
+impl WorkerBuilder<'_> {
+    /// Serves the action `name`, with up to `options.goals` goals at a time.
+    ///
+    /// `goal` is called with every goal that comes and the right to [accept](NewGoal::accept) it,
+    /// now or later; what it returns by that is a [`GoalHandle`](crate::GoalHandle), with which the
+    /// goal is pursued from wherever you like: a timer of this worker, another worker, a thread.
+    /// `cancel` is called for each goal that somebody wants to cancel: whether that is all right.
+    /// The goal then [is canceling](crate::GoalHandle::is_canceling), and ends when its pursuer says.
+    ///
+    /// A goal for which there is no room is rejected without asking, counted and reported as an error
+    /// of the handle `…/send_goal`. The server takes four handles of its worker;
+    /// [`with`](Self::with) right behind this applies to the one that calls `goal`.
+    ///
+    /// ```
+    /// # use replenish::{ActionOptions, Context, Error, Executor, NewGoal};
+    /// # use replenish::msg::{Action, std_msgs::Int32};
+    /// # struct Count;
+    /// # impl Action for Count {
+    /// #     type Goal = Int32;
+    /// #     type Result = Int32;
+    /// #     type Feedback = Int32;
+    /// #     const TYPE_NAME: &'static str = "demo/action/Count";
+    /// #     const DDS_TYPE_NAME: &'static str = "demo::action::dds_::Count_";
+    /// # }
+    /// # fn main() -> Result<(), Error> {
+    /// # let ctx = Context::in_process();
+    /// # let node = ctx.node("n")?;
+    /// # let mut exec = Executor::new(&ctx);
+    /// exec.worker("count").serve_action(
+    ///     &node,
+    ///     "count",
+    ///     ActionOptions::goals(4),
+    ///     |goal: &Int32, new: NewGoal<Count>, _| match goal.data {
+    ///         0.. => new.accept()?.succeed(goal), // no sooner said than done
+    ///         _ => new.reject(),
+    ///     },
+    ///     |_, _| true,
+    /// )?;
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Name`], [`Error::ForeignNode`], [`Error::Parameter`] for an option out of range,
+    /// [`Error::Middleware`] when a part cannot be created.
+    pub fn serve_action<A, G, C, R>(
+        self,
+        node: &Node,
+        name: &str,
+        options: ActionOptions,
+        goal: G,
+        cancel: C,
+    ) -> Result<Self, Error>
+    where
+        A: Action,
+        G: FnMut(&A::Goal, NewGoal<A>, &CallbackContext<'_>) -> R + Send + 'static,
+        C: FnMut(GoalId, &CallbackContext<'_>) -> bool + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let timer = TimerHandle::new();
+        let core = core::<A>(node, name, options, timer.clone())?;
+        let qos = options.services();
+        self.timer_with(&timer, OFF, expiry(&core))?
+            .serve_later::<GetResult<A>, _, _>(node, &core.part("get_result"), qos, results(&core))?
+            .serve_later::<CancelGoal, _, _>(
+                node,
+                &core.part("cancel_goal"),
+                qos,
+                cancels(&core, cancel),
+            )?
+            .serve_later::<SendGoal<A>, _, _>(
+                node,
+                &core.part("send_goal"),
+                qos,
+                goals(&core, goal),
+            )
+    }
+}
+
+/// The timer is started when there is something to expire.
+const OFF: Every = Every::once(Duration::from_secs(1)).not_started();
+
+/// Everything but the handles.
+fn core<A: Action>(
+    node: &Node,
+    name: &str,
+    options: ActionOptions,
+    timer: TimerHandle,
+) -> Result<Arc<Core<A>>, Error> {
+    let name = node.resolve(name)?;
+    options.check(&name)?;
+    let feedback = node.publisher(&part(&name, "feedback"), Qos::reliable())?;
+    let status = node.publisher(&part(&name, "status"), status_qos())?;
+    let sizes = (options.goals, options.askers, nanos(options.keep));
+    Ok(Core::new(name, sizes, feedback, status, timer))
+}
+
+impl<A: Action> Core<A> {
+    fn part(&self, which: &str) -> alloc::string::String {
+        part(&self.name, which)
+    }
+}
+
+fn expiry<A: Action>(
+    core: &Arc<Core<A>>,
+) -> impl FnMut(&CallbackContext<'_>) -> Result<(), super::GoalError> + Send + use<A> {
+    let core = Arc::clone(core);
+    move |_| core.look_after()
+}
+
+fn results<A: Action>(
+    core: &Arc<Core<A>>,
+) -> impl FnMut(
+    &replenish_msg::action::GetResultRequest<A>,
+    Responder<GetResult<A>>,
+    &CallbackContext<'_>,
+) -> Result<(), super::GoalError>
++ Send
++ use<A> {
+    let core = Arc::clone(core);
+    move |request, to, _| core.ask(request.goal_id, to)
+}
+
+fn cancels<A, C>(
+    core: &Arc<Core<A>>,
+    mut willing: C,
+) -> impl FnMut(
+    &CancelGoalRequest,
+    Responder<CancelGoal>,
+    &CallbackContext<'_>,
+) -> Result<(), PublishError>
++ Send
++ use<A, C>
+where
+    A: Action,
+    C: FnMut(GoalId, &CallbackContext<'_>) -> bool + Send,
+{
+    let core = Arc::clone(core);
+    let mut answer = CancelGoalResponse::default();
+    move |request, to, cx| {
+        core.cancel(request, &mut answer, |id| willing(id, cx));
+        to.reply(&answer)
+    }
+}
+
+fn goals<A, G, R>(
+    core: &Arc<Core<A>>,
+    mut goal: G,
+) -> impl FnMut(&SendGoalRequest<A>, Responder<SendGoal<A>>, &CallbackContext<'_>) -> Outcome<R>
++ Send
++ use<A, G, R>
+where
+    A: Action,
+    G: FnMut(&A::Goal, NewGoal<A>, &CallbackContext<'_>) -> R + Send,
+{
+    let core = Arc::clone(core);
+    move |request, to, cx| match core.offer(request.goal_id, to) {
+        Ok(new) => Outcome::Called(goal(&request.goal, new, cx)),
+        Err(e) => Outcome::Refused(e),
+    }
+}
+
+/// What has become of a goal that came.
+enum Outcome<R> {
+    /// The user's callback has returned this.
+    Called(R),
+    /// It was not called.
+    Refused(super::GoalError),
+}
+
+impl<R: CallbackResult> CallbackResult for Outcome<R> {
+    fn inspect(self, report: &mut dyn FnMut(&dyn fmt::Display)) {
+        match self {
+            Self::Called(result) => result.inspect(report),
+            Self::Refused(e) => report(&e),
+        }
+    }
+}
