@@ -262,8 +262,8 @@ impl<A: Action> Core<A> {
         ended
             .map_err(|state| refusal(event, state))?
             .map_err(|e| GoalError::Send(PublishError::Encode(e)))?;
-        let delivered = state.table.deliver(hand_over);
         self.tell(&mut state);
+        let delivered = state.table.deliver(hand_over);
         self.arm(&mut state);
         delivered.map_err(GoalError::Send)
     }
