@@ -1,9 +1,8 @@
-//! A control loop with a guarantee. Start it twice:
+//! A control loop with a guarantee: so many percent of a CPU.
 //!
-//! ```sh
-//! cargo run --release -p replenish --example guarantee -- 50   # 50 % of a CPU; stop it with Ctrl-C
-//! cargo run --release -p replenish --example guarantee -- 60   # refused while the first one lives
-//! ```
+//! Run: `cargo run --release -p replenish --example guarantee -- 50`; stop it with Ctrl-C. Another one
+//! with 60 is refused while the first one lives.
+//!
 //! On a machine with several CPUs the second one goes to another; a second argument pins both to one.
 
 use replenish::{Context, Error, Executor, Guarantee};
