@@ -15,6 +15,8 @@ const DISPATCHER: u8 = 98;
 const HIGH: u8 = 60;
 /// Priority of the other worker.
 const LOW: u8 = 50;
+/// Messages that may wait: all of a window.
+const QUEUE: usize = usize::MAX;
 
 /// One point of an experiment. Times in ns.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -29,12 +31,12 @@ pub struct Point {
     pub low: Nanos,
     /// How long the low worker sleeps in each answer, after that (experiment 2).
     pub low_sleep: Nanos,
-    /// Time between two messages of a topic.
-    pub interval: Nanos,
-    /// From the start of the window to the arrival of the first messages.
-    pub arrival: Nanos,
-    /// How much later than that a message may come, at most.
-    pub jitter: Nanos,
+    /// What the low worker consumes for the answer after its sleep.
+    pub low_after_sleep: Nanos,
+    /// When the messages of topic high arrive, from the start of the window on.
+    pub arrivals_high: Releases,
+    /// The same for topic low.
+    pub arrivals_low: Releases,
     /// For how long load is offered; answers count that are complete by then.
     pub window: Nanos,
     /// Costs and delays of the machine.
@@ -45,15 +47,20 @@ impl Point {
     /// Experiment 1: bursts of 10 ms, a message each 10 ms, windows of 400 ms, 100 ms periods.
     pub const fn experiment_1(budget: Nanos) -> Self {
         const MS: Nanos = 1_000_000;
+        const EVERY_10_MS: Releases = Releases::Periodic {
+            offset: 0,
+            period: 10 * MS,
+            jitter: 0,
+        };
         Self {
             reservation: Some((budget, 100 * MS, 6)),
             dispatch: 0,
             high: 10 * MS,
             low: 10 * MS,
             low_sleep: 0,
-            interval: 10 * MS,
-            arrival: 0,
-            jitter: 0,
+            low_after_sleep: 0,
+            arrivals_high: EVERY_10_MS,
+            arrivals_low: EVERY_10_MS,
             window: 400 * MS,
             platform: Platform::IDEAL,
         }
@@ -70,7 +77,7 @@ impl Point {
         point
     }
 
-    /// Simulates one window, with full budgets at its start; `seed` is for the jitter.
+    /// Simulates one window, with full budgets at its start; `seed` is for jitter.
     ///
     /// # Errors
     /// A field is out of its range, by name.
@@ -105,35 +112,31 @@ impl Point {
                     .map_err(|error: ParamError| wrong(error.to_string()))?,
             },
         };
-        let messages = usize::try_from(self.window / self.interval.max(1)).unwrap_or(usize::MAX);
-        let dispatcher = |name: &str, worker| {
+        let dispatcher = |name: &str, arrivals: &Releases, worker| {
             Thread::new(
                 name,
                 Policy::Fifo {
                     priority: DISPATCHER,
                 },
             )
-            .released(Releases::Periodic {
-                offset: self.arrival,
-                period: self.interval,
-                jitter: self.jitter,
-            })
+            .released(arrivals.clone())
             .runs(self.dispatch)
             .then(Step::Send(worker))
-            .queue(messages)
+            .queue(QUEUE)
         };
         let low = Thread::new("low", Policy::Fifo { priority: LOW })
             .runs(self.low)
             .then(Step::Block(Span::Constant(self.low_sleep)))
-            .queue(messages);
+            .runs(self.low_after_sleep)
+            .queue(QUEUE);
         Ok(System {
             cpus: 1,
             locks: 0,
             platform: self.platform.clone(),
             threads: vec![
-                dispatcher("dispatch high", 2),
-                dispatcher("dispatch low", 3),
-                Thread::new("high", policy).runs(self.high).queue(messages),
+                dispatcher("dispatch high", &self.arrivals_high, 2),
+                dispatcher("dispatch low", &self.arrivals_low, 3),
+                Thread::new("high", policy).runs(self.high).queue(QUEUE),
                 low,
             ],
         })

@@ -103,7 +103,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         }
         pong.running.stop()
     };
-    let end = pong::end(&report, &topics);
+    let end = pong::end(&report, &topics, grid.get());
     if args.supervised {
         supervised::emit(&Event::PongEnd(end));
         return Ok(());

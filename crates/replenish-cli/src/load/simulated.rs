@@ -1,92 +1,85 @@
 //! What the simulator says a window gives: the same load on the same budget servers, in virtual
-//! time. Of the machine it knows only what a message and an answer cost and how late they come
-//! ([`Costs`]), as measured in the same run; nothing is fitted to the number of answers.
+//! time. Of the machine it is told, as measured in the same run, when each message was taken
+//! ([`Arrivals`]) and what a message and an answer cost ([`Costs`]); nothing is fitted to the
+//! number of answers.
+//!
+//! Arrivals are replayed, not drawn: when the low callback sleeps for nearly all of its time, it
+//! takes its turns in the some 50 us between two bursts of the high one, so that a message 20 us
+//! later is an answer less.
 
 use super::Nanos;
 use super::grid::Grid;
 use super::spec::{High, Spec};
 use crate::outcome::Failure;
-use replenish_sim::Platform;
-use replenish_sim::paper::{Counts, Point};
+use replenish_sim::paper::Point;
+use replenish_sim::{Platform, Releases};
 
-/// What this machine adds to the work that callbacks are asked to do, in ns.
+/// What this machine adds to the work that callbacks are asked to do, in ns of CPU time on average.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Costs {
-    /// CPU time of dispatcher and enforcer, per message.
+    /// Dispatcher and enforcer, per message.
     pub dispatch: Nanos,
-    /// CPU time of the high worker for receiving, decoding and answering, per callback.
+    /// The high worker, for receiving, decoding and answering.
     pub high: Nanos,
-    /// The same on the low worker.
+    /// The low worker, before the work of its callback: receiving and decoding.
     pub low: Nanos,
-    /// From the time that a message is sent to its callback, at best.
-    pub arrival: Nanos,
-    /// How late a sleeping callback wakes, at best.
+    /// The low worker, after its work: falling asleep, waking up, answering.
+    pub low_after: Nanos,
+    /// The median lateness of a wake-up from a callback's sleep: time, not CPU time.
     pub wake_up: Nanos,
 }
 
-/// Answers of one window: what the median of the runs gives, and the least and the most.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
-pub(crate) struct Answers {
-    /// The median.
-    pub median: u64,
-    /// The least.
-    pub min: u64,
-    /// The most.
-    pub max: u64,
-}
+/// From the sending of each message of a topic to its taking, in ns, window by window; 0: unknown.
+#[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub(crate) struct Arrivals(pub Vec<Vec<u32>>);
 
-impl Answers {
-    fn of(mut runs: Vec<u64>) -> Self {
-        runs.sort_unstable();
-        Self {
-            median: runs.get(runs.len() / 2).copied().unwrap_or(0),
-            min: runs.first().copied().unwrap_or(0),
-            max: runs.last().copied().unwrap_or(0),
-        }
-    }
-
-    /// How far a measured number is from all runs.
-    pub(crate) fn distance(&self, measured: u64) -> u64 {
-        measured.abs_diff(measured.clamp(self.min, self.max))
+impl Arrivals {
+    /// When the messages of window `index` came, from its start on. A message that no callback saw
+    /// came as late as the one before it.
+    fn of_window(&self, index: u64, grid: &Grid) -> Releases {
+        let window = usize::try_from(index).ok().and_then(|w| self.0.get(w));
+        let (mut at, mut late) = (0, 0);
+        let times = (0..grid.messages()).zip(0..).map(|(message, i)| {
+            let taken = window.and_then(|w: &Vec<u32>| w.get::<usize>(i));
+            late = taken
+                .map(|t| Nanos::from(*t))
+                .filter(|t| *t > 0)
+                .unwrap_or(late);
+            at = at.max(message.saturating_mul(grid.interval).saturating_add(late));
+            at
+        });
+        Releases::At(times.collect())
     }
 }
 
-/// Answers to both topics in one window.
+/// What the simulator is told about the machine.
+#[derive(Debug, Clone)]
+pub(crate) struct Measured<'a> {
+    /// What things cost.
+    pub costs: Costs,
+    /// When the messages came: of topic high, of topic low.
+    pub arrivals: [&'a Arrivals; 2],
+}
+
+/// Answers of one window.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
 pub(crate) struct Prediction {
-    /// The topic with the budget.
-    pub high: Answers,
-    /// The other one.
-    pub low: Answers,
+    /// To the topic with the budget.
+    pub high: u64,
+    /// To the other one.
+    pub low: u64,
 }
 
-/// An answer's cost varies by tens of microseconds from time to time: caches, interrupts, the
-/// hypervisor. So the window is simulated with this much more per answer, too.
-const MORE: [Nanos; 3] = [0, 20_000, 40_000];
-/// A message takes up to twice the least time to arrive, drawn anew with each of these seeds.
-const SEEDS: core::ops::Range<u64> = 0..5;
-
-/// Simulates one window of the load `spec` on `grid`.
+/// Simulates window `index` of the load `spec` on `grid`.
 ///
 /// # Errors
 /// A value of the load that the simulator's budget server does not take, by name.
-pub(crate) fn per_window(spec: &Spec, grid: &Grid, costs: &Costs) -> Result<Prediction, Failure> {
-    let cases = MORE.iter().flat_map(|more| SEEDS.map(|seed| (*more, seed)));
-    let run = |(more, seed)| one_run(spec, grid, costs, more, seed);
-    let runs: Vec<Counts> = cases.map(run).collect::<Result<_, _>>()?;
-    Ok(Prediction {
-        high: Answers::of(runs.iter().map(|c| c.high_answers).collect()),
-        low: Answers::of(runs.iter().map(|c| c.low_answers).collect()),
-    })
-}
-
-fn one_run(
+pub(crate) fn window(
     spec: &Spec,
     grid: &Grid,
-    costs: &Costs,
-    more: Nanos,
-    seed: u64,
-) -> Result<Counts, Failure> {
+    index: u64,
+    measured: &Measured<'_>,
+) -> Result<Prediction, Failure> {
     let reservation = match spec.high {
         High::Sporadic {
             budget,
@@ -95,36 +88,35 @@ fn one_run(
         } => Some((budget, period, background)),
         High::Fifo => None,
     };
-    let answer = |work: Nanos, cost: Nanos| spec.net(work).saturating_add(cost);
+    let costs = &measured.costs;
+    let [high, low] = measured.arrivals;
+    // Nothing is slept, nothing comes after it.
+    let sleep = Some(spec.low_sleep()).filter(|s| *s > 0);
     let point = Point {
         reservation,
         dispatch: costs.dispatch,
-        high: answer(spec.burst, costs.high.saturating_add(more)),
-        low: answer(spec.low_burn(), costs.low.saturating_add(more)),
-        low_sleep: spec.low_sleep().saturating_add(costs.wake_up),
-        interval: spec.interval,
-        arrival: costs.arrival,
-        jitter: costs.arrival,
+        high: spec.net(spec.burst).saturating_add(costs.high),
+        low: spec.net(spec.low_burn()).saturating_add(costs.low),
+        low_sleep: sleep.map_or(0, |s| s.saturating_add(costs.wake_up)),
+        low_after_sleep: costs.low_after,
+        arrivals_high: high.of_window(index, grid),
+        arrivals_low: low.of_window(index, grid),
         window: grid.window,
         platform: Platform::IDEAL,
     };
-    point
-        .run(seed)
-        .map_err(|e| Failure::Usage(e.to_string()).context("simulating this load"))
+    let counts = point
+        .run(0) // nothing is drawn
+        .map_err(|e| Failure::Usage(e.to_string()).context("simulating this load"))?;
+    Ok(Prediction {
+        high: counts.high_answers,
+        low: counts.low_answers,
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::{MS, theory};
     use super::*;
-
-    #[test]
-    fn distance_is_to_the_nearest_run() {
-        let answers = Answers::of(vec![35, 27, 31]);
-        assert_eq!((answers.median, answers.min, answers.max), (31, 27, 35));
-        let distances = [25, 27, 30, 36].map(|measured| answers.distance(measured));
-        assert_eq!(distances, [2, 0, 0, 1]);
-    }
 
     #[test]
     fn simulation_and_theory_agree_within_one_answer() {
@@ -138,13 +130,33 @@ mod tests {
         for spec in sleeps.chain(budgets).chain(odd) {
             let grid = Grid::windowed(0, spec.period, spec.interval);
             let theory = theory::per_window(&spec, &grid, grid.messages());
-            let simulated = per_window(&spec, &grid, &Costs::default()).unwrap();
-            let differ = simulated.high.median.abs_diff(theory.high_answers);
+            let none = Arrivals::default();
+            let ideal = Measured {
+                costs: Costs::default(),
+                arrivals: [&none, &none],
+            };
+            let simulated = window(&spec, &grid, 0, &ideal).unwrap();
+            let differ = simulated.high.abs_diff(theory.high_answers);
             assert!(differ <= 1, "{spec:?}: {simulated:?} {theory:?}");
-            let differ = simulated.low.median.abs_diff(theory.low_answers);
+            let differ = simulated.low.abs_diff(theory.low_answers);
             // A low callback that only sleeps takes turns with high in many ways.
             let allowed = if spec.low_sleep_percent < 75 { 1 } else { 8 };
             assert!(differ <= allowed, "{spec:?}: {simulated:?} {theory:?}");
         }
+    }
+
+    #[test]
+    fn arrivals_are_replayed_in_order_and_what_is_unknown_is_as_late_as_the_one_before() {
+        let grid = Grid {
+            epoch: 0,
+            window: 50,
+            pause: 10,
+            interval: 10,
+        };
+        let arrivals = Arrivals(vec![vec![], vec![3, 15, 0, 2, 0]]);
+        let at = |w| arrivals.of_window(w, &grid);
+        assert_eq!(at(0), Releases::At(vec![0, 10, 20, 30, 40]));
+        assert_eq!(at(1), Releases::At(vec![3, 25, 35, 35, 42]));
+        assert_eq!(at(9), at(0));
     }
 }

@@ -13,3 +13,4 @@ pub(crate) mod sender;
 pub(crate) mod supervised;
 pub(crate) mod tape;
 pub(crate) mod threads;
+mod timing;

@@ -8,10 +8,11 @@ use super::monitor;
 use super::protocol::{Event, Mode, Overrun, PongEnd, Ready, ThreadRow};
 use super::supervised::{self, SharedGrid};
 use super::tape::Tape;
+use super::timing::Timing;
 use super::{link, threads};
 use crate::load::Nanos;
 use crate::load::burn::burn;
-use crate::load::grid::{Place, place_of, window_of};
+use crate::load::grid::{Grid, Place, place_of, window_of};
 use crate::load::simulated::Costs;
 use crate::load::spec::{
     DISPATCHER_PRIORITY, ENFORCER_PRIORITY, HIGH_PRIORITY, High, LOW_PRIORITY, MAX_REPL, Spec,
@@ -49,10 +50,10 @@ pub(crate) struct Topic {
     pub answered: AtomicU64,
     /// CPU time that callbacks were asked to consume, in ns.
     pub burnt: AtomicU64,
-    /// The least time from the sending of a message to its callback, in ns.
-    pub arrival: AtomicU64,
-    /// The least lateness of a wake-up from a callback's sleep, in ns.
-    pub wake_up: AtomicU64,
+    /// CPU time from the end of the work to the answer's being published, in ns.
+    after_work: AtomicU64,
+    /// When messages were taken, and how late a sleep ended.
+    timing: Timing,
     /// When the worker had the CPU.
     pub tape: PiMutex<Tape>,
 }
@@ -62,8 +63,8 @@ impl Topic {
         Arc::new(Self {
             answered: AtomicU64::new(0),
             burnt: AtomicU64::new(0),
-            arrival: AtomicU64::new(Nanos::MAX),
-            wake_up: AtomicU64::new(Nanos::MAX),
+            after_work: AtomicU64::new(0),
+            timing: Timing::new(),
             tape: PiMutex::new(Tape::new()),
         })
     }
@@ -210,7 +211,7 @@ impl Answer {
         ping: &Int32,
         cx: &CallbackContext<'_>,
     ) -> Result<(), replenish::middleware::PublishError> {
-        let Some(end) = self.deadline(ping.data) else {
+        let Some(end) = self.deadline(ping.data, cx.due()) else {
             return Ok(());
         };
         let tape = &mut self.tape;
@@ -229,32 +230,31 @@ impl Answer {
             if now >= end {
                 return Ok(());
             }
-            let late = now.saturating_sub(due);
-            self.topic.wake_up.fetch_min(late, Ordering::Relaxed);
+            self.topic.timing.woke(now.saturating_sub(due));
         }
         self.pong.publish(ping)?;
+        let after = clock::thread_cpu().saturating_sub(before + burnt);
+        self.topic.after_work.fetch_add(after, Ordering::Relaxed);
         self.topic.answered.fetch_add(1, Ordering::Relaxed);
         Ok(())
     }
 
-    /// When work on this message must stop; `None`: it is not to be answered at all.
-    fn deadline(&mut self, number: i32) -> Option<Nanos> {
+    /// When work on this message, `taken` by the dispatcher, must stop; `None`: it is not to be
+    /// answered at all.
+    fn deadline(&self, number: i32, taken: Nanos) -> Option<Nanos> {
         let Some(grid) = self.grid.get() else {
             return Some(Nanos::MAX);
         };
-        let now = clock::monotonic();
-        match grid.locate(now) {
+        let window = window_of(number);
+        if let Some(index) = window {
+            let place = place_of(number);
+            let after = taken.saturating_sub(grid.release(index, place));
+            self.topic.timing.taken(grid, index, place, after);
+        }
+        match grid.locate(clock::monotonic()) {
             Place::Outside => None,
             Place::Window { end, .. } if grid.is_continuous() => Some(end),
-            Place::Window { index, end } => {
-                if window_of(number) != Some(index) {
-                    return None;
-                }
-                let sent = grid.release(index, place_of(number));
-                let took = now.saturating_sub(sent);
-                self.topic.arrival.fetch_min(took, Ordering::Relaxed);
-                Some(end)
-            }
+            Place::Window { index, end } => (window == Some(index)).then_some(end),
         }
     }
 }
@@ -319,29 +319,33 @@ fn costs(report: &Report, [high, low]: &[Arc<Topic>; 2]) -> Costs {
         let thread = report.thread(name);
         thread.map_or(0, |t| t.usage.cpu_high.saturating_add(t.usage.cpu_low))
     };
-    let answer = |name: &str, topic: &Topic| {
+    let before = |name: &str, topic: &Topic| {
         let of_worker = report.handles.iter().filter(|h| h.worker == name);
         let callbacks: u64 = of_worker.map(|h| h.stats.executed).sum();
-        let rest = used(name).saturating_sub(topic.burnt.load(Ordering::Relaxed));
+        let rest = used(name)
+            .saturating_sub(topic.burnt.load(Ordering::Relaxed))
+            .saturating_sub(topic.after_work.load(Ordering::Relaxed));
         rest.checked_div(callbacks).unwrap_or(0)
     };
-    let least = |seen: &AtomicU64| match seen.load(Ordering::Relaxed) {
-        Nanos::MAX => 0, // never seen
-        least => least,
+    let after = |topic: &Topic| {
+        let answered = topic.answered.load(Ordering::Relaxed);
+        let after = topic.after_work.load(Ordering::Relaxed);
+        after.checked_div(answered).unwrap_or(0)
     };
     let enforcers: Nanos = report.enforcers.iter().map(|e| e.cpu).sum();
     let support = used("dispatcher").saturating_add(enforcers);
     Costs {
         dispatch: support.checked_div(report.dispatcher.samples).unwrap_or(0),
-        high: answer("high", high),
-        low: answer("low", low),
-        arrival: least(&high.arrival),
-        wake_up: least(&low.wake_up),
+        high: before("high", high).saturating_add(after(high)),
+        low: before("low", low),
+        low_after: after(low),
+        wake_up: low.timing.wake_up(),
     }
 }
 
-/// The last words of pong about its topics high and low.
-pub(crate) fn end(report: &Report, topics: &[Arc<Topic>; 2]) -> PongEnd {
+/// The last words of pong about its topics high and low; `grid` is what its windows were.
+pub(crate) fn end(report: &Report, topics: &[Arc<Topic>; 2], grid: Option<&Grid>) -> PongEnd {
+    let arrivals = |topic: &Topic| grid.map(|g| topic.timing.arrivals(g)).unwrap_or_default();
     let us = |ns: i64| ns as f64 / 1e3;
     let overruns = report
         .threads
@@ -357,6 +361,8 @@ pub(crate) fn end(report: &Report, topics: &[Arc<Topic>; 2]) -> PongEnd {
             stalls: o.worst_stall.map(|s| us(s.overrun)).into_iter().collect(),
         }),
         costs: costs(report, topics),
+        arrivals_high: arrivals(&topics[0]),
+        arrivals_low: arrivals(&topics[1]),
         dropped: report
             .handles
             .iter()

@@ -8,7 +8,7 @@
 //! End of file doubles as the dead man's handle: if the orchestrator dies, its children stop.
 
 use crate::load::Nanos;
-use crate::load::simulated::Costs;
+use crate::load::simulated::{Arrivals, Costs};
 
 /// What a part reports.
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
@@ -131,6 +131,12 @@ pub(crate) struct PongEnd {
     /// What messages and answers cost besides the work of the callbacks.
     #[serde(default)]
     pub costs: Costs,
+    /// When the messages of topic high were taken.
+    #[serde(default)]
+    pub arrivals_high: Arrivals,
+    /// When the messages of topic low were taken.
+    #[serde(default)]
+    pub arrivals_low: Arrivals,
     /// Samples that slots dropped because newer ones came.
     pub dropped: u64,
     /// Workers that did not end when told to, by name.

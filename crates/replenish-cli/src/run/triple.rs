@@ -4,7 +4,7 @@ use super::child::{Child, News};
 use super::summary::{Summary, summarise};
 use super::windows::{Collector, Window};
 use crate::load::grid::Grid;
-use crate::load::simulated;
+use crate::load::simulated::{self, Measured};
 use crate::load::spec::{High, Spec};
 use crate::load::theory;
 use crate::load::{MS, Nanos};
@@ -139,7 +139,11 @@ pub(crate) fn run(
     let end = inbox.end.take().unwrap_or_default();
     let mut summary = summarise(&plan.spec, &grid, &windows, repeated);
     if !grid.is_continuous() {
-        summary = summary.simulated(&simulated::per_window(&plan.spec, &grid, &end.costs)?);
+        let measured = Measured {
+            costs: end.costs,
+            arrivals: [&end.arrivals_high, &end.arrivals_low],
+        };
+        summary = summary.simulated(|w| simulated::window(&plan.spec, &grid, w, &measured))?;
     }
     Ok(Run {
         summary,

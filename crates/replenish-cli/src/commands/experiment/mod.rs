@@ -13,6 +13,7 @@ use crate::options::JsonOption;
 use crate::outcome::Outcome;
 use crate::report::files;
 use crate::report::html::Page;
+use crate::run::summary::{Summary, Topic, round};
 use std::path::PathBuf;
 
 /// Where results go.
@@ -53,26 +54,42 @@ fn warn(deferred: bool) {
     }
 }
 
-/// How well simulation and measurement agree, in one sentence: the largest differences of one topic
-/// in one window, and numbers of windows, of all points.
-fn agreement(points: impl Iterator<Item = (Option<u64>, u64)>) -> String {
-    let (mut windows, mut worst) = (0, 0);
-    for (difference, of) in points {
-        windows += of;
-        worst = worst.max(difference.unwrap_or(0));
+/// How far simulated and measured counts of one point are apart.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Apart {
+    /// The counts of the topic that is worse, over all windows, divided by the windows.
+    per_window: f64,
+    /// One topic in one window, at worst.
+    worst_window: u64,
+}
+
+impl Apart {
+    /// `None` where nothing was simulated.
+    fn of(summary: &Summary) -> Option<Self> {
+        let of = |topic: &Topic| Some(topic.answered.abs_diff(topic.simulated?));
+        let total = of(&summary.high)?.max(of(&summary.low)?);
+        Some(Self {
+            per_window: round(total as f64 / summary.windows.max(1) as f64),
+            worst_window: summary.simulated_worst_difference?,
+        })
     }
-    let verdict = if worst <= 1 {
-        "agree within"
+}
+
+/// How well simulation and measurement agree, in one sentence, for all points of an experiment.
+fn agreement(points: impl Iterator<Item = Option<Apart>>) -> String {
+    let worst = points.flatten().fold(Apart::default(), |a, b| Apart {
+        per_window: a.per_window.max(b.per_window),
+        worst_window: a.worst_window.max(b.worst_window),
+    });
+    let verdict = if worst.per_window <= 1.0 {
+        "agree within 1 answer"
     } else {
-        "DIFFER by up to"
-    };
-    let bursts = if worst <= 1 {
-        "1 answer".to_string()
-    } else {
-        format!("{worst} answers")
+        "DIFFER by more than 1 answer"
     };
     format!(
-        "Simulated and measured counts {verdict} {bursts} per window and topic ({windows} windows)."
+        "Simulated and measured counts {verdict} per window: at worst {:.1} per window at one \
+         point, {} in one window.",
+        worst.per_window, worst.worst_window
     )
 }
 
@@ -115,6 +132,39 @@ fn csv(columns: &[&str], json: &serde_json::Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn agreement_is_judged_by_point_and_tells_the_worst_window() {
+        let summary = |answered, simulated, worst| Summary {
+            high: Topic {
+                answered,
+                simulated,
+                ..Topic::default()
+            },
+            low: Topic {
+                simulated: Some(0),
+                ..Topic::default()
+            },
+            windows: 10,
+            simulated_worst_difference: worst,
+            ..Summary::default()
+        };
+        let near = Apart::of(&summary(300, Some(310), Some(3)));
+        let far = Apart::of(&summary(300, Some(289), Some(2)));
+        let none = Apart::of(&summary(300, None, None));
+        assert_eq!(none, None);
+        let text = agreement([near, none].into_iter());
+        assert!(
+            text.contains("agree") && text.contains("1.0 per window"),
+            "{text}"
+        );
+        assert!(text.contains("3 in one window"), "{text}");
+        let text = agreement([near, far].into_iter());
+        assert!(
+            text.contains("DIFFER") && text.contains("1.1 per"),
+            "{text}"
+        );
+    }
 
     #[test]
     fn csv_has_raw_numbers_and_the_fifo_case_last() {

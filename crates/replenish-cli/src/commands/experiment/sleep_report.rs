@@ -1,16 +1,17 @@
 //! What Experiment 2 tells: table, JSON, CSV, the figure in the shape of the paper's, the page.
 
-use super::Files;
-use crate::load::simulated::{Costs, Prediction};
+use super::{Apart, Files};
+use crate::load::simulated::Costs;
 use crate::outcome::Outcome;
 use crate::parts::protocol::Mode;
 use crate::report::figure::{Figure, HIGH, INK, LOW, Series, Style, THEORY};
 use crate::report::html::Page;
 use crate::report::table::{Table, count, percent};
+use crate::run::summary::PerWindow;
 use crate::run::triple::Run;
 
 /// The columns of the CSV: names of the JSON.
-const COLUMNS: [&str; 13] = [
+const COLUMNS: [&str; 14] = [
     "sleep_percent",
     "high_cpu_percent",
     "theory_percent",
@@ -21,6 +22,7 @@ const COLUMNS: [&str; 13] = [
     "simulated_high_answered",
     "low_answered",
     "simulated_low_answered",
+    "simulated_difference_per_window",
     "simulated_worst_difference",
     "windows",
     "windows_repeated",
@@ -36,19 +38,22 @@ pub(crate) struct SleepPoint {
     high_answered: u64,
     low_answered: u64,
     expected_high: u64,
-    /// What the simulator gives for as many windows.
+    /// What the simulator gives for these windows.
     simulated_high_answered: Option<u64>,
     simulated_low_answered: Option<u64>,
-    /// The same for one window, with the least and the most of several runs.
-    simulated_per_window: Option<Prediction>,
-    /// How far one topic in one window is from that, at worst.
+    /// How far measured and simulated counts are apart, per window, for the topic that is worse.
+    simulated_difference_per_window: Option<f64>,
+    /// How far one topic is from it in one window, at worst.
     simulated_worst_difference: Option<u64>,
+    #[serde(skip)]
+    apart: Option<Apart>,
     high_priority_cpu_percent: f64,
     background_cpu_percent: f64,
     windows: u64,
     /// What the simulator was told about this machine, measured in this run.
     simulated_with_ns: Costs,
     windows_repeated: u64,
+    per_window: Vec<PerWindow>,
     mode: Mode,
 }
 
@@ -56,6 +61,7 @@ impl SleepPoint {
     /// The point of one run.
     pub(crate) fn new(sleep_percent: u8, run: &Run) -> Self {
         let s = &run.summary;
+        let apart = Apart::of(s);
         Self {
             sleep_percent,
             high_cpu_percent: s.high.cpu_percent,
@@ -66,13 +72,15 @@ impl SleepPoint {
             expected_high: s.high.expected,
             simulated_high_answered: s.high.simulated,
             simulated_low_answered: s.low.simulated,
-            simulated_per_window: s.simulated_per_window,
-            simulated_worst_difference: s.simulated_worst_difference,
+            simulated_difference_per_window: apart.map(|a| a.per_window),
+            simulated_worst_difference: apart.map(|a| a.worst_window),
+            apart,
             high_priority_cpu_percent: s.high.high_priority_cpu_percent,
             background_cpu_percent: s.high.background_cpu_percent,
             simulated_with_ns: run.end.costs,
             windows: s.windows,
             windows_repeated: s.windows_repeated,
+            per_window: s.per_window.clone(),
             mode: run.mode,
         }
     }
@@ -89,7 +97,8 @@ impl SleepPoint {
             count(self.simulated_high_answered),
             self.low_answered.to_string(),
             count(self.simulated_low_answered),
-            count(self.simulated_worst_difference),
+            self.apart
+                .map_or_else(|| "-".to_string(), |a| format!("{:.1}", a.per_window)),
             self.windows_repeated.to_string(),
         ]
     }
@@ -115,11 +124,7 @@ pub(super) fn sleep(to: &Files, points: &[SleepPoint]) -> Outcome {
         table.row(p.row());
     }
     println!("{}", table.to_text());
-    let agreement = super::agreement(
-        points
-            .iter()
-            .map(|p| (p.simulated_worst_difference, p.windows)),
-    );
+    let agreement = super::agreement(points.iter().map(|p| p.apart));
     println!("{agreement}");
     super::warn(points.iter().any(|p| p.mode == Mode::Deferred));
 

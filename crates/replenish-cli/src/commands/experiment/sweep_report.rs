@@ -1,7 +1,7 @@
 //! What Experiment 1 tells: table, JSON, CSV, the figure in the shape of the paper's, the page.
 
-use super::Files;
-use crate::load::simulated::{Costs, Prediction};
+use super::{Apart, Files};
+use crate::load::simulated::Costs;
 use crate::outcome::Outcome;
 use crate::parts::protocol::{Mode, Overrun};
 use crate::report::figure::{Figure, HIGH, INK, LOW, Series, Style, THEORY};
@@ -11,7 +11,7 @@ use crate::run::summary::PerWindow;
 use crate::run::triple::Run;
 
 /// The columns of the CSV: names of the JSON.
-const COLUMNS: [&str; 15] = [
+const COLUMNS: [&str; 16] = [
     "budget_ms",
     "high_answered",
     "expected_high",
@@ -19,6 +19,7 @@ const COLUMNS: [&str; 15] = [
     "low_answered",
     "expected_low",
     "simulated_low_answered",
+    "simulated_difference_per_window",
     "simulated_worst_difference",
     "high_cpu_percent",
     "low_cpu_percent",
@@ -40,13 +41,15 @@ pub(crate) struct SweepPoint {
     low_answered: u64,
     expected_high: u64,
     expected_low: u64,
-    /// What the simulator gives for as many windows.
+    /// What the simulator gives for these windows.
     simulated_high_answered: Option<u64>,
     simulated_low_answered: Option<u64>,
-    /// The same for one window, with the least and the most of several runs.
-    simulated_per_window: Option<Prediction>,
-    /// How far one topic in one window is from that, at worst.
+    /// How far measured and simulated counts are apart, per window, for the topic that is worse.
+    simulated_difference_per_window: Option<f64>,
+    /// How far one topic is from it in one window, at worst.
     simulated_worst_difference: Option<u64>,
+    #[serde(skip)]
+    apart: Option<Apart>,
     budget_percent: Option<f64>,
     budget_error_percent: Option<f64>,
     high_priority_cpu_percent: f64,
@@ -65,6 +68,7 @@ impl SweepPoint {
     /// The point of one run.
     pub(crate) fn new(budget_ms: Option<u64>, period_ms: u64, run: &Run) -> Self {
         let s = &run.summary;
+        let apart = Apart::of(s);
         Self {
             budget_ms,
             high_cpu_percent: s.high.cpu_percent,
@@ -75,8 +79,9 @@ impl SweepPoint {
             expected_low: s.low.expected,
             simulated_high_answered: s.high.simulated,
             simulated_low_answered: s.low.simulated,
-            simulated_per_window: s.simulated_per_window,
-            simulated_worst_difference: s.simulated_worst_difference,
+            simulated_difference_per_window: apart.map(|a| a.per_window),
+            simulated_worst_difference: apart.map(|a| a.worst_window),
+            apart,
             budget_percent: budget_ms.map(|b| b as f64 * 100.0 / period_ms as f64),
             budget_error_percent: s.high.budget_error_percent,
             high_priority_cpu_percent: s.high.high_priority_cpu_percent,
@@ -101,7 +106,8 @@ impl SweepPoint {
             self.low_answered.to_string(),
             self.expected_low.to_string(),
             count(self.simulated_low_answered),
-            count(self.simulated_worst_difference),
+            self.apart
+                .map_or_else(|| "-".to_string(), |a| format!("{:.1}", a.per_window)),
             percent(self.high_cpu_percent),
             percent(self.low_cpu_percent),
             self.budget_error_percent
@@ -136,12 +142,7 @@ pub(super) fn sweep(
         table.row(p.row());
     }
     println!("{}", table.to_text());
-    let agreement = super::agreement(
-        points
-            .iter()
-            .chain(fifo)
-            .map(|p| (p.simulated_worst_difference, p.windows)),
-    );
+    let agreement = super::agreement(points.iter().chain(fifo).map(|p| p.apart));
     println!("{agreement}");
     super::warn(points.iter().chain(fifo).any(|p| p.mode == Mode::Deferred));
 
