@@ -31,6 +31,9 @@ pub trait Action: 'static {
     /// What the DDS names of the action's types begin with, such as
     /// `example_interfaces::action::dds_::Fibonacci_`.
     const DDS_TYPE_NAME: &'static str;
+
+    /// The type's hash, `RIHS01_` and 64 hexadecimal digits (ROS REP 2016), if it is known.
+    const TYPE_HASH: Option<&'static str> = None;
 }
 
 /// The longest name of a type of an action, in bytes.

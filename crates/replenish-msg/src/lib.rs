@@ -19,24 +19,45 @@
 //!
 //! What is here: [`cdr`] (the encoding), [`std_msgs`], [`builtin_interfaces`], and what actions need:
 //! [`action`], [`action_msgs`], [`unique_identifier_msgs`].
-//! What is not: XCDR2, `wstring`, `long double`, and a generator for other interfaces.
+//! Other interfaces are generated from their `.msg`, `.srv` and `.action` files by
+//! `replenish-msg-gen`, and `replenish-interfaces` is the common ones; both build on [`wire`],
+//! [`view`] and [`structure`]. What is not here: XCDR2, `long double`.
 //!
 //! Bytes are the bare CDR payload, as DDS-XRCE carries it. DDS itself puts a 4-byte
 //! encapsulation header in front of the same bytes.
+//!
+//! Features: `alloc` for owned values of types with unbounded fields.
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
+
+#[cfg(feature = "alloc")]
+extern crate alloc;
 
 pub mod action;
 pub mod action_msgs;
 pub mod builtin_interfaces;
 pub mod cdr;
+pub mod located;
 pub mod std_msgs;
+pub mod structure;
 pub mod unique_identifier_msgs;
+pub mod view;
+pub mod wire;
 
 pub use action::Action;
 pub use cdr::{CdrError, CdrReader, CdrWriter, Endianness};
 pub use heapless;
+pub use located::{DecodeError, decode_encapsulated, decode_located};
+pub use structure::Structure;
+pub use view::View;
+
+/// What generated code names.
+#[doc(hidden)]
+#[cfg(feature = "alloc")]
+pub mod owned {
+    pub use alloc::{string::String, vec::Vec};
+}
 
 /// A ROS 2 message: its names on the wire, and how it is encoded and decoded.
 ///
@@ -51,8 +72,18 @@ pub trait Message: Default + Send + 'static {
 
     /// Upper bound in bytes of one encoded message, without the encapsulation header.
     ///
-    /// A buffer of this size is enough for any value.
+    /// A buffer of this size is enough for any value if the type is [`BOUNDED`](Self::BOUNDED). Of
+    /// a type that is not it is the size that buffers get unless one asks for another.
     const MAX_SIZE: usize;
+
+    /// Whether no value takes more than [`MAX_SIZE`](Self::MAX_SIZE) bytes.
+    const BOUNDED: bool = true;
+
+    /// The type's hash, `RIHS01_` and 64 hexadecimal digits (ROS REP 2016), if it is known.
+    const TYPE_HASH: Option<&'static str> = None;
+
+    /// The fields, by which an error is [located](crate::located).
+    const STRUCTURE: &'static Structure = &Structure::UNKNOWN;
 
     /// Appends this message to `w`.
     ///
@@ -61,7 +92,11 @@ pub trait Message: Default + Send + 'static {
     /// [`MAX_SIZE`](Self::MAX_SIZE) bytes. What was written before stays written.
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError>;
 
-    /// Replaces this value by the next message in `r`, without allocating.
+    /// Replaces this value by the next message in `r`.
+    ///
+    /// Does not allocate if the type is [`BOUNDED`](Self::BOUNDED). Strings and sequences of other
+    /// types keep their capacity: they grow until they have held the longest that came, and never
+    /// by more than the bytes of `r` fill.
     ///
     /// # Errors
     /// Any [`CdrError`] when the bytes are not such a message. The value is then valid but
@@ -78,6 +113,9 @@ pub trait Service: 'static {
 
     /// The ROS name, such as `example_interfaces/srv/AddTwoInts`.
     const TYPE_NAME: &'static str;
+
+    /// The type's hash, `RIHS01_` and 64 hexadecimal digits (ROS REP 2016), if it is known.
+    const TYPE_HASH: Option<&'static str> = None;
 }
 
 /// Encodes `msg` at the start of `buf` and returns the number of bytes used.

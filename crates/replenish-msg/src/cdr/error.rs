@@ -33,6 +33,16 @@ pub enum CdrError {
         /// Its value.
         value: u8,
     },
+    /// The contents of a `wstring` are not UTF-16.
+    NotUtf16 {
+        /// Where the string's contents start.
+        at: usize,
+    },
+    /// An encapsulation header that announces something else than XCDR1.
+    Encapsulation {
+        /// The representation identifier: 0 and 1 are XCDR1, big- and little-endian.
+        id: u16,
+    },
     /// A string (in bytes, without NUL) or sequence (in elements) is longer than its field holds.
     TooLong {
         /// The length found.
@@ -54,6 +64,11 @@ impl fmt::Display for CdrError {
                 "buffer ends at offset {at}: {needed} bytes needed, {available} available"
             ),
             Self::NotUtf8 { at } => write!(f, "string is not UTF-8 at offset {at}"),
+            Self::NotUtf16 { at } => write!(f, "wstring at offset {at} is not UTF-16"),
+            Self::Encapsulation { id } => write!(
+                f,
+                "encapsulation {id:#06x} is neither 0x0000 nor 0x0001 (XCDR1, big and little endian)"
+            ),
             Self::NotTerminated { at } => {
                 write!(f, "string is not NUL-terminated at offset {at}")
             }

@@ -51,6 +51,36 @@ impl<'a> CdrReader<'a> {
         Self { buf, pos: 0, order }
     }
 
+    /// A reader of a payload with its 4-byte encapsulation header in front, as DDS and bag files
+    /// carry it (OMG DDSI-RTPS 2.5, clause 10.2): `00 00` is big-endian XCDR1, `00 01` little-endian.
+    /// Offsets count from behind the header, and so does alignment.
+    ///
+    /// # Errors
+    /// [`CdrError::EndOfBuffer`] below 4 bytes; [`CdrError::Encapsulation`] for another encoding.
+    pub fn encapsulated(buf: &'a [u8]) -> Result<Self, CdrError> {
+        let Some((header, payload)) = buf.split_first_chunk::<4>() else {
+            let (needed, available) = (4, buf.len());
+            return Err(CdrError::EndOfBuffer {
+                at: 0,
+                needed,
+                available,
+            });
+        };
+        match *header {
+            [0, 0, ..] => Ok(Self::with_order(payload, Endianness::Big)),
+            [0, 1, ..] => Ok(Self::with_order(payload, Endianness::Little)),
+            [a, b, ..] => Err(CdrError::Encapsulation {
+                id: u16::from_be_bytes([a, b]),
+            }),
+        }
+    }
+
+    /// The byte order of the payload.
+    #[must_use]
+    pub fn order(&self) -> Endianness {
+        self.order
+    }
+
     /// Bytes read so far, padding included.
     #[must_use]
     pub fn position(&self) -> usize {
@@ -87,6 +117,18 @@ impl<'a> CdrReader<'a> {
     /// [`CdrError::EndOfBuffer`].
     pub fn bytes(&mut self, len: usize) -> Result<&'a [u8], CdrError> {
         self.take(1, len)
+    }
+
+    /// Takes `count` primitives of `size` bytes each (a power of two, at most 8), aligned, in the
+    /// payload's byte order. No element, no padding.
+    ///
+    /// # Errors
+    /// [`CdrError::EndOfBuffer`].
+    pub fn primitives(&mut self, size: usize, count: usize) -> Result<&'a [u8], CdrError> {
+        match count {
+            0 => Ok(&[]),
+            _ => self.take(size, size.saturating_mul(count)),
+        }
     }
 
     /// Reads the number of elements of a sequence of at most `limit` elements; they follow.

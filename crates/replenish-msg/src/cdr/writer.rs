@@ -85,10 +85,28 @@ impl<'a> CdrWriter<'a> {
             .inspect_err(|_| self.pos = start)
     }
 
+    /// Makes room for `count` primitives of `size` bytes each (a power of two, at most 8), aligned,
+    /// which the caller fills with little-endian bytes. No element, no padding.
+    ///
+    /// # Errors
+    /// [`CdrError::EndOfBuffer`].
+    pub fn primitives(&mut self, size: usize, count: usize) -> Result<&mut [u8], CdrError> {
+        match count {
+            0 => Ok(&mut []),
+            _ => self.room(size, size.saturating_mul(count)),
+        }
+    }
+
     /// Writes zeros up to a multiple of `align`, then `bytes`; or nothing at all.
     fn put(&mut self, align: usize, bytes: &[u8]) -> Result<(), CdrError> {
+        self.room(align, bytes.len())?.copy_from_slice(bytes);
+        Ok(())
+    }
+
+    /// Writes zeros up to a multiple of `align`, then makes room for `len` bytes; or nothing at all.
+    fn room(&mut self, align: usize, len: usize) -> Result<&mut [u8], CdrError> {
         let pad = padding(self.pos, align);
-        let needed = pad.saturating_add(bytes.len());
+        let needed = pad.saturating_add(len);
         let available = self.buf.len().saturating_sub(self.pos);
         let end = CdrError::EndOfBuffer {
             at: self.pos,
@@ -97,11 +115,10 @@ impl<'a> CdrWriter<'a> {
         };
         let room = self.buf.get_mut(self.pos..).unwrap_or_default();
         let (zeros, rest) = room.split_at_mut_checked(pad).ok_or(end)?;
-        let (item, _) = rest.split_at_mut_checked(bytes.len()).ok_or(end)?;
+        let (item, _) = rest.split_at_mut_checked(len).ok_or(end)?;
         zeros.fill(0);
-        item.copy_from_slice(bytes);
         self.pos += needed;
-        Ok(())
+        Ok(item)
     }
 }
 

@@ -1,0 +1,48 @@
+//! Generates the packages whose features are on; tells dependents where the texts are.
+
+use replenish_msg_gen::{Error, Generator};
+use std::env;
+use std::path::Path;
+
+const PACKAGES: [&str; 24] = [
+    "action_msgs",
+    "actionlib_msgs",
+    "builtin_interfaces",
+    "composition_interfaces",
+    "diagnostic_msgs",
+    "example_interfaces",
+    "geometry_msgs",
+    "lifecycle_msgs",
+    "nav_msgs",
+    "rcl_interfaces",
+    "rosgraph_msgs",
+    "sensor_msgs",
+    "service_msgs",
+    "shape_msgs",
+    "statistics_msgs",
+    "std_msgs",
+    "std_srvs",
+    "stereo_msgs",
+    "test_msgs",
+    "tf2_msgs",
+    "trajectory_msgs",
+    "type_description_interfaces",
+    "unique_identifier_msgs",
+    "visualization_msgs",
+];
+
+fn main() -> Result<(), Error> {
+    let share = Path::new(&env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default()).join("share");
+    println!("cargo::metadata=SHARE={}", share.display());
+    let mut generator = Generator::new().owned_feature("alloc");
+    for package in PACKAGES {
+        let feature = format!("CARGO_FEATURE_{}", package.to_uppercase());
+        let dir = share.join(package);
+        generator = match env::var_os(feature) {
+            Some(_) => generator.package_dir(dir),
+            // Only for the hashes of services and actions: no code names it.
+            None => generator.dependency_dir(dir, format!("crate::{package}")),
+        };
+    }
+    generator.generate_for_cargo()
+}

@@ -1,0 +1,63 @@
+//! What a type is made of, as data: one table a type, in read-only memory.
+
+/// A type's name and fields.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Structure {
+    /// The ROS name, `geometry_msgs/msg/Pose`; empty for [`UNKNOWN`](Self::UNKNOWN).
+    pub name: &'static str,
+    /// The fields in their order on the wire.
+    pub fields: &'static [Field],
+}
+
+impl Structure {
+    /// Of a type that does not tell.
+    pub const UNKNOWN: Self = Self {
+        name: "",
+        fields: &[],
+    };
+}
+
+/// A field's name and type.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Field {
+    /// The name as in the `.msg` file.
+    pub name: &'static str,
+    /// How many there are.
+    pub shape: Shape,
+    /// Of what.
+    pub kind: Kind,
+}
+
+impl Field {
+    /// A field.
+    #[must_use]
+    pub const fn new(name: &'static str, shape: Shape, kind: Kind) -> Self {
+        Self { name, shape, kind }
+    }
+}
+
+/// How many values a field has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// One.
+    One,
+    /// As many, always: `T[N]`.
+    Array(usize),
+    /// Up to as many, with their number in front: `T[<=N]`; `T[]` is up to `usize::MAX`.
+    Sequence(usize),
+}
+
+/// The type of a field's values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// `bool`
+    Bool,
+    /// A number of as many bytes: 1, 2, 4 or 8.
+    Number(usize),
+    /// `string<=N`; `string` is up to `usize::MAX` bytes.
+    Text(usize),
+    /// `wstring<=N`; `wstring` is up to `usize::MAX` UTF-16 units.
+    WideText(usize),
+    /// Another message.
+    Nested(&'static Structure),
+}
