@@ -54,7 +54,8 @@ impl WorkerSpec {
     /// The handles in the order in which they run, and room for as many as there may be.
     pub(crate) fn ordered(entries: Vec<Entry>, limit: usize) -> Vec<Entry> {
         let mut ordered = Vec::with_capacity(limit);
-        for entry in entries {
+        for (slot, mut entry) in entries.into_iter().enumerate() {
+            entry.slot = slot;
             insert(&mut ordered, entry);
         }
         ordered

@@ -8,7 +8,7 @@
 //! ```
 
 use super::callback::{CallbackContext, CallbackResult};
-use super::doorbell::Doorbell;
+use super::doorbell::Line;
 use super::handle::{Env, Handle, Shared, Taken};
 use super::schedule::nanos;
 use crate::Nanos;
@@ -42,7 +42,7 @@ pub(crate) struct ClientInner {
     pub(crate) node: String,
     limit: Nanos,
     table: Mutex<Table>,
-    bell: OnceLock<Arc<Doorbell>>,
+    line: OnceLock<Line>,
     claimed: AtomicBool,
 }
 
@@ -123,7 +123,7 @@ impl<S: Service> Client<S> {
                 waiting: Vec::with_capacity(most),
                 most,
             }),
-            bell: OnceLock::new(),
+            line: OnceLock::new(),
             claimed: AtomicBool::new(false),
         };
         Self {
@@ -169,8 +169,8 @@ impl<S: Service> Client<S> {
             (number, earliest)
         };
         fence(Ordering::SeqCst);
-        if earliest && let Some(bell) = inner.bell.get() {
-            bell.call(); // the worker sleeps too long otherwise
+        if earliest && let Some(line) = inner.line.get() {
+            line.call(); // the worker sleeps too long otherwise
         }
         Ok(number)
     }
@@ -276,8 +276,8 @@ where
     F: FnMut(Result<&S::Response, NoReply>, &CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
-    fn begin(&mut self, _start: Nanos, bell: &Arc<Doorbell>) {
-        self.client.bell.set(Arc::clone(bell)).ok();
+    fn begin(&mut self, _start: Nanos, line: &Line) {
+        self.client.line.set(line.clone()).ok();
         fence(Ordering::SeqCst);
     }
 

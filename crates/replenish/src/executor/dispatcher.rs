@@ -145,6 +145,7 @@ impl Dispatcher {
         let counters = &route.shared.counters;
         counters.received.add(1);
         let delivery = inbox.deliver(bytes, info);
+        route.line.mark();
         match delivery.outcome {
             Outcome::Stored => {}
             Outcome::ReplacedOldest | Outcome::NoRoom => drop(counters.dropped.add(1)),

@@ -8,8 +8,36 @@
 //! A worker whose rounds come by the clock alone has its bell *muted*: new data does not ring it.
 
 use crate::Nanos;
+use crate::handoff::ReadySet;
 use crate::sync::{Arc, AtomicBool, AtomicU64, Ordering, Signal};
 use replenish_os::clock;
+
+/// The way of one handle's input to its worker: a mark that says which handle, and the bell.
+#[derive(Clone)]
+pub(crate) struct Line {
+    pub(crate) bell: Arc<Doorbell>,
+    pub(crate) marks: Arc<ReadySet>,
+    pub(crate) slot: usize,
+}
+
+impl Line {
+    /// There is input for the handle, and the bell is yet to be rung. Async-signal-safe.
+    pub(crate) fn mark(&self) {
+        self.marks.mark(self.slot);
+    }
+
+    /// There is input for the handle, since `now`. Async-signal-safe.
+    pub(crate) fn ring(&self, now: Nanos) {
+        self.mark();
+        self.bell.ring(now);
+    }
+
+    /// Something about the handle has changed: rings also when muted.
+    pub(crate) fn call(&self) {
+        self.mark();
+        self.bell.call();
+    }
+}
 
 /// Rung by the dispatcher or by a stop; one worker sleeps on it.
 #[derive(Default)]

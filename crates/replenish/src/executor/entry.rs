@@ -17,6 +17,8 @@ pub(crate) struct Entry {
     pub(crate) shared: Arc<Shared>,
     pub(crate) handle: Box<dyn Handle>,
     pub(crate) handling: Handling,
+    /// Its place among its worker's marks.
+    pub(crate) slot: usize,
     /// A callback panicked; the handle is left alone from then on.
     pub(crate) stopped: bool,
     /// It had something to do when the round began.
@@ -33,6 +35,7 @@ impl Entry {
             shared,
             handle,
             handling: Handling::default(),
+            slot: usize::MAX,
             stopped: false,
             ready: false,
             taken: None,

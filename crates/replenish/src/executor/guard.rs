@@ -1,7 +1,7 @@
 //! Guard conditions: any thread, or a signal handler, makes a worker call a callback.
 
 use super::callback::{CallbackContext, CallbackResult};
-use super::doorbell::Doorbell;
+use super::doorbell::Line;
 use super::handle::{Env, Handle, Shared, Taken};
 use crate::Nanos;
 use crate::handoff::Flag;
@@ -37,7 +37,7 @@ struct Inner {
     /// When it was triggered first since the last callback.
     since: AtomicU64,
     claimed: AtomicBool,
-    bell: OnceLock<Arc<Doorbell>>,
+    line: OnceLock<Line>,
 }
 
 impl GuardCondition {
@@ -49,7 +49,7 @@ impl GuardCondition {
                 flag: Flag::new(),
                 since: AtomicU64::new(0),
                 claimed: AtomicBool::new(false),
-                bell: OnceLock::new(),
+                line: OnceLock::new(),
             }),
         }
     }
@@ -64,9 +64,9 @@ impl GuardCondition {
         let unset = Ordering::Relaxed;
         inner.since.compare_exchange(0, now, unset, unset).ok();
         inner.flag.raise(|| {
-            fence(Ordering::SeqCst); // either the bell is seen here, or the flag after `begin`
-            if let Some(bell) = inner.bell.get() {
-                bell.ring(now);
+            fence(Ordering::SeqCst); // either the line is seen here, or the flag after `begin`
+            if let Some(line) = inner.line.get() {
+                line.ring(now);
             }
         });
     }
@@ -116,8 +116,8 @@ where
     F: FnMut(&CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
-    fn begin(&mut self, _start: Nanos, bell: &Arc<Doorbell>) {
-        self.condition.inner.bell.set(Arc::clone(bell)).ok();
+    fn begin(&mut self, _start: Nanos, line: &Line) {
+        self.condition.inner.line.set(line.clone()).ok();
         fence(Ordering::SeqCst);
     }
 

@@ -1,6 +1,6 @@
 //! What a worker knows of a handle, whatever its kind; and what is shared about it.
 
-use super::doorbell::Doorbell;
+use super::doorbell::Line;
 use super::live::Live;
 use super::outbox::Outbox;
 use super::stop::StopHandle;
@@ -46,8 +46,8 @@ pub(crate) struct Taken {
 ///   is_ready? ──► take: one sample or release ──► execute: the callback, with what was taken
 /// ```
 pub(crate) trait Handle: Send {
-    /// The executor starts now; `bell` is its worker's.
-    fn begin(&mut self, _start: Nanos, _bell: &Arc<Doorbell>) {}
+    /// The executor starts now; `line` leads to it.
+    fn begin(&mut self, _start: Nanos, _line: &Line) {}
     /// Whether there is something to take.
     fn is_ready(&mut self, now: Nanos) -> bool;
     /// When it will have something to take by itself.

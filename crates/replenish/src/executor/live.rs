@@ -326,7 +326,7 @@ impl LiveWorker<'_> {
         } = self;
         post.mailbox.sweep();
         live.desk.sweep();
-        post.mailbox.reserve().map_err(|e| declined(e, post))?;
+        let slot = post.mailbox.reserve().map_err(|e| declined(e, post))?;
         let number = post.number.fetch_add(1, Ordering::Relaxed);
         let claims = Claims {
             registry: &live.registry,
@@ -341,11 +341,12 @@ impl LiveWorker<'_> {
         let mut entry = match made {
             Ok(entry) => entry,
             Err(e) => {
-                post.mailbox.unreserve();
+                post.mailbox.unreserve(slot);
                 return Err(e);
             }
         };
         entry.treat(handling);
+        entry.slot = slot;
         let shared = Arc::clone(&entry.shared);
         let sent = post.mailbox.send(Order::Add(entry));
         sent.map_err(|e| declined(e, post))?;
@@ -355,6 +356,7 @@ impl LiveWorker<'_> {
             let route = Route {
                 shared: Arc::clone(&shared),
                 worker: post.place,
+                line: post.mailbox.line(slot),
             };
             if !live.desk.order(reader, Some(route)) {
                 let limit = crate::middleware::MAX_READERS;

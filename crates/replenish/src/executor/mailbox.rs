@@ -10,10 +10,11 @@
 //!
 //! Everything is preallocated: so many entries per worker, in its hands, under way or in the attic.
 
-use super::doorbell::Doorbell;
+use super::doorbell::{Doorbell, Line};
 use super::entry::Entry;
 use super::handle::Shared;
 use super::worker::Worker;
+use crate::handoff::ReadySet;
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
@@ -25,13 +26,14 @@ pub(crate) struct Mailbox {
     post: Mutex<Post>,
     limit: usize,
     bell: Arc<Doorbell>,
+    marks: Arc<ReadySet>,
 }
 
 struct Post {
     orders: VecDeque<Order>,
     attic: Vec<Entry>,
-    /// Entries in the worker's hands, under way, and in the attic.
-    used: usize,
+    /// Slots that no entry has: in the worker's hands, under way, or in the attic.
+    free: Vec<usize>,
     worker: Option<Tid>,
     closed: bool,
 }
@@ -49,19 +51,25 @@ pub(crate) enum Declined {
 }
 
 impl Mailbox {
-    /// For a worker with `used` handles that may have `limit`.
-    pub(crate) fn new(used: usize, limit: usize, bell: Arc<Doorbell>) -> Arc<Self> {
+    /// For a worker with `used` handles, in the first slots, that may have `limit`.
+    pub(crate) fn new(
+        used: usize,
+        limit: usize,
+        bell: Arc<Doorbell>,
+        marks: Arc<ReadySet>,
+    ) -> Arc<Self> {
         Arc::new(Self {
             waiting: AtomicBool::new(false),
             post: Mutex::new(Post {
                 orders: VecDeque::with_capacity(2 * limit),
                 attic: Vec::with_capacity(limit),
-                used,
+                free: (used..limit).rev().collect(),
                 worker: None,
                 closed: false,
             }),
             limit,
             bell,
+            marks,
         })
     }
 
@@ -70,22 +78,28 @@ impl Mailbox {
         self.post.lock().worker == Some(current_tid())
     }
 
-    /// Keeps a place for one entry.
-    pub(crate) fn reserve(&self) -> Result<(), Declined> {
+    /// The line to the handle in `slot`.
+    pub(crate) fn line(&self, slot: usize) -> Line {
+        Line {
+            bell: Arc::clone(&self.bell),
+            marks: Arc::clone(&self.marks),
+            slot,
+        }
+    }
+
+    /// Keeps a place for one entry: its slot.
+    pub(crate) fn reserve(&self) -> Result<usize, Declined> {
         let mut post = self.post.lock();
         if post.closed {
             return Err(Declined::Stopped);
         }
-        if post.used >= self.limit {
-            return Err(Declined::Full { limit: self.limit });
-        }
-        post.used += 1;
-        Ok(())
+        let limit = self.limit;
+        post.free.pop().ok_or(Declined::Full { limit })
     }
 
     /// Gives a reserved place back.
-    pub(crate) fn unreserve(&self) {
-        self.post.lock().used -= 1;
+    pub(crate) fn unreserve(&self, slot: usize) {
+        self.post.lock().free.push(slot);
     }
 
     /// Hands an order to the worker; for an entry, a place was reserved.
@@ -111,7 +125,7 @@ impl Mailbox {
             let entry = {
                 let mut post = self.post.lock();
                 let entry = post.attic.pop();
-                post.used -= usize::from(entry.is_some());
+                post.free.extend(entry.as_ref().map(|e| e.slot));
                 entry
             };
             if entry.is_none() {
@@ -137,14 +151,17 @@ impl Mailbox {
             };
             match order {
                 Order::Add(mut entry) => {
-                    entry.handle.begin(clock::monotonic(), &self.bell);
+                    let line = self.line(entry.slot);
+                    entry.handle.begin(clock::monotonic(), &line);
                     insert(&mut worker.entries, entry);
+                    worker.reordered();
                 }
                 Order::Remove(shared) => {
                     let mut entries = worker.entries.iter();
                     let at = entries.position(|e| Arc::ptr_eq(&e.shared, &shared));
                     if let Some(at) = at {
                         let entry = worker.entries.remove(at);
+                        worker.reordered();
                         self.post.lock().attic.push(entry);
                     }
                     shared.gone.set();

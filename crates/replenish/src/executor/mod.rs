@@ -15,6 +15,7 @@
 //! - [`running`], [`stop`]: watching and ending it. [`report`]: the numbers.
 
 mod admission;
+mod agenda;
 mod builder;
 mod callback;
 mod client;

@@ -7,6 +7,7 @@
 //!   any thread: sweep ◄── attic ◄───────┘      (memory is freed here)
 //! ```
 
+use super::doorbell::Line;
 use super::handle::Shared;
 use crate::middleware::{Interest, MAX_READERS, Middleware, ReaderId};
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
@@ -18,6 +19,8 @@ pub(crate) struct Route {
     pub(crate) shared: Arc<Shared>,
     /// Index into the dispatcher's bells.
     pub(crate) worker: usize,
+    /// Marks the handle.
+    pub(crate) line: Line,
 }
 
 /// Changes under way.

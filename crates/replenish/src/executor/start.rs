@@ -1,8 +1,9 @@
 //! Starting an executor: plan, spawn, fall back where allowed, launch all or none.
 
+use super::agenda::Agenda;
 use super::builder::WorkerSpec;
 use super::dispatcher::{Dispatcher, DispatcherCounters};
-use super::doorbell::Doorbell;
+use super::doorbell::{Doorbell, Line};
 use super::handle::Shared;
 use super::live::{Live, Post, Registry};
 use super::mailbox::Mailbox;
@@ -15,6 +16,7 @@ use super::worker::Worker;
 use super::{Executor, Options, StopHandle, admission, overlay};
 use crate::error::Error;
 use crate::event::Event;
+use crate::handoff::ReadySet;
 use crate::middleware::MAX_READERS;
 use crate::sync::{Arc, AtomicBool, AtomicU64, Mutex, Signal};
 use alloc::boxed::Box;
@@ -92,21 +94,24 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     let mut handles: Vec<(Arc<str>, Arc<Shared>)> = Vec::new();
     for (i, (spec, policy)) in workers.into_iter().zip(policies).enumerate() {
         let name: Arc<str> = spec.request.name.as_str().into();
-        for entry in &spec.entries {
-            handles.push((Arc::clone(&name), Arc::clone(&entry.shared)));
-            dispatch.route_to(place(i), &entry.shared);
-        }
         let limit = spec.limit();
         let bell = Arc::clone(&spec.bell);
         let signal = Arc::clone(bell.signal());
         stop.stop.join(Arc::clone(&signal));
-        let mailbox = Mailbox::new(spec.entries.len(), limit, Arc::clone(&bell));
+        let marks = Arc::new(ReadySet::new(limit));
+        let (used, number) = (spec.entries.len(), spec.numbers());
+        let mailbox = Mailbox::new(used, limit, Arc::clone(&bell), Arc::clone(&marks));
+        let entries = WorkerSpec::ordered(spec.entries, limit);
+        for entry in &entries {
+            handles.push((Arc::clone(&name), Arc::clone(&entry.shared)));
+            dispatch.route_to(place(i), &entry.shared, mailbox.line(entry.slot));
+        }
         limits += limit;
         posts.push(Post {
             name: Arc::clone(&name),
             place: place(i),
             mailbox: Arc::clone(&mailbox),
-            number: AtomicU64::new(spec.numbers()),
+            number: AtomicU64::new(number),
         });
         let worker = Worker {
             name: Arc::clone(&name),
@@ -115,7 +120,9 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
             mailbox,
             live: None,
             bell,
-            entries: WorkerSpec::ordered(spec.entries, limit),
+            entries,
+            agenda: Agenda::new(marks, limit),
+            looks_at_all: true,
             outbox: spec
                 .rules
                 .barrier
@@ -195,7 +202,7 @@ fn check_names(requests: &[&Request]) -> Result<(), Error> {
 }
 
 impl Dispatcher {
-    fn route_to(&mut self, worker: usize, shared: &Arc<Shared>) {
+    fn route_to(&mut self, worker: usize, shared: &Arc<Shared>, line: Line) {
         let Some((reader, _)) = shared.input else {
             return;
         };
@@ -203,6 +210,7 @@ impl Dispatcher {
             *route = Some(Route {
                 shared: Arc::clone(shared),
                 worker,
+                line,
             });
         }
     }

@@ -12,7 +12,7 @@
 //! before it looks at the timer the next time. So only the worker touches the schedule.
 
 use super::callback::{CallbackContext, CallbackResult};
-use super::doorbell::Doorbell;
+use super::doorbell::Line;
 use super::handle::{Env, Handle, Shared, Taken};
 use super::schedule::{Every, Schedule, nanos};
 use crate::Nanos;
@@ -49,7 +49,7 @@ pub(crate) struct Control {
     version: AtomicU64,
     wish: Mutex<Wish>,
     claimed: AtomicBool,
-    bell: OnceLock<Arc<Doorbell>>,
+    line: OnceLock<Line>,
     /// What the schedule said last.
     next: AtomicU64,
 }
@@ -105,9 +105,9 @@ impl TimerHandle {
             change(&mut wish);
             inner.version.fetch_add(1, Ordering::Release);
         }
-        fence(Ordering::SeqCst); // either the bell is seen here, or the wish in `begin`
-        if let Some(bell) = inner.bell.get() {
-            bell.call();
+        fence(Ordering::SeqCst); // either the line is seen here, or the wish in `begin`
+        if let Some(line) = inner.line.get() {
+            line.call();
         }
     }
 
@@ -189,9 +189,9 @@ where
     F: FnMut(&CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
-    fn begin(&mut self, start: Nanos, bell: &Arc<Doorbell>) {
+    fn begin(&mut self, start: Nanos, line: &Line) {
         if let Some(control) = &self.control {
-            control.bell.set(Arc::clone(bell)).ok();
+            control.line.set(line.clone()).ok();
             fence(Ordering::SeqCst);
         }
         let first = match self.every.autostart {

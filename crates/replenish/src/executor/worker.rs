@@ -10,9 +10,13 @@
 //! as `messages_per_round` says), for a sample or for a release that is due. So no handle of a
 //! worker starves another, and within a round the order is the user's.
 //!
-//! What a round costs a worker that may not begin it is one look at each handle whenever something
-//! new has come: input that is there already neither rings the bell again nor is waited for.
+//! A round looks at the handles that have got input or whose release has come ([`Agenda`]), so it
+//! costs what its input costs, however many handles there are. Where the rules want to know of all
+//! of them (a trigger other than any, Logical Execution Time, invocation without input) it looks at
+//! each, whenever something new has come: input that is there already neither rings the bell again
+//! nor is waited for.
 
+use super::agenda::Agenda;
 use super::doorbell::Doorbell;
 use super::entry::{Entry, Tally};
 use super::handle::Env;
@@ -37,6 +41,9 @@ pub(crate) struct Worker {
     pub(crate) stop: StopHandle,
     pub(crate) events: Arc<Events>,
     pub(crate) entries: Vec<Entry>,
+    pub(crate) agenda: Agenda,
+    /// Each round looks at every handle, since the rules want to know of all.
+    pub(crate) looks_at_all: bool,
     pub(crate) rules: Rules,
     pub(crate) mailbox: Arc<Mailbox>,
     pub(crate) live: Option<Arc<Live>>,
@@ -59,8 +66,20 @@ impl Worker {
             Schedule::new(first, nanos(every.period), every.overrun)
         });
         for entry in &mut self.entries {
-            entry.handle.begin(start, &self.bell);
+            let line = self.mailbox.line(entry.slot);
+            entry.handle.begin(start, &line);
         }
+        self.reordered();
+    }
+
+    /// Handles have come or gone.
+    pub(crate) fn reordered(&mut self) {
+        // The usual case: nothing to be known in advance, each handle is looked at in its turn.
+        let in_turn = matches!(self.rules.trigger, Trigger::Any)
+            && self.rules.semantics == Semantics::TakeThenExecute
+            && !self.entries.iter().any(|e| e.handling.always);
+        self.looks_at_all = !in_turn;
+        self.agenda.reorder(&self.entries);
     }
 
     /// Runs callbacks until a stop is requested.
@@ -105,11 +124,7 @@ impl Worker {
     /// Visits every handle once, if the trigger allows it; whether any ran.
     pub(crate) fn round(&mut self, account: &mut Account, tally: &mut Tally) -> bool {
         let snapshot = self.rules.semantics == Semantics::LogicalExecutionTime;
-        // The usual case: nothing to be known in advance, each handle is looked at in its turn.
-        let in_turn = matches!(self.rules.trigger, Trigger::Any)
-            && !snapshot
-            && !self.entries.iter().any(|e| e.handling.always);
-        if !in_turn && !self.is_triggered() {
+        if self.looks_at_all && !self.is_triggered() {
             return false;
         }
         let env = Env {
@@ -120,42 +135,53 @@ impl Worker {
             live: self.live.as_ref(),
             outbox: self.outbox.as_ref(),
         };
+        let mut turn = Turn {
+            env: &env,
+            account,
+            tally,
+            batch: self.rules.batch.max(1),
+            snapshot,
+            ran: 0,
+        };
         if snapshot {
-            if account.callback_begin().is_err() || env.stop.is_stopping() {
+            if !turn.may_begin() {
                 return true;
             }
             for entry in self.entries.iter_mut().filter(|e| e.ready) {
                 entry.snapshot(&env);
             }
         }
-        let batch = self.rules.batch.max(1);
-        let (mut ran, mut last) = (false, None);
-        for (at, entry) in self.entries.iter_mut().enumerate() {
-            for n in 0..batch {
-                let ready = match snapshot {
-                    true => entry.ready && entry.is_live(),
-                    false => entry.look(clock::monotonic()),
-                };
-                let without = n == 0 && entry.handling.always && entry.is_live();
-                if !ready && !without {
-                    break;
+        let (mut last, mut from) = (None, 0);
+        loop {
+            let next = match self.looks_at_all {
+                true => Some(from),
+                false => {
+                    self.agenda.release(clock::monotonic());
+                    self.agenda.next_from(from)
                 }
-                if env.stop.is_stopping() {
+            };
+            let entry = next.and_then(|at| Some((at, self.entries.get_mut(at)?)));
+            let Some((position, entry)) = entry else {
+                break;
+            };
+            from = position + 1;
+            match turn.of(entry) {
+                None => {
+                    self.ran += turn.ran;
+                    self.agenda.insert(position);
                     return true;
                 }
-                if account.callback_begin().is_err() || env.stop.is_stopping() {
-                    return true;
+                Some(ran) => last = ran.then_some(position).or(last),
+            }
+            if !self.looks_at_all {
+                if entry.look(clock::monotonic()) {
+                    self.agenda.insert(position);
                 }
-                (ran, last) = (true, Some(at));
-                self.ran += 1;
-                let took = entry.run(&env, snapshot, without);
-                account.callback_end();
-                tally.settle(&entry.shared.counters);
-                if !took {
-                    break;
-                }
+                let release = entry.handle.next_release();
+                self.agenda.next_release_of(position, release);
             }
         }
+        self.ran += turn.ran;
         if let Some(outbox) = &self.outbox {
             let to_blame = last.and_then(|at| self.entries.get(at));
             outbox.borrow_mut().release(|e| {
@@ -164,7 +190,7 @@ impl Worker {
                 }
             });
         }
-        ran
+        last.is_some() || (!self.looks_at_all && self.agenda.is_due())
     }
 
     /// Looks at every handle; whether what is there is enough for a round.
@@ -191,6 +217,9 @@ impl Worker {
         if let Some(grid) = &self.grid {
             return Some(grid.next());
         }
+        if !self.looks_at_all {
+            return self.agenda.earliest();
+        }
         // A release that is due already waits for the trigger's other conditions, not for time.
         let overdue = match self.rules.trigger {
             Trigger::Any => 0,
@@ -199,5 +228,52 @@ impl Worker {
         let live = self.entries.iter_mut().filter(|e| e.is_live());
         let releases = live.filter_map(|e| e.handle.next_release());
         releases.filter(|at| *at > overdue).min()
+    }
+}
+
+/// What the turns of one round share.
+struct Turn<'r> {
+    env: &'r Env<'r>,
+    account: &'r mut Account,
+    tally: &'r mut Tally,
+    batch: u32,
+    snapshot: bool,
+    /// Callbacks so far.
+    ran: u64,
+}
+
+impl Turn<'_> {
+    /// Waits until a callback may begin; `false` if the executor stops.
+    fn may_begin(&mut self) -> bool {
+        let stop = self.env.stop;
+        !stop.is_stopping() && self.account.callback_begin().is_ok() && !stop.is_stopping()
+    }
+
+    /// A handle's turn: as many callbacks as it may have in a round. Whether there were any;
+    /// `None` if the executor stops.
+    fn of(&mut self, entry: &mut Entry) -> Option<bool> {
+        let mut ran = false;
+        for n in 0..self.batch {
+            let ready = match self.snapshot {
+                true => entry.ready && entry.is_live(),
+                false => entry.look(clock::monotonic()),
+            };
+            let without = n == 0 && entry.handling.always && entry.is_live();
+            if !ready && !without {
+                break;
+            }
+            if !self.may_begin() {
+                return None;
+            }
+            ran = true;
+            self.ran += 1;
+            let took = entry.run(self.env, self.snapshot, without);
+            self.account.callback_end();
+            self.tally.settle(&entry.shared.counters);
+            if !took {
+                break;
+            }
+        }
+        Some(ran)
     }
 }

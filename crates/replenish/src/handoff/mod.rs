@@ -15,12 +15,14 @@
 
 mod flag;
 mod inbox;
+mod ready;
 mod ring;
 mod sample;
 mod stop;
 
 pub(crate) use flag::Flag;
 pub(crate) use inbox::{Delivery, Inbox, Keep, Outcome};
+pub(crate) use ready::ReadySet;
 pub(crate) use ring::{Ring, Slot};
 pub use sample::{RequestIdentity, SampleInfo};
 pub(crate) use stop::Stop;

@@ -1,0 +1,50 @@
+//! Which handles of a worker may have something to do: marked by whoever brings it, looked at by
+//! the worker.
+//!
+//! ```text
+//!   bring input ──► mark(slot) ──► ring the bell
+//!   worker: drain ──► look at the marked handles ──► … ──► nothing marked: sleep on the bell
+//! ```
+//!
+//! So a worker's round costs what its input costs, however many handles it has. A mark is a hint
+//! that nobody may leave out: input comes first, then the mark, then the bell, which is sticky. A
+//! worker that drained before the mark finds the bell rung when it goes to sleep.
+
+use crate::sync::{AtomicU64, Ordering};
+use alloc::boxed::Box;
+
+/// A bit per slot. Marking is async-signal-safe: one atomic operation, or two.
+pub(crate) struct ReadySet {
+    words: Box<[AtomicU64]>,
+}
+
+impl ReadySet {
+    /// For slots below `slots`. Allocates here only.
+    pub(crate) fn new(slots: usize) -> Self {
+        Self {
+            words: (0..slots.div_ceil(64)).map(|_| AtomicU64::new(0)).collect(),
+        }
+    }
+
+    /// The handle in `slot` may have something to do. Slots beyond the last are ignored.
+    pub(crate) fn mark(&self, slot: usize) {
+        if let Some(word) = self.words.get(slot / 64) {
+            let bit = 1 << (slot % 64);
+            word.fetch_or(bit, Ordering::Release);
+        }
+    }
+
+    /// Worker: takes all marks.
+    pub(crate) fn drain(&self, mut marked: impl FnMut(usize)) {
+        for (at, word) in self.words.iter().enumerate() {
+            if word.load(Ordering::Relaxed) == 0 {
+                continue;
+            }
+            let mut bits = word.swap(0, Ordering::Acquire);
+            while bits != 0 {
+                marked(at * 64 + bits.trailing_zeros() as usize);
+                bits &= bits - 1;
+            }
+        }
+    }
+}
