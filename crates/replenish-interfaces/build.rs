@@ -31,10 +31,33 @@ const PACKAGES: [&str; 24] = [
     "visualization_msgs",
 ];
 
+/// Types that `replenish-msg` has written by hand, because everything uses them.
+const BY_HAND: [(&str, &[&str]); 4] = [
+    ("action_msgs", &["GoalInfo", "GoalStatus"]),
+    ("builtin_interfaces", &["Time"]),
+    (
+        "std_msgs",
+        &[
+            "Bool", "Empty", "Float32", "Float64", "Int8", "Int16", "Int32", "Int64", "UInt8",
+            "UInt16", "UInt32", "UInt64",
+        ],
+    ),
+    ("unique_identifier_msgs", &["UUID"]),
+];
+
 fn main() -> Result<(), Error> {
     let share = Path::new(&env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default()).join("share");
     println!("cargo::metadata=SHARE={}", share.display());
     let mut generator = Generator::new().owned_feature("alloc");
+    for (package, names) in BY_HAND {
+        for name in names {
+            let (text, path) = (
+                format!("{package}/msg/{name}"),
+                format!("{package}::{name}"),
+            );
+            generator = generator.reuse(text, format!("::replenish_msg::{path}"));
+        }
+    }
     for package in PACKAGES {
         let feature = format!("CARGO_FEATURE_{}", package.to_uppercase());
         let dir = share.join(package);

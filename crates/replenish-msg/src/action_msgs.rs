@@ -1,8 +1,9 @@
 //! The `action_msgs` package: what all actions have in common.
 
 use crate::builtin_interfaces::Time;
+use crate::structure::known;
 use crate::unique_identifier_msgs::UUID;
-use crate::{CdrError, CdrReader, CdrWriter, Message, Service};
+use crate::{CdrError, CdrReader, CdrWriter, Message, Service, Viewed};
 use heapless::Vec;
 
 /// Goals that a [`GoalStatusArray`] or a [`CancelGoalResponse`] holds.
@@ -21,6 +22,12 @@ impl Message for GoalInfo {
     const TYPE_NAME: &'static str = "action_msgs/msg/GoalInfo";
     const DDS_TYPE_NAME: &'static str = "action_msgs::msg::dds_::GoalInfo_";
     const MAX_SIZE: usize = UUID::MAX_SIZE + Time::MAX_SIZE;
+    known!(
+        "6398fe763154554353930716b225947f93b672f0fb2e49fdd01bb7a7e37933e9",
+        "action_msgs/msg/GoalInfo",
+        "goal_id": One, Nested(UUID::STRUCTURE),
+        "stamp": One, Nested(Time::STRUCTURE)
+    );
 
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         self.goal_id.encode(w)?;
@@ -63,6 +70,12 @@ impl Message for GoalStatus {
     const TYPE_NAME: &'static str = "action_msgs/msg/GoalStatus";
     const DDS_TYPE_NAME: &'static str = "action_msgs::msg::dds_::GoalStatus_";
     const MAX_SIZE: usize = GoalInfo::MAX_SIZE + 1;
+    known!(
+        "32f4cfd717735d17657e1178f24431c1ce996c878c515230f6c5b3476819dbb9",
+        "action_msgs/msg/GoalStatus",
+        "goal_info": One, Nested(GoalInfo::STRUCTURE),
+        "status": One, Number(1)
+    );
 
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         self.goal_info.encode(w)?;
@@ -74,6 +87,14 @@ impl Message for GoalStatus {
         self.status = r.i8()?;
         Ok(())
     }
+}
+
+impl Viewed for GoalInfo {
+    type View<'a> = Self;
+}
+
+impl Viewed for GoalStatus {
+    type View<'a> = Self;
 }
 
 /// `action_msgs/msg/GoalStatusArray` of at most [`MAX_GOALS`] goals.

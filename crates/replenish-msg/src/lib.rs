@@ -50,7 +50,7 @@ pub use cdr::{CdrError, CdrReader, CdrWriter, Endianness};
 pub use heapless;
 pub use located::{DecodeError, decode_encapsulated, decode_located};
 pub use structure::Structure;
-pub use view::View;
+pub use view::{View, Viewed};
 
 /// What generated code names.
 #[doc(hidden)]

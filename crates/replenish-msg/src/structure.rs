@@ -36,6 +36,22 @@ impl Field {
     }
 }
 
+/// Of a type written by hand: its hash and its fields, as the generator writes them.
+macro_rules! known {
+    ($hash:literal, $name:expr $(, $field:literal: $shape:ident $(($count:expr))?, $kind:ident $(($of:expr))?)*) => {
+        const TYPE_HASH: Option<&'static str> = Some(concat!("RIHS01_", $hash));
+        const STRUCTURE: &'static $crate::Structure = &$crate::Structure {
+            name: $name,
+            fields: &[$($crate::structure::Field::new(
+                $field,
+                $crate::structure::Shape::$shape $(($count))?,
+                $crate::structure::Kind::$kind $(($of))?,
+            )),*],
+        };
+    };
+}
+pub(crate) use known;
+
 /// How many values a field has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {

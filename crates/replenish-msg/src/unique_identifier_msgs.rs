@@ -1,6 +1,7 @@
 //! The `unique_identifier_msgs` package.
 
-use crate::{CdrError, CdrReader, CdrWriter, Message};
+use crate::structure::known;
+use crate::{CdrError, CdrReader, CdrWriter, Message, Viewed};
 use core::fmt;
 
 /// `unique_identifier_msgs/msg/UUID`: sixteen bytes that nobody else has chosen.
@@ -27,6 +28,11 @@ impl Message for UUID {
     const TYPE_NAME: &'static str = "unique_identifier_msgs/msg/UUID";
     const DDS_TYPE_NAME: &'static str = "unique_identifier_msgs::msg::dds_::UUID_";
     const MAX_SIZE: usize = 16;
+    known!(
+        "1b8e8aca958cbea28fe6ef60bf6c19b683c97a9ef60bb34752067d0f2f7ab437",
+        "unique_identifier_msgs/msg/UUID",
+        "uuid": Array(16), Number(1)
+    );
 
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         w.bytes(&self.uuid)
@@ -36,4 +42,8 @@ impl Message for UUID {
         self.uuid.copy_from_slice(r.bytes(16)?);
         Ok(())
     }
+}
+
+impl Viewed for UUID {
+    type View<'a> = Self;
 }

@@ -56,6 +56,12 @@ pub trait View<'a>: Item<'a> {
     }
 }
 
+/// A message whose view has a name.
+pub trait Viewed: Message {
+    /// The view: the type itself if it has no unbounded fields.
+    type View<'a>: View<'a>;
+}
+
 impl<'a, M: Message> View<'a> for M {
     const TYPE_NAME: &'static str = M::TYPE_NAME;
     const DDS_TYPE_NAME: &'static str = M::DDS_TYPE_NAME;

@@ -121,7 +121,7 @@ impl Message<'_> {
             derives.push_str(", Copy");
         }
         if !facts.float {
-            derives.push_str(", Eq, PartialOrd, Ord, Hash");
+            derives.push_str(", Eq, Hash");
         }
         let own_docs = docs(&self.definition.docs, "");
         let decode = match self.fields.is_empty() {
@@ -147,6 +147,10 @@ impl Message<'_> {
             ),
         };
         let constants = self.constants(&format!("{gate}impl {rust}"));
+        let viewed = match facts.inline {
+            true => "Self".into(),
+            false => format!("{rust}View<'a>"),
+        };
         format!(
             "\n/// `{name}`\n///\n{own_docs}{gate}#[derive({derives})]\npub struct {rust} {{\n{}}}\n\
              {constants}\n\
@@ -156,7 +160,8 @@ impl Message<'_> {
              fn encode(&self, w: &mut {rt}::CdrWriter<'_>) \
              -> ::core::result::Result<(), {rt}::CdrError> {{\n{}    }}\n\n    \
              fn decode(&mut self, r: &mut {rt}::CdrReader<'_>) \
-             -> ::core::result::Result<(), {rt}::CdrError> {{\n{decode}    }}\n}}\n",
+             -> ::core::result::Result<(), {rt}::CdrError> {{\n{decode}    }}\n}}\n\n\
+             {gate}impl {rt}::Viewed for {rust} {{\n    type View<'a> = {viewed};\n}}\n",
             self.declaration(false),
             self.default(false),
             self.names(),
