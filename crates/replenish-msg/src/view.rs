@@ -8,15 +8,17 @@ use crate::{CdrError, CdrReader, CdrWriter, DecodeError, Message, Structure, loc
 /// The generator makes a view `NameView` for each type `Name` that has unbounded fields; a type
 /// without such fields is its own view. All bytes are checked when the view is made; elements of
 /// sequences are decoded when one looks at them.
+///
+/// The constants are those of [`Message`] under other names, so that both traits can be in scope.
 pub trait View<'a>: Item<'a> {
     /// The ROS name, such as `sensor_msgs/msg/Image`.
-    const TYPE_NAME: &'static str;
+    const NAME: &'static str;
     /// The name of the same type in DDS.
-    const DDS_TYPE_NAME: &'static str;
+    const DDS_NAME: &'static str;
     /// The type's hash, `RIHS01_` and 64 hexadecimal digits, if it is known.
-    const TYPE_HASH: Option<&'static str>;
+    const HASH: Option<&'static str>;
     /// The fields.
-    const STRUCTURE: &'static Structure;
+    const FIELDS: &'static Structure;
 
     /// The message that `reader` has next.
     ///
@@ -24,7 +26,7 @@ pub trait View<'a>: Item<'a> {
     /// Where the bytes are not such a message, and why.
     fn read(reader: &CdrReader<'a>) -> Result<Self, DecodeError> {
         Self::take(&mut reader.clone())
-            .map_err(|error| DecodeError::find(Self::STRUCTURE, reader.clone(), error))
+            .map_err(|error| DecodeError::find(Self::FIELDS, reader.clone(), error))
     }
 
     /// The message in a little-endian payload without encapsulation header, as DDS-XRCE carries
@@ -41,7 +43,7 @@ pub trait View<'a>: Item<'a> {
     /// # Errors
     /// As [`read`](Self::read); [`CdrError::Encapsulation`] for an encoding other than XCDR1.
     fn from_encapsulated(bytes: &'a [u8]) -> Result<Self, DecodeError> {
-        Self::read(&located::encapsulated(bytes, Self::STRUCTURE)?)
+        Self::read(&located::encapsulated(bytes, Self::FIELDS)?)
     }
 
     /// Encodes the message at the start of `buf` and returns the number of bytes used.
@@ -63,8 +65,8 @@ pub trait Viewed: Message {
 }
 
 impl<'a, M: Message> View<'a> for M {
-    const TYPE_NAME: &'static str = M::TYPE_NAME;
-    const DDS_TYPE_NAME: &'static str = M::DDS_TYPE_NAME;
-    const TYPE_HASH: Option<&'static str> = M::TYPE_HASH;
-    const STRUCTURE: &'static Structure = M::STRUCTURE;
+    const NAME: &'static str = M::TYPE_NAME;
+    const DDS_NAME: &'static str = M::DDS_TYPE_NAME;
+    const HASH: Option<&'static str> = M::TYPE_HASH;
+    const FIELDS: &'static Structure = M::STRUCTURE;
 }

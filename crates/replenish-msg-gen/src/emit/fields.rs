@@ -232,7 +232,7 @@ impl<'a> Code<'a> {
             Base::Message(name) => {
                 let (path, inline) = (self.emit.path(name), !self.heap());
                 let view = if inline { "" } else { "View" };
-                format!("Nested(<{path}{view} as {rt}::View>::STRUCTURE)")
+                format!("Nested(<{path}{view} as {rt}::View>::FIELDS)")
             }
         };
         format!(

@@ -2,7 +2,6 @@
 
 use super::fields::{Code, literal};
 use super::{Emit, docs, type_hash};
-use crate::hash;
 use crate::model::{Base, Definition};
 
 pub(super) fn emit(emit: &Emit<'_>, definition: &Definition) -> String {
@@ -79,22 +78,32 @@ impl Message<'_> {
         format!("    fn default() -> Self {{\n        Self {{\n{fields}        }}\n    }}\n")
     }
 
-    fn names(&self) -> String {
+    /// The names; those of `View` are called `NAME` and so on.
+    fn names(&self, view: bool) -> String {
         let name = &self.definition.name;
+        let infix = if view { "" } else { "TYPE_" };
         format!(
-            "    const TYPE_NAME: &'static str = \"{name}\";\n    \
-             const DDS_TYPE_NAME: &'static str = \"{}\";\n",
+            "    const {infix}NAME: &'static str = \"{name}\";\n    \
+             const DDS_{infix}NAME: &'static str = \"{}\";\n",
             name.dds()
         )
     }
 
     /// The hash and the table of fields, as associated constants.
-    fn tables(&self) -> String {
+    fn tables(&self, view: bool) -> String {
         let (rt, name) = (self.emit.runtime, &self.definition.name);
         let rows = self.fields.iter().map(Code::row).collect::<String>();
-        let mut text = type_hash(hash::message(self.emit.registry, name).as_deref());
+        let (hash, structure) = if view {
+            ("HASH", "FIELDS")
+        } else {
+            ("TYPE_HASH", "STRUCTURE")
+        };
+        let mut text = type_hash(
+            hash,
+            crate::hash::message(self.emit.registry, name).as_deref(),
+        );
         text.push_str(&format!(
-            "    const STRUCTURE: &'static {rt}::Structure = &{rt}::Structure {{\n        \
+            "    const {structure}: &'static {rt}::Structure = &{rt}::Structure {{\n        \
              name: \"{name}\",\n        fields: &[\n{rows}        ],\n    }};\n"
         ));
         text
@@ -138,12 +147,12 @@ impl Message<'_> {
             }
         };
         let tables = match facts.inline {
-            true => self.tables(),
+            true => self.tables(false),
             false => format!(
                 "    const TYPE_HASH: ::core::option::Option<&'static str> = \
-                 <{rust}View as {rt}::View>::TYPE_HASH;\n    \
+                 <{rust}View as {rt}::View>::HASH;\n    \
                  const STRUCTURE: &'static {rt}::Structure = \
-                 <{rust}View as {rt}::View>::STRUCTURE;\n"
+                 <{rust}View as {rt}::View>::FIELDS;\n"
             ),
         };
         let constants = self.constants(&format!("{gate}impl {rust}"));
@@ -164,7 +173,7 @@ impl Message<'_> {
              {gate}impl {rt}::Viewed for {rust} {{\n    type View<'a> = {viewed};\n}}\n",
             self.declaration(false),
             self.default(false),
-            self.names(),
+            self.names(false),
             self.emit.registry.max_size(name),
             facts.bounded,
             self.put(),
@@ -198,8 +207,8 @@ impl Message<'_> {
             self.declaration(true),
             self.default(true),
             self.put(),
-            self.names(),
-            self.tables(),
+            self.names(true),
+            self.tables(true),
         )
     }
 

@@ -98,7 +98,7 @@ impl Emit<'_> {
             ));
         }
         let hash = hash::interface(self.registry, interface);
-        body.push_str(&type_hash(hash.as_deref()));
+        body.push_str(&type_hash("TYPE_HASH", hash.as_deref()));
         format!(
             "\n/// `{name}`\n{gate}#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]\n\
              pub struct {rust};\n\n\
@@ -108,9 +108,9 @@ impl Emit<'_> {
 }
 
 /// The hash as an associated constant.
-fn type_hash(hash: Option<&str>) -> String {
+fn type_hash(name: &str, hash: Option<&str>) -> String {
     format!(
-        "    const TYPE_HASH: ::core::option::Option<&'static str> = {};\n",
+        "    const {name}: ::core::option::Option<&'static str> = {};\n",
         match hash {
             Some(hash) => format!("::core::option::Option::Some(\"{hash}\")"),
             None => "::core::option::Option::None".into(),
