@@ -154,36 +154,3 @@ fn the_executor_has_a_place_of_its_own() {
     };
     assert_eq!((params.priority(), params.period()), (98, 2_000_000));
 }
-
-/// A thousand workers on one CPU and on eight, elastic or not; the time is printed by
-/// `-- --nocapture` in the release profile (`cargo test --release -p replenish-plan thousand`).
-#[test]
-fn a_thousand_workers() {
-    for (cpus, elastic) in [(1, false), (8, false), (8, true), (1, true)] {
-        let mut all = request(cpus);
-        for i in 0..1000u64 {
-            let period = Duration::from_millis(1000 + i);
-            let amount = period * u32::try_from(cpus).unwrap() / 3000;
-            let mut guarantee = Guarantee::of(amount).every(period);
-            if elastic {
-                guarantee = guarantee.up_to(amount * 3).importance((i % 256) as u8);
-            }
-            all = all.worker(Worker::guaranteed(format!("w{i}"), guarantee));
-        }
-        let start = std::time::Instant::now();
-        let admitted = plan(&all).unwrap_or_else(|refusal| panic!("{refusal}"));
-        println!(
-            "1000 workers, {cpus} CPUs, elastic {elastic}: {:?}",
-            start.elapsed()
-        );
-        assert!(admitted.workers.iter().all(|w| w.slack().is_some()));
-        if cpus == 8 && !elastic {
-            let start = std::time::Instant::now();
-            let refusal = plan(&all.worker(every("more", 95, 100))).unwrap_err();
-            println!(
-                "  and one that does not fit: {:?}: {refusal}",
-                start.elapsed()
-            );
-        }
-    }
-}

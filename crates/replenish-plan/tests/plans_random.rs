@@ -1,7 +1,7 @@
 //! Random sets of guarantees: an admitted plan is simulated without a miss, a refusal's suggestion is
 //! admitted, the same request gives the same plan, and asking for less never turns a yes into a no.
 //!
-//! 3 000 sets; `REPLENISH_SETS` sets another number (nightly: 1000000), `REPLENISH_SEED` the first
+//! 10 000 sets; `REPLENISH_SETS` sets another number (nightly: 1000000), `REPLENISH_SEED` the first
 //! seed.
 #![allow(
     clippy::unwrap_used,
@@ -16,6 +16,7 @@ use replenish_plan::{
 };
 use replenish_sim::analysis::Demand;
 use replenish_sim::{Options, Policy, Random, Releases, Span, Step, System, Thread, simulate};
+use replenish_testkit::sets;
 use sporadic::{Kind, Low, Params};
 use std::time::Duration;
 
@@ -199,6 +200,16 @@ struct Tally {
     close: u64,
 }
 
+impl Tally {
+    fn add(&mut self, other: &Self) {
+        self.admitted += other.admitted;
+        self.refused += other.refused;
+        self.suggestions += other.suggestions;
+        self.jobs += other.jobs;
+        self.close += other.close;
+    }
+}
+
 fn check(seed: u64, tally: &mut Tally) {
     let r = &mut Random::new(seed);
     let request = random_request(r);
@@ -270,12 +281,10 @@ fn asking_for_less(seed: u64, request: &Request, r: &mut Random) {
 
 #[test]
 fn what_is_admitted_holds_and_what_is_suggested_is_admitted() {
-    let from_env = |name: &str| std::env::var(name).ok().and_then(|v| v.parse::<u64>().ok());
-    let sets = from_env("REPLENISH_SETS").unwrap_or(3_000);
-    let first = from_env("REPLENISH_SEED").unwrap_or(0);
+    let sets = sets::wanted(10_000);
     let mut tally = Tally::default();
-    for seed in first..first + sets {
-        check(seed, &mut tally);
+    for part in sets::each(sets, check) {
+        tally.add(&part);
     }
     println!("{sets} sets: {tally:?}");
     // The comparison means something.

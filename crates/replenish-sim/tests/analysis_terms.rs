@@ -194,3 +194,65 @@ fn describe_says_what_the_body_does_and_refuses_what_is_not_covered() {
         assert_eq!(describe(&system(thread), 0), None);
     }
 }
+
+#[test]
+fn budget_that_takes_longer_than_its_period_waits_for_what_was_due_before() {
+    // (Leh90): the fifth job of a busy period is the latest, 118 after its arrival; the first takes 114.
+    let system = System::on_one_cpu(vec![
+        Thread::new("above", Policy::Fifo { priority: 9 })
+            .released(at(0, 70))
+            .runs(26),
+        Thread::new("served", reserved(params(8, 62, 100)))
+            .released(at(0, 100))
+            .runs(62)
+            .queue(10),
+    ]);
+    let bounds = bounds_of(&system)[1];
+    assert_eq!(worst(&system, 1, 0), 118);
+    assert_eq!(bounds.service, Some(118));
+    assert!(bounds.response.is_none_or(|response| response >= 118));
+}
+
+#[test]
+fn budget_that_comes_back_in_pieces_costs_a_switch_for_each() {
+    let platform = Platform {
+        context_switch: 1,
+        job: 1,
+        ..Platform::IDEAL
+    };
+    let of = |priority, low, budget, period, pieces| {
+        Params::new(priority, low, budget, period, pieces).unwrap()
+    };
+    let background = Low::Background(0);
+    let params = of(19, Low::Suspend, 32, 270, 32);
+    let late = Releases::Periodic {
+        offset: 493,
+        period: 1036,
+        jitter: 242,
+    };
+    let system = System {
+        platform,
+        ..System::on_one_cpu(vec![
+            Thread::new("always", reserved(of(11, background, 26, 217, 32)))
+                .released(Releases::At(vec![14]))
+                .runs(1_000_000),
+            Thread::new("now and then", reserved(of(8, background, 31, 259, 2)))
+                .released(late)
+                .runs(Span::Uniform { min: 30, max: 82 }),
+            Thread::new("in pieces", reserved(params))
+                .released(at(0, 526))
+                .runs(Span::Uniform { min: 50, max: 51 })
+                .queue(100),
+            Thread::new("below", Policy::Fifo { priority: 8 })
+                .released(at(0, 143))
+                .runs(17),
+        ])
+    };
+    let took = worst(&system, 2, 40_282_977);
+    // What it takes if each job needs three rounds at most.
+    assert!(took > 628, "{took}");
+    // Nobody is above it, so this is all there is to know.
+    let task = Task::reserved(params, Some(Demand::new(51, 526)));
+    let bound = bounds(&[task], &Costs::of(&system.platform))[0].response;
+    assert!(bound.is_none_or(|bound| took <= bound), "{bound:?}");
+}

@@ -4,9 +4,10 @@
 
 mod common;
 
-use common::random_case;
-use replenish_sim::analysis::{Costs, Scheduling, Supply, bounds, describe};
+use common::{Case, random_case};
+use replenish_sim::analysis::{Bounds, Costs, Limit, Scheduling, Supply, bounds, describe, within};
 use replenish_sim::{Options, simulate};
+use replenish_testkit::sets;
 
 #[derive(Default)]
 struct Tally {
@@ -17,9 +18,50 @@ struct Tally {
     jobs: u64,
 }
 
+impl Tally {
+    fn add(&mut self, other: &Self) {
+        self.bounded += other.bounded;
+        self.reserved += other.reserved;
+        self.unbounded += other.unbounded;
+        self.reached += other.reached;
+        self.jobs += other.jobs;
+    }
+}
+
+/// Limits at the bounds are kept to, and one that is a little less is not.
+fn yes_and_no(seed: u64, case: &Case, bounds: &[Bounds]) -> Result<(), String> {
+    let exact = bounds.iter().map(|b| Limit {
+        service: b.service,
+        response: b.response.filter(|_| seed.is_multiple_of(2)),
+    });
+    let mut limits: Vec<_> = exact.collect();
+    let wrong = |what, limits: &[Limit]| {
+        let (tasks, costs) = (&case.tasks, &case.costs);
+        format!("seed {seed}: {what} {limits:?}, {bounds:?}\n{tasks:?}\n{costs:?}")
+    };
+    if !within(&case.tasks, &case.costs, &limits) {
+        return Err(wrong("not within", &limits));
+    }
+    let at = seed as usize % bounds.len();
+    let less = |limit: Option<u64>| limit.map(|bound| bound - 1);
+    let Limit { service, response } = limits[at];
+    // Without a bound no limit is kept to.
+    let (service, response) = match (service, response) {
+        (None, None) => (Some(u64::MAX / 2), None),
+        (service, None) => (less(service), None),
+        (service, response) => (service, less(response)),
+    };
+    limits[at] = Limit { service, response };
+    if within(&case.tasks, &case.costs, &limits) {
+        return Err(wrong("within", &limits));
+    }
+    Ok(())
+}
+
 fn check(seed: u64, tally: &mut Tally) -> Result<(), String> {
     let case = random_case(seed);
     let bounds = bounds(&case.tasks, &case.costs);
+    yes_and_no(seed, &case, &bounds)?;
     // What the generator says of a system, the library finds by itself.
     if let Some(described) = describe(&case.system, 0) {
         let found: Vec<_> = described.into_iter().map(|(_, task)| task).collect();
@@ -74,12 +116,11 @@ fn check(seed: u64, tally: &mut Tally) -> Result<(), String> {
 
 #[test]
 fn no_run_exceeds_its_bounds() {
-    let from_env = |name: &str| std::env::var(name).ok().and_then(|v| v.parse::<u64>().ok());
-    let sets = from_env("REPLENISH_SETS").unwrap_or(10_000);
-    let first = from_env("REPLENISH_SEED").unwrap_or(0);
+    let sets = sets::wanted(10_000);
     let mut tally = Tally::default();
-    for seed in first..first + sets {
-        check(seed, &mut tally).unwrap_or_else(|message| panic!("{message}"));
+    let check = |seed, tally: &mut _| check(seed, tally).unwrap_or_else(|e| panic!("{e}"));
+    for part in sets::each(sets, check) {
+        tally.add(&part);
     }
     println!(
         "{sets} systems: {} threads bounded ({} reserved), {} without bound, {} bounds reached, {} jobs",

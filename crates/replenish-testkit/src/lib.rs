@@ -5,6 +5,7 @@
 //! - [`harness`]: trials that count as *ignored* (skipped) at run time, through `libtest-mimic`,
 //!   because the standard harness can only pass or fail.
 //! - [`alloc`]: a global allocator that counts, to prove that the hot path does not allocate.
+//! - [`sets`]: properties over random sets, on all CPUs.
 //! - [`watchdog`]: ends a test process that hangs, naming what hung.
 //!
 //! Never a dependency of shipped code.
@@ -12,4 +13,5 @@
 pub mod alloc;
 pub mod harness;
 pub mod rt;
+pub mod sets;
 pub mod watchdog;

@@ -35,17 +35,47 @@ impl Placed {
 
 /// Places the seats of `include` with these amounts.
 pub(super) fn place(problem: &Problem<'_>, include: &[usize], amounts: &[Nanos]) -> Placed {
-    let by_shares = worst_fit(problem, include, amounts);
-    let unplaced = |index: &usize| seat(problem, *index).is_some_and(|s| s.cpu.is_none());
-    let movable = problem.request.machine.cpus.len() > 1 && include.iter().any(unplaced);
-    if by_shares.failure().is_none() || !movable || include.len() > FEW {
+    let by_shares = tested(problem, worst_fit(problem, include, amounts), amounts);
+    if by_shares.failure().is_none() || !second_try(problem, include) {
         return by_shares;
     }
-    first_fit(problem, include, amounts).unwrap_or(by_shares)
+    match first_fit(problem, include, amounts) {
+        Some(by_tests) => tested(problem, by_tests, amounts),
+        None => by_shares,
+    }
+}
+
+/// Whether [`place`] finds no failure, which is quicker to tell.
+pub(super) fn fits(problem: &Problem<'_>, include: &[usize], amounts: &[Nanos]) -> bool {
+    let by_shares = worst_fit(problem, include, amounts);
+    let mut cpus = by_shares.on.iter().zip(&by_shares.fixed);
+    cpus.all(|(seats, fixed)| holds(problem, seats, fixed, amounts))
+        || (second_try(problem, include) && first_fit(problem, include, amounts).is_some())
+}
+
+fn second_try(problem: &Problem<'_>, include: &[usize]) -> bool {
+    let unplaced = |index: &usize| seat(problem, *index).is_some_and(|s| s.cpu.is_none());
+    let movable = problem.request.machine.cpus.len() > 1 && include.iter().any(unplaced);
+    movable && include.len() <= FEW
 }
 
 fn seat<'p>(problem: &'p Problem<'_>, index: usize) -> Option<&'p Seat> {
     problem.seats.get(index).map(|(_, seat)| seat)
+}
+
+type OnCpu<'p> = (Vec<(&'p Seat, Nanos)>, Vec<&'p Fixed>);
+
+fn on_cpu<'p>(
+    problem: &'p Problem<'_>,
+    seats: &[usize],
+    fixed: &[usize],
+    amounts: &[Nanos],
+) -> OnCpu<'p> {
+    let seats = seats.iter();
+    let seats = seats.filter_map(|i| Some((seat(problem, *i)?, *amounts.get(*i)?)));
+    let fixed = fixed.iter();
+    let fixed = fixed.filter_map(|i| problem.fixed.get(*i).map(|(_, _, f)| f));
+    (seats.collect(), fixed.collect())
 }
 
 /// Tests one CPU with these seats.
@@ -55,15 +85,27 @@ pub(super) fn test(
     fixed: &[usize],
     amounts: &[Nanos],
 ) -> CpuPlan {
-    let seats: Vec<(&Seat, Nanos)> = seats
-        .iter()
-        .filter_map(|i| Some((seat(problem, *i)?, *amounts.get(*i)?)))
-        .collect();
-    let fixed: Vec<&Fixed> = fixed
-        .iter()
-        .filter_map(|i| problem.fixed.get(*i).map(|(_, _, f)| f))
-        .collect();
+    let (seats, fixed) = on_cpu(problem, seats, fixed, amounts);
     cpu::test(&seats, &fixed, &problem.request.machine)
+}
+
+/// Whether [`test`] finds no failure, which is quicker to tell.
+pub(super) fn holds(
+    problem: &Problem<'_>,
+    seats: &[usize],
+    fixed: &[usize],
+    amounts: &[Nanos],
+) -> bool {
+    let (seats, fixed) = on_cpu(problem, seats, fixed, amounts);
+    cpu::holds(&seats, &fixed, &problem.request.machine)
+}
+
+/// With the plan of every CPU.
+fn tested(problem: &Problem<'_>, mut placed: Placed, amounts: &[Nanos]) -> Placed {
+    let cpus = placed.on.iter().zip(&placed.fixed);
+    let plans = cpus.map(|(seats, fixed)| test(problem, seats, fixed, amounts));
+    placed.plans = plans.collect();
+    placed
 }
 
 fn empty(problem: &Problem<'_>) -> Placed {
@@ -126,20 +168,13 @@ fn worst_fit(problem: &Problem<'_>, include: &[usize], amounts: &[Nanos]) -> Pla
         }
     }
     placed.on.iter_mut().for_each(|seats| seats.sort_unstable());
-    placed.plans = placed
-        .on
-        .iter()
-        .zip(&placed.fixed)
-        .map(|(seats, fixed)| test(problem, seats, fixed, amounts))
-        .collect();
     placed
 }
 
 fn first_fit(problem: &Problem<'_>, include: &[usize], amounts: &[Nanos]) -> Option<Placed> {
     let mut placed = empty(problem);
-    let alone = |fixed: &Vec<usize>| test(problem, &[], fixed, amounts);
-    placed.plans = placed.fixed.iter().map(alone).collect();
-    if placed.failure().is_some() {
+    let holds = |seats: &[usize], fixed: &[usize]| holds(problem, seats, fixed, amounts);
+    if !placed.fixed.iter().all(|fixed| holds(&[], fixed)) {
         return None;
     }
     for index in order(problem, include, amounts) {
@@ -151,12 +186,10 @@ fn first_fit(problem: &Problem<'_>, include: &[usize], amounts: &[Nanos]) -> Opt
             let mut seats = placed.on.get(*at)?.clone();
             seats.push(index);
             seats.sort_unstable();
-            let plan = test(problem, &seats, placed.fixed.get(*at)?, amounts);
-            plan.failure.is_none().then_some((*at, seats, plan))
+            holds(&seats, placed.fixed.get(*at)?).then_some((*at, seats))
         };
-        let (at, seats, plan) = cpus.iter().find_map(fits)?;
+        let (at, seats) = cpus.iter().find_map(fits)?;
         *placed.on.get_mut(at)? = seats;
-        *placed.plans.get_mut(at)? = plan;
     }
     Some(placed)
 }

@@ -4,8 +4,9 @@ use super::levels;
 use super::tasks::{fixed_task, overhead, parameters, share, skeleton, task};
 use crate::{Machine, Nanos};
 use replenish_sim::Policy;
-use replenish_sim::analysis::{Bounds, Costs, Demand, Section, Task, bounds};
+use replenish_sim::analysis::{Bounds, Costs, Demand, Limit, Section, Task, bounds, within};
 use sporadic::{Low, Params};
+use std::ops::RangeInclusive;
 
 /// How many wake-ups per period a worker is taken to have whose demand is unknown, and its number
 /// of replenishments. More replenishments than that make bounds worse and help few.
@@ -101,28 +102,21 @@ pub(super) struct CpuPlan {
     pub(super) failure: Option<Failure>,
 }
 
+/// One way to give priorities, with the parameters that follow.
+struct Trial {
+    plan: CpuPlan,
+    /// For the analysis: the seats', then those of the fixed threads that delay somebody.
+    tasks: Vec<Task>,
+    floor: u8,
+}
+
 /// Chooses parameters for `seats` (each with its amount) beside `fixed`, and tests them.
 pub(super) fn test(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], machine: &Machine) -> CpuPlan {
-    let alone = fixed
-        .iter()
-        .all(|f| f.own && matches!(f.policy, Policy::Budget { .. } | Policy::Other));
-    let costs = machine.overheads.costs(alone);
-    let (low, high) = (*machine.priorities.start(), *machine.priorities.end());
-    let others: Vec<u8> = fixed
-        .iter()
-        .map(|f| f.priority())
-        .filter(|p| *p > 0)
-        .collect();
-    let highest = others.iter().copied().filter(|p| *p < high).max();
-    let lowest = others.iter().copied().filter(|p| *p > low).min();
-    // On the common scale; else above all others; else below.
-    let mut ranges = vec![low..=high];
-    ranges.extend(highest.map(|h| low.max(h + 1)..=high));
-    ranges.extend(lowest.map(|l| low..=high.min(l - 1)));
+    let costs = costs(fixed, machine);
     let mut first = None;
-    for range in ranges {
-        let levels = levels_in(seats, fixed, &range);
-        let plan = test_levels(seats, fixed, &levels, machine, &costs);
+    for range in ranges(fixed, machine) {
+        let trial = try_levels(seats, fixed, &range, machine, &costs);
+        let plan = analysed(seats, fixed, trial, &costs);
         if plan.failure.is_none() {
             return plan;
         }
@@ -135,11 +129,46 @@ pub(super) fn test(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], machine: &Machine
     first.unwrap_or_default()
 }
 
-fn levels_in(
-    seats: &[(&Seat, Nanos)],
-    fixed: &[&Fixed],
-    range: &std::ops::RangeInclusive<u8>,
-) -> Vec<u8> {
+/// Whether [`test`] finds no failure, which is quicker to tell.
+pub(super) fn holds(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], machine: &Machine) -> bool {
+    let unbounded = |f: &&Fixed| f.deadline.is_some() && f.policy == Policy::Other;
+    if fixed.iter().any(unbounded) {
+        return false;
+    }
+    let costs = costs(fixed, machine);
+    for range in ranges(fixed, machine) {
+        let trial = try_levels(seats, fixed, &range, machine, &costs);
+        match trial.plan.failure {
+            None if within(&trial.tasks, &costs, &limits(seats, fixed, trial.floor)) => {
+                return true;
+            }
+            Some(failure) if failure.victim == Victim::Sum => return false,
+            _ => {}
+        }
+    }
+    false
+}
+
+fn costs(fixed: &[&Fixed], machine: &Machine) -> Costs {
+    let alone = fixed
+        .iter()
+        .all(|f| f.own && matches!(f.policy, Policy::Budget { .. } | Policy::Other));
+    machine.overheads.costs(alone)
+}
+
+/// Which priorities are tried: the common scale; else above all others; else below.
+fn ranges(fixed: &[&Fixed], machine: &Machine) -> Vec<RangeInclusive<u8>> {
+    let (low, high) = (*machine.priorities.start(), *machine.priorities.end());
+    let others = || fixed.iter().map(|f| f.priority()).filter(|p| *p > 0);
+    let highest = others().filter(|p| *p < high).max();
+    let lowest = others().filter(|p| *p > low).min();
+    let mut ranges = vec![low..=high];
+    ranges.extend(highest.map(|h| low.max(h + 1)..=high));
+    ranges.extend(lowest.map(|l| low..=high.min(l - 1)));
+    ranges
+}
+
+fn levels_in(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], range: &RangeInclusive<u8>) -> Vec<u8> {
     let deadlines: Vec<Nanos> = seats.iter().map(|(s, _)| s.deadline).collect();
     let planned = seats.iter().filter(|(s, _)| s.level.is_none());
     let ordinary: Vec<Nanos> = planned.map(|(s, _)| s.deadline).collect();
@@ -155,52 +184,66 @@ fn levels_in(
     seats.iter().zip(deadlines).map(level).collect()
 }
 
-fn test_levels(
+/// Parameters for priorities of this range. The plan has a failure if there are none, or too much
+/// would be reserved.
+fn try_levels(
     seats: &[(&Seat, Nanos)],
     fixed: &[&Fixed],
-    levels: &[u8],
+    range: &RangeInclusive<u8>,
     machine: &Machine,
     costs: &Costs,
-) -> CpuPlan {
-    let mut plan = CpuPlan::default();
+) -> Trial {
+    let levels = levels_in(seats, fixed, range);
     let floor = levels.iter().copied().min().unwrap_or(u8::MAX);
     let others: Vec<Task> = fixed.iter().filter_map(|f| fixed_task(f, floor)).collect();
+    let mut trial = Trial {
+        plan: CpuPlan::default(),
+        tasks: Vec::with_capacity(seats.len() + others.len()),
+        floor,
+    };
+    let fail = |victim, allowed| {
+        Some(Failure {
+            victim,
+            bound: None,
+            allowed,
+        })
+    };
     let pieces: Vec<Task> = seats
         .iter()
-        .zip(levels)
-        .filter_map(|((seat, amount), level)| skeleton(seat, *amount, *level))
+        .zip(&levels)
+        .filter_map(|((seat, amount), level)| skeleton(seat, *amount, *level, costs))
         .collect();
-    for (index, ((seat, amount), &level)) in seats.iter().zip(levels).enumerate() {
+    for (index, ((seat, amount), &level)) in seats.iter().zip(&levels).enumerate() {
         let extra = if seat.per_job {
             overhead(index, &pieces, &others, seat, level, costs)
         } else {
             0
         };
         let Some(params) = parameters(seat, *amount, extra, level, machine, costs) else {
-            plan.failure = Some(Failure {
-                victim: Victim::Seat(index),
-                bound: None,
-                allowed: seat.deadline,
-            });
-            return plan;
+            trial.plan.failure = fail(Victim::Seat(index), seat.deadline);
+            return trial;
         };
-        plan.params.push(params);
+        trial.plan.params.push(params);
+        trial.tasks.push(task(seat, *amount, params));
     }
-    plan.share = share(&plan.params, fixed, costs);
-    if plan.share > machine.real_time_share + 1e-9 {
-        plan.failure = Some(Failure {
-            victim: Victim::Sum,
-            bound: None,
-            allowed: 0,
-        });
+    trial.tasks.extend(others);
+    trial.plan.share = share(&trial.plan.params, fixed, costs);
+    if trial.plan.share > machine.real_time_share + 1e-9 {
+        trial.plan.failure = fail(Victim::Sum, 0);
+    }
+    trial
+}
+
+/// The bounds of everybody, and the worst violation.
+fn analysed(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], trial: Trial, costs: &Costs) -> CpuPlan {
+    let Trial {
+        mut plan,
+        tasks,
+        floor,
+    } = trial;
+    if plan.failure.is_some() {
         return plan;
     }
-    let mut tasks: Vec<Task> = seats
-        .iter()
-        .zip(&plan.params)
-        .map(|((seat, amount), params)| task(seat, *amount, *params))
-        .collect();
-    tasks.extend(others);
     let mut found = bounds(&tasks, costs);
     let mut rest = found.split_off(seats.len()).into_iter();
     plan.bounds = found;
@@ -213,6 +256,32 @@ fn test_levels(
         .collect();
     plan.failure = failure(seats, fixed, &plan);
     plan
+}
+
+/// What [`failure`] asks of the bounds, in the order of the tasks.
+fn limits(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], floor: u8) -> Vec<Limit> {
+    let own = seats.iter().map(|(seat, _)| {
+        let allowed = Some(seat.deadline.saturating_add(seat.late));
+        match seat.per_job {
+            true => Limit {
+                response: allowed,
+                ..Limit::default()
+            },
+            false => Limit {
+                service: allowed,
+                ..Limit::default()
+            },
+        }
+    });
+    let delaying = fixed.iter().filter(|f| fixed_task(f, floor).is_some());
+    let others = delaying.map(|f| {
+        let budget = matches!(f.policy, Policy::Budget { .. });
+        Limit {
+            service: f.deadline.filter(|_| budget),
+            response: f.deadline.filter(|_| !budget || f.demand.is_some()),
+        }
+    });
+    own.chain(others).collect()
 }
 
 /// The worst violation, in relation to what is allowed; fixed threads first.

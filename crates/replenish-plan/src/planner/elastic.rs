@@ -33,8 +33,7 @@ pub(super) fn grow(
         while !rest.is_empty() && tests > 0 {
             let mut holds = |amounts: &[Nanos]| {
                 tests = tests.saturating_sub(1);
-                let plan = assign::test(problem, seats, fixed, amounts);
-                plan.failure.is_none()
+                assign::holds(problem, seats, fixed, amounts)
             };
             let whole = prefix(rest, amounts, desired, &mut holds);
             for &index in rest.iter().take(whole) {

@@ -72,6 +72,9 @@ fn change(worker: &mut Worker, amount: Nanos, period: Nanos) {
     }
 }
 
+/// Up to so many times its period is tried for a worker; a power of 2.
+const LONGER: u64 = 128;
+
 /// What fits of this worker: a smaller amount and a longer period, where there are such.
 pub(super) fn nearest(request: &Request, worker: &str, left_out: &[String]) -> Vec<Fit> {
     let Some(guarantee) = request.workers.iter().find(|w| w.name == worker) else {
@@ -95,17 +98,23 @@ pub(super) fn nearest(request: &Request, worker: &str, left_out: &[String]) -> V
     let amount = guarantee.minimum();
     let by = step(amount, digits);
     let smaller = |n: Nanos| fit(n * by, guarantee.period, Changed::Amount);
-    let good = search(0, amount.div_ceil(by), |n| admits(&smaller(n)));
-    if good > 0 {
+    if admits(&smaller(1)) {
+        let good = search(1, amount.div_ceil(by).max(2), |n| admits(&smaller(n)));
         found.push(smaller(good));
     }
 
     let longer = |period| fit(amount, period, Changed::Period);
+    let longest = guarantee.period.saturating_mul(LONGER);
     let mut good = guarantee.period;
-    let reached = (0..7).any(|_| {
-        good = good.saturating_mul(2);
-        admits(&longer(good))
-    });
+    let reached = admits(&longer(longest)) && {
+        while good < longest {
+            good = good.saturating_mul(2);
+            if good == longest || admits(&longer(good)) {
+                break;
+            }
+        }
+        true
+    };
     if reached {
         let by = step(good, digits);
         // Downwards: what is searched for is how many steps can be taken off.
@@ -125,6 +134,6 @@ pub(super) fn admits(request: &Request) -> bool {
     Problem::new(request).is_ok_and(|problem| {
         let (minimum, _) = problem.amounts();
         let all: Vec<usize> = (0..problem.seats.len()).collect();
-        assign::place(&problem, &all, &minimum).failure().is_none()
+        assign::fits(&problem, &all, &minimum)
     })
 }

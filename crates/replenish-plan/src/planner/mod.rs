@@ -133,11 +133,9 @@ pub fn plan(request: &Request) -> Result<Plan, Refusal> {
     let problem = Problem::new(request).map_err(Refusal::invalid)?;
     let (minimum, desired) = problem.amounts();
     let all: Vec<usize> = (0..problem.seats.len()).collect();
-    if desired != minimum {
+    if desired != minimum && assign::fits(&problem, &all, &desired) {
         let placed = assign::place(&problem, &all, &desired);
-        if placed.failure().is_none() {
-            return Ok(describe(&problem, &placed, &desired));
-        }
+        return Ok(describe(&problem, &placed, &desired));
     }
     let mut placed = assign::place(&problem, &all, &minimum);
     if placed.failure().is_some() {

@@ -58,13 +58,10 @@ pub(super) fn refuse(problem: &Problem<'_>, amounts: &[Nanos], all: &Placed) -> 
     let mut order: Vec<usize> = (0..problem.seats.len()).collect();
     let importance = |i: usize| problem.seats.get(i).map_or(0, |(_, s)| s.importance);
     order.sort_by_key(|i| (core::cmp::Reverse(importance(*i)), *i));
-    let with = |count: usize| {
-        let include = order.get(..count).unwrap_or(&order);
-        assign::place(problem, include, amounts)
-    };
+    let first = |count: usize| order.get(..count).unwrap_or(&order);
     let attempt = super::describe(problem, all, amounts);
     let attempt = Some(Box::new(attempt));
-    let nothing = with(0);
+    let nothing = assign::place(problem, &[], amounts);
     if let Some((at, failure)) = nothing.failure() {
         let sentence = alone(problem, &nothing, at, failure);
         return Refusal {
@@ -73,15 +70,13 @@ pub(super) fn refuse(problem: &Problem<'_>, amounts: &[Nanos], all: &Placed) -> 
             ..Refusal::invalid(sentence)
         };
     }
-    let mut broken = all.clone();
     let good = search(0, order.len() as u64, |count| {
-        let placed = with(count as usize);
-        let holds = placed.failure().is_none();
-        if !holds {
-            broken = placed;
-        }
-        holds
+        assign::fits(problem, first(count as usize), amounts)
     }) as usize;
+    let broken = match good + 1 < order.len() {
+        true => assign::place(problem, first(good + 1), amounts),
+        false => all.clone(),
+    };
     let Some((whose, seat)) = order.get(good).and_then(|i| problem.seats.get(*i)) else {
         return Refusal::invalid("nothing was asked for".into());
     };

@@ -10,11 +10,25 @@ use sporadic::{Low, Params};
 const PIECES_OF_JOBS: u16 = 4;
 
 /// What is known before budgets are: for counting preemptions.
-pub(super) fn skeleton(seat: &Seat, amount: Nanos, level: u8) -> Option<Task> {
-    let repl = replenishments(seat);
-    let amount = amount.clamp(1, seat.period);
-    let params = Params::new(level, Low::Background(0), amount, seat.period, repl).ok()?;
+pub(super) fn skeleton(seat: &Seat, amount: Nanos, level: u8, costs: &Costs) -> Option<Task> {
+    let (period, repl) = (server_period(seat, costs)?, replenishments(seat));
+    let budget = amount.clamp(1, period.max(1));
+    let params = Params::new(level, Low::Background(0), budget, period, repl).ok()?;
     Some(task(seat, amount, params))
+}
+
+/// The period of the budget; `None` if jobs come too irregularly for one.
+fn server_period(seat: &Seat, costs: &Costs) -> Option<Nanos> {
+    if !seat.per_job {
+        return Some(seat.period);
+    }
+    // So that each job finds the budget full, however late it was raised before.
+    let demand = seat.demand?;
+    let late = demand.jitter.saturating_add(costs.raise_delay());
+    let period = seat.period.checked_sub(late)?;
+    // A wait can move the activation to the end of the job.
+    let waits = demand.suspensions > 0 || !seat.sections.is_empty();
+    Some(if waits { period / 2 } else { period })
 }
 
 fn replenishments(seat: &Seat) -> u16 {
@@ -102,21 +116,25 @@ pub(super) fn overhead(
         let raises = match task.scheduling {
             Scheduling::Reserved(params) => {
                 let most = u64::from(params.max_repl()) + 2;
+                // Raised with a lock held, it takes the CPU by inheritance as well.
+                let most = most * (1 + u64::from(!task.sections.is_empty()));
                 in_window(params.period(), params.period()).saturating_mul(most)
             }
             Scheduling::Fifo(_) => 0,
         };
         jobs.saturating_mul(waits + 1).saturating_add(raises)
     };
+    let waits = seat.demand.map_or(0, |d| u64::from(d.suspensions)) + seat.sections.len() as u64;
     let switches = if costs.context_switch == 0 {
         0
     } else {
         let sum = above.filter(|t| t.priority() >= level).map(preemptions);
-        let locks = 2 * (own.len() + others.len()) as u64 * (1 + seat.sections.len() as u64);
-        let locks = if seat.sections.is_empty() { 0 } else { locks };
+        // Whoever holds a lock can delay by inheritance, after each wait.
+        let holders = own.iter().chain(others).any(|t| !t.sections.is_empty());
+        let locks = 2 * (own.len() + others.len()) as u64 * (1 + waits);
+        let locks = if holders { locks } else { 0 };
         sum.fold(2 + locks, u64::saturating_add)
     };
-    let waits = seat.demand.map_or(0, |d| u64::from(d.suspensions)) + seat.sections.len() as u64;
     let switched = switches.saturating_add(2 * (1 + waits));
     costs.job + costs.context_switch.saturating_mul(switched) + costs.slack + 1
 }
@@ -130,16 +148,7 @@ pub(super) fn parameters(
     costs: &Costs,
 ) -> Option<Params> {
     let budget = amount.checked_add(extra)?;
-    let mut period = seat.period;
-    if seat.per_job {
-        // So that each job finds the budget full, however late it was raised before.
-        let demand = seat.demand?;
-        period = period.checked_sub(demand.jitter + costs.raise_delay())?;
-        if demand.suspensions > 0 || !seat.sections.is_empty() {
-            // A wait can move the activation to the end of the job.
-            period /= 2;
-        }
-    }
+    let period = server_period(seat, costs)?;
     let low = if seat.suspend {
         Low::Suspend
     } else if machine.is_throttled() {

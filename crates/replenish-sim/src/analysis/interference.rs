@@ -22,6 +22,10 @@ pub(super) struct Interference {
     constant: Nanos,
     /// How often holders of locks can take the CPU, per window.
     switches: u64,
+    /// The share of the CPU that it takes in the long run.
+    rate: f64,
+    /// What jitter brings forward, on average.
+    early: f64,
 }
 
 impl Interference {
@@ -39,7 +43,10 @@ impl Interference {
     pub(super) fn of(tasks: &[Task], index: usize, costs: &Costs, ceilings: &[u8]) -> Option<Self> {
         let own = &tasks[index];
         let priority = own.priority();
-        let mut result = Self::default();
+        let mut result = Self {
+            terms: Vec::with_capacity(4 * tasks.len()),
+            ..Self::default()
+        };
         for (other, task) in tasks.iter().enumerate() {
             result.add_interrupts(task, costs);
             if other == index || task.priority() < priority {
@@ -58,18 +65,32 @@ impl Interference {
         if blocking > 0 {
             result.switches = windows * 2 * tasks.len() as u64;
         }
+        for term in &result.terms {
+            let share = term.cost as f64 / term.period as f64;
+            result.rate += share;
+            result.early += share * term.jitter as f64;
+        }
         Some(result)
     }
 
     fn push(&mut self, cost: Nanos, period: Nanos, jitter: Nanos, switches: u64) {
-        if cost > 0 {
-            self.terms.push(Term {
-                cost,
-                period,
-                jitter,
-                switches,
-            });
+        if cost == 0 {
+            return;
         }
+        // Of one task some come together.
+        let recent = self.terms.iter_mut().rev().take(4);
+        let mut same = recent.filter(|t| (t.period, t.jitter) == (period, jitter));
+        if let Some(term) = same.next() {
+            term.cost = term.cost.saturating_add(cost);
+            term.switches = term.switches.saturating_add(switches);
+            return;
+        }
+        self.terms.push(Term {
+            cost,
+            period,
+            jitter,
+            switches,
+        });
     }
 
     fn add_interrupts(&mut self, task: &Task, costs: &Costs) {
@@ -137,8 +158,22 @@ impl Interference {
 
     /// The share of the CPU that the interference takes in the long run.
     pub(super) fn rate(&self) -> f64 {
-        let shares = self.terms.iter().map(|t| t.cost as f64 / t.period as f64);
-        shares.sum()
+        self.rate
+    }
+
+    /// Whether `cost` and its interference end within a window of this length, or a shorter one.
+    pub(super) fn fits(&self, cost: Nanos, window: Nanos) -> bool {
+        if self.rate >= 1.0 {
+            return false;
+        }
+        // Mostly there is room at the end already; otherwise a shorter window may do.
+        let of = |t: &Term| {
+            let jobs = window.saturating_add(t.jitter).div_ceil(t.period);
+            jobs.saturating_mul(t.cost)
+        };
+        let asked = cost.saturating_add(self.constant);
+        let asked = self.terms.iter().map(of).fold(asked, Nanos::saturating_add);
+        asked <= window || self.window(cost, 0, window).is_some_and(|w| w <= window)
     }
 
     /// The shortest window that holds `cost` and its interference, at most `limit` (JP86). The caller
@@ -148,18 +183,13 @@ impl Interference {
         reason = "a quotient of numbers that are not negative"
     )]
     pub(super) fn window(&self, cost: Nanos, from: Nanos, limit: Nanos) -> Option<Nanos> {
-        let rate = self.rate();
-        if rate >= 1.0 {
+        if self.rate >= 1.0 {
             return None;
         }
         // Not rounded up, each term is (w + jitter) / period * cost: a start from below, a little
         // lower for what the floating point rounds.
-        let early = self
-            .terms
-            .iter()
-            .map(|t| t.jitter as f64 / t.period as f64 * t.cost as f64);
-        let once = (cost + self.constant) as f64 + early.sum::<f64>();
-        let least = once / (1.0 - rate) * (1.0 - 1e-9);
+        let once = (cost + self.constant) as f64 + self.early;
+        let least = once / (1.0 - self.rate) * (1.0 - 1e-9);
         let mut window = cost.max(least as Nanos).max(1).max(from);
         // Per term: its delay, and up to which window that holds. Few change from step to step.
         let mut held: Vec<(Nanos, Nanos)> = vec![(0, 0); self.terms.len()];
@@ -195,7 +225,7 @@ pub(super) fn job_cost(task: &Task, costs: &Costs) -> Nanos {
 }
 
 /// How often a reservation can be raised in a period: once per chunk of its queue, and one more.
-fn raises(params: &Params) -> u64 {
+pub(super) fn raises(params: &Params) -> u64 {
     u64::from(params.max_repl()) + 2
 }
 

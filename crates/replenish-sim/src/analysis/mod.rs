@@ -2,6 +2,7 @@
 //!
 //! - [`bounds`]: fixed priorities on one CPU, with FIFO threads and reservations, release jitter,
 //!   blocking inside jobs, priority-inheriting locks, overheads and late enforcement.
+//! - [`within`]: whether such bounds keep to limits, which is quicker to tell.
 //! - [`Supply`]: what a reservation delivers at least, and how long work takes inside it.
 //! - [`chain`]: from a sensor to an actuator over several workers.
 //! - [`describe`]: from a [`System`](crate::System) to what these functions take.
@@ -34,8 +35,10 @@ mod interference;
 mod response;
 mod supply;
 mod task;
+mod within;
 
 pub use describe::describe;
 pub use response::{Bounds, bounds, utilisation};
 pub use supply::Supply;
 pub use task::{Costs, Demand, Scheduling, Section, Task};
+pub use within::{Limit, within};

@@ -1,6 +1,6 @@
 //! Bounds for every thread of a CPU.
 
-use super::interference::{Interference, ceilings, job_cost};
+use super::interference::{Interference, ceilings, job_cost, raises};
 use super::{Costs, Scheduling, Supply, Task};
 use crate::Nanos;
 use sporadic::Params;
@@ -27,18 +27,7 @@ pub(super) const MAX_JOBS: u64 = 10_000;
 /// share no lock with them.
 pub fn bounds(tasks: &[Task], costs: &Costs) -> Vec<Bounds> {
     let ceilings = ceilings(tasks);
-    let periods = tasks.iter().flat_map(|task| {
-        let reservation = match task.scheduling {
-            Scheduling::Reserved(params) => Some(params.period()),
-            Scheduling::Fifo(_) => None,
-        };
-        [reservation, task.demand.map(|d| d.period)]
-    });
-    let limit = periods
-        .flatten()
-        .max()
-        .unwrap_or(0)
-        .saturating_mul(LIMIT_PERIODS);
+    let limit = longest(tasks);
     let mut result: Vec<_> = (0..tasks.len())
         .map(|index| bound(tasks, index, costs, &ceilings, limit))
         .collect();
@@ -46,7 +35,26 @@ pub fn bounds(tasks: &[Task], costs: &Costs) -> Vec<Bounds> {
     result
 }
 
-fn bound(tasks: &[Task], index: usize, costs: &Costs, ceilings: &[u8], limit: Nanos) -> Bounds {
+/// Windows that reach this length are given up.
+pub(super) fn longest(tasks: &[Task]) -> Nanos {
+    let periods = tasks.iter().flat_map(|task| {
+        let reservation = match task.scheduling {
+            Scheduling::Reserved(params) => Some(params.period()),
+            Scheduling::Fifo(_) => None,
+        };
+        [reservation, task.demand.map(|d| d.period)]
+    });
+    let longest = periods.flatten().max().unwrap_or(0);
+    longest.saturating_mul(LIMIT_PERIODS)
+}
+
+pub(super) fn bound(
+    tasks: &[Task],
+    index: usize,
+    costs: &Costs,
+    ceilings: &[u8],
+    limit: Nanos,
+) -> Bounds {
     let Some(interference) = Interference::of(tasks, index, costs, ceilings) else {
         return Bounds::default();
     };
@@ -59,9 +67,7 @@ fn bound(tasks: &[Task], index: usize, costs: &Costs, ceilings: &[u8], limit: Na
             }
         }
         Scheduling::Reserved(params) => {
-            let service = interference
-                .window(params.budget(), 0, limit)
-                .map(|window| window + costs.raise_delay());
+            let service = service(params, &interference, costs, limit);
             Bounds {
                 service,
                 response: service.and_then(|service| {
@@ -70,6 +76,32 @@ fn bound(tasks: &[Task], index: usize, costs: &Costs, ceilings: &[u8], limit: Na
             }
         }
     }
+}
+
+/// The budget of one period, delayed by others, after it has come back late. If that takes longer
+/// than a period, what is due of the next ones waits as well: the busy period (Leh90).
+fn service(
+    params: Params,
+    interference: &Interference,
+    costs: &Costs,
+    limit: Nanos,
+) -> Option<Nanos> {
+    let (budget, period) = (params.budget(), params.period());
+    let first = interference.window(budget, 0, limit)?;
+    let (mut worst, mut window) = (first, first);
+    if first > period && interference.rate() + budget as f64 / period as f64 > 1.0 {
+        return None;
+    }
+    for job in 1..=MAX_JOBS {
+        let due = job * period;
+        if window <= due {
+            return Some(worst + costs.raise_delay());
+        }
+        let cost = budget.checked_mul(job + 1)?;
+        window = interference.window(cost, window + budget, limit)?;
+        worst = worst.max(window.saturating_sub(due));
+    }
+    None
 }
 
 /// Over all jobs of a busy period (Leh90), with release jitter (ABRTW93); of a thread that
@@ -153,7 +185,7 @@ struct InReservation<'a> {
 }
 
 impl InReservation<'_> {
-    /// The response, and how many budgets it takes.
+    /// The response, and in how many rounds, each with its switches.
     ///
     /// If each job finds the budget full (and can use it): q whole budgets come a period after
     /// each other, and what remains is served like a job of the reservation's priority (SSL89,
@@ -192,27 +224,16 @@ impl InReservation<'_> {
         }
         let supply = Supply::new(params, self.service, costs.overrun(), costs.slack)?;
         let response = supply.response(self.cost, demand.period, jitter, limit)?;
-        Some((response, rounds + 1))
+        // In whatever pieces the budget has been used before, it comes back, and each is a round.
+        let pieces = response.div_ceil(params.period()) * raises(params);
+        Some((response, pieces))
     }
 }
 
 /// The bounds of (CNH19) hold if each self-suspending thread above ends within its period.
 fn discard_unfounded(tasks: &[Task], result: &mut [Bounds]) {
-    let unfounded = tasks
-        .iter()
-        .zip(result.iter())
-        .filter_map(|(task, bounds)| {
-            // A reservation with its background priority below interferes by its budget alone.
-            let reaches = match task.scheduling {
-                Scheduling::Fifo(priority) => Some(priority),
-                Scheduling::Reserved(_) => task.low_priority(),
-            };
-            let late = task.suspends()
-                && bounds.response.is_none_or(|response| {
-                    task.demand.is_none_or(|demand| response > demand.period)
-                });
-            reaches.filter(|_| late)
-        });
+    let unfounded = tasks.iter().zip(result.iter());
+    let unfounded = unfounded.filter_map(|(task, bounds)| unfounded_up_to(task, bounds));
     if let Some(highest) = unfounded.max() {
         for (task, bounds) in tasks.iter().zip(result) {
             if task.priority() <= highest {
@@ -220,6 +241,20 @@ fn discard_unfounded(tasks: &[Task], result: &mut [Bounds]) {
             }
         }
     }
+}
+
+/// Up to which priority there is no bound because this task suspends itself and may end late.
+pub(super) fn unfounded_up_to(task: &Task, bounds: &Bounds) -> Option<u8> {
+    let late = task.suspends()
+        && bounds
+            .response
+            .is_none_or(|response| task.demand.is_none_or(|demand| response > demand.period));
+    // A reservation with its background priority below interferes by its budget alone.
+    let reaches = match task.scheduling {
+        Scheduling::Fifo(priority) => Some(priority),
+        Scheduling::Reserved(_) => task.low_priority(),
+    };
+    reaches.filter(|_| late)
 }
 
 /// The share of the CPU that is asked for, 1.0 being all of it: jobs of FIFO threads, the smaller

@@ -115,6 +115,9 @@ impl Supply {
         if asked > u128::from(period) * u128::from(self.budget) {
             return None;
         }
+        if self.least_jobs(cost, period, jitter) > u128::from(MAX_JOBS) {
+            return None;
+        }
         let mut worst = 0;
         for job in 0..=MAX_JOBS {
             if job == MAX_JOBS {
@@ -131,5 +134,24 @@ impl Supply {
             }
         }
         Some(worst)
+    }
+
+    /// The jobs of a busy period, at least.
+    ///
+    /// In the best case what is delivered follows `T / B` times what was asked for: n jobs end
+    /// `T / B * (n * cost + overrun) + blackout - (T - B)` after the first arrival, and the period
+    /// is over when that, and the jitter, is not more than `n * period`.
+    fn least_jobs(&self, cost: Nanos, period: Nanos, jitter: Nanos) -> u128 {
+        let wide = u128::from;
+        let (budget, whole) = (wide(self.budget), wide(self.period));
+        let gained = (wide(period) * budget).saturating_sub(wide(cost) * whole);
+        let late = (wide(self.blackout()) + wide(jitter) + budget).saturating_sub(whole);
+        let missing = late.saturating_mul(budget);
+        let missing = missing.saturating_add(wide(self.overrun) * whole);
+        match gained {
+            0 if missing > 0 => u128::MAX,
+            0 => 0,
+            gained => missing / gained,
+        }
     }
 }
