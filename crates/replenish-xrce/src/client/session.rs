@@ -220,6 +220,31 @@ where
         Ok(())
     }
 
+    /// As [`delete`](Self::delete), behind what was written to `stream`: a last reply still goes out.
+    ///
+    /// # Errors
+    /// [`RequestError::Stream`] if the agent cannot be told now.
+    pub fn delete_behind(
+        &mut self,
+        object: ObjectId,
+        stream: StreamId,
+    ) -> Result<(), RequestError> {
+        if self.link.state != State::Up {
+            return self.delete(object);
+        }
+        let request = self.requests.next();
+        let body = Delete {
+            base: BaseRequest { request, object },
+        };
+        let room = PushError::WouldBlock;
+        self.streams
+            .write(stream, &body, 0)
+            .map_err(|_| RequestError::Stream(room))?;
+        self.requests = request;
+        self.journal.forget(object);
+        Ok(())
+    }
+
     /// How far the creation of `object` has got; `None` if it was not asked for.
     pub fn creation(&self, object: ObjectId) -> Option<RequestState> {
         self.journal.creation(object)

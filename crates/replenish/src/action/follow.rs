@@ -1,13 +1,15 @@
 //! Making an action's client, and adding it to a worker: three clients and two subscriptions.
 
-use super::client::{ActionClient, GoalUpdate, Inner};
+use super::client::{ActionClient, GoalUpdate, Inner, Several};
 use super::server::GoalId;
 use super::{ActionOptions, part, status_qos};
 use crate::context::Node;
 use crate::error::Error;
-use crate::executor::{CallbackContext, CallbackResult, WorkerBuilder};
+use crate::executor::{CallbackContext, CallbackResult, NoReply, WorkerBuilder};
 use crate::qos::Qos;
 use crate::sync::{Arc, Mutex};
+use alloc::string::String;
+use replenish_msg::Service;
 use replenish_msg::action::{Action, FeedbackMessage, GetResult, SendGoal};
 use replenish_msg::action_msgs::{CancelGoal, GoalStatusArray};
 
@@ -51,48 +53,106 @@ impl WorkerBuilder<'_> {
         R: CallbackResult + 'static,
     {
         let inner = &client.inner;
-        // All on one worker, one after another: the lock is never contended.
-        let callback = Arc::new(Mutex::new(callback));
-        let part = || (Arc::clone(inner), Arc::clone(&callback));
-        let feedback_qos = Qos::reliable().keep_last(inner.feedback_depth);
-        let (to, tell) = part();
-        let this = self.replies::<SendGoal<A>, _, _>(&inner.send, move |answer, cx| {
-            let number = cx.request().number();
-            to.answered(number, answer, |id, update| (tell.lock())(id, update, cx))
-        })?;
-        let (to, tell) = part();
-        let this = this.replies::<CancelGoal, _, _>(&inner.cancel, move |answer, cx| {
-            let number = cx.request().number();
-            to.canceled(number, answer, |id, update| (tell.lock())(id, update, cx))
-        })?;
-        let (to, tell) = part();
-        let this = this.subscribe(
-            &inner.node,
-            inner.part("feedback").as_str(),
-            feedback_qos,
-            move |message: &FeedbackMessage<A>, cx| {
-                to.heard(message, |id, update| (tell.lock())(id, update, cx))
-            },
-        )?;
-        let (to, tell) = part();
-        let this = this.subscribe(
-            &inner.node,
-            inner.part("status").as_str(),
-            status_qos(),
-            move |all: &GoalStatusArray, cx| {
-                to.states(all, |id, update| (tell.lock())(id, update, cx))
-            },
-        )?;
-        let (to, tell) = part();
-        this.replies::<GetResult<A>, _, _>(&inner.result, move |answer, cx| {
-            let number = cx.request().number();
-            to.ended(number, answer, |id, update| (tell.lock())(id, update, cx))
-        })
+        let parts = Parts::new(inner, callback);
+        let (feedback, feedback_qos) = inner.feedback();
+        let (status, status_qos) = inner.status();
+        self.replies(&inner.send, parts.accepted())?
+            .replies(&inner.cancel, parts.canceled())?
+            .subscribe(
+                &inner.node,
+                feedback.as_str(),
+                feedback_qos,
+                parts.feedback(),
+            )?
+            .subscribe(&inner.node, status.as_str(), status_qos, parts.status())?
+            .replies(&inner.result, parts.results())
     }
 }
 
 impl<A: Action> Inner<A> {
-    fn part(&self, which: &str) -> alloc::string::String {
-        part(&self.name, which)
+    pub(super) fn feedback(&self) -> (String, Qos) {
+        let qos = Qos::reliable().keep_last(self.feedback_depth);
+        (part(&self.name, "feedback"), qos)
+    }
+
+    pub(super) fn status(&self) -> (String, Qos) {
+        (part(&self.name, "status"), status_qos())
     }
 }
+
+/// The callbacks of a client's handles, made of the user's one.
+pub(super) struct Parts<A: Action, F> {
+    inner: Arc<Inner<A>>,
+    /// All are on one worker and run one after another: the lock is never contended.
+    callback: Arc<Mutex<F>>,
+}
+
+impl<A, F, R> Parts<A, F>
+where
+    A: Action,
+    F: FnMut(GoalId, GoalUpdate<'_, A>, &CallbackContext<'_>) -> R + Send + 'static,
+    R: CallbackResult + 'static,
+{
+    pub(super) fn new(inner: &Arc<Inner<A>>, callback: F) -> Self {
+        Self {
+            inner: Arc::clone(inner),
+            callback: Arc::new(Mutex::new(callback)),
+        }
+    }
+
+    fn ends(&self) -> (Arc<Inner<A>>, Arc<Mutex<F>>) {
+        (Arc::clone(&self.inner), Arc::clone(&self.callback))
+    }
+
+    pub(super) fn accepted(
+        &self,
+    ) -> impl FnMut(Reply<'_, SendGoal<A>>, &CallbackContext<'_>) -> Option<R> + Send + use<A, F, R>
+    {
+        let (to, tell) = self.ends();
+        move |answer, cx| {
+            let number = cx.request().number();
+            to.answered(number, answer, |id, update| (tell.lock())(id, update, cx))
+        }
+    }
+
+    pub(super) fn canceled(
+        &self,
+    ) -> impl FnMut(Reply<'_, CancelGoal>, &CallbackContext<'_>) -> Option<R> + Send + use<A, F, R>
+    {
+        let (to, tell) = self.ends();
+        move |answer, cx| {
+            let number = cx.request().number();
+            to.canceled(number, answer, |id, update| (tell.lock())(id, update, cx))
+        }
+    }
+
+    pub(super) fn results(
+        &self,
+    ) -> impl FnMut(Reply<'_, GetResult<A>>, &CallbackContext<'_>) -> Option<R> + Send + use<A, F, R>
+    {
+        let (to, tell) = self.ends();
+        move |answer, cx| {
+            let number = cx.request().number();
+            to.ended(number, answer, |id, update| (tell.lock())(id, update, cx))
+        }
+    }
+
+    pub(super) fn feedback(
+        &self,
+    ) -> impl FnMut(&FeedbackMessage<A>, &CallbackContext<'_>) -> Option<R> + Send + use<A, F, R>
+    {
+        let (to, tell) = self.ends();
+        move |message, cx| to.heard(message, |id, update| (tell.lock())(id, update, cx))
+    }
+
+    pub(super) fn status(
+        &self,
+    ) -> impl FnMut(&GoalStatusArray, &CallbackContext<'_>) -> Several<R> + Send + use<A, F, R>
+    {
+        let (to, tell) = self.ends();
+        move |all, cx| to.states(all, |id, update| (tell.lock())(id, update, cx))
+    }
+}
+
+/// What a callback for replies of `S` is called with.
+type Reply<'a, S> = Result<&'a <S as Service>::Response, NoReply>;

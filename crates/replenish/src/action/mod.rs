@@ -14,7 +14,7 @@
 //!
 //! - [`state`]: a goal's states. [`table`]: the goals of a server. Both pure.
 //! - [`server`]: goals in the hands of those who pursue them. [`client`]: those who sent them.
-//! - [`serve`], [`follow`]: how workers get the handles. [`ids`]: names and stamps of goals.
+//! - [`serve`], [`follow`], [`live`]: how workers get the handles. [`ids`]: names and stamps of goals.
 //!
 //! Everything is allocated when the server or client is made; how many goals there can be is said
 //! there, and one more is rejected (server) or an error (client) that names the limit.
@@ -22,6 +22,7 @@
 mod client;
 mod follow;
 mod ids;
+mod live;
 mod serve;
 mod server;
 mod state;

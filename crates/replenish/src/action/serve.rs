@@ -95,10 +95,10 @@ impl WorkerBuilder<'_> {
 }
 
 /// The timer is started when there is something to expire.
-const OFF: Every = Every::once(Duration::from_secs(1)).not_started();
+pub(super) const OFF: Every = Every::once(Duration::from_secs(1)).not_started();
 
 /// Everything but the handles.
-fn core<A: Action>(
+pub(super) fn core<A: Action>(
     node: &Node,
     name: &str,
     options: ActionOptions,
@@ -113,19 +113,19 @@ fn core<A: Action>(
 }
 
 impl<A: Action> Core<A> {
-    fn part(&self, which: &str) -> alloc::string::String {
+    pub(super) fn part(&self, which: &str) -> alloc::string::String {
         part(&self.name, which)
     }
 }
 
-fn expiry<A: Action>(
+pub(super) fn expiry<A: Action>(
     core: &Arc<Core<A>>,
 ) -> impl FnMut(&CallbackContext<'_>) -> Result<(), super::GoalError> + Send + use<A> {
     let core = Arc::clone(core);
     move |_| core.look_after()
 }
 
-fn results<A: Action>(
+pub(super) fn results<A: Action>(
     core: &Arc<Core<A>>,
 ) -> impl FnMut(
     &replenish_msg::action::GetResultRequest<A>,
@@ -138,7 +138,7 @@ fn results<A: Action>(
     move |request, to, _| core.ask(request.goal_id, to)
 }
 
-fn cancels<A, C>(
+pub(super) fn cancels<A, C>(
     core: &Arc<Core<A>>,
     mut willing: C,
 ) -> impl FnMut(
@@ -160,7 +160,7 @@ where
     }
 }
 
-fn goals<A, G, R>(
+pub(super) fn goals<A, G, R>(
     core: &Arc<Core<A>>,
     mut goal: G,
 ) -> impl FnMut(&SendGoalRequest<A>, Responder<SendGoal<A>>, &CallbackContext<'_>) -> Outcome<R>
@@ -178,7 +178,7 @@ where
 }
 
 /// What has become of a goal that came.
-enum Outcome<R> {
+pub(super) enum Outcome<R> {
     /// The user's callback has returned this.
     Called(R),
     /// It was not called.

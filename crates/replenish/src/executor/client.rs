@@ -46,6 +46,16 @@ pub(crate) struct ClientInner {
     claimed: AtomicBool,
 }
 
+impl Drop for ClientInner {
+    fn drop(&mut self) {
+        if !*self.claimed.get_mut() {
+            // It never belonged to a callback, so nobody else removes it.
+            self.middleware.delete_reader(self.reader).ok();
+        }
+        self.middleware.delete_writer(self.writer);
+    }
+}
+
 struct Table {
     buffer: Box<[u8]>,
     /// Number, time sent and time limit of each request that waits for its reply.

@@ -1,6 +1,7 @@
 //! Adding and removing handles while the executor runs, from any thread, callbacks included.
 
 use super::callback::{CallbackContext, CallbackResult};
+use super::client::{Client, NoReply};
 use super::entry::Entry;
 use super::forge::{Forge, RawType};
 use super::guard::GuardCondition;
@@ -9,6 +10,7 @@ use super::mailbox::{Declined, Mailbox, Order};
 use super::routes::{Desk, Route};
 use super::rules::Handling;
 use super::schedule::{Every, nanos};
+use super::service::Responder;
 use super::stop::StopHandle;
 use super::timer::TimerHandle;
 use super::topic::Topic;
@@ -22,7 +24,7 @@ use alloc::vec::Vec;
 use core::cell::RefCell;
 use core::fmt;
 use core::time::Duration;
-use replenish_msg::Message;
+use replenish_msg::{Message, Service};
 use replenish_os::clock;
 
 /// What happens to a callback that runs while its handle is removed. None starts after that.
@@ -244,6 +246,21 @@ impl LiveWorker<'_> {
         Self { handling, ..self }
     }
 
+    /// The same worker once more, for handles that belong together.
+    pub(crate) fn again(&self) -> Self {
+        Self {
+            live: self.live,
+            post: self.post,
+            handling: Handling::new(),
+        }
+    }
+
+    /// The executor.
+    pub(crate) fn executor(&self) -> ExecutorHandle {
+        let live = Arc::clone(self.live);
+        ExecutorHandle { live }
+    }
+
     /// A subscription.
     pub fn subscribe<'t, M, F, R>(
         self,
@@ -313,6 +330,52 @@ impl LiveWorker<'_> {
         R: CallbackResult + 'static,
     {
         self.add(|forge| forge.guard(guard, callback))
+    }
+
+    /// A service that answers in the callback.
+    pub fn serve<S, F>(
+        self,
+        node: &Node,
+        name: &str,
+        qos: Qos,
+        mut callback: F,
+    ) -> Result<String, Error>
+    where
+        S: Service,
+        F: FnMut(&S::Request, &mut S::Response, &CallbackContext<'_>) + Send + 'static,
+    {
+        let mut response = S::Response::default();
+        let called = move |request: &S::Request, to: Responder<S>, cx: &CallbackContext<'_>| {
+            callback(request, &mut response, cx);
+            to.reply(&response)
+        };
+        self.serve_later::<S, _, _>(node, name, qos, called)
+    }
+
+    /// A service that answers now or later.
+    pub fn serve_later<S, F, R>(
+        self,
+        node: &Node,
+        name: &str,
+        qos: Qos,
+        callback: F,
+    ) -> Result<String, Error>
+    where
+        S: Service,
+        F: FnMut(&S::Request, Responder<S>, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        self.add(|forge| forge.server::<S, _, _>(node, name, qos, callback))
+    }
+
+    /// The replies of a client.
+    pub fn replies<S, F, R>(self, client: &Client<S>, callback: F) -> Result<String, Error>
+    where
+        S: Service,
+        F: FnMut(Result<&S::Response, NoReply>, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        self.add(|forge| forge.replies(client, callback))
     }
 
     pub(crate) fn add(

@@ -27,6 +27,12 @@ impl ReplyLine {
     }
 }
 
+impl Drop for ReplyLine {
+    fn drop(&mut self) {
+        self.middleware.delete_writer(self.writer);
+    }
+}
+
 /// The right to answer one request, once: in the callback, or later from any thread.
 ///
 /// Dropping it leaves the request unanswered; the client then runs into its timeout.

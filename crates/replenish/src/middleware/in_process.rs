@@ -69,6 +69,8 @@ struct Writer {
     sent: u64,
     /// A client's reader of replies.
     replies: Option<usize>,
+    /// It was deleted; its place is free.
+    deleted: bool,
 }
 
 struct Reader {
@@ -78,6 +80,8 @@ struct Reader {
     lost: u64,
     /// It was deleted; its place is free.
     deleted: bool,
+    /// How many readers have had this place before.
+    generation: u32,
 }
 
 impl InProcessBus {
@@ -235,13 +239,20 @@ impl Middleware for InProcess {
         bus.me(self.me)?;
         let topic = bus.topic(spec)?;
         let writers = &mut bus.me(self.me)?.writers;
-        let id = bounded(writers.len(), "writers of one context")?;
-        writers.push(Writer {
+        let free = writers.iter().position(|w| w.deleted);
+        let index = free.unwrap_or(writers.len());
+        let id = bounded(index, "writers of one context")?;
+        let writer = Writer {
             topic,
             limit: spec.max_size,
             sent: 0,
             replies: None,
-        });
+            deleted: false,
+        };
+        match writers.get_mut(index) {
+            Some(place) => *place = writer,
+            None => writers.push(writer),
+        }
         Ok(WriterId(id))
     }
 
@@ -256,6 +267,7 @@ impl Middleware for InProcess {
             reliable: spec.qos.reliability == Reliability::Reliable,
             lost: 0,
             deleted: false,
+            generation: 0,
         };
         let mut bus = self.bus.state.lock();
         let mine = &mut bus.me(self.me)?.readers;
@@ -264,7 +276,13 @@ impl Middleware for InProcess {
         let topic = bus.topic(spec)?;
         let mine = &mut bus.me(self.me)?.readers;
         match mine.get_mut(index) {
-            Some(place) => *place = reader,
+            Some(place) => {
+                let generation = place.generation.wrapping_add(1);
+                *place = Reader {
+                    generation,
+                    ..reader
+                };
+            }
             None => mine.push(reader),
         }
         if let Some(topic) = bus.topics.get_mut(topic) {
@@ -284,6 +302,14 @@ impl Middleware for InProcess {
             reader.deleted = true;
         }
         Ok(())
+    }
+
+    fn delete_writer(&self, writer: WriterId) {
+        let mut bus = self.bus.state.lock();
+        let mine = bus.participants.get_mut(self.me);
+        if let Some(writer) = mine.and_then(|p| p.writers.get_mut(usize::from(writer.0))) {
+            writer.deleted = true;
+        }
     }
 
     /// Delivers to every reader of the topic. [`PublishError::Full`] if a reliable reader that

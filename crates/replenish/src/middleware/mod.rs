@@ -133,6 +133,13 @@ pub trait Middleware: Send + Sync + 'static {
         Err(MiddlewareError::Unsupported("deleting readers"))
     }
 
+    /// Nobody uses a service's or client's writer any more, whose reader was
+    /// [deleted](Self::delete_reader) or will be: its id may be given out again. Any thread; waits
+    /// for nobody.
+    fn delete_writer(&self, writer: WriterId) {
+        let _ = writer;
+    }
+
     /// Sends one encoded sample: CDR without encapsulation header.
     ///
     /// Takes the session lock for as long as the bytes need, never waits for a peer, for room or

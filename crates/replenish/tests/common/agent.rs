@@ -1,14 +1,17 @@
 //! An XRCE agent for tests, in a thread whose allocations do not count.
 
 use replenish::Context;
-use replenish_agent::{Agent, AgentConfig, StopHandle};
+use replenish_agent::{Agent, AgentConfig, Inspector, StopHandle};
 use replenish_testkit::alloc::exempt_this_thread;
+use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 /// Stops and is joined when it is dropped.
 pub struct TestAgent {
     pub address: SocketAddr,
+    inspector: Inspector,
     stop: StopHandle,
     thread: Option<JoinHandle<()>>,
 }
@@ -25,7 +28,7 @@ impl TestAgent {
     pub fn with(config: &AgentConfig) -> Self {
         let mut agent = Agent::bind(config).unwrap();
         let (address, stop) = (agent.local_addr(), StopHandle::new());
-        let handle = stop.clone();
+        let (handle, inspector) = (stop.clone(), agent.inspector());
         let run = move || {
             exempt_this_thread();
             agent.run(&handle).unwrap();
@@ -33,9 +36,21 @@ impl TestAgent {
         let thread = Some(std::thread::spawn(run));
         TestAgent {
             address,
+            inspector,
             stop,
             thread,
         }
+    }
+
+    /// How many entities of each kind the agent's clients have.
+    #[must_use]
+    pub fn entities(&self) -> BTreeMap<&'static str, usize> {
+        let snapshot = self.inspector.snapshot(Duration::from_secs(10)).unwrap();
+        let mut kinds = BTreeMap::new();
+        for entity in snapshot.clients.iter().flat_map(|c| &c.entities) {
+            *kinds.entry(entity.kind).or_default() += 1;
+        }
+        kinds
     }
 
     #[must_use]

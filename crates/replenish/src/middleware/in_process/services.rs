@@ -26,19 +26,36 @@ fn endpoint<'a>(spec: &ServiceSpec<'a>, topic: &'a str, max_size: usize) -> Endp
     }
 }
 
-/// Who is to get the reply: participant and reader.
-fn identity(participant: usize, reader: usize, number: u64) -> RequestIdentity {
-    let mut guid = [0; 16];
-    let (p, r) = guid.split_at_mut(8);
-    p.copy_from_slice(&(participant as u64).to_be_bytes());
-    r.copy_from_slice(&(reader as u64).to_be_bytes());
-    RequestIdentity::of(guid, number)
+/// Who is to get the reply: participant, reader, and which of those that had this place.
+#[derive(Clone, Copy)]
+struct Addressee {
+    participant: usize,
+    reader: usize,
+    generation: u32,
 }
 
-fn addressee(identity: &RequestIdentity) -> Option<(usize, usize)> {
-    let guid = identity.guid();
-    let half = |bytes: Option<&[u8; 8]>| usize::try_from(u64::from_be_bytes(*bytes?)).ok();
-    Some((half(guid.first_chunk())?, half(guid.last_chunk())?))
+impl Addressee {
+    fn identity(self, number: u64) -> RequestIdentity {
+        let mut guid = [0; 16];
+        let (p, rest) = guid.split_at_mut(8);
+        let (g, r) = rest.split_at_mut(4);
+        p.copy_from_slice(&(self.participant as u64).to_be_bytes());
+        g.copy_from_slice(&self.generation.to_be_bytes());
+        let reader = u32::try_from(self.reader).unwrap_or(u32::MAX);
+        r.copy_from_slice(&reader.to_be_bytes());
+        RequestIdentity::of(guid, number)
+    }
+
+    fn of(identity: &RequestIdentity) -> Option<Self> {
+        let guid = identity.guid();
+        let (p, rest) = guid.split_at(8);
+        let (g, r) = rest.split_at(4);
+        Some(Self {
+            participant: usize::try_from(u64::from_be_bytes(p.try_into().ok()?)).ok()?,
+            reader: usize::try_from(u32::from_be_bytes(r.try_into().ok()?)).ok()?,
+            generation: u32::from_be_bytes(g.try_into().ok()?),
+        })
+    }
 }
 
 impl InProcess {
@@ -78,9 +95,17 @@ impl InProcess {
         let (wake, full, number) = {
             let mut bus = self.bus.state.lock();
             let mine = bus.participants.get_mut(self.me);
-            let writer = mine.and_then(|p| p.writers.get_mut(usize::from(client.0)));
+            let mine = mine.ok_or(PublishError::UnknownWriter)?;
+            let writer = mine.writers.get_mut(usize::from(client.0));
             let writer = writer.ok_or(PublishError::UnknownWriter)?;
             let reader = writer.replies.ok_or(PublishError::UnknownWriter)?;
+            // A client that was removed hears no replies, so it sends no requests.
+            let replies = mine.readers.get(reader).filter(|r| !r.deleted);
+            let to = Addressee {
+                participant: self.me,
+                reader,
+                generation: replies.ok_or(PublishError::UnknownWriter)?.generation,
+            };
             let (size, limit) = (payload.len(), writer.limit);
             if size > limit {
                 return Err(PublishError::TooLarge { size, limit });
@@ -88,7 +113,7 @@ impl InProcess {
             writer.sent += 1;
             let (topic, number) = (writer.topic, writer.sent);
             let info = SampleInfo {
-                request: identity(self.me, reader, number),
+                request: to.identity(number),
                 sequence: Some(number),
                 ..SampleInfo::at(clock::monotonic())
             };
@@ -117,12 +142,12 @@ impl InProcess {
             if size > limit {
                 return Err(PublishError::TooLarge { size, limit });
             }
-            let (p, r) = addressee(to).ok_or(PublishError::LinkDown)?;
+            let addressee = Addressee::of(to).ok_or(PublishError::LinkDown)?;
             let info = SampleInfo {
                 request: RequestIdentity::reply(to.number()),
                 ..SampleInfo::at(clock::monotonic())
             };
-            bus.bring(p, r, payload, &info)?
+            bus.bring(addressee, payload, &info)?
         };
         self.bus.ring(wake);
         Ok(())
@@ -140,14 +165,15 @@ impl Bus {
     /// Stores a reply for one reader; the participants to wake.
     fn bring(
         &mut self,
-        p: usize,
-        r: usize,
+        to: Addressee,
         payload: &[u8],
         info: &SampleInfo,
     ) -> Result<u64, PublishError> {
         // A client that is gone is as a link that is down.
+        let (p, r) = (to.participant, to.reader);
         let participant = self.participants.get_mut(p).ok_or(PublishError::LinkDown)?;
-        let reader = participant.readers.get_mut(r).filter(|r| !r.deleted);
+        let reader = participant.readers.get_mut(r);
+        let reader = reader.filter(|r| !r.deleted && r.generation == to.generation);
         let reader = reader.ok_or(PublishError::LinkDown)?;
         if !reader.store(payload, info) {
             return Err(PublishError::Full);

@@ -5,7 +5,7 @@
 
 use super::backlog::Backlog;
 use super::state::{State, backlog, stream};
-use crate::middleware::{EndpointSpec, MAX_READERS, MiddlewareError, ReaderId, WriterId};
+use crate::middleware::{EndpointSpec, MiddlewareError, ReaderId, WriterId};
 use crate::qos::{Durability, History, IngressLimit, Qos, Reliability};
 use alloc::format;
 use alloc::string::{String, ToString};
@@ -24,11 +24,15 @@ const MAX_NUMBER: usize = 0xfff;
 
 pub(super) struct Reader {
     pub(super) object: ObjectId,
+    /// Its topic object; services have none.
+    pub(super) topic: Option<ObjectId>,
     pub(super) max_size: usize,
     pub(super) backlog: Backlog,
     pub(super) lost: u64,
     /// How a keep-all reader holds the agent back.
     pub(super) flow: Option<Flow>,
+    /// It was deleted; its slot is free.
+    pub(super) deleted: bool,
 }
 
 /// What a keep-all reader has asked its agent for: never more than it has room for.
@@ -45,13 +49,31 @@ pub(super) struct Writer {
     pub(super) object: ObjectId,
     pub(super) stream: StreamId,
     pub(super) max_size: usize,
+    /// Its object was deleted.
+    pub(super) closed: bool,
+    /// And nobody uses it any more: its slot is free.
+    pub(super) free: bool,
+}
+
+impl Writer {
+    pub(super) const fn new(object: ObjectId, stream: StreamId, max_size: usize) -> Self {
+        Self {
+            object,
+            stream,
+            max_size,
+            closed: false,
+            free: false,
+        }
+    }
 }
 
 pub(super) struct Topic {
     participant: ObjectId,
     name: String,
     type_name: String,
-    object: ObjectId,
+    pub(super) object: ObjectId,
+    /// Readers and writers.
+    pub(super) users: usize,
 }
 
 impl State {
@@ -86,11 +108,8 @@ impl State {
             qos: Some(qos),
         });
         self.create(object, &Entity::DataWriter { repr, publisher })?;
-        self.writers.push(Writer {
-            object,
-            stream,
-            max_size: spec.max_size,
-        });
+        self.writers
+            .push(Writer::new(object, stream, spec.max_size));
         Ok((WriterId(number - 1), object))
     }
 
@@ -105,7 +124,7 @@ impl State {
         let reliable = spec.qos.reliability == Reliability::Reliable;
         let one_message = usize::from(mtu).saturating_sub(OVERHEAD);
         self.check(spec, if reliable { max_sample } else { one_message })?;
-        let number = number(self.readers.len(), MAX_READERS, "readers")?;
+        let (slot, number) = self.reader_place()?;
         let topic = self.topic(spec, domain)?;
         let subscriber = ObjectId::new(number, ObjectKind::Subscriber);
         let object = ObjectId::new(number, ObjectKind::DataReader);
@@ -145,14 +164,16 @@ impl State {
         self.session
             .read(object, stream, control)
             .map_err(|error| request_error(&error))?;
-        self.readers.push(Reader {
+        let reader = Reader {
             object,
+            topic: Some(topic),
             max_size: spec.max_size,
             backlog: backlog(depth, spec.max_size, keep_last),
             lost: 0,
             flow,
-        });
-        Ok((ReaderId(number - 1), object))
+            deleted: false,
+        };
+        Ok((self.place_reader(slot, reader), object))
     }
 
     /// What the agent said to the creation of `object`; `None` while it has said nothing.
@@ -182,19 +203,6 @@ impl State {
             .is_some_and(|writer| writer.object == object)
         {
             self.writers.pop();
-        }
-    }
-
-    /// Takes a reader back that the agent has not created.
-    pub(super) fn abandon_reader(&mut self, object: ObjectId) {
-        let subscriber = ObjectId::new(object.number(), ObjectKind::Subscriber);
-        self.abandon([object, subscriber]);
-        if self
-            .readers
-            .last()
-            .is_some_and(|reader| reader.object == object)
-        {
-            self.readers.pop();
         }
     }
 
@@ -241,15 +249,21 @@ impl State {
 
     fn topic(&mut self, spec: &EndpointSpec<'_>, domain: i16) -> Result<ObjectId, MiddlewareError> {
         let participant = self.participant(spec.node, domain)?;
-        let same = |topic: &&Topic| {
+        let same = |topic: &Topic| {
             topic.participant == participant
                 && topic.name == spec.topic
                 && topic.type_name == spec.dds_type_name
         };
-        if let Some(topic) = self.topics.iter().find(same) {
+        let known = self.topics.iter_mut().find(|topic| same(topic));
+        if let Some(topic) = known {
+            topic.users += 1;
             return Ok(topic.object);
         }
-        let number = number(self.topics.len(), MAX_NUMBER, "topics")?;
+        let topics = &self.topics;
+        let taken = |number| topics.iter().any(|t| t.object.number() == number);
+        let (what, limit) = ("topics", MAX_NUMBER);
+        let full = MiddlewareError::Capacity { what, limit };
+        let number = self.topic_numbers.next(taken).ok_or(full)?;
         let object = ObjectId::new(number, ObjectKind::Topic);
         let name = format!("rt{}", spec.topic);
         let binary = TopicBinary {
@@ -264,6 +278,7 @@ impl State {
             name: spec.topic.to_string(),
             type_name: spec.dds_type_name.to_string(),
             object,
+            users: 1,
         });
         Ok(object)
     }

@@ -16,6 +16,7 @@
 mod backlog;
 mod config;
 mod endpoints;
+mod removal;
 mod services;
 mod setup;
 mod state;
@@ -156,6 +157,7 @@ impl Xrce {
         let now = clock::monotonic();
         let mut state = self.state.lock();
         state.tick(now);
+        state.bury();
         state.grant();
         // What is not sent is counted there; the session makes up for it.
         state.flush(now, &*self.transport, &self.timer).ok();
@@ -169,6 +171,20 @@ impl Middleware for Xrce {
 
     fn create_reader(&self, spec: &EndpointSpec<'_>) -> Result<ReaderId, MiddlewareError> {
         self.set_up_reader(spec)
+    }
+
+    fn delete_reader(&self, reader: ReaderId) -> Result<(), MiddlewareError> {
+        let mut state = self.state.lock();
+        state.delete_reader(reader);
+        // What is not sent now goes out with the next round.
+        state
+            .flush(clock::monotonic(), &*self.transport, &self.timer)
+            .ok();
+        Ok(())
+    }
+
+    fn delete_writer(&self, writer: WriterId) {
+        self.state.lock().delete_writer(writer);
     }
 
     fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError> {

@@ -3,11 +3,11 @@
 //! Names on DDS are those of ROS 2: requests of `/add` on `rq/addRequest`, replies on `rr/addReply`.
 
 use super::Xrce;
-use super::endpoints::{Reader, Writer, number, request_error};
+use super::endpoints::{Reader, Writer, request_error};
 use super::state::{State, backlog, stream};
 use crate::Nanos;
 use crate::middleware::{
-    MAX_READERS, MiddlewareError, PublishError, ReaderId, RequestIdentity, ServiceSpec, WriterId,
+    MiddlewareError, PublishError, ReaderId, RequestIdentity, ServiceSpec, WriterId,
 };
 use crate::qos::History;
 use alloc::format;
@@ -27,7 +27,9 @@ impl Xrce {
         let (reader, writer, object) = added?;
         let confirmed = self.confirm(object, "create a requester or replier");
         if confirmed.is_err() {
-            self.state.lock().abandon_service(object);
+            let mut state = self.state.lock();
+            state.delete_reader(reader);
+            state.delete_writer(writer);
         }
         confirmed.map(|()| (reader, writer))
     }
@@ -71,7 +73,7 @@ impl State {
         if size > limit {
             return Err(MiddlewareError::TooLarge { size, limit });
         }
-        let number = number(self.readers.len(), MAX_READERS, "readers")?;
+        let (slot, number) = self.reader_place()?;
         let object = ObjectId::new(number, kind);
         let participant = self.participant(spec.node, domain)?;
         let request_topic = format!("rq{}Request", spec.service);
@@ -92,30 +94,18 @@ impl State {
             .read(object, stream, DeliveryControl::UNLIMITED)
             .map_err(|error| request_error(&error))?;
         let keep_last = spec.qos.history == History::KeepLast;
-        self.readers.push(Reader {
+        let reader = Reader {
             object,
+            topic: None,
             max_size: incoming,
             backlog: backlog(spec.qos.depth.max(1), incoming, keep_last),
             lost: 0,
             flow: None,
-        });
-        self.writers.push(Writer {
-            object,
-            stream,
-            max_size: outgoing,
-        });
-        let writer = u16::try_from(self.writers.len() - 1).unwrap_or(u16::MAX);
-        Ok((ReaderId(number - 1), WriterId(writer), object))
-    }
-
-    fn abandon_service(&mut self, object: ObjectId) {
-        self.session.delete(object).ok();
-        if self.readers.last().is_some_and(|r| r.object == object) {
-            self.readers.pop();
-        }
-        if self.writers.last().is_some_and(|w| w.object == object) {
-            self.writers.pop();
-        }
+            deleted: false,
+        };
+        let reader = self.place_reader(slot, reader);
+        let writer = self.place_writer(Writer::new(object, stream, outgoing));
+        Ok((reader, writer, object))
     }
 
     fn service_end(
@@ -125,7 +115,7 @@ impl State {
         size: usize,
     ) -> Result<&Writer, PublishError> {
         let writer = self.writers.get(usize::from(end.0));
-        let writer = writer.filter(|w| w.object.kind() == Ok(kind));
+        let writer = writer.filter(|w| w.object.kind() == Ok(kind) && !w.closed);
         let writer = writer.ok_or(PublishError::UnknownWriter)?;
         let limit = writer.max_size;
         match size > limit {

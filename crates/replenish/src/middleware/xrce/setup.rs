@@ -138,7 +138,7 @@ impl Xrce {
             .add_reader(spec, domain, max_sample, mtu)?;
         let confirmed = self.confirm(object, "create a data reader");
         if confirmed.is_err() {
-            self.state.lock().abandon_reader(object);
+            self.state.lock().delete_reader(id);
         }
         confirmed.map(|()| id)
     }

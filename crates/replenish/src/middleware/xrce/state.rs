@@ -3,6 +3,7 @@
 
 use super::backlog::Backlog;
 use super::endpoints::{Reader, Topic, Writer};
+use super::removal::{Doomed, Numbers};
 use super::{Sent, Transport};
 use crate::Nanos;
 use crate::middleware::{
@@ -54,6 +55,12 @@ pub(super) struct State {
     /// Node names and their participants.
     pub(super) participants: Vec<(String, ObjectId)>,
     pub(super) topics: Vec<Topic>,
+    /// The reader of each object number, `u16::MAX` for none.
+    pub(super) slots: Vec<u16>,
+    pub(super) reader_numbers: Numbers,
+    pub(super) topic_numbers: Numbers,
+    /// What the agent is to delete.
+    pub(super) doomed: Doomed,
     /// The agent's refusal of the session, if that was its last word.
     pub(super) refused: Option<Status>,
     /// The latest answer to a question for the agent's time: how far it is ahead.
@@ -77,6 +84,10 @@ impl State {
             writers: Vec::new(),
             participants: Vec::new(),
             topics: Vec::new(),
+            slots: Vec::new(),
+            reader_numbers: Numbers::default(),
+            topic_numbers: Numbers::default(),
+            doomed: Doomed::new(),
             refused: None,
             agent_time: None,
             spent: Interest::empty(),
@@ -89,6 +100,12 @@ impl State {
 
     pub(super) fn is_up(&self) -> bool {
         self.session.state() == Link::Up
+    }
+
+    /// Nothing waits for this reader any more.
+    pub(super) fn forget(&mut self, id: ReaderId) {
+        self.pending.remove(id);
+        self.spent.remove(id);
     }
 
     /// Whether a sample of a reader in `interest` waits here.
@@ -149,6 +166,7 @@ impl State {
             refused,
             spent,
             agent_time,
+            slots,
             ..
         } = self;
         session.handle(now, datagram, &mut |event| match event {
@@ -169,11 +187,14 @@ impl State {
                     request,
                     ..SampleInfo::at(now)
                 };
-                let index = reader.number().wrapping_sub(1);
-                let Some(reader) = readers.get_mut(usize::from(index)) else {
+                // One that was deleted has no slot any more.
+                let Some(&slot) = slots.get(usize::from(reader.number())) else {
                     return;
                 };
-                let id = ReaderId(index);
+                let Some(reader) = readers.get_mut(usize::from(slot)) else {
+                    return;
+                };
+                let id = ReaderId(slot);
                 if let Some(flow) = &mut reader.flow {
                     flow.granted = flow.granted.saturating_sub(1);
                     if flow.granted == 0 {

@@ -1,0 +1,194 @@
+//! Endpoints that go: what the agent is told, and what is free again.
+//!
+//! ```text
+//!   reader: slot (ReaderId) ── object number        deleted: the slot is free at once,
+//!             0 ──────────────── 17                 the number only after 4094 others, so that a
+//!             1 ──────────────── 18                 sample on its way finds nobody
+//! ```
+//!
+//! The agent is told on the dispatcher's next round at the latest: what its stream has no room for now
+//! waits in a list.
+
+use super::endpoints::{Reader, Writer};
+use super::state::State;
+use crate::middleware::{MAX_READERS, MiddlewareError, ReaderId, WriterId};
+use alloc::vec::Vec;
+use replenish_xrce::wire::{ObjectId, ObjectKind, StreamId};
+
+/// The highest object number: ids have twelve bits, and 0 is taken by none here.
+const LAST: u16 = 0xffe;
+
+/// Object numbers of one kind, given out in turn.
+#[derive(Debug, Default)]
+pub(super) struct Numbers {
+    last: u16,
+}
+
+impl Numbers {
+    /// The next number that `is_taken` does not know.
+    pub(super) fn next(&mut self, is_taken: impl Fn(u16) -> bool) -> Option<u16> {
+        for _ in 0..LAST {
+            self.last = self.last % LAST + 1;
+            if !is_taken(self.last) {
+                return Some(self.last);
+            }
+        }
+        None
+    }
+}
+
+/// What is to be deleted, and has not been sent.
+#[derive(Debug)]
+pub(super) struct Doomed(Vec<(ObjectId, Option<StreamId>)>);
+
+impl Doomed {
+    pub(super) fn new() -> Self {
+        // A reader has a subscriber and may be the last of its topic.
+        Self(Vec::with_capacity(3 * MAX_READERS))
+    }
+}
+
+impl State {
+    /// A free slot for a reader, and an object number.
+    pub(super) fn reader_place(&mut self) -> Result<(usize, u16), MiddlewareError> {
+        let (what, limit) = ("readers", MAX_READERS);
+        let full = MiddlewareError::Capacity { what, limit };
+        let free = self.readers.iter().position(|r| r.deleted);
+        let slot = free.unwrap_or(self.readers.len());
+        let readers = &self.readers;
+        let taken = |number| {
+            let same = |r: &Reader| !r.deleted && r.object.number() == number;
+            readers.iter().any(same)
+        };
+        let number = self.reader_numbers.next(taken);
+        let number = number.filter(|_| slot < MAX_READERS);
+        Ok((slot, number.ok_or(full)?))
+    }
+
+    /// Puts a reader into its slot.
+    pub(super) fn place_reader(&mut self, slot: usize, reader: Reader) -> ReaderId {
+        let id = u16::try_from(slot).unwrap_or(u16::MAX);
+        let number = usize::from(reader.object.number());
+        if self.slots.len() <= number {
+            self.slots.resize(number + 1, u16::MAX);
+        }
+        if let Some(entry) = self.slots.get_mut(number) {
+            *entry = id;
+        }
+        match self.readers.get_mut(slot) {
+            Some(place) => *place = reader,
+            None => self.readers.push(reader),
+        }
+        ReaderId(id)
+    }
+
+    /// Forgets a reader: its slot is free. Who it was.
+    pub(super) fn release_reader(&mut self, id: ReaderId) -> Option<ObjectId> {
+        let reader = self.readers.get_mut(usize::from(id.0))?;
+        if core::mem::replace(&mut reader.deleted, true) {
+            return None;
+        }
+        let (object, topic) = (reader.object, reader.topic.take());
+        reader.flow = None;
+        if let Some(entry) = self.slots.get_mut(usize::from(object.number())) {
+            *entry = u16::MAX;
+        }
+        self.forget(id);
+        for writer in self.writers.iter_mut().filter(|w| w.object == object) {
+            writer.closed = true;
+        }
+        if let Some(topic) = topic {
+            self.leave_topic(topic);
+        }
+        Some(object)
+    }
+
+    /// A reader has left a topic object, which goes with its last user.
+    fn leave_topic(&mut self, object: ObjectId) {
+        let Some(at) = self.topics.iter().position(|t| t.object == object) else {
+            return;
+        };
+        let Some(topic) = self.topics.get_mut(at) else {
+            return;
+        };
+        topic.users = topic.users.saturating_sub(1);
+        if topic.users == 0 {
+            self.topics.swap_remove(at);
+            self.doomed.0.push((object, None));
+        }
+    }
+
+    /// Deletes a reader here and at the agent.
+    pub(super) fn delete_reader(&mut self, id: ReaderId) {
+        let before = self.doomed.0.len();
+        let Some(object) = self.release_reader(id) else {
+            return;
+        };
+        // In the order in which they depend on each other; the topic, if it goes, comes last.
+        let doomed = &mut self.doomed.0;
+        match object.kind() {
+            Ok(ObjectKind::DataReader) => {
+                let subscriber = ObjectId::new(object.number(), ObjectKind::Subscriber);
+                doomed.insert(before, (object, None));
+                doomed.insert(before + 1, (subscriber, None));
+            }
+            _ => {
+                let mut writers = self.writers.iter();
+                let stream = writers.find(|w| w.object == object).map(|w| w.stream);
+                doomed.insert(before, (object, stream)); // behind its last reply
+            }
+        }
+        self.bury();
+    }
+
+    /// A service's writer is used by nobody any more: its slot is free, if its object has gone.
+    pub(super) fn delete_writer(&mut self, id: WriterId) {
+        let writer = self.writers.get_mut(usize::from(id.0));
+        if let Some(writer) = writer.filter(|w| w.closed) {
+            writer.free = true;
+        }
+    }
+
+    /// Puts a service's writer where there is room.
+    pub(super) fn place_writer(&mut self, writer: Writer) -> WriterId {
+        let free = self.writers.iter().position(|w| w.free);
+        let slot = free.unwrap_or(self.writers.len());
+        match self.writers.get_mut(slot) {
+            Some(place) => *place = writer,
+            None => self.writers.push(writer),
+        }
+        WriterId(u16::try_from(slot).unwrap_or(u16::MAX))
+    }
+
+    /// Tells the agent what is to be deleted, as far as there is room for it.
+    pub(super) fn bury(&mut self) {
+        let session = &mut self.session;
+        let mut room = true;
+        self.doomed.0.retain(|(object, behind)| {
+            room = room
+                && match behind {
+                    Some(stream) => session.delete_behind(*object, *stream).is_ok(),
+                    None => session.delete(*object).is_ok(),
+                };
+            !room
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_come_again_after_all_others() {
+        let mut numbers = Numbers::default();
+        let free = |_: u16| false;
+        assert_eq!(numbers.next(free), Some(1));
+        assert_eq!(numbers.next(|n| n == 2), Some(3), "2 is taken");
+        for expected in 4..=LAST {
+            assert_eq!(numbers.next(free), Some(expected));
+        }
+        assert_eq!(numbers.next(free), Some(1));
+        assert_eq!(numbers.next(|_| true), None);
+    }
+}
