@@ -12,7 +12,7 @@ use replenish_os::clock;
 
 /// Publishes messages of type `M` on one topic.
 ///
-/// Clones share one preallocated buffer and may be used from any thread at once; the lock around
+/// When the last clone is dropped, the middleware forgets it. Clones share one preallocated buffer and may be used from any thread at once; the lock around
 /// it has priority inheritance and is held while one message is encoded and handed over.
 pub struct Publisher<M> {
     inner: Arc<Inner>,
@@ -24,6 +24,12 @@ struct Inner {
     writer: WriterId,
     topic: String,
     buffer: Mutex<Box<[u8]>>,
+}
+
+impl Drop for Inner {
+    fn drop(&mut self) {
+        self.middleware.delete_writer(self.writer);
+    }
 }
 
 impl<M: Message> Publisher<M> {

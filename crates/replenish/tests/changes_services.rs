@@ -120,6 +120,9 @@ fn nothing_is_left_at_the_agent() {
         assert_eq!(before.get(kind), None);
     }
     assert_eq!(before.get("topic"), Some(&1), "of the publisher");
+    drop(kept);
+    let left = || agent.entities().into_keys().collect::<Vec<_>>();
+    assert!(eventually(|| left() == ["participant"]), "{:?}", left());
 }
 
 /// A reply that is late finds nobody, not even somebody else in the same place.
@@ -166,7 +169,7 @@ fn actions_come_and_go_whole() {
         let worker = change.worker("w").unwrap();
         worker.serve_action(&node, "fib", ActionOptions::goals(2), goal, |_, _| true)
     };
-    for order in 2..30 {
+    for order in (2..60).cycle().take(300) {
         let server = serve().unwrap();
         let client: ActionClient<Fibonacci> =
             node.action_client("fib", ActionOptions::goals(2)).unwrap();

@@ -133,9 +133,9 @@ pub trait Middleware: Send + Sync + 'static {
         Err(MiddlewareError::Unsupported("deleting readers"))
     }
 
-    /// Nobody uses a service's or client's writer any more, whose reader was
-    /// [deleted](Self::delete_reader) or will be: its id may be given out again. Any thread; waits
-    /// for nobody.
+    /// Nobody uses a writer any more: its id may be given out again. That of a service or client
+    /// goes when its reader was [deleted](Self::delete_reader), too. What was published before is
+    /// still sent. Any thread; waits for nobody.
     fn delete_writer(&self, writer: WriterId) {
         let _ = writer;
     }

@@ -20,7 +20,7 @@ use replenish_xrce::wire::{
 };
 
 /// The most objects of one kind: ids have twelve bits.
-const MAX_NUMBER: usize = 0xfff;
+pub(super) const MAX_NUMBER: usize = 0xffe;
 
 pub(super) struct Reader {
     pub(super) object: ObjectId,
@@ -47,6 +47,8 @@ pub(super) struct Flow {
 
 pub(super) struct Writer {
     pub(super) object: ObjectId,
+    /// Its topic object; services have none.
+    pub(super) topic: Option<ObjectId>,
     pub(super) stream: StreamId,
     pub(super) max_size: usize,
     /// Its object was deleted.
@@ -56,9 +58,15 @@ pub(super) struct Writer {
 }
 
 impl Writer {
-    pub(super) const fn new(object: ObjectId, stream: StreamId, max_size: usize) -> Self {
+    pub(super) const fn new(
+        object: ObjectId,
+        topic: Option<ObjectId>,
+        stream: StreamId,
+        max_size: usize,
+    ) -> Self {
         Self {
             object,
+            topic,
             stream,
             max_size,
             closed: false,
@@ -86,7 +94,7 @@ impl State {
         let reliable = spec.qos.reliability == Reliability::Reliable;
         let stream = stream(reliable, spec.qos.criticality);
         self.check(spec, self.session.limit(stream).unwrap_or(0))?;
-        let number = number(self.writers.len(), MAX_NUMBER, "writers")?;
+        let number = self.writer_number()?;
         let topic = self.topic(spec, domain)?;
         let publisher = ObjectId::new(number, ObjectKind::Publisher);
         let object = ObjectId::new(number, ObjectKind::DataWriter);
@@ -108,9 +116,8 @@ impl State {
             qos: Some(qos),
         });
         self.create(object, &Entity::DataWriter { repr, publisher })?;
-        self.writers
-            .push(Writer::new(object, stream, spec.max_size));
-        Ok((WriterId(number - 1), object))
+        let writer = Writer::new(object, Some(topic), stream, spec.max_size);
+        Ok((self.place_writer(writer), object))
     }
 
     /// Asks for everything a reader needs, and for its samples.
@@ -190,26 +197,6 @@ impl State {
                 status: status.0,
             })),
             Some(RequestState::Unanswered) | None => Some(Err(MiddlewareError::NoAnswer { what })),
-        }
-    }
-
-    /// Takes a writer back that the agent has not created.
-    pub(super) fn abandon_writer(&mut self, object: ObjectId) {
-        let publisher = ObjectId::new(object.number(), ObjectKind::Publisher);
-        self.abandon([object, publisher]);
-        if self
-            .writers
-            .last()
-            .is_some_and(|writer| writer.object == object)
-        {
-            self.writers.pop();
-        }
-    }
-
-    fn abandon(&mut self, objects: [ObjectId; 2]) {
-        for object in objects {
-            // If the agent cannot be told, it forgets them with the session.
-            self.session.delete(object).ok();
         }
     }
 

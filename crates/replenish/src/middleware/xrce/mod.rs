@@ -184,7 +184,11 @@ impl Middleware for Xrce {
     }
 
     fn delete_writer(&self, writer: WriterId) {
-        self.state.lock().delete_writer(writer);
+        let mut state = self.state.lock();
+        state.delete_writer(writer);
+        state
+            .flush(clock::monotonic(), &*self.transport, &self.timer)
+            .ok();
     }
 
     fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError> {

@@ -9,7 +9,7 @@
 //! The agent is told on the dispatcher's next round at the latest: what its stream has no room for now
 //! waits in a list.
 
-use super::endpoints::{Reader, Writer};
+use super::endpoints::{MAX_NUMBER, Reader, Writer};
 use super::state::State;
 use crate::middleware::{MAX_READERS, MiddlewareError, ReaderId, WriterId};
 use alloc::vec::Vec;
@@ -43,12 +43,25 @@ pub(super) struct Doomed(Vec<(ObjectId, Option<StreamId>)>);
 
 impl Doomed {
     pub(super) fn new() -> Self {
-        // A reader has a subscriber and may be the last of its topic.
-        Self(Vec::with_capacity(3 * MAX_READERS))
+        // Each has a subscriber or publisher and may be the last of its topic.
+        Self(Vec::with_capacity(6 * MAX_READERS))
     }
 }
 
 impl State {
+    /// An object number for a writer.
+    pub(super) fn writer_number(&mut self) -> Result<u16, MiddlewareError> {
+        let (what, limit) = ("writers", MAX_NUMBER);
+        let full = MiddlewareError::Capacity { what, limit };
+        let writers = &self.writers;
+        let taken = |number| {
+            let same = |w: &Writer| !w.free && w.object.number() == number;
+            writers.iter().any(same)
+        };
+        let number = self.writer_numbers.next(taken);
+        number.filter(|_| writers.len() < limit).ok_or(full)
+    }
+
     /// A free slot for a reader, and an object number.
     pub(super) fn reader_place(&mut self) -> Result<(usize, u16), MiddlewareError> {
         let (what, limit) = ("readers", MAX_READERS);
@@ -98,13 +111,13 @@ impl State {
             writer.closed = true;
         }
         if let Some(topic) = topic {
-            self.leave_topic(topic);
+            self.leave_topic(topic, None);
         }
         Some(object)
     }
 
-    /// A reader has left a topic object, which goes with its last user.
-    fn leave_topic(&mut self, object: ObjectId) {
+    /// A reader or writer has left a topic object, which goes with its last user.
+    fn leave_topic(&mut self, object: ObjectId, behind: Option<StreamId>) {
         let Some(at) = self.topics.iter().position(|t| t.object == object) else {
             return;
         };
@@ -114,7 +127,7 @@ impl State {
         topic.users = topic.users.saturating_sub(1);
         if topic.users == 0 {
             self.topics.swap_remove(at);
-            self.doomed.0.push((object, None));
+            self.doomed.0.push((object, behind));
         }
     }
 
@@ -141,15 +154,31 @@ impl State {
         self.bury();
     }
 
-    /// A service's writer is used by nobody any more: its slot is free, if its object has gone.
+    /// A writer is used by nobody any more. That of a service goes with its object; until then the
+    /// slot is taken.
     pub(super) fn delete_writer(&mut self, id: WriterId) {
         let writer = self.writers.get_mut(usize::from(id.0));
-        if let Some(writer) = writer.filter(|w| w.closed) {
-            writer.free = true;
+        let Some(writer) = writer.filter(|w| !w.free) else {
+            return;
+        };
+        if writer.object.kind() != Ok(ObjectKind::DataWriter) {
+            writer.free = writer.closed;
+            return;
         }
+        (writer.closed, writer.free) = (true, true);
+        let (object, stream, topic) = (writer.object, writer.stream, writer.topic.take());
+        let publisher = ObjectId::new(object.number(), ObjectKind::Publisher);
+        // Behind its last sample; what is best effort may be lost, and this must not be.
+        let behind = stream.is_reliable().then_some(stream);
+        self.doomed.0.push((object, behind));
+        self.doomed.0.push((publisher, behind));
+        if let Some(topic) = topic {
+            self.leave_topic(topic, behind);
+        }
+        self.bury();
     }
 
-    /// Puts a service's writer where there is room.
+    /// Puts a writer where there is room.
     pub(super) fn place_writer(&mut self, writer: Writer) -> WriterId {
         let free = self.writers.iter().position(|w| w.free);
         let slot = free.unwrap_or(self.writers.len());

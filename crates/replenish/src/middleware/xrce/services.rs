@@ -104,7 +104,7 @@ impl State {
             deleted: false,
         };
         let reader = self.place_reader(slot, reader);
-        let writer = self.place_writer(Writer::new(object, stream, outgoing));
+        let writer = self.place_writer(Writer::new(object, None, stream, outgoing));
         Ok((reader, writer, object))
     }
 

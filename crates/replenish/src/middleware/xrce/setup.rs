@@ -117,7 +117,7 @@ impl Xrce {
         let (id, object) = self.state.lock().add_writer(spec, self.config.domain)?;
         let confirmed = self.confirm(object, "create a data writer");
         if confirmed.is_err() {
-            self.state.lock().abandon_writer(object);
+            self.state.lock().delete_writer(id);
         }
         confirmed.map(|()| id)
     }

@@ -58,6 +58,7 @@ pub(super) struct State {
     /// The reader of each object number, `u16::MAX` for none.
     pub(super) slots: Vec<u16>,
     pub(super) reader_numbers: Numbers,
+    pub(super) writer_numbers: Numbers,
     pub(super) topic_numbers: Numbers,
     /// What the agent is to delete.
     pub(super) doomed: Doomed,
@@ -86,6 +87,7 @@ impl State {
             topics: Vec::new(),
             slots: Vec::new(),
             reader_numbers: Numbers::default(),
+            writer_numbers: Numbers::default(),
             topic_numbers: Numbers::default(),
             doomed: Doomed::new(),
             refused: None,
@@ -286,6 +288,7 @@ impl State {
         let writer = self
             .writers
             .get(usize::from(writer.0))
+            .filter(|writer| !writer.closed)
             .ok_or(PublishError::UnknownWriter)?;
         let (object, stream, limit) = (writer.object, writer.stream, writer.max_size);
         if payload.len() > limit {
