@@ -46,9 +46,9 @@ pub use event::Event;
 pub use executor::{
     AdmissionReport, CallError, CallbackContext, CallbackResult, Client, DeadlineMiss,
     DispatcherReport, Every, Executor, ExecutorHandle, GuardCondition, HandleReport, HandleStates,
-    Handling, LiveWorker, NoReply, OnMiss, Overrun, RawType, Removal, Report, Responder,
-    RunningExecutor, Semantics, StopHandle, ThreadReport, TimerHandle, Topic, Trigger,
-    WorkerBuilder,
+    Handling, LiveWorker, LocalExecutor, NoReply, OnMiss, Overrun, RawType, Removal, Report,
+    Responder, RunningExecutor, Semantics, SpinEnd, Spun, StopHandle, ThreadReport, TimerHandle,
+    Topic, Trigger, WorkerBuilder,
 };
 pub use histogram::Histogram;
 pub use middleware::PublishError;

@@ -20,6 +20,7 @@ fn main() {
         trial("nothing_allocates_in_time_sharing", || {
             allocations(false);
         }),
+        trial("nothing_allocates_without_threads", without_threads),
         rt_trial("nothing_allocates_under_budgets", || allocations(true)),
     ];
     // One after another: the counter sees every thread of the process.
@@ -93,4 +94,32 @@ fn allocations(budgets: bool) {
     let report = running.stop();
     assert_eq!(counted, 0, "{report}");
     assert!(report.thread("high").unwrap().usage.cpu_high > 0);
+}
+
+/// Every way to spin on the caller's thread.
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+fn without_threads() {
+    let _dog = watchdog("allocations", Duration::from_secs(120));
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let qos = Qos::reliable();
+    let publisher = node.publisher::<Int32>("t", qos).unwrap();
+    let mut exec = Executor::new(&ctx);
+    exec.worker("w")
+        .subscribe(&node, "t", qos, |_: &Int32, _| ())
+        .unwrap()
+        .timer(Duration::from_micros(300), |_| ())
+        .unwrap();
+    let mut local = exec.local().unwrap();
+    ALLOC.arm();
+    let mut callbacks = 0;
+    for data in 0..200 {
+        publisher.publish(&Int32 { data }).unwrap();
+        callbacks += local.spin_some(Duration::from_millis(1)).callbacks;
+        callbacks += local.spin_for(Duration::from_micros(200)).callbacks;
+        callbacks += local.spin_one_period(Duration::from_micros(400)).callbacks;
+    }
+    assert_eq!(ALLOC.disarm(), 0);
+    assert!(callbacks > 200);
+    assert_eq!(local.stats("/n/sub:/t").unwrap().executed, 200);
 }

@@ -13,6 +13,7 @@
 use super::doorbell::Doorbell;
 use super::routes::{Desk, Route};
 use super::stop::StopHandle;
+use crate::Nanos;
 use crate::event::{Event, Events};
 use crate::handoff::{Delivery, Outcome};
 use crate::middleware::{
@@ -36,6 +37,14 @@ pub(crate) struct DispatcherCounters {
     pub(crate) failures: Counter,
 }
 
+/// Whose samples are wanted at the moment.
+pub(crate) struct Watch {
+    interest: Interest,
+    /// Readers whose inbox is full.
+    parked: Interest,
+    link_up: bool,
+}
+
 /// The dispatcher's state; lives on its thread.
 pub(crate) struct Dispatcher {
     pub(crate) stop: StopHandle,
@@ -52,31 +61,50 @@ pub(crate) struct Dispatcher {
 impl Dispatcher {
     /// Dispatches until a stop is requested.
     pub(crate) fn run(mut self, account: &mut Account) {
-        let middleware = Arc::clone(&self.stop.middleware);
-        let mut interest = self.everybody();
-        let mut parked = Interest::empty();
-        let mut link_up = true;
+        let mut watch = self.watch();
         while !self.stop.is_stopping() {
-            let (routes, desk) = (&mut self.routes, &self.desk);
-            desk.carry_out(&*middleware, routes, &mut interest, &mut parked);
-            self.readmit(&mut interest, &mut parked);
+            self.round(&mut watch, account, None);
+        }
+    }
+
+    /// What it starts with: everybody's samples are wanted.
+    pub(crate) fn watch(&self) -> Watch {
+        Watch {
+            interest: self.everybody(),
+            parked: Interest::empty(),
+            link_up: true,
+        }
+    }
+
+    /// Waits, up to `deadline` if there is one, and takes what has come.
+    pub(crate) fn round(
+        &mut self,
+        watch: &mut Watch,
+        account: &mut Account,
+        deadline: Option<Nanos>,
+    ) {
+        let middleware = Arc::clone(&self.stop.middleware);
+        let (interest, parked) = (&mut watch.interest, &mut watch.parked);
+        self.desk
+            .carry_out(&*middleware, &mut self.routes, interest, parked);
+        self.readmit(interest, parked);
+        account.block();
+        let waited = middleware.wait(interest, deadline);
+        account.activate(clock::monotonic());
+        self.counters.rounds.add(1);
+        let taken = self.take(&*middleware, interest, parked);
+        self.ring();
+        if let Err(error) = waited.and(taken) {
+            self.failed(&error);
             account.block();
-            let waited = middleware.wait(&interest, None);
+            let pause = clock::monotonic().saturating_add(PAUSE);
+            clock::sleep_until(deadline.map_or(pause, |at| at.min(pause)));
             account.activate(clock::monotonic());
-            self.counters.rounds.add(1);
-            let taken = self.take(&*middleware, &mut interest, &mut parked);
-            self.ring();
-            if let Err(error) = waited.and(taken) {
-                self.failed(&error);
-                account.block();
-                clock::sleep_until(clock::monotonic().saturating_add(PAUSE));
-                account.activate(clock::monotonic());
-            }
-            let up = middleware.link() == LinkState::Up;
-            if up != link_up {
-                link_up = up;
-                self.events.emit(&Event::Link { up });
-            }
+        }
+        let up = middleware.link() == LinkState::Up;
+        if up != watch.link_up {
+            watch.link_up = up;
+            self.events.emit(&Event::Link { up });
         }
     }
 

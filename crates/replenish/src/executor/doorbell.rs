@@ -5,12 +5,17 @@
 //! delays a replenishment; one that is too early would advance it, so it is never before the
 //! moment the worker went to sleep.
 //!
+//! In an executor without threads, everything is waited for on the middleware, and the bell ends that
+//! wait: [`Middleware::wake`], which is an atomic operation and one system call at most.
+//!
 //! A worker whose rounds come by the clock alone has its bell *muted*: new data does not ring it.
 
 use crate::Nanos;
 use crate::handoff::ReadySet;
+use crate::middleware::Middleware;
 use crate::sync::{Arc, AtomicBool, AtomicU64, Ordering, Signal};
 use replenish_os::clock;
+use std::sync::OnceLock;
 
 /// The way of one handle's input to its worker: a mark that says which handle, and the bell.
 #[derive(Clone)]
@@ -45,6 +50,8 @@ pub(crate) struct Doorbell {
     signal: Arc<Signal>,
     rung_at: AtomicU64,
     muted: AtomicBool,
+    /// What the worker sleeps on instead, if it has no thread of its own.
+    relay: OnceLock<Arc<dyn Middleware>>,
 }
 
 impl Doorbell {
@@ -69,6 +76,14 @@ impl Doorbell {
 
     fn wake(&self) {
         self.signal.set();
+        if let Some(middleware) = self.relay.get() {
+            middleware.wake();
+        }
+    }
+
+    /// From now on it also ends the wait on the middleware.
+    pub(crate) fn relay(&self, to: &Arc<dyn Middleware>) {
+        self.relay.set(Arc::clone(to)).ok();
     }
 
     /// New data does not ring any more.

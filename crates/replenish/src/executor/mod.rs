@@ -12,10 +12,12 @@
 //! - [`start`]: threads, enforcers, the declared fallbacks. [`threads`]: one thread's life.
 //! - [`dispatcher`], [`worker`]: the two loops; [`doorbell`]: what the second sleeps on. [`handle`], [`subscription`], [`timer`]: what
 //!   workers run. [`callback`]: what callbacks see.
+//! - [`assembly`]: the parts put together. [`local`]: without threads, on the caller's.
 //! - [`running`], [`stop`]: watching and ending it. [`report`]: the numbers.
 
 mod admission;
 mod agenda;
+mod assembly;
 mod builder;
 mod callback;
 mod client;
@@ -26,6 +28,7 @@ mod forge;
 mod guard;
 mod handle;
 mod live;
+mod local;
 mod mailbox;
 mod outbox;
 mod overlay;
@@ -50,6 +53,7 @@ pub use client::{CallError, Client, NoReply};
 pub use forge::RawType;
 pub use guard::GuardCondition;
 pub use live::{ExecutorHandle, LiveWorker, Removal};
+pub use local::{LocalExecutor, SpinEnd, Spun};
 pub use report::{AdmissionReport, DispatcherReport, HandleReport, Report, ThreadReport};
 pub use rules::{DeadlineMiss, HandleStates, Handling, OnMiss, Semantics, Trigger};
 pub use running::RunningExecutor;
@@ -306,6 +310,16 @@ impl Executor {
     /// [`Error::NotGranted`]. Nothing runs then.
     pub fn start(self) -> Result<RunningExecutor, Error> {
         start::start(self)
+    }
+
+    /// Without threads: the handles run on the calling thread whenever it spins the result, in a
+    /// fixed order. Workers are then groups of handles with rules of their own.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start); [`Error::Parameter`] for a worker that was given a policy, a
+    /// budget, a guarantee, a CPU or a stack. Workers without handles are all right.
+    pub fn local(self) -> Result<LocalExecutor, Error> {
+        local::local(self)
     }
 
     /// `id`, or `id#2`, `id#3`, … if it is taken.

@@ -106,7 +106,10 @@ impl RunningExecutor {
         Report {
             elapsed: clock::monotonic().saturating_sub(self.start),
             threads: threads.collect(),
-            handles: handles.iter().map(|(w, h)| self.handle(w, h)).collect(),
+            handles: handles
+                .iter()
+                .map(|(w, h)| handle_report(w, h, &self.stop))
+                .collect(),
             dispatcher: DispatcherReport {
                 rounds: self.counters.rounds.get(),
                 samples: self.counters.samples.get(),
@@ -123,7 +126,7 @@ impl RunningExecutor {
     #[must_use]
     pub fn stats(&self, id: &str) -> Option<HandleStats> {
         let (_, handle) = self.live.registry.find(id)?;
-        Some(self.snapshot(&handle))
+        Some(handle_stats(&handle, &self.stop))
     }
 
     /// What one worker, or the `dispatcher`, has used. Does not allocate.
@@ -146,24 +149,6 @@ impl RunningExecutor {
         let handles = self.live.registry.all();
         let handles = handles.iter();
         handles.map(|(_, h)| h.discard(false, &self.stop)).sum()
-    }
-
-    fn snapshot(&self, handle: &Shared) -> HandleStats {
-        let lost = handle.input.as_ref();
-        let lost = lost.map_or(0, |(reader, _)| self.stop.middleware.lost(*reader));
-        handle.counters.snapshot(handle.waiting(), lost)
-    }
-
-    fn handle(&self, worker: &str, handle: &Shared) -> HandleReport {
-        let error = handle.last_error.lock().as_str().to_string();
-        HandleReport {
-            id: handle.id.clone(),
-            worker: worker.into(),
-            stats: self.snapshot(handle),
-            latency: handle.latency.snapshot(),
-            response: handle.response.snapshot(),
-            last_error: Some(error).filter(|e| !e.is_empty()),
-        }
     }
 
     /// Ends all threads, one way or the other. The stop has been requested.
@@ -228,6 +213,25 @@ impl fmt::Debug for RunningExecutor {
         f.debug_struct("RunningExecutor")
             .field("stop", &self.stop)
             .finish_non_exhaustive()
+    }
+}
+
+/// The counters of one handle.
+pub(crate) fn handle_stats(handle: &Shared, stop: &StopHandle) -> HandleStats {
+    let lost = handle.input.as_ref();
+    let lost = lost.map_or(0, |(reader, _)| stop.middleware.lost(*reader));
+    handle.counters.snapshot(handle.waiting(), lost)
+}
+
+pub(crate) fn handle_report(worker: &str, handle: &Shared, stop: &StopHandle) -> HandleReport {
+    let error = handle.last_error.lock().as_str().to_string();
+    HandleReport {
+        id: handle.id.clone(),
+        worker: worker.into(),
+        stats: handle_stats(handle, stop),
+        latency: handle.latency.snapshot(),
+        response: handle.response.snapshot(),
+        last_error: Some(error).filter(|e| !e.is_empty()),
     }
 }
 

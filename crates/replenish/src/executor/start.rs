@@ -1,28 +1,17 @@
 //! Starting an executor: plan, spawn, fall back where allowed, launch all or none.
 
-use super::agenda::Agenda;
+use super::assembly::{Assembly, assemble};
 use super::builder::WorkerSpec;
-use super::dispatcher::{Dispatcher, DispatcherCounters};
-use super::doorbell::{Doorbell, Line};
-use super::handle::Shared;
-use super::live::{Live, Post, Registry};
-use super::mailbox::Mailbox;
-use super::outbox::Outbox;
 use super::plan::{Request, check, plan, rank};
-use super::routes::{Desk, Route};
 use super::running::{Crew, RunningExecutor};
 use super::threads::{Body, Funding, Launch, Seat};
-use super::worker::Worker;
 use super::{Executor, Options, StopHandle, admission, overlay};
 use crate::error::Error;
 use crate::event::Event;
-use crate::handoff::ReadySet;
-use crate::middleware::MAX_READERS;
-use crate::sync::{Arc, AtomicBool, AtomicU64, Mutex, Signal};
+use crate::sync::{Arc, AtomicBool, Mutex, Signal};
 use alloc::boxed::Box;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
-use core::cell::RefCell;
 use replenish_os::clock;
 use replenish_os::{self as os, Enforcement, Enforcer, EnforcerConfig, Policy};
 
@@ -74,75 +63,19 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     // Bells in the order in which workers are woken: highest priority first, then as described.
     let mut order: Vec<usize> = (0..workers.len()).collect();
     order.sort_by_key(|w| core::cmp::Reverse(policies.get(*w).map_or(0, rank)));
-    let mut bells: Vec<(Arc<Doorbell>, bool)> = Vec::with_capacity(workers.len());
-    let bell = |w: &usize| workers.get(*w).map(|w| (Arc::clone(&w.bell), false));
-    bells.extend(order.iter().filter_map(bell));
-    let place = |worker: usize| order.iter().position(|w| *w == worker).unwrap_or(0);
-
-    let counters = Arc::new(DispatcherCounters::default());
-    let mut dispatch = Dispatcher {
-        stop: stop.clone(),
-        events: Arc::clone(&options.events),
-        counters: Arc::clone(&counters),
-        routes: Vec::new(),
-        desk: Desk::new(),
-        bells,
-    };
-    dispatch.routes.resize_with(MAX_READERS, || None);
-    let (mut posts, mut limits) = (Vec::with_capacity(workers.len()), 0);
-    let mut crews = Vec::with_capacity(workers.len());
-    let mut handles: Vec<(Arc<str>, Arc<Shared>)> = Vec::new();
-    for (i, (spec, policy)) in workers.into_iter().zip(policies).enumerate() {
-        let name: Arc<str> = spec.request.name.as_str().into();
-        let limit = spec.limit();
-        let bell = Arc::clone(&spec.bell);
-        let signal = Arc::clone(bell.signal());
-        stop.stop.join(Arc::clone(&signal));
-        let marks = Arc::new(ReadySet::new(limit));
-        let (used, number) = (spec.entries.len(), spec.numbers());
-        let mailbox = Mailbox::new(used, limit, Arc::clone(&bell), Arc::clone(&marks));
-        let entries = WorkerSpec::ordered(spec.entries, limit);
-        for entry in &entries {
-            handles.push((Arc::clone(&name), Arc::clone(&entry.shared)));
-            dispatch.route_to(place(i), &entry.shared, mailbox.line(entry.slot));
-        }
-        limits += limit;
-        posts.push(Post {
-            name: Arc::clone(&name),
-            place: place(i),
-            mailbox: Arc::clone(&mailbox),
-            number: AtomicU64::new(number),
-        });
-        let worker = Worker {
-            name: Arc::clone(&name),
-            stop: stop.clone(),
-            events: Arc::clone(&options.events),
-            mailbox,
-            live: None,
-            bell,
-            entries,
-            agenda: Agenda::new(marks, limit),
-            looks_at_all: true,
-            outbox: spec
-                .rules
-                .barrier
-                .map(|(n, bytes)| RefCell::new(Outbox::new(n, bytes))),
-            rules: spec.rules,
-            grid: None,
-            ran: 0,
-        };
-        crews.push((starter.seat(&name, policy, &spec.request, signal), worker));
-    }
-    let live = Arc::new(Live {
-        context: context.clone(),
-        stop: stop.clone(),
-        registry: Registry::new(handles, limits),
-        desk: Arc::clone(&dispatch.desk),
-        posts,
+    let Assembly {
+        dispatcher: dispatch,
+        workers,
+        live,
+    } = assemble(&context, workers, &stop, &options.events, &order);
+    let counters = Arc::clone(&dispatch.counters);
+    let crews = workers.into_iter().zip(policies);
+    let crews = crews.map(|((worker, request), policy)| {
+        let signal = Arc::clone(worker.bell.signal());
+        (starter.seat(&worker.name, policy, &request, signal), worker)
     });
     let mut bodies = Vec::with_capacity(crews.len() + 1);
-    for (seat, mut worker) in crews {
-        worker.live = Some(Arc::clone(&live));
+    for (seat, worker) in crews {
         let body: Body = Box::new(move |account, start| worker.run(account, start));
         bodies.push((seat, body));
     }
@@ -191,7 +124,7 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     })
 }
 
-fn check_names(requests: &[&Request]) -> Result<(), Error> {
+pub(crate) fn check_names(requests: &[&Request]) -> Result<(), Error> {
     for (i, r) in requests.iter().enumerate() {
         let earlier = requests.iter().take(i);
         if r.name == "dispatcher" || earlier.into_iter().any(|o| o.name == r.name) {
@@ -199,21 +132,6 @@ fn check_names(requests: &[&Request]) -> Result<(), Error> {
         }
     }
     Ok(())
-}
-
-impl Dispatcher {
-    fn route_to(&mut self, worker: usize, shared: &Arc<Shared>, line: Line) {
-        let Some((reader, _)) = shared.input else {
-            return;
-        };
-        if let Some(route) = self.routes.get_mut(usize::from(reader.0)) {
-            *route = Some(Route {
-                shared: Arc::clone(shared),
-                worker,
-                line,
-            });
-        }
-    }
 }
 
 /// Waits until every thread has what it needs; the first that has not is the error.

@@ -1,0 +1,125 @@
+//! From what was described to what runs, before anything has a thread: workers with their
+//! mailboxes, the dispatcher with its routes, and the way to change them later.
+
+use super::StopHandle;
+use super::agenda::Agenda;
+use super::builder::WorkerSpec;
+use super::dispatcher::{Dispatcher, DispatcherCounters};
+use super::doorbell::{Doorbell, Line};
+use super::handle::Shared;
+use super::live::{Live, Post, Registry};
+use super::mailbox::Mailbox;
+use super::outbox::Outbox;
+use super::plan::Request;
+use super::routes::{Desk, Route};
+use super::worker::Worker;
+use crate::context::Context;
+use crate::event::Events;
+use crate::handoff::ReadySet;
+use crate::middleware::MAX_READERS;
+use crate::sync::{Arc, AtomicU64};
+use alloc::vec::Vec;
+use core::cell::RefCell;
+
+/// The parts of an executor.
+pub(crate) struct Assembly {
+    pub(crate) dispatcher: Dispatcher,
+    pub(crate) workers: Vec<(Worker, Request)>,
+    pub(crate) live: Arc<Live>,
+}
+
+/// `order`: the workers in the order in which the dispatcher rings them; those that are not in it
+/// are not rung.
+pub(crate) fn assemble(
+    context: &Context,
+    specs: Vec<WorkerSpec>,
+    stop: &StopHandle,
+    events: &Arc<Events>,
+    order: &[usize],
+) -> Assembly {
+    let bell = |w: &usize| specs.get(*w).map(|w| (Arc::clone(&w.bell), false));
+    let bells: Vec<(Arc<Doorbell>, bool)> = order.iter().filter_map(bell).collect();
+    let place = |worker: usize| order.iter().position(|w| *w == worker).unwrap_or(0);
+    let mut dispatcher = Dispatcher {
+        stop: stop.clone(),
+        events: Arc::clone(events),
+        counters: Arc::new(DispatcherCounters::default()),
+        routes: Vec::new(),
+        desk: Desk::new(),
+        bells,
+    };
+    dispatcher.routes.resize_with(MAX_READERS, || None);
+    let (mut posts, mut limits) = (Vec::with_capacity(specs.len()), 0);
+    let mut workers = Vec::with_capacity(specs.len());
+    let mut handles: Vec<(Arc<str>, Arc<Shared>)> = Vec::new();
+    for (i, spec) in specs.into_iter().enumerate() {
+        let name: Arc<str> = spec.request.name.as_str().into();
+        let limit = spec.limit();
+        let bell = Arc::clone(&spec.bell);
+        stop.stop.join(Arc::clone(bell.signal()));
+        let marks = Arc::new(ReadySet::new(limit));
+        let (used, number) = (spec.entries.len(), spec.numbers());
+        let mailbox = Mailbox::new(used, limit, Arc::clone(&bell), Arc::clone(&marks));
+        let entries = WorkerSpec::ordered(spec.entries, limit);
+        for entry in &entries {
+            handles.push((Arc::clone(&name), Arc::clone(&entry.shared)));
+            dispatcher.route_to(place(i), &entry.shared, mailbox.line(entry.slot));
+        }
+        limits += limit;
+        posts.push(Post {
+            name: Arc::clone(&name),
+            place: place(i),
+            mailbox: Arc::clone(&mailbox),
+            number: AtomicU64::new(number),
+        });
+        let worker = Worker {
+            name,
+            stop: stop.clone(),
+            events: Arc::clone(events),
+            mailbox,
+            live: None,
+            bell,
+            entries,
+            agenda: Agenda::new(marks, limit),
+            looks_at_all: true,
+            outbox: spec
+                .rules
+                .barrier
+                .map(|(n, bytes)| RefCell::new(Outbox::new(n, bytes))),
+            rules: spec.rules,
+            grid: None,
+            ran: 0,
+        };
+        workers.push((worker, spec.request));
+    }
+    let live = Arc::new(Live {
+        context: context.clone(),
+        stop: stop.clone(),
+        registry: Registry::new(handles, limits),
+        desk: Arc::clone(&dispatcher.desk),
+        posts,
+    });
+    for (worker, _) in &mut workers {
+        worker.live = Some(Arc::clone(&live));
+    }
+    Assembly {
+        dispatcher,
+        workers,
+        live,
+    }
+}
+
+impl Dispatcher {
+    fn route_to(&mut self, worker: usize, shared: &Arc<Shared>, line: Line) {
+        let Some((reader, _)) = shared.input else {
+            return;
+        };
+        if let Some(route) = self.routes.get_mut(usize::from(reader.0)) {
+            *route = Some(Route {
+                shared: Arc::clone(shared),
+                worker,
+                line,
+            });
+        }
+    }
+}
