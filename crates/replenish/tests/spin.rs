@@ -11,8 +11,8 @@ mod common;
 
 use replenish::msg::std_msgs::Int32;
 use replenish::{
-    Budget, Context, Error, Every, Executor, GuardCondition, LocalExecutor, Overrun, Qos, Removal,
-    Semantics, SpinEnd, TimerHandle, Trigger,
+    Budget, CallbackContext, Context, Error, Every, Executor, GuardCondition, LocalExecutor,
+    Overrun, Qos, Removal, Semantics, SpinEnd, TimerHandle, Trigger,
 };
 use replenish_testkit::watchdog::watchdog;
 use std::sync::{Arc, Mutex};
@@ -36,16 +36,15 @@ fn taken(log: &Log) -> Vec<String> {
 fn two(ctx: &Context, log: &Log) -> (Executor, impl Fn(&str, i32) + Send + use<>) {
     let node = ctx.node("n").unwrap();
     let mut exec = Executor::new(ctx);
-    let mut worker = exec.worker("w");
-    for topic in ["b", "a"] {
+    let heard = |topic: &'static str| {
         let log = Arc::clone(log);
-        worker = worker
-            .subscribe(&node, topic, Qos::reliable(), move |m: &Int32, _| {
-                note(&log, format!("{topic}{}", m.data));
-            })
-            .unwrap();
-    }
-    drop(worker);
+        move |m: &Int32, _: &CallbackContext<'_>| note(&log, format!("{topic}{}", m.data))
+    };
+    exec.worker("w")
+        .subscribe(&node, "b", Qos::reliable(), heard("b"))
+        .unwrap()
+        .subscribe(&node, "a", Qos::reliable(), heard("a"))
+        .unwrap();
     let a = node.publisher::<Int32>("a", Qos::reliable()).unwrap();
     let b = node.publisher::<Int32>("b", Qos::reliable()).unwrap();
     let publish = move |topic: &str, data| match topic {
