@@ -113,6 +113,20 @@ fn what_others_were_promised_is_kept() {
     let refusal = plan(&request).unwrap_err();
     assert_eq!(refusal.worker.as_deref(), Some("mine"));
 
+    // Between two of them: the first leaves no time for what is above it, the second none below.
+    let strict = |priority, deadline: u64, budget: u64| Promise {
+        deadline: Some(deadline * 1_000_000),
+        ..promise(priority, budget)
+    };
+    let mut request = self::request(1).worker(Worker::guaranteed(
+        "between",
+        Guarantee::of(ms(10)).every(ms(100)).deadline(ms(16)),
+    ));
+    request.promised.push(strict(40, 5, 4_000_000));
+    request.promised.push(strict(30, 90, 50_000_000));
+    let admitted = plan(&request).unwrap();
+    assert!((31..40).contains(&admitted.workers[0].priority()));
+
     // An expert's loop above the promised one can be admitted on no CPU.
     let mut request =
         self::request(1).worker(Worker::with_policy("loop", Policy::Fifo { priority: 60 }));

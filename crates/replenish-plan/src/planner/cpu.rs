@@ -156,15 +156,28 @@ fn costs(fixed: &[&Fixed], machine: &Machine) -> Costs {
     machine.overheads.costs(alone)
 }
 
-/// Which priorities are tried: the common scale; else above all others; else below.
+/// With so many other priorities at most every place between them is tried.
+const PLACES: usize = 8;
+
+/// Which priorities are tried: the common scale; else all above the others, or all below; else all
+/// above one of the others, or all below it.
 fn ranges(fixed: &[&Fixed], machine: &Machine) -> Vec<RangeInclusive<u8>> {
     let (low, high) = (*machine.priorities.start(), *machine.priorities.end());
-    let others = || fixed.iter().map(|f| f.priority()).filter(|p| *p > 0);
-    let highest = others().filter(|p| *p < high).max();
-    let lowest = others().filter(|p| *p > low).min();
+    let others = fixed.iter().map(|f| f.priority());
+    let mut others: Vec<u8> = others.filter(|p| (low..=high).contains(p)).collect();
+    others.sort_unstable();
+    others.dedup();
+    let above = |p: u8| (p < high).then(|| p + 1..=high);
+    let below = |p: u8| (p > low).then(|| low..=p - 1);
     let mut ranges = vec![low..=high];
-    ranges.extend(highest.map(|h| low.max(h + 1)..=high));
-    ranges.extend(lowest.map(|l| low..=high.min(l - 1)));
+    ranges.extend(others.last().and_then(|p| above(*p)));
+    ranges.extend(others.first().and_then(|p| below(*p)));
+    if let [_, between @ ..] = others.as_slice()
+        && others.len() <= PLACES
+    {
+        ranges.extend(between.iter().filter_map(|p| below(*p)));
+        ranges.extend(others.iter().rev().skip(1).filter_map(|p| above(*p)));
+    }
     ranges
 }
 
