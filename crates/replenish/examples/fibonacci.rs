@@ -5,12 +5,12 @@
 //! Run: `cargo run -p replenish --example fibonacci` in one process; with an agent's address
 //! (`127.0.0.1:8888`) behind it, through that agent.
 
-mod interfaces;
-
-use interfaces::{Fibonacci, FibonacciFeedback, FibonacciGoal, FibonacciResult};
 use replenish::{
     ActionClient, ActionOptions, CallError, CallbackContext, Context, Error, Every, Executor,
     GoalHandle, GoalState, GoalUpdate, NewGoal,
+};
+use replenish_interfaces::example_interfaces::action::{
+    Fibonacci, FibonacciFeedback, FibonacciGoal, FibonacciResult,
 };
 use std::{sync::mpsc, time::Duration};
 
@@ -66,10 +66,10 @@ fn main() -> Result<(), Error> {
 fn step(goal: &GoalHandle<Fibonacci>, order: usize, numbers: &mut Vec<i32>) -> bool {
     if numbers.len() < order && !goal.is_canceling() {
         numbers.push(numbers.iter().rev().take(2).sum::<i32>().max(1));
-        let sequence = numbers.iter().copied().collect();
+        let sequence = numbers.clone();
         return goal.feedback(&FibonacciFeedback { sequence }).is_ok();
     }
-    let sequence = numbers.iter().copied().collect();
+    let sequence = numbers.clone();
     let end = match goal.is_canceling() {
         true => GoalHandle::canceled,
         false => GoalHandle::succeed,

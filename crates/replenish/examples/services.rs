@@ -4,10 +4,10 @@
 //! Run: `cargo run -p replenish --example services` in one process; with an agent's address
 //! (`127.0.0.1:8888`) behind it, through that agent.
 
-mod interfaces;
-
-use interfaces::{AddTwoInts, AddTwoIntsRequest, AddTwoIntsResponse};
 use replenish::{CallbackContext, Context, Error, Every, Executor, NoReply, Qos};
+use replenish_interfaces::example_interfaces::srv::{
+    AddTwoInts, AddTwoIntsRequest, AddTwoIntsResponse,
+};
 use std::sync::mpsc;
 use std::time::Duration;
 
