@@ -6,6 +6,7 @@
 //!   because the standard harness can only pass or fail.
 //! - [`alloc`]: a global allocator that counts, to prove that the hot path does not allocate.
 //! - [`sets`]: properties over random sets, on all CPUs.
+//! - [`signal`]: a real signal handler.
 //! - [`watchdog`]: ends a test process that hangs, naming what hung.
 //!
 //! Never a dependency of shipped code.
@@ -14,4 +15,5 @@ pub mod alloc;
 pub mod harness;
 pub mod rt;
 pub mod sets;
+pub mod signal;
 pub mod watchdog;

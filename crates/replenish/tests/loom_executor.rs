@@ -1,0 +1,610 @@
+//! Every interleaving of the executor's own protocols, over the real code: the dispatcher with its
+//! interest set, the desk where routes change, the mailbox through which handles come and go.
+//!
+//! ```text
+//!   real: executor/{dispatcher, routes, mailbox}.rs, handoff/, middleware/interest.rs
+//!   stubs below: what they name besides; no protocol of the executor's is among it
+//! ```
+//!
+//! `RUSTFLAGS="--cfg loom" cargo test -p replenish --release --test "loom_*"`
+#![cfg(loom)]
+#![allow(clippy::unwrap_used, reason = "a model may panic")]
+#![allow(
+    dead_code,
+    unused_imports,
+    reason = "models use a part of what they include"
+)]
+
+extern crate alloc;
+extern crate self as replenish_os; // the stubs of it are at the end
+
+#[path = "../src/executor/dispatcher.rs"]
+mod dispatcher;
+#[path = "../src/handoff/mod.rs"]
+mod handoff;
+#[path = "../src/executor/mailbox.rs"]
+mod mailbox;
+#[path = "../src/executor/routes.rs"]
+mod routes;
+#[path = "../src/sync.rs"]
+mod sync;
+
+use dispatcher::{Dispatcher, DispatcherCounters};
+use doorbell::{Doorbell, Line};
+use entry::Entry;
+use handle::Shared;
+use handoff::{Inbox, Keep, ReadySet, SampleInfo, Stop};
+use loom::thread;
+use mailbox::{Declined, Mailbox, Order};
+use middleware::{Fake, Interest, Middleware, ReaderId};
+use routes::{Desk, Route};
+use stop::StopHandle;
+use sync::{Arc, AtomicBool, Ordering, Signal};
+use worker::Worker;
+
+type Nanos = u64;
+
+fn reader(id: u16) -> ReaderId {
+    ReaderId(id)
+}
+
+/// To a worker of one handle.
+fn line() -> Line {
+    Line {
+        bell: Arc::new(Doorbell::default()),
+        marks: Arc::new(ReadySet::new(1)),
+        slot: 0,
+    }
+}
+
+fn route(shared: &Arc<Shared>) -> Route {
+    Route {
+        shared: Arc::clone(shared),
+        worker: 0,
+        line: line(),
+    }
+}
+
+fn post(used: usize, limit: usize) -> (Arc<Mailbox>, Arc<Doorbell>) {
+    let Line { bell, marks, .. } = line();
+    (Mailbox::new(used, limit, Arc::clone(&bell), marks), bell)
+}
+
+/// Reader 0 is full after its first sample and leaves the interest set. Reader 1, behind it, gets
+/// what is its own meanwhile; reader 0 gets the rest as soon as there is room; the stop ends it.
+#[test]
+fn a_full_reader_leaves_the_interest_set_holds_up_nobody_and_comes_back() {
+    loom::model(|| {
+        let middleware = Arc::new(Fake::holding(&[(0, 1), (0, 2), (1, 3)]));
+        let inboxes = [(); 2].map(|()| Arc::new(Inbox::new(1, 1, Keep::All)));
+        let shared = [0, 1].map(|id| {
+            let inbox = Arc::clone(&inboxes[usize::from(id)]);
+            Shared::new(Some((reader(id), inbox)))
+        });
+        let stop = StopHandle {
+            stop: Arc::new(Stop::new()),
+            middleware: Arc::clone(&middleware),
+        };
+        let bell = Arc::new(Doorbell::default());
+        let dispatcher = Dispatcher {
+            stop: stop.clone(),
+            events: Arc::new(event::Events),
+            counters: Arc::new(DispatcherCounters::default()),
+            routes: shared.iter().map(|s| Some(route(s))).collect(),
+            desk: Desk::new(),
+            bells: vec![(Arc::clone(&bell), false)],
+        };
+        let dispatcher = thread::spawn(move || dispatcher.run(&mut Account));
+        while inboxes[1].waiting() == 0 {
+            bell.wait();
+        }
+        let mut got = Vec::new();
+        while got.len() < 3 {
+            let popped = inboxes.iter().filter_map(|inbox| {
+                let popped = inbox.pop()?;
+                if popped.wake {
+                    middleware.wake();
+                }
+                let sample = popped.slot.payload()[0];
+                inbox.give_back(popped.slot);
+                Some(sample)
+            });
+            let before = got.len();
+            got.extend(popped);
+            if got.len() == before {
+                bell.wait();
+            }
+        }
+        got.retain(|sample| *sample != 3);
+        assert_eq!(got, [1, 2]);
+        stop.stop.request();
+        middleware.wake();
+        dispatcher.join().unwrap();
+    });
+}
+
+/// Two threads add routes while the dispatcher looks at the desk: it sees both before it sleeps.
+#[test]
+fn no_order_is_left_on_the_desk() {
+    loom::model(|| {
+        let desk = Desk::new();
+        let middleware = Arc::new(Fake::holding(&[]));
+        let threads: Vec<_> = [0, 1]
+            .map(|id| {
+                let (desk, middleware) = (Arc::clone(&desk), Arc::clone(&middleware));
+                thread::spawn(move || {
+                    assert!(desk.order(reader(id), Some(route(&Shared::new(None)))));
+                    middleware.wake();
+                })
+            })
+            .into();
+        let mut routes = [None, None];
+        let (mut interest, mut parked) = (Interest::empty(), Interest::empty());
+        loop {
+            desk.carry_out(&*middleware, &mut routes, &mut interest, &mut parked);
+            if interest.len() == 2 {
+                break;
+            }
+            middleware.wait(&Interest::empty(), None).unwrap();
+        }
+        assert!(routes.iter().all(Option::is_some));
+        assert_eq!(middleware.deleted(), 0);
+        threads.into_iter().for_each(|t| t.join().unwrap());
+    });
+}
+
+/// A route is taken away: once the remover hears of it the dispatcher has let go, the reader is
+/// deleted once, and what belonged to the route is freed on the remover's thread.
+#[test]
+fn a_route_that_goes_is_freed_by_the_one_who_asked() {
+    loom::model(|| {
+        let desk = Desk::new();
+        let middleware = Arc::new(Fake::holding(&[]));
+        let shared = Shared::new(None);
+        let mut routes = [Some(route(&shared))];
+        let dispatcher = {
+            let (desk, middleware) = (Arc::clone(&desk), Arc::clone(&middleware));
+            thread::spawn(move || {
+                let mut interest = Interest::empty();
+                let mut parked = Interest::empty();
+                interest.insert(reader(0));
+                while !interest.is_empty() {
+                    middleware.wait(&Interest::empty(), None).unwrap();
+                    desk.carry_out(&*middleware, &mut routes, &mut interest, &mut parked);
+                }
+                assert!(routes[0].is_none());
+            })
+        };
+        assert!(desk.order(reader(0), None));
+        middleware.wake();
+        while !shared.unrouted.load(Ordering::Acquire) {
+            thread::yield_now();
+        }
+        desk.sweep();
+        assert_eq!(
+            Arc::strong_count(&shared),
+            1,
+            "the desk or the dispatcher has it"
+        );
+        assert_eq!(middleware.deleted(), 1);
+        dispatcher.join().unwrap();
+    });
+}
+
+/// The worker's loop as far as the mailbox goes; `visit` is its round. Ends when that says so.
+fn work(mailbox: &Mailbox, bell: &Doorbell, worker: &mut Worker, visit: impl Fn(&Worker) -> bool) {
+    mailbox.open();
+    loop {
+        mailbox.empty(worker);
+        if visit(worker) {
+            return;
+        }
+        bell.wait();
+    }
+}
+
+/// Two threads add a handle each: the worker gets both before it sleeps for good.
+#[test]
+fn handles_of_two_threads_arrive() {
+    loom::model(|| {
+        let (mailbox, bell) = post(0, 2);
+        let threads: Vec<_> = (0..2)
+            .map(|_| {
+                let mailbox = Arc::clone(&mailbox);
+                thread::spawn(move || {
+                    let place = mailbox.reserve().unwrap();
+                    let entry = Entry::new(&Shared::new(None), place);
+                    mailbox.send(Order::Add(entry)).unwrap();
+                })
+            })
+            .collect();
+        let mut worker = Worker::default();
+        work(&mailbox, &bell, &mut worker, |w| w.entries.len() == 2);
+        assert!(matches!(
+            mailbox.reserve(),
+            Err(Declined::Full { limit: 2 })
+        ));
+        threads.into_iter().for_each(|t| t.join().unwrap());
+    });
+}
+
+/// A removal that has waited: no callback starts any more, the entry is freed on the remover's
+/// thread, and its place is free again.
+#[test]
+fn after_a_removal_no_callback_starts_and_the_place_is_free() {
+    loom::model(|| {
+        let (mailbox, bell) = post(0, 1);
+        let shared = Shared::new(None);
+        let place = mailbox.reserve().unwrap();
+        let stop = Arc::new(AtomicBool::new(false));
+        let freed = Arc::new(AtomicBool::new(false));
+        let mut worker = Worker::default();
+        worker.entries.push(Entry::new(&shared, place));
+        let running = {
+            let (mailbox, bell) = (Arc::clone(&mailbox), Arc::clone(&bell));
+            let (stop, freed) = (Arc::clone(&stop), Arc::clone(&freed));
+            thread::spawn(move || {
+                work(&mailbox, &bell, &mut worker, |worker| {
+                    for entry in &worker.entries {
+                        if !entry.shared.removed.load(Ordering::Acquire) {
+                            assert!(!freed.load(Ordering::Acquire), "a callback started");
+                        }
+                    }
+                    stop.load(Ordering::Acquire)
+                });
+                worker.entries.len()
+            })
+        };
+        assert!(!shared.removed.swap(true, Ordering::AcqRel));
+        mailbox.send(Order::Remove(Arc::clone(&shared))).unwrap();
+        shared.gone.wait();
+        freed.store(true, Ordering::Release);
+        mailbox.sweep();
+        mailbox.reserve().unwrap();
+        stop.store(true, Ordering::Release);
+        bell.call();
+        assert_eq!(running.join().unwrap(), 0);
+        assert_eq!(Arc::strong_count(&shared), 1);
+    });
+}
+
+/// The worker ends while somebody removes a handle: the removal is declined or answered.
+#[test]
+fn nobody_waits_for_a_worker_that_has_ended() {
+    loom::model(|| {
+        let (mailbox, bell) = post(0, 1);
+        let shared = Shared::new(None);
+        let mut worker = Worker::default();
+        worker
+            .entries
+            .push(Entry::new(&shared, mailbox.reserve().unwrap()));
+        let ending = {
+            let mailbox = Arc::clone(&mailbox);
+            thread::spawn(move || {
+                mailbox.open();
+                mailbox.empty(&mut worker);
+                mailbox.close();
+            })
+        };
+        match mailbox.send(Order::Remove(Arc::clone(&shared))) {
+            Ok(()) => shared.gone.wait(),
+            Err(declined) => assert_eq!(declined, Declined::Stopped),
+        }
+        ending.join().unwrap();
+        drop(bell);
+    });
+}
+
+// What the included files name besides: without protocols of their own.
+
+type Tid = thread::ThreadId;
+
+fn current_tid() -> Tid {
+    thread::current().id()
+}
+
+mod clock {
+    pub(crate) fn monotonic() -> u64 {
+        0
+    }
+    pub(crate) fn sleep_until(_: u64) {
+        loom::thread::yield_now();
+    }
+}
+
+/// The dispatcher's CPU account.
+struct Account;
+
+impl Account {
+    fn block(&mut self) {}
+    fn activate(&mut self, _: u64) {}
+}
+
+mod stop {
+    use crate::middleware::Fake;
+    use crate::sync::Arc;
+
+    #[derive(Clone)]
+    pub(crate) struct StopHandle {
+        pub(crate) stop: Arc<crate::handoff::Stop>,
+        pub(crate) middleware: Arc<Fake>,
+    }
+
+    impl StopHandle {
+        pub(crate) fn is_stopping(&self) -> bool {
+            self.stop.is_requested()
+        }
+    }
+}
+
+mod doorbell {
+    use crate::handoff::ReadySet;
+    use crate::sync::{Arc, Signal};
+
+    pub(crate) struct Line {
+        pub(crate) bell: Arc<Doorbell>,
+        pub(crate) marks: Arc<ReadySet>,
+        pub(crate) slot: usize,
+    }
+
+    impl Line {
+        pub(crate) fn mark(&self) {
+            self.marks.mark(self.slot);
+        }
+    }
+
+    pub(crate) struct Doorbell(Signal);
+
+    impl Default for Doorbell {
+        fn default() -> Self {
+            Self(Signal::new())
+        }
+    }
+
+    impl Doorbell {
+        pub(crate) fn ring(&self, _: u64) {
+            self.0.set();
+        }
+        pub(crate) fn call(&self) {
+            self.0.set();
+        }
+        pub(crate) fn wait(&self) {
+            self.0.wait();
+        }
+    }
+}
+
+mod handle {
+    use crate::event::{Event, Events};
+    use crate::handoff::Inbox;
+    use crate::middleware::ReaderId;
+    use crate::stats::Counter;
+    use crate::sync::{Arc, AtomicBool, Signal};
+
+    #[derive(Default)]
+    pub(crate) struct Counters {
+        pub(crate) received: Counter,
+        pub(crate) dropped: Counter,
+        pub(crate) discarded: Counter,
+        pub(crate) oversize: Counter,
+    }
+
+    pub(crate) struct Shared {
+        pub(crate) id: String,
+        pub(crate) input: Option<(ReaderId, Arc<Inbox>)>,
+        pub(crate) counters: Counters,
+        pub(crate) removed: AtomicBool,
+        pub(crate) unrouted: AtomicBool,
+        pub(crate) gone: Signal,
+    }
+
+    impl Shared {
+        pub(crate) fn new(input: Option<(ReaderId, Arc<Inbox>)>) -> Arc<Self> {
+            Arc::new(Self {
+                id: String::new(),
+                input,
+                counters: Counters::default(),
+                removed: AtomicBool::new(false),
+                unrouted: AtomicBool::new(false),
+                gone: Signal::new(),
+            })
+        }
+        pub(crate) fn report(&self, _: u64, _: &Event<'_>, _: &Events) {}
+    }
+}
+
+mod entry {
+    use crate::handle::Shared;
+    use crate::sync::Arc;
+
+    pub(crate) struct Entry {
+        pub(crate) shared: Arc<Shared>,
+        pub(crate) handle: Handle,
+        pub(crate) handling: Handling,
+        pub(crate) slot: usize,
+    }
+
+    pub(crate) struct Handling {
+        pub(crate) priority: u8,
+    }
+
+    pub(crate) struct Handle;
+
+    impl Handle {
+        pub(crate) fn begin<B>(&mut self, _: u64, _: &B) {}
+    }
+
+    impl Entry {
+        pub(crate) fn new(shared: &Arc<Shared>, slot: usize) -> Self {
+            Self {
+                shared: Arc::clone(shared),
+                handle: Handle,
+                handling: Handling { priority: 0 },
+                slot,
+            }
+        }
+    }
+}
+
+mod worker {
+    #[derive(Default)]
+    pub(crate) struct Worker {
+        pub(crate) entries: Vec<crate::entry::Entry>,
+    }
+
+    impl Worker {
+        pub(crate) fn reordered(&mut self) {}
+    }
+}
+
+mod stats {
+    use core::cell::Cell;
+    use std::sync::atomic::{AtomicU64, Ordering};
+
+    /// Statistics are not part of any protocol: not seen by the model.
+    #[derive(Debug, Default)]
+    pub(crate) struct Counter(AtomicU64);
+
+    impl Counter {
+        pub(crate) fn add(&self, n: u64) -> u64 {
+            self.0.fetch_add(n, Ordering::Relaxed) + n
+        }
+    }
+}
+
+mod event {
+    use crate::middleware::MiddlewareError;
+
+    pub(crate) struct Events;
+
+    pub(crate) enum Event<'a> {
+        Link {
+            up: bool,
+        },
+        Oversize {
+            handle: &'a str,
+            size: usize,
+            count: u64,
+        },
+        MiddlewareFailed {
+            error: &'a MiddlewareError,
+            count: u64,
+        },
+    }
+
+    impl Events {
+        pub(crate) fn emit(&self, _: &Event<'_>) {}
+        pub(crate) fn emit_rarely(&self, _: u64, _: &Event<'_>) {}
+    }
+}
+
+/// A middleware as the seam demands it: level-triggered on the interest set, sticky wake-ups.
+mod middleware {
+    pub(crate) use crate::handoff::SampleInfo;
+    pub(crate) use crate::interest::{Interest, MAX_READERS};
+    use loom::sync::{Condvar, Mutex};
+
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub(crate) struct ReaderId(pub(crate) u16);
+
+    #[derive(Debug, PartialEq, Eq)]
+    pub(crate) enum MiddlewareError {}
+
+    #[derive(Debug, PartialEq, Eq)]
+    pub(crate) enum LinkState {
+        Up,
+    }
+
+    #[derive(Debug, PartialEq, Eq)]
+    pub(crate) enum Room {
+        Left,
+        Full,
+    }
+
+    type Sink<'a> = &'a mut dyn FnMut(ReaderId, &SampleInfo, &[u8]) -> Room;
+
+    pub(crate) trait Middleware {
+        fn wait(&self, interest: &Interest, deadline: Option<u64>) -> Result<(), MiddlewareError>;
+        fn take(&self, interest: &Interest, sink: Sink<'_>) -> Result<usize, MiddlewareError>;
+        fn delete_reader(&self, reader: ReaderId) -> Result<(), MiddlewareError>;
+        fn wake(&self);
+        fn link(&self) -> LinkState;
+    }
+
+    struct State {
+        buffered: Vec<(u16, u8)>,
+        woken: bool,
+        deleted: usize,
+    }
+
+    pub(crate) struct Fake {
+        state: Mutex<State>,
+        changed: Condvar,
+    }
+
+    impl Fake {
+        pub(crate) fn holding(samples: &[(u16, u8)]) -> Self {
+            Self {
+                state: Mutex::new(State {
+                    buffered: samples.to_vec(),
+                    woken: false,
+                    deleted: 0,
+                }),
+                changed: Condvar::new(),
+            }
+        }
+        pub(crate) fn deleted(&self) -> usize {
+            self.state.lock().unwrap().deleted
+        }
+    }
+
+    impl Middleware for Fake {
+        fn wait(&self, interest: &Interest, _: Option<u64>) -> Result<(), MiddlewareError> {
+            let mut state = self.state.lock().unwrap();
+            let ready = |s: &State| {
+                s.buffered
+                    .iter()
+                    .any(|(r, _)| interest.contains(ReaderId(*r)))
+            };
+            while !ready(&state) && !state.woken {
+                state = self.changed.wait(state).unwrap();
+            }
+            state.woken = false;
+            Ok(())
+        }
+
+        fn take(&self, interest: &Interest, sink: Sink<'_>) -> Result<usize, MiddlewareError> {
+            let mut state = self.state.lock().unwrap();
+            let (mut open, mut taken) = (*interest, 0);
+            state.buffered.retain(|(id, sample)| {
+                let id = ReaderId(*id);
+                if !open.contains(id) {
+                    return true;
+                }
+                taken += 1;
+                if sink(id, &SampleInfo::at(0), &[*sample]) == Room::Full {
+                    open.remove(id);
+                }
+                false
+            });
+            Ok(taken)
+        }
+
+        fn delete_reader(&self, _: ReaderId) -> Result<(), MiddlewareError> {
+            self.state.lock().unwrap().deleted += 1;
+            Ok(())
+        }
+
+        fn wake(&self) {
+            self.state.lock().unwrap().woken = true;
+            self.changed.notify_one();
+        }
+
+        fn link(&self) -> LinkState {
+            LinkState::Up
+        }
+    }
+}
+
+#[path = "../src/middleware/interest.rs"]
+mod interest;
