@@ -15,6 +15,7 @@
 extern crate alloc;
 
 mod action;
+mod bare;
 mod budget;
 mod context;
 mod error;
@@ -23,6 +24,7 @@ mod executor;
 mod handoff;
 mod histogram;
 mod name;
+mod parameter;
 mod publisher;
 mod stats;
 mod sync;
@@ -53,6 +55,10 @@ pub use executor::{
 pub use histogram::Histogram;
 pub use middleware::PublishError;
 pub use name::NameError;
+pub use parameter::{
+    Descriptor, FromParameter, ParameterChange, ParameterError, ParameterErrorKind,
+    ParameterOptions, ParameterValue, Parameters,
+};
 pub use publisher::Publisher;
 pub use qos::{Criticality, IngressLimit, Qos};
 pub use replenish_msg as msg;

@@ -214,6 +214,31 @@ impl Qos {
         }
     }
 
+    /// Reliable, keep last 10: the profile of services in ROS 2.
+    #[must_use]
+    pub const fn services() -> Self {
+        Self::reliable()
+    }
+
+    /// Reliable, keep last 1000: the profile of `/parameter_events` in ROS 2.
+    #[must_use]
+    pub const fn parameter_events() -> Self {
+        Self::reliable().keep_last(1000)
+    }
+
+    /// Reliable, keep last 1, late subscriptions get it: for what changes rarely (maps, robot
+    /// descriptions, the status of actions).
+    #[must_use]
+    pub const fn latched() -> Self {
+        Self::reliable().keep_last(1).transient_local()
+    }
+
+    /// Best effort, keep last 1: the profile of `/clock` in ROS 2.
+    #[must_use]
+    pub const fn clock() -> Self {
+        Self::best_effort().keep_last(1)
+    }
+
     /// Keeps the newest `depth` samples and counts the others as dropped.
     #[must_use]
     pub const fn keep_last(self, depth: u16) -> Self {

@@ -2,7 +2,13 @@
 //! 10 000 messages of 4 kB and as many small ones, with timers running.
 
 use replenish::msg::std_msgs::{Int32, UInt8MultiArray};
-use replenish::{Budget, Context, Executor, Policy, Qos};
+use replenish::msg::wire::Wire;
+use replenish::msg::{CdrError, CdrReader, CdrWriter, Message, Service};
+use replenish::{
+    Budget, Context, Descriptor, Executor, ParameterOptions, ParameterValue, Policy, Qos,
+};
+use replenish_interfaces::rcl_interfaces::msg::{ParameterValueView, ParameterView};
+use replenish_interfaces::rcl_interfaces::srv::SetParameters;
 use replenish_testkit::alloc::{CountingAllocator, exempt_this_thread};
 use replenish_testkit::harness::{rt_trial, trial};
 use replenish_testkit::watchdog::watchdog;
@@ -21,6 +27,7 @@ fn main() {
             allocations(false);
         }),
         trial("nothing_allocates_without_threads", without_threads),
+        trial("nothing_allocates_for_parameters", parameters),
         rt_trial("nothing_allocates_under_budgets", || allocations(true)),
     ];
     // One after another: the counter sees every thread of the process.
@@ -122,4 +129,80 @@ fn without_threads() {
     assert_eq!(ALLOC.disarm(), 0);
     assert!(callbacks > 200);
     assert_eq!(local.stats("/n/sub:/t").unwrap().executed, 200);
+}
+
+/// Parameters are read and set, by the program and over the wire.
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+fn parameters() {
+    let _dog = watchdog("allocations", Duration::from_secs(120));
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let parameters = node.parameters(ParameterOptions::new()).unwrap();
+    let declare = |name, value: ParameterValue<'_>| {
+        parameters.declare(name, value, Descriptor::new()).unwrap();
+    };
+    declare("gain", 0.5.into());
+    declare("text", "".into());
+    declare("list", (&[0.5; 4][..]).into());
+    parameters.veto(|change| match change.new {
+        ParameterValue::Double(v) if v < 0.0 => Err("negative"),
+        _ => Ok(()),
+    });
+    let client = node
+        .client::<Raw>("/n/set_parameters", Qos::services(), Duration::from_secs(9))
+        .unwrap();
+    let mut exec = Executor::new(&ctx);
+    exec.worker("p").parameters(&parameters).unwrap();
+    exec.worker("c").replies(&client, |_, _| ()).unwrap();
+    let mut local = exec.local().unwrap();
+    ALLOC.arm();
+    for n in 0..100_u32 {
+        let value = f64::from(n) - 50.0;
+        assert_eq!(parameters.set("gain", value).is_ok(), value >= 0.0);
+        parameters.set("text", "a longer text than before").unwrap();
+        parameters.set("list", &[value; 9][..]).unwrap();
+        let gain: f64 = parameters.get("gain").unwrap();
+        assert!(gain >= 0.0);
+        client.call(&Raw::default()).unwrap();
+        local.spin_for(Duration::from_micros(300));
+    }
+    local.spin_for(Duration::from_millis(10));
+    assert_eq!(ALLOC.disarm(), 0);
+    let served = local.stats("/n/srv:/n/set_parameters").unwrap();
+    assert_eq!((served.executed, served.errors), (100, 0));
+    assert_eq!(
+        local.stats("/n/cli:/n/set_parameters").unwrap().executed,
+        100
+    );
+}
+
+/// A request to set `text`, as bytes; the response is not looked at.
+#[derive(Default)]
+struct Raw;
+
+impl Message for Raw {
+    const TYPE_NAME: &'static str = "any";
+    const DDS_TYPE_NAME: &'static str = "any";
+    const MAX_SIZE: usize = 4100;
+
+    fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
+        w.sequence(1)?;
+        let value = ParameterValueView {
+            r#type: 4,
+            string_value: "and a text of quite another length",
+            ..ParameterValueView::default()
+        };
+        let name = "text";
+        ParameterView { name, value }.put(w)
+    }
+
+    fn decode(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
+        r.bytes(r.remaining()).map(drop)
+    }
+}
+
+impl Service for Raw {
+    type Request = Self;
+    type Response = Self;
+    const TYPE_NAME: &'static str = SetParameters::TYPE_NAME;
 }

@@ -38,7 +38,7 @@ impl Ids {
 }
 
 /// This moment by the wall clock; zeros before 1970 and after 2038.
-pub(super) fn now() -> Time {
+pub(crate) fn now() -> Time {
     let since = SystemTime::now().duration_since(UNIX_EPOCH);
     let since = since.unwrap_or_default();
     let sec = i32::try_from(since.as_secs()).unwrap_or_default();

@@ -29,6 +29,7 @@ mod state;
 mod table;
 
 pub use client::{ActionClient, GoalUpdate, Lost};
+pub(crate) use ids::now;
 pub use server::{GoalError, GoalHandle, GoalId, NewGoal};
 pub use state::{GoalEvent, GoalState};
 

@@ -1,0 +1,76 @@
+//! Why a parameter was not declared, read or set.
+
+use crate::stats::Text;
+use core::fmt;
+
+/// What is wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ParameterErrorKind {
+    /// There is no parameter of this name.
+    Unknown,
+    /// There is one already.
+    Exists,
+    /// A name that is empty or too long, or not allowed.
+    Name,
+    /// There may be no more parameters.
+    TooMany,
+    /// The value takes more bytes than values may.
+    TooLarge,
+    /// The value is of another type.
+    Type,
+    /// The value is outside the range.
+    Range,
+    /// It is read-only.
+    ReadOnly,
+    /// A callback has refused it.
+    Refused,
+    /// It was set from a callback of setting one.
+    Nested,
+}
+
+/// Why a parameter was not declared, read or set; the text names the parameter and what is allowed.
+/// Made without allocation; a text of more than 120 bytes is cut.
+#[derive(Clone, Copy)]
+pub struct ParameterError {
+    kind: ParameterErrorKind,
+    text: Text,
+}
+
+impl ParameterError {
+    pub(crate) fn new(kind: ParameterErrorKind, text: fmt::Arguments<'_>) -> Self {
+        let text = Text::of(&text);
+        Self { kind, text }
+    }
+
+    pub(crate) fn unknown(name: &str) -> Self {
+        let kind = ParameterErrorKind::Unknown;
+        Self::new(kind, format_args!("{name}: no such parameter"))
+    }
+
+    /// What is wrong, for programs.
+    #[must_use]
+    pub fn kind(&self) -> ParameterErrorKind {
+        self.kind
+    }
+
+    /// What is wrong, for people: the `reason` in responses.
+    #[must_use]
+    pub fn reason(&self) -> &str {
+        self.text.as_str()
+    }
+}
+
+impl fmt::Display for ParameterError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.reason())
+    }
+}
+
+impl fmt::Debug for ParameterError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:?}({:?})", self.kind, self.reason())
+    }
+}
+
+impl core::error::Error for ParameterError {}

@@ -1,0 +1,420 @@
+//! Reading and setting parameters from anywhere; callbacks, and the event that tells others.
+
+use super::descriptor::Descriptor;
+use super::error::{ParameterError, ParameterErrorKind as Kind};
+use super::store::{Bounds, Buffer, Mark, Table};
+use super::value::{FromParameter, ParameterValue, type_name};
+use crate::context::Node;
+use crate::error::Error;
+use crate::publisher::Publisher;
+use crate::qos::Qos;
+use crate::stats::Text;
+use crate::sync::{Arc, AtomicU64, Mutex, Ordering};
+use alloc::boxed::Box;
+use alloc::vec::Vec;
+use core::fmt;
+use replenish_interfaces::rcl_interfaces::msg::{ParameterEvent, ParameterView};
+use replenish_msg::wire::Wire;
+use replenish_msg::{CdrError, CdrWriter, Message};
+use replenish_os::current_tid;
+
+/// How many parameters there may be, and how large.
+#[derive(Debug, Clone, Copy)]
+pub struct ParameterOptions {
+    bounds: Bounds,
+    events: bool,
+}
+
+impl Default for ParameterOptions {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl ParameterOptions {
+    /// Up to 32 parameters with names of up to 64 bytes and values of up to 256 bytes, all of them
+    /// declared, changes told on `/parameter_events`.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            bounds: Bounds {
+                parameters: 32,
+                name: 64,
+                value: 256,
+                undeclared: false,
+            },
+            events: true,
+        }
+    }
+
+    /// So many parameters, 1..=1024.
+    #[must_use]
+    pub const fn parameters(mut self, most: usize) -> Self {
+        self.bounds.parameters = most;
+        self
+    }
+
+    /// Names of up to so many bytes, 1..=255.
+    #[must_use]
+    pub const fn name_bytes(mut self, most: usize) -> Self {
+        self.bounds.name = most;
+        self
+    }
+
+    /// Values of up to so many bytes, 8..=3072; each element of a string array takes 9 more than its
+    /// text at most.
+    #[must_use]
+    pub const fn value_bytes(mut self, most: usize) -> Self {
+        self.bounds.value = most;
+        self
+    }
+
+    /// Parameters that were not declared come into being by being set, and go by being set to
+    /// nothing. They are of dynamic type.
+    #[must_use]
+    pub const fn allow_undeclared(mut self) -> Self {
+        self.bounds.undeclared = true;
+        self
+    }
+
+    /// Changes are not told on `/parameter_events`.
+    #[must_use]
+    pub const fn no_events(mut self) -> Self {
+        self.events = false;
+        self
+    }
+}
+
+/// A parameter that is being set, or was.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct ParameterChange<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Its value before.
+    pub old: ParameterValue<'a>,
+    /// Its value after.
+    pub new: ParameterValue<'a>,
+}
+
+type Veto = Box<dyn FnMut(&ParameterChange<'_>) -> Result<(), Text> + Send>;
+type After = Box<dyn FnMut(&ParameterChange<'_>) + Send>;
+
+/// The parameters of one node. Clones are the same parameters; any thread may use them.
+///
+/// Reading waits for nobody but others who copy a value: no callback runs under that lock. Those who
+/// set take turns, with priority inheritance, callbacks included.
+///
+/// ```
+/// use replenish::{Context, Descriptor, ParameterOptions};
+/// let node = Context::in_process().node("controller")?;
+/// let parameters = node.parameters(ParameterOptions::new())?;
+/// parameters.declare("gain", 0.5, Descriptor::new().double_range(0.0, 1.0, 0.0))?;
+/// parameters.veto(|change| match change.name {
+///     "gain" if change.new == 0.25.into() => Err("a quarter resonates"),
+///     _ => Ok(()),
+/// });
+/// parameters.set("gain", 0.75)?;
+/// assert_eq!(parameters.get::<f64>("gain")?, 0.75);
+/// let error = parameters.set("gain", 1.5).unwrap_err();
+/// assert_eq!(error.reason(), "gain = 1.5: allowed are 0..=1 in steps of 0");
+/// assert_eq!(parameters.set("gain", 0.25).unwrap_err().reason(), "gain: a quarter resonates");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone)]
+pub struct Parameters {
+    pub(crate) inner: Arc<Inner>,
+}
+
+pub(crate) struct Inner {
+    pub(crate) node: Node,
+    pub(crate) table: Mutex<Table>,
+    setters: Mutex<Setters>,
+    /// Who has the setters' lock: a callback that sets must not wait for itself.
+    setter: AtomicU64,
+    events: Option<Publisher<ParameterEvent>>,
+}
+
+struct Setters {
+    vetoes: Vec<Veto>,
+    after: Vec<After>,
+    old: Buffer,
+}
+
+impl Node {
+    /// Parameters of this node. [`WorkerBuilder::parameters`](crate::WorkerBuilder::parameters)
+    /// serves them to others.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`] for an option out of range, [`Error::Middleware`] when
+    /// `/parameter_events` cannot be published.
+    pub fn parameters(&self, options: ParameterOptions) -> Result<Parameters, Error> {
+        let bounds = options.bounds;
+        let checks = [
+            ("parameters", bounds.parameters, 1..=1024, "1..=1024"),
+            ("name_bytes", bounds.name, 1..=255, "1..=255"),
+            ("value_bytes", bounds.value, 8..=3072, "8..=3072"),
+        ];
+        for (field, value, range, allowed) in checks {
+            if !range.contains(&value) {
+                let owner = alloc::format!("parameters of {}", self.name());
+                return Err(Error::parameter(owner, field, &value, allowed));
+            }
+        }
+        let events = match options.events {
+            true => Some(self.publisher("/parameter_events", Qos::parameter_events())?),
+            false => None,
+        };
+        let inner = Inner {
+            node: self.clone(),
+            table: Mutex::new(Table::new(bounds)),
+            setters: Mutex::new(Setters {
+                vetoes: Vec::new(),
+                after: Vec::new(),
+                old: Buffer::new(bounds.value),
+            }),
+            setter: AtomicU64::new(0),
+            events,
+        };
+        Ok(Parameters {
+            inner: Arc::new(inner),
+        })
+    }
+}
+
+/// A list of what is to be set, which can be gone through several times.
+pub(crate) trait Wishes<'v>: Iterator<Item = (&'v str, ParameterValue<'v>)> + Clone {}
+
+impl<'v, I: Iterator<Item = (&'v str, ParameterValue<'v>)> + Clone> Wishes<'v> for I {}
+
+impl Parameters {
+    /// A new parameter with its first value, whose type it keeps unless the descriptor says
+    /// otherwise. Allocates for the descriptor only.
+    ///
+    /// # Errors
+    /// [`ParameterError`]: its kind says which.
+    pub fn declare<'v>(
+        &self,
+        name: &str,
+        value: impl Into<ParameterValue<'v>>,
+        descriptor: Descriptor,
+    ) -> Result<(), ParameterError> {
+        let value = value.into();
+        let stage = |table: &mut Table| table.declare(name, &value, descriptor);
+        self.change(stage, core::iter::once((name, value.clone())))
+    }
+
+    /// Removes a parameter.
+    ///
+    /// # Errors
+    /// If there is none of this name, or it is read-only.
+    pub fn undeclare(&self, name: &str) -> Result<(), ParameterError> {
+        let wish = core::iter::once((name, ParameterValue::NotSet));
+        self.change(|table| table.undeclare(name), wish)
+    }
+
+    /// Sets one parameter. Does not allocate.
+    ///
+    /// # Errors
+    /// [`ParameterError`]: its kind says which; nothing has changed then.
+    pub fn set<'v>(
+        &self,
+        name: &str,
+        value: impl Into<ParameterValue<'v>>,
+    ) -> Result<(), ParameterError> {
+        self.set_all(core::iter::once((name, value.into())))
+    }
+
+    /// Sets several parameters, all or none: whoever reads does not see some of them changed and
+    /// others not, as long as he reads them with one [`get_all`](Self::get_all).
+    ///
+    /// # Errors
+    /// As [`set`](Self::set), for the first that cannot be set.
+    pub fn set_atomically(
+        &self,
+        wishes: &[(&str, ParameterValue<'_>)],
+    ) -> Result<(), ParameterError> {
+        self.set_all(wishes.iter().map(|(name, value)| (*name, value.clone())))
+    }
+
+    pub(crate) fn set_all<'v>(&self, wishes: impl Wishes<'v>) -> Result<(), ParameterError> {
+        let all = wishes.clone();
+        let stage = |table: &mut Table| {
+            let mut all = all;
+            all.try_for_each(|(name, value)| table.stage(name, &value))
+        };
+        self.change(stage, wishes)
+    }
+
+    /// The value of a parameter. Strings and arrays allocate; [`get_into`](Self::get_into) does not
+    /// once there is room.
+    ///
+    /// # Errors
+    /// If there is no such parameter, or it is of another type.
+    pub fn get<T: FromParameter>(&self, name: &str) -> Result<T, ParameterError> {
+        let mut value = T::default();
+        self.get_into(name, &mut value)?;
+        Ok(value)
+    }
+
+    /// Copies the value of a parameter.
+    ///
+    /// # Errors
+    /// As [`get`](Self::get); `to` is unchanged then.
+    pub fn get_into<T: FromParameter>(&self, name: &str, to: &mut T) -> Result<(), ParameterError> {
+        let table = self.inner.table.lock();
+        copy(&table, name, to)
+    }
+
+    /// Copies several values of one type, as they were at one moment.
+    ///
+    /// # Errors
+    /// As [`get`](Self::get), for the first; those before are copied.
+    pub fn get_all<T: FromParameter>(
+        &self,
+        names: &[&str],
+        to: &mut [T],
+    ) -> Result<(), ParameterError> {
+        let table = self.inner.table.lock();
+        let mut pairs = names.iter().zip(to);
+        pairs.try_for_each(|(name, to)| copy(&table, name, to))
+    }
+
+    /// From now on `callback` is asked before anything is set, on the thread that sets: an error
+    /// is the reason why not, and nothing of what is set together is. It may read parameters, not set
+    /// them. To be called at set-up: allocates, and stays.
+    pub fn veto<E: fmt::Display>(
+        &self,
+        mut callback: impl FnMut(&ParameterChange<'_>) -> Result<(), E> + Send + 'static,
+    ) {
+        let veto = move |change: &ParameterChange<'_>| callback(change).map_err(|e| Text::of(&e));
+        self.inner.setters.lock().vetoes.push(Box::new(veto));
+    }
+
+    /// From now on `callback` is told what was set, on the thread that sets, after it is in
+    /// force. Like a [veto](Self::veto) otherwise.
+    pub fn after_set(&self, callback: impl FnMut(&ParameterChange<'_>) + Send + 'static) {
+        self.inner.setters.lock().after.push(Box::new(callback));
+    }
+
+    /// Stages, asks, commits and tells.
+    fn change<'v>(
+        &self,
+        stage: impl FnOnce(&mut Table) -> Result<(), ParameterError>,
+        wishes: impl Wishes<'v>,
+    ) -> Result<(), ParameterError> {
+        let inner = &*self.inner;
+        let me = u64::from(current_tid().get().unsigned_abs());
+        if inner.setter.load(Ordering::Relaxed) == me {
+            let text = format_args!("a parameter was set from a callback of setting parameters");
+            return Err(ParameterError::new(Kind::Nested, text));
+        }
+        let mut setters = inner.setters.lock();
+        inner.setter.store(me, Ordering::Relaxed);
+        let _turn = Turn(inner);
+        stage(&mut inner.table.lock())?;
+        let Setters { vetoes, after, old } = &mut *setters;
+        for (name, new) in wishes.clone() {
+            self.recall(name, old, false);
+            let change = ParameterChange {
+                name,
+                old: old.value(),
+                new,
+            };
+            for veto in vetoes.iter_mut() {
+                veto(&change).map_err(|why| {
+                    let text = format_args!("{name}: {}", why.as_str());
+                    ParameterError::new(Kind::Refused, text)
+                })?;
+            }
+        }
+        {
+            let mut table = inner.table.lock();
+            inner.tell(&table);
+            table.commit();
+        }
+        if after.is_empty() {
+            return Ok(());
+        }
+        for (name, new) in wishes {
+            self.recall(name, old, true);
+            let change = ParameterChange {
+                name,
+                old: old.value(),
+                new,
+            };
+            after.iter_mut().for_each(|tell| tell(&change));
+        }
+        Ok(())
+    }
+
+    /// The value before what is staged, or before what was committed last.
+    fn recall(&self, name: &str, old: &mut Buffer, committed: bool) {
+        let table = self.inner.table.lock();
+        let value = match table.find(name) {
+            Ok(slot) if committed => slot.next.value(),
+            Ok(slot) => slot.now.value(),
+            Err(_) => ParameterValue::NotSet,
+        };
+        old.keep(&value); // as large as the values themselves
+    }
+}
+
+impl fmt::Debug for Parameters {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Parameters")
+            .field("node", &self.inner.node.name())
+            .finish_non_exhaustive()
+    }
+}
+
+/// Somebody sets; also if a callback panics.
+struct Turn<'i>(&'i Inner);
+
+impl Drop for Turn<'_> {
+    fn drop(&mut self) {
+        self.0.table.lock().unstage();
+        self.0.setter.store(0, Ordering::Relaxed);
+    }
+}
+
+fn copy<T: FromParameter>(table: &Table, name: &str, to: &mut T) -> Result<(), ParameterError> {
+    let slot = table.find(name)?;
+    match to.fill(&slot.now.value()) {
+        true => Ok(()),
+        false => {
+            let (is, wanted) = (type_name(slot.now.view().r#type), T::TYPE);
+            let text = format_args!("{name}: it is of type {is}, asked for was {wanted}");
+            Err(ParameterError::new(Kind::Type, text))
+        }
+    }
+}
+
+impl Inner {
+    /// Tells others what is staged. An event that cannot be sent is left out: who missed it asks.
+    fn tell(&self, table: &Table) {
+        let Some(events) = &self.events else {
+            return;
+        };
+        let written = |room: &mut [u8]| {
+            let mut w = CdrWriter::new(room);
+            crate::action::now().encode(&mut w)?;
+            w.string(self.node.name())?;
+            for mark in [Mark::New, Mark::Changed, Mark::Deleted] {
+                changes(&mut w, table, mark)?;
+            }
+            Ok(w.len())
+        };
+        events.publish_with(written).ok();
+    }
+}
+
+fn changes(w: &mut CdrWriter<'_>, table: &Table, mark: Mark) -> Result<(), CdrError> {
+    w.sequence(table.marked(mark).count())?;
+    for slot in table.marked(mark) {
+        let value = slot.next.view();
+        let name = &*slot.name;
+        ParameterView { name, value }.put(w)?;
+    }
+    Ok(())
+}
