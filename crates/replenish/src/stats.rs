@@ -126,7 +126,7 @@ impl Counters {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Text {
     bytes: [u8; 120],
-    len: usize,
+    len: u8,
 }
 
 impl Text {
@@ -143,14 +143,14 @@ impl Text {
     }
 
     pub(crate) fn as_str(&self) -> &str {
-        let bytes = self.bytes.get(..self.len).unwrap_or_default();
+        let bytes = self.bytes.get(..self.len.into()).unwrap_or_default();
         core::str::from_utf8(bytes).unwrap_or_default()
     }
 }
 
 impl fmt::Write for Text {
     fn write_str(&mut self, s: &str) -> fmt::Result {
-        let room = self.bytes.get_mut(self.len..).unwrap_or_default();
+        let room = self.bytes.get_mut(self.len.into()..).unwrap_or_default();
         let mut n = s.len().min(room.len());
         while !s.is_char_boundary(n) {
             n -= 1;
@@ -158,7 +158,7 @@ impl fmt::Write for Text {
         for (to, from) in room.iter_mut().zip(s.bytes().take(n)) {
             *to = from;
         }
-        self.len += n;
+        self.len += u8::try_from(n).unwrap_or(0); // at most 120
         if n < s.len() { Err(fmt::Error) } else { Ok(()) }
     }
 }

@@ -163,7 +163,7 @@ fn parameters() {
         parameters.set("list", &[value; 9][..]).unwrap();
         let gain: f64 = parameters.get("gain").unwrap();
         assert!(gain >= 0.0);
-        client.call(&Raw::default()).unwrap();
+        client.call(&Raw).unwrap();
         local.spin_for(Duration::from_micros(300));
     }
     local.spin_for(Duration::from_millis(10));
