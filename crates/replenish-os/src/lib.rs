@@ -20,37 +20,68 @@
 //!   and what kind of machine this is.
 //!
 //! Time is `u64` nanoseconds of `CLOCK_MONOTONIC` ([`Nanos`]) unless said otherwise.
-//! Every `unsafe` block lives in a module of its own topic under `linux/` and wraps one system call.
+//! Every `unsafe` block lives in a module of its own topic under the back end's directory.
+//!
+//! # Back ends
+//! | | Linux | `freertos` |
+//! |---|---|---|
+//! | chosen by | target | feature, on targets without an operating system |
+//! | policies, `spawn`, `Thread`, `granted`, `set_priority`, `promote`, `demote_to_tail` | all | FIFO and sporadic |
+//! | `Signal`, `PiMutex`, `clock`, `timer`, `Enforcer`, `Account`, `Meter`, `voluntary_switches` | yes | yes |
+//! | `memory`, `privilege::may_be_real_time` | yes | yes, nothing to do |
+//! | `poll`, `PollFd` | descriptors | no: `WakeFd::wait_until` waits for a wake-up alone |
+//! | `SwitchLog`, `baseline`, `machine`, affinity, `tty`, `connect_tcp` | yes | no |
+//! | `freertos`: start, interrupts, sealed heap, panics | no | yes |
 
+#![cfg_attr(not(target_os = "linux"), no_std)]
+
+extern crate alloc;
+
+#[cfg(all(not(target_os = "linux"), feature = "freertos"))]
+pub mod freertos;
 #[cfg(target_os = "linux")]
 mod linux;
 mod policy;
+
+#[cfg(all(not(target_os = "linux"), feature = "freertos"))]
+pub(crate) use freertos as backend;
 #[cfg(target_os = "linux")]
+pub(crate) use linux as backend;
+
+#[cfg(any(target_os = "linux", feature = "freertos"))]
+mod enforcer;
+#[cfg(any(target_os = "linux", feature = "freertos"))]
 mod signal;
-#[cfg(target_os = "linux")]
+#[cfg(any(target_os = "linux", feature = "freertos"))]
 mod sync_shim;
 
 #[cfg(target_os = "linux")]
-pub use linux::{
+pub use backend::{
     affinity::{CpuSet, affinity, set_affinity},
-    clock,
-    enforcer::{
-        Account, Enforcement, Enforcer, EnforcerConfig, EnforcerStats, EnrollError, MAX_REPL,
-        Meter, OverrunSamples, OverrunSummary, STALL, Stall, Stopped, Usage,
-    },
-    granted::{Granted, GrantedPolicy, granted},
     machine::{Machine, Preemption, machine},
+    poll::{PollFd, poll},
+    switches::{Drained, Switch, SwitchKind, SwitchLog},
+    tcp::connect_tcp,
+    tty,
+};
+#[cfg(any(target_os = "linux", feature = "freertos"))]
+pub use backend::{
+    clock,
+    granted::{Granted, GrantedPolicy, granted},
     memory,
     pi_mutex::{PiMutex, PiMutexGuard},
-    poll::{PollFd, WakeFd, poll},
+    poll::WakeFd,
     privilege,
     sched::{SchedClass, demote_to_tail, promote, set_priority},
     spawn_error::SpawnError,
-    switches::{Drained, Switch, SwitchKind, SwitchLog, voluntary_switches},
-    tcp::connect_tcp,
     thread::{Thread, ThreadSpec, spawn},
     tid::{Tid, current_tid},
-    timer, tty,
+    timer, voluntary_switches,
+};
+#[cfg(any(target_os = "linux", feature = "freertos"))]
+pub use enforcer::{
+    Account, Enforcement, Enforcer, EnforcerConfig, EnforcerStats, EnrollError, MAX_REPL, Meter,
+    OverrunSamples, OverrunSummary, STALL, Stall, Stopped, Usage,
 };
 /// What others build on: here to be measured against, not to be used.
 #[cfg(target_os = "linux")]
@@ -59,6 +90,6 @@ pub mod baseline {
     pub use crate::linux::cpu_timer::CpuTimer;
 }
 pub use policy::{MAX_PRIORITY, MIN_RUNTIME, Policy, PolicyError};
-#[cfg(target_os = "linux")]
+#[cfg(any(target_os = "linux", feature = "freertos"))]
 pub use signal::Signal;
 pub use sporadic::{Level, Low, Nanos, ParamError, Params};

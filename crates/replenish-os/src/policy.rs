@@ -1,8 +1,8 @@
 //! What a thread asks of the scheduler, checked before the kernel sees it.
 
 use crate::Nanos;
+use core::fmt;
 use sporadic::{Low, ParamError, Params};
-use std::fmt;
 
 /// The largest real-time priority of Linux and of most POSIX systems; the smallest is 1.
 pub const MAX_PRIORITY: u8 = 99;
@@ -237,7 +237,7 @@ impl fmt::Display for PolicyError {
     }
 }
 
-impl std::error::Error for PolicyError {}
+impl core::error::Error for PolicyError {}
 
 /// A span of time in the largest unit that keeps it exact: `30 ms`, `1500 us`, `7 ns`.
 pub(crate) struct Span(pub(crate) Nanos);

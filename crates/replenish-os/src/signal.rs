@@ -25,7 +25,7 @@
 
 use crate::Nanos;
 use crate::sync_shim::{FutexWord, Woken};
-use std::sync::atomic::Ordering;
+use core::sync::atomic::Ordering;
 
 const EMPTY: u32 = 0;
 const SET: u32 = 1;

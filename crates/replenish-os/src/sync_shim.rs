@@ -23,8 +23,8 @@ mod real {
 
     use super::Woken;
     use crate::Nanos;
-    use crate::linux::futex;
-    use std::sync::atomic::AtomicU32;
+    use crate::backend::futex;
+    use core::sync::atomic::AtomicU32;
 
     #[derive(Debug)]
     pub(crate) struct FutexWord(pub(crate) AtomicU32);

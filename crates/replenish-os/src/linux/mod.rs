@@ -4,8 +4,8 @@ pub(crate) mod affinity;
 pub(crate) mod bare_futex;
 pub mod clock;
 pub(crate) mod cpu_timer;
-pub(crate) mod enforcer;
 pub(crate) mod futex;
+mod gaps;
 pub(crate) mod granted;
 pub(crate) mod machine;
 pub mod memory;
@@ -15,6 +15,7 @@ pub mod privilege;
 pub(crate) mod sched;
 mod sched_attr;
 pub(crate) mod spawn_error;
+pub(crate) mod suspend;
 pub(crate) mod switches;
 mod sys;
 pub(crate) mod tcp;
@@ -22,3 +23,23 @@ pub(crate) mod thread;
 pub(crate) mod tid;
 pub mod timer;
 pub mod tty;
+pub(crate) mod watch;
+
+pub use switches::voluntary_switches;
+
+/// What a refused system call answers.
+pub(crate) type OsError = std::io::Error;
+
+/// Pending replenishments of a budget at most.
+pub(crate) const MAX_REPL: usize = 128;
+/// Budgeted workers of an enforcer unless said otherwise.
+pub(crate) const ENFORCER_CAPACITY: usize = 64;
+/// Stack of an enforcer in bytes.
+pub(crate) const ENFORCER_STACK: usize = 256 * 1024;
+/// How many of the newest overruns of a worker are kept.
+pub(crate) const OVERRUNS_KEPT: usize = 1024;
+
+/// Says what went wrong where nobody is there to be told.
+pub(crate) fn complain(what: std::fmt::Arguments<'_>) {
+    eprintln!("replenish: {what}");
+}

@@ -14,8 +14,8 @@
 //! waiting longer than the critical section itself.
 #![expect(unsafe_code, reason = "lends out the content of an UnsafeCell")]
 
-use super::enforcer::suspend;
 use super::futex;
+use super::suspend;
 use super::tid::current_tid;
 use std::cell::UnsafeCell;
 use std::fmt;

@@ -1,7 +1,10 @@
 //! How far budgets were overrun: the last ones exactly, in fixed memory.
 
+use alloc::boxed::Box;
+use alloc::vec::Vec;
+
 /// How many of the newest overruns of a worker are kept.
-const KEPT: usize = 1024;
+const KEPT: usize = crate::backend::OVERRUNS_KEPT;
 
 /// How many of the newest stalls of a worker are kept.
 const STALLS_KEPT: usize = 16;

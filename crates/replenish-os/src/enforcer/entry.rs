@@ -1,16 +1,15 @@
-//! One supervised thread: its reservation, its switch log, and how a verdict reaches the kernel.
+//! One supervised thread: its reservation, and how a verdict reaches the kernel.
 
-use super::gaps::GapTracker;
 use super::overruns::Overruns;
-use super::suspend::SuspendCell;
 use super::{AnyServer, Enforcement};
 use crate::Nanos;
-use crate::linux::clock::{self, ThreadCpuClock};
-use crate::linux::sched::{demote_to_tail, promote};
-use crate::linux::switches::SwitchLog;
-use crate::linux::tid::Tid;
+use crate::backend::clock::{self, ThreadCpuClock};
+use crate::backend::sched::{demote_to_tail, promote};
+use crate::backend::suspend::SuspendCell;
+use crate::backend::tid::Tid;
+use crate::backend::watch::Watch;
+use alloc::sync::Arc;
 use sporadic::{BudgetServer, Level, Low, Reservation, Verdict};
-use std::sync::Arc;
 
 /// What a judgement led to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,15 +28,14 @@ pub(super) struct Entry {
     pub(super) overruns: Overruns,
     pub(super) suspend: Arc<SuspendCell>,
     pub(super) live: bool,
-    switches: Option<SwitchLog>,
-    gaps: GapTracker,
+    watch: Watch,
 }
 
 impl Entry {
     pub(super) fn new(
         reservation: Reservation<AnyServer>,
         tid: Tid,
-        switches: Option<SwitchLog>,
+        watch: Watch,
         suspend: Arc<SuspendCell>,
     ) -> Self {
         Self {
@@ -47,8 +45,7 @@ impl Entry {
             overruns: Overruns::new(),
             suspend,
             live: true,
-            switches,
-            gaps: GapTracker::new(),
+            watch,
         }
     }
 
@@ -67,7 +64,7 @@ impl Entry {
 
     /// Whether blocking inside callbacks is seen through the kernel's records.
     pub(super) fn has_switch_log(&self) -> bool {
-        self.switches.is_some()
+        self.watch.is_exact()
     }
 
     /// See [`Reservation::pull_in`]; the new time if it moved.
@@ -94,31 +91,16 @@ impl Entry {
         })
     }
 
-    /// Whether the records show that the thread has not had the CPU since the last reading; saves
-    /// a system call per preempted worker and check.
-    fn has_not_run(&self) -> bool {
-        self.gaps.is_off_cpu() && self.switches.as_ref().is_some_and(SwitchLog::is_empty)
-    }
-
-    /// Reads the switch log up to `now`.
+    /// Reads the switch records up to `now`.
     fn drain(&mut self, now: Nanos) {
         let (_, since) = self.reservation.last_reading();
-        self.gaps.next_reading(since);
-        if let Some(log) = &mut self.switches {
-            let gaps = &mut self.gaps;
-            if log.drain(&mut |switch| gaps.feed(switch)).lost {
-                self.gaps.lost(since, now);
-            }
-        }
+        self.watch.read(since, now);
     }
 
     /// The worker leaves its wait; it was woken at `woken`.
     pub(super) fn activate(&mut self, woken: Nanos, now: Nanos) {
         let cpu = self.cpu();
-        if let Some(log) = &mut self.switches {
-            log.drain(&mut |_| {}); // switches of the wait itself
-        }
-        self.gaps.restart(now);
+        self.watch.restart(now);
         self.reservation.activate(woken, now, cpu);
     }
 
@@ -126,20 +108,20 @@ impl Entry {
     pub(super) fn block(&mut self, now: Nanos) {
         let cpu = self.cpu();
         self.drain(now);
-        self.reservation.block(now, cpu, self.gaps.gaps());
+        self.reservation.block(now, cpu, self.watch.gaps());
     }
 
     /// Decides by the CPU clock, and carries the decision out.
     pub(super) fn judge(&mut self, now: Nanos, rung: Enforcement) -> Outcome {
         let late = self.check_at().map_or(0, |at| now.saturating_sub(at));
-        let cpu = if self.has_not_run() {
-            self.gaps.next_reading(now);
+        let cpu = if self.watch.has_not_run() {
+            self.watch.skip_reading(now);
             self.reservation.last_reading().0
         } else {
             self.drain(now);
             self.cpu()
         };
-        let verdict = self.reservation.judge(now, cpu, self.gaps.gaps());
+        let verdict = self.reservation.judge(now, cpu, self.watch.gaps());
         self.obey(verdict, now, late, rung)
     }
 
@@ -148,15 +130,15 @@ impl Entry {
     pub(super) fn blocked_inside(&mut self, now: Nanos) {
         let cpu = self.cpu();
         let (_, since) = self.reservation.last_reading();
-        self.gaps.lost(since, now);
-        self.reservation.observe(now, cpu, self.gaps.gaps());
+        self.watch.lost(since, now);
+        self.reservation.observe(now, cpu, self.watch.gaps());
     }
 
     /// Brings the counters up to date without deciding anything.
     pub(super) fn observe(&mut self, now: Nanos) {
         let cpu = self.cpu();
         self.drain(now);
-        self.reservation.observe(now, cpu, self.gaps.gaps());
+        self.reservation.observe(now, cpu, self.watch.gaps());
     }
 
     /// Where the thread is at the low level, it may run at the high one again for good.
@@ -182,7 +164,7 @@ impl Entry {
             }
             (_, Level::High, Low::Suspend) => {
                 self.suspend.resume();
-                self.gaps.forget_block();
+                self.watch.forget_block();
                 Ok(())
             }
         };

@@ -39,30 +39,30 @@ thread_local! {
 
 /// Tells one worker whether it is suspended.
 #[derive(Debug)]
-pub(super) struct SuspendCell(AtomicU32);
+pub(crate) struct SuspendCell(AtomicU32);
 
 impl SuspendCell {
-    pub(super) const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self(AtomicU32::new(RUNNING))
     }
 
     /// Makes the calling thread one that can be suspended through this cell. The caller keeps the
     /// cell alive for as long as the thread runs (the enforcer's entry does).
-    pub(super) fn attach_current_thread(&self) -> io::Result<()> {
+    pub(crate) fn attach_current_thread(&self) -> io::Result<()> {
         install_handler()?;
         WORD.with(|w| w.set(&raw const self.0));
         Ok(())
     }
 
     /// The calling thread can no longer be suspended.
-    pub(super) fn detach_current_thread(&self) {
+    pub(crate) fn detach_current_thread(&self) {
         if WORD.with(Cell::get) == &raw const self.0 {
             WORD.with(|w| w.set(ptr::null()));
         }
     }
 
     /// Suspends the thread: at once if it is in a callback (`running`), else before its next one.
-    pub(super) fn suspend(&self, tid: Tid, running: bool) {
+    pub(crate) fn suspend(&self, tid: Tid, running: bool) {
         self.0.store(SUSPENDED, Ordering::SeqCst);
         if running {
             let process = std::process::id();
@@ -71,13 +71,13 @@ impl SuspendCell {
         }
     }
 
-    pub(super) fn resume(&self) {
+    pub(crate) fn resume(&self) {
         if self.0.swap(RUNNING, Ordering::SeqCst) == SUSPENDED {
             futex::wake_one(&self.0);
         }
     }
 
-    pub(super) fn wait_while_suspended(&self) {
+    pub(crate) fn wait_while_suspended(&self) {
         wait(&self.0);
     }
 }

@@ -2,16 +2,19 @@
 
 use super::entry::Entry;
 use super::overruns::summarise;
-use super::suspend::SuspendCell;
 use super::{AnyServer, Enforcement, EnrollError, OverrunSamples, OverrunSummary, Shared};
 use crate::Nanos;
 use crate::Signal;
-use crate::linux::clock::{self, ThreadCpuClock};
-use crate::linux::switches::{SwitchLog, voluntary_switches};
-use crate::linux::tid::{Tid, current_tid};
+use crate::backend::clock::{self, ThreadCpuClock};
+use crate::backend::pi_mutex::PiMutex;
+use crate::backend::suspend::SuspendCell;
+use crate::backend::tid::{Tid, current_tid};
+use crate::backend::voluntary_switches;
+use crate::backend::watch::Watch;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+use core::sync::atomic::{AtomicBool, Ordering};
 use sporadic::{BudgetServer, Kind, Level, Low, Params, Reservation};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The executor stops while a worker waits for budget.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,7 +42,7 @@ struct Inner {
     tid: Tid,
     clock: ThreadCpuClock,
     /// CPU time of an unbudgeted thread at its last reading, for after its end.
-    last_cpu: std::sync::atomic::AtomicU64,
+    last_cpu: PiMutex<Nanos>,
     budget: Option<Budgeted>,
 }
 
@@ -99,17 +102,13 @@ impl Account {
             .with_min_chunk(config.tuning.slack);
         let reservation = Reservation::new(server, config.tuning, now, clock::thread_cpu());
         // Without the records the voluntary-switch counter stands in: see callback_end().
-        let switches = if config.switch_log {
-            SwitchLog::open(tid).ok()
-        } else {
-            None
-        };
+        let watch = Watch::new(tid, config.switch_log);
         let suspends = params.low() == Low::Suspend && shared.rung != Enforcement::Deferred;
         let suspend = Arc::new(SuspendCell::new());
         if suspends {
             suspend.attach_current_thread().map_err(EnrollError::Os)?;
         }
-        let entry = Entry::new(reservation, tid, switches, Arc::clone(&suspend));
+        let entry = Entry::new(reservation, tid, watch, Arc::clone(&suspend));
         let has_switch_log = entry.has_switch_log();
         let index = {
             let mut state = shared.state.lock();
@@ -140,7 +139,7 @@ impl Account {
         let inner = Inner {
             tid,
             clock,
-            last_cpu: 0.into(),
+            last_cpu: PiMutex::new(0),
             budget,
         };
         Self {
@@ -211,9 +210,7 @@ impl Drop for Account {
     /// Takes the last reading while the thread still has a clock; the entry stays for its readers.
     fn drop(&mut self) {
         let inner = &self.meter.0;
-        inner
-            .last_cpu
-            .store(inner.clock.read().unwrap_or(0), Ordering::Release);
+        *inner.last_cpu.lock() = inner.clock.read().unwrap_or(0);
         self.meter.abandon();
         if let Some(b) = &inner.budget {
             b.suspend.detach_current_thread();
@@ -245,8 +242,8 @@ impl Meter {
     #[must_use]
     pub fn usage(&self) -> Usage {
         let Some(b) = &self.0.budget else {
-            let last = self.0.last_cpu.load(Ordering::Acquire);
-            let cpu_high = self.0.clock.read().unwrap_or(last);
+            let reading = self.0.clock.read();
+            let cpu_high = reading.unwrap_or_else(|| *self.0.last_cpu.lock());
             return Usage {
                 cpu_high,
                 ..Usage::default()

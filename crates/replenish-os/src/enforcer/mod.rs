@@ -19,37 +19,40 @@
 //! callbacks that stay within their budget cost one lock and one clock reading at each end.
 //!
 //! - `mod.rs`: the shared state, start and stop, the thread.
-//! - [`entry`]: one supervised thread: its reservation, its switch log, how a verdict is applied.
+//! - [`entry`]: one supervised thread: its reservation and how a verdict is applied.
 //! - [`account`]: the worker's side, and [`Meter`], the reader's.
-//! - [`gaps`]: turns context-switch records into blocking stretches.
-//! - [`suspend`]: the low mode that stops a thread altogether.
+//!
+//! The same code runs on every back end. What differs comes from `crate::backend`: the timer, CPU
+//! clocks, changes of priority, `Watch` (who blocked inside a callback?) and `SuspendCell` (the
+//! low mode that stops a thread altogether).
 //!
 //! Why it is built like this, with figures: `docs/enforcement.md`.
 
 mod account;
 mod entry;
-mod gaps;
 mod overruns;
-pub(super) mod suspend;
 
 pub use account::{Account, Meter, Stopped, Usage};
 pub use overruns::{OverrunSamples, OverrunSummary, STALL, Stall};
 
-use super::clock::{self, ThreadCpuClock};
-use super::pi_mutex::PiMutex;
-use super::spawn_error::SpawnError;
-use super::thread::{Thread, ThreadSpec, spawn};
-use super::timer::TimerFd;
+use crate::backend::clock::{self, ThreadCpuClock};
+use crate::backend::pi_mutex::PiMutex;
+use crate::backend::spawn_error::SpawnError;
+use crate::backend::thread::{Thread, ThreadSpec, spawn};
+use crate::backend::timer::TimerFd;
+use crate::backend::{self, OsError};
 use crate::{Nanos, Policy};
+use alloc::format;
+use alloc::string::String;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+use core::fmt;
+use core::sync::atomic::{AtomicBool, Ordering};
 use entry::Entry;
 use sporadic::{Kind, Params, Server, Tuning};
-use std::fmt;
-use std::io;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// How many pending replenishments a budget may have at most on this system.
-pub const MAX_REPL: usize = 128;
+pub const MAX_REPL: usize = backend::MAX_REPL;
 
 /// The server type that is enforced here.
 pub(crate) type AnyServer = Server<MAX_REPL>;
@@ -95,7 +98,8 @@ pub struct EnforcerConfig {
 }
 
 impl EnforcerConfig {
-    /// The defaults for workers pinned to `cpu`: priority 99, room for 64 workers.
+    /// The defaults for workers pinned to `cpu`: priority 99, room for 64 workers (8 on a
+    /// microcontroller).
     #[must_use]
     pub fn on_cpu(cpu: usize) -> Self {
         Self {
@@ -110,7 +114,7 @@ impl EnforcerConfig {
         Self {
             cpu: None,
             priority: 99,
-            capacity: 64,
+            capacity: backend::ENFORCER_CAPACITY,
             tuning: Tuning::LINUX,
             switch_log: true,
         }
@@ -136,7 +140,7 @@ pub enum EnrollError {
     /// The budget's parameters do not fit this system.
     Params(sporadic::ParamError),
     /// The kernel refused something at set-up.
-    Os(io::Error),
+    Os(OsError),
 }
 
 impl fmt::Display for EnrollError {
@@ -158,7 +162,7 @@ impl fmt::Display for EnrollError {
     }
 }
 
-impl std::error::Error for EnrollError {}
+impl core::error::Error for EnrollError {}
 
 /// Counters of one enforcer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -179,7 +183,7 @@ pub struct EnforcerStats {
 #[derive(Debug)]
 pub struct Enforcer {
     shared: Arc<Shared>,
-    thread: std::sync::Mutex<Option<Thread<()>>>,
+    thread: PiMutex<Option<Thread<()>>>,
     cpu_clock: Option<ThreadCpuClock>,
 }
 
@@ -214,10 +218,10 @@ impl Enforcer {
         let timer = TimerFd::new().map_err(SpawnError::Create)?;
         let name = config
             .cpu
-            .map_or_else(|| "enforcer".into(), |cpu| format!("enforcer/{cpu}"));
+            .map_or_else(|| String::from("enforcer"), |cpu| format!("enforcer/{cpu}"));
         let mut spec = ThreadSpec::new(&name)
             .policy(Policy::fifo(config.priority).map_err(SpawnError::Parameter)?)
-            .stack_size(256 * 1024);
+            .stack_size(backend::ENFORCER_STACK);
         if let Some(cpu) = config.cpu {
             spec = spec.cpu(cpu);
         }
@@ -227,7 +231,7 @@ impl Enforcer {
         let cpu_clock = Some(ThreadCpuClock::of(thread.tid()));
         Ok(Arc::new(Self {
             shared,
-            thread: std::sync::Mutex::new(Some(thread)),
+            thread: PiMutex::new(Some(thread)),
             cpu_clock,
         }))
     }
@@ -238,7 +242,7 @@ impl Enforcer {
         let shared = Shared::new(EnforcerConfig::unpinned(), Enforcement::Deferred, None);
         Arc::new(Self {
             shared: Arc::new(shared),
-            thread: std::sync::Mutex::new(None),
+            thread: PiMutex::new(None),
             cpu_clock: None,
         })
     }
@@ -278,19 +282,15 @@ impl Enforcer {
         if let Some(timer) = &self.shared.timer {
             // An arming in the past fires at once; the thread sees the flag and ends.
             if let Err(e) = timer.arm(1) {
-                eprintln!("replenish: enforcer: cannot arm its timer to stop: {e}");
+                backend::complain(format_args!("enforcer: cannot arm its timer to stop: {e}"));
                 return;
             }
         }
-        let thread = self
-            .thread
-            .lock()
-            .unwrap_or_else(std::sync::PoisonError::into_inner)
-            .take();
+        let thread = self.thread.lock().take();
         if let Some(thread) = thread
             && thread.join().is_err()
         {
-            eprintln!("replenish: the enforcer thread panicked");
+            backend::complain(format_args!("the enforcer thread panicked"));
         }
     }
 }

@@ -1,0 +1,85 @@
+/* The kernel as replenish needs it: no tick, no heap of its own, strict FIFO, and hooks that see
+ * every switch. An image may define the values in #ifndef itself. */
+#ifndef FREERTOS_CONFIG_H
+#define FREERTOS_CONFIG_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifndef configCPU_CLOCK_HZ
+#define configCPU_CLOCK_HZ 168000000UL
+#endif
+
+/* Priorities 0 (idle, and workers suspended for want of budget) to 99, as on Linux. */
+#define configMAX_PRIORITIES 100
+#define configUSE_PORT_OPTIMISED_TASK_SELECTION 0
+#define configUSE_PREEMPTION 1
+#define configUSE_TIME_SLICING 0
+#define configIDLE_SHOULD_YIELD 0
+
+/* There is no tick interrupt (see vPortSetupTimerInterrupt in shim.c); the kernel wants a number. */
+#define configTICK_RATE_HZ 1000
+#define configTICK_TYPE_WIDTH_IN_BITS TICK_TYPE_WIDTH_32_BITS
+#define configUSE_IDLE_HOOK 1
+#define configUSE_TICK_HOOK 0
+
+/* Memory comes from the image: tasks are made with memory of ours, before the heap is sealed. */
+#define configSUPPORT_STATIC_ALLOCATION 1
+#define configSUPPORT_DYNAMIC_ALLOCATION 0
+#ifndef configMINIMAL_STACK_SIZE
+#define configMINIMAL_STACK_SIZE 96
+#endif
+#define configMAX_TASK_NAME_LEN 16
+#define configCHECK_FOR_STACK_OVERFLOW 2
+
+#define configUSE_MUTEXES 1
+#define configUSE_TASK_NOTIFICATIONS 1
+#define configTASK_NOTIFICATION_ARRAY_ENTRIES 1
+#define configNUM_THREAD_LOCAL_STORAGE_POINTERS 1
+#define configUSE_CO_ROUTINES 0
+#define configUSE_TIMERS 0
+#define configQUEUE_REGISTRY_SIZE 0
+
+#define INCLUDE_vTaskPrioritySet 1
+#define INCLUDE_uxTaskPriorityGet 1
+#define INCLUDE_vTaskSuspend 1
+#define INCLUDE_vTaskDelete 0
+#define INCLUDE_vTaskDelay 0
+#define INCLUDE_xTaskDelayUntil 0
+#define INCLUDE_xTaskGetSchedulerState 1
+#define INCLUDE_uxTaskGetStackHighWaterMark 1
+#define INCLUDE_xTaskGetCurrentTaskHandle 1
+
+/* Cortex-M interrupt priorities, 4 bits. Interrupts of 5..15 may call the kernel. */
+#define configPRIO_BITS 4
+#define configKERNEL_INTERRUPT_PRIORITY (15 << (8 - configPRIO_BITS))
+#define configMAX_SYSCALL_INTERRUPT_PRIORITY (5 << (8 - configPRIO_BITS))
+#define configCHECK_HANDLER_INSTALLATION 0
+#define vPortSVCHandler SVCall
+#define xPortPendSVHandler PendSV
+#define xPortSysTickHandler SysTick
+
+extern void rp_assert_failed(const char *file, uint32_t line);
+#define configASSERT(x) \
+    if ((x) == 0) rp_assert_failed(__FILE__, __LINE__)
+
+/* Both hooks expand inside the kernel's tasks.c, in the switch itself, with interrupts masked.
+ *
+ * OUT: a task that is still in its ready list was preempted (or yielded); one that is not, blocked.
+ * IN: the list's cursor goes back to its end marker. The kernel takes the task after the cursor, so
+ * a list is then a plain queue: what runs is its head and stays there when it is preempted, as
+ * SCHED_FIFO wants it. (Left alone, the kernel rotates equals at every switch.) */
+extern void rp_switched_out(void *slot, uint32_t preempted);
+extern void rp_switched_in(void *slot);
+#define traceTASK_SWITCHED_OUT()                                                            \
+    rp_switched_out(pxCurrentTCB->pvThreadLocalStoragePointers[0],                          \
+                    listLIST_ITEM_CONTAINER(&(pxCurrentTCB->xStateListItem)) ==             \
+                        &(pxReadyTasksLists[pxCurrentTCB->uxPriority]))
+#define traceTASK_SWITCHED_IN()                                                             \
+    do {                                                                                    \
+        List_t *const rp_list = &(pxReadyTasksLists[pxCurrentTCB->uxPriority]);             \
+        rp_list->pxIndex = (ListItem_t *)&(rp_list->xListEnd);                              \
+        rp_switched_in(pxCurrentTCB->pvThreadLocalStoragePointers[0]);                      \
+    } while (0)
+
+#endif

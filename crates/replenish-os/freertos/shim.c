@@ -1,0 +1,85 @@
+/* What the Rust side of the FreeRTOS back end calls: functions with plain types, so that no
+ * structure of the kernel is described twice. Compiled with the kernel, by the image. */
+#include "FreeRTOS.h"
+#include "task.h"
+
+/* Memory for one task besides its stack. */
+uint32_t rp_tcb_bytes(void) { return sizeof(StaticTask_t); }
+
+/* Makes a task in memory of the caller's, which must stay. The slot is what the switch hooks get. */
+void *rp_task_create(void (*entry)(void *), const char *name, StackType_t *stack, uint32_t words,
+                     void *argument, uint32_t priority, void *tcb, void *slot)
+{
+    /* The task must not run before it has its slot. */
+    if (xTaskGetSchedulerState() != taskSCHEDULER_NOT_STARTED) vTaskSuspendAll();
+    TaskHandle_t task = xTaskCreateStatic(entry, name, words, argument, priority, stack,
+                                          (StaticTask_t *)tcb);
+    if (task != NULL) vTaskSetThreadLocalStoragePointer(task, 0, slot);
+    if (xTaskGetSchedulerState() != taskSCHEDULER_NOT_STARTED) (void)xTaskResumeAll();
+    return task;
+}
+
+void rp_start(void) { vTaskStartScheduler(); }
+
+/* The slot of the running task; NULL before the kernel runs, and in the idle task. */
+void *rp_current(void)
+{
+    if (xTaskGetSchedulerState() == taskSCHEDULER_NOT_STARTED) return NULL;
+    return pvTaskGetThreadLocalStoragePointer(NULL, 0);
+}
+
+/* Interrupts that may call the kernel are masked; returns what was masked before. Nests. */
+uint32_t rp_mask(void) { return ulPortRaiseBASEPRI(); }
+void rp_unmask(uint32_t before) { vPortSetBASEPRI(before); }
+
+/* Waits until rp_wake(); one that came before ends the wait at once. */
+void rp_block(void) { (void)ulTaskNotifyTake(pdTRUE, portMAX_DELAY); }
+
+/* From a task (not masked) or from an interrupt. */
+void rp_wake(void *task)
+{
+    if (xPortIsInsideInterrupt()) {
+        BaseType_t higher = pdFALSE;
+        vTaskNotifyGiveFromISR((TaskHandle_t)task, &higher);
+        portYIELD_FROM_ISR(higher);
+    } else {
+        (void)xTaskNotifyGive((TaskHandle_t)task);
+    }
+}
+
+/* Raised or lowered, the task goes to the tail of its new list. */
+void rp_set_priority(void *task, uint32_t priority) { vTaskPrioritySet((TaskHandle_t)task, priority); }
+
+/* Priority inheritance; masked. The kernel's own functions for its own mutexes. */
+void rp_held(void) { (void)pvTaskIncrementMutexHeldCount(); }
+void rp_inherit(void *owner) { (void)xTaskPriorityInherit((TaskHandle_t)owner); }
+uint32_t rp_disinherit(void) { return (uint32_t)xTaskPriorityDisinherit(xTaskGetCurrentTaskHandle()); }
+void rp_yield(void) { taskYIELD(); }
+
+/* Stops the calling task for good. */
+void rp_halt(void) { for (;;) vTaskSuspend(NULL); }
+
+uint32_t rp_stack_unused(void *task) { return uxTaskGetStackHighWaterMark((TaskHandle_t)task) * sizeof(StackType_t); }
+
+/* Replaces the port's: no tick interrupt. Every wait with an end is a deadline of ours. */
+void vPortSetupTimerInterrupt(void) {}
+
+void vApplicationIdleHook(void) { __asm volatile("dsb\n wfi\n isb" ::: "memory"); }
+
+extern void rp_stack_overflow(void *slot);
+void vApplicationStackOverflowHook(TaskHandle_t task, char *name)
+{
+    (void)name;
+    rp_stack_overflow(pvTaskGetThreadLocalStoragePointer(task, 0));
+}
+
+void vApplicationGetIdleTaskMemory(StaticTask_t **tcb, StackType_t **stack, configSTACK_DEPTH_TYPE *words)
+{
+    static StaticTask_t idle;
+    static StackType_t idle_stack[configMINIMAL_STACK_SIZE];
+    *tcb = &idle;
+    *stack = idle_stack;
+    *words = configMINIMAL_STACK_SIZE;
+}
+
+void *rp_current_task(void) { return xTaskGetCurrentTaskHandle(); }

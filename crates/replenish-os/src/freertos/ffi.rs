@@ -1,0 +1,200 @@
+//! The shim's functions (`freertos/shim.c`) and the image's, each behind a safe name.
+#![expect(
+    unsafe_code,
+    reason = "C functions of the kernel's shim and of the image"
+)]
+
+use crate::Nanos;
+use core::ffi::c_void;
+use core::fmt::{self, Write as _};
+use core::ptr::NonNull;
+
+mod c {
+    use core::ffi::{c_char, c_void};
+    unsafe extern "C" {
+        pub(super) fn rp_tcb_bytes() -> u32;
+        pub(super) fn rp_task_create(
+            entry: unsafe extern "C" fn(*mut c_void),
+            name: *const c_char,
+            stack: *mut u32,
+            words: u32,
+            argument: *mut c_void,
+            priority: u32,
+            tcb: *mut c_void,
+            slot: *const c_void,
+        ) -> *mut c_void;
+        pub(super) fn rp_start();
+        pub(super) fn rp_current() -> *const c_void;
+        pub(super) fn rp_current_task() -> *mut c_void;
+        pub(super) fn rp_mask() -> u32;
+        pub(super) fn rp_unmask(before: u32);
+        pub(super) fn rp_block();
+        pub(super) fn rp_wake(task: *mut c_void);
+        pub(super) fn rp_set_priority(task: *mut c_void, priority: u32);
+        pub(super) fn rp_held();
+        pub(super) fn rp_inherit(owner: *mut c_void);
+        pub(super) fn rp_disinherit() -> u32;
+        pub(super) fn rp_yield();
+        pub(super) fn rp_halt() -> !;
+        pub(super) fn rp_stack_unused(task: *mut c_void) -> u32;
+        pub(super) fn rp_board_now() -> u64;
+        pub(super) fn rp_board_arm(at: u64);
+        pub(super) fn rp_board_print(text: *const u8, bytes: usize);
+    }
+}
+
+/// A task of the kernel. Tasks are never deleted, so a handle stays good.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) struct Task(NonNull<c_void>);
+
+// SAFETY: the kernel takes handles from any task and from interrupts.
+unsafe impl Send for Task {}
+
+/// Everything [`create`] hands to the kernel for good.
+pub(crate) struct Creation {
+    pub(crate) entry: unsafe extern "C" fn(*mut c_void),
+    pub(crate) name: &'static core::ffi::CStr,
+    pub(crate) stack: &'static mut [u64],
+    pub(crate) argument: *mut c_void,
+    pub(crate) priority: u8,
+    pub(crate) tcb: &'static mut [u64],
+    pub(crate) slot: *const c_void,
+}
+
+/// The size of a task's control block.
+pub(crate) fn tcb_bytes() -> usize {
+    // SAFETY: no arguments, no state.
+    unsafe { c::rp_tcb_bytes() as usize }
+}
+
+/// Makes a task; it runs as soon as its priority lets it.
+pub(crate) fn create(what: &mut Creation) -> Option<Task> {
+    let words = u32::try_from(what.stack.len() * 2).ok()?;
+    if size_of_val(what.tcb) < tcb_bytes() {
+        return None;
+    }
+    // SAFETY: stack and control block are large enough, aligned to 8 and given away for good.
+    let task = unsafe {
+        c::rp_task_create(
+            what.entry,
+            what.name.as_ptr(),
+            what.stack.as_mut_ptr().cast(),
+            words,
+            what.argument,
+            what.priority.into(),
+            what.tcb.as_mut_ptr().cast(),
+            what.slot,
+        )
+    };
+    NonNull::new(task).map(Task)
+}
+
+/// Starts the kernel; returns only if it could not.
+pub(crate) fn run_kernel() {
+    // SAFETY: called once, from `main`, with tasks made.
+    unsafe { c::rp_start() };
+}
+
+/// The slot pointer of the running task; null outside of tasks.
+pub(crate) fn current() -> *const c_void {
+    // SAFETY: reads the kernel's current task.
+    unsafe { c::rp_current() }
+}
+
+/// The running task.
+pub(crate) fn current_task() -> Option<Task> {
+    // SAFETY: reads the kernel's current task.
+    NonNull::new(unsafe { c::rp_current_task() }).map(Task)
+}
+
+/// Masks the interrupts that may call the kernel, and thereby switches too.
+pub(crate) fn mask() -> u32 {
+    // SAFETY: sets BASEPRI; allowed in tasks and interrupts.
+    unsafe { c::rp_mask() }
+}
+
+/// Undoes [`mask`].
+pub(crate) fn unmask(before: u32) {
+    // SAFETY: `before` came from `mask`.
+    unsafe { c::rp_unmask(before) };
+}
+
+/// The running task waits until it is woken; not while masked.
+pub(crate) fn block() {
+    // SAFETY: called from tasks only (callers have a slot).
+    unsafe { c::rp_block() };
+}
+
+/// Wakes a task; not while masked, unless inside an interrupt.
+pub(crate) fn wake(task: Task) {
+    // SAFETY: the handle is good for ever.
+    unsafe { c::rp_wake(task.0.as_ptr()) };
+}
+
+/// Sets the base priority; an inherited one stays while it is higher.
+pub(crate) fn set_priority(task: Task, priority: u8) {
+    // SAFETY: the handle is good; the priority is below configMAX_PRIORITIES.
+    unsafe { c::rp_set_priority(task.0.as_ptr(), priority.into()) };
+}
+
+/// The running task has taken a mutex.
+pub(crate) fn held() {
+    // SAFETY: counts in the running task's control block.
+    unsafe { c::rp_held() };
+}
+
+/// `owner` gets the running task's priority if that is higher; masked.
+pub(crate) fn inherit(owner: Task) {
+    // SAFETY: the handle is good; the kernel's lists are protected by the mask.
+    unsafe { c::rp_inherit(owner.0.as_ptr()) };
+}
+
+/// The running task gives a mutex back; masked. Whether it lost an inherited priority.
+pub(crate) fn disinherit() -> bool {
+    // SAFETY: pairs with `held`; the kernel's lists are protected by the mask.
+    unsafe { c::rp_disinherit() != 0 }
+}
+
+/// Lets the kernel choose again.
+pub(crate) fn yield_now() {
+    // SAFETY: pends the switch interrupt.
+    unsafe { c::rp_yield() };
+}
+
+/// Stops the running task for good.
+pub(crate) fn halt() -> ! {
+    // SAFETY: suspends the running task and never resumes it.
+    unsafe { c::rp_halt() }
+}
+
+/// Bytes of the task's stack that were never used.
+pub(crate) fn stack_unused(task: Task) -> usize {
+    // SAFETY: the handle is good; reads its stack.
+    unsafe { c::rp_stack_unused(task.0.as_ptr()) as usize }
+}
+
+/// The image's clock.
+pub(crate) fn board_now() -> Nanos {
+    // SAFETY: the image's function; callable anywhere by contract.
+    unsafe { c::rp_board_now() }
+}
+
+/// The image's one-shot timer.
+pub(crate) fn board_arm(at: Nanos) {
+    // SAFETY: the image's function; called masked.
+    unsafe { c::rp_board_arm(at) };
+}
+
+/// A line to the image's console.
+pub(crate) fn complain(what: fmt::Arguments<'_>) {
+    struct Out;
+    impl fmt::Write for Out {
+        fn write_str(&mut self, s: &str) -> fmt::Result {
+            // SAFETY: the text is readable for the call.
+            unsafe { c::rp_board_print(s.as_ptr(), s.len()) };
+            Ok(())
+        }
+    }
+    // The console has no error to report.
+    writeln!(Out, "replenish: {what}").ok();
+}

@@ -1,0 +1,118 @@
+//! Waiting on a word of memory, and the deadlines of all tasks on the board's one timer.
+//!
+//! ```text
+//!   wait:  masked { word still as expected? note word and deadline in the slot } block
+//!   wake:  masked { highest slot that waits on the word: forget the word }       wake its task
+//!   timer: each slot whose deadline is due: forget it                            wake its task
+//! ```
+//!
+//! A task that is woken finds out by itself why, so a wake-up too many costs a look and no harm.
+
+use super::ffi;
+use super::slot::{self, NEVER, Slot};
+use crate::Nanos;
+use core::ptr;
+use core::sync::atomic::{AtomicU32, Ordering};
+
+/// Sleeps while `word` has the value `expected`, at most until `deadline`; whether that has passed.
+pub(crate) fn wait(word: &AtomicU32, expected: u32, deadline: Option<Nanos>) -> bool {
+    let before = ffi::mask();
+    sleep(word, expected, deadline, before);
+    deadline.is_some_and(|t| ffi::board_now() >= t)
+}
+
+/// The same for a caller that is masked already, and unmasked on return.
+pub(crate) fn wait_masked(word: &AtomicU32, expected: u32, before: u32) {
+    sleep(word, expected, None, before);
+}
+
+fn sleep(word: &AtomicU32, expected: u32, deadline: Option<Nanos>, before: u32) {
+    let Some(me) = slot::current() else {
+        ffi::unmask(before);
+        return;
+    };
+    let sleeps = word.load(Ordering::SeqCst) == expected;
+    if sleeps {
+        let at = deadline.unwrap_or(NEVER);
+        me.state.with(|s| {
+            s.waits_on = ptr::from_ref(word);
+            s.deadline = at;
+        });
+        if at != NEVER {
+            program();
+        }
+    }
+    ffi::unmask(before);
+    if !sleeps {
+        return;
+    }
+    ffi::block();
+    me.state.with(|s| {
+        s.waits_on = ptr::null();
+        s.deadline = NEVER;
+    });
+}
+
+/// Wakes the highest task that waits on `word`. From tasks and interrupts; not while masked.
+pub(crate) fn wake_one(word: &AtomicU32) {
+    let before = ffi::mask();
+    let highest = take_waiter(word);
+    ffi::unmask(before);
+    if let Some(task) = highest.and_then(|slot| slot.state.with(|s| s.task)) {
+        ffi::wake(task);
+    }
+}
+
+/// The highest task that waits on `word`, which it then no longer does; masked.
+pub(crate) fn take_waiter(word: &AtomicU32) -> Option<&'static Slot> {
+    let mut best: Option<(u8, &'static Slot)> = None;
+    for slot in slot::all() {
+        let (on, priority) = slot.state.with(|s| (s.waits_on, s.priority));
+        // Newest first: with >=, the oldest of equals wins.
+        if ptr::eq(on, word) && best.is_none_or(|(p, _)| priority >= p) {
+            best = Some((priority, slot));
+        }
+    }
+    let (_, slot) = best?;
+    slot.state.with(|s| s.waits_on = ptr::null());
+    Some(slot)
+}
+
+/// Whether some task waits on `word`; masked.
+pub(crate) fn has_waiter(word: &AtomicU32) -> bool {
+    slot::all().any(|slot| slot.state.with(|s| ptr::eq(s.waits_on, word)))
+}
+
+/// Sleeps until `t`.
+pub(crate) fn sleep_until(t: Nanos) {
+    let word = AtomicU32::new(0);
+    while ffi::board_now() < t {
+        wait(&word, 0, Some(t));
+    }
+}
+
+/// Sets the board's timer for the earliest deadline; masked.
+pub(crate) fn program() {
+    let earliest = slot::all().map(|s| s.state.with(|s| s.deadline)).min();
+    ffi::board_arm(earliest.unwrap_or(NEVER));
+}
+
+/// The board's timer interrupt: wakes every task whose deadline has come, sets the next.
+pub(crate) fn on_timer() {
+    let now = ffi::board_now();
+    for slot in slot::all() {
+        let due = slot.state.with(|s| {
+            let due = s.deadline <= now;
+            if due {
+                s.deadline = NEVER;
+            }
+            s.task.filter(|_| due)
+        });
+        if let Some(task) = due {
+            ffi::wake(task);
+        }
+    }
+    let before = ffi::mask();
+    program();
+    ffi::unmask(before);
+}

@@ -1,0 +1,59 @@
+//! The FreeRTOS back end: tasks with our policies over a kernel without tick and without heap.
+//!
+//! The image compiles the kernel with `freertos/FreeRTOSConfig.h` and `freertos/shim.c` of this
+//! crate, has a global allocator ([`SealedHeap`] or its own), and gives this back end a timer:
+//!
+//! ```text
+//!   image            rp_board_now() -> ns ────────► clock, switch hooks
+//!                    rp_board_arm(ns) ◄──────────── earliest deadline of all tasks
+//!                    its interrupt ──► on_timer() ─► wakes who waited for it
+//!   kernel           traceTASK_SWITCHED_OUT/IN ───► CPU time, preempted or blocked
+//! ```
+//!
+//! Every wait with an end is one of our deadlines in nanoseconds, so the kernel's tick is off and
+//! an idle board sleeps (`WFI`) until the next deadline or interrupt.
+//!
+//! What each task takes: its stack, a TCB of the kernel and a slot of 170 bytes; see
+//! [`Thread::stack_unused`](crate::Thread::stack_unused).
+
+pub mod clock;
+mod error;
+mod ffi;
+pub(crate) mod futex;
+pub(crate) mod granted;
+mod heap;
+mod masked;
+pub mod memory;
+mod panics;
+pub(crate) mod pi_mutex;
+pub(crate) mod poll;
+pub mod privilege;
+pub(crate) mod sched;
+pub(crate) mod slot;
+pub(crate) mod spawn_error;
+mod start;
+pub(crate) mod suspend;
+pub(crate) mod thread;
+pub(crate) mod tid;
+pub mod timer;
+pub(crate) mod watch;
+
+pub use error::OsError;
+pub use heap::{HeapUse, SealedHeap};
+pub use panics::{Panicked, halt, panicked};
+pub use slot::voluntary_switches;
+pub use start::{on_timer, start};
+
+/// Pending replenishments of a budget at most: 16 bytes each.
+pub(crate) const MAX_REPL: usize = 16;
+/// Budgeted workers of an enforcer unless said otherwise.
+pub(crate) const ENFORCER_CAPACITY: usize = 8;
+/// Stack of an enforcer in bytes.
+pub(crate) const ENFORCER_STACK: usize = 1536;
+/// How many of the newest overruns of a worker are kept.
+pub(crate) const OVERRUNS_KEPT: usize = 16;
+
+/// Says what went wrong where nobody is there to be told.
+pub(crate) fn complain(what: core::fmt::Arguments<'_>) {
+    ffi::complain(what);
+}

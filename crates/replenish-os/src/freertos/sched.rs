@@ -1,0 +1,64 @@
+//! Changing priorities of tasks. The kernel puts a task that was raised or lowered at the tail of
+//! its new list, as POSIX wants it for both ends of a budget.
+
+use super::error::OsError;
+use super::ffi;
+use super::slot;
+use super::tid::Tid;
+use crate::MAX_PRIORITY;
+
+/// A scheduling class with its priority, 1 (lowest) to 99.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum SchedClass {
+    /// Below every priority: runs while nothing else wants to (priority 1, FIFO).
+    Other,
+    /// FIFO at this priority.
+    Fifo(u8),
+    /// Not there on this kernel: refused.
+    RoundRobin(u8),
+}
+
+/// Puts task `tid` into `class`.
+///
+/// # Errors
+/// For a priority outside `1..=99`, for round-robin, and for a number no task has.
+pub fn set_priority(tid: Tid, class: SchedClass) -> Result<(), OsError> {
+    match class {
+        SchedClass::Other => promote(tid, 1),
+        SchedClass::Fifo(priority) => promote(tid, priority),
+        SchedClass::RoundRobin(_) => Err(OsError("round-robin is not available under FreeRTOS")),
+    }
+}
+
+/// Gives task `tid` the FIFO priority `hi`, at the tail of that priority's list.
+///
+/// # Errors
+/// As [`set_priority`].
+pub fn promote(tid: Tid, hi: u8) -> Result<(), OsError> {
+    if !(1..=MAX_PRIORITY).contains(&hi) {
+        return Err(OsError("priority out of range: allowed 1 to 99"));
+    }
+    place(tid, hi)
+}
+
+/// Lowers task `tid` to priority `lo`, at the tail of its list. `lo` = 0 stops it: the idle task
+/// is before it, and never gives the CPU away (a task that waits for its lock can raise it).
+///
+/// # Errors
+/// As [`set_priority`].
+pub fn demote_to_tail(tid: Tid, lo: u8) -> Result<(), OsError> {
+    if lo > MAX_PRIORITY {
+        return Err(OsError("priority out of range: allowed 0 to 99"));
+    }
+    place(tid, lo)
+}
+
+fn place(tid: Tid, priority: u8) -> Result<(), OsError> {
+    let slot = slot::find(tid.get()).ok_or(OsError("no task has this number"))?;
+    let task = slot.state.with(|s| {
+        s.priority = priority;
+        s.task
+    });
+    ffi::set_priority(task.ok_or(OsError("the task was never made"))?, priority);
+    Ok(())
+}

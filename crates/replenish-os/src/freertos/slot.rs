@@ -1,0 +1,218 @@
+//! What this back end knows of each task, kept up to date by the kernel's switch hooks.
+//!
+//! ```text
+//!   SWITCHED_OUT, in its ready list ──► preempted: cpu += now - in_at
+//!   SWITCHED_OUT, not in it        ──► blocked:   cpu += now - in_at, a gap opens
+//!   SWITCHED_IN                    ──► in_at = now, an open gap is complete
+//! ```
+//!
+//! Slots are made at set-up, linked into one list and never freed. Time in interrupts counts for
+//! the task they interrupt.
+#![expect(
+    unsafe_code,
+    reason = "hooks get slots as pointers; the list's end is one"
+)]
+
+use super::ffi::{self, Task};
+use super::masked::Masked;
+use crate::Nanos;
+use core::ffi::c_void;
+use core::ptr;
+use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
+use sporadic::Gap;
+
+/// No deadline.
+pub(crate) const NEVER: Nanos = Nanos::MAX;
+
+/// Gaps kept between two readings; more are joined to the last one, which is safe (a later
+/// activation delays a replenishment).
+const MAX_GAPS: usize = 4;
+
+/// One task.
+#[derive(Debug)]
+pub(crate) struct Slot {
+    pub(crate) id: i32,
+    pub(crate) stack_bytes: usize,
+    pub(crate) state: Masked<State>,
+    next: AtomicPtr<Slot>,
+}
+
+/// The changing part of a slot.
+pub(crate) struct State {
+    pub(crate) task: Option<Task>,
+    /// The priority set last, without inheritance.
+    pub(crate) priority: u8,
+    /// When the task wants to be woken at the latest.
+    pub(crate) deadline: Nanos,
+    /// The word the task waits on; null: none.
+    pub(crate) waits_on: *const AtomicU32,
+    pub(crate) ended: bool,
+    pub(crate) gaps: Gaps,
+    cpu: Nanos,
+    in_at: Nanos,
+    on_cpu: bool,
+    blocks: u32,
+}
+
+// SAFETY: the pointer is compared, never followed.
+unsafe impl Send for State {}
+
+/// The blocking stretches since they were last taken.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Gaps {
+    pub(crate) list: [Gap; MAX_GAPS],
+    pub(crate) len: usize,
+    /// CPU clock up to which gaps have counted.
+    mark: Nanos,
+    open: Option<Nanos>,
+}
+
+impl Gaps {
+    pub(crate) const fn new() -> Self {
+        const NONE: Gap = Gap {
+            ran: 0,
+            out_at: 0,
+            in_at: 0,
+        };
+        Self {
+            list: [NONE; MAX_GAPS],
+            len: 0,
+            mark: 0,
+            open: None,
+        }
+    }
+
+    /// What has happened so far is done with; an open block stays open.
+    pub(crate) fn clear(&mut self, cpu: Nanos) {
+        self.len = 0;
+        self.mark = cpu;
+    }
+
+    pub(crate) fn forget_open(&mut self) {
+        self.open = None;
+    }
+
+    fn close(&mut self, now: Nanos, cpu: Nanos) {
+        let Some(out_at) = self.open.take() else {
+            return;
+        };
+        let gap = Gap {
+            ran: cpu.saturating_sub(self.mark),
+            out_at,
+            in_at: now,
+        };
+        if let Some(place) = self.list.get_mut(self.len) {
+            *place = gap;
+            self.len += 1;
+            self.mark = cpu;
+        } else if let Some(last) = self.list.last_mut() {
+            last.in_at = now;
+        }
+    }
+}
+
+impl State {
+    /// CPU time up to `now`.
+    pub(crate) fn cpu(&self, now: Nanos) -> Nanos {
+        if self.on_cpu {
+            self.cpu + now.saturating_sub(self.in_at)
+        } else {
+            self.cpu
+        }
+    }
+}
+
+static SLOTS: AtomicPtr<Slot> = AtomicPtr::new(ptr::null_mut());
+static COUNT: AtomicU32 = AtomicU32::new(0);
+
+/// A new slot, to be given to a task.
+pub(crate) fn make(priority: u8, stack_bytes: usize) -> &'static Slot {
+    let id = COUNT.fetch_add(1, Ordering::Relaxed) + 1;
+    let slot = alloc::boxed::Box::leak(alloc::boxed::Box::new(Slot {
+        id: i32::try_from(id).unwrap_or(i32::MAX),
+        stack_bytes,
+        state: Masked::new(State {
+            task: None,
+            priority,
+            deadline: NEVER,
+            waits_on: ptr::null(),
+            ended: false,
+            gaps: Gaps::new(),
+            cpu: 0,
+            in_at: 0,
+            on_cpu: false,
+            blocks: 0,
+        }),
+        next: AtomicPtr::new(ptr::null_mut()),
+    }));
+    slot.next
+        .store(SLOTS.load(Ordering::Acquire), Ordering::Release);
+    let before = ffi::mask();
+    slot.next
+        .store(SLOTS.load(Ordering::Acquire), Ordering::Release);
+    SLOTS.store(ptr::from_mut(slot), Ordering::Release);
+    ffi::unmask(before);
+    slot
+}
+
+/// All slots, newest first.
+pub(crate) fn all() -> impl Iterator<Item = &'static Slot> {
+    let mut at = SLOTS.load(Ordering::Acquire);
+    core::iter::from_fn(move || {
+        // SAFETY: slots are leaked boxes, published whole.
+        let slot = unsafe { at.as_ref() }?;
+        at = slot.next.load(Ordering::Acquire);
+        Some(slot)
+    })
+}
+
+/// The running task's; `None` before the kernel runs and in the idle task.
+pub(crate) fn current() -> Option<&'static Slot> {
+    // SAFETY: the kernel keeps what `rp_task_create` was given: a leaked box, or null.
+    unsafe { ffi::current().cast::<Slot>().as_ref() }
+}
+
+/// The slot with this number.
+pub(crate) fn find(id: i32) -> Option<&'static Slot> {
+    all().find(|slot| slot.id == id)
+}
+
+/// How often the calling task has blocked so far.
+#[must_use]
+pub fn voluntary_switches() -> u64 {
+    current().map_or(0, |slot| slot.state.with(|s| s.blocks.into()))
+}
+
+/// The kernel's hook: the running task is about to lose the CPU.
+#[unsafe(no_mangle)]
+extern "C" fn rp_switched_out(slot: *const c_void, preempted: u32) {
+    // SAFETY: as in `current`.
+    let Some(slot) = (unsafe { slot.cast::<Slot>().as_ref() }) else {
+        return;
+    };
+    let now = ffi::board_now();
+    slot.state.with(|s| {
+        s.cpu += now.saturating_sub(s.in_at);
+        s.on_cpu = false;
+        if preempted == 0 {
+            s.blocks = s.blocks.wrapping_add(1);
+            s.gaps.open = Some(now);
+        }
+    });
+}
+
+/// The kernel's hook: the chosen task is about to run.
+#[unsafe(no_mangle)]
+extern "C" fn rp_switched_in(slot: *const c_void) {
+    // SAFETY: as in `current`.
+    let Some(slot) = (unsafe { slot.cast::<Slot>().as_ref() }) else {
+        return;
+    };
+    let now = ffi::board_now();
+    slot.state.with(|s| {
+        s.in_at = now;
+        s.on_cpu = true;
+        let cpu = s.cpu;
+        s.gaps.close(now, cpu);
+    });
+}

@@ -1,0 +1,37 @@
+//! From `main` to the first task.
+
+use super::ffi;
+use super::futex;
+use super::slot;
+use super::spawn_error::SpawnError;
+use super::thread;
+use alloc::boxed::Box;
+use alloc::ffi::CString;
+
+/// Makes the first task and starts the kernel; returns only if it could not.
+///
+/// # Errors
+/// If the memory for the task or the kernel is missing, or the priority is not 1 to 99.
+pub fn start(
+    priority: u8,
+    stack_bytes: usize,
+    main: impl FnOnce() + Send + 'static,
+) -> Result<(), SpawnError> {
+    crate::Policy::fifo(priority)?;
+    let slot = slot::make(priority, stack_bytes);
+    thread::start(
+        slot,
+        CString::default(),
+        stack_bytes,
+        priority,
+        Box::new(main),
+    )?;
+    ffi::run_kernel();
+    Ok(())
+}
+
+/// To be called by the image when the time it was given by `rp_board_arm` has come: from the
+/// interrupt of its timer, at a priority that may call the kernel. Too early does no harm.
+pub fn on_timer() {
+    futex::on_timer();
+}

@@ -1,0 +1,56 @@
+//! The low mode that stops an exhausted worker altogether (`Low::Suspend`): priority 0, behind the
+//! idle task, where it only ever runs to give back a lock that somebody waits for.
+
+use super::error::OsError;
+use super::masked::Masked;
+use super::sched::{demote_to_tail, promote};
+use super::slot;
+use super::tid::Tid;
+
+/// Tells one worker whether it is suspended.
+#[derive(Debug)]
+pub(crate) struct SuspendCell(Masked<Option<(Tid, u8, bool)>>);
+
+impl SuspendCell {
+    pub(crate) const fn new() -> Self {
+        Self(Masked::new(None))
+    }
+
+    /// Makes the calling task one that can be suspended through this cell.
+    pub(crate) fn attach_current_thread(&self) -> Result<(), OsError> {
+        let slot = slot::current().ok_or(OsError("not a task"))?;
+        let priority = slot.state.with(|s| s.priority);
+        self.0
+            .with(|cell| *cell = Some((Tid::of(slot), priority, false)));
+        Ok(())
+    }
+
+    /// The calling task can no longer be suspended.
+    pub(crate) fn detach_current_thread(&self) {
+        self.resume();
+        self.0.with(|cell| *cell = None);
+    }
+
+    pub(crate) fn suspend(&self, tid: Tid, _running: bool) {
+        self.0.with(|cell| {
+            if let Some((_, _, suspended)) = cell {
+                *suspended = true;
+            }
+        });
+        demote_to_tail(tid, 0).ok();
+    }
+
+    pub(crate) fn resume(&self) {
+        let was = self.0.with(|cell| {
+            let (tid, high, suspended) = cell.as_mut()?;
+            core::mem::take(suspended).then_some((*tid, *high))
+        });
+        if let Some((tid, high)) = was {
+            promote(tid, high).ok();
+        }
+    }
+
+    /// Nothing to wait for: a suspended task does not run.
+    #[expect(clippy::unused_self, reason = "the other back end's name")]
+    pub(crate) fn wait_while_suspended(&self) {}
+}

@@ -1,0 +1,87 @@
+//! One-shot timers: one task blocks in [`TimerFd::read`], any task arms.
+
+use super::error::OsError;
+use super::ffi;
+use super::futex;
+use super::masked::Masked;
+use super::slot::{self, NEVER, Slot};
+use crate::Nanos;
+
+/// A one-shot timer on [`monotonic`](super::clock::monotonic) time. The name is that of Linux; there
+/// is no descriptor. Arming it while a task reads moves that task's deadline and switches nothing.
+#[derive(Debug)]
+pub struct TimerFd(Masked<Inner>);
+
+struct Inner {
+    at: Nanos,
+    reader: Option<&'static Slot>,
+}
+
+impl TimerFd {
+    /// A disarmed timer.
+    ///
+    /// # Errors
+    /// None; as on Linux.
+    pub fn new() -> Result<Self, OsError> {
+        Ok(Self(Masked::new(Inner {
+            at: NEVER,
+            reader: None,
+        })))
+    }
+
+    /// Fires once at the absolute time `t`, or at once if `t` has passed. Replaces what was armed.
+    ///
+    /// # Errors
+    /// None; as on Linux.
+    pub fn arm(&self, t: Nanos) -> Result<(), OsError> {
+        self.set(t);
+        Ok(())
+    }
+
+    /// Stops the timer.
+    ///
+    /// # Errors
+    /// None; as on Linux.
+    pub fn disarm(&self) -> Result<(), OsError> {
+        self.set(NEVER);
+        Ok(())
+    }
+
+    /// Waits until the timer fires and consumes the expiry. One task at a time.
+    ///
+    /// # Errors
+    /// If called outside of a task.
+    pub fn read(&self) -> Result<(), OsError> {
+        let me = slot::current().ok_or(OsError("a timer was read outside of a task"))?;
+        loop {
+            let fired = self.0.with(|inner| {
+                let fired = inner.at <= ffi::board_now();
+                if fired {
+                    *inner = Inner {
+                        at: NEVER,
+                        reader: None,
+                    };
+                } else {
+                    inner.reader = Some(me);
+                    me.state.with(|s| s.deadline = inner.at);
+                    futex::program();
+                }
+                fired
+            });
+            if fired {
+                return Ok(());
+            }
+            ffi::block();
+        }
+    }
+
+    fn set(&self, at: Nanos) {
+        self.0.with(|inner| {
+            inner.at = at;
+            if let Some(reader) = inner.reader {
+                reader.state.with(|s| s.deadline = at);
+                futex::program();
+            }
+        });
+    }
+}

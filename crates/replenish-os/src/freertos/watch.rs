@@ -1,0 +1,79 @@
+//! Which stretches of a callback its task spent blocked, from the switch hooks: always exact.
+
+use super::ffi;
+use super::slot::{self, Gaps, Slot};
+use super::tid::Tid;
+use crate::Nanos;
+use sporadic::Gap;
+
+/// The record of one supervised task, read by its enforcer.
+#[derive(Debug)]
+pub(crate) struct Watch {
+    slot: Option<&'static Slot>,
+    read: Gaps,
+}
+
+impl Watch {
+    pub(crate) fn new(tid: Tid, _exact: bool) -> Self {
+        Self {
+            slot: slot::find(tid.get()),
+            read: Gaps::new(),
+        }
+    }
+
+    #[expect(clippy::unused_self, reason = "the other back end's name")]
+    pub(crate) const fn is_exact(&self) -> bool {
+        true
+    }
+
+    /// Reading the clock costs as much as knowing.
+    #[expect(clippy::unused_self, reason = "the other back end's name")]
+    pub(crate) const fn has_not_run(&self) -> bool {
+        false
+    }
+
+    #[expect(clippy::unused_self, reason = "the other back end's name")]
+    pub(crate) const fn skip_reading(&mut self, _now: Nanos) {}
+
+    /// Takes what the hooks have recorded since the last reading.
+    pub(crate) fn read(&mut self, _since: Nanos, _now: Nanos) {
+        let Some(slot) = self.slot else { return };
+        let at = ffi::board_now();
+        self.read = slot.state.with(|s| {
+            let taken = s.gaps;
+            let cpu = s.cpu(at);
+            s.gaps.clear(cpu);
+            taken
+        });
+    }
+
+    /// Starts afresh with a task that runs.
+    pub(crate) fn restart(&mut self, now: Nanos) {
+        self.read(now, now);
+        self.read = Gaps::new();
+    }
+
+    /// It is not known when the task blocked: all since the last reading counts from `now`.
+    pub(crate) fn lost(&mut self, since: Nanos, now: Nanos) {
+        self.read = Gaps::new();
+        self.read.len = 1;
+        if let Some(first) = self.read.list.first_mut() {
+            *first = Gap {
+                ran: 0,
+                out_at: since,
+                in_at: now,
+            };
+        }
+    }
+
+    /// A suspension here is a change of priority, no block.
+    pub(crate) fn forget_block(&mut self) {
+        if let Some(slot) = self.slot {
+            slot.state.with(|s| s.gaps.forget_open());
+        }
+    }
+
+    pub(crate) fn gaps(&self) -> &[Gap] {
+        self.read.list.get(..self.read.len).unwrap_or(&[])
+    }
+}

@@ -1,0 +1,81 @@
+//! Which stretches of a callback its thread spent blocked: from the kernel's records where it
+//! keeps them ([`SwitchLog`]).
+
+use super::gaps::GapTracker;
+use super::switches::SwitchLog;
+use super::tid::Tid;
+use crate::Nanos;
+use sporadic::Gap;
+
+/// The record of one supervised thread, read by its enforcer.
+#[derive(Debug)]
+pub(crate) struct Watch {
+    switches: Option<SwitchLog>,
+    gaps: GapTracker,
+}
+
+impl Watch {
+    /// Watches `tid`; without `exact`, or where the kernel refuses, only what
+    /// [`lost`](Self::lost) tells is known.
+    pub(crate) fn new(tid: Tid, exact: bool) -> Self {
+        let switches = if exact {
+            SwitchLog::open(tid).ok()
+        } else {
+            None
+        };
+        Self {
+            switches,
+            gaps: GapTracker::new(),
+        }
+    }
+
+    /// Whether blocking inside callbacks is seen through the kernel's records.
+    pub(crate) fn is_exact(&self) -> bool {
+        self.switches.is_some()
+    }
+
+    /// Whether the records show that the thread has not had the CPU since the last reading; saves
+    /// a system call per preempted worker and check.
+    pub(crate) fn has_not_run(&self) -> bool {
+        self.gaps.is_off_cpu() && self.switches.as_ref().is_some_and(SwitchLog::is_empty)
+    }
+
+    /// A reading without records in it.
+    pub(crate) fn skip_reading(&mut self, now: Nanos) {
+        self.gaps.next_reading(now);
+    }
+
+    /// Reads the records from `since`, the last reading, up to `now`.
+    pub(crate) fn read(&mut self, since: Nanos, now: Nanos) {
+        self.gaps.next_reading(since);
+        if let Some(log) = &mut self.switches {
+            let gaps = &mut self.gaps;
+            if log.drain(&mut |switch| gaps.feed(switch)).lost {
+                self.gaps.lost(since, now);
+            }
+        }
+    }
+
+    /// Starts afresh with a thread that runs: what was recorded belongs to its wait.
+    pub(crate) fn restart(&mut self, now: Nanos) {
+        if let Some(log) = &mut self.switches {
+            log.drain(&mut |_| {});
+        }
+        self.gaps.restart(now);
+    }
+
+    /// It is not known when the thread blocked: all since the last reading counts from `now`.
+    pub(crate) fn lost(&mut self, since: Nanos, now: Nanos) {
+        self.gaps.lost(since, now);
+    }
+
+    /// An open block belongs to a suspension by the enforcer and does not count.
+    pub(crate) fn forget_block(&mut self) {
+        self.gaps.forget_block();
+    }
+
+    /// The blocking stretches of the last reading.
+    pub(crate) fn gaps(&self) -> &[Gap] {
+        self.gaps.gaps()
+    }
+}
