@@ -100,6 +100,11 @@ impl Ring {
         self.waiting.pop_front()
     }
 
+    /// What waits, oldest first.
+    pub(crate) fn waiting(&self) -> impl Iterator<Item = &Slot> {
+        self.waiting.iter()
+    }
+
     /// Returns a buffer that came from [`Ring::pop`] or [`Ring::spare`].
     pub(crate) fn give_back(&mut self, slot: Slot) {
         self.free.push(slot);

@@ -12,7 +12,7 @@ use super::{
 };
 use crate::Nanos;
 use crate::handoff::Ring;
-use crate::qos::{History, IngressLimit, Reliability};
+use crate::qos::{Durability, History, IngressLimit, Reliability};
 use crate::sync::{Arc, Mutex, Signal};
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -69,6 +69,8 @@ struct Writer {
     sent: u64,
     /// A client's reader of replies.
     replies: Option<usize>,
+    /// The latest samples, for readers that come late (transient local).
+    kept: Option<Ring>,
     /// It was deleted; its place is free.
     deleted: bool,
 }
@@ -184,6 +186,20 @@ impl Bus {
         known.filter(|_| me < MAX_PARTICIPANTS).ok_or(too_many)
     }
 
+    /// Gives a reader that comes late what the topic's writers have kept.
+    fn catch_up(&self, topic: usize, reader: &mut Reader) {
+        let writers = self.participants.iter().flat_map(|p| &p.writers);
+        let mine = writers.filter(|w| w.topic == topic && !w.deleted);
+        for sample in mine.filter_map(|w| w.kept.as_ref()).flat_map(Ring::waiting) {
+            let arrival = clock::monotonic();
+            let info = SampleInfo {
+                arrival,
+                ..*sample.info()
+            };
+            reader.store(sample.payload(), &info);
+        }
+    }
+
     /// Copies the sample to every reader of the topic. Returns the participants to wake, as bits,
     /// and whether a reliable reader that keeps all had no room.
     fn distribute(&mut self, topic: usize, payload: &[u8], info: &SampleInfo) -> (u64, bool) {
@@ -235,6 +251,7 @@ impl Reader {
 
 impl Middleware for InProcess {
     fn create_writer(&self, spec: &EndpointSpec<'_>) -> Result<WriterId, MiddlewareError> {
+        let late = spec.qos.durability == Durability::TransientLocal;
         let mut bus = self.bus.state.lock();
         bus.me(self.me)?;
         let topic = bus.topic(spec)?;
@@ -247,6 +264,7 @@ impl Middleware for InProcess {
             limit: spec.max_size,
             sent: 0,
             replies: None,
+            kept: late.then(|| Ring::new(spec.qos.depth.into(), spec.max_size)),
             deleted: false,
         };
         match writers.get_mut(index) {
@@ -261,7 +279,7 @@ impl Middleware for InProcess {
             return Err(MiddlewareError::Unsupported("limits on what peers send"));
         }
         let depth = spec.qos.depth.into();
-        let reader = Reader {
+        let mut reader = Reader {
             queue: Ring::new(depth, spec.max_size),
             keep_all: spec.qos.history == History::KeepAll,
             reliable: spec.qos.reliability == Reliability::Reliable,
@@ -274,6 +292,9 @@ impl Middleware for InProcess {
         let index = mine.iter().position(|r| r.deleted).unwrap_or(mine.len());
         let id = bounded(index, "readers of one context")?;
         let topic = bus.topic(spec)?;
+        if spec.qos.durability == Durability::TransientLocal {
+            bus.catch_up(topic, &mut reader);
+        }
         let mine = &mut bus.me(self.me)?.readers;
         match mine.get_mut(index) {
             Some(place) => {
@@ -331,6 +352,12 @@ impl Middleware for InProcess {
                 ..SampleInfo::at(clock::monotonic())
             };
             let topic = writer.topic;
+            if let Some(kept) = &mut writer.kept
+                && let Some(mut slot) = kept.spare()
+            {
+                slot.fill(payload, &info);
+                kept.push(slot);
+            }
             bus.distribute(topic, payload, &info)
         };
         self.bus.ring(wake);
