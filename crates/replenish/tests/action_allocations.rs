@@ -29,6 +29,9 @@ fn main() {
     run(vec![trial("nothing_allocates_for_actions", allocations)]);
 }
 
+/// Goals and their orders.
+type Pursued = Arc<Mutex<Vec<(GoalHandle<Fibonacci>, i32)>>>;
+
 /// A thousand goals: reached, given up, canceled and rejected in turn, four at a time.
 fn allocations() {
     const GOALS: u64 = 1000;
@@ -37,8 +40,7 @@ fn allocations() {
     let node = ctx.node("n").unwrap();
     let (mut exec, _) = executor(&ctx);
     exec.on_event(|_| {}); // the log of a goal too many would allocate
-    let pursued: Arc<Mutex<Vec<(GoalHandle<Fibonacci>, i32)>>> =
-        Arc::new(Mutex::new(Vec::with_capacity(8)));
+    let pursued: Pursued = Arc::new(Mutex::new(Vec::with_capacity(8)));
     let begun = Arc::clone(&pursued);
     let options = ActionOptions::goals(4).keep_results(Duration::from_millis(20));
     let accept =
