@@ -154,12 +154,13 @@ impl Registry {
     pub(crate) fn element(&self, field: &Field) -> Held {
         match &field.base {
             Base::Primitive(_) => Held::Inline,
-            Base::Text(bound) => match (self.bounds.text, self.text_bound(*bound)) {
-                (Some(_), _) => Held::Inline,
-                (None, Some(bound)) if bound <= INLINE => Held::Inline,
-                _ => Held::Heap,
-            },
-            Base::Wide(_) => Held::Heap,
+            Base::Text(bound) | Base::Wide(bound) => {
+                match (self.bounds.text, self.text_bound(*bound)) {
+                    (Some(_), _) => Held::Inline,
+                    (None, Some(bound)) if bound <= INLINE => Held::Inline,
+                    _ => Held::Heap,
+                }
+            }
             Base::Message(name) => match self.facts(name).inline {
                 true => Held::Inline,
                 false => Held::Heap,

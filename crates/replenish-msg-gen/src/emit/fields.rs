@@ -66,6 +66,10 @@ impl<'a> Code<'a> {
             }
             (Base::Text(_), Held::Heap, false) => format!("{rt}::owned::String"),
             (Base::Text(_), Held::Heap, true) => "&'a str".into(),
+            (Base::Wide(_), Held::Inline, _) => {
+                let bytes = self.text_bound().unwrap_or_default() * 3; // of UTF-8 for each unit
+                format!("{rt}::wire::WideString<{bytes}>")
+            }
             (Base::Wide(_), _, false) => format!("{rt}::wire::WString"),
             (Base::Wide(_), _, true) => format!("{rt}::wire::WStr<'a>"),
             (Base::Message(name), Held::Heap, true) => {
@@ -149,7 +153,7 @@ impl<'a> Code<'a> {
     /// One literal as an element.
     fn value(&self, value: &Value, view: bool) -> String {
         match (value, &self.field.base) {
-            (Value::Text(text), Base::Text(_)) if self.element == Held::Inline => {
+            (Value::Text(text), _) if self.element == Held::Inline => {
                 format!("{text:?}.try_into().unwrap_or_default()")
             }
             (Value::Text(text), Base::Text(_)) if view => format!("{text:?}"),
@@ -169,7 +173,8 @@ impl<'a> Code<'a> {
                 "        {rt}::wire::at_most(self.{name}.len(), {bound})?;\n"
             ));
         }
-        if let (Some(bound), true) = (self.text_bound(), self.heap()) {
+        let wide = matches!(self.field.base, Base::Wide(_));
+        if let (Some(bound), true) = (self.text_bound(), self.heap() || wide) {
             let len = match self.field.base {
                 Base::Wide(_) => "wide_len",
                 _ => "len",

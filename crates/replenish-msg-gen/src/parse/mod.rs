@@ -34,7 +34,10 @@ pub(crate) fn interface(file: &Path, name: &TypeName, text: &str) -> Result<Inte
             if parts.len() + 1 == suffixes.len() {
                 let message = match name.kind {
                     "msg" => "a message has no `---`; services and actions have".into(),
-                    kind => format!("one `---` too many: a {kind} has {} parts", suffixes.len()),
+                    kind => format!(
+                        "one `---` too many: a .{kind} file has {} parts",
+                        suffixes.len()
+                    ),
                 };
                 return Err(Error::at(
                     file,
@@ -57,7 +60,7 @@ pub(crate) fn interface(file: &Path, name: &TypeName, text: &str) -> Result<Inte
             column: 1,
         };
         let message = format!(
-            "`---` is missing: a {} has {} parts with `---` between, this file has {}",
+            "`---` is missing: a .{} file has {} parts with `---` between, this file has {}",
             name.kind,
             suffixes.len(),
             parts.len()

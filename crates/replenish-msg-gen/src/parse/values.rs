@@ -113,7 +113,10 @@ fn one(
                 _ => Ok(Value::Text(text.into())),
             }
         }
-        Base::Primitive(_) if quoted => wrong(format!("a text where a {} is meant", name(base))),
+        Base::Primitive(_) if quoted => wrong(format!(
+            "a text where a value of type {} is meant",
+            name(base)
+        )),
         Base::Primitive(Primitive::Bool) => match text.to_ascii_lowercase().as_str() {
             "true" | "1" => Ok(Value::Bool(true)),
             "false" | "0" => Ok(Value::Bool(false)),

@@ -6,7 +6,8 @@
 //! | primitive, message | itself | itself, or its [view](crate::View) |
 //! | `string` | `String` | `&str` |
 //! | `wstring` | [`WString`] | [`WStr`] |
-//! | `string<=N`, `T[<=N]` of a bounded type | `heapless` | the same, or as unbounded |
+//! | `string<=N`, `T[<=N]` of a bounded type | `heapless` | the same, or as unbounded if large |
+//! | `wstring<=N` | [`WideString`] | the same, or as unbounded if large |
 //! | `uint8[]`, `byte[]`, `char[]` | `Vec<u8>` | `&[u8]` |
 //! | `T[]` | `Vec` | [`Seq`] |
 //! | `T[N]` | array | array |
@@ -19,7 +20,7 @@ mod text;
 pub use seq::{Iter, Seq};
 #[cfg(feature = "alloc")]
 pub use text::WString;
-pub use text::{WStr, wide_len};
+pub use text::{WStr, WideString, wide_len};
 
 use crate::{CdrError, CdrReader, CdrWriter, Message};
 

@@ -166,6 +166,66 @@ impl<'a> Item<'a> for WStr<'a> {
     }
 }
 
+/// A `wstring` of at most so many bytes as UTF-8, inline: three for each unit of its bound.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub struct WideString<const BYTES: usize>(pub heapless::String<BYTES>);
+
+impl<const BYTES: usize> WideString<BYTES> {
+    /// UTF-16 units.
+    #[must_use]
+    pub fn wide_len(&self) -> usize {
+        wide_len(&self.0)
+    }
+}
+
+impl<const BYTES: usize> core::ops::Deref for WideString<BYTES> {
+    type Target = str;
+
+    fn deref(&self) -> &str {
+        &self.0
+    }
+}
+
+impl<const BYTES: usize> TryFrom<&str> for WideString<BYTES> {
+    type Error = CdrError;
+
+    /// # Errors
+    /// [`CdrError::TooLong`] above `BYTES` bytes.
+    fn try_from(text: &str) -> Result<Self, CdrError> {
+        let (len, limit) = (text.len(), BYTES);
+        let text = heapless::String::try_from(text);
+        text.map(Self).map_err(|_| CdrError::TooLong { len, limit })
+    }
+}
+
+impl<const BYTES: usize> Wire for WideString<BYTES> {
+    fn put(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
+        WStr::from(&**self).put(w)
+    }
+}
+
+impl<const BYTES: usize> Refill for WideString<BYTES> {
+    fn refill(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
+        let text = WStr::take(r)?;
+        self.0.clear();
+        for c in text.chars() {
+            self.0.push(c).map_err(|_| CdrError::TooLong {
+                len: text.wide_len(),
+                limit: BYTES / 3,
+            })?;
+        }
+        Ok(())
+    }
+}
+
+impl<'a, const BYTES: usize> Item<'a> for WideString<BYTES> {
+    fn take(r: &mut CdrReader<'a>) -> Result<Self, CdrError> {
+        let mut text = Self::default();
+        text.refill(r)?;
+        Ok(text)
+    }
+}
+
 #[cfg(feature = "alloc")]
 mod owned {
     use super::{CdrError, CdrReader, CdrWriter, Item, Refill, WStr, Wire, fmt};
