@@ -159,16 +159,37 @@ impl Node {
     /// [`Error::Name`], [`Error::Parameter`] for a depth of 0 or above [`Qos::MAX_DEPTH`],
     /// [`Error::Middleware`] when it cannot be created.
     pub fn publisher<M: Message>(&self, topic: &str, qos: Qos) -> Result<Publisher<M>, Error> {
+        self.publisher_sized(topic, qos, M::MAX_SIZE)
+    }
+
+    /// As [`publisher`](Self::publisher), for messages of up to `max_size` bytes: more than
+    /// `MAX_SIZE` where a type has unbounded fields, or less to save memory.
+    /// 1 ≤ `max_size` ≤ `MAX_SIZE`, or 65528 for a type with unbounded fields.
+    ///
+    /// # Errors
+    /// As `publisher`; [`Error::Parameter`] for a size out of range.
+    pub fn publisher_sized<M: Message>(
+        &self,
+        topic: &str,
+        qos: Qos,
+        max_size: usize,
+    ) -> Result<Publisher<M>, Error> {
         let topic = self.resolve(topic)?;
         check_depth(&topic, qos)?;
-        let spec = self.endpoint::<M>(&topic, qos, M::MAX_SIZE);
+        let most = crate::executor::largest::<M>();
+        if max_size > most || max_size == 0 && most > 0 {
+            let allowed = alloc::format!("1..={most} bytes");
+            let owner = alloc::format!("topic {topic}");
+            return Err(Error::parameter(owner, "max_size", &max_size, allowed));
+        }
+        let spec = self.endpoint::<M>(&topic, qos, max_size);
         let writer = self
             .context
             .middleware()
             .create_writer(&spec)
             .map_err(|e| Error::endpoint("publisher", &topic, e))?;
         let middleware = Arc::clone(self.context.middleware());
-        Ok(Publisher::new(middleware, writer, topic))
+        Ok(Publisher::new(middleware, writer, topic, max_size))
     }
 
     /// A client of the service `name`, which is expanded as topics are. Each request may take

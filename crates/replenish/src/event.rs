@@ -6,7 +6,7 @@
 use crate::middleware::MiddlewareError;
 use alloc::boxed::Box;
 use core::fmt;
-use replenish_msg::CdrError;
+use replenish_msg::DecodeError;
 
 /// Something worth a line in the log.
 #[derive(Clone, Copy)]
@@ -37,8 +37,8 @@ pub enum Event<'a> {
     Undecodable {
         /// The handle's id.
         handle: &'a str,
-        /// Why.
-        error: CdrError,
+        /// Why, and in which field.
+        error: DecodeError,
         /// How many of this handle's samples have been undecodable by now.
         count: u64,
     },

@@ -7,7 +7,7 @@ use alloc::string::String;
 use core::fmt;
 use core::marker::PhantomData;
 use core::time::Duration;
-use replenish_msg::{CdrError, Message};
+use replenish_msg::{CdrError, Message, View, Viewed};
 use replenish_os::clock;
 
 /// Publishes messages of type `M` on one topic.
@@ -33,8 +33,14 @@ impl Drop for Inner {
 }
 
 impl<M: Message> Publisher<M> {
-    pub(crate) fn new(middleware: Arc<dyn Middleware>, writer: WriterId, topic: String) -> Self {
-        let buffer = alloc::vec![0; M::MAX_SIZE].into_boxed_slice();
+    /// With a buffer for samples of up to `size` bytes.
+    pub(crate) fn new(
+        middleware: Arc<dyn Middleware>,
+        writer: WriterId,
+        topic: String,
+        size: usize,
+    ) -> Self {
+        let buffer = alloc::vec![0; size].into_boxed_slice();
         Self {
             inner: Arc::new(Inner {
                 middleware,
@@ -53,6 +59,18 @@ impl<M: Message> Publisher<M> {
     /// When the message was not sent; see [`PublishError`].
     pub fn publish(&self, message: &M) -> Result<(), PublishError> {
         self.publish_with(|room| replenish_msg::encode(message, room))
+    }
+
+    /// As [`publish`](Self::publish), with a view: strings and sequences are encoded from where
+    /// they are, so that there is no owned message to be made.
+    ///
+    /// # Errors
+    /// As [`publish`](Self::publish).
+    pub fn publish_view(&self, view: &M::View<'_>) -> Result<(), PublishError>
+    where
+        M: Viewed,
+    {
+        self.publish_with(|room| view.encode_to(room))
     }
 
     /// As [`publish`](Self::publish), with a message that `encode` writes.

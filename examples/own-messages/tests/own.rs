@@ -100,7 +100,9 @@ fn a_size_is_the_largest_of_an_inline_type() {
     use inline::robot_msgs::srv::{GripRequest, GripResponse};
     assert_eq!(GripRequest::MAX_SIZE, 4);
     assert_eq!(GripResponse::MAX_SIZE, 4 + 4 + 32 + 1);
-    let mut full = GripResponse::default();
-    full.message = "x".repeat(32).as_str().try_into().unwrap();
+    let full = GripResponse {
+        message: "x".repeat(32).as_str().try_into().unwrap(),
+        ..GripResponse::default()
+    };
     assert_eq!(bytes(&full).len(), GripResponse::MAX_SIZE);
 }

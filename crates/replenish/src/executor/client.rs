@@ -23,7 +23,7 @@ use core::fmt;
 use core::marker::PhantomData;
 use core::sync::atomic::fence;
 use core::time::Duration;
-use replenish_msg::{CdrError, Service};
+use replenish_msg::{CdrError, CdrReader, Service, decode_located};
 use replenish_os::clock;
 use std::sync::OnceLock;
 
@@ -314,7 +314,8 @@ where
             let at = table.waiting.iter().position(|(n, _, _)| *n == number);
             at.map(|at| table.waiting.swap_remove(at)).is_some()
         };
-        let decoded = replenish_msg::decode(&mut self.response, popped.slot.payload());
+        let payload = CdrReader::new(popped.slot.payload());
+        let decoded = decode_located(&mut self.response, &payload);
         self.client.inbox.give_back(popped.slot);
         if !expected {
             self.shared.counters.discarded.add(1);

@@ -43,6 +43,17 @@ pub struct RawType<'a> {
     pub max_size: usize,
 }
 
+/// The largest sample that the protocol carries, in bytes.
+const LARGEST: usize = 65_528;
+
+/// The largest size that one may ask for samples of `M`.
+pub(crate) const fn largest<M: Message>() -> usize {
+    match M::BOUNDED {
+        true => M::MAX_SIZE,
+        false => LARGEST,
+    }
+}
+
 impl RawType<'_> {
     /// The names and the size of `M`.
     #[must_use]
@@ -68,7 +79,7 @@ impl Forge<'_> {
         &self,
         node: &Node,
         topic: Topic<'_>,
-        ty: RawType<'_>,
+        (ty, most): (RawType<'_>, usize),
         qos: Qos,
     ) -> Result<(String, ReaderId, Arc<Inbox>), Error> {
         self.owned(node)?;
@@ -76,8 +87,8 @@ impl Forge<'_> {
         check_depth(&name, qos)?;
         let owner = || alloc::format!("topic {name}");
         let size = topic.max_size.unwrap_or(ty.max_size);
-        if topic.max_size.is_some() && !(1..=ty.max_size).contains(&size) {
-            let allowed = alloc::format!("1..={} bytes", ty.max_size);
+        if topic.max_size.is_some() && !(1..=most).contains(&size) {
+            let allowed = alloc::format!("1..={most} bytes");
             return Err(Error::parameter(owner(), "max_size", &size, allowed));
         }
         if let Some((field, value, allowed)) = topic.ingress.violation() {
@@ -122,7 +133,8 @@ impl Forge<'_> {
         F: FnMut(Option<&M>, &CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
     {
-        let (id, reader, inbox) = self.input(node, topic, RawType::of::<M>(), qos)?;
+        let (id, reader, inbox) =
+            self.input(node, topic, (RawType::of::<M>(), largest::<M>()), qos)?;
         let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
         let handle = Subscription::<M, F>::new(Arc::clone(&shared), inbox, callback);
         Ok(Entry::new(shared, Box::new(handle)))
@@ -140,12 +152,12 @@ impl Forge<'_> {
         F: FnMut(&[u8], &CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
     {
-        if !(1..=65_528).contains(&ty.max_size) {
+        if !(1..=LARGEST).contains(&ty.max_size) {
             let owner = alloc::format!("topic {}", topic.name);
             let allowed = "1..=65528 bytes";
             return Err(Error::parameter(owner, "max_size", &ty.max_size, allowed));
         }
-        let (id, reader, inbox) = self.input(node, topic, ty, qos)?;
+        let (id, reader, inbox) = self.input(node, topic, (ty, ty.max_size), qos)?;
         let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
         let handle = RawSubscription::new(Arc::clone(&shared), inbox, callback);
         Ok(Entry::new(shared, Box::new(handle)))

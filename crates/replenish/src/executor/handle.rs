@@ -15,7 +15,7 @@ use alloc::boxed::Box;
 use alloc::string::String;
 use core::cell::RefCell;
 use core::fmt;
-use replenish_msg::{CdrError, Message};
+use replenish_msg::{CdrReader, DecodeError, Message, decode_located};
 use replenish_os::Meter;
 use std::sync::OnceLock;
 
@@ -131,7 +131,7 @@ impl Shared {
     }
 
     /// A sample could not be decoded.
-    pub(crate) fn undecodable(&self, error: CdrError, events: &Events) {
+    pub(crate) fn undecodable(&self, error: DecodeError, events: &Events) {
         let count = self.counters.undecodable.add(1);
         let handle = &self.id;
         let event = Event::Undecodable {
@@ -169,7 +169,7 @@ impl Shared {
             env.stop.middleware.wake();
         }
         let info = *popped.slot.info();
-        let decoded = replenish_msg::decode(message, popped.slot.payload());
+        let decoded = decode_located(message, &CdrReader::new(popped.slot.payload()));
         inbox.give_back(popped.slot);
         decoded
             .map_err(|error| self.undecodable(error, env.events))

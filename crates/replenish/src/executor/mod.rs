@@ -51,6 +51,7 @@ pub use builder::WorkerBuilder;
 pub use callback::{CallbackContext, CallbackResult};
 pub use client::{CallError, Client, NoReply};
 pub use forge::RawType;
+pub(crate) use forge::largest;
 pub use guard::GuardCondition;
 pub use live::{ExecutorHandle, LiveWorker, Removal};
 pub use local::{LocalExecutor, SpinEnd, Spun};

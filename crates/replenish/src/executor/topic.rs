@@ -31,7 +31,8 @@ impl<'a> Topic<'a> {
     }
 
     /// Slots of this many bytes instead of `Message::MAX_SIZE`. Larger samples are dropped,
-    /// counted and reported. 1 ≤ `bytes` ≤ `MAX_SIZE`.
+    /// counted and reported. 1 ≤ `bytes` ≤ `MAX_SIZE`, or 65528 for a type with unbounded fields
+    /// (`Message::BOUNDED` says which).
     #[must_use]
     pub const fn max_size(self, bytes: usize) -> Self {
         Self {
