@@ -1,5 +1,6 @@
 //! CPU budgets as users say them.
 
+use crate::executor::planning::Guarantee;
 use core::fmt;
 use core::time::Duration;
 
@@ -41,7 +42,7 @@ impl Budget {
     }
 
     /// The same without what a plain budget cannot say.
-    pub(crate) fn from_guarantee(guarantee: &replenish_plan::Guarantee) -> Self {
+    pub(crate) fn from_guarantee(guarantee: &Guarantee) -> Self {
         Self {
             amount: Duration::from_nanos(guarantee.amount()),
             period: Duration::from_nanos(guarantee.period()),

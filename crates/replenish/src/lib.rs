@@ -67,7 +67,9 @@ pub use replenish_os::{
     Stall, Usage,
 };
 /// Planning, deployment files, the ledger.
+#[cfg(feature = "plan")]
 pub use replenish_plan as planning;
+#[cfg(feature = "plan")]
 pub use replenish_plan::Guarantee;
 pub use sporadic::Kind as ServerKind;
 pub use stats::HandleStats;

@@ -9,15 +9,15 @@
 //! The planning itself is `replenish-plan`'s. A program without any guarantee keeps the policies it
 //! was given; it is still not let in where it would break what another program was promised.
 
+use super::Options;
 use super::builder::WorkerSpec;
-use super::report::AdmissionReport;
-use super::{LedgerUse, Options};
+use super::planning::{Admission, LedgerUse};
 use crate::budget::Budget;
 use crate::error::Error;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use replenish_os::{self as os, Policy};
-use replenish_plan::ledger::{Denied, Found, Ledger, Reservation};
+use replenish_plan::ledger::{Denied, Found, Ledger};
 use replenish_plan::span::Exact;
 use replenish_plan::{
     ExecutorRequest, Guarantee, GuaranteeError, Machine, Plan, Request, Wish, Worker,
@@ -30,31 +30,10 @@ use sporadic::Kind;
 /// a twentieth of a CPU, in ns.
 const DISPATCHER: (u64, u64) = (500_000, 10_000_000);
 
-/// What admission has left behind.
-#[derive(Debug, Default)]
-pub(crate) struct Admission {
-    pub(crate) report: AdmissionReport,
-    /// What was promised and is not in force.
-    pub(crate) fallback: Option<String>,
-    /// Given back when the executor ends.
-    pub(crate) place: Option<Reservation>,
-}
-
-impl From<Budget> for Guarantee {
-    fn from(budget: Budget) -> Self {
-        let guarantee = Self::of(budget.amount).every(budget.period);
-        if budget.suspend {
-            guarantee.suspend()
-        } else {
-            guarantee
-        }
-    }
-}
-
 /// Plans guaranteed workers and writes into the requests what was chosen for them.
 pub(crate) fn admit(workers: &mut [WorkerSpec], options: &mut Options) -> Result<Admission, Error> {
     let mut admission = Admission::default();
-    if !options.admission {
+    if !options.planning.admission {
         return Ok(admission);
     }
     let guaranteed = workers.iter().any(|w| w.request.wants().is_some());
@@ -66,7 +45,7 @@ pub(crate) fn admit(workers: &mut [WorkerSpec], options: &mut Options) -> Result
     }
     let request = request(workers, options, guaranteed)?;
     let place = if os::privilege::may_be_real_time() {
-        options.ledger.find()?
+        options.planning.ledger.find()?
     } else {
         // Nothing real-time will run: nothing can be promised, nobody can be hurt.
         Found::Off
@@ -147,7 +126,7 @@ fn request(workers: &[WorkerSpec], options: &Options, guaranteed: bool) -> Resul
     machine.enforcer_priority = options.enforcer_priority;
     let top = options.enforcer_priority.saturating_sub(2).min(89);
     machine.priorities = 20.min(top.max(2))..=top.max(2);
-    if let Some(given) = &options.machine {
+    if let Some(given) = &options.planning.machine {
         machine = given.clone();
     }
     let mut request = Request::new(machine);

@@ -22,7 +22,6 @@ use crate::sync::Arc;
 use alloc::vec::Vec;
 use replenish_msg::{Message, Service};
 use replenish_os::Policy;
-use replenish_plan::Guarantee;
 
 /// A worker that is described so far.
 pub(crate) struct WorkerSpec {
@@ -118,14 +117,6 @@ impl WorkerBuilder<'_> {
     /// policy, it bounds that priority.
     pub fn budget(self, budget: Budget) -> Self {
         self.request(|r| r.budget = Some(budget))
-    }
-
-    /// What the worker is guaranteed: CPU time per period, or callbacks at a rate; with a deadline,
-    /// an importance, a minimum and a desired amount, as you like. The executor chooses priority,
-    /// background, CPU and number of replenishments, and does not start where it cannot keep the
-    /// promise.
-    pub fn guarantee(self, guarantee: impl Into<Guarantee>) -> Self {
-        self.request(|r| r.guarantee = Some(guarantee.into()))
     }
 
     /// Pins the worker to one CPU. Budgets are exact to microseconds only on pinned workers: their
@@ -382,7 +373,7 @@ impl WorkerBuilder<'_> {
         self.executor.workers.get_mut(self.index)
     }
 
-    fn request(mut self, change: impl FnOnce(&mut Request)) -> Self {
+    pub(super) fn request(mut self, change: impl FnOnce(&mut Request)) -> Self {
         if let Some(spec) = self.spec() {
             change(&mut spec.request);
         }

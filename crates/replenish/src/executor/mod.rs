@@ -8,13 +8,15 @@
 //!
 //! - `mod.rs`: options, and the way in.
 //! - [`builder`]: describing workers and handles. [`plan`]: from wishes to policies.
-//!   [`overlay`]: scheduling from a file. [`admission`]: does it fit on this host?
+//!   [`planned`], or `unplanned` without feature `plan`: `overlay`, scheduling from a file;
+//!   `admission`, does it fit on this host?
 //! - [`start`]: threads, enforcers, the declared fallbacks. [`threads`]: one thread's life.
 //! - [`dispatcher`], [`worker`]: the two loops; [`doorbell`]: what the second sleeps on. [`handle`], [`subscription`], [`timer`]: what
 //!   workers run. [`callback`]: what callbacks see.
 //! - [`assembly`]: the parts put together. [`local`]: without threads, on the caller's.
 //! - [`running`], [`stop`]: watching and ending it. [`report`]: the numbers.
 
+#[cfg(feature = "plan")]
 mod admission;
 mod agenda;
 mod assembly;
@@ -31,8 +33,12 @@ mod live;
 mod local;
 mod mailbox;
 mod outbox;
+#[cfg(feature = "plan")]
 mod overlay;
 mod plan;
+#[cfg_attr(feature = "plan", path = "planned.rs")]
+#[cfg_attr(not(feature = "plan"), path = "unplanned.rs")]
+pub(crate) mod planning;
 mod report;
 mod routes;
 mod rules;
@@ -55,7 +61,8 @@ pub(crate) use forge::largest;
 pub use guard::GuardCondition;
 pub use live::{ExecutorHandle, LiveWorker, Removal};
 pub use local::{LocalExecutor, SpinEnd, Spun};
-pub use report::{AdmissionReport, DispatcherReport, HandleReport, Report, ThreadReport};
+pub use planning::AdmissionReport;
+pub use report::{DispatcherReport, HandleReport, Report, ThreadReport};
 pub use rules::{DeadlineMiss, HandleStates, Handling, OnMiss, Semantics, Trigger};
 pub use running::RunningExecutor;
 pub(crate) use schedule::nanos;
@@ -75,10 +82,9 @@ use alloc::vec::Vec;
 use builder::WorkerSpec;
 use core::fmt;
 use core::time::Duration;
+use planning::Planning;
 use replenish_os::Policy;
-use replenish_plan::Machine;
 use sporadic::Kind;
-use std::path::PathBuf;
 
 /// Runs callbacks on workers, each with its own scheduling policy and budget.
 ///
@@ -116,31 +122,18 @@ pub struct Executor {
 }
 
 /// Everything that can be set besides workers.
-struct Options {
+pub(crate) struct Options {
     dispatcher: Option<Policy>,
     dispatcher_cpu: Option<usize>,
     enforcer_priority: u8,
     server: Kind,
     strict: bool,
-    admission: bool,
-    ledger: LedgerUse,
-    machine: Option<Machine>,
-    overlays: Vec<PathBuf>,
+    #[cfg_attr(not(feature = "plan"), expect(dead_code, reason = "nothing is in it"))]
+    planning: Planning,
     lock_memory: bool,
     switch_log: bool,
     stop_grace: Duration,
     events: Arc<Events>,
-}
-
-/// Where reservations are looked up and kept.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum LedgerUse {
-    /// As [`Ledger::find`](replenish_plan::ledger::Ledger::find) says.
-    Default,
-    /// In this directory.
-    At(PathBuf),
-    /// Nowhere.
-    Off,
 }
 
 impl Executor {
@@ -160,10 +153,7 @@ impl Executor {
                 enforcer_priority: 99,
                 server: Kind::Corrected,
                 strict: false,
-                admission: true,
-                ledger: LedgerUse::Default,
-                machine: None,
-                overlays: Vec::new(),
+                planning: Planning::default(),
                 lock_memory: false,
                 switch_log: true,
                 stop_grace: Duration::from_millis(120),
@@ -213,48 +203,6 @@ impl Executor {
     pub fn strict(&mut self, strict: bool) -> &mut Self {
         self.options.strict = strict;
         self
-    }
-
-    /// Whether guarantees are planned and tested before anything starts (default), together with
-    /// what other programs on this host were promised. `false`: budgets get priorities by their
-    /// periods, and nobody checks whether they fit.
-    pub fn admission(&mut self, on: bool) -> &mut Self {
-        self.options.admission = on;
-        self
-    }
-
-    /// The directory in which programs on this host reserve CPU time, instead of the default:
-    /// what `REPLENISH_LEDGER` names, else `/run/replenish`, else `$XDG_RUNTIME_DIR/replenish`.
-    pub fn ledger(&mut self, directory: impl Into<PathBuf>) -> &mut Self {
-        self.options.ledger = LedgerUse::At(directory.into());
-        self
-    }
-
-    /// Neither sees what other programs have reserved nor tells them.
-    pub fn no_ledger(&mut self) -> &mut Self {
-        self.options.ledger = LedgerUse::Off;
-        self
-    }
-
-    /// What the plan may use, and the overheads it counts with. Default: the CPUs this process may
-    /// use, what the kernel says about them, and [`Overheads::LINUX`](replenish_plan::Overheads).
-    pub fn machine(&mut self, machine: Machine) -> &mut Self {
-        self.options.machine = Some(machine);
-        self
-    }
-
-    /// A deployment file that sets or overrides the scheduling of workers and handles when the
-    /// executor starts. Several are applied in order, and the one that the environment variable
-    /// `REPLENISH_OVERLAY` names comes last.
-    pub fn overlay(&mut self, file: impl Into<PathBuf>) -> &mut Self {
-        self.options.overlays.push(file.into());
-        self
-    }
-
-    /// The deployment file that describes this executor as it is so far.
-    #[must_use]
-    pub fn template(&self) -> String {
-        overlay::template(&self.workers)
     }
 
     /// Locks the process's memory and touches the threads' stacks before the first callback, so

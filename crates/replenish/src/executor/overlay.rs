@@ -25,7 +25,7 @@ pub(crate) const VARIABLE: &str = "REPLENISH_OVERLAY";
 
 /// Applies the files that were named in the program and in the environment.
 pub(crate) fn apply_all(executor: &mut Executor) -> Result<(), Error> {
-    let mut files = core::mem::take(&mut executor.options.overlays);
+    let mut files = core::mem::take(&mut executor.options.planning.overlays);
     let named = std::env::var_os(VARIABLE).filter(|v| !v.is_empty());
     files.extend(named.map(PathBuf::from));
     for file in &files {
@@ -90,7 +90,7 @@ fn apply(executor: &mut Executor, path: &Path) -> Result<(), Error> {
         executor.options.dispatcher_cpu = *cpu;
     }
     if file.machine_given {
-        executor.options.machine = Some(file.machine.clone());
+        executor.options.planning.machine = Some(file.machine.clone());
     }
     Ok(())
 }

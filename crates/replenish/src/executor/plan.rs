@@ -9,6 +9,7 @@
 //!
 //! A budget's background priority is 6 (the paper's), or p - 1 where p is 6 or less.
 
+use super::planning::Guarantee;
 use super::schedule::nanos;
 use crate::Nanos;
 use crate::budget::Budget;
@@ -16,7 +17,6 @@ use crate::error::Error;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use replenish_os::{Low, MAX_REPL, Params, Policy};
-use replenish_plan::Guarantee;
 
 /// Priority of the budgeted worker with the shortest period, where none was given.
 const FIRST_PRIORITY: u8 = 60;
@@ -41,14 +41,6 @@ pub(crate) struct Request {
 }
 
 impl Request {
-    /// What is to be planned for it; `None`: it has a policy, or nothing.
-    pub(crate) fn wants(&self) -> Option<Guarantee> {
-        match self.policy {
-            Some(_) => None,
-            None => self.guarantee.or(self.budget.map(Guarantee::from)),
-        }
-    }
-
     pub(crate) fn owner(&self) -> String {
         alloc::format!("worker {:?}", self.name)
     }

@@ -1,5 +1,6 @@
 //! What an executor has to say about itself: plain numbers, and a table for people.
 
+use super::planning::AdmissionReport;
 use crate::Nanos;
 use crate::histogram::Histogram;
 use crate::stats::HandleStats;
@@ -7,8 +8,6 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
 use replenish_os::{Enforcement, EnforcerStats, OverrunSummary, Usage};
-use replenish_plan::Plan;
-use std::path::PathBuf;
 
 /// Everything an executor knows about itself, at one moment or at its end.
 #[derive(Debug, Clone)]
@@ -30,18 +29,6 @@ pub struct Report {
     pub admission: AdmissionReport,
     /// Threads that did not end in time; they were demoted and left behind.
     pub stuck: Vec<String>,
-}
-
-/// Whether and how guarantees were tested before the start.
-#[derive(Debug, Clone, PartialEq, Default)]
-#[non_exhaustive]
-pub struct AdmissionReport {
-    /// What was chosen, with reasons; `None` where nothing was guaranteed.
-    pub plan: Option<Plan>,
-    /// The directory in which it is reserved; `None`: other programs do not know.
-    pub ledger: Option<PathBuf>,
-    /// What limits the guarantees, and files of the ledger that were left out.
-    pub notes: Vec<String>,
 }
 
 /// What the dispatcher has done.

@@ -8,10 +8,10 @@
 //!                                                      time sharing, left behind; join the rest
 //! ```
 
-use super::admission::Admission;
 use super::dispatcher::DispatcherCounters;
 use super::handle::Shared;
 use super::live::{ExecutorHandle, Live};
+use super::planning::Admission;
 use super::report::{DispatcherReport, HandleReport, Report, ThreadReport};
 use super::schedule::nanos;
 use super::stop::StopHandle;

@@ -5,7 +5,7 @@ use super::builder::WorkerSpec;
 use super::plan::{Request, check, plan, rank};
 use super::running::{Crew, RunningExecutor};
 use super::threads::{Body, Funding, Launch, Seat};
-use super::{Executor, Options, StopHandle, admission, overlay};
+use super::{Executor, Options, StopHandle, planning};
 use crate::error::Error;
 use crate::event::Event;
 use crate::sync::{Arc, AtomicBool, Mutex, Signal};
@@ -19,8 +19,7 @@ use replenish_os::{self as os, Enforcement, Enforcer, EnforcerConfig, Policy};
 const STACK: usize = 1 << 20;
 
 pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
-    overlay::apply_all(&mut executor)?;
-    let template = executor.template();
+    let template = planning::prepare(&mut executor)?;
     let Executor {
         context,
         mut workers,
@@ -38,7 +37,7 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     for request in &requests {
         check(request)?;
     }
-    let mut admission = admission::admit(&mut workers, &mut options)?;
+    let mut admission = planning::admit(&mut workers, &mut options)?;
     let requests: Vec<&Request> = workers.iter().map(|w| &w.request).collect();
     if let Some(error) = workers.iter().find_map(WorkerSpec::violation) {
         return Err(error);
