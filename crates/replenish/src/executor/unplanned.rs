@@ -11,7 +11,7 @@ use core::fmt;
 
 /// Nothing can be set about planning.
 #[derive(Default)]
-pub(crate) struct Planning;
+pub(crate) struct Planning {}
 
 /// There are no guarantees.
 #[derive(Debug, Clone, Copy)]
