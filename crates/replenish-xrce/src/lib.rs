@@ -21,11 +21,14 @@ pub mod client;
 pub mod framing;
 #[cfg(feature = "std")]
 pub mod lossy;
+mod sent;
 pub mod seq;
 pub mod stream;
 #[cfg(all(feature = "std", unix))]
 pub mod udp;
 pub mod wire;
+
+pub use sent::Sent;
 
 pub use seq::SeqNum;
 

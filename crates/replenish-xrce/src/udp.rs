@@ -1,5 +1,6 @@
 //! UDP for a client: a non-blocking socket connected to the agent.
 
+pub use crate::sent::Sent;
 use std::io::{self, ErrorKind};
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -10,17 +11,6 @@ use std::os::fd::{AsFd, BorrowedFd};
 pub struct UdpTransport {
     socket: UdpSocket,
     agent: SocketAddr,
-}
-
-/// What became of a datagram.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sent {
-    /// The system has taken it.
-    Yes,
-    /// The socket's buffer is full; the datagram is lost.
-    Full,
-    /// There is no way to the agent now, or nobody at its address; the datagram is lost.
-    Unreachable,
 }
 
 impl UdpTransport {

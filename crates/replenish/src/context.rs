@@ -53,7 +53,7 @@ impl Context {
     ///
     /// # Errors
     /// If the address cannot be used, or no agent answers there within 1.5 s.
-    #[cfg(feature = "xrce")]
+    #[cfg(all(feature = "std", feature = "xrce"))]
     pub fn xrce_udp(agent: &str) -> Result<Self, crate::middleware::xrce::ConnectError> {
         crate::middleware::xrce::Xrce::udp(agent).map(Self::new)
     }
@@ -62,7 +62,7 @@ impl Context {
     ///
     /// # Errors
     /// If the address cannot be used, or no agent answers there within 1.5 s.
-    #[cfg(feature = "xrce")]
+    #[cfg(all(feature = "std", feature = "xrce"))]
     pub fn xrce_tcp(agent: &str) -> Result<Self, crate::middleware::xrce::ConnectError> {
         use crate::middleware::xrce::{Xrce, XrceConfig};
         Xrce::tcp_with(agent, XrceConfig::default()).map(Self::new)
@@ -72,7 +72,7 @@ impl Context {
     ///
     /// # Errors
     /// If the line cannot be used, or no agent answers there within 1.5 s.
-    #[cfg(feature = "xrce")]
+    #[cfg(all(feature = "std", feature = "xrce"))]
     pub fn xrce_serial(
         path: impl AsRef<std::path::Path>,
         baud: u32,

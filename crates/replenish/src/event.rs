@@ -155,9 +155,9 @@ impl Events {
 }
 
 impl Default for Events {
-    /// One line on standard error each.
+    /// One line on standard error each, where there is one.
     fn default() -> Self {
-        Self::new(|event| std::eprintln!("replenish: {event}"))
+        Self::new(crate::platform::tell)
     }
 }
 

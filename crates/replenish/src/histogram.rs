@@ -4,10 +4,10 @@
 //! most a quarter above the true value. 102 words, allocated with the handle, never more.
 
 use crate::Nanos;
-use core::sync::atomic::{AtomicU64, Ordering};
+use crate::sync::{AtomicU64, Ordering};
 
-/// Buckets of a histogram.
-const BUCKETS: usize = 102;
+/// Buckets of a histogram; none in builds that have no room for them.
+const BUCKETS: usize = if cfg!(feature = "histograms") { 102 } else { 0 };
 /// Values below 2^10 ns share the first bucket.
 const FIRST: u32 = 10;
 
@@ -80,7 +80,9 @@ fn bucket(value: Nanos) -> usize {
     };
     let quarter = (value >> (octave - 2)) & 3;
     let index = u64::from(octave - FIRST) * 4 + quarter + 1;
-    usize::try_from(index).unwrap_or(BUCKETS).min(BUCKETS - 1)
+    usize::try_from(index)
+        .unwrap_or(BUCKETS)
+        .min(BUCKETS.saturating_sub(1))
 }
 
 fn upper(bucket: usize) -> Nanos {

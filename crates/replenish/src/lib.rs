@@ -6,11 +6,12 @@
 //! - [`Report`]: what every thread got from the kernel and what every handle has been through.
 //! - [`middleware`]: the seam between the executor and whatever carries the bytes.
 //!
-//! Modules name `core` and `alloc` wherever they can, and the operating system through
-//! `replenish-os` alone: the crate is meant to lose `std`.
+//! Without feature `std` the crate needs `core`, `alloc` and `replenish-os` alone; memory is then
+//! taken while the executor is described and started, and not after.
 #![forbid(unsafe_code)]
 // Under `--cfg loom` the models in `tests/` include the files they check; the rest is left out.
 #![cfg(not(loom))]
+#![cfg_attr(not(feature = "std"), no_std)]
 
 extern crate alloc;
 
@@ -25,6 +26,7 @@ mod handoff;
 mod histogram;
 mod name;
 mod parameter;
+mod platform;
 mod publisher;
 mod stats;
 mod sync;

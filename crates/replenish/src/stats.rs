@@ -5,8 +5,8 @@
 //! one whose callback panicked.
 
 use crate::Nanos;
+use crate::sync::{AtomicBool, AtomicU64, Ordering};
 use core::fmt;
-use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// A number that only its writers change and anybody may read.
 #[derive(Debug, Default)]

@@ -5,8 +5,13 @@
 
 #[cfg(not(loom))]
 pub(crate) use alloc::sync::Arc;
+#[cfg(all(not(loom), target_has_atomic = "64"))]
+pub(crate) use core::sync::atomic::AtomicU64;
 #[cfg(not(loom))]
-pub(crate) use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+pub(crate) use core::sync::atomic::{AtomicBool, Ordering};
+/// Processors of 32 bits: one instruction does not do, so interrupts are off for a few.
+#[cfg(all(not(loom), not(target_has_atomic = "64")))]
+pub(crate) use portable_atomic::AtomicU64;
 #[cfg(not(loom))]
 pub(crate) use replenish_os::{PiMutex as Mutex, Signal};
 

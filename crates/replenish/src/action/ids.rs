@@ -1,12 +1,9 @@
 //! Names for goals, and the wall clock they are stamped with.
 
+use crate::platform;
 use crate::sync::{AtomicU64, Ordering};
-use core::hash::BuildHasher;
 use replenish_msg::builtin_interfaces::Time;
 use replenish_msg::unique_identifier_msgs::UUID;
-use replenish_os::clock;
-use std::hash::RandomState;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Gives out ids that no other client gives out: random bits, then a number.
 pub(super) struct Ids {
@@ -16,11 +13,9 @@ pub(super) struct Ids {
 
 impl Ids {
     pub(super) fn new() -> Self {
-        // Keyed at random by the operating system, once per thread and then counted on.
-        let seed = |salt: u64| RandomState::new().hash_one((salt, clock::monotonic()));
         Self {
-            random: seed(1),
-            next: AtomicU64::new(seed(2)),
+            random: platform::random(1),
+            next: AtomicU64::new(platform::random(2)),
         }
     }
 
@@ -39,8 +34,7 @@ impl Ids {
 
 /// This moment by the wall clock; zeros before 1970 and after 2038.
 pub(crate) fn now() -> Time {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH);
-    let since = since.unwrap_or_default();
+    let since = platform::wall_clock().unwrap_or_default();
     let sec = i32::try_from(since.as_secs()).unwrap_or_default();
     let nanosec = since.subsec_nanos();
     Time { sec, nanosec }

@@ -15,6 +15,7 @@ use crate::Nanos;
 use crate::error::Error;
 use crate::handoff::{Inbox, RequestIdentity, SampleInfo};
 use crate::middleware::{Middleware, PublishError, ReaderId, WriterId};
+use crate::platform::Once;
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
 use alloc::boxed::Box;
 use alloc::string::String;
@@ -25,7 +26,6 @@ use core::sync::atomic::fence;
 use core::time::Duration;
 use replenish_msg::{CdrError, CdrReader, Service, decode_located};
 use replenish_os::clock;
-use std::sync::OnceLock;
 
 /// Sends requests of one service. Clones are the same client; any thread may use them.
 pub struct Client<S> {
@@ -42,7 +42,7 @@ pub(crate) struct ClientInner {
     pub(crate) node: String,
     limit: Nanos,
     table: Mutex<Table>,
-    line: OnceLock<Line>,
+    line: Once<Line>,
     claimed: AtomicBool,
 }
 
@@ -133,7 +133,7 @@ impl<S: Service> Client<S> {
                 waiting: Vec::with_capacity(most),
                 most,
             }),
-            line: OnceLock::new(),
+            line: Once::new(),
             claimed: AtomicBool::new(false),
         };
         Self {

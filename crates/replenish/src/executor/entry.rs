@@ -4,13 +4,12 @@ use super::handle::{Env, Handle, Shared, Taken};
 use super::rules::{DeadlineMiss, Handling, OnMiss};
 use crate::Nanos;
 use crate::event::Event;
+use crate::platform;
 use crate::stats::{Counters, Text};
 use crate::sync::{Arc, Ordering};
 use alloc::boxed::Box;
-use alloc::string::String;
-use core::any::Any;
+use core::cell::RefCell;
 use replenish_os::{Meter, Usage, clock};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// A handle on its worker's thread.
 pub(crate) struct Entry {
@@ -142,27 +141,25 @@ impl Entry {
 
     /// Runs the user's code; a panic stops the handle.
     fn guarded<T: Default>(&mut self, env: &Env<'_>, step: impl FnOnce(&mut Self) -> T) -> T {
-        let outcome = catch_unwind(AssertUnwindSafe(|| step(self)));
-        outcome.unwrap_or_else(|panic| {
-            self.panicked(panic, env);
-            T::default()
-        })
+        let entry = RefCell::new(self);
+        platform::guard(
+            || step(&mut entry.borrow_mut()),
+            |message| {
+                // The step has unwound, and with it its borrow.
+                entry.borrow_mut().panicked(message, env);
+                T::default()
+            },
+        )
     }
 
-    fn panicked(&mut self, panic: Box<dyn Any + Send>, env: &Env<'_>) {
+    fn panicked(&mut self, message: &str, env: &Env<'_>) {
         self.stopped = true;
         self.shared.counters.panicked.store(true, Ordering::Relaxed);
-        let message = match (panic.downcast_ref::<&str>(), panic.downcast_ref::<String>()) {
-            (Some(s), _) => s,
-            (None, Some(s)) => s.as_str(),
-            (None, None) => "(no message)",
-        };
         *self.shared.last_error.lock() = Text::of(&message);
         let handle = &self.shared.id;
         self.shared
             .report(1, &Event::CallbackPanicked { handle, message }, env.events);
         self.shared.discard(true, env.stop);
-        core::mem::forget(panic); // dropping a payload may panic again
     }
 }
 

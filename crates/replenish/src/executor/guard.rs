@@ -5,11 +5,11 @@ use super::doorbell::Line;
 use super::handle::{Env, Handle, Shared, Taken};
 use crate::Nanos;
 use crate::handoff::Flag;
+use crate::platform::Once;
 use crate::sync::{Arc, AtomicBool, AtomicU64, Ordering};
 use core::fmt;
 use core::sync::atomic::fence;
 use replenish_os::clock;
-use std::sync::OnceLock;
 
 /// Wakes a worker from anywhere. Clones are the same guard condition.
 ///
@@ -37,7 +37,7 @@ struct Inner {
     /// When it was triggered first since the last callback.
     since: AtomicU64,
     claimed: AtomicBool,
-    line: OnceLock<Line>,
+    line: Once<Line>,
 }
 
 impl GuardCondition {
@@ -49,7 +49,7 @@ impl GuardCondition {
                 flag: Flag::new(),
                 since: AtomicU64::new(0),
                 claimed: AtomicBool::new(false),
-                line: OnceLock::new(),
+                line: Once::new(),
             }),
         }
     }

@@ -9,6 +9,7 @@ use crate::event::{Event, Events};
 use crate::handoff::{Inbox, SampleInfo};
 use crate::histogram::LiveHistogram;
 use crate::middleware::ReaderId;
+use crate::platform::Once;
 use crate::stats::{Counters, Text};
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
 use alloc::boxed::Box;
@@ -17,7 +18,6 @@ use core::cell::RefCell;
 use core::fmt;
 use replenish_msg::{CdrReader, DecodeError, Message, decode_located};
 use replenish_os::Meter;
-use std::sync::OnceLock;
 
 /// What callbacks run in.
 pub(crate) struct Env<'a> {
@@ -76,7 +76,7 @@ pub(crate) struct Shared {
     pub(crate) last_error: Mutex<Text>,
     /// The reader of a subscription, service or client, and its inbox.
     pub(crate) input: Option<(ReaderId, Arc<Inbox>)>,
-    pub(crate) hook: OnceLock<ErrorHook>,
+    pub(crate) hook: Once<ErrorHook>,
     /// No callback of it starts any more.
     pub(crate) removed: AtomicBool,
     /// A callback of it that runs shall end.
@@ -96,7 +96,7 @@ impl Shared {
             response: LiveHistogram::default(),
             last_error: Mutex::new(Text::EMPTY),
             input,
-            hook: OnceLock::new(),
+            hook: Once::new(),
             removed: AtomicBool::new(false),
             cancelled: AtomicBool::new(false),
             gone: Signal::new(),

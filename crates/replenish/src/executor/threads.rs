@@ -13,12 +13,12 @@
 use super::stop::StopHandle;
 use crate::Nanos;
 use crate::event::{Event, Events};
+use crate::platform;
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
 use alloc::boxed::Box;
 use alloc::string::{String, ToString};
 use replenish_os::{self as os, Account, Enforcer, Meter, Params, Policy, Thread};
 use sporadic::Kind;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// What a thread does between launch and stop.
 pub(crate) type Body = Box<dyn FnOnce(&mut Account, Nanos) + Send>;
@@ -131,11 +131,12 @@ impl Seat {
         };
         // Callbacks are caught one by one in the worker: what arrives here is our own mistake, or
         // a middleware's, and must not leave the others running without it.
-        if catch_unwind(AssertUnwindSafe(|| body(account, start))).is_err() {
+        let panicked = |_: &str| {
             self.stop.stop();
             let thread = &self.name;
             self.events.emit(&Event::ThreadPanicked { thread });
-        }
+        };
+        platform::guard(|| body(account, start), panicked);
     }
 
     fn enroll(&self) -> Result<(Account, Ready), String> {

@@ -17,12 +17,12 @@ use super::handle::{Env, Handle, Shared, Taken};
 use super::schedule::{Every, Schedule, nanos};
 use crate::Nanos;
 use crate::error::Error;
+use crate::platform::Once;
 use crate::sync::{Arc, AtomicBool, AtomicU64, Mutex, Ordering};
 use core::fmt;
 use core::sync::atomic::fence;
 use core::time::Duration;
 use replenish_os::clock;
-use std::sync::OnceLock;
 
 /// Changes a timer while it runs, from any thread, callbacks included. Clones are the same timer.
 ///
@@ -49,7 +49,7 @@ pub(crate) struct Control {
     version: AtomicU64,
     wish: Mutex<Wish>,
     claimed: AtomicBool,
-    line: OnceLock<Line>,
+    line: Once<Line>,
     /// What the schedule said last.
     next: AtomicU64,
 }

@@ -117,5 +117,5 @@ impl fmt::Display for PublishError {
 impl core::error::Error for PublishError {}
 
 fn os_error(errno: i32) -> impl fmt::Display {
-    std::io::Error::from_raw_os_error(errno)
+    crate::platform::io::Error::from_raw_os_error(errno)
 }

@@ -12,13 +12,13 @@ use super::{
 };
 use crate::Nanos;
 use crate::handoff::Ring;
+use crate::platform;
 use crate::qos::{Durability, History, IngressLimit, Reliability};
 use crate::sync::{Arc, Mutex, Signal};
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
 use replenish_os::clock;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The most participants of one bus.
 const MAX_PARTICIPANTS: usize = 64;
@@ -480,8 +480,7 @@ fn bounded(index: usize, what: &'static str) -> Result<u16, MiddlewareError> {
 
 /// Nanoseconds since the Unix epoch.
 fn wall_clock() -> Option<Nanos> {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).ok()?;
-    u64::try_from(since.as_nanos()).ok()
+    u64::try_from(platform::wall_clock()?.as_nanos()).ok()
 }
 
 fn id(index: usize) -> ReaderId {

@@ -2,13 +2,12 @@
 
 use super::state::WINDOW;
 use crate::Nanos;
+use crate::platform::io;
 use alloc::string::String;
 use core::fmt;
 use replenish_xrce::client::PingPolicy;
 use replenish_xrce::stream::{AckPolicy, Reliability};
 use replenish_xrce::wire::Status;
-use std::hash::{BuildHasher, RandomState};
-use std::io;
 
 /// Settings of an [`Xrce`](super::Xrce). [`Default`] is what micro-ROS does, where that is
 /// sensible. Times are in nanoseconds.
@@ -108,7 +107,7 @@ impl XrceConfig {
     /// The key to use: never all zeros, which the protocol forbids.
     pub(super) fn client_key(&self) -> [u8; 4] {
         let random = || {
-            let hash = RandomState::new().hash_one(std::process::id());
+            let hash = crate::platform::random(0);
             u32::try_from(hash >> 32).unwrap_or(1).max(1).to_be_bytes()
         };
         self.key.unwrap_or_else(random)

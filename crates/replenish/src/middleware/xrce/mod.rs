@@ -15,16 +15,26 @@
 
 mod backlog;
 mod config;
+#[cfg(feature = "std")]
+mod connect;
 mod endpoints;
 mod removal;
 mod services;
 mod setup;
 mod state;
 mod transport;
+#[cfg_attr(not(feature = "std"), path = "waiting_bare.rs")]
+mod waiting;
 
+#[cfg(not(feature = "std"))]
+pub use crate::platform::io;
 pub use config::{ConnectError, XrceConfig};
 pub use state::SocketStats;
-pub use transport::{Received, Sent, SerialTransport, TcpTransport, Transport};
+#[cfg(not(feature = "std"))]
+pub use transport::{Port, PortTransport};
+pub use transport::{Received, Sent, Transport};
+#[cfg(feature = "std")]
+pub use transport::{SerialTransport, TcpTransport};
 
 use super::{
     EndpointSpec, Interest, LinkState, Middleware, MiddlewareError, PublishError, ReaderId,
@@ -33,13 +43,12 @@ use super::{
 use crate::Nanos;
 use alloc::boxed::Box;
 use core::fmt;
-use replenish_os::timer::TimerFd;
-use replenish_os::{PiMutex, PollFd, WakeFd, clock, poll};
+use replenish_os::{PiMutex, clock};
 use replenish_xrce::client::LinkStats;
 use replenish_xrce::stream::{BestEffortStats, InputStats, OutputStats};
 use replenish_xrce::wire::ObjectKind;
 use state::{REQUESTS, State};
-use std::io;
+use waiting::Waiting;
 
 /// Datagrams handled in one [`Middleware::take`].
 const BATCH: usize = 16;
@@ -65,10 +74,7 @@ const BATCH: usize = 16;
 pub struct Xrce {
     config: XrceConfig,
     transport: Box<dyn Transport>,
-    waker: WakeFd,
-    /// Waited for by those who are not to be woken.
-    nobody: WakeFd,
-    timer: TimerFd,
+    waiting: Waiting,
     state: PiMutex<State>,
 }
 
@@ -134,24 +140,6 @@ impl Xrce {
         Ok(taken)
     }
 
-    /// Waits for the transport, the timer and `waker`.
-    fn wait_for(&self, waker: &WakeFd, deadline: Option<Nanos>) -> io::Result<()> {
-        let mut result = Ok(0);
-        let writes = self.transport.wants_write();
-        self.transport.with_descriptor(&mut |descriptor| {
-            let (waker, timer) = (PollFd::readable(waker), PollFd::readable(&self.timer));
-            result = match &descriptor {
-                Some(fd) if writes => {
-                    let (input, output) = (PollFd::readable(fd), PollFd::writable(fd));
-                    poll(&mut [waker, timer, input, output], deadline)
-                }
-                Some(fd) => poll(&mut [waker, timer, PollFd::readable(fd)], deadline),
-                None => poll(&mut [waker, timer], deadline),
-            };
-        });
-        result.map(|_| ())
-    }
-
     /// Lets the session do what time asks for, and sends what there is to send.
     fn housekeep(&self) {
         let now = clock::monotonic();
@@ -160,7 +148,9 @@ impl Xrce {
         state.bury();
         state.grant();
         // What is not sent is counted there; the session makes up for it.
-        state.flush(now, &*self.transport, &self.timer).ok();
+        state
+            .flush(now, &*self.transport, self.waiting.alarm())
+            .ok();
     }
 }
 
@@ -194,10 +184,10 @@ impl Middleware for Xrce {
     fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError> {
         let now = clock::monotonic();
         let mut state = self.state.lock();
-        let sent = state.publish(now, writer, payload, &*self.transport, &self.timer);
+        let sent = state.publish(now, writer, payload, &*self.transport, self.waiting.alarm());
         drop(state);
         if self.transport.wants_write() {
-            self.waker.wake(); // the dispatcher waits for the descriptor, but not to be written
+            self.waiting.wake(); // the dispatcher waits for the descriptor, but not to be written
         }
         sent
     }
@@ -233,10 +223,9 @@ impl Middleware for Xrce {
         if self.state.lock().has_sample(interest) {
             return Ok(());
         }
-        self.wait_for(&self.waker, deadline)
-            .map_err(|error| io_error("wait for the agent", &error))?;
-        self.waker.clear();
-        Ok(())
+        self.waiting
+            .dispatcher(&*self.transport, deadline)
+            .map_err(|error| io_error("wait for the agent", &error))
     }
 
     fn take(
@@ -252,7 +241,7 @@ impl Middleware for Xrce {
     }
 
     fn wake(&self) {
-        self.waker.wake();
+        self.waiting.wake();
     }
 
     fn link(&self) -> LinkState {
@@ -292,7 +281,7 @@ impl fmt::Debug for Xrce {
     }
 }
 
-fn io_error(what: &'static str, error: &io::Error) -> MiddlewareError {
+fn io_error(what: &'static str, error: &crate::platform::io::Error) -> MiddlewareError {
     MiddlewareError::Io {
         what,
         errno: error.raw_os_error().unwrap_or(0),

@@ -43,10 +43,12 @@ impl Xrce {
         let mut state = self.state.lock();
         let written = write(&mut state)?;
         // Reliable: what cannot be sent now stays in the session.
-        state.flush(now, &*self.transport, &self.timer).ok();
+        state
+            .flush(now, &*self.transport, self.waiting.alarm())
+            .ok();
         drop(state);
         if self.transport.wants_write() {
-            self.waker.wake();
+            self.waiting.wake();
         }
         Ok(written)
     }

@@ -1,23 +1,18 @@
 //! Connecting, and creating readers and writers: the only code here that waits for the agent.
 
 use super::state::{State, stream};
-use super::transport::udp::Udp;
-use super::{ConnectError, SerialTransport, TcpTransport, Transport, Xrce, XrceConfig, io_error};
+use super::waiting::Waiting;
+use super::{ConnectError, Transport, Xrce, XrceConfig, io_error};
 use crate::Nanos;
 use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId, Room, WriterId};
+use crate::platform::{self, io};
 use crate::qos::Criticality;
 use alloc::boxed::Box;
 use alloc::string::ToString;
 use alloc::vec;
-use replenish_os::timer::TimerFd;
-use replenish_os::{PiMutex, WakeFd, clock};
+use replenish_os::{PiMutex, clock};
 use replenish_xrce::client::{Buffers, Config, ReliableBuffers, Session};
-use replenish_xrce::udp::UdpTransport;
 use replenish_xrce::wire::{ClientKey, ObjectId, WireTime};
-use std::io::{self, ErrorKind};
-use std::net::{SocketAddr, ToSocketAddrs};
-use std::path::Path;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The longest wait without a look at the session: a dispatcher may have received the answer.
 const GLANCE: Nanos = 5_000_000;
@@ -29,45 +24,6 @@ const RESTORE: usize = 16;
 const JOURNAL: usize = 128 * 1024;
 
 impl Xrce {
-    /// Connects over UDP to the agent at `agent`, an address and port, with the default settings.
-    ///
-    /// # Errors
-    /// [`ConnectError`]; after 1.5 s if nobody answers.
-    pub fn udp(agent: &str) -> Result<Self, ConnectError> {
-        Self::udp_with(agent, XrceConfig::default())
-    }
-
-    /// Connects over UDP to the agent at `agent`, an address and port.
-    ///
-    /// # Errors
-    /// [`ConnectError`]; after [`XrceConfig::connect_timeout`] if nobody answers.
-    pub fn udp_with(agent: &str, config: XrceConfig) -> Result<Self, ConnectError> {
-        config.check()?;
-        let socket = UdpTransport::connect(resolve(agent)?).map_err(address(agent))?;
-        Self::over(agent, Udp::new(socket, config.mtu), config)
-    }
-
-    /// Connects over TCP to the agent at `agent`, an address and port.
-    ///
-    /// # Errors
-    /// [`ConnectError`]; after [`XrceConfig::connect_timeout`] if nobody answers.
-    pub fn tcp_with(agent: &str, config: XrceConfig) -> Result<Self, ConnectError> {
-        config.check()?;
-        let transport = TcpTransport::new(resolve(agent)?, config.mtu);
-        Self::over(agent, transport, config)
-    }
-
-    /// Connects over the serial line or pseudo-terminal at `path`, at `baud` bits per second.
-    ///
-    /// # Errors
-    /// [`ConnectError`]; after [`XrceConfig::connect_timeout`] if nobody answers.
-    pub fn serial_with(path: &Path, baud: u32, config: XrceConfig) -> Result<Self, ConnectError> {
-        config.check()?;
-        let agent = path.display().to_string();
-        let transport = SerialTransport::open(path, baud, config.mtu).map_err(address(&agent))?;
-        Self::over(&agent, transport, config)
-    }
-
     /// Connects over a transport of your own to what you call `agent`.
     ///
     /// # Errors
@@ -82,10 +38,8 @@ impl Xrce {
         let io = |what| move |source| ConnectError::Io { what, source };
         let this = Self {
             config,
+            waiting: Waiting::new(&transport).map_err(io("create what is waited on"))?,
             transport: Box::new(transport),
-            waker: WakeFd::new().map_err(io("create an eventfd"))?,
-            nobody: WakeFd::new().map_err(io("create an eventfd"))?,
-            timer: TimerFd::new().map_err(io("create a timer"))?,
             state: PiMutex::new(State::new(session)),
         };
         let start = clock::monotonic();
@@ -174,13 +128,13 @@ impl Xrce {
                 (done(&state), state.has_backlog())
             };
             if backlog {
-                self.waker.wake(); // a dispatcher may want what has come meanwhile
+                self.waiting.wake(); // a dispatcher may want what has come meanwhile
             }
             if result.is_some() || now >= deadline {
                 return Ok(result);
             }
             let glance = deadline.min(now.saturating_add(GLANCE));
-            self.wait_for(&self.nobody, Some(glance))?;
+            self.waiting.other(&*self.transport, glance)?;
         }
     }
 
@@ -206,25 +160,11 @@ impl Xrce {
 }
 
 pub(super) fn wall_clock() -> WireTime {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH);
-    let since = since.unwrap_or_default();
+    let since = platform::wall_clock().unwrap_or_default();
     WireTime {
         seconds: i32::try_from(since.as_secs()).unwrap_or(i32::MAX),
         nanoseconds: since.subsec_nanos(),
     }
-}
-
-fn address(agent: &str) -> impl Fn(io::Error) -> ConnectError {
-    move |source| ConnectError::Address {
-        agent: agent.to_string(),
-        source,
-    }
-}
-
-fn resolve(agent: &str) -> Result<SocketAddr, ConnectError> {
-    let mut resolved = agent.to_socket_addrs().map_err(address(agent))?;
-    let none = || address(agent)(io::Error::from(ErrorKind::NotFound));
-    resolved.next().ok_or_else(none)
 }
 
 /// A session with its storage.

@@ -4,19 +4,19 @@
 use super::backlog::Backlog;
 use super::endpoints::{Reader, Topic, Writer};
 use super::removal::{Doomed, Numbers};
+use super::waiting::Alarm;
 use super::{Sent, Transport};
 use crate::Nanos;
 use crate::middleware::{
     Interest, PublishError, ReaderId, RequestIdentity, Room, SampleInfo, WriterId,
 };
+use crate::platform::io;
 use crate::qos::Criticality;
 use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
-use replenish_os::timer::TimerFd;
 use replenish_xrce::client::{Event, Session, State as Link, WriteError};
 use replenish_xrce::wire::{DeliveryControl, ObjectId, Status, StreamId};
-use std::io;
 
 /// Reliable datagrams kept per direction at most.
 pub(super) const WINDOW: usize = 64;
@@ -283,7 +283,7 @@ impl State {
         writer: WriterId,
         payload: &[u8],
         transport: &dyn Transport,
-        timer: &TimerFd,
+        alarm: &Alarm,
     ) -> Result<(), PublishError> {
         let writer = self
             .writers
@@ -305,7 +305,7 @@ impl State {
                 WriteError::UnknownStream(_) => PublishError::UnknownWriter,
                 _ => PublishError::LinkDown,
             })?;
-        let sent = self.flush(now, transport, timer);
+        let sent = self.flush(now, transport, alarm);
         // A reliable sample stays in the session and goes out again; a best-effort one is gone.
         match sent {
             Err(error) if !stream.is_reliable() => {
@@ -322,7 +322,7 @@ impl State {
         &mut self,
         now: Nanos,
         transport: &dyn Transport,
-        timer: &TimerFd,
+        alarm: &Alarm,
     ) -> io::Result<Sent> {
         let mut result = Ok(Sent::Yes);
         while transport.ready_at() <= now
@@ -344,13 +344,13 @@ impl State {
                 }
             }
         }
-        self.arm(now, transport.ready_at(), timer);
+        self.arm(now, transport.ready_at(), alarm);
         result
     }
 
     /// Sets the timer if it is not set to fire early enough. A timer that fires too early costs one
     /// look at the session; moving it for every message would cost more.
-    fn arm(&mut self, now: Nanos, ready: Nanos, timer: &TimerFd) {
+    fn arm(&mut self, now: Nanos, ready: Nanos, alarm: &Alarm) {
         let mut next = self.session.next_deadline().unwrap_or(Nanos::MAX);
         if ready == Nanos::MAX {
             next = next.max(now.saturating_add(BLOCKED)); // the descriptor will tell
@@ -362,11 +362,7 @@ impl State {
             return;
         }
         // Arming also forgets that it has fired, so that it need not be read.
-        let set = if next == Nanos::MAX {
-            timer.disarm()
-        } else {
-            timer.arm(next)
-        };
+        let set = alarm.set(next);
         self.armed = if set.is_ok() { next } else { Nanos::MAX };
     }
 }

@@ -7,17 +7,27 @@
 //! ```
 
 mod outbox;
+#[cfg(not(feature = "std"))]
+mod port;
+#[cfg(feature = "std")]
 mod serial;
+#[cfg(feature = "std")]
 mod tcp;
+#[cfg(feature = "std")]
 pub(super) mod udp;
 
+#[cfg(not(feature = "std"))]
+pub use port::{Port, PortTransport};
+#[cfg(feature = "std")]
 pub use serial::SerialTransport;
+#[cfg(feature = "std")]
 pub use tcp::TcpTransport;
 
 use crate::Nanos;
+use crate::platform::io;
 use core::fmt::Debug;
-pub use replenish_xrce::udp::Sent;
-use std::io;
+pub use replenish_xrce::Sent;
+#[cfg(feature = "std")]
 use std::os::fd::BorrowedFd;
 
 /// What a look at the transport's input gave.
@@ -62,5 +72,11 @@ pub trait Transport: Send + Sync + Debug + 'static {
 
     /// Calls `wait` once with the descriptor that is readable when there is something to receive;
     /// `None` while there is no connection. The descriptor stays open until `wait` returns.
+    #[cfg(feature = "std")]
     fn with_descriptor(&self, wait: &mut dyn FnMut(Option<BorrowedFd<'_>>));
+
+    /// What to set, from then on, when there is something to receive and when messages can be sent
+    /// again after [`wants_write`](Self::wants_write). Called once, at set-up.
+    #[cfg(not(feature = "std"))]
+    fn attach(&self, bell: &crate::sync::Arc<crate::sync::Signal>);
 }

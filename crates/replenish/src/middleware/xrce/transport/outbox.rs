@@ -1,8 +1,8 @@
 //! Bytes of one message that a byte stream has not taken yet.
 
+use crate::platform::io::{self, ErrorKind};
 use alloc::boxed::Box;
 use alloc::vec;
-use std::io::{self, ErrorKind};
 
 #[derive(Debug)]
 pub(super) struct Outbox {

@@ -1,0 +1,63 @@
+//! Connecting over the transports that come with the standard library.
+
+use super::transport::udp::Udp;
+use super::{ConnectError, SerialTransport, TcpTransport, Xrce, XrceConfig};
+use alloc::string::ToString;
+use replenish_xrce::udp::UdpTransport;
+use std::io::{self, ErrorKind};
+use std::net::{SocketAddr, ToSocketAddrs};
+use std::path::Path;
+
+impl Xrce {
+    /// Connects over UDP to the agent at `agent`, an address and port, with the default settings.
+    ///
+    /// # Errors
+    /// [`ConnectError`]; after 1.5 s if nobody answers.
+    pub fn udp(agent: &str) -> Result<Self, ConnectError> {
+        Self::udp_with(agent, XrceConfig::default())
+    }
+
+    /// Connects over UDP to the agent at `agent`, an address and port.
+    ///
+    /// # Errors
+    /// [`ConnectError`]; after [`XrceConfig::connect_timeout`] if nobody answers.
+    pub fn udp_with(agent: &str, config: XrceConfig) -> Result<Self, ConnectError> {
+        config.check()?;
+        let socket = UdpTransport::connect(resolve(agent)?).map_err(address(agent))?;
+        Self::over(agent, Udp::new(socket, config.mtu), config)
+    }
+
+    /// Connects over TCP to the agent at `agent`, an address and port.
+    ///
+    /// # Errors
+    /// [`ConnectError`]; after [`XrceConfig::connect_timeout`] if nobody answers.
+    pub fn tcp_with(agent: &str, config: XrceConfig) -> Result<Self, ConnectError> {
+        config.check()?;
+        let transport = TcpTransport::new(resolve(agent)?, config.mtu);
+        Self::over(agent, transport, config)
+    }
+
+    /// Connects over the serial line or pseudo-terminal at `path`, at `baud` bits per second.
+    ///
+    /// # Errors
+    /// [`ConnectError`]; after [`XrceConfig::connect_timeout`] if nobody answers.
+    pub fn serial_with(path: &Path, baud: u32, config: XrceConfig) -> Result<Self, ConnectError> {
+        config.check()?;
+        let agent = path.display().to_string();
+        let transport = SerialTransport::open(path, baud, config.mtu).map_err(address(&agent))?;
+        Self::over(&agent, transport, config)
+    }
+}
+
+fn address(agent: &str) -> impl Fn(io::Error) -> ConnectError {
+    move |source| ConnectError::Address {
+        agent: agent.to_string(),
+        source,
+    }
+}
+
+fn resolve(agent: &str) -> Result<SocketAddr, ConnectError> {
+    let mut resolved = agent.to_socket_addrs().map_err(address(agent))?;
+    let none = || address(agent)(io::Error::from(ErrorKind::NotFound));
+    resolved.next().ok_or_else(none)
+}

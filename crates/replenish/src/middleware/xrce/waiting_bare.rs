@@ -1,0 +1,113 @@
+//! What the dispatcher's wait ends with, without descriptors: one signal, which the transport's
+//! interrupt, the waker and an alarm that became earlier set.
+//!
+//! ```text
+//!   dispatcher                               publisher
+//!   until := min(alarm, deadline)            alarm := earlier
+//!   announce until                           announced later than that? ring
+//!   alarm earlier meanwhile? again
+//!   wait for the signal, or until
+//! ```
+
+use super::Transport;
+use crate::Nanos;
+use crate::platform::io;
+use crate::sync::{Arc, AtomicU64, Ordering, Signal};
+use replenish_os::clock;
+
+/// How often those look who cannot wait for the signal, in ns.
+const GLANCE: Nanos = 1_000_000;
+
+/// What a session waits on.
+pub(super) struct Waiting {
+    alarm: Alarm,
+}
+
+/// The session's next deadline. A publisher that makes it earlier sets it itself.
+pub(super) struct Alarm {
+    bell: Arc<Signal>,
+    at: AtomicU64,
+    /// Until when the dispatcher waits; 0 while it does not.
+    waits_until: AtomicU64,
+}
+
+impl Waiting {
+    #[expect(
+        clippy::unnecessary_wraps,
+        reason = "the signature of what it stands in for"
+    )]
+    pub(super) fn new(transport: &dyn Transport) -> io::Result<Self> {
+        let bell = Arc::new(Signal::new());
+        transport.attach(&bell);
+        Ok(Self {
+            alarm: Alarm {
+                bell,
+                at: AtomicU64::new(Nanos::MAX),
+                waits_until: AtomicU64::new(0),
+            },
+        })
+    }
+
+    pub(super) const fn alarm(&self) -> &Alarm {
+        &self.alarm
+    }
+
+    /// Ends the dispatcher's wait, or its next one.
+    pub(super) fn wake(&self) {
+        self.alarm.bell.set();
+    }
+
+    /// The dispatcher waits.
+    #[expect(
+        clippy::unnecessary_wraps,
+        reason = "the signature of what it stands in for"
+    )]
+    pub(super) fn dispatcher(
+        &self,
+        _transport: &dyn Transport,
+        deadline: Option<Nanos>,
+    ) -> io::Result<()> {
+        let alarm = &self.alarm;
+        let deadline = deadline.unwrap_or(Nanos::MAX);
+        loop {
+            let until = alarm.at.load(Ordering::SeqCst).min(deadline);
+            alarm.waits_until.store(until, Ordering::SeqCst);
+            if alarm.at.load(Ordering::SeqCst) < until {
+                continue;
+            }
+            if until == Nanos::MAX {
+                alarm.bell.wait();
+            } else {
+                alarm.bell.wait_until(until);
+            }
+            alarm.waits_until.store(0, Ordering::SeqCst);
+            return Ok(());
+        }
+    }
+
+    /// Somebody else waits, at set-up: for a short while, without the signal.
+    #[expect(
+        clippy::unnecessary_wraps,
+        reason = "the signature of what it stands in for"
+    )]
+    pub(super) fn other(&self, _transport: &dyn Transport, deadline: Nanos) -> io::Result<()> {
+        let glance = clock::monotonic().saturating_add(GLANCE);
+        clock::sleep_until(glance.min(deadline));
+        Ok(())
+    }
+}
+
+impl Alarm {
+    /// Rings at `at`, and not before, whatever it was set to. `Nanos::MAX`: never.
+    #[expect(
+        clippy::unnecessary_wraps,
+        reason = "the signature of what it stands in for"
+    )]
+    pub(super) fn set(&self, at: Nanos) -> io::Result<()> {
+        self.at.store(at, Ordering::SeqCst);
+        if at < self.waits_until.load(Ordering::SeqCst) {
+            self.bell.set();
+        }
+        Ok(())
+    }
+}

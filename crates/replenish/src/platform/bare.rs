@@ -1,0 +1,61 @@
+//! What stands in for the standard library in builds without feature `std`.
+//!
+//! - There is no unwinding: a panic ends in the program's panic handler, which halts the worker
+//!   and reports.
+//! - There is no wall clock; who needs stamps takes them from the agent's clock.
+//! - Events go where [`Executor::on_event`](crate::Executor::on_event) says, and nowhere without.
+
+use crate::sync::{AtomicU64, Ordering};
+use alloc::boxed::Box;
+use core::time::Duration;
+use once_cell::race::OnceBox;
+
+/// Set once, read by anybody.
+pub(crate) struct Once<T>(OnceBox<T>);
+
+impl<T> Once<T> {
+    pub(crate) const fn new() -> Self {
+        Self(OnceBox::new())
+    }
+
+    pub(crate) fn get(&self) -> Option<&T> {
+        self.0.get()
+    }
+
+    /// Sets it if it is not set; else gives `value` back.
+    pub(crate) fn set(&self, value: T) -> Result<(), T> {
+        self.0.set(Box::new(value)).map_err(|value| *value)
+    }
+}
+
+impl<T> Default for Once<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// There is no wall clock.
+pub(crate) const fn wall_clock() -> Option<Duration> {
+    None
+}
+
+/// Bits that differ from call to call and, as far as the clock does, from start to start. Who
+/// needs ids that no other machine has sets them: see `XrceConfig::key`.
+pub(crate) fn random(salt: u64) -> u64 {
+    static CALLS: AtomicU64 = AtomicU64::new(0);
+    let calls = CALLS.fetch_add(1, Ordering::Relaxed);
+    let now = replenish_os::clock::monotonic();
+    // The finishing steps of SplitMix64.
+    let mut bits = now ^ salt.rotate_left(32) ^ calls.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    bits ^ (bits >> 31)
+}
+
+/// Runs `step`; a panic does not come back here.
+pub(crate) fn guard<T>(step: impl FnOnce() -> T, _panicked: impl FnOnce(&str) -> T) -> T {
+    step()
+}
+
+/// Events go nowhere if nobody has said where.
+pub(crate) const fn tell(_event: &crate::Event<'_>) {}

@@ -1,0 +1,42 @@
+//! What comes from the standard library, behind names that `platform_bare.rs` has, too.
+
+use core::time::Duration;
+use std::hash::{BuildHasher, RandomState};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::string::String;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+pub(crate) use std::io;
+/// Set once, read by anybody.
+pub(crate) use std::sync::OnceLock as Once;
+
+/// The wall clock: time since 1970 in UTC; `None` where it is set before that.
+pub(crate) fn wall_clock() -> Option<Duration> {
+    SystemTime::now().duration_since(UNIX_EPOCH).ok()
+}
+
+/// Random bits: keyed by the operating system, once per thread and then counted on.
+pub(crate) fn random(salt: u64) -> u64 {
+    let now = replenish_os::clock::monotonic();
+    RandomState::new().hash_one((salt, std::process::id(), now))
+}
+
+/// Runs `step`. If it panics, gives `panicked` the message.
+pub(crate) fn guard<T>(step: impl FnOnce() -> T, panicked: impl FnOnce(&str) -> T) -> T {
+    let outcome = catch_unwind(AssertUnwindSafe(step));
+    outcome.unwrap_or_else(|panic| {
+        let message = match (panic.downcast_ref::<&str>(), panic.downcast_ref::<String>()) {
+            (Some(s), _) => s,
+            (None, Some(s)) => s.as_str(),
+            (None, None) => "(no message)",
+        };
+        let result = panicked(message);
+        core::mem::forget(panic); // dropping a payload may panic again
+        result
+    })
+}
+
+/// Where events go if nobody has said otherwise: one line on standard error each.
+pub(crate) fn tell(event: &crate::Event<'_>) {
+    std::eprintln!("replenish: {event}");
+}
