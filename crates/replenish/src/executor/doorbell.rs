@@ -13,9 +13,9 @@
 use crate::Nanos;
 use crate::handoff::ReadySet;
 use crate::middleware::Middleware;
+use crate::platform::Once;
 use crate::sync::{Arc, AtomicBool, AtomicU64, Ordering, Signal};
 use replenish_os::clock;
-use std::sync::OnceLock;
 
 /// The way of one handle's input to its worker: a mark that says which handle, and the bell.
 #[derive(Clone)]
@@ -51,7 +51,7 @@ pub(crate) struct Doorbell {
     rung_at: AtomicU64,
     muted: AtomicBool,
     /// What the worker sleeps on instead, if it has no thread of its own.
-    relay: OnceLock<Arc<dyn Middleware>>,
+    relay: Once<Arc<dyn Middleware>>,
 }
 
 impl Doorbell {

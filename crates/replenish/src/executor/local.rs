@@ -21,7 +21,7 @@ use super::running::{handle_report, handle_stats};
 use super::schedule::{Every, Schedule, nanos};
 use super::stop::StopHandle;
 use super::worker::Worker;
-use super::{Executor, overlay, start};
+use super::{Executor, planning, start};
 use crate::Nanos;
 use crate::context::Claim;
 use crate::error::Error;
@@ -93,7 +93,7 @@ pub struct LocalExecutor {
 }
 
 pub(crate) fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
-    overlay::apply_all(&mut executor)?;
+    planning::prepare(&mut executor)?;
     let Executor {
         context,
         workers,

@@ -168,7 +168,7 @@ impl Middleware for Xrce {
         state.delete_reader(reader);
         // What is not sent now goes out with the next round.
         state
-            .flush(clock::monotonic(), &*self.transport, &self.timer)
+            .flush(clock::monotonic(), &*self.transport, self.waiting.alarm())
             .ok();
         Ok(())
     }
@@ -177,7 +177,7 @@ impl Middleware for Xrce {
         let mut state = self.state.lock();
         state.delete_writer(writer);
         state
-            .flush(clock::monotonic(), &*self.transport, &self.timer)
+            .flush(clock::monotonic(), &*self.transport, self.waiting.alarm())
             .ok();
     }
 
