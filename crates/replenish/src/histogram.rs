@@ -86,7 +86,7 @@ fn bucket(value: Nanos) -> usize {
 }
 
 fn upper(bucket: usize) -> Nanos {
-    if bucket + 1 >= BUCKETS {
+    if BUCKETS.saturating_sub(bucket) <= 1 {
         return Nanos::MAX;
     }
     // The next bucket's first value, less one.

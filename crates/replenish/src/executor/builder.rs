@@ -125,7 +125,8 @@ impl WorkerBuilder<'_> {
         self.request(|r| r.cpu = Some(cpu))
     }
 
-    /// Stack size in bytes, at least 16 KiB; 1 MiB if not given.
+    /// Stack size in bytes, at least 16 KiB; 1 MiB if not given. On a microcontroller at least 512
+    /// bytes; 4 KiB if not given.
     pub fn stack_size(self, bytes: usize) -> Self {
         self.request(|r| r.stack_size = Some(bytes))
     }

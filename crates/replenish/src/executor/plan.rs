@@ -26,8 +26,13 @@ const LAST_PRIORITY: u8 = 20;
 const BACKGROUND: u8 = 6;
 /// The dispatcher's FIFO priority as soon as any worker is real-time.
 const DISPATCHER: u8 = 98;
-/// The smallest stack that is accepted, in bytes: what glibc accepts.
-const MIN_STACK: usize = 16 * 1024;
+/// The smallest stack that is accepted, in bytes: what glibc accepts, or what a frame and the
+/// registers need.
+const MIN_STACK: usize = if cfg!(feature = "std") {
+    16 * 1024
+} else {
+    512
+};
 
 /// What was asked for a worker.
 #[derive(Debug, Clone, Default)]
@@ -103,7 +108,7 @@ pub(crate) fn rank(policy: &Policy) -> u16 {
 pub(crate) fn check(w: &Request) -> Result<(), Error> {
     crate::name::worker(&w.name)?;
     if let Some(bytes) = w.stack_size.filter(|s| *s < MIN_STACK) {
-        let allowed = "16384 bytes or more";
+        let allowed = alloc::format!("{MIN_STACK} bytes or more");
         return Err(Error::parameter(w.owner(), "stack_size", &bytes, allowed));
     }
     if let (Some(policy), Some(guarantee)) = (&w.policy, &w.guarantee) {

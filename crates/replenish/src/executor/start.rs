@@ -16,7 +16,7 @@ use replenish_os::clock;
 use replenish_os::{self as os, Enforcement, Enforcer, EnforcerConfig, Policy};
 
 /// Stack size in bytes where none was given.
-const STACK: usize = 1 << 20;
+const STACK: usize = if cfg!(feature = "std") { 1 << 20 } else { 4096 };
 
 pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     let template = planning::prepare(&mut executor)?;

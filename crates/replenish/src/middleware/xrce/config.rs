@@ -1,6 +1,6 @@
 //! Settings of the XRCE adapter, and what can go wrong when it connects.
 
-use super::state::WINDOW;
+use super::limits::WINDOW;
 use crate::Nanos;
 use crate::platform::io;
 use alloc::string::String;
@@ -84,13 +84,32 @@ impl XrceConfig {
         }
     }
 
+    /// For microcontrollers: a line as slow, and small buffers. MTU 256, a window of 4, samples of
+    /// up to 256 bytes.
+    #[must_use]
+    pub fn small() -> Self {
+        Self {
+            mtu: 256,
+            window: 4,
+            max_sample: 256,
+            ..Self::slow_line()
+        }
+    }
+
     pub(super) fn check(&self) -> Result<(), ConnectError> {
         let setting = |field, allowed| Err(ConnectError::Setting { field, allowed });
         if !(64..=65_507).contains(&self.mtu) {
             return setting("mtu", "from 64 to 65507 bytes");
         }
         if !(1..=WINDOW).contains(&usize::from(self.window)) {
-            return setting("window", "from 1 to 64 datagrams");
+            return setting(
+                "window",
+                if cfg!(feature = "std") {
+                    "from 1 to 64 datagrams"
+                } else {
+                    "from 1 to 4 datagrams"
+                },
+            );
         }
         if !(1..=65_528).contains(&self.max_sample) {
             return setting("max_sample", "from 1 to 65528 bytes");

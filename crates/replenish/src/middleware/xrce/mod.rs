@@ -18,6 +18,7 @@ mod config;
 #[cfg(feature = "std")]
 mod connect;
 mod endpoints;
+mod limits;
 mod removal;
 mod services;
 mod setup;
@@ -43,11 +44,12 @@ use super::{
 use crate::Nanos;
 use alloc::boxed::Box;
 use core::fmt;
+use limits::REQUESTS;
 use replenish_os::{PiMutex, clock};
 use replenish_xrce::client::LinkStats;
 use replenish_xrce::stream::{BestEffortStats, InputStats, OutputStats};
 use replenish_xrce::wire::ObjectKind;
-use state::{REQUESTS, State};
+use state::State;
 use waiting::Waiting;
 
 /// Datagrams handled in one [`Middleware::take`].

@@ -1,5 +1,6 @@
 //! Connecting, and creating readers and writers: the only code here that waits for the agent.
 
+use super::limits::{JOURNAL, REORDER, RESTORE, STREAMS};
 use super::state::{State, stream};
 use super::waiting::Waiting;
 use super::{ConnectError, Transport, Xrce, XrceConfig, io_error};
@@ -16,12 +17,6 @@ use replenish_xrce::wire::{ClientKey, ObjectId, WireTime};
 
 /// The longest wait without a look at the session: a dispatcher may have received the answer.
 const GLANCE: Nanos = 5_000_000;
-/// Messages that wait for a missing one; agents keep sixteen.
-const REORDER: usize = 16;
-/// Messages of requests on their way after a new log-in.
-const RESTORE: usize = 16;
-/// Bytes of journal: what `REQUESTS` descriptions with names of usual length need.
-const JOURNAL: usize = 128 * 1024;
 
 impl Xrce {
     /// Connects over a transport of your own to what you call `agent`.
@@ -179,8 +174,8 @@ fn session(config: &XrceConfig) -> super::state::XrceSession {
         fragments: bytes(sample),
     };
     let buffers = Buffers {
-        best_effort: [bytes(mtu), bytes(mtu)],
-        reliable: [reliable(), reliable()],
+        best_effort: core::array::from_fn::<_, STREAMS, _>(|_| bytes(mtu)),
+        reliable: core::array::from_fn::<_, STREAMS, _>(|_| reliable()),
         journal: bytes(JOURNAL),
         restore: bytes(mtu * RESTORE),
     };

@@ -3,6 +3,7 @@
 
 use super::backlog::Backlog;
 use super::endpoints::{Reader, Topic, Writer};
+use super::limits::{REQUESTS, STREAMS, WINDOW};
 use super::removal::{Doomed, Numbers};
 use super::waiting::Alarm;
 use super::{Sent, Transport};
@@ -17,15 +18,6 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use replenish_xrce::client::{Event, Session, State as Link, WriteError};
 use replenish_xrce::wire::{DeliveryControl, ObjectId, Status, StreamId};
-
-/// Reliable datagrams kept per direction at most.
-pub(super) const WINDOW: usize = 64;
-/// Objects and reads of a session at most: a writer takes two and a reader three, plus one for
-/// each node and one for each topic of a node.
-pub(super) const REQUESTS: usize = 1024;
-
-/// Streams of each kind and direction, one for each [`Criticality`].
-pub(super) const STREAMS: usize = 2;
 
 pub(super) type XrceSession = Session<Box<[u8]>, WINDOW, REQUESTS, STREAMS, STREAMS>;
 
@@ -372,12 +364,15 @@ pub(super) fn backlog(depth: u16, max_size: usize, keep_last: bool) -> Backlog {
     Backlog::new(depth, max_size, keep_last)
 }
 
+/// The real-time stream; the only one where there is room for one alone.
+const REAL_TIME: u8 = if STREAMS > 1 { 1 } else { 0 };
+
 /// The stream for a reliability and a criticality: real-time topics have one of their own, which is
 /// served first.
 pub(super) const fn stream(reliable: bool, criticality: Criticality) -> StreamId {
     let index = match criticality {
         Criticality::Normal => 0,
-        Criticality::RealTime => 1,
+        Criticality::RealTime => REAL_TIME,
     };
     if reliable {
         StreamId::reliable(index)

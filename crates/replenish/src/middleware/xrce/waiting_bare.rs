@@ -58,10 +58,6 @@ impl Waiting {
     }
 
     /// The dispatcher waits.
-    #[expect(
-        clippy::unnecessary_wraps,
-        reason = "the signature of what it stands in for"
-    )]
     pub(super) fn dispatcher(
         &self,
         _transport: &dyn Transport,
