@@ -1,6 +1,5 @@
 //! After the start nothing allocates, whatever a worker runs: every kind of handle, its hooks, its
-//! errors and missed deadlines; triggers, Logical Execution Time and the output barrier; actions;
-//! an executor without threads.
+//! errors and missed deadlines; triggers, Logical Execution Time and the output barrier; actions.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -17,7 +16,7 @@ use replenish::msg::std_msgs::Int32;
 use replenish::{
     ActionClient, ActionOptions, CallbackContext, Client, Context, Every, Executor, GoalUpdate,
     GuardCondition, Handling, NewGoal, OnMiss, Overrun, Qos, RawType, Report, Semantics,
-    TimerHandle, Topic, Trigger,
+    TimerHandle, Trigger,
 };
 use replenish_testkit::alloc::{CountingAllocator, exempt_this_thread};
 use replenish_testkit::harness::trial;
@@ -39,7 +38,6 @@ fn main() {
         trial("no_kind_of_handle_allocates", kinds),
         trial("no_rule_of_a_worker_allocates", rules),
         trial("goals_do_not_allocate", goals),
-        trial("an_executor_without_threads_does_not_allocate", local),
     ];
     // One after another: the counter sees every thread of the process.
     let mut arguments = libtest_mimic::Arguments::from_args();
@@ -232,32 +230,4 @@ fn goals() {
     let report = running.stop();
     assert!(done, "{heard:?}: {report}");
     assert_eq!(counted, 0, "{report}");
-}
-
-/// The thread that spins is the one that counts.
-fn local() {
-    let _dog = watchdog("local", LIMIT);
-    let counted = std::thread::spawn(|| {
-        let ctx = Context::in_process();
-        let node = ctx.node("n").unwrap();
-        let out = node.publisher::<Int32>("t", Qos::reliable()).unwrap();
-        let topic = Topic::named("t");
-        let mut exec = quiet_executor(&ctx);
-        exec.worker("w")
-            .timer(MS, move |_| out.publish(&Int32 { data: 1 }))
-            .unwrap()
-            .subscribe(&node, topic, Qos::reliable(), |_: &Int32, _| ())
-            .unwrap();
-        let mut exec = exec.local().unwrap();
-        ALLOC.arm();
-        let mut ran = 0;
-        for _ in 0..50 {
-            ran += exec.spin_some(MS).callbacks + exec.spin_for(MS).callbacks;
-            ran += exec.spin_one_period(2 * MS).callbacks;
-        }
-        let counted = ALLOC.disarm();
-        assert!(ran >= 100, "{ran}");
-        counted
-    });
-    assert_eq!(counted.join().unwrap(), 0);
 }
