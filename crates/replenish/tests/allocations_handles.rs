@@ -1,5 +1,5 @@
 //! After the start nothing allocates, whatever a worker runs: every kind of handle, its hooks, its
-//! errors and missed deadlines; triggers, Logical Execution Time and the output barrier; actions.
+//! errors and missed deadlines; triggers, Logical Execution Time and the output barrier.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -10,13 +10,11 @@
 mod common;
 
 use common::eventually;
-use common::fibonacci::{Fibonacci, Numbers, Order};
 use replenish::msg::Service;
 use replenish::msg::std_msgs::Int32;
 use replenish::{
-    ActionClient, ActionOptions, CallbackContext, Client, Context, Every, Executor, GoalUpdate,
-    GuardCondition, Handling, NewGoal, OnMiss, Overrun, Qos, RawType, Report, Semantics,
-    TimerHandle, Trigger,
+    Client, Context, Every, Executor, GuardCondition, Handling, OnMiss, Overrun, Qos, RawType,
+    Report, Semantics, TimerHandle, Trigger,
 };
 use replenish_testkit::alloc::{CountingAllocator, exempt_this_thread};
 use replenish_testkit::harness::trial;
@@ -37,7 +35,6 @@ fn main() {
     let trials = vec![
         trial("no_kind_of_handle_allocates", kinds),
         trial("no_rule_of_a_worker_allocates", rules),
-        trial("goals_do_not_allocate", goals),
     ];
     // One after another: the counter sees every thread of the process.
     let mut arguments = libtest_mimic::Arguments::from_args();
@@ -185,49 +182,4 @@ fn rules() {
             .with(Handling::new().priority(7));
     }
     runs_without(exec);
-}
-
-/// A goal after the other: accepted, with feedback, and succeeded in its own callback.
-fn goals() {
-    let _dog = watchdog("goals", LIMIT);
-    let ctx = Context::in_process();
-    let node = ctx.node("n").unwrap();
-    let options = ActionOptions::goals(4).keep_results(MS);
-    let client: ActionClient<Fibonacci> = node.action_client("fib", options).unwrap();
-    let mut exec = quiet_executor(&ctx);
-    let numbers = Numbers::of(20);
-    let pursue = move |_: &Order, new: NewGoal<Fibonacci>, _: &CallbackContext<'_>| {
-        let goal = new.accept()?;
-        goal.feedback(&numbers)?;
-        goal.succeed(&numbers)
-    };
-    exec.worker("serve")
-        .serve_action(&node, "fib", options, pursue, |_, _| true)
-        .unwrap();
-    let heard = Arc::new([const { AtomicU64::new(0) }; 3]);
-    let count = Arc::clone(&heard);
-    let send = client.clone();
-    exec.worker("follow")
-        .follow(&client, move |_, update, _| {
-            let kind = match update {
-                GoalUpdate::Accepted(_) => 0,
-                GoalUpdate::Feedback(_) => 1,
-                GoalUpdate::Result(..) => 2,
-                _ => return,
-            };
-            count[kind].fetch_add(1, Ordering::Relaxed);
-        })
-        .unwrap()
-        .timer(MS, move |_| {
-            send.send(&Order { order: 20 }).ok();
-        })
-        .unwrap();
-    let running = exec.start().unwrap();
-    exempt_this_thread();
-    ALLOC.arm();
-    let done = eventually(|| heard.iter().all(|n| n.load(Ordering::Relaxed) >= ENOUGH));
-    let counted = ALLOC.disarm();
-    let report = running.stop();
-    assert!(done, "{heard:?}: {report}");
-    assert_eq!(counted, 0, "{report}");
 }
