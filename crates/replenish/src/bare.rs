@@ -11,7 +11,7 @@ use core::fmt;
 use core::marker::PhantomData;
 use replenish_msg::{CdrError, CdrReader, CdrWriter, DecodeError, Message, Service};
 
-/// The bytes of a `T`, at most [`MAX_SIZE`](Message::MAX_SIZE) of them.
+/// The bytes of a `T`, at most [`MAX_SIZE`](Message::MAX_SIZE) of them and padding.
 pub(crate) struct Body<T> {
     bytes: Box<[u8]>,
     len: usize,
@@ -21,7 +21,7 @@ pub(crate) struct Body<T> {
 impl<T: Message> Default for Body<T> {
     fn default() -> Self {
         Self {
-            bytes: alloc::vec![0; T::MAX_SIZE].into(),
+            bytes: alloc::vec![0; Self::MAX_SIZE].into(),
             len: 0,
             message: PhantomData,
         }
@@ -49,7 +49,7 @@ impl<T> Body<T> {
 impl<T: Message> Message for Body<T> {
     const TYPE_NAME: &'static str = T::TYPE_NAME;
     const DDS_TYPE_NAME: &'static str = T::DDS_TYPE_NAME;
-    const MAX_SIZE: usize = T::MAX_SIZE;
+    const MAX_SIZE: usize = T::MAX_SIZE + 3; // RTPS pads to multiples of four
     const TYPE_HASH: Option<&'static str> = T::TYPE_HASH;
 
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {

@@ -24,6 +24,7 @@ mod event;
 mod executor;
 mod handoff;
 mod histogram;
+mod lifecycle;
 mod name;
 mod parameter;
 mod platform;
@@ -55,6 +56,7 @@ pub use executor::{
     Topic, Trigger, WorkerBuilder,
 };
 pub use histogram::Histogram;
+pub use lifecycle::{Lifecycle, LifecycleError, ManagedPublisher, Outcome, State, Transition};
 pub use middleware::PublishError;
 pub use name::NameError;
 pub use parameter::{

@@ -1,0 +1,69 @@
+//! Publishers that are silent unless their node is active.
+
+use super::Lifecycle;
+use super::machine::State;
+use crate::middleware::PublishError;
+use crate::publisher::Publisher;
+use crate::sync::{Arc, AtomicU64, Ordering};
+use core::fmt;
+use replenish_msg::Message;
+
+/// A publisher of a managed node. Clones share the counter.
+pub struct ManagedPublisher<M> {
+    publisher: Publisher<M>,
+    lifecycle: Lifecycle,
+    withheld: Arc<AtomicU64>,
+}
+
+impl<M: Message> ManagedPublisher<M> {
+    pub(super) fn new(publisher: Publisher<M>, lifecycle: Lifecycle) -> Self {
+        Self {
+            publisher,
+            lifecycle,
+            withheld: Arc::new(AtomicU64::new(0)),
+        }
+    }
+
+    /// Publishes if the node is active; whether it was.
+    ///
+    /// # Errors
+    /// As [`Publisher::publish`].
+    pub fn publish(&self, message: &M) -> Result<bool, PublishError> {
+        if self.lifecycle.state() != State::Active {
+            self.withheld.fetch_add(1, Ordering::Relaxed);
+            return Ok(false);
+        }
+        self.publisher.publish(message).map(|()| true)
+    }
+
+    /// How many messages were not published because the node was not active.
+    #[must_use]
+    pub fn withheld(&self) -> u64 {
+        self.withheld.load(Ordering::Relaxed)
+    }
+
+    /// The fully qualified topic name.
+    #[must_use]
+    pub fn topic(&self) -> &str {
+        self.publisher.topic()
+    }
+}
+
+impl<M> Clone for ManagedPublisher<M> {
+    fn clone(&self) -> Self {
+        Self {
+            publisher: self.publisher.clone(),
+            lifecycle: self.lifecycle.clone(),
+            withheld: Arc::clone(&self.withheld),
+        }
+    }
+}
+
+impl<M> fmt::Debug for ManagedPublisher<M> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ManagedPublisher")
+            .field("publisher", &self.publisher)
+            .field("withheld", &self.withheld.load(Ordering::Relaxed))
+            .finish_non_exhaustive()
+    }
+}
