@@ -137,6 +137,45 @@ fn fibonacci() {
     });
 }
 
+#[test]
+fn parameter_server() {
+    both("parameter_server", |lines| {
+        let is = |start: &str| -> Vec<&str> {
+            let rest = lines.iter().filter_map(|l| l.strip_prefix(start));
+            rest.collect()
+        };
+        assert_eq!(is("control: gain "), ["0.5", "1"]);
+        assert_eq!(is("event: "), ["/controller gain = 1"]);
+        let refused = "false gain: the arm resonates at 0.75";
+        let range = "false gain = 2: allowed are 0..=1 in steps of 0.25";
+        assert_eq!(is("result: "), [refused, range, "true "]);
+    });
+}
+
+#[test]
+fn lifecycle() {
+    both("lifecycle", |lines| {
+        let all = lines.iter().filter_map(|l| l.strip_prefix("state: "));
+        let states: Vec<&str> = all.collect();
+        let expected = [
+            "configuring",
+            "unconfigured",
+            "configuring",
+            "inactive",
+            "activating",
+            "active",
+            "deactivating",
+            "inactive",
+            "shuttingdown",
+            "finalized",
+        ];
+        assert_eq!(states, expected);
+        let at = |line: &str| lines.iter().position(|l| l == line);
+        assert!(at("manager: the first picture") > at("state: activating"));
+        assert!(at("manager: the first picture") < at("state: shuttingdown"));
+    });
+}
+
 /// Everything a newcomer reads first fits on a page and says how to run it.
 #[test]
 fn examples_are_short() {
