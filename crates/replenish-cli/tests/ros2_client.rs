@@ -1,5 +1,5 @@
 //! A replenish executor as ROS 2 sees it: a program of another library, `ros2-client`, calls a service
-//! and an action of it, through our agent and its bridge to DDS.
+//! and an action of it and sets its parameters, through our agent and its bridge to DDS.
 #![cfg(feature = "dds")]
 #![allow(
     clippy::unwrap_used,
@@ -15,16 +15,19 @@ mod fibonacci;
 use fibonacci::{Fibonacci, Numbers, Order};
 use replenish::msg::{CdrError, CdrReader, CdrWriter, Message, Service};
 use replenish::{
-    ActionOptions, CallbackContext, Context, Executor, GoalError, GoalHandle, NewGoal, Qos,
-    RunningExecutor,
+    ActionOptions, CallbackContext, Context, Descriptor, Executor, GoalError, GoalHandle, NewGoal,
+    ParameterOptions, Parameters, Qos, RunningExecutor,
 };
 use replenish_agent::{Agent, AgentConfig, DdsBridge, RunningAgent};
 use replenish_testkit::watchdog::watchdog;
 use ros2_client::action::{ActionClient, ActionClientQosPolicies, GoalStatusEnum};
 use ros2_client::qos::{Durability, History, WhenFull};
+use ros2_client::rcl_interfaces::{
+    GetParametersRequest, GetParametersResponse, SetParametersRequest, SetParametersResponse,
+};
 use ros2_client::{
-    ActionTypeName, Client, Name, NodeName, NodeOptions, QosProfile, ServiceMapping,
-    ServiceTypeName,
+    ActionTypeName, Client, Name, NodeName, NodeOptions, Parameter, ParameterValue, QosProfile,
+    ServiceMapping, ServiceTypeName,
 };
 use rustdds::DomainParticipantBuilder;
 use std::net::Ipv4Addr;
@@ -102,8 +105,8 @@ fn agent(domain: u16) -> RunningAgent {
     Agent::bind(&config).unwrap().spawn().unwrap()
 }
 
-/// An executor behind the agent: a service, and an action whose goals a timer pursues.
-fn executor(agent: &RunningAgent) -> RunningExecutor {
+/// An executor behind the agent: a service, an action whose goals a timer pursues, and parameters.
+fn executor(agent: &RunningAgent) -> (RunningExecutor, Parameters) {
     let ctx = Context::xrce_udp(&agent.local_addr().to_string()).unwrap();
     let node = ctx.node("ours").unwrap();
     let mut exec = Executor::new(&ctx);
@@ -130,7 +133,13 @@ fn executor(agent: &RunningAgent) -> RunningExecutor {
         .unwrap()
         .timer(20 * MS, move |_| goals.lock().unwrap().retain_mut(step))
         .unwrap();
-    exec.start().unwrap()
+    let parameters = node.parameters(ParameterOptions::new()).unwrap();
+    let gain = Descriptor::new().double_range(0.0, 10.0, 0.0);
+    parameters.declare("gain", 1.0, gain).unwrap();
+    let fixed = Descriptor::new().read_only();
+    parameters.declare("axis", "x", fixed).unwrap();
+    exec.worker("parameters").parameters(&parameters).unwrap();
+    (exec.start().unwrap(), parameters)
 }
 
 type Pursued = (GoalHandle<Fibonacci>, usize, Numbers);
@@ -280,15 +289,84 @@ fn action(node: &mut ros2_client::Node) {
     assert!(has(GoalStatusEnum::Executing) && has(GoalStatusEnum::Succeeded));
 }
 
+/// Sets and reads parameters as `ros2 param` does.
+fn parameters(node: &mut ros2_client::Node, ours: &Parameters) {
+    let name = |service| Name::new("/ours", service).unwrap();
+    let kind = |service| ServiceTypeName::new("rcl_interfaces", service);
+    let mapping = ServiceMapping::Enhanced;
+    let set: Client<SetParametersRequest, SetParametersResponse> = node
+        .create_client(
+            mapping,
+            &name("set_parameters"),
+            &kind("SetParameters"),
+            qos(),
+            qos(),
+        )
+        .unwrap();
+    let get: Client<GetParametersRequest, GetParametersResponse> = node
+        .create_client(
+            mapping,
+            &name("get_parameters"),
+            &kind("GetParameters"),
+            qos(),
+            qos(),
+        )
+        .unwrap();
+    let read = |time| {
+        let names = vec!["gain".into(), "axis".into()];
+        let id = get.send_request(GetParametersRequest { names }).unwrap();
+        let answer = || get.receive_response().unwrap().filter(|(i, _)| *i == id);
+        let (_, answer) = within(time, answer)?;
+        Some(
+            answer
+                .values
+                .into_iter()
+                .map(ParameterValue::from)
+                .collect::<Vec<_>>(),
+        )
+    };
+    let write = |name: &str, value, time| {
+        let name = name.into();
+        let parameter = vec![Parameter { name, value }.into()];
+        let id = set
+            .send_request(SetParametersRequest { parameter })
+            .unwrap();
+        let answer = || set.receive_response().unwrap().filter(|(i, _)| *i == id);
+        let (_, answer) = within(time, answer)?;
+        let result = answer.results.into_iter().next().unwrap();
+        Some((result.successful, result.reason))
+    };
+    let before = eventually(|| read(200 * MS));
+    let text = |text: &str| ParameterValue::String(text.into());
+    assert_eq!(before, [ParameterValue::Double(1.0), text("x")]);
+    eventually(|| write("gain", ParameterValue::Double(1.0), 200 * MS));
+    let set = |name, value| write(name, value, PATIENCE).unwrap();
+    assert_eq!(
+        set("gain", ParameterValue::Double(2.5)),
+        (true, String::new())
+    );
+    assert_eq!(ours.get::<f64>("gain").unwrap(), 2.5);
+    let (done, why) = set("gain", ParameterValue::Double(11.0));
+    assert!(!done && why.contains("0..=10"), "{why}");
+    let (done, why) = set("axis", text("y"));
+    assert!(!done && why.contains("read-only"), "{why}");
+    assert!(!set("gain", text("much")).0);
+    assert_eq!(
+        read(PATIENCE).unwrap(),
+        [ParameterValue::Double(2.5), text("x")]
+    );
+}
+
 #[test]
-fn a_program_in_ros_2_calls_a_service_and_an_action_of_an_executor() {
+fn a_program_in_ros_2_calls_a_service_and_an_action_and_sets_a_parameter_of_an_executor() {
     let _dog = watchdog("ros2-client", 4 * PATIENCE);
     let domain = domain();
     let agent = agent(domain);
-    let running = executor(&agent);
+    let (running, ours) = executor(&agent);
     let (_context, mut node) = peer(domain);
     service(&mut node);
     action(&mut node);
+    parameters(&mut node, &ours);
     let report = running.stop();
     assert!(
         report.handles.iter().all(|h| h.stats.errors == 0),

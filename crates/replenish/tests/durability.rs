@@ -34,7 +34,7 @@ fn late_subscriptions_get_what_is_kept(ctx: &Context) {
         let worker = change.worker("w").unwrap();
         worker
             .subscribe(&node, "t", qos, move |m: &Int32, _| {
-                heard.lock().unwrap().push(m.data)
+                heard.lock().unwrap().push(m.data);
             })
             .unwrap();
     }
