@@ -9,9 +9,9 @@ pub(crate) use alloc::sync::Arc;
 pub(crate) use core::sync::atomic::AtomicU64;
 #[cfg(not(loom))]
 pub(crate) use core::sync::atomic::{AtomicBool, Ordering};
-/// Processors of 32 bits: one instruction does not do, so interrupts are off for a few.
+
 #[cfg(all(not(loom), not(target_has_atomic = "64")))]
-pub(crate) use portable_atomic::AtomicU64;
+pub(crate) use replenish_os::freertos::AtomicU64;
 #[cfg(not(loom))]
 pub(crate) use replenish_os::{PiMutex as Mutex, Signal};
 

@@ -16,6 +16,7 @@
 //! What each task takes: its stack, a TCB of the kernel and a slot of 170 bytes; see
 //! [`Thread::stack_unused`](crate::Thread::stack_unused).
 
+mod atomic;
 pub mod clock;
 mod error;
 mod ffi;
@@ -38,6 +39,7 @@ pub(crate) mod tid;
 pub mod timer;
 pub(crate) mod watch;
 
+pub use atomic::AtomicU64;
 pub use error::OsError;
 pub use heap::{HeapUse, SealedHeap};
 pub use panics::{Panicked, halt, panicked};

@@ -60,8 +60,12 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     }
 
     // Bells in the order in which workers are woken: highest priority first, then as described.
-    let mut order: Vec<usize> = (0..workers.len()).collect();
-    order.sort_by_key(|w| core::cmp::Reverse(policies.get(*w).map_or(0, rank)));
+    let rank = |w: usize| policies.get(w).map_or(0, rank);
+    let mut order: Vec<usize> = Vec::with_capacity(workers.len());
+    for w in 0..workers.len() {
+        let lower = order.iter().position(|other| rank(*other) < rank(w));
+        order.insert(lower.unwrap_or(w), w);
+    }
     let Assembly {
         dispatcher: dispatch,
         workers,

@@ -20,6 +20,7 @@ mod connect;
 mod endpoints;
 mod limits;
 mod removal;
+#[cfg(feature = "services")]
 mod services;
 mod setup;
 mod state;
@@ -38,9 +39,11 @@ pub use transport::{Received, Sent, Transport};
 pub use transport::{SerialTransport, TcpTransport};
 
 use super::{
-    EndpointSpec, Interest, LinkState, Middleware, MiddlewareError, PublishError, ReaderId,
-    RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
+    EndpointSpec, Interest, LinkState, Middleware, MiddlewareError, PublishError, ReaderId, Room,
+    SampleInfo, WriterId,
 };
+#[cfg(feature = "services")]
+use super::{RequestIdentity, ServiceSpec};
 use crate::Nanos;
 use alloc::boxed::Box;
 use core::fmt;
@@ -48,6 +51,7 @@ use limits::REQUESTS;
 use replenish_os::{PiMutex, clock};
 use replenish_xrce::client::LinkStats;
 use replenish_xrce::stream::{BestEffortStats, InputStats, OutputStats};
+#[cfg(feature = "services")]
 use replenish_xrce::wire::ObjectKind;
 use state::State;
 use waiting::Waiting;
@@ -194,6 +198,7 @@ impl Middleware for Xrce {
         sent
     }
 
+    #[cfg(feature = "services")]
     fn create_server(
         &self,
         spec: &ServiceSpec<'_>,
@@ -201,6 +206,7 @@ impl Middleware for Xrce {
         self.set_up_service(spec, ObjectKind::Replier)
     }
 
+    #[cfg(feature = "services")]
     fn create_client(
         &self,
         spec: &ServiceSpec<'_>,
@@ -208,10 +214,12 @@ impl Middleware for Xrce {
         self.set_up_service(spec, ObjectKind::Requester)
     }
 
+    #[cfg(feature = "services")]
     fn request(&self, client: WriterId, payload: &[u8]) -> Result<u64, PublishError> {
         self.send_service(clock::monotonic(), |state| state.request(client, payload))
     }
 
+    #[cfg(feature = "services")]
     fn reply(
         &self,
         server: WriterId,
