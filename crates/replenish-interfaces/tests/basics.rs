@@ -6,6 +6,7 @@
     reason = "test code"
 )]
 
+use replenish_interfaces::example_interfaces::msg::{WString, WStringView};
 use replenish_interfaces::example_interfaces::{action::Fibonacci, srv::AddTwoInts};
 use replenish_interfaces::rcl_interfaces::msg::{
     Parameter, ParameterEvent, ParameterEventView, ParameterType, ParameterValue,
@@ -69,6 +70,21 @@ fn a_view_is_made_from_what_one_has() {
     let mut buf = [0; 32];
     let len = header.encode_to(&mut buf).unwrap();
     assert_eq!(buf[..len], *b"\0\0\0\0\0\0\0\0\x04\0\0\0map\0");
+}
+
+/// As Fast CDR 2 writes it (`Cdr::serialize(const wchar_t*)`): units, two bytes each, no NUL.
+#[test]
+fn a_wide_string_is_utf16_behind_its_number_of_units() {
+    let message = WString {
+        data: "hé𝄞".into()
+    };
+    let expected = b"\x04\0\0\0h\0\xe9\0\x34\xd8\x1e\xdd";
+    assert_eq!(bytes(&message), expected);
+    let view = WStringView::from_payload(expected).unwrap();
+    assert!(view.data.chars().eq("hé𝄞".chars()));
+    let half = b"\x01\0\0\0\x34\xd8";
+    let error = WStringView::from_payload(half).unwrap_err();
+    assert_eq!(error.to_string(), "data: wstring at offset 4 is not UTF-16");
 }
 
 #[test]

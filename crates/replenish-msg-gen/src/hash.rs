@@ -195,7 +195,7 @@ fn hash(
         all.insert(next, json);
     }
     let own = all.remove(name)?;
-    // ROS sorts by the whole name as text, in which `/` comes behind `_` no more than in ASCII.
+    // Sorted by the whole name as text, which is not the order of its components.
     let mut inner: Vec<_> = all
         .into_iter()
         .map(|(name, json)| (name.to_string(), json))

@@ -82,7 +82,7 @@ pub trait Message: Default + Send + 'static {
     /// The type's hash, `RIHS01_` and 64 hexadecimal digits (ROS REP 2016), if it is known.
     const TYPE_HASH: Option<&'static str> = None;
 
-    /// The fields, by which an error is [located](crate::located).
+    /// The fields, by which an error finds its [place](crate::located).
     const STRUCTURE: &'static Structure = &Structure::UNKNOWN;
 
     /// Appends this message to `w`.

@@ -104,40 +104,25 @@ impl<'a> Code<'a> {
     pub(super) fn default(&self, view: bool) -> String {
         const NONE: &str = "::core::default::Default::default()";
         match (&self.field.default, self.field.shape) {
-            (Some(value), Shape::One) => self.value(value, view),
             (Some(Value::List(values)), shape) => {
                 let values: Vec<_> = values.iter().map(|v| self.value(v, view)).collect();
-                let list = format!("[{}]", values.join(", "));
+                let (rt, list) = (self.runtime(), format!("[{}]", values.join(", ")));
                 match (shape, self.whole, view) {
                     (Shape::Array(_), ..) => list,
                     (_, Held::Inline, _) => format!("{list}.into_iter().collect()"),
-                    (_, Held::Heap, false) => {
-                        format!("{}::owned::Vec::from({list})", self.runtime())
-                    }
-                    (_, Held::Heap, true) if values.is_empty() => NONE.into(),
-                    (_, Held::Heap, true) if self.is_bytes() => format!("&const {{ {list} }}"),
-                    (_, Held::Heap, true) if self.element == Held::Inline && !self.constant() => {
-                        NONE.into() // a view's default that is not a constant cannot be borrowed
-                    }
-                    (_, Held::Heap, true) if self.constant() => {
-                        format!("{}::wire::Seq::from(&const {{ {list} }})", self.runtime())
-                    }
-                    (_, Held::Heap, true) => NONE.into(),
+                    (_, Held::Heap, false) => format!("{rt}::owned::Vec::from({list})"),
+                    // A view can borrow constants alone.
+                    _ if values.is_empty() || !self.constant() => NONE.into(),
+                    _ if self.is_bytes() => format!("&const {{ {list} }}"),
+                    _ => format!("{rt}::wire::Seq::from(&const {{ {list} }})"),
                 }
             }
-            (_, Shape::Array(_)) => match self.field.base {
-                Base::Primitive(p) => format!("[<{}>::default(); _]", p.rust()),
-                _ => "::core::array::from_fn(|_| ::core::default::Default::default())".into(),
-            }
-            .replace("; _]", &format!("; {}]", self.count())),
-            _ => NONE.into(),
-        }
-    }
-
-    fn count(&self) -> usize {
-        match self.field.shape {
-            Shape::Array(count) => count,
-            _ => 0,
+            (Some(value), _) => self.value(value, view),
+            (None, Shape::Array(count)) => match self.field.base {
+                Base::Primitive(p) => format!("[<{}>::default(); {count}]", p.rust()),
+                _ => format!("::core::array::from_fn(|_| {NONE})"),
+            },
+            (None, _) => NONE.into(),
         }
     }
 

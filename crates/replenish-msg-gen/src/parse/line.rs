@@ -7,7 +7,7 @@ pub(super) struct Line<'a> {
     file: &'a Path,
     number: usize,
     whole: &'a str,
-    /// Where the code ends and the comment begins, in bytes.
+    /// Where the code ends, in bytes; behind it there are blanks and the comment.
     end: usize,
     /// Where reading is, in bytes, on a character's boundary.
     pos: usize,
@@ -16,15 +16,12 @@ pub(super) struct Line<'a> {
 impl<'a> Line<'a> {
     /// Line `number` (from 0) of `file`.
     pub(super) fn new(file: &'a Path, number: usize, whole: &'a str) -> Self {
-        let end = comment_start(whole);
-        let code = whole.get(..end).unwrap_or_default().trim_end();
-        // A line of nothing but a comment or blanks ends where it begins.
-        let end_of_code = code.len();
+        let code = whole.get(..comment_start(whole)).unwrap_or_default();
         Self {
             file,
             number,
             whole,
-            end: end_of_code,
+            end: code.trim_end().len(),
             pos: 0,
         }
     }
