@@ -5,7 +5,10 @@
 mod common;
 
 use common::{Scratch, json, run, stderr, stdout};
+use replenish_plan::ledger::Ledger;
+use replenish_plan::{ExecutorRequest, Guarantee, Machine, Overheads, Request, Worker};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 fn example(name: &str) -> String {
@@ -62,6 +65,10 @@ fn what_does_not_fit_is_refused_with_the_bottleneck() {
     assert_eq!(output.status.code(), Some(1));
     let j = json(&path);
     assert_eq!(j["admitted"], false);
+    assert!(
+        j["workers"].as_array().is_some_and(|w| w.len() >= 6),
+        "{j:#}"
+    );
     let sentence = j["refusal"].as_str().unwrap();
     assert!(sentence.contains("CPU 0"), "{sentence}");
     assert!(sentence.contains("would fit"), "{sentence}");
@@ -88,6 +95,59 @@ fn what_does_not_fit_is_refused_with_the_bottleneck() {
             .iter()
             .any(|w| missed(w) > 0)
     );
+}
+
+#[test]
+fn what_other_programs_have_reserved_counts_and_what_was_measured() {
+    let scratch = Scratch::new("beside");
+    let path = scratch.path("plan.json");
+    let ledger = Ledger::open(scratch.path("ledger")).unwrap();
+    let file = example("robot/fits.toml");
+    let plan = |more: &[&str]| {
+        let args = ["plan", &file, "--json", path.to_str().unwrap()];
+        let output = Command::new(env!("CARGO_BIN_EXE_replenish"))
+            .args([&args, more].concat())
+            .env("REPLENISH_LEDGER", ledger.directory())
+            .output()
+            .unwrap();
+        (output.status.code(), json(&path))
+    };
+    let (code, alone) = plan(&[]);
+    assert_eq!(
+        (code, &alone["overheads_measured"]),
+        (Some(0), &false.into())
+    );
+
+    let overheads = Overheads {
+        latency: 60_000,
+        ..Overheads::LINUX
+    };
+    ledger.set_overheads(&overheads, "by a test").unwrap();
+    assert_eq!(ledger.overheads().unwrap(), Some(overheads));
+    let (code, measured) = plan(&[]);
+    assert_eq!(
+        (code, &measured["overheads_measured"]),
+        (Some(0), &true.into())
+    );
+    let worst = |json: &serde_json::Value| json["workers"][0]["worst_response_ms"].as_f64();
+    assert!(worst(&measured) > worst(&alone), "{measured:#}");
+
+    let ms = Duration::from_millis;
+    let mut request = Request::new(Machine::with_cpus(2));
+    request.executor = ExecutorRequest::None;
+    let greedy = Guarantee::of(ms(80)).every(ms(100));
+    request = request.worker(Worker::guaranteed("greedy", greedy));
+    request = request.worker(Worker::guaranteed("another", greedy));
+    let _place = ledger.admit(&request, "another program").unwrap();
+    let (code, beside) = plan(&[]);
+    assert_eq!(code, Some(1), "{beside:#}");
+    assert_eq!(beside["beside"].as_array().map(Vec::len), Some(2));
+    let owner = beside["beside"][0].as_str().unwrap();
+    assert!(owner.contains("greedy") && owner.contains("another program"));
+    let workers = beside["workers"].as_array().unwrap();
+    assert_eq!(workers.len(), alone["workers"].as_array().unwrap().len());
+    let (code, _) = plan(&["--ignore-ledger"]);
+    assert_eq!(code, Some(0));
 }
 
 #[test]

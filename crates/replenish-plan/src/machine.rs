@@ -71,7 +71,20 @@ impl Overheads {
     /// None of them may be larger, in ns.
     pub const MOST: Nanos = 1_000_000_000;
 
-    /// All of them.
+    /// Their names in files.
+    pub(crate) const NAMES: [&str; 9] = [
+        "context_switch",
+        "callback",
+        "dispatch",
+        "release_interrupt",
+        "latency",
+        "enforcement",
+        "slack",
+        "min_rearm",
+        "max_backoff",
+    ];
+
+    /// All of them, in the order of their names.
     pub(crate) fn all(&self) -> [Nanos; 9] {
         [
             self.context_switch,
@@ -86,7 +99,22 @@ impl Overheads {
         ]
     }
 
-    /// Several times what `replenish bench enforcement` and `replenish bench handoff` measured on a
+    /// All of them, to be changed.
+    pub(crate) fn all_mut(&mut self) -> [&mut Nanos; 9] {
+        [
+            &mut self.context_switch,
+            &mut self.callback,
+            &mut self.dispatch,
+            &mut self.release_interrupt,
+            &mut self.latency,
+            &mut self.enforcement,
+            &mut self.tuning.slack,
+            &mut self.tuning.min_rearm,
+            &mut self.tuning.max_backoff,
+        ]
+    }
+
+    /// Used where nothing was measured. Several times what `replenish bench enforcement` and `replenish bench handoff` measured on a
     /// virtual machine with 2 CPUs (Linux 6.18, HZ=250, not `PREEMPT_RT`; `docs/enforcement.md`):
     /// overruns of 5 to 7 us (99 %), 30 to 80 us of the enforcer per budget and 100 ms.
     /// Interruptions of a virtual machine by its host are not covered.

@@ -1,6 +1,7 @@
 //! `replenish doctor`: what this machine grants to real-time threads, with advice.
 
 use super::latency::{self, Latency};
+use super::overheads;
 use crate::load::SEC;
 use crate::machine;
 use crate::machine::cpus::{self, Cpus};
@@ -18,6 +19,11 @@ const MEASURE: u64 = 2 * SEC;
 /// Options of `doctor`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
+    /// Measure what enforcing costs here and keep it in this host's ledger: plans count with it
+    /// from then on
+    #[arg(long)]
+    save: bool,
+
     #[command(flatten)]
     json: JsonOption,
 }
@@ -100,7 +106,13 @@ pub(crate) fn run(args: &Args) -> Outcome {
         None => latency::measure(cpu, Policy::Other, MEASURE)?,
     };
     print(&findings, &latency);
-    let json = serde_json::json!({ "findings": findings, "latency_us": latency });
+    let saved = match args.save {
+        true => Some(overheads::save(cpu, &latency, privilege.real_time())?),
+        false => None,
+    };
+    let json = serde_json::json!({
+        "findings": findings, "latency_us": latency, "overheads_ns": saved,
+    });
     files::write_json(args.json.json.as_deref(), &json)
 }
 

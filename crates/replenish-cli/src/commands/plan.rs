@@ -4,6 +4,7 @@
 //! Exit code 0: it fits. 1: it does not (or the file makes no sense), with one sentence that says
 //! why and what would fit.
 
+use super::host::Host;
 use crate::options::JsonOption;
 use crate::outcome::{Failure, Outcome};
 use crate::report::files;
@@ -24,6 +25,10 @@ pub(crate) struct Args {
     /// Print the table only, without the reasons
     #[arg(long)]
     brief: bool,
+
+    /// Plan as if nothing else ran on this host, and with default overheads
+    #[arg(long)]
+    ignore_ledger: bool,
 
     #[command(flatten)]
     json: JsonOption,
@@ -52,12 +57,18 @@ struct Row {
 /// Reads, plans, tells.
 pub(crate) fn run(args: &Args) -> Outcome {
     files::check_writable(args.json.json.as_deref())?;
-    let deployment = Deployment::read(&args.file).map_err(Failure::refused)?;
+    let mut deployment = Deployment::read(&args.file).map_err(Failure::refused)?;
+    let host = Host::look(&mut deployment, args.ignore_ledger)?;
     let name = args.file.display();
-    match deployment.plan() {
+    match deployment.plan_beside(&host.promised) {
         Ok(plan) => {
             print(&deployment, &plan, args.brief);
-            files::write_json(args.json.json.as_deref(), &admitted(&deployment, &plan))
+            println!("\n{}", host.overheads());
+            for note in &host.notes {
+                println!("{note}");
+            }
+            let json = admitted(&deployment, &plan, &host);
+            files::write_json(args.json.json.as_deref(), &json)
         }
         Err(refusal) => {
             let json = serde_json::json!({
@@ -71,7 +82,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
                     "period_ms": ms(fit.period),
                     "without": fit.without,
                 })).collect::<Vec<_>>(),
-                "workers": [],
+                "workers": refusal.attempt.as_deref().map_or_else(Vec::new, |a| rows(&deployment, a)),
+                "beside": owners(&host),
+                "overheads_measured": host.measured,
             });
             files::write_json(args.json.json.as_deref(), &json)?;
             if let Some(attempt) = refusal.attempt.as_deref().filter(|_| !args.brief) {
@@ -79,23 +92,35 @@ pub(crate) fn run(args: &Args) -> Outcome {
                 println!("{}", table(attempt).to_text());
                 println!("{}", loads(&attempt.cpus));
             }
+            for note in &host.notes {
+                eprintln!("{note}");
+            }
             Err(Failure::refused(format!("{name} is refused: {refusal}")))
         }
     }
 }
 
-fn admitted(deployment: &Deployment, plan: &Plan) -> serde_json::Value {
+/// Whose reservations count.
+fn owners(host: &Host) -> Vec<&str> {
+    host.promised.iter().map(|p| p.owner.as_str()).collect()
+}
+
+/// Of a refusal: what was tried.
+fn rows(deployment: &Deployment, plan: &Plan) -> Vec<Row> {
     let handles = |n: usize| deployment.workers.get(n).map(|w| w.handles.clone());
-    let workers: Vec<Row> = plan
-        .workers
-        .iter()
-        .enumerate()
+    let workers = plan.workers.iter().enumerate();
+    workers
         .map(|(n, worker)| Row::new(worker, handles(n).unwrap_or_default()))
-        .collect();
+        .collect()
+}
+
+fn admitted(deployment: &Deployment, plan: &Plan, host: &Host) -> serde_json::Value {
     serde_json::json!({
+        "beside": owners(host),
+        "overheads_measured": host.measured,
         "admitted": true,
         "refusal": null,
-        "workers": workers,
+        "workers": rows(deployment, plan),
         "executor": plan.executor.as_ref().map(executor),
         "enforcer_priority": plan.enforcer_priority,
         "cpus": plan.cpus.iter().map(|c| serde_json::json!({

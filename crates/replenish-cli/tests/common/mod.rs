@@ -46,6 +46,8 @@ impl Drop for Scratch {
 pub(crate) fn run(args: &[&str]) -> Output {
     Command::new(BIN)
         .args(args)
+        // Whatever else runs on this host.
+        .env("REPLENISH_LEDGER", "off")
         .stdin(Stdio::null())
         .output()
         .unwrap()

@@ -35,7 +35,7 @@ mod template;
 pub use error::FileError;
 pub use template::{Template, TemplateWorker};
 
-use crate::{ExecutorRequest, Machine, Nanos, Plan, Refusal, Request, Wish};
+use crate::{ExecutorRequest, Machine, Nanos, Overheads, Plan, Promise, Refusal, Request, Wish};
 use error::Source;
 use replenish_sim::analysis::Demand;
 use replenish_sim::{Overflow, Releases, Span};
@@ -62,6 +62,8 @@ pub struct Deployment {
     pub chains: Vec<Chain>,
     /// Which parts of the machine section were written in the file.
     pub machine_given: bool,
+    /// Which of its overheads were, in their order.
+    overheads_given: [bool; 9],
     source: Source,
 }
 
@@ -172,12 +174,31 @@ impl Deployment {
         }
     }
 
+    /// Counts with these overheads where the file does not say others.
+    pub fn measured(&mut self, overheads: &Overheads) {
+        let own = self.machine.overheads.all_mut().into_iter();
+        for ((own, measured), given) in own.zip(overheads.all()).zip(self.overheads_given) {
+            if !given {
+                *own = measured;
+            }
+        }
+    }
+
     /// Makes the plan.
     ///
     /// # Errors
     /// As [`plan`](crate::plan()), and if a chain takes longer than its deadline.
     pub fn plan(&self) -> Result<Plan, Refusal> {
+        self.plan_beside(&[])
+    }
+
+    /// Makes the plan beside what other programs have been promised.
+    ///
+    /// # Errors
+    /// As [`plan`](Self::plan).
+    pub fn plan_beside(&self, promised: &[Promise]) -> Result<Plan, Refusal> {
         let mut request = self.request();
+        request.promised = promised.to_vec();
         let mut plan = crate::plan(&request)?;
         // How late a stage is released depends on the stages before it, which may depend on it:
         // until nothing changes (TC94). Never back, so that it comes to an end.

@@ -46,6 +46,23 @@ pub(super) struct Overheads {
     pub(super) max_backoff: Option<Spanned<Time>>,
 }
 
+impl Overheads {
+    /// All of them, in the order of [`crate::Overheads::NAMES`].
+    pub(super) fn all(&self) -> [&Option<Spanned<Time>>; 9] {
+        [
+            &self.context_switch,
+            &self.callback,
+            &self.dispatch,
+            &self.release_interrupt,
+            &self.latency,
+            &self.enforcement,
+            &self.slack,
+            &self.min_rearm,
+            &self.max_backoff,
+        ]
+    }
+}
+
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Executor {

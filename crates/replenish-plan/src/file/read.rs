@@ -14,6 +14,7 @@ pub(super) fn read(source: Source) -> Found<Deployment> {
     let file: raw::File = toml::from_str(&source.text).map_err(|e| source.wrong_toml(&e))?;
     let reader = Reader { source: &source };
     let machine_given = file.machine.cpus.is_some();
+    let overheads_given = file.machine.overheads.all().map(Option::is_some);
     let machine = reader.machine(&file.machine)?;
     if file.worker.len() > MAX_WORKERS {
         let message = format!("{} workers: allowed up to {MAX_WORKERS}", file.worker.len());
@@ -37,6 +38,7 @@ pub(super) fn read(source: Source) -> Found<Deployment> {
         workers,
         chains,
         machine_given,
+        overheads_given,
         source,
     })
 }
@@ -98,18 +100,8 @@ impl Reader<'_> {
                 return self.wrong(share, "allowed above 0 up to 1.0");
             }
         }
-        let (raw, mine) = (&raw.overheads, &mut machine.overheads);
-        for (given, own) in [
-            (&raw.context_switch, &mut mine.context_switch),
-            (&raw.callback, &mut mine.callback),
-            (&raw.dispatch, &mut mine.dispatch),
-            (&raw.release_interrupt, &mut mine.release_interrupt),
-            (&raw.latency, &mut mine.latency),
-            (&raw.enforcement, &mut mine.enforcement),
-            (&raw.slack, &mut mine.tuning.slack),
-            (&raw.min_rearm, &mut mine.tuning.min_rearm),
-            (&raw.max_backoff, &mut mine.tuning.max_backoff),
-        ] {
+        let given = raw.overheads.all();
+        for (given, own) in given.into_iter().zip(machine.overheads.all_mut()) {
             let Some(given) = given else { continue };
             *own = given.get_ref().0;
             if *own > Overheads::MOST {

@@ -56,7 +56,7 @@ pub(super) fn open_lock(path: &Path) -> io::Result<File> {
 }
 
 /// Opens an ordinary file for reading: no link is followed, no pipe is waited for.
-fn open_plain(path: &Path) -> io::Result<File> {
+pub(super) fn open_plain(path: &Path) -> io::Result<File> {
     let file = OpenOptions::new()
         .read(true)
         .custom_flags(libc::O_NOFOLLOW | libc::O_NONBLOCK)

@@ -3,6 +3,7 @@
 //! ```text
 //!   /run/replenish/lock          held while somebody reads all entries, plans, and adds its own
 //!   /run/replenish/<n>.entry     one program's reservations, locked by it for as long as it lives
+//!   /run/replenish/overheads.toml  what enforcing costs here, if it was measured
 //! ```
 //!
 //! - An entry counts while its file is locked (`flock`). The kernel lets go of the lock when its
@@ -22,6 +23,7 @@
 mod entry;
 mod error;
 mod file;
+mod measured;
 
 pub use entry::Entry;
 pub use error::{Denied, LedgerError};

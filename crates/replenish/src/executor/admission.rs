@@ -43,7 +43,7 @@ pub(crate) fn admit(workers: &mut [WorkerSpec], options: &mut Options) -> Result
     if !(guaranteed || expert || is_real_time(options.dispatcher.as_ref())) {
         return Ok(admission);
     }
-    let request = request(workers, options, guaranteed)?;
+    let mut request = request(workers, options, guaranteed)?;
     let place = if os::privilege::may_be_real_time() {
         options.planning.ledger.find()?
     } else {
@@ -53,10 +53,17 @@ pub(crate) fn admit(workers: &mut [WorkerSpec], options: &mut Options) -> Result
     let plan = match place {
         Found::Here(ledger) => {
             let ledger = ledger.strict(options.strict);
+            match ledger.overheads() {
+                Ok(Some(measured)) if options.planning.machine.is_none() => {
+                    request.machine.overheads = measured;
+                }
+                Ok(_) => {}
+                Err(e) => admission.report.notes.push(e.to_string()),
+            }
             match ledger.admit(&request, &program()) {
                 Ok(admitted) => {
                     admission.report.ledger = Some(ledger.directory().into());
-                    admission.report.notes = admitted.warnings;
+                    admission.report.notes.extend(admitted.warnings);
                     admission.place = Some(admitted.reservation);
                     Some(admitted.plan)
                 }

@@ -117,7 +117,8 @@ impl Executor {
     }
 
     /// What the plan may use, and the overheads it counts with. Default: the CPUs this process may
-    /// use, what the kernel says about them, and [`Overheads::LINUX`](replenish_plan::Overheads).
+    /// use, what the kernel says about them, and the overheads that `replenish doctor --save` has
+    /// measured on this host, or [`Overheads::LINUX`](replenish_plan::Overheads).
     pub fn machine(&mut self, machine: Machine) -> &mut Self {
         self.options.planning.machine = Some(machine);
         self

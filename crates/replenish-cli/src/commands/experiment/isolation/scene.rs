@@ -24,7 +24,7 @@ use replenish::{
 };
 use replenish_os::{Enforcement, PiMutex, ThreadSpec, clock, spawn};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 /// Period and deadline of the control loop.
@@ -103,6 +103,8 @@ struct Shared {
     begins: AtomicU64,
     /// When everything stops; `MAX` until known.
     ends: AtomicU64,
+    /// Until then a callback that runs away does not return, and looks at nothing else.
+    let_go: AtomicBool,
     /// (release, end) of the control loop, on the monotonic clock.
     rounds: PiMutex<Vec<(Nanos, Nanos)>>,
 }
@@ -128,6 +130,7 @@ pub(super) fn run(
         disturbance,
         begins: AtomicU64::new(Nanos::MAX),
         ends: AtomicU64::new(Nanos::MAX),
+        let_go: AtomicBool::new(false),
         rounds: PiMutex::new(Vec::with_capacity(1_000)),
     });
     let context = Context::in_process();
@@ -140,6 +143,8 @@ pub(super) fn run(
     let sender = sender(&context, &shared, epoch, support)?;
     clock::sleep_until(end);
     let stall = probe.stop();
+    // Only now, after everything was measured, so that the executor can be stopped.
+    shared.let_go.store(true, Ordering::Relaxed);
     let sent = sender.join().unwrap_or(0);
     let report = running.stop();
     let deferred = report
@@ -231,9 +236,13 @@ fn neighbour<'e>(
     worker.timer(
         Duration::from_nanos(NEIGHBOUR),
         move |_: &CallbackContext<'_>| {
-            let work = if shared.is_disturbed(Disturbance::RunawayCallback) {
-                Nanos::MAX / 2 // until the window ends
-            } else if shared.is_disturbed(Disturbance::NoisyNeighbour) {
+            if shared.is_disturbed(Disturbance::RunawayCallback) {
+                while !shared.let_go.load(Ordering::Relaxed) {
+                    std::hint::spin_loop();
+                }
+                return;
+            }
+            let work = if shared.is_disturbed(Disturbance::NoisyNeighbour) {
                 48 * MS / 10
             } else {
                 MS
