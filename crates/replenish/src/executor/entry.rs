@@ -1,5 +1,6 @@
 //! A handle in the hands of its worker: taking, executing, and what follows from the outcome.
 
+use super::group::{Group, Held};
 use super::handle::{Env, Handle, Shared, Taken};
 use super::rules::{DeadlineMiss, Handling, OnMiss};
 use crate::Nanos;
@@ -81,9 +82,12 @@ impl Entry {
                 true => entry.taken.take(),
                 false => entry.take(env),
             };
+            let runs = taken.is_some() || even_without;
+            let group = entry.handling.group.clone().filter(|_| runs);
+            let held = group.as_ref().map(Group::enter);
             let started = clock::monotonic();
             match taken {
-                Some(taken) => entry.execute(env, taken, started),
+                Some(taken) => entry.execute(env, taken, started, held),
                 None if even_without => {
                     entry.handle.execute_empty(env, started);
                     entry.shared.counters.without_input.add(1);
@@ -107,12 +111,14 @@ impl Entry {
         None
     }
 
-    fn execute(&mut self, env: &Env<'_>, taken: Taken, started: Nanos) {
+    /// `held`: its group, for as long as the callback runs.
+    fn execute(&mut self, env: &Env<'_>, taken: Taken, started: Nanos, held: Option<Held<'_>>) {
         let counters = &self.shared.counters;
         let latency = started.saturating_sub(taken.due);
         counters.worst_latency.raise(latency);
         self.shared.latency.record(latency);
         self.handle.execute(env, started);
+        drop(held);
         counters.executed.add(1);
         let response = clock::monotonic().saturating_sub(taken.due);
         self.shared.response.record(response);

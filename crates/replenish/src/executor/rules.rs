@@ -2,6 +2,7 @@
 //! happens to a handle whose deadline was missed.
 
 use super::entry::Entry;
+use super::group::Group;
 use super::schedule::Every;
 use crate::Nanos;
 use crate::event::Event;
@@ -168,6 +169,7 @@ pub struct Handling {
     pub(crate) deadline: Option<Nanos>,
     pub(crate) on_miss: OnMiss,
     pub(crate) always: bool,
+    pub(crate) group: Option<Group>,
     pub(crate) hook: Option<super::handle::ErrorHook>,
 }
 
@@ -203,6 +205,16 @@ impl Handling {
         Self { on_miss, ..self }
     }
 
+    /// The callback never runs at the same time as another callback of this group, on whatever
+    /// worker.
+    #[must_use]
+    pub fn group(self, group: &Group) -> Self {
+        Self {
+            group: Some(group.clone()),
+            ..self
+        }
+    }
+
     /// The callback runs in every round of its worker, without input if there is none: for
     /// [`subscribe_always`](crate::WorkerBuilder::subscribe_always), which sets it.
     pub(crate) fn always(self) -> Self {
@@ -230,6 +242,7 @@ impl fmt::Debug for Handling {
             .field("priority", &self.priority)
             .field("deadline", &self.deadline)
             .field("on_miss", &self.on_miss)
+            .field("group", &self.group)
             .finish_non_exhaustive()
     }
 }

@@ -1,0 +1,153 @@
+//! Mutual exclusion across workers: one at a time within a group, side by side between groups, free
+//! again after a panic, and no deadlock when callbacks call services of their own group.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests may panic"
+)]
+
+mod common;
+
+use common::{eventually, executor};
+use replenish::msg::std_msgs::Int32;
+use replenish::{CallbackContext, Context, Group, Handling, Qos};
+use replenish_testkit::watchdog::watchdog;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+const LIMIT: Duration = Duration::from_secs(60);
+const MS: Duration = Duration::from_millis(1);
+
+/// Counts who is inside, and the most that ever were.
+#[derive(Clone, Default)]
+struct Inside(Arc<(AtomicU64, AtomicU64)>);
+
+impl Inside {
+    fn visit(&self, time: Duration) {
+        let now = self.0.0.fetch_add(1, Ordering::SeqCst) + 1;
+        self.0.1.fetch_max(now, Ordering::SeqCst);
+        std::thread::sleep(time);
+        self.0.0.fetch_sub(1, Ordering::SeqCst);
+    }
+
+    fn most(&self) -> u64 {
+        self.0.1.load(Ordering::SeqCst)
+    }
+}
+
+/// Four workers with a timer each that sleeps in its callback: in one group, or in none.
+fn most_at_once(group: Option<&Group>) -> u64 {
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    let inside = Inside::default();
+    for name in ["a", "b", "c", "d"] {
+        let inside = inside.clone();
+        let mut handling = Handling::new();
+        if let Some(group) = group {
+            handling = handling.group(group);
+        }
+        exec.worker(name)
+            .timer(2 * MS, move |_| inside.visit(MS))
+            .unwrap()
+            .with(handling);
+    }
+    let running = exec.start().unwrap();
+    let ids = ["a", "b", "c", "d"].map(|w| format!("{w}/timer:0"));
+    let served = |id: &String| running.stats(id).unwrap().executed >= 10;
+    assert!(eventually(|| ids.iter().all(served)), "nobody starves");
+    running.stop();
+    inside.most()
+}
+
+#[test]
+fn callbacks_of_a_group_run_one_at_a_time() {
+    let _dog = watchdog("group", LIMIT);
+    assert_eq!(most_at_once(Some(&Group::new("one"))), 1);
+    assert!(
+        most_at_once(None) > 1,
+        "without it they do run side by side"
+    );
+}
+
+#[test]
+fn a_panic_leaves_the_group_free() {
+    let _dog = watchdog("group panic", LIMIT);
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    let group = Group::new("g");
+    let boom = |_: &CallbackContext<'_>| -> () { panic!("on purpose") };
+    exec.worker("bad")
+        .timer(MS, boom)
+        .unwrap()
+        .with(Handling::new().group(&group));
+    exec.worker("good")
+        .timer(MS, |_| ())
+        .unwrap()
+        .with(Handling::new().group(&group));
+    let running = exec.start().unwrap();
+    assert!(eventually(|| running
+        .stats("bad/timer:0")
+        .unwrap()
+        .panicked));
+    let before = running.stats("good/timer:0").unwrap().executed;
+    assert!(eventually(|| {
+        running.stats("good/timer:0").unwrap().executed > before + 5
+    }));
+}
+
+/// A callback asks a service whose server is in its own group: the answer comes as a callback of its
+/// own, so nobody waits for himself.
+#[test]
+fn calling_a_service_of_ones_own_group_is_no_deadlock() {
+    let _dog = watchdog("group service", LIMIT);
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let (mut exec, _) = executor(&ctx);
+    let group = Group::new("g");
+    let inside = Inside::default();
+    let client = node.client::<Echo>("echo", Qos::services(), LIMIT).unwrap();
+    let handling = || Handling::new().group(&group);
+    let (serves, hears, asks, call) = (
+        inside.clone(),
+        inside.clone(),
+        inside.clone(),
+        client.clone(),
+    );
+    exec.worker("server")
+        .serve::<Echo, _>(&node, "echo", Qos::services(), move |ask, answer, _| {
+            serves.visit(MS);
+            answer.data = ask.data;
+        })
+        .unwrap()
+        .with(handling());
+    let answered = Arc::new(AtomicU64::new(0));
+    let count = Arc::clone(&answered);
+    exec.worker("client")
+        .replies(&client, move |reply, _| {
+            hears.visit(MS);
+            count.fetch_add(u64::from(reply.is_ok()), Ordering::Relaxed);
+        })
+        .unwrap()
+        .with(handling())
+        .timer(2 * MS, move |_| {
+            asks.visit(MS);
+            call.call(&Int32 { data: 1 }).map(drop)
+        })
+        .unwrap()
+        .with(handling());
+    let running = exec.start().unwrap();
+    assert!(eventually(|| answered.load(Ordering::Relaxed) >= 20));
+    running.stop();
+    assert_eq!(inside.most(), 1);
+}
+
+/// A service that answers what it was asked.
+struct Echo;
+
+impl replenish::msg::Service for Echo {
+    type Request = Int32;
+    type Response = Int32;
+    const TYPE_NAME: &'static str = "test_msgs/srv/Echo";
+}
