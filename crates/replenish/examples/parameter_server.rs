@@ -4,7 +4,7 @@
 //! Run: `cargo run -p replenish --example parameter_server` in one process; with an agent's address
 //! (`127.0.0.1:8888`) behind it, through that agent.
 
-use replenish::{CallbackContext, Context, Descriptor, Every, Executor, ParameterOptions, Qos};
+use replenish::{Context, Descriptor, Every, Executor, ParameterOptions, Qos};
 use replenish_interfaces::rcl_interfaces::msg::{Parameter, ParameterEvent, ParameterValue};
 use replenish_interfaces::rcl_interfaces::srv::{SetParameters, SetParametersRequest};
 use std::time::Duration;
@@ -69,7 +69,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let parameters = [0.75, 2.0, 1.0].map(wish).to_vec();
             asks.call(&SetParametersRequest { parameters }).map(drop)
         })?
-        .timer(Every::once(ms(500)), CallbackContext::stop)?;
+        .timer(Every::once(ms(500)), |cx| {
+            println!("operator: done");
+            cx.stop();
+        })?;
     exec.spin()?;
     Ok(())
 }
