@@ -168,6 +168,34 @@ fn rclc_3_a_trigger_that_is_not_met_waits_asleep() {
     }
 }
 
+/// Beside defect 3: `rclc_executor_trigger_one` compares pointers, of which action handles have
+/// none, and stops searching at the first of them. Here handles have ids, an action's parts included.
+#[test]
+fn rclc_3_a_trigger_can_name_a_part_of_an_action() {
+    let _dog = watchdog("rclc 3, one of an action", LIMIT);
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let out = node.publisher::<Int32>("t", Qos::reliable()).unwrap();
+    let (mut exec, _) = executor(&ctx);
+    let options = ActionOptions::goals(1);
+    let reject = |_: &Order, new: NewGoal<Fibonacci>, _: &CallbackContext<'_>| new.reject();
+    exec.worker("w")
+        .trigger(Trigger::one("/n/srv:/fib/_action/send_goal"))
+        .serve_action(&node, "fib", options, reject, |_, _| true)
+        .unwrap()
+        .subscribe(&node, "t", Qos::reliable(), |_: &Int32, _| ())
+        .unwrap();
+    let client: ActionClient<Fibonacci> = node.action_client("fib", options).unwrap();
+    exec.worker("follow").follow(&client, |_, _, _| ()).unwrap();
+    let running = exec.start().unwrap();
+    let stats = || running.stats("/n/sub:/t").unwrap();
+    out.publish(&int(1)).unwrap();
+    assert!(eventually(|| stats().waiting == 1));
+    sleeps(&running, "w");
+    client.send(&Order { order: 1 }).unwrap();
+    assert!(eventually(|| stats().executed == 1));
+}
+
 /// Defect 4: removing or adding a handle inside a callback shifts the array, and frees the wait
 /// set, that the surrounding loop goes through: the next handle is skipped, or a null pointer
 /// followed. Here the first of three removes itself and adds one; the others are not disturbed.

@@ -6,9 +6,8 @@ use super::handle::{Env, Handle, Shared, Taken};
 use crate::Nanos;
 use crate::handoff::Flag;
 use crate::platform::Once;
-use crate::sync::{Arc, AtomicBool, AtomicU64, Ordering};
+use crate::sync::{Arc, AtomicBool, AtomicU64, Ordering, fence};
 use core::fmt;
-use core::sync::atomic::fence;
 use replenish_os::clock;
 
 /// Wakes a worker from anywhere. Clones are the same guard condition.

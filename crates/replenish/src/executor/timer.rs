@@ -18,9 +18,8 @@ use super::schedule::{Every, Schedule, nanos};
 use crate::Nanos;
 use crate::error::Error;
 use crate::platform::Once;
-use crate::sync::{Arc, AtomicBool, AtomicU64, Mutex, Ordering};
+use crate::sync::{Arc, AtomicBool, AtomicU64, Mutex, Ordering, fence};
 use core::fmt;
-use core::sync::atomic::fence;
 use core::time::Duration;
 use replenish_os::clock;
 
