@@ -6,12 +6,15 @@
     reason = "test code"
 )]
 
+use replenish_interfaces::action_msgs;
+use replenish_interfaces::example_interfaces::action::FibonacciResult;
 use replenish_interfaces::example_interfaces::msg::{WString, WStringView};
 use replenish_interfaces::example_interfaces::{action::Fibonacci, srv::AddTwoInts};
 use replenish_interfaces::rcl_interfaces::msg::{
     Parameter, ParameterEvent, ParameterEventView, ParameterType, ParameterValue,
 };
-use replenish_interfaces::std_msgs::msg::HeaderView;
+use replenish_interfaces::std_msgs::msg::{self as std_msgs, HeaderView};
+use replenish_msg::action::GetResultResponse;
 use replenish_msg::{
     Action, CdrError, CdrReader, Message, Service, View, decode_encapsulated, decode_located,
     encode,
@@ -135,6 +138,41 @@ fn an_encapsulation_header_says_the_byte_order() {
     assert_eq!(error.error, CdrError::Encapsulation { id: 7 });
 }
 
+#[test]
+fn an_error_in_a_goal_is_found_through_the_types_of_the_action() {
+    let result = GetResultResponse::<Fibonacci> {
+        status: 4,
+        result: FibonacciResult {
+            sequence: vec![1, 2, 3],
+        },
+    };
+    let bytes = bytes(&result);
+    let reader = CdrReader::new(&bytes[..bytes.len() - 1]);
+    let error = decode_located(&mut GetResultResponse::<Fibonacci>::default(), &reader);
+    assert_eq!(
+        error.unwrap_err().to_string(),
+        "result.sequence[2]: needs 4 bytes, 3 left"
+    );
+}
+
+/// The hand-written types and the generated ones of the same name are the same type in ROS.
+#[test]
+fn hand_written_types_have_the_hashes_of_the_generated() {
+    fn same<A: Message, B: Message>() {
+        assert_eq!((A::TYPE_NAME, A::TYPE_HASH), (B::TYPE_NAME, B::TYPE_HASH));
+        let names = |s: &replenish_msg::Structure| s.fields.iter().map(|f| f.name).collect();
+        let (a, b): (Vec<_>, Vec<_>) = (names(A::STRUCTURE), names(B::STRUCTURE));
+        assert_eq!(a, b);
+    }
+    same::<replenish_msg::std_msgs::String, std_msgs::String>();
+    same::<replenish_msg::std_msgs::Header, std_msgs::Header>();
+    same::<replenish_msg::std_msgs::UInt8MultiArray, std_msgs::UInt8MultiArray>();
+    same::<replenish_msg::std_msgs::MultiArrayLayout, std_msgs::MultiArrayLayout>();
+    same::<replenish_msg::action_msgs::GoalStatusArray, action_msgs::msg::GoalStatusArray>();
+    same::<replenish_msg::action_msgs::CancelGoalRequest, action_msgs::srv::CancelGoalRequest>();
+    same::<replenish_msg::action_msgs::CancelGoalResponse, action_msgs::srv::CancelGoalResponse>();
+}
+
 /// The first as ROS 2 Jazzy announces the service; it contains `service_msgs/msg/ServiceEventInfo`
 /// with its `char[16]`.
 #[test]
@@ -151,4 +189,5 @@ fn bounded_types_have_an_exact_size() {
     assert_eq!(<AddTwoInts as Service>::Request::MAX_SIZE, 16);
     const { assert!(<AddTwoInts as Service>::Request::BOUNDED) };
     const { assert!(!ParameterEvent::BOUNDED) };
+    const { assert!(!GetResultResponse::<Fibonacci>::BOUNDED) };
 }

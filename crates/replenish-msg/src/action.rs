@@ -12,6 +12,7 @@
 //! | topic `status` | `action_msgs/msg/GoalStatusArray` | [`GoalStatusArray`](crate::action_msgs::GoalStatusArray) |
 
 use crate::builtin_interfaces::Time;
+use crate::structure::fields;
 use crate::unique_identifier_msgs::UUID;
 use crate::{CdrError, CdrReader, CdrWriter, Message, Service};
 use core::marker::PhantomData;
@@ -97,7 +98,13 @@ pub struct SendGoalRequest<A: Action> {
 
 impl<A: Action> Message for SendGoalRequest<A> {
     names!("SendGoal_Request");
+    fields!(
+        Self::TYPE_NAME,
+        "goal_id": One, Nested(UUID::STRUCTURE),
+        "goal": One, Nested(A::Goal::STRUCTURE)
+    );
     const MAX_SIZE: usize = UUID::MAX_SIZE + A::Goal::MAX_SIZE;
+    const BOUNDED: bool = A::Goal::BOUNDED;
 
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         self.goal_id.encode(w)?;
@@ -134,6 +141,11 @@ impl<A> SendGoalResponse<A> {
 
 impl<A: Action> Message for SendGoalResponse<A> {
     names!("SendGoal_Response");
+    fields!(
+        Self::TYPE_NAME,
+        "accepted": One, Bool,
+        "stamp": One, Nested(Time::STRUCTURE)
+    );
     const MAX_SIZE: usize = 4 + Time::MAX_SIZE;
 
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
@@ -165,6 +177,10 @@ impl<A> GetResultRequest<A> {
 
 impl<A: Action> Message for GetResultRequest<A> {
     names!("GetResult_Request");
+    fields!(
+        Self::TYPE_NAME,
+        "goal_id": One, Nested(UUID::STRUCTURE)
+    );
     const MAX_SIZE: usize = UUID::MAX_SIZE;
 
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
@@ -187,7 +203,13 @@ pub struct GetResultResponse<A: Action> {
 
 impl<A: Action> Message for GetResultResponse<A> {
     names!("GetResult_Response");
+    fields!(
+        Self::TYPE_NAME,
+        "status": One, Number(1),
+        "result": One, Nested(A::Result::STRUCTURE)
+    );
     const MAX_SIZE: usize = 8 + A::Result::MAX_SIZE;
+    const BOUNDED: bool = A::Result::BOUNDED;
 
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         w.i8(self.status)?;
@@ -210,7 +232,13 @@ pub struct FeedbackMessage<A: Action> {
 
 impl<A: Action> Message for FeedbackMessage<A> {
     names!("FeedbackMessage");
+    fields!(
+        Self::TYPE_NAME,
+        "goal_id": One, Nested(UUID::STRUCTURE),
+        "feedback": One, Nested(A::Feedback::STRUCTURE)
+    );
     const MAX_SIZE: usize = UUID::MAX_SIZE + A::Feedback::MAX_SIZE;
+    const BOUNDED: bool = A::Feedback::BOUNDED;
 
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         self.goal_id.encode(w)?;

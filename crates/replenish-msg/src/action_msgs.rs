@@ -108,6 +108,11 @@ impl Message for GoalStatusArray {
     const TYPE_NAME: &'static str = "action_msgs/msg/GoalStatusArray";
     const DDS_TYPE_NAME: &'static str = "action_msgs::msg::dds_::GoalStatusArray_";
     const MAX_SIZE: usize = 4 + MAX_GOALS * crate::cdr::aligned(GoalStatus::MAX_SIZE, 4);
+    known!(
+        "6c1684b00f177d37438febe6e709fc4e2b0d4248dca4854946f9ed8b30cda83e",
+        "action_msgs/msg/GoalStatusArray",
+        "status_list": Sequence(MAX_GOALS), Nested(GoalStatus::STRUCTURE)
+    );
 
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         w.sequence(self.status_list.len())?;
@@ -143,6 +148,11 @@ impl Message for CancelGoalRequest {
     const TYPE_NAME: &'static str = "action_msgs/srv/CancelGoal_Request";
     const DDS_TYPE_NAME: &'static str = "action_msgs::srv::dds_::CancelGoal_Request_";
     const MAX_SIZE: usize = GoalInfo::MAX_SIZE;
+    known!(
+        "3d3c84653c1f96918086887e1dcb236faec88b81a5b14fd4cf4840065bcdf8af",
+        "action_msgs/srv/CancelGoal_Request",
+        "goal_info": One, Nested(GoalInfo::STRUCTURE)
+    );
 
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         self.goal_info.encode(w)
@@ -177,6 +187,12 @@ impl Message for CancelGoalResponse {
     const TYPE_NAME: &'static str = "action_msgs/srv/CancelGoal_Response";
     const DDS_TYPE_NAME: &'static str = "action_msgs::srv::dds_::CancelGoal_Response_";
     const MAX_SIZE: usize = 8 + MAX_GOALS * GoalInfo::MAX_SIZE;
+    known!(
+        "35e682cf3f510e83c70a82a4aac888496dedee56773bf9d8e5e0aa81f9e1c960",
+        "action_msgs/srv/CancelGoal_Response",
+        "return_code": One, Number(1),
+        "goals_canceling": Sequence(MAX_GOALS), Nested(GoalInfo::STRUCTURE)
+    );
 
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         w.i8(self.return_code)?;

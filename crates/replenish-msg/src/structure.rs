@@ -38,8 +38,16 @@ impl Field {
 
 /// Of a type written by hand: its hash and its fields, as the generator writes them.
 macro_rules! known {
-    ($hash:literal, $name:expr $(, $field:literal: $shape:ident $(($count:expr))?, $kind:ident $(($of:expr))?)*) => {
+    ($hash:literal, $name:expr $(, $($fields:tt)*)?) => {
         const TYPE_HASH: Option<&'static str> = Some(concat!("RIHS01_", $hash));
+        $crate::structure::fields!($name $(, $($fields)*)?);
+    };
+}
+pub(crate) use known;
+
+/// The fields alone.
+macro_rules! fields {
+    ($name:expr $(, $field:literal: $shape:ident $(($count:expr))?, $kind:ident $(($of:expr))?)*) => {
         const STRUCTURE: &'static $crate::Structure = &$crate::Structure {
             name: $name,
             fields: &[$($crate::structure::Field::new(
@@ -50,7 +58,7 @@ macro_rules! known {
         };
     };
 }
-pub(crate) use known;
+pub(crate) use fields;
 
 /// How many values a field has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,6 +2,7 @@
 
 use super::text::assign;
 use crate::cdr::{aligned, max_string_size};
+use crate::structure::known;
 use crate::{CdrError, CdrReader, CdrWriter, Message};
 use heapless::Vec;
 
@@ -29,6 +30,13 @@ impl Message for MultiArrayDimension {
     const TYPE_NAME: &'static str = "std_msgs/msg/MultiArrayDimension";
     const DDS_TYPE_NAME: &'static str = "std_msgs::msg::dds_::MultiArrayDimension_";
     const MAX_SIZE: usize = aligned(max_string_size(MAX_LABEL), 4) + 8;
+    known!(
+        "5e773a60a4c7fc8a54985f307c7837aa2994252a126c301957a24e31282c9cbe",
+        "std_msgs/msg/MultiArrayDimension",
+        "label": One, Text(MAX_LABEL),
+        "size": One, Number(4),
+        "stride": One, Number(4)
+    );
 
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         w.string(&self.label)?;
@@ -57,6 +65,12 @@ impl Message for MultiArrayLayout {
     const TYPE_NAME: &'static str = "std_msgs/msg/MultiArrayLayout";
     const DDS_TYPE_NAME: &'static str = "std_msgs::msg::dds_::MultiArrayLayout_";
     const MAX_SIZE: usize = 4 + MAX_DIMENSIONS * MultiArrayDimension::MAX_SIZE + 4;
+    known!(
+        "4c66e6f78e740ac103a94cf63259f968e48c617e7699e829b63c21a5cb50dac6",
+        "std_msgs/msg/MultiArrayLayout",
+        "dim": Sequence(MAX_DIMENSIONS), Nested(MultiArrayDimension::STRUCTURE),
+        "data_offset": One, Number(4)
+    );
 
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         w.sequence(self.dim.len())?;
@@ -95,6 +109,12 @@ impl<const N: usize> Message for BoundedUInt8MultiArray<N> {
     const TYPE_NAME: &'static str = "std_msgs/msg/UInt8MultiArray";
     const DDS_TYPE_NAME: &'static str = "std_msgs::msg::dds_::UInt8MultiArray_";
     const MAX_SIZE: usize = MultiArrayLayout::MAX_SIZE + 4 + N;
+    known!(
+        "5687e861b8d307a5e48b7515467ae7a5fc2daf805bd0ce6d8e9e604bade9f385",
+        "std_msgs/msg/UInt8MultiArray",
+        "layout": One, Nested(MultiArrayLayout::STRUCTURE),
+        "data": Sequence(N), Number(1)
+    );
 
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         self.layout.encode(w)?;

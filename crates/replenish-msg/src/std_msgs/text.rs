@@ -2,6 +2,7 @@
 
 use crate::builtin_interfaces::Time;
 use crate::cdr::max_string_size;
+use crate::structure::known;
 use crate::{CdrError, CdrReader, CdrWriter, Message};
 
 /// `std_msgs/msg/String` of at most 255 bytes.
@@ -33,6 +34,11 @@ impl<const N: usize> Message for BoundedString<N> {
     const TYPE_NAME: &'static str = "std_msgs/msg/String";
     const DDS_TYPE_NAME: &'static str = "std_msgs::msg::dds_::String_";
     const MAX_SIZE: usize = max_string_size(N);
+    known!(
+        "df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
+        "std_msgs/msg/String",
+        "data": One, Text(N)
+    );
 
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         w.string(&self.data)
@@ -56,6 +62,12 @@ impl<const N: usize> Message for BoundedHeader<N> {
     const TYPE_NAME: &'static str = "std_msgs/msg/Header";
     const DDS_TYPE_NAME: &'static str = "std_msgs::msg::dds_::Header_";
     const MAX_SIZE: usize = Time::MAX_SIZE + max_string_size(N);
+    known!(
+        "f49fb3ae2cf070f793645ff749683ac6b06203e41c891e17701b1cb597ce6a01",
+        "std_msgs/msg/Header",
+        "stamp": One, Nested(Time::STRUCTURE),
+        "frame_id": One, Text(N)
+    );
 
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         self.stamp.encode(w)?;
