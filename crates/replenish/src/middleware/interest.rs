@@ -3,7 +3,7 @@
 use super::ReaderId;
 
 /// The most readers one middleware can have.
-pub const MAX_READERS: usize = 512;
+pub const MAX_READERS: usize = if cfg!(feature = "std") { 512 } else { 64 };
 
 const WORDS: usize = MAX_READERS / 64;
 
