@@ -88,6 +88,9 @@ fn allocations() {
         .unwrap();
     let running = exec.start().unwrap();
     exempt_this_thread();
+    // One goal first, so that every thread has begun, and the harness has nothing left to do.
+    client.send(&Order { order: 0 }).unwrap();
+    assert!(eventually(|| ended[0].swap(0, Ordering::SeqCst) == 1));
     ALLOC.arm();
     let all = || ended.iter().map(|n| n.load(Ordering::SeqCst)).sum::<u64>();
     for n in 0..GOALS {
