@@ -40,6 +40,35 @@ pub struct Journal<S, const E: usize> {
     bytes: S,
     entries: [Option<Entry>; E],
     count: usize,
+    /// How many are to be sent, and how many to be answered: most often none, and then nobody
+    /// needs to look for them.
+    open: Open,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Open {
+    queued: usize,
+    asked: usize,
+}
+
+impl Open {
+    fn of(&mut self, state: RequestState) -> Option<&mut usize> {
+        match state {
+            RequestState::Queued => Some(&mut self.queued),
+            RequestState::Asked => Some(&mut self.asked),
+            _ => None,
+        }
+    }
+
+    /// A request changes its state, comes or goes.
+    fn change(&mut self, from: Option<RequestState>, to: Option<RequestState>) {
+        if let Some(count) = from.and_then(|from| self.of(from)) {
+            *count = count.saturating_sub(1);
+        }
+        if let Some(count) = to.and_then(|to| self.of(to)) {
+            *count = count.saturating_add(1);
+        }
+    }
 }
 
 /// A request of the journal with the request id of this session.
@@ -75,6 +104,10 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
             bytes,
             entries: [None; E],
             count: 0,
+            open: Open {
+                queued: 0,
+                asked: 0,
+            },
         }
     }
 
@@ -103,7 +136,10 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
             end: end.saturating_add(len),
             state: RequestState::Queued,
         };
-        match position.and_then(|position| self.entries.get_mut(position)?.replace(entry)) {
+        let old = position.and_then(|position| self.entries.get_mut(position)?.replace(entry));
+        self.open
+            .change(old.map(|old| old.state), Some(entry.state));
+        match old {
             Some(old) => self.close_gap(old.start, old.end),
             None => {
                 if let Some(slot) = self.entries.get_mut(self.count) {
@@ -128,6 +164,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
                 tail.last_mut().into_iter().for_each(|last| *last = None);
             }
             self.count = self.count.saturating_sub(1);
+            self.open.change(Some(entry.state), None);
             self.close_gap(entry.start, entry.end);
         }
     }
@@ -138,10 +175,17 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
             entry.state = RequestState::Queued;
             entry.request = RequestId::NONE;
         }
+        self.open = Open {
+            queued: self.count,
+            asked: 0,
+        };
     }
 
     /// The first request that was not sent in this session, under the id `request`.
     pub(super) fn next_queued(&self, request: RequestId) -> Option<Recorded<'_>> {
+        if self.open.queued == 0 {
+            return None;
+        }
         let entry = self
             .entries()
             .find(|entry| entry.state == RequestState::Queued)?;
@@ -166,6 +210,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
                 SubmessageId::Create => RequestState::Asked,
                 _ => RequestState::Done,
             };
+            let sent = entry.state;
+            self.open.change(Some(RequestState::Queued), Some(sent));
         }
     }
 
@@ -174,25 +220,26 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
         let asked =
             |entry: &&mut Entry| entry.object == base.object && entry.request == base.request;
         if let Some(entry) = self.entries.iter_mut().flatten().find(asked) {
+            let before = entry.state;
             entry.state = if status.is_ok() {
                 RequestState::Done
             } else {
                 RequestState::Refused(status)
             };
+            let answered = entry.state;
+            self.open.change(Some(before), Some(answered));
         }
     }
 
     /// Whether every request was sent and answered.
     #[must_use]
     pub fn is_settled(&self) -> bool {
-        self.entries()
-            .all(|entry| !matches!(entry.state, RequestState::Queued | RequestState::Asked))
+        self.open.queued == 0 && self.open.asked == 0
     }
 
     /// Requests that were sent and are to be answered.
     pub(super) fn asked(&self) -> usize {
-        let asked = |entry: &&Entry| entry.state == RequestState::Asked;
-        self.entries().filter(asked).count()
+        self.open.asked
     }
 
     /// Gives up waiting for answers to what was sent.
@@ -202,6 +249,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
                 entry.state = RequestState::Unanswered;
             }
         }
+        self.open.asked = 0;
     }
 
     /// How far the creation of `object` has got; `None` if it is not in the journal.
@@ -364,6 +412,14 @@ mod tests {
             journal.creation(object),
             Some(RequestState::Refused(Status::DENIED))
         );
+        journal.requeue();
+        journal.mark_sent(RequestId(11));
+        assert_eq!(journal.asked(), 1);
+        journal.give_up();
+        assert_eq!((journal.asked(), journal.is_settled()), (0, true));
+        journal.requeue();
+        journal.forget(object);
+        assert!(journal.is_settled() && journal.is_empty());
         let (long, create) =
             participant(2, "a name that is longer than what is left in the buffer");
         assert!(matches!(

@@ -2,12 +2,12 @@
 
 use super::ReaderId;
 
-/// The most readers one middleware can have.
-pub const MAX_READERS: usize = if cfg!(feature = "std") { 512 } else { 64 };
+/// The most readers one middleware can have: 1024, and 64 without the standard library.
+pub const MAX_READERS: usize = if cfg!(feature = "std") { 1024 } else { 64 };
 
 const WORDS: usize = MAX_READERS / 64;
 
-/// A set of readers: those whose handle has room for a sample. 64 bytes, no allocation.
+/// A set of readers: those whose handle has room for a sample. A bit each, no allocation.
 ///
 /// ```
 /// use replenish::middleware::{Interest, ReaderId};
@@ -103,19 +103,19 @@ mod tests {
     #[test]
     fn holds_what_was_inserted_across_words() {
         let mut set = Interest::empty();
-        for id in [0, 63, 64, 511] {
+        for id in [0, 63, 64, 1023] {
             set.insert(ReaderId(id));
         }
         set.remove(ReaderId(63));
         set.remove(ReaderId(100));
-        assert_eq!(set.iter().map(|r| r.0).collect::<Vec<_>>(), [0, 64, 511]);
+        assert_eq!(set.iter().map(|r| r.0).collect::<Vec<_>>(), [0, 64, 1023]);
         assert_eq!(set.len(), 3);
     }
 
     #[test]
     fn ids_beyond_the_capacity_are_never_members() {
         let mut set = Interest::empty();
-        set.insert(ReaderId(512));
+        set.insert(ReaderId(1024));
         set.insert(ReaderId(u16::MAX));
         assert!(set.is_empty());
     }

@@ -9,7 +9,7 @@ const fn limit(std: usize, bare: usize) -> usize {
 pub(super) const WINDOW: usize = limit(64, 4);
 /// Objects and reads of a session at most: a writer takes two and a reader three, plus one for
 /// each node and one for each topic of a node.
-pub(super) const REQUESTS: usize = limit(1024, 32);
+pub(super) const REQUESTS: usize = limit(4096, 32);
 /// Streams of each kind and direction: one for each [`Criticality`](crate::Criticality), or one for
 /// both.
 pub(super) const STREAMS: usize = limit(2, 1);
@@ -18,4 +18,4 @@ pub(super) const REORDER: usize = limit(16, 4);
 /// Messages of requests on their way after a new log-in.
 pub(super) const RESTORE: usize = limit(16, 1);
 /// Bytes of journal: what `REQUESTS` descriptions with names of usual length need.
-pub(super) const JOURNAL: usize = limit(128 * 1024, 1024);
+pub(super) const JOURNAL: usize = limit(512 * 1024, 1024);
