@@ -1,6 +1,7 @@
 //! The command line: one module per command.
 
 mod agent;
+mod bench_dispatch;
 mod bench_enforcement;
 mod bench_handoff;
 mod bench_load;
@@ -82,6 +83,8 @@ enum Bench {
     RoundTrip(bench_round_trip::Args),
     /// Many clients with many topics on real sockets, through one agent process
     Load(bench_load::Args),
+    /// What it costs to bring a message to its callback, for one handle and for a thousand
+    Dispatch(bench_dispatch::Args),
 }
 
 impl Cli {
@@ -108,6 +111,7 @@ impl Cli {
             Command::Bench(Bench::Xrce(args)) => bench_xrce::run(&args),
             Command::Bench(Bench::RoundTrip(args)) => bench_round_trip::run(&args),
             Command::Bench(Bench::Load(args)) => bench_load::run(&args),
+            Command::Bench(Bench::Dispatch(args)) => bench_dispatch::run(&args),
             Command::Agent(args) => agent::run(&args),
             Command::Ping(args) => ping::run(&args),
             Command::Pong(args) => pong::run(&args),

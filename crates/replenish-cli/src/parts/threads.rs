@@ -25,7 +25,7 @@ fn policy(granted: &Granted) -> String {
 }
 
 /// The first thread of this process that has this name; the kernel keeps 15 bytes of it.
-fn find(name: &str) -> Option<Tid> {
+pub(crate) fn find(name: &str) -> Option<Tid> {
     let wanted = name.as_bytes().get(..15).unwrap_or(name.as_bytes());
     std::fs::read_dir("/proc/self/task")
         .ok()?

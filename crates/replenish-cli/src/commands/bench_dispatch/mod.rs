@@ -1,0 +1,220 @@
+//! `replenish bench dispatch`: what it costs to bring a message to its callback, for one handle and
+//! for a thousand, next to a raw UDP loop.
+//!
+//! ```text
+//!   sender ── WRITE_DATA ─► agent ── DATA ─► dispatcher ─► worker: callback      (ours)
+//!   sender ── a datagram of that size ─────► one thread: recv, count              (baseline)
+//!   └───── one CPU ──────────────┘           └───── the measured CPU ──────┘
+//! ```
+//!
+//! Messages come at a steady rate, to one topic after another. Windows of the two take turns, so
+//! that both see the same machine. CPU time and context switches are those of the threads on the
+//! measured CPU, as the kernel counts them; the time of a message is from before its sending to the
+//! callback (ours passes the agent on the way) or to the end of `recv`.
+
+mod ours;
+mod raw;
+mod report;
+mod threads;
+
+use crate::load::spec::SUPPORT_PRIORITY;
+use crate::load::{MS, Nanos, SEC};
+use crate::machine::cpus::{self, Cpus};
+use crate::machine::fifo_or_other;
+use crate::options::JsonOption;
+use crate::outcome::{Failure, Outcome};
+use crate::report::files;
+use crate::report::progress::Progress;
+use crate::run::lock;
+use ours::Ours;
+use raw::Raw;
+use replenish_os::{ThreadSpec, clock, spawn};
+use report::{Json, Point, Window};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// How long messages come without a break. Keeps far from the RT throttle.
+const WINDOW: Nanos = 400 * MS;
+/// The pause after that, in which what is under way arrives.
+const PAUSE: Nanos = 100 * MS;
+/// A message that leaves later than this makes its window void: the machine stood still.
+const GAP: Nanos = 5 * MS;
+
+/// Options of `bench dispatch`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Subscriptions of the executor, on one worker
+    #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "1,10,100,1000",
+          value_parser = clap::value_parser!(u16).range(1..=1000))]
+    handles: Vec<u16>,
+
+    /// Messages per second, of all topics together
+    #[arg(long, value_name = "HZ", default_value_t = 1000,
+          value_parser = clap::value_parser!(u64).range(10..=10_000))]
+    rate: u64,
+
+    /// Windows of 0.4 s per point, of each of the two
+    #[arg(long, value_name = "N", default_value_t = 10,
+          value_parser = clap::value_parser!(u64).range(1..=1000))]
+    windows: u64,
+
+    /// The CPU of dispatcher, worker and raw loop
+    #[arg(long, value_name = "CPU")]
+    cpu: Option<usize>,
+
+    #[command(flatten)]
+    json: JsonOption,
+}
+
+/// What was received in a window: written by the receiver, read when it is over.
+#[derive(Debug)]
+struct Received {
+    times: Box<[AtomicU64]>,
+    count: AtomicU64,
+}
+
+impl Received {
+    fn new(rate: u64) -> Self {
+        let room = usize::try_from(2 * rate).unwrap_or(usize::MAX);
+        Self {
+            times: (0..room).map(|_| AtomicU64::new(0)).collect(),
+            count: AtomicU64::new(0),
+        }
+    }
+
+    /// A message that was sent at `sent` is here.
+    fn note(&self, sent: Nanos) {
+        let took = clock::monotonic().saturating_sub(sent);
+        let n = self.count.fetch_add(1, Ordering::Relaxed);
+        let slot = usize::try_from(n).ok().and_then(|n| self.times.get(n));
+        if let Some(slot) = slot {
+            slot.store(took, Ordering::Relaxed);
+        }
+    }
+
+    fn count(&self) -> u64 {
+        self.count.load(Ordering::Acquire)
+    }
+
+    /// The times so far; from now on anew.
+    fn take(&self) -> Vec<i64> {
+        let n = usize::try_from(self.count.swap(0, Ordering::AcqRel)).unwrap_or(usize::MAX);
+        let times = self.times.iter().take(n);
+        times
+            .map(|t| i64::try_from(t.load(Ordering::Relaxed)).unwrap_or(i64::MAX))
+            .collect()
+    }
+}
+
+/// One of the two that are compared.
+trait Receiver {
+    /// Sends message `n`; what it carries is the time before its sending.
+    fn send(&mut self, n: u64) -> Outcome;
+
+    /// What has come.
+    fn received(&self) -> &Received;
+
+    /// CPU time and voluntary context switches of its threads so far.
+    fn used(&self) -> Result<threads::Used, Failure>;
+}
+
+/// One window of one receiver; `None` if the machine stood still.
+fn window(of: &mut dyn Receiver, rate: u64) -> Result<Option<Window>, Failure> {
+    let interval = SEC / rate;
+    let messages = WINDOW / interval;
+    of.received().take();
+    let before = of.used()?;
+    let start = clock::monotonic() + MS;
+    let mut late = 0;
+    for n in 0..messages {
+        let at = start + n * interval;
+        clock::sleep_until(at);
+        late = late.max(clock::monotonic().saturating_sub(at));
+        of.send(n)?;
+    }
+    // The pause: for as long as anything comes.
+    let end = start + WINDOW + PAUSE;
+    clock::sleep_until(end);
+    let used = of.used()?.since(&before);
+    let times = of.received().take();
+    Ok((late < GAP && !times.is_empty()).then_some(Window {
+        sent: messages,
+        times,
+        used,
+    }))
+}
+
+/// What all windows of a run have in common.
+#[derive(Debug, Clone, Copy)]
+struct Setting {
+    rate: u64,
+    windows: u64,
+    cpu: usize,
+    support: usize,
+}
+
+/// Windows of both in turns until enough of them count; and how many did not.
+fn turns(
+    setting: Setting,
+    ours: &mut dyn Receiver,
+    raw: &mut dyn Receiver,
+) -> Result<(Vec<(Window, Window)>, u64), Failure> {
+    let (mut pairs, mut repeated) = (Vec::new(), 0);
+    while (pairs.len() as u64) < setting.windows && repeated <= setting.windows.max(3) {
+        let pair = (window(raw, setting.rate)?, window(ours, setting.rate)?);
+        match pair {
+            (Some(raw), Some(ours)) => pairs.push((ours, raw)),
+            _ => repeated += 1,
+        }
+    }
+    if pairs.is_empty() {
+        let why = "nothing arrived, or the machine stood still in every window";
+        return Err(Failure::refused(why));
+    }
+    Ok((pairs, repeated))
+}
+
+fn point(setting: Setting, handles: u16) -> Result<Point, Failure> {
+    let mut raw = Raw::start(setting)?;
+    let mut ours = Ours::start(setting, handles)?;
+    let turns = turns(setting, &mut ours, &mut raw);
+    let granted = ours.granted();
+    ours.stop()?;
+    raw.stop()?;
+    let (pairs, repeated) = turns?;
+    Ok(Point::new(handles, setting.rate, pairs, repeated, granted))
+}
+
+/// Runs the benchmark.
+pub(crate) fn run(args: &Args) -> Outcome {
+    cpus::check("--cpu", args.cpu)?;
+    files::check_writable(args.json.json.as_deref())?;
+    let chosen = Cpus::choose();
+    let setting = Setting {
+        rate: args.rate,
+        windows: args.windows,
+        cpu: args.cpu.unwrap_or(chosen.measured),
+        support: chosen.support,
+    };
+    let _alone = lock::acquire()?;
+    let mut progress = Progress::new();
+    let mut points = Vec::new();
+    for (n, handles) in args.handles.iter().copied().enumerate() {
+        let name = format!("{handles} handles");
+        progress.step(n, args.handles.len(), &name);
+        // The sender shares a CPU with the agent, below it.
+        let policy = fifo_or_other(SUPPORT_PRIORITY - 1);
+        let spec = ThreadSpec::new("sender")
+            .policy(policy)
+            .cpu(setting.support);
+        let sender = spawn(spec, move || point(setting, handles)).map_err(Failure::refused)?;
+        let point = sender
+            .join()
+            .map_err(|_| Failure::refused("the sender panicked"))?;
+        points.push(point.map_err(|e| e.context(&name))?);
+    }
+    progress.step(args.handles.len(), args.handles.len(), "done");
+    drop(progress);
+    let json = Json::new(points, setting);
+    json.print();
+    files::write_json(args.json.json.as_deref(), &json)
+}

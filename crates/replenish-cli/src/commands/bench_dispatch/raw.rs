@@ -1,0 +1,77 @@
+//! The baseline: a thread that receives datagrams and notes when they came.
+
+use super::threads::{self, Used};
+use super::{Received, Receiver, Setting};
+use crate::load::Nanos;
+use crate::load::spec::HIGH_PRIORITY;
+use crate::machine::fifo_or_other;
+use crate::outcome::{Failure, Outcome};
+use replenish_os::{Thread, ThreadSpec, Tid, clock, spawn};
+use std::net::{Ipv4Addr, UdpSocket};
+use std::sync::Arc;
+
+/// As long as the agent's message with the same number in it: header, submessage, base, CDR, value.
+const LENGTH: usize = 4 + 4 + 4 + 4 + 8;
+
+/// The raw loop and the way to it.
+pub(super) struct Raw {
+    to: UdpSocket,
+    received: Arc<Received>,
+    thread: Thread<Outcome>,
+    tids: [Tid; 1],
+}
+
+impl Raw {
+    pub(super) fn start(setting: Setting) -> Result<Self, Failure> {
+        let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).map_err(Failure::refused)?;
+        let to = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).map_err(Failure::refused)?;
+        let address = socket.local_addr().map_err(Failure::refused)?;
+        to.connect(address).map_err(Failure::refused)?;
+        let received = Arc::new(Received::new(setting.rate));
+        let notes = Arc::clone(&received);
+        let body = move || {
+            let mut buf = [0; 2048];
+            loop {
+                let len = socket.recv(&mut buf).map_err(Failure::refused)?;
+                let Some(sent) = buf.get(..len).and_then(|m| m.last_chunk::<8>()) else {
+                    return Ok(()); // an empty datagram ends it
+                };
+                notes.note(Nanos::from_le_bytes(*sent));
+            }
+        };
+        let policy = fifo_or_other(HIGH_PRIORITY);
+        let spec = ThreadSpec::new("raw-loop").policy(policy).cpu(setting.cpu);
+        let thread = spawn(spec, body).map_err(Failure::refused)?;
+        let tids = [thread.tid()];
+        Ok(Self {
+            to,
+            received,
+            thread,
+            tids,
+        })
+    }
+
+    pub(super) fn stop(self) -> Outcome {
+        self.to.send(&[]).map_err(Failure::refused)?;
+        let ended = self.thread.join();
+        ended.map_err(|_| Failure::refused("the raw loop panicked"))?
+    }
+}
+
+impl Receiver for Raw {
+    fn send(&mut self, _: u64) -> Outcome {
+        let mut message = [0; LENGTH];
+        if let Some(end) = message.last_chunk_mut() {
+            *end = clock::monotonic().to_le_bytes();
+        }
+        self.to.send(&message).map(drop).map_err(Failure::refused)
+    }
+
+    fn received(&self) -> &Received {
+        &self.received
+    }
+
+    fn used(&self) -> Result<Used, Failure> {
+        threads::used(&self.tids)
+    }
+}
