@@ -91,10 +91,6 @@ impl Received {
         }
     }
 
-    fn count(&self) -> u64 {
-        self.count.load(Ordering::Acquire)
-    }
-
     /// The times so far; from now on anew.
     fn take(&self) -> Vec<i64> {
         let n = usize::try_from(self.count.swap(0, Ordering::AcqRel)).unwrap_or(usize::MAX);
