@@ -3,12 +3,13 @@
 //!
 //! ```text
 //!   sender ── WRITE_DATA ─► agent ── DATA ─► dispatcher ─► worker: callback      (ours)
+//!   sender ── WRITE_DATA ─► agent ── DATA ─► one thread: take, callback          (one thread)
 //!   sender ── a datagram of that size ─────► one thread: recv, count              (baseline)
 //!   └───── one CPU ──────────────┘           └───── the measured CPU ──────┘
 //! ```
 //!
-//! Messages come at a steady rate, to one topic after another. Windows of the two take turns, so
-//! that both see the same machine. CPU time and context switches are those of the threads on the
+//! Messages come at a steady rate, to one topic after another. Windows of the three take turns, so
+//! that all see the same machine. CPU time and context switches are those of the threads on the
 //! measured CPU, as the kernel counts them; the time of a message is from before its sending to the
 //! callback (ours passes the agent on the way) or to the end of `recv`.
 
@@ -52,7 +53,7 @@ pub(crate) struct Args {
           value_parser = clap::value_parser!(u64).range(10..=10_000))]
     rate: u64,
 
-    /// Windows of 0.4 s per point, of each of the two
+    /// Windows of 0.4 s per point, of each of the three
     #[arg(long, value_name = "N", default_value_t = 10,
           value_parser = clap::value_parser!(u64).range(1..=1000))]
     windows: u64,
@@ -101,7 +102,7 @@ impl Received {
     }
 }
 
-/// One of the two that are compared.
+/// One of those that are compared.
 trait Receiver {
     /// Sends message `n`; what it carries is the time before its sending.
     fn send(&mut self, n: u64) -> Outcome;
@@ -148,36 +149,44 @@ struct Setting {
     support: usize,
 }
 
-/// Windows of both in turns until enough of them count; and how many did not.
+/// A window of each of the three.
+type Windows = [Window; 3];
+
+/// Windows of all in turns until enough of them count; and how many did not.
 fn turns(
     setting: Setting,
-    ours: &mut dyn Receiver,
-    raw: &mut dyn Receiver,
-) -> Result<(Vec<(Window, Window)>, u64), Failure> {
-    let (mut pairs, mut repeated) = (Vec::new(), 0);
-    while (pairs.len() as u64) < setting.windows && repeated <= setting.windows.max(3) {
-        let pair = (window(raw, setting.rate)?, window(ours, setting.rate)?);
-        match pair {
-            (Some(raw), Some(ours)) => pairs.push((ours, raw)),
+    mut all: [&mut dyn Receiver; 3],
+) -> Result<(Vec<Windows>, u64), Failure> {
+    let (mut good, mut repeated) = (Vec::new(), 0);
+    while (good.len() as u64) < setting.windows && repeated <= setting.windows.max(3) {
+        let [a, b, c] = &mut all;
+        let windows = [
+            window(*a, setting.rate)?,
+            window(*b, setting.rate)?,
+            window(*c, setting.rate)?,
+        ];
+        match windows {
+            [Some(a), Some(b), Some(c)] => good.push([a, b, c]),
             _ => repeated += 1,
         }
     }
-    if pairs.is_empty() {
+    if good.is_empty() {
         let why = "nothing arrived, or the machine stood still in every window";
         return Err(Failure::refused(why));
     }
-    Ok((pairs, repeated))
+    Ok((good, repeated))
 }
 
 fn point(setting: Setting, handles: u16) -> Result<Point, Failure> {
     let mut raw = Raw::start(setting)?;
+    let mut alone = Ours::start_one_thread(setting, handles)?;
     let mut ours = Ours::start(setting, handles)?;
-    let turns = turns(setting, &mut ours, &mut raw);
-    let granted = ours.granted();
+    let turns = turns(setting, [&mut ours, &mut alone, &mut raw]);
     ours.stop()?;
+    alone.stop()?;
     raw.stop()?;
-    let (pairs, repeated) = turns?;
-    Ok(Point::new(handles, setting.rate, pairs, repeated, granted))
+    let (windows, repeated) = turns?;
+    Ok(Point::new(handles, setting.rate, &windows, repeated))
 }
 
 /// Runs the benchmark.

@@ -58,34 +58,37 @@ pub(super) struct Point {
     rate_hz: u64,
     #[serde(flatten)]
     ours: Figures,
-    baseline: Figures,
-    /// CPU time per message against the raw loop's: the median over pairs of windows.
+    /// CPU time per message against the raw loop's: the median over windows that follow each other.
     cpu_ratio: f64,
+    one_thread: Figures,
+    one_thread_cpu_ratio: f64,
+    baseline: Figures,
     windows_repeated: u64,
-    granted: String,
 }
 
 impl Point {
-    /// From pairs of windows: ours, the raw loop's.
+    /// From windows of ours, of ours in one thread, and of the raw loop.
     pub(super) fn new(
         handles: u16,
         rate_hz: u64,
-        pairs: Vec<(Window, Window)>,
+        windows: &[[Window; 3]],
         windows_repeated: u64,
-        granted: String,
     ) -> Self {
-        let ratio = |(ours, raw): &(Window, Window)| {
-            ours.each(ours.used.cpu) / raw.each(raw.used.cpu).max(1.0)
+        let figures = |of: usize| Figures::of(&windows.iter().map(|w| &w[of]).collect::<Vec<_>>());
+        let cpu = |w: &Window| w.each(w.used.cpu);
+        let ratio = |of: usize| {
+            let each = windows.iter().map(|w| cpu(&w[of]) / cpu(&w[2]).max(1.0));
+            round(median(each.collect()))
         };
-        let (ours, raw): (Vec<_>, Vec<_>) = pairs.iter().map(|(o, r)| (o, r)).unzip();
         Self {
             handles,
             rate_hz,
-            ours: Figures::of(&ours),
-            baseline: Figures::of(&raw),
-            cpu_ratio: round(median(pairs.iter().map(ratio).collect())),
+            ours: figures(0),
+            cpu_ratio: ratio(0),
+            one_thread: figures(1),
+            one_thread_cpu_ratio: ratio(1),
+            baseline: figures(2),
             windows_repeated,
-            granted,
         }
     }
 }
@@ -97,16 +100,20 @@ pub(super) struct Json {
     /// The highest CPU time per message of all points against that of the first, each in units of
     /// its own baseline.
     worst_growth: f64,
+    one_thread_worst_growth: f64,
     cpu: usize,
     sender_cpu: usize,
 }
 
 impl Json {
     pub(super) fn new(points: Vec<Point>, setting: Setting) -> Self {
-        let first = points.first().map_or(1.0, |p| p.cpu_ratio).max(1e-3);
-        let grown = points.iter().map(|p| p.cpu_ratio / first);
+        let worst = |ratio: fn(&Point) -> f64| {
+            let first = points.first().map_or(1.0, ratio).max(1e-3);
+            round(points.iter().map(|p| ratio(p) / first).fold(0.0, f64::max))
+        };
         Self {
-            worst_growth: round(grown.fold(0.0, f64::max)),
+            worst_growth: worst(|p| p.cpu_ratio),
+            one_thread_worst_growth: worst(|p| p.one_thread_cpu_ratio),
             points,
             cpu: setting.cpu,
             sender_cpu: setting.support,
@@ -115,38 +122,36 @@ impl Json {
 
     pub(super) fn print(&self) {
         let mut table = Table::new(&[
-            "handles",
-            "rate Hz",
-            "p50 us",
-            "p99 us",
-            "CPU us",
-            "raw CPU us",
-            "ratio",
-            "switches",
-            "raw",
-            "received",
+            "handles", "executor", "p50 us", "p99 us", "CPU us", "x raw", "switches", "received",
         ]);
         for p in &self.points {
-            table.row([
-                p.handles.to_string(),
-                p.rate_hz.to_string(),
-                format!("{:.1}", p.ours.p50_us),
-                format!("{:.1}", p.ours.p99_us),
-                format!("{:.2}", p.ours.cpu_us_per_message),
-                format!("{:.2}", p.baseline.cpu_us_per_message),
-                format!("{:.2}", p.cpu_ratio),
-                format!("{:.2}", p.ours.voluntary_switches_per_message),
-                format!("{:.2}", p.baseline.voluntary_switches_per_message),
-                format!("{}/{}", p.ours.received, p.ours.sent),
-            ]);
+            let rows = [
+                ("threads", &p.ours, p.cpu_ratio),
+                ("one thread", &p.one_thread, p.one_thread_cpu_ratio),
+                ("raw loop", &p.baseline, 1.0),
+            ];
+            for (name, f, ratio) in rows {
+                table.row([
+                    p.handles.to_string(),
+                    name.to_string(),
+                    format!("{:.1}", f.p50_us),
+                    format!("{:.1}", f.p99_us),
+                    format!("{:.2}", f.cpu_us_per_message),
+                    format!("{ratio:.2}"),
+                    format!("{:.2}", f.voluntary_switches_per_message),
+                    format!("{}/{}", f.received, f.sent),
+                ]);
+            }
         }
         println!(
-            "{}  CPU time and switches per message, of dispatcher and worker and of the raw loop, on \
-             CPU {}; times pass the agent on CPU {}\n  most handles against fewest: {:.2}",
+            "{}  per message; CPU time and switches are those of the receiving threads, on CPU {}; \
+             what ours receives passes the agent on CPU {}\n  growth of CPU time from the first to \
+             the worst point: threads {:.2}, one thread {:.2}",
             table.to_text(),
             self.cpu,
             self.sender_cpu,
-            self.worst_growth
+            self.worst_growth,
+            self.one_thread_worst_growth,
         );
     }
 }
@@ -174,13 +179,10 @@ mod tests {
                 voluntary_switches: 8,
             },
         };
-        let pairs = vec![
-            (window(8_000, 4), window(4_000, 4)),
-            (window(12_000, 4), window(4_000, 4)),
-            (window(9_000, 3), window(4_000, 4)),
-        ];
-        let p = Point::new(10, 1000, pairs, 0, String::new());
-        assert_eq!(p.cpu_ratio, 3.0);
+        let three = |ours, n| [window(ours, n), window(4_000, 4), window(4_000, 4)];
+        let windows = [three(8_000, 4), three(12_000, 4), three(9_000, 3)];
+        let p = Point::new(10, 1000, &windows, 0);
+        assert_eq!((p.cpu_ratio, p.one_thread_cpu_ratio), (3.0, 1.0));
         assert_eq!(p.ours.cpu_us_per_message, 3.0);
         assert_eq!((p.ours.sent, p.ours.received), (12, 11));
         assert_eq!(p.baseline.voluntary_switches_per_message, 2.0);
