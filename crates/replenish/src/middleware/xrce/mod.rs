@@ -124,7 +124,7 @@ impl Xrce {
         sink: &mut state::Sink<'_>,
     ) -> Result<usize, MiddlewareError> {
         let mut taken = 0;
-        for _ in 0..BATCH {
+        for _ in 0..self.waiting.batch(BATCH) {
             let received = self.transport.receive(&mut |message| {
                 let now = clock::monotonic();
                 let mut state = self.state.lock();

@@ -4,8 +4,9 @@
 use super::Transport;
 use crate::Nanos;
 use crate::platform::io;
+use crate::sync::{AtomicBool, Ordering};
 use replenish_os::timer::TimerFd;
-use replenish_os::{PollFd, WakeFd, poll};
+use replenish_os::{PollFd, WakeFd, clock, poll};
 
 /// What a session waits on.
 pub(super) struct Waiting {
@@ -13,7 +14,12 @@ pub(super) struct Waiting {
     /// Waited for by those who are not to be woken.
     nobody: WakeFd,
     alarm: Alarm,
+    /// The dispatcher's last wait ended as soon as it began.
+    pressed: AtomicBool,
 }
+
+/// A wait that took less found something there already.
+const INSTANT: Nanos = 5_000;
 
 /// The session's next deadline. A publisher that makes it earlier sets it itself.
 pub(super) struct Alarm(TimerFd);
@@ -24,6 +30,7 @@ impl Waiting {
             waker: WakeFd::new()?,
             nobody: WakeFd::new()?,
             alarm: Alarm(TimerFd::new()?),
+            pressed: AtomicBool::new(true),
         })
     }
 
@@ -42,37 +49,58 @@ impl Waiting {
         transport: &dyn Transport,
         deadline: Option<Nanos>,
     ) -> io::Result<()> {
-        self.wait(&self.waker, transport, deadline)?;
-        self.waker.clear();
+        let before = clock::monotonic();
+        if self.wait(&self.waker, transport, deadline)? {
+            self.waker.clear();
+        }
+        let took = clock::monotonic().saturating_sub(before);
+        self.pressed.store(took < INSTANT, Ordering::Relaxed);
         Ok(())
+    }
+
+    /// How many messages the dispatcher is to receive before it waits again, up to `most`. After a
+    /// sleep there is most often just one: to look for a second costs a system call, and if there is
+    /// one the next wait ends at once.
+    pub(super) fn batch(&self, most: usize) -> usize {
+        match self.pressed.load(Ordering::Relaxed) {
+            true => most,
+            false => 1,
+        }
     }
 
     /// Somebody else waits, at set-up.
     pub(super) fn other(&self, transport: &dyn Transport, deadline: Nanos) -> io::Result<()> {
-        self.wait(&self.nobody, transport, Some(deadline))
+        self.wait(&self.nobody, transport, Some(deadline)).map(drop)
     }
 
+    /// Returns whether `waker` has ended the wait.
     fn wait(
         &self,
         waker: &WakeFd,
         transport: &dyn Transport,
         deadline: Option<Nanos>,
-    ) -> io::Result<()> {
-        let mut result = Ok(0);
+    ) -> io::Result<bool> {
+        let mut result = Ok(false);
         let writes = transport.wants_write();
         transport.with_descriptor(&mut |descriptor| {
             let (waker, alarm) = (PollFd::readable(waker), PollFd::readable(&self.alarm.0));
             result = match &descriptor {
                 Some(fd) if writes => {
                     let (input, output) = (PollFd::readable(fd), PollFd::writable(fd));
-                    poll(&mut [waker, alarm, input, output], deadline)
+                    first(&mut [waker, alarm, input, output], deadline)
                 }
-                Some(fd) => poll(&mut [waker, alarm, PollFd::readable(fd)], deadline),
-                None => poll(&mut [waker, alarm], deadline),
+                Some(fd) => first(&mut [waker, alarm, PollFd::readable(fd)], deadline),
+                None => first(&mut [waker, alarm], deadline),
             };
         });
-        result.map(|_| ())
+        result
     }
+}
+
+/// Polls; whether the first of them is ready.
+fn first(fds: &mut [PollFd<'_>], deadline: Option<Nanos>) -> io::Result<bool> {
+    poll(fds, deadline)?;
+    Ok(fds.first().is_some_and(PollFd::is_ready))
 }
 
 impl Alarm {
