@@ -18,6 +18,7 @@ extern crate alloc;
 mod action;
 mod bare;
 mod budget;
+mod compatibility;
 mod context;
 mod error;
 mod event;
@@ -45,6 +46,7 @@ pub use action::{
     Lost, NewGoal,
 };
 pub use budget::{Amount, Budget};
+pub use compatibility::QosClash;
 pub use context::{Context, Node};
 pub use error::Error;
 pub use event::Event;
@@ -85,3 +87,8 @@ pub type Nanos = u64;
 #[cfg(doctest)]
 #[doc = include_str!("../../../README.md")]
 struct ReadmeExample;
+
+/// The examples in the executor's guide compile and run.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/executor.md")]
+struct ExecutorGuide;
