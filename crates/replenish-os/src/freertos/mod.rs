@@ -51,7 +51,7 @@ pub(crate) const MAX_REPL: usize = 16;
 /// Budgeted workers of an enforcer unless said otherwise.
 pub(crate) const ENFORCER_CAPACITY: usize = 8;
 /// Stack of an enforcer in bytes.
-pub(crate) const ENFORCER_STACK: usize = 1536;
+pub(crate) const ENFORCER_STACK: usize = 3072;
 /// How many of the newest overruns of a worker are kept.
 pub(crate) const OVERRUNS_KEPT: usize = 16;
 

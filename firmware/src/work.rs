@@ -1,0 +1,31 @@
+//! Burning CPU time: by a counted loop, calibrated against the clock of the calling task, so that a
+//! burst takes its CPU time however often the task is preempted.
+
+use core::hint::black_box;
+use replenish_os::clock;
+
+/// Loop rounds per 10 ms of CPU time.
+#[derive(Clone, Copy)]
+pub struct Burst(u32);
+
+impl Burst {
+    /// Measures a loop of a known length; for a task that is not preempted meanwhile.
+    pub fn calibrate() -> Self {
+        const ROUNDS: u32 = 200_000;
+        let before = clock::thread_cpu();
+        spin(ROUNDS);
+        let took = clock::thread_cpu() - before;
+        Self((u64::from(ROUNDS) * 10_000_000 / took.max(1)) as u32)
+    }
+
+    /// 10 ms of CPU time.
+    pub fn run(self) {
+        spin(self.0);
+    }
+}
+
+fn spin(rounds: u32) {
+    for i in 0..rounds {
+        black_box(i);
+    }
+}
