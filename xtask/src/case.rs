@@ -1,0 +1,141 @@
+//! The cases: which workers run, and how many bursts of 10 ms theory gives each.
+
+/// The measured time of every case.
+pub(crate) const LENGTH_MS: u64 = 10_000;
+/// The CPU time of a burst.
+pub(crate) const BURST_MS: u64 = 10;
+
+/// The experiments on the board.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
+pub(crate) enum Name {
+    /// Experiment 1's sweep: budgets of 10 to 90 ms every 100 ms, and a FIFO worker below
+    BudgetSweep,
+    /// Budgets that fit no tick: 37/90, 1/7, and as long as the period
+    OddBudgets,
+    /// Two, three and four budgeted workers that start 0, 1, 3, 10 and 30 ms apart
+    Offsets,
+    /// A worker in an endless loop, with a budget, beside one that works
+    Runaway,
+}
+
+/// One worker: `budget` 0 is one without.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Worker {
+    pub(crate) priority: u8,
+    pub(crate) budget: u64,
+    pub(crate) period: u64,
+    pub(crate) offset: u64,
+    pub(crate) endless: bool,
+}
+
+impl Worker {
+    fn budgeted(priority: u8, budget: u64, period: u64, offset: u64) -> Self {
+        Self {
+            priority,
+            budget,
+            period,
+            offset,
+            endless: false,
+        }
+    }
+
+    /// As the image reads it. The background priority, 6, is below the worker without a budget.
+    pub(crate) fn word(&self) -> String {
+        let end = if self.endless { "!" } else { "" };
+        let Self {
+            priority,
+            budget,
+            period,
+            offset,
+            ..
+        } = self;
+        if *budget == 0 {
+            format!("{priority}{end}")
+        } else {
+            format!("{priority}/6/{budget}/{period}@{offset}{end}")
+        }
+    }
+
+    /// CPU time that its budget gives it until the end, in ms: it always has work, so every period
+    /// that begins with its start brings one budget.
+    fn entitled(&self) -> u64 {
+        let left = LENGTH_MS - self.offset;
+        left / self.period * self.budget + (left % self.period).min(self.budget)
+    }
+}
+
+/// A worker that takes what is left.
+const REST: Worker = Worker {
+    priority: 10,
+    budget: 0,
+    period: 0,
+    offset: 0,
+    endless: false,
+};
+
+/// The cases of an experiment; the last worker of each is the one that takes the rest.
+pub(crate) fn cases(name: Name) -> Vec<Vec<Worker>> {
+    let alone = |budget, period| vec![Worker::budgeted(60, budget, period, 0), REST];
+    match name {
+        Name::BudgetSweep => (1..=9).map(|b| alone(b * 10, 100)).collect(),
+        Name::OddBudgets => vec![alone(37, 90), alone(1, 7), alone(100, 100)],
+        Name::Offsets => {
+            let mut all = Vec::new();
+            for (workers, budget) in [(2_u8, 30), (3, 25), (4, 20)] {
+                for apart in [0, 1, 3, 10, 30] {
+                    let budgeted = (0..workers)
+                        .map(|i| Worker::budgeted(60 - i, budget, 100, u64::from(i) * apart));
+                    all.push(budgeted.chain([REST]).collect());
+                }
+            }
+            all
+        }
+        Name::Runaway => {
+            let mut mad = Worker::budgeted(60, 30, 100, 0);
+            mad.endless = true;
+            vec![vec![mad, Worker::budgeted(50, 30, 100, 0), REST]]
+        }
+    }
+}
+
+/// CPU time that each worker is to get, in ms.
+pub(crate) fn expected(case: &[Worker]) -> Vec<f64> {
+    let budgets: u64 = case
+        .iter()
+        .filter(|w| w.budget > 0)
+        .map(Worker::entitled)
+        .sum();
+    let ms = case.iter().map(|w| match w.budget {
+        0 => LENGTH_MS - budgets,
+        _ => w.entitled(),
+    });
+    ms.map(|ms| ms as f64).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_period_counts_as_far_as_it_goes() {
+        let worker = Worker::budgeted(60, 37, 90, 0);
+        assert_eq!(worker.entitled(), 111 * 37 + 10);
+        assert_eq!(worker.word(), "60/6/37/90@0");
+        assert_eq!(expected(&[worker, REST])[1], (LENGTH_MS - 4117) as f64);
+    }
+
+    #[test]
+    fn every_case_has_one_worker_for_the_rest() {
+        for name in [
+            Name::BudgetSweep,
+            Name::OddBudgets,
+            Name::Offsets,
+            Name::Runaway,
+        ] {
+            for case in cases(name) {
+                assert_eq!(case.iter().filter(|w| w.budget == 0).count(), 1);
+                assert!(expected(&case).iter().all(|ms| *ms >= 0.0));
+            }
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! `cargo xtask board …`: builds the images of `firmware/`, runs them in QEMU and reports.
+//!
+//! - [`host`]: what the host must have, and the commands that would install it.
+//! - [`qemu`]: builds an image and runs one case in the emulator.
+//! - [`case`]: the cases of each experiment, and what theory expects of them.
+//! - [`experiment`]: runs them, compares, prints and writes.
+//! - [`size`]: flash and RAM of an image, by part.
+
+mod case;
+mod experiment;
+mod host;
+mod qemu;
+mod size;
+
+use clap::{Parser, Subcommand};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// What goes wrong is told in one text.
+type Outcome<T = ()> = Result<T, String>;
+
+#[derive(Parser)]
+#[command(about = "Tasks of this repository")]
+struct Arguments {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// The emulated Olimex STM32-H405 board
+    #[command(subcommand)]
+    Board(Board),
+}
+
+#[derive(Subcommand)]
+enum Board {
+    /// Says what the host lacks, and how to install it; installs nothing
+    Check,
+    /// Runs an experiment on the board; fails if a count is off
+    Experiment {
+        /// Which one
+        name: case::Name,
+        /// Also write the result as JSON
+        #[arg(long, value_name = "PATH")]
+        json: Option<PathBuf>,
+    },
+    /// Prints flash and static RAM of the image `budgets`, by part
+    Size {
+        /// Also write the result as JSON
+        #[arg(long, value_name = "PATH")]
+        json: Option<PathBuf>,
+    },
+}
+
+fn main() -> ExitCode {
+    let Task::Board(board) = Arguments::parse().task;
+    let done = match board {
+        Board::Check => host::check().map(|()| println!("Nothing is missing.")),
+        Board::Experiment { name, json } => experiment::run(name, json.as_deref()),
+        Board::Size { json } => size::run(json.as_deref()),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(what) => {
+            eprintln!("{what}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Writes JSON where it was asked for.
+fn write(path: Option<&std::path::Path>, value: &serde_json::Value) -> Outcome {
+    let Some(path) = path else { return Ok(()) };
+    std::fs::write(path, format!("{value:#}\n")).map_err(|e| format!("{}: {e}", path.display()))
+}

@@ -1,0 +1,60 @@
+//! Builds an image and runs cases of it in QEMU, deterministically: `-icount` makes every
+//! instruction 8 ns of virtual time, whatever the host does.
+
+use crate::Outcome;
+use crate::host::{self, TARGET};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Builds image `name`; its ELF file.
+pub(crate) fn build(name: &str) -> Outcome<PathBuf> {
+    host::check()?;
+    let firmware = Path::new(env!("CARGO_MANIFEST_DIR")).join("../firmware");
+    let target = match std::env::var_os("CARGO_TARGET_DIR") {
+        Some(dir) => std::path::absolute(PathBuf::from(dir).join("firmware")),
+        None => std::path::absolute(firmware.join("target")),
+    }
+    .map_err(|e| e.to_string())?;
+    let status = Command::new("cargo")
+        .args(["build", "--quiet", "--release", "--bin", name])
+        .current_dir(&firmware) // its .cargo/config.toml names target and linker script
+        .env("CARGO_TARGET_DIR", &target)
+        .env_remove("RUSTFLAGS")
+        .status()
+        .map_err(|e| format!("cargo: {e}"))?;
+    if !status.success() {
+        return Err(format!("the image {name} was not built"));
+    }
+    Ok(target.join(TARGET).join("release").join(name))
+}
+
+/// Boots the image with `words` as its command line; what it printed.
+pub(crate) fn boot(image: &Path, words: &[String]) -> Outcome<String> {
+    let mut semihosting = String::from("enable=on,target=native,arg=image");
+    for word in words {
+        semihosting.push_str(",arg=");
+        semihosting.push_str(word);
+    }
+    let output = Command::new("qemu-system-arm")
+        .args(["-M", "olimex-stm32-h405", "-nographic", "-monitor", "none"])
+        .args(["-serial", "null", "-icount", "shift=3,sleep=off"])
+        .args(["-semihosting-config", &semihosting])
+        .arg("-kernel")
+        .arg(image)
+        .output()
+        .map_err(|e| format!("qemu-system-arm: {e}"))?;
+    let text = String::from_utf8_lossy(&output.stdout).into_owned()
+        + &String::from_utf8_lossy(&output.stderr);
+    if output.status.success() {
+        Ok(text)
+    } else {
+        Err(format!("the image failed on {words:?}:\n{text}"))
+    }
+}
+
+/// Boots the image and reads its JSON.
+pub(crate) fn measure(image: &Path, words: &[String]) -> Outcome<Value> {
+    let text = boot(image, words)?;
+    serde_json::from_str(&text).map_err(|e| format!("{e} in what the image printed:\n{text}"))
+}
