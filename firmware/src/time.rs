@@ -20,6 +20,10 @@ pub const RESOLUTION: u64 = 1_000_000_000 / RATE as u64;
 /// The longest time between two rings, in ns.
 const LONGEST: u64 = 4_000_000_000;
 
+/// The shortest alarm in ticks of the timer: 2 us in QEMU, whose model never rings for one that is
+/// over before it has been set.
+const SHORTEST: u64 = 2_000;
+
 /// Counts.
 const CEN: u32 = 1;
 /// Only the end of the count is an update, not a fresh start.
@@ -61,7 +65,7 @@ extern "C" fn rp_board_arm(at: u64) {
     // 4 MHz times the prescaler of the clock, so that both count alike.
     let ticks = (wait * u64::from(TIMER_HZ / RATE))
         .div_ceil(RESOLUTION)
-        .max(2);
+        .max(SHORTEST);
     ALARM.cr1().set(URS);
     ALARM.arr().set(ticks as u32);
     ALARM.sr().set(0);

@@ -1,0 +1,106 @@
+//! Experiment 1 on the executor itself, in one image: a worker pings, a budgeted worker and a
+//! worker below it answer bursts of 10 ms. The command line is the budget in ms per 100 ms.
+#![no_std]
+#![no_main]
+
+extern crate alloc;
+
+use core::time::Duration;
+use firmware::work::Burst;
+use firmware::{console, say};
+use replenish::msg::std_msgs::Int32;
+use replenish::{Budget, Context, Error, Executor, Policy, Qos};
+use replenish_os::clock;
+use replenish_os::freertos::{SealedHeap, panicked, start};
+
+#[global_allocator]
+static HEAP: SealedHeap<{ 96 * 1024 }> = SealedHeap::new();
+
+/// What is measured, in ns.
+const LENGTH: u64 = 10_000_000_000;
+
+#[unsafe(no_mangle)]
+extern "C" fn image_main() -> ! {
+    let started = start(97, 16384, || {
+        let mut line = [0_u8; 64];
+        let words = console::command_line(&mut line);
+        let budget = words.split_whitespace().last().and_then(|w| w.parse().ok());
+        if let Err(e) = run(budget.unwrap_or(30)) {
+            say!("{e}");
+            console::exit(false)
+        }
+        console::exit(panicked().count == 0 && HEAP.usage().refused == 0)
+    });
+    say!("the kernel did not start: {:?}", started.err());
+    console::exit(false)
+}
+
+fn run(budget: u64) -> Result<(), Error> {
+    let burst = Burst::calibrate();
+    let before = HEAP.usage().used;
+    let ms = Duration::from_millis;
+    let context = Context::in_process();
+    let node = context.node("pong")?;
+    let mut exec = Executor::new(&context);
+    exec.on_event(|event| say!("{event}"));
+    let pings = [
+        node.publisher::<Int32>("high_ping", Qos::best_effort())?,
+        node.publisher::<Int32>("low_ping", Qos::best_effort())?,
+    ];
+    let mut number = 0;
+    exec.worker("ping")
+        .policy(Policy::fifo(70)?)
+        .stack_size(4096)
+        .timer(ms(10), move |_| {
+            number += 1;
+            let ping = Int32 { data: number };
+            pings.iter().for_each(|p| {
+                p.publish(&ping).ok();
+            });
+        })?;
+    let held = Budget::of(ms(budget)).every(ms(100));
+    let pong = node.publisher::<Int32>("high_pong", Qos::best_effort())?;
+    exec.worker("high")
+        .policy(Policy::fifo(60)?)
+        .budget(held)
+        .stack_size(4096)
+        .subscribe(
+            &node,
+            "high_ping",
+            Qos::best_effort(),
+            move |ping: &Int32, _| {
+                burst.run();
+                pong.publish(ping)
+            },
+        )?;
+    let pong = node.publisher::<Int32>("low_pong", Qos::best_effort())?;
+    exec.worker("low")
+        .policy(Policy::fifo(50)?)
+        .stack_size(4096)
+        .subscribe(
+            &node,
+            "low_ping",
+            Qos::best_effort(),
+            move |ping: &Int32, _| {
+                burst.run();
+                pong.publish(ping)
+            },
+        )?;
+    let described = HEAP.usage().used;
+    let running = exec.start()?;
+    let started = HEAP.usage().used;
+    HEAP.seal();
+    clock::sleep_until(clock::monotonic() + LENGTH);
+    let count = |id: &str| running.stats(id).map_or(0, |s| s.executed);
+    let (high, low) = (count("/pong/sub:/high_ping"), count("/pong/sub:/low_ping"));
+    let timer = count("ping/timer:0");
+    let heap = HEAP.usage();
+    say!(
+        "{{\"budget_ms\": {budget}, \"high\": {high}, \"low\": {low}, \"pings\": {timer}, \"heap_described\": {}, \"heap_started\": {}, \"heap_refused\": {}}}",
+        described - before,
+        started - before,
+        heap.refused,
+    );
+    core::mem::forget(running);
+    Ok(())
+}
