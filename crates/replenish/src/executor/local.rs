@@ -66,11 +66,12 @@ pub struct Spun {
 /// happens: samples wait in the middleware.
 ///
 /// ```
-/// use replenish::{Context, Executor, SpinEnd};
+/// use replenish::{Context, Every, Executor, SpinEnd};
 /// use std::time::Duration;
 /// let ctx = Context::in_process();
 /// let mut exec = Executor::new(&ctx);
-/// exec.worker("all").timer(Duration::from_millis(2), |_| println!("tick"))?;
+/// let once = Every::once(Duration::from_millis(2));
+/// exec.worker("all").timer(once, |_| println!("tick"))?;
 /// let mut local = exec.local()?;
 /// let first = local.spin_some(Duration::from_secs(1));
 /// assert_eq!((first.callbacks, first.end), (1, SpinEnd::Worked));
