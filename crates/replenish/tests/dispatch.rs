@@ -11,7 +11,7 @@ mod common;
 use common::scripted::Scripted;
 use common::{Gate, eventually, executor, quiet};
 use replenish::msg::std_msgs::Int32;
-use replenish::{Context, Qos, Topic};
+use replenish::{Context, Every, Qos, Topic};
 use replenish_testkit::watchdog::watchdog;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Barrier, Mutex};
@@ -248,7 +248,12 @@ fn handles_of_a_worker_run_one_after_another_in_the_order_they_were_added() {
     let node = ctx.node("n").unwrap();
     let (mut exec, _) = executor(&ctx);
     let got = Arc::new(Mutex::new(Vec::new()));
-    let mut worker = exec.worker("w");
+    // Holds the worker until everything is there.
+    let (open, gate) = std::sync::mpsc::channel::<()>();
+    let mut worker = exec
+        .worker("w")
+        .timer(Every::once(Duration::ZERO), move |_| drop(gate.recv()))
+        .unwrap();
     for topic in ["a", "b", "c"] {
         let got = Arc::clone(&got);
         worker = worker
@@ -257,7 +262,7 @@ fn handles_of_a_worker_run_one_after_another_in_the_order_they_were_added() {
             })
             .unwrap();
     }
-    // Two of each in the wrong order, all there before the first round.
+    // Two of each in the wrong order.
     let (one, two) = (1_i32.to_le_bytes(), 2_i32.to_le_bytes());
     mw.put_all(&[
         (2, &one),
@@ -268,6 +273,16 @@ fn handles_of_a_worker_run_one_after_another_in_the_order_they_were_added() {
         (0, &two),
     ]);
     let running = exec.start().unwrap();
+    let waiting = || {
+        running
+            .report()
+            .handles
+            .iter()
+            .map(|h| h.stats.waiting)
+            .sum::<u64>()
+    };
+    assert!(eventually(|| waiting() == 6));
+    open.send(()).unwrap();
     assert!(eventually(|| got.lock().unwrap().len() == 6));
     running.stop();
     let want = [("a", 1), ("b", 1), ("c", 1), ("a", 2), ("b", 2), ("c", 2)];
