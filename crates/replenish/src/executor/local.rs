@@ -113,10 +113,12 @@ pub(crate) fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
         spec.bell.relay(&stop.middleware);
     }
     let Assembly {
-        dispatcher,
+        mut dispatcher,
         workers,
         live,
     } = assemble(&context, workers, &stop, &options.events, &[]);
+    // Nobody sleeps on them while samples are taken: to ring would end the next wait for nothing.
+    dispatcher.bells.clear();
     let start = clock::monotonic();
     let mut workers: Vec<Worker> = workers.into_iter().map(|(worker, _)| worker).collect();
     workers.iter_mut().for_each(|w| w.begin(start));
@@ -302,7 +304,7 @@ impl LocalExecutor {
         dispatcher.round(watch, account, until);
     }
 
-    /// Every worker in its turn; whether any had something to do.
+    /// Every worker in its turn; whether there may be more to do without new input.
     fn pass(&mut self, tally: &mut Tally) -> bool {
         let mut any = false;
         for worker in &mut self.workers {
@@ -310,7 +312,7 @@ impl LocalExecutor {
                 break;
             }
             worker.mailbox.clone().empty(worker);
-            any |= worker.step(&mut self.account, tally);
+            any |= worker.step(&mut self.account, tally) && worker.may_go_on();
         }
         any
     }

@@ -121,6 +121,11 @@ impl Worker {
         }
     }
 
+    /// After a round that did something: whether another one may find input that was there already.
+    pub(crate) fn may_go_on(&self) -> bool {
+        self.looks_at_all || self.agenda.is_due()
+    }
+
     /// Visits every handle once, if the trigger allows it; whether any ran.
     pub(crate) fn round(&mut self, account: &mut Account, tally: &mut Tally) -> bool {
         let snapshot = self.rules.semantics == Semantics::LogicalExecutionTime;
