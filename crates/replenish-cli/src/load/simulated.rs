@@ -34,9 +34,10 @@ pub(crate) struct Costs {
 pub(crate) struct Arrivals(pub Vec<Vec<u32>>);
 
 impl Arrivals {
-    /// When the messages of window `index` came, from its start on. A message that no callback saw
-    /// came as late as the one before it.
-    fn of_window(&self, index: u64, grid: &Grid) -> Releases {
+    /// When the dispatcher began with the messages of window `index`, from its start on: it has
+    /// consumed `dispatch` for a message when it is taken. A message that no callback saw came as
+    /// late as the one before it.
+    fn of_window(&self, index: u64, grid: &Grid, dispatch: Nanos) -> Releases {
         let window = usize::try_from(index).ok().and_then(|w| self.0.get(w));
         let (mut at, mut late) = (0, 0);
         let times = (0..grid.messages()).zip(0..).map(|(message, i)| {
@@ -45,7 +46,8 @@ impl Arrivals {
                 .map(|t| Nanos::from(*t))
                 .filter(|t| *t > 0)
                 .unwrap_or(late);
-            at = at.max(message.saturating_mul(grid.interval).saturating_add(late));
+            let begun = late.saturating_sub(dispatch);
+            at = at.max(message.saturating_mul(grid.interval).saturating_add(begun));
             at
         });
         Releases::At(times.collect())
@@ -99,8 +101,8 @@ pub(crate) fn window(
         low: spec.net(spec.low_burn()).saturating_add(costs.low),
         low_sleep: sleep.map_or(0, |s| s.saturating_add(costs.wake_up)),
         low_after_sleep: costs.low_after,
-        arrivals_high: high.of_window(index, grid),
-        arrivals_low: low.of_window(index, grid),
+        arrivals_high: high.of_window(index, grid, costs.dispatch),
+        arrivals_low: low.of_window(index, grid, costs.dispatch),
         window: grid.window,
         platform: Platform::IDEAL,
     };
@@ -154,9 +156,11 @@ mod tests {
             interval: 10,
         };
         let arrivals = Arrivals(vec![vec![], vec![3, 15, 0, 2, 0]]);
-        let at = |w| arrivals.of_window(w, &grid);
+        let at = |w| arrivals.of_window(w, &grid, 0);
         assert_eq!(at(0), Releases::At(vec![0, 10, 20, 30, 40]));
         assert_eq!(at(1), Releases::At(vec![3, 25, 35, 35, 42]));
         assert_eq!(at(9), at(0));
+        let begun = arrivals.of_window(1, &grid, 4);
+        assert_eq!(begun, Releases::At(vec![0, 21, 31, 31, 40]));
     }
 }
