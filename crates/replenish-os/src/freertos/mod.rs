@@ -16,27 +16,39 @@
 //! What each task takes: its stack, a TCB of the kernel and a slot of 170 bytes; see
 //! [`Thread::stack_unused`](crate::Thread::stack_unused).
 
+#[path = "../rtos/atomic.rs"]
 mod atomic;
 pub mod clock;
 mod error;
 mod ffi;
 pub(crate) mod futex;
+#[path = "../rtos/gaps.rs"]
+mod gaps;
 pub(crate) mod granted;
 mod heap;
+mod launch;
+#[path = "../rtos/masked.rs"]
 mod masked;
+#[path = "../rtos/memory.rs"]
 pub mod memory;
 mod panics;
+#[path = "../rtos/pi_mutex.rs"]
 pub(crate) mod pi_mutex;
+#[path = "../rtos/poll.rs"]
 pub(crate) mod poll;
+#[path = "../rtos/privilege.rs"]
 pub mod privilege;
 pub(crate) mod sched;
 pub(crate) mod slot;
+#[path = "../rtos/spawn_error.rs"]
 pub(crate) mod spawn_error;
 mod start;
 pub(crate) mod suspend;
+#[path = "../rtos/thread.rs"]
 pub(crate) mod thread;
 pub(crate) mod tid;
 pub mod timer;
+#[path = "../rtos/watch.rs"]
 pub(crate) mod watch;
 
 pub use atomic::AtomicU64;
@@ -54,6 +66,9 @@ pub(crate) const ENFORCER_CAPACITY: usize = 8;
 pub(crate) const ENFORCER_STACK: usize = 3072;
 /// How many of the newest overruns of a worker are kept.
 pub(crate) const OVERRUNS_KEPT: usize = 16;
+
+/// What this kernel has, for who asked for something else.
+const POLICIES: &str = "FreeRTOS has FIFO, and sporadic by the enforcer";
 
 /// Says what went wrong where nobody is there to be told.
 pub(crate) fn complain(what: core::fmt::Arguments<'_>) {

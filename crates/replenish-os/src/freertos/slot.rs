@@ -14,19 +14,15 @@
 )]
 
 use super::ffi::{self, Task};
+use super::gaps::Gaps;
 use super::masked::Masked;
 use crate::Nanos;
 use core::ffi::c_void;
 use core::ptr;
 use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
-use sporadic::Gap;
 
 /// No deadline.
 pub(crate) const NEVER: Nanos = Nanos::MAX;
-
-/// Gaps kept between two readings; more are joined to the last one, which is safe (a later
-/// activation delays a replenishment).
-const MAX_GAPS: usize = 4;
 
 /// One task.
 #[derive(Debug)]
@@ -56,60 +52,6 @@ pub(crate) struct State {
 
 // SAFETY: the pointer is compared, never followed.
 unsafe impl Send for State {}
-
-/// The blocking stretches since they were last taken.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Gaps {
-    pub(crate) list: [Gap; MAX_GAPS],
-    pub(crate) len: usize,
-    /// CPU clock up to which gaps have counted.
-    mark: Nanos,
-    open: Option<Nanos>,
-}
-
-impl Gaps {
-    pub(crate) const fn new() -> Self {
-        const NONE: Gap = Gap {
-            ran: 0,
-            out_at: 0,
-            in_at: 0,
-        };
-        Self {
-            list: [NONE; MAX_GAPS],
-            len: 0,
-            mark: 0,
-            open: None,
-        }
-    }
-
-    /// What has happened so far is done with; an open block stays open.
-    pub(crate) fn clear(&mut self, cpu: Nanos) {
-        self.len = 0;
-        self.mark = cpu;
-    }
-
-    pub(crate) fn forget_open(&mut self) {
-        self.open = None;
-    }
-
-    fn close(&mut self, now: Nanos, cpu: Nanos) {
-        let Some(out_at) = self.open.take() else {
-            return;
-        };
-        let gap = Gap {
-            ran: cpu.saturating_sub(self.mark),
-            out_at,
-            in_at: now,
-        };
-        if let Some(place) = self.list.get_mut(self.len) {
-            *place = gap;
-            self.len += 1;
-            self.mark = cpu;
-        } else if let Some(last) = self.list.last_mut() {
-            last.in_at = now;
-        }
-    }
-}
 
 impl State {
     /// CPU time up to `now`.
@@ -177,6 +119,11 @@ pub(crate) fn find(id: i32) -> Option<&'static Slot> {
     all().find(|slot| slot.id == id)
 }
 
+/// The task's function has returned.
+pub(crate) fn end(slot: &Slot) {
+    slot.state.with(|s| s.ended = true);
+}
+
 /// How often the calling task has blocked so far.
 #[must_use]
 pub fn voluntary_switches() -> u64 {
@@ -196,7 +143,7 @@ extern "C" fn rp_switched_out(slot: *const c_void, preempted: u32) {
         s.on_cpu = false;
         if preempted == 0 {
             s.blocks = s.blocks.wrapping_add(1);
-            s.gaps.open = Some(now);
+            s.gaps.open(now);
         }
     });
 }

@@ -2,9 +2,8 @@
 
 use super::ffi;
 use super::futex;
-use super::slot;
+use super::launch;
 use super::spawn_error::SpawnError;
-use super::thread;
 use alloc::boxed::Box;
 use alloc::ffi::CString;
 
@@ -18,13 +17,11 @@ pub fn start(
     main: impl FnOnce() + Send + 'static,
 ) -> Result<(), SpawnError> {
     crate::Policy::fifo(priority)?;
-    let slot = slot::make(priority, stack_bytes);
-    thread::start(
-        slot,
+    launch::start(
+        priority,
         CString::default(),
         stack_bytes,
-        priority,
-        Box::new(main),
+        Box::new(move |_| main()),
     )?;
     ffi::run_kernel();
     Ok(())

@@ -44,10 +44,7 @@ impl fmt::Display for SpawnError {
             Self::Name => f.write_str("thread name contains a NUL byte"),
             Self::Create(e) => write!(f, "the kernel makes no task: {e}"),
             Self::Unsupported(policy) => {
-                write!(
-                    f,
-                    "policy {policy}: FreeRTOS has FIFO, and sporadic by the enforcer"
-                )
+                write!(f, "policy {policy}: {}", super::POLICIES)
             }
             Self::Cpu { cpu } => write!(f, "CPU {cpu} was asked for: allowed 0, there is one"),
         }

@@ -1,7 +1,8 @@
 //! Which stretches of a callback its task spent blocked, from the switch hooks: always exact.
 
 use super::ffi;
-use super::slot::{self, Gaps, Slot};
+use super::gaps::Gaps;
+use super::slot::{self, Slot};
 use super::tid::Tid;
 use crate::Nanos;
 use sporadic::Gap;

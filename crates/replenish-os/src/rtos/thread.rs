@@ -1,15 +1,10 @@
-//! Tasks: stack and control block from the image's heap at set-up, kept for good.
+//! Tasks from a small kernel: memory at set-up, a closure, a result to wait for.
 //!
 //! ```text
-//!   spawn: memory ─ slot ─ xTaskCreateStatic at its priority ──► closure ─ result ─ done ─ halted
+//!   spawn: slot ─ launch (the back end) at its priority ──► closure ─ result ─ done
 //! ```
-#![expect(
-    unsafe_code,
-    reason = "the closure goes through the kernel as a pointer"
-)]
 
-use super::error::OsError;
-use super::ffi::{self, Creation, Task};
+use super::launch;
 use super::slot::{self, Slot};
 use super::spawn_error::SpawnError;
 use super::tid::Tid;
@@ -19,12 +14,8 @@ use alloc::boxed::Box;
 use alloc::ffi::CString;
 use alloc::string::String;
 use alloc::sync::Arc;
-use alloc::vec;
 use core::any::Any;
-use core::ffi::c_void;
-
-/// The stack in bytes unless said otherwise.
-pub(crate) const DEFAULT_STACK: usize = 2048;
+use core::sync::atomic::{AtomicBool, Ordering};
 
 /// What a new task shall have; see the fields.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -32,11 +23,11 @@ pub(crate) const DEFAULT_STACK: usize = 2048;
 pub struct ThreadSpec {
     /// Shown by debuggers; the kernel keeps the first 15 bytes.
     pub name: String,
-    /// The policy. `Other` is FIFO at priority 1.
+    /// The policy; `Other` is the lowest there is.
     pub policy: Policy,
     /// `None` or 0.
     pub cpu: Option<usize>,
-    /// The stack in bytes; `None`: 2048. Rounded up to 8.
+    /// The stack in bytes; `None`: 2048 (`NuttX`: 4096). Rounded up to 8.
     pub stack_size: Option<usize>,
     /// Without meaning here.
     pub reset_on_fork: bool,
@@ -82,6 +73,7 @@ impl ThreadSpec {
 
 #[derive(Debug)]
 struct End<T> {
+    finished: AtomicBool,
     done: Signal,
     result: PiMutex<Option<T>>,
 }
@@ -89,7 +81,7 @@ struct End<T> {
 /// A task. Dropping this lets it go on by itself.
 #[derive(Debug)]
 pub struct Thread<T> {
-    slot: &'static Slot,
+    pub(super) slot: &'static Slot,
     end: Arc<End<T>>,
 }
 
@@ -103,16 +95,7 @@ impl<T> Thread<T> {
     /// Whether the task's function has returned.
     #[must_use]
     pub fn is_finished(&self) -> bool {
-        self.slot.state.with(|s| s.ended)
-    }
-
-    /// Bytes of its stack that were never used so far.
-    #[must_use]
-    pub fn stack_unused(&self) -> usize {
-        self.slot
-            .state
-            .with(|s| s.task)
-            .map_or(0, ffi::stack_unused)
+        self.end.finished.load(Ordering::Acquire)
     }
 
     /// Waits for the task's function to return. A task that panicked never does.
@@ -151,70 +134,29 @@ where
     F: FnOnce() -> T + Send + 'static,
     T: Send + 'static,
 {
-    spec.policy.validate()?;
-    let priority = match spec.policy {
-        Policy::Other => 1,
-        Policy::Fifo { priority } => priority,
-        Policy::Sporadic(params) => params.priority(),
-        Policy::RoundRobin { .. } | Policy::Deadline { .. } => {
-            return Err(SpawnError::Unsupported(spec.policy));
-        }
-    };
+    let how = launch::how(spec.policy.validate()?)?;
     if let Some(cpu) = spec.cpu.filter(|&cpu| cpu != 0) {
         return Err(SpawnError::Cpu { cpu });
     }
     let name = CString::new(spec.name).map_err(|_| SpawnError::Name)?;
     let end = Arc::new(End {
+        finished: AtomicBool::new(false),
         done: Signal::new(),
         result: PiMutex::new(None),
     });
     let theirs = Arc::clone(&end);
-    let bytes = spec.stack_size.unwrap_or(DEFAULT_STACK);
-    let slot = slot::make(priority, bytes);
-    let body: Box<dyn FnOnce() + Send> = Box::new(move || {
-        let result = f();
-        *theirs.result.lock() = Some(result);
-        slot.state.with(|s| s.ended = true);
-        theirs.done.set();
-    });
-    start(slot, name, bytes, priority, body)?;
+    let bytes = spec.stack_size.unwrap_or(launch::DEFAULT_STACK);
+    let slot = launch::start(
+        how,
+        name,
+        bytes,
+        Box::new(move |slot| {
+            let result = f();
+            *theirs.result.lock() = Some(result);
+            slot::end(slot);
+            theirs.finished.store(true, Ordering::Release);
+            theirs.done.set();
+        }),
+    )?;
     Ok(Thread { slot, end })
-}
-
-/// Hands memory and closure to the kernel.
-pub(super) fn start(
-    slot: &'static Slot,
-    name: CString,
-    stack_bytes: usize,
-    priority: u8,
-    body: Box<dyn FnOnce() + Send>,
-) -> Result<Task, SpawnError> {
-    let stack = vec![0_u64; stack_bytes.div_ceil(8)].leak();
-    let tcb = vec![0_u64; ffi::tcb_bytes().div_ceil(8)].leak();
-    let argument = Box::into_raw(Box::new((slot, body))).cast();
-    let mut creation = Creation {
-        entry,
-        name: alloc::boxed::Box::leak(name.into_boxed_c_str()),
-        stack,
-        argument,
-        priority,
-        tcb,
-        slot: core::ptr::from_ref(slot).cast(),
-    };
-    let task = ffi::create(&mut creation)
-        .ok_or(SpawnError::Create(OsError("the kernel refused the task")))?;
-    slot.state.with(|s| s.task = Some(task));
-    Ok(task)
-}
-
-/// Every task's first function; the kernel's tasks never return.
-unsafe extern "C" fn entry(argument: *mut c_void) {
-    let argument = argument.cast::<(&'static Slot, Box<dyn FnOnce() + Send>)>();
-    // SAFETY: the box that `start` gave away, taken back once.
-    let (slot, body) = *unsafe { Box::from_raw(argument) };
-    // A task of higher priority runs before its creator has noted the handle.
-    slot.state
-        .with(|s| s.task = s.task.or_else(ffi::current_task));
-    body();
-    ffi::halt()
 }

@@ -1,0 +1,68 @@
+//! The stretches for which a thread was blocked, between two readings by its enforcer.
+
+use crate::Nanos;
+use sporadic::Gap;
+
+/// Gaps kept between two readings; more are joined to the last one, which is safe (a later
+/// activation delays a replenishment).
+const MAX_GAPS: usize = 4;
+
+/// The blocking stretches since they were last taken.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Gaps {
+    pub(crate) list: [Gap; MAX_GAPS],
+    pub(crate) len: usize,
+    /// CPU clock up to which gaps have counted.
+    mark: Nanos,
+    open: Option<Nanos>,
+}
+
+impl Gaps {
+    pub(crate) const fn new() -> Self {
+        const NONE: Gap = Gap {
+            ran: 0,
+            out_at: 0,
+            in_at: 0,
+        };
+        Self {
+            list: [NONE; MAX_GAPS],
+            len: 0,
+            mark: 0,
+            open: None,
+        }
+    }
+
+    /// What has happened so far is done with; an open block stays open.
+    pub(crate) fn clear(&mut self, cpu: Nanos) {
+        self.len = 0;
+        self.mark = cpu;
+    }
+
+    pub(crate) fn forget_open(&mut self) {
+        self.open = None;
+    }
+
+    /// The thread blocks now.
+    pub(crate) fn open(&mut self, now: Nanos) {
+        self.open = Some(now);
+    }
+
+    /// The thread runs again, with `cpu` on its clock.
+    pub(crate) fn close(&mut self, now: Nanos, cpu: Nanos) {
+        let Some(out_at) = self.open.take() else {
+            return;
+        };
+        let gap = Gap {
+            ran: cpu.saturating_sub(self.mark),
+            out_at,
+            in_at: now,
+        };
+        if let Some(place) = self.list.get_mut(self.len) {
+            *place = gap;
+            self.len += 1;
+            self.mark = cpu;
+        } else if let Some(last) = self.list.last_mut() {
+            last.in_at = now;
+        }
+    }
+}
