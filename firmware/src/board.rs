@@ -74,6 +74,7 @@ pub unsafe extern "C" fn Reset() -> ! {
         core::arch::asm!("dsb", "isb");
     }
     time::start();
+    replenish_os::freertos::on_stop(|| console::exit(false));
     // SAFETY: the image defines it.
     unsafe { image_main() }
 }
@@ -123,8 +124,9 @@ unsafe extern "C" fn fault() {
             (0xE000_ED38 as *const u32).read_volatile(),
         )
     };
-    say!("hard fault, CFSR {cfsr:#x}, BFAR {address:#x}");
-    console::exit(false);
+    replenish_os::freertos::fault(format_args!(
+        "hard fault, CFSR {cfsr:#x}, BFAR {address:#x}"
+    ));
 }
 
 #[panic_handler]

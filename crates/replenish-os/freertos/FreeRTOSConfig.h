@@ -35,7 +35,9 @@
 #define configUSE_MUTEXES 1
 #define configUSE_TASK_NOTIFICATIONS 1
 #define configTASK_NOTIFICATION_ARRAY_ENTRIES 1
-#define configNUM_THREAD_LOCAL_STORAGE_POINTERS 1
+/* Of each task: its slot, number, stack and the stack's size: here, beside the kernel's own data of
+ * the task, they outlive the overflow of its stack. */
+#define configNUM_THREAD_LOCAL_STORAGE_POINTERS 4
 #define configUSE_CO_ROUTINES 0
 #define configUSE_TIMERS 0
 #define configQUEUE_REGISTRY_SIZE 0

@@ -50,7 +50,7 @@ fn run(budget: u64) -> Result<(), Error> {
     let mut number = 0;
     exec.worker("ping")
         .policy(Policy::fifo(70)?)
-        .stack_size(4096)
+        .stack_size(6144)
         .timer(ms(10), move |_| {
             number += 1;
             let ping = Int32 { data: number };
@@ -63,7 +63,7 @@ fn run(budget: u64) -> Result<(), Error> {
     exec.worker("high")
         .policy(Policy::fifo(60)?)
         .budget(held)
-        .stack_size(4096)
+        .stack_size(6144)
         .subscribe(
             &node,
             "high_ping",
@@ -76,7 +76,7 @@ fn run(budget: u64) -> Result<(), Error> {
     let pong = node.publisher::<Int32>("low_pong", Qos::best_effort())?;
     exec.worker("low")
         .policy(Policy::fifo(50)?)
-        .stack_size(4096)
+        .stack_size(6144)
         .subscribe(
             &node,
             "low_ping",

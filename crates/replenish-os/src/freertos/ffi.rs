@@ -22,6 +22,7 @@ mod c {
             priority: u32,
             tcb: *mut c_void,
             slot: *const c_void,
+            id: u32,
         ) -> *mut c_void;
         pub(super) fn rp_start();
         pub(super) fn rp_current() -> *const c_void;
@@ -37,6 +38,14 @@ mod c {
         pub(super) fn rp_yield();
         pub(super) fn rp_halt() -> !;
         pub(super) fn rp_stack_unused(task: *mut c_void) -> u32;
+        pub(super) fn rp_priority(task: *mut c_void) -> u32;
+        pub(super) fn rp_name(task: *mut c_void) -> *const c_char;
+        pub(super) fn rp_running(
+            name: *mut *const c_char,
+            stack: *mut *const u8,
+            bytes: *mut u32,
+        ) -> u32;
+        pub(super) static rp_idle_waits: u32;
         pub(super) fn rp_board_now() -> u64;
         pub(super) fn rp_board_arm(at: u64);
         pub(super) fn rp_board_print(text: *const u8, bytes: usize);
@@ -59,6 +68,7 @@ pub(crate) struct Creation {
     pub(crate) priority: u8,
     pub(crate) tcb: &'static mut [u64],
     pub(crate) slot: *const c_void,
+    pub(crate) id: i32,
 }
 
 /// The size of a task's control block.
@@ -84,6 +94,7 @@ pub(crate) fn create(what: &mut Creation) -> Option<Task> {
             what.priority.into(),
             what.tcb.as_mut_ptr().cast(),
             what.slot,
+            what.id.cast_unsigned(),
         )
     };
     NonNull::new(task).map(Task)
@@ -171,6 +182,58 @@ pub(crate) fn halt() -> ! {
 pub(crate) fn stack_unused(task: Task) -> usize {
     // SAFETY: the handle is good; reads its stack.
     unsafe { c::rp_stack_unused(task.0.as_ptr()) as usize }
+}
+
+/// The priority a task has at this moment, an inherited one included.
+pub(crate) fn priority(task: Task) -> u8 {
+    // SAFETY: the handle is good; reads its control block.
+    u8::try_from(unsafe { c::rp_priority(task.0.as_ptr()) }).unwrap_or(u8::MAX)
+}
+
+/// The first 15 bytes of a task's name.
+pub(crate) fn name(task: Task) -> &'static str {
+    // SAFETY: the handle is good for ever, and with it its control block.
+    let raw = unsafe { c::rp_name(task.0.as_ptr()) };
+    // SAFETY: the kernel ends names with a zero.
+    unsafe { text(raw) }
+}
+
+/// # Safety
+/// A C string that stays.
+unsafe fn text(raw: *const core::ffi::c_char) -> &'static str {
+    // SAFETY: the caller's word.
+    let text = unsafe { core::ffi::CStr::from_ptr(raw) };
+    text.to_str().unwrap_or("?")
+}
+
+/// What the kernel knows of the running task, whatever has become of our own data.
+pub(crate) struct Running {
+    pub(crate) id: i32,
+    pub(crate) name: &'static str,
+    pub(crate) stack: *const u8,
+    pub(crate) stack_bytes: usize,
+}
+
+/// The running task; `None` before the kernel runs and in the idle task.
+pub(crate) fn running() -> Option<Running> {
+    let (mut name, mut stack, mut bytes) = (core::ptr::null(), core::ptr::null(), 0);
+    // SAFETY: three places to write to.
+    let id = unsafe { c::rp_running(&raw mut name, &raw mut stack, &raw mut bytes) };
+    let id = i32::try_from(id).ok().filter(|&id| id > 0)?;
+    // SAFETY: a number says that there is a task, and so its name.
+    let name = unsafe { text(name) };
+    Some(Running {
+        id,
+        name,
+        stack,
+        stack_bytes: bytes as usize,
+    })
+}
+
+/// How often the idle task has waited for an interrupt.
+pub(crate) fn idle_waits() -> u32 {
+    // SAFETY: a counter that the idle task alone writes, in one piece.
+    unsafe { (&raw const c::rp_idle_waits).read_volatile() }
 }
 
 /// The image's clock.

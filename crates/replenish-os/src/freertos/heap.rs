@@ -11,6 +11,7 @@
 
 use super::ffi;
 use super::masked::Masked;
+use super::panics::Who;
 use core::alloc::{GlobalAlloc, Layout};
 use core::cell::UnsafeCell;
 use core::ptr;
@@ -141,7 +142,10 @@ unsafe impl<const N: usize> GlobalAlloc for SealedHeap<N> {
         });
         if block.is_null() {
             let (bytes, why) = (layout.size(), if sealed { "sealed" } else { "full" });
-            ffi::complain(format_args!("the heap is {why}: {bytes} bytes refused"));
+            let who = Who::running();
+            ffi::complain(format_args!(
+                "{who}: the heap is {why}: {bytes} bytes refused"
+            ));
         }
         block
     }

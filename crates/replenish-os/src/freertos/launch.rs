@@ -50,6 +50,7 @@ pub(super) fn start(
         priority,
         tcb,
         slot: core::ptr::from_ref(slot).cast(),
+        id: slot.id,
     };
     let task = ffi::create(&mut creation)
         .ok_or(SpawnError::Create(OsError("the kernel refused the task")))?;

@@ -44,6 +44,7 @@ pub(crate) mod slot;
 pub(crate) mod spawn_error;
 mod start;
 pub(crate) mod suspend;
+mod tasks;
 #[path = "../rtos/thread.rs"]
 pub(crate) mod thread;
 pub(crate) mod tid;
@@ -54,9 +55,10 @@ pub(crate) mod watch;
 pub use atomic::AtomicU64;
 pub use error::OsError;
 pub use heap::{HeapUse, SealedHeap};
-pub use panics::{Panicked, halt, panicked};
+pub use panics::{Panicked, fault, halt, on_stop, panicked};
 pub use slot::voluntary_switches;
 pub use start::{on_timer, start};
+pub use tasks::{KernelUse, TaskUse, kernel, tasks};
 
 /// Pending replenishments of a budget at most: 16 bytes each.
 pub(crate) const MAX_REPL: usize = 16;

@@ -3,11 +3,12 @@
 #![expect(unsafe_code, reason = "functions the kernel calls, with C strings")]
 
 use super::ffi;
-use super::slot;
 use super::tid::Tid;
-use core::ffi::{CStr, c_char, c_void};
+use core::ffi::{CStr, c_char};
+use core::fmt;
 use core::panic::PanicInfo;
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::ptr;
+use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
 
 static COUNT: AtomicU32 = AtomicU32::new(0);
 static LAST: AtomicU32 = AtomicU32::new(0);
@@ -30,24 +31,76 @@ pub fn panicked() -> Panicked {
     }
 }
 
+/// The running task, for a report: `task 3 (high)`.
+pub(super) struct Who(Option<ffi::Running>);
+
+impl Who {
+    pub(super) fn running() -> Self {
+        Self(ffi::running())
+    }
+}
+
+impl fmt::Display for Who {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.0 {
+            Some(task) => write!(f, "task {} ({})", task.id, task.name),
+            None => f.write_str("outside of tasks"),
+        }
+    }
+}
+
+/// What the board does when it cannot go on; see [`on_stop`].
+static ON_STOP: AtomicPtr<()> = AtomicPtr::new(ptr::null_mut());
+
+/// Names what the image does when the board cannot go on (a stack overflow, a contradiction in the
+/// kernel, a panic outside of tasks): bring outputs to rest, reset. It is called once with all of
+/// the kernel's interrupts masked, after the report; if it returns, the board stands still.
+pub fn on_stop(hook: fn()) {
+    ON_STOP.store(hook as *mut (), Ordering::Release);
+}
+
 /// For the image's `#[panic_handler]`: reports on the console and halts the task. Locks it holds
 /// stay locked. Outside of tasks the board stops.
 pub fn halt(info: &PanicInfo<'_>) -> ! {
-    let id = slot::current().map_or(0, |slot| slot.id);
-    ffi::complain(format_args!("task {id} halted: {info}"));
-    stop(id)
-}
-
-fn stop(id: i32) -> ! {
+    ffi::complain(format_args!("{} halted: {info}", Who::running()));
+    let id = ffi::running().map_or(0, |task| task.id);
     COUNT.fetch_add(1, Ordering::AcqRel);
     LAST.store(id.cast_unsigned(), Ordering::Release);
     if id == 0 {
-        ffi::mask();
-        loop {
-            core::hint::spin_loop();
-        }
+        stop();
     }
     ffi::halt()
+}
+
+/// For the image's handler of faults: which task ran, and whether it is over the end of its stack,
+/// on the console; then the board stops. `what` names the fault.
+pub fn fault(what: fmt::Arguments<'_>) -> ! {
+    match ffi::running().filter(is_over) {
+        Some(_) => rp_stack_overflow(),
+        None => {
+            ffi::complain(format_args!("{}: {what}", Who::running()));
+            stop()
+        }
+    }
+}
+
+/// The kernel fills stacks with this; the last bytes stay, or something has been there.
+fn is_over(task: &ffi::Running) -> bool {
+    const FILL: [u8; 16] = [0xA5; 16];
+    // SAFETY: the lowest bytes of a stack that is the task's for good.
+    !task.stack.is_null() && unsafe { task.stack.cast::<[u8; 16]>().read_volatile() } != FILL
+}
+
+fn stop() -> ! {
+    ffi::mask();
+    let hook = ON_STOP.swap(ptr::null_mut(), Ordering::AcqRel);
+    // SAFETY: null or what `on_stop` stored, a function.
+    if let Some(hook) = unsafe { core::mem::transmute::<*mut (), Option<fn()>>(hook) } {
+        hook();
+    }
+    loop {
+        core::hint::spin_loop();
+    }
 }
 
 /// The kernel found a contradiction: nothing it says can be relied on any more.
@@ -58,17 +111,17 @@ extern "C" fn rp_assert_failed(file: *const c_char, line: u32) -> ! {
     ffi::complain(format_args!(
         "assertion of the kernel failed: {file:?}:{line}"
     ));
-    stop(0)
+    stop()
 }
 
-/// A task ran over the end of its stack: what it overwrote is unknown.
+/// The running task ran over the end of its stack: what it overwrote is unknown, and so nothing of
+/// ours is asked, only the kernel.
 #[unsafe(no_mangle)]
-extern "C" fn rp_stack_overflow(slot: *const c_void) -> ! {
-    // SAFETY: what `rp_task_create` was given: a leaked box, or null.
-    let slot = unsafe { slot.cast::<slot::Slot>().as_ref() };
-    let (id, bytes) = slot.map_or((0, 0), |s| (s.id, s.stack_bytes));
+extern "C" fn rp_stack_overflow() -> ! {
+    let bytes = ffi::running().map_or(0, |task| task.stack_bytes);
     ffi::complain(format_args!(
-        "task {id} needs more than its {bytes} bytes of stack"
+        "{} needs more than its {bytes} bytes of stack",
+        Who::running()
     ));
-    stop(0)
+    stop()
 }

@@ -47,7 +47,8 @@ pub(crate) struct State {
     cpu: Nanos,
     in_at: Nanos,
     on_cpu: bool,
-    blocks: u32,
+    pub(super) blocks: u32,
+    pub(super) preemptions: u32,
 }
 
 // SAFETY: the pointer is compared, never followed.
@@ -84,6 +85,7 @@ pub(crate) fn make(priority: u8, stack_bytes: usize) -> &'static Slot {
             in_at: 0,
             on_cpu: false,
             blocks: 0,
+            preemptions: 0,
         }),
         next: AtomicPtr::new(ptr::null_mut()),
     }));
@@ -144,6 +146,8 @@ extern "C" fn rp_switched_out(slot: *const c_void, preempted: u32) {
         if preempted == 0 {
             s.blocks = s.blocks.wrapping_add(1);
             s.gaps.open(now);
+        } else {
+            s.preemptions = s.preemptions.wrapping_add(1);
         }
     });
 }

@@ -6,6 +6,9 @@ use super::launch;
 use super::spawn_error::SpawnError;
 use alloc::boxed::Box;
 use alloc::ffi::CString;
+use core::sync::atomic::{AtomicU32, Ordering};
+
+static ALARMS: AtomicU32 = AtomicU32::new(0);
 
 /// Makes the first task and starts the kernel; returns only if it could not.
 ///
@@ -19,7 +22,7 @@ pub fn start(
     crate::Policy::fifo(priority)?;
     launch::start(
         priority,
-        CString::default(),
+        CString::from(c"main"),
         stack_bytes,
         Box::new(move |_| main()),
     )?;
@@ -30,5 +33,11 @@ pub fn start(
 /// To be called by the image when the time it was given by `rp_board_arm` has come: from the
 /// interrupt of its timer, at a priority that may call the kernel. Too early does no harm.
 pub fn on_timer() {
+    ALARMS.fetch_add(1, Ordering::Relaxed);
     futex::on_timer();
+}
+
+/// How often that was.
+pub(super) fn alarms() -> u32 {
+    ALARMS.load(Ordering::Relaxed)
 }
