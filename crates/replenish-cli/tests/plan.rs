@@ -151,6 +151,19 @@ fn what_other_programs_have_reserved_counts_and_what_was_measured() {
 }
 
 #[test]
+fn a_plan_creates_no_ledger() {
+    let scratch = Scratch::new("look");
+    let nowhere = scratch.path("nowhere");
+    let output = Command::new(env!("CARGO_BIN_EXE_replenish"))
+        .args(["plan", &example("robot/fits.toml")])
+        .env("REPLENISH_LEDGER", &nowhere)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(!nowhere.exists());
+}
+
+#[test]
 fn the_robot_is_simulated_drawn_and_within_its_bounds() {
     let scratch = Scratch::new("simulate");
     let paths = ["json", "svg", "html"].map(|kind| scratch.path(&format!("s.{kind}")));

@@ -174,3 +174,50 @@ fn a_full_worker_says_how_many_handles_it_may_have() {
     add("empty").unwrap();
     assert!(matches!(change.worker("x"), Err(Error::UnknownWorker(_))));
 }
+
+/// Between two spins of an executor without threads nothing is carried out. When too many changes
+/// wait the next is refused by name, and leaves nothing behind: it is possible after the next spin.
+#[test]
+fn a_change_too_many_is_refused_whole() {
+    let _dog = watchdog("too many changes", LIMIT);
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let out = node.publisher::<Int32>("t", Qos::reliable()).unwrap();
+    let (mut exec, _) = executor(&ctx);
+    exec.worker("w").capacity(2000);
+    let mut local = exec.local().unwrap();
+    let change = local.executor();
+    let qos = Qos::reliable().keep_last(1);
+    let subscribe = || {
+        let worker = change.worker("w").unwrap();
+        worker.subscribe(&node, "t", qos, |_: &Int32, _| ())
+    };
+    let first: Vec<String> = (0..400).map(|_| subscribe().unwrap()).collect();
+    local.spin_some(Duration::ZERO);
+    let remove = |id: &str| change.remove(id, Removal::Detach).map(drop);
+    let second: Vec<String> = (0..400).map(|_| subscribe().unwrap()).collect();
+    first.iter().for_each(|id| remove(id).unwrap());
+    second.iter().take(224).for_each(|id| remove(id).unwrap());
+    let full = Error::Capacity {
+        what: "handles that come and go at the same time".into(),
+        limit: 1024,
+    };
+    let guard = GuardCondition::new();
+    let guarded = || change.worker("w").unwrap().guard(&guard, |_| ());
+    assert_eq!(guarded(), Err(full.clone()));
+    assert_eq!(subscribe(), Err(full.clone()));
+    assert_eq!(remove(&second[300]), Err(full));
+
+    local.spin_some(Duration::ZERO);
+    guarded().unwrap();
+    subscribe().unwrap();
+    remove(&second[300]).unwrap();
+    out.publish(&Int32 { data: 1 }).unwrap();
+    guard.trigger();
+    let (left, mut ran) = (400 - 224, 0);
+    while ran < left + 1 {
+        ran += local.spin_some(LIMIT).callbacks;
+    }
+    assert_eq!(local.spin_some(Duration::ZERO).callbacks, 0);
+    assert_eq!(ran, left + 1, "those that are left, and the guard");
+}

@@ -146,16 +146,26 @@ fn d05() {
     let (ask, wake) = (client.clone(), guard.clone());
     let answers = Arc::new(Mutex::new(Vec::new()));
     let note = Arc::clone(&answers);
+    let rounds = Arc::new(AtomicU64::new(0)); // that the trigger let begin
+    let seen = [(); 2].map(|()| Arc::new(AtomicU64::new(0)));
+    let [begun, in_timer, in_guard] = [(); 3].map(|()| Arc::clone(&rounds));
+    let [at_timer, at_guard] = seen.clone();
     exec.worker("w")
         .semantics(Semantics::LogicalExecutionTime)
-        .trigger(Trigger::custom(|handles| handles.ready() > 0))
+        .trigger(Trigger::custom(move |handles| {
+            begun.fetch_add(1, Ordering::SeqCst);
+            handles.ready() > 0
+        }))
         .timer(Every::once(MS), move |_| {
+            at_timer.store(in_timer.load(Ordering::SeqCst), Ordering::SeqCst);
             ask.call(&int(21)).unwrap();
             wake.trigger();
             out.publish(&int(1)).unwrap();
         })
         .unwrap()
-        .guard(&guard, |_| ())
+        .guard(&guard, move |_| {
+            at_guard.store(in_guard.load(Ordering::SeqCst), Ordering::SeqCst);
+        })
         .unwrap()
         .serve::<Double, _>(&node, "double", Qos::reliable(), |request, response, _| {
             response.data = 2 * request.data;
@@ -178,6 +188,9 @@ fn d05() {
     assert!(eventually(all), "{}", running.report());
     assert_eq!(*answers.lock().unwrap(), [42]);
     assert_eq!(running.report().handles.len(), 5);
+    // What the timer triggers is not seen before the next round, though the guard is behind it.
+    let [timer, guard] = seen.map(|round| round.load(Ordering::SeqCst));
+    assert!(timer < guard, "one round: {timer}");
 }
 
 /// D6: without `PTHREAD_EXPLICIT_SCHED` Linux ignored the policies in silence, and every worker had

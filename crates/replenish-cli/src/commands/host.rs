@@ -27,7 +27,7 @@ impl Host {
             );
             return Ok(host);
         }
-        let ledger = match Ledger::find().map_err(Failure::refused)? {
+        let ledger = match Ledger::look().map_err(Failure::refused)? {
             Found::Here(ledger) => ledger,
             Found::Off => return Ok(host),
             Found::Nowhere(why) => {

@@ -129,6 +129,34 @@ impl Ledger {
         Ok(Found::Nowhere(why))
     }
 
+    /// As [`find`](Self::find), for those who only look: creates nothing. Where there is no
+    /// directory yet, nothing is reserved.
+    ///
+    /// # Errors
+    /// If the directory that is named is none.
+    pub fn look() -> Result<Found, LedgerError> {
+        let at = |directory: PathBuf| Self {
+            directory,
+            strict: false,
+        };
+        if let Some(named) = std::env::var_os(VARIABLE).filter(|v| !v.is_empty()) {
+            let named = PathBuf::from(named);
+            return match named.exists() {
+                _ if named == Path::new("off") => Ok(Found::Off),
+                true => Self::open(named).map(Found::Here),
+                false => Ok(Found::Here(at(named))),
+            };
+        }
+        let usual = PathBuf::from(DEFAULT);
+        let own = std::env::var_os("XDG_RUNTIME_DIR").filter(|v| !v.is_empty());
+        let own = own.map(|own| Path::new(&own).join("replenish"));
+        let there = match usual.is_dir() {
+            true => None,
+            false => own.filter(|own| own.is_dir()),
+        };
+        Ok(Found::Here(at(there.unwrap_or(usual))))
+    }
+
     /// `true`: an entry that makes no sense is an error. Default: a warning.
     #[must_use]
     pub fn strict(mut self, strict: bool) -> Self {
@@ -142,12 +170,18 @@ impl Ledger {
         &self.directory
     }
 
-    /// What is reserved now.
+    /// What is reserved now; nothing where there is no directory.
     ///
     /// # Errors
     /// If the directory cannot be read, or somebody keeps it locked; with
     /// [`strict`](Self::strict) if an entry makes no sense.
     pub fn view(&self) -> Result<View, LedgerError> {
+        if !self.directory.exists() {
+            return Ok(View {
+                entries: Vec::new(),
+                warnings: Vec::new(),
+            });
+        }
         let _lock = self.lock()?;
         self.read()
     }

@@ -158,14 +158,16 @@ impl ExecutorHandle {
     /// callback has ended.
     ///
     /// # Errors
-    /// [`Error::UnknownHandle`]; [`Error::Stopped`]; [`Error::StillRunning`] if the callback has
-    /// not ended in time: then the handle goes when it has.
+    /// [`Error::UnknownHandle`]; [`Error::Stopped`]; [`Error::Capacity`] if too many changes are
+    /// under way: then nothing has changed; [`Error::StillRunning`] if the callback has not ended
+    /// in time: then the handle goes when it has.
     pub fn remove(&self, id: &str, how: Removal) -> Result<HandleStats, Error> {
         let live = &self.live;
         let unknown = || Error::UnknownHandle(id.into());
         let (worker, shared) = live.registry.find(id).ok_or_else(unknown)?;
         let mut posts = live.posts.iter();
         let post = posts.find(|p| p.name == worker).ok_or_else(unknown)?;
+        let place = live.desk.keep()?;
         if matches!(how, Removal::Cancel(_)) {
             shared.cancelled.store(true, Ordering::Release);
         }
@@ -174,11 +176,9 @@ impl ExecutorHandle {
         }
         live.registry.forget(&shared);
         shared.discard(true, &live.stop);
-        live.desk.sweep(); // what others have left there takes room
-        let unroutes = match shared.input {
-            Some((reader, _)) => live.desk.order(reader, None),
-            None => false,
-        };
+        if let Some((reader, _)) = shared.input {
+            place.order(reader, None);
+        }
         live.stop.middleware.wake();
         let order = Order::Remove(Arc::clone(&shared));
         post.mailbox.send(order).map_err(|_| Error::Stopped)?;
@@ -190,7 +190,7 @@ impl ExecutorHandle {
         let waits = how != Removal::Detach && !post.mailbox.is_mine();
         let gone = !waits || shared.gone.wait_until(deadline);
         // The counters are the last ones when the dispatcher has let go of it, too.
-        let routed = || unroutes && !shared.unrouted.load(Ordering::Acquire);
+        let routed = || shared.input.is_some() && !shared.unrouted.load(Ordering::Acquire);
         while waits && routed() && !live.stop.is_stopping() && clock::monotonic() < deadline {
             clock::sleep_until(clock::monotonic().saturating_add(50_000));
         }
@@ -388,7 +388,7 @@ impl LiveWorker<'_> {
             handling,
         } = self;
         post.mailbox.sweep();
-        live.desk.sweep();
+        let place = live.desk.keep()?;
         let slot = post.mailbox.reserve().map_err(|e| declined(e, post))?;
         let number = post.number.fetch_add(1, Ordering::Relaxed);
         let claims = Claims {
@@ -421,11 +421,7 @@ impl LiveWorker<'_> {
                 worker: post.place,
                 line: post.mailbox.line(slot),
             };
-            if !live.desk.order(reader, Some(route)) {
-                let limit = crate::middleware::MAX_READERS;
-                let what = "handles that come and go at the same time".into();
-                return Err(Error::Capacity { what, limit });
-            }
+            place.order(reader, Some(route));
             live.stop.middleware.wake();
         }
         Ok(shared.id.clone())

@@ -9,6 +9,7 @@
 
 use super::doorbell::Line;
 use super::handle::Shared;
+use crate::error::Error;
 use crate::middleware::{Interest, MAX_READERS, Middleware, ReaderId};
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
 use alloc::collections::VecDeque;
@@ -32,6 +33,29 @@ pub(crate) struct Desk {
 struct Orders {
     inbound: VecDeque<(ReaderId, Option<Route>)>,
     attic: Vec<Option<Route>>,
+    /// Places kept for orders that will follow.
+    kept: usize,
+}
+
+/// A place among the changes under way, for one order; free again when dropped without one.
+pub(crate) struct Kept<'d> {
+    desk: &'d Desk,
+}
+
+impl Drop for Kept<'_> {
+    fn drop(&mut self) {
+        self.desk.orders.lock().kept -= 1;
+    }
+}
+
+impl Kept<'_> {
+    /// Gives `reader` another route, or none.
+    pub(crate) fn order(self, reader: ReaderId, route: Option<Route>) {
+        let mut orders = self.desk.orders.lock();
+        orders.inbound.push_back((reader, route));
+        self.desk.waiting.store(true, Ordering::Release);
+        drop(orders); // the place is free when the order is in
+    }
 }
 
 impl Desk {
@@ -41,19 +65,24 @@ impl Desk {
             orders: Mutex::new(Orders {
                 inbound: VecDeque::with_capacity(MAX_READERS),
                 attic: Vec::with_capacity(MAX_READERS),
+                kept: 0,
             }),
         })
     }
 
-    /// Gives `reader` another route, or none. `false` while too many changes are under way.
-    pub(crate) fn order(&self, reader: ReaderId, route: Option<Route>) -> bool {
+    /// A place for one order; none while too many changes are under way. To be had before anything
+    /// is done that an order has to follow.
+    pub(crate) fn keep(&self) -> Result<Kept<'_>, Error> {
+        self.sweep(); // what others have left there takes room
         let mut orders = self.orders.lock();
-        if orders.inbound.len() + orders.attic.len() >= MAX_READERS {
-            return false;
+        if orders.inbound.len() + orders.attic.len() + orders.kept >= MAX_READERS {
+            return Err(Error::Capacity {
+                what: "handles that come and go at the same time".into(),
+                limit: MAX_READERS,
+            });
         }
-        orders.inbound.push_back((reader, route));
-        self.waiting.store(true, Ordering::Release);
-        true
+        orders.kept += 1;
+        Ok(Kept { desk: self })
     }
 
     /// Frees what belonged to routes that are no more.
