@@ -4,8 +4,10 @@
 //! - [`qemu`]: builds an image and runs one case in the emulator.
 //! - [`case`]: the cases of each experiment, and what theory expects of them.
 //! - [`experiment`]: runs them, compares, prints and writes.
+//! - [`behaviour`]: runs the cases of the image `behaviour` like a test runner.
 //! - [`size`]: flash and RAM of an image, by part.
 
+mod behaviour;
 mod case;
 mod experiment;
 mod host;
@@ -37,6 +39,14 @@ enum Task {
 enum Board {
     /// Says what the host lacks, and how to install it; installs nothing
     Check,
+    /// Runs the board's tests: locks, budgets, waits, policies, panics, heap and stacks
+    Test {
+        /// Only cases whose name contains this
+        filter: Option<String>,
+        /// Also write the result as JSON
+        #[arg(long, value_name = "PATH")]
+        json: Option<PathBuf>,
+    },
     /// Runs an experiment on the board; fails if a count is off
     Experiment {
         /// Which one
@@ -57,6 +67,7 @@ fn main() -> ExitCode {
     let Task::Board(board) = Arguments::parse().task;
     let done = match board {
         Board::Check => host::check().map(|()| println!("Nothing is missing.")),
+        Board::Test { filter, json } => behaviour::run(filter.as_deref(), json.as_deref()),
         Board::Experiment { name, json } => experiment::run(name, json.as_deref()),
         Board::Size { json } => size::run(json.as_deref()),
     };
