@@ -23,39 +23,59 @@
 //! Every `unsafe` block lives in a module of its own topic under the back end's directory.
 //!
 //! # Back ends
-//! | | Linux | `freertos` |
-//! |---|---|---|
-//! | chosen by | target | feature, on targets without an operating system |
-//! | policies, `spawn`, `Thread`, `granted`, `set_priority`, `promote`, `demote_to_tail` | all | FIFO and sporadic |
-//! | `Signal`, `PiMutex`, `clock`, `timer`, `Enforcer`, `Account`, `Meter`, `voluntary_switches` | yes | yes |
-//! | `memory`, `privilege::may_be_real_time` | yes | yes, nothing to do |
-//! | `poll`, `PollFd` | descriptors | no: `WakeFd::wait_until` waits for a wake-up alone |
-//! | `SwitchLog`, `baseline`, `machine`, affinity, `tty`, `connect_tcp` | yes | no |
-//! | `freertos`: start, interrupts, sealed heap, panics | no | yes |
+//! | | Linux | `freertos` | `nuttx` |
+//! |---|---|---|---|
+//! | chosen by | target | feature, on targets without an operating system | feature, on `NuttX` targets |
+//! | policies, `spawn`, `Thread`, `granted`, `set_priority`, `promote`, `demote_to_tail` | all | FIFO and sporadic | FIFO, RR and sporadic |
+//! | `Signal`, `PiMutex`, `clock`, `timer`, `Enforcer`, `Account`, `Meter`, `voluntary_switches` | yes | yes | yes |
+//! | `Low::Suspend` | yes | yes | refused at enrolment |
+//! | `memory`, `privilege::may_be_real_time` | yes | yes, nothing to do | the same |
+//! | `poll`, `PollFd` | descriptors | no: `WakeFd::wait_until` waits for a wake-up alone | the same |
+//! | `SwitchLog`, `baseline`, `machine`, affinity, `tty`, `connect_tcp` | yes | no | no |
+//! | heap that can be sealed, panics | no | `freertos` (also start, interrupts) | `nuttx` (also the check at start) |
 
 #![cfg_attr(not(target_os = "linux"), no_std)]
 
 extern crate alloc;
 
-#[cfg(all(not(target_os = "linux"), feature = "freertos"))]
+#[cfg(all(target_os = "none", feature = "freertos"))]
 pub mod freertos;
-#[cfg(target_os = "linux")]
+#[cfg(all(target_os = "linux", not(nuttx_host)))]
 mod linux;
+#[cfg(any(all(target_os = "nuttx", feature = "nuttx"), nuttx_host))]
+pub mod nuttx;
 mod policy;
 
-#[cfg(all(not(target_os = "linux"), feature = "freertos"))]
+#[cfg(all(target_os = "none", feature = "freertos"))]
 pub(crate) use freertos as backend;
-#[cfg(target_os = "linux")]
+#[cfg(all(target_os = "linux", not(nuttx_host)))]
 pub(crate) use linux as backend;
+#[cfg(any(all(target_os = "nuttx", feature = "nuttx"), nuttx_host))]
+pub(crate) use nuttx as backend;
 
-#[cfg(any(target_os = "linux", feature = "freertos"))]
+#[cfg(any(
+    target_os = "linux",
+    all(target_os = "none", feature = "freertos"),
+    all(target_os = "nuttx", feature = "nuttx")
+))]
 mod enforcer;
-#[cfg(any(target_os = "linux", feature = "freertos"))]
+#[cfg(any(
+    target_os = "linux",
+    all(target_os = "none", feature = "freertos"),
+    all(target_os = "nuttx", feature = "nuttx")
+))]
 mod signal;
-#[cfg(any(target_os = "linux", feature = "freertos"))]
+#[cfg(any(
+    target_os = "linux",
+    all(target_os = "none", feature = "freertos"),
+    all(target_os = "nuttx", feature = "nuttx")
+))]
 mod sync_shim;
 
-#[cfg(target_os = "linux")]
+#[cfg(not(all(target_os = "linux", not(nuttx_host))))]
+#[cfg(any(nuttx_host, feature = "freertos", feature = "nuttx"))]
+pub use backend::AtomicU64;
+#[cfg(all(target_os = "linux", not(nuttx_host)))]
 pub use backend::{
     affinity::{CpuSet, affinity, set_affinity},
     machine::{Machine, Preemption, machine},
@@ -64,7 +84,11 @@ pub use backend::{
     tcp::connect_tcp,
     tty,
 };
-#[cfg(any(target_os = "linux", feature = "freertos"))]
+#[cfg(any(
+    target_os = "linux",
+    all(target_os = "none", feature = "freertos"),
+    all(target_os = "nuttx", feature = "nuttx")
+))]
 pub use backend::{
     clock,
     granted::{Granted, GrantedPolicy, granted},
@@ -78,18 +102,26 @@ pub use backend::{
     tid::{Tid, current_tid},
     timer, voluntary_switches,
 };
-#[cfg(any(target_os = "linux", feature = "freertos"))]
+#[cfg(any(
+    target_os = "linux",
+    all(target_os = "none", feature = "freertos"),
+    all(target_os = "nuttx", feature = "nuttx")
+))]
 pub use enforcer::{
     Account, Enforcement, Enforcer, EnforcerConfig, EnforcerStats, EnrollError, MAX_REPL, Meter,
     OverrunSamples, OverrunSummary, STALL, Stall, Stopped, Usage,
 };
 /// What others build on: here to be measured against, not to be used.
-#[cfg(target_os = "linux")]
+#[cfg(all(target_os = "linux", not(nuttx_host)))]
 pub mod baseline {
     pub use crate::linux::bare_futex::BareFutex;
     pub use crate::linux::cpu_timer::CpuTimer;
 }
 pub use policy::{MAX_PRIORITY, MIN_RUNTIME, Policy, PolicyError};
-#[cfg(any(target_os = "linux", feature = "freertos"))]
+#[cfg(any(
+    target_os = "linux",
+    all(target_os = "none", feature = "freertos"),
+    all(target_os = "nuttx", feature = "nuttx")
+))]
 pub use signal::Signal;
 pub use sporadic::{Level, Low, Nanos, ParamError, Params};

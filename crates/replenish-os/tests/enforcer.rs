@@ -7,9 +7,12 @@
     reason = "a test fails by panicking"
 )]
 
+mod common;
+
+use common::{cpu, pin};
 use replenish_os::{
-    Account, CpuSet, Enforcement, Enforcer, EnforcerConfig, Meter, SchedClass, clock, current_tid,
-    set_affinity, set_priority,
+    Account, Enforcement, Enforcer, EnforcerConfig, Meter, SchedClass, clock, current_tid,
+    set_priority,
 };
 use replenish_testkit::harness::{rt_trial, run, trial};
 use replenish_testkit::watchdog::watchdog;
@@ -20,11 +23,6 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 const MS: u64 = 1_000_000;
-
-/// The last CPU of this machine: experiments leave CPU 0 to everybody else.
-fn cpu() -> usize {
-    std::thread::available_parallelism().map_or(0, |n| n.get() - 1)
-}
 
 /// Between these times a load runs; outside it waits.
 #[derive(Default)]
@@ -64,7 +62,7 @@ fn load(
     let (window, stop) = (Arc::clone(window), Arc::clone(&quit));
     let (tx, rx) = mpsc::channel();
     let thread = std::thread::spawn(move || {
-        set_affinity(current_tid(), &CpuSet::one(cpu())).unwrap();
+        pin(cpu());
         set_priority(current_tid(), SchedClass::Fifo(priority)).unwrap();
         let mut account = enroll();
         tx.send(account.meter()).unwrap();
@@ -271,6 +269,7 @@ fn background_time_is_free_and_counted() {
     finish(loads);
 }
 
+#[cfg(not(nuttx_host))]
 fn suspend_stops_the_thread() {
     let _dog = watchdog("suspend", Duration::from_secs(60));
     let enforcer = enforcer();
@@ -427,6 +426,7 @@ fn main() {
             "background_time_is_free_and_counted",
             background_time_is_free_and_counted,
         ),
+        #[cfg(not(nuttx_host))]
         rt_trial("suspend_stops_the_thread", suspend_stops_the_thread),
         rt_trial(
             "sleeping_inside_a_callback_is_seen",

@@ -10,7 +10,7 @@ pub(crate) use core::sync::atomic::AtomicU64;
 #[cfg(not(loom))]
 pub(crate) use core::sync::atomic::{AtomicBool, Ordering, fence};
 #[cfg(all(not(loom), not(target_has_atomic = "64")))]
-pub(crate) use replenish_os::freertos::AtomicU64;
+pub(crate) use replenish_os::AtomicU64;
 #[cfg(not(loom))]
 pub(crate) use replenish_os::{PiMutex as Mutex, Signal};
 

@@ -52,8 +52,9 @@ pub(super) fn start(
         slot: core::ptr::from_ref(slot).cast(),
         id: slot.id,
     };
-    let task = ffi::create(&mut creation)
-        .ok_or(SpawnError::Create(OsError("the kernel refused the task")))?;
+    let task = ffi::create(&mut creation).ok_or(SpawnError::Create(OsError::new(
+        "the kernel refused the task",
+    )))?;
     slot.state.with(|s| s.task = Some(task));
     Ok(slot)
 }

@@ -16,11 +16,15 @@
 //! What each task takes: its stack, a TCB of the kernel and a slot of 170 bytes; see
 //! [`Thread::stack_unused`](crate::Thread::stack_unused).
 
+mod alarm;
 #[path = "../rtos/atomic.rs"]
 mod atomic;
+#[path = "../rtos/clock.rs"]
 pub mod clock;
+#[path = "../rtos/error.rs"]
 mod error;
 mod ffi;
+#[path = "../rtos/futex.rs"]
 pub(crate) mod futex;
 #[path = "../rtos/gaps.rs"]
 mod gaps;
@@ -47,7 +51,9 @@ pub(crate) mod suspend;
 mod tasks;
 #[path = "../rtos/thread.rs"]
 pub(crate) mod thread;
+#[path = "../rtos/tid.rs"]
 pub(crate) mod tid;
+#[path = "../rtos/timer.rs"]
 pub mod timer;
 #[path = "../rtos/watch.rs"]
 pub(crate) mod watch;

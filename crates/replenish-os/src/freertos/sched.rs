@@ -26,7 +26,9 @@ pub fn set_priority(tid: Tid, class: SchedClass) -> Result<(), OsError> {
     match class {
         SchedClass::Other => promote(tid, 1),
         SchedClass::Fifo(priority) => promote(tid, priority),
-        SchedClass::RoundRobin(_) => Err(OsError("round-robin is not available under FreeRTOS")),
+        SchedClass::RoundRobin(_) => {
+            Err(OsError::new("round-robin is not available under FreeRTOS"))
+        }
     }
 }
 
@@ -36,7 +38,7 @@ pub fn set_priority(tid: Tid, class: SchedClass) -> Result<(), OsError> {
 /// As [`set_priority`].
 pub fn promote(tid: Tid, hi: u8) -> Result<(), OsError> {
     if !(1..=MAX_PRIORITY).contains(&hi) {
-        return Err(OsError("priority out of range: allowed 1 to 99"));
+        return Err(OsError::new("priority out of range: allowed 1 to 99"));
     }
     place(tid, hi)
 }
@@ -48,17 +50,20 @@ pub fn promote(tid: Tid, hi: u8) -> Result<(), OsError> {
 /// As [`set_priority`].
 pub fn demote_to_tail(tid: Tid, lo: u8) -> Result<(), OsError> {
     if lo > MAX_PRIORITY {
-        return Err(OsError("priority out of range: allowed 0 to 99"));
+        return Err(OsError::new("priority out of range: allowed 0 to 99"));
     }
     place(tid, lo)
 }
 
 fn place(tid: Tid, priority: u8) -> Result<(), OsError> {
-    let slot = slot::find(tid.get()).ok_or(OsError("no task has this number"))?;
+    let slot = slot::find(tid.get()).ok_or(OsError::new("no task has this number"))?;
     let task = slot.state.with(|s| {
         s.priority = priority;
         s.task
     });
-    ffi::set_priority(task.ok_or(OsError("the task was never made"))?, priority);
+    ffi::set_priority(
+        task.ok_or(OsError::new("the task was never made"))?,
+        priority,
+    );
     Ok(())
 }

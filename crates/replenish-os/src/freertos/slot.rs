@@ -121,6 +121,11 @@ pub(crate) fn find(id: i32) -> Option<&'static Slot> {
     all().find(|slot| slot.id == id)
 }
 
+/// Whether the switch hooks are there: always, the kernel is compiled with them.
+pub(crate) const fn sees_switches() -> bool {
+    true
+}
+
 /// The task's function has returned.
 pub(crate) fn end(slot: &Slot) {
     slot.state.with(|s| s.ended = true);

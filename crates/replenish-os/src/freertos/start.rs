@@ -1,7 +1,7 @@
 //! From `main` to the first task.
 
+use super::alarm;
 use super::ffi;
-use super::futex;
 use super::launch;
 use super::spawn_error::SpawnError;
 use alloc::boxed::Box;
@@ -34,7 +34,7 @@ pub fn start(
 /// interrupt of its timer, at a priority that may call the kernel. Too early does no harm.
 pub fn on_timer() {
     ALARMS.fetch_add(1, Ordering::Relaxed);
-    futex::on_timer();
+    alarm::on_timer();
 }
 
 /// How often that was.

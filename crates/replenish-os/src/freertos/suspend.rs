@@ -18,7 +18,7 @@ impl SuspendCell {
 
     /// Makes the calling task one that can be suspended through this cell.
     pub(crate) fn attach_current_thread(&self) -> Result<(), OsError> {
-        let slot = slot::current().ok_or(OsError("not a task"))?;
+        let slot = slot::current().ok_or(OsError::new("not a task"))?;
         let priority = slot.state.with(|s| s.priority);
         self.0
             .with(|cell| *cell = Some((Tid::of(slot), priority, false)));

@@ -59,7 +59,8 @@ impl<T: ?Sized> PiMutex<T> {
     /// Waits for the lock and takes it.
     ///
     /// # Panics
-    /// If the calling task holds the lock already: the alternative would be to wait for ever.
+    /// If the calling task holds the lock already, or if the task that holds it has ended without
+    /// unlocking (a leaked guard): the alternative would be to wait for ever.
     pub fn lock(&self) -> PiMutexGuard<'_, T> {
         if !self.try_acquire() {
             self.lock_slow();
@@ -117,10 +118,14 @@ impl<T: ?Sized> PiMutex<T> {
                 assert!(mine, "PiMutex: this task holds the lock already");
                 return;
             }
+            let (ended, task) = slot::find(owner.cast_signed())
+                .map_or((false, None), |s| s.state.with(|s| (s.ended, s.task)));
+            if ended {
+                ffi::unmask(before);
+                assert!(!ended, "PiMutex: the task that holds the lock has ended");
+            }
             self.word.store(word | WAITERS, Ordering::Release);
-            if let Some(owner) =
-                slot::find(owner.cast_signed()).and_then(|s| s.state.with(|s| s.task))
-            {
+            if let Some(owner) = task {
                 ffi::inherit(owner);
             }
             let expected = word | WAITERS;

@@ -1,4 +1,4 @@
-//! Which stretches of a callback its task spent blocked, from the switch hooks: always exact.
+//! Which stretches of a callback its task spent blocked, from the switch hooks.
 
 use super::ffi;
 use super::gaps::Gaps;
@@ -23,8 +23,8 @@ impl Watch {
     }
 
     #[expect(clippy::unused_self, reason = "the other back end's name")]
-    pub(crate) const fn is_exact(&self) -> bool {
-        true
+    pub(crate) fn is_exact(&self) -> bool {
+        slot::sees_switches()
     }
 
     /// Reading the clock costs as much as knowing.

@@ -1,20 +1,37 @@
 //! What the real-time trials share: one CPU for all of them, threads that place themselves.
 #![allow(dead_code, reason = "every target uses a part of it")]
 
-use replenish_os::{CpuSet, SchedClass, affinity, clock, current_tid, set_affinity, set_priority};
+#[cfg(not(nuttx_host))]
+use replenish_os::{CpuSet, affinity, set_affinity};
+use replenish_os::{SchedClass, clock, current_tid, set_priority};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// One millisecond.
 pub(crate) const MS: u64 = 1_000_000;
 
 /// The CPU real-time trials run on: the last one this process may use.
+#[cfg(not(nuttx_host))]
 pub(crate) fn cpu() -> usize {
     affinity(current_tid()).unwrap().iter().last().unwrap()
 }
 
+/// Where the process was pinned by who started it there is one, number 0.
+#[cfg(nuttx_host)]
+pub(crate) fn cpu() -> usize {
+    0
+}
+
+/// Pins the calling thread to CPU `cpu`.
+pub(crate) fn pin(cpu: usize) {
+    #[cfg(not(nuttx_host))]
+    set_affinity(current_tid(), &CpuSet::one(cpu)).unwrap();
+    #[cfg(nuttx_host)]
+    assert_eq!(cpu, 0);
+}
+
 /// Pins the calling thread to [`cpu`] and makes it FIFO at `priority`.
 pub(crate) fn become_fifo(cpu: usize, priority: u8) {
-    set_affinity(current_tid(), &CpuSet::one(cpu)).unwrap();
+    pin(cpu);
     set_priority(current_tid(), SchedClass::Fifo(priority)).unwrap();
 }
 

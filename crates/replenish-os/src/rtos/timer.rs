@@ -1,8 +1,8 @@
 //! One-shot timers: one task blocks in [`TimerFd::read`], any task arms.
 
+use super::alarm;
 use super::error::OsError;
 use super::ffi;
-use super::futex;
 use super::masked::Masked;
 use super::slot::{self, NEVER, Slot};
 use crate::Nanos;
@@ -52,7 +52,7 @@ impl TimerFd {
     /// # Errors
     /// If called outside of a task.
     pub fn read(&self) -> Result<(), OsError> {
-        let me = slot::current().ok_or(OsError("a timer was read outside of a task"))?;
+        let me = slot::current().ok_or(OsError::new("a timer was read outside of a task"))?;
         loop {
             let fired = self.0.with(|inner| {
                 let fired = inner.at <= ffi::board_now();
@@ -64,7 +64,7 @@ impl TimerFd {
                 } else {
                     inner.reader = Some(me);
                     me.state.with(|s| s.deadline = inner.at);
-                    futex::program();
+                    alarm::program();
                 }
                 fired
             });
@@ -80,7 +80,7 @@ impl TimerFd {
             inner.at = at;
             if let Some(reader) = inner.reader {
                 reader.state.with(|s| s.deadline = at);
-                futex::program();
+                alarm::program();
             }
         });
     }

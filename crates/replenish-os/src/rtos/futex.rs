@@ -1,13 +1,14 @@
-//! Waiting on a word of memory, and the deadlines of all tasks on the board's one timer.
+//! Waiting on a word of memory.
 //!
 //! ```text
 //!   wait:  masked { word still as expected? note word and deadline in the slot } block
 //!   wake:  masked { highest slot that waits on the word: forget the word }       wake its task
-//!   timer: each slot whose deadline is due: forget it                            wake its task
+//!   alarm: each slot whose deadline is due (the back end's)                      wake its task
 //! ```
 //!
 //! A task that is woken finds out by itself why, so a wake-up too many costs a look and no harm.
 
+use super::alarm;
 use super::ffi;
 use super::slot::{self, NEVER, Slot};
 use crate::Nanos;
@@ -16,18 +17,25 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 /// Sleeps while `word` has the value `expected`, at most until `deadline`; whether that has passed.
 pub(crate) fn wait(word: &AtomicU32, expected: u32, deadline: Option<Nanos>) -> bool {
+    let me = slot::current();
     let before = ffi::mask();
-    sleep(word, expected, deadline, before);
+    sleep(me, word, expected, deadline, before);
     deadline.is_some_and(|t| ffi::board_now() >= t)
 }
 
 /// The same for a caller that is masked already, and unmasked on return.
 pub(crate) fn wait_masked(word: &AtomicU32, expected: u32, before: u32) {
-    sleep(word, expected, None, before);
+    sleep(slot::current(), word, expected, None, before);
 }
 
-fn sleep(word: &AtomicU32, expected: u32, deadline: Option<Nanos>, before: u32) {
-    let Some(me) = slot::current() else {
+fn sleep(
+    me: Option<&'static Slot>,
+    word: &AtomicU32,
+    expected: u32,
+    deadline: Option<Nanos>,
+    before: u32,
+) {
+    let Some(me) = me else {
         ffi::unmask(before);
         return;
     };
@@ -39,7 +47,7 @@ fn sleep(word: &AtomicU32, expected: u32, deadline: Option<Nanos>, before: u32) 
             s.deadline = at;
         });
         if at != NEVER {
-            program();
+            alarm::program();
         }
     }
     ffi::unmask(before);
@@ -89,30 +97,4 @@ pub(crate) fn sleep_until(t: Nanos) {
     while ffi::board_now() < t {
         wait(&word, 0, Some(t));
     }
-}
-
-/// Sets the board's timer for the earliest deadline; masked.
-pub(crate) fn program() {
-    let earliest = slot::all().map(|s| s.state.with(|s| s.deadline)).min();
-    ffi::board_arm(earliest.unwrap_or(NEVER));
-}
-
-/// The board's timer interrupt: wakes every task whose deadline has come, sets the next.
-pub(crate) fn on_timer() {
-    let now = ffi::board_now();
-    for slot in slot::all() {
-        let due = slot.state.with(|s| {
-            let due = s.deadline <= now;
-            if due {
-                s.deadline = NEVER;
-            }
-            s.task.filter(|_| due)
-        });
-        if let Some(task) = due {
-            ffi::wake(task);
-        }
-    }
-    let before = ffi::mask();
-    program();
-    ffi::unmask(before);
 }

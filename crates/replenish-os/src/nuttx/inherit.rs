@@ -1,0 +1,122 @@
+//! Priority inheritance, from who waits for whose lock.
+//!
+//! ```text
+//!   effective(thread) = max(its priority, effective(every thread that waits for a lock it holds))
+//! ```
+//!
+//! It goes through chains of locks, holds while an enforcer lowers the owner, and ends when the
+//! owner gives the lock back. Only contended locks cost anything.
+#![expect(unsafe_code, reason = "reads the words that threads wait on")]
+
+use super::error::OsError;
+use super::ffi::{self, Task};
+use super::slot::{self, Slot};
+use core::sync::atomic::{AtomicU32, Ordering};
+
+const WAITERS: u32 = 1 << 31;
+/// Longer chains of locks pass no priority on.
+const LONGEST_CHAIN: usize = 8;
+
+/// Who holds the lock that `slot` waits for; masked.
+fn lender_to(slot: &Slot) -> Option<i32> {
+    let word: *const AtomicU32 = slot.state.with(|s| {
+        if s.lends {
+            s.waits_on
+        } else {
+            core::ptr::null()
+        }
+    });
+    // SAFETY: the waiting thread borrows the lock until it is taken off the word, which happens
+    // masked, as this does.
+    let word = unsafe { word.as_ref() }?;
+    Some((word.load(Ordering::Relaxed) & !WAITERS).cast_signed())
+}
+
+fn effective(of: &Slot, chain: usize) -> u8 {
+    let own = of.state.with(|s| s.priority);
+    if chain == 0 {
+        return own;
+    }
+    slot::all()
+        .filter(|waiter| lender_to(waiter) == Some(of.id))
+        .map(|waiter| effective(waiter, chain - 1))
+        .fold(own, u8::max)
+}
+
+/// Tells the system the thread's effective priority if it is another one; masked.
+fn refresh(slot: &'static Slot) {
+    let wanted = effective(slot, LONGEST_CHAIN);
+    let now = slot.state.with(|s| s.effective);
+    if wanted != now {
+        tell(slot, wanted).ok(); // as in `inherit`
+    }
+}
+
+fn tell(slot: &'static Slot, priority: u8) -> Result<(), OsError> {
+    let running = slot.state.with(|s| {
+        s.effective = priority;
+        s.task.is_some()
+    });
+    if running {
+        slot.thread.set_priority(priority)
+    } else {
+        Ok(())
+    }
+}
+
+/// Gives the thread another priority of its own, at the tail of that priority's list.
+pub(crate) fn set_base(slot: &'static Slot, priority: u8) -> Result<(), OsError> {
+    let before = ffi::mask();
+    slot.state.with(|s| s.priority = priority);
+    let wanted = effective(slot, LONGEST_CHAIN);
+    let boosted = wanted != priority && slot.state.with(|s| s.effective) == wanted;
+    let done = if boosted { Ok(()) } else { tell(slot, wanted) };
+    raise_owners(slot);
+    ffi::unmask(before);
+    done
+}
+
+/// Whoever holds what `slot` waits for, and so on along the chain; masked.
+fn raise_owners(slot: &Slot) {
+    let mut next = lender_to(slot);
+    for _ in 0..LONGEST_CHAIN {
+        let Some(owner) = next.and_then(slot::find) else {
+            return;
+        };
+        refresh(owner);
+        next = lender_to(owner);
+    }
+}
+
+/// The running thread has taken a lock: nothing to note.
+pub(crate) const fn held() {}
+
+/// The running thread is about to wait for a lock of `owner`'s; masked. It is not noted at the
+/// lock's word yet, so the priority is handed along the chain here.
+pub(crate) fn inherit(owner: Task) {
+    let Some(me) = slot::current() else { return };
+    let mine = effective(me, LONGEST_CHAIN);
+    me.state.with(|s| s.lends = true);
+    let mut next = Some(owner.0);
+    for _ in 0..LONGEST_CHAIN {
+        let Some(owner) = next else { return };
+        if owner.state.with(|s| s.effective) < mine {
+            tell(owner, mine).ok(); // without the privilege (on a host) there is no inheritance
+        }
+        next = lender_to(owner).and_then(slot::find);
+    }
+}
+
+/// The running thread has given a lock back; masked. Whether it lost an inherited priority, which
+/// [`yield_now`] carries out when the next owner has been woken.
+pub(crate) fn disinherit() -> bool {
+    slot::current().is_some_and(|me| me.state.with(|s| s.effective != s.priority))
+}
+
+/// The running thread gets the priority it now has a right to.
+pub(crate) fn yield_now() {
+    let Some(me) = slot::current() else { return };
+    let before = ffi::mask();
+    refresh(me);
+    ffi::unmask(before);
+}

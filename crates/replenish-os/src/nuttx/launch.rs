@@ -1,0 +1,88 @@
+//! How a thread comes to life: `pthread_create` with everything it asked for, detached.
+#![expect(
+    unsafe_code,
+    reason = "the closure goes through the system as a pointer"
+)]
+
+use super::error::OsError;
+use super::ffi::{self, How, Task};
+use super::slot::{self, Slot};
+use super::spawn_error::SpawnError;
+use crate::Policy;
+use alloc::boxed::Box;
+use alloc::ffi::CString;
+use core::ffi::c_void;
+use core::ptr;
+
+/// The stack in bytes unless said otherwise.
+pub(super) const DEFAULT_STACK: usize = if cfg!(nuttx_host) { 256 << 10 } else { 4096 };
+
+/// What a thread does first, with its slot.
+pub(super) type Body = Box<dyn FnOnce(&'static Slot) + Send>;
+
+/// A policy in the shim's words.
+pub(super) fn how(policy: Policy) -> Result<How, SpawnError> {
+    let facts = super::check()
+        .map_err(|_| SpawnError::Create(OsError::new("nuttx::check() says what does not fit")))?;
+    let at = |kind, priority: u8| How {
+        kind,
+        priority: priority.into(),
+        ..How::default()
+    };
+    match policy {
+        Policy::Other => Ok(at(0, facts.lowest)),
+        Policy::Fifo { priority } => Ok(at(1, priority)),
+        Policy::RoundRobin { priority } if facts.round_robin => Ok(at(2, priority)),
+        Policy::Sporadic(params) => Ok(at(1, params.priority())),
+        Policy::RoundRobin { .. } | Policy::Deadline { .. } => Err(SpawnError::Unsupported(policy)),
+    }
+}
+
+struct Start(&'static Slot, CString, Body);
+
+/// Hands the closure to the system.
+pub(super) fn start(
+    how: How,
+    name: CString,
+    stack_bytes: usize,
+    body: Body,
+) -> Result<&'static Slot, SpawnError> {
+    let priority = u8::try_from(how.priority).unwrap_or(u8::MAX);
+    let slot = slot::make(priority, stack_bytes)
+        .ok_or(SpawnError::Create(OsError::new("no slot for a thread")))?;
+    let generation = slot.state.with(|s| s.generation);
+    let argument = Box::into_raw(Box::new(Start(slot, name, body)));
+    match ffi::create(entry, argument.cast(), stack_bytes, &how) {
+        Ok(id) => {
+            // It may have run, and even ended, by now.
+            slot.state.with(|s| {
+                if s.generation == generation && s.task.is_none() && !s.ended {
+                    slot.thread.note(id, priority);
+                    s.task = Some(Task(slot));
+                }
+            });
+            Ok(slot)
+        }
+        Err(refused) => {
+            // SAFETY: no thread was made, so nobody else takes it back.
+            drop(unsafe { Box::from_raw(argument) });
+            slot::discard(slot);
+            Err(SpawnError::Create(refused))
+        }
+    }
+}
+
+/// Every thread's first function.
+unsafe extern "C" fn entry(argument: *mut c_void) -> *mut c_void {
+    // SAFETY: the box that `start` gave away, taken back once.
+    let Start(slot, name, body) = *unsafe { Box::from_raw(argument.cast::<Start>()) };
+    if slot::begin(slot) {
+        ffi::set_name(&name);
+        body(slot);
+    } else {
+        super::complain(format_args!("a new thread was not given its slot"));
+    }
+    drop(name);
+    slot::release(slot);
+    ptr::null_mut()
+}

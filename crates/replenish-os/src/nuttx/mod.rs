@@ -1,0 +1,84 @@
+//! The `NuttX` back end: our policies and budgets over its pthreads.
+//!
+//! The image compiles `nuttx/shim.c` of this crate, which owns every type of the system and calls
+//! its functions; the Rust side knows plain numbers only. What both must agree on, and what the
+//! configuration of the image must have, is checked before the first thread is made ([`check`]).
+//!
+//! ```text
+//!   system           clock_gettime ───────────────► clock, switch hooks
+//!                    sem_clockwait ◄─────────────── a thread that waits, with its own deadline
+//!                    note driver: suspend/resume ─► CPU time, preempted or blocked
+//!                    pthread_setschedprio ◄──────── policies, budgets, inheritance
+//! ```
+//!
+//! Priority inheritance is ours: the system's own forgets a boost when the priority of the
+//! boosted thread is set, which is what an enforcer does.
+//!
+//! Under `--cfg nuttx_host` the same code and the same shim run on Linux, for tests.
+
+pub(crate) mod alarm;
+#[path = "../rtos/atomic.rs"]
+mod atomic;
+#[path = "../rtos/clock.rs"]
+pub mod clock;
+#[path = "../rtos/error.rs"]
+mod error;
+mod ffi;
+#[path = "../rtos/futex.rs"]
+pub(crate) mod futex;
+#[path = "../rtos/gaps.rs"]
+mod gaps;
+pub(crate) mod granted;
+mod heap;
+mod inherit;
+mod launch;
+#[path = "../rtos/masked.rs"]
+mod masked;
+#[path = "../rtos/memory.rs"]
+pub mod memory;
+mod panics;
+#[path = "../rtos/pi_mutex.rs"]
+pub(crate) mod pi_mutex;
+#[path = "../rtos/poll.rs"]
+pub(crate) mod poll;
+#[path = "../rtos/privilege.rs"]
+pub mod privilege;
+mod report;
+pub(crate) mod sched;
+pub(crate) mod slot;
+#[path = "../rtos/spawn_error.rs"]
+pub(crate) mod spawn_error;
+pub(crate) mod suspend;
+#[path = "../rtos/thread.rs"]
+pub(crate) mod thread;
+#[path = "../rtos/tid.rs"]
+pub(crate) mod tid;
+#[path = "../rtos/timer.rs"]
+pub mod timer;
+#[path = "../rtos/watch.rs"]
+pub(crate) mod watch;
+
+pub use atomic::AtomicU64;
+pub use error::OsError;
+pub use heap::SystemHeap;
+pub use panics::{Panicked, halt, panicked};
+pub use report::{CheckError, Facts, check};
+pub use slot::voluntary_switches;
+
+/// Pending replenishments of a budget at most: 16 bytes each.
+pub(crate) const MAX_REPL: usize = if cfg!(nuttx_host) { 128 } else { 16 };
+/// Budgeted workers of an enforcer unless said otherwise.
+pub(crate) const ENFORCER_CAPACITY: usize = 8;
+/// Stack of an enforcer in bytes.
+pub(crate) const ENFORCER_STACK: usize = 4096;
+/// How many of the newest overruns of a worker are kept.
+pub(crate) const OVERRUNS_KEPT: usize = if cfg!(nuttx_host) { 1024 } else { 16 };
+
+/// What this kernel has, for who asked for something else.
+const POLICIES: &str = "NuttX has FIFO, round-robin (CONFIG_RR_INTERVAL), SCHED_SPORADIC \
+                        (CONFIG_SCHED_SPORADIC), and sporadic by the enforcer";
+
+/// Says what went wrong where nobody is there to be told.
+pub(crate) fn complain(what: core::fmt::Arguments<'_>) {
+    ffi::complain(what);
+}

@@ -1,0 +1,251 @@
+//! What shim, image and this crate must agree on, checked before the first thread is made.
+
+use super::ffi::{self, ThreadMemory};
+use crate::Nanos;
+use core::fmt;
+use core::sync::atomic::{AtomicU32, Ordering};
+
+const VERSION: u32 = 1;
+const MASKS: u32 = 1;
+const SWITCHES: u32 = 2;
+const SPORADIC: u32 = 4;
+const ROUND_ROBIN: u32 = 8;
+/// A clock coarser than this holds no budget worth the name.
+const COARSEST: Nanos = 1_000_000;
+
+/// `struct rp_report` of the shim.
+#[repr(C)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub(super) struct Report {
+    bytes: u32,
+    version: u32,
+    thread_bytes: u32,
+    thread_align: u32,
+    attr_bytes: u32,
+    param_bytes: u32,
+    mutex_bytes: u32,
+    time_bytes: u32,
+    misfits: u32,
+    features: u32,
+    max_repl: u32,
+    lowest: i32,
+    started: i32,
+    unused: u32,
+    resolution: u64,
+}
+
+/// What the system has, as the shim found it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Facts {
+    /// `sizeof(pthread_attr_t)`.
+    pub attr_bytes: u32,
+    /// `sizeof(struct sched_param)`.
+    pub param_bytes: u32,
+    /// `sizeof(pthread_mutex_t)`.
+    pub mutex_bytes: u32,
+    /// `sizeof(time_t)`.
+    pub time_bytes: u32,
+    /// Resolution of the clock in nanoseconds; 1 for a clock of the image's.
+    pub resolution: Nanos,
+    /// Whether CPU time and blocking are told by switch hooks. Always, but on a host.
+    pub switch_hooks: bool,
+    /// Pending replenishments of the system's own `SCHED_SPORADIC`; 0: there is none.
+    pub native_repl: u32,
+    /// Whether there is round-robin.
+    pub round_robin: bool,
+    /// The priority of a thread that asked for none.
+    pub lowest: u8,
+}
+
+/// `clock 100000 ns, hooks, pthread_attr_t 56 B, ...`
+impl fmt::Display for Facts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let hooks = if self.switch_hooks { "" } else { "no " };
+        write!(
+            f,
+            "clock {} ns, {hooks}switch hooks, SCHED_SPORADIC {}, pthread_attr_t {} B, sched_param \
+             {} B, pthread_mutex_t {} B, time_t {} B",
+            self.resolution,
+            self.native_repl,
+            self.attr_bytes,
+            self.param_bytes,
+            self.mutex_bytes,
+            self.time_bytes
+        )
+    }
+}
+
+/// Why nothing can run here.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
+pub enum CheckError {
+    /// The shim is of another version of this crate.
+    Version {
+        /// The shim's version and the size of its report.
+        shim: (u32, u32),
+    },
+    /// The shim's thread type is larger than the room for it.
+    ThreadSize {
+        /// Its size and alignment in bytes.
+        shim: (u32, u32),
+    },
+    /// The system's functions write beyond a type as the shim knows it: shim and image were
+    /// compiled with different configurations.
+    Misfit {
+        /// The type.
+        what: &'static str,
+        /// Its size in the shim, in bytes; 0: not reported.
+        shim: u32,
+    },
+    /// The image's configuration lacks something.
+    Missing {
+        /// The options that bring it.
+        options: &'static str,
+    },
+    /// The shim could not be set up.
+    Start {
+        /// The error number.
+        errno: i32,
+    },
+    /// The clock is too coarse.
+    Resolution {
+        /// Its resolution in nanoseconds.
+        ns: Nanos,
+    },
+}
+
+impl fmt::Display for CheckError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Version { shim: (v, bytes) } => write!(
+                f,
+                "nuttx/shim.c is version {v} with a report of {bytes} bytes, this library needs \
+                 version {VERSION} and {} bytes: compile the shim of the same release",
+                size_of::<Report>()
+            ),
+            Self::ThreadSize {
+                shim: (bytes, align),
+            } => write!(
+                f,
+                "a thread of the shim takes {bytes} bytes aligned to {align}: allowed up to {} \
+                 aligned to 8",
+                ThreadMemory::BYTES
+            ),
+            Self::Misfit { what, shim } => write!(
+                f,
+                "{what} has {shim} bytes in the shim and more in the image: compile the shim with \
+                 the image's include/nuttx/config.h"
+            ),
+            Self::Missing { options } => {
+                write!(f, "the image was configured without {options}")
+            }
+            Self::Start { errno } => write!(
+                f,
+                "setting up failed with error {errno}: CONFIG_TLS_NELEM must be 1 or more, and \
+                 CONFIG_DRIVERS_NOTE_MAX larger than the number of other note drivers"
+            ),
+            Self::Resolution { ns } => write!(
+                f,
+                "the clock counts in steps of {ns} ns: allowed up to {COARSEST} \
+                 (CONFIG_USEC_PER_TICK, CONFIG_SCHED_TICKLESS, or RP_CLOCK in the shim's flags)"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for CheckError {}
+
+impl Report {
+    fn has(&self, feature: u32) -> bool {
+        self.features & feature != 0
+    }
+
+    /// The facts, if everything that is needed is there. `host`: where tests run.
+    fn judge(&self, host: bool) -> Result<Facts, CheckError> {
+        let report = u32::try_from(size_of::<Self>()).unwrap_or(0);
+        if (self.version, self.bytes) != (VERSION, report) {
+            return Err(CheckError::Version {
+                shim: (self.version, self.bytes),
+            });
+        }
+        if self.thread_bytes as usize > ThreadMemory::BYTES || self.thread_align > 8 {
+            return Err(CheckError::ThreadSize {
+                shim: (self.thread_bytes, self.thread_align),
+            });
+        }
+        let types = [
+            ("pthread_attr_t", self.attr_bytes),
+            ("struct sched_param", self.param_bytes),
+            ("sem_t", 0),
+            ("struct timespec", 0),
+        ];
+        for (bit, (what, shim)) in types.into_iter().enumerate() {
+            if self.misfits & 1 << bit != 0 {
+                return Err(CheckError::Misfit { what, shim });
+            }
+        }
+        for (feature, options) in [
+            (MASKS, "CONFIG_BUILD_FLAT (and without CONFIG_SMP)"),
+            (
+                SWITCHES,
+                "CONFIG_SCHED_INSTRUMENTATION_SWITCH and CONFIG_DRIVERS_NOTE",
+            ),
+        ] {
+            let excused = host && feature == SWITCHES;
+            if !self.has(feature) && !excused {
+                return Err(CheckError::Missing { options });
+            }
+        }
+        if self.started != 0 {
+            return Err(CheckError::Start {
+                errno: self.started,
+            });
+        }
+        if !(1..=COARSEST).contains(&self.resolution) {
+            return Err(CheckError::Resolution {
+                ns: self.resolution,
+            });
+        }
+        Ok(Facts {
+            attr_bytes: self.attr_bytes,
+            param_bytes: self.param_bytes,
+            mutex_bytes: self.mutex_bytes,
+            time_bytes: self.time_bytes,
+            resolution: self.resolution,
+            switch_hooks: self.has(SWITCHES),
+            native_repl: if self.has(SPORADIC) { self.max_repl } else { 0 },
+            round_robin: self.has(ROUND_ROBIN),
+            lowest: u8::try_from(self.lowest).unwrap_or(1),
+        })
+    }
+}
+
+const UNKNOWN: u32 = 0;
+const GOOD: u32 = 1;
+const BAD: u32 = 2;
+static CHECKED: AtomicU32 = AtomicU32::new(UNKNOWN);
+
+/// Checks that shim, image and this library fit together, and says what the system has. Threads
+/// are made only if they do; call it first to see why.
+///
+/// # Errors
+/// [`CheckError`] names what does not fit, and what would.
+pub fn check() -> Result<Facts, CheckError> {
+    let facts = ffi::start_up().judge(cfg!(nuttx_host));
+    let state = if facts.is_ok() { GOOD } else { BAD };
+    CHECKED.store(state, Ordering::Release);
+    facts
+}
+
+/// Whether everything fits; looks once.
+pub(super) fn is_good() -> bool {
+    match CHECKED.load(Ordering::Acquire) {
+        GOOD => true,
+        BAD => false,
+        _ => check().is_ok(),
+    }
+}
+
+#[cfg(test)]
+#[path = "report_tests.rs"]
+mod tests;

@@ -1,0 +1,32 @@
+//! The low mode that stops an exhausted worker altogether (`Low::Suspend`): not available here.
+//! No priority of `NuttX` is below that of its idle task's, and a thread that was stopped by a
+//! signal could not give back a lock that somebody waits for.
+
+use super::error::OsError;
+use super::tid::Tid;
+
+/// Tells one worker whether it is suspended: never.
+#[derive(Debug)]
+pub(crate) struct SuspendCell;
+
+#[expect(clippy::unused_self, reason = "the other back ends' names")]
+impl SuspendCell {
+    pub(crate) const fn new() -> Self {
+        Self
+    }
+
+    /// Refused: the worker is told when it enrols.
+    pub(crate) const fn attach_current_thread(&self) -> Result<(), OsError> {
+        Err(OsError::new(
+            "NuttX has no suspension of exhausted workers: give a background priority, 1 or more",
+        ))
+    }
+
+    pub(crate) const fn detach_current_thread(&self) {}
+
+    pub(crate) const fn suspend(&self, _: Tid, _running: bool) {}
+
+    pub(crate) const fn resume(&self) {}
+
+    pub(crate) const fn wait_while_suspended(&self) {}
+}
