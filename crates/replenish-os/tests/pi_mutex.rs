@@ -24,6 +24,23 @@ fn main() {
             assert_eq!(mutex.try_lock().map(|g| *g), Some(1));
             assert_eq!(mutex.into_inner(), 1);
         }),
+        trial("a_limited_wait_ends_in_time_or_with_the_lock", || {
+            let _dog = watchdog("a limited wait", Duration::from_secs(20));
+            let mutex = Arc::new(PiMutex::new(1));
+            let held = mutex.lock();
+            let theirs = Arc::clone(&mutex);
+            let waiter = std::thread::spawn(move || {
+                let limit = clock::monotonic() + 3_000_000;
+                let none = theirs.lock_until(limit).is_none();
+                let late = clock::monotonic() >= limit;
+                let there = theirs.lock_until(clock::monotonic() + 20_000_000_000);
+                (none, late, there.map(|g| *g))
+            });
+            std::thread::sleep(Duration::from_millis(20));
+            drop(held);
+            assert_eq!(waiter.join().unwrap(), (true, true, Some(1)));
+            assert!(mutex.try_lock().is_some(), "nothing is left behind");
+        }),
         trial("a_panic_inside_unlocks_without_poison", || {
             let mutex = PiMutex::new(0);
             let unwound = catch_unwind(AssertUnwindSafe(|| {

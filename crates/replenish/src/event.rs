@@ -51,6 +51,18 @@ pub enum Event<'a> {
         /// How many of this handle's samples have been too large by now.
         count: u64,
     },
+    /// A callback waits for its [group](crate::Group) longer than the group's
+    /// [patience](crate::Group::patience). If `by` waits for `handle` in turn, both wait for ever.
+    Blocked {
+        /// The handle that waits.
+        handle: &'a str,
+        /// The group's name.
+        group: &'a str,
+        /// The handle whose callback runs.
+        by: &'a str,
+        /// For how long it has waited by now.
+        waited: crate::Nanos,
+    },
     /// The middleware could not wait or take; the dispatcher tries again.
     MiddlewareFailed {
         /// Why.
@@ -111,6 +123,18 @@ impl fmt::Display for Event<'_> {
                 write!(
                     f,
                     "{handle}: sample of {size} bytes does not fit ({count} times)"
+                )
+            }
+            Self::Blocked {
+                handle,
+                group,
+                by,
+                waited,
+            } => {
+                let ms = waited / 1_000_000;
+                write!(
+                    f,
+                    "{handle}: has waited {ms} ms for group {group:?}, which {by} does not leave"
                 )
             }
             Self::MiddlewareFailed { error, count } => {

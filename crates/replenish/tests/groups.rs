@@ -11,7 +11,7 @@ mod common;
 
 use common::{eventually, executor};
 use replenish::msg::std_msgs::Int32;
-use replenish::{CallbackContext, Context, Group, Handling, Qos};
+use replenish::{CallbackContext, Context, Group, GuardCondition, Handling, Qos, Removal};
 use replenish_testkit::watchdog::watchdog;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -141,6 +141,88 @@ fn calling_a_service_of_ones_own_group_is_no_deadlock() {
     assert!(eventually(|| answered.load(Ordering::Relaxed) >= 20));
     running.stop();
     assert_eq!(inside.most(), 1);
+}
+
+/// The misuse: a callback waits, by a channel, for one of its own group. That is told, with the names
+/// of both, by the event and to the handle's own hook; what waits goes on when it can.
+#[test]
+fn who_waits_for_his_own_group_is_told_with_both_names() {
+    let _dog = watchdog("group misuse", LIMIT);
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let (mut exec, log) = executor(&ctx);
+    let group = Group::new("arm").patience(20 * MS);
+    let client = node.client::<Echo>("echo", Qos::services(), LIMIT).unwrap();
+    let hooked = Arc::new(AtomicU64::new(0));
+    let count = Arc::clone(&hooked);
+    let counts = move |_: &replenish::Event<'_>| {
+        count.fetch_add(1, Ordering::SeqCst);
+    };
+    exec.worker("server")
+        .serve::<Echo, _>(&node, "echo", Qos::services(), |ask, answer, _| {
+            answer.data = ask.data;
+        })
+        .unwrap()
+        .with(Handling::new().group(&group).on_error(counts));
+    let (tell, answer) = std::sync::mpsc::sync_channel(1);
+    let (call, seen) = (client.clone(), log.clone());
+    exec.worker("replies")
+        .replies(&client, move |reply, _| {
+            tell.send(reply.unwrap().data).ok();
+        })
+        .unwrap();
+    let told = Arc::new(AtomicU64::new(0));
+    let note = Arc::clone(&told);
+    exec.worker("client")
+        .timer(replenish::Every::once(MS), move |_| {
+            call.call(&Int32 { data: 1 }).unwrap();
+            // For ever, were it not for what the test wants to see.
+            let both = "/n/srv:/echo: has waited 20 ms for group \"arm\", which client/timer:0";
+            while answer.recv_timeout(MS).is_err() && !seen.has(both) {}
+            note.store(u64::from(seen.has(both)), Ordering::SeqCst);
+        })
+        .unwrap()
+        .with(Handling::new().group(&group));
+    let running = exec.start().unwrap();
+    let served = || running.stats("/n/srv:/echo").unwrap().executed == 1;
+    assert!(eventually(served), "{:?}", log.lines());
+    assert_eq!(told.load(Ordering::SeqCst), 1, "{:?}", log.lines());
+    assert!(hooked.load(Ordering::SeqCst) >= 1);
+}
+
+/// A callback that removes a handle of its own group does not wait for it: that one may wait for the
+/// group.
+#[test]
+fn removing_a_handle_of_ones_own_group_is_no_deadlock() {
+    let _dog = watchdog("group removal", LIMIT);
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    let group = Group::new("g");
+    let guard = GuardCondition::new();
+    let wake = guard.clone();
+    exec.worker("other")
+        .guard(&guard, |_| ())
+        .unwrap()
+        .with(Handling::new().group(&group))
+        .timer(MS, |_| ())
+        .unwrap();
+    let removed = Arc::new(AtomicU64::new(0));
+    let count = Arc::clone(&removed);
+    exec.worker("w")
+        .timer(replenish::Every::once(MS), move |cx| {
+            wake.trigger(); // its callback waits for the group from now on
+            std::thread::sleep(5 * MS);
+            let change = cx.executor().unwrap();
+            let gone = change.remove("other/guard:0", Removal::Wait(LIMIT));
+            count.store(u64::from(gone.is_ok()), Ordering::SeqCst);
+        })
+        .unwrap()
+        .with(Handling::new().group(&group));
+    let running = exec.start().unwrap();
+    assert!(eventually(|| removed.load(Ordering::SeqCst) == 1));
+    let before = running.stats("other/timer:0").unwrap().executed;
+    let goes_on = || running.stats("other/timer:0").unwrap().executed > before + 5;
+    assert!(eventually(goes_on));
 }
 
 /// A service that answers what it was asked.

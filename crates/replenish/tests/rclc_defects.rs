@@ -390,6 +390,7 @@ fn rclc_7_other_threads_wake_and_stop_it() {
     });
     let report = exec.spin().unwrap();
     other.join().unwrap();
+    assert!(report.stuck.is_empty(), "{:?}", report.stuck);
     assert_eq!(report.handle("w/guard:0").unwrap().stats.executed, 10);
 }
 

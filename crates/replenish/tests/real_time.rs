@@ -11,7 +11,10 @@ mod common;
 
 use common::{burn, cpu, eventually, executor};
 use replenish::msg::std_msgs::Int32;
-use replenish::{Budget, Context, Enforcement, Every, Policy, Qos, RunningExecutor};
+use replenish::{
+    Budget, Context, Enforcement, Every, Group, GuardCondition, Handling, Policy, Qos,
+    RunningExecutor,
+};
 use replenish_os::clock;
 use replenish_testkit::harness::{rt_trial, run};
 use replenish_testkit::watchdog::watchdog;
@@ -29,6 +32,7 @@ fn main() {
             "a_loop_at_high_priority_does_not_keep_stop_from_returning",
             stuck,
         ),
+        rt_trial("a_callback_of_a_group_inherits_across_workers", inherits),
         rt_trial("a_stop_ends_the_wait_for_budget", suspended),
         rt_trial("every_thread_gets_what_it_asked_for", granted),
         rt_trial(
@@ -44,6 +48,65 @@ fn fifo(priority: u8) -> Policy {
 
 fn executed(running: &RunningExecutor, id: &str) -> u64 {
     running.stats(id).unwrap().executed
+}
+
+/// A group across three workers of one CPU: the lowest is in it when the highest wants to be. A hog
+/// between them would keep the lowest from leaving for as long as it runs; with inheritance the
+/// lowest runs at the highest priority, leaves, and the highest callback runs before the hog is over.
+fn inherits() {
+    let _dog = watchdog("group inheritance", LIMIT);
+    let cpu = cpu();
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    let arm = Group::new("arm");
+    let guards = [(); 3].map(|()| GuardCondition::new());
+    let [low, high, hog] = &guards;
+    let (inside, entered) = (
+        Arc::new(AtomicBool::new(false)),
+        Arc::new(AtomicU64::new(0)),
+    );
+    let in_group = || Handling::new().group(&arm);
+    let (is_in, triggers) = (Arc::clone(&inside), [high.clone(), hog.clone()]);
+    exec.worker("low")
+        .policy(fifo(20))
+        .cpu(cpu)
+        .guard(low, move |_| {
+            is_in.store(true, Ordering::SeqCst);
+            triggers.iter().for_each(GuardCondition::trigger); // the hog, when the high one waits
+            burn(5);
+            is_in.store(false, Ordering::SeqCst);
+        })
+        .unwrap()
+        .with(in_group());
+    let (was_in, count) = (Arc::clone(&inside), Arc::clone(&entered));
+    exec.worker("high")
+        .policy(fifo(40))
+        .cpu(cpu)
+        .guard(high, move |_| {
+            assert!(!was_in.load(Ordering::SeqCst), "both inside");
+            count.fetch_add(1, Ordering::SeqCst);
+        })
+        .unwrap()
+        .with(in_group());
+    let (rounds, overtaken) = (Arc::clone(&entered), Arc::new(AtomicU64::new(0)));
+    let seen = Arc::clone(&overtaken);
+    exec.worker("hog")
+        .policy(fifo(30))
+        .cpu(cpu)
+        .guard(hog, move |_| {
+            let end = clock::thread_cpu() + 100_000_000;
+            let before = seen.load(Ordering::SeqCst);
+            while clock::thread_cpu() < end && rounds.load(Ordering::SeqCst) == before {}
+            seen.store(rounds.load(Ordering::SeqCst), Ordering::SeqCst);
+        })
+        .unwrap();
+    let running = exec.start().unwrap();
+    for round in 1..=10 {
+        low.trigger();
+        assert!(eventually(|| executed(&running, "hog/guard:0") == round));
+        let overtaken = overtaken.load(Ordering::SeqCst);
+        assert_eq!(overtaken, round, "the hog kept the group from its highest");
+    }
 }
 
 /// Two workers that always have work, for a third of a second: the budgeted one gets its share at

@@ -13,6 +13,23 @@ pub(super) fn lock_pi(word: &AtomicU32) -> i32 {
     op(word, libc::FUTEX_LOCK_PI | PRIVATE, 0)
 }
 
+/// As [`lock_pi`], but not longer than until the absolute `CLOCK_MONOTONIC` time `deadline`: then
+/// `ETIMEDOUT`. `FUTEX_LOCK_PI2`, Linux 5.14; `ENOSYS` before that.
+pub(super) fn lock_pi_until(word: &AtomicU32, deadline: Nanos) -> i32 {
+    let timeout = sys::timespec(deadline);
+    // SAFETY: the word and the timeout live across the call; the value is unused.
+    let rc = unsafe {
+        libc::syscall(
+            libc::SYS_futex,
+            word.as_ptr(),
+            libc::FUTEX_LOCK_PI2 | PRIVATE,
+            0,
+            std::ptr::from_ref(&timeout),
+        )
+    };
+    if rc == -1 { sys::errno() } else { 0 }
+}
+
 /// `FUTEX_UNLOCK_PI`: hands the lock to the waiter with the highest priority.
 /// Returns 0 or the error number.
 pub(super) fn unlock_pi(word: &AtomicU32) -> i32 {

@@ -17,6 +17,7 @@
 use super::futex;
 use super::suspend;
 use super::tid::current_tid;
+use crate::Nanos;
 use std::cell::UnsafeCell;
 use std::fmt;
 use std::marker::PhantomData;
@@ -69,6 +70,38 @@ impl<T: ?Sized> PiMutex<T> {
             mutex: self,
             not_send: PhantomData,
         }
+    }
+
+    /// As [`lock`](Self::lock), but waits no longer than until `deadline` (`CLOCK_MONOTONIC`): then
+    /// `None`. Kernels before 5.14 cannot do that; there it waits as `lock` does.
+    ///
+    /// # Panics
+    /// As [`lock`](Self::lock).
+    pub fn lock_until(&self, deadline: Nanos) -> Option<PiMutexGuard<'_, T>> {
+        suspend::enter_critical();
+        if !self.try_acquire() {
+            loop {
+                match futex::lock_pi_until(&self.word, deadline) {
+                    0 => break,
+                    libc::EINTR | libc::EAGAIN | libc::ENOMEM => {}
+                    libc::ENOSYS => {
+                        self.lock_slow();
+                        break;
+                    }
+                    error => {
+                        suspend::leave_critical();
+                        match error {
+                            libc::ETIMEDOUT => return None,
+                            error => refuse(error),
+                        }
+                    }
+                }
+            }
+        }
+        Some(PiMutexGuard {
+            mutex: self,
+            not_send: PhantomData,
+        })
     }
 
     /// Takes the lock if it is free at this moment; never waits.

@@ -1,6 +1,6 @@
 //! A handle in the hands of its worker: taking, executing, and what follows from the outcome.
 
-use super::group::{Group, Held};
+use super::group::Held;
 use super::handle::{Env, Handle, Shared, Taken};
 use super::rules::{DeadlineMiss, Handling, OnMiss};
 use crate::Nanos;
@@ -49,6 +49,9 @@ impl Entry {
         if let Some(hook) = handling.hook.take() {
             self.shared.hook.set(hook).ok();
         }
+        if let Some(group) = &handling.group {
+            self.shared.group.set(group.clone()).ok();
+        }
         self.handling = handling;
     }
 
@@ -84,7 +87,7 @@ impl Entry {
             };
             let runs = taken.is_some() || even_without;
             let group = entry.handling.group.clone().filter(|_| runs);
-            let held = group.as_ref().map(Group::enter);
+            let held = group.as_ref().map(|g| g.enter(&entry.shared, env));
             let started = clock::monotonic();
             match taken {
                 Some(taken) => entry.execute(env, taken, started, held),

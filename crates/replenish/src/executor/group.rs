@@ -10,14 +10,24 @@
 //!
 //! - A handle is in one group at most, and callbacks do not nest, so nobody waits for a group while
 //!   he holds another. What needs two groups needs one group instead, for all handles of both.
-//! - Nothing of this crate waits in a callback for another callback: requests are answered by a
-//!   callback, now or later ([`Responder`](crate::Responder)), and so are goals. A callback that waits
-//!   by other means (a channel, a lock of its own) for a callback of its group or its worker waits
-//!   for itself; nobody can see that from outside.
+//! - Nothing of this crate waits in a callback for another callback of its group or worker: requests
+//!   are answered by a callback, now or later ([`Responder`](crate::Responder)), and so are goals; a
+//!   removal of a handle of the own worker or group does not wait for it.
+//! - A callback that waits by other means (a channel, a lock of its own) for a callback of its group
+//!   waits for itself. Nobody can forbid that, but it is seen: whoever has waited for the group for
+//!   [`Group::patience`] tells so with the names of both ([`Event::Blocked`]), and tells again when
+//!   that time has doubled. Where there is no timed lock (without feature `std`) it is not seen.
 
-use crate::sync::{Arc, Mutex};
+use super::handle::{Env, Shared};
+use super::schedule::nanos;
+use crate::Nanos;
+use crate::event::Event;
+use crate::platform;
+use crate::sync::{Arc, AtomicU64, Mutex, Ordering};
 use alloc::string::String;
 use core::fmt;
+use core::time::Duration;
+use replenish_os::{Tid, clock, current_tid};
 
 /// Handles whose callbacks never run at the same time, on whatever workers they are: in
 /// [`Handling::group`](crate::Handling::group). Clones are the same group.
@@ -46,11 +56,21 @@ pub struct Group {
 struct Inner {
     name: String,
     lock: Mutex<()>,
+    patience: AtomicU64,
+    /// Whose callback runs, and on which thread.
+    holder: Mutex<Option<(Tid, Arc<Shared>)>>,
 }
 
 /// The right to run, until dropped.
 pub(crate) struct Held<'g> {
+    group: &'g Group,
     _guard: replenish_os::PiMutexGuard<'g, ()>,
+}
+
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        *self.group.inner.holder.lock() = None; // before the lock is free
+    }
 }
 
 impl Group {
@@ -61,8 +81,19 @@ impl Group {
             inner: Arc::new(Inner {
                 name: name.into(),
                 lock: Mutex::new(()),
+                patience: AtomicU64::new(1_000_000_000),
+                holder: Mutex::new(None),
             }),
         }
+    }
+
+    /// How long a callback may wait for the group until that is [told](Event::Blocked); 1 s if not
+    /// said. It goes on waiting. Holds for all clones.
+    #[must_use]
+    pub fn patience(self, time: Duration) -> Self {
+        let time = nanos(time).max(1);
+        self.inner.patience.store(time, Ordering::Relaxed);
+        self
     }
 
     /// Its name.
@@ -72,10 +103,46 @@ impl Group {
     }
 
     /// Waits until no callback of the group runs.
-    pub(crate) fn enter(&self) -> Held<'_> {
+    pub(crate) fn enter(&self, shared: &Arc<Shared>, env: &Env<'_>) -> Held<'_> {
+        let inner = &self.inner;
+        let begin = clock::monotonic();
+        let mut patience = inner.patience.load(Ordering::Relaxed);
+        let guard = loop {
+            if let Some(guard) = platform::lock_until(&inner.lock, begin.saturating_add(patience)) {
+                break guard;
+            }
+            self.tell(shared, clock::monotonic().saturating_sub(begin), env);
+            patience = patience.saturating_mul(2);
+        };
+        *inner.holder.lock() = Some((current_tid(), Arc::clone(shared)));
         Held {
-            _guard: self.inner.lock.lock(),
+            group: self,
+            _guard: guard,
         }
+    }
+
+    /// Whether the caller is inside a callback of the group.
+    pub(crate) fn is_mine(&self) -> bool {
+        let me = current_tid();
+        let holder = self.inner.holder.lock();
+        holder.as_ref().is_some_and(|(tid, _)| *tid == me)
+    }
+
+    #[cold]
+    fn tell(&self, shared: &Shared, waited: Nanos, env: &Env<'_>) {
+        let holder = self
+            .inner
+            .holder
+            .lock()
+            .as_ref()
+            .map(|(_, h)| Arc::clone(h));
+        let event = Event::Blocked {
+            handle: &shared.id,
+            group: self.name(),
+            by: holder.as_ref().map_or("-", |h| &h.id),
+            waited,
+        };
+        shared.report(1, &event, env.events);
     }
 }
 

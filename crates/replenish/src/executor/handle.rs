@@ -1,6 +1,7 @@
 //! What a worker knows of a handle, whatever its kind; and what is shared about it.
 
 use super::doorbell::Line;
+use super::group::Group;
 use super::live::Live;
 use super::outbox::Outbox;
 use super::stop::StopHandle;
@@ -77,6 +78,7 @@ pub(crate) struct Shared {
     /// The reader of a subscription, service or client, and its inbox.
     pub(crate) input: Option<(ReaderId, Arc<Inbox>)>,
     pub(crate) hook: Once<ErrorHook>,
+    pub(crate) group: Once<Group>,
     /// No callback of it starts any more.
     pub(crate) removed: AtomicBool,
     /// A callback of it that runs shall end.
@@ -97,6 +99,7 @@ impl Shared {
             last_error: Mutex::new(Text::EMPTY),
             input,
             hook: Once::new(),
+            group: Once::new(),
             removed: AtomicBool::new(false),
             cancelled: AtomicBool::new(false),
             gone: Signal::new(),

@@ -4,6 +4,7 @@ use super::callback::{CallbackContext, CallbackResult};
 use super::client::{Client, NoReply};
 use super::entry::Entry;
 use super::forge::{Forge, RawType};
+use super::group::Group;
 use super::guard::GuardCondition;
 use super::handle::Shared;
 use super::mailbox::{Declined, Mailbox, Order};
@@ -154,8 +155,8 @@ impl ExecutorHandle {
     /// Removes a handle. When this returns no callback of it starts any more; what becomes of one
     /// that runs is up to `how`. Samples that wait are discarded. Returns the last counters.
     ///
-    /// A callback that removes a handle of its own worker does not wait: the handle goes when the
-    /// callback has ended.
+    /// A callback that removes a handle of its own worker or [group](crate::Group) does not wait: the
+    /// handle goes when the callback has ended.
     ///
     /// # Errors
     /// [`Error::UnknownHandle`]; [`Error::Stopped`]; [`Error::Capacity`] if too many changes are
@@ -187,7 +188,8 @@ impl ExecutorHandle {
             Removal::Wait(limit) | Removal::Cancel(limit) => limit,
         };
         let deadline = clock::monotonic().saturating_add(nanos(patience));
-        let waits = how != Removal::Detach && !post.mailbox.is_mine();
+        let own = post.mailbox.is_mine() || shared.group.get().is_some_and(Group::is_mine);
+        let waits = how != Removal::Detach && !own;
         let gone = !waits || shared.gone.wait_until(deadline);
         // The counters are the last ones when the dispatcher has let go of it, too.
         let routed = || shared.input.is_some() && !shared.unrouted.load(Ordering::Acquire);
