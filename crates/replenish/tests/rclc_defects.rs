@@ -15,8 +15,8 @@ use common::{Gate, eventually, executor, quiet};
 use replenish::msg::Service;
 use replenish::msg::std_msgs::Int32;
 use replenish::{
-    ActionClient, ActionOptions, CallbackContext, Client, Context, Every, GoalHandle, GoalUpdate,
-    GuardCondition, NewGoal, Overrun, Qos, Removal, RunningExecutor, Trigger,
+    ActionClient, ActionOptions, CallbackContext, Client, Context, Every, GoalHandle, GoalId,
+    GoalUpdate, GuardCondition, NewGoal, Overrun, Qos, Removal, RunningExecutor, Trigger,
 };
 use replenish_os::voluntary_switches;
 use replenish_testkit::signal::{on_user_signal, raise_user_signal};
@@ -242,6 +242,8 @@ struct Goals {
     client: ActionClient<Fibonacci>,
     accepted: Arc<Mutex<Vec<GoalHandle<Fibonacci>>>>,
     heard: Arc<[AtomicU64; 4]>,
+    /// Which goal got how many numbers, as feedback or as its result.
+    numbers: Arc<Mutex<Vec<(GoalId, usize)>>>,
     running: RunningExecutor,
 }
 
@@ -260,16 +262,19 @@ fn goals(options: ActionOptions) -> Goals {
     let many = ActionOptions::goals(16).feedback_depth(64);
     let client: ActionClient<Fibonacci> = node.action_client("fib", many).unwrap();
     let heard = Arc::new([const { AtomicU64::new(0) }; 4]);
-    let count = Arc::clone(&heard);
+    let numbers = Arc::new(Mutex::new(Vec::new()));
+    let (count, note) = (Arc::clone(&heard), Arc::clone(&numbers));
     exec.worker("follow")
-        .follow(&client, move |_, update, _| {
-            let kind = match update {
-                GoalUpdate::Accepted(_) => 0,
-                GoalUpdate::Rejected => 1,
-                GoalUpdate::Feedback(_) => 2,
-                GoalUpdate::Result(..) => 3,
+        .follow(&client, move |id, update, _| {
+            let (kind, got) = match update {
+                GoalUpdate::Accepted(_) => (0, None),
+                GoalUpdate::Rejected => (1, None),
+                GoalUpdate::Feedback(numbers) => (2, Some(numbers)),
+                GoalUpdate::Result(_, numbers) => (3, Some(numbers)),
                 _ => return,
             };
+            let got = got.map(|numbers| (id, numbers.sequence.len()));
+            note.lock().unwrap().extend(got);
             count[kind].fetch_add(1, Ordering::Relaxed);
         })
         .unwrap();
@@ -278,6 +283,7 @@ fn goals(options: ActionOptions) -> Goals {
         client,
         accepted,
         heard,
+        numbers,
         running,
     }
 }
@@ -318,14 +324,24 @@ fn rclc_5_many_goals_keep_their_results_and_nothing_stays_ready() {
     }
     assert!(all.hears(8, 0, 0, 0));
     let pursued: Vec<_> = all.accepted.lock().unwrap().drain(..).collect();
-    for goal in &pursued {
-        goal.feedback(&Numbers::of(3)).unwrap();
+    let expected = |from: usize| {
+        let goals = pursued.iter().zip(from..);
+        goals.map(|(goal, n)| (goal.id(), n)).collect::<Vec<_>>()
+    };
+    // All before any is taken: one buffer for all would hold the last one's.
+    for (goal, (_, n)) in pursued.iter().zip(expected(3)) {
+        goal.feedback(&Numbers::of(n)).unwrap();
     }
     assert!(all.hears(8, 0, 8, 0));
-    for goal in &pursued {
-        goal.succeed(&Numbers::of(4)).unwrap();
+    assert_eq!(*all.numbers.lock().unwrap(), expected(3));
+    all.numbers.lock().unwrap().clear();
+    for (goal, (_, n)) in pursued.iter().zip(expected(13)) {
+        goal.succeed(&Numbers::of(n)).unwrap();
     }
     assert!(all.hears(8, 0, 8, 8));
+    let mut results = all.numbers.lock().unwrap().clone();
+    results.sort_unstable_by_key(|(_, n)| *n);
+    assert_eq!(results, expected(13));
     std::thread::sleep(40 * MS); // they expire
     sleeps(&all.running, "serve");
     sleeps(&all.running, "follow");
