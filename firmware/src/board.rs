@@ -51,6 +51,7 @@ static VECTORS: [Vector; 16 + 82] = {
     v[14] = Vector { function: PendSV };
     v[15] = Vector { function: SysTick };
     v[16 + crate::regs::IRQ_TIM5] = Vector { function: tim5 };
+    v[16 + crate::regs::IRQ_TIM3] = Vector { function: tim3 };
     v[16 + crate::regs::IRQ_USART2] = Vector { function: usart2 };
     v
 };
@@ -81,6 +82,10 @@ pub unsafe extern "C" fn Reset() -> ! {
 
 unsafe extern "C" fn tim5() {
     time::alarm();
+}
+
+unsafe extern "C" fn tim3() {
+    crate::line::tick();
 }
 
 unsafe extern "C" fn usart2() {

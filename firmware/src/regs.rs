@@ -21,6 +21,7 @@ impl Reg {
 }
 
 const TIM2: usize = 0x4000_0000;
+const TIM3: usize = 0x4000_0400;
 const TIM5: usize = 0x4000_0C00;
 
 /// Peripheral clock enable, APB1.
@@ -32,6 +33,9 @@ pub const RCC_AHB1ENR: Reg = Reg(0x4002_3830);
 pub const CLOCK: Timer = Timer(TIM2);
 /// The ringing timer.
 pub const ALARM: Timer = Timer(TIM5);
+
+/// The timer of the emulated line; 32 bits wide in QEMU only.
+pub const LINE: Timer = Timer(TIM3);
 
 /// A general-purpose 32-bit timer.
 #[derive(Clone, Copy)]
@@ -70,6 +74,8 @@ impl Timer {
 
 /// Interrupt number of TIM5.
 pub const IRQ_TIM5: usize = 50;
+/// Interrupt number of TIM3.
+pub const IRQ_TIM3: usize = 29;
 /// Interrupt number of USART2.
 pub const IRQ_USART2: usize = 38;
 
@@ -79,4 +85,9 @@ pub fn enable_interrupt(irq: usize) {
     // SAFETY: NVIC_IPR of an existing interrupt.
     unsafe { priority.write_volatile(6 << 4) };
     Reg(0xE000_E100 + irq / 32 * 4).set(1 << (irq % 32));
+}
+
+/// Forgets that interrupt `irq` is pending.
+pub fn forget_interrupt(irq: usize) {
+    Reg(0xE000_E280 + irq / 32 * 4).set(1 << (irq % 32));
 }

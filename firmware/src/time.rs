@@ -1,10 +1,14 @@
-//! The board's clock: TIM2 counts at 4 MHz, its overflows are counted as it is read; TIM5 rings.
+//! The board's clock: TIM2 counts, its overflows are counted as it is read; TIM5 rings.
 //!
-//! A reading at least every 17 minutes keeps the overflow count right: TIM5 rings at the latest
-//! after 4 s, also if nobody asked.
+//! A reading at least every 34 s keeps the overflow count right: TIM5 rings at the latest after 4 s,
+//! also if nobody asked.
+//!
+//! In QEMU a tick is an instruction, so that what happens while the clock [stands
+//! still](stand_still) leaves no trace, not even in the instant within a tick.
 
-use crate::regs::{ALARM, CLOCK, IRQ_TIM5, RCC_APB1ENR, enable_interrupt};
+use crate::regs::{ALARM, CLOCK, IRQ_TIM5, RCC_APB1ENR, Timer, enable_interrupt, forget_interrupt};
 use core::sync::atomic::{AtomicU32, Ordering};
+use replenish_os::freertos::AtomicU64;
 
 /// What the timers are clocked with: QEMU's model of this chip says 1 GHz, and cannot be told
 /// otherwise; a real board at 168 MHz has twice its APB1 clock.
@@ -14,7 +18,11 @@ const TIMER_HZ: u32 = if cfg!(feature = "hardware") {
     1_000_000_000
 };
 /// Ticks per second.
-const RATE: u32 = 4_000_000;
+const RATE: u32 = if cfg!(feature = "hardware") {
+    4_000_000
+} else {
+    125_000_000
+};
 /// Nanoseconds per tick.
 pub const RESOLUTION: u64 = 1_000_000_000 / RATE as u64;
 /// The longest time between two rings, in ns.
@@ -44,9 +52,36 @@ pub fn start() {
     enable_interrupt(IRQ_TIM5);
 }
 
-/// Nanoseconds since [`start`].
+/// Time for which the clock stood still, in ns.
+static STOOD: AtomicU64 = AtomicU64::new(0);
+/// What the alarm is set to.
+static ARMED: AtomicU64 = AtomicU64::new(u64::MAX);
+
+/// Nanoseconds since [`start`], without those for which the clock stood still.
 #[unsafe(no_mangle)]
 extern "C" fn rp_board_now() -> u64 {
+    // Masked, so that the clock does not stand still between the two.
+    let before = mask();
+    let now = raw() - STOOD.load(Ordering::Relaxed);
+    unmask(before);
+    now
+}
+
+/// The clock stands still while `f` runs, which is given the time that it took so far. For
+/// interrupts of the priority of the timers; what rings meanwhile rings when it ought to.
+pub fn stand_still(f: impl FnOnce(&dyn Fn() -> u64)) {
+    let begin = raw();
+    f(&|| raw() - begin);
+    STOOD.store(
+        STOOD.load(Ordering::Relaxed) + (raw() - begin),
+        Ordering::Relaxed,
+    );
+    ring_after(ALARM, until(ARMED.load(Ordering::Relaxed)));
+    forget_interrupt(IRQ_TIM5);
+}
+
+/// Nanoseconds since [`start`].
+fn raw() -> u64 {
     let before = mask();
     let count = CLOCK.cnt().get();
     if count < LAST.load(Ordering::Relaxed) {
@@ -61,27 +96,41 @@ extern "C" fn rp_board_now() -> u64 {
 /// Rings at `at` (at once if that has passed) by calling the back end's `on_timer`.
 #[unsafe(no_mangle)]
 extern "C" fn rp_board_arm(at: u64) {
-    let wait = at.saturating_sub(rp_board_now()).min(LONGEST);
-    // 4 MHz times the prescaler of the clock, so that both count alike.
+    ARMED.store(at, Ordering::Relaxed);
+    ring_after(ALARM, until(at));
+}
+
+fn until(at: u64) -> u64 {
+    at.saturating_sub(rp_board_now()).min(LONGEST)
+}
+
+/// Lets `timer` interrupt once, in `wait` ns.
+pub(crate) fn ring_after(timer: Timer, wait: u64) {
+    // As fast as the clock times its prescaler, so that both count alike.
     let ticks = (wait * u64::from(TIMER_HZ / RATE))
         .div_ceil(RESOLUTION)
         .max(SHORTEST);
-    ALARM.cr1().set(URS);
-    ALARM.arr().set(ticks as u32);
-    ALARM.sr().set(0);
+    timer.cr1().set(URS);
+    timer.arr().set(ticks as u32);
+    timer.sr().set(0);
     // Counting before it starts afresh, so that the shortest time is not over before.
-    ALARM.cr1().set(URS | CEN);
+    timer.cr1().set(URS | CEN);
     // The chip counts from where it was; QEMU's model counts from the writing of the reload
     // register, and twice too long after a fresh start (seen in 10.0.2).
     if cfg!(feature = "hardware") {
-        ALARM.egr().set(1);
+        timer.egr().set(1);
     }
+}
+
+/// `timer` has rung: it rests until it is told otherwise.
+pub(crate) fn rang(timer: Timer) {
+    timer.cr1().set(URS);
+    timer.sr().set(0);
 }
 
 /// TIM5's interrupt.
 pub fn alarm() {
-    ALARM.cr1().set(URS);
-    ALARM.sr().set(0);
+    rang(ALARM);
     replenish_os::freertos::on_timer();
 }
 

@@ -23,6 +23,16 @@ pub(crate) struct Args {
           value_parser = clap::value_parser!(u64).range(1..=10_000))]
     interval: u64,
 
+    /// Send a pair, with its number, for each message on topic `tick` instead: the clock of a board,
+    /// whose time is not that of this machine
+    #[arg(long, conflicts_with = "interval")]
+    ticked: bool,
+
+    /// Messages of the low topic on top of each pair
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "ticked",
+          value_parser = clap::value_parser!(u32).range(0..=100))]
+    flood: u32,
+
     /// Stop after this time instead of at SIGINT or SIGTERM
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=86_400))]
     seconds: Option<u64>,
@@ -49,6 +59,8 @@ pub(crate) fn run(args: &Args) -> Outcome {
         interval: options::ms(args.interval),
         cpu: args.cpu,
         supervised: args.supervised,
+        ticked: args.ticked,
+        flood: args.flood,
     };
     if args.supervised {
         supervised::listen(SharedGrid::clone(&grid), stop.clone());
@@ -58,10 +70,12 @@ pub(crate) fn run(args: &Args) -> Outcome {
         supervised::emit(&Event::Ready(ping.ready()));
         stop.wait_forever();
     } else {
-        println!(
-            "sending high_ping and low_ping every {} ms to {}",
-            args.interval, args.agent
-        );
+        let pace = if args.ticked {
+            "for each tick".to_string()
+        } else {
+            format!("every {} ms", args.interval)
+        };
+        println!("sending high_ping and low_ping {pace} to {}", args.agent);
         let end = args
             .seconds
             .map(|s| Instant::now() + Duration::from_secs(s));

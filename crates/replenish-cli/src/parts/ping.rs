@@ -33,12 +33,17 @@ pub(crate) struct Config {
     pub cpu: Option<usize>,
     /// Whether an orchestrator reads the events.
     pub supervised: bool,
+    /// Whether each message of topic `tick` releases a pair, with its number, instead of the clock.
+    pub ticked: bool,
+    /// Messages of the low topic on top of each pair that a tick releases.
+    pub flood: u32,
 }
 
 /// A ping that runs.
 pub(crate) struct Ping {
     running: RunningExecutor,
-    sender: Thread<()>,
+    /// Absent where ticks release the messages.
+    sender: Option<Thread<()>>,
     answers: Arc<[Answers; 2]>,
     sent: Arc<[AtomicU64; 2]>,
     failed: Arc<AtomicU64>,
@@ -91,8 +96,6 @@ pub(crate) fn start(config: &Config, grid: &SharedGrid, stop: &Stop) -> Result<P
             .subscribe(&node, topic.as_str(), Qos::best_effort(), count)
             .map_err(Failure::refused)?;
     }
-    let running = exec.start().map_err(Failure::refused)?;
-
     let sent = Arc::new([AtomicU64::new(0), AtomicU64::new(0)]);
     let failed = Arc::new(AtomicU64::new(0));
     let sender = Sender {
@@ -102,12 +105,26 @@ pub(crate) fn start(config: &Config, grid: &SharedGrid, stop: &Stop) -> Result<P
         failed: Arc::clone(&failed),
         interval: config.interval,
     };
+    let sender = if config.ticked {
+        let flood = config.flood;
+        let release = move |tick: &Int32, _: &replenish::CallbackContext<'_>| {
+            sender.pair(tick.data, flood);
+        };
+        worker
+            .subscribe(&node, "tick", Qos::best_effort(), release)
+            .map_err(Failure::refused)?;
+        None
+    } else {
+        Some(sender)
+    };
+    let running = exec.start().map_err(Failure::refused)?;
+
     let spec = ThreadSpec::new("sender")
         .policy(fifo_or_other(SENDER_PRIORITY))
         .cpu(config.cpu);
     let (grid, stop) = (Arc::clone(grid), stop.clone());
-    let sender =
-        spawn(spec, move || sender.run(&grid, supervised, &stop)).map_err(|e| panicked(&e))?;
+    let run = |sender: Sender| spawn(spec, move || sender.run(&grid, supervised, &stop));
+    let sender = sender.map(run).transpose().map_err(|e| panicked(&e))?;
     Ok(Ping {
         running,
         sender,
@@ -153,7 +170,9 @@ impl Ping {
     /// Ends it, after the stop was triggered.
     pub(crate) fn end(self) -> Result<Totals, Failure> {
         let totals = self.totals();
-        self.sender.join().map_err(|_| panicked(&"it panicked"))?;
+        if let Some(sender) = self.sender {
+            sender.join().map_err(|_| panicked(&"it panicked"))?;
+        }
         self.running.stop();
         Ok(totals)
     }

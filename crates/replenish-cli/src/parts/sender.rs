@@ -96,6 +96,14 @@ impl Sender {
         }
     }
 
+    /// One message on each topic, and `flood` more on the low one.
+    pub(crate) fn pair(&self, number: i32, flood: u32) {
+        self.send(0, number);
+        for _ in 0..=flood {
+            self.send(1, number);
+        }
+    }
+
     /// Sends one message; whether it went out.
     fn send(&self, topic: usize, data: i32) -> bool {
         let (Some(publisher), Some(sent)) = (self.topics.get(topic), self.sent.get(topic)) else {

@@ -1,0 +1,100 @@
+//! A callback of pong: it answers a message with a burst of CPU time.
+
+use crate::case::Worker;
+use crate::work::Burst;
+use alloc::sync::Arc;
+use core::sync::atomic::{AtomicU32, Ordering};
+use replenish::Publisher;
+use replenish::middleware::PublishError;
+use replenish::msg::std_msgs::Int32;
+use replenish_os::freertos::AtomicU64;
+use replenish_os::{Signal, clock};
+
+/// What all workers and the main task share.
+#[derive(Debug, Default)]
+pub struct Scene {
+    /// When the first message of the run reached a callback, in ns; 0: none has.
+    pub begun: AtomicU64,
+    /// Rings at that moment.
+    pub begin: Signal,
+}
+
+/// What a worker has done.
+#[derive(Debug, Default)]
+pub struct Count {
+    /// Answers published.
+    pub answered: AtomicU32,
+    /// Answers that the middleware did not take.
+    pub failed: AtomicU32,
+    /// Messages before the run, which are not answered.
+    pub rehearsed: AtomicU32,
+}
+
+/// One worker's callback. An answer takes its burst of the worker's CPU time all in all: what the
+/// executor needs of it to take the message and to send the answer is part of it.
+pub struct Answer {
+    /// Which worker.
+    pub worker: Worker,
+    /// What others see of it.
+    pub count: Arc<Count>,
+    /// What it shares.
+    pub scene: Arc<Scene>,
+    /// Its topic; a worker in a flood has none.
+    pub pong: Option<Publisher<Int32>>,
+    /// How to burn.
+    pub burst: Burst,
+    /// CPU time of an answer, in ns.
+    pub cpu: u64,
+    /// What it sleeps after that, in ns.
+    pub sleep: u64,
+    /// What the worker's CPU clock is to say when the answer that is worked on is done.
+    pub target: Option<u64>,
+}
+
+impl Answer {
+    /// Answers `ping`; a number below 0 is a rehearsal.
+    ///
+    /// # Errors
+    /// Of the middleware.
+    pub fn answer(&mut self, ping: &Int32) -> Result<(), PublishError> {
+        if ping.data < 0 {
+            self.count.rehearsed.fetch_add(1, Ordering::Relaxed);
+            return Ok(());
+        }
+        let first = self.target.is_none();
+        if first {
+            self.wait_for_turn();
+        }
+        if self.worker.endless {
+            loop {
+                core::hint::black_box(()); // not `spin_loop`, which QEMU is slow at
+            }
+        }
+        let target = self.target.unwrap_or_else(clock::thread_cpu) + self.cpu;
+        self.target = Some(target);
+        self.burst.until(target);
+        if self.sleep > 0 {
+            clock::sleep_until(clock::monotonic() + self.sleep);
+        }
+        let sent = self.pong.as_ref().map_or(Ok(()), |pong| pong.publish(ping));
+        let count = if sent.is_ok() {
+            &self.count.answered
+        } else {
+            &self.count.failed
+        };
+        count.fetch_add(1, Ordering::Relaxed);
+        sent
+    }
+
+    /// The first message begins the run, and the worker's offset counts from there.
+    fn wait_for_turn(&self) {
+        let now = clock::monotonic();
+        if self.scene.begun.load(Ordering::SeqCst) == 0 {
+            self.scene.begun.store(now, Ordering::SeqCst);
+            self.scene.begin.set();
+        }
+        if self.worker.offset > 0 {
+            clock::sleep_until(self.scene.begun.load(Ordering::SeqCst) + self.worker.offset);
+        }
+    }
+}

@@ -1,0 +1,311 @@
+//! Pong over a serial line: executor, XRCE client, USART2. The host's agent and ping are at the other
+//! end; the board tells them the time.
+//!
+//! ```text
+//!   board, every 10 ms:  tick ──► host's ping: high_ping, low_ping ──► high, low: a burst each
+//!                        host's ping counts ◄── high_pong, low_pong ◄──┘
+//! ```
+//!
+//! Ticks below 0 rehearse until the host answers; tick n >= 0 is message n of both topics. The
+//! workers are those of the command line ([`firmware::options`]): the first answers topic high, the
+//! last, without a budget, topic low, and any between them topic high as well.
+#![no_std]
+#![no_main]
+
+extern crate alloc;
+
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use firmware::answer::{Answer, Count, Scene};
+use firmware::options::{self, Options};
+use firmware::shared_port::SharedPort;
+use firmware::uart::Usart2;
+use firmware::work::Burst;
+use firmware::{console, line, say, uart};
+use replenish::middleware::xrce::{Xrce, XrceConfig};
+use replenish::msg::std_msgs::Int32;
+use replenish::{Context, Error, Event, Executor, Policy, Publisher, Qos, RunningExecutor};
+use replenish_os::freertos::{SealedHeap, panicked, start};
+use replenish_os::{ThreadSpec, Usage, clock, spawn};
+
+#[global_allocator]
+static HEAP: SealedHeap<{ 88 * 1024 }> = SealedHeap::new();
+
+const MS: u64 = 1_000_000;
+/// Between two ticks, in ns.
+const INTERVAL: u64 = 10 * MS;
+/// Above the workers, so that it ends the measurement on time.
+const MAIN: u8 = 97;
+/// The task that sends the ticks.
+const CLOCK: u8 = 96;
+
+/// Keeps the board busy while it waits for the host at set-up: virtual time would jump.
+static AWAKE: AtomicBool = AtomicBool::new(true);
+static LINK_LOST: AtomicU32 = AtomicU32::new(0);
+static LINK_BACK: AtomicU32 = AtomicU32::new(0);
+/// CPU time of the task that sends the ticks, in us.
+static CLOCK_CPU: AtomicU32 = AtomicU32::new(0);
+static UNSENT: AtomicU32 = AtomicU32::new(0);
+static OVER: AtomicBool = AtomicBool::new(false);
+
+#[unsafe(no_mangle)]
+extern "C" fn image_main() -> ! {
+    let started = start(MAIN, 16384, || {
+        let mut line = [0_u8; 256];
+        match options::read(console::command_line(&mut line)) {
+            Ok(options) => {
+                if let Err(e) = run(&options) {
+                    say!("{e}");
+                    console::exit(false)
+                }
+                console::exit(panicked().count == 0 && HEAP.usage().refused == 0)
+            }
+            Err(what) => {
+                say!("the command line was not understood: {what}");
+                console::exit(false)
+            }
+        }
+    });
+    say!("the kernel did not start: {:?}", started.err());
+    console::exit(false)
+}
+
+/// A worker while it runs.
+struct Running {
+    name: &'static str,
+    count: Arc<Count>,
+    before: Usage,
+}
+
+fn run(options: &Options) -> Result<(), Error> {
+    let burst = Burst::calibrate();
+    stay_awake();
+    let config = XrceConfig {
+        key: Some(*b"pong"),
+        connect_timeout: 600_000 * MS, // virtual: the emulator may be fast
+        request_timeout: 60_000 * MS,
+        ..XrceConfig::small()
+    };
+    let port = SharedPort::new(Usart2::start(options.baud), config.mtu);
+    let frames = port.clone();
+    let context = Context::new(Xrce::over("the agent", port, config)?);
+    let node = context.node("pong")?;
+    let tick = node.publisher::<Int32>("tick", Qos::best_effort())?;
+    let mut exec = Executor::new(&context);
+    exec.on_event(told);
+    let scene = Arc::new(Scene::default());
+    let mut workers = Vec::new();
+    let last = options.case.workers.len() - 1;
+    for (i, worker) in options.case.workers.iter().enumerate() {
+        let name = ["high", "high2", "high3", "high4", "high5", "high6", "high7"]
+            .get(i)
+            .filter(|_| i < last)
+            .unwrap_or(&"low");
+        let (ping, pong) = if i < last {
+            ("high_ping", "high_pong")
+        } else {
+            ("low_ping", "low_pong")
+        };
+        let sleep = if worker.budget == 0 { options.sleep } else { 0 };
+        let ns = options.burst * MS;
+        let count = Arc::new(Count::default());
+        let mut answer = Answer {
+            worker: *worker,
+            count: Arc::clone(&count),
+            scene: Arc::clone(&scene),
+            pong: Some(node.publisher::<Int32>(pong, Qos::best_effort())?),
+            burst,
+            cpu: ns * (100 - sleep) / 100,
+            sleep: ns * sleep / 100,
+            target: None,
+        };
+        let policy = match worker.params() {
+            Some(params) => Policy::Sporadic(params),
+            None => Policy::fifo(worker.priority)?,
+        };
+        exec.worker(name)
+            .policy(policy)
+            .stack_size(6144)
+            .subscribe(&node, ping, Qos::best_effort(), move |ping: &Int32, _| {
+                answer.answer(ping)
+            })?;
+        workers.push(Running {
+            name,
+            count,
+            before: Usage::default(),
+        });
+    }
+    let running = exec.start()?;
+    let answers = workers.len() as u32 + options.flood;
+    rehearse(&tick, &workers);
+    line::disturb(options.noise);
+    if options.lockstep {
+        AWAKE.store(false, Ordering::SeqCst);
+    }
+    send_ticks(tick, options, answers);
+    scene.begin.wait();
+    let begun = scene.begun.load(Ordering::SeqCst);
+    let before = snapshot(&running, &mut workers);
+    HEAP.seal();
+    clock::sleep_until(begun + options.case.length);
+    let elapsed = clock::monotonic() - begun;
+    report(options, &running, &workers, before, elapsed);
+    let frames = frames.stats();
+    say!(
+        "\"frames\": {{\"delivered\": {}, \"damaged\": {}}}}}",
+        frames.delivered,
+        frames.damaged,
+    );
+    OVER.store(true, Ordering::SeqCst);
+    AWAKE.store(true, Ordering::SeqCst);
+    // The host must see the last answers before the emulator ends: one more tick and its answer.
+    clock::sleep_until(clock::monotonic() + 100 * MS);
+    core::mem::forget(running);
+    Ok(())
+}
+
+fn told(event: &Event<'_>) {
+    match event {
+        Event::Link { up: true } => LINK_BACK.fetch_add(1, Ordering::Relaxed),
+        Event::Link { up: false } => LINK_LOST.fetch_add(1, Ordering::Relaxed),
+        _ => {
+            say!("# {event}");
+            0
+        }
+    };
+}
+
+/// A task below all others that is never idle while it is told so.
+fn stay_awake() {
+    let spec = ThreadSpec::new("awake")
+        .policy(Policy::fifo(1).unwrap_or_default())
+        .stack_size(1024);
+    let body = || {
+        while AWAKE.load(Ordering::Relaxed) {
+            core::hint::black_box(());
+        }
+    };
+    if let Err(e) = spawn(spec, body) {
+        say!("no task: {e}");
+        console::exit(false)
+    }
+}
+
+/// Ticks below 0, until the host has answered on every topic.
+fn rehearse(tick: &Publisher<Int32>, workers: &[Running]) {
+    let heard = |w: &Running| w.count.rehearsed.load(Ordering::Relaxed) > 0;
+    let mut more = 30;
+    while more > 0 {
+        tick.publish(&Int32 { data: -1 }).ok();
+        clock::sleep_until(clock::monotonic() + INTERVAL);
+        // What the host sends for the last of them has to come before the run begins.
+        if workers.iter().all(heard) {
+            more -= 1;
+            clock::sleep_until(clock::monotonic() + INTERVAL);
+        }
+    }
+}
+
+/// The task that tells the host the time.
+fn send_ticks(tick: Publisher<Int32>, options: &Options, answers: u32) {
+    let lockstep = options.lockstep;
+    let send = move |data| {
+        if tick.publish(&Int32 { data }).is_err() {
+            UNSENT.fetch_add(1, Ordering::Relaxed);
+        } else if lockstep {
+            line::expect(answers);
+        }
+    };
+    let body = move || {
+        let mut next = clock::monotonic();
+        for n in 0.. {
+            next += INTERVAL;
+            clock::sleep_until(next);
+            if OVER.load(Ordering::SeqCst) {
+                return send(-2);
+            }
+            send(n);
+            CLOCK_CPU.store((clock::thread_cpu() / 1_000) as u32, Ordering::Relaxed);
+        }
+    };
+    let spec = ThreadSpec::new("clock")
+        .policy(Policy::fifo(CLOCK).unwrap_or_default())
+        .stack_size(6144);
+    if let Err(e) = spawn(spec, body) {
+        say!("no task: {e}");
+        console::exit(false)
+    }
+}
+
+/// What has been used when the run begins, to be subtracted: of each worker, and dispatcher and clock.
+fn snapshot(running: &RunningExecutor, workers: &mut [Running]) -> (u64, u64) {
+    for w in workers {
+        w.before = running.usage(w.name).unwrap_or_default();
+    }
+    support(running)
+}
+
+/// CPU time of dispatcher and clock in ns.
+fn support(running: &RunningExecutor) -> (u64, u64) {
+    let dispatcher = running.usage("dispatcher").unwrap_or_default();
+    let clock = u64::from(CLOCK_CPU.load(Ordering::Relaxed)) * 1_000;
+    (dispatcher.cpu_high + dispatcher.cpu_low, clock)
+}
+
+/// Prints all but the end.
+fn report(
+    options: &Options,
+    running: &RunningExecutor,
+    workers: &[Running],
+    before: (u64, u64),
+    elapsed: u64,
+) {
+    let (dispatcher, clock) = support(running);
+    say!(
+        "{{\"elapsed_ns\": {elapsed}, \"baud\": {}, \"workers\": [",
+        options.baud
+    );
+    for (i, (w, asked)) in workers.iter().zip(&options.case.workers).enumerate() {
+        let comma = if i + 1 < workers.len() { "," } else { "" };
+        let usage = running.usage(w.name).unwrap_or_default();
+        say!(
+            "{{\"name\": \"{}\", \"priority\": {}, \"budget_ms\": {}, \"period_ms\": {}, \"offset_ms\": {}, \
+             \"answered\": {}, \"failed\": {}, \"cpu_high_ns\": {}, \"cpu_low_ns\": {}, \"exhaustions\": {}}}{comma}",
+            w.name,
+            asked.priority,
+            asked.budget / MS,
+            asked.period / MS,
+            asked.offset / MS,
+            w.count.answered.load(Ordering::Relaxed),
+            w.count.failed.load(Ordering::Relaxed),
+            usage.cpu_high - w.before.cpu_high,
+            usage.cpu_low - w.before.cpu_low,
+            usage.exhaustions - w.before.exhaustions,
+        );
+    }
+    let (port, line, heap) = (uart::counts(), line::counts(), HEAP.usage());
+    say!(
+        "], \"dispatcher_ns\": {}, \"clock_ns\": {}, \"ticks_unsent\": {}, \"link_lost\": {}, \"link_back\": {}, \
+         \"heap_used\": {}, \"heap_refused\": {},",
+        dispatcher - before.0,
+        clock - before.1,
+        UNSENT.load(Ordering::Relaxed),
+        LINK_LOST.load(Ordering::Relaxed),
+        LINK_BACK.load(Ordering::Relaxed),
+        heap.used,
+        heap.refused,
+    );
+    say!(
+        "\"uart\": {{\"received\": {}, \"sent\": {}, \"overruns\": {}, \"disturbed\": {}, \"misframed\": {}, \
+         \"dropped\": {}, \"damaged_on_purpose\": {}, \"unanswered\": {}}},",
+        port.received,
+        port.sent,
+        port.overruns,
+        port.disturbed,
+        port.misframed,
+        port.dropped,
+        line.damaged,
+        line.unanswered,
+    );
+}

@@ -1,0 +1,205 @@
+//! What QEMU's USART lacks: a line that takes time, disturbs bytes if it is told to, and a host that
+//! is neither faster nor slower than the board.
+//!
+//! ```text
+//!   host ─► USART ─► INCOMING ──┐ one byte per byte time (TIM3) ┌──► RX ring
+//!   host ◄─ USART ◄─────────────┘                               └─── TX ring
+//! ```
+//!
+//! **Lockstep.** Under `-icount` virtual time runs ahead of the host's, or behind. After
+//! [`expect`], as soon as what was written before has left, the board's clock stands still until the
+//! host's answer has arrived: so many samples. They then take their time on the line like any byte.
+//! The board never sees how fast the host is, and a run can be repeated.
+//!
+//! Not part of a build for a real board, but for [`PACED`], which is false there.
+
+use crate::frames::Frames;
+use crate::regs::{IRQ_TIM3, LINE, RCC_APB1ENR, enable_interrupt};
+use crate::ring::Ring;
+use crate::{time, uart};
+use core::cell::UnsafeCell;
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use replenish_os::clock;
+
+/// Whether the bytes are paced here.
+pub const PACED: bool = !cfg!(feature = "hardware");
+
+/// How long the host may take, in ns of the emulator's time.
+const PATIENCE: u64 = 4_000_000_000;
+
+static INCOMING: Ring<8192> = Ring::new();
+/// ns for ten bits.
+static BYTE: AtomicU32 = AtomicU32::new(0);
+static RUNS: AtomicBool = AtomicBool::new(false);
+/// Every so manieth byte loses a bit; 0: none.
+static NOISE: AtomicU32 = AtomicU32::new(0);
+static PASSED: AtomicU32 = AtomicU32::new(0);
+static DAMAGED: AtomicU32 = AtomicU32::new(0);
+/// Samples that the host owes; 0: nothing is expected.
+static EXPECTED: AtomicU32 = AtomicU32::new(0);
+/// What must have left before: bytes of the TX ring, modulo 2^32.
+static AFTER: AtomicU32 = AtomicU32::new(0);
+static SAMPLES: AtomicU32 = AtomicU32::new(0);
+static UNANSWERED: AtomicU32 = AtomicU32::new(0);
+
+/// What interrupts share; all of them have the same priority.
+struct Shared(UnsafeCell<State>);
+
+struct State {
+    frames: Frames,
+    due: u64,
+    /// Bytes were delivered since the bell last rang.
+    fresh: bool,
+}
+
+// SAFETY: only interrupts of one priority reach it, which do not interrupt each other.
+unsafe impl Sync for Shared {}
+
+static STATE: Shared = Shared(UnsafeCell::new(State {
+    frames: Frames::new(),
+    due: 0,
+    fresh: false,
+}));
+
+/// What the line has done to the traffic.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Counts {
+    /// Bytes that lost a bit on purpose.
+    pub damaged: u32,
+    /// Times the host did not answer what was expected.
+    pub unanswered: u32,
+}
+
+/// What was counted so far.
+pub fn counts() -> Counts {
+    Counts {
+        damaged: DAMAGED.load(Ordering::Relaxed),
+        unanswered: UNANSWERED.load(Ordering::Relaxed),
+    }
+}
+
+/// Sets the pace.
+pub(crate) fn start(baud: u32) {
+    if !PACED {
+        return;
+    }
+    BYTE.store(
+        (10_000_000_000 / u64::from(baud.max(1))) as u32,
+        Ordering::Relaxed,
+    );
+    RCC_APB1ENR.set(RCC_APB1ENR.get() | 1 << 1);
+    LINE.psc().set(0);
+    LINE.dier().set(1);
+    enable_interrupt(IRQ_TIM3);
+}
+
+/// From now on every `n`th byte, in either direction, loses a bit; 0: none does.
+pub fn disturb(n: u32) {
+    NOISE.store(n, Ordering::Relaxed);
+}
+
+/// When all that was written has left, time stands still until the host has sent `samples`.
+pub fn expect(samples: u32) {
+    AFTER.store(uart::TX.total_put(), Ordering::Relaxed);
+    EXPECTED.store(samples, Ordering::Release);
+    go();
+}
+
+/// Lets the line run if it does not.
+pub(crate) fn go() {
+    if !RUNS.swap(true, Ordering::AcqRel) {
+        time::ring_after(LINE, BYTE.load(Ordering::Relaxed).into());
+    }
+}
+
+/// The chip has received something.
+pub(crate) fn arrived() {
+    // SAFETY: called by the interrupt only, and nothing below calls back.
+    let state = unsafe { &mut *STATE.0.get() };
+    take(&mut state.frames);
+    go();
+}
+
+/// Takes a byte off the chip.
+fn take(frames: &mut Frames) {
+    if INCOMING.is_full() {
+        return uart::listen(false); // the host waits
+    }
+    if let Some(byte) = uart::fetch() {
+        INCOMING.push(byte);
+        SAMPLES.fetch_add(frames.push(byte), Ordering::Relaxed);
+    }
+}
+
+/// TIM3's interrupt: the time of one byte is over.
+pub(crate) fn tick() {
+    time::rang(LINE);
+    // SAFETY: as in `arrived`.
+    let state = unsafe { &mut *STATE.0.get() };
+    let byte = u64::from(BYTE.load(Ordering::Relaxed));
+    let now = clock::monotonic();
+    // An interrupt that comes late does not slow the line; after a pause it starts afresh.
+    let due = state.due + byte;
+    state.due = if due + byte < now { now } else { due };
+    match INCOMING.pop() {
+        Some(got) => {
+            uart::deliver(passed(got));
+            state.fresh = true;
+            uart::listen(true);
+            if uart::RX.len() >= 512 {
+                uart::ring();
+            }
+        }
+        // A byte time without a byte: the line is silent.
+        None if core::mem::take(&mut state.fresh) => uart::ring(),
+        None => {}
+    }
+    if let Some(next) = uart::TX.pop() {
+        uart::transmit(passed(next));
+        uart::tell_room();
+    }
+    if EXPECTED.load(Ordering::Acquire) > 0 && left() {
+        time::stand_still(|elapsed| await_host(&mut state.frames, elapsed));
+    }
+    let more = state.fresh || !INCOMING.is_empty() || !uart::TX.is_empty();
+    RUNS.store(more, Ordering::Release);
+    if more {
+        time::ring_after(LINE, (state.due + byte).saturating_sub(clock::monotonic()));
+    }
+}
+
+/// Whether all has left that the host has to see.
+fn left() -> bool {
+    let ahead = AFTER
+        .load(Ordering::Relaxed)
+        .wrapping_sub(uart::TX.total_taken());
+    ahead == 0 || ahead > u32::MAX / 2
+}
+
+/// Polls the chip until the samples are there.
+fn await_host(frames: &mut Frames, elapsed: &dyn Fn() -> u64) {
+    let owed = EXPECTED.swap(0, Ordering::AcqRel);
+    uart::listen(false);
+    while SAMPLES.load(Ordering::Relaxed) < owed {
+        take(frames);
+        if elapsed() > PATIENCE {
+            UNANSWERED.fetch_add(1, Ordering::Relaxed);
+            break;
+        }
+    }
+    SAMPLES.store(0, Ordering::Relaxed);
+    uart::listen(true);
+}
+
+/// What becomes of a byte on the line.
+fn passed(byte: u8) -> u8 {
+    let n = PASSED.load(Ordering::Relaxed).wrapping_add(1);
+    PASSED.store(n, Ordering::Relaxed);
+    match NOISE.load(Ordering::Relaxed) {
+        every if every > 0 && n.is_multiple_of(every) => {
+            DAMAGED.fetch_add(1, Ordering::Relaxed);
+            byte ^ 1 << (n / every % 8)
+        }
+        _ => byte,
+    }
+}
