@@ -101,6 +101,7 @@ pub fn disturb(n: u32) {
 /// When all that was written has left, time stands still until the host has sent `samples`.
 pub fn expect(samples: u32) {
     AFTER.store(uart::TX.total_put(), Ordering::Relaxed);
+    SAMPLES.store(0, Ordering::Relaxed);
     EXPECTED.store(samples, Ordering::Release);
     go();
 }
@@ -187,7 +188,6 @@ fn await_host(frames: &mut Frames, elapsed: &dyn Fn() -> u64) {
             break;
         }
     }
-    SAMPLES.store(0, Ordering::Relaxed);
     uart::listen(true);
 }
 
