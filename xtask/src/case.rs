@@ -16,6 +16,8 @@ pub(crate) enum Name {
     Offsets,
     /// A worker in an endless loop, with a budget, beside one that works
     Runaway,
+    /// The sweep on the executor: pings, answers, dispatcher and enforcer in one image
+    Executor,
 }
 
 /// One worker: `budget` 0 is one without.
@@ -90,6 +92,7 @@ pub(crate) fn cases(name: Name) -> Vec<Vec<Worker>> {
             }
             all
         }
+        Name::Executor => Vec::new(), // its image is another one: see `executor`
         Name::Runaway => {
             let mut mad = Worker::budgeted(60, 30, 100, 0);
             mad.endless = true;

@@ -5,10 +5,14 @@
 //! - [`case`]: the cases of each experiment, and what theory expects of them.
 //! - [`experiment`]: runs them, compares, prints and writes.
 //! - [`behaviour`]: runs the cases of the image `behaviour` like a test runner.
+//! - [`executor`]: Experiment 1 on the executor itself.
+//! - [`bench`]: what switching and handing over cost, in instructions.
 //! - [`size`]: flash and RAM of an image, by part.
 
 mod behaviour;
+mod bench;
 mod case;
+mod executor;
 mod experiment;
 mod host;
 mod qemu;
@@ -47,6 +51,12 @@ enum Board {
         #[arg(long, value_name = "PATH")]
         json: Option<PathBuf>,
     },
+    /// Prints what a context switch, a hand-off and other basic steps take, in instructions
+    Bench {
+        /// Also write the result as JSON
+        #[arg(long, value_name = "PATH")]
+        json: Option<PathBuf>,
+    },
     /// Runs an experiment on the board; fails if a count is off
     Experiment {
         /// Which one
@@ -68,6 +78,11 @@ fn main() -> ExitCode {
     let done = match board {
         Board::Check => host::check().map(|()| println!("Nothing is missing.")),
         Board::Test { filter, json } => behaviour::run(filter.as_deref(), json.as_deref()),
+        Board::Bench { json } => bench::run(json.as_deref()),
+        Board::Experiment {
+            name: case::Name::Executor,
+            json,
+        } => executor::run(json.as_deref()),
         Board::Experiment { name, json } => experiment::run(name, json.as_deref()),
         Board::Size { json } => size::run(json.as_deref()),
     };

@@ -1,0 +1,148 @@
+//! `cargo xtask board experiment executor`: Experiment 1 on the executor itself, all in one image.
+//!
+//! An answer takes 10 ms of its worker's CPU time, handling included. Held to:
+//! - high answers what its budget allows, within one burst, and its CPU time says the same;
+//! - low gets what nobody above it has used, within two bursts: dispatcher, ping worker and
+//!   enforcer take their part of the processor, and the report says how much;
+//! - CPU times of all tasks, the time before the first ping and the switches are the time that
+//!   passed;
+//! - nothing was allocated after the start.
+
+use crate::case::{BURST_MS, LENGTH_MS};
+use crate::{Outcome, qemu, write};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// Between the start and the first ping nobody has anything to do.
+const FIRST_PING_NS: f64 = 10e6;
+const BURST_NS: f64 = BURST_MS as f64 * 1e6;
+
+/// What a switch takes at most that counts for neither of its tasks: 300 instructions.
+const SWITCH_NS: f64 = 300.0 * 8.0;
+
+/// Runs the sweep, prints a table, writes JSON.
+pub(crate) fn run(path: Option<&Path>) -> Outcome {
+    let image = qemu::build("executor")?;
+    let budgets: Vec<u64> = (1..=9).map(|i| i * 10).collect();
+    // Two at a time: each point is a process of its own.
+    let mut results = Vec::new();
+    for pair in budgets.chunks(2) {
+        let ends = std::thread::scope(|scope| {
+            let runs: Vec<_> = pair
+                .iter()
+                .map(|b| scope.spawn(|| qemu::measure(&image, &[b.to_string()])))
+                .collect();
+            runs.into_iter()
+                .map(|r| r.join().unwrap_or_else(|_| Err("a run panicked".into())))
+                .collect::<Vec<_>>()
+        });
+        for (budget, end) in pair.iter().zip(ends) {
+            results.push((*budget, end?));
+        }
+    }
+    println!(
+        "{:>9} {:>15} {:>15} {:>14} {:>12} {:>14}",
+        "budget ms", "high (theory)", "low (theory)", "high's CPU ms", "others ms", "switches ms"
+    );
+    let (mut points, mut wrong) = (Vec::new(), Vec::new());
+    for (budget, result) in &results {
+        points.push(judge(*budget, result, &mut wrong)?);
+    }
+    let result = json!({
+        "experiment": "executor",
+        "board": "olimex-stm32-h405 in QEMU, FreeRTOS",
+        "length_ms": LENGTH_MS,
+        "burst_ms": BURST_MS,
+        "points": points,
+        "off": wrong,
+    });
+    write(path, &result)?;
+    if wrong.is_empty() {
+        println!(
+            "High is within one answer of theory at every point, low within two of what is left."
+        );
+        Ok(())
+    } else {
+        Err(wrong.join("\n"))
+    }
+}
+
+/// One point: its line of the table and its JSON.
+fn judge(budget: u64, result: &Value, wrong: &mut Vec<String>) -> Outcome<Value> {
+    let number = |key: &str| {
+        let value = result.get(key).and_then(Value::as_f64);
+        value.ok_or_else(|| format!("the image does not tell {key}"))
+    };
+    let tasks = result.get("tasks").and_then(Value::as_array);
+    let tasks = tasks.ok_or("the image does not tell its tasks")?;
+    let cpu = |name: &str| {
+        let task = tasks
+            .iter()
+            .find(|t| t.get("name").and_then(Value::as_str) == Some(name));
+        let cpu = task.and_then(|t| t.get("cpu_ns")?.as_f64());
+        cpu.ok_or_else(|| format!("the image has no task {name}"))
+    };
+    let elapsed = number("elapsed_ns")?;
+    let (high, low) = (number("high")?, number("low")?);
+    let (high_cpu, low_cpu) = (cpu("high")?, cpu("low")?);
+    let others = cpu("dispatcher")? + cpu("ping")? + cpu("enforcer")?;
+    let theory = (budget * LENGTH_MS / 100 / BURST_MS) as f64;
+    let switches = number("switches")?;
+    // What is nobody's CPU time, after the wait for the first ping: the switches themselves.
+    let nobodys = elapsed - FIRST_PING_NS - high_cpu - low_cpu - others;
+    let left = (elapsed - FIRST_PING_NS - high_cpu - others - nobodys) / BURST_NS;
+    println!(
+        "{budget:>9} {:>15} {:>15} {:>14.2} {:>12.1} {:>14.1}",
+        format!("{high} ({theory})"),
+        format!("{low} ({left:.1})"),
+        high_cpu / 1e6,
+        others / 1e6,
+        nobodys / 1e6
+    );
+    let mut hold = |what: bool, why: String| {
+        if !what {
+            wrong.push(format!("budget {budget} ms: {why}"));
+        }
+    };
+    hold(
+        (high - theory).abs() <= 1.0,
+        format!("high answered {high}, theory says {theory}"),
+    );
+    hold(
+        (high_cpu - theory * BURST_NS).abs() <= BURST_NS,
+        format!("high used {high_cpu} ns, not {theory} bursts"),
+    );
+    hold(
+        (low - left).abs() <= 2.0,
+        format!("low answered {low}, {left:.1} bursts were left for it"),
+    );
+    hold(
+        (0.0..switches * SWITCH_NS).contains(&nobodys),
+        format!("{nobodys} ns are nobody's in {switches} switches"),
+    );
+    let pings = number("pings")?;
+    let wanted = (LENGTH_MS / 10) as f64;
+    hold(
+        (wanted - 1.0..=wanted).contains(&pings),
+        format!("{pings} pings instead of {wanted}"),
+    );
+    let refused = number("heap_refused")?;
+    hold(
+        refused == 0.0,
+        format!("{refused} allocations after the start"),
+    );
+    Ok(json!({
+        "budget_ms": budget,
+        "period_ms": 100,
+        "high_answered": high,
+        "low_answered": low,
+        "expected_high": theory,
+        "expected_low": left,
+        "others_ms": others / 1e6,
+        "switches": switches,
+        "switches_ms": nobodys / 1e6,
+        "high_cpu_percent": high_cpu * 100.0 / elapsed,
+        "low_cpu_percent": low_cpu * 100.0 / elapsed,
+        "board": result,
+    }))
+}
