@@ -32,6 +32,10 @@ pub enum Policy {
     /// A sporadic server: FIFO at the priority of the parameters for the budget in every period.
     /// The thread is given that FIFO priority; the budget is the enforcer's work.
     Sporadic(Params),
+    /// `SCHED_SPORADIC` of the system itself, where it has one (`NuttX`), refused elsewhere. For
+    /// comparison: what it grants is not what it is asked for (`docs/nuttx-history.md`). No
+    /// enforcer looks after such a thread.
+    KernelSporadic(Params),
     /// `SCHED_DEADLINE`: the kernel's constant-bandwidth server, a hard reservation. It excludes
     /// pinning to a CPU, and Linux enforces it with the precision of the scheduler tick.
     Deadline {
@@ -94,7 +98,9 @@ impl Policy {
         match self {
             Self::Other => {}
             Self::Fifo { priority } | Self::RoundRobin { priority } => check_priority(priority)?,
-            Self::Sporadic(params) => check_priority(params.priority())?,
+            Self::Sporadic(params) | Self::KernelSporadic(params) => {
+                check_priority(params.priority())?;
+            }
             Self::Deadline {
                 runtime,
                 deadline,
@@ -126,7 +132,9 @@ impl Policy {
     pub const fn priority(&self) -> Option<u8> {
         match *self {
             Self::Fifo { priority } | Self::RoundRobin { priority } => Some(priority),
-            Self::Sporadic(ref params) => Some(params.priority()),
+            Self::Sporadic(ref params) | Self::KernelSporadic(ref params) => {
+                Some(params.priority())
+            }
             Self::Other | Self::Deadline { .. } => None,
         }
     }
@@ -147,8 +155,10 @@ impl fmt::Display for Policy {
             Self::Other => f.write_str("OTHER"),
             Self::Fifo { priority } => write!(f, "FIFO {priority}"),
             Self::RoundRobin { priority } => write!(f, "RR {priority}"),
-            Self::Sporadic(params) => {
-                write!(f, "SPORADIC {}/", params.priority())?;
+            Self::Sporadic(params) | Self::KernelSporadic(params) => {
+                let kernel = matches!(self, Self::KernelSporadic(_));
+                let class = if kernel { "SCHED_SPORADIC" } else { "SPORADIC" };
+                write!(f, "{class} {}/", params.priority())?;
                 match params.low() {
                     Low::Background(low) => write!(f, "{low}")?,
                     Low::Suspend => f.write_str("suspend")?,

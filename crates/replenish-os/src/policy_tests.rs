@@ -72,6 +72,10 @@ fn policies_print_as_people_write_them() {
             "SPORADIC 60/6 (30 ms every 100 ms)",
         ),
         (
+            Policy::KernelSporadic(params),
+            "SCHED_SPORADIC 60/6 (30 ms every 100 ms)",
+        ),
+        (
             Policy::deadline(1_500_000, 10 * MS, 1_000 * MS).unwrap(),
             "DEADLINE 1500 us/10 ms/1 s",
         ),

@@ -27,7 +27,9 @@ pub(super) fn how(policy: Policy) -> Result<u8, SpawnError> {
         Policy::Other => Ok(1),
         Policy::Fifo { priority } => Ok(priority),
         Policy::Sporadic(params) => Ok(params.priority()),
-        Policy::RoundRobin { .. } | Policy::Deadline { .. } => Err(SpawnError::Unsupported(policy)),
+        Policy::RoundRobin { .. } | Policy::KernelSporadic(_) | Policy::Deadline { .. } => {
+            Err(SpawnError::Unsupported(policy))
+        }
     }
 }
 

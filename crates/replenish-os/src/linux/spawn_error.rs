@@ -62,6 +62,9 @@ impl SpawnError {
 }
 
 fn hint(policy: Policy, source: &io::Error) -> String {
+    if let Policy::KernelSporadic(_) = policy {
+        return "Linux has no SCHED_SPORADIC; SPORADIC is held by an enforcer".into();
+    }
     let deadline = matches!(policy, Policy::Deadline { .. });
     match source.raw_os_error() {
         Some(libc::EPERM) => permission_hint(deadline, &probe()),

@@ -154,6 +154,10 @@ where
         reset_on_fork,
     } = spec;
     policy.validate()?;
+    if let Policy::KernelSporadic(_) = policy {
+        let source = io::ErrorKind::Unsupported.into();
+        return Err(SpawnError::policy(policy, source));
+    }
     if name.contains('\0') {
         return Err(SpawnError::Name);
     }
@@ -221,7 +225,7 @@ fn apply_policy(tid: Tid, policy: Policy, reset_on_fork: bool) -> io::Result<()>
     attr.sched_policy = match policy {
         // The older call: it leaves the nice value alone.
         Policy::Other => return set_scheduler(tid, SchedClass::Other, reset_on_fork),
-        Policy::Fifo { .. } | Policy::Sporadic(_) => libc::SCHED_FIFO,
+        Policy::Fifo { .. } | Policy::Sporadic(_) | Policy::KernelSporadic(_) => libc::SCHED_FIFO,
         Policy::RoundRobin { .. } => libc::SCHED_RR,
         Policy::Deadline { .. } => libc::SCHED_DEADLINE,
     }

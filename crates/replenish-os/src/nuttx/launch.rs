@@ -6,9 +6,10 @@
 
 use super::error::OsError;
 use super::ffi::{self, How, Task};
+use super::report::Facts;
 use super::slot::{self, Slot};
 use super::spawn_error::SpawnError;
-use crate::Policy;
+use crate::{Low, Params, Policy};
 use alloc::boxed::Box;
 use alloc::ffi::CString;
 use core::ffi::c_void;
@@ -34,7 +35,27 @@ pub(super) fn how(policy: Policy) -> Result<How, SpawnError> {
         Policy::Fifo { priority } => Ok(at(1, priority)),
         Policy::RoundRobin { priority } if facts.round_robin => Ok(at(2, priority)),
         Policy::Sporadic(params) => Ok(at(1, params.priority())),
-        Policy::RoundRobin { .. } | Policy::Deadline { .. } => Err(SpawnError::Unsupported(policy)),
+        Policy::KernelSporadic(params) if facts.native_repl > 0 => Ok(native(&params, &facts)),
+        Policy::RoundRobin { .. } | Policy::KernelSporadic(_) | Policy::Deadline { .. } => {
+            Err(SpawnError::Unsupported(policy))
+        }
+    }
+}
+
+/// The system's own; it takes no more replenishments than it was configured with.
+fn native(params: &Params, facts: &Facts) -> How {
+    let low = match params.low() {
+        Low::Background(low) => low.max(facts.lowest),
+        Low::Suspend => facts.lowest,
+    };
+    let most = i32::try_from(facts.native_repl).unwrap_or(i32::MAX);
+    How {
+        kind: 3,
+        priority: params.priority().into(),
+        low: low.into(),
+        max_repl: i32::from(params.max_repl()).min(most),
+        budget: params.budget(),
+        period: params.period(),
     }
 }
 

@@ -225,7 +225,10 @@ fn simulated(policy: &Policy, kind: Kind) -> Simulated {
     match *policy {
         Policy::Other => Simulated::Other,
         Policy::Fifo { priority } | Policy::RoundRobin { priority } => Simulated::Fifo { priority },
-        Policy::Sporadic(params) => Simulated::Budget { kind, params },
+        // The system's own gets as far as this nowhere: `plan::check`.
+        Policy::Sporadic(params) | Policy::KernelSporadic(params) => {
+            Simulated::Budget { kind, params }
+        }
         Policy::Deadline {
             runtime,
             deadline,

@@ -158,7 +158,7 @@ fn describe(policy: &Policy) -> Option<replenish_sim::Policy> {
     Some(match *policy {
         Policy::Other => return None,
         Policy::Fifo { priority } | Policy::RoundRobin { priority } => Simulated::Fifo { priority },
-        Policy::Sporadic(params) => Simulated::Budget {
+        Policy::Sporadic(params) | Policy::KernelSporadic(params) => Simulated::Budget {
             kind: sporadic::Kind::Corrected,
             params,
         },

@@ -101,7 +101,7 @@ pub(crate) fn rank(policy: &Policy) -> u16 {
     match policy {
         Policy::Other => 0,
         Policy::Fifo { priority } | Policy::RoundRobin { priority } => u16::from(*priority),
-        Policy::Sporadic(params) => u16::from(params.priority()),
+        Policy::Sporadic(params) | Policy::KernelSporadic(params) => u16::from(params.priority()),
         Policy::Deadline { .. } => 256,
     }
 }
@@ -115,6 +115,12 @@ pub(crate) fn check(w: &Request) -> Result<(), Error> {
     if let (Some(policy), Some(guarantee)) = (&w.policy, &w.guarantee) {
         let allowed = alloc::format!("none beside the policy {policy}: it is one or the other");
         return Err(Error::parameter(w.owner(), "guarantee", guarantee, allowed));
+    }
+    if let (Some(policy @ Policy::KernelSporadic(_)), false) =
+        (&w.policy, cfg!(target_os = "nuttx"))
+    {
+        let allowed = "a policy of this system: SCHED_SPORADIC is NuttX's";
+        return Err(Error::parameter(w.owner(), "policy", policy, allowed));
     }
     if let (Some(Policy::Deadline { .. }), Some(cpu)) = (&w.policy, w.cpu) {
         let allowed = "none: SCHED_DEADLINE threads cannot be pinned";
