@@ -24,6 +24,7 @@ impl Burst {
     }
 }
 
+#[inline(never)] // one loop, wherever it is called from
 fn spin(rounds: u32) {
     for i in 0..rounds {
         black_box(i);
