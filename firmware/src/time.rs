@@ -57,27 +57,38 @@ static STOOD: AtomicU64 = AtomicU64::new(0);
 /// What the alarm is set to.
 static ARMED: AtomicU64 = AtomicU64::new(u64::MAX);
 
+/// What the clock says while it stands still, in ns; 0: it runs.
+static STANDS: AtomicU64 = AtomicU64::new(0);
+
 /// Nanoseconds since [`start`], without those for which the clock stood still.
 #[unsafe(no_mangle)]
 extern "C" fn rp_board_now() -> u64 {
     // Masked, so that the clock does not stand still between the two.
     let before = mask();
-    let now = raw() - STOOD.load(Ordering::Relaxed);
+    let now = match STANDS.load(Ordering::Relaxed) {
+        0 => raw() - STOOD.load(Ordering::Relaxed),
+        then => then,
+    };
     unmask(before);
     now
 }
 
-/// The clock stands still while `f` runs, which is given the time that it took so far. For
-/// interrupts of the priority of the timers; what rings meanwhile rings when it ought to.
+/// The clock stands still while `f` runs, which is given the time that it really took so far. What
+/// rings meanwhile is told that nothing is due, and set again. For what exists in emulation only.
 pub fn stand_still(f: impl FnOnce(&dyn Fn() -> u64)) {
+    let now = rp_board_now();
+    let outer = STANDS.swap(now, Ordering::Relaxed) != 0;
     let begin = raw();
     f(&|| raw() - begin);
-    STOOD.store(
-        STOOD.load(Ordering::Relaxed) + (raw() - begin),
-        Ordering::Relaxed,
-    );
-    ring_after(ALARM, until(ARMED.load(Ordering::Relaxed)));
+    if outer {
+        return; // whoever stopped it starts it
+    }
+    let before = mask();
+    STOOD.store(raw() - now, Ordering::Relaxed);
+    STANDS.store(0, Ordering::Relaxed);
     forget_interrupt(IRQ_TIM5);
+    ring_after(ALARM, until(ARMED.load(Ordering::Relaxed)));
+    unmask(before);
 }
 
 /// Nanoseconds since [`start`].

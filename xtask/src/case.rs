@@ -1,5 +1,7 @@
 //! The cases: which workers run, and how many bursts of 10 ms theory gives each.
 
+use clap::ValueEnum as _;
+
 /// The measured time of every case.
 pub(crate) const LENGTH_MS: u64 = 10_000;
 /// The CPU time of a burst.
@@ -18,6 +20,16 @@ pub(crate) enum Name {
     Runaway,
     /// The sweep on the executor: pings, answers, dispatcher and enforcer in one image
     Executor,
+    /// Experiment 2: the low callback sleeps for a part of its time, which goes to the high worker
+    WorkConserving,
+    /// Two budgeted workers beside one whose topic is flooded
+    Flood,
+}
+
+/// The name on the command line.
+pub(crate) fn label(name: Name) -> String {
+    let value = name.to_possible_value();
+    value.map_or_else(String::new, |v| v.get_name().to_string())
 }
 
 /// One worker: `budget` 0 is one without.
@@ -60,8 +72,8 @@ impl Worker {
 
     /// CPU time that its budget gives it until the end, in ms: it always has work, so every period
     /// that begins with its start brings one budget.
-    fn entitled(&self) -> u64 {
-        let left = LENGTH_MS - self.offset;
+    fn entitled(&self, length: u64) -> u64 {
+        let left = length.saturating_sub(self.offset);
         left / self.period * self.budget + (left % self.period).min(self.budget)
     }
 }
@@ -75,12 +87,24 @@ const REST: Worker = Worker {
     endless: false,
 };
 
+/// A worker with a budget, and one that takes the rest.
+pub(crate) fn pair(budget: u64, period: u64) -> Vec<Worker> {
+    vec![Worker::budgeted(60, budget, period, 0), REST]
+}
+
+/// Two workers with 30 ms every 100 ms, and one that takes the rest.
+pub(crate) fn three() -> Vec<Worker> {
+    let budgeted = |priority| Worker::budgeted(priority, 30, 100, 0);
+    vec![budgeted(60), budgeted(50), REST]
+}
+
 /// The cases of an experiment; the last worker of each is the one that takes the rest.
 pub(crate) fn cases(name: Name) -> Vec<Vec<Worker>> {
-    let alone = |budget, period| vec![Worker::budgeted(60, budget, period, 0), REST];
     match name {
-        Name::BudgetSweep => (1..=9).map(|b| alone(b * 10, 100)).collect(),
-        Name::OddBudgets => vec![alone(37, 90), alone(1, 7), alone(100, 100)],
+        Name::WorkConserving => vec![pair(30, 100)],
+        Name::Flood => vec![three()],
+        Name::BudgetSweep => (1..=9).map(|b| pair(b * 10, 100)).collect(),
+        Name::OddBudgets => vec![pair(37, 90), pair(1, 7), pair(100, 100)],
         Name::Offsets => {
             let mut all = Vec::new();
             for (workers, budget) in [(2_u8, 30), (3, 25), (4, 20)] {
@@ -101,16 +125,21 @@ pub(crate) fn cases(name: Name) -> Vec<Vec<Worker>> {
     }
 }
 
-/// CPU time that each worker is to get, in ms.
+/// CPU time that each worker is to get in [`LENGTH_MS`], in ms.
 pub(crate) fn expected(case: &[Worker]) -> Vec<f64> {
+    expected_in(case, LENGTH_MS)
+}
+
+/// CPU time that each worker is to get in `length` ms, in ms.
+pub(crate) fn expected_in(case: &[Worker], length: u64) -> Vec<f64> {
     let budgets: u64 = case
         .iter()
         .filter(|w| w.budget > 0)
-        .map(Worker::entitled)
+        .map(|w| w.entitled(length))
         .sum();
     let ms = case.iter().map(|w| match w.budget {
-        0 => LENGTH_MS - budgets,
-        _ => w.entitled(),
+        0 => length.saturating_sub(budgets),
+        _ => w.entitled(length),
     });
     ms.map(|ms| ms as f64).collect()
 }
@@ -122,7 +151,7 @@ mod tests {
     #[test]
     fn the_last_period_counts_as_far_as_it_goes() {
         let worker = Worker::budgeted(60, 37, 90, 0);
-        assert_eq!(worker.entitled(), 111 * 37 + 10);
+        assert_eq!(worker.entitled(LENGTH_MS), 111 * 37 + 10);
         assert_eq!(worker.word(), "60/6/37/90@0");
         assert_eq!(expected(&[worker, REST])[1], (LENGTH_MS - 4117) as f64);
     }
@@ -134,6 +163,8 @@ mod tests {
             Name::OddBudgets,
             Name::Offsets,
             Name::Runaway,
+            Name::WorkConserving,
+            Name::Flood,
         ] {
             for case in cases(name) {
                 assert_eq!(case.iter().filter(|w| w.budget == 0).count(), 1);

@@ -3,7 +3,6 @@
 
 use crate::case::{self, BURST_MS, LENGTH_MS, Name, Worker};
 use crate::{Outcome, qemu, write};
-use clap::ValueEnum as _;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -30,8 +29,7 @@ pub(crate) fn run(name: Name, path: Option<&Path>) -> Outcome {
         );
         points.push(point);
     }
-    let name = name.to_possible_value();
-    let name = name.as_ref().map_or("", |v| v.get_name());
+    let name = case::label(name);
     let result = json!({
         "experiment": name,
         "board": "olimex-stm32-h405 in QEMU, FreeRTOS",

@@ -1,7 +1,7 @@
 //! What the host must have. Nothing is installed; the commands that would are printed.
 
-use crate::Outcome;
-use std::path::Path;
+use crate::{Outcome, rig};
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The images' target.
@@ -35,6 +35,19 @@ pub(crate) fn check() -> Outcome {
     } else {
         Err(missing)
     }
+}
+
+/// Builds the host's program, `replenish`; where it is.
+pub(crate) fn replenish() -> Outcome<PathBuf> {
+    let status = Command::new("cargo")
+        .args(["build", "--quiet", "-p", "replenish-cli"])
+        .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+        .status()
+        .map_err(|e| format!("cargo: {e}"))?;
+    if !status.success() {
+        return Err("the program replenish was not built".into());
+    }
+    Ok(rig::target().join("debug/replenish"))
 }
 
 fn on_path(program: &str) -> bool {

@@ -4,6 +4,7 @@
 //! - [`qemu`]: builds an image and runs one case in the emulator.
 //! - [`case`]: the cases of each experiment, and what theory expects of them.
 //! - [`experiment`]: runs them, compares, prints and writes.
+//! - [`rig`], [`talk`], [`demo`]: the paper's test bench: the board runs pong, the host agent and ping.
 //! - [`behaviour`]: runs the cases of the image `behaviour` like a test runner.
 //! - [`executor`]: Experiment 1 on the executor itself.
 //! - [`bench`]: what switching and handing over cost, in instructions.
@@ -12,11 +13,14 @@
 mod behaviour;
 mod bench;
 mod case;
+mod demo;
 mod executor;
 mod experiment;
 mod host;
 mod qemu;
+mod rig;
 mod size;
+mod talk;
 
 use clap::{Parser, Subcommand};
 use std::path::PathBuf;
@@ -57,10 +61,27 @@ enum Board {
         #[arg(long, value_name = "PATH")]
         json: Option<PathBuf>,
     },
+    /// The paper's test bench: the board runs pong, this machine agent and ping
+    Demo {
+        /// How long, in seconds of the board's time
+        #[arg(long, value_name = "SECONDS", default_value_t = 10,
+              value_parser = clap::value_parser!(u64).range(1..=60))]
+        seconds: u64,
+        /// Also write the result as JSON
+        #[arg(long, value_name = "PATH")]
+        json: Option<PathBuf>,
+    },
     /// Runs an experiment on the board; fails if a count is off
     Experiment {
         /// Which one
         name: case::Name,
+        /// Tasks that burn time, instead of executor and messages
+        #[arg(long)]
+        tasks: bool,
+        /// How long each case lasts, in seconds of the board's time; with tasks always 10
+        #[arg(long, value_name = "SECONDS", default_value_t = 10,
+              value_parser = clap::value_parser!(u64).range(1..=60))]
+        seconds: u64,
         /// Also write the result as JSON
         #[arg(long, value_name = "PATH")]
         json: Option<PathBuf>,
@@ -82,8 +103,21 @@ fn main() -> ExitCode {
         Board::Experiment {
             name: case::Name::Executor,
             json,
+            ..
         } => executor::run(json.as_deref()),
-        Board::Experiment { name, json } => experiment::run(name, json.as_deref()),
+        Board::Demo { seconds, json } => demo::run(seconds, json.as_deref()),
+        Board::Experiment {
+            name,
+            tasks: true,
+            json,
+            ..
+        } => experiment::run(name, json.as_deref()),
+        Board::Experiment {
+            name,
+            seconds,
+            json,
+            ..
+        } => talk::run(name, seconds, json.as_deref()).map(drop),
         Board::Size { json } => size::run(json.as_deref()),
     };
     match done {

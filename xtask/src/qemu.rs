@@ -9,6 +9,11 @@ use std::process::Command;
 
 /// Builds image `name`; its ELF file.
 pub(crate) fn build(name: &str) -> Outcome<PathBuf> {
+    build_for(name, "release")
+}
+
+/// Builds image `name` with a profile; its ELF file.
+pub(crate) fn build_for(name: &str, profile: &str) -> Outcome<PathBuf> {
     host::check()?;
     let firmware = Path::new(env!("CARGO_MANIFEST_DIR")).join("../firmware");
     let target = match std::env::var_os("CARGO_TARGET_DIR") {
@@ -17,7 +22,7 @@ pub(crate) fn build(name: &str) -> Outcome<PathBuf> {
     }
     .map_err(|e| e.to_string())?;
     let status = Command::new("cargo")
-        .args(["build", "--quiet", "--release", "--bin", name])
+        .args(["build", "--quiet", "--profile", profile, "--bin", name])
         .current_dir(&firmware) // its .cargo/config.toml names target and linker script
         .env("CARGO_TARGET_DIR", &target)
         .env_remove("RUSTFLAGS")
@@ -26,22 +31,30 @@ pub(crate) fn build(name: &str) -> Outcome<PathBuf> {
     if !status.success() {
         return Err(format!("the image {name} was not built"));
     }
-    Ok(target.join(TARGET).join("release").join(name))
+    Ok(target.join(TARGET).join(profile).join(name))
 }
 
-/// Boots the image with `words` as its command line; what it printed.
-pub(crate) fn boot(image: &Path, words: &[String]) -> Outcome<String> {
+/// The emulator with `image`, which gets `words` as its command line. A `-serial` that is added is
+/// the board's USART2.
+pub(crate) fn command(image: &Path, words: &[String]) -> Command {
     let mut semihosting = String::from("enable=on,target=native,arg=image");
     for word in words {
         semihosting.push_str(",arg=");
         semihosting.push_str(word);
     }
-    let output = Command::new("qemu-system-arm")
+    let mut command = Command::new("qemu-system-arm");
+    command
         .args(["-M", "olimex-stm32-h405", "-nographic", "-monitor", "none"])
         .args(["-serial", "null", "-icount", "shift=3,sleep=off"])
         .args(["-semihosting-config", &semihosting])
         .arg("-kernel")
-        .arg(image)
+        .arg(image);
+    command
+}
+
+/// Boots the image with `words` as its command line; what it printed.
+pub(crate) fn boot(image: &Path, words: &[String]) -> Outcome<String> {
+    let output = command(image, words)
         .output()
         .map_err(|e| format!("qemu-system-arm: {e}"))?;
     let text = String::from_utf8_lossy(&output.stdout).into_owned()

@@ -22,11 +22,11 @@ use firmware::options::{self, Options};
 use firmware::shared_port::SharedPort;
 use firmware::uart::Usart2;
 use firmware::work::Burst;
-use firmware::{console, line, say, uart};
+use firmware::{console, line, say, time, uart};
 use replenish::middleware::xrce::{Xrce, XrceConfig};
 use replenish::msg::std_msgs::Int32;
 use replenish::{Context, Error, Event, Executor, Policy, Publisher, Qos, RunningExecutor};
-use replenish_os::freertos::{SealedHeap, panicked, start};
+use replenish_os::freertos::{SealedHeap, TaskUse, panicked, start, tasks};
 use replenish_os::{ThreadSpec, Usage, clock, spawn};
 
 #[global_allocator]
@@ -44,8 +44,6 @@ const CLOCK: u8 = 96;
 static AWAKE: AtomicBool = AtomicBool::new(true);
 static LINK_LOST: AtomicU32 = AtomicU32::new(0);
 static LINK_BACK: AtomicU32 = AtomicU32::new(0);
-/// CPU time of the task that sends the ticks, in us.
-static CLOCK_CPU: AtomicU32 = AtomicU32::new(0);
 static UNSENT: AtomicU32 = AtomicU32::new(0);
 static OVER: AtomicBool = AtomicBool::new(false);
 
@@ -143,14 +141,18 @@ fn run(options: &Options) -> Result<(), Error> {
     if options.lockstep {
         AWAKE.store(false, Ordering::SeqCst);
     }
+    let idle_before: Vec<TaskUse> = tasks().collect();
     send_ticks(tick, options, answers);
     scene.begin.wait();
     let begun = scene.begun.load(Ordering::SeqCst);
-    let before = snapshot(&running, &mut workers);
+    for w in &mut workers {
+        w.before = running.usage(w.name).unwrap_or_default();
+    }
     HEAP.seal();
     clock::sleep_until(begun + options.case.length);
     let elapsed = clock::monotonic() - begun;
-    report(options, &running, &workers, before, elapsed);
+    report(options, &running, &workers, elapsed);
+    report_tasks(&idle_before);
     let frames = frames.stats();
     say!(
         "\"frames\": {{\"delivered\": {}, \"damaged\": {}}}}}",
@@ -211,11 +213,14 @@ fn rehearse(tick: &Publisher<Int32>, workers: &[Running]) {
 fn send_ticks(tick: Publisher<Int32>, options: &Options, answers: u32) {
     let lockstep = options.lockstep;
     let send = move |data| {
-        if tick.publish(&Int32 { data }).is_err() {
-            UNSENT.fetch_add(1, Ordering::Relaxed);
-        } else if lockstep {
-            line::expect(answers);
-        }
+        // A tick exists in emulation only: it costs the board no time.
+        time::stand_still(|_| {
+            if tick.publish(&Int32 { data }).is_err() {
+                UNSENT.fetch_add(1, Ordering::Relaxed);
+            } else if lockstep {
+                line::expect(answers);
+            }
+        });
     };
     let body = move || {
         let mut next = clock::monotonic();
@@ -226,7 +231,6 @@ fn send_ticks(tick: Publisher<Int32>, options: &Options, answers: u32) {
                 return send(-2);
             }
             send(n);
-            CLOCK_CPU.store((clock::thread_cpu() / 1_000) as u32, Ordering::Relaxed);
         }
     };
     let spec = ThreadSpec::new("clock")
@@ -238,30 +242,27 @@ fn send_ticks(tick: Publisher<Int32>, options: &Options, answers: u32) {
     }
 }
 
-/// What has been used when the run begins, to be subtracted: of each worker, and dispatcher and clock.
-fn snapshot(running: &RunningExecutor, workers: &mut [Running]) -> (u64, u64) {
-    for w in workers {
-        w.before = running.usage(w.name).unwrap_or_default();
+/// Prints what each task has used since the run began, of CPU time and of its stack.
+fn report_tasks(before: &[TaskUse]) {
+    say!("\"tasks\": [");
+    for (i, task) in tasks().enumerate() {
+        let comma = if i > 0 { "," } else { "" };
+        let was = before.iter().find(|b| b.tid == task.tid);
+        say!(
+            "{comma}{{\"name\": \"{}\", \"cpu_ns\": {}, \"stack_bytes\": {}, \"stack_unused\": {}, \"switches\": {}}}",
+            task.name,
+            task.cpu - was.map_or(0, |w| w.cpu),
+            task.stack_bytes,
+            task.stack_unused,
+            (task.blocks + task.preemptions)
+                .wrapping_sub(was.map_or(0, |w| w.blocks + w.preemptions)),
+        );
     }
-    support(running)
-}
-
-/// CPU time of dispatcher and clock in ns.
-fn support(running: &RunningExecutor) -> (u64, u64) {
-    let dispatcher = running.usage("dispatcher").unwrap_or_default();
-    let clock = u64::from(CLOCK_CPU.load(Ordering::Relaxed)) * 1_000;
-    (dispatcher.cpu_high + dispatcher.cpu_low, clock)
+    say!("],");
 }
 
 /// Prints all but the end.
-fn report(
-    options: &Options,
-    running: &RunningExecutor,
-    workers: &[Running],
-    before: (u64, u64),
-    elapsed: u64,
-) {
-    let (dispatcher, clock) = support(running);
+fn report(options: &Options, running: &RunningExecutor, workers: &[Running], elapsed: u64) {
     say!(
         "{{\"elapsed_ns\": {elapsed}, \"baud\": {}, \"workers\": [",
         options.baud
@@ -286,10 +287,8 @@ fn report(
     }
     let (port, line, heap) = (uart::counts(), line::counts(), HEAP.usage());
     say!(
-        "], \"dispatcher_ns\": {}, \"clock_ns\": {}, \"ticks_unsent\": {}, \"link_lost\": {}, \"link_back\": {}, \
+        "], \"ticks_unsent\": {}, \"link_lost\": {}, \"link_back\": {}, \
          \"heap_used\": {}, \"heap_refused\": {},",
-        dispatcher - before.0,
-        clock - before.1,
         UNSENT.load(Ordering::Relaxed),
         LINK_LOST.load(Ordering::Relaxed),
         LINK_BACK.load(Ordering::Relaxed),

@@ -1,0 +1,201 @@
+//! The paper's test bench: a board that runs pong, an agent on its serial line, ping on the host.
+//!
+//! ```text
+//!   QEMU: pong ◄── USART2 = a pseudo terminal ──► replenish agent ◄── UDP ──► replenish ping --ticked
+//!     └─ semihosting: command line, JSON at the end
+//! ```
+//!
+//! Everything that is started here is ended here, by its own handle; agent and ping also end when
+//! this process does, since their standard input closes.
+
+use crate::{Outcome, host, qemu};
+use serde_json::Value;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
+
+/// What runs on the bench.
+pub(crate) struct Bench {
+    image: PathBuf,
+    replenish: PathBuf,
+}
+
+/// What a run gave.
+pub(crate) struct Run {
+    /// What the board printed.
+    pub(crate) board: Value,
+    /// Ping's totals: `sent`, `answered`, each of high and low.
+    pub(crate) ping: Value,
+}
+
+/// What the host does besides.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Host {
+    /// Messages of the low topic on top of each pair.
+    pub(crate) flood: u32,
+    /// The agent ends this long after the board was booted, and starts again a second later.
+    pub(crate) restart_after: Option<Duration>,
+}
+
+/// A run that takes longer on the host than this is ended.
+const PATIENCE: Duration = Duration::from_secs(240);
+
+impl Bench {
+    /// Builds image `name` and the host's program.
+    pub(crate) fn build(name: &str) -> Outcome<Self> {
+        Ok(Self {
+            image: qemu::build_for(name, "speed")?,
+            replenish: host::replenish()?,
+        })
+    }
+
+    /// The host's program.
+    pub(crate) fn replenish(&self) -> Command {
+        Command::new(&self.replenish)
+    }
+
+    /// Boots the board with `words` as its command line and runs it to its end.
+    pub(crate) fn run(&self, words: &[String], host: Host) -> Outcome<Run> {
+        let (mut board, output, line) = self.boot(words)?;
+        // Held open, so that the line does not hang up while no agent has it.
+        let _held = std::fs::File::options()
+            .read(true)
+            .open(&line)
+            .map_err(|e| format!("{line}: {e}"))?;
+        let totals = std::env::temp_dir().join(format!("replenish-ping-{}", std::process::id()));
+        let (agent, address) = self.agent(&line, "127.0.0.1:0")?;
+        let mut ping = self.replenish();
+        ping.args(["ping", "--supervised", "--ticked", "--agent", &address])
+            .arg("--json")
+            .arg(&totals);
+        if host.flood > 0 {
+            ping.arg("--flood").arg(host.flood.to_string());
+        }
+        let mut ping = Part::start("ping", ping.stdout(Stdio::null()))?;
+        let mut agent = Some(agent);
+        let until = Instant::now() + PATIENCE;
+        if let Some(after) = host.restart_after {
+            std::thread::sleep(after);
+            drop(agent.take());
+            std::thread::sleep(Duration::from_secs(1));
+            agent = Some(self.agent(&line, &address)?.0);
+        }
+        let text = output
+            .recv_timeout(until.saturating_duration_since(Instant::now()))
+            .map_err(|_| format!("the board did not end within {} s", PATIENCE.as_secs()))?;
+        let status = board.child.wait().map_err(|e| e.to_string())?;
+        ping.end()?;
+        drop(agent);
+        if !status.success() {
+            return Err(format!("the image failed on {words:?}:\n{text}"));
+        }
+        let json = |text: &str| {
+            let lines = text.lines().filter(|l| !l.starts_with('#'));
+            let all = lines.collect::<Vec<_>>().join("\n");
+            serde_json::from_str(&all).map_err(|e| format!("{e} in:\n{text}"))
+        };
+        let counted = std::fs::read_to_string(&totals).map_err(|e| format!("ping: {e}"))?;
+        std::fs::remove_file(&totals).ok();
+        Ok(Run {
+            board: json(&text)?,
+            ping: json(&counted)?,
+        })
+    }
+
+    /// The board, what it will have printed at its end, and the device of its serial line.
+    fn boot(&self, words: &[String]) -> Outcome<(Part, mpsc::Receiver<String>, String)> {
+        let mut command = qemu::command(&self.image, words);
+        let mut board = Part::start(
+            "qemu-system-arm",
+            command.args(["-serial", "pty"]).stderr(Stdio::piped()), // where semihosting prints
+        )?;
+        let mut stderr = board.child.stderr.take().ok_or("QEMU has no errors")?;
+        let stdout = board.child.stdout.take().ok_or("QEMU has no output")?;
+        let mut stdout = BufReader::new(stdout);
+        let mut first = String::new();
+        stdout.read_line(&mut first).map_err(|e| e.to_string())?;
+        let line = first
+            .split_whitespace()
+            .find(|word| word.starts_with("/dev/"))
+            .ok_or_else(|| format!("QEMU did not say where its serial line is: {first}"))?
+            .to_string();
+        let (tell, output) = mpsc::channel();
+        std::thread::spawn(move || {
+            let mut text = String::new();
+            stderr.read_to_string(&mut text).ok();
+            stdout.read_to_string(&mut text).ok();
+            tell.send(text).ok();
+        });
+        Ok((board, output, line))
+    }
+
+    /// An agent on the serial line, and its UDP address.
+    fn agent(&self, line: &str, udp: &str) -> Outcome<(Part, String)> {
+        let mut agent = self.replenish();
+        // The baud rate of a pseudo terminal means nothing; the agent paces itself by it.
+        agent.args(["agent", "--supervised", "--udp", udp, "--serial", line]);
+        let mut agent = Part::start("agent", agent.args(["--baud", "921600"]))?;
+        let stdout = agent.child.stdout.take().ok_or("the agent has no output")?;
+        let mut stdout = BufReader::new(stdout);
+        let mut ready = String::new();
+        stdout.read_line(&mut ready).map_err(|e| e.to_string())?;
+        let address = serde_json::from_str::<Value>(&ready)
+            .ok()
+            .and_then(|event| Some(event.get("address")?.as_str()?.to_string()))
+            .ok_or_else(|| format!("the agent did not start on {line}: {ready}"))?;
+        std::thread::spawn(move || std::io::copy(&mut stdout, &mut std::io::sink()));
+        Ok((agent, address))
+    }
+}
+
+/// A process of ours: it is told to end by the end of its input, then ended.
+struct Part {
+    name: &'static str,
+    child: Child,
+    input: Option<ChildStdin>,
+}
+
+impl Part {
+    fn start(name: &'static str, command: &mut Command) -> Outcome<Self> {
+        let command = command.stdin(Stdio::piped());
+        if name != "ping" {
+            command.stdout(Stdio::piped());
+        }
+        let mut child = command.spawn().map_err(|e| format!("{name}: {e}"))?;
+        let input = child.stdin.take();
+        Ok(Self { name, child, input })
+    }
+
+    /// Tells it to end and waits until it has.
+    fn end(&mut self) -> Outcome {
+        self.input = None;
+        let until = Instant::now() + Duration::from_secs(5);
+        while Instant::now() < until {
+            match self.child.try_wait() {
+                Ok(Some(status)) if status.success() => return Ok(()),
+                Ok(Some(status)) => return Err(format!("{}: {status}", self.name)),
+                Ok(None) => std::thread::sleep(Duration::from_millis(5)),
+                Err(e) => return Err(format!("{}: {e}", self.name)),
+            }
+        }
+        Err(format!("{} did not end", self.name))
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        let board = self.name.starts_with("qemu"); // it does not listen to its input
+        if board || self.end().is_err() {
+            self.child.kill().ok();
+            self.child.wait().ok();
+        }
+    }
+}
+
+/// Where cargo puts what it builds for the host.
+pub(crate) fn target() -> PathBuf {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target");
+    std::env::var_os("CARGO_TARGET_DIR").map_or(here, PathBuf::from)
+}

@@ -1,0 +1,296 @@
+//! The experiments with everything in place: executor, XRCE client and serial line on the board,
+//! agent and ping on the host. What theory says is what [`case`] says of tasks alone; of the rest,
+//! the executor's own threads take theirs first.
+
+use crate::case::{self, BURST_MS, Name, Worker};
+use crate::rig::{Bench, Host, Run};
+use crate::{Outcome, write};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// One run of an experiment.
+struct Point {
+    workers: Vec<Worker>,
+    /// What the low callback sleeps, in percent.
+    sleep: u64,
+    flood: u32,
+}
+
+/// The runs of an experiment.
+fn points(name: Name) -> Vec<Point> {
+    let point = |workers| Point {
+        workers,
+        sleep: 0,
+        flood: 0,
+    };
+    match name {
+        Name::WorkConserving => [0, 10, 25, 50, 75, 90, 100]
+            .map(|sleep| Point {
+                sleep,
+                ..point(case::pair(30, 100))
+            })
+            .into(),
+        Name::Flood => [0, 20]
+            .map(|flood| Point {
+                flood,
+                ..point(case::three())
+            })
+            .into(),
+        _ => case::cases(name).into_iter().map(point).collect(),
+    }
+}
+
+/// Runs, prints a table, writes JSON.
+pub(crate) fn run(name: Name, seconds: u64, path: Option<&Path>) -> Outcome<Vec<Value>> {
+    let bench = Bench::build("pong")?;
+    let mut judge = Judge {
+        name,
+        length_ms: seconds * 1_000,
+        wrong: Vec::new(),
+    };
+    println!("Answers of each worker (theory), then the executor's share of the CPU:");
+    let mut results = Vec::new();
+    let mut before: Option<Value> = None;
+    for point in points(name) {
+        let words = judge.words(&point);
+        let host = Host {
+            flood: point.flood,
+            ..Host::default()
+        };
+        let run = bench.run(&words, host)?;
+        if results.is_empty() {
+            let again = bench.run(&words, host)?;
+            judge.repeats(&run, &again);
+        }
+        let (line, result) = judge.point(&point, &run, before.as_ref())?;
+        println!("{line}");
+        before = Some(run.board);
+        results.push(result);
+    }
+    let result = json!({
+        "experiment": case::label(name),
+        "board": "olimex-stm32-h405 in QEMU, FreeRTOS, executor, XRCE over USART2 at 921600 baud",
+        "length_ms": judge.length_ms,
+        "burst_ms": BURST_MS,
+        "points": results,
+        "off": judge.wrong,
+    });
+    write(path, &result)?;
+    if judge.wrong.is_empty() {
+        println!("All as theory has it.");
+        Ok(results)
+    } else {
+        Err(judge.wrong.join("\n"))
+    }
+}
+
+struct Judge {
+    name: Name,
+    length_ms: u64,
+    wrong: Vec<String>,
+}
+
+impl Judge {
+    fn words(&self, point: &Point) -> Vec<String> {
+        let mut words = vec![self.length_ms.to_string()];
+        words.extend(point.workers.iter().map(Worker::word));
+        words.push(format!("sleep={}", point.sleep));
+        words.push(format!("flood={}", point.flood));
+        words
+    }
+
+    /// Two runs of the same point must give the same counts.
+    fn repeats(&mut self, run: &Run, again: &Run) {
+        let counts = |run: &Run| {
+            workers(&run.board)
+                .map(|w| number(w, "answered"))
+                .collect::<Vec<_>>()
+        };
+        let (first, second) = (counts(run), counts(again));
+        if first != second {
+            let text = format!("a second run gives {second:?} answers, the first gave {first:?}");
+            self.wrong.push(text);
+        }
+    }
+
+    /// The line of the table and the JSON of one run.
+    fn point(
+        &mut self,
+        point: &Point,
+        run: &Run,
+        before: Option<&Value>,
+    ) -> Outcome<(String, Value)> {
+        let measured: Vec<_> = workers(&run.board).collect();
+        if measured.len() != point.workers.len() {
+            return Err("the image tells of another number of workers".into());
+        }
+        self.wrong.extend(losses(run));
+        let support = support_ms(&run.board);
+        let mut text = point
+            .workers
+            .iter()
+            .map(Worker::word)
+            .collect::<Vec<_>>()
+            .join(" ");
+        if point.sleep > 0 {
+            text.push_str(&format!(" sleep {} %", point.sleep));
+        }
+        if point.flood > 0 {
+            text.push_str(&format!(" flood {}", point.flood));
+        }
+        let mut line = format!("{text:<46}");
+        let expected = case::expected_in(&point.workers, self.length_ms);
+        for (i, ((worker, got), ms)) in point
+            .workers
+            .iter()
+            .zip(&measured)
+            .zip(expected)
+            .enumerate()
+        {
+            let cpu = (number(got, "cpu_high_ns") + number(got, "cpu_low_ns")) / 1e6;
+            let answered = number(got, "answered");
+            let theory = ms / BURST_MS as f64;
+            let shown = if worker.endless {
+                cpu / BURST_MS as f64
+            } else {
+                answered
+            };
+            line.push_str(&format!(" {shown:.0} ({theory:.1})"));
+            let last = i + 1 == point.workers.len();
+            if self.name == Name::WorkConserving {
+                continue;
+            }
+            let (value, theory, allowed) = if !last {
+                (shown, theory.floor(), 1.0)
+            } else if self.name == Name::BudgetSweep {
+                (answered, ((ms - support) / BURST_MS as f64).max(0.0), 2.0)
+            } else {
+                continue;
+            };
+            if (value - theory).abs() > allowed {
+                let name = worker.word();
+                let text = format!(
+                    "{name}: {value:.1} answers, theory says {theory:.1}, allowed {allowed} apart"
+                );
+                self.wrong.push(text);
+            }
+            if let (Name::Flood, Some(before)) = (self.name, before) {
+                let then = workers(before)
+                    .nth(i)
+                    .map_or(0.0, |w| number(w, "answered"));
+                if (then - answered).abs() > 1.0 && !last {
+                    self.wrong.push(format!(
+                        "{}: {answered} answers in a flood, {then} without",
+                        worker.word()
+                    ));
+                }
+            }
+        }
+        let percent = |ms: f64| ms * 100.0 / self.length_ms as f64;
+        line.push_str(&format!("  {:.2} %", percent(support)));
+        let mut result = json!({
+            "workers": run.board.get("workers"),
+            "tasks": run.board.get("tasks"),
+            "uart": run.board.get("uart"),
+            "ping": run.ping,
+            "executor_cpu_percent": percent(support),
+            "length_ms": self.length_ms,
+        });
+        if let (Some(map), Some(first)) = (result.as_object_mut(), point.workers.first()) {
+            map.insert("budget_ms".into(), json!(first.budget));
+            map.insert("period_ms".into(), json!(first.period));
+        }
+        if self.name == Name::WorkConserving {
+            line.push_str(&self.conserved(point, &measured, support, &mut result));
+        }
+        Ok((line, result))
+    }
+
+    /// Experiment 2: high has 30 % and all that low sleeps.
+    fn conserved(
+        &mut self,
+        point: &Point,
+        measured: &[&Value],
+        support: f64,
+        result: &mut Value,
+    ) -> String {
+        let high = measured
+            .first()
+            .map_or(0.0, |w| number(w, "cpu_high_ns") + number(w, "cpu_low_ns"));
+        let high = high / 1e4 / self.length_ms as f64;
+        let theory = 30.0 + 0.7 * point.sleep as f64;
+        let support = support * 100.0 / self.length_ms as f64;
+        if let Some(map) = result.as_object_mut() {
+            map.insert("sleep_percent".into(), json!(point.sleep));
+            map.insert("high_cpu_percent".into(), json!(high));
+            map.insert("theory_percent".into(), json!(theory));
+        }
+        // In the background high has what nobody else wants: the executor comes before it.
+        let left = (100.0 - support) * theory / 100.0;
+        if (high - theory).abs() > 1.0 {
+            self.wrong.push(format!(
+                "low sleeps {} %: high had {high:.2} % of the CPU, theory says {theory:.1} %, {left:.1} % of what the executor leaves",
+                point.sleep
+            ));
+        }
+        format!("  high has {high:.2} % ({theory:.1})")
+    }
+}
+
+/// What a run must not have lost, and did.
+pub(crate) fn losses(run: &Run) -> Vec<String> {
+    let mut wrong = Vec::new();
+    let of = |path: &str| run.board.pointer(path).and_then(Value::as_f64);
+    for path in [
+        "/uart/overruns",
+        "/uart/dropped",
+        "/uart/unanswered",
+        "/ticks_unsent",
+        "/frames/damaged",
+        "/heap_refused",
+    ] {
+        if of(path) != Some(0.0) {
+            wrong.push(format!("{path}: {:?}, must be 0", of(path)));
+        }
+    }
+    let sent: f64 = workers(&run.board).map(|w| number(w, "answered")).sum();
+    let received = run.ping.get("answered").and_then(Value::as_array);
+    let received: f64 = received
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_f64)
+        .sum();
+    // Some more come between the end of the measurement and the end of the run.
+    if received < sent || received > sent + 40.0 {
+        wrong.push(format!(
+            "ping received {received} answers, the board had sent {sent}"
+        ));
+    }
+    wrong
+}
+
+/// The workers in what the board printed.
+pub(crate) fn workers(board: &Value) -> impl Iterator<Item = &Value> {
+    board
+        .get("workers")
+        .and_then(Value::as_array)
+        .into_iter()
+        .flatten()
+}
+
+/// CPU time of everything but the workers, in ms.
+pub(crate) fn support_ms(board: &Value) -> f64 {
+    let names: Vec<_> = workers(board).filter_map(|w| w.get("name")).collect();
+    let tasks = board
+        .get("tasks")
+        .and_then(Value::as_array)
+        .into_iter()
+        .flatten();
+    let others = tasks.filter(|t| t.get("name").is_some_and(|n| !names.contains(&n)));
+    others.map(|t| number(t, "cpu_ns")).sum::<f64>() / 1e6
+}
+
+/// A number in it; 0 where there is none.
+pub(crate) fn number(of: &Value, key: &str) -> f64 {
+    of.get(key).and_then(Value::as_f64).unwrap_or(0.0)
+}
