@@ -49,6 +49,7 @@ struct rp_report {
     int32_t started;   /* error number of rp_start_up() */
     uint32_t unused;
     uint64_t resolution; /* of the clock, ns */
+    uint64_t step;       /* of waits, ns: the system's tick */
 };
 enum { RP_MASKS = 1, RP_SWITCHES = 2, RP_SPORADIC = 4, RP_ROUND_ROBIN = 8 };
 
@@ -270,11 +271,11 @@ void rp_start_up(struct rp_report *report)
 #else
     report->features |= RP_MASKS | RP_ROUND_ROBIN;
 #endif
+    report->step = clock_getres(CLOCK_MONOTONIC, &t) == 0 ? nanos(&t) : 0;
 #ifdef RP_CLOCK
-    (void)t;
     report->resolution = 1;
 #else
-    report->resolution = clock_getres(CLOCK_MONOTONIC, &t) == 0 ? nanos(&t) : 0;
+    report->resolution = report->step;
 #endif
 }
 

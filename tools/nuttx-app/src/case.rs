@@ -1,7 +1,7 @@
 //! One case: its threads, what they do for 10 s, and their end.
 
 use crate::say;
-use crate::work::Burst;
+use crate::work::burst;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -100,18 +100,18 @@ impl Case {
     }
 
     /// Runs it for 10 s and prints a line.
-    pub(crate) fn run(&self, burst: Burst) {
-        if let Err(why) = self.measure(burst) {
+    pub(crate) fn run(&self) {
+        if let Err(why) = self.measure() {
             say!("a case did not run: {why}");
         }
     }
 
-    fn measure(&self, burst: Burst) -> Result<(), replenish_os::SpawnError> {
+    fn measure(&self) -> Result<(), replenish_os::SpawnError> {
         let enforcer = Enforcer::start(EnforcerConfig::on_cpu(0))?;
         let begin = clock::monotonic() + 50 * MS;
         let mut running = Vec::new();
         for load in &self.0 {
-            running.push(start(*load, burst, begin, &enforcer)?);
+            running.push(start(*load, begin, &enforcer)?);
         }
         clock::sleep_until(begin + LENGTH);
         let seen: Vec<_> = running
@@ -157,7 +157,6 @@ impl Case {
 /// begins, and then burns bursts.
 fn start(
     load: Load,
-    burst: Burst,
     begin: u64,
     enforcer: &Arc<Enforcer>,
 ) -> Result<(Arc<Shared>, Thread<()>), replenish_os::SpawnError> {
@@ -175,9 +174,9 @@ fn start(
         clock::sleep_until(begin + load.offset);
         account.activate(begin + load.offset);
         while !theirs.stop.load(Ordering::Relaxed) && account.callback_begin().is_ok() {
-            burst.run();
+            burst();
             while load.endless && !theirs.stop.load(Ordering::Relaxed) {
-                burst.run();
+                burst();
             }
             account.callback_end();
             theirs.bursts.fetch_add(1, Ordering::Relaxed);

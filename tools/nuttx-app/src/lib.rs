@@ -3,6 +3,7 @@
 //!
 //! - [`work`]: the bursts.
 //! - [`case`]: threads of one case, started, measured, ended.
+//! - [`executor`]: the same with the executor, its timers and messages.
 //! - `board`: a clock finer than the tick, and the end of the emulation (feature `qemu-stm32f405`).
 #![no_std]
 
@@ -11,6 +12,7 @@ extern crate alloc;
 #[cfg(feature = "qemu-stm32f405")]
 mod board;
 mod case;
+mod executor;
 mod print;
 mod work;
 
@@ -18,7 +20,6 @@ use case::{Case, Load};
 use core::ffi::{c_char, c_int};
 use replenish_os::nuttx::{self, SystemHeap};
 use replenish_os::{SchedClass, current_tid, set_priority};
-use work::Burst;
 
 #[global_allocator]
 static HEAP: SystemHeap = SystemHeap::new();
@@ -48,15 +49,14 @@ pub extern "C" fn replenish_main(_: c_int, _: *const *const c_char) -> c_int {
         say!("refused: {why}");
         return end(1);
     }
-    let burst = Burst::calibrate();
     say!("case: done by each in 10 s [CPU high/low in ms]");
     for budget in 1..10 {
         let budget = 10 * budget;
-        Case::of(&[Load::budget(60, budget), Load::fifo(10)]).run(burst);
+        Case::of(&[Load::budget(60, budget), Load::fifo(10)]).run();
     }
     for offset in [0, 1, 2, 10, 20] {
         let second = Load::budget(59, 30).after(offset);
-        Case::of(&[Load::budget(60, 30), second, Load::fifo(10)]).run(burst);
+        Case::of(&[Load::budget(60, 30), second, Load::fifo(10)]).run();
     }
     Case::of(&[
         Load::budget(60, 20),
@@ -64,13 +64,16 @@ pub extern "C" fn replenish_main(_: c_int, _: *const *const c_char) -> c_int {
         Load::budget(58, 15).after(10),
         Load::fifo(10),
     ])
-    .run(burst);
+    .run();
     Case::of(&[
         Load::budget(60, 30).endless(),
         Load::budget(59, 30),
         Load::fifo(10),
     ])
-    .run(burst);
+    .run();
+    for budget in [10, 30, 50, 70, 90] {
+        executor::run(budget);
+    }
     // Last: the system asserts when a thread with this policy ends, so they are left running.
     if facts.native_repl > 0 {
         Case::of(&[
@@ -78,7 +81,7 @@ pub extern "C" fn replenish_main(_: c_int, _: *const *const c_char) -> c_int {
             Load::native(59, 30).after(1),
             Load::fifo(10),
         ])
-        .run(burst);
+        .run();
     }
     end(0)
 }

@@ -10,7 +10,7 @@ const MASKS: u32 = 1;
 const SWITCHES: u32 = 2;
 const SPORADIC: u32 = 4;
 const ROUND_ROBIN: u32 = 8;
-/// A clock coarser than this holds no budget worth the name.
+/// A clock or tick coarser than this holds no budget worth the name.
 const COARSEST: Nanos = 1_000_000;
 
 /// `struct rp_report` of the shim.
@@ -32,6 +32,7 @@ pub(super) struct Report {
     started: i32,
     unused: u32,
     resolution: u64,
+    step: u64,
 }
 
 /// What the system has, as the shim found it.
@@ -47,6 +48,9 @@ pub struct Facts {
     pub time_bytes: u32,
     /// Resolution of the clock in nanoseconds; 1 for a clock of the image's.
     pub resolution: Nanos,
+    /// The system's tick in nanoseconds: waits end at its multiples, and so do budgets. What one
+    /// is overrun by is paid back by the next.
+    pub tick: Nanos,
     /// Whether CPU time and blocking are told by switch hooks. Always, but on a host.
     pub switch_hooks: bool,
     /// Pending replenishments of the system's own `SCHED_SPORADIC`; 0: there is none.
@@ -57,15 +61,16 @@ pub struct Facts {
     pub lowest: u8,
 }
 
-/// `clock 100000 ns, hooks, pthread_attr_t 56 B, ...`
+/// `clock 250 ns, tick 100000 ns, switch hooks, pthread_attr_t 56 B, ...`
 impl fmt::Display for Facts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let hooks = if self.switch_hooks { "" } else { "no " };
         write!(
             f,
-            "clock {} ns, {hooks}switch hooks, SCHED_SPORADIC {}, pthread_attr_t {} B, sched_param \
+            "clock {} ns, tick {} ns, {hooks}switch hooks, SCHED_SPORADIC {}, pthread_attr_t {} B, sched_param \
              {} B, pthread_mutex_t {} B, time_t {} B",
             self.resolution,
+            self.tick,
             self.native_repl,
             self.attr_bytes,
             self.param_bytes,
@@ -107,9 +112,9 @@ pub enum CheckError {
         /// The error number.
         errno: i32,
     },
-    /// The clock is too coarse.
+    /// The clock or the tick is too coarse.
     Resolution {
-        /// Its resolution in nanoseconds.
+        /// Its steps in nanoseconds.
         ns: Nanos,
     },
 }
@@ -146,8 +151,8 @@ impl fmt::Display for CheckError {
             ),
             Self::Resolution { ns } => write!(
                 f,
-                "the clock counts in steps of {ns} ns: allowed up to {COARSEST} \
-                 (CONFIG_USEC_PER_TICK, CONFIG_SCHED_TICKLESS, or RP_CLOCK in the shim's flags)"
+                "the clock or the tick has steps of {ns} ns: allowed 1 to {COARSEST} \
+                 (CONFIG_USEC_PER_TICK, CONFIG_SCHED_TICKLESS)"
             ),
         }
     }
@@ -201,10 +206,9 @@ impl Report {
                 errno: self.started,
             });
         }
-        if !(1..=COARSEST).contains(&self.resolution) {
-            return Err(CheckError::Resolution {
-                ns: self.resolution,
-            });
+        let coarser = self.resolution.max(self.step);
+        if self.resolution == 0 || self.step == 0 || coarser > COARSEST {
+            return Err(CheckError::Resolution { ns: coarser });
         }
         Ok(Facts {
             attr_bytes: self.attr_bytes,
@@ -212,6 +216,7 @@ impl Report {
             mutex_bytes: self.mutex_bytes,
             time_bytes: self.time_bytes,
             resolution: self.resolution,
+            tick: self.step,
             switch_hooks: self.has(SWITCHES),
             native_repl: if self.has(SPORADIC) { self.max_repl } else { 0 },
             round_robin: self.has(ROUND_ROBIN),

@@ -18,7 +18,8 @@ fn good() -> Report {
         lowest: 1,
         started: 0,
         unused: 0,
-        resolution: 100_000,
+        resolution: 250,
+        step: 100_000,
     }
 }
 
@@ -34,7 +35,10 @@ fn a_fitting_image_is_described() {
     assert_eq!((facts.native_repl, facts.lowest), (100, 1));
     assert!(facts.switch_hooks && !facts.round_robin);
     let text = facts.to_string();
-    assert!(text.contains("clock 100000 ns, switch hooks"), "{text}");
+    assert!(
+        text.contains("clock 250 ns, tick 100000 ns, switch hooks"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -42,7 +46,7 @@ fn each_misfit_is_named() {
     let text = refused(|r| r.version = 7);
     assert!(text.contains("version 7"), "{text}");
     let text = refused(|r| r.bytes -= 4);
-    assert!(text.contains("60 bytes"), "{text}");
+    assert!(text.contains("68 bytes"), "{text}");
     let text = refused(|r| r.thread_bytes = 65);
     assert!(
         text.contains("65 bytes") && text.contains("up to 64"),
@@ -66,7 +70,9 @@ fn each_misfit_is_named() {
         text.contains("error 12") && text.contains("CONFIG_TLS_NELEM"),
         "{text}"
     );
-    let text = refused(|r| r.resolution = 10_000_000);
+    let text = refused(|r| r.resolution = 0);
+    assert!(text.contains("allowed 1 to"), "{text}");
+    let text = refused(|r| r.step = 10_000_000);
     assert!(text.contains("10000000 ns"), "{text}");
 }
 

@@ -24,8 +24,8 @@ pub(crate) fn wait(word: &AtomicU32, expected: u32, deadline: Option<Nanos>) -> 
 }
 
 /// The same for a caller that is masked already, and unmasked on return.
-pub(crate) fn wait_masked(word: &AtomicU32, expected: u32, before: u32) {
-    sleep(slot::current(), word, expected, None, before);
+pub(crate) fn wait_masked(word: &AtomicU32, expected: u32, deadline: Option<Nanos>, before: u32) {
+    sleep(slot::current(), word, expected, deadline, before);
 }
 
 fn sleep(

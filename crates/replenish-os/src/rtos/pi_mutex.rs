@@ -16,6 +16,7 @@ use super::ffi;
 use super::futex;
 use super::slot;
 use super::tid::current_tid;
+use crate::Nanos;
 use core::cell::UnsafeCell;
 use core::fmt;
 use core::marker::PhantomData;
@@ -63,7 +64,7 @@ impl<T: ?Sized> PiMutex<T> {
     /// unlocking (a leaked guard): the alternative would be to wait for ever.
     pub fn lock(&self) -> PiMutexGuard<'_, T> {
         if !self.try_acquire() {
-            self.lock_slow();
+            self.lock_slow(None);
         }
         if slot::current().is_some() {
             ffi::held();
@@ -72,6 +73,23 @@ impl<T: ?Sized> PiMutex<T> {
             mutex: self,
             not_send: PhantomData,
         }
+    }
+
+    /// As [`lock`](Self::lock), but waits no longer than until `deadline`: then `None`. What the
+    /// owner inherited meanwhile it keeps until it unlocks.
+    ///
+    /// # Panics
+    /// As [`lock`](Self::lock).
+    pub fn lock_until(&self, deadline: Nanos) -> Option<PiMutexGuard<'_, T>> {
+        let taken = self.try_acquire() || self.lock_slow(Some(deadline));
+        if taken && slot::current().is_some() {
+            ffi::held();
+        }
+        // Lazily: a guard that is built unlocks when it is dropped.
+        taken.then(|| PiMutexGuard {
+            mutex: self,
+            not_send: PhantomData,
+        })
     }
 
     /// Takes the lock if it is free at this moment; never waits.
@@ -98,8 +116,9 @@ impl<T: ?Sized> PiMutex<T> {
             .is_ok()
     }
 
+    /// Whether the lock was taken before the deadline.
     #[cold]
-    fn lock_slow(&self) {
+    fn lock_slow(&self, deadline: Option<Nanos>) -> bool {
         let me = me();
         let mut waits = false;
         loop {
@@ -116,7 +135,12 @@ impl<T: ?Sized> PiMutex<T> {
             if mine || owner == me {
                 ffi::unmask(before);
                 assert!(mine, "PiMutex: this task holds the lock already");
-                return;
+                return true;
+            }
+            if deadline.is_some_and(|t| ffi::board_now() >= t) {
+                // A waiters' bit without waiters costs the owner a look.
+                ffi::unmask(before);
+                return false;
             }
             let (ended, task) = slot::find(owner.cast_signed())
                 .map_or((false, None), |s| s.state.with(|s| (s.ended, s.task)));
@@ -131,7 +155,7 @@ impl<T: ?Sized> PiMutex<T> {
             let expected = word | WAITERS;
             waits = true;
             // Still masked: the owner cannot give it back before this task is on the list.
-            futex::wait_masked(&self.word, expected, before);
+            futex::wait_masked(&self.word, expected, deadline, before);
         }
     }
 
