@@ -31,7 +31,7 @@ fn main() {
     build.file(port.join("port.c"));
     build.file(ours.join("shim.c"));
     build.compile("freertos");
-    for file in ["FreeRTOSConfig.h", "shim.c"] {
+    for file in ["FreeRTOSConfig.h", "shim.c", "freertos_tasks_c_additions.h"] {
         println!("cargo:rerun-if-changed={}", ours.join(file).display());
     }
     println!("cargo:rerun-if-changed=link.ld");

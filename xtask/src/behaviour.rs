@@ -36,7 +36,11 @@ const fn stops(name: &'static str, says: &'static [&'static str]) -> Case {
 
 const CASES: &[Case] = &[
     passes("lock-inherits", &[]),
+    passes("lock-chain", &[]),
+    passes("lock-in-background", &[]),
+    passes("lock-in-suspension", &[]),
     passes("lock-order", &[]),
+    passes("lock-limited", &[]),
     passes("suspend", &[]),
     passes("blocking-is-free", &[]),
     passes("cpu-time-exact", &["each preemption"]),
@@ -48,6 +52,7 @@ const CASES: &[Case] = &[
     passes("long-clock", &[]),
     passes("granted", &[]),
     passes("refused", &[]),
+    passes("equals-in-order", &[]),
     passes("idle", &["60 s: 15 interrupts of the timer"]),
     passes("idle-ten-timers", &["10 s: 1000 releases"]),
     passes("executor-granted", &["granted FIFO 60"]),

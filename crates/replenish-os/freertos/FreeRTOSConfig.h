@@ -32,7 +32,8 @@
 #define configMAX_TASK_NAME_LEN 16
 #define configCHECK_FOR_STACK_OVERFLOW 2
 
-#define configUSE_MUTEXES 1
+#define configUSE_MUTEXES 0 /* inheritance is ours: src/rtos/inherit.rs */
+#define configINCLUDE_FREERTOS_TASK_C_ADDITIONS_H 1
 #define configUSE_TASK_NOTIFICATIONS 1
 #define configTASK_NOTIFICATION_ARRAY_ENTRIES 1
 /* Of each task: its slot, number, stack and the stack's size: here, beside the kernel's own data of
@@ -42,7 +43,7 @@
 #define configUSE_TIMERS 0
 #define configQUEUE_REGISTRY_SIZE 0
 
-#define INCLUDE_vTaskPrioritySet 1
+#define INCLUDE_vTaskPrioritySet 0
 #define INCLUDE_uxTaskPriorityGet 1
 #define INCLUDE_vTaskSuspend 1
 #define INCLUDE_vTaskDelete 0

@@ -52,15 +52,6 @@ void rp_wake(void *task)
     }
 }
 
-/* Raised or lowered, the task goes to the tail of its new list. */
-void rp_set_priority(void *task, uint32_t priority) { vTaskPrioritySet((TaskHandle_t)task, priority); }
-
-/* Priority inheritance; masked. The kernel's own functions for its own mutexes. */
-void rp_held(void) { (void)pvTaskIncrementMutexHeldCount(); }
-void rp_inherit(void *owner) { (void)xTaskPriorityInherit((TaskHandle_t)owner); }
-uint32_t rp_disinherit(void) { return (uint32_t)xTaskPriorityDisinherit(xTaskGetCurrentTaskHandle()); }
-void rp_yield(void) { taskYIELD(); }
-
 /* Stops the calling task for good. */
 void rp_halt(void) { for (;;) vTaskSuspend(NULL); }
 

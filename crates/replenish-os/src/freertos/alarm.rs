@@ -9,22 +9,37 @@ pub(crate) fn program() {
     ffi::board_arm(earliest.unwrap_or(NEVER));
 }
 
-/// The board's timer interrupt: wakes every task whose deadline has come, sets the next.
+/// The board's timer interrupt: wakes every task whose deadline has come, in the order of their
+/// deadlines, the oldest of equals first; sets the timer for the next.
 pub(crate) fn on_timer() {
-    let now = ffi::board_now();
-    for slot in slot::all() {
-        let due = slot.state.with(|s| {
-            let due = s.deadline <= now;
-            if due {
-                s.deadline = NEVER;
+    loop {
+        let now = ffi::board_now();
+        let before = ffi::mask();
+        // Newest first: with <=, the oldest of equals wins.
+        let next = slot::all().fold((NEVER, None), |(earliest, first), slot| {
+            let at = slot.state.with(|s| s.deadline);
+            if at <= earliest && at != NEVER {
+                (at, Some(slot))
+            } else {
+                (earliest, first)
             }
-            s.task.filter(|_| due)
         });
-        if let Some(task) = due {
+        let (at, due) = match next {
+            (at, Some(slot)) if at <= now => (at, Some(slot)),
+            (at, _) => (at, None),
+        };
+        let Some(slot) = due else {
+            ffi::board_arm(at);
+            ffi::unmask(before);
+            return;
+        };
+        let task = slot.state.with(|s| {
+            s.deadline = NEVER;
+            s.task
+        });
+        ffi::unmask(before);
+        if let Some(task) = task {
             ffi::wake(task);
         }
     }
-    let before = ffi::mask();
-    program();
-    ffi::unmask(before);
 }

@@ -31,11 +31,7 @@ mod c {
         pub(super) fn rp_unmask(before: u32);
         pub(super) fn rp_block();
         pub(super) fn rp_wake(task: *mut c_void);
-        pub(super) fn rp_set_priority(task: *mut c_void, priority: u32);
-        pub(super) fn rp_held();
-        pub(super) fn rp_inherit(owner: *mut c_void);
-        pub(super) fn rp_disinherit() -> u32;
-        pub(super) fn rp_yield();
+        pub(super) fn rp_place(task: *mut c_void, priority: u32, head: u32);
         pub(super) fn rp_halt() -> !;
         pub(super) fn rp_stack_unused(task: *mut c_void) -> u32;
         pub(super) fn rp_priority(task: *mut c_void) -> u32;
@@ -142,34 +138,11 @@ pub(crate) fn wake(task: Task) {
     unsafe { c::rp_wake(task.0.as_ptr()) };
 }
 
-/// Sets the base priority; an inherited one stays while it is higher.
-pub(crate) fn set_priority(task: Task, priority: u8) {
-    // SAFETY: the handle is good; the priority is below configMAX_PRIORITIES.
-    unsafe { c::rp_set_priority(task.0.as_ptr(), priority.into()) };
-}
-
-/// The running task has taken a mutex.
-pub(crate) fn held() {
-    // SAFETY: counts in the running task's control block.
-    unsafe { c::rp_held() };
-}
-
-/// `owner` gets the running task's priority if that is higher; masked.
-pub(crate) fn inherit(owner: Task) {
-    // SAFETY: the handle is good; the kernel's lists are protected by the mask.
-    unsafe { c::rp_inherit(owner.0.as_ptr()) };
-}
-
-/// The running task gives a mutex back; masked. Whether it lost an inherited priority.
-pub(crate) fn disinherit() -> bool {
-    // SAFETY: pairs with `held`; the kernel's lists are protected by the mask.
-    unsafe { c::rp_disinherit() != 0 }
-}
-
-/// Lets the kernel choose again.
-pub(crate) fn yield_now() {
-    // SAFETY: pends the switch interrupt.
-    unsafe { c::rp_yield() };
+/// Gives a task another priority, at the head or at the tail of its list; masked.
+pub(crate) fn place(task: Task, priority: u8, head: bool) {
+    // SAFETY: the handle is good, the priority is below configMAX_PRIORITIES, and the mask protects
+    // the kernel's lists.
+    unsafe { c::rp_place(task.0.as_ptr(), priority.into(), head.into()) };
 }
 
 /// Stops the running task for good.

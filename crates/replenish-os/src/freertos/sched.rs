@@ -2,7 +2,7 @@
 //! its new list, as POSIX wants it for both ends of a budget.
 
 use super::error::OsError;
-use super::ffi;
+use super::inherit;
 use super::slot;
 use super::tid::Tid;
 use crate::MAX_PRIORITY;
@@ -57,13 +57,5 @@ pub fn demote_to_tail(tid: Tid, lo: u8) -> Result<(), OsError> {
 
 fn place(tid: Tid, priority: u8) -> Result<(), OsError> {
     let slot = slot::find(tid.get()).ok_or(OsError::new("no task has this number"))?;
-    let task = slot.state.with(|s| {
-        s.priority = priority;
-        s.task
-    });
-    ffi::set_priority(
-        task.ok_or(OsError::new("the task was never made"))?,
-        priority,
-    );
-    Ok(())
+    inherit::set_base(slot, priority)
 }

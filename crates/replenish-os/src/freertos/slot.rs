@@ -13,8 +13,10 @@
     reason = "hooks get slots as pointers; the list's end is one"
 )]
 
+use super::error::OsError;
 use super::ffi::{self, Task};
 use super::gaps::Gaps;
+use super::inherit::Place;
 use super::masked::Masked;
 use crate::Nanos;
 use core::ffi::c_void;
@@ -38,10 +40,14 @@ pub(crate) struct State {
     pub(crate) task: Option<Task>,
     /// The priority set last, without inheritance.
     pub(crate) priority: u8,
+    /// The priority the kernel was told last.
+    pub(crate) effective: u8,
     /// When the task wants to be woken at the latest.
     pub(crate) deadline: Nanos,
     /// The word the task waits on; null: none.
     pub(crate) waits_on: *const AtomicU32,
+    /// The word is a lock's, and this task lends its owner its priority.
+    pub(crate) lends: bool,
     pub(crate) ended: bool,
     pub(crate) gaps: Gaps,
     cpu: Nanos,
@@ -51,7 +57,7 @@ pub(crate) struct State {
     pub(super) preemptions: u32,
 }
 
-// SAFETY: the pointer is compared, never followed.
+// SAFETY: the pointer leads to a word that the waiting task borrows; it is followed masked.
 unsafe impl Send for State {}
 
 impl State {
@@ -62,6 +68,17 @@ impl State {
         } else {
             self.cpu
         }
+    }
+}
+
+impl Slot {
+    /// Tells the kernel the priority that the task has from now on; masked.
+    pub(crate) fn set_effective(&self, priority: u8, place: Place) -> Result<(), OsError> {
+        let task = self.state.with(|s| s.task);
+        let task = task.ok_or(OsError::new("the task was never made"))?;
+        // At 0 the idle task stays first: a suspended task is not to run.
+        ffi::place(task, priority, place == Place::Head && priority > 0);
+        Ok(())
     }
 }
 
@@ -77,8 +94,10 @@ pub(crate) fn make(priority: u8, stack_bytes: usize) -> &'static Slot {
         state: Masked::new(State {
             task: None,
             priority,
+            effective: priority,
             deadline: NEVER,
             waits_on: ptr::null(),
+            lends: false,
             ended: false,
             gaps: Gaps::new(),
             cpu: 0,

@@ -1,8 +1,6 @@
 //! The functions of `nuttx/shim.c`, each behind a safe name.
 #![expect(unsafe_code, reason = "C functions of the shim")]
 
-pub(crate) use super::inherit::{disinherit, held, inherit, yield_now};
-
 use super::error::OsError;
 use super::report::Report;
 use super::slot::{self, NEVER, Slot};
@@ -213,7 +211,6 @@ pub(crate) fn block() {
     me.state.with(|s| {
         s.parked_until = 0;
         s.deadline = NEVER;
-        s.lends = false; // a wait for a lock sets it anew
     });
 }
 

@@ -30,6 +30,7 @@ pub(crate) mod futex;
 mod gaps;
 pub(crate) mod granted;
 mod heap;
+#[path = "../rtos/inherit.rs"]
 mod inherit;
 mod launch;
 #[path = "../rtos/masked.rs"]

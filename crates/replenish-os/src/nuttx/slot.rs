@@ -13,8 +13,10 @@
     reason = "hooks get slots as pointers; the list's end is one"
 )]
 
+use super::error::OsError;
 use super::ffi::{self, Task, ThreadMemory};
 use super::gaps::Gaps;
+use super::inherit::Place;
 use super::masked::Masked;
 use super::report;
 use crate::Nanos;
@@ -102,6 +104,14 @@ impl State {
         self.on_cpu = true;
         let cpu = self.cpu;
         self.gaps.close(now, cpu);
+    }
+}
+
+impl Slot {
+    /// Tells the system the priority that the thread has from now on. Where it goes in that
+    /// priority's list is the system's to say.
+    pub(crate) fn set_effective(&self, priority: u8, _: Place) -> Result<(), OsError> {
+        self.thread.set_priority(priority)
     }
 }
 

@@ -58,6 +58,7 @@ fn sleep(
     me.state.with(|s| {
         s.waits_on = ptr::null();
         s.deadline = NEVER;
+        s.lends = false; // a wait for a lock sets it anew
     });
 }
 
@@ -75,7 +76,7 @@ pub(crate) fn wake_one(word: &AtomicU32) {
 pub(crate) fn take_waiter(word: &AtomicU32) -> Option<&'static Slot> {
     let mut best: Option<(u8, &'static Slot)> = None;
     for slot in slot::all() {
-        let (on, priority) = slot.state.with(|s| (s.waits_on, s.priority));
+        let (on, priority) = slot.state.with(|s| (s.waits_on, s.effective));
         // Newest first: with >=, the oldest of equals wins.
         if ptr::eq(on, word) && best.is_none_or(|(p, _)| priority >= p) {
             best = Some((priority, slot));

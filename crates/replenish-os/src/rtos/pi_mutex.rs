@@ -1,5 +1,4 @@
-//! A mutex with priority inheritance. The kernel's inheritance, our word and queue: the kernel's
-//! own mutex must not move in memory, ours may.
+//! A mutex with priority inheritance: a word, and the slots of those who wait for it.
 //!
 //! ```text
 //!        lock: CAS                another task waits: it sets bit 31
@@ -8,12 +7,13 @@
 //!   └────────────────────┘◄───────────── the highest waiter ◄┘
 //! ```
 //!
-//! A waiter raises the owner to its own priority (`xTaskPriorityInherit`), and the owner keeps that
-//! until it holds no mutex any more. The kernel does not pass a boost on along a chain of locks.
+//! A waiter lends the owner its priority (`inherit`), through chains of locks, until the owner has
+//! given the lock back.
 #![expect(unsafe_code, reason = "lends out the content of an UnsafeCell")]
 
 use super::ffi;
 use super::futex;
+use super::inherit;
 use super::slot;
 use super::tid::current_tid;
 use crate::Nanos;
@@ -66,26 +66,20 @@ impl<T: ?Sized> PiMutex<T> {
         if !self.try_acquire() {
             self.lock_slow(None);
         }
-        if slot::current().is_some() {
-            ffi::held();
-        }
         PiMutexGuard {
             mutex: self,
             not_send: PhantomData,
         }
     }
 
-    /// As [`lock`](Self::lock), but waits no longer than until `deadline`: then `None`. What the
-    /// owner inherited meanwhile it keeps until it unlocks.
+    /// As [`lock`](Self::lock), but waits no longer than until `deadline`
+    /// ([`monotonic`](crate::clock::monotonic) time): then `None`, and the owner no longer has this
+    /// task's priority.
     ///
     /// # Panics
     /// As [`lock`](Self::lock).
     pub fn lock_until(&self, deadline: Nanos) -> Option<PiMutexGuard<'_, T>> {
         let taken = self.try_acquire() || self.lock_slow(Some(deadline));
-        if taken && slot::current().is_some() {
-            ffi::held();
-        }
-        // Lazily: a guard that is built unlocks when it is dropped.
         taken.then(|| PiMutexGuard {
             mutex: self,
             not_send: PhantomData,
@@ -94,12 +88,8 @@ impl<T: ?Sized> PiMutex<T> {
 
     /// Takes the lock if it is free at this moment; never waits.
     pub fn try_lock(&self) -> Option<PiMutexGuard<'_, T>> {
-        let taken = self.try_acquire();
-        if taken && slot::current().is_some() {
-            ffi::held();
-        }
         // Lazily: a guard that is built unlocks when it is dropped.
-        taken.then(|| PiMutexGuard {
+        self.try_acquire().then(|| PiMutexGuard {
             mutex: self,
             not_send: PhantomData,
         })
@@ -116,7 +106,7 @@ impl<T: ?Sized> PiMutex<T> {
             .is_ok()
     }
 
-    /// Whether the lock was taken before the deadline.
+    /// Waits; whether it has the lock, which it has if there is no deadline.
     #[cold]
     fn lock_slow(&self, deadline: Option<Nanos>) -> bool {
         let me = me();
@@ -126,8 +116,7 @@ impl<T: ?Sized> PiMutex<T> {
             let word = self.word.load(Ordering::Acquire);
             let owner = word & !WAITERS;
             let mine = if owner == 0 {
-                self.word.store(me | word & WAITERS, Ordering::Release);
-                true
+                self.swap(word, me)
             } else {
                 // Handed over by the unlock, while it slept.
                 waits && owner == me
@@ -137,38 +126,53 @@ impl<T: ?Sized> PiMutex<T> {
                 assert!(mine, "PiMutex: this task holds the lock already");
                 return true;
             }
-            if deadline.is_some_and(|t| ffi::board_now() >= t) {
-                // A waiters' bit without waiters costs the owner a look.
-                ffi::unmask(before);
-                return false;
-            }
-            let (ended, task) = slot::find(owner.cast_signed())
-                .map_or((false, None), |s| s.state.with(|s| (s.ended, s.task)));
+            let holder = slot::find(owner.cast_signed());
+            let ended = holder.is_some_and(|s| s.state.with(|s| s.ended));
             if ended {
                 ffi::unmask(before);
                 assert!(!ended, "PiMutex: the task that holds the lock has ended");
             }
-            self.word.store(word | WAITERS, Ordering::Release);
-            if let Some(owner) = task {
-                ffi::inherit(owner);
+            // The mark for waiters may stay: the unlock finds that there is none.
+            if deadline.is_some_and(|t| ffi::board_now() >= t) {
+                if let Some(holder) = holder {
+                    inherit::withdraw(holder);
+                }
+                ffi::unmask(before);
+                return false;
             }
+            // Taken or given back between the reading and now: look again.
             let expected = word | WAITERS;
+            if owner == 0 || !self.swap(word, expected) {
+                ffi::unmask(before);
+                continue;
+            }
+            if let Some(holder) = holder {
+                inherit::lend(holder);
+            }
             waits = true;
             // Still masked: the owner cannot give it back before this task is on the list.
             futex::wait_masked(&self.word, expected, deadline, before);
         }
     }
 
+    fn swap(&self, from: u32, to: u32) -> bool {
+        self.word
+            .compare_exchange(from, to, Ordering::AcqRel, Ordering::Relaxed)
+            .is_ok()
+    }
+
     fn unlock(&self) {
-        if slot::current().is_none() {
-            self.word.store(0, Ordering::Release);
-            return;
+        if self.swap(me(), 0) {
+            return; // nobody waits
         }
+        self.unlock_slow();
+    }
+
+    /// Hands the lock to the highest of those who wait.
+    #[cold]
+    fn unlock_slow(&self) {
         let before = ffi::mask();
-        let mut next = None;
-        if self.word.load(Ordering::Relaxed) & WAITERS != 0 {
-            next = futex::take_waiter(&self.word);
-        }
+        let next = futex::take_waiter(&self.word);
         let word = next.map_or(0, |slot| {
             let more = if futex::has_waiter(&self.word) {
                 WAITERS
@@ -178,13 +182,13 @@ impl<T: ?Sized> PiMutex<T> {
             slot.id.cast_unsigned() | more
         });
         self.word.store(word, Ordering::Release);
-        let lowered = ffi::disinherit();
+        let boosted = inherit::is_boosted();
         ffi::unmask(before);
         if let Some(task) = next.and_then(|slot| slot.state.with(|s| s.task)) {
             ffi::wake(task);
         }
-        if lowered {
-            ffi::yield_now();
+        if boosted {
+            inherit::give_back();
         }
     }
 }

@@ -57,12 +57,12 @@ pub(crate) fn guard<T>(step: impl FnOnce() -> T, _panicked: impl FnOnce(&str) ->
     step()
 }
 
-/// The lock: here one waits until it can be had.
+/// The lock, if it can be had until `deadline`.
 pub(crate) fn lock_until(
     lock: &replenish_os::PiMutex<()>,
-    _deadline: crate::Nanos,
+    deadline: crate::Nanos,
 ) -> Option<replenish_os::PiMutexGuard<'_, ()>> {
-    Some(lock.lock())
+    lock.lock_until(deadline)
 }
 
 /// Events go nowhere if nobody has said where.

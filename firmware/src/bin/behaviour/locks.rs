@@ -124,6 +124,44 @@ pub fn order(burst: Burst) {
     hold!(order.is("bdca"), "by priority, then by arrival");
 }
 
+/// A limited wait ends in time, and takes the priority back that it had lent; a later one gets the
+/// lock. (The owner sleeps at the end of the wait: as long as it runs with the waiter's priority,
+/// the waiter, its equal, does not.)
+pub fn limited_wait(burst: Burst) {
+    for again in [false, true] {
+        let lock = Arc::new(PiMutex::new(()));
+        let begin = clock::monotonic() + 5 * MS;
+        let theirs = Arc::clone(&lock);
+        let owner = task("owner", 20, move || {
+            clock::sleep_until(begin);
+            let guard = theirs.lock();
+            burst.run_us(2_000);
+            let lent = my_priority();
+            clock::sleep_until(begin + 6 * MS);
+            let later = my_priority();
+            drop(guard);
+            (lent, later, my_priority())
+        });
+        let waiter = task("waiter", 40, move || {
+            clock::sleep_until(begin + MS);
+            let none = lock.lock_until(begin + 5 * MS).is_none();
+            let late = clock::monotonic() - begin;
+            let there = again && lock.lock_until(begin + 50 * MS).is_some();
+            (none, late, there)
+        });
+        let priorities = join(owner);
+        let (none, late, there) = join(waiter);
+        let wanted = (40, if again { 40 } else { 20 }, 20);
+        hold!(
+            priorities == wanted,
+            "the owner had {priorities:?} instead of {wanted:?}"
+        );
+        hold!(none && there == again, "none {none}, then there {there}");
+        let in_time = 5 * MS..5 * MS + MS / 10;
+        hold!(in_time.contains(&late), "the wait ended at {late} ns");
+    }
+}
+
 /// A worker whose budget ends while it holds a lock goes on at its waiter's priority, whether that
 /// came before or after the end, and is at its background priority when it has given it back.
 pub fn in_background(burst: Burst) {

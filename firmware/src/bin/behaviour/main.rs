@@ -58,6 +58,7 @@ const CASES: &[(&str, Case)] = &[
     ("lock-in-background", locks::in_background),
     ("lock-in-suspension", locks::in_suspension),
     ("lock-order", locks::order),
+    ("lock-limited", locks::limited_wait),
     ("suspend", budgets::suspend),
     ("blocking-is-free", budgets::blocking_is_free),
     ("cpu-time-exact", budgets::cpu_time_exact),

@@ -5,11 +5,13 @@
 //! ```
 //!
 //! It goes through chains of locks, holds while an enforcer lowers the owner, and ends when the
-//! owner gives the lock back. Only contended locks cost anything.
+//! owner gives the lock back. Only contended locks cost anything. The systems' own inheritance does
+//! not do: FreeRTOS passes nothing along a chain, and both forget the waiters when the priority of
+//! the owner is changed, as the end of a budget does.
 #![expect(unsafe_code, reason = "reads the words that threads wait on")]
 
 use super::error::OsError;
-use super::ffi::{self, Task};
+use super::ffi;
 use super::slot::{self, Slot};
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -43,22 +45,32 @@ fn effective(of: &Slot, chain: usize) -> u8 {
         .fold(own, u8::max)
 }
 
+/// Where a thread goes in the list of its new priority.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Place {
+    /// Before its equals: it only loses what it had inherited, and ran already (POSIX: a thread
+    /// that unlocks is not moved to the tail).
+    Head,
+    /// Behind its equals.
+    Tail,
+}
+
 /// Tells the system the thread's effective priority if it is another one; masked.
-fn refresh(slot: &'static Slot) {
+fn refresh(slot: &'static Slot, place: Place) {
     let wanted = effective(slot, LONGEST_CHAIN);
     let now = slot.state.with(|s| s.effective);
     if wanted != now {
-        tell(slot, wanted).ok(); // as in `inherit`
+        tell(slot, wanted, place).ok(); // as in `inherit`
     }
 }
 
-fn tell(slot: &'static Slot, priority: u8) -> Result<(), OsError> {
+fn tell(slot: &'static Slot, priority: u8, place: Place) -> Result<(), OsError> {
     let running = slot.state.with(|s| {
         s.effective = priority;
         s.task.is_some()
     });
     if running {
-        slot.thread.set_priority(priority)
+        slot.set_effective(priority, place)
     } else {
         Ok(())
     }
@@ -70,7 +82,11 @@ pub(crate) fn set_base(slot: &'static Slot, priority: u8) -> Result<(), OsError>
     slot.state.with(|s| s.priority = priority);
     let wanted = effective(slot, LONGEST_CHAIN);
     let boosted = wanted != priority && slot.state.with(|s| s.effective) == wanted;
-    let done = if boosted { Ok(()) } else { tell(slot, wanted) };
+    let done = if boosted {
+        Ok(())
+    } else {
+        tell(slot, wanted, Place::Tail)
+    };
     raise_owners(slot);
     ffi::unmask(before);
     done
@@ -83,40 +99,48 @@ fn raise_owners(slot: &Slot) {
         let Some(owner) = next.and_then(slot::find) else {
             return;
         };
-        refresh(owner);
+        refresh(owner, Place::Tail);
         next = lender_to(owner);
     }
 }
 
-/// The running thread has taken a lock: nothing to note.
-pub(crate) const fn held() {}
-
 /// The running thread is about to wait for a lock of `owner`'s; masked. It is not noted at the
 /// lock's word yet, so the priority is handed along the chain here.
-pub(crate) fn inherit(owner: Task) {
+pub(crate) fn lend(owner: &'static Slot) {
     let Some(me) = slot::current() else { return };
     let mine = effective(me, LONGEST_CHAIN);
     me.state.with(|s| s.lends = true);
-    let mut next = Some(owner.0);
+    let mut next = Some(owner);
     for _ in 0..LONGEST_CHAIN {
         let Some(owner) = next else { return };
         if owner.state.with(|s| s.effective) < mine {
-            tell(owner, mine).ok(); // without the privilege (on a host) there is no inheritance
+            // Without the privilege (on a host) there is no inheritance.
+            tell(owner, mine, Place::Tail).ok();
         }
         next = lender_to(owner).and_then(slot::find);
     }
 }
 
-/// The running thread has given a lock back; masked. Whether it lost an inherited priority, which
-/// [`yield_now`] carries out when the next owner has been woken.
-pub(crate) fn disinherit() -> bool {
+/// The running thread no longer waits for a lock of `owner`'s, without having got it; masked.
+pub(crate) fn withdraw(owner: &'static Slot) {
+    let mut next = Some(owner);
+    for _ in 0..LONGEST_CHAIN {
+        let Some(owner) = next else { return };
+        refresh(owner, Place::Tail);
+        next = lender_to(owner).and_then(slot::find);
+    }
+}
+
+/// The running thread has given a lock back; masked. Whether it may lose an inherited priority, which
+/// [`give_back`] carries out when the next owner has been woken.
+pub(crate) fn is_boosted() -> bool {
     slot::current().is_some_and(|me| me.state.with(|s| s.effective != s.priority))
 }
 
 /// The running thread gets the priority it now has a right to.
-pub(crate) fn yield_now() {
+pub(crate) fn give_back() {
     let Some(me) = slot::current() else { return };
     let before = ffi::mask();
-    refresh(me);
+    refresh(me, Place::Head);
     ffi::unmask(before);
 }
