@@ -290,6 +290,16 @@ int32_t rp_thread_init(struct rp_thread *thread)
     return 0;
 }
 
+static int remember(void *its_slot)
+{
+#if defined(__NuttX__) && CONFIG_TLS_NELEM == 0
+    (void)its_slot;
+    return ENOTSUP; /* the check at start has said so */
+#else
+    return pthread_setspecific(key, its_slot);
+#endif
+}
+
 /* The calling thread is `thread` from now on. */
 int32_t rp_adopt(struct rp_thread *thread, void *its_slot)
 {
@@ -303,7 +313,7 @@ int32_t rp_adopt(struct rp_thread *thread, void *its_slot)
     thread->id = pthread_self();
     if (pthread_getschedparam(thread->id, &policy, &param) == 0)
         thread->priority = param.sched_priority;
-    return pthread_setspecific(key, its_slot);
+    return remember(its_slot);
 }
 
 /* The calling thread is none of ours any more. */
@@ -312,7 +322,7 @@ void rp_forget(void)
 #ifndef __NuttX__
     slot = NULL;
 #endif
-    pthread_setspecific(key, NULL);
+    (void)remember(NULL);
 }
 
 static int policy_of(int kind)
