@@ -14,6 +14,7 @@
 
 mod line;
 mod login;
+mod notices;
 mod outside;
 mod pressure;
 mod requests;
@@ -350,7 +351,11 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         let left = left.filter_map(|(_, record)| record.reader.as_deref());
         let left = left.map(|reader| reader.queued() as u64).sum();
         self.counters.samples_orphaned.add(left);
+        let ids: Vec<_> = client.entities.iter().map(|(id, _)| id).collect();
+        let served = ids.iter().filter_map(|id| client.entities.answers(*id));
+        let served: Vec<_> = served.collect();
         client.entities.clear(&mut self.topics);
+        served.iter().for_each(|topic| self.tell_served(*topic));
         if let Some(bridge) = &mut self.bridge {
             bridge.removed(index);
         }

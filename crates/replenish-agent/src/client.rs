@@ -9,8 +9,8 @@ use crate::sample::Ledger;
 use crate::stats::Counters;
 use replenish_xrce::stream::StreamHeader;
 use replenish_xrce::wire::{
-    AckNack, ClientKey, Encode, Header, Heartbeat, MessageWriter, ObjectId, SessionId, StatusReply,
-    StreamId,
+    AckNack, ClientKey, Encode, Header, Heartbeat, MessageWriter, Notice, ObjectId, SessionId,
+    StatusReply, StreamId,
 };
 use replenish_xrce::{Nanos, SeqNum};
 
@@ -176,6 +176,15 @@ impl<P> Client<P> {
     ) -> bool {
         self.outlet(stream, limits)
             .is_some_and(|outlet| outlet.status(status))
+    }
+
+    /// Queues what the client is told unasked, if it is one that understands it.
+    pub(crate) fn notice(&mut self, object: ObjectId, notice: Notice, limits: &Limits) {
+        if self.delivery.is_some()
+            && let Some(outlet) = self.outlet(StreamId::RELIABLE, limits)
+        {
+            outlet.notice(object, notice);
+        }
     }
 
     /// Gives `reader` its turn on the stream it has something to say on, now or later.

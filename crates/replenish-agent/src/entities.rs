@@ -29,7 +29,7 @@ use crate::identity::{Guid, Identity};
 use crate::limits::Limits;
 use crate::profiles::Profiles;
 use crate::rules::{TopicRule, service};
-use crate::topics::{Attached, End, TopicKey, Topics};
+use crate::topics::{Attached, End, TopicId, TopicKey, Topics};
 use calls::Calls;
 use replenish_xrce::wire::{Create, CreationMode, ObjectId, ObjectKind, RequestId, Status};
 use std::collections::HashMap;
@@ -76,6 +76,10 @@ pub(crate) struct Record {
     pub(crate) plan: Plan,
     pub(crate) writer: Option<Box<Writer>>,
     pub(crate) reader: Option<Box<Reader>>,
+    /// A requester: servers beyond the bridge.
+    pub(crate) served_beyond: bool,
+    /// What its client was told last: whether it is served.
+    pub(crate) told_served: bool,
 }
 
 impl Entities {
@@ -188,6 +192,8 @@ impl Entities {
                 plan,
                 writer,
                 reader,
+                served_beyond: false,
+                told_served: false,
             },
         );
         mismatches
@@ -247,6 +253,18 @@ impl Entities {
     /// An entity.
     pub(crate) fn record(&self, id: ObjectId) -> Option<&Record> {
         self.records.get(&id)
+    }
+
+    /// An entity, to be changed.
+    pub(crate) fn record_mut(&mut self, id: ObjectId) -> Option<&mut Record> {
+        self.records.get_mut(&id)
+    }
+
+    /// The topic of the requests that a replier answers.
+    pub(crate) fn answers(&self, id: ObjectId) -> Option<TopicId> {
+        let record = self.records.get(&id)?;
+        let reader = record.reader.as_deref()?;
+        matches!(reader.role, Role::Replier).then_some(reader.topic)
     }
 
     /// All entities.

@@ -24,7 +24,7 @@ use crate::turns::Turns;
 use replenish_xrce::stream::{
     OutputBestEffort, OutputReliable, PushError, Reliability, StreamHeader, Tail,
 };
-use replenish_xrce::wire::{AckNack, Encode, Heartbeat, ObjectId, StatusReply, StreamId};
+use replenish_xrce::wire::{AckNack, Encode, Heartbeat, Notice, ObjectId, StatusReply, StreamId};
 use replenish_xrce::{Nanos, SeqNum};
 use std::collections::VecDeque;
 
@@ -52,6 +52,8 @@ pub(crate) type Throttled = Vec<(Nanos, ObjectId)>;
 pub(crate) struct Outlet {
     machine: Machine,
     statuses: VecDeque<StatusReply>,
+    /// What the client is told unasked; one of a kind for each object.
+    notices: VecDeque<StatusReply>,
     turns: Turns,
     /// How urgent what was handed to the machine last is.
     level: u8,
@@ -103,6 +105,7 @@ impl Outlet {
         Some(Self {
             machine,
             statuses: VecDeque::new(),
+            notices: VecDeque::new(),
             turns: Turns::default(),
             level: TOP,
             reserve: false,
@@ -127,6 +130,18 @@ impl Outlet {
         room
     }
 
+    /// Queues what the client is told unasked about an object. What it was to be told about the same
+    /// thing before is out of date, except that clashing policies add up.
+    pub(crate) fn notice(&mut self, object: ObjectId, notice: Notice) {
+        let kind = notice.about(object);
+        let same = |n: &&mut StatusReply| (n.base, n.status) == (kind.base, kind.status);
+        match (self.notices.iter_mut().find(same), notice) {
+            (None, _) => self.notices.push_back(kind),
+            (Some(before), Notice::Clash(policies)) => before.implementation |= policies,
+            (Some(before), Notice::Served(_)) => *before = kind,
+        }
+    }
+
     /// Gives `reader` a turn, because it has a sample for this stream.
     pub(crate) fn queue(&mut self, reader: ObjectId, service: Service) {
         self.reserve |= service.priority > TopicRule::DEFAULT_PRIORITY;
@@ -136,6 +151,7 @@ impl Outlet {
     /// Takes the turns of `reader` away.
     pub(crate) fn forget(&mut self, reader: ObjectId) {
         self.turns.forget(reader);
+        self.notices.retain(|notice| notice.base.object != reader);
     }
 
     /// How urgent what can be sent now is; `None` if there is nothing.
@@ -149,7 +165,7 @@ impl Outlet {
 
     /// How urgent the next submessage is.
     fn next_level(&self) -> Option<u8> {
-        if self.statuses.is_empty() {
+        if self.statuses.is_empty() && self.notices.is_empty() {
             self.turns.top()
         } else {
             Some(TOP)
@@ -270,6 +286,13 @@ impl Outlet {
             if self.machine.push(&status).is_err() {
                 counters.replies_dropped.hit();
             }
+            return true;
+        }
+        if let Some(notice) = self.notices.front() {
+            self.level = TOP;
+            // One that does not fit is not worth more than the samples behind it.
+            let _lost = self.machine.push(notice).is_err();
+            self.notices.pop_front();
             return true;
         }
         let stream = self.stream();

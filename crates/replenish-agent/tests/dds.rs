@@ -115,7 +115,9 @@ fn requests_and_replies_cross_in_both_directions() {
     let answer = Outgoing::call(ask.request.unwrap(), b"yes1".to_vec());
     ros.dds.write(replier, answer);
     assert_eq!(caller.reply(), (first, b"yes1".to_vec()));
+    caller.until(|caller| caller.served);
     ros.dds.close(replier);
+    caller.until(|caller| !caller.served);
 
     let mut server = service_client(&agent, 2, ObjectKind::Replier);
     let requester = ros.open(EndpointKind::Requester { request, reply });
@@ -134,6 +136,7 @@ fn requests_and_replies_cross_in_both_directions() {
     assert_eq!((got.request, &got.payload[..]), (Some(name), &b"yes2"[..]));
 
     // Among the agent's own clients requests are answered as ever, and once.
+    caller.until(|caller| caller.served);
     let second = caller.request(b"ask3");
     let asked = server.read();
     let (identity, text) = asked.split_at(24);

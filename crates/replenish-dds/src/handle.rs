@@ -105,6 +105,12 @@ impl Dds {
         self.common.state.lock().incoming.pop()
     }
 
+    /// The next requester whose service has servers now (`true`), or none any more. To be called
+    /// until there is none, after each wake-up.
+    pub fn take_served(&self) -> Option<(Id, bool)> {
+        self.common.state.lock().take_served()
+    }
+
     /// What it is doing.
     #[must_use]
     pub fn report(&self) -> DdsReport {

@@ -137,6 +137,11 @@ impl Live {
         self.readers.len() + self.writers.len()
     }
 
+    /// Whether there is somebody to hear it and somebody to answer: for a requester, a server.
+    pub(crate) fn is_served(&self) -> bool {
+        !self.readers.is_empty() && !self.writers.is_empty()
+    }
+
     /// A reader (of its writer) or writer (of its reader) was found.
     pub(crate) fn found(&mut self, guid: GUID, reads: bool) {
         let list = if reads {

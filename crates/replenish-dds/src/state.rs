@@ -73,6 +73,8 @@ struct Slot {
     seen: bool,
     state: EndpointState,
     matched: usize,
+    /// There are those who read what it writes and write what it reads.
+    served: bool,
     counts: Counts,
 }
 
@@ -97,6 +99,8 @@ pub(crate) struct State {
     pub(crate) outgoing: Queues<Outgoing>,
     /// From DDS.
     pub(crate) incoming: Queues<Incoming>,
+    /// Endpoints that are served now, or are not any more; the program is to be told.
+    changed: VecDeque<Id>,
 }
 
 impl State {
@@ -110,6 +114,7 @@ impl State {
             ended: None,
             outgoing: Queues::new(limits.queue, limits.queued_bytes),
             incoming: Queues::new(limits.queue, limits.queued_bytes),
+            changed: VecDeque::new(),
         }
     }
 
@@ -131,6 +136,7 @@ impl State {
             seen: false,
             state: EndpointState::Opening,
             matched: 0,
+            served: false,
             counts: Counts::default(),
         };
         self.table.insert(id, slot);
@@ -221,12 +227,27 @@ impl State {
         }
     }
 
-    /// Adds what the thread has counted.
-    pub(crate) fn account(&mut self, id: Id, counts: Counts, matched: usize) {
+    /// The next endpoint that is served now, or not any more.
+    pub(crate) fn take_served(&mut self) -> Option<(Id, bool)> {
+        loop {
+            let id = self.changed.pop_front()?;
+            if let Some(slot) = self.table.get(&id) {
+                return Some((id, slot.served));
+            }
+        }
+    }
+
+    /// Adds what the thread has counted; whether there is news for the program.
+    pub(crate) fn account(&mut self, id: Id, counts: Counts, live: (usize, bool)) -> bool {
         let Some(slot) = self.table.get_mut(&id) else {
-            return;
+            return false;
         };
+        let (matched, served) = live;
         slot.matched = matched;
+        let news = std::mem::replace(&mut slot.served, served) != served;
+        if news && !self.changed.contains(&id) {
+            self.changed.push_back(id);
+        }
         let total = &mut slot.counts;
         total.sent += counts.sent;
         total.received += counts.received;
@@ -235,6 +256,7 @@ impl State {
         total.missed += counts.missed;
         total.calls_lost += counts.calls_lost;
         total.mismatched += counts.mismatched;
+        news
     }
 
     pub(crate) fn report(&self) -> DdsReport {

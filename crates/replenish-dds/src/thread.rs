@@ -327,10 +327,16 @@ impl Engine {
 
     /// Hands over what was counted.
     fn account(&mut self) {
+        let mut news = false;
         let mut state = self.common.state.lock();
         for (id, live) in &mut self.live {
             let counts: Counts = std::mem::take(&mut live.counts);
-            state.account(*id, counts, live.matched());
+            let matched = (live.matched(), live.is_served());
+            news |= state.account(*id, counts, matched);
+        }
+        drop(state);
+        if news {
+            self.common.program.wake();
         }
     }
 

@@ -15,17 +15,33 @@ pub struct QosClash {
 impl QosClash {
     /// The names of the policies that clash: `reliability`, `durability`, `deadline`.
     pub fn policies(&self) -> impl Iterator<Item = &'static str> {
-        let (offered, requested) = (self.offered, self.requested);
-        let clashes = [
-            ("reliability", is_weaker(offered, requested)),
-            ("durability", is_shorter(offered, requested)),
-            ("deadline", is_slower(offered, requested)),
-        ];
-        clashes
-            .into_iter()
-            .filter(|(_, c)| *c)
-            .map(|(name, _)| name)
+        names(self.bits())
     }
+
+    /// The policies that clash.
+    pub(crate) fn bits(&self) -> u8 {
+        let (offered, requested) = (self.offered, self.requested);
+        let bit = |clashes: bool, bit: u8| if clashes { bit } else { 0 };
+        bit(is_weaker(offered, requested), RELIABILITY)
+            | bit(is_shorter(offered, requested), DURABILITY)
+            | bit(is_slower(offered, requested), DEADLINE)
+    }
+}
+
+/// Policies as bits, as agents tell them.
+pub(crate) const RELIABILITY: u8 = 1;
+pub(crate) const DURABILITY: u8 = 2;
+pub(crate) const DEADLINE: u8 = 4;
+
+/// The names of the policies in `bits`.
+pub(crate) fn names(bits: u8) -> impl Iterator<Item = &'static str> {
+    let all = [
+        (RELIABILITY, "reliability"),
+        (DURABILITY, "durability"),
+        (DEADLINE, "deadline"),
+    ];
+    let set = all.into_iter().filter(move |(bit, _)| bits & bit != 0);
+    set.map(|(_, name)| name)
 }
 
 fn is_weaker(offered: Qos, requested: Qos) -> bool {

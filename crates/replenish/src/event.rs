@@ -3,7 +3,7 @@
 //! Everything here is also counted in the [`Report`](crate::Report). What can happen for every
 //! sample is told the first time and then whenever its count doubles.
 
-use crate::middleware::MiddlewareError;
+use crate::middleware::{Clash, MiddlewareError};
 use alloc::boxed::Box;
 use core::fmt;
 use replenish_msg::DecodeError;
@@ -69,6 +69,14 @@ pub enum Event<'a> {
         error: &'a MiddlewareError,
         /// How often by now.
         count: u64,
+    },
+    /// An endpoint does not talk with another of its topic because of the quality of service of both:
+    /// nothing of what the one publishes reaches the other.
+    Incompatible {
+        /// The handle's id; `publisher` and the topic, or `client` and the service.
+        endpoint: &'a str,
+        /// Which policies clash.
+        clash: &'a Clash,
     },
     /// The link to the peer went down or came back.
     Link {
@@ -140,6 +148,7 @@ impl fmt::Display for Event<'_> {
             Self::MiddlewareFailed { error, count } => {
                 write!(f, "middleware failed ({count} times): {error}")
             }
+            Self::Incompatible { endpoint, clash } => write!(f, "{endpoint}: {clash}"),
             Self::Link { up: true } => f.write_str("link is up"),
             Self::Link { up: false } => f.write_str("link is down"),
             Self::ThreadPanicked { thread } => {

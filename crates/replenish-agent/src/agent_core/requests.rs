@@ -146,6 +146,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             topics: &mut self.topics,
             guid: Guid::new(client.key, id, self.requesters, self.instance),
         };
+        let served = client.entities.answers(id);
         let created = client.entities.create(create, size, &mut around);
         if created.deleted {
             client.forget(id);
@@ -153,10 +154,12 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         self.counters.qos_mismatches.add(created.mismatches as u64);
         if created.deleted {
             self.tell_deleted(index, id);
+            served.iter().for_each(|topic| self.tell_served(*topic));
         }
         if created.status == Status::OK {
             self.tell_created(index, create);
             self.catch_up(now, index, id);
+            self.tell_matches(index, id);
         }
         let limit = match created.status {
             Status::RESOURCES if size > MAX_DEFINITION => {
@@ -191,10 +194,12 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         let Some(client) = self.clients.get_mut(index) else {
             return;
         };
+        let served = client.entities.answers(id);
         let deleted = client.entities.delete(id, &mut self.topics);
         client.forget(id);
         let status = if deleted {
             self.tell_deleted(index, id);
+            served.iter().for_each(|topic| self.tell_served(*topic));
             Status::OK
         } else {
             Status::UNKNOWN_REFERENCE

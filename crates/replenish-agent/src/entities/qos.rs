@@ -4,7 +4,7 @@ use crate::config::Nanos;
 use crate::limits::Limits;
 use crate::xml;
 use replenish_xrce::wire::{
-    EndpointQos, QOS_DURABILITY_PERSISTENT, QOS_DURABILITY_TRANSIENT,
+    EndpointQos, Notice, QOS_DURABILITY_PERSISTENT, QOS_DURABILITY_TRANSIENT,
     QOS_DURABILITY_TRANSIENT_LOCAL, QOS_HISTORY_KEEP_LAST, QOS_RELIABLE,
 };
 
@@ -136,12 +136,20 @@ impl Qos {
 
     /// Whether what this writer offers is what `reader` asks for, or better (DDS 1.4, 2.2.3).
     pub(crate) fn serves(&self, reader: &Qos) -> bool {
+        self.clash(reader) == 0
+    }
+
+    /// The policies of which this writer offers less than `reader` asks for, as [`Notice`]'s bits.
+    pub(crate) fn clash(&self, reader: &Qos) -> u8 {
         let deadline = match (self.deadline, reader.deadline) {
             (_, None) => true,
             (None, Some(_)) => false,
             (Some(offered), Some(asked)) => offered <= asked,
         };
-        (self.reliable || !reader.reliable) && self.durability >= reader.durability && deadline
+        let bit = |fits: bool, bit: u8| if fits { 0 } else { bit };
+        bit(self.reliable || !reader.reliable, Notice::RELIABILITY)
+            | bit(self.durability >= reader.durability, Notice::DURABILITY)
+            | bit(deadline, Notice::DEADLINE)
     }
 
     /// Whether samples are kept for readers that come later.

@@ -96,6 +96,9 @@ impl DdsPort {
 
     /// Gives the core what has come, a batch, and wakes the agent again if there may be more.
     pub(super) fn take<P: Copy + Eq + Hash>(&mut self, core: &mut AgentCore<P>, now: Now) {
+        while let Some((id, served)) = self.dds.take_served() {
+            core.served_beyond(id, served);
+        }
         for _ in 0..BATCH {
             let Some((id, incoming)) = self.dds.take() else {
                 return;

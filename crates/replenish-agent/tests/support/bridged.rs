@@ -11,7 +11,7 @@ use replenish_agent::{Agent, AgentConfig, DdsBridge, RunningAgent};
 use replenish_xrce::client::{Buffers, Config, Event, PingPolicy, ReliableBuffers, Session, State};
 use replenish_xrce::wire::{
     ClientKey, CreationMode, DataReaderBinary, DataWriterBinary, DeliveryControl, EndpointQos,
-    Entity, GroupBinary, ObjectId, ObjectKind, ParticipantBinary, QOS_HISTORY_KEEP_LAST,
+    Entity, GroupBinary, Notice, ObjectId, ObjectKind, ParticipantBinary, QOS_HISTORY_KEEP_LAST,
     QOS_RELIABLE, ReaderQos, Representation, RequestId, SampleIdentity, ServiceBinary, StreamId,
     TopicBinary, WriterQos,
 };
@@ -65,6 +65,8 @@ pub(crate) struct Client {
     /// Samples and requests, the latter after their identity.
     pub(crate) got: Vec<Vec<u8>>,
     replies: Vec<(RequestId, Vec<u8>)>,
+    /// A requester: its service has a server, as the agent says.
+    pub(crate) served: bool,
     kind: ObjectKind,
 }
 
@@ -168,6 +170,7 @@ impl Client {
         let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         socket.connect(agent.local_addr()).unwrap();
         let mut config = Config::new(ClientKey([key; 4]));
+        config.settling = true;
         config.ping = Some(PingPolicy {
             after: 500 * MS,
             silence_limit: 20_000 * MS,
@@ -190,6 +193,7 @@ impl Client {
             start: Instant::now(),
             got: Vec::new(),
             replies: Vec::new(),
+            served: false,
             kind,
         };
         let name = format!("mcu/node_{key}");
@@ -233,6 +237,7 @@ impl Client {
         let received = self.socket.recv(&mut buf);
         let now = self.now();
         let (got, replies) = (&mut self.got, &mut self.replies);
+        let is_served = &mut self.served;
         let mut keep = |event: Event<'_>| match event {
             Event::Data { payload, .. } => got.push(payload.to_vec()),
             Event::Request {
@@ -241,6 +246,10 @@ impl Client {
             Event::Reply {
                 request, payload, ..
             } => replies.push((request, payload.to_vec())),
+            Event::Notice {
+                notice: Notice::Served(served),
+                ..
+            } => *is_served = served,
             Event::Status { status, .. } => assert!(status.is_ok(), "{status}"),
             _ => {}
         };

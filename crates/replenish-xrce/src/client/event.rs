@@ -4,7 +4,7 @@ use core::fmt;
 
 use crate::stream::PushError;
 use crate::wire::{
-    Info, ObjectId, RequestId, SampleIdentity, Status, StreamId, TimestampReply, WireError,
+    Info, Notice, ObjectId, RequestId, SampleIdentity, Status, StreamId, TimestampReply, WireError,
 };
 
 /// Something that happened in a session.
@@ -51,6 +51,13 @@ pub enum Event<'a> {
         request: RequestId,
         /// The reply.
         payload: &'a [u8],
+    },
+    /// What the agent tells unasked about an object.
+    Notice {
+        /// The object.
+        object: ObjectId,
+        /// What.
+        notice: Notice,
     },
     /// The answer to [`Session::request_info`](super::Session::request_info).
     Info(Info),

@@ -3,7 +3,7 @@
 use super::{Event, Journal, Session, State};
 use crate::Nanos;
 use crate::wire::{
-    BaseRequest, Body, Confirmation, DELIVERY, DELIVERY_SETTLED, Data, Message, ObjectKind,
+    BaseRequest, Body, Confirmation, DELIVERY, DELIVERY_SETTLED, Data, Message, Notice, ObjectKind,
     RequestId, SampleIdentity, StreamId, Submessage,
 };
 
@@ -164,6 +164,7 @@ where
         stats.carried = stats.carried.saturating_add(carried.samples);
         stats.lost = stats.lost.saturating_add(carried.lost);
         self.journal.requeue();
+        self.notices = settles;
         self.time_request = None;
         self.info_request = None;
         self.info_asked = None;
@@ -198,6 +199,10 @@ fn sample<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize>(
             None => *malformed = malformed.saturating_add(1),
         },
         Ok(Some(Body::Status(answer))) => {
+            if let Some(notice) = Notice::of(&answer) {
+                let object = answer.base.object;
+                return events(Event::Notice { object, notice });
+            }
             journal.answer(answer.base, answer.status);
             let BaseRequest { request, object } = answer.base;
             events(Event::Status {

@@ -47,6 +47,8 @@ pub struct Session<S, const N: usize, const E: usize, const B: usize = 1, const 
     pub(super) asked: (usize, Nanos),
     /// Clients that will return with this one, as the agent has said last.
     pub(super) companions: u8,
+    /// The agent tells unasked what becomes of objects.
+    pub(super) notices: bool,
     pub(super) scratch: [u8; SCRATCH],
 }
 
@@ -68,6 +70,7 @@ where
             info_asked: None,
             asked: (0, 0),
             companions: 0,
+            notices: false,
             scratch: [0; SCRATCH],
         }
     }
@@ -333,6 +336,12 @@ where
         }
         self.info_request = Some(mask);
         Ok(())
+    }
+
+    /// Whether the agent tells unasked what becomes of objects: [`Event::Notice`](super::Event::Notice).
+    #[must_use]
+    pub fn has_notices(&self) -> bool {
+        self.notices && self.link.has_session()
     }
 
     /// Asks for the agent's time; `wall` is the client's time now. The answer is an

@@ -21,6 +21,7 @@ mod ids;
 mod info;
 mod login;
 mod message;
+mod notice;
 mod reader;
 mod reliability;
 mod service;
@@ -44,6 +45,7 @@ pub use ids::{
 pub use info::{AgentInfo, GetInfo, INFO_ACTIVITY, INFO_CONFIGURATION, Info};
 pub use login::{COOKIE, CreateClient, Properties, StatusAgent, StatusReply, VENDOR, VERSION};
 pub use message::{FLAG_LITTLE_ENDIAN, Header, Message, Submessage, SubmessageId, Submessages};
+pub use notice::Notice;
 pub use reader::Reader;
 pub use reliability::{
     AckNack, Confirmation, DELIVERY, DELIVERY_BACK, DELIVERY_NEW, DELIVERY_SETTLED, Fragment,

@@ -188,14 +188,16 @@ impl<S: Service> Client<S> {
     /// Waits until the service has a server, up to so long; looks every millisecond. For set-up.
     ///
     /// # Errors
-    /// [`Error::Middleware`] where the middleware does not know (DDS-XRCE).
+    /// [`Error::Middleware`] where the middleware does not know: DDS-XRCE with another agent than that
+    /// of replenish.
     pub fn wait_for_server(&self, limit: Duration) -> Result<bool, Error> {
         let deadline = clock::monotonic().saturating_add(nanos(limit));
         loop {
             match self.inner.middleware.has_server(self.inner.writer) {
                 None => {
-                    let unknown =
-                        crate::middleware::MiddlewareError::Unsupported("to know of servers");
+                    let unknown = crate::middleware::MiddlewareError::Unsupported(
+                        "to know of servers, which this agent does not tell",
+                    );
                     return Err(Error::endpoint("client", &self.inner.name, unknown));
                 }
                 Some(true) => return Ok(true),

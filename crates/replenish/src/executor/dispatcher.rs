@@ -17,7 +17,7 @@ use crate::Nanos;
 use crate::event::{Event, Events};
 use crate::handoff::{Delivery, Outcome};
 use crate::middleware::{
-    Interest, LinkState, Middleware, MiddlewareError, ReaderId, Room, SampleInfo,
+    Clash, Interest, LinkState, Middleware, MiddlewareError, ReaderId, Room, SampleInfo,
 };
 use crate::stats::Counter;
 use crate::sync::Arc;
@@ -105,6 +105,21 @@ impl Dispatcher {
         if up != watch.link_up {
             watch.link_up = up;
             self.events.emit(&Event::Link { up });
+        }
+        while let Some(clash) = middleware.next_clash() {
+            self.clashed(&clash);
+        }
+    }
+
+    #[cold]
+    fn clashed(&self, clash: &Clash) {
+        let writer = clash.writer();
+        let route = clash.reader().and_then(|reader| self.route(reader));
+        let endpoint = route.map_or(writer.as_str(), |route| &route.shared.id);
+        let event = Event::Incompatible { endpoint, clash };
+        match route {
+            Some(route) => route.shared.report(1, &event, &self.events),
+            None => self.events.emit(&event),
         }
     }
 

@@ -4,19 +4,21 @@
 //! into the queues of its readers, or while one buffer changes hands, never across a wait. Every
 //! queue is allocated when its reader is created.
 
+mod clashes;
 mod services;
 
 use super::{
-    EndpointSpec, Interest, LinkState, MAX_READERS, Middleware, MiddlewareError, PublishError,
-    ReaderId, RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
+    Clash, EndpointSpec, Interest, LinkState, MAX_READERS, Middleware, MiddlewareError,
+    PublishError, ReaderId, RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
 };
 use crate::Nanos;
 use crate::handoff::Ring;
 use crate::platform;
-use crate::qos::{Durability, History, IngressLimit, Reliability};
+use crate::qos::{Durability, History, IngressLimit, Qos, Reliability};
 use crate::sync::{Arc, Mutex, Signal};
 use alloc::string::String;
 use alloc::vec::Vec;
+use clashes::Clashes;
 use core::fmt;
 use replenish_os::clock;
 
@@ -49,6 +51,8 @@ struct Topic {
     type_name: String,
     /// Participant and reader of each subscription.
     readers: Vec<(usize, usize)>,
+    /// Some writer and some reader do not fit together.
+    clashes: bool,
 }
 
 struct Participant {
@@ -59,10 +63,13 @@ struct Participant {
     next: usize,
     readers: Vec<Reader>,
     writers: Vec<Writer>,
+    /// What does not fit together, and was not told yet.
+    clashes: Arc<Clashes>,
 }
 
 struct Writer {
     topic: usize,
+    offers: Qos,
     /// The largest payload it may send.
     limit: usize,
     /// Samples sent so far.
@@ -76,6 +83,7 @@ struct Writer {
 }
 
 struct Reader {
+    requests: Qos,
     queue: Ring,
     keep_all: bool,
     reliable: bool,
@@ -99,6 +107,7 @@ impl InProcessBus {
     #[must_use]
     pub fn participant(&self) -> InProcess {
         let bell = Arc::new(Signal::new());
+        let clashes = Arc::new(Clashes::default());
         let mut bus = self.state.lock();
         bus.participants.push(Participant {
             bell: Arc::clone(&bell),
@@ -106,10 +115,12 @@ impl InProcessBus {
             next: 0,
             readers: Vec::new(),
             writers: Vec::new(),
+            clashes: Arc::clone(&clashes),
         });
         InProcess {
             bus: self.clone(),
             bell,
+            clashes,
             me: bus.participants.len() - 1,
         }
     }
@@ -147,6 +158,7 @@ impl fmt::Debug for InProcessBus {
 pub struct InProcess {
     bus: InProcessBus,
     bell: Arc<Signal>,
+    clashes: Arc<Clashes>,
     me: usize,
 }
 
@@ -173,6 +185,7 @@ impl Bus {
             name: spec.topic.into(),
             type_name: spec.type_name.into(),
             readers: Vec::new(),
+            clashes: false,
         });
         Ok(self.topics.len() - 1)
     }
@@ -189,7 +202,9 @@ impl Bus {
     /// Gives a reader that comes late what the topic's writers have kept.
     fn catch_up(&self, topic: usize, reader: &mut Reader) {
         let writers = self.participants.iter().flat_map(|p| &p.writers);
-        let mine = writers.filter(|w| w.topic == topic && !w.deleted);
+        let requests = reader.requests;
+        let fits = |w: &&Writer| w.offers.check_offers(requests).is_ok();
+        let mine = writers.filter(|w| w.topic == topic && !w.deleted && fits(w));
         for sample in mine.filter_map(|w| w.kept.as_ref()).flat_map(Ring::waiting) {
             let arrival = clock::monotonic();
             let info = SampleInfo {
@@ -202,7 +217,12 @@ impl Bus {
 
     /// Copies the sample to every reader of the topic. Returns the participants to wake, as bits,
     /// and whether a reliable reader that keeps all had no room.
-    fn distribute(&mut self, topic: usize, payload: &[u8], info: &SampleInfo) -> (u64, bool) {
+    fn distribute(
+        &mut self,
+        (topic, offers): (usize, Qos),
+        payload: &[u8],
+        info: &SampleInfo,
+    ) -> (u64, bool) {
         let (mut wake, mut full) = (0, false);
         let Some(topic) = self.topics.get(topic) else {
             return (wake, full);
@@ -214,6 +234,9 @@ impl Bus {
             let Some(reader) = participant.readers.get_mut(r) else {
                 continue;
             };
+            if topic.clashes && offers.check_offers(reader.requests).is_err() {
+                continue;
+            }
             if reader.store(payload, info) {
                 let waits = participant.waits_for.as_ref();
                 if waits.is_some_and(|i| i.contains(id(r))) {
@@ -255,12 +278,14 @@ impl Middleware for InProcess {
         let mut bus = self.bus.state.lock();
         bus.me(self.me)?;
         let topic = bus.topic(spec)?;
+        let told = bus.compare_writer(self.me, topic, spec.qos);
         let writers = &mut bus.me(self.me)?.writers;
         let free = writers.iter().position(|w| w.deleted);
         let index = free.unwrap_or(writers.len());
         let id = bounded(index, "writers of one context")?;
         let writer = Writer {
             topic,
+            offers: spec.qos,
             limit: spec.max_size,
             sent: 0,
             replies: None,
@@ -271,6 +296,8 @@ impl Middleware for InProcess {
             Some(place) => *place = writer,
             None => writers.push(writer),
         }
+        drop(bus);
+        self.bus.ring(told);
         Ok(WriterId(id))
     }
 
@@ -280,6 +307,7 @@ impl Middleware for InProcess {
         }
         let depth = spec.qos.depth.into();
         let mut reader = Reader {
+            requests: spec.qos,
             queue: Ring::new(depth, spec.max_size),
             keep_all: spec.qos.history == History::KeepAll,
             reliable: spec.qos.reliability == Reliability::Reliable,
@@ -309,6 +337,9 @@ impl Middleware for InProcess {
         if let Some(topic) = bus.topics.get_mut(topic) {
             topic.readers.push((self.me, index));
         }
+        let told = bus.compare_reader(self.me, ReaderId(id), topic, spec.qos);
+        drop(bus);
+        self.bus.ring(told);
         Ok(ReaderId(id))
     }
 
@@ -351,7 +382,7 @@ impl Middleware for InProcess {
                 sequence: Some(writer.sent),
                 ..SampleInfo::at(clock::monotonic())
             };
-            let topic = writer.topic;
+            let topic = (writer.topic, writer.offers);
             if let Some(kept) = &mut writer.kept
                 && let Some(mut slot) = kept.spare()
             {
@@ -458,6 +489,10 @@ impl Middleware for InProcess {
 
     fn link(&self) -> LinkState {
         LinkState::Up
+    }
+
+    fn next_clash(&self) -> Option<Clash> {
+        self.clashes.next()
     }
 
     fn lost(&self, reader: ReaderId) -> u64 {

@@ -17,12 +17,14 @@
 //! the interest set**: `wait` returns at once while a reader *in* the set has data, and data of a
 //! reader *outside* the set never ends a wait, so that nothing is missed and nothing is spun on.
 
+mod clash;
 mod error;
 mod in_process;
 mod interest;
 #[cfg(feature = "xrce")]
 pub mod xrce;
 
+pub use clash::Clash;
 pub use error::{MiddlewareError, PublishError};
 pub use in_process::{InProcess, InProcessBus};
 pub use interest::{Interest, MAX_READERS};
@@ -198,9 +200,16 @@ pub trait Middleware: Send + Sync + 'static {
         Err(PublishError::UnknownWriter)
     }
 
-    /// Whether this client's service has a server; `None` where the middleware does not know.
+    /// Whether this client's service has a server; `None` where the middleware does not know. Does
+    /// not wait.
     fn has_server(&self, client: WriterId) -> Option<bool> {
         let _ = client;
+        None
+    }
+
+    /// The next pair of endpoints that was found not to fit together, of which one is of this end;
+    /// each is told once. Called by the dispatcher in every round: cheap if there is none.
+    fn next_clash(&self) -> Option<Clash> {
         None
     }
 

@@ -111,7 +111,7 @@ impl InProcess {
                 return Err(PublishError::TooLarge { size, limit });
             }
             writer.sent += 1;
-            let (topic, number) = (writer.topic, writer.sent);
+            let (topic, number) = ((writer.topic, writer.offers), writer.sent);
             let info = SampleInfo {
                 request: to.identity(number),
                 sequence: Some(number),
@@ -156,8 +156,13 @@ impl InProcess {
     pub(super) fn knows_server(&self, client: WriterId) -> Option<bool> {
         let bus = self.bus.state.lock();
         let mine = bus.participants.get(self.me)?;
-        let topic = mine.writers.get(usize::from(client.0))?.topic;
-        Some(!bus.topics.get(topic)?.readers.is_empty())
+        let writer = mine.writers.get(usize::from(client.0))?;
+        let mut servers = bus.topics.get(writer.topic)?.readers.iter();
+        let served = servers.any(|(p, r)| {
+            let reader = bus.participants.get(*p).and_then(|p| p.readers.get(*r));
+            reader.is_some_and(|r| writer.offers.check_offers(r.requests).is_ok())
+        });
+        Some(served)
     }
 }
 

@@ -55,6 +55,8 @@ pub(super) struct Writer {
     pub(super) closed: bool,
     /// And nobody uses it any more: its slot is free.
     pub(super) free: bool,
+    /// A requester: the agent knows a server.
+    pub(super) served: bool,
 }
 
 impl Writer {
@@ -71,13 +73,14 @@ impl Writer {
             max_size,
             closed: false,
             free: false,
+            served: false,
         }
     }
 }
 
 pub(super) struct Topic {
     participant: ObjectId,
-    name: String,
+    pub(super) name: String,
     type_name: String,
     pub(super) object: ObjectId,
     /// Readers and writers.

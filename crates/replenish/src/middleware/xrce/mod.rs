@@ -19,6 +19,7 @@ mod config;
 mod connect;
 mod endpoints;
 mod limits;
+mod notices;
 mod removal;
 #[cfg(feature = "services")]
 mod services;
@@ -39,8 +40,8 @@ pub use transport::{Received, Sent, Transport};
 pub use transport::{SerialTransport, TcpTransport};
 
 use super::{
-    EndpointSpec, Interest, LinkState, Middleware, MiddlewareError, PublishError, ReaderId, Room,
-    SampleInfo, WriterId,
+    Clash, EndpointSpec, Interest, LinkState, Middleware, MiddlewareError, PublishError, ReaderId,
+    Room, SampleInfo, WriterId,
 };
 #[cfg(feature = "services")]
 use super::{RequestIdentity, ServiceSpec};
@@ -227,6 +228,18 @@ impl Middleware for Xrce {
         payload: &[u8],
     ) -> Result<(), PublishError> {
         self.send_service(clock::monotonic(), |state| state.reply(server, to, payload))
+    }
+
+    #[cfg(feature = "services")]
+    fn has_server(&self, client: WriterId) -> Option<bool> {
+        // Who waits for a server may be the only one who listens to the agent.
+        let now = clock::monotonic();
+        let known = self.until(now, |state| Some(state.is_served(client)));
+        known.ok().flatten().flatten()
+    }
+
+    fn next_clash(&self) -> Option<Clash> {
+        self.state.lock().next_clash()
     }
 
     fn wait(&self, interest: &Interest, deadline: Option<Nanos>) -> Result<(), MiddlewareError> {

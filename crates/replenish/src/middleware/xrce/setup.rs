@@ -105,7 +105,7 @@ impl Xrce {
     }
 
     /// Runs the session until `done` gives something or `deadline` has passed.
-    fn until<T>(
+    pub(super) fn until<T>(
         &self,
         deadline: Nanos,
         mut done: impl FnMut(&State) -> Option<T>,

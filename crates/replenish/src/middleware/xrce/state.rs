@@ -17,9 +17,12 @@ use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
 use replenish_xrce::client::{Event, Session, State as Link, WriteError};
-use replenish_xrce::wire::{DeliveryControl, ObjectId, Status, StreamId};
+use replenish_xrce::wire::{DeliveryControl, Notice, ObjectId, Status, StreamId};
 
 pub(super) type XrceSession = Session<Box<[u8]>, WINDOW, REQUESTS, STREAMS, STREAMS>;
+
+/// Clashes that wait to be told; more are left out.
+const CLASHES: usize = 64;
 
 /// How often the session is looked after at most while the transport takes nothing.
 const BLOCKED: Nanos = 5_000_000;
@@ -67,6 +70,8 @@ pub(super) struct State {
     /// What the timer is set to.
     armed: Nanos,
     pub(super) socket: SocketStats,
+    /// Objects that do not talk with others, and why; not told yet.
+    pub(super) clashes: Vec<(ObjectId, u8)>,
 }
 
 impl State {
@@ -89,6 +94,7 @@ impl State {
             pending: Interest::empty(),
             armed: Nanos::MAX,
             socket: SocketStats::default(),
+            clashes: Vec::with_capacity(CLASHES),
         }
     }
 
@@ -161,6 +167,8 @@ impl State {
             spent,
             agent_time,
             slots,
+            writers,
+            clashes,
             ..
         } = self;
         session.handle(now, datagram, &mut |event| match event {
@@ -207,6 +215,16 @@ impl State {
                     pending.insert(id);
                 }
             }
+            Event::Notice { object, notice } => match notice {
+                Notice::Served(served) => {
+                    let requester = writers.iter_mut().find(|w| w.object == object);
+                    requester.into_iter().for_each(|w| w.served = served);
+                }
+                Notice::Clash(policies) if clashes.len() < CLASHES => {
+                    clashes.push((object, policies));
+                }
+                Notice::Clash(_) => {}
+            },
             Event::Refused(status) => *refused = Some(status),
             Event::Time(reply) => {
                 *agent_time = Some(reply.offset(super::setup::wall_clock()));
@@ -236,6 +254,9 @@ impl State {
         let lost = core::mem::take(&mut self.regrant);
         if !lost && self.spent.is_empty() {
             return;
+        }
+        if lost {
+            self.writers.iter_mut().for_each(|w| w.served = false);
         }
         let spent = self.spent;
         for (index, reader) in (0..).zip(&mut self.readers) {

@@ -1,0 +1,88 @@
+//! What clients are told unasked: which of their endpoints do not talk with others because of their
+//! QoS, and whether the services of their requesters have servers. See [`Notice`].
+
+use super::AgentCore;
+use crate::bridge::BridgeId;
+use crate::entities::{Address, Plan};
+use crate::topics::TopicId;
+use replenish_xrce::wire::{Notice, ObjectId};
+use std::hash::Hash;
+
+impl<P: Copy + Eq + Hash> AgentCore<P> {
+    /// An entity was created: tells it and those it clashes with, and those it serves.
+    pub(super) fn tell_matches(&mut self, client: usize, object: ObjectId) {
+        let me = Address { client, object };
+        let of_client = self.clients.get_mut(client);
+        let Some(record) = of_client.and_then(|c| c.entities.record(object)) else {
+            return;
+        };
+        let ends = (record.writer.as_deref(), record.reader.as_deref());
+        let clashes: Vec<(Address, u8)> = match (&record.plan, ends) {
+            (Plan::Writer { qos, .. }, (Some(writer), _)) => {
+                let others = self.topics.readers(writer.topic).iter();
+                others.map(|o| (o.address, qos.clash(&o.qos))).collect()
+            }
+            (Plan::Reader { qos, .. }, (_, Some(reader))) => {
+                let others = self.topics.writers(reader.topic).iter();
+                others.map(|o| (o.address, o.qos.clash(qos))).collect()
+            }
+            (Plan::Requester { .. }, (Some(writer), _)) => {
+                let topic = writer.topic;
+                return self.tell_served(topic);
+            }
+            (Plan::Replier { .. }, (_, Some(reader))) => {
+                let topic = reader.topic;
+                return self.tell_served(topic);
+            }
+            _ => return,
+        };
+        for (other, policies) in clashes.into_iter().filter(|(_, policies)| *policies != 0) {
+            self.notice(me, Notice::Clash(policies));
+            self.notice(other, Notice::Clash(policies));
+        }
+    }
+
+    /// Servers of the requests on `topic` may have come or gone: tells the requesters.
+    pub(super) fn tell_served(&mut self, topic: TopicId) {
+        let here = !self.topics.readers(topic).is_empty();
+        let requesters = self.topics.writers(topic).iter();
+        let requesters: Vec<Address> = requesters.map(|w| w.address).collect();
+        for address in requesters {
+            let client = self.clients.get_mut(address.client);
+            let record = client.and_then(|c| c.entities.record_mut(address.object));
+            let Some(record) = record else {
+                continue;
+            };
+            let served = here || record.served_beyond;
+            if matches!(record.plan, Plan::Requester { .. })
+                && std::mem::replace(&mut record.told_served, served) != served
+            {
+                self.notice(address, Notice::Served(served));
+            }
+        }
+    }
+
+    /// Beyond the bridge, a requester has servers from now on, or none.
+    pub fn served_beyond(&mut self, id: BridgeId, served: bool) {
+        let address = self.bridge.as_ref().and_then(|bridge| bridge.address(id));
+        let Some(address) = address else {
+            return; // deleted meanwhile
+        };
+        let client = self.clients.get_mut(address.client);
+        let record = client.and_then(|c| c.entities.record_mut(address.object));
+        let Some(record) = record else {
+            return;
+        };
+        record.served_beyond = served;
+        if let Some(topic) = record.writer.as_deref().map(|writer| writer.topic) {
+            self.tell_served(topic);
+        }
+    }
+
+    fn notice(&mut self, Address { client, object }: Address, notice: Notice) {
+        if let Some(of) = self.clients.get_mut(client) {
+            of.notice(object, notice, &self.limits);
+        }
+        self.serve(self.time, client);
+    }
+}

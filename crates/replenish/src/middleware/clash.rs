@@ -1,0 +1,94 @@
+//! Endpoints that do not talk with each other because of their quality of service.
+
+use super::ReaderId;
+use crate::compatibility::{DEADLINE, DURABILITY, QosClash, RELIABILITY, names};
+use crate::stats::Text;
+use core::fmt;
+
+/// An endpoint of ours and one of somebody else's that would talk with each other, were it not for
+/// the quality of service of both.
+#[derive(Debug, Clone, Copy)]
+pub struct Clash {
+    topic: Text,
+    reader: Option<ReaderId>,
+    policies: u8,
+    values: Option<QosClash>,
+}
+
+impl Clash {
+    /// On `topic`, whose first 120 bytes are kept; `reader` is ours, `None` if our end is a writer.
+    #[must_use]
+    pub fn new(topic: &str, reader: Option<ReaderId>, clash: QosClash) -> Self {
+        Self {
+            policies: clash.bits(),
+            values: Some(clash),
+            ..Self::known_by_policy(topic, reader, 0)
+        }
+    }
+
+    /// As [`new`](Self::new), where no more is known than the policies, as bits: 1 reliability,
+    /// 2 durability, 4 deadline.
+    #[must_use]
+    pub fn known_by_policy(topic: &str, reader: Option<ReaderId>, policies: u8) -> Self {
+        Self {
+            topic: Text::of(&topic),
+            reader,
+            policies,
+            values: None,
+        }
+    }
+
+    /// The topic; of a service, `rq` and its name.
+    #[must_use]
+    pub fn topic(&self) -> &str {
+        self.topic.as_str()
+    }
+
+    /// Our reader; `None` if our end is a writer.
+    #[must_use]
+    pub fn reader(&self) -> Option<ReaderId> {
+        self.reader
+    }
+
+    /// The names of the policies: `reliability`, `durability`, `deadline`.
+    pub fn policies(&self) -> impl Iterator<Item = &'static str> {
+        names(self.policies)
+    }
+
+    /// Our end, for people, if it is a writer.
+    pub(crate) fn writer(&self) -> Text {
+        match self.topic().strip_prefix("rq") {
+            Some(service) => Text::of(&format_args!("client {service}")),
+            None => Text::of(&format_args!("publisher {}", self.topic())),
+        }
+    }
+}
+
+impl fmt::Display for Clash {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(values) = &self.values {
+            return values.fmt(f);
+        }
+        f.write_str("not compatible")?;
+        let all = [
+            (
+                RELIABILITY,
+                "reliability BestEffort is offered, Reliable requested",
+            ),
+            (
+                DURABILITY,
+                "durability Volatile is offered, TransientLocal requested",
+            ),
+            (
+                DEADLINE,
+                "a longer deadline, or none, is offered than requested",
+            ),
+        ];
+        let told = all.iter().filter(|(bit, _)| self.policies & bit != 0);
+        for (at, (_, what)) in told.enumerate() {
+            f.write_str(if at == 0 { ": " } else { "; " })?;
+            f.write_str(what)?;
+        }
+        Ok(())
+    }
+}

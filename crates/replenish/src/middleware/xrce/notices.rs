@@ -1,0 +1,41 @@
+//! What the agent tells unasked: endpoints that do not talk because of their QoS, servers that come
+//! and go. Agents of replenish do; from others nothing is known.
+
+use super::state::State;
+#[cfg(feature = "services")]
+use crate::middleware::WriterId;
+use crate::middleware::{Clash, ReaderId};
+use replenish_xrce::wire::ObjectKind;
+
+impl State {
+    /// Whether a client's service has a server, if the agent is one that tells.
+    #[cfg(feature = "services")]
+    pub(super) fn is_served(&self, client: WriterId) -> Option<bool> {
+        if !self.is_up() {
+            return Some(false);
+        }
+        let writer = self.writers.get(usize::from(client.0))?;
+        self.session.has_notices().then_some(writer.served)
+    }
+
+    pub(super) fn next_clash(&mut self) -> Option<Clash> {
+        loop {
+            let (object, policies) = self.clashes.pop()?;
+            let (topic, reader) = match object.kind() {
+                Ok(ObjectKind::DataReader) => {
+                    let slot = *self.slots.get(usize::from(object.number()))?;
+                    let reader = self.readers.get(usize::from(slot));
+                    (reader.and_then(|r| r.topic), Some(ReaderId(slot)))
+                }
+                _ => {
+                    let writer = self.writers.iter().find(|w| w.object == object);
+                    (writer.and_then(|w| w.topic), None)
+                }
+            };
+            let topic = self.topics.iter().find(|t| Some(t.object) == topic);
+            if let Some(topic) = topic {
+                return Some(Clash::known_by_policy(&topic.name, reader, policies));
+            }
+        }
+    }
+}
