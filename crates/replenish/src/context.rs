@@ -8,6 +8,7 @@ use crate::name;
 use crate::publisher::Publisher;
 use crate::qos::{IngressLimit, Qos};
 use crate::sync::{Arc, AtomicBool, Ordering};
+use crate::text::text;
 use alloc::string::String;
 use core::fmt;
 use core::time::Duration;
@@ -178,8 +179,8 @@ impl Node {
         check_depth(&topic, qos)?;
         let most = crate::executor::largest::<M>();
         if max_size > most || max_size == 0 && most > 0 {
-            let allowed = alloc::format!("1..={most} bytes");
-            let owner = alloc::format!("topic {topic}");
+            let allowed = text!("1..={most} bytes");
+            let owner = text!("topic {topic}");
             return Err(Error::parameter(owner, "max_size", &max_size, allowed));
         }
         let spec = self.endpoint::<M>(&topic, qos, max_size);
@@ -259,7 +260,7 @@ pub(crate) fn check_depth(topic: &str, qos: Qos) -> Result<(), Error> {
     match qos.checked_depth() {
         Some(_) => Ok(()),
         None => Err(Error::parameter(
-            alloc::format!("topic {topic}"),
+            text!("topic {topic}"),
             "qos.depth",
             &qos.depth,
             "1..=4096",

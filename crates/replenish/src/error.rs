@@ -2,7 +2,8 @@
 
 use crate::middleware::MiddlewareError;
 use crate::name::NameError;
-use alloc::string::{String, ToString};
+use crate::text::text;
+use alloc::string::String;
 use core::fmt;
 use replenish_os::{ParamError, PolicyError};
 
@@ -96,14 +97,14 @@ impl Error {
         Self::Parameter {
             owner: owner.into(),
             field,
-            value: value.to_string(),
+            value: text!("{value}"),
             allowed: allowed.into(),
         }
     }
 
     pub(crate) fn endpoint(kind: &str, topic: &str, source: MiddlewareError) -> Self {
         Self::Middleware {
-            endpoint: alloc::format!("{kind} {topic}"),
+            endpoint: text!("{kind} {topic}"),
             source,
         }
     }
@@ -179,7 +180,7 @@ impl From<ParamError> for Error {
 impl From<crate::middleware::xrce::ConnectError> for Error {
     fn from(e: crate::middleware::xrce::ConnectError) -> Self {
         Self::Connect {
-            reason: e.to_string(),
+            reason: text!("{e}"),
         }
     }
 }

@@ -32,6 +32,7 @@ mod platform;
 mod publisher;
 mod stats;
 mod sync;
+mod text;
 
 /// The README's example compiles.
 #[cfg(doctest)]

@@ -4,6 +4,7 @@
 //! `rmw_validate_node_name`): tokens of letters, digits and underscores separated by single
 //! slashes, none starting with a digit. Substitutions in braces are not supported.
 
+use crate::text::joined;
 use alloc::string::String;
 use core::fmt;
 
@@ -33,7 +34,7 @@ impl core::error::Error for NameError {}
 
 /// The fully qualified name of a node given as `pong`, `robot/pong` or `/robot/pong`.
 pub(crate) fn node(name: &str) -> Result<String, NameError> {
-    let full = alloc::format!("/{}", name.strip_prefix('/').unwrap_or(name));
+    let full = joined(&["/", name.strip_prefix('/').unwrap_or(name)]);
     check(&full, MAX_NODE)
         .map(|()| full)
         .map_err(|problem| NameError {
@@ -53,11 +54,11 @@ pub(crate) fn topic(name: &str, node: &str) -> Result<String, NameError> {
     };
     let namespace = node.rsplit_once('/').map_or("", |(namespace, _)| namespace);
     let full = match name.strip_prefix('~') {
-        Some(rest) if rest.is_empty() || rest.starts_with('/') => alloc::format!("{node}{rest}"),
+        Some(rest) if rest.is_empty() || rest.starts_with('/') => joined(&[node, rest]),
         Some(_) => return Err(fail("~ must be followed by /")),
         None if name.is_empty() => return Err(fail("it is empty")),
         None if name.starts_with('/') => name.into(),
-        None => alloc::format!("{namespace}/{name}"),
+        None => joined(&[namespace, "/", name]),
     };
     check(&full, MAX_TOPIC).map(|()| full).map_err(fail)
 }

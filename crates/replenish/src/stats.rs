@@ -122,21 +122,27 @@ impl Counters {
     }
 }
 
+/// The longest [`Text`] in bytes; none in builds without texts.
+const LONGEST: usize = if cfg!(feature = "texts") { 120 } else { 0 };
+
 /// A short text written without allocation; what does not fit is cut off.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Text {
-    bytes: [u8; 120],
+    bytes: [u8; LONGEST],
     len: u8,
 }
 
 impl Text {
     pub(crate) const EMPTY: Self = Self {
-        bytes: [0; 120],
+        bytes: [0; LONGEST],
         len: 0,
     };
 
     pub(crate) fn of(value: &dyn fmt::Display) -> Self {
         let mut text = Self::EMPTY;
+        if LONGEST == 0 {
+            return text;
+        }
         // Truncation ends the writing with an error, which is what is wanted.
         let _truncated = fmt::Write::write_fmt(&mut text, format_args!("{value}")).is_err();
         text

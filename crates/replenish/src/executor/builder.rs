@@ -19,6 +19,7 @@ use crate::context::Node;
 use crate::error::Error;
 use crate::qos::Qos;
 use crate::sync::Arc;
+use crate::text::text;
 use alloc::vec::Vec;
 use replenish_msg::{Message, Service};
 use replenish_os::Policy;
@@ -73,7 +74,7 @@ impl WorkerSpec {
 
     /// The first rule that contradicts another.
     pub(crate) fn violation(&self) -> Option<Error> {
-        let owner = alloc::format!("worker {:?}", self.request.name);
+        let owner = text!("worker {:?}", self.request.name);
         let rules = &self.rules;
         let let_ = rules.semantics == Semantics::LogicalExecutionTime;
         if matches!(rules.trigger, Trigger::Always) && rules.every.is_none() {
@@ -94,7 +95,7 @@ impl WorkerSpec {
             return Some(Error::parameter(owner, "every", &0, "1 ns or more"));
         }
         let capacity = rules.capacity?;
-        let allowed = alloc::format!("{}..=4096: those described", self.entries.len());
+        let allowed = text!("{}..=4096: those described", self.entries.len());
         let fits = (self.entries.len()..=4096).contains(&capacity);
         (!fits).then(|| Error::parameter(owner, "capacity", &capacity, allowed))
     }

@@ -8,6 +8,7 @@ use crate::handoff::{RequestIdentity, SampleInfo};
 use crate::middleware::PublishError;
 use crate::publisher::Publisher;
 use crate::sync::{Arc, Ordering};
+use crate::text::shown;
 use core::fmt;
 use replenish_msg::Message;
 use replenish_os::clock;
@@ -186,7 +187,7 @@ impl CallbackResult for () {
 impl<E: fmt::Display> CallbackResult for Result<(), E> {
     fn inspect(self, report: &mut dyn FnMut(&dyn fmt::Display)) {
         if let Err(e) = self {
-            report(&e);
+            report(shown(&e));
         }
     }
 }

@@ -16,6 +16,7 @@ use crate::handoff::{Inbox, Keep};
 use crate::middleware::{EndpointSpec, ReaderId};
 use crate::qos::{History, Qos};
 use crate::sync::{Arc, Mutex};
+use crate::text::{joined, numbered, text};
 use alloc::boxed::Box;
 use alloc::string::String;
 use core::time::Duration;
@@ -85,10 +86,10 @@ impl Forge<'_> {
         self.owned(node)?;
         let name = node.resolve(topic.name)?;
         check_depth(&name, qos)?;
-        let owner = || alloc::format!("topic {name}");
+        let owner = || text!("topic {name}");
         let size = topic.max_size.unwrap_or(ty.max_size);
         if topic.max_size.is_some() && !(1..=most).contains(&size) {
-            let allowed = alloc::format!("1..={most} bytes");
+            let allowed = text!("1..={most} bytes");
             return Err(Error::parameter(owner(), "max_size", &size, allowed));
         }
         if let Some((field, value, allowed)) = topic.ingress.violation() {
@@ -117,7 +118,7 @@ impl Forge<'_> {
             .create_reader(&spec)
             .map_err(|e| Error::endpoint("subscription", &name, e))?;
         let inbox = Arc::new(Inbox::new(qos.depth.into(), size, keep));
-        let id = (self.unique)(alloc::format!("{}/sub:{name}", node.name()));
+        let id = (self.unique)(joined(&[node.name(), "/sub:", &name]));
         Ok((id, reader, inbox))
     }
 
@@ -153,7 +154,7 @@ impl Forge<'_> {
         R: CallbackResult + 'static,
     {
         if !(1..=LARGEST).contains(&ty.max_size) {
-            let owner = alloc::format!("topic {}", topic.name);
+            let owner = text!("topic {}", topic.name);
             let allowed = "1..=65528 bytes";
             return Err(Error::parameter(owner, "max_size", &ty.max_size, allowed));
         }
@@ -174,7 +175,7 @@ impl Forge<'_> {
         R: CallbackResult + 'static,
     {
         if every.period == Duration::ZERO && !every.once {
-            let owner = alloc::format!("timer of worker {:?}", self.worker);
+            let owner = text!("timer of worker {:?}", self.worker);
             return Err(Error::parameter(owner, "period", &0, "1 ns or more"));
         }
         let shared = self.nameless("timer");
@@ -221,7 +222,7 @@ impl Forge<'_> {
             History::KeepLast => Keep::Newest,
         };
         let inbox = Arc::new(Inbox::new(qos.depth.into(), S::Request::MAX_SIZE, keep));
-        let id = (self.unique)(alloc::format!("{}/srv:{name}", node.name()));
+        let id = (self.unique)(joined(&[node.name(), "/srv:", &name]));
         let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
         let line = ReplyLine {
             middleware: Arc::clone(middleware),
@@ -239,7 +240,7 @@ impl Forge<'_> {
         R: CallbackResult + 'static,
     {
         let inner = &client.inner;
-        let id = (self.unique)(alloc::format!("{}/cli:{}", inner.node, inner.name));
+        let id = (self.unique)(joined(&[&inner.node, "/cli:", &inner.name]));
         let shared = Shared::new(id, Some((inner.reader, Arc::clone(&inner.inbox))));
         self.bound(client.claim(), &shared)?;
         let handle = Replies::<S, F>::new(Arc::clone(&shared), Arc::clone(inner), callback);
@@ -247,7 +248,7 @@ impl Forge<'_> {
     }
 
     fn nameless(&self, kind: &str) -> Arc<Shared> {
-        let id = alloc::format!("{}/{kind}:{}", self.worker, self.number);
+        let id = numbered(&joined(&[self.worker, "/", kind, ":"]), self.number);
         Shared::new((self.unique)(id), None)
     }
 
@@ -255,7 +256,7 @@ impl Forge<'_> {
         match free {
             true => Ok(()),
             false => Err(Error::parameter(
-                alloc::format!("worker {:?}", self.worker),
+                text!("worker {:?}", self.worker),
                 "handle",
                 &shared.id,
                 "one that belongs to no callback yet",

@@ -20,6 +20,7 @@ use crate::error::Error;
 use crate::qos::Qos;
 use crate::stats::HandleStats;
 use crate::sync::{Arc, AtomicU64, Mutex, Ordering};
+use crate::text::{joined, numbered, text};
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::cell::RefCell;
@@ -90,7 +91,7 @@ impl Claims<'_> {
     /// This id, or the first free one of `id#2`, `id#3`, ...
     fn unique(&self, id: String) -> String {
         let mut known = self.registry.0.lock();
-        let numbered = (2..u32::MAX).map(|n| alloc::format!("{id}#{n}"));
+        let numbered = (2..usize::MAX).map(|n| numbered(&joined(&[&id, "#"]), n));
         let mut all = core::iter::once(id.clone()).chain(numbered);
         let free = all.find(|id| !known.is_taken(id)).unwrap_or(id);
         known.claimed.push(free.clone());
@@ -434,7 +435,7 @@ fn declined(why: Declined, post: &Post) -> Error {
     match why {
         Declined::Stopped => Error::Stopped,
         Declined::Full { limit } => Error::Capacity {
-            what: alloc::format!("handles of worker {:?}", post.name),
+            what: text!("handles of worker {:?}", post.name),
             limit,
         },
     }

@@ -79,7 +79,8 @@ use crate::error::Error;
 use crate::event::{Event, Events};
 use crate::handoff::Stop;
 use crate::sync::Arc;
-use alloc::string::{String, ToString};
+use crate::text::{joined, numbered};
+use alloc::string::String;
 use alloc::vec::Vec;
 use builder::WorkerSpec;
 use core::fmt;
@@ -282,9 +283,9 @@ impl Executor {
         if !taken(&id) {
             return id;
         }
-        let numbered = |n: u32| alloc::format!("{id}#{n}");
-        let free = (2..u32::MAX).map(numbered).find(|id| !taken(id));
-        free.unwrap_or_else(|| id.to_string())
+        let numbered = |n| numbered(&joined(&[&id, "#"]), n);
+        let free = (2..usize::MAX).map(numbered).find(|id| !taken(id));
+        free.unwrap_or(id)
     }
 }
 

@@ -14,6 +14,7 @@ use super::schedule::nanos;
 use crate::Nanos;
 use crate::budget::Budget;
 use crate::error::Error;
+use crate::text::text;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use replenish_os::{Low, MAX_REPL, Params, Policy};
@@ -47,7 +48,7 @@ pub(crate) struct Request {
 
 impl Request {
     pub(crate) fn owner(&self) -> String {
-        alloc::format!("worker {:?}", self.name)
+        text!("worker {:?}", self.name)
     }
 }
 
@@ -109,11 +110,11 @@ pub(crate) fn rank(policy: &Policy) -> u16 {
 pub(crate) fn check(w: &Request) -> Result<(), Error> {
     crate::name::worker(&w.name)?;
     if let Some(bytes) = w.stack_size.filter(|s| *s < MIN_STACK) {
-        let allowed = alloc::format!("{MIN_STACK} bytes or more");
+        let allowed = text!("{MIN_STACK} bytes or more");
         return Err(Error::parameter(w.owner(), "stack_size", &bytes, allowed));
     }
     if let (Some(policy), Some(guarantee)) = (&w.policy, &w.guarantee) {
-        let allowed = alloc::format!("none beside the policy {policy}: it is one or the other");
+        let allowed = text!("none beside the policy {policy}: it is one or the other");
         return Err(Error::parameter(w.owner(), "guarantee", guarantee, allowed));
     }
     if let (Some(policy @ Policy::KernelSporadic(_)), false) =
@@ -138,7 +139,7 @@ fn policy(w: &Request, periods: &[Nanos]) -> Result<Policy, Error> {
     let priority = match &w.policy {
         Some(Policy::Fifo { priority }) => *priority,
         Some(other) => {
-            let allowed = alloc::format!("no budget beside {other}: give a FIFO policy or none");
+            let allowed = text!("no budget beside {other}: give a FIFO policy or none");
             return Err(Error::parameter(w.owner(), "budget", &budget, allowed));
         }
         None => {
@@ -163,7 +164,7 @@ fn policy(w: &Request, periods: &[Nanos]) -> Result<Policy, Error> {
     let (amount, period) = (nanos(budget.amount), nanos(budget.period));
     Params::new(priority, low, amount, period, max_repl)
         .map(Policy::Sporadic)
-        .map_err(|e| Error::parameter(w.owner(), "budget", &budget, e.to_string()))
+        .map_err(|e| Error::parameter(w.owner(), "budget", &budget, text!("{e}")))
 }
 
 /// What becomes of a worker at this priority without budget; `None`: there is no room below.
@@ -180,7 +181,7 @@ fn below_enforcer(owner: String, policy: &Policy, enforcer: u8) -> Result<(), Er
     if rank < u16::from(enforcer) || rank > 99 {
         return Ok(());
     }
-    let allowed = alloc::format!("1..={}: below the enforcer", enforcer - 1);
+    let allowed = text!("1..={}: below the enforcer", enforcer - 1);
     Err(Error::parameter(owner, "policy.priority", &rank, allowed))
 }
 

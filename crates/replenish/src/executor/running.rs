@@ -21,6 +21,7 @@ use crate::context::Claim;
 use crate::event::{Event, Events};
 use crate::stats::HandleStats;
 use crate::sync::{Arc, Signal};
+use crate::text::text;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::fmt;
@@ -243,7 +244,7 @@ fn thread_report(seat: &Seat) -> ThreadReport {
     let meter = ready.as_ref().map(|r: &Ready| &r.meter);
     ThreadReport {
         name: seat.name.to_string(),
-        requested: seat.policy.to_string(),
+        requested: text!("{}", seat.policy),
         granted: ready.as_ref().map_or("-".into(), |r| r.granted.clone()),
         cpu: seat.cpu,
         enforcement: meter.and_then(os::Meter::enforcement),

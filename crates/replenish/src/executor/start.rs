@@ -9,6 +9,7 @@ use super::{Executor, Options, StopHandle, planning};
 use crate::error::Error;
 use crate::event::Event;
 use crate::sync::{Arc, AtomicBool, Mutex, Signal};
+use crate::text::text;
 use alloc::boxed::Box;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
@@ -225,10 +226,10 @@ impl Starter<'_> {
         match os::memory::lock_all() {
             Err(e) if self.options.strict => Err(Error::NotGranted {
                 what: "locked memory".into(),
-                reason: e.to_string(),
+                reason: text!("{e}"),
             }),
             Err(e) => {
-                self.refused.memory = Some(alloc::format!("memory is not locked: {e}"));
+                self.refused.memory = Some(text!("memory is not locked: {e}"));
                 Ok(())
             }
             Ok(()) => Ok(()),
@@ -297,21 +298,21 @@ impl Starter<'_> {
             self.refused.budgets.push(seat.name.to_string());
         }
         seat.spawn(Policy::Other)
-            .map_err(|e| thread_error(seat, e.to_string()))
+            .map_err(|e| thread_error(seat, text!("{e}")))
     }
 
     /// Takes note of a refusal that may be lived with; otherwise it is the error.
     fn refuse(&mut self, seat: &Seat, e: &os::SpawnError) -> Result<(), Error> {
         if !e.is_permission() {
-            return Err(thread_error(seat, e.to_string()));
+            return Err(thread_error(seat, text!("{e}")));
         }
         if self.options.strict {
             return Err(Error::NotGranted {
-                what: alloc::format!("{} for {:?}", seat.policy, &*seat.name),
-                reason: e.to_string(),
+                what: text!("{} for {:?}", seat.policy, &*seat.name),
+                reason: text!("{e}"),
             });
         }
-        self.refused.why.get_or_insert_with(|| e.to_string());
+        self.refused.why.get_or_insert_with(|| text!("{e}"));
         Ok(())
     }
 
@@ -323,15 +324,13 @@ impl Starter<'_> {
             let mut parts = Vec::new();
             if !refused.policies.is_empty() {
                 let who = refused.policies.join(", ");
-                parts.push(alloc::format!("time-shared instead of real-time: {who}"));
+                parts.push(text!("time-shared instead of real-time: {who}"));
             }
             if !refused.budgets.is_empty() {
                 let who = refused.budgets.join(", ");
-                parts.push(alloc::format!(
-                    "budgets held at callback boundaries only: {who}"
-                ));
+                parts.push(text!("budgets held at callback boundaries only: {who}"));
             }
-            fallbacks.push(alloc::format!("{}. {why}", parts.join("; ")));
+            fallbacks.push(text!("{}. {why}", parts.join("; ")));
         }
         for message in &fallbacks {
             self.options.events.emit(&Event::Fallback { message });

@@ -15,8 +15,9 @@ use crate::Nanos;
 use crate::event::{Event, Events};
 use crate::platform;
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
+use crate::text::text;
 use alloc::boxed::Box;
-use alloc::string::{String, ToString};
+use alloc::string::String;
 use replenish_os::{self as os, Account, Enforcer, Meter, Params, Policy, Thread};
 use sporadic::Kind;
 
@@ -145,12 +146,12 @@ impl Seat {
             Some(f) => f
                 .enforcer
                 .enroll(&f.params, f.kind)
-                .map_err(|e| e.to_string())?,
+                .map_err(|e| text!("{e}"))?,
         };
         let meter = account.meter();
         let granted = match os::granted(meter.tid()) {
-            Ok(granted) => granted.to_string(),
-            Err(e) => alloc::format!("unknown: {e}"),
+            Ok(granted) => text!("{granted}"),
+            Err(e) => text!("unknown: {e}"),
         };
         Ok((account, Ready { meter, granted }))
     }

@@ -7,7 +7,7 @@ use super::backlog::Backlog;
 use super::state::{State, backlog, stream};
 use crate::middleware::{EndpointSpec, MiddlewareError, ReaderId, WriterId};
 use crate::qos::{Durability, History, IngressLimit, Qos, Reliability};
-use alloc::format;
+use crate::text::joined;
 use alloc::string::{String, ToString};
 use core::time::Duration;
 use replenish_xrce::client::{RequestError, RequestState};
@@ -255,7 +255,7 @@ impl State {
         let full = MiddlewareError::Capacity { what, limit };
         let number = self.topic_numbers.next(taken).ok_or(full)?;
         let object = ObjectId::new(number, ObjectKind::Topic);
-        let name = format!("rt{}", spec.topic);
+        let name = joined(&["rt", spec.topic]);
         let binary = TopicBinary {
             name: &name,
             type_reference: None,

@@ -10,7 +10,7 @@ use crate::middleware::{
     MiddlewareError, PublishError, ReaderId, RequestIdentity, ServiceSpec, WriterId,
 };
 use crate::qos::History;
-use alloc::format;
+use crate::text::joined;
 use replenish_xrce::client::WriteError;
 use replenish_xrce::wire::{
     DeliveryControl, Entity, ObjectId, ObjectKind, Representation, SampleIdentity, ServiceBinary,
@@ -78,8 +78,8 @@ impl State {
         let (slot, number) = self.reader_place()?;
         let object = ObjectId::new(number, kind);
         let participant = self.participant(spec.node, domain)?;
-        let request_topic = format!("rq{}Request", spec.service);
-        let reply_topic = format!("rr{}Reply", spec.service);
+        let request_topic = joined(&["rq", spec.service, "Request"]);
+        let reply_topic = joined(&["rr", spec.service, "Reply"]);
         let repr = Representation::Binary(ServiceBinary {
             service: spec.service.trim_start_matches('/'),
             request_type: spec.request_type,

@@ -1,0 +1,70 @@
+//! Texts of errors, events and reports, which builds without feature `texts` leave out: then the
+//! strings are empty, and what a program can act on (kind, field, number) is all there is. Names
+//! are put together here, too, without the formatting that would bring kilobytes of code.
+
+use alloc::string::String;
+use core::fmt;
+
+/// As `format!`; empty without feature `texts`.
+macro_rules! text {
+    ($($arguments:tt)*) => {
+        match cfg!(feature = "texts") {
+            true => alloc::format!($($arguments)*),
+            false => alloc::string::String::new(),
+        }
+    };
+}
+pub(crate) use text;
+
+/// What is handed to code that may format it: `value`, or nothing without feature `texts`.
+pub(crate) fn shown(value: &impl fmt::Display) -> &dyn fmt::Display {
+    match cfg!(feature = "texts") {
+        true => value,
+        false => &Nothing,
+    }
+}
+
+struct Nothing;
+
+impl fmt::Display for Nothing {
+    fn fmt(&self, _: &mut fmt::Formatter<'_>) -> fmt::Result {
+        Ok(())
+    }
+}
+
+/// The parts, one after another.
+pub(crate) fn joined(parts: &[&str]) -> String {
+    let mut all = String::with_capacity(parts.iter().map(|part| part.len()).sum());
+    parts.iter().for_each(|part| all.push_str(part));
+    all
+}
+
+/// `stem` and a number in decimal.
+pub(crate) fn numbered(stem: &str, number: usize) -> String {
+    let (mut digits, mut at, mut rest) = ([0; 20], 20, number);
+    loop {
+        at -= 1;
+        if let (Some(place), Ok(digit)) = (digits.get_mut(at), u8::try_from(rest % 10)) {
+            *place = b'0' + digit;
+        }
+        rest /= 10;
+        if rest == 0 {
+            break;
+        }
+    }
+    let digits = core::str::from_utf8(digits.get(at..).unwrap_or_default());
+    joined(&[stem, digits.unwrap_or_default()])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_decimal() {
+        for n in [0, 7, 10, 4096, usize::MAX] {
+            assert_eq!(numbered("a#", n), format!("a#{n}"));
+        }
+        assert_eq!(joined(&["/n", "/sub:", "/t"]), "/n/sub:/t");
+    }
+}
