@@ -216,9 +216,10 @@ impl Enforcer {
             Enforcement::OtherCpu
         };
         let timer = TimerFd::new().map_err(SpawnError::Create)?;
-        let name = config
-            .cpu
-            .map_or_else(|| String::from("enforcer"), |cpu| format!("enforcer/{cpu}"));
+        let name = match config.cpu {
+            Some(cpu) if cfg!(target_os = "linux") => format!("enforcer/{cpu}"),
+            _ => String::from("enforcer"), // one CPU, and no room for formatting
+        };
         let mut spec = ThreadSpec::new(&name)
             .policy(Policy::fifo(config.priority).map_err(SpawnError::Parameter)?)
             .stack_size(backend::ENFORCER_STACK);

@@ -221,16 +221,54 @@ pub(crate) fn board_arm(at: Nanos) {
     unsafe { c::rp_board_arm(at) };
 }
 
-/// A line to the image's console.
+/// Bytes to the image's console.
+fn print(bytes: &[u8]) {
+    // SAFETY: the bytes are readable for the call.
+    unsafe { c::rp_board_print(bytes.as_ptr(), bytes.len()) };
+}
+
+/// A line to the image's console, formatted: for those that bring the kilobytes anyway.
 pub(crate) fn complain(what: fmt::Arguments<'_>) {
     struct Out;
     impl fmt::Write for Out {
         fn write_str(&mut self, s: &str) -> fmt::Result {
-            // SAFETY: the text is readable for the call.
-            unsafe { c::rp_board_print(s.as_ptr(), s.len()) };
+            print(s.as_bytes());
             Ok(())
         }
     }
     // The console has no error to report.
     writeln!(Out, "replenish: {what}").ok();
+}
+
+/// A part of a line that [`say`] prints without formatting.
+#[derive(Clone, Copy)]
+pub(crate) enum Part<'a> {
+    Text(&'a str),
+    Number(usize),
+}
+
+/// A line to the image's console, for images that have no room for formatting.
+pub(crate) fn say(parts: &[Part<'_>]) {
+    print(b"replenish: ");
+    for part in parts {
+        match *part {
+            Part::Text(text) => print(text.as_bytes()),
+            Part::Number(number) => print_decimal(number),
+        }
+    }
+    print(b"\n");
+}
+
+fn print_decimal(number: usize) {
+    let (mut digits, mut at, mut left) = ([b'0'; 10], 10, number);
+    loop {
+        at -= 1;
+        if let (Some(place), Ok(digit)) = (digits.get_mut(at), u8::try_from(left % 10)) {
+            *place += digit;
+        }
+        left /= 10;
+        if left == 0 {
+            return print(digits.get(at..).unwrap_or_default());
+        }
+    }
 }

@@ -9,7 +9,7 @@
 //! Freed blocks are used again whole and not joined; set-up frees little.
 #![expect(unsafe_code, reason = "a global allocator")]
 
-use super::ffi;
+use super::ffi::Part;
 use super::masked::Masked;
 use super::panics::Who;
 use core::alloc::{GlobalAlloc, Layout};
@@ -141,11 +141,12 @@ unsafe impl<const N: usize> GlobalAlloc for SealedHeap<N> {
             (self.take(s, rounded(layout)), false)
         });
         if block.is_null() {
-            let (bytes, why) = (layout.size(), if sealed { "sealed" } else { "full" });
-            let who = Who::running();
-            ffi::complain(format_args!(
-                "{who}: the heap is {why}: {bytes} bytes refused"
-            ));
+            let why = match sealed {
+                true => ": the heap is sealed: ",
+                false => ": the heap is full: ",
+            };
+            let (bytes, refused) = (Part::Number(layout.size()), Part::Text(" bytes refused"));
+            Who::running().says([Part::Text(why), bytes, refused]);
         }
         block
     }

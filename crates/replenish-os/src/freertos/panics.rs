@@ -2,7 +2,7 @@
 
 #![expect(unsafe_code, reason = "functions the kernel calls, with C strings")]
 
-use super::ffi;
+use super::ffi::{self, Part};
 use super::tid::Tid;
 use core::ffi::{CStr, c_char};
 use core::fmt;
@@ -37,6 +37,30 @@ pub(super) struct Who(Option<ffi::Running>);
 impl Who {
     pub(super) fn running() -> Self {
         Self(ffi::running())
+    }
+}
+
+impl Who {
+    /// Reports what it did or met.
+    pub(super) fn says(&self, what: [Part<'_>; 3]) {
+        let [a, b, c] = what;
+        match &self.0 {
+            Some(task) => {
+                let id = usize::try_from(task.id).unwrap_or(0);
+                let (number, name) = (Part::Number(id), Part::Text(task.name));
+                ffi::say(&[
+                    Part::Text("task "),
+                    number,
+                    Part::Text(" ("),
+                    name,
+                    Part::Text(")"),
+                    a,
+                    b,
+                    c,
+                ]);
+            }
+            None => ffi::say(&[Part::Text("outside of tasks"), a, b, c]),
+        }
     }
 }
 
@@ -108,9 +132,10 @@ fn stop() -> ! {
 extern "C" fn rp_assert_failed(file: *const c_char, line: u32) -> ! {
     // SAFETY: `__FILE__` of the kernel's sources.
     let file = unsafe { CStr::from_ptr(file) };
-    ffi::complain(format_args!(
-        "assertion of the kernel failed: {file:?}:{line}"
-    ));
+    let file = file.to_str().unwrap_or("?");
+    let line = Part::Number(usize::try_from(line).unwrap_or(0));
+    let what = Part::Text("assertion of the kernel failed: ");
+    ffi::say(&[what, Part::Text(file), Part::Text(":"), line]);
     stop()
 }
 
@@ -119,9 +144,7 @@ extern "C" fn rp_assert_failed(file: *const c_char, line: u32) -> ! {
 #[unsafe(no_mangle)]
 extern "C" fn rp_stack_overflow() -> ! {
     let bytes = ffi::running().map_or(0, |task| task.stack_bytes);
-    ffi::complain(format_args!(
-        "{} needs more than its {bytes} bytes of stack",
-        Who::running()
-    ));
+    let (needs, of) = (" needs more than its ", " bytes of stack");
+    Who::running().says([Part::Text(needs), Part::Number(bytes), Part::Text(of)]);
     stop()
 }

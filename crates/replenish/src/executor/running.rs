@@ -22,7 +22,7 @@ use crate::event::{Event, Events};
 use crate::stats::HandleStats;
 use crate::sync::{Arc, Signal};
 use crate::text::text;
-use alloc::string::{String, ToString};
+use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
 use core::time::Duration;
@@ -168,7 +168,7 @@ impl RunningExecutor {
         }
         // Stuck ones first: one that spins at high priority would keep the others from ending.
         for c in self.crew.iter().filter(|c| !c.seat.is_finished()) {
-            self.stuck.push(c.seat.name.to_string());
+            self.stuck.push(String::from(&*c.seat.name));
             if let Some(meter) = c.seat.meter() {
                 meter.abandon();
             }
@@ -182,7 +182,7 @@ impl RunningExecutor {
             let name = &c.seat.name;
             if c.seat.is_finished() && c.thread.join_until(patience).is_err() {
                 // Done, but something above it on its CPU keeps it from ending.
-                self.stuck.push(name.to_string());
+                self.stuck.push(String::from(&**name));
                 self.events.emit(&Event::Stuck { thread: name });
             }
         }
@@ -225,7 +225,7 @@ pub(crate) fn handle_stats(handle: &Shared, stop: &StopHandle) -> HandleStats {
 }
 
 pub(crate) fn handle_report(worker: &str, handle: &Shared, stop: &StopHandle) -> HandleReport {
-    let error = handle.last_error.lock().as_str().to_string();
+    let error = String::from(handle.last_error.lock().as_str());
     HandleReport {
         id: handle.id.clone(),
         worker: worker.into(),
@@ -243,7 +243,7 @@ fn thread_report(seat: &Seat) -> ThreadReport {
     };
     let meter = ready.as_ref().map(|r: &Ready| &r.meter);
     ThreadReport {
-        name: seat.name.to_string(),
+        name: String::from(&*seat.name),
         requested: text!("{}", seat.policy),
         granted: ready.as_ref().map_or("-".into(), |r| r.granted.clone()),
         cpu: seat.cpu,

@@ -11,7 +11,7 @@ use crate::event::Event;
 use crate::sync::{Arc, AtomicBool, Mutex, Signal};
 use crate::text::text;
 use alloc::boxed::Box;
-use alloc::string::{String, ToString};
+use alloc::string::String;
 use alloc::vec::Vec;
 use replenish_os::clock;
 use replenish_os::{self as os, Enforcement, Enforcer, EnforcerConfig, Policy};
@@ -169,7 +169,7 @@ fn abort(crew: &mut Vec<Crew>, error: Error) -> Error {
 
 fn thread_error(seat: &Seat, reason: String) -> Error {
     Error::Thread {
-        name: seat.name.to_string(),
+        name: String::from(&*seat.name),
         reason,
     }
 }
@@ -253,7 +253,7 @@ impl Starter<'_> {
             let mut known = self.enforcers.iter();
             let known = known.find(|(cpu, _)| *cpu == seat.cpu);
             let enforcer = known.and_then(|(_, e)| e.clone()).unwrap_or_else(|| {
-                self.refused.budgets.push(seat.name.to_string());
+                self.refused.budgets.push(String::from(&*seat.name));
                 Enforcer::deferred()
             });
             *seat.budget.lock() = Some(Funding {
@@ -290,12 +290,12 @@ impl Starter<'_> {
             Err(e) => e,
         };
         self.refuse(seat, &refused)?;
-        self.refused.policies.push(seat.name.to_string());
+        self.refused.policies.push(String::from(&*seat.name));
         if let Some(funding) = &mut *seat.budget.lock()
             && funding.enforcer.enforcement() != Enforcement::Deferred
         {
             funding.enforcer = Enforcer::deferred();
-            self.refused.budgets.push(seat.name.to_string());
+            self.refused.budgets.push(String::from(&*seat.name));
         }
         seat.spawn(Policy::Other)
             .map_err(|e| thread_error(seat, text!("{e}")))

@@ -29,6 +29,7 @@ use super::stop::StopHandle;
 use crate::Nanos;
 use crate::event::Events;
 use crate::sync::Arc;
+use crate::text::shown;
 use alloc::vec::Vec;
 use core::cell::RefCell;
 use replenish_os::Account;
@@ -191,7 +192,7 @@ impl Worker {
             let to_blame = last.and_then(|at| self.entries.get(at));
             outbox.borrow_mut().release(|e| {
                 if let Some(entry) = to_blame {
-                    entry.shared.failed(&e, env.events);
+                    entry.shared.failed(shown(&e), env.events);
                 }
             });
         }
