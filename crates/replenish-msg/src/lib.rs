@@ -48,7 +48,7 @@ pub mod wire;
 pub use action::Action;
 pub use cdr::{CdrError, CdrReader, CdrWriter, Endianness};
 pub use heapless;
-pub use located::{DecodeError, decode_encapsulated, decode_located};
+pub use located::{DecodeError, decode_encapsulated, decode_located, decode_whole};
 pub use structure::Structure;
 pub use view::{View, Viewed};
 

@@ -212,6 +212,15 @@ pub fn decode_located<M: Message>(msg: &mut M, reader: &CdrReader<'_>) -> Result
         .map_err(|error| DecodeError::find(M::STRUCTURE, reader.clone(), error))
 }
 
+/// As [`decode_located`], without looking for the field: for builds that have no room for that.
+///
+/// # Errors
+/// What is wrong, of the message as a whole.
+pub fn decode_whole<M: Message>(msg: &mut M, reader: &CdrReader<'_>) -> Result<(), DecodeError> {
+    msg.decode(&mut reader.clone())
+        .map_err(|error| DecodeError::whole(error, M::STRUCTURE))
+}
+
 /// Decodes a payload with its 4-byte encapsulation header, of either byte order, into `msg`.
 ///
 /// # Errors

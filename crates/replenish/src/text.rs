@@ -4,6 +4,7 @@
 
 use alloc::string::String;
 use core::fmt;
+use replenish_msg::{CdrReader, DecodeError, Message};
 
 /// As `format!`; empty without feature `texts`.
 macro_rules! text {
@@ -29,6 +30,14 @@ struct Nothing;
 impl fmt::Display for Nothing {
     fn fmt(&self, _: &mut fmt::Formatter<'_>) -> fmt::Result {
         Ok(())
+    }
+}
+
+/// Decodes a payload; an error names the field only with feature `texts`.
+pub(crate) fn decode<M: Message>(to: &mut M, from: &CdrReader<'_>) -> Result<(), DecodeError> {
+    match cfg!(feature = "texts") {
+        true => replenish_msg::decode_located(to, from),
+        false => replenish_msg::decode_whole(to, from),
     }
 }
 

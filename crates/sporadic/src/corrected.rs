@@ -108,7 +108,11 @@ impl<const N: usize> Corrected<N> {
         self.see(now);
         let (budget, period) = (self.params.budget(), self.params.period());
         // Consuming exactly B takes every chunk once, so all come back T later.
-        let rounds = used / budget;
+        // (Seldom so much: and dividing is slow on small processors.)
+        let (rounds, mut rest) = match used < budget {
+            true => (0, used),
+            false => (used / budget, used % budget),
+        };
         if rounds > 0 {
             for Chunk { time, amount } in self.chunks() {
                 observe(Consumed {
@@ -121,7 +125,6 @@ impl<const N: usize> Corrected<N> {
             self.head.time = self.head.time.saturating_add(delay);
             self.queue.delay_all(delay);
         }
-        let mut rest = used % budget;
         while rest > 0 {
             let Chunk { time, amount } = self.head;
             let taken = rest.min(amount);

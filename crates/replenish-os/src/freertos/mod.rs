@@ -21,6 +21,8 @@ mod alarm;
 mod atomic;
 #[path = "../rtos/clock.rs"]
 pub mod clock;
+#[cfg(all(feature = "compact", target_arch = "arm"))]
+mod compact;
 #[path = "../rtos/error.rs"]
 mod error;
 mod ffi;

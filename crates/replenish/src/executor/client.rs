@@ -17,6 +17,7 @@ use crate::handoff::{Inbox, RequestIdentity, SampleInfo};
 use crate::middleware::{Middleware, PublishError, ReaderId, WriterId};
 use crate::platform::Once;
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
+use crate::text::decode;
 use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -24,7 +25,7 @@ use core::fmt;
 use core::marker::PhantomData;
 use core::sync::atomic::fence;
 use core::time::Duration;
-use replenish_msg::{CdrError, CdrReader, Service, decode_located};
+use replenish_msg::{CdrError, CdrReader, Service};
 use replenish_os::clock;
 
 /// Sends requests of one service. Clones are the same client; any thread may use them.
@@ -317,7 +318,7 @@ where
             at.map(|at| table.waiting.swap_remove(at)).is_some()
         };
         let payload = CdrReader::new(popped.slot.payload());
-        let decoded = decode_located(&mut self.response, &payload);
+        let decoded = decode(&mut self.response, &payload);
         self.client.inbox.give_back(popped.slot);
         if !expected {
             self.shared.counters.discarded.add(1);

@@ -13,11 +13,12 @@ use crate::middleware::ReaderId;
 use crate::platform::Once;
 use crate::stats::{Counters, Text};
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
+use crate::text::decode;
 use alloc::boxed::Box;
 use alloc::string::String;
 use core::cell::RefCell;
 use core::fmt;
-use replenish_msg::{CdrReader, DecodeError, Message, decode_located};
+use replenish_msg::{CdrReader, DecodeError, Message};
 use replenish_os::Meter;
 
 /// What callbacks run in.
@@ -172,7 +173,7 @@ impl Shared {
             env.stop.middleware.wake();
         }
         let info = *popped.slot.info();
-        let decoded = decode_located(message, &CdrReader::new(popped.slot.payload()));
+        let decoded = decode(message, &CdrReader::new(popped.slot.payload()));
         inbox.give_back(popped.slot);
         decoded
             .map_err(|error| self.undecodable(error, env.events))
