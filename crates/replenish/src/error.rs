@@ -2,8 +2,7 @@
 
 use crate::middleware::MiddlewareError;
 use crate::name::NameError;
-use crate::text::text;
-use alloc::string::String;
+use crate::text::{Words, text};
 use core::fmt;
 use replenish_os::{ParamError, PolicyError};
 
@@ -16,83 +15,83 @@ pub enum Error {
     /// A parameter outside its range.
     Parameter {
         /// Whose parameter: `worker "high"`, `topic /scan`, `executor`.
-        owner: String,
+        owner: Words,
         /// Its name, as in the API.
         field: &'static str,
         /// The value it was given.
-        value: String,
+        value: Words,
         /// What is allowed.
-        allowed: String,
+        allowed: Words,
     },
     /// A policy's parameter out of its range, from [`Policy`](crate::Policy)'s constructors.
     Policy(PolicyError),
     /// Two workers have the same name.
-    DuplicateWorker(String),
+    DuplicateWorker(Words),
     /// No worker has this name.
-    UnknownWorker(String),
+    UnknownWorker(Words),
     /// No handle has this id.
-    UnknownHandle(String),
+    UnknownHandle(Words),
     /// A limit that was fixed at set-up is reached.
     Capacity {
         /// Of what there may be no more.
-        what: String,
+        what: Words,
         /// How many there may be.
         limit: usize,
     },
     /// The callback has not ended in time; its handle goes when it has.
-    StillRunning(String),
+    StillRunning(Words),
     /// The executor has stopped.
     Stopped,
     /// A worker without any handle.
-    IdleWorker(String),
+    IdleWorker(Words),
     /// A node of another context than the executor's.
-    ForeignNode(String),
+    ForeignNode(Words),
     /// Another executor spins this context.
     ContextBusy,
     /// No connection to the middleware's peer.
     Connect {
         /// Why.
-        reason: String,
+        reason: Words,
     },
     /// The middleware could not create an endpoint.
     Middleware {
         /// Which one.
-        endpoint: String,
+        endpoint: Words,
         /// Why.
         source: MiddlewareError,
     },
     /// A thread could not be started.
     Thread {
         /// Its name.
-        name: String,
+        name: Words,
         /// Why.
-        reason: String,
+        reason: Words,
     },
     /// A guarantee does not fit on this host, or would break what another program was promised.
     NotAdmitted {
         /// One sentence: who does not fit, where and why, and what would fit.
-        reason: String,
+        reason: Words,
     },
     /// A deployment file that cannot be applied.
     Overlay {
         /// The place, the field, and what is allowed.
-        reason: String,
+        reason: Words,
     },
     /// `strict` is set and a guarantee cannot be given.
     NotGranted {
         /// What was asked for.
-        what: String,
+        what: Words,
         /// Why it is refused, and how to get it.
-        reason: String,
+        reason: Words,
     },
 }
 
 impl Error {
     pub(crate) fn parameter(
-        owner: impl Into<String>,
+        owner: impl Into<Words>,
         field: &'static str,
         value: &dyn fmt::Display,
-        allowed: impl Into<String>,
+        allowed: impl Into<Words>,
     ) -> Self {
         Self::Parameter {
             owner: owner.into(),

@@ -80,6 +80,7 @@ pub use replenish_plan as planning;
 pub use replenish_plan::Guarantee;
 pub use sporadic::Kind as ServerKind;
 pub use stats::HandleStats;
+pub use text::Words;
 
 /// Nanoseconds; of `CLOCK_MONOTONIC` where it is an instant.
 pub type Nanos = u64;

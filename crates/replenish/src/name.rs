@@ -4,7 +4,7 @@
 //! `rmw_validate_node_name`): tokens of letters, digits and underscores separated by single
 //! slashes, none starting with a digit. Substitutions in braces are not supported.
 
-use crate::text::joined;
+use crate::text::{Words, joined};
 use alloc::string::String;
 use core::fmt;
 
@@ -19,7 +19,7 @@ pub struct NameError {
     /// What the name was for.
     pub what: &'static str,
     /// The name as it was given.
-    pub name: String,
+    pub name: Words,
     /// What is wrong with it.
     pub problem: &'static str,
 }

@@ -6,14 +6,64 @@ use alloc::string::String;
 use core::fmt;
 use replenish_msg::{CdrReader, DecodeError, Message};
 
-/// As `format!`; empty without feature `texts`.
-macro_rules! text {
-    ($($arguments:tt)*) => {
-        match cfg!(feature = "texts") {
-            true => alloc::format!($($arguments)*),
-            false => alloc::string::String::new(),
+/// Words for people: a `String`, and nothing without feature `texts`.
+#[cfg(feature = "texts")]
+pub type Words = String;
+#[cfg(not(feature = "texts"))]
+pub use wordless::Words;
+
+#[cfg(not(feature = "texts"))]
+mod wordless {
+    use core::fmt;
+
+    /// The place of words in builds without feature `texts`: always the empty string.
+    #[derive(Clone, Copy, Default, PartialEq, Eq)]
+    pub struct Words;
+
+    impl From<&str> for Words {
+        fn from(_: &str) -> Self {
+            Self
         }
-    };
+    }
+
+    impl From<alloc::string::String> for Words {
+        fn from(_: alloc::string::String) -> Self {
+            Self
+        }
+    }
+
+    impl core::ops::Deref for Words {
+        type Target = str;
+
+        fn deref(&self) -> &str {
+            ""
+        }
+    }
+
+    impl fmt::Display for Words {
+        fn fmt(&self, _: &mut fmt::Formatter<'_>) -> fmt::Result {
+            Ok(())
+        }
+    }
+
+    impl fmt::Debug for Words {
+        fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("\"\"")
+        }
+    }
+}
+
+/// As `format!`; no words without feature `texts`.
+#[cfg(feature = "texts")]
+macro_rules! text {
+    ($($arguments:tt)*) => { alloc::format!($($arguments)*) };
+}
+#[cfg(not(feature = "texts"))]
+macro_rules! text {
+    ($($arguments:tt)*) => {{
+        let _ = format_args!($($arguments)*);
+        $crate::text::Words
+    }};
 }
 pub(crate) use text;
 
@@ -31,6 +81,14 @@ impl fmt::Display for Nothing {
     fn fmt(&self, _: &mut fmt::Formatter<'_>) -> fmt::Result {
         Ok(())
     }
+}
+
+/// All of them in a row.
+pub(crate) fn list(words: &[Words], between: &str) -> Words {
+    #[cfg(feature = "texts")]
+    return words.join(between);
+    #[cfg(not(feature = "texts"))]
+    return (words.len(), between, Words).2;
 }
 
 /// Decodes a payload; an error names the field only with feature `texts`.

@@ -14,8 +14,8 @@ use super::schedule::nanos;
 use crate::Nanos;
 use crate::budget::Budget;
 use crate::error::Error;
-use crate::text::text;
-use alloc::string::{String, ToString};
+use crate::text::{Words, text};
+use alloc::string::String;
 use alloc::vec::Vec;
 use replenish_os::{Low, MAX_REPL, Params, Policy};
 
@@ -47,7 +47,7 @@ pub(crate) struct Request {
 }
 
 impl Request {
-    pub(crate) fn owner(&self) -> String {
+    pub(crate) fn owner(&self) -> Words {
         text!("worker {:?}", self.name)
     }
 }
@@ -90,7 +90,7 @@ pub(crate) fn plan(
     let all = || policies.iter().chain([&dispatcher]);
     if all().any(|p| matches!(p, Policy::Sporadic(_))) {
         let owners = workers.iter().map(|w| w.owner());
-        for (owner, p) in owners.chain(["dispatcher".to_string()]).zip(all()) {
+        for (owner, p) in owners.chain([Words::from("dispatcher")]).zip(all()) {
             below_enforcer(owner, p, enforcer_priority)?;
         }
     }
@@ -176,7 +176,7 @@ pub(crate) fn background(budget: &Budget, priority: u8) -> Option<Low> {
     Some(Low::Background(BACKGROUND.min(below)))
 }
 
-fn below_enforcer(owner: String, policy: &Policy, enforcer: u8) -> Result<(), Error> {
+fn below_enforcer(owner: Words, policy: &Policy, enforcer: u8) -> Result<(), Error> {
     let rank = rank(policy);
     if rank < u16::from(enforcer) || rank > 99 {
         return Ok(());

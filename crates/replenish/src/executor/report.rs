@@ -4,6 +4,7 @@ use super::planning::AdmissionReport;
 use crate::Nanos;
 use crate::histogram::Histogram;
 use crate::stats::HandleStats;
+use crate::text::Words;
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
@@ -24,7 +25,7 @@ pub struct Report {
     /// One per CPU with budgeted workers.
     pub enforcers: Vec<EnforcerStats>,
     /// Guarantees that were asked for and are not in force, in words.
-    pub fallbacks: Vec<String>,
+    pub fallbacks: Vec<Words>,
     /// Whether and how guarantees were tested.
     pub admission: AdmissionReport,
     /// Threads that did not end in time; they were demoted and left behind.
@@ -50,9 +51,9 @@ pub struct ThreadReport {
     /// `dispatcher`, or the worker's name.
     pub name: String,
     /// The policy that was asked for.
-    pub requested: String,
+    pub requested: Words,
     /// The policy the kernel gave, read back from it before the first callback.
-    pub granted: String,
+    pub granted: Words,
     /// The CPU it was pinned to.
     pub cpu: Option<usize>,
     /// How its budget is held; `None` without a budget.

@@ -21,7 +21,7 @@ use crate::context::Claim;
 use crate::event::{Event, Events};
 use crate::stats::HandleStats;
 use crate::sync::{Arc, Signal};
-use crate::text::text;
+use crate::text::{Words, text};
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
@@ -58,7 +58,7 @@ pub struct RunningExecutor {
     pub(crate) enforcers: Vec<Arc<Enforcer>>,
     pub(crate) live: Arc<Live>,
     pub(crate) counters: Arc<DispatcherCounters>,
-    pub(crate) fallbacks: Vec<String>,
+    pub(crate) fallbacks: Vec<Words>,
     pub(crate) stuck: Vec<String>,
     pub(crate) events: Arc<Events>,
     pub(crate) grace: Duration,

@@ -9,9 +9,8 @@ use super::{Executor, Options, StopHandle, planning};
 use crate::error::Error;
 use crate::event::Event;
 use crate::sync::{Arc, AtomicBool, Mutex, Signal};
-use crate::text::text;
+use crate::text::{Words, list, text};
 use alloc::boxed::Box;
-use alloc::string::String;
 use alloc::vec::Vec;
 use replenish_os::clock;
 use replenish_os::{self as os, Enforcement, Enforcer, EnforcerConfig, Policy};
@@ -33,7 +32,7 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         .iter()
         .find(|w| w.entries.is_empty() && w.rules.capacity.is_none())
     {
-        return Err(Error::IdleWorker(w.request.name.clone()));
+        return Err(Error::IdleWorker(w.request.name.as_str().into()));
     }
     for request in &requests {
         check(request)?;
@@ -132,7 +131,7 @@ pub(crate) fn check_names(requests: &[&Request]) -> Result<(), Error> {
     for (i, r) in requests.iter().enumerate() {
         let earlier = requests.iter().take(i);
         if r.name == "dispatcher" || earlier.into_iter().any(|o| o.name == r.name) {
-            return Err(Error::DuplicateWorker(r.name.clone()));
+            return Err(Error::DuplicateWorker(r.name.as_str().into()));
         }
     }
     Ok(())
@@ -167,9 +166,9 @@ fn abort(crew: &mut Vec<Crew>, error: Error) -> Error {
     error
 }
 
-fn thread_error(seat: &Seat, reason: String) -> Error {
+fn thread_error(seat: &Seat, reason: Words) -> Error {
     Error::Thread {
-        name: String::from(&*seat.name),
+        name: Words::from(&*seat.name),
         reason,
     }
 }
@@ -187,13 +186,13 @@ struct Starter<'a> {
 /// What was asked for and is not in force.
 #[derive(Default)]
 struct Refused {
-    memory: Option<String>,
+    memory: Option<Words>,
     /// Threads without their policy.
-    policies: Vec<String>,
+    policies: Vec<Words>,
     /// Threads whose budget has no enforcer.
-    budgets: Vec<String>,
+    budgets: Vec<Words>,
     /// What the kernel said first, with what would grant it.
-    why: Option<String>,
+    why: Option<Words>,
 }
 
 impl Starter<'_> {
@@ -253,7 +252,7 @@ impl Starter<'_> {
             let mut known = self.enforcers.iter();
             let known = known.find(|(cpu, _)| *cpu == seat.cpu);
             let enforcer = known.and_then(|(_, e)| e.clone()).unwrap_or_else(|| {
-                self.refused.budgets.push(String::from(&*seat.name));
+                self.refused.budgets.push(Words::from(&*seat.name));
                 Enforcer::deferred()
             });
             *seat.budget.lock() = Some(Funding {
@@ -290,12 +289,12 @@ impl Starter<'_> {
             Err(e) => e,
         };
         self.refuse(seat, &refused)?;
-        self.refused.policies.push(String::from(&*seat.name));
+        self.refused.policies.push(Words::from(&*seat.name));
         if let Some(funding) = &mut *seat.budget.lock()
             && funding.enforcer.enforcement() != Enforcement::Deferred
         {
             funding.enforcer = Enforcer::deferred();
-            self.refused.budgets.push(String::from(&*seat.name));
+            self.refused.budgets.push(Words::from(&*seat.name));
         }
         seat.spawn(Policy::Other)
             .map_err(|e| thread_error(seat, text!("{e}")))
@@ -317,20 +316,20 @@ impl Starter<'_> {
     }
 
     /// Says once what is not in force.
-    fn declare(&mut self, unseen: Option<String>) -> Vec<String> {
+    fn declare(&mut self, unseen: Option<Words>) -> Vec<Words> {
         let refused = core::mem::take(&mut self.refused);
-        let mut fallbacks: Vec<String> = refused.memory.into_iter().chain(unseen).collect();
+        let mut fallbacks: Vec<Words> = refused.memory.into_iter().chain(unseen).collect();
         if let Some(why) = refused.why {
             let mut parts = Vec::new();
             if !refused.policies.is_empty() {
-                let who = refused.policies.join(", ");
+                let who = list(&refused.policies, ", ");
                 parts.push(text!("time-shared instead of real-time: {who}"));
             }
             if !refused.budgets.is_empty() {
-                let who = refused.budgets.join(", ");
+                let who = list(&refused.budgets, ", ");
                 parts.push(text!("budgets held at callback boundaries only: {who}"));
             }
-            fallbacks.push(text!("{}. {why}", parts.join("; ")));
+            fallbacks.push(text!("{}. {why}", list(&parts, "; ")));
         }
         for message in &fallbacks {
             self.options.events.emit(&Event::Fallback { message });

@@ -15,9 +15,8 @@ use crate::Nanos;
 use crate::event::{Event, Events};
 use crate::platform;
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
-use crate::text::text;
+use crate::text::{Words, text};
 use alloc::boxed::Box;
-use alloc::string::String;
 use replenish_os::{self as os, Account, Enforcer, Meter, Params, Policy, Thread};
 use sporadic::Kind;
 
@@ -38,7 +37,7 @@ pub(crate) struct Seat {
     pub(crate) events: Arc<Events>,
     pub(crate) body: Mutex<Option<Body>>,
     pub(crate) budget: Mutex<Option<Funding>>,
-    pub(crate) ready: Mutex<Option<Result<Ready, String>>>,
+    pub(crate) ready: Mutex<Option<Result<Ready, Words>>>,
     pub(crate) launch: Mutex<Option<Launch>>,
     pub(crate) finished: AtomicBool,
 }
@@ -55,7 +54,7 @@ pub(crate) struct Funding {
 #[derive(Clone)]
 pub(crate) struct Ready {
     pub(crate) meter: Meter,
-    pub(crate) granted: String,
+    pub(crate) granted: Words,
 }
 
 #[derive(Clone, Copy)]
@@ -140,7 +139,7 @@ impl Seat {
         platform::guard(|| body(account, start), panicked);
     }
 
-    fn enroll(&self) -> Result<(Account, Ready), String> {
+    fn enroll(&self) -> Result<(Account, Ready), Words> {
         let account = match &*self.budget.lock() {
             None => Account::unbudgeted(),
             Some(f) => f

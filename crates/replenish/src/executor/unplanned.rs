@@ -5,6 +5,7 @@ use super::builder::WorkerSpec;
 use super::{Executor, Options};
 use crate::Nanos;
 use crate::error::Error;
+use crate::text::Words;
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
@@ -49,7 +50,7 @@ pub struct AdmissionReport {
 #[derive(Debug, Default)]
 pub(crate) struct Admission {
     pub(crate) report: AdmissionReport,
-    pub(crate) fallback: Option<String>,
+    pub(crate) fallback: Option<Words>,
     pub(crate) place: Option<()>,
 }
 

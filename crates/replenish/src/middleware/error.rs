@@ -1,6 +1,6 @@
 //! What can go wrong between the executor and the bytes.
 
-use alloc::string::String;
+use crate::text::Words;
 use core::fmt;
 use replenish_msg::CdrError;
 
@@ -27,7 +27,7 @@ pub enum MiddlewareError {
     /// The topic exists with another type.
     TypeMismatch {
         /// The type it has.
-        existing: String,
+        existing: Words,
     },
     /// The peer did not answer in time.
     NoAnswer {

@@ -176,7 +176,7 @@ impl Bus {
             let existing = &self.topics.get(at).map(|t| t.type_name.clone());
             return match existing {
                 Some(name) if name != spec.type_name => Err(MiddlewareError::TypeMismatch {
-                    existing: name.clone(),
+                    existing: name.as_str().into(),
                 }),
                 _ => Ok(at),
             };

@@ -3,7 +3,7 @@
 use super::limits::WINDOW;
 use crate::Nanos;
 use crate::platform::io;
-use alloc::string::String;
+use crate::text::Words;
 use core::fmt;
 use replenish_xrce::client::PingPolicy;
 use replenish_xrce::stream::{AckPolicy, Reliability};
@@ -140,7 +140,7 @@ pub enum ConnectError {
     /// The address cannot be resolved or used.
     Address {
         /// As it was given.
-        agent: String,
+        agent: Words,
         /// What the system says.
         source: io::Error,
     },
@@ -154,14 +154,14 @@ pub enum ConnectError {
     /// No agent answered in time.
     NoAgent {
         /// Its address.
-        agent: String,
+        agent: Words,
         /// How long it had, in nanoseconds.
         waited: Nanos,
     },
     /// The agent refused the session.
     Refused {
         /// Its address.
-        agent: String,
+        agent: Words,
         /// Its reason.
         status: Status,
     },

@@ -9,7 +9,6 @@ use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId, Room,
 use crate::platform::{self, io};
 use crate::qos::Criticality;
 use alloc::boxed::Box;
-use alloc::string::ToString;
 use alloc::vec;
 use replenish_os::{PiMutex, clock};
 use replenish_xrce::client::{Buffers, Config, ReliableBuffers, Session};
@@ -44,7 +43,7 @@ impl Xrce {
             let refused = state.refused.map(Err);
             refused.or(state.is_up().then_some(Ok(())))
         });
-        let agent = agent.to_string();
+        let agent = agent.into();
         match answer {
             Ok(Some(Ok(()))) => Ok(this),
             Ok(Some(Err(status))) => Err(ConnectError::Refused { agent, status }),
