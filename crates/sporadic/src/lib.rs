@@ -9,10 +9,12 @@
 //! Two servers implement [`BudgetServer`]:
 //! - [`Corrected`]: the sporadic server with the corrections of Stanovich et al. (RTAS 2010).
 //!   The amounts always sum to B and an overrun is a debt. Use this one.
-//! - [`Posix`]: the rules of POSIX (XSH 2.8.4, `SCHED_SPORADIC`) to the letter, defects included,
+//! - `Posix`: the rules of POSIX (XSH 2.8.4, `SCHED_SPORADIC`) to the letter, defects included,
 //!   for conformance and for explaining what another system does.
 //!
-//! [`nuttx`] emulates a third that is no budget server, to explain what was measured on it.
+//! `nuttx` emulates a third that is no budget server, to explain what was measured on it.
+//!
+//! Both, `Posix` and `nuttx`, come with feature `posix` (default).
 //!
 //! [`Reservation`] adds to a server what supervising a real thread takes: charging CPU-clock
 //! readings to the level in force, and the lazy check timer. [`Server`] is one or the other, chosen at run time. All are `Send + Sync` plain data without
@@ -39,8 +41,10 @@
 #![forbid(unsafe_code)]
 
 mod corrected;
+#[cfg(feature = "posix")]
 pub mod nuttx;
 mod params;
+#[cfg(feature = "posix")]
 mod posix;
 mod reservation;
 mod ring;
@@ -48,6 +52,7 @@ mod server;
 
 pub use corrected::{Consumed, Corrected};
 pub use params::{Low, ParamError, Params};
+#[cfg(feature = "posix")]
 pub use posix::Posix;
 pub use reservation::{Counters, Gap, Reservation, Tuning, Verdict};
 pub use ring::Chunk;

@@ -1,6 +1,8 @@
 //! What every budget server does ([`BudgetServer`]) and the choice of one at run time ([`Server`]).
 
-use crate::{Corrected, Nanos, ParamError, Params, Posix};
+#[cfg(feature = "posix")]
+use crate::Posix;
+use crate::{Corrected, Nanos, ParamError, Params};
 
 /// The level a thread must have: its priority P, or what its [`Low`](crate::Low) says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -54,7 +56,8 @@ pub enum Kind {
     /// [`Corrected`], the default.
     #[default]
     Corrected,
-    /// [`Posix`].
+    /// [`Posix`](crate::Posix).
+    #[cfg(feature = "posix")]
     Posix,
 }
 
@@ -64,6 +67,7 @@ pub enum Server<const N: usize> {
     /// The corrected sporadic server.
     Corrected(Corrected<N>),
     /// The sporadic server of POSIX.
+    #[cfg(feature = "posix")]
     Posix(Posix<N>),
 }
 
@@ -78,6 +82,7 @@ impl<const N: usize> Server<N> {
                 Ok(server) => Ok(Self::Corrected(server)),
                 Err(error) => Err(error),
             },
+            #[cfg(feature = "posix")]
             Kind::Posix => match Posix::new(params, now) {
                 Ok(server) => Ok(Self::Posix(server)),
                 Err(error) => Err(error),
@@ -91,6 +96,7 @@ impl<const N: usize> Server<N> {
     pub fn with_min_chunk(self, min_chunk: Nanos) -> Self {
         match self {
             Self::Corrected(server) => Self::Corrected(server.with_min_chunk(min_chunk)),
+            #[cfg(feature = "posix")]
             posix @ Self::Posix(_) => posix,
         }
     }
@@ -99,6 +105,7 @@ impl<const N: usize> Server<N> {
     pub const fn kind(&self) -> Kind {
         match self {
             Self::Corrected(_) => Kind::Corrected,
+            #[cfg(feature = "posix")]
             Self::Posix(_) => Kind::Posix,
         }
     }
@@ -109,6 +116,7 @@ macro_rules! either {
     ($self:ident, $server:ident => $call:expr) => {
         match $self {
             Server::Corrected($server) => $call,
+            #[cfg(feature = "posix")]
             Server::Posix($server) => $call,
         }
     };
