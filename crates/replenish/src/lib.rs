@@ -53,11 +53,12 @@ pub use error::Error;
 pub use event::Event;
 pub use executor::{
     AdmissionReport, CallError, CallbackContext, CallbackResult, Client, DeadlineMiss,
-    DispatcherReport, Every, Executor, ExecutorHandle, Group, GuardCondition, HandleReport,
-    HandleStates, Handling, LiveWorker, LocalExecutor, NoReply, OnMiss, Overrun, RawType, Removal,
-    Report, Responder, RunningExecutor, Semantics, SpinEnd, Spun, StopHandle, ThreadReport,
-    TimerHandle, Topic, Trigger, WorkerBuilder,
+    DispatcherReport, Every, Executor, Group, GuardCondition, HandleReport, HandleStates, Handling,
+    LocalExecutor, NoReply, OnMiss, Overrun, RawType, Report, Responder, RunningExecutor,
+    Semantics, SpinEnd, Spun, StopHandle, ThreadReport, TimerHandle, Topic, Trigger, WorkerBuilder,
 };
+#[cfg(feature = "live")]
+pub use executor::{ExecutorHandle, LiveWorker, Removal};
 pub use histogram::Histogram;
 pub use lifecycle::{Lifecycle, LifecycleError, ManagedPublisher, Outcome, State, Transition};
 pub use middleware::PublishError;

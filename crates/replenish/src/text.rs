@@ -84,11 +84,15 @@ impl fmt::Display for Nothing {
 }
 
 /// All of them in a row.
+#[cfg(feature = "texts")]
 pub(crate) fn list(words: &[Words], between: &str) -> Words {
-    #[cfg(feature = "texts")]
-    return words.join(between);
-    #[cfg(not(feature = "texts"))]
-    return (words.len(), between, Words).2;
+    words.join(between)
+}
+
+/// No words.
+#[cfg(not(feature = "texts"))]
+pub(crate) const fn list(_: &[Words], _: &str) -> Words {
+    Words
 }
 
 /// Decodes a payload; an error names the field only with feature `texts`.

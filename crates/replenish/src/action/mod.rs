@@ -22,6 +22,7 @@
 mod client;
 mod follow;
 mod ids;
+#[cfg(feature = "live")]
 mod live;
 mod serve;
 mod server;

@@ -4,6 +4,7 @@
 use super::StopHandle;
 use super::agenda::Agenda;
 use super::builder::WorkerSpec;
+use super::desk::Desk;
 use super::dispatcher::{Dispatcher, DispatcherCounters};
 use super::doorbell::{Doorbell, Line};
 use super::handle::Shared;
@@ -11,13 +12,13 @@ use super::live::{Live, Post, Registry};
 use super::mailbox::Mailbox;
 use super::outbox::Outbox;
 use super::plan::Request;
-use super::routes::{Desk, Route};
+use super::routes::Route;
 use super::worker::Worker;
 use crate::context::Context;
 use crate::event::Events;
 use crate::handoff::ReadySet;
 use crate::middleware::MAX_READERS;
-use crate::sync::{Arc, AtomicU64};
+use crate::sync::Arc;
 use alloc::vec::Vec;
 use core::cell::RefCell;
 
@@ -66,12 +67,7 @@ pub(crate) fn assemble(
             dispatcher.route_to(place(i), &entry.shared, mailbox.line(entry.slot));
         }
         limits += limit;
-        posts.push(Post {
-            name: Arc::clone(&name),
-            place: place(i),
-            mailbox: Arc::clone(&mailbox),
-            number: AtomicU64::new(number),
-        });
+        posts.push(Post::new(&name, place(i), &mailbox, number));
         let worker = Worker {
             name,
             stop: stop.clone(),
@@ -92,13 +88,8 @@ pub(crate) fn assemble(
         };
         workers.push((worker, spec.request));
     }
-    let live = Arc::new(Live {
-        context: context.clone(),
-        stop: stop.clone(),
-        registry: Registry::new(handles, limits),
-        desk: Arc::clone(&dispatcher.desk),
-        posts,
-    });
+    let registry = Registry::new(handles, limits);
+    let live = Live::new(context, stop, registry, &dispatcher.desk, posts);
     for (worker, _) in &mut workers {
         worker.live = Some(Arc::clone(&live));
     }

@@ -1,13 +1,16 @@
 //! What a callback gets besides its message, and what it may return.
 
 use super::handle::{Env, Shared};
+#[cfg(feature = "live")]
 use super::live::ExecutorHandle;
 use super::stop::StopHandle;
 use crate::Nanos;
 use crate::handoff::{RequestIdentity, SampleInfo};
 use crate::middleware::PublishError;
 use crate::publisher::Publisher;
-use crate::sync::{Arc, Ordering};
+#[cfg(feature = "live")]
+use crate::sync::Arc;
+use crate::sync::Ordering;
 use crate::text::shown;
 use core::fmt;
 use replenish_msg::Message;
@@ -154,6 +157,7 @@ impl CallbackContext<'_> {
     }
 
     /// Adds and removes handles; `None` in an executor that runs on the thread that spins it.
+    #[cfg(feature = "live")]
     #[must_use]
     pub fn executor(&self) -> Option<ExecutorHandle> {
         let live = Arc::clone(self.env.live?);

@@ -10,8 +10,9 @@
 //!
 //! Workers end its wait when a reader that had left the set has room again, and only then.
 
+use super::desk::Desk;
 use super::doorbell::Doorbell;
-use super::routes::{Desk, Route};
+use super::routes::Route;
 use super::stop::StopHandle;
 use crate::Nanos;
 use crate::event::{Event, Events};

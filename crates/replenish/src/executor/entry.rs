@@ -9,6 +9,7 @@ use crate::platform;
 use crate::stats::{Counters, Text};
 use crate::sync::{Arc, Ordering};
 use alloc::boxed::Box;
+use alloc::vec::Vec;
 use core::cell::RefCell;
 use replenish_os::{Meter, Usage, clock};
 
@@ -196,4 +197,12 @@ impl Tally {
         counters.exhaustions.add(exhaustions);
         self.before = now;
     }
+}
+
+/// Inserts behind the entries of the same or a higher priority.
+pub(crate) fn insert(entries: &mut Vec<Entry>, entry: Entry) {
+    let priority = entry.handling.priority;
+    let mut others = entries.iter();
+    let at = others.position(|e| e.handling.priority < priority);
+    entries.insert(at.unwrap_or(entries.len()), entry);
 }

@@ -122,6 +122,7 @@ impl Group {
     }
 
     /// Whether the caller is inside a callback of the group.
+    #[cfg(feature = "live")]
     pub(crate) fn is_mine(&self) -> bool {
         let me = current_tid();
         let holder = self.inner.holder.lock();

@@ -12,7 +12,9 @@ use crate::histogram::LiveHistogram;
 use crate::middleware::ReaderId;
 use crate::platform::Once;
 use crate::stats::{Counters, Text};
-use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
+#[cfg(feature = "live")]
+use crate::sync::Signal;
+use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
 use crate::text::decode;
 use alloc::boxed::Box;
 use alloc::string::String;
@@ -28,6 +30,7 @@ pub(crate) struct Env<'a> {
     pub(crate) events: &'a Events,
     pub(crate) meter: &'a Meter,
     /// The executor, if handles can be added to it.
+    #[cfg_attr(not(feature = "live"), expect(dead_code, reason = "none can"))]
     pub(crate) live: Option<&'a Arc<Live>>,
     /// Where publications wait for the end of the round.
     pub(crate) outbox: Option<&'a RefCell<Outbox>>,
@@ -85,8 +88,10 @@ pub(crate) struct Shared {
     /// A callback of it that runs shall end.
     pub(crate) cancelled: AtomicBool,
     /// Set when the worker has let go of it.
+    #[cfg(feature = "live")]
     pub(crate) gone: Signal,
     /// The dispatcher brings it nothing any more.
+    #[cfg(feature = "live")]
     pub(crate) unrouted: AtomicBool,
 }
 
@@ -103,7 +108,9 @@ impl Shared {
             group: Once::new(),
             removed: AtomicBool::new(false),
             cancelled: AtomicBool::new(false),
+            #[cfg(feature = "live")]
             gone: Signal::new(),
+            #[cfg(feature = "live")]
             unrouted: AtomicBool::new(false),
         })
     }

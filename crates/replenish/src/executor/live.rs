@@ -2,13 +2,14 @@
 
 use super::callback::{CallbackContext, CallbackResult};
 use super::client::{Client, NoReply};
+use super::desk::Desk;
 use super::entry::Entry;
 use super::forge::{Forge, RawType};
 use super::group::Group;
 use super::guard::GuardCondition;
 use super::handle::Shared;
 use super::mailbox::{Declined, Mailbox, Order};
-use super::routes::{Desk, Route};
+use super::routes::Route;
 use super::rules::Handling;
 use super::schedule::{Every, nanos};
 use super::service::Responder;
@@ -126,6 +127,35 @@ pub(crate) struct Live {
     pub(crate) registry: Registry,
     pub(crate) desk: Arc<Desk>,
     pub(crate) posts: Vec<Post>,
+}
+
+impl Post {
+    pub(crate) fn new(name: &Arc<str>, place: usize, mailbox: &Arc<Mailbox>, number: u64) -> Self {
+        Self {
+            name: Arc::clone(name),
+            place,
+            mailbox: Arc::clone(mailbox),
+            number: AtomicU64::new(number),
+        }
+    }
+}
+
+impl Live {
+    pub(crate) fn new(
+        context: &Context,
+        stop: &StopHandle,
+        registry: Registry,
+        desk: &Arc<Desk>,
+        posts: Vec<Post>,
+    ) -> Arc<Self> {
+        Arc::new(Self {
+            context: context.clone(),
+            stop: stop.clone(),
+            registry,
+            desk: Arc::clone(desk),
+            posts,
+        })
+    }
 }
 
 /// Changes a running executor: adds and removes handles. Clones are for the same executor.

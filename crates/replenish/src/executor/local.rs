@@ -14,7 +14,9 @@ use super::assembly::{Assembly, assemble};
 use super::builder::WorkerSpec;
 use super::dispatcher::{Dispatcher, Watch};
 use super::entry::Tally;
-use super::live::{ExecutorHandle, Live};
+#[cfg(feature = "live")]
+use super::live::ExecutorHandle;
+use super::live::Live;
 use super::plan::Request;
 use super::report::{DispatcherReport, Report};
 use super::running::{handle_report, handle_stats};
@@ -249,6 +251,7 @@ impl LocalExecutor {
 
     /// Adds and removes handles, from any thread; what was asked for between two spins happens at
     /// the next.
+    #[cfg(feature = "live")]
     #[must_use]
     pub fn executor(&self) -> ExecutorHandle {
         ExecutorHandle {

@@ -11,7 +11,7 @@
 //! Everything is preallocated: so many entries per worker, in its hands, under way or in the attic.
 
 use super::doorbell::{Doorbell, Line};
-use super::entry::Entry;
+use super::entry::{Entry, insert};
 use super::handle::Shared;
 use super::worker::Worker;
 use crate::handoff::ReadySet;
@@ -180,12 +180,4 @@ impl Mailbox {
             }
         }
     }
-}
-
-/// Inserts behind the entries of the same or a higher priority.
-pub(crate) fn insert(entries: &mut Vec<Entry>, entry: Entry) {
-    let priority = entry.handling.priority;
-    let mut others = entries.iter();
-    let at = others.position(|e| e.handling.priority < priority);
-    entries.insert(at.unwrap_or(entries.len()), entry);
 }

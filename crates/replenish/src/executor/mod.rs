@@ -14,6 +14,7 @@
 //! - [`dispatcher`], [`worker`]: the two loops; [`doorbell`]: what the second sleeps on. [`handle`], [`subscription`], [`timer`]: what
 //!   workers run. [`callback`]: what callbacks see.
 //! - [`assembly`]: the parts put together. [`local`]: without threads, on the caller's.
+//! - [`live`], [`mailbox`], [`desk`]: handles that come and go; `fixed` without feature `live`.
 //! - [`running`], [`stop`]: watching and ending it. [`report`]: the numbers.
 
 #[cfg(feature = "plan")]
@@ -23,15 +24,21 @@ mod assembly;
 mod builder;
 mod callback;
 mod client;
+#[cfg(feature = "live")]
+mod desk;
 mod dispatcher;
 mod doorbell;
 mod entry;
+#[cfg(not(feature = "live"))]
+mod fixed;
 mod forge;
 mod group;
 mod guard;
 mod handle;
+#[cfg(feature = "live")]
 mod live;
 mod local;
+#[cfg(feature = "live")]
 mod mailbox;
 mod outbox;
 #[cfg(feature = "plan")]
@@ -57,10 +64,13 @@ mod worker;
 pub use builder::WorkerBuilder;
 pub use callback::{CallbackContext, CallbackResult};
 pub use client::{CallError, Client, NoReply};
+#[cfg(not(feature = "live"))]
+use fixed::{self as live, self as mailbox, self as desk};
 pub use forge::RawType;
 pub(crate) use forge::largest;
 pub use group::Group;
 pub use guard::GuardCondition;
+#[cfg(feature = "live")]
 pub use live::{ExecutorHandle, LiveWorker, Removal};
 pub use local::{LocalExecutor, SpinEnd, Spun};
 pub use planning::AdmissionReport;

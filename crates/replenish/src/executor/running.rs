@@ -10,7 +10,9 @@
 
 use super::dispatcher::DispatcherCounters;
 use super::handle::Shared;
-use super::live::{ExecutorHandle, Live};
+#[cfg(feature = "live")]
+use super::live::ExecutorHandle;
+use super::live::Live;
 use super::planning::Admission;
 use super::report::{DispatcherReport, HandleReport, Report, ThreadReport};
 use super::schedule::nanos;
@@ -77,6 +79,7 @@ impl RunningExecutor {
     }
 
     /// Adds and removes handles while it runs.
+    #[cfg(feature = "live")]
     #[must_use]
     pub fn executor(&self) -> ExecutorHandle {
         ExecutorHandle {

@@ -22,6 +22,7 @@ use replenish_xrce::wire::{
 /// The most objects of one kind: ids have twelve bits.
 pub(super) const MAX_NUMBER: usize = 0xffe;
 
+#[cfg_attr(not(feature = "live"), expect(dead_code, reason = "for those that go"))]
 pub(super) struct Reader {
     pub(super) object: ObjectId,
     /// Its topic object; services have none.
@@ -45,6 +46,7 @@ pub(super) struct Flow {
     pub(super) granted: u16,
 }
 
+#[cfg_attr(not(feature = "live"), expect(dead_code, reason = "for those that go"))]
 pub(super) struct Writer {
     pub(super) object: ObjectId,
     /// Its topic object; services have none.

@@ -20,6 +20,7 @@ mod connect;
 mod endpoints;
 mod limits;
 mod notices;
+#[cfg_attr(not(feature = "live"), path = "removal_fixed.rs")]
 mod removal;
 #[cfg(feature = "services")]
 mod services;
@@ -170,6 +171,7 @@ impl Middleware for Xrce {
         self.set_up_reader(spec)
     }
 
+    #[cfg(feature = "live")]
     fn delete_reader(&self, reader: ReaderId) -> Result<(), MiddlewareError> {
         let mut state = self.state.lock();
         state.delete_reader(reader);
@@ -180,6 +182,7 @@ impl Middleware for Xrce {
         Ok(())
     }
 
+    #[cfg(feature = "live")]
     fn delete_writer(&self, writer: WriterId) {
         let mut state = self.state.lock();
         state.delete_writer(writer);

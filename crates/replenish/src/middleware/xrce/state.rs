@@ -43,6 +43,7 @@ pub struct SocketStats {
     pub oversized: u64,
 }
 
+#[cfg_attr(not(feature = "live"), expect(dead_code, reason = "for those that go"))]
 pub(super) struct State {
     pub(super) session: XrceSession,
     pub(super) readers: Vec<Reader>,
@@ -103,6 +104,7 @@ impl State {
     }
 
     /// Nothing waits for this reader any more.
+    #[cfg(feature = "live")]
     pub(super) fn forget(&mut self, id: ReaderId) {
         self.pending.remove(id);
         self.spent.remove(id);

@@ -1,0 +1,68 @@
+//! In the place of `removal` in builds without feature `live`: endpoints stay until the end.
+
+use super::endpoints::{MAX_NUMBER, Reader, Writer, number};
+use super::state::State;
+use crate::middleware::{MAX_READERS, MiddlewareError, ReaderId, WriterId};
+
+/// Object numbers of one kind, given out in turn.
+#[derive(Debug, Default)]
+pub(super) struct Numbers {
+    last: u16,
+}
+
+impl Numbers {
+    pub(super) fn next(&mut self, _: impl Fn(u16) -> bool) -> Option<u16> {
+        self.last += 1;
+        Some(self.last).filter(|last| usize::from(*last) <= MAX_NUMBER)
+    }
+}
+
+/// Nothing is to be deleted.
+#[derive(Debug)]
+pub(super) struct Doomed;
+
+impl Doomed {
+    pub(super) const fn new() -> Self {
+        Self
+    }
+}
+
+impl State {
+    /// An object number for a writer.
+    pub(super) fn writer_number(&self) -> Result<u16, MiddlewareError> {
+        number(self.writers.len(), MAX_NUMBER, "writers")
+    }
+
+    /// A slot for a reader, and an object number.
+    pub(super) fn reader_place(&self) -> Result<(usize, u16), MiddlewareError> {
+        let slot = self.readers.len();
+        Ok((slot, number(slot, MAX_READERS, "readers")?))
+    }
+
+    /// Puts a reader into its slot.
+    pub(super) fn place_reader(&mut self, slot: usize, reader: Reader) -> ReaderId {
+        let id = u16::try_from(slot).unwrap_or(u16::MAX);
+        self.slots.resize(slot + 1, u16::MAX); // 0 is no number
+        self.slots.push(id);
+        self.readers.push(reader);
+        ReaderId(id)
+    }
+
+    /// Puts a writer behind the others.
+    pub(super) fn place_writer(&mut self, writer: Writer) -> WriterId {
+        self.writers.push(writer);
+        WriterId(u16::try_from(self.writers.len() - 1).unwrap_or(u16::MAX))
+    }
+
+    /// It stays; the set-up has failed.
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn delete_reader(&self, _: ReaderId) {}
+
+    /// As for a reader.
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn delete_writer(&self, _: WriterId) {}
+
+    /// Nothing is to be deleted.
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn bury(&self) {}
+}
