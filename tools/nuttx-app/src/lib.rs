@@ -3,12 +3,14 @@
 //!
 //! - [`work`]: the bursts.
 //! - [`case`]: threads of one case, started, measured, ended.
+//! - [`behaviour`]: what the tests on Linux assert, asked here.
 //! - [`executor`]: the same with the executor, its timers and messages.
 //! - `board`: a clock finer than the tick, and the end of the emulation (feature `qemu-stm32f405`).
 #![no_std]
 
 extern crate alloc;
 
+mod behaviour;
 #[cfg(feature = "qemu-stm32f405")]
 mod board;
 mod case;
@@ -49,6 +51,7 @@ pub extern "C" fn replenish_main(_: c_int, _: *const *const c_char) -> c_int {
         say!("refused: {why}");
         return end(1);
     }
+    let failed = behaviour::run();
     say!("case: done by each in 10 s [CPU high/low in ms]");
     for budget in 1..10 {
         let budget = 10 * budget;
@@ -83,7 +86,13 @@ pub extern "C" fn replenish_main(_: c_int, _: *const *const c_char) -> c_int {
         ])
         .run();
     }
-    end(0)
+    HEAP.seal();
+    let refused = alloc::vec::Vec::<u8>::new().try_reserve(64).is_err() && HEAP.refused() == 1;
+    say!(
+        "  {}: a sealed heap refuses",
+        if refused { "ok" } else { "FAILED" }
+    );
+    end(c_int::from(failed > 0 || !refused))
 }
 
 fn end(code: c_int) -> c_int {
