@@ -64,13 +64,21 @@ mod enforcer;
     all(target_os = "none", feature = "freertos"),
     all(target_os = "nuttx", feature = "nuttx")
 ))]
+mod pi_mutex;
+#[cfg(any(
+    target_os = "linux",
+    all(target_os = "none", feature = "freertos"),
+    all(target_os = "nuttx", feature = "nuttx")
+))]
 mod signal;
+mod spec;
 #[cfg(any(
     target_os = "linux",
     all(target_os = "none", feature = "freertos"),
     all(target_os = "nuttx", feature = "nuttx")
 ))]
 mod sync_shim;
+mod tid;
 
 #[cfg(not(all(target_os = "linux", not(nuttx_host))))]
 #[cfg(any(nuttx_host, feature = "freertos", feature = "nuttx"))]
@@ -93,13 +101,12 @@ pub use backend::{
     clock,
     granted::{Granted, GrantedPolicy, granted},
     memory,
-    pi_mutex::{PiMutex, PiMutexGuard},
     poll::WakeFd,
     privilege,
     sched::{SchedClass, demote_to_tail, promote, set_priority},
     spawn_error::SpawnError,
-    thread::{Thread, ThreadSpec, spawn},
-    tid::{Tid, current_tid},
+    thread::{Thread, spawn},
+    tid::current_tid,
     timer, voluntary_switches,
 };
 #[cfg(any(
@@ -117,6 +124,12 @@ pub mod baseline {
     pub use crate::linux::bare_futex::BareFutex;
     pub use crate::linux::cpu_timer::CpuTimer;
 }
+#[cfg(any(
+    target_os = "linux",
+    all(target_os = "none", feature = "freertos"),
+    all(target_os = "nuttx", feature = "nuttx")
+))]
+pub use pi_mutex::{PiMutex, PiMutexGuard};
 pub use policy::{MAX_PRIORITY, MIN_RUNTIME, Policy, PolicyError};
 #[cfg(any(
     target_os = "linux",
@@ -124,4 +137,6 @@ pub use policy::{MAX_PRIORITY, MIN_RUNTIME, Policy, PolicyError};
     all(target_os = "nuttx", feature = "nuttx")
 ))]
 pub use signal::Signal;
+pub use spec::ThreadSpec;
 pub use sporadic::{Level, Low, Nanos, ParamError, Params};
+pub use tid::Tid;

@@ -35,13 +35,13 @@ mod overruns;
 pub use account::{Account, Meter, Stopped, Usage};
 pub use overruns::{OverrunSamples, OverrunSummary, STALL, Stall};
 
+use crate::PiMutex;
 use crate::backend::clock::{self, ThreadCpuClock};
-use crate::backend::pi_mutex::PiMutex;
 use crate::backend::spawn_error::SpawnError;
-use crate::backend::thread::{Thread, ThreadSpec, spawn};
+use crate::backend::thread::{Thread, spawn};
 use crate::backend::timer::TimerFd;
 use crate::backend::{self, OsError};
-use crate::{Nanos, Policy};
+use crate::{Nanos, Policy, ThreadSpec};
 use alloc::format;
 use alloc::string::String;
 use alloc::sync::Arc;

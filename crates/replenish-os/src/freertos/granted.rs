@@ -2,7 +2,7 @@
 
 use super::error::OsError;
 use super::slot;
-use super::tid::Tid;
+use crate::Tid;
 use core::fmt;
 
 /// The scheduling of a task. Under an enforcer the priority is that of the moment; a boost by

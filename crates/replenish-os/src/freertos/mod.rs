@@ -40,8 +40,8 @@ mod masked;
 #[path = "../rtos/memory.rs"]
 pub mod memory;
 mod panics;
-#[path = "../rtos/pi_mutex.rs"]
-pub(crate) mod pi_mutex;
+#[path = "../rtos/pi_lock.rs"]
+pub(crate) mod pi_lock;
 #[path = "../rtos/poll.rs"]
 pub(crate) mod poll;
 #[path = "../rtos/privilege.rs"]

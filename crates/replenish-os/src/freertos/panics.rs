@@ -3,7 +3,7 @@
 #![expect(unsafe_code, reason = "functions the kernel calls, with C strings")]
 
 use super::ffi::{self, Part};
-use super::tid::Tid;
+use crate::Tid;
 use core::ffi::{CStr, c_char};
 use core::fmt;
 use core::panic::PanicInfo;

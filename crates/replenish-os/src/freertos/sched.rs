@@ -4,8 +4,8 @@
 use super::error::OsError;
 use super::inherit;
 use super::slot;
-use super::tid::Tid;
 use crate::MAX_PRIORITY;
+use crate::Tid;
 
 /// A scheduling class with its priority, 1 (lowest) to 99.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

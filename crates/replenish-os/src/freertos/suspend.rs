@@ -5,7 +5,8 @@ use super::error::OsError;
 use super::masked::Masked;
 use super::sched::{demote_to_tail, promote};
 use super::slot;
-use super::tid::Tid;
+use super::tid;
+use crate::Tid;
 
 /// Tells one worker whether it is suspended.
 #[derive(Debug)]
@@ -21,7 +22,7 @@ impl SuspendCell {
         let slot = slot::current().ok_or(OsError::new("not a task"))?;
         let priority = slot.state.with(|s| s.priority);
         self.0
-            .with(|cell| *cell = Some((Tid::of(slot), priority, false)));
+            .with(|cell| *cell = Some((tid::of(slot), priority, false)));
         Ok(())
     }
 

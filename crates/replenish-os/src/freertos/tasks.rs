@@ -3,8 +3,9 @@
 use super::ffi;
 use super::slot::{self, Slot};
 use super::start;
-use super::tid::Tid;
+use super::tid;
 use crate::Nanos;
+use crate::Tid;
 
 /// One task at this moment.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -41,7 +42,7 @@ fn of(slot: &'static Slot) -> Option<TaskUse> {
         .with(|s| (s.task, s.cpu(now), s.blocks, s.preemptions));
     let task = task?;
     Some(TaskUse {
-        tid: Tid::of(slot),
+        tid: tid::of(slot),
         name: ffi::name(task),
         priority: ffi::priority(task),
         stack_bytes: slot.stack_bytes,

@@ -2,7 +2,7 @@
 #![expect(unsafe_code, reason = "sched_setaffinity, sched_getaffinity")]
 
 use super::sys;
-use super::tid::Tid;
+use crate::Tid;
 use std::fmt;
 use std::io;
 

@@ -6,8 +6,9 @@
 #![expect(unsafe_code, reason = "clock_gettime, clock_nanosleep")]
 
 use super::sys;
-use super::tid::{Tid, current_tid};
+use super::tid::current_tid;
 use crate::Nanos;
+use crate::Tid;
 
 /// Now on `CLOCK_MONOTONIC`, in nanoseconds. Any thread; never goes back.
 #[must_use]

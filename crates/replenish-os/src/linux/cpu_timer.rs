@@ -9,8 +9,9 @@
 
 use super::clock::ThreadCpuClock;
 use super::sys;
-use super::tid::{Tid, current_tid};
+use super::tid::current_tid;
 use crate::Nanos;
+use crate::Tid;
 use std::io;
 use std::marker::PhantomData;
 

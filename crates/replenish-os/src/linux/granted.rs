@@ -2,8 +2,8 @@
 
 use super::affinity::{CpuSet, affinity};
 use super::sched_attr;
-use super::tid::Tid;
 use crate::Nanos;
+use crate::Tid;
 use crate::policy::Span;
 use std::fmt;
 use std::io;

@@ -9,7 +9,7 @@ mod gaps;
 pub(crate) mod granted;
 pub(crate) mod machine;
 pub mod memory;
-pub(crate) mod pi_mutex;
+pub(crate) mod pi_lock;
 pub(crate) mod poll;
 pub mod privilege;
 pub(crate) mod sched;

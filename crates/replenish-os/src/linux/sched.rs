@@ -9,7 +9,8 @@
 )]
 
 use super::sys;
-use super::tid::{Tid, current_tid};
+use super::tid::current_tid;
+use crate::Tid;
 use std::io;
 
 /// A scheduling class with its priority, 1 (lowest) to 99.

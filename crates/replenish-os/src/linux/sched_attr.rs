@@ -2,7 +2,7 @@
 #![expect(unsafe_code, reason = "sched_setattr, sched_getattr")]
 
 use super::sys;
-use super::tid::Tid;
+use crate::Tid;
 use std::io;
 
 /// The kernel's `struct sched_attr`, version 0, all fields zero.

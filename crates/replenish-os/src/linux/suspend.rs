@@ -20,8 +20,8 @@
     reason = "signal handler, and a pointer in a thread local for it"
 )]
 
+use crate::Tid;
 use crate::linux::futex;
-use crate::linux::tid::Tid;
 use std::cell::Cell;
 use std::io;
 use std::ptr;

@@ -17,8 +17,8 @@
 )]
 
 use super::sys;
-use super::tid::Tid;
 use crate::Nanos;
+use crate::Tid;
 use std::io;
 use std::os::fd::{AsRawFd, FromRawFd, OwnedFd};
 use std::ptr;

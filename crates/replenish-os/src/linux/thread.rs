@@ -16,71 +16,16 @@ use super::clock;
 use super::sched::{SchedClass, set_scheduler};
 use super::sched_attr;
 use super::spawn_error::SpawnError;
-use super::tid::{Tid, current_tid};
+use super::tid::current_tid;
 use crate::Nanos;
+use crate::ThreadSpec;
+use crate::Tid;
 use crate::policy::Policy;
 use crate::signal::Signal;
 use std::any::Any;
 use std::io;
 use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
-
-/// What a new thread shall have. Built in steps:
-/// `ThreadSpec::new("high").policy(Policy::fifo(60)?).cpu(1)`.
-#[derive(Clone, PartialEq, Eq, Debug)]
-#[must_use]
-pub struct ThreadSpec {
-    /// Shown by `ps -L` and `top -H`; Linux keeps the first 15 bytes.
-    pub name: String,
-    /// The policy; [`Policy::Other`] if not said.
-    pub policy: Policy,
-    /// The CPU the thread is pinned to; `None`: those its creator may use.
-    pub cpu: Option<usize>,
-    /// The stack in bytes; `None`: the 2 MiB of the standard library. Under
-    /// [`memory::lock_all`](crate::memory::lock_all) the whole stack occupies memory.
-    pub stack_size: Option<usize>,
-    /// Whether threads and processes the thread creates start in `SCHED_OTHER`; true if not said.
-    /// Without it user code can leave its budget by spawning a thread.
-    pub reset_on_fork: bool,
-}
-
-impl ThreadSpec {
-    /// A thread called `name` in `SCHED_OTHER`, on any CPU.
-    pub fn new(name: impl Into<String>) -> Self {
-        let name = name.into();
-        Self {
-            name,
-            policy: Policy::Other,
-            cpu: None,
-            stack_size: None,
-            reset_on_fork: true,
-        }
-    }
-
-    /// Sets the policy.
-    pub fn policy(mut self, policy: Policy) -> Self {
-        self.policy = policy;
-        self
-    }
-
-    /// Pins the thread to one CPU.
-    pub fn cpu(mut self, cpu: impl Into<Option<usize>>) -> Self {
-        self.cpu = cpu.into();
-        self
-    }
-
-    /// Sets the stack size in bytes.
-    pub fn stack_size(mut self, bytes: usize) -> Self {
-        self.stack_size = Some(bytes);
-        self
-    }
-
-    /// Says whether children start in `SCHED_OTHER`.
-    pub fn reset_on_fork(mut self, reset: bool) -> Self {
-        self.reset_on_fork = reset;
-        self
-    }
-}
 
 /// A running thread. Dropping it lets the thread go on by itself.
 #[derive(Debug)]

@@ -3,8 +3,8 @@
 
 use super::gaps::GapTracker;
 use super::switches::SwitchLog;
-use super::tid::Tid;
 use crate::Nanos;
+use crate::Tid;
 use sporadic::Gap;
 
 /// The record of one supervised thread, read by its enforcer.

@@ -2,8 +2,8 @@
 
 use super::error::OsError;
 use super::slot;
-use super::tid::Tid;
 use crate::Nanos;
+use crate::Tid;
 use crate::policy::Span;
 use core::fmt;
 

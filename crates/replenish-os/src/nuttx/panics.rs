@@ -2,7 +2,7 @@
 
 use super::ffi;
 use super::slot;
-use super::tid::Tid;
+use crate::Tid;
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicU32, Ordering};
 

@@ -4,8 +4,9 @@
 use super::error::OsError;
 use super::inherit;
 use super::slot;
-use super::tid::{Tid, current_tid};
+use super::tid::current_tid;
 use crate::MAX_PRIORITY;
+use crate::Tid;
 
 /// A scheduling class with its priority, 1 (lowest) to 99.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -3,7 +3,7 @@
 //! signal could not give back a lock that somebody waits for.
 
 use super::error::OsError;
-use super::tid::Tid;
+use crate::Tid;
 
 /// Tells one worker whether it is suspended: never.
 #[derive(Debug)]

@@ -3,8 +3,9 @@
 use super::ffi;
 use super::futex;
 use super::slot::{self, Slot};
-use super::tid::{Tid, current_tid};
+use super::tid::current_tid;
 use crate::Nanos;
+use crate::Tid;
 
 /// Nanoseconds since the board started, by a hardware timer of the image. Any task or interrupt;
 /// never goes back.

@@ -7,69 +7,15 @@
 use super::launch;
 use super::slot::{self, Slot};
 use super::spawn_error::SpawnError;
-use super::tid::Tid;
-use crate::backend::pi_mutex::PiMutex;
-use crate::{Nanos, Policy, Signal};
+use super::tid;
+use crate::PiMutex;
+use crate::Tid;
+use crate::{Nanos, Signal, ThreadSpec};
 use alloc::boxed::Box;
 use alloc::ffi::CString;
-use alloc::string::String;
 use alloc::sync::Arc;
 use core::any::Any;
 use core::sync::atomic::{AtomicBool, Ordering};
-
-/// What a new task shall have; see the fields.
-#[derive(Clone, PartialEq, Eq, Debug)]
-#[must_use]
-pub struct ThreadSpec {
-    /// Shown by debuggers; the kernel keeps the first 15 bytes.
-    pub name: String,
-    /// The policy; `Other` is the lowest there is.
-    pub policy: Policy,
-    /// `None` or 0.
-    pub cpu: Option<usize>,
-    /// The stack in bytes; `None`: 2048 (`NuttX`: 4096). Rounded up to 8.
-    pub stack_size: Option<usize>,
-    /// Without meaning here.
-    pub reset_on_fork: bool,
-}
-
-impl ThreadSpec {
-    /// A task called `name` at priority 1.
-    pub fn new(name: impl Into<String>) -> Self {
-        let name = name.into();
-        Self {
-            name,
-            policy: Policy::Other,
-            cpu: None,
-            stack_size: None,
-            reset_on_fork: true,
-        }
-    }
-
-    /// Sets the policy.
-    pub fn policy(mut self, policy: Policy) -> Self {
-        self.policy = policy;
-        self
-    }
-
-    /// Says on which CPU; there is number 0.
-    pub fn cpu(mut self, cpu: impl Into<Option<usize>>) -> Self {
-        self.cpu = cpu.into();
-        self
-    }
-
-    /// Sets the stack size in bytes.
-    pub fn stack_size(mut self, bytes: usize) -> Self {
-        self.stack_size = Some(bytes);
-        self
-    }
-
-    /// Without meaning here.
-    pub fn reset_on_fork(mut self, reset: bool) -> Self {
-        self.reset_on_fork = reset;
-        self
-    }
-}
 
 #[derive(Debug)]
 struct End<T> {
@@ -89,7 +35,7 @@ impl<T> Thread<T> {
     /// Its number.
     #[must_use]
     pub fn tid(&self) -> Tid {
-        Tid::of(self.slot)
+        tid::of(self.slot)
     }
 
     /// Whether the task's function has returned.

@@ -3,8 +3,8 @@
 use super::ffi;
 use super::gaps::Gaps;
 use super::slot::{self, Slot};
-use super::tid::Tid;
 use crate::Nanos;
+use crate::Tid;
 use sporadic::Gap;
 
 /// The record of one supervised task, read by its enforcer.

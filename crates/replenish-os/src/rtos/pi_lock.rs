@@ -1,0 +1,124 @@
+//! A lock with priority inheritance: a word, and the slots of those who wait for it.
+//!
+//! ```text
+//!        lock: CAS                another task waits: it sets bit 31
+//!   0 ───────────────► owner ───────────────────────────► owner | WAITERS
+//!   ▲                    │ unlock: CAS                       │ unlock, masked
+//!   └────────────────────┘◄───────────── the highest waiter ◄┘
+//! ```
+//!
+//! A waiter lends the owner its priority (`inherit`), through chains of locks, until the owner has
+//! given the lock back.
+
+use super::ffi;
+use super::futex;
+use super::inherit;
+use super::slot;
+use super::tid::current_tid;
+use crate::Nanos;
+use core::sync::atomic::{AtomicU32, Ordering};
+
+const WAITERS: u32 = 1 << 31;
+
+/// Waits for the lock and takes it; panics where it would wait for ever.
+pub(crate) fn lock(lock: &AtomicU32) {
+    if !try_lock(lock) {
+        lock_slow(lock, None);
+    }
+}
+
+/// Whether it could be taken until then.
+pub(crate) fn lock_until(lock: &AtomicU32, deadline: Nanos) -> bool {
+    try_lock(lock) || lock_slow(lock, Some(deadline))
+}
+
+/// Whether it was free.
+pub(crate) fn try_lock(lock: &AtomicU32) -> bool {
+    swap(lock, 0, me())
+}
+
+fn me() -> u32 {
+    current_tid().get().cast_unsigned()
+}
+
+/// Waits; whether it has the lock, which it has if there is no deadline.
+#[cold]
+fn lock_slow(lock: &AtomicU32, deadline: Option<Nanos>) -> bool {
+    let me = me();
+    let mut waits = false;
+    loop {
+        let before = ffi::mask();
+        let word = lock.load(Ordering::Acquire);
+        let owner = word & !WAITERS;
+        let mine = if owner == 0 {
+            swap(lock, word, me)
+        } else {
+            // Handed over by the unlock, while it slept.
+            waits && owner == me
+        };
+        if mine || owner == me {
+            ffi::unmask(before);
+            assert!(mine, "PiMutex: this task holds the lock already");
+            return true;
+        }
+        let holder = slot::find(owner.cast_signed());
+        let ended = holder.is_some_and(|s| s.state.with(|s| s.ended));
+        if ended {
+            ffi::unmask(before);
+            assert!(!ended, "PiMutex: the task that holds the lock has ended");
+        }
+        // The mark for waiters may stay: the unlock finds that there is none.
+        if deadline.is_some_and(|t| ffi::board_now() >= t) {
+            if let Some(holder) = holder {
+                inherit::withdraw(holder);
+            }
+            ffi::unmask(before);
+            return false;
+        }
+        // Taken or given back between the reading and now: look again.
+        let expected = word | WAITERS;
+        if owner == 0 || !swap(lock, word, expected) {
+            ffi::unmask(before);
+            continue;
+        }
+        if let Some(holder) = holder {
+            inherit::lend(holder);
+        }
+        waits = true;
+        // Still masked: the owner cannot give it back before this task is on the list.
+        futex::wait_masked(lock, expected, deadline, before);
+    }
+}
+
+fn swap(lock: &AtomicU32, from: u32, to: u32) -> bool {
+    lock.compare_exchange(from, to, Ordering::AcqRel, Ordering::Relaxed)
+        .is_ok()
+}
+
+/// By the owner.
+pub(crate) fn unlock(lock: &AtomicU32) {
+    if swap(lock, me(), 0) {
+        return; // nobody waits
+    }
+    unlock_slow(lock);
+}
+
+/// Hands the lock to the highest of those who wait.
+#[cold]
+fn unlock_slow(lock: &AtomicU32) {
+    let before = ffi::mask();
+    let next = futex::take_waiter(lock);
+    let word = next.map_or(0, |slot| {
+        let more = if futex::has_waiter(lock) { WAITERS } else { 0 };
+        slot.id.cast_unsigned() | more
+    });
+    lock.store(word, Ordering::Release);
+    let boosted = inherit::is_boosted();
+    ffi::unmask(before);
+    if let Some(task) = next.and_then(|slot| slot.state.with(|s| s.task)) {
+        ffi::wake(task);
+    }
+    if boosted {
+        inherit::give_back();
+    }
+}
