@@ -3,7 +3,7 @@
 
 use crate::context::Node;
 use crate::error::Error;
-use crate::executor::WorkerBuilder;
+use crate::executor::{Added, CallbackContext, Responder, WorkerBuilder};
 use crate::middleware::PublishError;
 use crate::qos::Qos;
 use alloc::boxed::Box;
@@ -107,16 +107,52 @@ impl fmt::Display for Unanswered {
     }
 }
 
-/// Serves `S` on this worker: `answer` reads the request's bytes and writes the response's.
-pub(crate) fn serve<'e, S: Service>(
-    worker: WorkerBuilder<'e>,
-    node: &Node,
-    name: &str,
+/// Where services whose messages are bytes can be added: a worker that is described, or one that
+/// runs.
+pub(crate) trait Serves: Sized {
+    /// Serves `S`: `answer` reads the request's bytes and writes the response's.
+    fn serve_bytes<S: Service>(
+        self,
+        node: &Node,
+        name: &str,
+        answer: impl FnMut(&[u8], &mut CdrWriter<'_>) -> Result<(), Unanswered> + Send + 'static,
+    ) -> Result<Self, Error>;
+}
+
+/// What the handle of such a service calls.
+fn called<S: Service>(
     mut answer: impl FnMut(&[u8], &mut CdrWriter<'_>) -> Result<(), Unanswered> + Send + 'static,
-) -> Result<WorkerBuilder<'e>, Error> {
+) -> impl FnMut(&Body<S::Request>, Responder<Bare<S>>, &CallbackContext<'_>) -> Result<(), Unanswered>
++ Send
++ 'static {
     let mut response = Body::<S::Response>::default();
-    worker.serve_later::<Bare<S>, _, _>(node, name, Qos::services(), move |request, to, _| {
+    move |request, to, _| {
         response.fill(|w| answer(request.payload(), w))?;
         to.reply(&response).map_err(Unanswered::Reply)
-    })
+    }
+}
+
+impl Serves for WorkerBuilder<'_> {
+    fn serve_bytes<S: Service>(
+        self,
+        node: &Node,
+        name: &str,
+        answer: impl FnMut(&[u8], &mut CdrWriter<'_>) -> Result<(), Unanswered> + Send + 'static,
+    ) -> Result<Self, Error> {
+        self.serve_later::<Bare<S>, _, _>(node, name, Qos::services(), called::<S>(answer))
+    }
+}
+
+impl Serves for Added<'_> {
+    fn serve_bytes<S: Service>(
+        mut self,
+        node: &Node,
+        name: &str,
+        answer: impl FnMut(&[u8], &mut CdrWriter<'_>) -> Result<(), Unanswered> + Send + 'static,
+    ) -> Result<Self, Error> {
+        let (worker, qos) = (self.worker(), Qos::services());
+        let id = worker.serve_later::<Bare<S>, _, _>(node, name, qos, called::<S>(answer));
+        self.keep(id)?;
+        Ok(self)
+    }
 }

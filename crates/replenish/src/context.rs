@@ -1,7 +1,7 @@
 //! The connection to a middleware, and the nodes in it.
 
 use crate::error::Error;
-use crate::executor::Client;
+use crate::executor::{Client, Topic, largest, sized};
 use crate::handoff::{Inbox, Keep};
 use crate::middleware::{EndpointSpec, InProcessBus, LinkState, Middleware, ServiceSpec};
 use crate::name;
@@ -177,7 +177,7 @@ impl Node {
     ) -> Result<Publisher<M>, Error> {
         let topic = self.resolve(topic)?;
         check_depth(&topic, qos)?;
-        let most = crate::executor::largest::<M>();
+        let most = largest::<M>();
         if max_size > most || max_size == 0 && most > 0 {
             let allowed = text!("1..={most} bytes");
             let owner = text!("topic {topic}");
@@ -193,45 +193,64 @@ impl Node {
         Ok(Publisher::new(middleware, writer, topic, max_size))
     }
 
-    /// A client of the service `name`, which is expanded as topics are. Each request may take
+    /// A client of the service `name`, which is expanded as topics are; a [`Topic`] says more, the
+    /// largest size of requests and responses with unbounded fields. Each request may take
     /// `limit` until its reply, and `qos.depth` requests may wait for theirs at a time. Replies
     /// come to [`WorkerBuilder::replies`](crate::WorkerBuilder::replies).
     ///
     /// # Errors
     /// [`Error::Name`], [`Error::Parameter`] for a depth out of range, [`Error::Middleware`] when
     /// it cannot be created.
-    pub fn client<S: Service>(
+    pub fn client<'t, S: Service>(
         &self,
-        name: &str,
+        name: impl Into<Topic<'t>>,
         qos: Qos,
         limit: Duration,
     ) -> Result<Client<S>, Error> {
-        let name = self.resolve(name)?;
+        let topic = name.into();
+        let name = self.resolve(topic.name)?;
         check_depth(&name, qos)?;
         let middleware = self.context.middleware();
+        let spec = self.service::<S>(&name, topic, qos)?;
         let ends = middleware
-            .create_client(&self.service::<S>(&name, qos))
+            .create_client(&spec)
             .map_err(|e| Error::endpoint("client", &name, e))?;
-        let inbox = Inbox::new(qos.depth.into(), S::Response::MAX_SIZE, Keep::Newest);
+        let inbox = Inbox::new(qos.depth.into(), spec.max_response, Keep::Newest);
         let middleware = Arc::clone(middleware);
         let (node, most) = (self.name().into(), qos.depth.into());
-        let size = S::Request::MAX_SIZE;
+        let size = spec.max_request;
         Ok(Client::new(
             middleware, ends, inbox, node, name, limit, most, size,
         ))
     }
 
-    pub(crate) fn service<'a, S: Service>(&'a self, name: &'a str, qos: Qos) -> ServiceSpec<'a> {
-        ServiceSpec {
+    /// `name` is that of `topic` in full.
+    pub(crate) fn service<'a, S: Service>(
+        &'a self,
+        name: &'a str,
+        topic: Topic<'_>,
+        qos: Qos,
+    ) -> Result<ServiceSpec<'a>, Error> {
+        let owner = || alloc::format!("service {name}");
+        let most = largest::<S::Request>().max(largest::<S::Response>());
+        if let Some(size) = topic.max_size.filter(|size| !(1..=most).contains(size)) {
+            let allowed = alloc::format!("1..={most} bytes");
+            return Err(Error::parameter(owner(), "max_size", &size, allowed));
+        }
+        if topic.keep_oldest || topic.ingress != IngressLimit::none() {
+            let (field, allowed) = ("keep_oldest, ingress_limit", "with topics only");
+            return Err(Error::parameter(owner(), field, &"set", allowed));
+        }
+        Ok(ServiceSpec {
             node: &self.name,
             service: name,
             type_name: S::TYPE_NAME,
             request_type: S::Request::DDS_TYPE_NAME,
             response_type: S::Response::DDS_TYPE_NAME,
             qos,
-            max_request: S::Request::MAX_SIZE,
-            max_response: S::Response::MAX_SIZE,
-        }
+            max_request: sized::<S::Request>(topic.max_size),
+            max_response: sized::<S::Response>(topic.max_size),
+        })
     }
 
     pub(crate) fn resolve(&self, topic: &str) -> Result<String, Error> {

@@ -5,8 +5,10 @@ use replenish::msg::std_msgs::{Int32, UInt8MultiArray};
 use replenish::msg::wire::Wire;
 use replenish::msg::{CdrError, CdrReader, CdrWriter, Message, Service};
 use replenish::{
-    Budget, Context, Descriptor, Executor, ParameterOptions, ParameterValue, Policy, Qos,
+    Budget, Context, Descriptor, Executor, Outcome, ParameterOptions, ParameterValue, Policy, Qos,
+    Transition,
 };
+use replenish_interfaces::lifecycle_msgs::srv::GetState;
 use replenish_interfaces::rcl_interfaces::msg::{ParameterValueView, ParameterView};
 use replenish_interfaces::rcl_interfaces::srv::SetParameters;
 use replenish_testkit::alloc::{CountingAllocator, exempt_this_thread};
@@ -28,6 +30,7 @@ fn main() {
         }),
         trial("nothing_allocates_without_threads", without_threads),
         trial("nothing_allocates_for_parameters", parameters),
+        trial("nothing_allocates_for_managed_nodes", managed),
         rt_trial("nothing_allocates_under_budgets", || allocations(true)),
     ];
     // One after another: the counter sees every thread of the process.
@@ -79,8 +82,17 @@ fn allocations(budgets: bool) {
     exempt_this_thread();
     let mut payload = UInt8MultiArray::default();
     payload.data.resize(4096, 7).unwrap();
-    ALLOC.arm();
     let patience = Duration::from_micros(50);
+    // Once there and back, so that every thread has begun.
+    small.publish(&Int32::default()).unwrap();
+    large.publish(&payload).unwrap();
+    let begun = || answers.load(Ordering::Relaxed) == 1 && bytes.load(Ordering::Relaxed) > 0;
+    while !begun() {
+        std::thread::sleep(patience);
+    }
+    answers.store(0, Ordering::Relaxed);
+    bytes.store(0, Ordering::Relaxed);
+    ALLOC.arm();
     for n in 0..MESSAGES {
         // No more under way than every queue holds, so that every message gets its answer.
         while n >= answers.load(Ordering::Relaxed) + 4 {
@@ -174,6 +186,71 @@ fn parameters() {
         local.stats("/n/cli:/n/set_parameters").unwrap().executed,
         100
     );
+}
+
+/// A node goes through its states, by the program and over the wire, with callbacks, events and a
+/// publisher that is silent unless it is active.
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+fn managed() {
+    let _dog = watchdog("allocations", Duration::from_secs(120));
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let lifecycle = node.lifecycle().unwrap();
+    let steps = [Transition::Activate, Transition::Deactivate];
+    for step in [steps[0], steps[1], Transition::Configure] {
+        lifecycle.on_transition(step, |_| Outcome::Success);
+    }
+    let out = lifecycle.publisher::<Int32>("t", Qos::reliable()).unwrap();
+    let client = node
+        .client::<GetStateRaw>("/n/get_state", Qos::services(), Duration::from_secs(9))
+        .unwrap();
+    let mut exec = Executor::new(&ctx);
+    exec.worker("l").lifecycle(&lifecycle).unwrap();
+    exec.worker("c")
+        .replies(&client, |_, _| ())
+        .unwrap()
+        .subscribe(&node, "t", Qos::reliable(), |_: &Int32, _| ())
+        .unwrap();
+    let mut local = exec.local().unwrap();
+    lifecycle.change(Transition::Configure).unwrap();
+    ALLOC.arm();
+    for n in 0..100 {
+        lifecycle.change(steps[n % 2]).unwrap();
+        assert!(lifecycle.change(Transition::Configure).is_err());
+        let sent = out.publish(&Int32 { data: 1 }).unwrap();
+        assert_eq!(sent, n % 2 == 0);
+        client.call(&GetStateRaw).unwrap();
+        local.spin_for(Duration::from_micros(300));
+    }
+    local.spin_for(Duration::from_millis(10));
+    assert_eq!(ALLOC.disarm(), 0);
+    assert_eq!(local.stats("/n/sub:/t").unwrap().executed, 50);
+    let served = local.stats("/n/srv:/n/get_state").unwrap();
+    assert_eq!((served.executed, served.errors), (100, 0));
+}
+
+/// A question for the state, which has no fields; the answer is not looked at.
+#[derive(Default)]
+struct GetStateRaw;
+
+impl Message for GetStateRaw {
+    const TYPE_NAME: &'static str = "any";
+    const DDS_TYPE_NAME: &'static str = "any";
+    const MAX_SIZE: usize = 4100;
+
+    fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
+        w.bytes(&[0])
+    }
+
+    fn decode(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
+        r.bytes(r.remaining()).map(drop)
+    }
+}
+
+impl Service for GetStateRaw {
+    type Request = Self;
+    type Response = Self;
+    const TYPE_NAME: &'static str = GetState::TYPE_NAME;
 }
 
 /// A request to set `text`, as bytes; the response is not looked at.

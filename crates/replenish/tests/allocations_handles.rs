@@ -16,6 +16,7 @@ use replenish::{
     Client, Context, Every, Executor, GuardCondition, Handling, OnMiss, Overrun, Qos, RawType,
     Report, Semantics, TimerHandle, Trigger,
 };
+use replenish_interfaces::std_msgs::msg as text;
 use replenish_testkit::alloc::{CountingAllocator, exempt_this_thread};
 use replenish_testkit::harness::trial;
 use replenish_testkit::watchdog::watchdog;
@@ -61,10 +62,15 @@ fn quiet_executor(ctx: &Context) -> Executor {
 fn runs_without(exec: Executor) -> Report {
     let running = exec.start().unwrap();
     exempt_this_thread();
-    ALLOC.arm();
     let ids: Vec<_> = running.report().handles;
-    let often = |id: &str| running.stats(id).is_some_and(|s| s.executed >= ENOUGH);
-    let done = eventually(|| ids.iter().all(|h| often(&h.id)));
+    let all = |least: u64| {
+        let often = |id: &str| running.stats(id).is_some_and(|s| s.executed >= least);
+        ids.iter().all(|h| often(&h.id))
+    };
+    // Once each first, so that every thread has begun, and the harness has nothing left to do.
+    assert!(eventually(|| all(1)), "{}", running.report());
+    ALLOC.arm();
+    let done = eventually(|| all(1 + ENOUGH));
     let counted = ALLOC.disarm();
     let report = running.stop();
     assert!(done, "{report}");
@@ -80,6 +86,7 @@ fn kinds() {
     let qos = Qos::reliable().keep_last(8);
     let topic = |name| node.publisher::<Int32>(name, qos).unwrap();
     let (typed, raw, large) = (topic("typed"), topic("raw"), topic("large"));
+    let text = node.publisher::<text::String>("text", qos).unwrap();
     let client: Client<Double> = node.client("double", qos, LIMIT).unwrap();
     let later: Client<Double> = node.client("later", qos, LIMIT).unwrap();
     let (guard, once, changed) = (
@@ -97,6 +104,7 @@ fn kinds() {
             typed.publish(&message)?;
             raw.publish(&message)?;
             large.publish(&message)?;
+            text.publish_view(&text::StringView { data: "as it came" })?;
             ask.call(&message).ok();
             ask_later.call(&message).ok();
             wake.trigger();
@@ -134,6 +142,10 @@ fn kinds() {
         .unwrap()
         .with(hooks)
         .subscribe_raw(&node, "raw", RawType::of::<Int32>(), qos, |_: &[u8], _| ())
+        .unwrap()
+        .subscribe_view::<text::String, _, _>(&node, "text", qos, |text, _| {
+            assert_eq!(text.data, "as it came");
+        })
         .unwrap()
         .guard(&guard, |_| ())
         .unwrap()

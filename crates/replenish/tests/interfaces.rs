@@ -130,3 +130,122 @@ fn a_sample_that_is_none_is_told_with_the_field() {
     assert!(eventually(|| log.has(expected)), "{:?}", log.lines());
     drop(running.stop());
 }
+
+/// A view of each message, in the bytes that came; half a message is told by field and counted.
+#[test]
+fn views_are_subscribed_to_and_what_is_none_is_counted() {
+    let _dog = watchdog("views", LIMIT);
+    let ctx = Context::in_process();
+    let (mut exec, log) = executor(&ctx);
+    let node = ctx.node("n").unwrap();
+    let size = 60_000;
+    let qos = Qos::reliable();
+    let out = node.publisher_sized::<Image>("image", qos, size).unwrap();
+    let seen = Arc::new(Mutex::new(Vec::new()));
+    let (to, late) = (Arc::clone(&seen), Arc::clone(&seen));
+    let topic = Topic::named("image").max_size(size);
+    exec.worker("w")
+        .capacity(2)
+        .subscribe_view::<Image, _, _>(&node, topic, qos, move |image, cx| {
+            assert!(cx.source_timestamp().is_some());
+            let sum = image.data.iter().map(|b| u64::from(*b)).sum::<u64>();
+            to.lock().unwrap().push((image.encoding.to_owned(), sum));
+        })
+        .unwrap();
+    let running = exec.start().unwrap();
+    let pixels = vec![3; 50_000];
+    let image = ImageView {
+        encoding: "mono8",
+        data: &pixels,
+        ..ImageView::default()
+    };
+    out.publish_view(&image).unwrap();
+    assert!(eventually(|| seen.lock().unwrap().len() == 1));
+    assert_eq!(seen.lock().unwrap()[0], ("mono8".into(), 150_000));
+
+    let bytes = node.publisher_sized::<Bytes>("image", qos, 64);
+    bytes.unwrap().publish(&Bytes).unwrap();
+    let stats = || running.stats("/n/sub:/image").unwrap();
+    assert!(eventually(|| stats().undecodable == 1));
+    assert!(log.has("header.frame_id"), "{:?}", log.lines());
+    let worker = running.executor();
+    worker
+        .worker("w")
+        .unwrap()
+        .subscribe_view::<Image, _, _>(&node, topic, qos, move |image, _| {
+            late.lock().unwrap().push((image.encoding.to_owned(), 0));
+        })
+        .unwrap();
+    assert!(eventually(|| {
+        out.publish_view(&image).unwrap();
+        seen.lock().unwrap().iter().any(|(_, sum)| *sum == 0)
+    }));
+    assert!(eventually(
+        || stats().waiting == 0 && stats().received == stats().executed + 1
+    ));
+}
+
+/// Not an image: its header's text ends too early.
+#[derive(Default)]
+struct Bytes;
+
+impl Message for Bytes {
+    const TYPE_NAME: &'static str = Image::TYPE_NAME;
+    const DDS_TYPE_NAME: &'static str = Image::DDS_TYPE_NAME;
+    const MAX_SIZE: usize = 64;
+
+    fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
+        w.bytes(&[0; 8])?;
+        w.bytes(&[200, 0, 0, 0, b'x', 0])
+    }
+
+    fn decode(&mut self, _: &mut CdrReader<'_>) -> Result<(), CdrError> {
+        Ok(())
+    }
+}
+
+/// Requests and responses of any size, up to what both ends say.
+struct Repeat;
+
+impl replenish::msg::Service for Repeat {
+    type Request = replenish_interfaces::std_msgs::msg::String;
+    type Response = replenish_interfaces::std_msgs::msg::String;
+    const TYPE_NAME: &'static str = "test_msgs/srv/Repeat";
+}
+
+#[test]
+fn services_with_unbounded_fields_take_messages_of_the_size_asked_for() {
+    let _dog = watchdog("large services", LIMIT);
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let (mut exec, _) = executor(&ctx);
+    let service = Topic::named("repeat").max_size(60_000);
+    exec.worker("serve")
+        .serve::<Repeat, _>(&node, service, Qos::services(), |request, response, _| {
+            response.data.clone_from(&request.data);
+        })
+        .unwrap();
+    let client = node
+        .client::<Repeat>(service, Qos::services(), LIMIT)
+        .unwrap();
+    let got = Arc::new(Mutex::new(0));
+    let to = Arc::clone(&got);
+    exec.worker("hear")
+        .replies(&client, move |reply, _| {
+            *to.lock().unwrap() = reply.unwrap().data.len();
+        })
+        .unwrap();
+    let _running = exec.start().unwrap();
+    let request = |bytes| replenish_interfaces::std_msgs::msg::String {
+        data: "x".repeat(bytes),
+    };
+    client.call(&request(50_000)).unwrap();
+    assert!(eventually(|| *got.lock().unwrap() == 50_000));
+    assert!(client.call(&request(60_001)).is_err());
+    let none = node.client::<Repeat>(Topic::named("r").max_size(0), Qos::services(), LIMIT);
+    let error = none.unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "service /r: max_size = 0 is not allowed: 1..=65528 bytes"
+    );
+}

@@ -87,6 +87,90 @@ fn a_callback_that_panics_ends_the_node_and_errors_without_a_callback_do() {
     assert_eq!(lifecycle.change(Transition::Configure), Err(end));
 }
 
+/// rclc's callbacks have no context, and a node has to be finished by hand. Here each callback owns
+/// its own, gets the state that the transition starts from, and is dropped with the node.
+#[test]
+fn callbacks_own_their_context_and_go_with_the_node() {
+    use Transition::{Activate, Cleanup, Configure, Deactivate, Shutdown};
+    let node = Context::in_process().node("n").unwrap();
+    let lifecycle = node.lifecycle().unwrap();
+    let seen = Arc::new(Mutex::new(Vec::new()));
+    for transition in [Configure, Cleanup, Activate, Deactivate, Shutdown] {
+        let (mut calls, to) = (0, Arc::clone(&seen));
+        lifecycle.on_transition(transition, move |from| {
+            calls += 1;
+            to.lock().unwrap().push((transition, from, calls));
+            match calls {
+                3 => Outcome::Error,
+                _ => Outcome::Success,
+            }
+        });
+    }
+    let (mut calls, to) = (10, Arc::clone(&seen));
+    lifecycle.on_error(move |from| {
+        calls += 1;
+        to.lock().unwrap().push((Shutdown, from, calls));
+        Outcome::Success
+    });
+    let round = [Configure, Activate, Deactivate, Cleanup];
+    for step in [round, round].concat() {
+        lifecycle.change(step).unwrap();
+    }
+    lifecycle.change(Configure).unwrap_err();
+    let (unconfigured, inactive, active) = (State::Unconfigured, State::Inactive, State::Active);
+    let once = |n| {
+        [
+            (Configure, unconfigured, n),
+            (Activate, inactive, n),
+            (Deactivate, active, n),
+            (Cleanup, inactive, n),
+        ]
+    };
+    let failed = [(Configure, unconfigured, 3), (Shutdown, unconfigured, 11)];
+    let all = [&once(1)[..], &once(2), &failed].concat();
+    assert_eq!(*seen.lock().unwrap(), all);
+    assert_eq!(Arc::strong_count(&seen), 7);
+    drop((lifecycle, node));
+    assert_eq!(Arc::strong_count(&seen), 1, "the callbacks are gone");
+}
+
+/// A node that is managed by a running executor, and any more when its five services are removed.
+#[test]
+fn a_running_executor_takes_on_a_managed_node_and_lets_it_go() {
+    let _dog = watchdog("live lifecycle", LIMIT * 2);
+    let bus = InProcessBus::new();
+    let ctx = Context::new(bus.participant());
+    let node = ctx.node("camera").unwrap();
+    let (mut exec, _) = executor(&ctx);
+    exec.worker("w").capacity(5);
+    let running = exec.start().unwrap();
+    let change = running.executor();
+    let lifecycle = node.lifecycle().unwrap();
+    let ids = change.worker("w").unwrap().lifecycle(&lifecycle).unwrap();
+    assert_eq!(ids.len(), 5);
+    let full = change.worker("w").unwrap().lifecycle(&lifecycle);
+    assert!(matches!(
+        full,
+        Err(replenish::Error::Capacity { limit: 5, .. })
+    ));
+    let configure = Asked {
+        id: 1,
+        ..Asked::default()
+    };
+    let request = srv::ChangeStateRequest {
+        transition: configure,
+    };
+    assert!(ask::<srv::ChangeState>(&bus, "change_state", &request).success);
+    assert_eq!(lifecycle.state(), State::Inactive);
+    for id in &ids {
+        change.remove(id, replenish::Removal::Wait(LIMIT)).unwrap();
+    }
+    let asker = Context::new(bus.participant()).node("asker").unwrap();
+    let name = "/camera/change_state";
+    let client = asker.client::<srv::ChangeState>(name, Qos::services(), LIMIT);
+    assert!(!client.unwrap().wait_for_server(Duration::ZERO).unwrap());
+}
+
 #[test]
 fn publishers_are_silent_unless_the_node_is_active() {
     let ctx = Context::in_process();

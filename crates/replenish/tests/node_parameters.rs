@@ -375,6 +375,40 @@ fn others_get_set_describe_and_list_them() {
 }
 
 #[test]
+fn a_running_executor_takes_on_parameters_whole_or_not_at_all() {
+    let _dog = watchdog("live parameters", LIMIT * 2);
+    let bus = InProcessBus::new();
+    let node = node(&bus);
+    let p = node.parameters(ParameterOptions::new()).unwrap();
+    p.declare("gain", 0.5, Descriptor::new()).unwrap();
+    let mut exec = Executor::new(node.context());
+    exec.no_ledger();
+    exec.worker("few").capacity(5);
+    exec.worker("enough").capacity(6);
+    let running = exec.start().unwrap();
+    let change = running.executor();
+    let few = change.worker("few").unwrap().parameters(&p);
+    assert!(matches!(
+        few,
+        Err(replenish::Error::Capacity { limit: 5, .. })
+    ));
+    let gone = || running.report().handles.is_empty();
+    assert!(common::eventually(gone), "{}", running.report());
+    let ids = change.worker("enough").unwrap().parameters(&p).unwrap();
+    assert_eq!(ids.len(), 6);
+    let asker = Context::new(bus.participant()).node("asker").unwrap();
+    let name = "/robot/arm/get_parameters";
+    let client = asker
+        .client::<replenish_interfaces::rcl_interfaces::srv::GetParameters>(
+            name,
+            Qos::services(),
+            LIMIT,
+        )
+        .unwrap();
+    assert!(client.wait_for_server(LIMIT).unwrap());
+}
+
+#[test]
 fn changes_are_told_once_with_what_was_new_changed_and_deleted() {
     let _dog = watchdog("parameter events", LIMIT * 2);
     let bus = InProcessBus::new();

@@ -5,7 +5,7 @@ use super::server::{GoalId, NewGoal};
 use super::{ActionOptions, follow, serve};
 use crate::context::Node;
 use crate::error::Error;
-use crate::executor::{CallbackContext, CallbackResult, LiveWorker, Removal, TimerHandle};
+use crate::executor::{Added, CallbackContext, CallbackResult, LiveWorker, TimerHandle};
 use alloc::string::String;
 use alloc::vec::Vec;
 use replenish_msg::action::{Action, GetResult, SendGoal};
@@ -94,38 +94,5 @@ impl LiveWorker<'_> {
         )?;
         added.keep(self.replies(&inner.result, parts.results()))?;
         Ok(added.done())
-    }
-}
-
-/// Handles that belong together; those that are there are removed if one cannot be added.
-struct Added<'e> {
-    worker: LiveWorker<'e>,
-    ids: Vec<String>,
-}
-
-impl<'e> Added<'e> {
-    fn to(worker: &LiveWorker<'e>) -> Self {
-        Self {
-            worker: worker.again(),
-            ids: Vec::new(),
-        }
-    }
-
-    fn keep(&mut self, id: Result<String, Error>) -> Result<(), Error> {
-        self.ids.push(id?);
-        Ok(())
-    }
-
-    fn done(mut self) -> Vec<String> {
-        core::mem::take(&mut self.ids)
-    }
-}
-
-impl Drop for Added<'_> {
-    fn drop(&mut self) {
-        for id in &self.ids {
-            // One that somebody else has removed meanwhile is gone as well.
-            self.worker.executor().remove(id, Removal::Detach).ok();
-        }
     }
 }

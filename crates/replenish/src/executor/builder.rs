@@ -20,7 +20,7 @@ use crate::qos::Qos;
 use crate::sync::Arc;
 use crate::text::text;
 use alloc::vec::Vec;
-use replenish_msg::{Message, Service};
+use replenish_msg::{Message, Service, Viewed};
 use replenish_os::Policy;
 
 /// A worker that is described so far.
@@ -225,6 +225,45 @@ impl WorkerBuilder<'_> {
         })
     }
 
+    /// Calls `callback` with a view of every message on `topic`: strings and sequences stay in the
+    /// bytes that came, so nothing is copied and nothing allocates, whatever the size. All bytes are
+    /// checked before the callback runs.
+    ///
+    /// ```
+    /// # use replenish::{Context, Error, Executor, Qos, Topic};
+    /// # use replenish_interfaces::sensor_msgs::msg::{Image, ImageView};
+    /// # fn main() -> Result<(), Error> {
+    /// # let ctx = Context::in_process();
+    /// # let node = ctx.node("n")?;
+    /// # let mut exec = Executor::new(&ctx);
+    /// let topic = Topic::named("image").max_size(40_000);
+    /// exec.worker("w").subscribe_view::<Image, _, _>(
+    ///     &node, topic, Qos::sensor_data(), |image: &ImageView<'_>, _| {
+    ///         println!("{} bytes of {}", image.data.len(), image.encoding);
+    ///     },
+    /// )?;
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// As [`subscribe`](Self::subscribe).
+    pub fn subscribe_view<'t, M, F, R>(
+        self,
+        node: &Node,
+        topic: impl Into<Topic<'t>>,
+        qos: Qos,
+        callback: F,
+    ) -> Result<Self, Error>
+    where
+        M: Viewed,
+        F: FnMut(&M::View<'_>, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let topic = topic.into();
+        self.add(|forge| forge.view::<M, _, _>(node, topic, qos, callback))
+    }
+
     /// Calls `callback` with the bytes of every sample on `topic`: CDR without encapsulation header,
     /// in the slot they arrived in. The type is given by its names.
     ///
@@ -313,14 +352,15 @@ impl WorkerBuilder<'_> {
     }
 
     /// Serves `name`: calls `callback` with every request and a response to fill, which is then
-    /// sent. An error sends nothing. A reply that cannot be sent counts as an error of the handle.
+    /// sent. A reply that cannot be sent counts as an error of the handle. `name` is a name or a
+    /// [`Topic`] with the largest size of requests and responses, for types with unbounded fields.
     ///
     /// # Errors
     /// As [`subscribe`](Self::subscribe).
-    pub fn serve<S, F>(
+    pub fn serve<'t, S, F>(
         self,
         node: &Node,
-        name: &str,
+        name: impl Into<Topic<'t>>,
         qos: Qos,
         mut callback: F,
     ) -> Result<Self, Error>
@@ -333,6 +373,7 @@ impl WorkerBuilder<'_> {
             callback(request, &mut response, cx);
             to.reply(&response)
         };
+        let name = name.into();
         self.add(|forge| forge.server::<S, _, _>(node, name, qos, called))
     }
 
@@ -341,10 +382,10 @@ impl WorkerBuilder<'_> {
     ///
     /// # Errors
     /// As [`subscribe`](Self::subscribe).
-    pub fn serve_later<S, F, R>(
+    pub fn serve_later<'t, S, F, R>(
         self,
         node: &Node,
-        name: &str,
+        name: impl Into<Topic<'t>>,
         qos: Qos,
         callback: F,
     ) -> Result<Self, Error>
@@ -353,6 +394,7 @@ impl WorkerBuilder<'_> {
         F: FnMut(&S::Request, Responder<S>, &CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
     {
+        let name = name.into();
         self.add(|forge| forge.server::<S, _, _>(node, name, qos, callback))
     }
 

@@ -123,6 +123,9 @@ impl Entry {
         self.shared.latency.record(latency);
         self.handle.execute(env, started);
         drop(held);
+        if self.handle.was_spoiled() {
+            return; // counted as such
+        }
         counters.executed.add(1);
         let response = clock::monotonic().saturating_sub(taken.due);
         self.shared.response.record(response);

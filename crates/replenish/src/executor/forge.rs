@@ -7,7 +7,7 @@ use super::guard::{Guard, GuardCondition};
 use super::handle::Shared;
 use super::schedule::Every;
 use super::service::{ReplyLine, Responder, Server};
-use super::subscription::{RawSubscription, Subscription};
+use super::subscription::{RawSubscription, Subscription, ViewSubscription};
 use super::timer::{Timer, TimerHandle};
 use super::topic::Topic;
 use crate::context::{Context, Node, check_depth};
@@ -20,7 +20,7 @@ use crate::text::{joined, numbered, text};
 use alloc::boxed::Box;
 use alloc::string::String;
 use core::time::Duration;
-use replenish_msg::{Message, Service};
+use replenish_msg::{Message, Service, Viewed};
 
 /// What making a handle needs to know.
 pub(crate) struct Forge<'a> {
@@ -52,6 +52,14 @@ pub(crate) const fn largest<M: Message>() -> usize {
     match M::BOUNDED {
         true => M::MAX_SIZE,
         false => LARGEST,
+    }
+}
+
+/// The largest message of `M` to or from a service, if `asked` for another than usual.
+pub(crate) fn sized<M: Message>(asked: Option<usize>) -> usize {
+    match M::BOUNDED {
+        true => M::MAX_SIZE,
+        false => asked.unwrap_or(M::MAX_SIZE),
     }
 }
 
@@ -141,6 +149,25 @@ impl Forge<'_> {
         Ok(Entry::new(shared, Box::new(handle)))
     }
 
+    pub(crate) fn view<M, F, R>(
+        &self,
+        node: &Node,
+        topic: Topic<'_>,
+        qos: Qos,
+        callback: F,
+    ) -> Result<Entry, Error>
+    where
+        M: Viewed,
+        F: FnMut(&M::View<'_>, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let (id, reader, inbox) =
+            self.input(node, topic, (RawType::of::<M>(), largest::<M>()), qos)?;
+        let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
+        let handle = ViewSubscription::<M, F>::new(Arc::clone(&shared), inbox, callback);
+        Ok(Entry::new(shared, Box::new(handle)))
+    }
+
     pub(crate) fn raw<F, R>(
         &self,
         node: &Node,
@@ -201,7 +228,7 @@ impl Forge<'_> {
     pub(crate) fn server<S, F, R>(
         &self,
         node: &Node,
-        name: &str,
+        topic: Topic<'_>,
         qos: Qos,
         callback: F,
     ) -> Result<Entry, Error>
@@ -211,23 +238,24 @@ impl Forge<'_> {
         R: CallbackResult + 'static,
     {
         self.owned(node)?;
-        let name = node.resolve(name)?;
+        let name = node.resolve(topic.name)?;
         check_depth(&name, qos)?;
         let middleware = self.context.middleware();
+        let spec = node.service::<S>(&name, topic, qos)?;
         let (reader, writer) = middleware
-            .create_server(&node.service::<S>(&name, qos))
+            .create_server(&spec)
             .map_err(|e| Error::endpoint("service", &name, e))?;
         let keep = match qos.history {
             History::KeepAll => Keep::All,
             History::KeepLast => Keep::Newest,
         };
-        let inbox = Arc::new(Inbox::new(qos.depth.into(), S::Request::MAX_SIZE, keep));
+        let inbox = Arc::new(Inbox::new(qos.depth.into(), spec.max_request, keep));
         let id = (self.unique)(joined(&[node.name(), "/srv:", &name]));
         let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
         let line = ReplyLine {
             middleware: Arc::clone(middleware),
             writer,
-            buffer: Mutex::new(alloc::vec![0; S::Response::MAX_SIZE].into()),
+            buffer: Mutex::new(alloc::vec![0; spec.max_response].into()),
         };
         let handle = Server::<S, F>::new(Arc::clone(&shared), inbox, line, callback);
         Ok(Entry::new(shared, Box::new(handle)))

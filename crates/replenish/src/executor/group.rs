@@ -16,13 +16,12 @@
 //! - A callback that waits by other means (a channel, a lock of its own) for a callback of its group
 //!   waits for itself. Nobody can forbid that, but it is seen: whoever has waited for the group for
 //!   [`Group::patience`] tells so with the names of both ([`Event::Blocked`]), and tells again when
-//!   that time has doubled. Where there is no timed lock (without feature `std`) it is not seen.
+//!   that time has doubled.
 
 use super::handle::{Env, Shared};
 use super::schedule::nanos;
 use crate::Nanos;
 use crate::event::Event;
-use crate::platform;
 use crate::sync::{Arc, AtomicU64, Mutex, Ordering};
 use alloc::string::String;
 use core::fmt;
@@ -108,7 +107,7 @@ impl Group {
         let begin = clock::monotonic();
         let mut patience = inner.patience.load(Ordering::Relaxed);
         let guard = loop {
-            if let Some(guard) = platform::lock_until(&inner.lock, begin.saturating_add(patience)) {
+            if let Some(guard) = inner.lock.lock_until(begin.saturating_add(patience)) {
                 break guard;
             }
             self.tell(shared, clock::monotonic().saturating_sub(begin), env);

@@ -27,7 +27,7 @@ use alloc::vec::Vec;
 use core::cell::RefCell;
 use core::fmt;
 use core::time::Duration;
-use replenish_msg::{Message, Service};
+use replenish_msg::{Message, Service, Viewed};
 use replenish_os::clock;
 
 /// What happens to a callback that runs while its handle is removed. None starts after that.
@@ -314,6 +314,23 @@ impl LiveWorker<'_> {
         self.add(|forge| forge.subscription(node, topic, qos, called))
     }
 
+    /// A subscription to views.
+    pub fn subscribe_view<'t, M, F, R>(
+        self,
+        node: &Node,
+        topic: impl Into<Topic<'t>>,
+        qos: Qos,
+        callback: F,
+    ) -> Result<String, Error>
+    where
+        M: Viewed,
+        F: FnMut(&M::View<'_>, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let topic = topic.into();
+        self.add(|forge| forge.view::<M, _, _>(node, topic, qos, callback))
+    }
+
     /// A subscription to bytes.
     pub fn subscribe_raw<'t, F, R>(
         self,
@@ -366,10 +383,10 @@ impl LiveWorker<'_> {
     }
 
     /// A service that answers in the callback.
-    pub fn serve<S, F>(
+    pub fn serve<'t, S, F>(
         self,
         node: &Node,
-        name: &str,
+        name: impl Into<Topic<'t>>,
         qos: Qos,
         mut callback: F,
     ) -> Result<String, Error>
@@ -386,10 +403,10 @@ impl LiveWorker<'_> {
     }
 
     /// A service that answers now or later.
-    pub fn serve_later<S, F, R>(
+    pub fn serve_later<'t, S, F, R>(
         self,
         node: &Node,
-        name: &str,
+        name: impl Into<Topic<'t>>,
         qos: Qos,
         callback: F,
     ) -> Result<String, Error>
@@ -398,6 +415,7 @@ impl LiveWorker<'_> {
         F: FnMut(&S::Request, Responder<S>, &CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
     {
+        let name = name.into();
         self.add(|forge| forge.server::<S, _, _>(node, name, qos, callback))
     }
 

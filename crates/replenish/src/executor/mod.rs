@@ -17,6 +17,7 @@
 //! - [`live`], [`mailbox`], [`desk`]: handles that come and go; `fixed` without feature `live`.
 //! - [`running`], [`stop`]: watching and ending it. [`report`]: the numbers.
 
+mod added;
 #[cfg(feature = "plan")]
 mod admission;
 mod agenda;
@@ -61,13 +62,14 @@ mod timer;
 mod topic;
 mod worker;
 
+pub(crate) use added::Added;
 pub use builder::WorkerBuilder;
 pub use callback::{CallbackContext, CallbackResult};
 pub use client::{CallError, Client, NoReply};
 #[cfg(not(feature = "live"))]
 use fixed::{self as live, self as mailbox, self as desk};
 pub use forge::RawType;
-pub(crate) use forge::largest;
+pub(crate) use forge::{largest, sized};
 pub use group::Group;
 pub use guard::GuardCondition;
 #[cfg(feature = "live")]

@@ -5,7 +5,8 @@ use super::handle::{Env, Handle, Shared, Taken};
 use crate::Nanos;
 use crate::handoff::{Inbox, SampleInfo, Slot};
 use crate::sync::Arc;
-use replenish_msg::Message;
+use core::marker::PhantomData;
+use replenish_msg::{Message, View, Viewed};
 
 /// Messages of one type. The callback gets `None` when it is invoked without a new one.
 pub(crate) struct Subscription<M, F> {
@@ -82,18 +83,8 @@ impl<F> RawSubscription<F> {
             callback,
         }
     }
-}
 
-impl<F, R> Handle for RawSubscription<F>
-where
-    F: FnMut(&[u8], &CallbackContext<'_>) -> R + Send,
-    R: CallbackResult,
-{
-    fn is_ready(&mut self, _now: Nanos) -> bool {
-        self.inbox.waiting() > 0
-    }
-
-    fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
+    fn take_slot(&mut self, env: &Env<'_>) -> Option<Taken> {
         let popped = self.inbox.pop()?;
         if popped.wake {
             env.stop.middleware.wake();
@@ -107,6 +98,20 @@ where
             deadline: None,
         })
     }
+}
+
+impl<F, R> Handle for RawSubscription<F>
+where
+    F: FnMut(&[u8], &CallbackContext<'_>) -> R + Send,
+    R: CallbackResult,
+{
+    fn is_ready(&mut self, _now: Nanos) -> bool {
+        self.inbox.waiting() > 0
+    }
+
+    fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
+        self.take_slot(env)
+    }
 
     fn execute(&mut self, env: &Env<'_>, started: Nanos) {
         let Some(slot) = self.slot.take() else {
@@ -119,5 +124,127 @@ where
         let result = (self.callback)(slot.payload(), &cx);
         result.inspect(&mut |e| self.shared.failed(e, env.events));
         self.inbox.give_back(slot);
+    }
+}
+
+/// Messages as views into the bytes that came: nothing is copied, and nothing allocates.
+pub(crate) struct ViewSubscription<M, F> {
+    raw: RawSubscription<F>,
+    /// The bytes taken last were no such message.
+    spoiled: bool,
+    message: PhantomData<fn() -> M>,
+}
+
+impl<M, F> ViewSubscription<M, F> {
+    pub(crate) fn new(shared: Arc<Shared>, inbox: Arc<Inbox>, callback: F) -> Self {
+        Self {
+            raw: RawSubscription::new(shared, inbox, callback),
+            spoiled: false,
+            message: PhantomData,
+        }
+    }
+}
+
+impl<M, F, R> Handle for ViewSubscription<M, F>
+where
+    M: Viewed,
+    F: FnMut(&M::View<'_>, &CallbackContext<'_>) -> R + Send,
+    R: CallbackResult,
+{
+    fn is_ready(&mut self, _now: Nanos) -> bool {
+        self.raw.inbox.waiting() > 0
+    }
+
+    fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
+        self.raw.take_slot(env)
+    }
+
+    fn execute(&mut self, env: &Env<'_>, started: Nanos) {
+        let raw = &mut self.raw;
+        let Some(slot) = raw.slot.take() else {
+            return;
+        };
+        match M::View::from_payload(slot.payload()) {
+            Ok(view) => {
+                let cx = CallbackContext {
+                    info: *slot.info(),
+                    ..CallbackContext::new(env, &raw.shared, slot.info().arrival, started)
+                };
+                let result = (raw.callback)(&view, &cx);
+                result.inspect(&mut |e| raw.shared.failed(e, env.events));
+            }
+            Err(error) => {
+                raw.shared.undecodable(error, env.events);
+                self.spoiled = true;
+            }
+        }
+        raw.inbox.give_back(slot);
+    }
+
+    fn was_spoiled(&mut self) -> bool {
+        core::mem::take(&mut self.spoiled)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::Events;
+    use crate::executor::StopHandle;
+    use crate::handoff::{Keep, Stop};
+    use crate::middleware::{InProcessBus, ReaderId};
+    use replenish_interfaces::std_msgs::msg;
+    use replenish_os::Account;
+    use std::sync::Mutex;
+
+    /// The text that the callback sees is in the slot that the dispatcher has filled.
+    #[test]
+    fn a_view_is_in_the_bytes_that_came() {
+        let inbox = Arc::new(Inbox::new(2, 64, Keep::Newest));
+        let shared = Shared::new("view".into(), Some((ReaderId(0), Arc::clone(&inbox))));
+        let seen = Arc::new(Mutex::new(Vec::new()));
+        let note = Arc::clone(&seen);
+        let called = move |text: &msg::StringView<'_>, _: &CallbackContext<'_>| {
+            let text = text.data.as_bytes().as_ptr_range();
+            note.lock()
+                .unwrap()
+                .push((text.start as usize, text.end as usize));
+        };
+        let mut handle = ViewSubscription::<msg::String, _>::new(shared, inbox, called);
+        let stop = StopHandle {
+            stop: Arc::new(Stop::new()),
+            middleware: Arc::new(InProcessBus::new().participant()),
+        };
+        let env = Env {
+            worker: "w",
+            stop: &stop,
+            events: &Events::default(),
+            meter: &Account::unbudgeted().meter(),
+            live: None,
+            outbox: None,
+        };
+        let mut buf = [0; 64];
+        let len = msg::StringView { data: "in place" }
+            .encode_to(&mut buf)
+            .unwrap();
+        for n in 1..=2 {
+            handle.raw.inbox.deliver(&buf[..len], &SampleInfo::at(0));
+            assert!(handle.take(&env).is_some());
+            let slot = handle.raw.slot.as_ref().unwrap().payload().as_ptr_range();
+            handle.execute(&env, 0);
+            assert!(!handle.was_spoiled());
+            let seen = seen.lock().unwrap();
+            let (start, end) = seen[n - 1];
+            assert_eq!(end - start, "in place".len());
+            assert!(slot.start as usize <= start && end <= slot.end as usize);
+        }
+        handle
+            .raw
+            .inbox
+            .deliver(&[9, 0, 0, 0, b'x'], &SampleInfo::at(0));
+        assert!(handle.take(&env).is_some());
+        handle.execute(&env, 0);
+        assert!(handle.was_spoiled(), "half a text");
+        assert_eq!(handle.raw.shared.counters.undecodable.get(), 1);
     }
 }

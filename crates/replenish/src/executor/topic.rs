@@ -1,8 +1,10 @@
-//! How a subscription asks for its topic.
+//! How a subscription asks for its topic, and a service or client for its messages' size.
 
 use crate::qos::IngressLimit;
+use alloc::string::String;
 
-/// A topic as a subscription asks for it: its name, and possibly bounds on what comes.
+/// A topic as a subscription asks for it: its name, and possibly bounds on what comes. A service or
+/// client has a name and a size alone.
 ///
 /// ```
 /// use replenish::Topic;
@@ -58,6 +60,12 @@ impl<'a> Topic<'a> {
             keep_oldest: true,
             ..self
         }
+    }
+}
+
+impl<'a> From<&'a String> for Topic<'a> {
+    fn from(name: &'a String) -> Self {
+        Self::named(name)
     }
 }
 

@@ -3,10 +3,12 @@
 
 use super::machine::{self, Arrow, GRAPH, State};
 use super::{Lifecycle, described, transition};
-use crate::bare::{Unanswered, serve};
+use crate::bare::{Serves, Unanswered};
 use crate::error::Error;
-use crate::executor::WorkerBuilder;
+use crate::executor::{Added, LiveWorker, WorkerBuilder};
 use crate::sync::Arc;
+use alloc::string::String;
+use alloc::vec::Vec;
 use replenish_interfaces::lifecycle_msgs::msg::{StateView, TransitionDescriptionView};
 use replenish_interfaces::lifecycle_msgs::srv;
 use replenish_msg::wire::Wire;
@@ -19,38 +21,53 @@ impl WorkerBuilder<'_> {
     /// # Errors
     /// As [`serve`](Self::serve).
     pub fn lifecycle(self, lifecycle: &Lifecycle) -> Result<Self, Error> {
-        let node = &lifecycle.inner.node.clone();
-        let of = || Arc::clone(&lifecycle.inner);
-        let (changed, get, available) = (of(), of(), of());
-        let worker = serve::<srv::ChangeState>(self, node, "~/change_state", {
-            move |request, w| {
-                let request = srv::ChangeStateRequestView::from_payload(request)?.transition;
-                let outcome = changed.change(request.id, request.label);
-                Ok(w.bool(outcome.is_ok())?)
-            }
-        })?;
-        let worker = serve::<srv::GetState>(worker, node, "~/get_state", {
-            move |_, w| Ok(described(get.state()).put(w)?)
-        })?;
-        let name = "~/get_available_states";
-        let worker = serve::<srv::GetAvailableStates>(worker, node, name, |_, w| {
-            let unknown = StateView {
-                id: 0,
-                label: "unknown",
-            };
+        serve(self, lifecycle)
+    }
+}
+
+impl LiveWorker<'_> {
+    /// Lets others ask for transitions, as
+    /// [`WorkerBuilder::lifecycle`](crate::WorkerBuilder::lifecycle) does; the ids of the five
+    /// handles.
+    ///
+    /// # Errors
+    /// Those of this type; nothing was added then.
+    pub fn lifecycle(self, lifecycle: &Lifecycle) -> Result<Vec<String>, Error> {
+        Ok(serve(Added::to(&self), lifecycle)?.done())
+    }
+}
+
+fn serve<W: Serves>(worker: W, lifecycle: &Lifecycle) -> Result<W, Error> {
+    let node = &lifecycle.inner.node.clone();
+    let of = || Arc::clone(&lifecycle.inner);
+    let (changed, get, available) = (of(), of(), of());
+    let unknown = StateView {
+        id: 0,
+        label: "unknown",
+    };
+    worker
+        .serve_bytes::<srv::ChangeState>(node, "~/change_state", move |request, w| {
+            let request = srv::ChangeStateRequestView::from_payload(request)?.transition;
+            let outcome = changed.change(request.id, request.label);
+            Ok(w.bool(outcome.is_ok())?)
+        })?
+        .serve_bytes::<srv::GetState>(node, "~/get_state", move |_, w| {
+            Ok(described(get.state()).put(w)?)
+        })?
+        .serve_bytes::<srv::GetAvailableStates>(node, "~/get_available_states", move |_, w| {
             w.sequence(State::ALL.len() + 1)?;
             unknown.put(w)?;
             let mut all = State::ALL.into_iter();
             Ok(all.try_for_each(|state| described(state).put(w))?)
-        })?;
-        let name = "~/get_available_transitions";
-        let worker = serve::<srv::GetAvailableTransitions>(worker, node, name, {
-            move |_, w| arrows(machine::from(available.state()), w)
-        })?;
-        serve::<srv::GetAvailableTransitions>(worker, node, "~/get_transition_graph", |_, w| {
+        })?
+        .serve_bytes::<srv::GetAvailableTransitions>(
+            node,
+            "~/get_available_transitions",
+            move |_, w| arrows(machine::from(available.state()), w),
+        )?
+        .serve_bytes::<srv::GetAvailableTransitions>(node, "~/get_transition_graph", |_, w| {
             arrows(GRAPH.iter(), w)
         })
-    }
 }
 
 fn arrows<'a>(

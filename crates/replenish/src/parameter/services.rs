@@ -7,10 +7,12 @@ use super::error::{ParameterError, ParameterErrorKind};
 use super::server::{Inner, Parameters};
 use super::store::Slot;
 use super::value::ParameterValue;
-use crate::bare::{Unanswered, serve};
+use crate::bare::{Serves, Unanswered};
 use crate::error::Error;
-use crate::executor::WorkerBuilder;
+use crate::executor::{Added, LiveWorker, WorkerBuilder};
 use crate::sync::Arc;
+use alloc::string::String;
+use alloc::vec::Vec;
 use replenish_interfaces::rcl_interfaces::msg::{
     ParameterDescriptorView, ParameterValueView, ParameterView, SetParametersResultView,
 };
@@ -26,30 +28,50 @@ impl WorkerBuilder<'_> {
     /// # Errors
     /// As [`serve`](Self::serve).
     pub fn parameters(self, parameters: &Parameters) -> Result<Self, Error> {
-        let node = &parameters.inner.node.clone();
-        let of = || Arc::clone(&parameters.inner);
-        let (get, types, describe, list) = (of(), of(), of(), of());
-        let (each, atomic) = (parameters.clone(), parameters.clone());
-        let worker = serve::<srv::GetParameters>(self, node, "~/get_parameters", {
-            move |request, w| values(&get, request, w)
-        })?;
-        let worker = serve::<srv::GetParameterTypes>(worker, node, "~/get_parameter_types", {
-            move |request, w| kinds(&types, request, w)
-        })?;
-        let worker = serve::<srv::SetParameters>(worker, node, "~/set_parameters", {
-            move |request, w| set(&each, request, w)
-        })?;
-        let name = "~/set_parameters_atomically";
-        let worker = serve::<srv::SetParametersAtomically>(worker, node, name, {
-            move |request, w| set_atomically(&atomic, request, w)
-        })?;
-        let worker = serve::<srv::DescribeParameters>(worker, node, "~/describe_parameters", {
-            move |request, w| descriptors(&describe, request, w)
-        })?;
-        serve::<srv::ListParameters>(worker, node, "~/list_parameters", {
-            move |request, w| names(&list, request, w)
-        })
+        serve(self, parameters)
     }
+}
+
+impl LiveWorker<'_> {
+    /// Serves a node's parameters, as
+    /// [`WorkerBuilder::parameters`](crate::WorkerBuilder::parameters) does; the ids of the six
+    /// handles.
+    ///
+    /// # Errors
+    /// Those of this type; nothing was added then.
+    pub fn parameters(self, parameters: &Parameters) -> Result<Vec<String>, Error> {
+        Ok(serve(Added::to(&self), parameters)?.done())
+    }
+}
+
+fn serve<W: Serves>(worker: W, parameters: &Parameters) -> Result<W, Error> {
+    let node = &parameters.inner.node.clone();
+    let of = || Arc::clone(&parameters.inner);
+    let (get, types, describe, list) = (of(), of(), of(), of());
+    let (each, atomic) = (parameters.clone(), parameters.clone());
+    worker
+        .serve_bytes::<srv::GetParameters>(node, "~/get_parameters", move |request, w| {
+            values(&get, request, w)
+        })?
+        .serve_bytes::<srv::GetParameterTypes>(node, "~/get_parameter_types", move |request, w| {
+            kinds(&types, request, w)
+        })?
+        .serve_bytes::<srv::SetParameters>(node, "~/set_parameters", move |request, w| {
+            set(&each, request, w)
+        })?
+        .serve_bytes::<srv::SetParametersAtomically>(
+            node,
+            "~/set_parameters_atomically",
+            move |request, w| set_atomically(&atomic, request, w),
+        )?
+        .serve_bytes::<srv::DescribeParameters>(
+            node,
+            "~/describe_parameters",
+            move |request, w| descriptors(&describe, request, w),
+        )?
+        .serve_bytes::<srv::ListParameters>(node, "~/list_parameters", move |request, w| {
+            names(&list, request, w)
+        })
 }
 
 fn values(of: &Inner, request: &[u8], w: &mut CdrWriter<'_>) -> Result<(), Unanswered> {

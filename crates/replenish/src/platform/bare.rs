@@ -57,13 +57,5 @@ pub(crate) fn guard<T>(step: impl FnOnce() -> T, _panicked: impl FnOnce(&str) ->
     step()
 }
 
-/// The lock, if it can be had until `deadline`.
-pub(crate) fn lock_until(
-    lock: &replenish_os::PiMutex<()>,
-    deadline: crate::Nanos,
-) -> Option<replenish_os::PiMutexGuard<'_, ()>> {
-    lock.lock_until(deadline)
-}
-
 /// Events go nowhere if nobody has said where.
 pub(crate) const fn tell(_event: &crate::Event<'_>) {}

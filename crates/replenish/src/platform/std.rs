@@ -36,14 +36,6 @@ pub(crate) fn guard<T>(step: impl FnOnce() -> T, panicked: impl FnOnce(&str) -> 
     })
 }
 
-/// The lock, if it can be had until `deadline`.
-pub(crate) fn lock_until(
-    lock: &replenish_os::PiMutex<()>,
-    deadline: crate::Nanos,
-) -> Option<replenish_os::PiMutexGuard<'_, ()>> {
-    lock.lock_until(deadline)
-}
-
 /// Where events go if nobody has said otherwise: one line on standard error each.
 pub(crate) fn tell(event: &crate::Event<'_>) {
     std::eprintln!("replenish: {event}");
