@@ -3,7 +3,9 @@
 
 use crate::context::Node;
 use crate::error::Error;
-use crate::executor::{Added, CallbackContext, Responder, WorkerBuilder};
+#[cfg(feature = "live")]
+use crate::executor::Added;
+use crate::executor::{CallbackContext, Responder, WorkerBuilder};
 use crate::middleware::PublishError;
 use crate::qos::Qos;
 use alloc::boxed::Box;
@@ -119,18 +121,21 @@ pub(crate) trait Serves: Sized {
     ) -> Result<Self, Error>;
 }
 
-/// What the handle of such a service calls.
-fn called<S: Service>(
-    mut answer: impl FnMut(&[u8], &mut CdrWriter<'_>) -> Result<(), Unanswered> + Send + 'static,
-) -> impl FnMut(&Body<S::Request>, Responder<Bare<S>>, &CallbackContext<'_>) -> Result<(), Unanswered>
-+ Send
-+ 'static {
+/// Answers requests, with a response that is there before.
+fn answers<S: Service, A>(
+    mut answer: A,
+) -> impl FnMut(&[u8], Responder<Bare<S>>) -> Answered + Send + 'static
+where
+    A: FnMut(&[u8], &mut CdrWriter<'_>) -> Result<(), Unanswered> + Send + 'static,
+{
     let mut response = Body::<S::Response>::default();
-    move |request, to, _| {
-        response.fill(|w| answer(request.payload(), w))?;
+    move |request, to| {
+        response.fill(|w| answer(request, w))?;
         to.reply(&response).map_err(Unanswered::Reply)
     }
 }
+
+type Answered = Result<(), Unanswered>;
 
 impl Serves for WorkerBuilder<'_> {
     fn serve_bytes<S: Service>(
@@ -139,10 +144,16 @@ impl Serves for WorkerBuilder<'_> {
         name: &str,
         answer: impl FnMut(&[u8], &mut CdrWriter<'_>) -> Result<(), Unanswered> + Send + 'static,
     ) -> Result<Self, Error> {
-        self.serve_later::<Bare<S>, _, _>(node, name, Qos::services(), called::<S>(answer))
+        let mut answer = answers::<S, _>(answer);
+        let called =
+            move |request: &Body<S::Request>, to: Responder<Bare<S>>, _: &CallbackContext<'_>| {
+                answer(request.payload(), to)
+            };
+        self.serve_later::<Bare<S>, _, _>(node, name, Qos::services(), called)
     }
 }
 
+#[cfg(feature = "live")]
 impl Serves for Added<'_> {
     fn serve_bytes<S: Service>(
         mut self,
@@ -150,8 +161,13 @@ impl Serves for Added<'_> {
         name: &str,
         answer: impl FnMut(&[u8], &mut CdrWriter<'_>) -> Result<(), Unanswered> + Send + 'static,
     ) -> Result<Self, Error> {
+        let mut answer = answers::<S, _>(answer);
+        let called =
+            move |request: &Body<S::Request>, to: Responder<Bare<S>>, _: &CallbackContext<'_>| {
+                answer(request.payload(), to)
+            };
         let (worker, qos) = (self.worker(), Qos::services());
-        let id = worker.serve_later::<Bare<S>, _, _>(node, name, qos, called::<S>(answer));
+        let id = worker.serve_later::<Bare<S>, _, _>(node, name, qos, called);
         self.keep(id)?;
         Ok(self)
     }

@@ -133,7 +133,8 @@ fn no_order_is_left_on_the_desk() {
             .map(|id| {
                 let (desk, middleware) = (Arc::clone(&desk), Arc::clone(&middleware));
                 thread::spawn(move || {
-                    assert!(desk.order(reader(id), Some(route(&Shared::new(None)))));
+                    let place = desk.keep().unwrap();
+                    place.order(reader(id), Some(route(&Shared::new(None))));
                     middleware.wake();
                 })
             })
@@ -175,7 +176,7 @@ fn a_route_that_goes_is_freed_by_the_one_who_asked() {
                 assert!(routes[0].is_none());
             })
         };
-        assert!(desk.order(reader(0), None));
+        desk.keep().unwrap().order(reader(0), None);
         middleware.wake();
         while !shared.unrouted.load(Ordering::Acquire) {
             thread::yield_now();
@@ -473,11 +474,15 @@ mod stats {
 }
 
 mod event {
-    use crate::middleware::MiddlewareError;
+    use crate::middleware::{Clash, MiddlewareError};
 
     pub(crate) struct Events;
 
     pub(crate) enum Event<'a> {
+        Incompatible {
+            endpoint: &'a str,
+            clash: &'a Clash,
+        },
         Link {
             up: bool,
         },
@@ -495,6 +500,13 @@ mod event {
     impl Events {
         pub(crate) fn emit(&self, _: &Event<'_>) {}
         pub(crate) fn emit_rarely(&self, _: u64, _: &Event<'_>) {}
+    }
+}
+
+mod error {
+    #[derive(Debug)]
+    pub(crate) enum Error {
+        Capacity { what: String, limit: usize },
     }
 }
 
@@ -529,6 +541,21 @@ mod middleware {
         fn delete_reader(&self, reader: ReaderId) -> Result<(), MiddlewareError>;
         fn wake(&self);
         fn link(&self) -> LinkState;
+        fn next_clash(&self) -> Option<Clash> {
+            None
+        }
+    }
+
+    /// There is none in a model.
+    pub(crate) enum Clash {}
+
+    impl Clash {
+        pub(crate) fn writer(&self) -> String {
+            match *self {}
+        }
+        pub(crate) fn reader(&self) -> Option<ReaderId> {
+            match *self {}
+        }
     }
 
     struct State {

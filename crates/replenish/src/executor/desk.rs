@@ -42,9 +42,11 @@ impl Kept<'_> {
     /// Gives `reader` another route, or none.
     pub(crate) fn order(self, reader: ReaderId, route: Option<Route>) {
         let mut orders = self.desk.orders.lock();
+        orders.kept -= 1;
         orders.inbound.push_back((reader, route));
         self.desk.waiting.store(true, Ordering::Release);
-        drop(orders); // the place is free when the order is in
+        drop(orders);
+        core::mem::forget(self); // the place was used
     }
 }
 

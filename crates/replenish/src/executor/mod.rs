@@ -17,6 +17,7 @@
 //! - [`live`], [`mailbox`], [`desk`]: handles that come and go; `fixed` without feature `live`.
 //! - [`running`], [`stop`]: watching and ending it. [`report`]: the numbers.
 
+#[cfg(feature = "live")]
 mod added;
 #[cfg(feature = "plan")]
 mod admission;
@@ -62,6 +63,7 @@ mod timer;
 mod topic;
 mod worker;
 
+#[cfg(feature = "live")]
 pub(crate) use added::Added;
 pub use builder::WorkerBuilder;
 pub use callback::{CallbackContext, CallbackResult};

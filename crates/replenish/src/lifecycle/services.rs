@@ -5,10 +5,12 @@ use super::machine::{self, Arrow, GRAPH, State};
 use super::{Lifecycle, described, transition};
 use crate::bare::{Serves, Unanswered};
 use crate::error::Error;
-use crate::executor::{Added, LiveWorker, WorkerBuilder};
+use crate::executor::WorkerBuilder;
+#[cfg(feature = "live")]
+use crate::executor::{Added, LiveWorker};
 use crate::sync::Arc;
-use alloc::string::String;
-use alloc::vec::Vec;
+#[cfg(feature = "live")]
+use alloc::{string::String, vec::Vec};
 use replenish_interfaces::lifecycle_msgs::msg::{StateView, TransitionDescriptionView};
 use replenish_interfaces::lifecycle_msgs::srv;
 use replenish_msg::wire::Wire;
@@ -25,6 +27,7 @@ impl WorkerBuilder<'_> {
     }
 }
 
+#[cfg(feature = "live")]
 impl LiveWorker<'_> {
     /// Lets others ask for transitions, as
     /// [`WorkerBuilder::lifecycle`](crate::WorkerBuilder::lifecycle) does; the ids of the five

@@ -9,10 +9,12 @@ use super::store::Slot;
 use super::value::ParameterValue;
 use crate::bare::{Serves, Unanswered};
 use crate::error::Error;
-use crate::executor::{Added, LiveWorker, WorkerBuilder};
+use crate::executor::WorkerBuilder;
+#[cfg(feature = "live")]
+use crate::executor::{Added, LiveWorker};
 use crate::sync::Arc;
-use alloc::string::String;
-use alloc::vec::Vec;
+#[cfg(feature = "live")]
+use alloc::{string::String, vec::Vec};
 use replenish_interfaces::rcl_interfaces::msg::{
     ParameterDescriptorView, ParameterValueView, ParameterView, SetParametersResultView,
 };
@@ -32,6 +34,7 @@ impl WorkerBuilder<'_> {
     }
 }
 
+#[cfg(feature = "live")]
 impl LiveWorker<'_> {
     /// Serves a node's parameters, as
     /// [`WorkerBuilder::parameters`](crate::WorkerBuilder::parameters) does; the ids of the six
