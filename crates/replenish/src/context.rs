@@ -231,10 +231,10 @@ impl Node {
         topic: Topic<'_>,
         qos: Qos,
     ) -> Result<ServiceSpec<'a>, Error> {
-        let owner = || alloc::format!("service {name}");
+        let owner = || text!("service {name}");
         let most = largest::<S::Request>().max(largest::<S::Response>());
         if let Some(size) = topic.max_size.filter(|size| !(1..=most).contains(size)) {
-            let allowed = alloc::format!("1..={most} bytes");
+            let allowed = text!("1..={most} bytes");
             return Err(Error::parameter(owner(), "max_size", &size, allowed));
         }
         if topic.keep_oldest || topic.ingress != IngressLimit::none() {

@@ -2,7 +2,7 @@
 //! interest set, the desk where routes change, the mailbox through which handles come and go.
 //!
 //! ```text
-//!   real: executor/{dispatcher, routes, mailbox}.rs, handoff/, middleware/interest.rs
+//!   real: executor/{dispatcher, desk, routes, mailbox}.rs, handoff/, middleware/interest.rs
 //!   stubs below: what they name besides; no protocol of the executor's is among it
 //! ```
 //!
@@ -18,6 +18,8 @@
 extern crate alloc;
 extern crate self as replenish_os; // the stubs of it are at the end
 
+#[path = "../src/executor/desk.rs"]
+mod desk;
 #[path = "../src/executor/dispatcher.rs"]
 mod dispatcher;
 #[path = "../src/handoff/mod.rs"]
@@ -29,6 +31,7 @@ mod routes;
 #[path = "../src/sync.rs"]
 mod sync;
 
+use desk::Desk;
 use dispatcher::{Dispatcher, DispatcherCounters};
 use doorbell::{Doorbell, Line};
 use entry::Entry;
@@ -37,7 +40,7 @@ use handoff::{Inbox, Keep, ReadySet, SampleInfo, Stop};
 use loom::thread;
 use mailbox::{Declined, Mailbox, Order};
 use middleware::{Fake, Interest, Middleware, ReaderId};
-use routes::{Desk, Route};
+use routes::Route;
 use stop::StopHandle;
 use sync::{Arc, AtomicBool, Ordering, Signal};
 use worker::Worker;
@@ -427,6 +430,11 @@ mod entry {
 
     pub(crate) struct Handling {
         pub(crate) priority: u8,
+    }
+
+    /// The order is no matter of the models.
+    pub(crate) fn insert(entries: &mut Vec<Entry>, entry: Entry) {
+        entries.push(entry);
     }
 
     pub(crate) struct Handle;
