@@ -77,7 +77,8 @@ pub(crate) fn assemble(
             bell,
             entries,
             agenda: Agenda::new(marks, limit),
-            looks_at_all: true,
+            looks_at_all: false,
+            rounds: spec.rules.rounds,
             outbox: spec
                 .rules
                 .barrier

@@ -8,6 +8,7 @@ use super::entry::{Entry, insert};
 use super::forge::{Forge, RawType};
 use super::guard::GuardCondition;
 use super::plan::Request;
+use super::rounds::BY_RULES;
 use super::rules::{Handling, Rules, Semantics, Trigger};
 use super::schedule::Every;
 use super::service::Responder;
@@ -73,29 +74,18 @@ impl WorkerSpec {
 
     /// The first rule that contradicts another.
     pub(crate) fn violation(&self) -> Option<Error> {
-        let owner = text!("worker {:?}", self.request.name);
+        if let Some(error) = self
+            .rules
+            .rounds
+            .and_then(|rounds| (rounds.violation)(self))
+        {
+            return Some(error);
+        }
         let rules = &self.rules;
-        let let_ = rules.semantics == Semantics::LogicalExecutionTime;
-        if matches!(rules.trigger, Trigger::Always) && rules.every.is_none() {
-            let allowed = "with .every(…) only: something has to start the rounds";
-            return Some(Error::parameter(owner, "trigger", &"Always", allowed));
-        }
-        if let_ && rules.batch > 1 {
-            let allowed = "1 with Logical Execution Time: a snapshot has one input per handle";
-            let batch = rules.batch;
-            return Some(Error::parameter(
-                owner,
-                "messages_per_round",
-                &batch,
-                allowed,
-            ));
-        }
-        if rules.every.is_some_and(|e| e.period.is_zero()) {
-            return Some(Error::parameter(owner, "every", &0, "1 ns or more"));
-        }
         let capacity = rules.capacity?;
         let allowed = text!("{}..=4096: those described", self.entries.len());
         let fits = (self.entries.len()..=4096).contains(&capacity);
+        let owner = self.request.owner();
         (!fits).then(|| Error::parameter(owner, "capacity", &capacity, allowed))
     }
 }
@@ -133,30 +123,30 @@ impl WorkerBuilder<'_> {
 
     /// What must be there for a round to begin. Default: [`Trigger::Any`].
     pub fn trigger(self, trigger: Trigger) -> Self {
-        self.rules(|r| r.trigger = trigger)
+        self.ruled(|r| r.trigger = trigger)
     }
 
     /// When callbacks get their input. Default: each just before it runs.
     pub fn semantics(self, semantics: Semantics) -> Self {
-        self.rules(|r| r.semantics = semantics)
+        self.ruled(|r| r.semantics = semantics)
     }
 
     /// Rounds begin by the clock alone: once per period, on an absolute grid; what has come
     /// meanwhile is served then. A round that is overrun follows the rule of `every`.
     pub fn every(self, every: impl Into<Every>) -> Self {
         let every = every.into();
-        self.rules(|r| r.every = Some(every))
+        self.ruled(|r| r.every = Some(every))
     }
 
     /// Up to so many callbacks of one handle per round, before the next handle's turn. Default 1.
     pub fn messages_per_round(self, messages: u32) -> Self {
-        self.rules(|r| r.batch = messages)
+        self.ruled(|r| r.batch = messages)
     }
 
     /// What callbacks publish through [`CallbackContext::publish`] goes out when the round ends: up
     /// to so many samples per round, of up to so many bytes.
     pub fn output_barrier(self, samples: usize, bytes: usize) -> Self {
-        self.rules(|r| r.barrier = Some((samples, bytes)))
+        self.ruled(|r| r.barrier = Some((samples, bytes)))
     }
 
     /// The most handles the worker can have, those added while it runs included; at most 4096.
@@ -218,7 +208,7 @@ impl WorkerBuilder<'_> {
         R: CallbackResult + 'static,
     {
         let topic = topic.into();
-        self.add(|forge| {
+        self.ruled(|_| {}).add(|forge| {
             let mut entry = forge.subscription(node, topic, qos, callback)?;
             entry.handling = Handling::new().always();
             Ok(entry)
@@ -421,6 +411,14 @@ impl WorkerBuilder<'_> {
             change(&mut spec.request);
         }
         self
+    }
+
+    /// A rule that [`rounds`](super::rounds) are for.
+    fn ruled(self, change: impl FnOnce(&mut Rules)) -> Self {
+        self.rules(|r| {
+            r.rounds = Some(&BY_RULES);
+            change(r);
+        })
     }
 
     fn rules(mut self, change: impl FnOnce(&mut Rules)) -> Self {

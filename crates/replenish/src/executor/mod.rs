@@ -11,7 +11,7 @@
 //!   [`planned`], or `unplanned` without feature `plan`: `overlay`, scheduling from a file;
 //!   `admission`, does it fit on this host?
 //! - [`start`]: threads, enforcers, the declared fallbacks. [`threads`]: one thread's life.
-//! - [`dispatcher`], [`worker`]: the two loops; [`doorbell`]: what the second sleeps on. [`handle`], [`subscription`], [`timer`]: what
+//! - [`dispatcher`], [`worker`]: the two loops; [`rounds`]: by other rules than the usual one; [`doorbell`]: what the second sleeps on. [`handle`], [`subscription`], [`timer`]: what
 //!   workers run. [`callback`]: what callbacks see.
 //! - [`assembly`]: the parts put together. [`local`]: without threads, on the caller's.
 //! - [`live`], [`mailbox`], [`desk`]: handles that come and go; `fixed` without feature `live`.
@@ -50,6 +50,7 @@ mod plan;
 #[cfg_attr(not(feature = "plan"), path = "unplanned.rs")]
 pub(crate) mod planning;
 mod report;
+mod rounds;
 mod routes;
 mod rules;
 mod running;

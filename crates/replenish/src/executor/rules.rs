@@ -3,6 +3,7 @@
 
 use super::entry::Entry;
 use super::group::Group;
+use super::rounds::Rounds;
 use super::schedule::Every;
 use crate::Nanos;
 use crate::event::Event;
@@ -108,6 +109,15 @@ pub(crate) struct Rules {
     pub(crate) barrier: Option<(usize, usize)>,
     /// The most handles, those added later included.
     pub(crate) capacity: Option<usize>,
+    /// How rounds go by these rules, if there are any.
+    pub(crate) rounds: Option<&'static Rounds>,
+}
+
+impl Rules {
+    /// All input is taken when the round begins.
+    pub(crate) fn takes_first(&self) -> bool {
+        self.semantics == Semantics::LogicalExecutionTime
+    }
 }
 
 /// What happens when a callback ends after its deadline. It is always counted.

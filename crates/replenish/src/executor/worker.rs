@@ -23,13 +23,13 @@ use super::handle::Env;
 use super::live::Live;
 use super::mailbox::Mailbox;
 use super::outbox::Outbox;
-use super::rules::{HandleStates, Rules, Semantics, Trigger};
-use super::schedule::{Schedule, nanos};
+use super::rounds::Rounds;
+use super::rules::Rules;
+use super::schedule::Schedule;
 use super::stop::StopHandle;
 use crate::Nanos;
 use crate::event::Events;
 use crate::sync::Arc;
-use crate::text::shown;
 use alloc::vec::Vec;
 use core::cell::RefCell;
 use replenish_os::Account;
@@ -46,6 +46,8 @@ pub(crate) struct Worker {
     /// Each round looks at every handle, since the rules want to know of all.
     pub(crate) looks_at_all: bool,
     pub(crate) rules: Rules,
+    /// How rounds go if there are any such rules.
+    pub(crate) rounds: Option<&'static Rounds>,
     pub(crate) mailbox: Arc<Mailbox>,
     pub(crate) live: Option<Arc<Live>>,
     pub(crate) outbox: Option<RefCell<Outbox>>,
@@ -59,13 +61,9 @@ impl Worker {
     /// The executor starts at this instant, from which timers count.
     pub(crate) fn begin(&mut self, start: Nanos) {
         self.mailbox.open();
-        if self.rules.every.is_some() {
-            self.bell.mute();
+        if let Some(rounds) = self.rounds {
+            (rounds.begin)(self, start);
         }
-        self.grid = self.rules.every.map(|every| {
-            let first = start.saturating_add(nanos(every.first_after));
-            Schedule::new(first, nanos(every.period), every.overrun)
-        });
         for entry in &mut self.entries {
             let line = self.mailbox.line(entry.slot);
             entry.handle.begin(start, &line);
@@ -75,11 +73,7 @@ impl Worker {
 
     /// Handles have come or gone.
     pub(crate) fn reordered(&mut self) {
-        // The usual case: nothing to be known in advance, each handle is looked at in its turn.
-        let in_turn = matches!(self.rules.trigger, Trigger::Any)
-            && self.rules.semantics == Semantics::TakeThenExecute
-            && !self.entries.iter().any(|e| e.handling.always);
-        self.looks_at_all = !in_turn;
+        self.looks_at_all = self.rounds.is_some_and(|rounds| (rounds.want_all)(self));
         self.agenda.reorder(&self.entries);
     }
 
@@ -110,15 +104,12 @@ impl Worker {
 
     /// A round, if it is time for one; whether it did anything.
     pub(crate) fn step(&mut self, account: &mut Account, tally: &mut Tally) -> bool {
-        match &mut self.grid {
-            None => self.round(account, tally),
-            Some(grid) => match grid.serve(clock::monotonic()) {
-                None => false,
-                Some(_) => {
-                    self.round(account, tally);
-                    true
-                }
-            },
+        if let Some(rounds) = self.rounds {
+            return (rounds.step)(self, account, tally);
+        }
+        match self.round::<false>(account, tally) {
+            Ok(last) => last.is_some() || self.agenda.is_due(),
+            Err(Stopping) => true,
         }
     }
 
@@ -127,12 +118,14 @@ impl Worker {
         self.looks_at_all || self.agenda.is_due()
     }
 
-    /// Visits every handle once, if the trigger allows it; whether any ran.
-    pub(crate) fn round(&mut self, account: &mut Account, tally: &mut Tally) -> bool {
-        let snapshot = self.rules.semantics == Semantics::LogicalExecutionTime;
-        if self.looks_at_all && !self.is_triggered() {
-            return false;
-        }
+    /// Visits each handle once that may have something to do, or with `ALL` those that had it when
+    /// the round began; the position of the last one that ran.
+    pub(super) fn round<const ALL: bool>(
+        &mut self,
+        account: &mut Account,
+        tally: &mut Tally,
+    ) -> Result<Option<usize>, Stopping> {
+        let snapshot = ALL && self.rules.takes_first();
         let env = Env {
             worker: &self.name,
             stop: &self.stop,
@@ -151,7 +144,7 @@ impl Worker {
         };
         if snapshot {
             if !turn.may_begin() {
-                return true;
+                return Err(Stopping);
             }
             for entry in self.entries.iter_mut().filter(|e| e.ready) {
                 entry.snapshot(&env);
@@ -159,7 +152,7 @@ impl Worker {
         }
         let (mut last, mut from) = (None, 0);
         loop {
-            let next = match self.looks_at_all {
+            let next = match ALL {
                 true => Some(from),
                 false => {
                     self.agenda.release(clock::monotonic());
@@ -175,11 +168,11 @@ impl Worker {
                 None => {
                     self.ran += turn.ran;
                     self.agenda.insert(position);
-                    return true;
+                    return Err(Stopping);
                 }
                 Some(ran) => last = ran.then_some(position).or(last),
             }
-            if !self.looks_at_all {
+            if !ALL {
                 if entry.look(clock::monotonic()) {
                     self.agenda.insert(position);
                 }
@@ -188,54 +181,20 @@ impl Worker {
             }
         }
         self.ran += turn.ran;
-        if let Some(outbox) = &self.outbox {
-            let to_blame = last.and_then(|at| self.entries.get(at));
-            outbox.borrow_mut().release(|e| {
-                if let Some(entry) = to_blame {
-                    entry.shared.failed(shown(&e), env.events);
-                }
-            });
-        }
-        last.is_some() || (!self.looks_at_all && self.agenda.is_due())
-    }
-
-    /// Looks at every handle; whether what is there is enough for a round.
-    fn is_triggered(&mut self) -> bool {
-        let now = clock::monotonic();
-        let (mut any, mut all) = (false, true);
-        for entry in &mut self.entries {
-            entry.ready = entry.look(now);
-            any |= entry.ready;
-            all &= entry.ready || !entry.is_live();
-        }
-        let states = HandleStates(&self.entries);
-        match &mut self.rules.trigger {
-            Trigger::Any => any,
-            Trigger::All => any && all,
-            Trigger::One(id) => states.is_ready(id),
-            Trigger::Always => true,
-            Trigger::Custom(condition) => any && condition(&states),
-        }
+        Ok(last)
     }
 
     /// When there will be something to do without the bell.
     pub(crate) fn next_wake(&mut self) -> Option<Nanos> {
-        if let Some(grid) = &self.grid {
-            return Some(grid.next());
+        match self.rounds {
+            Some(rounds) => (rounds.next_wake)(self),
+            None => self.agenda.earliest(),
         }
-        if !self.looks_at_all {
-            return self.agenda.earliest();
-        }
-        // A release that is due already waits for the trigger's other conditions, not for time.
-        let overdue = match self.rules.trigger {
-            Trigger::Any => 0,
-            _ => clock::monotonic(),
-        };
-        let live = self.entries.iter_mut().filter(|e| e.is_live());
-        let releases = live.filter_map(|e| e.handle.next_release());
-        releases.filter(|at| *at > overdue).min()
     }
 }
+
+/// The executor stops: a round ends where it is.
+pub(super) struct Stopping;
 
 /// What the turns of one round share.
 struct Turn<'r> {

@@ -1,0 +1,150 @@
+//! Rounds by other rules than the usual one, that each handle with input has its turn: triggers,
+//! Logical Execution Time, rounds by the clock, callbacks without input, the output barrier.
+//!
+//! A worker reaches all this through [`Rounds`], which the methods of its builder set that give such
+//! a rule. So a program that gives none does not carry the code.
+
+use super::builder::WorkerSpec;
+use super::entry::Tally;
+use super::rules::{HandleStates, Semantics, Trigger};
+use super::schedule::{Schedule, nanos};
+use super::worker::Worker;
+use crate::Nanos;
+use crate::error::Error;
+use crate::text::shown;
+use replenish_os::{Account, clock};
+
+/// How a worker with such rules does it.
+pub(crate) struct Rounds {
+    /// The first rule that contradicts another.
+    pub(super) violation: fn(&WorkerSpec) -> Option<Error>,
+    pub(super) begin: fn(&mut Worker, Nanos),
+    /// Whether each round must look at every handle.
+    pub(super) want_all: fn(&Worker) -> bool,
+    pub(super) step: fn(&mut Worker, &mut Account, &mut Tally) -> bool,
+    pub(super) next_wake: fn(&mut Worker) -> Option<Nanos>,
+}
+
+/// By all rules there are.
+pub(crate) static BY_RULES: Rounds = Rounds {
+    violation,
+    begin,
+    want_all,
+    step,
+    next_wake,
+};
+
+/// The first rule that contradicts another.
+fn violation(worker: &WorkerSpec) -> Option<Error> {
+    let owner = worker.request.owner();
+    let rules = &worker.rules;
+    let let_ = rules.semantics == Semantics::LogicalExecutionTime;
+    if matches!(rules.trigger, Trigger::Always) && rules.every.is_none() {
+        let allowed = "with .every(…) only: something has to start the rounds";
+        return Some(Error::parameter(owner, "trigger", &"Always", allowed));
+    }
+    if let_ && rules.batch > 1 {
+        let allowed = "1 with Logical Execution Time: a snapshot has one input per handle";
+        let batch = rules.batch;
+        return Some(Error::parameter(
+            owner,
+            "messages_per_round",
+            &batch,
+            allowed,
+        ));
+    }
+    if rules.every.is_some_and(|e| e.period.is_zero()) {
+        return Some(Error::parameter(owner, "every", &0, "1 ns or more"));
+    }
+    None
+}
+
+fn begin(worker: &mut Worker, start: Nanos) {
+    if worker.rules.every.is_some() {
+        worker.bell.mute();
+    }
+    worker.grid = worker.rules.every.map(|every| {
+        let first = start.saturating_add(nanos(every.first_after));
+        Schedule::new(first, nanos(every.period), every.overrun)
+    });
+}
+
+fn want_all(worker: &Worker) -> bool {
+    // The usual case: nothing to be known in advance, each handle is looked at in its turn.
+    let in_turn = matches!(worker.rules.trigger, Trigger::Any)
+        && worker.rules.semantics == Semantics::TakeThenExecute
+        && !worker.entries.iter().any(|e| e.handling.always);
+    !in_turn
+}
+
+fn step(worker: &mut Worker, account: &mut Account, tally: &mut Tally) -> bool {
+    match &mut worker.grid {
+        None => round(worker, account, tally),
+        Some(grid) => match grid.serve(clock::monotonic()) {
+            None => false,
+            Some(_) => {
+                round(worker, account, tally);
+                true
+            }
+        },
+    }
+}
+
+/// A round, if the trigger allows it; whether it did anything.
+fn round(worker: &mut Worker, account: &mut Account, tally: &mut Tally) -> bool {
+    if worker.looks_at_all && !is_triggered(worker) {
+        return false;
+    }
+    let ended = match worker.looks_at_all {
+        true => worker.round::<true>(account, tally),
+        false => worker.round::<false>(account, tally),
+    };
+    let Ok(last) = ended else {
+        return true;
+    };
+    if let Some(outbox) = &worker.outbox {
+        let to_blame = last.and_then(|at| worker.entries.get(at));
+        outbox.borrow_mut().release(|e| {
+            if let Some(entry) = to_blame {
+                entry.shared.failed(shown(&e), &worker.events);
+            }
+        });
+    }
+    last.is_some() || (!worker.looks_at_all && worker.agenda.is_due())
+}
+
+/// Looks at every handle; whether what is there is enough for a round.
+fn is_triggered(worker: &mut Worker) -> bool {
+    let now = clock::monotonic();
+    let (mut any, mut all) = (false, true);
+    for entry in &mut worker.entries {
+        entry.ready = entry.look(now);
+        any |= entry.ready;
+        all &= entry.ready || !entry.is_live();
+    }
+    let states = HandleStates(&worker.entries);
+    match &mut worker.rules.trigger {
+        Trigger::Any => any,
+        Trigger::All => any && all,
+        Trigger::One(id) => states.is_ready(id),
+        Trigger::Always => true,
+        Trigger::Custom(condition) => any && condition(&states),
+    }
+}
+
+fn next_wake(worker: &mut Worker) -> Option<Nanos> {
+    if let Some(grid) = &worker.grid {
+        return Some(grid.next());
+    }
+    if !worker.looks_at_all {
+        return worker.agenda.earliest();
+    }
+    // A release that is due already waits for the trigger's other conditions, not for time.
+    let overdue = match worker.rules.trigger {
+        Trigger::Any => 0,
+        _ => clock::monotonic(),
+    };
+    let live = worker.entries.iter_mut().filter(|e| e.is_live());
+    let releases = live.filter_map(|e| e.handle.next_release());
+    releases.filter(|at| *at > overdue).min()
+}
