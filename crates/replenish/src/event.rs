@@ -188,8 +188,12 @@ impl Events {
 }
 
 impl Default for Events {
-    /// One line on standard error each, where there is one.
+    /// With feature `log` to the program's logger; else one line on standard error each, where there
+    /// is one.
     fn default() -> Self {
+        #[cfg(feature = "log")]
+        return Self::new(crate::logged::tell);
+        #[cfg(not(feature = "log"))]
         Self::new(crate::platform::tell)
     }
 }

@@ -26,6 +26,8 @@ mod executor;
 mod handoff;
 mod histogram;
 mod lifecycle;
+#[cfg(any(test, feature = "log"))]
+mod logged;
 mod name;
 mod parameter;
 mod platform;

@@ -245,8 +245,8 @@ impl Executor {
         self
     }
 
-    /// Where [`Event`]s go; called on the thread they happen on. Default: one line each on
-    /// standard error.
+    /// Where [`Event`]s go; called on the thread they happen on. Default: with feature `log` the
+    /// program's logger (target `replenish`), else one line each on standard error.
     pub fn on_event(&mut self, hook: impl Fn(&Event<'_>) + Send + Sync + 'static) -> &mut Self {
         self.options.events = Arc::new(Events::new(hook));
         self

@@ -37,6 +37,7 @@ pub(crate) fn guard<T>(step: impl FnOnce() -> T, panicked: impl FnOnce(&str) -> 
 }
 
 /// Where events go if nobody has said otherwise: one line on standard error each.
+#[cfg(not(feature = "log"))]
 pub(crate) fn tell(event: &crate::Event<'_>) {
     std::eprintln!("replenish: {event}");
 }
