@@ -7,6 +7,7 @@
 //! still](stand_still) leaves no trace, not even in the instant within a tick.
 
 use crate::regs::{ALARM, CLOCK, IRQ_TIM5, RCC_APB1ENR, Timer, enable_interrupt, forget_interrupt};
+use core::cell::UnsafeCell;
 use core::sync::atomic::{AtomicU32, Ordering};
 use replenish_os::freertos::AtomicU64;
 
@@ -53,20 +54,39 @@ pub fn start() {
 }
 
 /// Time for which the clock stood still, in ns.
-static STOOD: AtomicU64 = AtomicU64::new(0);
+static STOOD: Held = Held(UnsafeCell::new(0));
 /// What the alarm is set to.
 static ARMED: AtomicU64 = AtomicU64::new(u64::MAX);
 
 /// What the clock says while it stands still, in ns; 0: it runs.
-static STANDS: AtomicU64 = AtomicU64::new(0);
+static STANDS: Held = Held(UnsafeCell::new(0));
+
+/// A number that is reached with all interrupts masked only: every switch reads these, and a mask
+/// of their own would cost as much as the clock.
+struct Held(UnsafeCell<u64>);
+
+// SAFETY: one core, and nothing interrupts who reaches it.
+unsafe impl Sync for Held {}
+
+impl Held {
+    fn get(&self) -> u64 {
+        // SAFETY: as above.
+        unsafe { self.0.get().read() }
+    }
+
+    fn set(&self, value: u64) {
+        // SAFETY: as above.
+        unsafe { self.0.get().write(value) };
+    }
+}
 
 /// Nanoseconds since [`start`], without those for which the clock stood still.
 #[unsafe(no_mangle)]
 extern "C" fn rp_board_now() -> u64 {
     // Masked, so that the clock does not stand still between the two.
     let before = mask();
-    let now = match STANDS.load(Ordering::Relaxed) {
-        0 => raw() - STOOD.load(Ordering::Relaxed),
+    let now = match STANDS.get() {
+        0 => raw() - STOOD.get(),
         then => then,
     };
     unmask(before);
@@ -76,16 +96,19 @@ extern "C" fn rp_board_now() -> u64 {
 /// The clock stands still while `f` runs, which is given the time that it really took so far. What
 /// rings meanwhile is told that nothing is due, and set again. For what exists in emulation only.
 pub fn stand_still(f: impl FnOnce(&dyn Fn() -> u64)) {
+    let before = mask();
     let now = rp_board_now();
-    let outer = STANDS.swap(now, Ordering::Relaxed) != 0;
+    let outer = STANDS.get() != 0;
+    STANDS.set(now);
+    unmask(before);
     let begin = raw();
     f(&|| raw() - begin);
     if outer {
         return; // whoever stopped it starts it
     }
     let before = mask();
-    STOOD.store(raw() - now, Ordering::Relaxed);
-    STANDS.store(0, Ordering::Relaxed);
+    STOOD.set(raw() - now);
+    STANDS.set(0);
     forget_interrupt(IRQ_TIM5);
     ring_after(ALARM, until(ARMED.load(Ordering::Relaxed)));
     unmask(before);
