@@ -115,6 +115,7 @@ static void *slot_of(struct tcb_s *tcb)
 void *rp_current(void) { return slot_of(nxsched_self()); }
 
 /* Interrupts off, and with them switches: one CPU. Nests. */
+_Static_assert(sizeof(irqstate_t) <= sizeof(uint32_t), "processors of 32 bits only");
 uint32_t rp_mask(void) { return (uint32_t)enter_critical_section(); }
 void rp_unmask(uint32_t before) { leave_critical_section((irqstate_t)before); }
 
