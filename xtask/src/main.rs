@@ -8,7 +8,7 @@
 //! - [`behaviour`]: runs the cases of the image `behaviour` like a test runner.
 //! - [`executor`]: Experiment 1 on the executor itself.
 //! - [`bench`]: what switching and handing over cost, in instructions.
-//! - [`size`]: flash and RAM of an image, by part.
+//! - [`size`]: flash and static RAM of pong, by part; [`memory`]: what it takes of the heap.
 
 mod behaviour;
 mod bench;
@@ -17,6 +17,7 @@ mod demo;
 mod executor;
 mod experiment;
 mod host;
+mod memory;
 mod qemu;
 mod rig;
 mod size;
@@ -86,7 +87,8 @@ enum Board {
         #[arg(long, value_name = "PATH")]
         json: Option<PathBuf>,
     },
-    /// Prints flash and static RAM of the image `budgets`, by part
+    /// Prints flash and RAM of pong over executor and XRCE client, by part, and what each worker,
+    /// subscription, publisher and budget takes
     Size {
         /// Also write the result as JSON
         #[arg(long, value_name = "PATH")]

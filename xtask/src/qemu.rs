@@ -12,8 +12,17 @@ pub(crate) fn build(name: &str) -> Outcome<PathBuf> {
     build_for(name, "release")
 }
 
+/// Builds image `name` without texts; its ELF file.
+pub(crate) fn build_without_texts(name: &str) -> Outcome<PathBuf> {
+    build_with(name, "release", &["--no-default-features"])
+}
+
 /// Builds image `name` with a profile; its ELF file.
 pub(crate) fn build_for(name: &str, profile: &str) -> Outcome<PathBuf> {
+    build_with(name, profile, &[])
+}
+
+fn build_with(name: &str, profile: &str, options: &[&str]) -> Outcome<PathBuf> {
     host::check()?;
     let firmware = Path::new(env!("CARGO_MANIFEST_DIR")).join("../firmware");
     let target = match std::env::var_os("CARGO_TARGET_DIR") {
@@ -23,6 +32,7 @@ pub(crate) fn build_for(name: &str, profile: &str) -> Outcome<PathBuf> {
     .map_err(|e| e.to_string())?;
     let status = Command::new("cargo")
         .args(["build", "--quiet", "--profile", profile, "--bin", name])
+        .args(options)
         .current_dir(&firmware) // its .cargo/config.toml names target and linker script
         .env("CARGO_TARGET_DIR", &target)
         .env_remove("RUSTFLAGS")

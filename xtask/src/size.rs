@@ -1,14 +1,16 @@
-//! Flash and static RAM of an image, by part, from its symbols.
+//! Flash and RAM of pong over executor and XRCE client, without the kernel: flash by part, from the
+//! symbols of `tools/executor-size`; RAM as the image [`memory`] takes it at set-up.
 
-use crate::{Outcome, qemu, write};
+use crate::host::{self, TARGET};
+use crate::{Outcome, memory, write};
 use serde_json::json;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Builds, measures, prints, writes.
 pub(crate) fn run(path: Option<&Path>) -> Outcome {
-    let image = qemu::build("budgets")?;
+    let image = build()?;
     let symbols = tool("arm-none-eabi-nm", &["-C", "-S"], &image)?;
     let sections = tool("arm-none-eabi-size", &["-A"], &image)?;
     let section = |names: &[&str]| -> u64 {
@@ -30,29 +32,71 @@ pub(crate) fn run(path: Option<&Path>) -> Outcome {
             _ => {}
         }
     }
-    let flash = section(&[".vectors", ".text", ".rodata", ".ARM.exidx", ".data"]);
-    let ram = section(&[".data", ".bss"]);
+    let flash = section(&[".text", ".rodata", ".ARM.exidx", ".data"]);
+    let fixed = section(&[".data", ".bss"]);
     let named: (u64, u64) = parts.values().fold((0, 0), |a, p| (a.0 + p.0, a.1 + p.1));
     parts.insert(
         "without a name (constants, padding)",
-        (flash.saturating_sub(named.0), ram.saturating_sub(named.1)),
+        (flash.saturating_sub(named.0), fixed.saturating_sub(named.1)),
     );
+    let memory = memory::measure()?;
+    parts.insert("taken at set-up: XRCE client", (0, memory.client));
+    parts.insert("taken at set-up: executor", (0, memory.executor));
+    let ram = fixed + memory.client + memory.executor;
     println!(
         "{:<38} {:>8} {:>10}",
-        "image budgets", "flash", "static RAM"
+        "executor, XRCE client, pong", "flash", "RAM"
     );
     for (name, (flash, ram)) in &parts {
         println!("{name:<38} {flash:>8} {ram:>10}");
     }
     println!("{:<38} {flash:>8} {ram:>10}", "in all");
+    println!(
+        "besides: kernel, stacks of 4 threads ({} bytes)",
+        memory.stacks
+    );
+    let each = [
+        ("worker", memory.worker),
+        ("subscription", memory.subscription),
+        ("publisher", memory.publisher),
+        ("budget", memory.budget),
+    ];
+    for (what, bytes) in each {
+        println!("one more {what:<29} {:>8} {bytes:>10}", 0);
+    }
     let list: Vec<_> = parts
         .iter()
         .map(|(name, (flash, ram))| json!({"name": name, "flash_bytes": flash, "static_ram_bytes": ram}))
         .collect();
+    let each: BTreeMap<_, _> = each.into_iter().collect();
     write(
         path,
-        &json!({"image": "budgets", "flash_bytes": flash, "static_ram_bytes": ram, "parts": list}),
+        &json!({"image": "pong", "flash_bytes": flash, "static_ram_bytes": ram, "parts": list,
+            "each_ram_bytes": each, "stack_bytes_besides": memory.stacks}),
     )
+}
+
+/// Links pong without a kernel, whose functions stay open; its ELF file.
+fn build() -> Outcome<PathBuf> {
+    host::check()?;
+    let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tools/executor-size");
+    let target = match std::env::var_os("CARGO_TARGET_DIR") {
+        Some(dir) => std::path::absolute(PathBuf::from(dir).join("size")),
+        None => std::path::absolute(program.join("../../target/size")),
+    }
+    .map_err(|e| e.to_string())?;
+    let open = "-C link-arg=-eentry -C link-arg=--unresolved-symbols=ignore-all";
+    let status = Command::new("cargo")
+        .args(["build", "--quiet", "--release", "--target", TARGET])
+        .current_dir(&program)
+        .env("CARGO_TARGET_DIR", &target)
+        .env("RUSTFLAGS", open)
+        .status()
+        .map_err(|e| format!("cargo: {e}"))?;
+    match status.success() {
+        true => Ok(target.join(TARGET).join("release/executor-size")),
+        false => Err("tools/executor-size was not built".into()),
+    }
 }
 
 fn tool(program: &str, arguments: &[&str], image: &Path) -> Outcome<String> {
@@ -72,19 +116,22 @@ fn symbol(line: &str) -> Option<(&str, char, u64)> {
 /// Which part a symbol belongs to, by its name.
 fn part(name: &str) -> &'static str {
     let has = |what: &str| name.contains(what);
-    if name == "budgets::HEAP" {
-        "heap (stacks, workers, budgets)"
-    } else if has("replenish_os") || name.starts_with("rp_") {
-        "replenish-os"
-    } else if has("sporadic::") {
-        "sporadic"
-    } else if has("firmware::")
-        || has("budgets::")
-        || name == "VECTORS"
-        || name == "Reset"
-        || name == "image_main"
-    {
-        "board and image"
+    // The crate that a symbol begins with, or that implements something: the first one named.
+    let first = |what: &str| name.find(what).unwrap_or(usize::MAX);
+    let ours = [
+        ("replenish_xrce::", "XRCE client"),
+        ("replenish::middleware::xrce", "adapter to XRCE"),
+        ("replenish::", "executor"),
+        ("replenish_os::", "replenish-os: threads, locks, enforcer"),
+        ("sporadic::", "sporadic: budget servers"),
+        ("replenish_msg::", "messages"),
+        ("executor_size::", "pong"),
+    ];
+    let own = ours.iter().min_by_key(|(prefix, _)| first(prefix));
+    if let Some((_, part)) = own.filter(|(prefix, _)| has(prefix)) {
+        part
+    } else if name == "entry" || has("FnOnce::call_once") {
+        "bodies of threads (inlined)"
     } else if has("core::")
         || has("alloc::")
         || has("compiler_builtins")
@@ -93,6 +140,6 @@ fn part(name: &str) -> &'static str {
     {
         "Rust's core and alloc"
     } else {
-        "FreeRTOS kernel"
+        "without a name (constants, padding)"
     }
 }

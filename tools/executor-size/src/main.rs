@@ -74,6 +74,10 @@ mod pong {
     pub(super) fn run() -> Result<(), Error> {
         let config = XrceConfig {
             key: Some(*b"pong"),
+            mtu: 128,
+            window: 2,
+            max_sample: 64,
+            journal: 640,
             ..XrceConfig::small()
         };
         let port = PortTransport::new(Registers, config.mtu);

@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 const KEPT: usize = crate::backend::OVERRUNS_KEPT;
 
 /// How many of the newest stalls of a worker are kept.
-const STALLS_KEPT: usize = 16;
+const STALLS_KEPT: usize = if KEPT < 1024 { 2 } else { 16 };
 
 /// A demotion that came late because the machine stood still (a hypervisor pause, the kernel's
 /// real-time throttle): listed apart from the mechanism's own overruns.

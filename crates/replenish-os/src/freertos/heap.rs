@@ -6,7 +6,7 @@
 //!                              └─ free list, first fit     └─ top
 //! ```
 //!
-//! Freed blocks are used again whole and not joined; set-up frees little.
+//! Freed blocks are cut to what is asked for and not joined; set-up frees little.
 #![expect(unsafe_code, reason = "a global allocator")]
 
 use super::ffi::Part;
@@ -97,9 +97,17 @@ impl<const N: usize> SealedHeap<N> {
             }
             // SAFETY: a freed block, written by `dealloc`.
             let free = unsafe { &mut *block };
-            if free.bytes == bytes {
+            if let Some(rest) = free.bytes.checked_sub(bytes) {
+                let mut next = free.next;
+                if rest > 0 {
+                    // SAFETY: the rest of the block, a multiple of 8 bytes, which is what a head takes.
+                    let tail = unsafe { block.cast::<u8>().add(bytes) }.cast::<Free>();
+                    // SAFETY: inside of the block.
+                    unsafe { tail.write(Free { bytes: rest, next }) };
+                    next = tail;
+                }
                 // SAFETY: as above; takes the block out of the list.
-                unsafe { *link = free.next };
+                unsafe { *link = next };
                 return block.cast();
             }
             link = &raw mut free.next;

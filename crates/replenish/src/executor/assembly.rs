@@ -49,7 +49,9 @@ pub(crate) fn assemble(
         desk: Desk::new(),
         bells,
     };
-    dispatcher.routes.resize_with(MAX_READERS, || None);
+    if cfg!(feature = "live") {
+        dispatcher.routes.resize_with(MAX_READERS, || None); // readers come without allocation
+    }
     let (mut posts, mut limits) = (Vec::with_capacity(specs.len()), 0);
     let mut workers = Vec::with_capacity(specs.len());
     let mut handles: Vec<(Arc<str>, Arc<Shared>)> = Vec::new();
@@ -106,7 +108,11 @@ impl Dispatcher {
         let Some((reader, _)) = shared.input else {
             return;
         };
-        if let Some(route) = self.routes.get_mut(usize::from(reader.0)) {
+        let place = usize::from(reader.0);
+        if self.routes.len() <= place {
+            self.routes.resize_with(place + 1, || None);
+        }
+        if let Some(route) = self.routes.get_mut(place) {
             *route = Some(Route {
                 shared: Arc::clone(shared),
                 worker,

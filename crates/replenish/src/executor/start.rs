@@ -245,7 +245,8 @@ impl Starter<'_> {
                 continue;
             };
             if !self.enforcers.iter().any(|(cpu, _)| *cpu == seat.cpu) {
-                let here = seats.clone().filter(|s| s.cpu == seat.cpu);
+                let budgeted = |s: &Seat| matches!(s.policy, Policy::Sporadic(_));
+                let here = seats.clone().filter(|s| s.cpu == seat.cpu && budgeted(s));
                 let enforcer = self.enforcer(seat, here.count())?;
                 self.enforcers.push((seat.cpu, enforcer));
             }

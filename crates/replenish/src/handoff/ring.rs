@@ -8,7 +8,7 @@
 //! ```
 //!
 //! A ring of depth `d` owns `d + 2` buffers: `d` that wait, one in the hands of the one that fills
-//! and one in the hands of the one that reads. Buffers move by value (three words), so bytes are
+//! and one in the hands of the one that reads. Buffers move by value (four words), so bytes are
 //! copied outside the lock, and a spare one is always there for a single filler.
 
 use super::SampleInfo;
@@ -21,7 +21,8 @@ use alloc::vec::Vec;
 pub(crate) struct Slot {
     bytes: Box<[u8]>,
     len: usize,
-    info: SampleInfo,
+    /// By itself, so that a buffer is small to move, and the queue to keep.
+    info: Box<SampleInfo>,
 }
 
 impl Slot {
@@ -29,13 +30,13 @@ impl Slot {
         Self {
             bytes: alloc::vec![0; size].into_boxed_slice(),
             len: 0,
-            info: SampleInfo::at(0),
+            info: Box::new(SampleInfo::at(0)),
         }
     }
 
     /// Copies a sample into the buffer; `false`, and an empty slot, if it does not fit.
     pub(crate) fn fill(&mut self, bytes: &[u8], info: &SampleInfo) -> bool {
-        self.info = *info;
+        *self.info = *info;
         self.len = 0;
         let Some(room) = self.bytes.get_mut(..bytes.len()) else {
             return false;

@@ -1,6 +1,6 @@
 //! Settings of the XRCE adapter, and what can go wrong when it connects.
 
-use super::limits::WINDOW;
+use super::limits::{JOURNAL, WINDOW};
 use crate::Nanos;
 use crate::platform::io;
 use crate::text::Words;
@@ -21,6 +21,9 @@ pub struct XrceConfig {
     /// The largest sample that can be sent and received on a reliable topic, in bytes, up to 65528.
     /// What the window can hold besides can be sent, too.
     pub max_sample: usize,
+    /// Bytes for the descriptions of what was created, from which it is created anew at the next
+    /// log-in, 64 or more: about 120 for a publisher and 150 for a subscription with short names.
+    pub journal: usize,
     /// The DDS domain.
     pub domain: i16,
     /// Identifies this client; no two clients of an agent may have the same. `None`: at random.
@@ -45,6 +48,7 @@ impl Default for XrceConfig {
             mtu: 512,
             window: 64,
             max_sample: 16 * 1024,
+            journal: JOURNAL,
             domain: 0,
             key: None,
             connect_timeout: 1_500_000_000,
@@ -85,13 +89,13 @@ impl XrceConfig {
     }
 
     /// For microcontrollers: a line as slow, and small buffers. MTU 256, a window of 4, samples of
-    /// up to 256 bytes.
+    /// up to 240 bytes, which one message holds: there are no buffers for fragments.
     #[must_use]
     pub fn small() -> Self {
         Self {
             mtu: 256,
             window: 4,
-            max_sample: 256,
+            max_sample: 240,
             ..Self::slow_line()
         }
     }
@@ -113,6 +117,9 @@ impl XrceConfig {
         }
         if !(1..=65_528).contains(&self.max_sample) {
             return setting("max_sample", "from 1 to 65528 bytes");
+        }
+        if self.journal < 64 {
+            return setting("journal", "64 bytes or more");
         }
         if self.key == Some([0; 4]) {
             return setting("key", "other than 0, which the protocol reserves");

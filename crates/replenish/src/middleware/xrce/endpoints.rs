@@ -287,7 +287,7 @@ impl State {
 }
 
 /// Bytes of a datagram besides the one sample in it.
-const OVERHEAD: usize = 12;
+pub(super) const OVERHEAD: usize = 12;
 
 /// The number of the next object, from 1 on.
 pub(super) fn number(

@@ -13,8 +13,10 @@ pub(super) const REQUESTS: usize = limit(4096, 32);
 /// Streams of each kind and direction: one for each [`Criticality`](crate::Criticality), or one for
 /// both.
 pub(super) const STREAMS: usize = limit(2, 1);
-/// Messages that wait for a missing one; agents keep sixteen.
-pub(super) const REORDER: usize = limit(16, 4);
+/// Messages that wait for a missing one: agents keep sixteen; a microcontroller as many as it keeps.
+pub(super) const fn reorder(window: usize) -> usize {
+    limit(16, window)
+}
 /// Messages of requests on their way after a new log-in.
 pub(super) const RESTORE: usize = limit(16, 1);
 /// Bytes of journal: what `REQUESTS` descriptions with names of usual length need.

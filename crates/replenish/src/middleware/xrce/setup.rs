@@ -1,6 +1,7 @@
 //! Connecting, and creating readers and writers: the only code here that waits for the agent.
 
-use super::limits::{JOURNAL, REORDER, RESTORE, STREAMS};
+use super::endpoints::OVERHEAD;
+use super::limits::{RESTORE, STREAMS, reorder};
 use super::state::{State, stream};
 use super::waiting::Waiting;
 use super::{ConnectError, Transport, Xrce, XrceConfig, io_error};
@@ -165,17 +166,21 @@ pub(super) fn wall_clock() -> WireTime {
 fn session(config: &XrceConfig) -> super::state::XrceSession {
     let mtu = usize::from(config.mtu);
     let bytes = |len: usize| -> Box<[u8]> { vec![0; len].into() };
-    let sample = (config.max_sample + 8).next_multiple_of(4);
+    // What fits a message needs no room to be taken apart and put together.
+    let sample = match config.max_sample + OVERHEAD > mtu {
+        true => (config.max_sample + 8).next_multiple_of(4),
+        false => 0,
+    };
     let reliable = || ReliableBuffers {
         output: bytes(mtu * usize::from(config.window)),
         large_output: bytes(sample),
-        input: bytes(mtu * REORDER),
+        input: bytes(mtu * reorder(config.window.into())),
         fragments: bytes(sample),
     };
     let buffers = Buffers {
         best_effort: core::array::from_fn::<_, STREAMS, _>(|_| bytes(mtu)),
         reliable: core::array::from_fn::<_, STREAMS, _>(|_| reliable()),
-        journal: bytes(JOURNAL),
+        journal: bytes(config.journal),
         restore: bytes(mtu * RESTORE),
     };
     let session = Config {
