@@ -40,9 +40,11 @@ pub use transport::{Received, Sent, Transport};
 #[cfg(feature = "std")]
 pub use transport::{SerialTransport, TcpTransport};
 
+#[cfg(feature = "texts")]
+use super::Clash;
 use super::{
-    Clash, EndpointSpec, Interest, LinkState, Middleware, MiddlewareError, PublishError, ReaderId,
-    Room, SampleInfo, WriterId,
+    EndpointSpec, Interest, LinkState, Middleware, MiddlewareError, PublishError, ReaderId, Room,
+    SampleInfo, WriterId,
 };
 #[cfg(feature = "services")]
 use super::{RequestIdentity, ServiceSpec};
@@ -241,6 +243,7 @@ impl Middleware for Xrce {
         known.ok().flatten().flatten()
     }
 
+    #[cfg(feature = "texts")]
     fn next_clash(&self) -> Option<Clash> {
         self.state.lock().next_clash()
     }

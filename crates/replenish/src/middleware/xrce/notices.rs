@@ -4,7 +4,9 @@
 use super::state::State;
 #[cfg(feature = "services")]
 use crate::middleware::WriterId;
+#[cfg(feature = "texts")]
 use crate::middleware::{Clash, ReaderId};
+#[cfg(feature = "texts")]
 use replenish_xrce::wire::ObjectKind;
 
 impl State {
@@ -18,6 +20,7 @@ impl State {
         self.session.has_notices().then_some(writer.served)
     }
 
+    #[cfg(feature = "texts")]
     pub(super) fn next_clash(&mut self) -> Option<Clash> {
         loop {
             let (object, policies) = self.clashes.pop()?;

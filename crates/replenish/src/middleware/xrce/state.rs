@@ -22,7 +22,7 @@ use replenish_xrce::wire::{DeliveryControl, Notice, ObjectId, Status, StreamId};
 pub(super) type XrceSession = Session<Box<[u8]>, WINDOW, REQUESTS, STREAMS, STREAMS>;
 
 /// Clashes that wait to be told; more are left out.
-const CLASHES: usize = 64;
+const CLASHES: usize = if cfg!(feature = "texts") { 64 } else { 0 };
 
 /// How often the session is looked after at most while the transport takes nothing.
 const BLOCKED: Nanos = 5_000_000;
@@ -218,14 +218,14 @@ impl State {
                 }
             }
             Event::Notice { object, notice } => match notice {
-                Notice::Served(served) => {
+                Notice::Served(served) if cfg!(feature = "services") => {
                     let requester = writers.iter_mut().find(|w| w.object == object);
                     requester.into_iter().for_each(|w| w.served = served);
                 }
                 Notice::Clash(policies) if clashes.len() < CLASHES => {
                     clashes.push((object, policies));
                 }
-                Notice::Clash(_) => {}
+                Notice::Clash(_) | Notice::Served(_) => {}
             },
             Event::Refused(status) => *refused = Some(status),
             Event::Time(reply) => {
