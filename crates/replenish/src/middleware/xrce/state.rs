@@ -222,7 +222,7 @@ impl State {
                     let requester = writers.iter_mut().find(|w| w.object == object);
                     requester.into_iter().for_each(|w| w.served = served);
                 }
-                Notice::Clash(policies) if clashes.len() < CLASHES => {
+                Notice::Clash(policies) if clashes.len() < clashes.capacity() => {
                     clashes.push((object, policies));
                 }
                 Notice::Clash(_) | Notice::Served(_) => {}
