@@ -165,7 +165,7 @@ pub(crate) fn tick() {
     let more = state.fresh || !INCOMING.is_empty() || !uart::TX.is_empty();
     RUNS.store(more, Ordering::Release);
     if more {
-        time::ring_after(LINE, (state.due + byte).saturating_sub(clock::monotonic()));
+        time::ring_after(LINE, (state.due + byte).saturating_sub(now));
     }
 }
 

@@ -124,7 +124,7 @@ fn run(options: &Options) -> Result<(), Error> {
         };
         exec.worker(name)
             .policy(policy)
-            .stack_size(6144)
+            .stack_size(5120)
             .subscribe(&node, ping, Qos::best_effort(), move |ping: &Int32, _| {
                 answer.answer(ping)
             })?;
