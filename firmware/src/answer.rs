@@ -39,8 +39,8 @@ pub struct Answer {
     pub count: Arc<Count>,
     /// What it shares.
     pub scene: Arc<Scene>,
-    /// Its topic; a worker in a flood has none.
-    pub pong: Option<Publisher<Int32>>,
+    /// Its topic.
+    pub pong: Arc<Publisher<Int32>>,
     /// How to burn.
     pub burst: Burst,
     /// CPU time of an answer, in ns.
@@ -76,7 +76,7 @@ impl Answer {
         if self.sleep > 0 {
             clock::sleep_until(clock::monotonic() + self.sleep);
         }
-        let sent = self.pong.as_ref().map_or(Ok(()), |pong| pong.publish(ping));
+        let sent = self.pong.publish(ping);
         let count = if sent.is_ok() {
             &self.count.answered
         } else {

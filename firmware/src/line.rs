@@ -27,7 +27,7 @@ pub const PACED: bool = !cfg!(feature = "hardware");
 /// How long the host may take, in ns of the emulator's time.
 const PATIENCE: u64 = 4_000_000_000;
 
-static INCOMING: Ring<8192> = Ring::new();
+static INCOMING: Ring<2048> = Ring::new();
 /// ns for ten bits.
 static BYTE: AtomicU32 = AtomicU32::new(0);
 static RUNS: AtomicBool = AtomicBool::new(false);

@@ -40,7 +40,7 @@ pub(crate) struct Host {
 }
 
 /// A run that takes longer on the host than this is ended.
-const PATIENCE: Duration = Duration::from_secs(240);
+const PATIENCE: Duration = Duration::from_secs(120);
 
 impl Bench {
     /// Builds image `name` and the host's program.
@@ -82,9 +82,15 @@ impl Bench {
             std::thread::sleep(Duration::from_secs(1));
             agent = Some(self.agent(&line, &address)?.0);
         }
-        let text = output
-            .recv_timeout(until.saturating_duration_since(Instant::now()))
-            .map_err(|_| format!("the board did not end within {} s", PATIENCE.as_secs()))?;
+        let left = until.saturating_duration_since(Instant::now());
+        let Ok(text) = output.recv_timeout(left) else {
+            drop(board); // then it has said all
+            let said = output.recv().unwrap_or_default();
+            let limit = PATIENCE.as_secs();
+            return Err(format!(
+                "{words:?} did not end within {limit} s; the board said:\n{said}"
+            ));
+        };
         let status = board.child.wait().map_err(|e| e.to_string())?;
         ping.end()?;
         drop(agent);

@@ -30,7 +30,7 @@ use replenish_os::freertos::{SealedHeap, TaskUse, panicked, start, tasks};
 use replenish_os::{ThreadSpec, Usage, clock, spawn};
 
 #[global_allocator]
-static HEAP: SealedHeap<{ 88 * 1024 }> = SealedHeap::new();
+static HEAP: SealedHeap<{ 108 * 1024 }> = SealedHeap::new();
 
 const MS: u64 = 1_000_000;
 /// Between two ticks, in ns.
@@ -94,17 +94,18 @@ fn run(options: &Options) -> Result<(), Error> {
     exec.on_event(told);
     let scene = Arc::new(Scene::default());
     let mut workers = Vec::new();
+    // One publisher for all workers of a topic: a session has 32 objects.
+    let pongs = [
+        Arc::new(node.publisher::<Int32>("high_pong", Qos::best_effort())?),
+        Arc::new(node.publisher::<Int32>("low_pong", Qos::best_effort())?),
+    ];
     let last = options.case.workers.len() - 1;
     for (i, worker) in options.case.workers.iter().enumerate() {
         let name = ["high", "high2", "high3", "high4", "high5", "high6", "high7"]
             .get(i)
             .filter(|_| i < last)
             .unwrap_or(&"low");
-        let (ping, pong) = if i < last {
-            ("high_ping", "high_pong")
-        } else {
-            ("low_ping", "low_pong")
-        };
+        let ping = if i < last { "high_ping" } else { "low_ping" };
         let sleep = if worker.budget == 0 { options.sleep } else { 0 };
         let ns = options.burst * MS;
         let count = Arc::new(Count::default());
@@ -112,7 +113,7 @@ fn run(options: &Options) -> Result<(), Error> {
             worker: *worker,
             count: Arc::clone(&count),
             scene: Arc::clone(&scene),
-            pong: Some(node.publisher::<Int32>(pong, Qos::best_effort())?),
+            pong: Arc::clone(if i < last { &pongs[0] } else { &pongs[1] }),
             burst,
             cpu: ns * (100 - sleep) / 100,
             sleep: ns * sleep / 100,
@@ -124,7 +125,7 @@ fn run(options: &Options) -> Result<(), Error> {
         };
         exec.worker(name)
             .policy(policy)
-            .stack_size(5120)
+            .stack_size(4096)
             .subscribe(&node, ping, Qos::best_effort(), move |ping: &Int32, _| {
                 answer.answer(ping)
             })?;
@@ -235,7 +236,7 @@ fn send_ticks(tick: Publisher<Int32>, options: &Options, answers: u32) {
     };
     let spec = ThreadSpec::new("clock")
         .policy(Policy::fifo(CLOCK).unwrap_or_default())
-        .stack_size(6144);
+        .stack_size(3072);
     if let Err(e) = spawn(spec, body) {
         say!("no task: {e}");
         console::exit(false)
