@@ -16,6 +16,7 @@ mod case;
 mod demo;
 mod executor;
 mod experiment;
+mod files;
 mod host;
 mod memory;
 mod qemu;
@@ -83,9 +84,8 @@ enum Board {
         #[arg(long, value_name = "SECONDS", default_value_t = 10,
               value_parser = clap::value_parser!(u64).range(1..=60))]
         seconds: u64,
-        /// Also write the result as JSON
-        #[arg(long, value_name = "PATH")]
-        json: Option<PathBuf>,
+        #[command(flatten)]
+        files: files::Files,
     },
     /// Prints flash and RAM of pong over executor and XRCE client, by part, and what each worker,
     /// subscription, publisher and budget takes
@@ -104,22 +104,22 @@ fn main() -> ExitCode {
         Board::Bench { json } => bench::run(json.as_deref()),
         Board::Experiment {
             name: case::Name::Executor,
-            json,
+            files,
             ..
-        } => executor::run(json.as_deref()),
+        } => executor::run(files.json.as_deref()),
         Board::Demo { seconds, json } => demo::run(seconds, json.as_deref()),
         Board::Experiment {
             name,
             tasks: true,
-            json,
+            files,
             ..
-        } => experiment::run(name, json.as_deref()),
+        } => experiment::run(name, files.json.as_deref()),
         Board::Experiment {
             name,
             seconds,
-            json,
+            files,
             ..
-        } => talk::run(name, seconds, json.as_deref()).map(drop),
+        } => talk::run(name, seconds, &files),
         Board::Size { json } => size::run(json.as_deref()),
     };
     match done {

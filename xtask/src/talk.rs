@@ -2,11 +2,14 @@
 //! agent and ping on the host. What theory says is what [`case`] says of tasks alone; of the rest,
 //! the executor's own threads take theirs first.
 
+use crate::Outcome;
 use crate::case::{self, BURST_MS, Name, Worker};
+use crate::files::Files;
 use crate::rig::{Bench, Host, Run};
-use crate::{Outcome, write};
 use serde_json::{Value, json};
-use std::path::Path;
+
+/// Between two messages of a topic, in ms.
+pub(crate) const INTERVAL_MS: u64 = 10;
 
 /// One run of an experiment.
 struct Point {
@@ -41,7 +44,7 @@ fn points(name: Name) -> Vec<Point> {
 }
 
 /// Runs, prints a table, writes JSON.
-pub(crate) fn run(name: Name, seconds: u64, path: Option<&Path>) -> Outcome<Vec<Value>> {
+pub(crate) fn run(name: Name, seconds: u64, files: &Files) -> Outcome {
     let bench = Bench::build("pong")?;
     let mut judge = Judge {
         name,
@@ -67,18 +70,10 @@ pub(crate) fn run(name: Name, seconds: u64, path: Option<&Path>) -> Outcome<Vec<
         before = Some(run.board);
         results.push(result);
     }
-    let result = json!({
-        "experiment": case::label(name),
-        "board": "olimex-stm32-h405 in QEMU, FreeRTOS, executor, XRCE over USART2 at 921600 baud",
-        "length_ms": judge.length_ms,
-        "burst_ms": BURST_MS,
-        "points": results,
-        "off": judge.wrong,
-    });
-    write(path, &result)?;
+    files.write(name, &bench, &results, judge.length_ms)?;
     if judge.wrong.is_empty() {
         println!("All as theory has it.");
-        Ok(results)
+        Ok(())
     } else {
         Err(judge.wrong.join("\n"))
     }
@@ -204,6 +199,7 @@ impl Judge {
         if let (Some(map), Some(first)) = (result.as_object_mut(), point.workers.first()) {
             map.insert("budget_ms".into(), json!(first.budget));
             map.insert("period_ms".into(), json!(first.period));
+            map.insert("sleep_percent".into(), json!(point.sleep));
         }
         if self.name == Name::WorkConserving {
             line.push_str(&self.conserved(point, &measured, support, &mut result));
@@ -226,7 +222,6 @@ impl Judge {
         let theory = 30.0 + 0.7 * point.sleep as f64;
         let support = support * 100.0 / self.length_ms as f64;
         if let Some(map) = result.as_object_mut() {
-            map.insert("sleep_percent".into(), json!(point.sleep));
             map.insert("high_cpu_percent".into(), json!(high));
             map.insert("theory_percent".into(), json!(theory));
         }

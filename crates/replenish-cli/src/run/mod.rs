@@ -7,6 +7,7 @@
 
 pub(crate) mod child;
 pub(crate) mod lock;
+pub(crate) mod measured;
 pub(crate) mod summary;
 pub(crate) mod triple;
 pub(crate) mod windows;

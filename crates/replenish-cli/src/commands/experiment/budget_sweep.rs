@@ -8,6 +8,7 @@ use crate::options;
 use crate::outcome::{Failure, Outcome};
 use crate::report::progress::Progress;
 use crate::run::lock;
+use crate::run::measured::Measured;
 use crate::run::triple::{self, Plan};
 use crate::signals::Stop;
 
@@ -46,6 +47,14 @@ pub(crate) fn run(args: &Args) -> Outcome {
         return Err(Failure::range("--budgets", too_much, allowed));
     }
     args.files.check()?;
+    if let Some(path) = &args.files.measured {
+        let (mut points, period) = (Vec::new(), options::ms(args.period));
+        for p in Measured::read(path)?.points {
+            let run = p.run(&Spec::paper(options::ms(p.budget_ms), period));
+            points.push(SweepPoint::new(Some(p.budget_ms), args.period, &run));
+        }
+        return sweep_report::sweep(&args.files, args.period, &points, None);
+    }
     let stop = Stop::on_signals()?;
     let cases = args
         .budgets

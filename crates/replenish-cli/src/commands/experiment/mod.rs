@@ -33,9 +33,22 @@ struct Files {
     /// Also write a page with figure, table and explanation
     #[arg(long, value_name = "PATH")]
     html: Option<PathBuf>,
+
+    /// Report what was measured on a board instead of measuring; `cargo xtask board` writes the file
+    #[arg(long, value_name = "PATH", hide = true)]
+    measured: Option<PathBuf>,
 }
 
 impl Files {
+    /// Where the numbers of experiment `name` come from, in one sentence.
+    fn source(&self, name: &str) -> String {
+        if self.measured.is_some() {
+            format!("Measured on an emulated board by `cargo xtask board experiment {name}`.")
+        } else {
+            format!("Measured on this machine by `replenish experiment {name}`.")
+        }
+    }
+
     /// Fails early on a file that cannot be written.
     fn check(&self) -> Outcome {
         for path in [&self.json.json, &self.csv, &self.svg, &self.html] {
@@ -77,7 +90,11 @@ impl Apart {
 
 /// How well simulation and measurement agree, in one sentence, for all points of an experiment.
 fn agreement(points: impl Iterator<Item = Option<Apart>>) -> String {
-    let worst = points.flatten().fold(Apart::default(), |a, b| Apart {
+    let points: Vec<Apart> = points.flatten().collect();
+    if points.is_empty() {
+        return "Nothing was simulated.".into();
+    }
+    let worst = points.into_iter().fold(Apart::default(), |a, b| Apart {
         per_window: a.per_window.max(b.per_window),
         worst_window: a.worst_window.max(b.worst_window),
     });

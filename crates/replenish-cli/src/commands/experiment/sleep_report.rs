@@ -137,7 +137,7 @@ pub(super) fn sleep(to: &Files, points: &[SleepPoint]) -> Outcome {
     let svg = figure(points).to_svg()?;
     let mut page = Page::new(
         "Experiment 2: what nobody else uses goes to the background",
-        "Measured on this machine by `replenish experiment work-conserving`.",
+        &to.source("work-conserving"),
     );
     page.text(
         "The worker of topic high has 30 ms per 100 ms at high priority and goes on in the \

@@ -155,7 +155,7 @@ pub(super) fn sweep(
     let svg = figure(period, points, fifo).to_svg()?;
     let mut page = Page::new(
         "Experiment 1: FIFO against budgets",
-        "Measured on this machine by `replenish experiment budget-sweep`.",
+        &to.source("budget-sweep"),
     );
     page.text(&format!(
         "Topics high and low send a message every 10 ms; answering one costs 10 ms of CPU time on \
@@ -203,19 +203,23 @@ fn figure(period: u64, points: &[SweepPoint], fifo: Option<&SweepPoint>) -> Figu
         ),
         series("theory", THEORY, Style::Theory, line(|p| p.expected_high)),
         series("", THEORY, Style::Theory, line(|p| p.expected_low)),
-        series(
-            "simulated",
-            INK,
-            Style::Simulated,
-            line(|p| p.simulated_high_answered.unwrap_or(0)),
-        ),
-        series(
-            "",
-            INK,
-            Style::Simulated,
-            line(|p| p.simulated_low_answered.unwrap_or(0)),
-        ),
     ];
+    if points.iter().any(|p| p.apart.is_some()) {
+        all.extend([
+            series(
+                "simulated",
+                INK,
+                Style::Simulated,
+                line(|p| p.simulated_high_answered.unwrap_or(0)),
+            ),
+            series(
+                "",
+                INK,
+                Style::Simulated,
+                line(|p| p.simulated_low_answered.unwrap_or(0)),
+            ),
+        ]);
+    }
     if let Some(f) = fifo {
         let flat = |y: u64| vec![(0.0, y as f64), (period as f64, y as f64)];
         all.push(series(

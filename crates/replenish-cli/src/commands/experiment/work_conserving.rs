@@ -8,6 +8,7 @@ use crate::options;
 use crate::outcome::Outcome;
 use crate::report::progress::Progress;
 use crate::run::lock;
+use crate::run::measured::{Measured, Point};
 use crate::run::triple::{self, Plan};
 use crate::signals::Stop;
 
@@ -35,6 +36,17 @@ pub(crate) struct Args {
 /// Runs the experiment.
 pub(crate) fn run(args: &Args) -> Outcome {
     args.files.check()?;
+    if let Some(path) = &args.files.measured {
+        let measured = Measured::read(path)?.points;
+        let point = |p: &Point| {
+            SleepPoint::new(
+                p.sleep_percent,
+                &p.run(&Spec::work_conserving(p.sleep_percent)),
+            )
+        };
+        let points: Vec<SleepPoint> = measured.iter().map(point).collect();
+        return sleep_report::sleep(&args.files, &points);
+    }
     let stop = Stop::on_signals()?;
     let _alone = lock::acquire()?;
     let mut progress = Progress::new();

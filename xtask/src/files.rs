@@ -1,0 +1,110 @@
+//! Where the results of the experiments with messages go. The paper's two are reported by the program
+//! `replenish` itself, so that names, keys, CSV, figure and page are those of Linux.
+
+use crate::case::{self, BURST_MS, Name};
+use crate::rig::Bench;
+use crate::{Outcome, talk, write};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// The files that were asked for.
+#[derive(clap::Args)]
+pub(crate) struct Files {
+    /// Also write the result as JSON
+    #[arg(long, value_name = "PATH")]
+    pub(crate) json: Option<PathBuf>,
+    /// Also write the points as CSV (budget-sweep, work-conserving)
+    #[arg(long, value_name = "PATH")]
+    csv: Option<PathBuf>,
+    /// Also write the figure as SVG (budget-sweep, work-conserving)
+    #[arg(long, value_name = "PATH")]
+    svg: Option<PathBuf>,
+    /// Also write a page with figure, table and explanation (budget-sweep, work-conserving)
+    #[arg(long, value_name = "PATH")]
+    html: Option<PathBuf>,
+}
+
+impl Files {
+    /// Writes them.
+    pub(crate) fn write(
+        &self,
+        name: Name,
+        bench: &Bench,
+        points: &[Value],
+        length: u64,
+    ) -> Outcome {
+        if matches!(name, Name::BudgetSweep | Name::WorkConserving) {
+            return self.report(name, bench, points);
+        }
+        let board =
+            "olimex-stm32-h405 in QEMU, FreeRTOS, executor, XRCE over USART2 at 921600 baud";
+        let result = json!({
+            "experiment": case::label(name),
+            "board": board,
+            "length_ms": length,
+            "burst_ms": BURST_MS,
+            "points": points,
+        });
+        write(self.json.as_deref(), &result)
+    }
+
+    /// Hands the numbers to `replenish experiment`.
+    fn report(&self, name: Name, bench: &Bench, points: &[Value]) -> Outcome {
+        let measured = std::env::temp_dir().join(format!("replenish-board-{}", std::process::id()));
+        let points: Vec<Value> = points.iter().map(window).collect();
+        write(Some(&measured), &json!({ "points": points }))?;
+        let mut command = bench.replenish();
+        command.args(["experiment", &case::label(name), "--measured"]);
+        command.arg(&measured);
+        let files = [
+            ("--json", &self.json),
+            ("--csv", &self.csv),
+            ("--svg", &self.svg),
+            ("--html", &self.html),
+        ];
+        for (option, path) in files {
+            if let Some(path) = path {
+                command.arg(option).arg(path);
+            }
+        }
+        let status = command.status().map_err(|e| format!("replenish: {e}"))?;
+        std::fs::remove_file(&measured).ok();
+        if status.success() {
+            Ok(())
+        } else {
+            Err(format!("the report was not written: {status}"))
+        }
+    }
+}
+
+/// A point as `replenish` takes it: one window, as pong and ping saw it. What ping received after the
+/// end of the window does not count.
+fn window(point: &Value) -> Value {
+    let worker = |i: usize| {
+        let of = talk::workers(point).nth(i);
+        let number = |key: &str| of.map_or(0.0, |w| talk::number(w, key)) as u64;
+        json!({
+            "cpu_high": number("cpu_high_ns"),
+            "cpu_low": number("cpu_low_ns"),
+            "answered": number("answered"),
+            "exhaustions": number("exhaustions"),
+        })
+    };
+    let (high, low) = (worker(0), worker(1));
+    let length = talk::number(point, "length_ms") as u64;
+    let sent = length.div_ceil(talk::INTERVAL_MS);
+    json!({
+        "budget_ms": point.get("budget_ms"),
+        "sleep_percent": point.get("sleep_percent"),
+        "length_ms": length,
+        "ping": {
+            "index": 0, "sent_high": sent, "sent_low": sent, "late": 0,
+            "received_high": high.get("answered"), "received_low": low.get("answered"),
+        },
+        "pong": {
+            "index": 0, "late": 0, "high_slices": [], "low_slices": [],
+            "support_cpu": (talk::support_ms(point) * 1e6) as u64,
+            "high": high, "low": low,
+        },
+    })
+}
