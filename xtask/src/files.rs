@@ -82,7 +82,7 @@ impl Files {
 fn window(point: &Value) -> Value {
     let worker = |i: usize| {
         let of = talk::workers(point).nth(i);
-        let number = |key: &str| of.map_or(0.0, |w| talk::number(w, key)) as u64;
+        let number = |key: &str| of.and_then(|w| w.get(key)?.as_u64()).unwrap_or(0);
         json!({
             "cpu_high": number("cpu_high_ns"),
             "cpu_low": number("cpu_low_ns"),
@@ -91,7 +91,7 @@ fn window(point: &Value) -> Value {
         })
     };
     let (high, low) = (worker(0), worker(1));
-    let length = talk::number(point, "length_ms") as u64;
+    let length = point.get("length_ms").and_then(Value::as_u64).unwrap_or(0);
     let sent = length.div_ceil(talk::INTERVAL_MS);
     json!({
         "budget_ms": point.get("budget_ms"),
@@ -103,7 +103,7 @@ fn window(point: &Value) -> Value {
         },
         "pong": {
             "index": 0, "late": 0, "high_slices": [], "low_slices": [],
-            "support_cpu": (talk::support_ms(point) * 1e6) as u64,
+            "support_cpu": talk::support_ns(point),
             "high": high, "low": low,
         },
     })

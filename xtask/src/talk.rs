@@ -280,14 +280,16 @@ pub(crate) fn workers(board: &Value) -> impl Iterator<Item = &Value> {
 
 /// CPU time of everything but the workers, in ms.
 pub(crate) fn support_ms(board: &Value) -> f64 {
+    support_ns(board) as f64 / 1e6
+}
+
+/// The same in ns.
+pub(crate) fn support_ns(board: &Value) -> u64 {
     let names: Vec<_> = workers(board).filter_map(|w| w.get("name")).collect();
-    let tasks = board
-        .get("tasks")
-        .and_then(Value::as_array)
-        .into_iter()
-        .flatten();
-    let others = tasks.filter(|t| t.get("name").is_some_and(|n| !names.contains(&n)));
-    others.map(|t| number(t, "cpu_ns")).sum::<f64>() / 1e6
+    let tasks = board.get("tasks").and_then(Value::as_array);
+    let others = tasks.into_iter().flatten();
+    let others = others.filter(|t| t.get("name").is_some_and(|n| !names.contains(&n)));
+    others.filter_map(|t| t.get("cpu_ns")?.as_u64()).sum()
 }
 
 /// A number in it; 0 where there is none.
