@@ -4,7 +4,7 @@
 use crate::{Outcome, qemu, write};
 use serde_json::json;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 /// How long a case may take on the host.
@@ -141,13 +141,7 @@ impl Ended {
 /// One boot with a time limit: a case that hangs is a failure, not a hang of this program.
 fn boot(image: &Path, case: &str) -> Outcome<Ended> {
     let begin = Instant::now();
-    let mut child = Command::new("qemu-system-arm")
-        .args(["-M", "olimex-stm32-h405", "-nographic", "-monitor", "none"])
-        .args(["-serial", "null", "-icount", "shift=3,sleep=off"])
-        .arg("-semihosting-config")
-        .arg(format!("enable=on,target=native,arg=behaviour,arg={case}"))
-        .arg("-kernel")
-        .arg(image)
+    let mut child = qemu::command(image, &[case.to_string()])
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())

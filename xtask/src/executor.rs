@@ -9,7 +9,8 @@
 //! - nothing was allocated after the start.
 
 use crate::case::{BURST_MS, LENGTH_MS};
-use crate::{Outcome, qemu, write};
+use crate::experiment::conclude;
+use crate::{Outcome, qemu};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -48,23 +49,9 @@ pub(crate) fn run(path: Option<&Path>) -> Outcome {
     for (budget, result) in &results {
         points.push(judge(*budget, result, &mut wrong)?);
     }
-    let result = json!({
-        "experiment": "executor",
-        "board": "olimex-stm32-h405 in QEMU, FreeRTOS",
-        "length_ms": LENGTH_MS,
-        "burst_ms": BURST_MS,
-        "points": points,
-        "off": wrong,
-    });
-    write(path, &result)?;
-    if wrong.is_empty() {
-        println!(
-            "High is within one answer of theory at every point, low within two of what is left."
-        );
-        Ok(())
-    } else {
-        Err(wrong.join("\n"))
-    }
+    let right =
+        "High is within one answer of theory at every point, low within two of what is left.";
+    conclude("executor", &points, &wrong, right, path)
 }
 
 /// One point: its line of the table and its JSON.

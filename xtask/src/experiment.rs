@@ -29,7 +29,18 @@ pub(crate) fn run(name: Name, path: Option<&Path>) -> Outcome {
         );
         points.push(point);
     }
-    let name = case::label(name);
+    let right = "Every budget was given within one burst (in the sweep, the rest within two).";
+    conclude(&case::label(name), &points, &wrong, right, path)
+}
+
+/// Writes the JSON of an experiment; prints what held, or fails with what did not.
+pub(crate) fn conclude(
+    name: &str,
+    points: &[Value],
+    wrong: &[String],
+    right: &str,
+    path: Option<&Path>,
+) -> Outcome {
     let result = json!({
         "experiment": name,
         "board": "olimex-stm32-h405 in QEMU, FreeRTOS",
@@ -40,7 +51,7 @@ pub(crate) fn run(name: Name, path: Option<&Path>) -> Outcome {
     });
     write(path, &result)?;
     if wrong.is_empty() {
-        println!("Every budget was given within one burst (in the sweep, the rest within two).");
+        println!("{right}");
         Ok(())
     } else {
         Err(wrong.join("\n"))
