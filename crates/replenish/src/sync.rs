@@ -39,6 +39,12 @@ mod model {
         }
     }
 
+    impl<T: Default> Default for Mutex<T> {
+        fn default() -> Self {
+            Self::new(T::default())
+        }
+    }
+
     /// The contract of `replenish_os::Signal`: sticky, one waiter. (Its own futex protocol has its
     /// own models in that crate.)
     pub(crate) struct Signal {
