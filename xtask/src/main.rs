@@ -7,7 +7,7 @@
 //! - [`rig`], [`talk`], [`demo`]: the paper's test bench: the board runs pong, the host agent and ping.
 //! - [`behaviour`]: runs the cases of the image `behaviour` like a test runner.
 //! - [`executor`]: Experiment 1 on the executor itself.
-//! - [`bench`]: what switching and handing over cost, in instructions.
+//! - [`mod@bench`]: what switching and handing over cost, in instructions.
 //! - [`size`]: flash and static RAM of pong, by part; [`memory`]: what it takes of the heap.
 
 mod behaviour;
