@@ -11,7 +11,7 @@ use replenish::{Budget, Context, Error, Executor, Policy, RunningExecutor};
 use replenish_os::clock;
 use replenish_os::freertos::{kernel, panicked};
 
-const STACK: usize = 6144;
+const STACK: usize = 4096;
 
 fn or_fail<T>(done: Result<T, Error>) -> Option<T> {
     done.inspect_err(|e| hold!(false, "{e}")).ok()
