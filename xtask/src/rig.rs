@@ -35,8 +35,6 @@ pub(crate) struct Run {
 pub(crate) struct Host {
     /// Messages of the low topic on top of each pair.
     pub(crate) flood: u32,
-    /// The agent ends this long after the board was booted, and starts again a second later.
-    pub(crate) restart_after: Option<Duration>,
 }
 
 /// A run that takes longer on the host than this is ended.
@@ -65,7 +63,7 @@ impl Bench {
             .open(&line)
             .map_err(|e| format!("{line}: {e}"))?;
         let totals = std::env::temp_dir().join(format!("replenish-ping-{}", std::process::id()));
-        let (agent, address) = self.agent(&line, "127.0.0.1:0")?;
+        let (agent, address) = self.agent(&line)?;
         let mut ping = self.replenish();
         ping.args(["ping", "--supervised", "--ticked", "--agent", &address])
             .arg("--json")
@@ -74,14 +72,7 @@ impl Bench {
             ping.arg("--flood").arg(host.flood.to_string());
         }
         let mut ping = Part::start("ping", ping.stdout(Stdio::null()))?;
-        let mut agent = Some(agent);
         let until = Instant::now() + PATIENCE;
-        if let Some(after) = host.restart_after {
-            std::thread::sleep(after);
-            drop(agent.take());
-            std::thread::sleep(Duration::from_secs(1));
-            agent = Some(self.agent(&line, &address)?.0);
-        }
         let left = until.saturating_duration_since(Instant::now());
         let Ok(text) = output.recv_timeout(left) else {
             drop(board); // then it has said all
@@ -138,10 +129,17 @@ impl Bench {
     }
 
     /// An agent on the serial line, and its UDP address.
-    fn agent(&self, line: &str, udp: &str) -> Outcome<(Part, String)> {
+    fn agent(&self, line: &str) -> Outcome<(Part, String)> {
         let mut agent = self.replenish();
         // The baud rate of a pseudo terminal means nothing; the agent paces itself by it.
-        agent.args(["agent", "--supervised", "--udp", udp, "--serial", line]);
+        agent.args([
+            "agent",
+            "--supervised",
+            "--udp",
+            "127.0.0.1:0",
+            "--serial",
+            line,
+        ]);
         let mut agent = Part::start("agent", agent.args(["--baud", "921600"]))?;
         let stdout = agent.child.stdout.take().ok_or("the agent has no output")?;
         let mut stdout = BufReader::new(stdout);
