@@ -86,7 +86,7 @@ impl Live {
                 }
             };
             match self.socket.recv(&mut buf) {
-                Ok(len) => self.session.handle(now, &buf[..len], &mut keep),
+                Ok(len) => drop(self.session.handle(now, &buf[..len], &mut keep)),
                 Err(_timeout) => {}
             }
             self.session.tick(now, &mut keep);

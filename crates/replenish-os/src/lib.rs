@@ -91,6 +91,7 @@ pub use backend::{
     switches::{Drained, Switch, SwitchKind, SwitchLog},
     tcp::connect_tcp,
     tty,
+    wait_set::WaitSet,
 };
 #[cfg(any(
     target_os = "linux",

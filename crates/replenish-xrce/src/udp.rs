@@ -69,6 +69,7 @@ impl UdpTransport {
     ///
     /// # Errors
     /// What the system says, except for "nothing there" and "no way to the agent".
+    #[inline]
     pub fn recv(&self, buf: &mut [u8]) -> io::Result<Option<usize>> {
         loop {
             match self.socket.recv(buf) {

@@ -8,7 +8,7 @@ pub(crate) use alloc::sync::Arc;
 #[cfg(all(not(loom), target_has_atomic = "64"))]
 pub(crate) use core::sync::atomic::AtomicU64;
 #[cfg(not(loom))]
-pub(crate) use core::sync::atomic::{AtomicBool, Ordering, fence};
+pub(crate) use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering, fence};
 #[cfg(all(not(loom), not(target_has_atomic = "64")))]
 pub(crate) use replenish_os::AtomicU64;
 #[cfg(not(loom))]
@@ -17,7 +17,7 @@ pub(crate) use replenish_os::{PiMutex as Mutex, Signal};
 #[cfg(loom)]
 pub(crate) use loom::sync::{
     Arc,
-    atomic::{AtomicBool, AtomicU64, Ordering, fence},
+    atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering, fence},
 };
 #[cfg(loom)]
 pub(crate) use model::{Mutex, Signal};

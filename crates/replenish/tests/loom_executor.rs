@@ -320,6 +320,9 @@ mod clock {
 struct Account;
 
 impl Account {
+    fn has_budget(&self) -> bool {
+        true
+    }
     fn block(&mut self) {}
     fn activate(&mut self, _: u64) {}
 }

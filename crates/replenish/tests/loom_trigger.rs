@@ -26,6 +26,7 @@ use doorbell::Line;
 use guard::{Guard, GuardCondition};
 use handle::{Env, Handle, Shared};
 use loom::thread;
+use moment::Moment;
 use sync::{Arc, Signal};
 
 type Nanos = u64;
@@ -39,7 +40,7 @@ fn serve(condition: &GuardCondition, all: u64) -> u64 {
     guard.begin(0, &line);
     let mut callbacks = 0;
     while shared.counters.received.get() < all {
-        match guard.is_ready(0) && guard.take(&Env { events: &() }).is_some() {
+        match guard.is_ready(&Moment) && guard.take(&Env { events: &() }).is_some() {
             true => callbacks += 1,
             false => line.0.wait(),
         }
@@ -125,8 +126,13 @@ mod doorbell {
     }
 }
 
+mod moment {
+    pub(crate) struct Moment;
+}
+
 mod handle {
     use crate::doorbell::Line;
+    use crate::moment::Moment;
     use std::sync::atomic::{AtomicU64, Ordering};
 
     /// Statistics are not part of the protocol: not seen by the model.
@@ -168,7 +174,7 @@ mod handle {
 
     pub(crate) trait Handle {
         fn begin(&mut self, start: u64, line: &Line);
-        fn is_ready(&mut self, now: u64) -> bool;
+        fn is_ready(&mut self, now: &Moment) -> bool;
         fn take(&mut self, env: &Env<'_>) -> Option<Taken>;
         fn execute(&mut self, env: &Env<'_>, started: u64);
     }

@@ -155,19 +155,29 @@ impl Account {
         self.meter.clone()
     }
 
+    /// Whether there is a budget to account for: without one, [`activate`](Self::activate) and
+    /// [`block`](Self::block) do nothing, and the time need not be looked up for them.
+    #[inline]
+    #[must_use]
+    pub fn has_budget(&self) -> bool {
+        self.meter.0.budget.is_some()
+    }
+
     /// The worker leaves its wait: call right after it woke up with work to do. `woken` is when
     /// the work arrived ([`clock::monotonic`]): if the worker then had to wait for the CPU, its
     /// budget still comes back a period after `woken`, as the rules say.
+    #[inline]
     pub fn activate(&mut self, woken: Nanos) {
         if let Some(b) = &self.meter.0.budget {
-            b.with(|entry| entry.activate(woken, clock::monotonic()));
+            b.activate(woken);
         }
     }
 
     /// The worker is about to wait: call when there is nothing left to do.
+    #[inline]
     pub fn block(&mut self) {
         if let Some(b) = &self.meter.0.budget {
-            b.with(|entry| entry.block(clock::monotonic()));
+            b.block();
         }
     }
 
@@ -176,33 +186,19 @@ impl Account {
     ///
     /// # Errors
     /// [`Stopped`] when [`Meter::cancel`] was called meanwhile.
+    #[inline]
     pub fn callback_begin(&mut self) -> Result<(), Stopped> {
-        let Some(b) = &self.meter.0.budget else {
-            return Ok(());
-        };
-        if b.suspends {
-            b.suspend.wait_while_suspended();
-        }
-        if b.shared.rung == Enforcement::Deferred {
-            b.wait_for_budget()?;
-        }
-        if !b.has_switch_log {
-            self.switches_seen = voluntary_switches();
-        }
-        if b.cancelled.load(Ordering::Acquire) {
-            Err(Stopped)
-        } else {
-            Ok(())
+        match &self.meter.0.budget {
+            Some(b) => b.begin(&mut self.switches_seen),
+            None => Ok(()),
         }
     }
 
     /// After each callback: notices that it blocked inside, where the kernel keeps no records.
+    #[inline]
     pub fn callback_end(&mut self) {
-        let Some(b) = &self.meter.0.budget else {
-            return;
-        };
-        if !b.has_switch_log && voluntary_switches() != self.switches_seen {
-            b.with(|entry| entry.blocked_inside(clock::monotonic()));
+        if let Some(b) = &self.meter.0.budget {
+            b.end(self.switches_seen);
         }
     }
 }
@@ -241,33 +237,14 @@ impl Meter {
     /// What the worker has used up to this moment. Takes the enforcer's lock briefly (with
     /// priority inheritance) and does not allocate.
     #[must_use]
+    #[inline]
     pub fn usage(&self) -> Usage {
-        let Some(b) = &self.0.budget else {
-            let reading = self.0.clock.read();
-            let cpu_high = reading.unwrap_or_else(|| *self.0.last_cpu.lock());
-            return Usage {
-                cpu_high,
+        match &self.0.budget {
+            Some(b) => b.usage(),
+            None => Usage {
+                cpu_high: self.0.cpu(),
                 ..Usage::default()
-            };
-        };
-        let mut state = b.shared.state.lock();
-        let Some(entry) = state.entries.get_mut(b.index) else {
-            return Usage::default();
-        };
-        let now = clock::monotonic();
-        if entry.live {
-            entry.observe(now);
-        }
-        let r = &entry.reservation;
-        let c = r.counters();
-        Usage {
-            cpu_high: c.cpu_high,
-            cpu_low: c.cpu_low,
-            available: r.server().available(now),
-            low: r.level() == Level::Low,
-            exhaustions: c.exhaustions,
-            replenishments: c.replenishments,
-            blocked_inside: c.blocked_inside,
+            },
         }
     }
 
@@ -330,7 +307,73 @@ impl Meter {
     }
 }
 
+impl Inner {
+    /// CPU time so far. Its own clock is cheaper for a thread than that of any other.
+    fn cpu(&self) -> Nanos {
+        if current_tid() == self.tid {
+            return clock::thread_cpu();
+        }
+        let reading = self.clock.read();
+        reading.unwrap_or_else(|| *self.last_cpu.lock())
+    }
+}
+
 impl Budgeted {
+    /// [`Meter::usage`].
+    fn usage(&self) -> Usage {
+        let mut state = self.shared.state.lock();
+        let Some(entry) = state.entries.get_mut(self.index) else {
+            return Usage::default();
+        };
+        let now = clock::monotonic();
+        if entry.live {
+            entry.observe(now);
+        }
+        let r = &entry.reservation;
+        let c = r.counters();
+        Usage {
+            cpu_high: c.cpu_high,
+            cpu_low: c.cpu_low,
+            available: r.server().available(now),
+            low: r.level() == Level::Low,
+            exhaustions: c.exhaustions,
+            replenishments: c.replenishments,
+            blocked_inside: c.blocked_inside,
+        }
+    }
+
+    fn activate(&self, woken: Nanos) {
+        self.with(|entry| entry.activate(woken, clock::monotonic()));
+    }
+
+    fn block(&self) {
+        self.with(|entry| entry.block(clock::monotonic()));
+    }
+
+    /// [`Account::callback_begin`]; keeps in `switches` how often the thread has blocked.
+    fn begin(&self, switches: &mut u64) -> Result<(), Stopped> {
+        if self.suspends {
+            self.suspend.wait_while_suspended();
+        }
+        if self.shared.rung == Enforcement::Deferred {
+            self.wait_for_budget()?;
+        }
+        if !self.has_switch_log {
+            *switches = voluntary_switches();
+        }
+        match self.cancelled.load(Ordering::Acquire) {
+            true => Err(Stopped),
+            false => Ok(()),
+        }
+    }
+
+    /// [`Account::callback_end`].
+    fn end(&self, switches: u64) {
+        if !self.has_switch_log && voluntary_switches() != switches {
+            self.with(|entry| entry.blocked_inside(clock::monotonic()));
+        }
+    }
+
     /// One step on the entry under the lock, and the timer set if the step asks for it earlier.
     /// The step changes no priority: that is the enforcer's alone.
     fn with(&self, step: impl FnOnce(&mut Entry)) {

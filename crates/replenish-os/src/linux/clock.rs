@@ -11,12 +11,14 @@ use crate::Nanos;
 use crate::Tid;
 
 /// Now on `CLOCK_MONOTONIC`, in nanoseconds. Any thread; never goes back.
+#[inline]
 #[must_use]
 pub fn monotonic() -> Nanos {
     gettime(libc::CLOCK_MONOTONIC).unwrap_or(0)
 }
 
 /// CPU time consumed by the calling thread, in nanoseconds (`CLOCK_THREAD_CPUTIME_ID`).
+#[inline]
 #[must_use]
 pub fn thread_cpu() -> Nanos {
     gettime(libc::CLOCK_THREAD_CPUTIME_ID).unwrap_or(0)
@@ -74,6 +76,7 @@ pub fn sleep_until(t: Nanos) {
     }
 }
 
+#[inline]
 fn gettime(clock: libc::clockid_t) -> Option<Nanos> {
     let mut ts = sys::zero_timespec();
     // SAFETY: `ts` is writable for the call; an unknown clock id is an error, not a fault.

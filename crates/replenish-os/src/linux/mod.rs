@@ -23,6 +23,7 @@ pub(crate) mod thread;
 pub(crate) mod tid;
 pub mod timer;
 pub mod tty;
+pub(crate) mod wait_set;
 pub(crate) mod watch;
 
 pub use switches::voluntary_switches;

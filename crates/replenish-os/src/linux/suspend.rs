@@ -89,17 +89,19 @@ fn wait(word: &AtomicU32) {
 }
 
 /// A lock of ours was taken by this thread.
+#[inline]
 pub(crate) fn enter_critical() {
     HELD.with(|h| h.set(h.get() + 1));
 }
 
 /// A lock of ours was released; the last release obeys a suspension that came meanwhile.
+#[inline]
 pub(crate) fn leave_critical() {
     let left = HELD.with(|h| {
         h.set(h.get().saturating_sub(1));
         h.get()
     });
-    if left == 0 {
+    if left == 0 && !WORD.with(Cell::get).is_null() {
         suspend_here();
     }
 }

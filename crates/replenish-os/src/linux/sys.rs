@@ -6,6 +6,7 @@ use std::io;
 const NANOS_PER_SEC: u64 = 1_000_000_000;
 
 /// Turns the `-1` of a system call into the error the kernel left in `errno`.
+#[inline]
 pub(super) fn check<T: PartialEq + From<i8>>(rc: T) -> io::Result<T> {
     if rc == T::from(-1) {
         Err(io::Error::last_os_error())
@@ -15,6 +16,7 @@ pub(super) fn check<T: PartialEq + From<i8>>(rc: T) -> io::Result<T> {
 }
 
 /// Calls `f` again for as long as a signal handler interrupts it.
+#[inline]
 pub(super) fn retry<T>(mut f: impl FnMut() -> io::Result<T>) -> io::Result<T> {
     loop {
         match f() {
@@ -30,6 +32,7 @@ pub(super) fn errno() -> i32 {
 }
 
 /// `t` as the kernel wants it; times a 32-bit `time_t` cannot hold become its end.
+#[inline]
 pub(super) fn timespec(t: Nanos) -> libc::timespec {
     libc::timespec {
         tv_sec: (t / NANOS_PER_SEC).try_into().unwrap_or(i32::MAX.into()),
@@ -38,6 +41,7 @@ pub(super) fn timespec(t: Nanos) -> libc::timespec {
 }
 
 /// `ts` in nanoseconds; negative times are 0.
+#[inline]
 pub(super) fn nanos(ts: &libc::timespec) -> Nanos {
     let secs = u64::try_from(ts.tv_sec).unwrap_or(0);
     secs.saturating_mul(NANOS_PER_SEC)

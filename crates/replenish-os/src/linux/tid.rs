@@ -11,15 +11,21 @@ thread_local! {
 /// The id of the calling thread: `gettid()` once per thread, then a thread-local read.
 ///
 /// The cache does not survive `fork` without `exec`: the child would read its parent's id.
+#[inline]
 #[must_use]
 pub fn current_tid() -> Tid {
-    CACHE.with(|cache| {
-        if cache.get() == 0 {
-            // SAFETY: gettid has no arguments, touches no memory and cannot fail.
-            cache.set(unsafe { libc::gettid() });
-        }
-        Tid::known(cache.get())
-    })
+    match CACHE.with(Cell::get) {
+        0 => ask(),
+        known => Tid::known(known),
+    }
+}
+
+#[cold]
+fn ask() -> Tid {
+    // SAFETY: gettid has no arguments, touches no memory and cannot fail.
+    let tid = unsafe { libc::gettid() };
+    CACHE.with(|cache| cache.set(tid));
+    Tid::known(tid)
 }
 
 #[cfg(test)]

@@ -11,11 +11,18 @@ impl<S, const N: usize, const E: usize, const B: usize, const R: usize> Session<
 where
     S: AsRef<[u8]> + AsMut<[u8]>,
 {
-    /// A datagram has arrived.
-    pub fn handle(&mut self, now: Nanos, datagram: &[u8], events: &mut impl FnMut(Event<'_>)) {
+    /// A datagram has arrived. Returns whether the session may have something to do now that
+    /// [`next_deadline`](Self::next_deadline) did not tell before: best-effort samples, the usual
+    /// case, leave nothing to do.
+    pub fn handle(
+        &mut self,
+        now: Nanos,
+        datagram: &[u8],
+        events: &mut impl FnMut(Event<'_>),
+    ) -> bool {
         let Some(message) = self.mine(datagram) else {
             self.link.stats.rejected = self.link.stats.rejected.saturating_add(1);
-            return;
+            return false;
         };
         if self.link.has_session() {
             self.link.hear(now, &self.config);
@@ -33,8 +40,14 @@ where
                 }
             }
         }
-        self.watch_answers(now);
-        self.advance(events);
+        let calm = message.header.stream.best_effort_index().is_some()
+            && self.link.state == State::Up
+            && self.journal.asked() == self.asked.0;
+        if !calm {
+            self.watch_answers(now);
+            self.advance(events);
+        }
+        !calm
     }
 
     /// A message of a stream; false if there is no such stream.
@@ -46,16 +59,16 @@ where
     ) -> bool {
         let (journal, malformed) = (&mut self.journal, &mut self.link.stats.malformed);
         let seq = message.header.seq;
-        if let Some(stream) = self.streams.reliable_mut(stream) {
-            stream.input.receive(seq, message.body, |submessage| {
-                sample(journal, malformed, submessage, events);
-            });
-        } else if let Some(stream) = self.streams.best_effort_mut(stream) {
+        if let Some(stream) = self.streams.best_effort_mut(stream) {
             if stream.input.accept(seq) {
                 for submessage in message.submessages().map_while(Result::ok) {
                     sample(journal, malformed, &submessage, events);
                 }
             }
+        } else if let Some(stream) = self.streams.reliable_mut(stream) {
+            stream.input.receive(seq, message.body, |submessage| {
+                sample(journal, malformed, submessage, events);
+            });
         } else {
             return false;
         }
@@ -104,6 +117,7 @@ where
     }
 
     /// Handles a submessage outside of streams.
+    #[inline(never)]
     fn outside(
         &mut self,
         now: Nanos,
@@ -193,25 +207,35 @@ fn sample<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize>(
     submessage: &Submessage<'_>,
     events: &mut impl FnMut(Event<'_>),
 ) {
-    match submessage.body_for_client() {
-        Ok(Some(Body::Data(data))) => match service_data(&data) {
+    if let Some(data) = submessage.data() {
+        match service_data(&data) {
             Some(event) => events(event),
             None => *malformed = malformed.saturating_add(1),
-        },
-        Ok(Some(Body::Status(answer))) => {
-            if let Some(notice) = Notice::of(&answer) {
-                let object = answer.base.object;
-                return events(Event::Notice { object, notice });
-            }
-            journal.answer(answer.base, answer.status);
-            let BaseRequest { request, object } = answer.base;
-            events(Event::Status {
-                request,
-                object,
-                status: answer.status,
-            });
         }
-        _ => {}
+    } else {
+        answer(journal, submessage, events);
+    }
+}
+
+/// Handles a submessage of a stream that is no sample.
+#[inline(never)]
+fn answer<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize>(
+    journal: &mut Journal<S, E>,
+    submessage: &Submessage<'_>,
+    events: &mut impl FnMut(Event<'_>),
+) {
+    if let Ok(Some(Body::Status(answer))) = submessage.body_for_client() {
+        if let Some(notice) = Notice::of(&answer) {
+            let object = answer.base.object;
+            return events(Event::Notice { object, notice });
+        }
+        journal.answer(answer.base, answer.status);
+        let BaseRequest { request, object } = answer.base;
+        events(Event::Status {
+            request,
+            object,
+            status: answer.status,
+        });
     }
 }
 

@@ -52,6 +52,7 @@ impl InputBestEffort {
     }
 
     /// Whether message `seq` is to be handled.
+    #[inline]
     pub fn accept(&mut self, seq: SeqNum) -> bool {
         let expected = self.newest.map_or(seq, |newest| newest.plus(1));
         let ahead = seq.since(expected);

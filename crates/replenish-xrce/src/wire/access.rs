@@ -65,6 +65,7 @@ impl Encode for Data<'_> {
 }
 
 impl<'a> Data<'a> {
+    #[inline]
     pub(super) fn decode(r: &mut Reader<'a>, flags: u8) -> Result<Self, WireError> {
         plain(flags)?;
         Ok(Data {

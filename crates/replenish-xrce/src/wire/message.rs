@@ -1,6 +1,6 @@
 //! Messages: the header, and walking the submessages of a received message.
 
-use super::{Body, ClientKey, Reader, SessionId, StreamId, WireError, Writer, padding};
+use super::{Body, ClientKey, Data, Reader, SessionId, StreamId, WireError, Writer, padding};
 use crate::SeqNum;
 
 /// Flag bit 0 of a submessage: its body is little endian.
@@ -144,6 +144,7 @@ impl<'a> Message<'a> {
     ///
     /// # Errors
     /// [`WireError::Truncated`].
+    #[inline]
     pub fn parse(datagram: &'a [u8]) -> Result<Self, WireError> {
         let mut r = Reader::new(datagram, true);
         let header = Header::decode(&mut r)?;
@@ -187,6 +188,15 @@ impl<'a> Submessage<'a> {
     pub fn body_for_client(&self) -> Result<Option<Body<'a>>, WireError> {
         Body::decode_for_client(self.id, self.flags, self.payload)
     }
+
+    /// Decodes the body of a sample, which most are.
+    #[inline]
+    pub(crate) fn data(&self) -> Option<Data<'a>> {
+        let little_endian = self.flags & FLAG_LITTLE_ENDIAN != 0;
+        let r = &mut Reader::new(self.payload, little_endian);
+        let data = (self.id == SubmessageId::Data).then(|| Data::decode(r, self.flags));
+        data?.ok()
+    }
 }
 
 /// Walks submessages; ends after the first one that is malformed.
@@ -227,6 +237,7 @@ impl<'a> Submessages<'a> {
 impl<'a> Iterator for Submessages<'a> {
     type Item = Result<Submessage<'a>, WireError>;
 
+    #[inline]
     fn next(&mut self) -> Option<Self::Item> {
         if self.pos >= self.bytes.len() {
             return None;

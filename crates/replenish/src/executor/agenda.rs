@@ -10,6 +10,7 @@
 //! A *slot* is a handle's for as long as it lives; its *position* changes when others come and go.
 
 use super::entry::Entry;
+use super::moment::Moment;
 use crate::Nanos;
 use crate::handoff::ReadySet;
 use crate::sync::Arc;
@@ -56,10 +57,11 @@ impl Agenda {
     }
 
     /// Releases up to `now` are due.
-    pub(crate) fn release(&mut self, now: Nanos) {
-        if self.earliest > now {
+    pub(crate) fn release(&mut self, now: &Moment) {
+        if self.earliest == Nanos::MAX || self.earliest > now.get() {
             return;
         }
+        let now = now.get();
         let Self { releases, due, .. } = self;
         for (at, _) in releases.iter().enumerate().filter(|(_, r)| **r <= now) {
             set(due, at);
@@ -167,9 +169,9 @@ mod tests {
         assert_eq!(agenda.earliest(), None);
         agenda.next_release_of(1, Some(20));
         agenda.next_release_of(2, Some(10));
-        agenda.release(9);
+        agenda.release(&Moment::at(9));
         assert_eq!(agenda.next_from(0), None);
-        agenda.release(10);
+        agenda.release(&Moment::at(10));
         assert_eq!(agenda.next_from(0), Some(2));
         agenda.next_release_of(2, Some(30));
         assert_eq!(agenda.earliest(), Some(20));

@@ -10,6 +10,7 @@
 use super::callback::{CallbackContext, CallbackResult};
 use super::doorbell::Line;
 use super::handle::{Env, Handle, Shared, Taken};
+use super::moment::Moment;
 use super::schedule::nanos;
 use crate::Nanos;
 use crate::error::Error;
@@ -294,8 +295,8 @@ where
         fence(Ordering::SeqCst);
     }
 
-    fn is_ready(&mut self, now: Nanos) -> bool {
-        self.client.inbox.waiting() > 0 || self.earliest().is_some_and(|end| end <= now)
+    fn is_ready(&mut self, now: &Moment) -> bool {
+        self.client.inbox.waiting() > 0 || self.earliest().is_some_and(|end| end <= now.get())
     }
 
     fn next_release(&mut self) -> Option<Nanos> {

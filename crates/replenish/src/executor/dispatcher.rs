@@ -91,16 +91,14 @@ impl Dispatcher {
         self.readmit(interest, parked);
         account.block();
         let waited = middleware.wait(interest, deadline);
-        account.activate(clock::monotonic());
+        if account.has_budget() {
+            account.activate(clock::monotonic());
+        }
         self.counters.rounds.add(1);
         let taken = self.take(&*middleware, interest, parked);
         self.ring();
         if let Err(error) = waited.and(taken) {
-            self.failed(&error);
-            account.block();
-            let pause = clock::monotonic().saturating_add(PAUSE);
-            clock::sleep_until(deadline.map_or(pause, |at| at.min(pause)));
-            account.activate(clock::monotonic());
+            self.failed(&error, account, deadline);
         }
         let up = middleware.link() == LinkState::Up;
         if up != watch.link_up {
@@ -219,9 +217,15 @@ impl Dispatcher {
         }
     }
 
-    fn failed(&self, error: &MiddlewareError) {
+    /// The middleware has failed: tells, and pauses.
+    #[cold]
+    fn failed(&self, error: &MiddlewareError, account: &mut Account, deadline: Option<Nanos>) {
         let count = self.counters.failures.add(1);
         let event = Event::MiddlewareFailed { error, count };
         self.events.emit_rarely(count, &event);
+        account.block();
+        let pause = clock::monotonic().saturating_add(PAUSE);
+        clock::sleep_until(deadline.map_or(pause, |at| at.min(pause)));
+        account.activate(clock::monotonic());
     }
 }

@@ -2,16 +2,16 @@
 
 use super::group::Held;
 use super::handle::{Env, Handle, Shared, Taken};
+use super::moment::Moment;
 use super::rules::{DeadlineMiss, Handling, OnMiss};
 use crate::Nanos;
 use crate::event::Event;
 use crate::platform;
-use crate::stats::{Counters, Text};
+use crate::stats::Text;
 use crate::sync::{Arc, Ordering};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
-use core::cell::RefCell;
-use replenish_os::{Meter, Usage, clock};
+use replenish_os::clock;
 
 /// A handle on its worker's thread.
 pub(crate) struct Entry {
@@ -28,6 +28,8 @@ pub(crate) struct Entry {
     taken: Option<Taken>,
     /// The next input is left out: a deadline was missed.
     skip: bool,
+    /// From the start of the last callback to its end.
+    pub(crate) took: Nanos,
 }
 
 impl Entry {
@@ -41,6 +43,7 @@ impl Entry {
             ready: false,
             taken: None,
             skip: false,
+            took: 0,
         }
     }
 
@@ -69,7 +72,7 @@ impl Entry {
     }
 
     /// Whether it has something to do now.
-    pub(crate) fn look(&mut self, now: Nanos) -> bool {
+    pub(crate) fn look(&mut self, now: &Moment) -> bool {
         self.is_live() && self.handle.is_ready(now)
     }
 
@@ -81,6 +84,7 @@ impl Entry {
     /// Takes input, or what was taken when the round began, and runs the callback. With
     /// `even_without`, it runs without input, too. Whether there was any input.
     pub(crate) fn run(&mut self, env: &Env<'_>, from_snapshot: bool, even_without: bool) -> bool {
+        self.took = 0;
         self.guarded(env, |entry| {
             let taken = match from_snapshot {
                 true => entry.taken.take(),
@@ -94,6 +98,7 @@ impl Entry {
                 Some(taken) => entry.execute(env, taken, started, held),
                 None if even_without => {
                     entry.handle.execute_empty(env, started);
+                    entry.took = clock::monotonic().saturating_sub(started);
                     entry.shared.counters.without_input.add(1);
                 }
                 None => {}
@@ -127,7 +132,9 @@ impl Entry {
             return; // counted as such
         }
         counters.executed.add(1);
-        let response = clock::monotonic().saturating_sub(taken.due);
+        let end = clock::monotonic();
+        self.took = end.saturating_sub(started);
+        let response = end.saturating_sub(taken.due);
         self.shared.response.record(response);
         let Some(deadline) = self.handling.deadline.or(taken.deadline) else {
             return;
@@ -154,17 +161,13 @@ impl Entry {
 
     /// Runs the user's code; a panic stops the handle.
     fn guarded<T: Default>(&mut self, env: &Env<'_>, step: impl FnOnce(&mut Self) -> T) -> T {
-        let entry = RefCell::new(self);
-        platform::guard(
-            || step(&mut entry.borrow_mut()),
-            |message| {
-                // The step has unwound, and with it its borrow.
-                entry.borrow_mut().panicked(message, env);
-                T::default()
-            },
-        )
+        platform::guard(self, step, |entry, message| {
+            entry.panicked(message, env);
+            T::default()
+        })
     }
 
+    #[cold]
     fn panicked(&mut self, message: &str, env: &Env<'_>) {
         self.stopped = true;
         self.shared.counters.panicked.store(true, Ordering::Relaxed);
@@ -173,32 +176,6 @@ impl Entry {
         self.shared
             .report(1, &Event::CallbackPanicked { handle, message }, env.events);
         self.shared.discard(true, env.stop);
-    }
-}
-
-/// Splits what the worker uses among its handles: whatever was used since the last callback ended
-/// belongs to the one that just ended, the way there included.
-pub(crate) struct Tally {
-    pub(crate) meter: Meter,
-    before: Usage,
-}
-
-impl Tally {
-    pub(crate) fn new(meter: Meter) -> Self {
-        let before = meter.usage();
-        Self { meter, before }
-    }
-
-    pub(crate) fn settle(&mut self, counters: &Counters) {
-        let now = self.meter.usage();
-        let high = now.cpu_high.saturating_sub(self.before.cpu_high);
-        let low = now.cpu_low.saturating_sub(self.before.cpu_low);
-        counters.cpu_high.add(high);
-        counters.cpu_background.add(low);
-        counters.worst_execution.raise(high.saturating_add(low));
-        let exhaustions = now.exhaustions.saturating_sub(self.before.exhaustions);
-        counters.exhaustions.add(exhaustions);
-        self.before = now;
     }
 }
 

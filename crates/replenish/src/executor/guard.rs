@@ -3,6 +3,7 @@
 use super::callback::{CallbackContext, CallbackResult};
 use super::doorbell::Line;
 use super::handle::{Env, Handle, Shared, Taken};
+use super::moment::Moment;
 use crate::Nanos;
 use crate::handoff::Flag;
 use crate::platform::Once;
@@ -120,7 +121,7 @@ where
         fence(Ordering::SeqCst);
     }
 
-    fn is_ready(&mut self, _now: Nanos) -> bool {
+    fn is_ready(&mut self, _now: &Moment) -> bool {
         self.condition.inner.flag.is_raised()
     }
 

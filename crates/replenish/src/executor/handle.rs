@@ -3,6 +3,7 @@
 use super::doorbell::Line;
 use super::group::Group;
 use super::live::Live;
+use super::moment::Moment;
 use super::outbox::Outbox;
 use super::stop::StopHandle;
 use crate::Nanos;
@@ -54,7 +55,7 @@ pub(crate) trait Handle: Send {
     /// The executor starts now; `line` leads to it.
     fn begin(&mut self, _start: Nanos, _line: &Line) {}
     /// Whether there is something to take.
-    fn is_ready(&mut self, now: Nanos) -> bool;
+    fn is_ready(&mut self, now: &Moment) -> bool;
     /// When it will have something to take by itself.
     fn next_release(&mut self) -> Option<Nanos> {
         None

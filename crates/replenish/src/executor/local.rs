@@ -13,7 +13,6 @@
 use super::assembly::{Assembly, assemble};
 use super::builder::WorkerSpec;
 use super::dispatcher::{Dispatcher, Watch};
-use super::entry::Tally;
 #[cfg(feature = "live")]
 use super::live::ExecutorHandle;
 use super::live::Live;
@@ -22,6 +21,7 @@ use super::report::{DispatcherReport, Report};
 use super::running::{handle_report, handle_stats};
 use super::schedule::{Every, Schedule, nanos};
 use super::stop::StopHandle;
+use super::tally::Tally;
 use super::worker::Worker;
 use super::{Executor, planning, start};
 use crate::Nanos;
@@ -220,14 +220,14 @@ impl LocalExecutor {
             }
         };
         self.account.activate(began);
-        let mut tally = Tally::new(self.account.meter());
+        let tally = Tally::new(self.account.meter());
         let before = self.ran();
         self.bring(0);
         let mut released = None;
         while released.is_none() && !self.stop.is_stopping() {
             released = grid.serve(clock::monotonic());
             match released {
-                Some(_) => drop(self.pass(&mut tally)),
+                Some(_) => drop(self.pass(&tally)),
                 None => self.bring(grid.next()),
             }
         }
@@ -308,13 +308,13 @@ impl LocalExecutor {
     }
 
     /// Every worker in its turn; whether there may be more to do without new input.
-    fn pass(&mut self, tally: &mut Tally) -> bool {
+    fn pass(&mut self, tally: &Tally) -> bool {
         let mut any = false;
         for worker in &mut self.workers {
             if self.stop.is_stopping() {
                 break;
             }
-            worker.mailbox.clone().empty(worker);
+            worker.empty_mailbox();
             any |= worker.step(&mut self.account, tally) && worker.may_go_on();
         }
         any
@@ -322,21 +322,21 @@ impl LocalExecutor {
 
     fn turn(&mut self, deadline: Nanos, condition: &mut dyn FnMut() -> bool, one: bool) -> Spun {
         self.account.activate(clock::monotonic());
-        let mut tally = Tally::new(self.account.meter());
+        let tally = Tally::new(self.account.meter());
         let before = self.ran();
         self.bring(0);
         let end = loop {
             if self.stop.is_stopping() {
                 break SpinEnd::Stopped;
             }
-            let any = self.pass(&mut tally);
+            let any = self.pass(&tally);
             if self.stop.is_stopping() {
                 break SpinEnd::Stopped;
             }
             if (one && self.ran() > before) || !condition() {
                 break SpinEnd::Worked;
             }
-            if clock::monotonic() >= deadline {
+            if deadline != Nanos::MAX && clock::monotonic() >= deadline {
                 break SpinEnd::TimedOut;
             }
             let wake = match any {

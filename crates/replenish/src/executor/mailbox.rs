@@ -139,9 +139,14 @@ impl Mailbox {
         self.post.lock().worker = Some(current_tid());
     }
 
+    /// Worker: whether something was asked.
+    pub(crate) fn is_waiting(&self) -> bool {
+        self.waiting.load(Ordering::Acquire)
+    }
+
     /// Worker: does what was asked.
     pub(crate) fn empty(&self, worker: &mut Worker) {
-        if !self.waiting.load(Ordering::Acquire) {
+        if !self.is_waiting() {
             return;
         }
         self.waiting.store(false, Ordering::Relaxed);

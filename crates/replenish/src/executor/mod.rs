@@ -42,6 +42,7 @@ mod live;
 mod local;
 #[cfg(feature = "live")]
 mod mailbox;
+mod moment;
 mod outbox;
 #[cfg(feature = "plan")]
 mod overlay;
@@ -59,6 +60,7 @@ mod service;
 mod start;
 mod stop;
 mod subscription;
+mod tally;
 mod threads;
 mod timer;
 mod topic;

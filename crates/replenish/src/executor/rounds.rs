@@ -5,9 +5,10 @@
 //! a rule. So a program that gives none does not carry the code.
 
 use super::builder::WorkerSpec;
-use super::entry::Tally;
+use super::moment::Moment;
 use super::rules::{HandleStates, Semantics, Trigger};
 use super::schedule::{Schedule, nanos};
+use super::tally::Tally;
 use super::worker::Worker;
 use crate::Nanos;
 use crate::error::Error;
@@ -21,7 +22,7 @@ pub(crate) struct Rounds {
     pub(super) begin: fn(&mut Worker, Nanos),
     /// Whether each round must look at every handle.
     pub(super) want_all: fn(&Worker) -> bool,
-    pub(super) step: fn(&mut Worker, &mut Account, &mut Tally) -> bool,
+    pub(super) step: fn(&mut Worker, &mut Account, &Tally) -> bool,
     pub(super) next_wake: fn(&mut Worker) -> Option<Nanos>,
 }
 
@@ -77,7 +78,7 @@ fn want_all(worker: &Worker) -> bool {
     !in_turn
 }
 
-fn step(worker: &mut Worker, account: &mut Account, tally: &mut Tally) -> bool {
+fn step(worker: &mut Worker, account: &mut Account, tally: &Tally) -> bool {
     match &mut worker.grid {
         None => round(worker, account, tally),
         Some(grid) => match grid.serve(clock::monotonic()) {
@@ -91,7 +92,7 @@ fn step(worker: &mut Worker, account: &mut Account, tally: &mut Tally) -> bool {
 }
 
 /// A round, if the trigger allows it; whether it did anything.
-fn round(worker: &mut Worker, account: &mut Account, tally: &mut Tally) -> bool {
+fn round(worker: &mut Worker, account: &mut Account, tally: &Tally) -> bool {
     if worker.looks_at_all && !is_triggered(worker) {
         return false;
     }
@@ -115,10 +116,10 @@ fn round(worker: &mut Worker, account: &mut Account, tally: &mut Tally) -> bool 
 
 /// Looks at every handle; whether what is there is enough for a round.
 fn is_triggered(worker: &mut Worker) -> bool {
-    let now = clock::monotonic();
+    let now = Moment::default();
     let (mut any, mut all) = (false, true);
     for entry in &mut worker.entries {
-        entry.ready = entry.look(now);
+        entry.ready = entry.look(&now);
         any |= entry.ready;
         all &= entry.ready || !entry.is_live();
     }

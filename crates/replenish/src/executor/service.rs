@@ -2,6 +2,7 @@
 
 use super::callback::{CallbackContext, CallbackResult};
 use super::handle::{Env, Handle, Shared, Taken};
+use super::moment::Moment;
 use crate::Nanos;
 use crate::handoff::{Inbox, RequestIdentity, SampleInfo};
 use crate::middleware::{Middleware, PublishError, WriterId};
@@ -107,7 +108,7 @@ where
     F: FnMut(&S::Request, Responder<S>, &CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
-    fn is_ready(&mut self, _now: Nanos) -> bool {
+    fn is_ready(&mut self, _now: &Moment) -> bool {
         self.inbox.waiting() > 0
     }
 

@@ -2,6 +2,7 @@
 
 use super::callback::{CallbackContext, CallbackResult};
 use super::handle::{Env, Handle, Shared, Taken};
+use super::moment::Moment;
 use crate::Nanos;
 use crate::handoff::{Inbox, SampleInfo, Slot};
 use crate::sync::Arc;
@@ -35,7 +36,7 @@ where
     F: FnMut(Option<&M>, &CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
-    fn is_ready(&mut self, _now: Nanos) -> bool {
+    fn is_ready(&mut self, _now: &Moment) -> bool {
         self.inbox.waiting() > 0
     }
 
@@ -105,7 +106,7 @@ where
     F: FnMut(&[u8], &CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
-    fn is_ready(&mut self, _now: Nanos) -> bool {
+    fn is_ready(&mut self, _now: &Moment) -> bool {
         self.inbox.waiting() > 0
     }
 
@@ -151,7 +152,7 @@ where
     F: FnMut(&M::View<'_>, &CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
-    fn is_ready(&mut self, _now: Nanos) -> bool {
+    fn is_ready(&mut self, _now: &Moment) -> bool {
         self.raw.inbox.waiting() > 0
     }
 

@@ -131,12 +131,12 @@ impl Seat {
         };
         // Callbacks are caught one by one in the worker: what arrives here is our own mistake, or
         // a middleware's, and must not leave the others running without it.
-        let panicked = |_: &str| {
+        let panicked = |_: &mut Account, _: &str| {
             self.stop.stop();
             let thread = &self.name;
             self.events.emit(&Event::ThreadPanicked { thread });
         };
-        platform::guard(|| body(account, start), panicked);
+        platform::guard(account, |account| body(account, start), panicked);
     }
 
     fn enroll(&self) -> Result<(Account, Ready), Words> {

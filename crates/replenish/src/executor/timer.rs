@@ -14,6 +14,7 @@
 use super::callback::{CallbackContext, CallbackResult};
 use super::doorbell::Line;
 use super::handle::{Env, Handle, Shared, Taken};
+use super::moment::Moment;
 use super::schedule::{Every, Schedule, nanos};
 use crate::Nanos;
 use crate::error::Error;
@@ -200,9 +201,9 @@ where
         self.schedule = Schedule::new(first, nanos(self.every.period), self.every.overrun);
     }
 
-    fn is_ready(&mut self, now: Nanos) -> bool {
+    fn is_ready(&mut self, now: &Moment) -> bool {
         self.obey();
-        self.schedule.next() <= now && !self.schedule.is_cancelled()
+        !self.schedule.is_cancelled() && self.schedule.next() <= now.get()
     }
 
     fn next_release(&mut self) -> Option<Nanos> {

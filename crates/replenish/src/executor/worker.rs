@@ -18,22 +18,23 @@
 
 use super::agenda::Agenda;
 use super::doorbell::Doorbell;
-use super::entry::{Entry, Tally};
+use super::entry::Entry;
 use super::handle::Env;
 use super::live::Live;
 use super::mailbox::Mailbox;
+use super::moment::Moment;
 use super::outbox::Outbox;
 use super::rounds::Rounds;
 use super::rules::Rules;
 use super::schedule::Schedule;
 use super::stop::StopHandle;
+use super::tally::Tally;
 use crate::Nanos;
 use crate::event::Events;
 use crate::sync::Arc;
 use alloc::vec::Vec;
 use core::cell::RefCell;
 use replenish_os::Account;
-use replenish_os::clock;
 
 /// A worker's state; lives on its thread.
 pub(crate) struct Worker {
@@ -80,11 +81,11 @@ impl Worker {
     /// Runs callbacks until a stop is requested.
     pub(crate) fn run(mut self, account: &mut Account, start: Nanos) {
         self.begin(start);
-        let mut tally = Tally::new(account.meter());
+        let tally = Tally::new(account.meter());
         account.activate(start);
         while !self.stop.is_stopping() {
-            self.mailbox.clone().empty(&mut self);
-            if self.step(account, &mut tally) || self.bell.answer() {
+            self.empty_mailbox();
+            if self.step(account, &tally) || self.bell.answer() {
                 continue;
             }
             let release = self.next_wake();
@@ -103,7 +104,7 @@ impl Worker {
     }
 
     /// A round, if it is time for one; whether it did anything.
-    pub(crate) fn step(&mut self, account: &mut Account, tally: &mut Tally) -> bool {
+    pub(crate) fn step(&mut self, account: &mut Account, tally: &Tally) -> bool {
         if let Some(rounds) = self.rounds {
             return (rounds.step)(self, account, tally);
         }
@@ -118,19 +119,26 @@ impl Worker {
         self.looks_at_all || self.agenda.is_due()
     }
 
+    /// Does what was asked of this worker from outside.
+    pub(crate) fn empty_mailbox(&mut self) {
+        if self.mailbox.is_waiting() {
+            self.mailbox.clone().empty(self);
+        }
+    }
+
     /// Visits each handle once that may have something to do, or with `ALL` those that had it when
     /// the round began; the position of the last one that ran.
     pub(super) fn round<const ALL: bool>(
         &mut self,
         account: &mut Account,
-        tally: &mut Tally,
+        tally: &Tally,
     ) -> Result<Option<usize>, Stopping> {
         let snapshot = ALL && self.rules.takes_first();
         let env = Env {
             worker: &self.name,
             stop: &self.stop,
             events: &self.events,
-            meter: &tally.meter.clone(),
+            meter: &tally.meter,
             live: self.live.as_ref(),
             outbox: self.outbox.as_ref(),
         };
@@ -155,7 +163,7 @@ impl Worker {
             let next = match ALL {
                 true => Some(from),
                 false => {
-                    self.agenda.release(clock::monotonic());
+                    self.agenda.release(&Moment::default());
                     self.agenda.next_from(from)
                 }
             };
@@ -173,7 +181,7 @@ impl Worker {
                 Some(ran) => last = ran.then_some(position).or(last),
             }
             if !ALL {
-                if entry.look(clock::monotonic()) {
+                if entry.look(&Moment::default()) {
                     self.agenda.insert(position);
                 }
                 let release = entry.handle.next_release();
@@ -200,7 +208,7 @@ pub(super) struct Stopping;
 struct Turn<'r> {
     env: &'r Env<'r>,
     account: &'r mut Account,
-    tally: &'r mut Tally,
+    tally: &'r Tally,
     batch: u32,
     snapshot: bool,
     /// Callbacks so far.
@@ -221,7 +229,7 @@ impl Turn<'_> {
         for n in 0..self.batch {
             let ready = match self.snapshot {
                 true => entry.ready && entry.is_live(),
-                false => entry.look(clock::monotonic()),
+                false => entry.look(&Moment::default()),
             };
             let without = n == 0 && entry.handling.always && entry.is_live();
             if !ready && !without {
@@ -234,7 +242,7 @@ impl Turn<'_> {
             self.ran += 1;
             let took = entry.run(self.env, self.snapshot, without);
             self.account.callback_end();
-            self.tally.settle(&entry.shared.counters);
+            self.tally.settle(&entry.shared.counters, entry.took);
             if !took {
                 break;
             }

@@ -15,11 +15,13 @@
 
 use super::SampleInfo;
 use super::ring::{Ring, Slot};
-use crate::sync::Mutex;
+use crate::sync::{AtomicUsize, Mutex, Ordering};
 
 /// Bounded, preallocated queue of one subscription.
 pub(crate) struct Inbox {
     state: Mutex<State>,
+    /// How many samples wait; written under the lock, so that a look costs none.
+    waiting: AtomicUsize,
     keep: Keep,
 }
 
@@ -81,6 +83,7 @@ impl Inbox {
                 parked: false,
                 closed: false,
             }),
+            waiting: AtomicUsize::new(0),
             keep,
         }
     }
@@ -115,6 +118,7 @@ impl Inbox {
             return refused(why, false);
         }
         let replaced = state.ring.push(slot);
+        self.show(&state);
         let parked = self.keep == Keep::All && state.ring.is_full();
         state.parked = parked;
         Delivery {
@@ -137,6 +141,7 @@ impl Inbox {
     pub(crate) fn pop(&self) -> Option<Popped> {
         let mut state = self.state.lock();
         let slot = state.ring.pop()?;
+        self.show(&state);
         let wake = core::mem::take(&mut state.parked);
         Some(Popped { slot, wake })
     }
@@ -148,13 +153,18 @@ impl Inbox {
 
     /// How many samples wait.
     pub(crate) fn waiting(&self) -> usize {
-        self.state.lock().ring.len()
+        self.waiting.load(Ordering::Acquire)
+    }
+
+    fn show(&self, state: &State) {
+        self.waiting.store(state.ring.len(), Ordering::Release);
     }
 
     /// Discards what waits. Returns how many samples, and whether the middleware must be woken.
     pub(crate) fn clear(&self) -> (usize, bool) {
         let mut state = self.state.lock();
         let discarded = state.ring.clear();
+        self.show(&state);
         (discarded, core::mem::take(&mut state.parked))
     }
 

@@ -53,8 +53,12 @@ pub(crate) fn random(salt: u64) -> u64 {
 }
 
 /// Runs `step`; a panic does not come back here.
-pub(crate) fn guard<T>(step: impl FnOnce() -> T, _panicked: impl FnOnce(&str) -> T) -> T {
-    step()
+pub(crate) fn guard<S: ?Sized, T>(
+    subject: &mut S,
+    step: impl FnOnce(&mut S) -> T,
+    _panicked: impl FnOnce(&mut S, &str) -> T,
+) -> T {
+    step(subject)
 }
 
 /// Events go nowhere if nobody has said where.

@@ -1,6 +1,8 @@
 //! What comes from the standard library, behind names that `platform_bare.rs` has, too.
 
+use core::any::Any;
 use core::time::Duration;
+use std::boxed::Box;
 use std::hash::{BuildHasher, RandomState};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::string::String;
@@ -21,19 +23,28 @@ pub(crate) fn random(salt: u64) -> u64 {
     RandomState::new().hash_one((salt, std::process::id(), now))
 }
 
-/// Runs `step`. If it panics, gives `panicked` the message.
-pub(crate) fn guard<T>(step: impl FnOnce() -> T, panicked: impl FnOnce(&str) -> T) -> T {
-    let outcome = catch_unwind(AssertUnwindSafe(step));
-    outcome.unwrap_or_else(|panic| {
-        let message = match (panic.downcast_ref::<&str>(), panic.downcast_ref::<String>()) {
-            (Some(s), _) => s,
-            (None, Some(s)) => s.as_str(),
-            (None, None) => "(no message)",
-        };
-        let result = panicked(message);
-        core::mem::forget(panic); // dropping a payload may panic again
-        result
-    })
+/// Runs `step` on `subject`. If it panics, gives `panicked` the subject and the message.
+pub(crate) fn guard<S: ?Sized, T>(
+    subject: &mut S,
+    step: impl FnOnce(&mut S) -> T,
+    panicked: impl FnOnce(&mut S, &str) -> T,
+) -> T {
+    match catch_unwind(AssertUnwindSafe(|| step(subject))) {
+        Ok(result) => result,
+        Err(panic) => recover(panic, |message| panicked(subject, message)),
+    }
+}
+
+#[cold]
+fn recover<T>(panic: Box<dyn Any + Send>, panicked: impl FnOnce(&str) -> T) -> T {
+    let message = match (panic.downcast_ref::<&str>(), panic.downcast_ref::<String>()) {
+        (Some(s), _) => s,
+        (None, Some(s)) => s.as_str(),
+        (None, None) => "(no message)",
+    };
+    let result = panicked(message);
+    core::mem::forget(panic); // dropping a payload may panic again
+    result
 }
 
 /// Where events go if nobody has said otherwise: one line on standard error each.

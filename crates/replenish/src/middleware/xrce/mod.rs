@@ -5,7 +5,7 @@
 //!   dispatcher                                      publishers (any thread)
 //!   wait: poll transport · waker · timer   no lock     lock ─ write ─ send ─ unlock
 //!   take: recv  ─ lock ─ handle ─ unlock, ...            (sends never wait)
-//!         lock ─ acknowledge, heartbeat, ping ─ unlock
+//!         lock ─ acknowledge, heartbeat, ping ─ unlock      (if any of it is due)
 //! ```
 //!
 //! One lock with priority inheritance protects the session. It is held while bytes are encoded,
@@ -49,6 +49,7 @@ use super::{
 #[cfg(feature = "services")]
 use super::{RequestIdentity, ServiceSpec};
 use crate::Nanos;
+use crate::sync::Arc;
 use alloc::boxed::Box;
 use core::fmt;
 use limits::REQUESTS;
@@ -57,7 +58,7 @@ use replenish_xrce::client::LinkStats;
 use replenish_xrce::stream::{BestEffortStats, InputStats, OutputStats};
 #[cfg(feature = "services")]
 use replenish_xrce::wire::ObjectKind;
-use state::State;
+use state::{Glance, State};
 use waiting::Waiting;
 
 /// Datagrams handled in one [`Middleware::take`].
@@ -86,6 +87,7 @@ pub struct Xrce {
     transport: Box<dyn Transport>,
     waiting: Waiting,
     state: PiMutex<State>,
+    glance: Arc<Glance>,
 }
 
 /// What an adapter and its session have counted.
@@ -121,13 +123,15 @@ impl Xrce {
         }
     }
 
-    /// Receives and handles datagrams, up to a batch; returns how many samples went to `sink`.
+    /// Receives and handles messages, up to a batch. Adds up in `taken` how many samples went to
+    /// `sink`; returns whether the session is to be looked after now.
     fn receive(
         &self,
         interest: &mut Interest,
         sink: &mut state::Sink<'_>,
-    ) -> Result<usize, MiddlewareError> {
-        let mut taken = 0;
+        taken: &mut usize,
+    ) -> Result<bool, MiddlewareError> {
+        let (mut any, mut due) = (false, false);
         for _ in 0..self.waiting.batch(BATCH) {
             let received = self.transport.receive(&mut |message| {
                 let now = clock::monotonic();
@@ -135,7 +139,10 @@ impl Xrce {
                 if message.len() > usize::from(self.config.mtu) {
                     state.socket.oversized += 1; // cut off by the transport
                 } else {
-                    taken += state.receive(now, message, interest, sink);
+                    let (samples, asks) = state.receive(now, message, interest, sink);
+                    *taken += samples;
+                    due |= asks;
+                    any = true;
                 }
             });
             match received.map_err(|error| io_error("receive", &error))? {
@@ -143,11 +150,14 @@ impl Xrce {
                 Received::Nothing => break,
                 Received::Closed => {
                     self.state.lock().disconnected(clock::monotonic());
+                    due = true;
                     break;
                 }
             }
         }
-        Ok(taken)
+        // A message was looked at with the clock in hand. Without one, and with a transport that
+        // sends by and by, time or room alone may ask for something.
+        Ok(due || !any || !self.waiting.is_for_datagrams())
     }
 
     /// Lets the session do what time asks for, and sends what there is to send.
@@ -245,11 +255,14 @@ impl Middleware for Xrce {
 
     #[cfg(feature = "texts")]
     fn next_clash(&self) -> Option<Clash> {
-        self.state.lock().next_clash()
+        match self.glance.has_clash() {
+            true => self.state.lock().next_clash(),
+            false => None,
+        }
     }
 
     fn wait(&self, interest: &Interest, deadline: Option<Nanos>) -> Result<(), MiddlewareError> {
-        if self.state.lock().has_sample(interest) {
+        if self.glance.has_backlog() && self.state.lock().has_sample(interest) {
             return Ok(());
         }
         self.waiting
@@ -262,11 +275,15 @@ impl Middleware for Xrce {
         interest: &Interest,
         sink: &mut dyn FnMut(ReaderId, &SampleInfo, &[u8]) -> Room,
     ) -> Result<usize, MiddlewareError> {
-        let mut interest = *interest;
-        let waited = self.state.lock().take_backlog(&mut interest, BATCH, sink);
-        let received = self.receive(&mut interest, sink);
-        self.housekeep();
-        received.map(|received| waited + received)
+        let (mut interest, mut taken) = (*interest, 0);
+        if self.glance.has_backlog() {
+            taken = self.state.lock().take_backlog(&mut interest, BATCH, sink);
+        }
+        let received = self.receive(&mut interest, sink, &mut taken);
+        if !matches!(received, Ok(false)) {
+            self.housekeep();
+        }
+        received.map(|_| taken)
     }
 
     fn wake(&self) {
@@ -274,12 +291,11 @@ impl Middleware for Xrce {
     }
 
     fn link(&self) -> LinkState {
-        let state = self.state.lock();
-        if state.is_up() {
+        if self.glance.is_up() {
             LinkState::Up
         } else {
             LinkState::Down {
-                since: state.session.heard(),
+                since: self.state.lock().session.heard(),
             }
         }
     }

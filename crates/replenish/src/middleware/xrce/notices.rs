@@ -23,7 +23,10 @@ impl State {
     #[cfg(feature = "texts")]
     pub(super) fn next_clash(&mut self) -> Option<Clash> {
         loop {
-            let (object, policies) = self.clashes.pop()?;
+            let Some((object, policies)) = self.clashes.pop() else {
+                self.glance.show_clash(false);
+                return None;
+            };
             let (topic, reader) = match object.kind() {
                 Ok(ObjectKind::DataReader) => {
                     let slot = *self.slots.get(usize::from(object.number()))?;

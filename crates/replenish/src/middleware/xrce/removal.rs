@@ -46,6 +46,10 @@ impl Doomed {
         // Each has a subscriber or publisher and may be the last of its topic.
         Self(Vec::with_capacity(6 * MAX_READERS))
     }
+
+    pub(super) const fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
 }
 
 impl State {

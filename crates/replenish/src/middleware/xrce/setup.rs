@@ -9,6 +9,7 @@ use crate::Nanos;
 use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId, Room, WriterId};
 use crate::platform::{self, io};
 use crate::qos::Criticality;
+use crate::sync::Arc;
 use alloc::boxed::Box;
 use alloc::vec;
 use replenish_os::{PiMutex, clock};
@@ -31,11 +32,13 @@ impl Xrce {
         config.check()?;
         let session = session(&config);
         let io = |what| move |source| ConnectError::Io { what, source };
+        let state = State::new(session);
         let this = Self {
             config,
             waiting: Waiting::new(&transport).map_err(io("create what is waited on"))?,
             transport: Box::new(transport),
-            state: PiMutex::new(State::new(session)),
+            glance: Arc::clone(&state.glance),
+            state: PiMutex::new(state),
         };
         let start = clock::monotonic();
         this.state.lock().session.connect(start);
@@ -112,7 +115,7 @@ impl Xrce {
     ) -> io::Result<Option<T>> {
         loop {
             let mut nobody = Interest::empty();
-            let handled = self.receive(&mut nobody, &mut |_, _, _| Room::Full);
+            let handled = self.receive(&mut nobody, &mut |_, _, _| Room::Full, &mut 0);
             if let Err(MiddlewareError::Io { errno, .. }) = handled {
                 return Err(io::Error::from_raw_os_error(errno));
             }

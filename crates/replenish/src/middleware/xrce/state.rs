@@ -13,6 +13,7 @@ use crate::middleware::{
 };
 use crate::platform::io;
 use crate::qos::Criticality;
+use crate::sync::{Arc, AtomicBool, Ordering};
 use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -43,8 +44,38 @@ pub struct SocketStats {
     pub oversized: u64,
 }
 
+/// What can be asked without the lock. Written under it.
+#[derive(Debug, Default)]
+pub(super) struct Glance {
+    /// The session is up.
+    up: AtomicBool,
+    /// Samples wait here.
+    backlog: AtomicBool,
+    /// The agent has told of endpoints that do not fit.
+    clash: AtomicBool,
+}
+
+impl Glance {
+    pub(super) fn is_up(&self) -> bool {
+        self.up.load(Ordering::Acquire)
+    }
+
+    pub(super) fn has_backlog(&self) -> bool {
+        self.backlog.load(Ordering::Acquire)
+    }
+
+    pub(super) fn has_clash(&self) -> bool {
+        self.clash.load(Ordering::Acquire)
+    }
+
+    pub(super) fn show_clash(&self, any: bool) {
+        self.clash.store(any, Ordering::Release);
+    }
+}
+
 #[cfg_attr(not(feature = "live"), expect(dead_code, reason = "for those that go"))]
 pub(super) struct State {
+    pub(super) glance: Arc<Glance>,
     pub(super) session: XrceSession,
     pub(super) readers: Vec<Reader>,
     pub(super) writers: Vec<Writer>,
@@ -78,6 +109,7 @@ pub(super) struct State {
 impl State {
     pub(super) fn new(session: XrceSession) -> Self {
         Self {
+            glance: Arc::default(),
             session,
             readers: Vec::new(),
             writers: Vec::new(),
@@ -108,6 +140,17 @@ impl State {
     pub(super) fn forget(&mut self, id: ReaderId) {
         self.pending.remove(id);
         self.spent.remove(id);
+        self.show_backlog();
+    }
+
+    fn show_backlog(&self) {
+        let any = !self.pending.is_empty();
+        self.glance.backlog.store(any, Ordering::Release);
+    }
+
+    /// After everything that may have changed the session's state.
+    fn show_link(&self) {
+        self.glance.up.store(self.is_up(), Ordering::Release);
     }
 
     /// Whether a sample of a reader in `interest` waits here.
@@ -148,18 +191,19 @@ impl State {
                 self.pending.remove(id);
             }
         }
+        self.show_backlog();
         taken
     }
 
     /// Handles a datagram: samples of readers in `interest` go to `sink`, others wait. Returns how
-    /// many went to `sink`.
+    /// many went to `sink`, and whether the session is to be looked after now: mostly not.
     pub(super) fn receive(
         &mut self,
         now: Nanos,
         datagram: &[u8],
         interest: &mut Interest,
         sink: &mut Sink<'_>,
-    ) -> usize {
+    ) -> (usize, bool) {
         let mut taken = 0;
         let Self {
             session,
@@ -171,9 +215,11 @@ impl State {
             slots,
             writers,
             clashes,
+            glance,
             ..
         } = self;
-        session.handle(now, datagram, &mut |event| match event {
+        let mut kept = false;
+        let busy = session.handle(now, datagram, &mut |event| match event {
             Event::Data { payload, .. }
             | Event::Request { payload, .. }
             | Event::Reply { payload, .. } => {
@@ -215,6 +261,7 @@ impl State {
                 } else {
                     reader.lost += u64::from(!reader.backlog.push(&info, payload));
                     pending.insert(id);
+                    kept = true;
                 }
             }
             Event::Notice { object, notice } => match notice {
@@ -224,6 +271,7 @@ impl State {
                 }
                 Notice::Clash(policies) if clashes.len() < clashes.capacity() => {
                     clashes.push((object, policies));
+                    glance.show_clash(true);
                 }
                 Notice::Clash(_) | Notice::Served(_) => {}
             },
@@ -233,7 +281,14 @@ impl State {
             }
             _ => {}
         });
-        taken
+        if kept {
+            self.show_backlog();
+        }
+        if busy {
+            self.show_link();
+        }
+        let due = self.armed <= now || self.regrant || !self.spent.is_empty();
+        (taken, busy || due || !self.doomed.is_empty())
     }
 
     /// Lets the session notice that time has passed.
@@ -241,6 +296,7 @@ impl State {
         let regrant = &mut self.regrant;
         self.session
             .tick(now, &mut |event| *regrant |= event == Event::Down);
+        self.show_link();
     }
 
     /// The transport says that the agent is gone.
@@ -248,6 +304,7 @@ impl State {
         let regrant = &mut self.regrant;
         self.session
             .disconnected(now, &mut |event| *regrant |= event == Event::Down);
+        self.show_link();
     }
 
     /// Asks the agent for as many samples as there is room for, for keep-all readers that have got

@@ -6,7 +6,7 @@ use crate::Nanos;
 use crate::platform::io;
 use crate::sync::{AtomicBool, Ordering};
 use replenish_os::timer::TimerFd;
-use replenish_os::{PollFd, WakeFd, clock, poll};
+use replenish_os::{PollFd, WaitSet, WakeFd, clock, poll};
 
 /// What a session waits on.
 pub(super) struct Waiting {
@@ -14,6 +14,8 @@ pub(super) struct Waiting {
     /// Waited for by those who are not to be woken.
     nobody: WakeFd,
     alarm: Alarm,
+    /// Waker, alarm and transport, where that has one descriptor for ever.
+    together: Option<WaitSet>,
     /// The dispatcher's last wait ended as soon as it began.
     pressed: AtomicBool,
 }
@@ -21,21 +23,42 @@ pub(super) struct Waiting {
 /// A wait that took less found something there already.
 const INSTANT: Nanos = 5_000;
 
+/// The waker's bit in the set, and that of the others.
+const WAKER: u32 = 1;
+const OTHERS: u32 = 2;
+
 /// The session's next deadline. A publisher that makes it earlier sets it itself.
 pub(super) struct Alarm(TimerFd);
 
 impl Waiting {
-    pub(super) fn new(_transport: &dyn Transport) -> io::Result<Self> {
+    pub(super) fn new(transport: &dyn Transport) -> io::Result<Self> {
+        let (waker, alarm) = (WakeFd::new()?, Alarm(TimerFd::new()?));
+        let together = match transport.lasting_descriptor() {
+            None => None,
+            Some(descriptor) => {
+                let set = WaitSet::new()?;
+                set.add(&waker, WAKER)?;
+                set.add(&alarm.0, OTHERS)?;
+                set.add(&descriptor, OTHERS)?;
+                Some(set)
+            }
+        };
         Ok(Self {
-            waker: WakeFd::new()?,
+            waker,
             nobody: WakeFd::new()?,
-            alarm: Alarm(TimerFd::new()?),
+            alarm,
+            together,
             pressed: AtomicBool::new(true),
         })
     }
 
     pub(super) const fn alarm(&self) -> &Alarm {
         &self.alarm
+    }
+
+    /// The transport has nothing of its own to go on with between two messages.
+    pub(super) const fn is_for_datagrams(&self) -> bool {
+        self.together.is_some()
     }
 
     /// Ends the dispatcher's wait, or its next one.
@@ -50,7 +73,11 @@ impl Waiting {
         deadline: Option<Nanos>,
     ) -> io::Result<()> {
         let before = clock::monotonic();
-        if self.wait(&self.waker, transport, deadline)? {
+        let woken = match &self.together {
+            Some(set) => set.wait(deadline)? & WAKER != 0,
+            None => self.wait(&self.waker, transport, deadline)?,
+        };
+        if woken {
             self.waker.clear();
         }
         let took = clock::monotonic().saturating_sub(before);

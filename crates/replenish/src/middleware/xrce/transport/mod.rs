@@ -70,6 +70,14 @@ pub trait Transport: Send + Sync + Debug + 'static {
     /// What the system says, except for "nothing there" and the end of a connection.
     fn receive(&self, deliver: &mut dyn FnMut(&[u8])) -> io::Result<Received>;
 
+    /// The descriptor that is readable when there is something to receive, if it is the same for
+    /// as long as the transport lives and never has to be [writable](Self::wants_write): then
+    /// waiting costs less than with [`with_descriptor`](Self::with_descriptor).
+    #[cfg(feature = "std")]
+    fn lasting_descriptor(&self) -> Option<BorrowedFd<'_>> {
+        None
+    }
+
     /// Calls `wait` once with the descriptor that is readable when there is something to receive;
     /// `None` while there is no connection. The descriptor stays open until `wait` returns.
     #[cfg(feature = "std")]

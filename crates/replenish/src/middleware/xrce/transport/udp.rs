@@ -43,6 +43,10 @@ impl Transport for Udp {
         Ok(Received::Something)
     }
 
+    fn lasting_descriptor(&self) -> Option<BorrowedFd<'_>> {
+        Some(self.socket.as_fd())
+    }
+
     fn with_descriptor(&self, wait: &mut dyn FnMut(Option<BorrowedFd<'_>>)) {
         wait(Some(self.socket.as_fd()));
     }

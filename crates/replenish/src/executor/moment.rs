@@ -1,0 +1,22 @@
+//! This moment, looked up when somebody first wants to know: most handles do not.
+
+use crate::Nanos;
+use core::cell::Cell;
+use replenish_os::clock;
+
+/// One instant of `CLOCK_MONOTONIC`, the same for all who ask.
+#[derive(Default)]
+pub(crate) struct Moment(Cell<Option<Nanos>>);
+
+impl Moment {
+    #[cfg(test)]
+    pub(crate) fn at(now: Nanos) -> Self {
+        Self(Cell::new(Some(now)))
+    }
+
+    pub(crate) fn get(&self) -> Nanos {
+        let now = self.0.get().unwrap_or_else(clock::monotonic);
+        self.0.set(Some(now));
+        now
+    }
+}
