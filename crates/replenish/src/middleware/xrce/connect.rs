@@ -51,7 +51,7 @@ impl Xrce {
 
 fn address(agent: &str) -> impl Fn(io::Error) -> ConnectError {
     move |source| ConnectError::Address {
-        agent: agent.to_string(),
+        agent: agent.into(),
         source,
     }
 }

@@ -27,7 +27,7 @@ impl Xrce {
         let (reader, writer, object) = added?;
         let confirmed = self.confirm(object, "create a requester or replier");
         if confirmed.is_err() {
-            let mut state = self.state.lock();
+            let state = &mut *self.state.lock();
             state.delete_reader(reader);
             state.delete_writer(writer);
         }

@@ -64,6 +64,7 @@ impl Glance {
         self.backlog.load(Ordering::Acquire)
     }
 
+    #[cfg(feature = "texts")]
     pub(super) fn has_clash(&self) -> bool {
         self.clash.load(Ordering::Acquire)
     }
