@@ -33,6 +33,9 @@
 //! | `poll`, `PollFd` | descriptors | no: `WakeFd::wait_until` waits for a wake-up alone | the same |
 //! | `SwitchLog`, `baseline`, `machine`, affinity, `tty`, `connect_tcp` | yes | no | no |
 //! | heap that can be sealed, panics | no | `freertos` (also start, interrupts) | `nuttx` (also the check at start) |
+//!
+//! Feature `posix` (default) brings budgets held by the server of POSIX, `compact` small memory
+//! functions for images.
 
 #![cfg_attr(not(target_os = "linux"), no_std)]
 

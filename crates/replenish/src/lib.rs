@@ -2,9 +2,25 @@
 //!
 //! - [`Context`], [`Node`], [`Publisher`]: where messages come from and go to.
 //! - [`Executor`] and its [workers](Executor::worker): threads with a policy and a [`Budget`] each,
-//!   that run subscriptions and timers.
+//!   that run subscriptions, timers, services, clients, [actions](ActionOptions) and
+//!   [guard conditions](GuardCondition). [`Group`]: callbacks that never run at the same time.
+//! - [`Parameters`], [`Lifecycle`]: what ROS 2 asks of a node.
 //! - [`Report`]: what every thread got from the kernel and what every handle has been through.
 //! - [`middleware`]: the seam between the executor and whatever carries the bytes.
+//!
+//! # Features
+//! | feature | default | what it brings |
+//! |---|---|---|
+//! | `std` | yes | UDP, TCP and serial lines of Linux; panics caught callback by callback |
+//! | `plan` | yes | guarantees, admission, deployment files; brings `std` and `texts` |
+//! | `xrce` | yes | the micro-ROS middleware |
+//! | `services` | yes | services and actions over `xrce` |
+//! | `histograms` | yes | latency histograms |
+//! | `texts` | yes | errors and reports in words, [`Event::Incompatible`] |
+//! | `live` | yes | handles that come and go while the executor runs |
+//! | `posix` | yes | the server of POSIX beside the corrected one |
+//! | `log` | no | events go to the program's logger |
+//! | `freertos`, `nuttx` | no | the back end of that system, on its targets |
 //!
 //! Without feature `std` the crate needs `core`, `alloc` and `replenish-os` alone; memory is then
 //! taken while the executor is described and started, and not after.
