@@ -35,10 +35,9 @@ pub(crate) fn run(path: Option<&Path>) -> Outcome {
     let flash = section(&[".text", ".rodata", ".ARM.exidx", ".data"]);
     let fixed = section(&[".data", ".bss"]);
     let named: (u64, u64) = parts.values().fold((0, 0), |a, p| (a.0 + p.0, a.1 + p.1));
-    parts.insert(
-        "without a name (constants, padding)",
-        (flash.saturating_sub(named.0), fixed.saturating_sub(named.1)),
-    );
+    let rest = parts.entry(part("")).or_default();
+    rest.0 += flash.saturating_sub(named.0);
+    rest.1 += fixed.saturating_sub(named.1);
     let memory = memory::measure()?;
     parts.insert("taken at set-up: XRCE client", (0, memory.client));
     parts.insert("taken at set-up: executor", (0, memory.executor));
