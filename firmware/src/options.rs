@@ -21,6 +21,9 @@ pub struct Options {
     pub lockstep: bool,
     /// Messages of the topic `flood` that the host sends per tick, on top.
     pub flood: u32,
+    /// When the host is told to end the agent and start another, in ms; 0: never. Until its
+    /// session is back, the clock waits for nobody.
+    pub restart: u64,
 }
 
 /// Reads them.
@@ -39,6 +42,7 @@ pub fn read(text: &str) -> Result<Options, &'static str> {
         noise: 0,
         lockstep: true,
         flood: 0,
+        restart: 0,
     };
     let mut words = String::new();
     for word in text.split_ascii_whitespace() {
@@ -71,7 +75,8 @@ impl Options {
             "noise" => self.noise = value,
             "lockstep" => self.lockstep = value != 0,
             "flood" => self.flood = within(0..=100, "flood is 0 to 100 messages")?,
-            _ => return Err("options are baud, burst, sleep, noise, lockstep, flood"),
+            "restart" => self.restart = value.into(),
+            _ => return Err("options are baud, burst, sleep, noise, lockstep, flood, restart"),
         }
         Ok(())
     }

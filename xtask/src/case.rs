@@ -24,6 +24,10 @@ pub(crate) enum Name {
     WorkConserving,
     /// Two budgeted workers beside one whose topic is flooded
     Flood,
+    /// The agent is killed while the board answers, and another one started
+    Restart,
+    /// Damaged bits on the line: what is sent reliably arrives once, the rest is counted
+    Noise,
 }
 
 /// The name on the command line.
@@ -101,7 +105,7 @@ pub(crate) fn three() -> Vec<Worker> {
 /// The cases of an experiment; the last worker of each is the one that takes the rest.
 pub(crate) fn cases(name: Name) -> Vec<Vec<Worker>> {
     match name {
-        Name::WorkConserving => vec![pair(30, 100)],
+        Name::WorkConserving | Name::Restart => vec![pair(30, 100)],
         Name::Flood => vec![three()],
         Name::BudgetSweep => (1..=9).map(|b| pair(b * 10, 100)).collect(),
         Name::OddBudgets => vec![pair(37, 90), pair(1, 7), pair(100, 100)],
@@ -116,7 +120,7 @@ pub(crate) fn cases(name: Name) -> Vec<Vec<Worker>> {
             }
             all
         }
-        Name::Executor => Vec::new(), // its image is another one: see `executor`
+        Name::Executor | Name::Noise => Vec::new(), // their images are others: see there
         Name::Runaway => {
             let mut mad = Worker::budgeted(60, 30, 100, 0);
             mad.endless = true;

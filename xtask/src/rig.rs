@@ -35,7 +35,13 @@ pub(crate) struct Run {
 pub(crate) struct Host {
     /// Messages of the low topic on top of each pair.
     pub(crate) flood: u32,
+    /// Ping sends back what comes on topics `sure` and `loose`.
+    pub(crate) echo: bool,
 }
+
+/// What the board says when it wants its agent ended, and when it has noticed.
+const END_AGENT: &str = "# end the agent";
+const LINK_DOWN: &str = "# link is down";
 
 /// A run that takes longer on the host than this is ended.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -57,13 +63,14 @@ impl Bench {
     /// Boots the board with `words` as its command line and runs it to its end.
     pub(crate) fn run(&self, words: &[String], host: Host) -> Outcome<Run> {
         let (mut board, output, line) = self.boot(words)?;
+        let mut said = String::new();
         // Held open, so that the line does not hang up while no agent has it.
         let _held = std::fs::File::options()
             .read(true)
             .open(&line)
             .map_err(|e| format!("{line}: {e}"))?;
         let totals = std::env::temp_dir().join(format!("replenish-ping-{}", std::process::id()));
-        let (agent, address) = self.agent(&line)?;
+        let (mut agent, address) = self.agent(&line, "127.0.0.1:0")?;
         let mut ping = self.replenish();
         ping.args(["ping", "--supervised", "--ticked", "--agent", &address])
             .arg("--json")
@@ -71,17 +78,37 @@ impl Bench {
         if host.flood > 0 {
             ping.arg("--flood").arg(host.flood.to_string());
         }
+        if host.echo {
+            ping.arg("--echo");
+        }
         let mut ping = Part::start("ping", ping.stdout(Stdio::null()))?;
         let until = Instant::now() + PATIENCE;
-        let left = until.saturating_duration_since(Instant::now());
-        let Ok(text) = output.recv_timeout(left) else {
-            drop(board); // then it has said all
-            let said = output.recv().unwrap_or_default();
-            let limit = PATIENCE.as_secs();
-            return Err(format!(
-                "{words:?} did not end within {limit} s; the board said:\n{said}"
-            ));
-        };
+        let mut ended = false;
+        loop {
+            let left = until.saturating_duration_since(Instant::now());
+            match output.recv_timeout(left) {
+                Ok(text) => {
+                    if text.starts_with(END_AGENT) {
+                        agent.kill();
+                        ended = true;
+                    } else if ended && text.starts_with(LINK_DOWN) {
+                        ended = false;
+                        (agent, _) = self.agent(&line, &address)?;
+                    }
+                    said.push_str(&text);
+                }
+                Err(mpsc::RecvTimeoutError::Disconnected) => break,
+                Err(mpsc::RecvTimeoutError::Timeout) => {
+                    drop(board); // then it has said all
+                    said.extend(output.iter());
+                    let limit = PATIENCE.as_secs();
+                    return Err(format!(
+                        "{words:?} did not end within {limit} s; the board said:\n{said}"
+                    ));
+                }
+            }
+        }
+        let text = said;
         let status = board.child.wait().map_err(|e| e.to_string())?;
         ping.end()?;
         drop(agent);
@@ -101,14 +128,14 @@ impl Bench {
         })
     }
 
-    /// The board, what it will have printed at its end, and the device of its serial line.
+    /// The board, the lines that it will print, and the device of its serial line.
     fn boot(&self, words: &[String]) -> Outcome<(Part, mpsc::Receiver<String>, String)> {
         let mut command = qemu::command(&self.image, words);
         let mut board = Part::start(
             "qemu-system-arm",
             command.args(["-serial", "pty"]).stderr(Stdio::piped()), // where semihosting prints
         )?;
-        let mut stderr = board.child.stderr.take().ok_or("QEMU has no errors")?;
+        let stderr = board.child.stderr.take().ok_or("QEMU has no errors")?;
         let stdout = board.child.stdout.take().ok_or("QEMU has no output")?;
         let mut stdout = BufReader::new(stdout);
         let mut first = String::new();
@@ -120,26 +147,21 @@ impl Bench {
             .to_string();
         let (tell, output) = mpsc::channel();
         std::thread::spawn(move || {
+            for text in BufReader::new(stderr).lines().map_while(Result::ok) {
+                tell.send(text + "\n").ok();
+            }
             let mut text = String::new();
-            stderr.read_to_string(&mut text).ok();
             stdout.read_to_string(&mut text).ok();
             tell.send(text).ok();
         });
         Ok((board, output, line))
     }
 
-    /// An agent on the serial line, and its UDP address.
-    fn agent(&self, line: &str) -> Outcome<(Part, String)> {
+    /// An agent on the serial line and on `udp`, and the address that it got there.
+    fn agent(&self, line: &str, udp: &str) -> Outcome<(Part, String)> {
         let mut agent = self.replenish();
         // The baud rate of a pseudo terminal means nothing; the agent paces itself by it.
-        agent.args([
-            "agent",
-            "--supervised",
-            "--udp",
-            "127.0.0.1:0",
-            "--serial",
-            line,
-        ]);
+        agent.args(["agent", "--supervised", "--udp", udp, "--serial", line]);
         let mut agent = Part::start("agent", agent.args(["--baud", "921600"]))?;
         let stdout = agent.child.stdout.take().ok_or("the agent has no output")?;
         let mut stdout = BufReader::new(stdout);
@@ -172,6 +194,12 @@ impl Part {
         Ok(Self { name, child, input })
     }
 
+    /// Ends it without a word.
+    fn kill(&mut self) {
+        self.child.kill().ok();
+        self.child.wait().ok();
+    }
+
     /// Tells it to end and waits until it has.
     fn end(&mut self) -> Outcome {
         self.input = None;
@@ -192,8 +220,7 @@ impl Drop for Part {
     fn drop(&mut self) {
         let board = self.name.starts_with("qemu"); // it does not listen to its input
         if board || self.end().is_err() {
-            self.child.kill().ok();
-            self.child.wait().ok();
+            self.kill();
         }
     }
 }

@@ -56,7 +56,10 @@ pub(crate) fn run(name: Name, seconds: u64, files: &Files) -> Outcome {
     let mut before: Option<Value> = None;
     for point in points(name) {
         let words = judge.words(&point);
-        let host = Host { flood: point.flood };
+        let host = Host {
+            flood: point.flood,
+            ..Host::default()
+        };
         let run = bench.run(&words, host)?;
         if results.is_empty() {
             let again = bench.run(&words, host)?;

@@ -37,6 +37,8 @@ const MS: u64 = 1_000_000;
 const INTERVAL: u64 = 10 * MS;
 /// Above the workers, so that it ends the measurement on time.
 const MAIN: u8 = 97;
+/// The longest a run with a restart takes, in ns.
+const LONGEST_GAP: u64 = 300_000 * MS;
 /// The task that sends the ticks.
 const CLOCK: u8 = 96;
 
@@ -45,6 +47,8 @@ static AWAKE: AtomicBool = AtomicBool::new(true);
 static LINK_LOST: AtomicU32 = AtomicU32::new(0);
 static LINK_BACK: AtomicU32 = AtomicU32::new(0);
 static UNSENT: AtomicU32 = AtomicU32::new(0);
+/// Ticks between the end of the agent and the first answers after its return; 0: there is no such gap.
+static GAP: AtomicU32 = AtomicU32::new(0);
 static OVER: AtomicBool = AtomicBool::new(false);
 
 #[unsafe(no_mangle)]
@@ -74,6 +78,8 @@ struct Running {
     name: &'static str,
     count: Arc<Count>,
     before: Usage,
+    /// Answers when the agent was ended, and when the link was up again.
+    marks: Arc<[AtomicU32; 2]>,
 }
 
 fn run(options: &Options) -> Result<(), Error> {
@@ -133,6 +139,7 @@ fn run(options: &Options) -> Result<(), Error> {
             name,
             count,
             before: Usage::default(),
+            marks: Arc::default(),
         });
     }
     let running = exec.start()?;
@@ -143,14 +150,25 @@ fn run(options: &Options) -> Result<(), Error> {
         AWAKE.store(false, Ordering::SeqCst);
     }
     let idle_before: Vec<TaskUse> = tasks().collect();
-    send_ticks(tick, options, answers);
+    send_ticks(tick, options, answers, Restart::of(&workers));
     scene.begin.wait();
     let begun = scene.begun.load(Ordering::SeqCst);
     for w in &mut workers {
         w.before = running.usage(w.name).unwrap_or_default();
     }
     HEAP.seal();
-    clock::sleep_until(begun + options.case.length);
+    // The gap of a restart is as long as the host makes it: it does not count.
+    let mut end = begun + options.case.length;
+    clock::sleep_until(end);
+    while options.restart > 0 {
+        let gap = u64::from(GAP.load(Ordering::SeqCst)) * INTERVAL;
+        let over = begun + options.case.length + gap;
+        if (gap > 0 && end >= over) || end > begun + LONGEST_GAP {
+            break;
+        }
+        end = if gap > 0 { over } else { end + 100 * MS };
+        clock::sleep_until(end);
+    }
     let elapsed = clock::monotonic() - begun;
     report(options, &running, &workers, elapsed);
     report_tasks(&idle_before);
@@ -172,11 +190,9 @@ fn told(event: &Event<'_>) {
     match event {
         Event::Link { up: true } => LINK_BACK.fetch_add(1, Ordering::Relaxed),
         Event::Link { up: false } => LINK_LOST.fetch_add(1, Ordering::Relaxed),
-        _ => {
-            say!("# {event}");
-            0
-        }
+        _ => 0,
     };
+    say!("# {event}"); // the host reads of the link here
 }
 
 /// A task below all others that is never idle while it is told so.
@@ -210,10 +226,37 @@ fn rehearse(tick: &Publisher<Int32>, workers: &[Running]) {
     }
 }
 
+/// What the clock notes around a restart of the agent.
+struct Restart(Vec<(Arc<Count>, Arc<[AtomicU32; 2]>)>);
+
+impl Restart {
+    fn of(workers: &[Running]) -> Self {
+        let both = |w: &Running| (Arc::clone(&w.count), Arc::clone(&w.marks));
+        Self(workers.iter().map(both).collect())
+    }
+
+    /// Whether every worker has answered since.
+    fn all_answered_since(&self, mark: usize) -> bool {
+        let more = |(count, marks): &(Arc<Count>, Arc<[AtomicU32; 2]>)| {
+            count.answered.load(Ordering::Relaxed) > marks[mark].load(Ordering::Relaxed)
+        };
+        self.0.iter().all(more)
+    }
+
+    /// Notes what was answered so far.
+    fn note(&self, mark: usize) {
+        for (count, marks) in &self.0 {
+            marks[mark].store(count.answered.load(Ordering::Relaxed), Ordering::Relaxed);
+        }
+    }
+}
+
 /// The task that tells the host the time.
-fn send_ticks(tick: Publisher<Int32>, options: &Options, answers: u32) {
-    let lockstep = options.lockstep;
-    let send = move |data| {
+fn send_ticks(tick: Publisher<Int32>, options: &Options, answers: u32, noted: Restart) {
+    let restart = i32::try_from(options.restart * MS / INTERVAL).unwrap_or(0);
+    let wanted = options.lockstep;
+    let mut lockstep = wanted;
+    let send = move |data, lockstep| {
         // A tick exists in emulation only: it costs the board no time.
         time::stand_still(|_| {
             if tick.publish(&Int32 { data }).is_err() {
@@ -225,13 +268,30 @@ fn send_ticks(tick: Publisher<Int32>, options: &Options, answers: u32) {
     };
     let body = move || {
         let mut next = clock::monotonic();
+        let mut back = false;
         for n in 0.. {
             next += INTERVAL;
             clock::sleep_until(next);
             if OVER.load(Ordering::SeqCst) {
-                return send(-2);
+                return send(-2, lockstep);
             }
-            send(n);
+            if restart > 0 && n == restart {
+                AWAKE.store(true, Ordering::SeqCst);
+                lockstep = false;
+                noted.note(0);
+                say!("# end the agent");
+            }
+            if !back && LINK_BACK.load(Ordering::Relaxed) > 0 {
+                back = true;
+                noted.note(1);
+            }
+            // Ping, too, has to log in again, in the host's time.
+            if back && GAP.load(Ordering::SeqCst) == 0 && noted.all_answered_since(1) {
+                lockstep = wanted;
+                AWAKE.store(!lockstep, Ordering::SeqCst);
+                GAP.store((n - restart) as u32, Ordering::SeqCst);
+            }
+            send(n, lockstep);
         }
     };
     let spec = ThreadSpec::new("clock")
@@ -273,13 +333,15 @@ fn report(options: &Options, running: &RunningExecutor, workers: &[Running], ela
         let usage = running.usage(w.name).unwrap_or_default();
         say!(
             "{{\"name\": \"{}\", \"priority\": {}, \"budget_ms\": {}, \"period_ms\": {}, \"offset_ms\": {}, \
-             \"answered\": {}, \"failed\": {}, \"cpu_high_ns\": {}, \"cpu_low_ns\": {}, \"exhaustions\": {}}}{comma}",
+             \"answered\": {}, \"answered_before_end\": {}, \"answered_until_back\": {}, \"failed\": {}, \"cpu_high_ns\": {}, \"cpu_low_ns\": {}, \"exhaustions\": {}}}{comma}",
             w.name,
             asked.priority,
             asked.budget / MS,
             asked.period / MS,
             asked.offset / MS,
             w.count.answered.load(Ordering::Relaxed),
+            w.marks[0].load(Ordering::Relaxed),
+            w.marks[1].load(Ordering::Relaxed),
             w.count.failed.load(Ordering::Relaxed),
             usage.cpu_high - w.before.cpu_high,
             usage.cpu_low - w.before.cpu_low,
@@ -288,8 +350,9 @@ fn report(options: &Options, running: &RunningExecutor, workers: &[Running], ela
     }
     let (port, line, heap) = (uart::counts(), line::counts(), HEAP.usage());
     say!(
-        "], \"ticks_unsent\": {}, \"link_lost\": {}, \"link_back\": {}, \
+        "], \"gap_ms\": {}, \"ticks_unsent\": {}, \"link_lost\": {}, \"link_back\": {}, \
          \"heap_used\": {}, \"heap_refused\": {},",
+        u64::from(GAP.load(Ordering::Relaxed)) * INTERVAL / MS,
         UNSENT.load(Ordering::Relaxed),
         LINK_LOST.load(Ordering::Relaxed),
         LINK_BACK.load(Ordering::Relaxed),

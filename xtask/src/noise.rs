@@ -1,0 +1,4 @@
+//! stub
+pub(crate) fn run(_: Option<&std::path::Path>) -> crate::Outcome {
+    Ok(())
+}
