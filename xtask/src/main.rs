@@ -5,7 +5,7 @@
 //! - [`case`]: the cases of each experiment, and what theory expects of them.
 //! - [`experiment`]: runs them, compares, prints and writes.
 //! - [`rig`], [`talk`], [`demo`]: the paper's test bench: the board runs pong, the host agent and ping.
-//! - [`restart`], [`noise`]: what the board survives.
+//! - [`restart`]: the agent is killed and started again.
 //! - [`behaviour`]: runs the cases of the image `behaviour` like a test runner.
 //! - [`executor`]: Experiment 1 on the executor itself.
 //! - [`mod@bench`]: what switching and handing over cost, in instructions.
@@ -20,7 +20,6 @@ mod experiment;
 mod files;
 mod host;
 mod memory;
-mod noise;
 mod qemu;
 mod restart;
 mod rig;
@@ -116,11 +115,6 @@ fn main() -> ExitCode {
             files,
             ..
         } => restart::run(seconds, files.json.as_deref()),
-        Board::Experiment {
-            name: case::Name::Noise,
-            files,
-            ..
-        } => noise::run(files.json.as_deref()),
         Board::Demo { seconds, json } => demo::run(seconds, json.as_deref()),
         Board::Experiment {
             name,

@@ -37,7 +37,7 @@ const MS: u64 = 1_000_000;
 const INTERVAL: u64 = 10 * MS;
 /// Above the workers, so that it ends the measurement on time.
 const MAIN: u8 = 97;
-/// The longest a run with a restart takes, in ns.
+/// The longest that is waited for another agent, in ns.
 const LONGEST_GAP: u64 = 300_000 * MS;
 /// The task that sends the ticks.
 const CLOCK: u8 = 96;
@@ -157,17 +157,9 @@ fn run(options: &Options) -> Result<(), Error> {
         w.before = running.usage(w.name).unwrap_or_default();
     }
     HEAP.seal();
-    // The gap of a restart is as long as the host makes it: it does not count.
-    let mut end = begun + options.case.length;
-    clock::sleep_until(end);
-    while options.restart > 0 {
-        let gap = u64::from(GAP.load(Ordering::SeqCst)) * INTERVAL;
-        let over = begun + options.case.length + gap;
-        if (gap > 0 && end >= over) || end > begun + LONGEST_GAP {
-            break;
-        }
-        end = if gap > 0 { over } else { end + 100 * MS };
-        clock::sleep_until(end);
+    clock::sleep_until(begun + options.case.length);
+    if options.restart > 0 {
+        wait_for_return(begun + options.case.length);
     }
     let elapsed = clock::monotonic() - begun;
     report(options, &running, &workers, elapsed);
@@ -184,6 +176,19 @@ fn run(options: &Options) -> Result<(), Error> {
     clock::sleep_until(clock::monotonic() + 100 * MS);
     core::mem::forget(running);
     Ok(())
+}
+
+/// Ends as much later than `end` as the agent was away: that is as long as the host makes it.
+fn wait_for_return(end: u64) {
+    let mut now = end;
+    while now < end + LONGEST_GAP {
+        let gap = u64::from(GAP.load(Ordering::SeqCst)) * INTERVAL;
+        if gap > 0 && now >= end + gap {
+            return;
+        }
+        now = if gap > 0 { end + gap } else { now + 100 * MS };
+        clock::sleep_until(now);
+    }
 }
 
 fn told(event: &Event<'_>) {

@@ -33,6 +33,11 @@ pub(crate) struct Args {
           value_parser = clap::value_parser!(u32).range(0..=100))]
     flood: u32,
 
+    /// Also send back what comes on topics `sure` (reliable) and `loose` (best effort), on
+    /// `sure_back` and `loose_back`
+    #[arg(long, requires = "ticked")]
+    echo: bool,
+
     /// Stop after this time instead of at SIGINT or SIGTERM
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=86_400))]
     seconds: Option<u64>,
@@ -61,6 +66,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         supervised: args.supervised,
         ticked: args.ticked,
         flood: args.flood,
+        echo: args.echo,
     };
     if args.supervised {
         supervised::listen(SharedGrid::clone(&grid), stop.clone());
@@ -125,11 +131,13 @@ mod tests {
             sent: [10, 20],
             answered: [1, 2],
             failed: 0,
+            echoed: None,
         };
         let now = Totals {
             sent: [110, 120],
             answered: [31, 72],
             failed: 3,
+            echoed: None,
         };
         assert_eq!(
             line(&before, &now),

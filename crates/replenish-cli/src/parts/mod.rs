@@ -4,6 +4,7 @@
 //! orchestrator ([`crate::run`]) they share a [`Grid`](crate::load::grid::Grid) and report windows.
 
 pub(crate) mod answers;
+pub(crate) mod echo;
 pub(crate) mod link;
 pub(crate) mod monitor;
 pub(crate) mod ping;

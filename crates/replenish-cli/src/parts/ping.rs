@@ -1,6 +1,7 @@
 //! Ping: sends on two topics and counts the answers.
 
 use super::answers::Answers;
+use super::echo::{Echo, Echoed};
 use super::pong::report_event;
 use super::protocol::Ready;
 use super::sender::Sender;
@@ -37,6 +38,8 @@ pub(crate) struct Config {
     pub ticked: bool,
     /// Messages of the low topic on top of each pair that a tick releases.
     pub flood: u32,
+    /// Whether topics `sure` and `loose` are sent back.
+    pub echo: bool,
 }
 
 /// A ping that runs.
@@ -47,6 +50,7 @@ pub(crate) struct Ping {
     answers: Arc<[Answers; 2]>,
     sent: Arc<[AtomicU64; 2]>,
     failed: Arc<AtomicU64>,
+    echo: Option<Echo>,
 }
 
 /// Totals of both topics: high, low.
@@ -58,6 +62,9 @@ pub(crate) struct Totals {
     pub answered: [u64; 2],
     /// Messages that could not be sent.
     pub failed: u64,
+    /// What was sent back, on topics sure and loose.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub echoed: Option<[Echoed; 2]>,
 }
 
 /// Connects, creates the endpoints, starts executor and sender.
@@ -96,6 +103,13 @@ pub(crate) fn start(config: &Config, grid: &SharedGrid, stop: &Stop) -> Result<P
             .subscribe(&node, topic.as_str(), Qos::best_effort(), count)
             .map_err(Failure::refused)?;
     }
+    let echo = if config.echo {
+        let (with, echo) = Echo::add(worker, &node)?;
+        worker = with;
+        Some(echo)
+    } else {
+        None
+    };
     let sent = Arc::new([AtomicU64::new(0), AtomicU64::new(0)]);
     let failed = Arc::new(AtomicU64::new(0));
     let sender = Sender {
@@ -131,6 +145,7 @@ pub(crate) fn start(config: &Config, grid: &SharedGrid, stop: &Stop) -> Result<P
         answers,
         sent,
         failed,
+        echo,
     })
 }
 
@@ -164,6 +179,7 @@ impl Ping {
             ],
             answered: [high.total(), low.total()],
             failed: self.failed.load(Ordering::Relaxed),
+            echoed: self.echo.as_ref().map(Echo::totals),
         }
     }
 

@@ -1,4 +1,0 @@
-//! stub
-pub(crate) fn run(_: Option<&std::path::Path>) -> crate::Outcome {
-    Ok(())
-}
