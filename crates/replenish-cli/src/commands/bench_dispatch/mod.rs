@@ -8,8 +8,8 @@
 //!   └───── one CPU ──────────────┘           └───── the measured CPU ──────┘
 //! ```
 //!
-//! Messages come at a steady rate, to one topic after another. Windows of the three take turns, so
-//! that all see the same machine. CPU time and context switches are those of the threads on the
+//! Messages come at a steady rate, to one topic after another. Windows of the three take turns, short
+//! ones, so that all see the same machine even where that changes from one moment to the next. CPU time and context switches are those of the threads on the
 //! measured CPU, as the kernel counts them; the time of a message is from before its sending to the
 //! callback (ours passes the agent on the way) or to the end of `recv`.
 
@@ -33,10 +33,15 @@ use replenish_os::{ThreadSpec, clock, spawn};
 use report::{Json, Point, Window};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// How long messages come without a break. Keeps far from the RT throttle.
-const WINDOW: Nanos = 400 * MS;
+/// How long messages come to one of the three without a break, at least. Keeps far from the RT
+/// throttle.
+const WINDOW: Nanos = 40 * MS;
+/// Messages of a window at least.
+const MESSAGES: u64 = 10;
 /// The pause after that, in which what is under way arrives.
-const PAUSE: Nanos = 100 * MS;
+const PAUSE: Nanos = 10 * MS;
+/// Of the option `--windows` one is so long.
+const UNIT: Nanos = 400 * MS;
 /// A message that leaves later than this makes its window void: the machine stood still.
 const GAP: Nanos = 5 * MS;
 
@@ -53,7 +58,7 @@ pub(crate) struct Args {
           value_parser = clap::value_parser!(u64).range(10..=10_000))]
     rate: u64,
 
-    /// Windows of 0.4 s per point, of each of the three
+    /// Times 0.4 s per point, of each of the three, in windows of 0.04 s or 10 messages
     #[arg(long, value_name = "N", default_value_t = 10,
           value_parser = clap::value_parser!(u64).range(1..=1000))]
     windows: u64,
@@ -114,10 +119,20 @@ trait Receiver {
     fn used(&self) -> Result<threads::Used, Failure>;
 }
 
+/// Messages of one window.
+fn messages(rate: u64) -> u64 {
+    (WINDOW * rate / SEC).max(MESSAGES)
+}
+
+/// Windows that take as long as so many units.
+fn windows(units: u64, rate: u64) -> u64 {
+    (units * UNIT * rate / SEC / messages(rate)).max(units)
+}
+
 /// One window of one receiver; `None` if the machine stood still.
 fn window(of: &mut dyn Receiver, rate: u64) -> Result<Option<Window>, Failure> {
     let interval = SEC / rate;
-    let messages = WINDOW / interval;
+    let messages = messages(rate);
     of.received().take();
     let before = of.used()?;
     let start = clock::monotonic() + MS;
@@ -129,7 +144,7 @@ fn window(of: &mut dyn Receiver, rate: u64) -> Result<Option<Window>, Failure> {
         of.send(n)?;
     }
     // The pause: for as long as anything comes.
-    let end = start + WINDOW + PAUSE;
+    let end = start + messages * interval + PAUSE;
     clock::sleep_until(end);
     let used = of.used()?.since(&before);
     let times = of.received().take();
@@ -140,7 +155,7 @@ fn window(of: &mut dyn Receiver, rate: u64) -> Result<Option<Window>, Failure> {
     }))
 }
 
-/// What all windows of a run have in common.
+/// What all windows of a run have in common, and how many they are.
 #[derive(Debug, Clone, Copy)]
 struct Setting {
     rate: u64,
@@ -160,12 +175,20 @@ fn turns(
     let (mut good, mut repeated) = (Vec::new(), 0);
     while (good.len() as u64) < setting.windows && repeated <= setting.windows.max(3) {
         let [a, b, c] = &mut all;
-        let windows = [
-            window(*a, setting.rate)?,
-            window(*b, setting.rate)?,
-            window(*c, setting.rate)?,
-        ];
-        match windows {
+        // Back and forth, so that what drifts meets all alike.
+        let rate = setting.rate;
+        let (first, last);
+        let middle;
+        if (good.len() + repeated as usize).is_multiple_of(2) {
+            first = window(*a, rate)?;
+            middle = window(*b, rate)?;
+            last = window(*c, rate)?;
+        } else {
+            last = window(*c, rate)?;
+            middle = window(*b, rate)?;
+            first = window(*a, rate)?;
+        }
+        match [first, middle, last] {
             [Some(a), Some(b), Some(c)] => good.push([a, b, c]),
             _ => repeated += 1,
         }
@@ -196,7 +219,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let chosen = Cpus::choose();
     let setting = Setting {
         rate: args.rate,
-        windows: args.windows,
+        windows: windows(args.windows, args.rate),
         cpu: args.cpu.unwrap_or(chosen.measured),
         support: chosen.support,
     };
