@@ -124,17 +124,18 @@ impl Xrce {
     }
 
     /// Receives and handles messages, up to a batch. Adds up in `taken` how many samples went to
-    /// `sink`; returns whether the session is to be looked after now.
+    /// `sink`; returns whether the session is to be looked after now. The first came at `woken`.
     fn receive(
         &self,
         interest: &mut Interest,
         sink: &mut state::Sink<'_>,
         taken: &mut usize,
+        mut woken: Option<Nanos>,
     ) -> Result<bool, MiddlewareError> {
         let (mut any, mut due) = (false, false);
         for _ in 0..self.waiting.batch(BATCH) {
             let received = self.transport.receive(&mut |message| {
-                let now = clock::monotonic();
+                let now = woken.take().unwrap_or_else(clock::monotonic);
                 let mut state = self.state.lock();
                 if message.len() > usize::from(self.config.mtu) {
                     state.socket.oversized += 1; // cut off by the transport
@@ -279,7 +280,8 @@ impl Middleware for Xrce {
         if self.glance.has_backlog() {
             taken = self.state.lock().take_backlog(&mut interest, BATCH, sink);
         }
-        let received = self.receive(&mut interest, sink, &mut taken);
+        let woken = self.waiting.ended();
+        let received = self.receive(&mut interest, sink, &mut taken, woken);
         if !matches!(received, Ok(false)) {
             self.housekeep();
         }

@@ -115,7 +115,7 @@ impl Xrce {
     ) -> io::Result<Option<T>> {
         loop {
             let mut nobody = Interest::empty();
-            let handled = self.receive(&mut nobody, &mut |_, _, _| Room::Full, &mut 0);
+            let handled = self.receive(&mut nobody, &mut |_, _, _| Room::Full, &mut 0, None);
             if let Err(MiddlewareError::Io { errno, .. }) = handled {
                 return Err(io::Error::from_raw_os_error(errno));
             }

@@ -4,7 +4,7 @@
 use super::Transport;
 use crate::Nanos;
 use crate::platform::io;
-use crate::sync::{AtomicBool, Ordering};
+use crate::sync::{AtomicBool, AtomicU64, Ordering};
 use replenish_os::timer::TimerFd;
 use replenish_os::{PollFd, WaitSet, WakeFd, clock, poll};
 
@@ -16,12 +16,15 @@ pub(super) struct Waiting {
     alarm: Alarm,
     /// Waker, alarm and transport, where that has one descriptor for ever.
     together: Option<WaitSet>,
-    /// The dispatcher's last wait ended as soon as it began.
+    /// When the dispatcher's last wait ended, whether nobody has asked for that yet, and whether it
+    /// was soon after the one before.
+    ended: AtomicU64,
+    fresh: AtomicBool,
     pressed: AtomicBool,
 }
 
-/// A wait that took less found something there already.
-const INSTANT: Nanos = 5_000;
+/// Waits that end more often than this are for one message of many.
+const OFTEN: Nanos = 50_000;
 
 /// The waker's bit in the set, and that of the others.
 const WAKER: u32 = 1;
@@ -48,6 +51,8 @@ impl Waiting {
             nobody: WakeFd::new()?,
             alarm,
             together,
+            ended: AtomicU64::new(0),
+            fresh: AtomicBool::new(false),
             pressed: AtomicBool::new(true),
         })
     }
@@ -72,7 +77,6 @@ impl Waiting {
         transport: &dyn Transport,
         deadline: Option<Nanos>,
     ) -> io::Result<()> {
-        let before = clock::monotonic();
         let woken = match &self.together {
             Some(set) => set.wait(deadline)? & WAKER != 0,
             None => self.wait(&self.waker, transport, deadline)?,
@@ -80,9 +84,19 @@ impl Waiting {
         if woken {
             self.waker.clear();
         }
-        let took = clock::monotonic().saturating_sub(before);
-        self.pressed.store(took < INSTANT, Ordering::Relaxed);
+        let now = clock::monotonic();
+        let before = self.ended.swap(now, Ordering::Relaxed);
+        let often = now.saturating_sub(before) < OFTEN;
+        self.pressed.store(often, Ordering::Relaxed);
+        self.fresh.store(true, Ordering::Relaxed);
         Ok(())
+    }
+
+    /// When the dispatcher's wait has ended, once per wait: the time need not be looked up again.
+    pub(super) fn ended(&self) -> Option<Nanos> {
+        let fresh = self.fresh.load(Ordering::Relaxed);
+        self.fresh.store(false, Ordering::Relaxed);
+        fresh.then(|| self.ended.load(Ordering::Relaxed))
     }
 
     /// How many messages the dispatcher is to receive before it waits again, up to `most`. After a
