@@ -5,6 +5,7 @@
 //! - [`case`]: the cases of each experiment, and what theory expects of them.
 //! - [`experiment`]: runs them, compares, prints and writes.
 //! - [`rig`], [`talk`], [`demo`]: the paper's test bench: the board runs pong, the host agent and ping.
+//! - [`trip`]: round trips beside the time on the wire.
 //! - [`restart`]: the agent is killed and started again.
 //! - [`behaviour`]: runs the cases of the image `behaviour` like a test runner.
 //! - [`executor`]: Experiment 1 on the executor itself.
@@ -25,6 +26,7 @@ mod restart;
 mod rig;
 mod size;
 mod talk;
+mod trip;
 
 use clap::{Parser, Subcommand};
 use std::path::PathBuf;
@@ -89,6 +91,16 @@ enum Board {
         #[command(flatten)]
         files: files::Files,
     },
+    /// A message from the board to the host and back, beside the time of its bytes on the wire
+    RoundTrip {
+        /// The line's rates, in bits per second
+        #[arg(long, value_name = "RATES", value_delimiter = ',', default_value = "115200,921600",
+              value_parser = clap::value_parser!(u32).range(1_200..=4_000_000))]
+        baud: Vec<u32>,
+        /// Also write the result as JSON
+        #[arg(long, value_name = "PATH")]
+        json: Option<PathBuf>,
+    },
     /// Prints flash and RAM of pong over executor and XRCE client, by part, and what each worker,
     /// subscription, publisher and budget takes
     Size {
@@ -128,6 +140,7 @@ fn main() -> ExitCode {
             files,
             ..
         } => talk::run(name, seconds, &files),
+        Board::RoundTrip { baud, json } => trip::run(&baud, json.as_deref()),
         Board::Size { json } => size::run(json.as_deref()),
     };
     match done {
