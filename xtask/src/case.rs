@@ -26,6 +26,8 @@ pub(crate) enum Name {
     Flood,
     /// The agent is killed while the board answers, and another one started
     Restart,
+    /// Damaged bits on the line: what is sent reliably arrives once, the rest is counted
+    Noise,
 }
 
 /// The name on the command line.
@@ -118,7 +120,7 @@ pub(crate) fn cases(name: Name) -> Vec<Vec<Worker>> {
             }
             all
         }
-        Name::Executor => Vec::new(), // its image is another one: see `executor`
+        Name::Executor | Name::Noise => Vec::new(), // their images are others: see there
         Name::Runaway => {
             let mut mad = Worker::budgeted(60, 30, 100, 0);
             mad.endless = true;

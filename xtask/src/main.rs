@@ -6,6 +6,7 @@
 //! - [`experiment`]: runs them, compares, prints and writes.
 //! - [`rig`], [`talk`], [`demo`]: the paper's test bench: the board runs pong, the host agent and ping.
 //! - [`trip`]: round trips beside the time on the wire.
+//! - [`noise`]: damaged bits on the line.
 //! - [`restart`]: the agent is killed and started again.
 //! - [`behaviour`]: runs the cases of the image `behaviour` like a test runner.
 //! - [`executor`]: Experiment 1 on the executor itself.
@@ -21,6 +22,7 @@ mod experiment;
 mod files;
 mod host;
 mod memory;
+mod noise;
 mod qemu;
 mod restart;
 mod rig;
@@ -127,6 +129,11 @@ fn main() -> ExitCode {
             files,
             ..
         } => restart::run(seconds, files.json.as_deref()),
+        Board::Experiment {
+            name: case::Name::Noise,
+            files,
+            ..
+        } => noise::run(files.json.as_deref()),
         Board::Demo { seconds, json } => demo::run(seconds, json.as_deref()),
         Board::Experiment {
             name,
