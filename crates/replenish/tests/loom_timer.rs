@@ -155,6 +155,16 @@ mod doorbell {
     }
 }
 
+mod moment {
+    pub(crate) struct Moment;
+
+    impl Moment {
+        pub(crate) fn get(&self) -> u64 {
+            crate::NOW
+        }
+    }
+}
+
 mod handle {
     use crate::doorbell::Line;
     use std::sync::atomic::{AtomicU64, Ordering};
@@ -198,7 +208,7 @@ mod handle {
 
     pub(crate) trait Handle {
         fn begin(&mut self, start: u64, line: &Line);
-        fn is_ready(&mut self, now: u64) -> bool;
+        fn is_ready(&mut self, now: &crate::moment::Moment) -> bool;
         fn next_release(&mut self) -> Option<u64>;
         fn take(&mut self, env: &Env<'_>) -> Option<Taken>;
         fn execute(&mut self, env: &Env<'_>, started: u64);
