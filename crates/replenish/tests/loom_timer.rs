@@ -17,6 +17,8 @@ extern crate self as replenish_os;
 
 #[path = "../src/executor/schedule.rs"]
 mod schedule;
+#[path = "common/loom_handles.rs"]
+mod stubs;
 #[path = "../src/sync.rs"]
 mod sync;
 #[path = "../src/executor/timer.rs"]
@@ -28,6 +30,7 @@ use handle::{Env, Handle, Shared};
 use loom::thread;
 use schedule::Every;
 use std::time::Duration;
+use stubs::{callback, clock, doorbell, handle, moment, platform};
 use sync::{Arc, Signal};
 use timer::{Timer, TimerHandle};
 
@@ -98,149 +101,6 @@ fn the_last_of_two_wishes_is_the_one_that_holds() {
 }
 
 // What the included files name besides.
-
-mod clock {
-    pub(crate) fn monotonic() -> u64 {
-        1
-    }
-}
-
-mod platform {
-    use loom::sync::atomic::{AtomicBool, Ordering};
-    use std::sync::OnceLock;
-
-    /// `OnceLock` with what others see of it in the hands of the model.
-    pub(crate) struct Once<T> {
-        value: OnceLock<T>,
-        there: AtomicBool,
-    }
-
-    impl<T> Default for Once<T> {
-        fn default() -> Self {
-            Self::new()
-        }
-    }
-
-    impl<T> Once<T> {
-        pub(crate) fn new() -> Self {
-            Self {
-                value: OnceLock::new(),
-                there: AtomicBool::new(false),
-            }
-        }
-        pub(crate) fn set(&self, value: T) -> Result<(), T> {
-            self.value.set(value)?;
-            self.there.store(true, Ordering::Release);
-            Ok(())
-        }
-        pub(crate) fn get(&self) -> Option<&T> {
-            match self.there.load(Ordering::Acquire) {
-                true => self.value.get(),
-                false => None,
-            }
-        }
-    }
-}
-
-mod doorbell {
-    use crate::sync::{Arc, Signal};
-
-    #[derive(Clone)]
-    pub(crate) struct Line(pub(crate) Arc<Signal>);
-
-    impl Line {
-        pub(crate) fn call(&self) {
-            self.0.set();
-        }
-    }
-}
-
-mod moment {
-    pub(crate) struct Moment;
-
-    impl Moment {
-        pub(crate) fn get(&self) -> u64 {
-            crate::NOW
-        }
-    }
-}
-
-mod handle {
-    use crate::doorbell::Line;
-    use std::sync::atomic::{AtomicU64, Ordering};
-
-    /// Statistics are not part of the protocol: not seen by the model.
-    #[derive(Default)]
-    pub(crate) struct Counter(AtomicU64);
-
-    impl Counter {
-        pub(crate) fn add(&self, n: u64) {
-            self.0.fetch_add(n, Ordering::Relaxed);
-        }
-        pub(crate) fn get(&self) -> u64 {
-            self.0.load(Ordering::Relaxed)
-        }
-    }
-
-    #[derive(Default)]
-    pub(crate) struct Counters {
-        pub(crate) received: Counter,
-        pub(crate) skipped: Counter,
-    }
-
-    #[derive(Default)]
-    pub(crate) struct Shared {
-        pub(crate) counters: Counters,
-    }
-
-    impl Shared {
-        pub(crate) fn failed(&self, _: &dyn core::fmt::Display, _: &()) {}
-    }
-
-    pub(crate) struct Env<'a> {
-        pub(crate) events: &'a (),
-    }
-
-    pub(crate) struct Taken {
-        pub(crate) due: u64,
-        pub(crate) deadline: Option<u64>,
-    }
-
-    pub(crate) trait Handle {
-        fn begin(&mut self, start: u64, line: &Line);
-        fn is_ready(&mut self, now: &crate::moment::Moment) -> bool;
-        fn next_release(&mut self) -> Option<u64>;
-        fn take(&mut self, env: &Env<'_>) -> Option<Taken>;
-        fn execute(&mut self, env: &Env<'_>, started: u64);
-    }
-}
-
-mod callback {
-    use crate::handle::{Env, Shared};
-    use core::marker::PhantomData;
-
-    pub(crate) struct CallbackContext<'a> {
-        pub(crate) skipped: u64,
-        pub(crate) stub: PhantomData<&'a ()>,
-    }
-
-    impl<'a> CallbackContext<'a> {
-        pub(crate) fn new(_: &Env<'a>, _: &Shared, _: u64, _: u64) -> Self {
-            Self {
-                skipped: 0,
-                stub: PhantomData,
-            }
-        }
-    }
-
-    pub(crate) trait CallbackResult {
-        fn inspect(self, report: &mut dyn FnMut(&dyn core::fmt::Display));
-    }
-
-    impl CallbackResult for () {
-        fn inspect(self, _: &mut dyn FnMut(&dyn core::fmt::Display)) {}
-    }
-}
 
 mod error {
     #[derive(Debug)]
