@@ -84,13 +84,15 @@ pub struct HandleStats {
     pub deadline_misses: u64,
     /// Budget exhaustions while a callback of this handle ran.
     pub exhaustions: u64,
-    /// CPU time of the callbacks at the worker's own priority.
+    /// CPU time of the callbacks at the worker's own priority. Without a budget, callbacks that take
+    /// less than 20 us are read sixteen at a time: each is charged its duration and an equal part of
+    /// the rest, and the sum is what the thread has used.
     pub cpu_high: Nanos,
     /// CPU time of the callbacks at background priority.
     pub cpu_background: Nanos,
     /// Longest time from arrival (timer: release) to the start of the callback.
     pub worst_latency: Nanos,
-    /// Most CPU time that one callback took.
+    /// Most CPU time that one callback took; shares of brief ones as in `cpu_high`.
     pub worst_execution: Nanos,
     /// The furthest a callback ended behind its deadline.
     pub worst_lateness: Nanos,
