@@ -1,8 +1,8 @@
 //! The port's transport, shared with who wants to read its statistics later.
 
 use crate::uart::Usart2;
-use alloc::sync::Arc;
 use replenish::middleware::xrce::{PortTransport, Received, Sent, Transport, io};
+use replenish_os::Shared as Arc;
 use replenish_os::Signal;
 
 /// USART2 with the stock framing; clones are the same port.

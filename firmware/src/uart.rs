@@ -12,10 +12,10 @@
 use crate::line;
 use crate::regs::{IRQ_USART2, RCC_AHB1ENR, RCC_APB1ENR, Reg, enable_interrupt};
 use crate::ring::Ring;
-use alloc::sync::Arc;
 use core::ptr;
 use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
 use replenish::middleware::xrce::Port;
+use replenish_os::Shared as Arc;
 use replenish_os::Signal;
 
 const BASE: usize = 0x4000_4400;
@@ -127,8 +127,11 @@ impl Port for Usart2 {
 
     fn attach(&self, bell: &Arc<Signal>) {
         // For ever: the interrupt may ring it at any time.
-        let bell = Arc::into_raw(Arc::clone(bell)).cast_mut();
-        BELL.store(bell, Ordering::Release);
+        let bell = core::mem::ManuallyDrop::new(Arc::clone(bell));
+        BELL.store(
+            core::ptr::from_ref::<Signal>(&bell).cast_mut(),
+            Ordering::Release,
+        );
     }
 
     fn baud(&self) -> u32 {

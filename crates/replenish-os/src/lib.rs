@@ -68,6 +68,7 @@ mod enforcer;
     all(target_os = "nuttx", feature = "nuttx")
 ))]
 mod pi_mutex;
+mod shared;
 #[cfg(any(
     target_os = "linux",
     all(target_os = "none", feature = "freertos"),
@@ -135,6 +136,7 @@ pub mod baseline {
 ))]
 pub use pi_mutex::{PiMutex, PiMutexGuard};
 pub use policy::{MAX_PRIORITY, MIN_RUNTIME, Policy, PolicyError};
+pub use shared::Shared;
 #[cfg(any(
     target_os = "linux",
     all(target_os = "none", feature = "freertos"),

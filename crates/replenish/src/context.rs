@@ -9,6 +9,7 @@ use crate::publisher::Publisher;
 use crate::qos::{IngressLimit, Qos};
 use crate::sync::{Arc, AtomicBool, Ordering};
 use crate::text::text;
+use alloc::boxed::Box;
 use alloc::string::String;
 use core::fmt;
 use core::time::Duration;
@@ -33,7 +34,7 @@ impl Context {
     pub fn new(middleware: impl Middleware) -> Self {
         Self {
             inner: Arc::new(Inner {
-                middleware: Arc::new(middleware),
+                middleware: (Box::new(middleware) as Box<dyn Middleware>).into(),
                 spinning: AtomicBool::new(false),
             }),
         }
@@ -89,7 +90,7 @@ impl Context {
     pub fn node(&self, name: &str) -> Result<Node, Error> {
         Ok(Node {
             context: self.clone(),
-            name: name::node(name)?.into(),
+            name: name::node(name)?.as_str().into(),
         })
     }
 

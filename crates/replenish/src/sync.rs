@@ -3,8 +3,6 @@
 //!
 //! Everything in `handoff/` uses these names and nothing else of the operating system.
 
-#[cfg(not(loom))]
-pub(crate) use alloc::sync::Arc;
 #[cfg(all(not(loom), target_has_atomic = "64"))]
 pub(crate) use core::sync::atomic::AtomicU64;
 #[cfg(not(loom))]
@@ -12,7 +10,7 @@ pub(crate) use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering, fence};
 #[cfg(all(not(loom), not(target_has_atomic = "64")))]
 pub(crate) use replenish_os::AtomicU64;
 #[cfg(not(loom))]
-pub(crate) use replenish_os::{PiMutex as Mutex, Signal};
+pub(crate) use replenish_os::{PiMutex as Mutex, Shared as Arc, Signal};
 
 #[cfg(loom)]
 pub(crate) use loom::sync::{

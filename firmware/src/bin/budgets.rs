@@ -8,13 +8,13 @@
 
 extern crate alloc;
 
-use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::sync::atomic::{AtomicU32, Ordering};
 use firmware::case::{self, Worker};
 use firmware::console;
 use firmware::say;
 use firmware::work::Burst;
+use replenish_os::Shared as Arc;
 use replenish_os::freertos::{SealedHeap, panicked, start};
 use replenish_os::{Enforcer, EnforcerConfig, Policy, ThreadSpec, clock, spawn};
 

@@ -11,12 +11,12 @@
 extern crate alloc;
 
 use alloc::boxed::Box;
-use alloc::sync::Arc;
 use core::time::Duration;
 use firmware::{console, say};
 use replenish::middleware::xrce::{Port, PortTransport, Xrce, XrceConfig};
 use replenish::msg::std_msgs::Int32;
 use replenish::{Budget, Context, Error, Executor, Policy, Qos};
+use replenish_os::Shared as Arc;
 use replenish_os::freertos::{SealedHeap, start};
 use replenish_os::{PiMutex, Signal};
 use replenish_xrce::framing::{SERIAL_AGENT, SERIAL_CLIENT, Serial, serial_frame};

@@ -36,13 +36,11 @@ extern "C" fn entry() -> ! {
 #[cfg(not(feature = "empty"))]
 mod pong {
     use super::{HEAP, Ordering, PORT};
-    extern crate alloc;
-    use alloc::sync::Arc;
     use core::time::Duration;
     use replenish::middleware::xrce::{Port, PortTransport, Xrce, XrceConfig};
     use replenish::msg::std_msgs::Int32;
     use replenish::{Budget, Context, Error, Executor, Policy, Qos};
-    use replenish_os::Signal;
+    use replenish_os::{Shared, Signal};
 
     struct Registers;
 
@@ -62,7 +60,7 @@ mod pong {
             bytes.len()
         }
 
-        fn attach(&self, bell: &Arc<Signal>) {
+        fn attach(&self, bell: &Shared<Signal>) {
             bell.set();
         }
 

@@ -3,12 +3,12 @@
 use super::overruns::Overruns;
 use super::{AnyServer, Enforcement};
 use crate::Nanos;
+use crate::Shared as Arc;
 use crate::Tid;
 use crate::backend::clock::{self, ThreadCpuClock};
 use crate::backend::sched::{demote_to_tail, promote};
 use crate::backend::suspend::SuspendCell;
 use crate::backend::watch::Watch;
-use alloc::sync::Arc;
 use sporadic::{BudgetServer, Level, Low, Reservation, Verdict};
 
 /// What a judgement led to.

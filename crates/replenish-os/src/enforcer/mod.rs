@@ -36,6 +36,7 @@ pub use account::{Account, Meter, Stopped, Usage};
 pub use overruns::{OverrunSamples, OverrunSummary, STALL, Stall};
 
 use crate::PiMutex;
+use crate::Shared as Arc;
 use crate::backend::clock::{self, ThreadCpuClock};
 use crate::backend::spawn_error::SpawnError;
 use crate::backend::thread::{Thread, spawn};
@@ -44,7 +45,6 @@ use crate::backend::{self, OsError};
 use crate::{Nanos, Policy, ThreadSpec};
 use alloc::format;
 use alloc::string::String;
-use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::fmt;
 use core::sync::atomic::{AtomicBool, Ordering};

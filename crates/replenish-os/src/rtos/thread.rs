@@ -9,11 +9,11 @@ use super::slot::{self, Slot};
 use super::spawn_error::SpawnError;
 use super::tid;
 use crate::PiMutex;
+use crate::Shared as Arc;
 use crate::Tid;
 use crate::{Nanos, Signal, ThreadSpec};
 use alloc::boxed::Box;
 use alloc::ffi::CString;
-use alloc::sync::Arc;
 use core::any::Any;
 use core::sync::atomic::{AtomicBool, Ordering};
 

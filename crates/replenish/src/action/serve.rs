@@ -171,7 +171,7 @@ where
     G: FnMut(&A::Goal, NewGoal<A>, &CallbackContext<'_>) -> R + Send,
 {
     let core = Arc::clone(core);
-    move |request, to, cx| match core.offer(request.goal_id, to) {
+    move |request, to, cx| match Core::offer(&core, request.goal_id, to) {
         Ok(new) => Outcome::Called(goal(&request.goal, new, cx)),
         Err(e) => Outcome::Refused(e),
     }

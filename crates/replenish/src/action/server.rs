@@ -135,14 +135,14 @@ impl<A: Action> Core<A> {
 
     /// A goal has come: it gets a place, or is rejected.
     pub(super) fn offer(
-        self: &Arc<Self>,
+        core: &Arc<Self>,
         id: UUID,
         to: Responder<SendGoal<A>>,
     ) -> Result<NewGoal<A>, GoalError> {
-        let ticket = self.state.lock().table.offer(id);
+        let ticket = core.state.lock().table.offer(id);
         match ticket {
             Ok(ticket) => Ok(NewGoal {
-                open: Some((Arc::clone(self), to)),
+                open: Some((Arc::clone(core), to)),
                 ticket,
                 id,
             }),

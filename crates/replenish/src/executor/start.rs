@@ -285,7 +285,7 @@ impl Starter<'_> {
 
     /// Starts the thread, without its policy if that is not granted and need not be.
     fn spawn(&mut self, seat: &Arc<Seat>) -> Result<os::Thread<()>, Error> {
-        let refused = match seat.spawn(seat.class()) {
+        let refused = match Seat::spawn(seat, seat.class()) {
             Ok(thread) => return Ok(thread),
             Err(e) => e,
         };
@@ -297,8 +297,7 @@ impl Starter<'_> {
             funding.enforcer = Enforcer::deferred();
             self.refused.budgets.push(Words::from(&*seat.name));
         }
-        seat.spawn(Policy::Other)
-            .map_err(|e| thread_error(seat, text!("{e}")))
+        Seat::spawn(seat, Policy::Other).map_err(|e| thread_error(seat, text!("{e}")))
     }
 
     /// Takes note of a refusal that may be lived with; otherwise it is the error.

@@ -67,14 +67,14 @@ pub(crate) enum Launch {
 
 impl Seat {
     /// Starts the thread under `policy`, which may be a fallback for the one asked for.
-    pub(crate) fn spawn(self: &Arc<Self>, policy: Policy) -> Result<Thread<()>, os::SpawnError> {
-        let mut spec = os::ThreadSpec::new(&*self.name)
+    pub(crate) fn spawn(seat: &Arc<Self>, policy: Policy) -> Result<Thread<()>, os::SpawnError> {
+        let mut spec = os::ThreadSpec::new(&*seat.name)
             .policy(policy)
-            .stack_size(self.stack_size);
-        if let Some(cpu) = self.cpu {
+            .stack_size(seat.stack_size);
+        if let Some(cpu) = seat.cpu {
             spec = spec.cpu(cpu);
         }
-        let seat = Arc::clone(self);
+        let seat = Arc::clone(seat);
         os::spawn(spec, move || seat.main())
     }
 

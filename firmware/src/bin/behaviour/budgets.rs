@@ -1,8 +1,8 @@
 //! Budgets and CPU time: suspension, blocking in callbacks, preemption.
 
 use crate::check::{MS, US, hold, join, task};
-use alloc::sync::Arc;
 use firmware::work::Burst;
+use replenish_os::Shared as Arc;
 use replenish_os::freertos::{kernel, tasks};
 use replenish_os::{Enforcer, EnforcerConfig, Low, Nanos, Params, Signal, clock, current_tid};
 use sporadic::Kind;
