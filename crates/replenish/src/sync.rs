@@ -35,6 +35,18 @@ mod model {
         pub(crate) fn lock(&self) -> MutexGuard<'_, T> {
             self.0.lock().unwrap()
         }
+
+        /// Any deadline but the end of time has come when the lock is not free.
+        pub(crate) fn lock_until(&self, deadline: u64) -> Option<MutexGuard<'_, T>> {
+            if deadline == u64::MAX {
+                return Some(self.lock());
+            }
+            let locked = self.0.try_lock().ok();
+            if locked.is_none() {
+                loom::thread::yield_now();
+            }
+            locked
+        }
     }
 
     impl<T: Default> Default for Mutex<T> {
@@ -48,6 +60,12 @@ mod model {
     pub(crate) struct Signal {
         set: loom::sync::Mutex<bool>,
         changed: Condvar,
+    }
+
+    impl Default for Signal {
+        fn default() -> Self {
+            Self::new()
+        }
     }
 
     impl Signal {
@@ -69,6 +87,16 @@ mod model {
                 set = self.changed.wait(set).unwrap();
             }
             *set = false;
+        }
+
+        pub(crate) fn take(&self) -> bool {
+            core::mem::take(&mut *self.set.lock().unwrap())
+        }
+
+        /// The deadline never comes: who needs it to go on is asleep for ever.
+        pub(crate) fn wait_until(&self, _: u64) -> bool {
+            self.wait();
+            true
         }
     }
 }
