@@ -4,7 +4,7 @@
 //! `rmw_validate_node_name`): tokens of letters, digits and underscores separated by single
 //! slashes, none starting with a digit. Substitutions in braces are not supported.
 
-use crate::text::{Words, joined};
+use crate::text::{Words, joined, said};
 use alloc::string::String;
 use core::fmt;
 
@@ -20,7 +20,7 @@ pub struct NameError {
     pub what: &'static str,
     /// The name as it was given.
     pub name: Words,
-    /// What is wrong with it.
+    /// What is wrong with it; empty without feature `texts`.
     pub problem: &'static str,
 }
 
@@ -37,74 +37,74 @@ pub(crate) fn node(name: &str) -> Result<String, NameError> {
     let full = joined(&["/", name.strip_prefix('/').unwrap_or(name)]);
     check(&full, MAX_NODE)
         .map(|()| full)
-        .map_err(|problem| NameError {
-            what: "node name",
-            name: name.into(),
-            problem,
-        })
+        .map_err(|problem| error("node name", name, problem))
 }
 
 /// The fully qualified name of a topic that node `node` (itself fully qualified) calls `name`:
 /// absolute, relative to the node's namespace, or below the node (`~/name`).
 pub(crate) fn topic(name: &str, node: &str) -> Result<String, NameError> {
-    let fail = |problem| NameError {
-        what: "topic name",
+    let fail = |problem| error("topic name", name, problem);
+    let (before, rest) = match name.as_bytes() {
+        [] => return Err(fail(said("it is empty"))),
+        [b'~'] | [b'~', b'/', ..] => (node, name.get(1..).unwrap_or_default()),
+        [b'~', ..] => return Err(fail(said("~ must be followed by /"))),
+        [b'/', ..] => ("", name),
+        _ => (namespace(node), name),
+    };
+    let full = joined(&[before, rest]);
+    check(&full, MAX_TOPIC).map(|()| full).map_err(fail)
+}
+
+/// Up to the last slash of a node's name, and with it.
+fn namespace(node: &str) -> &str {
+    let last = node.bytes().rposition(|byte| byte == b'/');
+    node.get(..last.map_or(0, |at| at + 1)).unwrap_or_default()
+}
+
+fn error(what: &'static str, name: &str, problem: &'static str) -> NameError {
+    NameError {
+        what,
         name: name.into(),
         problem,
-    };
-    let namespace = node.rsplit_once('/').map_or("", |(namespace, _)| namespace);
-    let full = match name.strip_prefix('~') {
-        Some(rest) if rest.is_empty() || rest.starts_with('/') => joined(&[node, rest]),
-        Some(_) => return Err(fail("~ must be followed by /")),
-        None if name.is_empty() => return Err(fail("it is empty")),
-        None if name.starts_with('/') => name.into(),
-        None => joined(&[namespace, "/", name]),
-    };
-    check(&full, MAX_TOPIC).map(|()| full).map_err(fail)
+    }
 }
 
 /// A worker's name: what shows up in reports and as the thread's name.
 pub(crate) fn worker(name: &str) -> Result<(), NameError> {
     let problem = if name.is_empty() {
-        "it is empty"
+        said("it is empty")
     } else if name.len() > 63 {
-        "it is longer than 63 bytes"
+        said("it is longer than 63 bytes")
     } else if name.contains(|c: char| c.is_control() || c == '/') {
-        "control characters and / are not allowed"
+        said("control characters and / are not allowed")
     } else {
         return Ok(());
     };
-    Err(NameError {
-        what: "worker name",
-        name: name.into(),
-        problem,
-    })
+    Err(error("worker name", name, problem))
 }
 
+/// Whether `full`, which begins with a slash, is a name.
 fn check(full: &str, longest: usize) -> Result<(), &'static str> {
+    let mut before = b'/';
+    for &byte in full.as_bytes().get(1..).unwrap_or_default() {
+        match (before, byte) {
+            (b'/', b'/') => return Err(said("it has two / in a row")),
+            (b'/', b'0'..=b'9') => return Err(said("a part of it starts with a digit")),
+            (_, b'/' | b'_' | b'0'..=b'9' | b'A'..=b'Z' | b'a'..=b'z') => before = byte,
+            (_, b'{' | b'}') => return Err(said("substitutions in braces are not supported")),
+            _ => return Err(said("only letters, digits, _ and / are allowed")),
+        }
+    }
     if full.len() > longest {
-        return Err("it is too long (topics 247, nodes 255 characters, fully qualified)");
+        return Err(said(
+            "it is too long (topics 247, nodes 255 characters, fully qualified)",
+        ));
     }
-    if full == "/" {
-        return Err("it is empty");
+    match before {
+        b'/' if full.len() == 1 => Err(said("it is empty")),
+        b'/' => Err(said("it ends with /")),
+        _ => Ok(()),
     }
-    if full.ends_with('/') {
-        return Err("it ends with /");
-    }
-    for token in full.split('/').skip(1) {
-        match token.chars().next() {
-            None => return Err("it has two / in a row"),
-            Some(c) if c.is_ascii_digit() => return Err("a part of it starts with a digit"),
-            Some(_) => {}
-        }
-        if token.contains(['{', '}']) {
-            return Err("substitutions in braces are not supported");
-        }
-        if !token.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') {
-            return Err("only letters, digits, _ and / are allowed");
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

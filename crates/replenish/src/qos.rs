@@ -110,41 +110,43 @@ impl IngressLimit {
     }
 
     /// The first field that is out of range, with its value and what is allowed.
-    pub(crate) fn violation(&self) -> Option<(&'static str, u128, &'static str)> {
-        let micros = |time: Duration| time.as_micros();
+    pub(crate) fn violation(&self) -> Option<(&'static str, u64, &'static str)> {
+        let micros = |time: Duration| {
+            let whole = time.as_secs().saturating_mul(1_000_000);
+            whole.saturating_add(time.subsec_micros().into())
+        };
         let fields = [
             (
                 "ingress_limit.bytes_per_second",
-                self.bytes_per_second.map(u128::from),
-                1..=65_535,
+                self.bytes_per_second.map(u64::from),
+                (1, 65_535),
                 "1..=65535",
             ),
             (
                 "ingress_limit.min_interval",
                 self.min_interval.map(micros),
-                1_000..=65_535_000,
+                (1_000, 65_535_000),
                 "1000..=65535000 us",
             ),
             (
                 "ingress_limit.samples",
-                self.samples.map(u128::from),
-                1..=65_534,
+                self.samples.map(u64::from),
+                (1, 65_534),
                 "1..=65534",
             ),
             (
                 "ingress_limit.duration",
                 self.duration.map(micros),
-                1_000_000..=65_535_000_000,
+                (1_000_000, 65_535_000_000),
                 "1..=65535 s",
             ),
         ];
-        let mut violations = fields
-            .into_iter()
-            .filter_map(|(field, value, range, allowed)| {
-                let value = value.filter(|value| !range.contains(value))?;
-                Some((field, value, allowed))
-            });
-        violations.next()
+        for (field, value, (low, high), allowed) in fields {
+            if let Some(value) = value.filter(|value| *value < low || *value > high) {
+                return Some((field, value, allowed));
+            }
+        }
+        None
     }
 }
 

@@ -67,6 +67,11 @@ macro_rules! text {
 }
 pub(crate) use text;
 
+/// Words that stand in the program; none without feature `texts`.
+pub(crate) const fn said(words: &'static str) -> &'static str {
+    if cfg!(feature = "texts") { words } else { "" }
+}
+
 /// What is handed to code that may format it: `value`, or nothing without feature `texts`.
 pub(crate) fn shown(value: &impl fmt::Display) -> &dyn fmt::Display {
     match cfg!(feature = "texts") {
@@ -112,19 +117,18 @@ pub(crate) fn joined(parts: &[&str]) -> String {
 
 /// `stem` and a number in decimal.
 pub(crate) fn numbered(stem: &str, number: usize) -> String {
-    let (mut digits, mut at, mut rest) = ([0; 20], 20, number);
-    loop {
-        at -= 1;
-        if let (Some(place), Ok(digit)) = (digits.get_mut(at), u8::try_from(rest % 10)) {
-            *place = b'0' + digit;
-        }
-        rest /= 10;
-        if rest == 0 {
-            break;
-        }
+    const DIGITS: &str = "0123456789";
+    let mut all = joined(&[stem]);
+    let mut power = 1;
+    while number / power > 9 {
+        power *= 10;
     }
-    let digits = core::str::from_utf8(digits.get(at..).unwrap_or_default());
-    joined(&[stem, digits.unwrap_or_default()])
+    while power > 0 {
+        let digit = number / power % 10;
+        all.push_str(DIGITS.get(digit..=digit).unwrap_or_default());
+        power /= 10;
+    }
+    all
 }
 
 #[cfg(test)]

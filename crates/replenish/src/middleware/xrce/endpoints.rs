@@ -4,10 +4,11 @@
 //! every writer has a publisher of its own and every reader a subscriber, as in micro-ROS.
 
 use super::backlog::Backlog;
+use super::XrceConfig;
 use super::state::{State, backlog, stream};
-use crate::middleware::{EndpointSpec, MiddlewareError, ReaderId, WriterId};
+use crate::middleware::{EndpointSpec, MiddlewareError};
 use crate::qos::{Durability, History, IngressLimit, Qos, Reliability};
-use crate::text::joined;
+use crate::text::{joined, said};
 use alloc::string::{String, ToString};
 use core::time::Duration;
 use replenish_xrce::client::{RequestError, RequestState};
@@ -21,6 +22,9 @@ use replenish_xrce::wire::{
 
 /// The most objects of one kind: ids have twelve bits.
 pub(super) const MAX_NUMBER: usize = 0xffe;
+
+/// Topic objects are known by name: to be shared, to go with their last user, to be told of.
+const KNOWN_TOPICS: bool = cfg!(any(feature = "live", feature = "texts"));
 
 #[cfg_attr(not(feature = "live"), expect(dead_code, reason = "for those that go"))]
 pub(super) struct Reader {
@@ -90,81 +94,68 @@ pub(super) struct Topic {
 }
 
 impl State {
-    /// Asks for everything a writer needs.
-    pub(super) fn add_writer(
+    /// Asks for everything a writer needs, or a reader, and then for its samples. Its id and its
+    /// object.
+    pub(super) fn add(
         &mut self,
         spec: &EndpointSpec<'_>,
-        domain: i16,
-    ) -> Result<(WriterId, ObjectId), MiddlewareError> {
+        config: &XrceConfig,
+        writes: bool,
+    ) -> Result<(u16, ObjectId), MiddlewareError> {
         let reliable = spec.qos.reliability == Reliability::Reliable;
         let stream = stream(reliable, spec.qos.criticality);
-        self.check(spec, self.session.limit(stream).unwrap_or(0))?;
-        let number = self.writer_number()?;
-        let topic = self.topic(spec, domain)?;
-        let publisher = ObjectId::new(number, ObjectKind::Publisher);
-        let object = ObjectId::new(number, ObjectKind::DataWriter);
-        let participant = self.participant(spec.node, domain)?;
-        let group = Representation::Binary(GroupBinary::default());
-        self.create(
-            publisher,
-            &Entity::Publisher {
-                repr: group,
-                participant,
-            },
-        )?;
-        let qos = WriterQos {
-            endpoint: qos(&spec.qos),
-            ownership_strength: None,
+        let limit = match (writes, reliable) {
+            (true, _) => self.session.limit(stream).unwrap_or(0),
+            (false, true) => config.max_sample,
+            (false, false) => usize::from(config.mtu).saturating_sub(OVERHEAD),
         };
-        let repr = Representation::Binary(DataWriterBinary {
-            topic,
-            qos: Some(qos),
-        });
-        self.create(object, &Entity::DataWriter { repr, publisher })?;
-        let writer = Writer::new(object, Some(topic), stream, spec.max_size);
-        Ok((self.place_writer(writer), object))
+        self.check(spec.max_size, limit)?;
+        let (slot, number) = match writes {
+            true => (0, self.writer_number()?),
+            false => self.reader_place()?,
+        };
+        let kinds = match writes {
+            true => [ObjectKind::Publisher, ObjectKind::DataWriter],
+            false => [ObjectKind::Subscriber, ObjectKind::DataReader],
+        };
+        let [group, object] = kinds.map(|kind| ObjectId::new(number, kind));
+        let participant = self.participant(spec.node, config.domain)?;
+        let topic = self.topic(spec, participant)?;
+        let repr = Representation::Binary(GroupBinary::default());
+        let entity = match writes {
+            true => Entity::Publisher { repr, participant },
+            false => Entity::Subscriber { repr, participant },
+        };
+        self.create(group, &entity)?;
+        self.create(object, &end(topic, group, qos(&spec.qos), writes))?;
+        let id = match writes {
+            true => {
+                let writer = Writer::new(object, Some(topic), stream, spec.max_size);
+                self.place_writer(writer).0
+            }
+            false => {
+                let topic = Some(topic);
+                let reader = self.listen(object, topic, spec, stream)?;
+                self.place_reader(slot, reader).0
+            }
+        };
+        Ok((id, object))
     }
 
-    /// Asks for everything a reader needs, and for its samples.
-    pub(super) fn add_reader(
+    /// Asks for a reader's samples.
+    fn listen(
         &mut self,
+        object: ObjectId,
+        topic: Option<ObjectId>,
         spec: &EndpointSpec<'_>,
-        domain: i16,
-        max_sample: usize,
-        mtu: u16,
-    ) -> Result<(ReaderId, ObjectId), MiddlewareError> {
-        let reliable = spec.qos.reliability == Reliability::Reliable;
-        let one_message = usize::from(mtu).saturating_sub(OVERHEAD);
-        self.check(spec, if reliable { max_sample } else { one_message })?;
-        let (slot, number) = self.reader_place()?;
-        let topic = self.topic(spec, domain)?;
-        let subscriber = ObjectId::new(number, ObjectKind::Subscriber);
-        let object = ObjectId::new(number, ObjectKind::DataReader);
-        let participant = self.participant(spec.node, domain)?;
-        let group = Representation::Binary(GroupBinary::default());
-        self.create(
-            subscriber,
-            &Entity::Subscriber {
-                repr: group,
-                participant,
-            },
-        )?;
-        let qos = ReaderQos {
-            endpoint: qos(&spec.qos),
-            ..ReaderQos::default()
-        };
-        let repr = Representation::Binary(DataReaderBinary {
-            topic,
-            qos: Some(qos),
-        });
-        self.create(object, &Entity::DataReader { repr, subscriber })?;
+        stream: StreamId,
+    ) -> Result<Reader, MiddlewareError> {
         let keep_last = spec.qos.history == History::KeepLast;
         let mut control = control(spec.ingress);
         let depth = spec.qos.depth.max(1);
         // What is lost on the way would never be asked for again, so best effort has no such thing.
         let counts = control.max_samples == DeliveryControl::UNLIMITED_SAMPLES;
-        let stream = stream(reliable, spec.qos.criticality);
-        let flow = (reliable && !keep_last && counts).then(|| {
+        let flow = (stream.is_reliable() && !keep_last && counts).then(|| {
             control.max_samples = depth;
             Flow {
                 stream,
@@ -176,16 +167,15 @@ impl State {
         self.session
             .read(object, stream, control)
             .map_err(|error| request_error(&error))?;
-        let reader = Reader {
+        Ok(Reader {
             object,
-            topic: Some(topic),
+            topic,
             max_size: spec.max_size,
             backlog: backlog(depth, spec.max_size, keep_last),
             lost: 0,
             flow,
             deleted: false,
-        };
-        Ok((self.place_reader(slot, reader), object))
+        })
     }
 
     /// What the agent said to the creation of `object`; `None` while it has said nothing.
@@ -205,16 +195,13 @@ impl State {
         }
     }
 
-    /// Whether an endpoint with this specification can be created at all.
-    fn check(&self, spec: &EndpointSpec<'_>, limit: usize) -> Result<(), MiddlewareError> {
+    /// Whether an endpoint with samples of this size can be created at all.
+    const fn check(&self, size: usize, limit: usize) -> Result<(), MiddlewareError> {
         if !self.is_up() {
             return Err(MiddlewareError::LinkDown);
         }
-        if spec.max_size > limit {
-            return Err(MiddlewareError::TooLarge {
-                size: spec.max_size,
-                limit,
-            });
+        if size > limit {
+            return Err(MiddlewareError::TooLarge { size, limit });
         }
         Ok(())
     }
@@ -224,36 +211,41 @@ impl State {
         node: &str,
         domain: i16,
     ) -> Result<ObjectId, MiddlewareError> {
-        if let Some((_, object)) = self.participants.iter().find(|(name, _)| name == node) {
-            return Ok(*object);
-        }
-        let number = number(self.participants.len(), MAX_NUMBER, "nodes")?;
+        let known = self.participants.iter().position(|name| **name == *node);
+        let at = known.unwrap_or(self.participants.len());
+        let number = number(at, MAX_NUMBER, said("nodes"))?;
         let object = ObjectId::new(number, ObjectKind::Participant);
-        let name = Some(node.trim_start_matches('/'));
-        let repr = Representation::Binary(ParticipantBinary {
-            domain_reference: None,
-            name,
-        });
-        self.create(object, &Entity::Participant { repr, domain })?;
-        self.participants.push((node.to_string(), object));
+        if known.is_none() {
+            let name = Some(node.trim_start_matches('/'));
+            let repr = Representation::Binary(ParticipantBinary {
+                domain_reference: None,
+                name,
+            });
+            self.create(object, &Entity::Participant { repr, domain })?;
+            self.participants.push(node.into());
+        }
         Ok(object)
     }
 
-    fn topic(&mut self, spec: &EndpointSpec<'_>, domain: i16) -> Result<ObjectId, MiddlewareError> {
-        let participant = self.participant(spec.node, domain)?;
-        let same = |topic: &Topic| {
+    /// A topic object: the one that the node has for it, where endpoints can go and where they are
+    /// told of by name; else one for each endpoint, as in micro-ROS.
+    fn topic(
+        &mut self,
+        spec: &EndpointSpec<'_>,
+        participant: ObjectId,
+    ) -> Result<ObjectId, MiddlewareError> {
+        let same = |topic: &&mut Topic| {
             topic.participant == participant
                 && topic.name == spec.topic
                 && topic.type_name == spec.dds_type_name
         };
-        let known = self.topics.iter_mut().find(|topic| same(topic));
-        if let Some(topic) = known {
+        if KNOWN_TOPICS && let Some(topic) = self.topics.iter_mut().find(same) {
             topic.users += 1;
             return Ok(topic.object);
         }
         let topics = &self.topics;
         let taken = |number| topics.iter().any(|t| t.object.number() == number);
-        let (what, limit) = ("topics", MAX_NUMBER);
+        let (what, limit) = (said("topics"), MAX_NUMBER);
         let full = MiddlewareError::Capacity { what, limit };
         let number = self.topic_numbers.next(taken).ok_or(full)?;
         let object = ObjectId::new(number, ObjectKind::Topic);
@@ -265,13 +257,15 @@ impl State {
         };
         let repr = Representation::Binary(binary);
         self.create(object, &Entity::Topic { repr, participant })?;
-        self.topics.push(Topic {
-            participant,
-            name: spec.topic.to_string(),
-            type_name: spec.dds_type_name.to_string(),
-            object,
-            users: 1,
-        });
+        if KNOWN_TOPICS {
+            self.topics.push(Topic {
+                participant,
+                name: spec.topic.to_string(),
+                type_name: spec.dds_type_name.to_string(),
+                object,
+                users: 1,
+            });
+        }
         Ok(object)
     }
 
@@ -283,6 +277,37 @@ impl State {
         self.session
             .create(object, CreationMode::REUSE_OR_REPLACE, entity)
             .map_err(|error| request_error(&error))
+    }
+}
+
+/// A data writer or reader of `topic` in `group`.
+fn end(
+    topic: ObjectId,
+    group: ObjectId,
+    endpoint: EndpointQos<'_>,
+    writes: bool,
+) -> Entity<'_> {
+    if writes {
+        let qos = WriterQos {
+            endpoint,
+            ownership_strength: None,
+        };
+        let qos = Some(qos);
+        let repr = Representation::Binary(DataWriterBinary { topic, qos });
+        return Entity::DataWriter {
+            repr,
+            publisher: group,
+        };
+    }
+    let qos = ReaderQos {
+        endpoint,
+        ..ReaderQos::default()
+    };
+    let qos = Some(qos);
+    let repr = Representation::Binary(DataReaderBinary { topic, qos });
+    Entity::DataReader {
+        repr,
+        subscriber: group,
     }
 }
 
@@ -303,9 +328,7 @@ pub(super) fn number(
 
 fn qos(qos: &Qos) -> EndpointQos<'static> {
     let flag = |set: bool, flag: u16| if set { flag } else { 0 };
-    let milliseconds = |time: Option<Duration>| {
-        time.map(|time| u32::try_from(time.as_millis().max(1)).unwrap_or(u32::MAX))
-    };
+    let milliseconds = |time: Option<Duration>| time.map(|time| milliseconds(time, false).max(1));
     let local = qos.durability == Durability::TransientLocal;
     EndpointQos {
         flags: flag(qos.reliability == Reliability::Reliable, QOS_RELIABLE)
@@ -318,10 +341,17 @@ fn qos(qos: &Qos) -> EndpointQos<'static> {
     }
 }
 
+/// A time in milliseconds; what is left of the last one counts as one, or not at all.
+fn milliseconds(time: Duration, whole: bool) -> u32 {
+    let seconds = u32::try_from(time.as_secs()).unwrap_or(u32::MAX);
+    let rest = time.subsec_nanos() + if whole { 999_999 } else { 0 };
+    let rest = rest / 1_000_000;
+    seconds.saturating_mul(1000).saturating_add(rest)
+}
+
 fn control(limit: IngressLimit) -> DeliveryControl {
     let pace = limit.min_interval.map_or(0, |pace| {
-        let ms = pace.as_micros().div_ceil(1000);
-        u16::try_from(ms).unwrap_or(u16::MAX)
+        u16::try_from(milliseconds(pace, true)).unwrap_or(u16::MAX)
     });
     let seconds = |time: Duration| u16::try_from(time.as_secs()).unwrap_or(u16::MAX);
     DeliveryControl {
@@ -335,13 +365,13 @@ fn control(limit: IngressLimit) -> DeliveryControl {
 pub(super) fn request_error(error: &RequestError) -> MiddlewareError {
     match *error {
         RequestError::JournalFull => MiddlewareError::Capacity {
-            what: "objects of the session",
+            what: said("objects of the session"),
             limit: super::REQUESTS,
         },
         RequestError::Stream(PushError::TooLarge { size, limit }) => {
             MiddlewareError::TooLarge { size, limit }
         }
         RequestError::Down => MiddlewareError::LinkDown,
-        _ => MiddlewareError::Unsupported("a name with a NUL inside"),
+        _ => MiddlewareError::Unsupported(said("a name with a NUL inside")),
     }
 }

@@ -49,8 +49,11 @@ use super::{
 #[cfg(feature = "services")]
 use super::{RequestIdentity, ServiceSpec};
 use crate::Nanos;
+#[cfg(feature = "std")]
+use crate::platform::io;
+use crate::platform::Kept;
 use crate::sync::Arc;
-use alloc::boxed::Box;
+use crate::text::said;
 use core::fmt;
 use limits::REQUESTS;
 use replenish_os::{PiMutex, clock};
@@ -76,7 +79,7 @@ const BATCH: usize = 16;
 /// [`PublishError::LinkDown`], and the session and everything in it come back with the agent.
 /// Reliable samples that were taken and not acknowledged are then sent again; the agent may have
 /// had some of them. [`XrceStats::link`] counts them.
-/// Dropping it ends the session.
+/// Dropping it ends the session; on targets without an operating system, with feature `live` only.
 ///
 /// Something must call [`wait`](Middleware::wait) and [`take`](Middleware::take), as an executor
 /// does: acknowledgements, heartbeats and pings happen there. Without that, best-effort samples
@@ -84,9 +87,9 @@ const BATCH: usize = 16;
 /// noticed.
 pub struct Xrce {
     config: XrceConfig,
-    transport: Box<dyn Transport>,
+    transport: Arc<dyn Transport>,
     waiting: Waiting,
-    state: PiMutex<State>,
+    state: PiMutex<Kept<State>>,
     glance: Arc<Glance>,
 }
 
@@ -131,7 +134,7 @@ impl Xrce {
         sink: &mut state::Sink<'_>,
         taken: &mut usize,
         mut woken: Option<Nanos>,
-    ) -> Result<bool, MiddlewareError> {
+    ) -> io::Result<bool> {
         let (mut any, mut due) = (false, false);
         for _ in 0..self.waiting.batch(BATCH) {
             let received = self.transport.receive(&mut |message| {
@@ -146,7 +149,7 @@ impl Xrce {
                     any = true;
                 }
             });
-            match received.map_err(|error| io_error("receive", &error))? {
+            match received? {
                 Received::Something => {}
                 Received::Nothing => break,
                 Received::Closed => {
@@ -177,11 +180,11 @@ impl Xrce {
 
 impl Middleware for Xrce {
     fn create_writer(&self, spec: &EndpointSpec<'_>) -> Result<WriterId, MiddlewareError> {
-        self.set_up_writer(spec)
+        self.set_up(spec, true).map(WriterId)
     }
 
     fn create_reader(&self, spec: &EndpointSpec<'_>) -> Result<ReaderId, MiddlewareError> {
-        self.set_up_reader(spec)
+        self.set_up(spec, false).map(ReaderId)
     }
 
     #[cfg(feature = "live")]
@@ -250,8 +253,12 @@ impl Middleware for Xrce {
     fn has_server(&self, client: WriterId) -> Option<bool> {
         // Who waits for a server may be the only one who listens to the agent.
         let now = clock::monotonic();
-        let known = self.until(now, |state| Some(state.is_served(client)));
-        known.ok().flatten().flatten()
+        let mut known = None;
+        let done = self.until(now, &mut |state| {
+            known = state.is_served(client);
+            true
+        });
+        done.ok().and(known)
     }
 
     #[cfg(feature = "texts")]
@@ -268,7 +275,7 @@ impl Middleware for Xrce {
         }
         self.waiting
             .dispatcher(&*self.transport, deadline)
-            .map_err(|error| io_error("wait for the agent", &error))
+            .map_err(|error| io_error(said("wait for the agent"), &error))
     }
 
     fn take(
@@ -285,7 +292,9 @@ impl Middleware for Xrce {
         if !matches!(received, Ok(false)) {
             self.housekeep();
         }
-        received.map(|_| taken)
+        received
+            .map(|_| taken)
+            .map_err(|error| io_error(said("receive"), &error))
     }
 
     fn wake(&self) {
@@ -311,6 +320,7 @@ impl Middleware for Xrce {
     }
 }
 
+#[cfg(any(not(target_os = "none"), feature = "live"))]
 impl Drop for Xrce {
     fn drop(&mut self) {
         // The agent forgets the session at once; if this is lost, after a while.
@@ -328,7 +338,7 @@ impl fmt::Debug for Xrce {
     }
 }
 
-fn io_error(what: &'static str, error: &crate::platform::io::Error) -> MiddlewareError {
+fn io_error(what: &'static str, error: &io::Error) -> MiddlewareError {
     MiddlewareError::Io {
         what,
         errno: error.raw_os_error().unwrap_or(0),

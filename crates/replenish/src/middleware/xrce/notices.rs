@@ -29,7 +29,7 @@ impl State {
             };
             let (topic, reader) = match object.kind() {
                 Ok(ObjectKind::DataReader) => {
-                    let slot = *self.slots.get(usize::from(object.number()))?;
+                    let slot = self.slots.get(object.number());
                     let reader = self.readers.get(usize::from(slot));
                     (reader.and_then(|r| r.topic), Some(ReaderId(slot)))
                 }

@@ -37,6 +37,27 @@ impl Numbers {
     }
 }
 
+/// The reader of each object number, `u16::MAX` for none.
+#[derive(Debug, Default)]
+pub(super) struct Slots(Vec<u16>);
+
+impl Slots {
+    pub(super) fn get(&self, number: u16) -> u16 {
+        let slot = self.0.get(usize::from(number));
+        slot.copied().unwrap_or(u16::MAX)
+    }
+
+    fn set(&mut self, number: u16, slot: u16) {
+        let number = usize::from(number);
+        if self.0.len() <= number {
+            self.0.resize(number + 1, u16::MAX);
+        }
+        if let Some(entry) = self.0.get_mut(number) {
+            *entry = slot;
+        }
+    }
+}
+
 /// What is to be deleted, and has not been sent.
 #[derive(Debug)]
 pub(super) struct Doomed(Vec<(ObjectId, Option<StreamId>)>);
@@ -85,13 +106,7 @@ impl State {
     /// Puts a reader into its slot.
     pub(super) fn place_reader(&mut self, slot: usize, reader: Reader) -> ReaderId {
         let id = u16::try_from(slot).unwrap_or(u16::MAX);
-        let number = usize::from(reader.object.number());
-        if self.slots.len() <= number {
-            self.slots.resize(number + 1, u16::MAX);
-        }
-        if let Some(entry) = self.slots.get_mut(number) {
-            *entry = id;
-        }
+        self.slots.set(reader.object.number(), id);
         match self.readers.get_mut(slot) {
             Some(place) => *place = reader,
             None => self.readers.push(reader),
@@ -107,9 +122,7 @@ impl State {
         }
         let (object, topic) = (reader.object, reader.topic.take());
         reader.flow = None;
-        if let Some(entry) = self.slots.get_mut(usize::from(object.number())) {
-            *entry = u16::MAX;
-        }
+        self.slots.set(object.number(), u16::MAX);
         self.forget(id);
         for writer in self.writers.iter_mut().filter(|w| w.object == object) {
             writer.closed = true;

@@ -3,6 +3,7 @@
 use super::endpoints::{MAX_NUMBER, Reader, Writer, number};
 use super::state::State;
 use crate::middleware::{MAX_READERS, MiddlewareError, ReaderId, WriterId};
+use crate::text::said;
 
 /// Object numbers of one kind, given out in turn.
 #[derive(Debug, Default)]
@@ -14,6 +15,17 @@ impl Numbers {
     pub(super) fn next(&mut self, _: impl Fn(u16) -> bool) -> Option<u16> {
         self.last += 1;
         Some(self.last).filter(|last| usize::from(*last) <= MAX_NUMBER)
+    }
+}
+
+/// Which reader has an object number: they are given out in the same order, slots from 0 on.
+#[derive(Debug, Default)]
+pub(super) struct Slots(());
+
+impl Slots {
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn get(&self, number: u16) -> u16 {
+        number.wrapping_sub(1)
     }
 }
 
@@ -35,20 +47,18 @@ impl Doomed {
 impl State {
     /// An object number for a writer.
     pub(super) fn writer_number(&self) -> Result<u16, MiddlewareError> {
-        number(self.writers.len(), MAX_NUMBER, "writers")
+        number(self.writers.len(), MAX_NUMBER, said("writers"))
     }
 
     /// A slot for a reader, and an object number.
     pub(super) fn reader_place(&self) -> Result<(usize, u16), MiddlewareError> {
         let slot = self.readers.len();
-        Ok((slot, number(slot, MAX_READERS, "readers")?))
+        Ok((slot, number(slot, MAX_READERS, said("readers"))?))
     }
 
     /// Puts a reader into its slot.
     pub(super) fn place_reader(&mut self, slot: usize, reader: Reader) -> ReaderId {
         let id = u16::try_from(slot).unwrap_or(u16::MAX);
-        self.slots.resize(slot + 1, u16::MAX); // 0 is no number
-        self.slots.push(id);
         self.readers.push(reader);
         ReaderId(id)
     }
@@ -61,13 +71,13 @@ impl State {
 
     /// It stays; the set-up has failed.
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
-    pub(super) const fn delete_reader(&self, _: ReaderId) {}
+    pub(super) const fn delete_reader(&mut self, _: ReaderId) {}
 
     /// As for a reader.
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
-    pub(super) const fn delete_writer(&self, _: WriterId) {}
+    pub(super) const fn delete_writer(&mut self, _: WriterId) {}
 
     /// Nothing is to be deleted.
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
-    pub(super) const fn bury(&self) {}
+    pub(super) const fn bury(&mut self) {}
 }

@@ -7,9 +7,10 @@ use super::waiting::Waiting;
 use super::{ConnectError, Transport, Xrce, XrceConfig, io_error};
 use crate::Nanos;
 use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId, Room, WriterId};
-use crate::platform::{self, io};
+use crate::platform::{self, io, kept};
 use crate::qos::Criticality;
 use crate::sync::Arc;
+use crate::text::said;
 use alloc::boxed::Box;
 use alloc::vec;
 use replenish_os::{PiMutex, clock};
@@ -29,68 +30,65 @@ impl Xrce {
         transport: impl Transport,
         config: XrceConfig,
     ) -> Result<Self, ConnectError> {
+        Self::connect(agent, Box::new(transport), config)
+    }
+
+    fn connect(
+        agent: &str,
+        transport: Box<dyn Transport>,
+        config: XrceConfig,
+    ) -> Result<Self, ConnectError> {
         config.check()?;
-        let session = session(&config);
         let io = |what| move |source| ConnectError::Io { what, source };
-        let state = State::new(session);
+        let waiting = Waiting::new(&*transport).map_err(io(said("create what is waited on")))?;
+        let state = State::new(session(&config));
         let this = Self {
             config,
-            waiting: Waiting::new(&transport).map_err(io("create what is waited on"))?,
-            transport: Box::new(transport),
+            waiting,
+            transport: transport.into(),
             glance: Arc::clone(&state.glance),
-            state: PiMutex::new(state),
+            state: PiMutex::new(kept(state)),
         };
         let start = clock::monotonic();
         this.state.lock().session.connect(start);
         let deadline = start.saturating_add(config.connect_timeout);
-        let answer = this.until(deadline, |state| {
-            let refused = state.refused.map(Err);
-            refused.or(state.is_up().then_some(Ok(())))
+        let waited = this.until(deadline, &mut |state| {
+            state.refused.is_some() || state.is_up()
         });
+        waited.map_err(io(said("wait for the agent")))?;
+        let (up, refused) = {
+            let state = this.state.lock();
+            (state.is_up(), state.refused)
+        };
         let agent = agent.into();
-        match answer {
-            Ok(Some(Ok(()))) => Ok(this),
-            Ok(Some(Err(status))) => Err(ConnectError::Refused { agent, status }),
-            Ok(None) => Err(ConnectError::NoAgent {
+        match refused {
+            Some(status) => Err(ConnectError::Refused { agent, status }),
+            None if up => Ok(this),
+            None => Err(ConnectError::NoAgent {
                 agent,
                 waited: config.connect_timeout,
             }),
-            Err(error) => Err(ConnectError::Io {
-                what: "wait for the agent",
-                source: error,
-            }),
         }
     }
 
-    pub(super) fn set_up_writer(
+    /// Creates a writer, or a reader; its id.
+    pub(super) fn set_up(
         &self,
         spec: &EndpointSpec<'_>,
-    ) -> Result<WriterId, MiddlewareError> {
-        let (id, object) = self.state.lock().add_writer(spec, self.config.domain)?;
-        let confirmed = self.confirm(object, "create a data writer");
+        writes: bool,
+    ) -> Result<u16, MiddlewareError> {
+        let (id, object) = self.state.lock().add(spec, &self.config, writes)?;
+        let what = match writes {
+            true => said("create a data writer"),
+            false => said("create a data reader"),
+        };
+        let confirmed = self.confirm(object, what);
         if confirmed.is_err() {
-            self.state.lock().delete_writer(id);
-        }
-        confirmed.map(|()| id)
-    }
-
-    pub(super) fn set_up_reader(
-        &self,
-        spec: &EndpointSpec<'_>,
-    ) -> Result<ReaderId, MiddlewareError> {
-        let XrceConfig {
-            domain,
-            max_sample,
-            mtu,
-            ..
-        } = self.config;
-        let (id, object) = self
-            .state
-            .lock()
-            .add_reader(spec, domain, max_sample, mtu)?;
-        let confirmed = self.confirm(object, "create a data reader");
-        if confirmed.is_err() {
-            self.state.lock().delete_reader(id);
+            let mut state = self.state.lock();
+            match writes {
+                true => state.delete_writer(WriterId(id)),
+                false => state.delete_reader(ReaderId(id)),
+            }
         }
         confirmed.map(|()| id)
     }
@@ -102,34 +100,35 @@ impl Xrce {
         what: &'static str,
     ) -> Result<(), MiddlewareError> {
         let deadline = clock::monotonic().saturating_add(self.config.request_timeout);
-        self.until(deadline, |state| state.outcome(object, what))
-            .map_err(|error| io_error("wait for the agent", &error))?
-            .unwrap_or(Err(MiddlewareError::NoAnswer { what }))
+        let mut outcome = None;
+        self.until(deadline, &mut |state| {
+            outcome = state.outcome(object, what);
+            outcome.is_some()
+        })
+        .map_err(|error| io_error(said("wait for the agent"), &error))?;
+        outcome.unwrap_or(Err(MiddlewareError::NoAnswer { what }))
     }
 
-    /// Runs the session until `done` gives something or `deadline` has passed.
-    pub(super) fn until<T>(
+    /// Runs the session until `done` or until `deadline` has passed.
+    pub(super) fn until(
         &self,
         deadline: Nanos,
-        mut done: impl FnMut(&State) -> Option<T>,
-    ) -> io::Result<Option<T>> {
+        done: &mut dyn FnMut(&State) -> bool,
+    ) -> io::Result<()> {
         loop {
             let mut nobody = Interest::empty();
-            let handled = self.receive(&mut nobody, &mut |_, _, _| Room::Full, &mut 0, None);
-            if let Err(MiddlewareError::Io { errno, .. }) = handled {
-                return Err(io::Error::from_raw_os_error(errno));
-            }
+            self.receive(&mut nobody, &mut |_, _, _| Room::Full, &mut 0, None)?;
             self.housekeep();
             let now = clock::monotonic();
-            let (result, backlog) = {
+            let (done, backlog) = {
                 let state = self.state.lock();
                 (done(&state), state.has_backlog())
             };
             if backlog {
                 self.waiting.wake(); // a dispatcher may want what has come meanwhile
             }
-            if result.is_some() || now >= deadline {
-                return Ok(result);
+            if done || now >= deadline {
+                return Ok(());
             }
             let glance = deadline.min(now.saturating_add(GLANCE));
             self.waiting.other(&*self.transport, glance)?;
@@ -151,9 +150,13 @@ impl Xrce {
         sent.map_err(|_| MiddlewareError::LinkDown)?;
         let deadline = clock::monotonic().saturating_add(self.config.request_timeout);
         let what = "the time";
-        self.until(deadline, |state| state.agent_time)
-            .map_err(|error| io_error("wait for the agent", &error))?
-            .ok_or(MiddlewareError::NoAnswer { what })
+        let mut ahead = None;
+        self.until(deadline, &mut |state| {
+            ahead = state.agent_time;
+            ahead.is_some()
+        })
+        .map_err(|error| io_error("wait for the agent", &error))?;
+        ahead.ok_or(MiddlewareError::NoAnswer { what })
     }
 }
 

@@ -4,7 +4,7 @@
 use super::backlog::Backlog;
 use super::endpoints::{Reader, Topic, Writer};
 use super::limits::{REQUESTS, STREAMS, WINDOW};
-use super::removal::{Doomed, Numbers};
+use super::removal::{Doomed, Numbers, Slots};
 use super::waiting::Alarm;
 use super::{Sent, Transport};
 use crate::Nanos;
@@ -15,7 +15,6 @@ use crate::platform::io;
 use crate::qos::Criticality;
 use crate::sync::{Arc, AtomicBool, Ordering};
 use alloc::boxed::Box;
-use alloc::string::String;
 use alloc::vec::Vec;
 use replenish_xrce::client::{Event, Session, State as Link, WriteError};
 use replenish_xrce::wire::{DeliveryControl, Notice, ObjectId, Status, StreamId};
@@ -80,11 +79,10 @@ pub(super) struct State {
     pub(super) session: XrceSession,
     pub(super) readers: Vec<Reader>,
     pub(super) writers: Vec<Writer>,
-    /// Node names and their participants.
-    pub(super) participants: Vec<(String, ObjectId)>,
+    /// The names of nodes, whose participants have the numbers from 1 on.
+    pub(super) participants: Vec<Box<str>>,
     pub(super) topics: Vec<Topic>,
-    /// The reader of each object number, `u16::MAX` for none.
-    pub(super) slots: Vec<u16>,
+    pub(super) slots: Slots,
     pub(super) reader_numbers: Numbers,
     pub(super) writer_numbers: Numbers,
     pub(super) topic_numbers: Numbers,
@@ -116,7 +114,7 @@ impl State {
             writers: Vec::new(),
             participants: Vec::new(),
             topics: Vec::new(),
-            slots: Vec::new(),
+            slots: Slots::default(),
             reader_numbers: Numbers::default(),
             writer_numbers: Numbers::default(),
             topic_numbers: Numbers::default(),
@@ -132,8 +130,8 @@ impl State {
         }
     }
 
-    pub(super) fn is_up(&self) -> bool {
-        self.session.state() == Link::Up
+    pub(super) const fn is_up(&self) -> bool {
+        matches!(self.session.state(), Link::Up)
     }
 
     /// Nothing waits for this reader any more.
@@ -239,9 +237,7 @@ impl State {
                     ..SampleInfo::at(now)
                 };
                 // One that was deleted has no slot any more.
-                let Some(&slot) = slots.get(usize::from(reader.number())) else {
-                    return;
-                };
+                let slot = slots.get(reader.number());
                 let Some(reader) = readers.get_mut(usize::from(slot)) else {
                     return;
                 };
