@@ -3,8 +3,8 @@
 //! A node is a participant; a topic of a node a topic object, named as ROS 2 names topics on DDS;
 //! every writer has a publisher of its own and every reader a subscriber, as in micro-ROS.
 
-use super::backlog::Backlog;
 use super::XrceConfig;
+use super::backlog::Backlog;
 use super::state::{State, backlog, stream};
 use crate::middleware::{EndpointSpec, MiddlewareError};
 use crate::qos::{Durability, History, IngressLimit, Qos, Reliability};
@@ -281,12 +281,7 @@ impl State {
 }
 
 /// A data writer or reader of `topic` in `group`.
-fn end(
-    topic: ObjectId,
-    group: ObjectId,
-    endpoint: EndpointQos<'_>,
-    writes: bool,
-) -> Entity<'_> {
+fn end(topic: ObjectId, group: ObjectId, endpoint: EndpointQos<'_>, writes: bool) -> Entity<'_> {
     if writes {
         let qos = WriterQos {
             endpoint,

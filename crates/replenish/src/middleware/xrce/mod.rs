@@ -49,9 +49,9 @@ use super::{
 #[cfg(feature = "services")]
 use super::{RequestIdentity, ServiceSpec};
 use crate::Nanos;
+use crate::platform::Kept;
 #[cfg(feature = "std")]
 use crate::platform::io;
-use crate::platform::Kept;
 use crate::sync::Arc;
 use crate::text::said;
 use core::fmt;
