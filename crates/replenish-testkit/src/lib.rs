@@ -7,6 +7,7 @@
 //! - [`alloc`]: a global allocator that counts, to prove that the hot path does not allocate.
 //! - [`sets`]: properties over random sets, on all CPUs.
 //! - [`signal`]: a real signal handler.
+//! - [`wall_clock`]: a wall clock that a test may set.
 //! - [`watchdog`]: ends a test process that hangs, naming what hung.
 //!
 //! Never a dependency of shipped code.
@@ -16,4 +17,8 @@ pub mod harness;
 pub mod rt;
 pub mod sets;
 pub mod signal;
+pub mod wall_clock;
 pub mod watchdog;
+
+#[doc(hidden)]
+pub use libc; // for the macro

@@ -324,32 +324,38 @@ fn use_stack(kib: usize) -> u8 {
 }
 
 /// D11: a pointer to the caller's scheduling parameters was kept after they were gone, and stacks
-/// were of whatever size the system gave. Here what was given can go away, and a callback uses
-/// twice the default stack of 1 MiB, because 8 MiB were asked for.
+/// were of whatever size the system gave. Here the same variable gives two workers their parameters,
+/// one after another, and is something else and then gone before they start: each has what it was
+/// given. A callback uses twice the default stack of 1 MiB, because 8 MiB were asked for.
 fn d11() {
     let _dog = watchdog("d11", LIMIT);
     let ctx = Context::in_process();
     let (mut exec, _) = executor(&ctx);
-    let done = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&done);
+    let done = Arc::new(AtomicU64::new(0));
     {
-        let name = String::from("w");
-        let params = Params::new(2, replenish::Low::Background(1), 2_000_000, 90_000_000, 3);
-        let policy = Policy::sporadic(params.unwrap()).unwrap();
-        exec.worker(&name)
-            .policy(policy)
-            .stack_size(8 << 20)
-            .timer(Every::once(Duration::ZERO), move |_| {
-                assert!(use_stack(2048) > 0);
-                flag.store(true, Ordering::Relaxed);
-            })
-            .unwrap();
+        let mut policy = Policy::Other;
+        for (name, budget) in [("a", 2_000_000), ("b", 3_000_000)] {
+            let name = String::from(name);
+            let params = Params::new(2, replenish::Low::Background(1), budget, 90_000_000, 3);
+            policy = Policy::sporadic(params.unwrap()).unwrap();
+            let count = Arc::clone(&done);
+            exec.worker(&name)
+                .policy(*std::hint::black_box(&policy))
+                .stack_size(8 << 20)
+                .timer(Every::once(Duration::ZERO), move |_| {
+                    assert!(use_stack(2048) > 0);
+                    count.fetch_add(1, Ordering::Relaxed);
+                })
+                .unwrap();
+        }
+        std::hint::black_box(&mut policy).clone_from(&Policy::Other);
     }
     let running = exec.start().unwrap();
-    assert!(eventually(|| done.load(Ordering::Relaxed)));
+    assert!(eventually(|| done.load(Ordering::Relaxed) == 2));
     let report = running.stop();
-    let requested = &report.thread("w").unwrap().requested;
-    assert_eq!(requested, "SPORADIC 2/1 (2 ms every 90 ms)");
+    let requested = ["a", "b"].map(|name| report.thread(name).unwrap().requested.clone());
+    let asked = ["2 ms", "3 ms"].map(|budget| format!("SPORADIC 2/1 ({budget} every 90 ms)"));
+    assert_eq!(requested, asked);
 }
 
 /// D2: a worker without budget (background priority) spends its time inside the session lock,

@@ -23,7 +23,7 @@ use replenish_testkit::signal::{on_user_signal, raise_user_signal};
 use replenish_testkit::watchdog::watchdog;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant, SystemTime};
 
 const LIMIT: Duration = Duration::from_secs(60);
 const MS: Duration = Duration::from_millis(1);
@@ -380,6 +380,48 @@ fn rclc_6_periods_are_exact_and_an_overrun_makes_no_burst() {
         assert_eq!(pair[1].0 - pair[0].0, (pair[1].1 + 1) * PERIOD, "{dues:?}");
     }
     assert!(dues[5].1 >= 20_000_000 / PERIOD - 1, "{dues:?}");
+}
+
+replenish_testkit::settable_wall_clock!();
+
+/// Defect 6, the clock: rclc's periods are those of a clock that can be set. Here somebody sets it an
+/// hour forward and two hours back while a timer and `spin_period` run: releases stay on their grid,
+/// none is left out for an hour that has not passed, and none waits for one that is yet to come.
+#[test]
+fn rclc_6_setting_the_clock_moves_no_release() {
+    const PERIOD: Duration = Duration::from_millis(2);
+    let _dog = watchdog("rclc 6, clock", LIMIT);
+    let (begin, wall) = (Instant::now(), SystemTime::now());
+    let (ctx, other) = (Context::in_process(), Context::in_process());
+    let dues = Arc::new(Mutex::new(Vec::new()));
+    let note = Arc::clone(&dues);
+    let (mut exec, _) = executor(&ctx);
+    let every = Every::period(PERIOD).overrun(Overrun::Delay);
+    let called = move |cx: &CallbackContext<'_>| note.lock().unwrap().push(cx.due());
+    exec.worker("w").timer(every, called).unwrap();
+    let (mut local, _) = executor(&other);
+    local.worker("l").capacity(1);
+    let mut local = local.local().unwrap();
+    let running = exec.start().unwrap();
+    for (set, hours) in [
+        (0, Some(0)),
+        (3600, Some(1)),
+        (-7200, None),
+        (3600, Some(0)),
+    ] {
+        replenish_testkit::wall_clock::advance(set);
+        let before = dues.lock().unwrap().len();
+        assert!(eventually(|| dues.lock().unwrap().len() >= before + 5));
+        let skipped = (0..5).map(|_| local.spin_one_period(PERIOD).skipped);
+        assert!(skipped.sum::<u64>() < 10_000);
+        let wall = wall.elapsed().map(|t| t.as_secs() / 3600);
+        assert_eq!(wall.ok(), hours, "the clock was set");
+    }
+    running.stop();
+    let dues = dues.lock().unwrap();
+    let passed = Duration::from_nanos(dues.last().unwrap() - dues.first().unwrap());
+    assert!(passed <= begin.elapsed(), "{passed:?}");
+    assert!(dues.is_sorted(), "{dues:?}");
 }
 
 /// Defect 7: no stop, and no wake-up from other threads: guard conditions do not end the wait. Here
