@@ -99,7 +99,7 @@ pub use replenish_plan as planning;
 pub use replenish_plan::Guarantee;
 pub use sporadic::Kind as ServerKind;
 pub use stats::HandleStats;
-pub use text::Words;
+pub use text::{Label, Words};
 
 /// Nanoseconds; of `CLOCK_MONOTONIC` where it is an instant.
 pub type Nanos = u64;

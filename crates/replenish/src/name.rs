@@ -4,7 +4,7 @@
 //! `rmw_validate_node_name`): tokens of letters, digits and underscores separated by single
 //! slashes, none starting with a digit. Substitutions in braces are not supported.
 
-use crate::text::{Words, joined, said};
+use crate::text::{Label, Words, joined, said};
 use alloc::string::String;
 use core::fmt;
 
@@ -17,11 +17,11 @@ const MAX_NODE: usize = 255;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NameError {
     /// What the name was for.
-    pub what: &'static str,
+    pub what: Label,
     /// The name as it was given.
     pub name: Words,
-    /// What is wrong with it; empty without feature `texts`.
-    pub problem: &'static str,
+    /// What is wrong with it.
+    pub problem: Label,
 }
 
 impl fmt::Display for NameError {
@@ -37,13 +37,13 @@ pub(crate) fn node(name: &str) -> Result<String, NameError> {
     let full = joined(&["/", name.strip_prefix('/').unwrap_or(name)]);
     check(&full, MAX_NODE)
         .map(|()| full)
-        .map_err(|problem| error("node name", name, problem))
+        .map_err(|problem| error(said("node name"), name, problem))
 }
 
 /// The fully qualified name of a topic that node `node` (itself fully qualified) calls `name`:
 /// absolute, relative to the node's namespace, or below the node (`~/name`).
 pub(crate) fn topic(name: &str, node: &str) -> Result<String, NameError> {
-    let fail = |problem| error("topic name", name, problem);
+    let fail = |problem| error(said("topic name"), name, problem);
     let (before, rest) = match name.as_bytes() {
         [] => return Err(fail(said("it is empty"))),
         [b'~'] | [b'~', b'/', ..] => (node, name.get(1..).unwrap_or_default()),
@@ -61,7 +61,7 @@ fn namespace(node: &str) -> &str {
     node.get(..last.map_or(0, |at| at + 1)).unwrap_or_default()
 }
 
-fn error(what: &'static str, name: &str, problem: &'static str) -> NameError {
+fn error(what: Label, name: &str, problem: Label) -> NameError {
     NameError {
         what,
         name: name.into(),
@@ -75,16 +75,26 @@ pub(crate) fn worker(name: &str) -> Result<(), NameError> {
         said("it is empty")
     } else if name.len() > 63 {
         said("it is longer than 63 bytes")
-    } else if name.contains(|c: char| c.is_control() || c == '/') {
+    } else if !is_plain(name) {
         said("control characters and / are not allowed")
     } else {
         return Ok(());
     };
-    Err(error("worker name", name, problem))
+    Err(error(said("worker name"), name, problem))
+}
+
+/// Whether there is no slash in it and no control character: by bytes, C0, DEL and C1.
+fn is_plain(name: &str) -> bool {
+    let mut before = 0;
+    name.bytes().all(|byte| {
+        let c1 = before == 0xc2 && byte < 0xa0;
+        before = byte;
+        !(byte < b' ' || byte == 0x7f || byte == b'/' || c1)
+    })
 }
 
 /// Whether `full`, which begins with a slash, is a name.
-fn check(full: &str, longest: usize) -> Result<(), &'static str> {
+fn check(full: &str, longest: usize) -> Result<(), Label> {
     let mut before = b'/';
     for &byte in full.as_bytes().get(1..).unwrap_or_default() {
         match (before, byte) {
@@ -146,5 +156,9 @@ mod tests {
         assert!(worker("").is_err());
         assert!(worker(&"w".repeat(64)).is_err());
         assert!(worker("high priority").is_ok());
+        assert!(worker("größe\u{a0}").is_ok());
+        for c in ['/', '\0', '\u{1f}', '\u{7f}', '\u{80}', '\u{9f}'] {
+            assert!(worker(&format!("w{c}")).is_err(), "{c:?}");
+        }
     }
 }

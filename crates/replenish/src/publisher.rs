@@ -1,6 +1,7 @@
 //! Publishing from any thread.
 
 use crate::middleware::{Middleware, PublishError, WriterId};
+use crate::platform::zeroed;
 use crate::sync::{Arc, Mutex};
 use alloc::boxed::Box;
 use alloc::string::String;
@@ -40,7 +41,7 @@ impl<M: Message> Publisher<M> {
         topic: String,
         size: usize,
     ) -> Self {
-        let buffer = alloc::vec![0; size].into_boxed_slice();
+        let buffer = zeroed(size);
         Self {
             inner: Arc::new(Inner {
                 middleware,

@@ -12,12 +12,19 @@ pub type Words = String;
 #[cfg(not(feature = "texts"))]
 pub use wordless::Words;
 
+/// Words for people that stand in the program; nothing without feature `texts`.
+#[cfg(feature = "texts")]
+pub type Label = &'static str;
+/// The place of words in builds without feature `texts`.
+#[cfg(not(feature = "texts"))]
+pub type Label = Words;
+
 #[cfg(not(feature = "texts"))]
 mod wordless {
     use core::fmt;
 
     /// The place of words in builds without feature `texts`: always the empty string.
-    #[derive(Clone, Default, PartialEq, Eq)]
+    #[derive(Clone, Copy, Default, PartialEq, Eq)]
     pub struct Words;
 
     impl From<&str> for Words {
@@ -67,9 +74,14 @@ macro_rules! text {
 }
 pub(crate) use text;
 
-/// Words that stand in the program; none without feature `texts`.
-pub(crate) const fn said(words: &'static str) -> &'static str {
-    if cfg!(feature = "texts") { words } else { "" }
+/// A label with these words; an empty one without feature `texts`.
+#[cfg(feature = "texts")]
+pub(crate) const fn said(words: &'static str) -> Label {
+    words
+}
+#[cfg(not(feature = "texts"))]
+pub(crate) const fn said(_: &'static str) -> Label {
+    Words
 }
 
 /// What is handed to code that may format it: `value`, or nothing without feature `texts`.

@@ -19,6 +19,7 @@ use crate::middleware::{Middleware, PublishError, ReaderId, WriterId};
 use crate::platform::Once;
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
 use crate::text::decode;
+use crate::text::said;
 use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -197,9 +198,9 @@ impl<S: Service> Client<S> {
         loop {
             match self.inner.middleware.has_server(self.inner.writer) {
                 None => {
-                    let unknown = crate::middleware::MiddlewareError::Unsupported(
+                    let unknown = crate::middleware::MiddlewareError::Unsupported(said(
                         "to know of servers, which this agent does not tell",
-                    );
+                    ));
                     return Err(Error::endpoint("client", &self.inner.name, unknown));
                 }
                 Some(true) => return Ok(true),

@@ -1,6 +1,6 @@
 //! What can go wrong between the executor and the bytes.
 
-use crate::text::Words;
+use crate::text::{Label, Words};
 use core::fmt;
 use replenish_msg::CdrError;
 
@@ -11,7 +11,7 @@ pub enum MiddlewareError {
     /// A bound was reached.
     Capacity {
         /// Of what there are too many.
-        what: &'static str,
+        what: Label,
         /// How many there may be.
         limit: usize,
     },
@@ -23,7 +23,7 @@ pub enum MiddlewareError {
         limit: usize,
     },
     /// The middleware cannot do this.
-    Unsupported(&'static str),
+    Unsupported(Label),
     /// The topic exists with another type.
     TypeMismatch {
         /// The type it has.
@@ -32,12 +32,12 @@ pub enum MiddlewareError {
     /// The peer did not answer in time.
     NoAnswer {
         /// The request that was not answered.
-        what: &'static str,
+        what: Label,
     },
     /// The peer said no.
     Refused {
         /// What was asked for.
-        what: &'static str,
+        what: Label,
         /// The peer's own code (XRCE: `StatusValue`).
         status: u8,
     },
@@ -46,7 +46,7 @@ pub enum MiddlewareError {
     /// The operating system refused.
     Io {
         /// What was tried.
-        what: &'static str,
+        what: Label,
         /// Its error number.
         errno: i32,
     },

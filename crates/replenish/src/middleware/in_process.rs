@@ -16,6 +16,7 @@ use crate::handoff::Ring;
 use crate::platform;
 use crate::qos::{Durability, History, IngressLimit, Qos, Reliability};
 use crate::sync::{Arc, Mutex, Signal};
+use crate::text::said;
 use alloc::string::String;
 use alloc::vec::Vec;
 use clashes::Clashes;
@@ -192,7 +193,7 @@ impl Bus {
 
     fn me(&mut self, me: usize) -> Result<&mut Participant, MiddlewareError> {
         let too_many = MiddlewareError::Capacity {
-            what: "participants of one in-process bus",
+            what: said("participants of one in-process bus"),
             limit: MAX_PARTICIPANTS,
         };
         let known = self.participants.get_mut(me);
@@ -303,7 +304,9 @@ impl Middleware for InProcess {
 
     fn create_reader(&self, spec: &EndpointSpec<'_>) -> Result<ReaderId, MiddlewareError> {
         if spec.ingress != IngressLimit::none() {
-            return Err(MiddlewareError::Unsupported("limits on what peers send"));
+            return Err(MiddlewareError::Unsupported(said(
+                "limits on what peers send",
+            )));
         }
         let depth = spec.qos.depth.into();
         let mut reader = Reader {
@@ -508,7 +511,7 @@ impl InProcess {
 }
 
 fn bounded(index: usize, what: &'static str) -> Result<u16, MiddlewareError> {
-    let limit = MAX_READERS;
+    let (limit, what) = (MAX_READERS, said(what));
     let id = u16::try_from(index).ok().filter(|_| index < limit);
     id.ok_or(MiddlewareError::Capacity { what, limit })
 }

@@ -5,7 +5,9 @@ use super::ReaderId;
 /// The most readers one middleware can have: 1024, and 64 without the standard library.
 pub const MAX_READERS: usize = if cfg!(feature = "std") { 1024 } else { 64 };
 
-const WORDS: usize = MAX_READERS / 64;
+/// Bits of a word: what the processor has.
+const BITS: usize = usize::BITS as usize;
+const WORDS: usize = MAX_READERS / BITS;
 
 /// A set of readers: those whose handle has room for a sample. A bit each, no allocation.
 ///
@@ -18,7 +20,7 @@ const WORDS: usize = MAX_READERS / 64;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Interest {
-    words: [u64; WORDS],
+    words: [usize; WORDS],
 }
 
 impl Interest {
@@ -65,35 +67,46 @@ impl Interest {
 
     /// The members in ascending order.
     pub fn iter(&self) -> impl Iterator<Item = ReaderId> + '_ {
-        self.words
-            .iter()
-            .enumerate()
-            .flat_map(|(word, bits)| Ones(*bits).map(move |b| (word, b)))
-            .map(|(word, bit)| {
-                ReaderId(
-                    u16::try_from(word * 64)
-                        .unwrap_or(u16::MAX)
-                        .saturating_add(bit),
-                )
-            })
+        Members {
+            set: self,
+            word: 0,
+            rest: self.words.first().copied().unwrap_or(0),
+        }
+    }
+
+    /// Whether a reader is a member of both.
+    #[cfg(feature = "xrce")]
+    pub(crate) fn meets(&self, other: &Self) -> bool {
+        let mut words = self.words.iter().zip(&other.words);
+        words.any(|(a, b)| a & b != 0)
     }
 }
 
-/// The set bits of a word, lowest first.
-struct Ones(u64);
+/// The members of a set that were not given out yet.
+struct Members<'a> {
+    set: &'a Interest,
+    word: usize,
+    /// Of this word.
+    rest: usize,
+}
 
-impl Iterator for Ones {
-    type Item = u16;
+impl Iterator for Members<'_> {
+    type Item = ReaderId;
 
-    fn next(&mut self) -> Option<u16> {
-        let bit = self.0.trailing_zeros();
-        self.0 &= self.0.wrapping_sub(1);
-        u16::try_from(bit).ok().filter(|b| *b < 64)
+    fn next(&mut self) -> Option<ReaderId> {
+        while self.rest == 0 {
+            self.word += 1;
+            self.rest = *self.set.words.get(self.word)?;
+        }
+        let bit = self.word * BITS + self.rest.trailing_zeros() as usize;
+        self.rest &= self.rest - 1;
+        u16::try_from(bit).ok().map(ReaderId)
     }
 }
 
-fn place(reader: ReaderId) -> (usize, u64) {
-    (usize::from(reader.0) / 64, 1 << (reader.0 % 64))
+fn place(reader: ReaderId) -> (usize, usize) {
+    let number = usize::from(reader.0);
+    (number / BITS, 1 << (number % BITS))
 }
 
 #[cfg(test)]

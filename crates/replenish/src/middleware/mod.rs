@@ -33,6 +33,7 @@ pub use crate::handoff::{RequestIdentity, SampleInfo};
 
 use crate::Nanos;
 use crate::qos::{IngressLimit, Qos};
+use crate::text::said;
 
 /// A reader of one middleware: small, dense, given out from 0 upwards.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -132,7 +133,7 @@ pub trait Middleware: Send + Sync + 'static {
     /// [`MiddlewareError::Unsupported`] where readers stay until the end.
     fn delete_reader(&self, reader: ReaderId) -> Result<(), MiddlewareError> {
         let _ = reader;
-        Err(MiddlewareError::Unsupported("deleting readers"))
+        Err(MiddlewareError::Unsupported(said("deleting readers")))
     }
 
     /// Nobody uses a writer any more: its id may be given out again. That of a service or client
@@ -161,7 +162,7 @@ pub trait Middleware: Send + Sync + 'static {
         spec: &ServiceSpec<'_>,
     ) -> Result<(ReaderId, WriterId), MiddlewareError> {
         let _ = spec;
-        Err(MiddlewareError::Unsupported("services"))
+        Err(MiddlewareError::Unsupported(said("services")))
     }
 
     /// Creates a service's client: the reader of its replies, which come with the
@@ -174,7 +175,7 @@ pub trait Middleware: Send + Sync + 'static {
         spec: &ServiceSpec<'_>,
     ) -> Result<(ReaderId, WriterId), MiddlewareError> {
         let _ = spec;
-        Err(MiddlewareError::Unsupported("services"))
+        Err(MiddlewareError::Unsupported(said("services")))
     }
 
     /// Sends a request; its number. Waits for nothing, like [`publish`](Self::publish).

@@ -25,26 +25,30 @@ pub enum ErrorKind {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Error {
     kind: ErrorKind,
-    number: Option<i32>,
+    /// 0 for none.
+    number: i32,
 }
 
 /// The result of a transport's operation.
 pub type Result<T> = core::result::Result<T, Error>;
 
 impl Error {
-    /// The system's error with this number.
+    /// The system's error with this number, which is not 0.
     #[must_use]
     pub const fn from_raw_os_error(number: i32) -> Self {
         Self {
             kind: ErrorKind::Other,
-            number: Some(number),
+            number,
         }
     }
 
     /// The system's number, if the error is the system's.
     #[must_use]
     pub const fn raw_os_error(&self) -> Option<i32> {
-        self.number
+        match self.number {
+            0 => None,
+            number => Some(number),
+        }
     }
 
     /// Its kind.
@@ -56,15 +60,15 @@ impl Error {
 
 impl From<ErrorKind> for Error {
     fn from(kind: ErrorKind) -> Self {
-        Self { kind, number: None }
+        Self { kind, number: 0 }
     }
 }
 
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.number {
-            Some(number) => write!(f, "error {number}"),
-            None => f.write_str("input/output error"),
+            0 => f.write_str("input/output error"),
+            number => write!(f, "error {number}"),
         }
     }
 }

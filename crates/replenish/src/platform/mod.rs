@@ -12,6 +12,12 @@ pub(crate) use bare::*;
 #[cfg(feature = "std")]
 pub(crate) use std::*;
 
+/// A buffer of `len` bytes. (One body for all of them.)
+#[inline(never)]
+pub(crate) fn zeroed(len: usize) -> alloc::boxed::Box<[u8]> {
+    alloc::vec![0; len].into_boxed_slice()
+}
+
 /// A value that is dropped in its time where things are given back, which is on targets without an
 /// operating system with feature `live` only; else it stays as long as the image.
 #[cfg(any(not(target_os = "none"), feature = "live"))]

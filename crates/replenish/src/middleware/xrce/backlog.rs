@@ -1,15 +1,23 @@
 //! Samples of one reader that arrived while its handle had no room.
 
 use crate::middleware::SampleInfo;
+use crate::platform::zeroed;
 use alloc::boxed::Box;
 use alloc::vec;
+
+/// What is known about a kept sample: of a topic's, where there are no services and nobody who stamps
+/// samples, when it arrived.
+#[cfg(any(feature = "std", feature = "services"))]
+type Note = SampleInfo;
+#[cfg(not(any(feature = "std", feature = "services")))]
+type Note = crate::Nanos;
 
 /// A ring of preallocated slots, oldest first.
 #[derive(Debug)]
 pub(super) struct Backlog {
     bytes: Box<[u8]>,
     /// Length of the sample in each slot, and what is known about it.
-    slots: Box<[(usize, SampleInfo)]>,
+    slots: Box<[(usize, Note)]>,
     slot_size: usize,
     head: usize,
     len: usize,
@@ -22,8 +30,8 @@ impl Backlog {
     pub(super) fn new(depth: u16, max_size: usize, keep_last: bool) -> Self {
         let depth = usize::from(depth.max(1));
         Self {
-            bytes: vec![0; depth * max_size].into(),
-            slots: vec![(0, SampleInfo::at(0)); depth].into(),
+            bytes: zeroed(depth * max_size),
+            slots: vec![(0, Note::default()); depth].into(),
             slot_size: max_size,
             head: 0,
             len: 0,
@@ -51,32 +59,58 @@ impl Backlog {
         if full {
             self.pop();
         }
-        let slot = (self.head + self.len) % self.slots.len();
+        let slot = self.wrapped(self.head + self.len);
         let start = slot * self.slot_size;
         if let Some(room) = self.bytes.get_mut(start..start + sample.len()) {
             room.copy_from_slice(sample);
         }
         if let Some(entry) = self.slots.get_mut(slot) {
-            *entry = (sample.len(), *info);
+            *entry = (sample.len(), note(info));
         }
         self.len += 1;
         !full
     }
 
     /// The oldest sample and what is known about it.
-    pub(super) fn front(&self) -> Option<(&SampleInfo, &[u8])> {
+    pub(super) fn front(&self) -> Option<(SampleInfo, &[u8])> {
         let (len, info) = self.slots.get(self.head).filter(|_| self.len > 0)?;
         let start = self.head * self.slot_size;
-        Some((info, self.bytes.get(start..start + len)?))
+        Some((noted(info), self.bytes.get(start..start + len)?))
     }
 
     /// Drops the oldest sample.
-    pub(super) fn pop(&mut self) {
+    pub(super) const fn pop(&mut self) {
         if self.len > 0 {
-            self.head = (self.head + 1) % self.slots.len();
+            self.head = self.wrapped(self.head + 1);
             self.len -= 1;
         }
     }
+
+    /// A place that is less than one round ahead.
+    const fn wrapped(&self, at: usize) -> usize {
+        match at.checked_sub(self.slots.len()) {
+            Some(at) => at,
+            None => at,
+        }
+    }
+}
+
+#[cfg(any(feature = "std", feature = "services"))]
+const fn note(info: &SampleInfo) -> Note {
+    *info
+}
+#[cfg(any(feature = "std", feature = "services"))]
+const fn noted(note: &Note) -> SampleInfo {
+    *note
+}
+
+#[cfg(not(any(feature = "std", feature = "services")))]
+const fn note(info: &SampleInfo) -> Note {
+    info.arrival
+}
+#[cfg(not(any(feature = "std", feature = "services")))]
+const fn noted(note: &Note) -> SampleInfo {
+    SampleInfo::at(*note)
 }
 
 #[cfg(test)]

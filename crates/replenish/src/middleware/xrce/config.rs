@@ -3,7 +3,7 @@
 use super::limits::{JOURNAL, WINDOW};
 use crate::Nanos;
 use crate::platform::io;
-use crate::text::Words;
+use crate::text::{Label, Words, said};
 use core::fmt;
 use replenish_xrce::client::PingPolicy;
 use replenish_xrce::stream::{AckPolicy, Reliability};
@@ -101,7 +101,10 @@ impl XrceConfig {
     }
 
     pub(super) fn check(&self) -> Result<(), ConnectError> {
-        let setting = |field, allowed| Err(ConnectError::Setting { field, allowed });
+        let setting = |field, allowed| {
+            let allowed = said(allowed);
+            Err(ConnectError::Setting { field, allowed })
+        };
         if !(64..=65_507).contains(&self.mtu) {
             return setting("mtu", "from 64 to 65507 bytes");
         }
@@ -156,7 +159,7 @@ pub enum ConnectError {
         /// Which one.
         field: &'static str,
         /// What is allowed.
-        allowed: &'static str,
+        allowed: Label,
     },
     /// No agent answered in time.
     NoAgent {
@@ -175,7 +178,7 @@ pub enum ConnectError {
     /// The operating system refused something else.
     Io {
         /// What was tried.
-        what: &'static str,
+        what: Label,
         /// What it says.
         source: io::Error,
     },

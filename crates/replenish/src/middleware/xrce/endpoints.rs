@@ -3,12 +3,13 @@
 //! A node is a participant; a topic of a node a topic object, named as ROS 2 names topics on DDS;
 //! every writer has a publisher of its own and every reader a subscriber, as in micro-ROS.
 
-use super::XrceConfig;
+use super::Settings;
 use super::backlog::Backlog;
-use super::state::{State, backlog, stream};
+use super::limits::REQUESTS;
+use super::state::{State, stream};
 use crate::middleware::{EndpointSpec, MiddlewareError};
 use crate::qos::{Durability, History, IngressLimit, Qos, Reliability};
-use crate::text::{joined, said};
+use crate::text::{Label, joined, said};
 use alloc::string::{String, ToString};
 use core::time::Duration;
 use replenish_xrce::client::{RequestError, RequestState};
@@ -99,15 +100,15 @@ impl State {
     pub(super) fn add(
         &mut self,
         spec: &EndpointSpec<'_>,
-        config: &XrceConfig,
+        settings: &Settings,
         writes: bool,
     ) -> Result<(u16, ObjectId), MiddlewareError> {
         let reliable = spec.qos.reliability == Reliability::Reliable;
         let stream = stream(reliable, spec.qos.criticality);
         let limit = match (writes, reliable) {
             (true, _) => self.session.limit(stream).unwrap_or(0),
-            (false, true) => config.max_sample,
-            (false, false) => usize::from(config.mtu).saturating_sub(OVERHEAD),
+            (false, true) => settings.max_sample,
+            (false, false) => usize::from(settings.mtu).saturating_sub(OVERHEAD),
         };
         self.check(spec.max_size, limit)?;
         let (slot, number) = match writes {
@@ -119,7 +120,7 @@ impl State {
             false => [ObjectKind::Subscriber, ObjectKind::DataReader],
         };
         let [group, object] = kinds.map(|kind| ObjectId::new(number, kind));
-        let participant = self.participant(spec.node, config.domain)?;
+        let participant = self.participant(spec.node, settings.domain)?;
         let topic = self.topic(spec, participant)?;
         let repr = Representation::Binary(GroupBinary::default());
         let entity = match writes {
@@ -171,27 +172,28 @@ impl State {
             object,
             topic,
             max_size: spec.max_size,
-            backlog: backlog(depth, spec.max_size, keep_last),
+            backlog: Backlog::new(depth, spec.max_size, keep_last),
             lost: 0,
             flow,
             deleted: false,
         })
     }
 
-    /// What the agent said to the creation of `object`; `None` while it has said nothing.
-    pub(super) fn outcome(
-        &self,
-        object: ObjectId,
-        what: &'static str,
-    ) -> Option<Result<(), MiddlewareError>> {
+    /// Whether the agent has said something to the creation of `object`, or never will.
+    pub(super) fn is_answered(&self, object: ObjectId) -> bool {
+        let state = self.session.creation(object);
+        !matches!(state, Some(RequestState::Queued | RequestState::Asked))
+    }
+
+    /// What the agent said to the creation of `object`.
+    pub(super) fn outcome(&self, object: ObjectId, what: Label) -> Result<(), MiddlewareError> {
         match self.session.creation(object) {
-            Some(RequestState::Queued | RequestState::Asked) => None,
-            Some(RequestState::Done) => Some(Ok(())),
-            Some(RequestState::Refused(status)) => Some(Err(MiddlewareError::Refused {
-                what,
-                status: status.0,
-            })),
-            Some(RequestState::Unanswered) | None => Some(Err(MiddlewareError::NoAnswer { what })),
+            Some(RequestState::Done) => Ok(()),
+            Some(RequestState::Refused(status)) => {
+                let status = status.0;
+                Err(MiddlewareError::Refused { what, status })
+            }
+            _ => Err(MiddlewareError::NoAnswer { what }),
         }
     }
 
@@ -211,18 +213,17 @@ impl State {
         node: &str,
         domain: i16,
     ) -> Result<ObjectId, MiddlewareError> {
-        let known = self.participants.iter().position(|name| **name == *node);
+        let known = self.participants.iter().position(|name| *name == node);
         let at = known.unwrap_or(self.participants.len());
         let number = number(at, MAX_NUMBER, said("nodes"))?;
         let object = ObjectId::new(number, ObjectKind::Participant);
         if known.is_none() {
-            let name = Some(node.trim_start_matches('/'));
             let repr = Representation::Binary(ParticipantBinary {
                 domain_reference: None,
-                name,
+                name: node.get(1..), // after the slash
             });
             self.create(object, &Entity::Participant { repr, domain })?;
-            self.participants.push(node.into());
+            self.participants.push(joined(&[node]));
         }
         Ok(object)
     }
@@ -309,15 +310,11 @@ fn end(topic: ObjectId, group: ObjectId, endpoint: EndpointQos<'_>, writes: bool
 /// Bytes of a datagram besides the one sample in it.
 pub(super) const OVERHEAD: usize = 12;
 
-/// The number of the next object, from 1 on.
-pub(super) fn number(
-    count: usize,
-    limit: usize,
-    what: &'static str,
-) -> Result<u16, MiddlewareError> {
-    u16::try_from(count + 1)
-        .ok()
-        .filter(|_| count < limit)
+/// The number of the next object, from 1 on. (Where a session keeps few objects, it is full before.)
+pub(super) fn number(count: usize, limit: usize, what: Label) -> Result<u16, MiddlewareError> {
+    let next = u16::try_from(count + 1).unwrap_or(u16::MAX);
+    Some(next)
+        .filter(|_| count < limit || REQUESTS < limit)
         .ok_or(MiddlewareError::Capacity { what, limit })
 }
 
@@ -361,7 +358,7 @@ pub(super) fn request_error(error: &RequestError) -> MiddlewareError {
     match *error {
         RequestError::JournalFull => MiddlewareError::Capacity {
             what: said("objects of the session"),
-            limit: super::REQUESTS,
+            limit: REQUESTS,
         },
         RequestError::Stream(PushError::TooLarge { size, limit }) => {
             MiddlewareError::TooLarge { size, limit }

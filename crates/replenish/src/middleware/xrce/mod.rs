@@ -53,15 +53,14 @@ use crate::platform::Kept;
 #[cfg(feature = "std")]
 use crate::platform::io;
 use crate::sync::Arc;
-use crate::text::said;
+use crate::text::{Label, said};
 use core::fmt;
-use limits::REQUESTS;
 use replenish_os::{PiMutex, clock};
 use replenish_xrce::client::LinkStats;
 use replenish_xrce::stream::{BestEffortStats, InputStats, OutputStats};
 #[cfg(feature = "services")]
 use replenish_xrce::wire::ObjectKind;
-use state::{Glance, State};
+use state::{Glance, Round, State};
 use waiting::Waiting;
 
 /// Datagrams handled in one [`Middleware::take`].
@@ -86,11 +85,19 @@ const BATCH: usize = 16;
 /// go out all the same, reliable ones until the window is full, and the loss of the agent is not
 /// noticed.
 pub struct Xrce {
-    config: XrceConfig,
+    settings: Settings,
     transport: Arc<dyn Transport>,
     waiting: Waiting,
     state: PiMutex<Kept<State>>,
     glance: Arc<Glance>,
+}
+
+/// What is needed of the configuration once there is a session.
+struct Settings {
+    mtu: u16,
+    domain: i16,
+    max_sample: usize,
+    request_timeout: Nanos,
 }
 
 /// What an adapter and its session have counted.
@@ -126,26 +133,18 @@ impl Xrce {
         }
     }
 
-    /// Receives and handles messages, up to a batch. Adds up in `taken` how many samples went to
-    /// `sink`; returns whether the session is to be looked after now. The first came at `woken`.
-    fn receive(
-        &self,
-        interest: &mut Interest,
-        sink: &mut state::Sink<'_>,
-        taken: &mut usize,
-        mut woken: Option<Nanos>,
-    ) -> io::Result<bool> {
+    /// Receives and handles messages, up to a batch; whether the session is to be looked after now.
+    /// The first came at `woken`.
+    fn receive(&self, round: &mut Round<'_, '_>, mut woken: Option<Nanos>) -> io::Result<bool> {
         let (mut any, mut due) = (false, false);
         for _ in 0..self.waiting.batch(BATCH) {
             let received = self.transport.receive(&mut |message| {
                 let now = woken.take().unwrap_or_else(clock::monotonic);
                 let mut state = self.state.lock();
-                if message.len() > usize::from(self.config.mtu) {
+                if message.len() > usize::from(self.settings.mtu) {
                     state.socket.oversized += 1; // cut off by the transport
                 } else {
-                    let (samples, asks) = state.receive(now, message, interest, sink);
-                    *taken += samples;
-                    due |= asks;
+                    due |= state.receive(now, message, round);
                     any = true;
                 }
             });
@@ -283,17 +282,21 @@ impl Middleware for Xrce {
         interest: &Interest,
         sink: &mut dyn FnMut(ReaderId, &SampleInfo, &[u8]) -> Room,
     ) -> Result<usize, MiddlewareError> {
-        let (mut interest, mut taken) = (*interest, 0);
+        let mut interest = *interest;
+        let mut round = Round {
+            interest: &mut interest,
+            sink,
+            taken: 0,
+        };
         if self.glance.has_backlog() {
-            taken = self.state.lock().take_backlog(&mut interest, BATCH, sink);
+            self.state.lock().take_backlog(&mut round, BATCH);
         }
-        let woken = self.waiting.ended();
-        let received = self.receive(&mut interest, sink, &mut taken, woken);
+        let received = self.receive(&mut round, self.waiting.ended());
         if !matches!(received, Ok(false)) {
             self.housekeep();
         }
         received
-            .map(|_| taken)
+            .map(|_| round.taken)
             .map_err(|error| io_error(said("receive"), &error))
     }
 
@@ -314,6 +317,7 @@ impl Middleware for Xrce {
     fn lost(&self, reader: ReaderId) -> u64 {
         let state = self.state.lock();
         state
+            .ends
             .readers
             .get(usize::from(reader.0))
             .map_or(0, |reader| reader.lost)
@@ -338,7 +342,7 @@ impl fmt::Debug for Xrce {
     }
 }
 
-fn io_error(what: &'static str, error: &io::Error) -> MiddlewareError {
+fn io_error(what: Label, error: &io::Error) -> MiddlewareError {
     MiddlewareError::Io {
         what,
         errno: error.raw_os_error().unwrap_or(0),

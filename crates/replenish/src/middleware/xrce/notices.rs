@@ -16,25 +16,25 @@ impl State {
         if !self.is_up() {
             return Some(false);
         }
-        let writer = self.writers.get(usize::from(client.0))?;
+        let writer = self.ends.writers.get(usize::from(client.0))?;
         self.session.has_notices().then_some(writer.served)
     }
 
     #[cfg(feature = "texts")]
     pub(super) fn next_clash(&mut self) -> Option<Clash> {
         loop {
-            let Some((object, policies)) = self.clashes.pop() else {
-                self.glance.show_clash(false);
+            let Some((object, policies)) = self.ends.clashes.pop() else {
+                self.ends.glance.show_clash(false);
                 return None;
             };
             let (topic, reader) = match object.kind() {
                 Ok(ObjectKind::DataReader) => {
-                    let slot = self.slots.get(object.number());
-                    let reader = self.readers.get(usize::from(slot));
+                    let slot = self.ends.slots.get(object.number());
+                    let reader = self.ends.readers.get(usize::from(slot));
                     (reader.and_then(|r| r.topic), Some(ReaderId(slot)))
                 }
                 _ => {
-                    let writer = self.writers.iter().find(|w| w.object == object);
+                    let writer = self.ends.writers.iter().find(|w| w.object == object);
                     (writer.and_then(|w| w.topic), None)
                 }
             };

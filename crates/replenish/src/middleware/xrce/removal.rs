@@ -12,6 +12,7 @@
 use super::endpoints::{MAX_NUMBER, Reader, Writer};
 use super::state::State;
 use crate::middleware::{MAX_READERS, MiddlewareError, ReaderId, WriterId};
+use crate::text::said;
 use alloc::vec::Vec;
 use replenish_xrce::wire::{ObjectId, ObjectKind, StreamId};
 
@@ -76,9 +77,9 @@ impl Doomed {
 impl State {
     /// An object number for a writer.
     pub(super) fn writer_number(&mut self) -> Result<u16, MiddlewareError> {
-        let (what, limit) = ("writers", MAX_NUMBER);
+        let (what, limit) = (said("writers"), MAX_NUMBER);
         let full = MiddlewareError::Capacity { what, limit };
-        let writers = &self.writers;
+        let writers = &self.ends.writers;
         let taken = |number| {
             let same = |w: &Writer| !w.free && w.object.number() == number;
             writers.iter().any(same)
@@ -89,11 +90,11 @@ impl State {
 
     /// A free slot for a reader, and an object number.
     pub(super) fn reader_place(&mut self) -> Result<(usize, u16), MiddlewareError> {
-        let (what, limit) = ("readers", MAX_READERS);
+        let (what, limit) = (said("readers"), MAX_READERS);
         let full = MiddlewareError::Capacity { what, limit };
-        let free = self.readers.iter().position(|r| r.deleted);
-        let slot = free.unwrap_or(self.readers.len());
-        let readers = &self.readers;
+        let free = self.ends.readers.iter().position(|r| r.deleted);
+        let slot = free.unwrap_or(self.ends.readers.len());
+        let readers = &self.ends.readers;
         let taken = |number| {
             let same = |r: &Reader| !r.deleted && r.object.number() == number;
             readers.iter().any(same)
@@ -106,25 +107,25 @@ impl State {
     /// Puts a reader into its slot.
     pub(super) fn place_reader(&mut self, slot: usize, reader: Reader) -> ReaderId {
         let id = u16::try_from(slot).unwrap_or(u16::MAX);
-        self.slots.set(reader.object.number(), id);
-        match self.readers.get_mut(slot) {
+        self.ends.slots.set(reader.object.number(), id);
+        match self.ends.readers.get_mut(slot) {
             Some(place) => *place = reader,
-            None => self.readers.push(reader),
+            None => self.ends.readers.push(reader),
         }
         ReaderId(id)
     }
 
     /// Forgets a reader: its slot is free. Who it was.
     pub(super) fn release_reader(&mut self, id: ReaderId) -> Option<ObjectId> {
-        let reader = self.readers.get_mut(usize::from(id.0))?;
+        let reader = self.ends.readers.get_mut(usize::from(id.0))?;
         if core::mem::replace(&mut reader.deleted, true) {
             return None;
         }
         let (object, topic) = (reader.object, reader.topic.take());
         reader.flow = None;
-        self.slots.set(object.number(), u16::MAX);
+        self.ends.slots.set(object.number(), u16::MAX);
         self.forget(id);
-        for writer in self.writers.iter_mut().filter(|w| w.object == object) {
+        for writer in self.ends.writers.iter_mut().filter(|w| w.object == object) {
             writer.closed = true;
         }
         if let Some(topic) = topic {
@@ -163,7 +164,7 @@ impl State {
                 doomed.insert(before + 1, (subscriber, None));
             }
             _ => {
-                let mut writers = self.writers.iter();
+                let mut writers = self.ends.writers.iter();
                 let stream = writers.find(|w| w.object == object).map(|w| w.stream);
                 doomed.insert(before, (object, stream)); // behind its last reply
             }
@@ -174,7 +175,7 @@ impl State {
     /// A writer is used by nobody any more. That of a service goes with its object; until then the
     /// slot is taken.
     pub(super) fn delete_writer(&mut self, id: WriterId) {
-        let writer = self.writers.get_mut(usize::from(id.0));
+        let writer = self.ends.writers.get_mut(usize::from(id.0));
         let Some(writer) = writer.filter(|w| !w.free) else {
             return;
         };
@@ -197,11 +198,11 @@ impl State {
 
     /// Puts a writer where there is room.
     pub(super) fn place_writer(&mut self, writer: Writer) -> WriterId {
-        let free = self.writers.iter().position(|w| w.free);
-        let slot = free.unwrap_or(self.writers.len());
-        match self.writers.get_mut(slot) {
+        let free = self.ends.writers.iter().position(|w| w.free);
+        let slot = free.unwrap_or(self.ends.writers.len());
+        match self.ends.writers.get_mut(slot) {
             Some(place) => *place = writer,
-            None => self.writers.push(writer),
+            None => self.ends.writers.push(writer),
         }
         WriterId(u16::try_from(slot).unwrap_or(u16::MAX))
     }

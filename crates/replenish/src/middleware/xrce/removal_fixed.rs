@@ -14,7 +14,7 @@ pub(super) struct Numbers {
 impl Numbers {
     pub(super) fn next(&mut self, _: impl Fn(u16) -> bool) -> Option<u16> {
         self.last += 1;
-        Some(self.last).filter(|last| usize::from(*last) <= MAX_NUMBER)
+        Some(self.last) // a session keeps fewer objects than there are numbers
     }
 }
 
@@ -47,26 +47,26 @@ impl Doomed {
 impl State {
     /// An object number for a writer.
     pub(super) fn writer_number(&self) -> Result<u16, MiddlewareError> {
-        number(self.writers.len(), MAX_NUMBER, said("writers"))
+        number(self.ends.writers.len(), MAX_NUMBER, said("writers"))
     }
 
     /// A slot for a reader, and an object number.
     pub(super) fn reader_place(&self) -> Result<(usize, u16), MiddlewareError> {
-        let slot = self.readers.len();
+        let slot = self.ends.readers.len();
         Ok((slot, number(slot, MAX_READERS, said("readers"))?))
     }
 
     /// Puts a reader into its slot.
     pub(super) fn place_reader(&mut self, slot: usize, reader: Reader) -> ReaderId {
         let id = u16::try_from(slot).unwrap_or(u16::MAX);
-        self.readers.push(reader);
+        self.ends.readers.push(reader);
         ReaderId(id)
     }
 
     /// Puts a writer behind the others.
     pub(super) fn place_writer(&mut self, writer: Writer) -> WriterId {
-        self.writers.push(writer);
-        WriterId(u16::try_from(self.writers.len() - 1).unwrap_or(u16::MAX))
+        self.ends.writers.push(writer);
+        WriterId(u16::try_from(self.ends.writers.len() - 1).unwrap_or(u16::MAX))
     }
 
     /// It stays; the set-up has failed.

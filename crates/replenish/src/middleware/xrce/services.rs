@@ -3,14 +3,15 @@
 //! Names on DDS are those of ROS 2: requests of `/add` on `rq/addRequest`, replies on `rr/addReply`.
 
 use super::Xrce;
+use super::backlog::Backlog;
 use super::endpoints::{Reader, Writer, request_error};
-use super::state::{State, backlog, stream};
+use super::state::{State, stream};
 use crate::Nanos;
 use crate::middleware::{
     MiddlewareError, PublishError, ReaderId, RequestIdentity, ServiceSpec, WriterId,
 };
 use crate::qos::History;
-use crate::text::joined;
+use crate::text::{joined, said};
 use replenish_xrce::client::WriteError;
 use replenish_xrce::wire::{
     DeliveryControl, Entity, ObjectId, ObjectKind, Representation, SampleIdentity, ServiceBinary,
@@ -22,10 +23,10 @@ impl Xrce {
         spec: &ServiceSpec<'_>,
         kind: ObjectKind,
     ) -> Result<(ReaderId, WriterId), MiddlewareError> {
-        let (domain, most) = (self.config.domain, self.config.max_sample);
+        let (domain, most) = (self.settings.domain, self.settings.max_sample);
         let added = self.state.lock().add_service(spec, kind, domain, most);
         let (reader, writer, object) = added?;
-        let confirmed = self.confirm(object, "create a requester or replier");
+        let confirmed = self.confirm(object, said("create a requester or replier"));
         if confirmed.is_err() {
             let state = &mut *self.state.lock();
             state.delete_reader(reader);
@@ -100,7 +101,7 @@ impl State {
             object,
             topic: None,
             max_size: incoming,
-            backlog: backlog(spec.qos.depth.max(1), incoming, keep_last),
+            backlog: Backlog::new(spec.qos.depth.max(1), incoming, keep_last),
             lost: 0,
             flow: None,
             deleted: false,
@@ -116,7 +117,7 @@ impl State {
         kind: ObjectKind,
         size: usize,
     ) -> Result<&Writer, PublishError> {
-        let writer = self.writers.get(usize::from(end.0));
+        let writer = self.ends.writers.get(usize::from(end.0));
         let writer = writer.filter(|w| w.object.kind() == Ok(kind) && !w.closed);
         let writer = writer.ok_or(PublishError::UnknownWriter)?;
         let limit = writer.max_size;

@@ -2,17 +2,16 @@
 
 use super::endpoints::OVERHEAD;
 use super::limits::{RESTORE, STREAMS, reorder};
-use super::state::{State, stream};
+use super::state::{Round, State, stream};
 use super::waiting::Waiting;
-use super::{ConnectError, Transport, Xrce, XrceConfig, io_error};
+use super::{ConnectError, Settings, Transport, Xrce, XrceConfig, io_error};
 use crate::Nanos;
 use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId, Room, WriterId};
-use crate::platform::{self, io, kept};
+use crate::platform::{self, io, kept, zeroed};
 use crate::qos::Criticality;
 use crate::sync::Arc;
-use crate::text::said;
+use crate::text::{Label, said};
 use alloc::boxed::Box;
-use alloc::vec;
 use replenish_os::{PiMutex, clock};
 use replenish_xrce::client::{Buffers, Config, ReliableBuffers, Session};
 use replenish_xrce::wire::{ClientKey, ObjectId, WireTime};
@@ -43,22 +42,27 @@ impl Xrce {
         let waiting = Waiting::new(&*transport).map_err(io(said("create what is waited on")))?;
         let state = State::new(session(&config));
         let this = Self {
-            config,
+            settings: Settings {
+                mtu: config.mtu,
+                domain: config.domain,
+                max_sample: config.max_sample,
+                request_timeout: config.request_timeout,
+            },
             waiting,
             transport: transport.into(),
-            glance: Arc::clone(&state.glance),
+            glance: Arc::clone(&state.ends.glance),
             state: PiMutex::new(kept(state)),
         };
         let start = clock::monotonic();
         this.state.lock().session.connect(start);
         let deadline = start.saturating_add(config.connect_timeout);
         let waited = this.until(deadline, &mut |state| {
-            state.refused.is_some() || state.is_up()
+            state.ends.refused.is_some() || state.is_up()
         });
         waited.map_err(io(said("wait for the agent")))?;
         let (up, refused) = {
             let state = this.state.lock();
-            (state.is_up(), state.refused)
+            (state.is_up(), state.ends.refused)
         };
         let agent = agent.into();
         match refused {
@@ -77,7 +81,7 @@ impl Xrce {
         spec: &EndpointSpec<'_>,
         writes: bool,
     ) -> Result<u16, MiddlewareError> {
-        let (id, object) = self.state.lock().add(spec, &self.config, writes)?;
+        let (id, object) = self.state.lock().add(spec, &self.settings, writes)?;
         let what = match writes {
             true => said("create a data writer"),
             false => said("create a data reader"),
@@ -94,19 +98,11 @@ impl Xrce {
     }
 
     /// Waits until the agent has answered the creation of `object`.
-    pub(super) fn confirm(
-        &self,
-        object: ObjectId,
-        what: &'static str,
-    ) -> Result<(), MiddlewareError> {
-        let deadline = clock::monotonic().saturating_add(self.config.request_timeout);
-        let mut outcome = None;
-        self.until(deadline, &mut |state| {
-            outcome = state.outcome(object, what);
-            outcome.is_some()
-        })
-        .map_err(|error| io_error(said("wait for the agent"), &error))?;
-        outcome.unwrap_or(Err(MiddlewareError::NoAnswer { what }))
+    pub(super) fn confirm(&self, object: ObjectId, what: Label) -> Result<(), MiddlewareError> {
+        let deadline = clock::monotonic().saturating_add(self.settings.request_timeout);
+        self.until(deadline, &mut |state| state.is_answered(object))
+            .map_err(|error| io_error(said("wait for the agent"), &error))?;
+        self.state.lock().outcome(object, what)
     }
 
     /// Runs the session until `done` or until `deadline` has passed.
@@ -116,8 +112,12 @@ impl Xrce {
         done: &mut dyn FnMut(&State) -> bool,
     ) -> io::Result<()> {
         loop {
-            let mut nobody = Interest::empty();
-            self.receive(&mut nobody, &mut |_, _, _| Room::Full, &mut 0, None)?;
+            let mut round = Round {
+                interest: &mut Interest::empty(),
+                sink: &mut |_, _, _| Room::Full,
+                taken: 0,
+            };
+            self.receive(&mut round, None)?;
             self.housekeep();
             let now = clock::monotonic();
             let (done, backlog) = {
@@ -144,18 +144,18 @@ impl Xrce {
     pub fn agent_clock_offset(&self) -> Result<i64, MiddlewareError> {
         let sent = {
             let mut state = self.state.lock();
-            state.agent_time = None;
+            state.ends.agent_time = None;
             state.session.request_time(wall_clock())
         };
         sent.map_err(|_| MiddlewareError::LinkDown)?;
-        let deadline = clock::monotonic().saturating_add(self.config.request_timeout);
-        let what = "the time";
+        let deadline = clock::monotonic().saturating_add(self.settings.request_timeout);
+        let what = said("the time");
         let mut ahead = None;
         self.until(deadline, &mut |state| {
-            ahead = state.agent_time;
+            ahead = state.ends.agent_time;
             ahead.is_some()
         })
-        .map_err(|error| io_error("wait for the agent", &error))?;
+        .map_err(|error| io_error(said("wait for the agent"), &error))?;
         ahead.ok_or(MiddlewareError::NoAnswer { what })
     }
 }
@@ -168,26 +168,26 @@ pub(super) fn wall_clock() -> WireTime {
     }
 }
 
-/// A session with its storage.
-fn session(config: &XrceConfig) -> super::state::XrceSession {
+/// A session with its storage. (On its own: it is large, and is made on this function's stack.)
+#[inline(never)]
+fn session(config: &XrceConfig) -> Box<super::state::XrceSession> {
     let mtu = usize::from(config.mtu);
-    let bytes = |len: usize| -> Box<[u8]> { vec![0; len].into() };
     // What fits a message needs no room to be taken apart and put together.
     let sample = match config.max_sample + OVERHEAD > mtu {
         true => (config.max_sample + 8).next_multiple_of(4),
         false => 0,
     };
     let reliable = || ReliableBuffers {
-        output: bytes(mtu * usize::from(config.window)),
-        large_output: bytes(sample),
-        input: bytes(mtu * reorder(config.window.into())),
-        fragments: bytes(sample),
+        output: zeroed(mtu * usize::from(config.window)),
+        large_output: zeroed(sample),
+        input: zeroed(mtu * reorder(config.window.into())),
+        fragments: zeroed(sample),
     };
     let buffers = Buffers {
-        best_effort: core::array::from_fn::<_, STREAMS, _>(|_| bytes(mtu)),
+        best_effort: core::array::from_fn::<_, STREAMS, _>(|_| zeroed(mtu)),
         reliable: core::array::from_fn::<_, STREAMS, _>(|_| reliable()),
-        journal: bytes(config.journal),
-        restore: bytes(mtu * RESTORE),
+        journal: zeroed(config.journal),
+        restore: zeroed(mtu * RESTORE),
     };
     let session = Config {
         mtu: config.mtu,
@@ -198,5 +198,5 @@ fn session(config: &XrceConfig) -> super::state::XrceSession {
         settling: true,
         ..Config::new(ClientKey(config.client_key()))
     };
-    Session::new(session, buffers)
+    Box::new(Session::new(session, buffers))
 }

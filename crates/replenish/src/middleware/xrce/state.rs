@@ -1,7 +1,6 @@
 //! What the session lock protects: the session, its readers and writers, and the timer that the
 //! dispatcher waits on.
 
-use super::backlog::Backlog;
 use super::endpoints::{Reader, Topic, Writer};
 use super::limits::{REQUESTS, STREAMS, WINDOW};
 use super::removal::{Doomed, Numbers, Slots};
@@ -15,6 +14,7 @@ use crate::platform::io;
 use crate::qos::Criticality;
 use crate::sync::{Arc, AtomicBool, Ordering};
 use alloc::boxed::Box;
+use alloc::string::String;
 use alloc::vec::Vec;
 use replenish_xrce::client::{Event, Session, State as Link, WriteError};
 use replenish_xrce::wire::{DeliveryControl, Notice, ObjectId, Status, StreamId};
@@ -75,58 +75,155 @@ impl Glance {
 
 #[cfg_attr(not(feature = "live"), expect(dead_code, reason = "for those that go"))]
 pub(super) struct State {
-    pub(super) glance: Arc<Glance>,
-    pub(super) session: XrceSession,
-    pub(super) readers: Vec<Reader>,
-    pub(super) writers: Vec<Writer>,
+    pub(super) session: Box<XrceSession>,
+    pub(super) ends: Ends,
     /// The names of nodes, whose participants have the numbers from 1 on.
-    pub(super) participants: Vec<Box<str>>,
+    pub(super) participants: Vec<String>,
     pub(super) topics: Vec<Topic>,
-    pub(super) slots: Slots,
     pub(super) reader_numbers: Numbers,
     pub(super) writer_numbers: Numbers,
     pub(super) topic_numbers: Numbers,
     /// What the agent is to delete.
     pub(super) doomed: Doomed,
+    /// The agent was lost, and what it may send after its return is to be determined anew.
+    regrant: bool,
+    /// What the timer is set to.
+    armed: Nanos,
+    pub(super) socket: SocketStats,
+}
+
+/// What messages from the agent are about.
+#[derive(Default)]
+pub(super) struct Ends {
+    pub(super) glance: Arc<Glance>,
+    pub(super) readers: Vec<Reader>,
+    pub(super) writers: Vec<Writer>,
+    pub(super) slots: Slots,
     /// The agent's refusal of the session, if that was its last word.
     pub(super) refused: Option<Status>,
     /// The latest answer to a question for the agent's time: how far it is ahead.
     pub(super) agent_time: Option<i64>,
     /// Readers that the agent gives no more samples until they are granted some.
     pub(super) spent: Interest,
-    /// The agent was lost, and what it may send after its return is to be determined anew.
-    regrant: bool,
     /// Readers with a backlog.
     pending: Interest,
-    /// What the timer is set to.
-    armed: Nanos,
-    pub(super) socket: SocketStats,
     /// Objects that do not talk with others, and why; not told yet.
     pub(super) clashes: Vec<(ObjectId, u8)>,
 }
 
+/// Where the samples of a round go.
+pub(super) struct Round<'a, 'b> {
+    /// Of whom; those that are full leave it.
+    pub(super) interest: &'a mut Interest,
+    pub(super) sink: &'a mut Sink<'b>,
+    /// How many went there.
+    pub(super) taken: usize,
+}
+
+impl Round<'_, '_> {
+    /// Hands a sample over.
+    fn give(&mut self, reader: ReaderId, info: &SampleInfo, sample: &[u8]) {
+        self.taken += 1;
+        if (self.sink)(reader, info, sample) == Room::Full {
+            self.interest.remove(reader);
+        }
+    }
+}
+
+impl Ends {
+    fn show_backlog(&self) {
+        let any = !self.pending.is_empty();
+        self.glance.backlog.store(any, Ordering::Release);
+    }
+
+    /// Something has come from the agent at `now`: samples go to where the round says, or wait.
+    fn event(&mut self, now: Nanos, event: Event<'_>, round: &mut Round<'_, '_>) {
+        let mut info = SampleInfo::at(now);
+        let (object, payload) = match event {
+            Event::Data {
+                reader, payload, ..
+            } => (reader, payload),
+            Event::Request {
+                replier,
+                identity,
+                payload,
+            } if cfg!(feature = "services") => {
+                info.request = RequestIdentity(identity.0);
+                (replier, payload)
+            }
+            Event::Reply {
+                requester,
+                request,
+                payload,
+            } if cfg!(feature = "services") => {
+                info.request = RequestIdentity::reply(request.0.into());
+                (requester, payload)
+            }
+            Event::Notice { object, notice } => return self.notice(object, notice),
+            Event::Refused(status) => {
+                self.refused = Some(status);
+                return;
+            }
+            Event::Time(reply) => {
+                self.agent_time = Some(reply.offset(super::setup::wall_clock()));
+                return;
+            }
+            _ => return,
+        };
+        // One that was deleted has no slot any more.
+        let id = ReaderId(self.slots.get(object.number()));
+        let Some(reader) = self.readers.get_mut(usize::from(id.0)) else {
+            return;
+        };
+        if let Some(flow) = &mut reader.flow {
+            flow.granted = flow.granted.saturating_sub(1);
+            if flow.granted == 0 {
+                self.spent.insert(id);
+            }
+        }
+        if payload.len() > reader.max_size {
+            reader.lost += 1;
+        } else if round.interest.contains(id) && reader.backlog.is_empty() {
+            round.give(id, &info, payload);
+        } else {
+            reader.lost += u64::from(!reader.backlog.push(&info, payload));
+            self.pending.insert(id);
+            self.show_backlog();
+        }
+    }
+
+    fn notice(&mut self, object: ObjectId, notice: Notice) {
+        match notice {
+            Notice::Served(served) if cfg!(feature = "services") => {
+                let requester = self.writers.iter_mut().find(|w| w.object == object);
+                requester.into_iter().for_each(|w| w.served = served);
+            }
+            Notice::Clash(policies) if self.clashes.len() < CLASHES => {
+                self.clashes.push((object, policies));
+                self.glance.show_clash(true);
+            }
+            Notice::Clash(_) | Notice::Served(_) => {}
+        }
+    }
+}
+
 impl State {
-    pub(super) fn new(session: XrceSession) -> Self {
+    pub(super) fn new(session: Box<XrceSession>) -> Self {
         Self {
-            glance: Arc::default(),
             session,
-            readers: Vec::new(),
-            writers: Vec::new(),
+            ends: Ends {
+                clashes: Vec::with_capacity(CLASHES),
+                ..Ends::default()
+            },
             participants: Vec::new(),
             topics: Vec::new(),
-            slots: Slots::default(),
             reader_numbers: Numbers::default(),
             writer_numbers: Numbers::default(),
             topic_numbers: Numbers::default(),
             doomed: Doomed::new(),
-            refused: None,
-            agent_time: None,
-            spent: Interest::empty(),
             regrant: false,
-            pending: Interest::empty(),
             armed: Nanos::MAX,
             socket: SocketStats::default(),
-            clashes: Vec::with_capacity(CLASHES),
         }
     }
 
@@ -137,155 +234,63 @@ impl State {
     /// Nothing waits for this reader any more.
     #[cfg(feature = "live")]
     pub(super) fn forget(&mut self, id: ReaderId) {
-        self.pending.remove(id);
-        self.spent.remove(id);
-        self.show_backlog();
-    }
-
-    fn show_backlog(&self) {
-        let any = !self.pending.is_empty();
-        self.glance.backlog.store(any, Ordering::Release);
+        self.ends.pending.remove(id);
+        self.ends.spent.remove(id);
+        self.ends.show_backlog();
     }
 
     /// After everything that may have changed the session's state.
     fn show_link(&self) {
-        self.glance.up.store(self.is_up(), Ordering::Release);
+        self.ends.glance.up.store(self.is_up(), Ordering::Release);
     }
 
     /// Whether a sample of a reader in `interest` waits here.
     pub(super) fn has_sample(&self, interest: &Interest) -> bool {
-        self.pending.iter().any(|reader| interest.contains(reader))
+        self.ends.pending.meets(interest)
     }
 
     /// Whether any sample waits here.
     pub(super) fn has_backlog(&self) -> bool {
-        !self.pending.is_empty()
+        !self.ends.pending.is_empty()
     }
 
-    /// Hands up to `limit` samples that waited to `sink`; takes readers that are full then out of
-    /// `interest`.
-    pub(super) fn take_backlog(
-        &mut self,
-        interest: &mut Interest,
-        limit: usize,
-        sink: &mut Sink<'_>,
-    ) -> usize {
-        let mut taken = 0;
-        let waiting = self.pending;
+    /// Hands samples that waited to where the round says, up to `limit` in all.
+    pub(super) fn take_backlog(&mut self, round: &mut Round<'_, '_>, limit: usize) {
+        let ends = &mut self.ends;
+        let waiting = ends.pending;
         for id in waiting.iter() {
-            let Some(reader) = self.readers.get_mut(usize::from(id.0)) else {
+            let Some(reader) = ends.readers.get_mut(usize::from(id.0)) else {
                 continue;
             };
-            while interest.contains(id) && taken < limit {
-                let Some((info, sample)) = reader.backlog.front() else {
-                    break;
-                };
-                taken += 1;
-                if sink(id, info, sample) == Room::Full {
-                    interest.remove(id);
-                }
+            while round.interest.contains(id)
+                && round.taken < limit
+                && let Some((info, sample)) = reader.backlog.front()
+            {
+                round.give(id, &info, sample);
                 reader.backlog.pop();
             }
             if reader.backlog.is_empty() {
-                self.pending.remove(id);
+                ends.pending.remove(id);
             }
         }
-        self.show_backlog();
-        taken
+        ends.show_backlog();
     }
 
-    /// Handles a datagram: samples of readers in `interest` go to `sink`, others wait. Returns how
-    /// many went to `sink`, and whether the session is to be looked after now: mostly not.
+    /// Handles a datagram: samples of readers in the round's interest go to its sink, others wait.
+    /// Whether the session is to be looked after now: mostly not.
     pub(super) fn receive(
         &mut self,
         now: Nanos,
         datagram: &[u8],
-        interest: &mut Interest,
-        sink: &mut Sink<'_>,
-    ) -> (usize, bool) {
-        let mut taken = 0;
-        let Self {
-            session,
-            readers,
-            pending,
-            refused,
-            spent,
-            agent_time,
-            slots,
-            writers,
-            clashes,
-            glance,
-            ..
-        } = self;
-        let mut kept = false;
-        let busy = session.handle(now, datagram, &mut |event| match event {
-            Event::Data { payload, .. }
-            | Event::Request { payload, .. }
-            | Event::Reply { payload, .. } => {
-                let (reader, request) = match event {
-                    Event::Request {
-                        replier, identity, ..
-                    } => (replier, RequestIdentity(identity.0)),
-                    Event::Reply {
-                        requester, request, ..
-                    } => (requester, RequestIdentity::reply(request.0.into())),
-                    Event::Data { reader, .. } => (reader, RequestIdentity::default()),
-                    _ => return,
-                };
-                let info = SampleInfo {
-                    request,
-                    ..SampleInfo::at(now)
-                };
-                // One that was deleted has no slot any more.
-                let slot = slots.get(reader.number());
-                let Some(reader) = readers.get_mut(usize::from(slot)) else {
-                    return;
-                };
-                let id = ReaderId(slot);
-                if let Some(flow) = &mut reader.flow {
-                    flow.granted = flow.granted.saturating_sub(1);
-                    if flow.granted == 0 {
-                        spent.insert(id);
-                    }
-                }
-                if payload.len() > reader.max_size {
-                    reader.lost += 1;
-                } else if interest.contains(id) && reader.backlog.is_empty() {
-                    taken += 1;
-                    if sink(id, &info, payload) == Room::Full {
-                        interest.remove(id);
-                    }
-                } else {
-                    reader.lost += u64::from(!reader.backlog.push(&info, payload));
-                    pending.insert(id);
-                    kept = true;
-                }
-            }
-            Event::Notice { object, notice } => match notice {
-                Notice::Served(served) if cfg!(feature = "services") => {
-                    let requester = writers.iter_mut().find(|w| w.object == object);
-                    requester.into_iter().for_each(|w| w.served = served);
-                }
-                Notice::Clash(policies) if clashes.len() < clashes.capacity() => {
-                    clashes.push((object, policies));
-                    glance.show_clash(true);
-                }
-                Notice::Clash(_) | Notice::Served(_) => {}
-            },
-            Event::Refused(status) => *refused = Some(status),
-            Event::Time(reply) => {
-                *agent_time = Some(reply.offset(super::setup::wall_clock()));
-            }
-            _ => {}
-        });
-        if kept {
-            self.show_backlog();
-        }
+        round: &mut Round<'_, '_>,
+    ) -> bool {
+        let Self { session, ends, .. } = self;
+        let busy = session.handle(now, datagram, &mut |event| ends.event(now, event, round));
         if busy {
             self.show_link();
         }
-        let due = self.armed <= now || self.regrant || !self.spent.is_empty();
-        (taken, busy || due || !self.doomed.is_empty())
+        let due = self.armed <= now || self.regrant || !self.ends.spent.is_empty();
+        busy || due || !self.doomed.is_empty()
     }
 
     /// Lets the session notice that time has passed.
@@ -308,14 +313,14 @@ impl State {
     /// all they had asked for: so none comes that must be dropped, and the others wait at the agent.
     pub(super) fn grant(&mut self) {
         let lost = core::mem::take(&mut self.regrant);
-        if !lost && self.spent.is_empty() {
+        if !lost && self.ends.spent.is_empty() {
             return;
         }
         if lost {
-            self.writers.iter_mut().for_each(|w| w.served = false);
+            self.ends.writers.iter_mut().for_each(|w| w.served = false);
         }
-        let spent = self.spent;
-        for (index, reader) in (0..).zip(&mut self.readers) {
+        let spent = self.ends.spent;
+        for (index, reader) in (0..).zip(&mut self.ends.readers) {
             let id = ReaderId(index);
             let Some(flow) = reader.flow.as_mut().filter(|_| lost || spent.contains(id)) else {
                 continue;
@@ -337,10 +342,10 @@ impl State {
                 && room > 0
             {
                 flow.granted = room;
-                self.spent.remove(id);
+                self.ends.spent.remove(id);
             } else {
                 flow.granted = 0;
-                self.spent.insert(id);
+                self.ends.spent.insert(id);
             }
         }
     }
@@ -355,6 +360,7 @@ impl State {
         alarm: &Alarm,
     ) -> Result<(), PublishError> {
         let writer = self
+            .ends
             .writers
             .get(usize::from(writer.0))
             .filter(|writer| !writer.closed)
@@ -434,11 +440,6 @@ impl State {
         let set = alarm.set(next);
         self.armed = if set.is_ok() { next } else { Nanos::MAX };
     }
-}
-
-/// A backlog for a reader with this depth, size and history.
-pub(super) fn backlog(depth: u16, max_size: usize, keep_last: bool) -> Backlog {
-    Backlog::new(depth, max_size, keep_last)
 }
 
 /// The real-time stream; the only one where there is room for one alone.

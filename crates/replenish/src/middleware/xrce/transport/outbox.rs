@@ -1,8 +1,8 @@
 //! Bytes of one message that a byte stream has not taken yet.
 
 use crate::platform::io::{self, ErrorKind};
+use crate::platform::zeroed;
 use alloc::boxed::Box;
-use alloc::vec;
 
 #[derive(Debug)]
 pub(super) struct Outbox {
@@ -14,7 +14,7 @@ pub(super) struct Outbox {
 impl Outbox {
     pub(super) fn new(len: usize) -> Self {
         Self {
-            buf: vec![0; len].into(),
+            buf: zeroed(len),
             start: 0,
             end: 0,
         }

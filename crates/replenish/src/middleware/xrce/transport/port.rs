@@ -4,9 +4,9 @@ use super::outbox::Outbox;
 use super::{Received, Sent, Transport};
 use crate::Nanos;
 use crate::platform::io::{self, ErrorKind};
+use crate::platform::zeroed;
 use crate::sync::{Arc, AtomicU64, Mutex, Ordering, Signal};
 use alloc::boxed::Box;
-use alloc::vec;
 use core::fmt;
 use replenish_xrce::framing::{
     FrameStats, SERIAL_AGENT, SERIAL_CLIENT, Serial, serial_frame, serial_frame_len,
@@ -55,7 +55,7 @@ impl<P: Port> PortTransport<P> {
             port,
             outbox: Mutex::new(Outbox::new(serial_frame_len(mtu))),
             inbox: Mutex::new(Inbox {
-                decoder: Serial::new(SERIAL_CLIENT, vec![0; mtu].into()),
+                decoder: Serial::new(SERIAL_CLIENT, zeroed(mtu)),
                 piece: [0; 64],
             }),
             busy_until: AtomicU64::new(0),
