@@ -24,7 +24,7 @@ mod wordless {
     use core::fmt;
 
     /// The place of words in builds without feature `texts`: always the empty string.
-    #[derive(Clone, Copy, Default, PartialEq, Eq)]
+    #[derive(Clone, Default, PartialEq, Eq)]
     pub struct Words;
 
     impl From<&str> for Words {

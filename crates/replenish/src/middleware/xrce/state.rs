@@ -198,7 +198,7 @@ impl Ends {
                 let requester = self.writers.iter_mut().find(|w| w.object == object);
                 requester.into_iter().for_each(|w| w.served = served);
             }
-            Notice::Clash(policies) if self.clashes.len() < CLASHES => {
+            Notice::Clash(policies) if self.clashes.len() != CLASHES => {
                 self.clashes.push((object, policies));
                 self.glance.show_clash(true);
             }
