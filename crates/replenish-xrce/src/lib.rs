@@ -17,6 +17,22 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing, clippy::arithmetic_side_effects)]
 
+/// What this build can do: see the features of the same names.
+pub mod features {
+    /// Samples may be longer than a message. Without it such samples are refused, and those that come
+    /// in fragments are dropped and counted.
+    pub const FRAGMENTS: bool = cfg!(feature = "fragments");
+    /// Reliable samples that were not acknowledged when the agent was lost are sent again, and what
+    /// the agent tells of their fate and of objects is understood. Without it they are given up and
+    /// counted.
+    pub const DELIVERY: bool = cfg!(feature = "delivery");
+    /// The round trip is measured, and repairs and heartbeats follow it. Without it they come at the
+    /// pace of [`Reliability::heartbeat_first`](crate::stream::Reliability::heartbeat_first).
+    pub const RTT: bool = cfg!(feature = "rtt");
+    /// The agent can be asked for its time and about itself.
+    pub const QUERIES: bool = cfg!(feature = "queries");
+}
+
 pub mod client;
 pub mod framing;
 #[cfg(feature = "std")]

@@ -311,6 +311,7 @@ fn loss() {
 }
 
 #[test]
+#[cfg_attr(not(feature = "queries"), ignore = "needs the feature `queries`")]
 fn time_synchronisation() {
     assert_eq!(play("timesync", 43301).times.len(), 4);
 }
@@ -333,6 +334,7 @@ fn tcp() {
 }
 
 #[test]
+#[cfg_attr(not(feature = "fragments"), ignore = "needs the feature `fragments`")]
 fn fragments() {
     play("fragment (first 120 datagrams)", 42367);
     play("fragment (first 120 datagrams)", 43434);

@@ -70,6 +70,7 @@ fn submessages_are_packed_until_the_message_is_sent() {
 }
 
 #[test]
+#[cfg_attr(not(feature = "fragments"), ignore = "needs the feature `fragments`")]
 fn a_full_window_would_block_and_too_large_names_the_limit() {
     let mut stream = reliable();
     let piece = MTU - 4 - 4;
@@ -115,6 +116,7 @@ fn a_full_window_would_block_and_too_large_names_the_limit() {
 }
 
 #[test]
+#[cfg_attr(not(feature = "rtt"), ignore = "needs the feature `rtt`")]
 fn only_the_missing_ones_are_sent_again_and_once_per_round_trip() {
     let mut stream = reliable();
     for n in 0..4 {

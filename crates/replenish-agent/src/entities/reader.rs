@@ -318,17 +318,13 @@ impl replenish_xrce::wire::Encode for Outgoing<'_> {
         replenish_xrce::wire::SubmessageId::Data
     }
 
-    fn encode(
-        &self,
-        w: &mut replenish_xrce::wire::Writer<'_>,
-    ) -> Result<(), replenish_xrce::wire::WireError> {
-        w.put(&self.base.request.0.to_be_bytes())?;
-        w.put(&self.base.object.to_bytes())?;
+    fn write(&self, w: &mut replenish_xrce::wire::Writer<'_>) {
+        w.put(&self.base.to_bytes());
         match &self.prefix {
             PrefixBytes::None => {}
-            PrefixBytes::Request(bytes) => w.put(bytes)?,
-            PrefixBytes::Reply(bytes) => w.put(bytes)?,
+            PrefixBytes::Request(bytes) => w.put(bytes),
+            PrefixBytes::Reply(bytes) => w.put(bytes),
         }
-        w.put(self.payload)
+        w.put(self.payload);
     }
 }

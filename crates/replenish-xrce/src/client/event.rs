@@ -135,6 +135,8 @@ pub enum RequestError {
     Stream(PushError),
     /// There is no session at the moment.
     Down,
+    /// This build cannot ask: it lacks the feature `queries`.
+    Unsupported,
 }
 
 impl From<WireError> for RequestError {
@@ -152,6 +154,7 @@ impl fmt::Display for RequestError {
             RequestError::JournalFull => f.write_str("the session's journal of objects is full"),
             RequestError::WrongObject(object) => write!(f, "wrong object {object:?}"),
             RequestError::Stream(error) => error.fmt(f),
+            RequestError::Unsupported => f.write_str("built without the feature `queries`"),
             RequestError::Down => f.write_str("no session with the agent at the moment"),
         }
     }

@@ -2,9 +2,11 @@
 
 use super::{Event, Journal, Session, State};
 use crate::Nanos;
+use crate::features::{DELIVERY as SETTLING, QUERIES};
 use crate::wire::{
-    BaseRequest, Body, Confirmation, DELIVERY, DELIVERY_SETTLED, Data, Message, Notice, ObjectKind,
-    RequestId, SampleIdentity, StreamId, Submessage,
+    AckNack, BaseRequest, Body, Confirmation, DELIVERY, DELIVERY_SETTLED, Data, Heartbeat, Message,
+    Notice, ObjectKind, RequestId, SampleIdentity, StatusAgent, StatusReply, StreamId, Submessage,
+    SubmessageId,
 };
 
 impl<S, const N: usize, const E: usize, const B: usize, const R: usize> Session<S, N, E, B, R>
@@ -76,7 +78,7 @@ where
     }
 
     /// Time has passed: notices the loss of the agent.
-    pub fn tick(&mut self, now: Nanos, events: &mut impl FnMut(Event<'_>)) {
+    pub fn tick(&mut self, now: Nanos, events: &mut dyn FnMut(Event<'_>)) {
         if self.link.is_lost(now, &self.config) {
             self.lose(now, events);
         } else if self.link.gave_up_closing(now) {
@@ -92,13 +94,13 @@ where
     }
 
     /// The transport says that the agent is gone: nothing is gained by waiting for its silence.
-    pub fn disconnected(&mut self, now: Nanos, events: &mut impl FnMut(Event<'_>)) {
+    pub fn disconnected(&mut self, now: Nanos, events: &mut dyn FnMut(Event<'_>)) {
         if self.link.has_session() {
             self.lose(now, events);
         }
     }
 
-    fn lose(&mut self, now: Nanos, events: &mut impl FnMut(Event<'_>)) {
+    fn lose(&mut self, now: Nanos, events: &mut dyn FnMut(Event<'_>)) {
         let stats = &mut self.link.stats;
         stats.losses = stats.losses.saturating_add(1);
         let kept = u64::try_from(self.streams.unacknowledged()).unwrap_or(u64::MAX);
@@ -122,49 +124,84 @@ where
         &mut self,
         now: Nanos,
         submessage: &Submessage<'_>,
-        events: &mut impl FnMut(Event<'_>),
+        events: &mut dyn FnMut(Event<'_>),
     ) {
-        match submessage.body_for_client() {
-            Ok(Some(Body::StatusAgent(answer))) if self.link.state == State::Connecting => {
-                if answer.status.is_ok() {
-                    let mut settles = false;
-                    answer.properties.for_each(|name, value| {
-                        settles |= (name, value) == (DELIVERY, DELIVERY_SETTLED);
-                    });
-                    self.logged_in(now, settles);
-                } else {
-                    events(Event::Refused(answer.status));
-                }
+        let (body, little) = (submessage.payload, submessage.little_endian());
+        match submessage.id {
+            SubmessageId::StatusAgent if self.link.state == State::Connecting => {
+                self.login_answered(now, submessage, events);
             }
-            Ok(Some(Body::Status(answer)))
-                if self.link.state == State::Closing
-                    && answer.base.request == RequestId::LOGOUT =>
-            {
-                self.link.enter(now, State::Idle, &self.config);
-                events(Event::Closed);
+            SubmessageId::Status if self.link.state == State::Closing => {
+                let logout = |answer: StatusReply| answer.base.request == RequestId::LOGOUT;
+                if StatusReply::of(body).is_some_and(logout) {
+                    self.link.enter(now, State::Idle, &self.config);
+                    events(Event::Closed);
+                }
             }
             _ if !self.link.has_session() => {}
-            Ok(Some(Body::AckNack(ack))) => {
-                let settled = Confirmation::settled_in(submessage);
-                self.streams.acknowledge(now, &ack, settled);
-                if let Some(settled) = settled {
-                    self.companions = settled.companions;
+            SubmessageId::AckNack => {
+                if let Some(ack) = AckNack::of(body, little) {
+                    self.acknowledged(now, submessage, &ack);
                 }
             }
-            Ok(Some(Body::Heartbeat(heartbeat))) => {
-                if let Some(stream) = self.streams.reliable_mut(heartbeat.stream) {
+            SubmessageId::Heartbeat => {
+                if let Some(heartbeat) = Heartbeat::of(body, little)
+                    && let Some(stream) = self.streams.reliable_mut(heartbeat.stream)
+                {
                     stream.input.heartbeat(heartbeat.last);
                 }
             }
-            Ok(Some(Body::Info(info))) if Some(info.base.request) == self.info_asked => {
+            SubmessageId::Info | SubmessageId::TimestampReply => {
+                if QUERIES {
+                    self.query_answered(submessage, events);
+                }
+            }
+            _ => {
+                let malformed = &mut self.link.stats.malformed;
+                sample(&mut self.journal, malformed, submessage, &mut |event| {
+                    events(event);
+                });
+            }
+        }
+    }
+
+    fn login_answered(
+        &mut self,
+        now: Nanos,
+        submessage: &Submessage<'_>,
+        events: &mut dyn FnMut(Event<'_>),
+    ) {
+        let (status, settles) = if SETTLING {
+            let Ok(Body::StatusAgent(answer)) = submessage.body() else {
+                return;
+            };
+            (Some(answer.status), promises(&answer))
+        } else {
+            (StatusAgent::outcome(submessage.payload), false)
+        };
+        match status {
+            Some(status) if status.is_ok() => self.logged_in(now, settles),
+            Some(status) => events(Event::Refused(status)),
+            None => {}
+        }
+    }
+
+    fn acknowledged(&mut self, now: Nanos, submessage: &Submessage<'_>, ack: &AckNack) {
+        let settled = Confirmation::settled_in(submessage).filter(|_| SETTLING);
+        self.streams.acknowledge(now, ack, settled);
+        if let Some(settled) = settled {
+            self.companions = settled.companions;
+        }
+    }
+
+    fn query_answered(&mut self, submessage: &Submessage<'_>, events: &mut dyn FnMut(Event<'_>)) {
+        match submessage.body() {
+            Ok(Body::Info(info)) if Some(info.base.request) == self.info_asked => {
                 self.info_asked = None;
                 events(Event::Info(info));
             }
-            Ok(Some(Body::TimestampReply(reply))) => events(Event::Time(reply)),
-            _ => {
-                let malformed = &mut self.link.stats.malformed;
-                sample(&mut self.journal, malformed, submessage, events);
-            }
+            Ok(Body::TimestampReply(reply)) => events(Event::Time(reply)),
+            _ => {}
         }
     }
 
@@ -185,7 +222,7 @@ where
     }
 
     /// Sends queued requests as far as the stream takes them; notices that all were answered.
-    fn advance(&mut self, events: &mut impl FnMut(Event<'_>)) {
+    fn advance(&mut self, events: &mut dyn FnMut(Event<'_>)) {
         if !self.link.has_session() {
             return;
         }
@@ -217,26 +254,38 @@ fn sample<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize>(
     }
 }
 
+/// Whether the agent tells what has reached everybody it is for.
+fn promises(answer: &StatusAgent<'_>) -> bool {
+    let mut settles = false;
+    answer.properties.for_each(|name, value| {
+        settles |= (name, value) == (DELIVERY, DELIVERY_SETTLED);
+    });
+    settles
+}
+
 /// Handles a submessage of a stream that is no sample.
 #[inline(never)]
 fn answer<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize>(
     journal: &mut Journal<S, E>,
     submessage: &Submessage<'_>,
-    events: &mut impl FnMut(Event<'_>),
+    events: &mut dyn FnMut(Event<'_>),
 ) {
-    if let Ok(Some(Body::Status(answer))) = submessage.body_for_client() {
-        if let Some(notice) = Notice::of(&answer) {
-            let object = answer.base.object;
-            return events(Event::Notice { object, notice });
-        }
-        journal.answer(answer.base, answer.status);
-        let BaseRequest { request, object } = answer.base;
-        events(Event::Status {
-            request,
-            object,
-            status: answer.status,
-        });
+    if submessage.id != SubmessageId::Status {
+        return;
     }
+    let Some(answer) = StatusReply::of(submessage.payload) else {
+        return;
+    };
+    let BaseRequest { request, object } = answer.base;
+    if let Some(notice) = Notice::of(&answer).filter(|_| SETTLING) {
+        return events(Event::Notice { object, notice });
+    }
+    journal.answer(answer.base, answer.status);
+    events(Event::Status {
+        request,
+        object,
+        status: answer.status,
+    });
 }
 
 /// What a sample is: plain, a request with its identity, or a reply with its request. `None` if it

@@ -66,6 +66,8 @@ mod journal;
 mod link;
 mod outgoing;
 mod ping;
+#[cfg_attr(not(feature = "delivery"), path = "restore_none.rs")]
+mod restore;
 mod session;
 mod streams;
 

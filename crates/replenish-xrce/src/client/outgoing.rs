@@ -1,10 +1,11 @@
 //! The session's sending half: what goes out next, and when.
 
 use super::{Session, State};
+use crate::features::{DELIVERY as SETTLING, QUERIES};
 use crate::wire::{
-    BaseRequest, CreateClient, DELIVERY, DELIVERY_BACK, DELIVERY_NEW, Delete, Encode, GetInfo,
-    Header, INFO_ACTIVITY, MessageWriter, ObjectId, Properties, RequestId, SessionId, StreamId,
-    Timestamp, VENDOR, VERSION, submessage_len,
+    BaseRequest, CreateClient, DELIVERY, DELIVERY_BACK, DELIVERY_NEW, Encode, Header,
+    INFO_ACTIVITY, MessageWriter, ObjectId, Properties, Raw, RequestId, SessionId, StreamId,
+    SubmessageId, Timestamp, VENDOR, VERSION, submessage_len,
 };
 use crate::{Nanos, SeqNum};
 
@@ -60,36 +61,38 @@ where
             return None;
         }
         if let Some(ack) = self.streams.take_ack(now) {
-            return self.control(&ack);
+            return self.control(SubmessageId::AckNack, &ack.to_bytes());
         }
         if let Some(heartbeat) = self.streams.take_heartbeat(now) {
-            return self.control(&heartbeat);
+            return self.control(SubmessageId::Heartbeat, &heartbeat.to_bytes());
         }
-        if let Some(transmit) = self.time_request.take() {
-            return self.control(&Timestamp { transmit });
-        }
-        if let Some(mask) = self.info_request.take() {
-            let base = self.about_agent();
-            self.info_asked = Some(base.request);
-            return self.control(&GetInfo { base, mask });
+        if QUERIES {
+            if let Some(transmit) = self.time_request.take() {
+                return self.message(self.link.session, &Timestamp { transmit });
+            }
+            if let Some(mask) = self.info_request.take() {
+                let asked = self.ask_agent(mask);
+                self.info_asked = Some(self.requests);
+                return self.control(SubmessageId::GetInfo, &asked);
+            }
         }
         if self.link.take_ping(now, &self.config) {
-            let base = self.about_agent();
-            return self.control(&GetInfo {
-                base,
-                mask: INFO_ACTIVITY,
-            });
+            let asked = self.ask_agent(INFO_ACTIVITY);
+            return self.control(SubmessageId::GetInfo, &asked);
         }
         self.watch_answers(now);
         self.streams.next_message(now)
     }
 
-    fn about_agent(&mut self) -> BaseRequest {
+    /// The body of a question to the agent about itself.
+    fn ask_agent(&mut self, mask: u32) -> [u8; 8] {
         self.requests = self.requests.next();
-        BaseRequest {
+        let base = BaseRequest {
             request: self.requests,
             object: ObjectId::AGENT,
-        }
+        };
+        let ([a, b, c, d], [e, f, g, h]) = (base.to_bytes(), mask.to_le_bytes());
+        [a, b, c, d, e, f, g, h]
     }
 
     fn login_or_logout(&mut self) -> Option<&[u8]> {
@@ -98,7 +101,10 @@ where
                 request: RequestId::LOGOUT,
                 object: ObjectId::CLIENT,
             };
-            return self.control(&Delete { base });
+            return self.control(SubmessageId::Delete, &base.to_bytes());
+        }
+        if !SETTLING {
+            return self.login();
         }
         let mut body = CreateClient {
             version: VERSION,
@@ -131,12 +137,24 @@ where
         self.message(self.link.session.before_login(), &body)
     }
 
-    fn control(&mut self, body: &dyn Encode) -> Option<&[u8]> {
-        self.message(self.link.session, body)
+    /// The log-in without properties.
+    fn login(&mut self) -> Option<&[u8]> {
+        if self.config.properties != Properties::None {
+            let omitted = &mut self.link.stats.properties_omitted;
+            *omitted = omitted.saturating_add(1);
+        }
+        let session = self.link.session;
+        let body = CreateClient::plain(self.config.key, session, self.config.mtu);
+        let body = Raw::new(SubmessageId::CreateClient, &body);
+        self.message(session.before_login(), &body)
+    }
+
+    fn control(&mut self, id: SubmessageId, body: &[u8]) -> Option<&[u8]> {
+        self.message(self.link.session, &Raw::new(id, body))
     }
 
     /// A message outside of streams.
-    fn message(&mut self, session: SessionId, body: &dyn Encode) -> Option<&[u8]> {
+    fn message<T: Encode>(&mut self, session: SessionId, body: &T) -> Option<&[u8]> {
         let header = Header::new(session, StreamId::NONE, SeqNum(0), self.config.key);
         let mut writer = MessageWriter::new(&mut self.scratch, &header).ok()?;
         writer.push(body).ok()?;

@@ -37,10 +37,8 @@ pub fn ping(
 pub fn pong(request: RequestId, datagram: &[u8]) -> Option<Info> {
     let message = Message::parse(datagram).ok()?;
     let mut submessages = message.submessages().map_while(Result::ok);
-    submessages.find_map(|submessage| match submessage.body_for_client() {
-        Ok(Some(Body::Info(info))) if info.base.request == request && info.status.is_ok() => {
-            Some(info)
-        }
+    submessages.find_map(|submessage| match submessage.body() {
+        Ok(Body::Info(info)) if info.base.request == request && info.status.is_ok() => Some(info),
         _ => None,
     })
 }

@@ -1,15 +1,15 @@
 //! [`Session`]: log-in, objects, samples, time.
 
-use super::journal::RecordError;
 use super::link::{Link, LinkStats};
 use super::streams::Streams;
 use super::{Buffers, Config, Journal, RequestError, RequestState, WriteError};
 use crate::Nanos;
+use crate::features::{DELIVERY, QUERIES};
 use crate::stream::{BestEffortStats, InputStats, OutputStats, PushError};
 use crate::wire::{
-    BaseRequest, Create, CreationMode, Delete, DeliveryControl, Encode, Entity, ObjectId,
-    ObjectKind, ReadData, RequestId, SampleIdentity, SessionId, StreamId, WireTime, WriteData,
-    WriteReply, submessage_len,
+    BaseRequest, Create, CreationMode, DeliveryControl, Encode, Entity, ObjectId, ObjectKind, Raw,
+    ReadData, RequestId, SampleIdentity, SessionId, StreamId, SubmessageId, WireTime, Writer,
+    padding,
 };
 
 /// Bytes of the longest message outside of streams: a log-in with its properties.
@@ -163,14 +163,20 @@ where
             request: RequestId::NONE,
             object,
         };
-        self.record(
+        let create = Create {
+            base,
+            mode,
+            entity: *entity,
+        };
+        let (id, len) = (SubmessageId::Create, create.measure()?);
+        create.write(&mut Writer::new(self.record(
             object,
-            &Create {
-                base,
-                mode,
-                entity: *entity,
-            },
-        )
+            id,
+            create.flags(),
+            len,
+        )?));
+        self.recorded();
+        Ok(())
     }
 
     /// Asks for the samples of `reader`, on the agent's `stream`, now or once the session is up,
@@ -195,15 +201,11 @@ where
             request: RequestId::NONE,
             object: reader,
         };
-        self.record(
-            reader,
-            &ReadData {
-                base,
-                stream,
-                filter: None,
-                control: Some(control),
-            },
-        )
+        let body = ReadData::unfiltered(base, stream, control);
+        let room = self.record(reader, SubmessageId::ReadData, 0, body.len())?;
+        room.copy_from_slice(&body);
+        self.recorded();
+        Ok(())
     }
 
     /// Deletes an object, and forgets it even if there is no session.
@@ -213,10 +215,10 @@ where
     pub fn delete(&mut self, object: ObjectId) -> Result<(), RequestError> {
         if self.link.has_session() {
             let request = self.requests.next();
-            let body = Delete {
-                base: BaseRequest { request, object },
-            };
-            self.streams.request(&body).map_err(RequestError::Stream)?;
+            let base = BaseRequest { request, object }.to_bytes();
+            self.streams
+                .request(&Raw::delete(&base))
+                .map_err(RequestError::Stream)?;
             self.requests = request;
         }
         self.journal.forget(object);
@@ -236,12 +238,10 @@ where
             return self.delete(object);
         }
         let request = self.requests.next();
-        let body = Delete {
-            base: BaseRequest { request, object },
-        };
+        let base = BaseRequest { request, object }.to_bytes();
         let room = PushError::WouldBlock;
         self.streams
-            .write(stream, &body, 0)
+            .write(stream, &Raw::delete(&base), 0)
             .map_err(|_| RequestError::Stream(room))?;
         self.requests = request;
         self.journal.forget(object);
@@ -264,10 +264,7 @@ where
         stream: StreamId,
         payload: &[u8],
     ) -> Result<(), WriteError> {
-        self.push(writer, stream, payload.len(), |base| WriteData {
-            base,
-            payload,
-        })?;
+        self.push(writer, stream, None, payload)?;
         Ok(())
     }
 
@@ -282,10 +279,7 @@ where
         stream: StreamId,
         payload: &[u8],
     ) -> Result<RequestId, WriteError> {
-        self.push(requester, stream, payload.len(), |base| WriteData {
-            base,
-            payload,
-        })
+        self.push(requester, stream, None, payload)
     }
 
     /// Answers the request of that identity.
@@ -299,27 +293,38 @@ where
         identity: SampleIdentity,
         payload: &[u8],
     ) -> Result<(), WriteError> {
-        self.push(replier, stream, payload.len(), |base| WriteReply {
-            base,
-            identity,
-            payload,
-        })?;
+        self.push(replier, stream, Some(&identity), payload)?;
         Ok(())
     }
 
-    fn push<T: Encode>(
+    fn push(
         &mut self,
         object: ObjectId,
         stream: StreamId,
-        size: usize,
-        body: impl FnOnce(BaseRequest) -> T,
+        identity: Option<&SampleIdentity>,
+        payload: &[u8],
     ) -> Result<RequestId, WriteError> {
         if self.link.state != State::Up {
             return Err(WriteError::Down);
         }
         let request = self.requests.next();
-        let body = body(BaseRequest { request, object });
-        self.streams.write(stream, &body, size)?;
+        let base = BaseRequest { request, object }.to_bytes();
+        let mut reply = [0; 28];
+        let mut body = Raw {
+            id: SubmessageId::WriteData,
+            flags: 0,
+            head: &base,
+            rest: payload,
+        };
+        if let Some(SampleIdentity(identity)) = identity {
+            let bytes = base.iter().chain(identity);
+            reply
+                .iter_mut()
+                .zip(bytes)
+                .for_each(|(to, from)| *to = *from);
+            body.head = &reply;
+        }
+        self.streams.write(stream, &body, payload.len())?;
         self.requests = request;
         Ok(request)
     }
@@ -329,8 +334,11 @@ where
     /// [`Event::Info`](super::Event::Info). Neither is repeated if it is lost.
     ///
     /// # Errors
-    /// [`RequestError::Down`].
+    /// [`RequestError::Down`]; without the feature `queries` [`RequestError::Unsupported`].
     pub fn request_info(&mut self, mask: u32) -> Result<(), RequestError> {
+        if !QUERIES {
+            return Err(RequestError::Unsupported);
+        }
         if !self.link.has_session() {
             return Err(RequestError::Down);
         }
@@ -341,15 +349,18 @@ where
     /// Whether the agent tells unasked what becomes of objects: [`Event::Notice`](super::Event::Notice).
     #[must_use]
     pub fn has_notices(&self) -> bool {
-        self.notices && self.link.has_session()
+        DELIVERY && self.notices && self.link.has_session()
     }
 
     /// Asks for the agent's time; `wall` is the client's time now. The answer is an
     /// [`Event::Time`](super::Event::Time). Neither is repeated if it is lost.
     ///
     /// # Errors
-    /// [`RequestError::Down`].
+    /// [`RequestError::Down`]; without the feature `queries` [`RequestError::Unsupported`].
     pub fn request_time(&mut self, wall: WireTime) -> Result<(), RequestError> {
+        if !QUERIES {
+            return Err(RequestError::Unsupported);
+        }
         if !self.link.has_session() {
             return Err(RequestError::Down);
         }
@@ -381,25 +392,32 @@ where
                 return; // again when messages have been acknowledged
             }
             self.requests = request;
-            self.journal.mark_sent(request);
+            self.journal.mark_sent();
         }
     }
 
-    fn record(&mut self, object: ObjectId, body: &dyn Encode) -> Result<(), RequestError> {
-        let size = submessage_len(body)?;
+    /// Room in the journal for a request with a body of `len` bytes.
+    fn record(
+        &mut self,
+        object: ObjectId,
+        id: SubmessageId,
+        flags: u8,
+        len: usize,
+    ) -> Result<&mut [u8], RequestError> {
+        let size = len.saturating_add(padding(len, 4)).saturating_add(4);
         let limit = self.streams.request_limit();
         if size > limit {
             return Err(RequestError::Stream(PushError::TooLarge { size, limit }));
         }
         self.journal
-            .record(object, body)
-            .map_err(|error| match error {
-                RecordError::Full => RequestError::JournalFull,
-                RecordError::Wire(error) => error.into(),
-            })?;
+            .place(object, id, flags, len)
+            .ok_or(RequestError::JournalFull)
+    }
+
+    /// The room was filled.
+    fn recorded(&mut self) {
         if self.link.has_session() {
             self.send_queued();
         }
-        Ok(())
     }
 }

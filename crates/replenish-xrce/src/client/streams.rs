@@ -11,13 +11,14 @@
 //! that were kept from the session before; they then go through `restore`, which begins that
 //! stream, and the kept samples follow with the numbers after them.
 
+use super::restore::Restore;
 use super::{Buffers, Config, WriteError};
 use crate::Nanos;
 use crate::stream::{
     BestEffortStats, Carried, InputBestEffort, InputReliable, InputStats, OutputBestEffort,
     OutputReliable, OutputStats, PushError, StreamHeader, Tail,
 };
-use crate::wire::{AckNack, Encode, Heartbeat, SessionId, Settled, StreamId};
+use crate::wire::{AckNack, Heartbeat, Raw, SessionId, Settled, StreamId};
 
 #[derive(Debug)]
 pub(super) struct BestEffort<S> {
@@ -35,9 +36,9 @@ pub(super) struct Reliable<S, const N: usize> {
 pub(super) struct Streams<S, const N: usize, const B: usize, const R: usize> {
     best_effort: [BestEffort<S>; B],
     reliable: [Reliable<S, N>; R],
-    restore: OutputReliable<S, N>,
-    /// Requests go through `restore`; no sample is sent.
-    restoring: bool,
+    /// The stream of requests.
+    requests: StreamId,
+    restore: Restore<S, N>,
 }
 
 const fn header(config: &Config, session: SessionId, stream: StreamId) -> StreamHeader {
@@ -70,7 +71,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
             input: InputBestEffort::new(),
         });
         let mut next = count_up(StreamId::reliable);
-        let keeps = buffers.restore.as_ref().len() >= mtu;
+        let keeps = Restore::<S, N>::keeps(&buffers.restore, mtu);
         let reliable = buffers.reliable.map(|buffers| {
             let stream = next();
             let (ring, policy) = (buffers.output, config.reliability);
@@ -87,13 +88,11 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
             }
         });
         let (restore, policy) = (buffers.restore, config.reliability);
-        let restore =
-            OutputReliable::new(restore, mtu, head(StreamId::RELIABLE), Tail::Padded, policy);
         let streams = Streams {
             best_effort,
             reliable,
-            restore,
-            restoring: false,
+            requests: StreamId::RELIABLE,
+            restore: Restore::new(restore, mtu, head(StreamId::RELIABLE), policy),
         };
         (streams, buffers.journal)
     }
@@ -122,28 +121,24 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
             stream.output.until_settled(settles);
             stream.input.reset();
         }
-        self.restore.reset(head(config.requests));
-        self.restoring = all.samples > 0 && keeps;
+        self.requests = config.requests;
+        self.restore
+            .begin(head(config.requests), all.samples > 0 && keeps);
         all
     }
 
     /// The objects exist again: the samples may follow.
     pub(super) fn resume(&mut self) {
-        if core::mem::take(&mut self.restoring) {
-            let next = self.restore.first_unacknowledged();
-            if let Some(stream) = self.reliable_mut(self.requests()) {
-                stream.output.start_at(next);
-            }
+        if let Some(next) = self.restore.end()
+            && let Some(stream) = self.reliable_mut(self.requests)
+        {
+            stream.output.start_at(next);
         }
-    }
-
-    const fn requests(&self) -> StreamId {
-        self.restore.header().stream
     }
 
     /// Whether all requests of a restoration were acknowledged.
     pub(super) fn is_restored(&self) -> bool {
-        !self.restoring || self.restore.is_idle()
+        self.restore.is_idle()
     }
 
     /// Gives up what was not acknowledged; how many samples that is.
@@ -162,7 +157,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
     pub(super) fn write(
         &mut self,
         stream: StreamId,
-        body: &dyn Encode,
+        body: &Raw<'_>,
         size: usize,
     ) -> Result<(), WriteError> {
         let pushed = if let Some(stream) = self.reliable_mut(stream) {
@@ -176,11 +171,11 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
     }
 
     /// Pushes a request.
-    pub(super) fn request(&mut self, body: &dyn Encode) -> Result<(), PushError> {
-        if self.restoring {
-            return self.restore.push(body);
+    pub(super) fn request(&mut self, body: &Raw<'_>) -> Result<(), PushError> {
+        if let Some(restore) = self.restore.active() {
+            return restore.push(body);
         }
-        match self.reliable_mut(self.requests()) {
+        match self.reliable_mut(self.requests) {
             Some(stream) => stream.output.push(body),
             None => Err(PushError::TooLarge { size: 0, limit: 0 }),
         }
@@ -188,7 +183,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
 
     /// The largest request, submessage header included, that can be sent whatever happens.
     pub(super) fn request_limit(&self) -> usize {
-        let limit = self.limit(self.requests()).unwrap_or(0);
+        let limit = self.limit(self.requests).unwrap_or(0);
         let limit = limit.saturating_add(WriteError::OVERHEAD);
         match self.restore.limit() {
             0 => limit,
@@ -219,12 +214,16 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
     }
 
     pub(super) fn acknowledge(&mut self, now: Nanos, ack: &AckNack, settled: Option<Settled>) {
-        let output = if self.restoring && ack.stream == self.requests() {
-            &mut self.restore
-        } else if let Some(stream) = self.reliable_mut(ack.stream) {
-            &mut stream.output
-        } else {
-            return;
+        let is_request = ack.stream == self.requests;
+        let output = match self.restore.active().filter(|_| is_request) {
+            Some(restore) => restore,
+            None => {
+                let index = ack.stream.reliable_index();
+                let Some(stream) = index.and_then(|i| self.reliable.get_mut(i)) else {
+                    return;
+                };
+                &mut stream.output
+            }
         };
         output.acknowledge(now, ack.first_unacked, ack.missing);
         if let Some(settled) = settled {
@@ -238,8 +237,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
     }
 
     pub(super) fn take_heartbeat(&mut self, now: Nanos) -> Option<Heartbeat> {
-        if self.restoring {
-            return self.restore.take_heartbeat(now);
+        if let Some(restore) = self.restore.active() {
+            return restore.take_heartbeat(now);
         }
         let mut outputs = self.reliable.iter_mut().rev().map(|s| &mut s.output);
         outputs.find_map(|output| output.take_heartbeat(now))
@@ -251,8 +250,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
         if let Some(i) = self.best_effort.iter().rposition(has_message) {
             return self.best_effort.get_mut(i)?.output.take();
         }
-        if self.restoring {
-            return self.restore.next_datagram(now);
+        if self.restore.is_active() {
+            return self.restore.active()?.next_datagram(now);
         }
         let has_message = |s: &Reliable<S, N>| s.output.has_message(now);
         let i = self.reliable.iter().rposition(has_message)?;
@@ -260,9 +259,10 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
     }
 
     pub(super) fn next_deadline(&self) -> Option<Nanos> {
-        let restore = self.restore.next_deadline().filter(|_| self.restoring);
+        let restoring = self.restore.is_active();
+        let restore = self.restore.next_deadline().filter(|_| restoring);
         let outputs = self.reliable.iter().map(|s| s.output.next_deadline());
-        let outputs = outputs.flatten().filter(|_| !self.restoring);
+        let outputs = outputs.flatten().filter(|_| !restoring);
         let acks = self.reliable.iter().filter_map(|s| s.input.ack_deadline());
         restore.into_iter().chain(outputs).chain(acks).min()
     }

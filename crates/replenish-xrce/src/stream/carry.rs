@@ -53,7 +53,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         }
         carried.lost = u64::from(orphan);
         self.restart(header, kept);
-        if let Some(spill) = &mut self.spill {
+        if let Some(spill) = self.spill_mut() {
             if spill.id() == Some(SubmessageId::WriteData as u8) {
                 spill.position = 0;
                 carried.samples = carried.samples.saturating_add(1);

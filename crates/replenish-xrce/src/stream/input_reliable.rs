@@ -9,6 +9,7 @@
 //! ```
 
 use super::reassembly::{Piece, Reassembly};
+use crate::features::FRAGMENTS;
 use crate::wire::{AckNack, Fragment, StreamId, Submessage, SubmessageId, Submessages};
 use crate::{Nanos, SeqNum};
 
@@ -323,6 +324,10 @@ fn consume<R: AsRef<[u8]> + AsMut<[u8]>>(
             None => break,
             Some(Ok(Submessage {
                 id: SubmessageId::Fragment,
+                ..
+            })) if !FRAGMENTS => stats.too_long = stats.too_long.saturating_add(1),
+            Some(Ok(Submessage {
+                id: SubmessageId::Fragment,
                 flags,
                 payload,
             })) => match reassembly.append(payload, flags & Fragment::FLAG_LAST != 0) {
@@ -333,7 +338,7 @@ fn consume<R: AsRef<[u8]> + AsMut<[u8]>>(
             Some(Ok(submessage)) => deliver(&submessage),
             Some(Err(_)) => {
                 malformed = true;
-                if let Some((SubmessageId::Fragment, flags)) = head {
+                if let Some((SubmessageId::Fragment, flags)) = head.filter(|_| FRAGMENTS) {
                     reassembly.spoil(flags & Fragment::FLAG_LAST != 0);
                 }
             }

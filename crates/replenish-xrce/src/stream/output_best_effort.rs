@@ -61,7 +61,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>> OutputBestEffort<S> {
     /// # Errors
     /// [`PushError::WouldBlock`] if it fits only once the message has been taken,
     /// [`PushError::TooLarge`] if it never fits, [`PushError::Wire`].
-    pub fn push(&mut self, body: &dyn Encode) -> Result<(), PushError> {
+    pub fn push<B: Encode + ?Sized>(&mut self, body: &B) -> Result<(), PushError> {
         let size = submessage_len(body).map_err(PushError::Wire)?;
         let limit = self.limit();
         if size > limit {

@@ -21,6 +21,7 @@ use super::ring::{Ring, Slot};
 use super::rtt::Rtt;
 use super::spill::Spill;
 use super::{PushError, StreamHeader, Tail};
+use crate::features::{DELIVERY, RTT};
 use crate::wire::{Encode, Heartbeat};
 use crate::{Nanos, SeqNum};
 
@@ -163,7 +164,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
     /// ring: it goes out in fragments as the ring has room. Nothing else is taken meanwhile.
     #[must_use]
     pub fn with_spill(mut self, spill: S) -> Self {
-        self.ring.spill = Some(Spill::new(spill));
+        self.ring.spill_to(spill);
         self
     }
 
@@ -176,8 +177,14 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
     }
 
     /// Back to the beginning, for a new session with a receiver that has forgotten everything:
-    /// samples that were not acknowledged are kept and will be sent again, requests are not.
+    /// samples that were not acknowledged are kept and will be sent again, requests are not. Without
+    /// the feature `delivery` nothing is kept, and messages are counted as lost instead of samples.
     pub fn carry_over(&mut self, header: StreamHeader) -> Carried {
+        if !DELIVERY {
+            let lost = u64::try_from(self.ring.used).unwrap_or(u64::MAX);
+            self.reset(header);
+            return Carried { samples: 0, lost };
+        }
         let carried = self.ring.carry_over(header);
         self.restart();
         carried
@@ -212,7 +219,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
     /// From now on the receiver tells, or does not, which messages are settled (see
     /// [`Confirmation`](crate::wire::Confirmation)), and they are kept until they are.
     pub const fn until_settled(&mut self, settles: bool) {
-        self.settles = settles;
+        self.settles = DELIVERY && settles;
     }
 
     /// Which stream this is.
@@ -244,7 +251,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
 
     /// Whether everything was acknowledged.
     pub fn is_idle(&self) -> bool {
-        self.ring.used == 0 && !self.ring.spill.as_ref().is_some_and(Spill::is_busy)
+        self.ring.used == 0 && !self.ring.spill().is_some_and(Spill::is_busy)
     }
 
     /// Messages that were pushed and not acknowledged or, if the receiver tells, not settled.
@@ -264,7 +271,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
     /// # Errors
     /// [`PushError::WouldBlock`] if too few messages are acknowledged, [`PushError::TooLarge`] if
     /// it never fits, [`PushError::Wire`].
-    pub fn push(&mut self, body: &dyn Encode) -> Result<(), PushError> {
+    pub fn push<B: Encode + ?Sized>(&mut self, body: &B) -> Result<(), PushError> {
         self.ring.push(body)
     }
 
@@ -275,7 +282,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         if new {
             self.ring.stamp(i);
         }
-        let patience = self.rtt.timeout().unwrap_or(self.config.heartbeat_first);
+        let patience = self.timeout().unwrap_or(self.config.heartbeat_first);
         let patience = patience.min(self.config.heartbeat_max);
         let slot = self.ring.get_mut(i)?;
         slot.open = false;
@@ -360,7 +367,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
             }
         }
         let last = self.note_received(confirmed, missing, &mut news);
-        if let Some(sent_at) = news.newest.filter(|_| !news.again) {
+        if let Some(sent_at) = news.newest.filter(|_| RTT && !news.again) {
             let time = now.saturating_sub(sent_at);
             if sent_at >= self.asked_at {
                 self.rtt.sample(time);
@@ -368,7 +375,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
                 self.rtt.sample_at_most(time); // the answer may be to the heartbeat
             }
         }
-        let timeout = self.rtt.timeout();
+        let timeout = self.timeout();
         let Reliability {
             heartbeat_min,
             heartbeat_max,
@@ -405,7 +412,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
 
     /// Messages from the first one on whose fate is known.
     const fn done(&self) -> usize {
-        if self.settles {
+        if DELIVERY && self.settles {
             self.settled
         } else {
             self.confirmed
@@ -463,6 +470,11 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
                 slot.retries = 0;
             }
         }
+    }
+
+    /// After what time an answer is overdue, if that is known.
+    fn timeout(&self) -> Option<Nanos> {
+        if RTT { self.rtt.timeout() } else { None }
     }
 
     /// Which message is to be sent next, counted from the first.

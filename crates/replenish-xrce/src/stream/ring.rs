@@ -3,6 +3,7 @@
 
 use super::spill::Spill;
 use super::{PushError, StreamHeader, Tail};
+use crate::features::{DELIVERY, FRAGMENTS};
 use crate::wire::{Encode, FLAG_LITTLE_ENDIAN, Fragment, MessageWriter, SubmessageId, WireError};
 use crate::wire::{Writer, encode_submessage, submessage_len};
 use crate::{Nanos, SeqNum};
@@ -54,7 +55,7 @@ pub(super) struct Ring<S, const N: usize> {
     pub(super) header: StreamHeader,
     /// Fragments stay until the last one of their sample is acknowledged.
     pub(super) keep_whole: bool,
-    pub(super) spill: Option<Spill<S>>,
+    spill: Option<Spill<S>>,
     tail: Tail,
     head: usize,
     pub(super) first: SeqNum,
@@ -90,9 +91,24 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         self.head = 0;
         self.first = SeqNum(0);
         self.used = 0;
-        if let Some(spill) = &mut self.spill {
+        if let Some(spill) = self.spill_mut() {
             spill.clear();
         }
+    }
+
+    /// What is larger than the free part of the ring waits there.
+    pub(super) fn spill_to(&mut self, buf: S) {
+        if FRAGMENTS {
+            self.spill = Some(Spill::new(buf));
+        }
+    }
+
+    pub(super) const fn spill(&self) -> Option<&Spill<S>> {
+        if FRAGMENTS { self.spill.as_ref() } else { None }
+    }
+
+    pub(super) const fn spill_mut(&mut self) -> Option<&mut Spill<S>> {
+        if FRAGMENTS { self.spill.as_mut() } else { None }
     }
 
     /// Header, body of 65535 bytes, and padding.
@@ -100,8 +116,12 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
 
     /// The largest submessage, header included, that can be pushed.
     pub(super) fn limit(&self) -> usize {
+        if !FRAGMENTS {
+            let one = self.slot_size.saturating_sub(self.header.len());
+            return if self.capacity > 0 { one } else { 0 };
+        }
         let by_ring = self.piece().saturating_mul(self.capacity);
-        let by_spill = match &self.spill {
+        let by_spill = match self.spill() {
             Some(spill) if self.capacity > 0 => spill.room(),
             _ => 0,
         };
@@ -123,7 +143,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
     /// How many of the first `n` messages can be forgotten: all, or those before a sample of which
     /// a fragment is not among them.
     pub(super) fn complete(&self, n: usize) -> usize {
-        if !self.keep_whole {
+        if !DELIVERY || !FRAGMENTS || !self.keep_whole {
             return n;
         }
         let ends_a_sample = |i: &usize| {
@@ -141,7 +161,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
             .at(self.first.plus(u16::try_from(i).unwrap_or(0)));
         let index = self.index(i);
         if let Some(room) = self.room(index) {
-            header.encode(&mut Writer::new(room)).ok();
+            header.encode(room).ok();
         }
     }
 
@@ -165,22 +185,25 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
     }
 
     /// See [`OutputReliable::push`](super::OutputReliable::push).
-    pub(super) fn push(&mut self, body: &dyn Encode) -> Result<(), PushError> {
+    pub(super) fn push<B: Encode + ?Sized>(&mut self, body: &B) -> Result<(), PushError> {
         let size = submessage_len(body).map_err(PushError::Wire)?;
+        if !FRAGMENTS {
+            return self.push_whole(body, size);
+        }
         let fits_one = size.saturating_add(self.header.len()) <= self.slot_size;
         let count = if fits_one {
             1
         } else {
             size.div_ceil(self.piece().max(1))
         };
-        let spills = !fits_one && self.spill.as_ref().is_some_and(|s| size <= s.room());
+        let spills = !fits_one && self.spill().is_some_and(|s| size <= s.room());
         if count > self.capacity && !(spills && self.capacity > 0) {
             return Err(PushError::TooLarge {
                 size,
                 limit: self.limit(),
             });
         }
-        if self.spill.as_ref().is_some_and(Spill::is_busy) {
+        if self.spill().is_some_and(Spill::is_busy) {
             return Err(PushError::WouldBlock);
         }
         if self.append(body)? {
@@ -193,7 +216,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
             newest.open = false;
         }
         if count > self.free() {
-            if let Some(spill) = &mut self.spill {
+            if let Some(spill) = self.spill_mut() {
                 spill.fill(body, size).map_err(PushError::Wire)?;
             }
             self.refill();
@@ -212,8 +235,30 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         Ok(())
     }
 
+    /// The same for a submessage that goes into one message or is refused.
+    fn push_whole<B: Encode + ?Sized>(&mut self, body: &B, size: usize) -> Result<(), PushError> {
+        let limit = self.limit();
+        if size > limit {
+            return Err(PushError::TooLarge { size, limit });
+        }
+        if self.append(body)? {
+            return Ok(());
+        }
+        if self.free() == 0 {
+            return Err(PushError::WouldBlock);
+        }
+        if let Some(newest) = self.used.checked_sub(1).and_then(|i| self.get_mut(i)) {
+            newest.open = false;
+        }
+        self.begin()?;
+        self.append(body).map(|_| ())
+    }
+
     /// Moves fragments from the spill into free messages.
     pub(super) fn refill(&mut self) {
+        if !FRAGMENTS {
+            return;
+        }
         let Some(mut spill) = self.spill.take() else {
             return;
         };
@@ -237,7 +282,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
     /// Messages that what is left in the spill will take.
     pub(super) fn in_spill(&self) -> usize {
         let left = |spill: &Spill<S>| spill.len.saturating_sub(spill.position);
-        let left = self.spill.as_ref().map_or(0, left);
+        let left = self.spill().map_or(0, left);
         left.div_ceil(self.piece().max(1))
     }
 
@@ -295,7 +340,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
     }
 
     /// Appends to the newest message if that is open and has room.
-    fn append(&mut self, body: &dyn Encode) -> Result<bool, PushError> {
+    fn append<B: Encode + ?Sized>(&mut self, body: &B) -> Result<bool, PushError> {
         let Some(index) = self.used.checked_sub(1).map(|i| self.index(i)) else {
             return Ok(false);
         };
@@ -334,9 +379,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
             .header
             .at(self.first.plus(u16::try_from(self.used).unwrap_or(0)));
         let room = self.room(index).ok_or(PushError::WouldBlock)?;
-        header
-            .encode(&mut Writer::new(room))
-            .map_err(PushError::Wire)?;
+        header.encode(room).map_err(PushError::Wire)?;
         if let Some(slot) = self.slots.get_mut(index) {
             *slot = Slot {
                 len: header.len(),

@@ -37,7 +37,11 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>> Spill<S> {
     }
 
     /// Takes a submessage of `size` bytes.
-    pub(super) fn fill(&mut self, body: &dyn Encode, size: usize) -> Result<(), WireError> {
+    pub(super) fn fill<B: Encode + ?Sized>(
+        &mut self,
+        body: &B,
+        size: usize,
+    ) -> Result<(), WireError> {
         encode_submessage(body, true, &mut Writer::new(self.buf.as_mut()))?;
         (self.len, self.position) = (size, 0);
         Ok(())

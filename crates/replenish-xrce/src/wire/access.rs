@@ -27,9 +27,9 @@ impl Encode for WriteData<'_> {
         SubmessageId::WriteData
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        self.base.encode(w)?;
-        w.put(self.payload)
+    fn write(&self, w: &mut Writer<'_>) {
+        self.base.write(w);
+        w.put(self.payload);
     }
 }
 
@@ -58,14 +58,21 @@ impl Encode for Data<'_> {
         SubmessageId::Data
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        self.base.encode(w)?;
-        w.put(self.payload)
+    fn write(&self, w: &mut Writer<'_>) {
+        self.base.write(w);
+        w.put(self.payload);
     }
 }
 
 impl<'a> Data<'a> {
+    /// The same of a whole body; `None` if it is malformed.
     #[inline]
+    pub(super) fn split(body: &'a [u8], flags: u8) -> Option<Self> {
+        plain(flags).ok()?;
+        let (base, payload) = BaseRequest::split(body)?;
+        Some(Data { base, payload })
+    }
+
     pub(super) fn decode(r: &mut Reader<'a>, flags: u8) -> Result<Self, WireError> {
         plain(flags)?;
         Ok(Data {
@@ -125,21 +132,35 @@ impl Encode for ReadData<'_> {
         SubmessageId::ReadData
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        self.base.encode(w)?;
-        w.u8(self.stream.0)?;
-        w.u8(0)?; // FORMAT_DATA
-        w.option(self.filter, Writer::string)?;
+    fn write(&self, w: &mut Writer<'_>) {
+        self.base.write(w);
+        w.u8(self.stream.0);
+        w.u8(0); // FORMAT_DATA
+        w.option(self.filter, Writer::string);
         w.option(self.control, |w, control| {
-            w.u16(control.max_samples)?;
-            w.u16(control.max_elapsed_s)?;
-            w.u16(control.max_bytes_per_second)?;
-            w.u16(control.min_pace_ms)
-        })
+            w.u16(control.max_samples);
+            w.u16(control.max_elapsed_s);
+            w.u16(control.max_bytes_per_second);
+            w.u16(control.min_pace_ms);
+        });
     }
 }
 
 impl<'a> ReadData<'a> {
+    /// The body of one without a filter.
+    pub(crate) fn unfiltered(
+        base: BaseRequest,
+        stream: StreamId,
+        control: DeliveryControl,
+    ) -> [u8; 16] {
+        let [a, b, c, d] = base.to_bytes();
+        let [e, f] = control.max_samples.to_le_bytes();
+        let [g, h] = control.max_elapsed_s.to_le_bytes();
+        let [i, j] = control.max_bytes_per_second.to_le_bytes();
+        let [k, l] = control.min_pace_ms.to_le_bytes();
+        [a, b, c, d, stream.0, 0, 0, 1, e, f, g, h, i, j, k, l]
+    }
+
     pub(super) fn decode(r: &mut Reader<'a>) -> Result<Self, WireError> {
         let base = BaseRequest::decode(r)?;
         let stream = StreamId(r.u8()?);

@@ -57,29 +57,6 @@ impl<'a> Body<'a> {
         })
     }
 
-    /// The same for what agents send to clients; `None` for anything else. A client that decodes no
-    /// more need not carry the code that understands descriptions of entities.
-    ///
-    /// # Errors
-    /// Every [`WireError`] but `NoRoom` and `TooLong`.
-    pub fn decode_for_client(
-        id: SubmessageId,
-        flags: u8,
-        payload: &'a [u8],
-    ) -> Result<Option<Self>, WireError> {
-        let r = &mut Reader::new(payload, flags & FLAG_LITTLE_ENDIAN != 0);
-        Ok(Some(match id {
-            SubmessageId::StatusAgent => Body::StatusAgent(StatusAgent::decode(r)?),
-            SubmessageId::Status => Body::Status(StatusReply::decode(r)?),
-            SubmessageId::Info => Body::Info(Info::decode(r)?),
-            SubmessageId::Data => Body::Data(Data::decode(r, flags)?),
-            SubmessageId::AckNack => Body::AckNack(AckNack::decode(r)?),
-            SubmessageId::Heartbeat => Body::Heartbeat(Heartbeat::decode(r)?),
-            SubmessageId::TimestampReply => Body::TimestampReply(TimestampReply::decode(r)?),
-            _ => return Ok(None),
-        }))
-    }
-
     fn inner(&self) -> &dyn Encode {
         match self {
             Body::CreateClient(body) => body,
@@ -111,7 +88,7 @@ impl Encode for Body<'_> {
         self.inner().flags()
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        self.inner().encode(w)
+    fn write(&self, w: &mut Writer<'_>) {
+        self.inner().write(w);
     }
 }

@@ -47,23 +47,19 @@ impl<'a, B> Representation<'a, B> {
     const XML: u8 = 2;
     const BINARY: u8 = 3;
 
-    fn encode(
-        &self,
-        w: &mut Writer<'_>,
-        binary: impl Fn(&B, &mut Writer<'_>) -> Result<(), WireError>,
-    ) -> Result<(), WireError> {
+    fn write(&self, w: &mut Writer<'_>, binary: impl FnOnce(&B, &mut Writer<'_>)) {
         match self {
             Representation::Reference(name) => {
-                w.u8(Self::REFERENCE)?;
-                w.string(name)
+                w.u8(Self::REFERENCE);
+                w.string(name);
             }
             Representation::Xml(xml) => {
-                w.u8(Self::XML)?;
-                w.string(xml)
+                w.u8(Self::XML);
+                w.string(xml);
             }
             Representation::Binary(value) => {
-                w.u8(Self::BINARY)?;
-                w.nested(&|w| binary(value, w))
+                w.u8(Self::BINARY);
+                w.nested(|w| binary(value, w));
             }
         }
     }
@@ -138,35 +134,35 @@ impl<'a> Entity<'a> {
         }
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        w.u8(self.kind().number())?;
+    fn write(&self, w: &mut Writer<'_>) {
+        w.u8(self.kind().number());
         let owner = match self {
             Entity::Participant { repr, domain } => {
-                repr.encode(w, ParticipantBinary::encode)?;
+                repr.write(w, ParticipantBinary::write);
                 return w.i16(*domain);
             }
             Entity::Topic { repr, participant } => {
-                repr.encode(w, TopicBinary::encode)?;
+                repr.write(w, TopicBinary::write);
                 participant
             }
             Entity::Publisher { repr, participant } | Entity::Subscriber { repr, participant } => {
-                repr.encode(w, GroupBinary::encode)?;
+                repr.write(w, GroupBinary::write);
                 participant
             }
             Entity::DataWriter { repr, publisher } => {
-                repr.encode(w, DataWriterBinary::encode)?;
+                repr.write(w, DataWriterBinary::write);
                 publisher
             }
             Entity::DataReader { repr, subscriber } => {
-                repr.encode(w, DataReaderBinary::encode)?;
+                repr.write(w, DataReaderBinary::write);
                 subscriber
             }
             Entity::Requester { repr, participant } | Entity::Replier { repr, participant } => {
-                repr.encode(w, ServiceBinary::encode)?;
+                repr.write(w, ServiceBinary::write);
                 participant
             }
         };
-        w.put(&owner.to_bytes())
+        w.put(&owner.to_bytes());
     }
 
     fn decode(r: &mut Reader<'a>) -> Result<Self, WireError> {
@@ -240,9 +236,9 @@ impl Encode for Create<'_> {
         reuse | replace
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        self.base.encode(w)?;
-        self.entity.encode(w)
+    fn write(&self, w: &mut Writer<'_>) {
+        self.base.write(w);
+        self.entity.write(w);
     }
 }
 
@@ -271,8 +267,8 @@ impl Encode for Delete {
         SubmessageId::Delete
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        self.base.encode(w)
+    fn write(&self, w: &mut Writer<'_>) {
+        self.base.write(w);
     }
 }
 

@@ -14,30 +14,90 @@ pub trait Encode {
     }
 
     /// Writes the body in little endian.
+    fn write(&self, w: &mut Writer<'_>);
+
+    /// The same with what [`Writer::check`] says then.
     ///
     /// # Errors
     /// [`WireError::NoRoom`], [`WireError::TooLong`], [`WireError::BadString`].
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError>;
+    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
+        self.write(w);
+        w.check()
+    }
+
+    /// Bytes of the body.
+    ///
+    /// # Errors
+    /// [`WireError::TooLong`], [`WireError::BadString`].
+    fn measure(&self) -> Result<usize, WireError> {
+        let mut w = Writer::measuring();
+        self.encode(&mut w)?;
+        Ok(w.len())
+    }
+}
+
+/// A body whose bytes are there: its beginning and what follows.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Raw<'a> {
+    pub(crate) id: SubmessageId,
+    pub(crate) flags: u8,
+    pub(crate) head: &'a [u8],
+    pub(crate) rest: &'a [u8],
+}
+
+impl<'a> Raw<'a> {
+    /// A body of these bytes.
+    pub(crate) const fn new(id: SubmessageId, bytes: &'a [u8]) -> Self {
+        Raw {
+            id,
+            flags: 0,
+            head: bytes,
+            rest: &[],
+        }
+    }
+
+    /// A DELETE.
+    pub(crate) const fn delete(base: &'a [u8; 4]) -> Self {
+        Raw::new(SubmessageId::Delete, base)
+    }
+}
+
+impl Encode for Raw<'_> {
+    fn id(&self) -> SubmessageId {
+        self.id
+    }
+
+    fn flags(&self) -> u8 {
+        self.flags
+    }
+
+    fn write(&self, w: &mut Writer<'_>) {
+        w.put(self.head);
+        w.put(self.rest);
+    }
+
+    fn measure(&self) -> Result<usize, WireError> {
+        Ok(self.head.len().saturating_add(self.rest.len()))
+    }
 }
 
 /// The length of a body on the wire.
 ///
 /// # Errors
 /// [`WireError::TooLong`], [`WireError::BadString`].
-pub fn measure(body: &dyn Encode) -> Result<usize, WireError> {
-    let mut w = Writer::measuring();
-    body.encode(&mut w)?;
-    if w.len() > usize::from(u16::MAX) {
-        return Err(WireError::TooLong { len: w.len() });
+pub fn measure<B: Encode + ?Sized>(body: &B) -> Result<usize, WireError> {
+    let len = body.measure()?;
+    if len > usize::from(u16::MAX) {
+        return Err(WireError::TooLong { len });
     }
-    Ok(w.len())
+    Ok(len)
 }
 
 /// The length of a submessage with its header and its padding to the next multiple of four.
 ///
 /// # Errors
 /// [`WireError::TooLong`], [`WireError::BadString`].
-pub fn submessage_len(body: &dyn Encode) -> Result<usize, WireError> {
+pub fn submessage_len<B: Encode + ?Sized>(body: &B) -> Result<usize, WireError> {
     let len = measure(body)?;
     Ok(len
         .saturating_add(padding(len, 4))
@@ -48,18 +108,22 @@ pub fn submessage_len(body: &dyn Encode) -> Result<usize, WireError> {
 ///
 /// # Errors
 /// [`WireError::NoRoom`], [`WireError::TooLong`], [`WireError::BadString`].
-pub fn encode_submessage(
-    body: &dyn Encode,
+pub fn encode_submessage<B: Encode + ?Sized>(
+    body: &B,
     pad: bool,
     w: &mut Writer<'_>,
 ) -> Result<(), WireError> {
     let len = measure(body)?;
-    let length = u16::try_from(len).map_err(|_| WireError::TooLong { len })?;
-    w.u8(body.id() as u8)?;
-    w.u8(body.flags() | FLAG_LITTLE_ENDIAN)?;
-    w.put(&length.to_le_bytes())?;
-    w.body(|w| body.encode(w))?;
-    if pad { w.align(4) } else { Ok(()) }
+    let [low, high] = u16::try_from(len)
+        .map_err(|_| WireError::TooLong { len })?
+        .to_le_bytes();
+    let flags = body.flags() | FLAG_LITTLE_ENDIAN;
+    w.put(&[body.id() as u8, flags, low, high]);
+    w.body(|w| body.write(w));
+    if pad {
+        w.align(4);
+    }
+    w.check()
 }
 
 /// Builds a message in a buffer.
@@ -75,9 +139,7 @@ impl<'a> MessageWriter<'a> {
     /// # Errors
     /// [`WireError::NoRoom`].
     pub fn new(buf: &'a mut [u8], header: &Header) -> Result<Self, WireError> {
-        let mut w = Writer::new(buf);
-        header.encode(&mut w)?;
-        let len = w.len();
+        let len = header.encode(buf)?;
         Ok(MessageWriter { buf, len })
     }
 
@@ -92,7 +154,7 @@ impl<'a> MessageWriter<'a> {
     ///
     /// # Errors
     /// [`WireError::NoRoom`], [`WireError::TooLong`], [`WireError::BadString`].
-    pub fn push(&mut self, body: &dyn Encode) -> Result<(), WireError> {
+    pub fn push<B: Encode + ?Sized>(&mut self, body: &B) -> Result<(), WireError> {
         self.append(body, false)
     }
 
@@ -101,11 +163,11 @@ impl<'a> MessageWriter<'a> {
     ///
     /// # Errors
     /// As [`MessageWriter::push`].
-    pub fn push_padded(&mut self, body: &dyn Encode) -> Result<(), WireError> {
+    pub fn push_padded<B: Encode + ?Sized>(&mut self, body: &B) -> Result<(), WireError> {
         self.append(body, true)
     }
 
-    fn append(&mut self, body: &dyn Encode, pad: bool) -> Result<(), WireError> {
+    fn append<B: Encode + ?Sized>(&mut self, body: &B, pad: bool) -> Result<(), WireError> {
         let gap = padding(self.len, 4);
         let no_room = WireError::NoRoom {
             needed: gap,

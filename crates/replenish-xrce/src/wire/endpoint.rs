@@ -29,12 +29,12 @@ pub struct EndpointQos<'a> {
 }
 
 impl<'a> EndpointQos<'a> {
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        w.u16(self.flags)?;
-        w.option(self.depth, Writer::u16)?;
-        w.option(self.deadline_ms, Writer::u32)?;
-        w.option(self.lifespan_ms, Writer::u32)?;
-        w.option(self.user_data, Writer::bytes)
+    fn write(&self, w: &mut Writer<'_>) {
+        w.u16(self.flags);
+        w.option(self.depth, Writer::u16);
+        w.option(self.deadline_ms, Writer::u32);
+        w.option(self.lifespan_ms, Writer::u32);
+        w.option(self.user_data, Writer::bytes);
     }
 
     fn decode(r: &mut Reader<'a>) -> Result<Self, WireError> {
@@ -67,12 +67,12 @@ pub struct DataWriterBinary<'a> {
 }
 
 impl<'a> DataWriterBinary<'a> {
-    pub(super) fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        w.put(&self.topic.to_bytes())?;
+    pub(super) fn write(&self, w: &mut Writer<'_>) {
+        w.put(&self.topic.to_bytes());
         w.option(self.qos.as_ref(), |w, qos| {
-            qos.endpoint.encode(w)?;
-            w.option(qos.ownership_strength, Writer::u32)
-        })
+            qos.endpoint.write(w);
+            w.option(qos.ownership_strength, Writer::u32);
+        });
     }
 
     pub(super) fn decode(r: &mut Reader<'a>) -> Result<Self, WireError> {
@@ -109,13 +109,13 @@ pub struct DataReaderBinary<'a> {
 }
 
 impl<'a> DataReaderBinary<'a> {
-    pub(super) fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        w.put(&self.topic.to_bytes())?;
+    pub(super) fn write(&self, w: &mut Writer<'_>) {
+        w.put(&self.topic.to_bytes());
         w.option(self.qos.as_ref(), |w, qos| {
-            qos.endpoint.encode(w)?;
-            w.option(qos.time_filter_ms, Writer::u32)?;
-            w.option(qos.content_filter, Writer::string)
-        })
+            qos.endpoint.write(w);
+            w.option(qos.time_filter_ms, Writer::u32);
+            w.option(qos.content_filter, Writer::string);
+        });
     }
 
     pub(super) fn decode(r: &mut Reader<'a>) -> Result<Self, WireError> {

@@ -12,9 +12,9 @@ pub struct ParticipantBinary<'a> {
 }
 
 impl<'a> ParticipantBinary<'a> {
-    pub(super) fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        w.option(self.domain_reference, Writer::string)?;
-        w.option(self.name, Writer::string)
+    pub(super) fn write(&self, w: &mut Writer<'_>) {
+        w.option(self.domain_reference, Writer::string);
+        w.option(self.name, Writer::string);
     }
 
     pub(super) fn decode(r: &mut Reader<'a>) -> Result<Self, WireError> {
@@ -37,10 +37,10 @@ pub struct TopicBinary<'a> {
 }
 
 impl<'a> TopicBinary<'a> {
-    pub(super) fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        w.string(self.name)?;
-        w.option(self.type_reference, Writer::string)?;
-        w.option(self.type_name, Writer::string)
+    pub(super) fn write(&self, w: &mut Writer<'_>) {
+        w.string(self.name);
+        w.option(self.type_reference, Writer::string);
+        w.option(self.type_name, Writer::string);
     }
 
     pub(super) fn decode(r: &mut Reader<'a>) -> Result<Self, WireError> {
@@ -61,9 +61,9 @@ pub struct GroupBinary<'a> {
 }
 
 impl<'a> GroupBinary<'a> {
-    pub(super) fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        w.option(self.name, Writer::string)?;
-        w.bool(false)
+    pub(super) fn write(&self, w: &mut Writer<'_>) {
+        w.option(self.name, Writer::string);
+        w.bool(false);
     }
 
     pub(super) fn decode(r: &mut Reader<'a>) -> Result<Self, WireError> {
@@ -98,12 +98,12 @@ pub struct ServiceBinary<'a> {
 }
 
 impl<'a> ServiceBinary<'a> {
-    pub(super) fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        w.string(self.service)?;
-        w.string(self.request_type)?;
-        w.string(self.reply_type)?;
-        w.option(self.request_topic, Writer::string)?;
-        w.option(self.reply_topic, Writer::string)
+    pub(super) fn write(&self, w: &mut Writer<'_>) {
+        w.string(self.service);
+        w.string(self.request_type);
+        w.string(self.reply_type);
+        w.option(self.request_topic, Writer::string);
+        w.option(self.reply_topic, Writer::string);
     }
 
     pub(super) fn decode(r: &mut Reader<'a>) -> Result<Self, WireError> {

@@ -244,16 +244,28 @@ pub struct BaseRequest {
 }
 
 impl BaseRequest {
-    pub(super) fn encode(self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        w.put(&self.request.0.to_be_bytes())?;
-        w.put(&self.object.to_bytes())
+    /// Its four bytes on the wire.
+    #[must_use]
+    pub const fn to_bytes(self) -> [u8; 4] {
+        let ([a, b], [c, d]) = (self.request.0.to_be_bytes(), self.object.to_bytes());
+        [a, b, c, d]
+    }
+
+    /// From its four bytes on the wire, whatever they are.
+    #[must_use]
+    pub const fn from_bytes([a, b, c, d]: [u8; 4]) -> Self {
+        BaseRequest {
+            request: RequestId(u16::from_be_bytes([a, b])),
+            object: ObjectId::from_bytes([c, d]),
+        }
+    }
+
+    pub(super) fn write(self, w: &mut Writer<'_>) {
+        w.put(&self.to_bytes());
     }
 
     pub(super) fn decode(r: &mut Reader<'_>) -> Result<Self, WireError> {
-        Ok(BaseRequest {
-            request: RequestId(u16::from_be_bytes(r.array()?)),
-            object: ObjectId::from_bytes(r.array()?),
-        })
+        r.array().map(Self::from_bytes)
     }
 }
 

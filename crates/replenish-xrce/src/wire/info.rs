@@ -23,9 +23,9 @@ impl Encode for GetInfo {
         SubmessageId::GetInfo
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        self.base.encode(w)?;
-        w.u32(self.mask)
+    fn write(&self, w: &mut Writer<'_>) {
+        self.base.write(w);
+        w.u32(self.mask);
     }
 }
 
@@ -68,22 +68,22 @@ impl Encode for Info {
         SubmessageId::Info
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        self.base.encode(w)?;
-        w.u8(self.status.0)?;
-        w.u8(self.implementation)?;
+    fn write(&self, w: &mut Writer<'_>) {
+        self.base.write(w);
+        w.u8(self.status.0);
+        w.u8(self.implementation);
         w.option(self.agent, |w, agent| {
-            w.u8(ObjectKind::Agent.number())?;
-            w.put(&COOKIE)?;
-            w.put(&agent.version)?;
-            w.put(&agent.vendor)?;
-            w.bool(false) // no properties
-        })?;
+            w.u8(ObjectKind::Agent.number());
+            w.put(&COOKIE);
+            w.put(&agent.version);
+            w.put(&agent.vendor);
+            w.bool(false); // no properties
+        });
         w.option(self.availability, |w, availability| {
-            w.u8(ObjectKind::Agent.number())?;
-            w.i16(availability)?;
-            w.u32(0) // no transport addresses
-        })
+            w.u8(ObjectKind::Agent.number());
+            w.i16(availability);
+            w.u32(0); // no transport addresses
+        });
     }
 }
 

@@ -51,20 +51,19 @@ impl<'a> Properties<'a> {
         }
     }
 
-    fn encode(self, w: &mut Writer<'_>) -> Result<(), WireError> {
+    fn write(self, w: &mut Writer<'_>) {
         let Properties::None = self else {
-            let (mut count, mut result) = (0_u32, Ok(()));
+            let mut count = 0_u32;
             self.for_each(|_, _| count = count.saturating_add(1));
-            w.bool(true)?;
-            w.u32(count)?;
+            w.bool(true);
+            w.u32(count);
             self.for_each(|name, value| {
-                if result.is_ok() {
-                    result = w.string(name).and_then(|()| w.string(value));
-                }
+                w.string(name);
+                w.string(value);
             });
-            return result;
+            return;
         };
-        w.bool(false)
+        w.bool(false);
     }
 
     pub(super) fn decode(r: &mut Reader<'a>) -> Result<Self, WireError> {
@@ -107,18 +106,29 @@ impl Encode for CreateClient<'_> {
         SubmessageId::CreateClient
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        w.put(&COOKIE)?;
-        w.put(&self.version)?;
-        w.put(&self.vendor)?;
-        w.put(&self.key.0)?;
-        w.u8(self.session.0)?;
-        self.properties.encode(w)?;
-        w.u16(self.mtu)
+    fn write(&self, w: &mut Writer<'_>) {
+        w.put(&COOKIE);
+        w.put(&self.version);
+        w.put(&self.vendor);
+        w.put(&self.key.0);
+        w.u8(self.session.0);
+        self.properties.write(w);
+        w.u16(self.mtu);
     }
 }
 
 impl<'a> CreateClient<'a> {
+    /// The body of one without properties.
+    pub(crate) const fn plain(key: ClientKey, session: SessionId, mtu: u16) -> [u8; 16] {
+        let ([a, b, c, d], [e, f]) = (key.0, mtu.to_le_bytes());
+        let [major, minor] = VERSION;
+        let [high, low] = VENDOR;
+        let [x, r, m, p] = COOKIE;
+        [
+            x, r, m, p, major, minor, high, low, a, b, c, d, session.0, 0, e, f,
+        ]
+    }
+
     pub(super) fn decode(r: &mut Reader<'a>) -> Result<Self, WireError> {
         if r.array()? != COOKIE {
             return Err(WireError::BadCookie);
@@ -154,18 +164,25 @@ impl Encode for StatusAgent<'_> {
         SubmessageId::StatusAgent
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        w.u8(self.status.0)?;
-        w.u8(self.implementation)?;
-        w.put(&COOKIE)?;
-        w.put(&self.version)?;
-        w.put(&self.vendor)?;
-        self.properties.encode(w)
+    fn write(&self, w: &mut Writer<'_>) {
+        w.u8(self.status.0);
+        w.u8(self.implementation);
+        w.put(&COOKIE);
+        w.put(&self.version);
+        w.put(&self.vendor);
+        self.properties.write(w);
     }
 }
 
 impl<'a> StatusAgent<'a> {
-    pub(super) fn decode(r: &mut Reader<'a>) -> Result<Self, WireError> {
+    /// The outcome alone; `None` if the body is too short or of no answer to a log-in.
+    pub(crate) fn outcome(body: &[u8]) -> Option<Status> {
+        let fixed: &[u8; 11] = body.first_chunk()?;
+        let &[status, _, a, b, c, d, ..] = fixed;
+        ([a, b, c, d] == COOKIE).then_some(Status(status))
+    }
+
+    pub(crate) fn decode(r: &mut Reader<'a>) -> Result<Self, WireError> {
         let (status, implementation) = (Status(r.u8()?), r.u8()?);
         if r.array()? != COOKIE {
             return Err(WireError::BadCookie);
@@ -196,19 +213,27 @@ impl Encode for StatusReply {
         SubmessageId::Status
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        self.base.encode(w)?;
-        w.u8(self.status.0)?;
-        w.u8(self.implementation)
+    fn write(&self, w: &mut Writer<'_>) {
+        self.base.write(w);
+        w.u8(self.status.0);
+        w.u8(self.implementation);
     }
 }
 
 impl StatusReply {
-    pub(super) fn decode(r: &mut Reader<'_>) -> Result<Self, WireError> {
-        Ok(StatusReply {
-            base: BaseRequest::decode(r)?,
-            status: Status(r.u8()?),
-            implementation: r.u8()?,
+    /// From a body, or `None` if that is too short.
+    pub(crate) fn of(body: &[u8]) -> Option<Self> {
+        let &[a, b, c, d, status, implementation] = body.first_chunk()?;
+        Some(StatusReply {
+            base: BaseRequest::from_bytes([a, b, c, d]),
+            status: Status(status),
+            implementation,
         })
+    }
+
+    pub(super) fn decode(r: &mut Reader<'_>) -> Result<Self, WireError> {
+        let body = r.rest();
+        let (needed, left) = (6, body.len());
+        Self::of(body).ok_or(WireError::Truncated { needed, left })
     }
 }

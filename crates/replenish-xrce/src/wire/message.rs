@@ -1,6 +1,6 @@
 //! Messages: the header, and walking the submessages of a received message.
 
-use super::{Body, ClientKey, Data, Reader, SessionId, StreamId, WireError, Writer, padding};
+use super::{Body, ClientKey, Data, SessionId, StreamId, WireError, padding};
 use crate::SeqNum;
 
 /// Flag bit 0 of a submessage: its body is little endian.
@@ -98,35 +98,44 @@ impl Header {
         false
     }
 
-    /// Writes it.
+    /// Writes it to the front of `buf`; gives its length.
     ///
     /// # Errors
     /// [`WireError::NoRoom`].
-    pub fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        w.u8(self.session.0)?;
-        w.u8(self.stream.0)?;
-        w.put(&self.seq.0.to_le_bytes())?;
-        if self.session.has_key() {
-            w.put(&self.key.map_or([0; 4], |key| key.0))?;
+    pub fn encode(&self, buf: &mut [u8]) -> Result<usize, WireError> {
+        let (len, left) = (self.len(), buf.len());
+        let [low, high] = self.seq.0.to_le_bytes();
+        let [a, b, c, d] = self.key.map_or([0; 4], |key| key.0);
+        let bytes = [self.session.0, self.stream.0, low, high, a, b, c, d];
+        match (buf.get_mut(..len), bytes.get(..len)) {
+            (Some(room), Some(bytes)) => room.copy_from_slice(bytes),
+            _ => return Err(WireError::NoRoom { needed: len, left }),
         }
-        Ok(())
+        Ok(len)
     }
 
-    fn decode(r: &mut Reader<'_>) -> Result<Self, WireError> {
-        let session = SessionId(r.u8()?);
-        let stream = StreamId(r.u8()?);
-        let seq = SeqNum(u16::from_le_bytes(r.array()?));
-        let key = if session.has_key() {
-            Some(ClientKey(r.array()?))
-        } else {
-            None
+    /// Splits a message into its header and the rest.
+    #[inline]
+    fn split(bytes: &[u8]) -> Result<(Self, &[u8]), WireError> {
+        let short = |needed| WireError::Truncated {
+            needed,
+            left: bytes.len(),
         };
-        Ok(Header {
+        let (&[session, stream, low, high], rest) =
+            bytes.split_first_chunk().ok_or_else(|| short(4))?;
+        let session = SessionId(session);
+        let mut header = Header {
             session,
-            stream,
-            seq,
-            key,
-        })
+            stream: StreamId(stream),
+            seq: SeqNum(u16::from_le_bytes([low, high])),
+            key: None,
+        };
+        if !session.has_key() {
+            return Ok((header, rest));
+        }
+        let (key, rest) = rest.split_first_chunk().ok_or_else(|| short(8))?;
+        header.key = Some(ClientKey(*key));
+        Ok((header, rest))
     }
 }
 
@@ -146,12 +155,8 @@ impl<'a> Message<'a> {
     /// [`WireError::Truncated`].
     #[inline]
     pub fn parse(datagram: &'a [u8]) -> Result<Self, WireError> {
-        let mut r = Reader::new(datagram, true);
-        let header = Header::decode(&mut r)?;
-        Ok(Message {
-            header,
-            body: r.rest(),
-        })
+        let (header, body) = Header::split(datagram)?;
+        Ok(Message { header, body })
     }
 
     /// The submessages in order.
@@ -181,21 +186,18 @@ impl<'a> Submessage<'a> {
         Body::decode(self.id, self.flags, self.payload)
     }
 
-    /// Decodes the body if agents send such to clients: see [`Body::decode_for_client`].
-    ///
-    /// # Errors
-    /// Every [`WireError`] but `NoRoom` and `TooLong`.
-    pub fn body_for_client(&self) -> Result<Option<Body<'a>>, WireError> {
-        Body::decode_for_client(self.id, self.flags, self.payload)
+    /// The byte order of its body.
+    pub(crate) const fn little_endian(&self) -> bool {
+        self.flags & FLAG_LITTLE_ENDIAN != 0
     }
 
     /// Decodes the body of a sample, which most are.
     #[inline]
     pub(crate) fn data(&self) -> Option<Data<'a>> {
-        let little_endian = self.flags & FLAG_LITTLE_ENDIAN != 0;
-        let r = &mut Reader::new(self.payload, little_endian);
-        let data = (self.id == SubmessageId::Data).then(|| Data::decode(r, self.flags));
-        data?.ok()
+        if self.id != SubmessageId::Data {
+            return None;
+        }
+        Data::split(self.payload, self.flags)
     }
 }
 
@@ -221,11 +223,13 @@ impl<'a> Submessages<'a> {
 
     fn read(&self) -> Result<(Submessage<'a>, usize), WireError> {
         let rest = self.bytes.get(self.pos..).unwrap_or(&[]);
-        let mut r = Reader::new(rest, true);
-        let (id, flags) = (r.u8()?, r.u8()?);
-        let len = usize::from(r.u16()?);
+        let short = |needed, left| WireError::Truncated { needed, left };
+        let Some((&[id, flags, low, high], rest)) = rest.split_first_chunk() else {
+            return Err(short(SUBHEADER, rest.len()));
+        };
+        let len = usize::from(u16::from_le_bytes([low, high]));
         let id = SubmessageId::from_number(id)?;
-        let payload = r.take(len)?;
+        let payload = rest.get(..len).ok_or_else(|| short(len, rest.len()))?;
         let end = self.pos.saturating_add(SUBHEADER).saturating_add(len);
         Ok((
             Submessage { id, flags, payload },

@@ -31,6 +31,7 @@ mod writer;
 pub use access::{Data, DeliveryControl, ReadData, WriteData};
 pub use body::Body;
 pub use create::{Create, CreationMode, Delete, Entity, Representation};
+pub(crate) use encode::Raw;
 pub use encode::{Encode, MessageWriter, encode_submessage, measure, submessage_len};
 pub use endpoint::{
     DataReaderBinary, DataWriterBinary, EndpointQos, QOS_DURABILITY_PERSISTENT,

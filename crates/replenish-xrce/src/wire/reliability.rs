@@ -3,7 +3,7 @@
 //! ACKNACK and HEARTBEAT travel outside of streams (stream 0, number 0) and name the stream they
 //! are about: an ACKNACK names the sender's input stream, a HEARTBEAT the sender's output stream.
 
-use super::{Encode, FLAG_LITTLE_ENDIAN, Submessage, SubmessageId};
+use super::{Encode, Submessage, SubmessageId};
 use super::{Reader, StreamId, WireError, Writer};
 use crate::SeqNum;
 
@@ -25,22 +25,61 @@ impl Encode for AckNack {
         SubmessageId::AckNack
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        w.u16(self.first_unacked.0)?;
-        w.put(&self.missing.to_be_bytes())?;
-        w.u8(self.stream.0)
+    fn write(&self, w: &mut Writer<'_>) {
+        w.put(&self.to_bytes());
     }
 }
 
 impl AckNack {
-    pub(super) fn decode(r: &mut Reader<'_>) -> Result<Self, WireError> {
-        r.skip_length(5)?;
-        Ok(AckNack {
-            first_unacked: SeqNum(r.u16()?),
-            missing: u16::from_be_bytes(r.array()?),
-            stream: StreamId(r.u8()?),
+    pub(crate) const fn to_bytes(self) -> [u8; 5] {
+        let [a, b] = self.first_unacked.0.to_le_bytes();
+        let [c, d] = self.missing.to_be_bytes();
+        [a, b, c, d, self.stream.0]
+    }
+
+    /// From a body, or `None` if that is too short.
+    pub(crate) fn of(body: &[u8], little_endian: bool) -> Option<Self> {
+        let [a, b, c, d, stream] = five(body, little_endian)?;
+        Some(AckNack {
+            first_unacked: SeqNum(number([a, b], little_endian)),
+            missing: u16::from_be_bytes([c, d]),
+            stream: StreamId(stream),
         })
     }
+
+    pub(super) fn decode(r: &mut Reader<'_>) -> Result<Self, WireError> {
+        let (body, little_endian) = (r.rest(), r.little_endian());
+        Self::of(body, little_endian).ok_or(short(body))
+    }
+}
+
+const fn short(body: &[u8]) -> WireError {
+    WireError::Truncated {
+        needed: 5,
+        left: body.len(),
+    }
+}
+
+const fn number(bytes: [u8; 2], little_endian: bool) -> u16 {
+    let number = u16::from_le_bytes(bytes);
+    if little_endian {
+        number
+    } else {
+        number.swap_bytes()
+    }
+}
+
+/// The five bytes of an ACKNACK or HEARTBEAT. The length that the specification puts before an
+/// appendable structure (XCDR2's DHEADER), and that eProsima's implementations leave out, is stepped
+/// over if it is there.
+fn five(body: &[u8], little_endian: bool) -> Option<[u8; 5]> {
+    let length = if little_endian {
+        [5, 0, 0, 0]
+    } else {
+        [0, 0, 0, 5]
+    };
+    let rest = body.strip_prefix(&length).filter(|rest| rest.len() >= 5);
+    rest.unwrap_or(body).first_chunk().copied()
 }
 
 /// An ACKNACK that may say more: which messages are *settled*, that is, have reached everybody they
@@ -86,12 +125,7 @@ impl Confirmation {
         let &[companions, a, b] = submessage.payload.get(Self::SETTLED)? else {
             return None;
         };
-        let little = submessage.flags & FLAG_LITTLE_ENDIAN != 0;
-        let first = if little {
-            u16::from_le_bytes([a, b])
-        } else {
-            u16::from_be_bytes([a, b])
-        };
+        let first = number([a, b], submessage.little_endian());
         Some(Settled {
             first_unsettled: SeqNum(first),
             companions,
@@ -104,13 +138,13 @@ impl Encode for Confirmation {
         SubmessageId::AckNack
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        self.ack.encode(w)?;
+    fn write(&self, w: &mut Writer<'_>) {
+        self.ack.write(w);
         let Some(settled) = self.settled else {
-            return Ok(());
+            return;
         };
-        w.u8(settled.companions)?;
-        w.u16(settled.first_unsettled.0)
+        w.u8(settled.companions);
+        w.u16(settled.first_unsettled.0);
     }
 }
 
@@ -130,21 +164,30 @@ impl Encode for Heartbeat {
         SubmessageId::Heartbeat
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        w.u16(self.first.0)?;
-        w.u16(self.last.0)?;
-        w.u8(self.stream.0)
+    fn write(&self, w: &mut Writer<'_>) {
+        w.put(&self.to_bytes());
     }
 }
 
 impl Heartbeat {
-    pub(super) fn decode(r: &mut Reader<'_>) -> Result<Self, WireError> {
-        r.skip_length(5)?;
-        Ok(Heartbeat {
-            first: SeqNum(r.u16()?),
-            last: SeqNum(r.u16()?),
-            stream: StreamId(r.u8()?),
+    pub(crate) const fn to_bytes(self) -> [u8; 5] {
+        let ([a, b], [c, d]) = (self.first.0.to_le_bytes(), self.last.0.to_le_bytes());
+        [a, b, c, d, self.stream.0]
+    }
+
+    /// From a body, or `None` if that is too short.
+    pub(crate) fn of(body: &[u8], little_endian: bool) -> Option<Self> {
+        let [a, b, c, d, stream] = five(body, little_endian)?;
+        Some(Heartbeat {
+            first: SeqNum(number([a, b], little_endian)),
+            last: SeqNum(number([c, d], little_endian)),
+            stream: StreamId(stream),
         })
+    }
+
+    pub(super) fn decode(r: &mut Reader<'_>) -> Result<Self, WireError> {
+        let (body, little_endian) = (r.rest(), r.little_endian());
+        Self::of(body, little_endian).ok_or(short(body))
     }
 }
 
@@ -171,8 +214,8 @@ impl Encode for Fragment<'_> {
         if self.last { Self::FLAG_LAST } else { 0 }
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        w.put(self.piece)
+    fn write(&self, w: &mut Writer<'_>) {
+        w.put(self.piece);
     }
 }
 
@@ -195,7 +238,5 @@ impl Encode for Reset {
         SubmessageId::Reset
     }
 
-    fn encode(&self, _w: &mut Writer<'_>) -> Result<(), WireError> {
-        Ok(())
-    }
+    fn write(&self, _w: &mut Writer<'_>) {}
 }

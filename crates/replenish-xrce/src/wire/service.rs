@@ -7,7 +7,7 @@
 //!
 //! The base before a reply names the `WRITE_DATA` that the request was.
 
-use super::{BaseRequest, Encode, Reader, SubmessageId, WireError, Writer};
+use super::{BaseRequest, Encode, SubmessageId, Writer};
 
 /// Who has sent a request and which one it is (`SampleIdentity` of DDS-RPC): a GUID of 16 bytes and
 /// a number of 8. A replier sends it back as it came.
@@ -27,9 +27,8 @@ impl BaseRequest {
     /// Splits what a requester receives into the request that is answered and the reply.
     #[must_use]
     pub fn split(payload: &[u8]) -> Option<(BaseRequest, &[u8])> {
-        let mut r = Reader::new(payload, true);
-        let base = BaseRequest::decode(&mut r).ok()?;
-        Some((base, r.rest()))
+        let (&bytes, rest) = payload.split_first_chunk()?;
+        Some((BaseRequest::from_bytes(bytes), rest))
     }
 }
 
@@ -49,9 +48,9 @@ impl Encode for WriteReply<'_> {
         SubmessageId::WriteData
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        self.base.encode(w)?;
-        w.put(&self.identity.0)?;
-        w.put(self.payload)
+    fn write(&self, w: &mut Writer<'_>) {
+        self.base.write(w);
+        w.put(&self.identity.0);
+        w.put(self.payload);
     }
 }

@@ -32,9 +32,9 @@ impl WireTime {
         }
     }
 
-    fn encode(self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        w.u32(self.seconds.cast_unsigned())?;
-        w.u32(self.nanoseconds)
+    fn write(self, w: &mut Writer<'_>) {
+        w.u32(self.seconds.cast_unsigned());
+        w.u32(self.nanoseconds);
     }
 
     fn decode(r: &mut Reader<'_>) -> Result<Self, WireError> {
@@ -57,8 +57,8 @@ impl Encode for Timestamp {
         SubmessageId::Timestamp
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        self.transmit.encode(w)
+    fn write(&self, w: &mut Writer<'_>) {
+        self.transmit.write(w);
     }
 }
 
@@ -108,10 +108,10 @@ impl Encode for TimestampReply {
         SubmessageId::TimestampReply
     }
 
-    fn encode(&self, w: &mut Writer<'_>) -> Result<(), WireError> {
-        self.transmit.encode(w)?;
-        self.receive.encode(w)?;
-        self.originate.encode(w)
+    fn write(&self, w: &mut Writer<'_>) {
+        self.transmit.write(w);
+        self.receive.write(w);
+        self.originate.write(w);
     }
 }
 

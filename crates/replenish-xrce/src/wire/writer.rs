@@ -7,6 +7,8 @@
 use super::{WireError, padding};
 
 /// Writes little-endian CDR; alignment counts from where it was made (or from [`Writer::nested`]).
+///
+/// What goes wrong is kept until [`Writer::check`] is asked; nothing is written after that.
 #[derive(Debug)]
 pub struct Writer<'a> {
     window: &'a mut [u8],
@@ -14,40 +16,34 @@ pub struct Writer<'a> {
     pos: usize,
     origin: usize,
     strict: bool,
+    error: Option<WireError>,
 }
 
 impl<'a> Writer<'a> {
     /// Writes to `buf`; more than fits is an error.
     pub const fn new(buf: &'a mut [u8]) -> Self {
-        Writer {
-            window: buf,
-            start: 0,
-            pos: 0,
-            origin: 0,
-            strict: true,
-        }
+        Self::make(buf, 0, true)
     }
 
     /// Keeps only the bytes from position `start` on that fit into `buf`; the rest is counted.
     pub const fn window(buf: &'a mut [u8], start: usize) -> Self {
-        Writer {
-            window: buf,
-            start,
-            pos: 0,
-            origin: 0,
-            strict: false,
-        }
+        Self::make(buf, start, false)
     }
 
     /// Counts only.
     #[must_use]
     pub const fn measuring() -> Writer<'static> {
+        Writer::make(&mut [], 0, false)
+    }
+
+    const fn make(window: &'a mut [u8], start: usize, strict: bool) -> Self {
         Writer {
-            window: &mut [],
-            start: 0,
+            window,
+            start,
             pos: 0,
             origin: 0,
-            strict: false,
+            strict,
+            error: None,
         }
     }
 
@@ -63,147 +59,149 @@ impl<'a> Writer<'a> {
         self.pos == 0
     }
 
-    /// Appends `bytes` as they are.
+    /// Whether everything was written.
     ///
     /// # Errors
-    /// [`WireError::NoRoom`].
-    pub fn put(&mut self, bytes: &[u8]) -> Result<(), WireError> {
+    /// What went wrong first: [`WireError::NoRoom`], [`WireError::TooLong`] or
+    /// [`WireError::BadString`].
+    pub const fn check(&self) -> Result<(), WireError> {
+        match self.error {
+            None => Ok(()),
+            Some(error) => Err(error),
+        }
+    }
+
+    const fn fail(&mut self, error: WireError) {
+        if self.error.is_none() {
+            self.error = Some(error);
+        }
+    }
+
+    /// Appends `bytes` as they are.
+    #[cfg_attr(not(feature = "std"), inline(never))]
+    pub fn put(&mut self, bytes: &[u8]) {
         let end = self.pos.saturating_add(bytes.len());
         if self.strict && end > self.window.len() {
             let left = self.window.len().saturating_sub(self.pos);
-            return Err(WireError::NoRoom {
+            self.fail(WireError::NoRoom {
                 needed: bytes.len(),
                 left,
             });
         }
-        // The part of `bytes` inside the window, which starts `skip` bytes in.
-        let skip = self.start.saturating_sub(self.pos).min(bytes.len());
-        let to = self.pos.saturating_add(skip).saturating_sub(self.start);
-        let room = self.window.len().saturating_sub(to);
-        let take = bytes.len().saturating_sub(skip).min(room);
-        let src = bytes.get(skip..skip.saturating_add(take));
-        let dst = self.window.get_mut(to..to.saturating_add(take));
-        if let (Some(src), Some(dst)) = (src, dst) {
+        if self.error.is_none() {
+            self.show(self.pos, bytes);
+            self.pos = end;
+        }
+    }
+
+    /// Copies what of `bytes`, at position `at`, is inside of the window.
+    fn show(&mut self, at: usize, bytes: &[u8]) {
+        // The part of `bytes` inside the window starts `skip` bytes in.
+        let skip = self.start.saturating_sub(at).min(bytes.len());
+        let to = at.saturating_add(skip).saturating_sub(self.start);
+        let src = bytes.get(skip..).unwrap_or(&[]);
+        let dst = self.window.get_mut(to..).unwrap_or(&mut []);
+        let take = src.len().min(dst.len());
+        if let (Some(src), Some(dst)) = (src.get(..take), dst.get_mut(..take)) {
             dst.copy_from_slice(src);
         }
-        self.pos = end;
-        Ok(())
     }
 
     /// Zeros up to the next multiple of `to` (a power of two, at most 8).
-    ///
-    /// # Errors
-    /// [`WireError::NoRoom`].
-    pub fn align(&mut self, to: usize) -> Result<(), WireError> {
+    pub fn align(&mut self, to: usize) {
         let pad = padding(self.pos.wrapping_sub(self.origin), to);
-        self.put([0; 8].get(..pad).unwrap_or(&[0; 8]))
+        self.put([0; 8].get(..pad).unwrap_or(&[0; 8]));
     }
 
     /// One byte.
-    ///
-    /// # Errors
-    /// [`WireError::NoRoom`].
-    pub fn u8(&mut self, value: u8) -> Result<(), WireError> {
-        self.put(&[value])
+    pub fn u8(&mut self, value: u8) {
+        self.put(&[value]);
     }
 
     /// A boolean as 0 or 1.
-    ///
-    /// # Errors
-    /// [`WireError::NoRoom`].
-    pub fn bool(&mut self, value: bool) -> Result<(), WireError> {
-        self.u8(u8::from(value))
+    pub fn bool(&mut self, value: bool) {
+        self.u8(u8::from(value));
     }
 
     /// An aligned 16-bit number.
-    ///
-    /// # Errors
-    /// [`WireError::NoRoom`].
-    pub fn u16(&mut self, value: u16) -> Result<(), WireError> {
-        self.align(2)?;
-        self.put(&value.to_le_bytes())
+    pub fn u16(&mut self, value: u16) {
+        self.align(2);
+        self.put(&value.to_le_bytes());
     }
 
     /// An aligned signed 16-bit number.
-    ///
-    /// # Errors
-    /// [`WireError::NoRoom`].
-    pub fn i16(&mut self, value: i16) -> Result<(), WireError> {
-        self.u16(value.cast_unsigned())
+    pub fn i16(&mut self, value: i16) {
+        self.u16(value.cast_unsigned());
     }
 
     /// An aligned 32-bit number.
-    ///
-    /// # Errors
-    /// [`WireError::NoRoom`].
-    pub fn u32(&mut self, value: u32) -> Result<(), WireError> {
-        self.align(4)?;
-        self.put(&value.to_le_bytes())
+    pub fn u32(&mut self, value: u32) {
+        self.align(4);
+        self.put(&value.to_le_bytes());
     }
 
     /// A length-prefixed run of bytes.
-    ///
-    /// # Errors
-    /// [`WireError::NoRoom`], [`WireError::TooLong`].
-    pub fn bytes(&mut self, value: &[u8]) -> Result<(), WireError> {
-        self.length(value.len())?;
-        self.put(value)
+    pub fn bytes(&mut self, value: &[u8]) {
+        self.length(value.len());
+        self.put(value);
     }
 
-    /// A string with its terminating NUL.
-    ///
-    /// # Errors
-    /// [`WireError::NoRoom`], [`WireError::TooLong`], [`WireError::BadString`] for a NUL inside.
-    pub fn string(&mut self, value: &str) -> Result<(), WireError> {
-        if value.as_bytes().contains(&0) {
-            return Err(WireError::BadString);
+    /// A string with its terminating NUL; one inside is a [`WireError::BadString`].
+    pub fn string(&mut self, value: &str) {
+        if value.bytes().any(|byte| byte == 0) {
+            self.fail(WireError::BadString);
         }
-        self.length(value.len().saturating_add(1))?;
-        self.put(value.as_bytes())?;
-        self.u8(0)
+        self.length(value.len().saturating_add(1));
+        self.put(value.as_bytes());
+        self.u8(0);
     }
 
     /// A boolean that says whether there is a value, and then the value as `write` writes it.
-    ///
-    /// # Errors
-    /// [`WireError::NoRoom`] and those of `write`.
-    pub fn option<T>(
-        &mut self,
-        value: Option<T>,
-        write: impl FnOnce(&mut Self, T) -> Result<(), WireError>,
-    ) -> Result<(), WireError> {
-        self.bool(value.is_some())?;
-        value.map_or(Ok(()), |value| write(self, value))
+    pub fn option<T>(&mut self, value: Option<T>, write: impl FnOnce(&mut Self, T)) {
+        self.bool(value.is_some());
+        if let Some(value) = value {
+            write(self, value);
+        }
     }
 
-    /// A length-prefixed run that is CDR itself, with its own alignment origin. `write` is called
-    /// twice, first to measure.
-    ///
-    /// # Errors
-    /// [`WireError::NoRoom`], [`WireError::TooLong`] and those of `write`.
-    pub fn nested(
-        &mut self,
-        write: &dyn Fn(&mut Writer<'_>) -> Result<(), WireError>,
-    ) -> Result<(), WireError> {
-        let mut measure = Writer::measuring();
-        write(&mut measure)?;
-        self.length(measure.len())?;
-        self.body(|w| write(w))
+    /// A length-prefixed run that is CDR itself, with its own alignment origin.
+    pub fn nested(&mut self, write: impl FnOnce(&mut Self)) {
+        let outer = self.open();
+        write(self);
+        self.close(outer);
+    }
+
+    /// Begins what is nested, with a length to be filled in; gives the origin outside of it.
+    fn open(&mut self) -> usize {
+        self.u32(0);
+        core::mem::replace(&mut self.origin, self.pos)
+    }
+
+    /// Ends what is nested: its length is known.
+    fn close(&mut self, outer: usize) {
+        let start = core::mem::replace(&mut self.origin, outer);
+        let len = self.pos.saturating_sub(start);
+        match u32::try_from(len) {
+            Ok(len) if self.error.is_none() => {
+                self.show(start.saturating_sub(4), &len.to_le_bytes());
+            }
+            Ok(_) => {}
+            Err(_) => self.fail(WireError::TooLong { len }),
+        }
     }
 
     /// A body with its own alignment origin.
-    pub(super) fn body(
-        &mut self,
-        write: impl FnOnce(&mut Self) -> Result<(), WireError>,
-    ) -> Result<(), WireError> {
+    pub(super) fn body(&mut self, write: impl FnOnce(&mut Self)) {
         let outer = core::mem::replace(&mut self.origin, self.pos);
-        let result = write(self);
+        write(self);
         self.origin = outer;
-        result
     }
 
-    fn length(&mut self, len: usize) -> Result<(), WireError> {
-        self.u32(u32::try_from(len).map_err(|_| WireError::TooLong { len })?)
+    fn length(&mut self, len: usize) {
+        match u32::try_from(len) {
+            Ok(len) => self.u32(len),
+            Err(_) => self.fail(WireError::TooLong { len }),
+        }
     }
 }
 
@@ -213,13 +211,14 @@ mod tests {
     use super::*;
 
     fn sample(w: &mut Writer<'_>) -> Result<(), WireError> {
-        w.u8(1)?;
-        w.u32(0x0403_0201)?;
-        w.string("abc")?;
-        w.nested(&|w| {
-            w.u8(9)?;
-            w.u16(0x0b0a)
-        })
+        w.u8(1);
+        w.u32(0x0403_0201);
+        w.string("abc");
+        w.nested(|w| {
+            w.u8(9);
+            w.u16(0x0b0a);
+        });
+        w.check()
     }
 
     #[test]

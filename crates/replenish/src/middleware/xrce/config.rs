@@ -1,11 +1,13 @@
 //! Settings of the XRCE adapter, and what can go wrong when it connects.
 
+use super::endpoints::OVERHEAD;
 use super::limits::{JOURNAL, WINDOW};
 use crate::Nanos;
 use crate::platform::io;
 use crate::text::{Label, Words, said};
 use core::fmt;
 use replenish_xrce::client::PingPolicy;
+use replenish_xrce::features::FRAGMENTS;
 use replenish_xrce::stream::{AckPolicy, Reliability};
 use replenish_xrce::wire::Status;
 
@@ -16,10 +18,11 @@ pub struct XrceConfig {
     /// The longest datagram in bytes, both ways, 64..=65507. Best-effort samples must fit one, with
     /// 12 bytes to spare; reliable ones are cut into pieces. micro-ROS has 512.
     pub mtu: u16,
-    /// Reliable datagrams that are kept until they are acknowledged, 1..=64.
+    /// Reliable datagrams that are kept until they are acknowledged, 1..=64; without `std` up to 4.
     pub window: u16,
     /// The largest sample that can be sent and received on a reliable topic, in bytes, up to 65528.
-    /// What the window can hold besides can be sent, too.
+    /// What the window can hold besides can be sent, too. Without the feature `fragments` (which `std`
+    /// brings) it is `mtu` - 12 at most.
     pub max_sample: usize,
     /// Bytes for the descriptions of what was created, from which it is created anew at the next
     /// log-in, 64 or more: about 120 for a publisher and 150 for a subscription with short names.
@@ -120,6 +123,9 @@ impl XrceConfig {
         }
         if !(1..=65_528).contains(&self.max_sample) {
             return setting("max_sample", "from 1 to 65528 bytes");
+        }
+        if !FRAGMENTS && self.max_sample > usize::from(self.mtu).saturating_sub(OVERHEAD) {
+            return setting("max_sample", "at most mtu - 12 without feature `fragments`");
         }
         if self.journal < 64 {
             return setting("journal", "64 bytes or more");

@@ -364,6 +364,9 @@ pub(super) fn request_error(error: &RequestError) -> MiddlewareError {
             MiddlewareError::TooLarge { size, limit }
         }
         RequestError::Down => MiddlewareError::LinkDown,
+        RequestError::Unsupported => {
+            MiddlewareError::Unsupported(said("a question to the agent without feature `queries`"))
+        }
         _ => MiddlewareError::Unsupported(said("a name with a NUL inside")),
     }
 }

@@ -1,5 +1,7 @@
 //! How much a session keeps: what a computer can spare, and what a microcontroller can.
 
+use replenish_xrce::features::DELIVERY;
+
 /// What a limit is with the standard library, and what without.
 const fn limit(std: usize, bare: usize) -> usize {
     if cfg!(feature = "std") { std } else { bare }
@@ -17,7 +19,7 @@ pub(super) const STREAMS: usize = limit(2, 1);
 pub(super) const fn reorder(window: usize) -> usize {
     limit(16, window)
 }
-/// Messages of requests on their way after a new log-in.
-pub(super) const RESTORE: usize = limit(16, 1);
+/// Messages of requests on their way after a new log-in, where samples are kept for it.
+pub(super) const RESTORE: usize = if DELIVERY { limit(16, 1) } else { 0 };
 /// Bytes of journal: what `REQUESTS` descriptions with names of usual length need.
 pub(super) const JOURNAL: usize = limit(512 * 1024, 1024);

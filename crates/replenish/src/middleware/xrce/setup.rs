@@ -1,6 +1,6 @@
 //! Connecting, and creating readers and writers: the only code here that waits for the agent.
 
-use super::endpoints::OVERHEAD;
+use super::endpoints::{OVERHEAD, request_error};
 use super::limits::{RESTORE, STREAMS, reorder};
 use super::state::{Round, State, stream};
 use super::waiting::Waiting;
@@ -140,14 +140,15 @@ impl Xrce {
     ///
     /// # Errors
     /// [`MiddlewareError::LinkDown`]; [`MiddlewareError::NoAnswer`] after
-    /// [`XrceConfig::request_timeout`].
+    /// [`XrceConfig::request_timeout`]; [`MiddlewareError::Unsupported`] in builds without the feature
+    /// `queries`, which `std` brings.
     pub fn agent_clock_offset(&self) -> Result<i64, MiddlewareError> {
         let sent = {
             let mut state = self.state.lock();
             state.ends.agent_time = None;
             state.session.request_time(wall_clock())
         };
-        sent.map_err(|_| MiddlewareError::LinkDown)?;
+        sent.map_err(|error| request_error(&error))?;
         let deadline = clock::monotonic().saturating_add(self.settings.request_timeout);
         let what = said("the time");
         let mut ahead = None;
