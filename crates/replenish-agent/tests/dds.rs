@@ -15,8 +15,8 @@ mod bridged;
 
 use bridged::{agent, dds_program, domain, service_client, topic_client};
 use replenish_agent::RunningAgent;
-use replenish_agent::dds::{EndpointKind, Outgoing, Qos, RequestId, Topic};
-use replenish_xrce::wire::{ObjectKind, StreamId};
+use replenish_agent::dds::{Durability, EndpointKind, Outgoing, Qos, RequestId, Topic};
+use replenish_xrce::wire::{Notice, ObjectId, ObjectKind, StreamId};
 use std::time::{Duration, Instant};
 
 const TYPE: &str = "std_msgs::msg::dds_::Int32_";
@@ -94,6 +94,51 @@ fn samples_cross_in_both_directions_and_do_not_come_back() {
         ros.matched(said, 0);
         agent.stop().unwrap();
     }
+}
+
+/// What does not fit together is told to the client, whichever end its own is: the agent knows it from
+/// DDS. Told once, although the others' discovery repeats itself.
+#[test]
+fn clients_are_told_of_clashes_with_endpoints_in_dds() {
+    let domain = domain();
+    let agent = agent(domain);
+    let weak = Qos {
+        reliable: false,
+        ..Qos::default()
+    };
+    let latched = Qos {
+        durability: Durability::TransientLocal,
+        ..Qos::default()
+    };
+    let mut ros = dds_program(domain);
+    ros.writer(&topic("rt/down"), weak);
+    ros.reader(&topic("rt/up"), latched);
+    let mut strong = topic_client(&agent, 1, "rt/none", "rt/down", StreamId::RELIABLE);
+    strong.until(|client| !client.clashes.is_empty());
+    let mut best_effort = topic_client(&agent, 2, "rt/up", "rt/none", StreamId::BEST_EFFORT);
+    best_effort.until(|client| !client.clashes.is_empty());
+    // Others come: with nothing new to tell, and with a policy that fitted until now.
+    ros.writer(&topic("rt/down"), weak);
+    let impatient = Qos {
+        deadline: Some(1_000_000),
+        ..Qos::default()
+    };
+    ros.reader(&topic("rt/up"), impatient);
+    best_effort.until(|client| client.clashes.len() > 1);
+    strong.idle(Duration::from_millis(300));
+    let kinds = |found: &[(ObjectId, u8)]| -> Vec<_> {
+        let kinds = found
+            .iter()
+            .map(|(object, policies)| (object.kind().ok(), *policies));
+        kinds.collect()
+    };
+    let reader = Some(ObjectKind::DataReader);
+    assert_eq!(kinds(&strong.clashes), [(reader, Notice::RELIABILITY)]);
+    let writer = Some(ObjectKind::DataWriter);
+    let both = Notice::RELIABILITY | Notice::DURABILITY;
+    let all = both | Notice::DEADLINE;
+    assert_eq!(kinds(&best_effort.clashes), [(writer, both), (writer, all)]);
+    agent.stop().unwrap();
 }
 
 #[test]

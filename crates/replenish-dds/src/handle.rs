@@ -3,6 +3,7 @@
 use crate::config::{DdsConfig, Interfaces};
 use crate::endpoint::{Endpoint, Id, Incoming, Node, Outgoing};
 use crate::error::{DdsError, OpenError};
+use crate::qos::Mismatch;
 use crate::report::DdsReport;
 use crate::state::{State, What};
 use crate::thread::{Engine, WAKE};
@@ -109,6 +110,12 @@ impl Dds {
     /// until there is none, after each wake-up.
     pub fn take_served(&self) -> Option<(Id, bool)> {
         self.common.state.lock().take_served()
+    }
+
+    /// The next endpoint that does not talk with others because of its quality of service, and all
+    /// policies known so far. To be called until there is none, after each wake-up.
+    pub fn take_mismatch(&self) -> Option<(Id, Mismatch)> {
+        self.common.state.lock().take_mismatch()
     }
 
     /// What it is doing.

@@ -63,7 +63,7 @@ pub use config::{DdsConfig, DdsLimits, GidSize, Interfaces, MAX_DOMAIN, ServiceM
 pub use endpoint::{Endpoint, EndpointKind, Id, Incoming, Node, Outgoing, RequestId, Topic};
 pub use error::{ConfigError, DdsError, OpenError};
 pub use handle::Dds;
-pub use qos::{Durability, History, Qos};
+pub use qos::{Durability, History, Mismatch, Qos};
 pub use report::{DdsReport, EndpointReport, EndpointState};
 
 /// Nanoseconds.

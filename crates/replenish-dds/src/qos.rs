@@ -55,6 +55,43 @@ pub struct Qos {
     pub lifespan: Option<Nanos>,
 }
 
+/// The policies of which a writer offers less than a reader asks for; of others nothing is known here.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Mismatch {
+    /// Best effort is offered, reliable is asked for.
+    pub reliability: bool,
+    /// Volatile is offered, transient local is asked for.
+    pub durability: bool,
+    /// A longer deadline, or none, is offered than asked for.
+    pub deadline: bool,
+}
+
+impl Mismatch {
+    /// What does not fit. What is left out in discovery has its default, as DDS says (1.4, 2.2.3).
+    pub(crate) fn between(offered: &QosPolicies, asked: &QosPolicies) -> Self {
+        let best_effort = Some(policy::Reliability::BestEffort);
+        let durability = |qos: &QosPolicies| qos.durability().unwrap_or(DdsDurability::Volatile);
+        let deadline = |qos: &QosPolicies| qos.deadline().map_or(Duration::INFINITE, |d| d.0);
+        Self {
+            reliability: offered.reliability() == best_effort
+                && asked
+                    .reliability()
+                    .is_some_and(|asked| Some(asked) != best_effort),
+            durability: durability(offered) < durability(asked),
+            deadline: deadline(offered) > deadline(asked),
+        }
+    }
+
+    /// Both together.
+    pub(crate) fn and(self, other: Self) -> Self {
+        Self {
+            reliability: self.reliability || other.reliability,
+            durability: self.durability || other.durability,
+            deadline: self.deadline || other.deadline,
+        }
+    }
+}
+
 impl Default for Qos {
     /// ROS 2's default: reliable, volatile, the last ten.
     fn default() -> Self {

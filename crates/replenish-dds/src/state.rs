@@ -13,6 +13,7 @@
 use crate::config::{DdsLimits, MAX_DOMAIN};
 use crate::endpoint::{Endpoint, Id, Incoming, Node, Outgoing};
 use crate::error::OpenError;
+use crate::qos::Mismatch;
 use crate::queues::{Queues, Weight};
 use crate::report::{DdsReport, EndpointReport, EndpointState};
 use std::collections::{HashMap, VecDeque};
@@ -65,6 +66,8 @@ pub(crate) struct Counts {
     pub(crate) missed: u64,
     pub(crate) calls_lost: u64,
     pub(crate) mismatched: u64,
+    /// Of which policies.
+    pub(crate) mismatch: Mismatch,
 }
 
 #[derive(Debug)]
@@ -101,6 +104,8 @@ pub(crate) struct State {
     pub(crate) incoming: Queues<Incoming>,
     /// Endpoints that are served now, or are not any more; the program is to be told.
     changed: VecDeque<Id>,
+    /// Endpoints of which more policies do not fit than before; the program is to be told.
+    mismatched: VecDeque<Id>,
 }
 
 impl State {
@@ -115,6 +120,7 @@ impl State {
             outgoing: Queues::new(limits.queue, limits.queued_bytes),
             incoming: Queues::new(limits.queue, limits.queued_bytes),
             changed: VecDeque::new(),
+            mismatched: VecDeque::new(),
         }
     }
 
@@ -237,6 +243,16 @@ impl State {
         }
     }
 
+    /// The next endpoint that does not fit others in more policies than before; all of them.
+    pub(crate) fn take_mismatch(&mut self) -> Option<(Id, Mismatch)> {
+        loop {
+            let id = self.mismatched.pop_front()?;
+            if let Some(slot) = self.table.get(&id) {
+                return Some((id, slot.counts.mismatch));
+            }
+        }
+    }
+
     /// Adds what the thread has counted; whether there is news for the program.
     pub(crate) fn account(&mut self, id: Id, counts: Counts, live: (usize, bool)) -> bool {
         let Some(slot) = self.table.get_mut(&id) else {
@@ -244,7 +260,7 @@ impl State {
         };
         let (matched, served) = live;
         slot.matched = matched;
-        let news = std::mem::replace(&mut slot.served, served) != served;
+        let mut news = std::mem::replace(&mut slot.served, served) != served;
         if news && !self.changed.contains(&id) {
             self.changed.push_back(id);
         }
@@ -256,6 +272,13 @@ impl State {
         total.missed += counts.missed;
         total.calls_lost += counts.calls_lost;
         total.mismatched += counts.mismatched;
+        let mismatch = total.mismatch.and(counts.mismatch);
+        if std::mem::replace(&mut total.mismatch, mismatch) != mismatch {
+            news = true;
+            if !self.mismatched.contains(&id) {
+                self.mismatched.push_back(id);
+            }
+        }
         news
     }
 

@@ -12,6 +12,7 @@ use crate::endpoint::{Id, Node};
 use crate::graph::NodeInfo;
 use crate::handle::Common;
 use crate::live::{Live, Prepared};
+use crate::qos::Mismatch;
 use crate::state::{Counts, What};
 use rustdds::mio1::{Events, Interest, Poll, Token};
 use rustdds::{DomainParticipantStatusEvent as Status, GUID, RTPSEntity, StatusEvented};
@@ -233,14 +234,22 @@ impl Engine {
                             live.found(remote_writer, false);
                         }
                     }
-                    Status::RemoteReaderQosIncompatible { local_writer, .. } => {
-                        if let Some(live) = owner(&local_writer).and_then(|id| live.get_mut(&id)) {
-                            live.counts.mismatched += 1;
-                        }
+                    Status::RemoteReaderQosIncompatible {
+                        local_writer: mine,
+                        requested_qos: asked,
+                        offered_qos: offered,
+                        ..
                     }
-                    Status::RemoteWriterQosIncompatible { local_reader, .. } => {
-                        if let Some(live) = owner(&local_reader).and_then(|id| live.get_mut(&id)) {
+                    | Status::RemoteWriterQosIncompatible {
+                        local_reader: mine,
+                        requested_qos: asked,
+                        offered_qos: offered,
+                        ..
+                    } => {
+                        if let Some(live) = owner(&mine).and_then(|id| live.get_mut(&id)) {
+                            let mismatch = Mismatch::between(&offered, &asked);
                             live.counts.mismatched += 1;
+                            live.counts.mismatch = live.counts.mismatch.and(mismatch);
                         }
                     }
                     Status::ReaderLost { guid, .. } | Status::WriterLost { guid, .. } => {

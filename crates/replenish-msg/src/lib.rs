@@ -102,6 +102,12 @@ pub trait Message: Default + Send + 'static {
     /// Any [`CdrError`] when the bytes are not such a message. The value is then valid but
     /// unspecified: a mix of old and new fields.
     fn decode(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError>;
+
+    /// Makes room for messages of up to so many bytes, at set-up: for types that keep the bytes
+    /// themselves. Others have nothing to do.
+    fn reserve(&mut self, bytes: usize) {
+        let _ = bytes;
+    }
 }
 
 /// A ROS 2 service: a request and its response.

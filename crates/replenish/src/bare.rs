@@ -5,7 +5,7 @@ use crate::context::Node;
 use crate::error::Error;
 #[cfg(feature = "live")]
 use crate::executor::Added;
-use crate::executor::{CallbackContext, Responder, WorkerBuilder};
+use crate::executor::{CallbackContext, Responder, Topic, WorkerBuilder, sized};
 use crate::middleware::PublishError;
 use crate::qos::Qos;
 use alloc::boxed::Box;
@@ -13,7 +13,8 @@ use core::fmt;
 use core::marker::PhantomData;
 use replenish_msg::{CdrError, CdrReader, CdrWriter, DecodeError, Message, Service};
 
-/// The bytes of a `T`, at most [`MAX_SIZE`](Message::MAX_SIZE) of them and padding.
+/// The bytes of a `T`: [`MAX_SIZE`](Message::MAX_SIZE) of them, which counts the padding, or as many as
+/// were asked for.
 pub(crate) struct Body<T> {
     bytes: Box<[u8]>,
     len: usize,
@@ -23,7 +24,7 @@ pub(crate) struct Body<T> {
 impl<T: Message> Default for Body<T> {
     fn default() -> Self {
         Self {
-            bytes: alloc::vec![0; Self::MAX_SIZE].into(),
+            bytes: Box::default(),
             len: 0,
             message: PhantomData,
         }
@@ -31,6 +32,15 @@ impl<T: Message> Default for Body<T> {
 }
 
 impl<T> Body<T> {
+    /// Room for so many bytes.
+    fn with_room(bytes: usize) -> Self {
+        Self {
+            bytes: alloc::vec![0; bytes].into(),
+            len: 0,
+            message: PhantomData,
+        }
+    }
+
     pub(crate) fn payload(&self) -> &[u8] {
         self.bytes.get(..self.len).unwrap_or_default()
     }
@@ -52,7 +62,12 @@ impl<T: Message> Message for Body<T> {
     const TYPE_NAME: &'static str = T::TYPE_NAME;
     const DDS_TYPE_NAME: &'static str = T::DDS_TYPE_NAME;
     const MAX_SIZE: usize = T::MAX_SIZE + 3; // RTPS pads to multiples of four
+    const BOUNDED: bool = T::BOUNDED;
     const TYPE_HASH: Option<&'static str> = T::TYPE_HASH;
+
+    fn reserve(&mut self, bytes: usize) {
+        *self = Self::with_room(bytes);
+    }
 
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         w.bytes(self.payload())
@@ -84,6 +99,10 @@ impl<S: Service> Service for Bare<S> {
 pub(crate) enum Unanswered {
     Request(DecodeError),
     Response(CdrError),
+    /// It takes more than so many bytes.
+    TooLong {
+        limit: usize,
+    },
     Reply(PublishError),
 }
 
@@ -103,7 +122,10 @@ impl fmt::Display for Unanswered {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Request(e) => write!(f, "not such a request: {e}"),
-            Self::Response(e) => write!(f, "the response does not fit: {e}"),
+            Self::Response(e) => write!(f, "the response cannot be encoded: {e}"),
+            Self::TooLong { limit } => {
+                write!(f, "the response takes more than message_bytes: {limit}")
+            }
             Self::Reply(e) => write!(f, "the response was not sent: {e}"),
         }
     }
@@ -116,21 +138,27 @@ pub(crate) trait Serves: Sized {
     fn serve_bytes<S: Service>(
         self,
         node: &Node,
-        name: &str,
+        name: Topic<'_>,
         answer: impl FnMut(&[u8], &mut CdrWriter<'_>) -> Result<(), Unanswered> + Send + 'static,
     ) -> Result<Self, Error>;
 }
 
 /// Answers requests, with a response that is there before.
 fn answers<S: Service, A>(
+    name: Topic<'_>,
     mut answer: A,
 ) -> impl FnMut(&[u8], Responder<Bare<S>>) -> Answered + Send + 'static
 where
     A: FnMut(&[u8], &mut CdrWriter<'_>) -> Result<(), Unanswered> + Send + 'static,
 {
-    let mut response = Body::<S::Response>::default();
+    let limit = sized::<Body<S::Response>>(name.max_size);
+    let mut response = Body::<S::Response>::with_room(limit);
     move |request, to| {
-        response.fill(|w| answer(request, w))?;
+        let filled = response.fill(|w| answer(request, w));
+        filled.map_err(|e| match e {
+            Unanswered::Response(CdrError::EndOfBuffer { .. }) => Unanswered::TooLong { limit },
+            other => other,
+        })?;
         to.reply(&response).map_err(Unanswered::Reply)
     }
 }
@@ -141,10 +169,10 @@ impl Serves for WorkerBuilder<'_> {
     fn serve_bytes<S: Service>(
         self,
         node: &Node,
-        name: &str,
+        name: Topic<'_>,
         answer: impl FnMut(&[u8], &mut CdrWriter<'_>) -> Result<(), Unanswered> + Send + 'static,
     ) -> Result<Self, Error> {
-        let mut answer = answers::<S, _>(answer);
+        let mut answer = answers::<S, _>(name, answer);
         let called =
             move |request: &Body<S::Request>, to: Responder<Bare<S>>, _: &CallbackContext<'_>| {
                 answer(request.payload(), to)
@@ -158,10 +186,10 @@ impl Serves for Added<'_> {
     fn serve_bytes<S: Service>(
         mut self,
         node: &Node,
-        name: &str,
+        name: Topic<'_>,
         answer: impl FnMut(&[u8], &mut CdrWriter<'_>) -> Result<(), Unanswered> + Send + 'static,
     ) -> Result<Self, Error> {
-        let mut answer = answers::<S, _>(answer);
+        let mut answer = answers::<S, _>(name, answer);
         let called =
             move |request: &Body<S::Request>, to: Responder<Bare<S>>, _: &CallbackContext<'_>| {
                 answer(request.payload(), to)

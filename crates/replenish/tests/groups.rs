@@ -197,39 +197,75 @@ fn who_waits_for_his_own_group_is_told_with_both_names() {
     assert!(hooked.load(Ordering::SeqCst) >= 1);
 }
 
-/// A callback that removes a handle of its own group does not wait for it: that one may wait for the
-/// group.
+/// A callback of a group removes a handle of another worker: one of the group, or one that is in none.
+/// Either way that worker may wait for the group, so nobody waits for it; in both cases it goes on.
 #[test]
-fn removing_a_handle_of_ones_own_group_is_no_deadlock() {
-    let _dog = watchdog("group removal", LIMIT);
+fn removing_a_handle_from_a_callback_of_a_group_is_no_deadlock() {
+    for id in ["other/guard:0", "other/timer:1"] {
+        let _dog = watchdog("group removal", LIMIT);
+        let ctx = Context::in_process();
+        let (mut exec, _) = executor(&ctx);
+        let group = Group::new("g");
+        let guard = GuardCondition::new();
+        let wake = guard.clone();
+        exec.worker("other")
+            .guard(&guard, |_| ())
+            .unwrap()
+            .with(Handling::new().group(&group))
+            .timer(MS, |_| ())
+            .unwrap()
+            .timer(LIMIT, |_| ())
+            .unwrap();
+        let removed = Arc::new(AtomicU64::new(0));
+        let count = Arc::clone(&removed);
+        exec.worker("w")
+            .timer(replenish::Every::once(MS), move |cx| {
+                wake.trigger(); // its callback waits for the group from now on
+                std::thread::sleep(5 * MS);
+                let change = cx.executor().unwrap();
+                // Of the groups that callbacks are in, its own is known also without its own handle.
+                change.remove(cx.id(), Removal::Wait(LIMIT)).unwrap();
+                let gone = change.remove(id, Removal::Wait(LIMIT));
+                count.store(u64::from(gone.is_ok()), Ordering::SeqCst);
+            })
+            .unwrap()
+            .with(Handling::new().group(&group));
+        let running = exec.start().unwrap();
+        assert!(eventually(|| removed.load(Ordering::SeqCst) == 1), "{id}");
+        let before = running.stats("other/timer:0").unwrap().executed;
+        let goes_on = || running.stats("other/timer:0").unwrap().executed > before + 5;
+        assert!(eventually(goes_on), "{id}");
+        assert!(running.stats(id).is_none());
+    }
+}
+
+/// Three workers whose callbacks remove a handle of the next one's at the same time: the last of them
+/// does not wait, so all of them end.
+#[test]
+fn removals_in_a_circle_are_no_deadlock() {
+    let _dog = watchdog("circle", LIMIT);
     let ctx = Context::in_process();
     let (mut exec, _) = executor(&ctx);
-    let group = Group::new("g");
-    let guard = GuardCondition::new();
-    let wake = guard.clone();
-    exec.worker("other")
-        .guard(&guard, |_| ())
-        .unwrap()
-        .with(Handling::new().group(&group))
-        .timer(MS, |_| ())
-        .unwrap();
+    let all_in = Arc::new(std::sync::Barrier::new(3));
     let removed = Arc::new(AtomicU64::new(0));
-    let count = Arc::clone(&removed);
-    exec.worker("w")
-        .timer(replenish::Every::once(MS), move |cx| {
-            wake.trigger(); // its callback waits for the group from now on
-            std::thread::sleep(5 * MS);
-            let change = cx.executor().unwrap();
-            let gone = change.remove("other/guard:0", Removal::Wait(LIMIT));
-            count.store(u64::from(gone.is_ok()), Ordering::SeqCst);
-        })
-        .unwrap()
-        .with(Handling::new().group(&group));
+    for (name, next) in [("a", "b"), ("b", "c"), ("c", "a")] {
+        let (all_in, count) = (Arc::clone(&all_in), Arc::clone(&removed));
+        exec.worker(name)
+            .timer(LIMIT, |_| ())
+            .unwrap()
+            .timer(replenish::Every::once(MS), move |cx| {
+                all_in.wait();
+                let change = cx.executor().unwrap();
+                let gone = change.remove(&format!("{next}/timer:0"), Removal::Wait(LIMIT));
+                count.fetch_add(u64::from(gone.is_ok()), Ordering::SeqCst);
+            })
+            .unwrap();
+    }
     let running = exec.start().unwrap();
-    assert!(eventually(|| removed.load(Ordering::SeqCst) == 1));
-    let before = running.stats("other/timer:0").unwrap().executed;
-    let goes_on = || running.stats("other/timer:0").unwrap().executed > before + 5;
-    assert!(eventually(goes_on));
+    assert!(eventually(|| removed.load(Ordering::SeqCst) == 3));
+    for name in ["a", "b", "c"] {
+        assert!(running.stats(&format!("{name}/timer:0")).is_none());
+    }
 }
 
 /// A service that answers what it was asked.

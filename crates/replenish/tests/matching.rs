@@ -147,6 +147,36 @@ fn a_client_that_offers_too_little_is_told_and_has_no_server() {
     assert_eq!(strong.wait_for_server(LIMIT), Ok(true));
 }
 
+/// The other way round: a reliable client hears nothing from a server that answers with best effort,
+/// although that one hears the client. Both are told of it, and the client has no server.
+#[test]
+fn a_server_that_offers_too_little_is_told_and_its_replies_are_not_heard() {
+    let _dog = watchdog("server", LIMIT);
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let (mut exec, log) = executor(&ctx);
+    let client: Client<Square> = node.client("square", Qos::services(), 100 * MS).unwrap();
+    let (call, replies) = (client.clone(), Arc::new(AtomicU64::new(0)));
+    let count = Arc::clone(&replies);
+    exec.worker("w")
+        .serve::<Square, _>(&node, "square", Qos::best_effort(), |_, _, _| ())
+        .unwrap()
+        .replies(&client, move |reply, _| {
+            assert_eq!(reply.err(), Some(replenish::NoReply::TimedOut));
+            count.fetch_add(1, Ordering::SeqCst);
+        })
+        .unwrap();
+    let running = exec.start().unwrap();
+    let reliability = "reliability BestEffort is offered, Reliable requested";
+    for end in ["server /square:", "/n/cli:/square:"] {
+        assert!(eventually(|| told(&log, end, reliability)), "{end}");
+    }
+    assert_eq!(client.wait_for_server(MS), Ok(false));
+    call.call(&Int32 { data: 3 }).unwrap();
+    assert!(eventually(|| replies.load(Ordering::SeqCst) == 1));
+    assert_eq!(running.stats("/n/srv:/square").unwrap().executed, 1);
+}
+
 /// A server that is not there, comes, goes with its handle, comes again and goes with its client.
 fn servers_come_and_go(asking: &Context, serving: &Context) {
     let _dog = watchdog("servers", LIMIT);

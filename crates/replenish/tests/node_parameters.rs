@@ -14,7 +14,7 @@ use replenish::middleware::InProcessBus;
 use replenish::msg::Service;
 use replenish::{
     Context, Descriptor, Error, Executor, Node, ParameterError, ParameterErrorKind as Kind,
-    ParameterOptions, ParameterValue, Parameters, Qos, SpinEnd,
+    ParameterOptions, ParameterValue, Parameters, Qos, SpinEnd, Topic,
 };
 use replenish_interfaces::rcl_interfaces::msg::{
     Parameter, ParameterEvent, ParameterValue as Sent,
@@ -162,6 +162,11 @@ fn limits_are_errors_that_name_them_and_change_nothing() {
         (ParameterOptions::new().parameters(0), "parameters"),
         (ParameterOptions::new().name_bytes(256), "name_bytes"),
         (ParameterOptions::new().value_bytes(7), "value_bytes"),
+        (ParameterOptions::new().message_bytes(511), "message_bytes"),
+        (
+            ParameterOptions::new().message_bytes(65_529),
+            "message_bytes",
+        ),
     ] {
         let error = node.parameters(options).unwrap_err();
         assert!(matches!(error, Error::Parameter { field: f, .. } if f == field));
@@ -210,10 +215,24 @@ fn ask<S: Service>(bus: &InProcessBus, service: &str, request: &S::Request) -> S
 where
     S::Response: Clone,
 {
+    ask_of::<S>(bus, service, request, 16_000)
+}
+
+/// With messages of up to so many bytes.
+fn ask_of<S: Service>(
+    bus: &InProcessBus,
+    service: &str,
+    request: &S::Request,
+    size: usize,
+) -> S::Response
+where
+    S::Response: Clone,
+{
     let ctx = Context::new(bus.participant());
     let node = ctx.node("asker").unwrap();
     let name = format!("/robot/arm/{service}");
-    let client = node.client::<S>(&name, Qos::services(), LIMIT).unwrap();
+    let topic = Topic::named(&name).max_size(size);
+    let client = node.client::<S>(topic, Qos::services(), LIMIT).unwrap();
     assert!(client.wait_for_server(LIMIT).unwrap());
     let answer = Arc::new(Mutex::new(None));
     let to = Arc::clone(&answer);
@@ -229,6 +248,56 @@ where
     assert_eq!(local.spin_for(LIMIT).end, SpinEnd::Stopped);
     let answer = answer.lock().unwrap().take();
     answer.expect("a reply in time")
+}
+
+/// 200 names do not fit into 4100 bytes: whoever asks for all of them gets no answer, and the server's
+/// handle says why. With more room they are all there, also in a request as long.
+#[test]
+fn messages_beyond_the_limit_are_told_with_it_and_the_limit_can_be_raised() {
+    let _dog = watchdog("long lists", LIMIT * 2);
+    let many = ParameterOptions::new().parameters(200);
+    for (options, fits) in [(many, false), (many.message_bytes(30_000), true)] {
+        let bus = InProcessBus::new();
+        let node = node(&bus);
+        let p = node.parameters(options).unwrap();
+        let names: Vec<String> = (0..200)
+            .map(|n| format!("a.long.prefix.of.number.{n:03}"))
+            .collect();
+        for name in &names {
+            p.declare(name, 0.5, Descriptor::new()).unwrap();
+        }
+        let (mut exec, _) = executor(node.context());
+        exec.worker("parameters").parameters(&p).unwrap();
+        let running = exec.start().unwrap();
+        let failed = || {
+            let report = running.report();
+            let handle = report.handle("/robot/arm/srv:/robot/arm/list_parameters");
+            handle.unwrap().last_error.clone()
+        };
+        if !fits {
+            let ctx = Context::new(bus.participant());
+            let asker = ctx.node("asker").unwrap();
+            let name = "/robot/arm/list_parameters";
+            let client = asker
+                .client::<srv::ListParameters>(name, Qos::services(), LIMIT)
+                .unwrap();
+            let (mut exec, _) = executor(&ctx);
+            exec.worker("c").replies(&client, |_, _| ()).unwrap();
+            let _spins = exec.start().unwrap();
+            client.call(&srv::ListParametersRequest::default()).unwrap();
+            assert!(common::eventually(|| failed().is_some()));
+            let text = "the response takes more than message_bytes: 4100";
+            assert_eq!(failed().as_deref(), Some(text));
+            continue;
+        }
+        let all = srv::ListParametersRequest::default();
+        let got = ask::<srv::ListParameters>(&bus, "list_parameters", &all);
+        assert_eq!(got.result.names, names);
+        let request = srv::GetParametersRequest { names };
+        let got = ask_of::<srv::GetParameters>(&bus, "get_parameters", &request, 30_000);
+        assert_eq!(got.values.len(), 200);
+        assert_eq!(failed(), None);
+    }
 }
 
 fn named(names: &[&str]) -> Vec<String> {

@@ -79,6 +79,15 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
+    /// Beyond the bridge there is who would talk with an endpoint, were it not for these policies, as
+    /// [`Notice`]'s bits.
+    pub fn clash_beyond(&mut self, id: BridgeId, policies: u8) {
+        let address = self.bridge.as_ref().and_then(|bridge| bridge.address(id));
+        if let Some(address) = address.filter(|_| policies != 0) {
+            self.notice(address, Notice::Clash(policies));
+        }
+    }
+
     fn notice(&mut self, Address { client, object }: Address, notice: Notice) {
         if let Some(of) = self.clients.get_mut(client) {
             of.notice(object, notice, &self.limits);

@@ -6,10 +6,11 @@ use crate::bridge::{BridgeEvent, BridgeId, BridgeKind, BridgeQos, BridgeSample, 
 use crate::config::DdsBridge;
 use crate::snapshot::BridgeSnapshot;
 use replenish_dds::{
-    Dds, DdsError, Durability, Endpoint, EndpointKind, EndpointState, History, Node, OpenError,
-    Outgoing, Qos, RequestId, Topic,
+    Dds, DdsError, Durability, Endpoint, EndpointKind, EndpointState, History, Mismatch, Node,
+    OpenError, Outgoing, Qos, RequestId, Topic,
 };
 use replenish_os::WakeFd;
+use replenish_xrce::wire::Notice;
 use std::collections::BTreeMap;
 use std::hash::Hash;
 use std::sync::Arc;
@@ -35,6 +36,14 @@ pub(super) struct DdsPort {
 enum What {
     Node(Node),
     Endpoint(Endpoint),
+}
+
+/// As [`Notice`]'s bits.
+fn policies(mismatch: Mismatch) -> u8 {
+    let bit = |clashes: bool, bit: u8| if clashes { bit } else { 0 };
+    bit(mismatch.reliability, Notice::RELIABILITY)
+        | bit(mismatch.durability, Notice::DURABILITY)
+        | bit(mismatch.deadline, Notice::DEADLINE)
 }
 
 impl What {
@@ -98,6 +107,9 @@ impl DdsPort {
     pub(super) fn take<P: Copy + Eq + Hash>(&mut self, core: &mut AgentCore<P>, now: Now) {
         while let Some((id, served)) = self.dds.take_served() {
             core.served_beyond(id, served);
+        }
+        while let Some((id, mismatch)) = self.dds.take_mismatch() {
+            core.clash_beyond(id, policies(mismatch));
         }
         for _ in 0..BATCH {
             let Some((id, incoming)) = self.dds.take() else {

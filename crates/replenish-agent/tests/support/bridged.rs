@@ -67,6 +67,8 @@ pub(crate) struct Client {
     replies: Vec<(RequestId, Vec<u8>)>,
     /// A requester: its service has a server, as the agent says.
     pub(crate) served: bool,
+    /// Its endpoints that clash with others, and the policies.
+    pub(crate) clashes: Vec<(ObjectId, u8)>,
     kind: ObjectKind,
 }
 
@@ -194,6 +196,7 @@ impl Client {
             got: Vec::new(),
             replies: Vec::new(),
             served: false,
+            clashes: Vec::new(),
             kind,
         };
         let name = format!("mcu/node_{key}");
@@ -237,7 +240,7 @@ impl Client {
         let received = self.socket.recv(&mut buf);
         let now = self.now();
         let (got, replies) = (&mut self.got, &mut self.replies);
-        let is_served = &mut self.served;
+        let (is_served, clashes) = (&mut self.served, &mut self.clashes);
         let mut keep = |event: Event<'_>| match event {
             Event::Data { payload, .. } => got.push(payload.to_vec()),
             Event::Request {
@@ -250,6 +253,10 @@ impl Client {
                 notice: Notice::Served(served),
                 ..
             } => *is_served = served,
+            Event::Notice {
+                object,
+                notice: Notice::Clash(policies),
+            } => clashes.push((object, policies)),
             Event::Status { status, .. } => assert!(status.is_ok(), "{status}"),
             _ => {}
         };

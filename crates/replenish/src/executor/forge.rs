@@ -257,7 +257,12 @@ impl Forge<'_> {
             writer,
             buffer: Mutex::new(alloc::vec![0; spec.max_response].into()),
         };
-        let handle = Server::<S, F>::new(Arc::clone(&shared), inbox, line, callback);
+        let handle = Server::<S, F>::new(
+            Arc::clone(&shared),
+            (inbox, spec.max_request),
+            line,
+            callback,
+        );
         Ok(Entry::new(shared, Box::new(handle)))
     }
 

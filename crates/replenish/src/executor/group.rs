@@ -10,9 +10,9 @@
 //!
 //! - A handle is in one group at most, and callbacks do not nest, so nobody waits for a group while
 //!   he holds another. What needs two groups needs one group instead, for all handles of both.
-//! - Nothing of this crate waits in a callback for another callback of its group or worker: requests
-//!   are answered by a callback, now or later ([`Responder`](crate::Responder)), and so are goals; a
-//!   removal of a handle of the own worker or group does not wait for it.
+//! - Nothing of this crate waits in a callback for another callback: requests are answered by a
+//!   callback, now or later ([`Responder`](crate::Responder)), and so are goals. Only a removal waits,
+//!   and not while its callback is in a group: the worker it would wait for may wait for the group.
 //! - A callback that waits by other means (a channel, a lock of its own) for a callback of its group
 //!   waits for itself. Nobody can forbid that, but it is seen: whoever has waited for the group for
 //!   [`Group::patience`] tells so with the names of both ([`Event::Blocked`]), and tells again when
@@ -143,6 +143,28 @@ impl Group {
             waited,
         };
         shared.report(1, &event, env.events);
+    }
+}
+
+/// The groups of an executor's handles.
+#[cfg(feature = "live")]
+#[derive(Default)]
+pub(crate) struct Groups(Mutex<alloc::vec::Vec<Group>>);
+
+#[cfg(feature = "live")]
+impl Groups {
+    /// A handle of it is about to come. Groups that nobody else has any more are forgotten. Allocates.
+    pub(crate) fn note(&self, group: &Group) {
+        let mut known = self.0.lock();
+        known.retain(|g| Arc::strong_count(&g.inner) > 1);
+        if !known.iter().any(|g| Arc::ptr_eq(&g.inner, &group.inner)) {
+            known.push(group.clone());
+        }
+    }
+
+    /// Whether the caller is inside a callback of one of them.
+    pub(crate) fn has_mine(&self) -> bool {
+        self.0.lock().iter().any(Group::is_mine)
     }
 }
 

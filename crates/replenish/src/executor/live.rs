@@ -5,7 +5,7 @@ use super::client::{Client, NoReply};
 use super::desk::Desk;
 use super::entry::Entry;
 use super::forge::{Forge, RawType};
-use super::group::Group;
+use super::group::Groups;
 use super::guard::GuardCondition;
 use super::handle::Shared;
 use super::mailbox::{Declined, Mailbox, Order};
@@ -127,6 +127,9 @@ pub(crate) struct Live {
     pub(crate) registry: Registry,
     pub(crate) desk: Arc<Desk>,
     pub(crate) posts: Vec<Post>,
+    groups: Groups,
+    /// By post: for which one its callback waits.
+    awaited: Mutex<Vec<Option<usize>>>,
 }
 
 impl Post {
@@ -148,13 +151,52 @@ impl Live {
         desk: &Arc<Desk>,
         posts: Vec<Post>,
     ) -> Arc<Self> {
+        let groups = Groups::default();
+        for (_, shared) in registry.all() {
+            shared.group.get().into_iter().for_each(|g| groups.note(g));
+        }
         Arc::new(Self {
             context: context.clone(),
             stop: stop.clone(),
             registry,
             desk: Arc::clone(desk),
+            awaited: Mutex::new(alloc::vec![None; posts.len()]),
             posts,
+            groups,
         })
+    }
+
+    /// Whether the caller may wait for the worker at `target`: not in a callback of its own, not in one
+    /// of a group, which that worker may wait for, and not if that worker waits for the caller's,
+    /// directly or not. The place of the caller's worker, if it is one; it waits from now on.
+    fn may_await(&self, target: usize) -> Result<Option<usize>, ()> {
+        let is_mine = |post: &Post| post.mailbox.is_mine();
+        if self.posts.get(target).is_some_and(is_mine) || self.groups.has_mine() {
+            return Err(());
+        }
+        let Some(me) = self.posts.iter().position(is_mine) else {
+            return Ok(None); // nobody waits for a thread that is no worker
+        };
+        let mut awaited = self.awaited.lock();
+        let mut next = Some(target);
+        while let Some(at) = next {
+            if at == me {
+                return Err(());
+            }
+            next = awaited.get(at).copied().flatten();
+        }
+        if let Some(place) = awaited.get_mut(me) {
+            *place = Some(target);
+        }
+        Ok(Some(me))
+    }
+
+    /// The worker there waits for nobody any more.
+    fn has_awaited(&self, me: Option<usize>) {
+        let mut awaited = self.awaited.lock();
+        if let Some(place) = me.and_then(|me| awaited.get_mut(me)) {
+            *place = None;
+        }
     }
 }
 
@@ -186,8 +228,9 @@ impl ExecutorHandle {
     /// Removes a handle. When this returns no callback of it starts any more; what becomes of one
     /// that runs is up to `how`. Samples that wait are discarded. Returns the last counters.
     ///
-    /// A callback that removes a handle of its own worker or [group](crate::Group) does not wait: the
-    /// handle goes when the callback has ended.
+    /// A callback that removes a handle of its own worker does not wait, nor does one that is in a
+    /// [group](crate::Group), nor one whose worker a callback of the handle's worker waits for in the
+    /// same way: the handle goes when the callbacks have ended.
     ///
     /// # Errors
     /// [`Error::UnknownHandle`]; [`Error::Stopped`]; [`Error::Capacity`] if too many changes are
@@ -197,8 +240,8 @@ impl ExecutorHandle {
         let live = &self.live;
         let unknown = || Error::UnknownHandle(id.into());
         let (worker, shared) = live.registry.find(id).ok_or_else(unknown)?;
-        let mut posts = live.posts.iter();
-        let post = posts.find(|p| p.name == worker).ok_or_else(unknown)?;
+        let mut posts = live.posts.iter().enumerate();
+        let (target, post) = posts.find(|(_, p)| p.name == worker).ok_or_else(unknown)?;
         let place = live.desk.keep()?;
         if matches!(how, Removal::Cancel(_)) {
             shared.cancelled.store(true, Ordering::Release);
@@ -219,13 +262,19 @@ impl ExecutorHandle {
             Removal::Wait(limit) | Removal::Cancel(limit) => limit,
         };
         let deadline = clock::monotonic().saturating_add(nanos(patience));
-        let own = post.mailbox.is_mine() || shared.group.get().is_some_and(Group::is_mine);
-        let waits = how != Removal::Detach && !own;
+        let awaits = match how {
+            Removal::Detach => Err(()),
+            _ => live.may_await(target),
+        };
+        let waits = awaits.is_ok();
         let gone = !waits || shared.gone.wait_until(deadline);
         // The counters are the last ones when the dispatcher has let go of it, too.
         let routed = || shared.input.is_some() && !shared.unrouted.load(Ordering::Acquire);
         while waits && routed() && !live.stop.is_stopping() && clock::monotonic() < deadline {
             clock::sleep_until(clock::monotonic().saturating_add(50_000));
+        }
+        if let Ok(me) = awaits {
+            live.has_awaited(me);
         }
         post.mailbox.sweep();
         live.desk.sweep();
@@ -462,6 +511,8 @@ impl LiveWorker<'_> {
         entry.treat(handling);
         entry.slot = slot;
         let shared = Arc::clone(&entry.shared);
+        let group = shared.group.get();
+        group.into_iter().for_each(|g| live.groups.note(g));
         let sent = post.mailbox.send(Order::Add(entry));
         sent.map_err(|e| declined(e, post))?;
         live.registry

@@ -88,7 +88,8 @@ impl RunningExecutor {
     }
 
     /// Stops, joins and reports: within the grace period plus a few milliseconds, whatever the
-    /// callbacks do.
+    /// callbacks do. In a callback of this executor it waits for all threads but that of the callback,
+    /// which is reported as stuck: [`StopHandle`] is for callbacks.
     pub fn stop(mut self) -> Report {
         self.stop.stop();
         self.finish()
@@ -164,7 +165,9 @@ impl RunningExecutor {
         for meter in self.crew.iter().filter_map(|c| c.seat.meter()) {
             meter.cancel();
         }
-        while !self.crew.iter().all(|c| c.seat.is_finished()) {
+        let me = os::current_tid();
+        let awaited = |c: &Crew| !c.seat.is_finished() && c.thread.tid() != me;
+        while self.crew.iter().any(awaited) {
             if !self.owner.wait_until(deadline) && clock::monotonic() >= deadline {
                 break;
             }

@@ -87,15 +87,17 @@ pub(crate) struct Server<S: Service, F> {
 impl<S: Service, F> Server<S, F> {
     pub(crate) fn new(
         shared: Arc<Shared>,
-        inbox: Arc<Inbox>,
+        (inbox, max_request): (Arc<Inbox>, usize),
         line: ReplyLine,
         callback: F,
     ) -> Self {
+        let mut request = S::Request::default();
+        request.reserve(max_request);
         Self {
             shared,
             inbox,
             line: Arc::new(line),
-            request: S::Request::default(),
+            request,
             info: SampleInfo::at(0),
             callback,
         }

@@ -5,9 +5,9 @@ use super::machine::{self, Arrow, GRAPH, State};
 use super::{Lifecycle, described, transition};
 use crate::bare::{Serves, Unanswered};
 use crate::error::Error;
-use crate::executor::WorkerBuilder;
 #[cfg(feature = "live")]
 use crate::executor::{Added, LiveWorker};
+use crate::executor::{Topic, WorkerBuilder};
 use crate::sync::Arc;
 #[cfg(feature = "live")]
 use alloc::{string::String, vec::Vec};
@@ -49,28 +49,38 @@ fn serve<W: Serves>(worker: W, lifecycle: &Lifecycle) -> Result<W, Error> {
         label: "unknown",
     };
     worker
-        .serve_bytes::<srv::ChangeState>(node, "~/change_state", move |request, w| {
-            let request = srv::ChangeStateRequestView::from_payload(request)?.transition;
-            let outcome = changed.change(request.id, request.label);
-            Ok(w.bool(outcome.is_ok())?)
-        })?
-        .serve_bytes::<srv::GetState>(node, "~/get_state", move |_, w| {
+        .serve_bytes::<srv::ChangeState>(
+            node,
+            Topic::named("~/change_state"),
+            move |request, w| {
+                let request = srv::ChangeStateRequestView::from_payload(request)?.transition;
+                let outcome = changed.change(request.id, request.label);
+                Ok(w.bool(outcome.is_ok())?)
+            },
+        )?
+        .serve_bytes::<srv::GetState>(node, Topic::named("~/get_state"), move |_, w| {
             Ok(described(get.state()).put(w)?)
         })?
-        .serve_bytes::<srv::GetAvailableStates>(node, "~/get_available_states", move |_, w| {
-            w.sequence(State::ALL.len() + 1)?;
-            unknown.put(w)?;
-            let mut all = State::ALL.into_iter();
-            Ok(all.try_for_each(|state| described(state).put(w))?)
-        })?
+        .serve_bytes::<srv::GetAvailableStates>(
+            node,
+            Topic::named("~/get_available_states"),
+            move |_, w| {
+                w.sequence(State::ALL.len() + 1)?;
+                unknown.put(w)?;
+                let mut all = State::ALL.into_iter();
+                Ok(all.try_for_each(|state| described(state).put(w))?)
+            },
+        )?
         .serve_bytes::<srv::GetAvailableTransitions>(
             node,
-            "~/get_available_transitions",
+            Topic::named("~/get_available_transitions"),
             move |_, w| arrows(machine::from(available.state()), w),
         )?
-        .serve_bytes::<srv::GetAvailableTransitions>(node, "~/get_transition_graph", |_, w| {
-            arrows(GRAPH.iter(), w)
-        })
+        .serve_bytes::<srv::GetAvailableTransitions>(
+            node,
+            Topic::named("~/get_transition_graph"),
+            |_, w| arrows(GRAPH.iter(), w),
+        )
 }
 
 fn arrows<'a>(

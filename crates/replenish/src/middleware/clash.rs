@@ -38,7 +38,7 @@ impl Clash {
         }
     }
 
-    /// The topic; of a service, `rq` and its name.
+    /// The topic; of a service, `rq` and its name for requests, `rr` and its name for replies.
     #[must_use]
     pub fn topic(&self) -> &str {
         self.topic.as_str()
@@ -57,9 +57,11 @@ impl Clash {
 
     /// Our end, for people, if it is a writer.
     pub(crate) fn writer(&self) -> Text {
-        match self.topic().strip_prefix("rq") {
-            Some(service) => Text::of(&format_args!("client {service}")),
-            None => Text::of(&format_args!("publisher {}", self.topic())),
+        let topic = self.topic();
+        match (topic.strip_prefix("rq"), topic.strip_prefix("rr")) {
+            (Some(service), _) => Text::of(&format_args!("client {service}")),
+            (None, Some(service)) => Text::of(&format_args!("server {service}")),
+            (None, None) => Text::of(&format_args!("publisher {topic}")),
         }
     }
 }

@@ -23,6 +23,7 @@ use replenish_os::current_tid;
 pub struct ParameterOptions {
     bounds: Bounds,
     events: bool,
+    message: usize,
 }
 
 impl Default for ParameterOptions {
@@ -44,6 +45,7 @@ impl ParameterOptions {
                 undeclared: false,
             },
             events: true,
+            message: 4100,
         }
     }
 
@@ -66,6 +68,15 @@ impl ParameterOptions {
     #[must_use]
     pub const fn value_bytes(mut self, most: usize) -> Self {
         self.bounds.value = most;
+        self
+    }
+
+    /// Requests and responses of the services of up to so many bytes, 512..=65528; 4100 if not said. A
+    /// list of all names takes 9 more than the name for each, and their prefixes as much again at
+    /// most; each of the six services keeps two such messages, and its middleware those that wait.
+    #[must_use]
+    pub const fn message_bytes(mut self, most: usize) -> Self {
+        self.message = most;
         self
     }
 
@@ -133,6 +144,8 @@ pub(crate) struct Inner {
     /// Who has the setters' lock: a callback that sets must not wait for itself.
     setter: AtomicU64,
     events: Option<Publisher<ParameterEvent>>,
+    /// The largest request or response in bytes.
+    pub(super) message: usize,
 }
 
 struct Setters {
@@ -154,6 +167,12 @@ impl Node {
             ("parameters", bounds.parameters, 1..=1024, "1..=1024"),
             ("name_bytes", bounds.name, 1..=255, "1..=255"),
             ("value_bytes", bounds.value, 8..=3072, "8..=3072"),
+            (
+                "message_bytes",
+                options.message,
+                512..=65_528,
+                "512..=65528",
+            ),
         ];
         for (field, value, range, allowed) in checks {
             if !range.contains(&value) {
@@ -175,6 +194,7 @@ impl Node {
             }),
             setter: AtomicU64::new(0),
             events,
+            message: options.message,
         };
         Ok(Parameters {
             inner: Arc::new(inner),

@@ -9,9 +9,9 @@ use super::store::Slot;
 use super::value::ParameterValue;
 use crate::bare::{Serves, Unanswered};
 use crate::error::Error;
-use crate::executor::WorkerBuilder;
 #[cfg(feature = "live")]
 use crate::executor::{Added, LiveWorker};
+use crate::executor::{Topic, WorkerBuilder};
 use crate::sync::Arc;
 #[cfg(feature = "live")]
 use alloc::{string::String, vec::Vec};
@@ -24,8 +24,8 @@ use replenish_msg::{CdrError, CdrWriter, View};
 
 impl WorkerBuilder<'_> {
     /// Serves a node's parameters to others: six handles with the services of ROS 2. Requests and
-    /// responses take up to 4100 bytes each; a response that does not fit is an error of its
-    /// handle.
+    /// responses take up to [`ParameterOptions::message_bytes`](crate::ParameterOptions::message_bytes)
+    /// each; a response that does not fit is an error of its handle, a request is counted as lost.
     ///
     /// # Errors
     /// As [`serve`](Self::serve).
@@ -49,32 +49,37 @@ impl LiveWorker<'_> {
 
 fn serve<W: Serves>(worker: W, parameters: &Parameters) -> Result<W, Error> {
     let node = &parameters.inner.node.clone();
+    let of_size = |name| Topic::named(name).max_size(parameters.inner.message);
     let of = || Arc::clone(&parameters.inner);
     let (get, types, describe, list) = (of(), of(), of(), of());
     let (each, atomic) = (parameters.clone(), parameters.clone());
     worker
-        .serve_bytes::<srv::GetParameters>(node, "~/get_parameters", move |request, w| {
+        .serve_bytes::<srv::GetParameters>(node, of_size("~/get_parameters"), move |request, w| {
             values(&get, request, w)
         })?
-        .serve_bytes::<srv::GetParameterTypes>(node, "~/get_parameter_types", move |request, w| {
-            kinds(&types, request, w)
-        })?
-        .serve_bytes::<srv::SetParameters>(node, "~/set_parameters", move |request, w| {
+        .serve_bytes::<srv::GetParameterTypes>(
+            node,
+            of_size("~/get_parameter_types"),
+            move |request, w| kinds(&types, request, w),
+        )?
+        .serve_bytes::<srv::SetParameters>(node, of_size("~/set_parameters"), move |request, w| {
             set(&each, request, w)
         })?
         .serve_bytes::<srv::SetParametersAtomically>(
             node,
-            "~/set_parameters_atomically",
+            of_size("~/set_parameters_atomically"),
             move |request, w| set_atomically(&atomic, request, w),
         )?
         .serve_bytes::<srv::DescribeParameters>(
             node,
-            "~/describe_parameters",
+            of_size("~/describe_parameters"),
             move |request, w| descriptors(&describe, request, w),
         )?
-        .serve_bytes::<srv::ListParameters>(node, "~/list_parameters", move |request, w| {
-            names(&list, request, w)
-        })
+        .serve_bytes::<srv::ListParameters>(
+            node,
+            of_size("~/list_parameters"),
+            move |request, w| names(&list, request, w),
+        )
 }
 
 fn values(of: &Inner, request: &[u8], w: &mut CdrWriter<'_>) -> Result<(), Unanswered> {

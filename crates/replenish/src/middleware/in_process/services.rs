@@ -6,7 +6,7 @@ use crate::middleware::{
     EndpointSpec, Middleware, MiddlewareError, PublishError, ReaderId, RequestIdentity,
     ServiceSpec, WriterId,
 };
-use crate::qos::IngressLimit;
+use crate::qos::{IngressLimit, Qos};
 use alloc::string::String;
 
 /// The topic of a service's requests; no ROS topic begins with `rq`.
@@ -137,7 +137,8 @@ impl InProcess {
             let mut bus = self.bus.state.lock();
             let mine = bus.participants.get(self.me);
             let writer = mine.and_then(|p| p.writers.get(usize::from(server.0)));
-            let limit = writer.ok_or(PublishError::UnknownWriter)?.limit;
+            let writer = writer.ok_or(PublishError::UnknownWriter)?;
+            let (limit, offers) = (writer.limit, writer.offers);
             let size = payload.len();
             if size > limit {
                 return Err(PublishError::TooLarge { size, limit });
@@ -147,7 +148,7 @@ impl InProcess {
                 request: RequestIdentity::reply(to.number()),
                 ..SampleInfo::at(clock::monotonic())
             };
-            bus.bring(addressee, payload, &info)?
+            bus.bring((addressee, offers), payload, &info)?
         };
         self.bus.ring(wake);
         Ok(())
@@ -157,10 +158,15 @@ impl InProcess {
         let bus = self.bus.state.lock();
         let mine = bus.participants.get(self.me)?;
         let writer = mine.writers.get(usize::from(client.0))?;
+        let replies = mine.readers.get(writer.replies?)?.requests;
         let mut servers = bus.topics.get(writer.topic)?.readers.iter();
         let served = servers.any(|(p, r)| {
             let reader = bus.participants.get(*p).and_then(|p| p.readers.get(*r));
-            reader.is_some_and(|r| writer.offers.check_offers(r.requests).is_ok())
+            // A server has one quality of service for requests and replies.
+            reader.is_some_and(|server| {
+                let hears = writer.offers.check_offers(server.requests).is_ok();
+                hears && server.requests.check_offers(replies).is_ok()
+            })
         });
         Some(served)
     }
@@ -170,7 +176,7 @@ impl Bus {
     /// Stores a reply for one reader; the participants to wake.
     fn bring(
         &mut self,
-        to: Addressee,
+        (to, offers): (Addressee, Qos),
         payload: &[u8],
         info: &SampleInfo,
     ) -> Result<u64, PublishError> {
@@ -180,6 +186,9 @@ impl Bus {
         let reader = participant.readers.get_mut(r);
         let reader = reader.filter(|r| !r.deleted && r.generation == to.generation);
         let reader = reader.ok_or(PublishError::LinkDown)?;
+        if offers.check_offers(reader.requests).is_err() {
+            return Ok(0); // they do not talk with each other; both were told
+        }
         if !reader.store(payload, info) {
             return Err(PublishError::Full);
         }
