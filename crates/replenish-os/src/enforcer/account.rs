@@ -2,12 +2,13 @@
 
 use super::entry::Entry;
 use super::overruns::summarise;
-use super::{AnyServer, Enforcement, EnrollError, OverrunSamples, OverrunSummary, Shared};
+use super::{AnyServer, Enforcement, EnrollError, OverrunSamples, OverrunSummary, Shared, State};
 use crate::Nanos;
 use crate::PiMutex;
 use crate::Shared as Arc;
 use crate::Signal;
 use crate::Tid;
+use crate::backend;
 use crate::backend::clock::{self, ThreadCpuClock};
 use crate::backend::suspend::SuspendCell;
 use crate::backend::tid::current_tid;
@@ -90,7 +91,7 @@ impl Account {
         kind: Kind,
     ) -> Result<Self, EnrollError> {
         let config = &shared.config;
-        if shared.rung != Enforcement::Deferred && params.priority() >= config.priority {
+        if !shared.is_deferred() && params.priority() >= config.priority {
             return Err(EnrollError::PriorityTooHigh {
                 worker: params.priority(),
                 enforcer: config.priority,
@@ -104,7 +105,7 @@ impl Account {
         let reservation = Reservation::new(server, config.tuning, now, clock::thread_cpu());
         // Without the records the voluntary-switch counter stands in: see callback_end().
         let watch = Watch::new(tid, config.switch_log);
-        let suspends = params.low() == Low::Suspend && shared.rung != Enforcement::Deferred;
+        let suspends = params.low() == Low::Suspend && !shared.is_deferred();
         let suspend = Arc::new(SuspendCell::new());
         if suspends {
             suspend.attach_current_thread().map_err(EnrollError::Os)?;
@@ -355,10 +356,10 @@ impl Budgeted {
         if self.suspends {
             self.suspend.wait_while_suspended();
         }
-        if self.shared.rung == Enforcement::Deferred {
+        if self.shared.is_deferred() {
             self.wait_for_budget()?;
         }
-        if !self.has_switch_log {
+        if !backend::ALWAYS_EXACT && !self.has_switch_log {
             *switches = voluntary_switches();
         }
         match self.cancelled.load(Ordering::Acquire) {
@@ -369,7 +370,7 @@ impl Budgeted {
 
     /// [`Account::callback_end`].
     fn end(&self, switches: u64) {
-        if !self.has_switch_log && voluntary_switches() != switches {
+        if !backend::ALWAYS_EXACT && !self.has_switch_log && voluntary_switches() != switches {
             self.with(|entry| entry.blocked_inside(clock::monotonic()));
         }
     }
@@ -382,14 +383,23 @@ impl Budgeted {
             return;
         };
         step(entry);
-        let (check, runs) = (entry.check_at(), entry.reservation.is_runnable());
-        let pulled = if runs {
-            None
-        } else {
-            state.pull_in(clock::monotonic())
+        self.stepped(&mut state);
+    }
+
+    /// The timer after a step on the entry.
+    #[cfg_attr(target_os = "none", inline(never))]
+    fn stepped(&self, state: &mut State) {
+        let Some(entry) = state.entries.get(self.index) else {
+            return;
         };
-        if let Some(at) = check.into_iter().chain(pulled).min() {
-            self.shared.arm(&mut state, at);
+        let mut at = entry.check_at().unwrap_or(Nanos::MAX);
+        if !entry.reservation.is_runnable()
+            && let Some(pulled) = state.pull_in(clock::monotonic())
+        {
+            at = at.min(pulled);
+        }
+        if at != Nanos::MAX {
+            self.shared.arm(state, at);
         }
     }
 

@@ -154,7 +154,7 @@ impl Entry {
         let params = self.reservation.server().params();
         let (high, low) = (params.priority(), params.low());
         let done = match (rung, level, low) {
-            (Enforcement::Deferred, _, _) => Ok(()),
+            (Enforcement::Deferred, _, _) if cfg!(not(target_os = "none")) => Ok(()),
             (_, Level::Low, Low::Background(low)) => demote_to_tail(self.tid, low),
             (_, Level::High, Low::Background(_)) => promote(self.tid, high),
             (_, Level::Low, Low::Suspend) => {

@@ -238,6 +238,8 @@ impl Enforcer {
     }
 
     /// The rung without privilege: accounts, and defers callbacks that find no budget. No thread.
+    /// Not without an operating system: nobody refuses privilege there.
+    #[cfg(not(target_os = "none"))]
     #[must_use]
     pub fn deferred() -> Arc<Self> {
         let shared = Shared::new(EnforcerConfig::unpinned(), Enforcement::Deferred, None);
@@ -317,6 +319,10 @@ impl Shared {
             rung,
             config,
         }
+    }
+
+    fn is_deferred(&self) -> bool {
+        cfg!(not(target_os = "none")) && self.rung == Enforcement::Deferred
     }
 
     /// The enforcer thread. Nothing in here allocates.

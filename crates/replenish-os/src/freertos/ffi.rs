@@ -5,7 +5,7 @@
 )]
 
 use crate::Nanos;
-use core::ffi::c_void;
+use core::ffi::{CStr, c_void};
 use core::fmt::{self, Write as _};
 use core::ptr::NonNull;
 
@@ -58,7 +58,7 @@ unsafe impl Send for Task {}
 /// Everything [`create`] hands to the kernel for good.
 pub(crate) struct Creation {
     pub(crate) entry: unsafe extern "C" fn(*mut c_void),
-    pub(crate) name: &'static core::ffi::CStr,
+    pub(crate) name: &'static CStr,
     pub(crate) stack: &'static mut [u64],
     pub(crate) argument: *mut c_void,
     pub(crate) priority: u8,
@@ -168,21 +168,14 @@ pub(crate) fn name(task: Task) -> &'static str {
     // SAFETY: the handle is good for ever, and with it its control block.
     let raw = unsafe { c::rp_name(task.0.as_ptr()) };
     // SAFETY: the kernel ends names with a zero.
-    unsafe { text(raw) }
-}
-
-/// # Safety
-/// A C string that stays.
-unsafe fn text(raw: *const core::ffi::c_char) -> &'static str {
-    // SAFETY: the caller's word.
-    let text = unsafe { core::ffi::CStr::from_ptr(raw) };
-    text.to_str().unwrap_or("?")
+    let name = unsafe { CStr::from_ptr(raw) };
+    name.to_str().unwrap_or("?")
 }
 
 /// What the kernel knows of the running task, whatever has become of our own data.
 pub(crate) struct Running {
     pub(crate) id: i32,
-    pub(crate) name: &'static str,
+    pub(crate) name: &'static CStr,
     pub(crate) stack: *const u8,
     pub(crate) stack_bytes: usize,
 }
@@ -194,7 +187,7 @@ pub(crate) fn running() -> Option<Running> {
     let id = unsafe { c::rp_running(&raw mut name, &raw mut stack, &raw mut bytes) };
     let id = i32::try_from(id).ok().filter(|&id| id > 0)?;
     // SAFETY: a number says that there is a task, and so its name.
-    let name = unsafe { text(name) };
+    let name = unsafe { CStr::from_ptr(name) };
     Some(Running {
         id,
         name,
@@ -244,6 +237,8 @@ pub(crate) fn complain(what: fmt::Arguments<'_>) {
 #[derive(Clone, Copy)]
 pub(crate) enum Part<'a> {
     Text(&'a str),
+    /// As it is: checking it takes room.
+    Raw(&'a CStr),
     Number(usize),
 }
 
@@ -253,6 +248,7 @@ pub(crate) fn say(parts: &[Part<'_>]) {
     for part in parts {
         match *part {
             Part::Text(text) => print(text.as_bytes()),
+            Part::Raw(text) => print(text.to_bytes()),
             Part::Number(number) => print_decimal(number),
         }
     }

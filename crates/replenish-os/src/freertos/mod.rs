@@ -76,6 +76,8 @@ pub(crate) const MAX_REPL: usize = 16;
 pub(crate) const ENFORCER_CAPACITY: usize = 8;
 /// Stack of an enforcer in bytes.
 pub(crate) const ENFORCER_STACK: usize = 3072;
+/// Whether blocking inside callbacks is always seen exactly.
+pub(crate) const ALWAYS_EXACT: bool = true;
 /// How many of the newest overruns of a worker are kept.
 pub(crate) const OVERRUNS_KEPT: usize = 16;
 

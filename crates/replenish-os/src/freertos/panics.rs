@@ -47,7 +47,7 @@ impl Who {
         match &self.0 {
             Some(task) => {
                 let id = usize::try_from(task.id).unwrap_or(0);
-                let (number, name) = (Part::Number(id), Part::Text(task.name));
+                let (number, name) = (Part::Number(id), Part::Raw(task.name));
                 ffi::say(&[
                     Part::Text("task "),
                     number,
@@ -67,7 +67,10 @@ impl Who {
 impl fmt::Display for Who {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.0 {
-            Some(task) => write!(f, "task {} ({})", task.id, task.name),
+            Some(task) => {
+                let name = task.name.to_str().unwrap_or("?");
+                write!(f, "task {} ({name})", task.id)
+            }
             None => f.write_str("outside of tasks"),
         }
     }
@@ -132,10 +135,9 @@ fn stop() -> ! {
 extern "C" fn rp_assert_failed(file: *const c_char, line: u32) -> ! {
     // SAFETY: `__FILE__` of the kernel's sources.
     let file = unsafe { CStr::from_ptr(file) };
-    let file = file.to_str().unwrap_or("?");
     let line = Part::Number(usize::try_from(line).unwrap_or(0));
     let what = Part::Text("assertion of the kernel failed: ");
-    ffi::say(&[what, Part::Text(file), Part::Text(":"), line]);
+    ffi::say(&[what, Part::Raw(file), Part::Text(":"), line]);
     stop()
 }
 

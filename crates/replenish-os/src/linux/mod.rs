@@ -37,6 +37,8 @@ pub(crate) const MAX_REPL: usize = 128;
 pub(crate) const ENFORCER_CAPACITY: usize = 64;
 /// Stack of an enforcer in bytes.
 pub(crate) const ENFORCER_STACK: usize = 256 * 1024;
+/// Whether blocking inside callbacks is always seen exactly.
+pub(crate) const ALWAYS_EXACT: bool = false;
 /// How many of the newest overruns of a worker are kept.
 pub(crate) const OVERRUNS_KEPT: usize = 1024;
 

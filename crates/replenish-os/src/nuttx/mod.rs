@@ -72,6 +72,8 @@ pub(crate) const MAX_REPL: usize = if cfg!(nuttx_host) { 128 } else { 16 };
 pub(crate) const ENFORCER_CAPACITY: usize = 8;
 /// Stack of an enforcer in bytes.
 pub(crate) const ENFORCER_STACK: usize = 4096;
+/// Whether blocking inside callbacks is always seen exactly.
+pub(crate) const ALWAYS_EXACT: bool = false;
 /// How many of the newest overruns of a worker are kept.
 pub(crate) const OVERRUNS_KEPT: usize = if cfg!(nuttx_host) { 1024 } else { 16 };
 

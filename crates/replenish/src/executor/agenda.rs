@@ -16,13 +16,16 @@ use crate::handoff::ReadySet;
 use crate::sync::Arc;
 use alloc::vec::Vec;
 
+/// Positions per word.
+const BITS: usize = usize::BITS as usize;
+
 /// One worker's; lives on its thread. Allocates when it is made only.
 pub(crate) struct Agenda {
     marks: Arc<ReadySet>,
     /// By slot.
     positions: Vec<usize>,
     /// A bit per position.
-    due: Vec<u64>,
+    due: Vec<usize>,
     /// By position; `Nanos::MAX` if there is none.
     releases: Vec<Nanos>,
     /// The earliest of them, or earlier.
@@ -32,11 +35,10 @@ pub(crate) struct Agenda {
 impl Agenda {
     /// For a worker that has up to `limit` handles, in slots below that.
     pub(crate) fn new(marks: Arc<ReadySet>, limit: usize) -> Self {
-        let filled = |n| alloc::vec![0; n];
         Self {
             marks,
             positions: alloc::vec![usize::MAX; limit],
-            due: filled(limit.div_ceil(64)),
+            due: alloc::vec![0; limit.div_ceil(BITS)],
             releases: alloc::vec![Nanos::MAX; limit],
             earliest: Nanos::MAX,
         }
@@ -81,13 +83,13 @@ impl Agenda {
                 set(due, *at);
             }
         });
-        let mut above = !0 << (from % 64);
-        for (word, bits) in due.iter_mut().enumerate().skip(from / 64) {
+        let mut above = !0 << (from % BITS);
+        for (word, bits) in due.iter_mut().enumerate().skip(from / BITS) {
             let wanted = *bits & core::mem::replace(&mut above, !0);
             if wanted != 0 {
                 let bit = wanted.trailing_zeros();
                 *bits &= !(1 << bit);
-                return Some(word * 64 + bit as usize);
+                return Some(word * BITS + bit as usize);
             }
         }
         None
@@ -124,9 +126,9 @@ impl Agenda {
 }
 
 /// Positions beyond the last are ignored.
-fn set(bits: &mut [u64], at: usize) {
-    if let Some(word) = bits.get_mut(at / 64) {
-        *word |= 1 << (at % 64);
+fn set(bits: &mut [usize], at: usize) {
+    if let Some(word) = bits.get_mut(at / BITS) {
+        *word |= 1 << (at % BITS);
     }
 }
 

@@ -6,11 +6,10 @@ use super::agenda::Agenda;
 use super::builder::WorkerSpec;
 use super::desk::Desk;
 use super::dispatcher::{Dispatcher, DispatcherCounters};
-use super::doorbell::{Doorbell, Line};
+use super::doorbell::Line;
 use super::handle::Shared;
 use super::live::{Live, Post, Registry};
 use super::mailbox::Mailbox;
-use super::outbox::Outbox;
 use super::plan::Request;
 use super::routes::Route;
 use super::worker::Worker;
@@ -19,18 +18,19 @@ use crate::event::Events;
 use crate::handoff::ReadySet;
 use crate::middleware::MAX_READERS;
 use crate::sync::Arc;
+use alloc::boxed::Box;
 use alloc::vec::Vec;
-use core::cell::RefCell;
 
 /// The parts of an executor.
 pub(crate) struct Assembly {
     pub(crate) dispatcher: Dispatcher,
-    pub(crate) workers: Vec<(Worker, Request)>,
+    pub(crate) workers: Vec<(Box<Worker>, Request)>,
     pub(crate) live: Arc<Live>,
 }
 
 /// `order`: the workers in the order in which the dispatcher rings them; those that are not in it
 /// are not rung.
+#[inline(never)]
 pub(crate) fn assemble(
     context: &Context,
     specs: Vec<WorkerSpec>,
@@ -38,8 +38,10 @@ pub(crate) fn assemble(
     events: &Arc<Events>,
     order: &[usize],
 ) -> Assembly {
-    let bell = |w: &usize| specs.get(*w).map(|w| (Arc::clone(&w.bell), false));
-    let bells: Vec<(Arc<Doorbell>, bool)> = order.iter().filter_map(bell).collect();
+    let mut bells = Vec::with_capacity(order.len());
+    for spec in order.iter().filter_map(|w| specs.get(*w)) {
+        bells.push((Arc::clone(&spec.bell), false));
+    }
     let place = |worker: usize| order.iter().position(|w| *w == worker).unwrap_or(0);
     let mut dispatcher = Dispatcher {
         stop: stop.clone(),
@@ -70,7 +72,8 @@ pub(crate) fn assemble(
         }
         limits += limit;
         posts.push(Post::new(&name, place(i), &mailbox, number));
-        let worker = Worker {
+        let rounds = spec.rules.rounds;
+        let worker = Box::new(Worker {
             name,
             stop: stop.clone(),
             events: Arc::clone(events),
@@ -80,15 +83,12 @@ pub(crate) fn assemble(
             entries,
             agenda: Agenda::new(marks, limit),
             looks_at_all: false,
-            rounds: spec.rules.rounds,
-            outbox: spec
-                .rules
-                .barrier
-                .map(|(n, bytes)| RefCell::new(Outbox::new(n, bytes))),
+            rounds,
+            outbox: rounds.and_then(|rounds| (rounds.outbox)(&spec.rules)),
             rules: spec.rules,
             grid: None,
             ran: 0,
-        };
+        });
         workers.push((worker, spec.request));
     }
     let registry = Registry::new(handles, limits);

@@ -4,7 +4,7 @@ use super::Executor;
 use super::callback::{CallbackContext, CallbackResult};
 use super::client::{Client, NoReply};
 use super::doorbell::Doorbell;
-use super::entry::{Entry, insert};
+use super::entry::Entry;
 use super::forge::{Forge, RawType};
 use super::guard::GuardCondition;
 use super::plan::Request;
@@ -52,13 +52,23 @@ impl WorkerSpec {
     }
 
     /// The handles in the order in which they run, and room for as many as there may be.
-    pub(crate) fn ordered(entries: Vec<Entry>, limit: usize) -> Vec<Entry> {
-        let mut ordered = Vec::with_capacity(limit);
-        for (slot, mut entry) in entries.into_iter().enumerate() {
-            entry.slot = slot;
-            insert(&mut ordered, entry);
+    pub(crate) fn ordered(mut entries: Vec<Entry>, limit: usize) -> Vec<Entry> {
+        entries.reserve_exact(limit.saturating_sub(entries.len()));
+        for at in 0..entries.len() {
+            if let Some(entry) = entries.get_mut(at) {
+                entry.slot = at;
+            }
+            // To its place among those before it. (Sorting brings kilobytes of code.)
+            let earlier = entries.get_mut(..=at).unwrap_or_default();
+            let mut end = earlier.len();
+            while let Some([before, entry]) = earlier.get_mut(..end).and_then(<[_]>::last_chunk_mut)
+                && before.handling.priority < entry.handling.priority
+            {
+                core::mem::swap(before, entry);
+                end -= 1;
+            }
         }
-        ordered
+        entries
     }
 
     /// The most handles this worker can have.
@@ -87,6 +97,13 @@ impl WorkerSpec {
         let fits = (self.entries.len()..=4096).contains(&capacity);
         let owner = self.request.owner();
         (!fits).then(|| Error::parameter(owner, "capacity", &capacity, allowed))
+    }
+}
+
+/// Room for one more, where memory is short: as many as there are, and not as many again.
+pub(super) fn one_more<T>(list: &mut Vec<T>) {
+    if cfg!(not(feature = "std")) {
+        list.reserve_exact(1);
     }
 }
 
@@ -447,6 +464,7 @@ impl WorkerBuilder<'_> {
             number,
         })?;
         if let Some(spec) = self.spec() {
+            one_more(&mut spec.entries);
             spec.entries.push(entry);
         }
         Ok(self)

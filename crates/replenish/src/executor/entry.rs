@@ -10,6 +10,7 @@ use crate::platform;
 use crate::stats::Text;
 use crate::sync::{Arc, Ordering};
 use alloc::boxed::Box;
+#[cfg(feature = "live")]
 use alloc::vec::Vec;
 use replenish_os::clock;
 
@@ -180,6 +181,7 @@ impl Entry {
 }
 
 /// Inserts behind the entries of the same or a higher priority.
+#[cfg(feature = "live")]
 pub(crate) fn insert(entries: &mut Vec<Entry>, entry: Entry) {
     let priority = entry.handling.priority;
     let mut others = entries.iter();

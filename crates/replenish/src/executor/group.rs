@@ -58,6 +58,14 @@ struct Inner {
     patience: AtomicU64,
     /// Whose callback runs, and on which thread.
     holder: Mutex<Option<(Tid, Arc<Shared>)>>,
+    ways: Ways,
+}
+
+/// How callbacks come in and go out: workers find it here, so that programs without groups do not
+/// carry it.
+struct Ways {
+    enter: for<'g> fn(&'g Group, &Arc<Shared>, &Env<'_>) -> Held<'g>,
+    leave: fn(&Group),
 }
 
 /// The right to run, until dropped.
@@ -68,7 +76,7 @@ pub(crate) struct Held<'g> {
 
 impl Drop for Held<'_> {
     fn drop(&mut self) {
-        *self.group.inner.holder.lock() = None; // before the lock is free
+        (self.group.inner.ways.leave)(self.group); // before the lock is free
     }
 }
 
@@ -82,6 +90,10 @@ impl Group {
                 lock: Mutex::new(()),
                 patience: AtomicU64::new(1_000_000_000),
                 holder: Mutex::new(None),
+                ways: Ways {
+                    enter: Self::wait,
+                    leave: |group| *group.inner.holder.lock() = None,
+                },
             }),
         }
     }
@@ -103,6 +115,10 @@ impl Group {
 
     /// Waits until no callback of the group runs.
     pub(crate) fn enter(&self, shared: &Arc<Shared>, env: &Env<'_>) -> Held<'_> {
+        (self.inner.ways.enter)(self, shared, env)
+    }
+
+    fn wait(&self, shared: &Arc<Shared>, env: &Env<'_>) -> Held<'_> {
         let inner = &self.inner;
         let begin = clock::monotonic();
         let mut patience = inner.patience.load(Ordering::Relaxed);

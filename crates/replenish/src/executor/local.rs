@@ -103,7 +103,7 @@ pub(crate) fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
         stop,
         options,
     } = executor;
-    start::check_names(&workers.iter().map(|w| &w.request).collect::<Vec<_>>())?;
+    start::check_names(&workers)?;
     for spec in &workers {
         threadless(&spec.request)?;
         if let Some(error) = WorkerSpec::violation(spec) {
@@ -122,7 +122,7 @@ pub(crate) fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
     // Nobody sleeps on them while samples are taken: to ring would end the next wait for nothing.
     dispatcher.bells.clear();
     let start = clock::monotonic();
-    let mut workers: Vec<Worker> = workers.into_iter().map(|(worker, _)| worker).collect();
+    let mut workers: Vec<Worker> = workers.into_iter().map(|(worker, _)| *worker).collect();
     workers.iter_mut().for_each(|w| w.begin(start));
     Ok(LocalExecutor {
         account: Account::unbudgeted(),

@@ -185,6 +185,7 @@ impl Executor {
     /// Starts to describe a worker. Its name must be unique in this executor; it becomes the
     /// thread's name.
     pub fn worker(&mut self, name: &str) -> WorkerBuilder<'_> {
+        builder::one_more(&mut self.workers);
         self.workers.push(WorkerSpec::new(name));
         let index = self.workers.len() - 1;
         WorkerBuilder {

@@ -11,12 +11,12 @@
 
 use super::planning::Guarantee;
 use super::schedule::nanos;
-use crate::Nanos;
 use crate::budget::Budget;
 use crate::error::Error;
 use crate::text::{Words, text};
 use alloc::string::String;
 use alloc::vec::Vec;
+use core::time::Duration;
 use replenish_os::{Low, MAX_REPL, Params, Policy};
 
 /// Priority of the budgeted worker with the shortest period, where none was given.
@@ -53,6 +53,7 @@ impl Request {
 }
 
 /// The policy of each worker, in order, and the dispatcher's.
+#[inline(never)]
 pub(crate) fn plan(
     workers: &[&Request],
     dispatcher: Option<&Policy>,
@@ -67,32 +68,27 @@ pub(crate) fn plan(
             "2..=99",
         ));
     }
-    // Ascending, each once. (Sorting brings kilobytes of code.)
-    let mut periods: Vec<Nanos> = Vec::with_capacity(workers.len());
-    let wished = workers.iter().filter(|w| w.policy.is_none());
-    for period in wished.filter_map(|w| w.budget.map(|b| nanos(b.period))) {
-        if let Err(place) = periods.binary_search(&period) {
-            periods.insert(place, period);
-        }
-    }
     let mut policies = Vec::with_capacity(workers.len());
+    let (mut highest, mut budgeted) = (0, false);
     for w in workers {
         check(w)?;
-        policies.push(policy(w, &periods)?);
+        let policy = policy(w, workers)?;
+        highest = rank(&policy).max(highest);
+        budgeted |= matches!(policy, Policy::Sporadic(_));
+        policies.push(policy);
     }
     let dispatcher = match dispatcher {
         Some(p) => *p,
-        None if policies.iter().all(|p| rank(p) == 0) => Policy::Other,
+        None if highest == 0 => Policy::Other,
         None => Policy::Fifo {
             priority: DISPATCHER.min(enforcer_priority - 1),
         },
     };
-    let all = || policies.iter().chain([&dispatcher]);
-    if all().any(|p| matches!(p, Policy::Sporadic(_))) {
-        let owners = workers.iter().map(|w| w.owner());
-        for (owner, p) in owners.chain([Words::from("dispatcher")]).zip(all()) {
-            below_enforcer(owner, p, enforcer_priority)?;
+    if budgeted || matches!(dispatcher, Policy::Sporadic(_)) {
+        for (w, policy) in workers.iter().zip(&policies) {
+            below_enforcer(|| w.owner(), policy, enforcer_priority)?;
         }
+        below_enforcer(|| "dispatcher".into(), &dispatcher, enforcer_priority)?;
     }
     Ok((policies, dispatcher))
 }
@@ -130,7 +126,7 @@ pub(crate) fn check(w: &Request) -> Result<(), Error> {
     Ok(())
 }
 
-fn policy(w: &Request, periods: &[Nanos]) -> Result<Policy, Error> {
+fn policy(w: &Request, workers: &[&Request]) -> Result<Policy, Error> {
     // Guarantees get here only where admission is turned off.
     let guaranteed = w.guarantee.map(|g| Budget::from_guarantee(&g));
     let Some(budget) = w.budget.or(guaranteed) else {
@@ -143,11 +139,7 @@ fn policy(w: &Request, periods: &[Nanos]) -> Result<Policy, Error> {
             return Err(Error::parameter(w.owner(), "budget", &budget, allowed));
         }
         None => {
-            let shorter = periods
-                .iter()
-                .filter(|p| **p < nanos(budget.period))
-                .count();
-            let steps = u8::try_from(shorter).unwrap_or(u8::MAX);
+            let steps = u8::try_from(shorter(budget.period, workers)).unwrap_or(u8::MAX);
             FIRST_PRIORITY.saturating_sub(steps).max(LAST_PRIORITY)
         }
     };
@@ -167,6 +159,19 @@ fn policy(w: &Request, periods: &[Nanos]) -> Result<Policy, Error> {
         .map_err(|e| Error::parameter(w.owner(), "budget", &budget, text!("{e}")))
 }
 
+/// How many shorter periods there are among the budgets of workers without a policy, each counted
+/// once. (Neither sorted nor collected: both bring code that small images have no room for.)
+fn shorter(period: Duration, workers: &[&Request]) -> usize {
+    let wished = |w: &&Request| w.policy.map_or(w.budget, |_| None).map(|b| b.period);
+    let mut count = 0;
+    for (at, w) in workers.iter().enumerate() {
+        let its = wished(w).filter(|its| *its < period);
+        let known = || workers.iter().take(at).any(|w| wished(w) == its);
+        count += usize::from(its.is_some() && !known());
+    }
+    count
+}
+
 /// What becomes of a worker at this priority without budget; `None`: there is no room below.
 pub(crate) fn background(budget: &Budget, priority: u8) -> Option<Low> {
     if budget.suspend {
@@ -176,19 +181,22 @@ pub(crate) fn background(budget: &Budget, priority: u8) -> Option<Low> {
     Some(Low::Background(BACKGROUND.min(below)))
 }
 
-fn below_enforcer(owner: Words, policy: &Policy, enforcer: u8) -> Result<(), Error> {
+fn below_enforcer(
+    owner: impl FnOnce() -> Words,
+    policy: &Policy,
+    enforcer: u8,
+) -> Result<(), Error> {
     let rank = rank(policy);
     if rank < u16::from(enforcer) || rank > 99 {
         return Ok(());
     }
     let allowed = text!("1..={}: below the enforcer", enforcer - 1);
-    Err(Error::parameter(owner, "policy.priority", &rank, allowed))
+    Err(Error::parameter(owner(), "policy.priority", &rank, allowed))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use core::time::Duration;
 
     fn ms(n: u64) -> Duration {
         Duration::from_millis(n)

@@ -6,19 +6,23 @@
 
 use super::builder::WorkerSpec;
 use super::moment::Moment;
-use super::rules::{HandleStates, Semantics, Trigger};
+use super::outbox::Outbox;
+use super::rules::{HandleStates, Rules, Semantics, Trigger};
 use super::schedule::{Schedule, nanos};
 use super::tally::Tally;
 use super::worker::Worker;
 use crate::Nanos;
 use crate::error::Error;
 use crate::text::shown;
+use core::cell::RefCell;
 use replenish_os::{Account, clock};
 
 /// How a worker with such rules does it.
 pub(crate) struct Rounds {
     /// The first rule that contradicts another.
     pub(super) violation: fn(&WorkerSpec) -> Option<Error>,
+    /// Room for what waits for the end of a round.
+    pub(super) outbox: fn(&Rules) -> Option<RefCell<Outbox>>,
     pub(super) begin: fn(&mut Worker, Nanos),
     /// Whether each round must look at every handle.
     pub(super) want_all: fn(&Worker) -> bool,
@@ -29,6 +33,10 @@ pub(crate) struct Rounds {
 /// By all rules there are.
 pub(crate) static BY_RULES: Rounds = Rounds {
     violation,
+    outbox: |rules| {
+        let (samples, bytes) = rules.barrier?;
+        Some(RefCell::new(Outbox::new(samples, bytes)))
+    },
     begin,
     want_all,
     step,

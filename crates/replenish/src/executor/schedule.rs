@@ -173,7 +173,13 @@ impl Schedule {
 
 /// Nanoseconds of a duration; 584 years at most.
 pub(crate) fn nanos(d: Duration) -> Nanos {
-    Nanos::try_from(d.as_nanos()).unwrap_or(Nanos::MAX)
+    const SECOND: Nanos = 1_000_000_000;
+    match d.as_secs() {
+        seconds if seconds <= Nanos::MAX / SECOND => {
+            (seconds * SECOND).saturating_add(d.subsec_nanos().into())
+        }
+        _ => Nanos::MAX,
+    }
 }
 
 #[cfg(test)]

@@ -10,7 +10,6 @@ use crate::error::Error;
 use crate::event::Event;
 use crate::sync::{Arc, AtomicBool, Mutex, Signal};
 use crate::text::{Words, list, text};
-use alloc::boxed::Box;
 use alloc::vec::Vec;
 use replenish_os::clock;
 use replenish_os::{self as os, Enforcement, Enforcer, EnforcerConfig, Policy};
@@ -18,6 +17,7 @@ use replenish_os::{self as os, Enforcement, Enforcer, EnforcerConfig, Policy};
 /// Stack size in bytes where none was given.
 const STACK: usize = if cfg!(feature = "std") { 1 << 20 } else { 4096 };
 
+#[inline(never)]
 pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     let template = planning::prepare(&mut executor)?;
     let Executor {
@@ -26,22 +26,18 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         stop,
         mut options,
     } = executor;
-    let requests: Vec<&Request> = workers.iter().map(|w| &w.request).collect();
-    check_names(&requests)?;
-    if let Some(w) = workers
-        .iter()
-        .find(|w| w.entries.is_empty() && w.rules.capacity.is_none())
-    {
-        return Err(Error::IdleWorker(w.request.name.as_str().into()));
-    }
-    for request in &requests {
-        check(request)?;
+    check_names(&workers)?;
+    for w in &workers {
+        if w.entries.is_empty() && w.rules.capacity.is_none() {
+            return Err(Error::IdleWorker(w.request.name.as_str().into()));
+        }
+        check(&w.request)?;
     }
     let mut admission = planning::admit(&mut workers, &mut options)?;
-    let requests: Vec<&Request> = workers.iter().map(|w| &w.request).collect();
     if let Some(error) = workers.iter().find_map(WorkerSpec::violation) {
         return Err(error);
     }
+    let requests: Vec<&Request> = workers.iter().map(|w| &w.request).collect();
     let dispatcher = options.dispatcher.as_ref();
     let (policies, dispatcher) = plan(&requests, dispatcher, options.enforcer_priority)?;
     let claim = context.claim().ok_or(Error::ContextBusy)?;
@@ -72,26 +68,20 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         live,
     } = assemble(&context, workers, &stop, &options.events, &order);
     let counters = Arc::clone(&dispatch.counters);
-    let crews = workers.into_iter().zip(policies);
-    let crews = crews.map(|((worker, request), policy)| {
-        let signal = Arc::clone(worker.bell.signal());
-        (starter.seat(&worker.name, policy, &request, signal), worker)
-    });
-    let mut bodies = Vec::with_capacity(crews.len() + 1);
-    for (seat, worker) in crews {
-        let body: Body = Box::new(move |account, start| worker.run(account, start));
-        bodies.push((seat, body));
-    }
+    let mut bodies = Vec::with_capacity(workers.len() + 1);
     let request = Request {
         cpu: options.dispatcher_cpu,
         ..Request::default()
     };
     let bell = Arc::new(Signal::new());
     let seat = starter.seat(&"dispatcher".into(), dispatcher, &request, bell);
-    let body: Body = Box::new(move |account, _| dispatch.run(account));
-    bodies.insert(0, (seat, body));
-
-    starter.enforcers(&bodies.iter().map(|(seat, _)| seat))?;
+    bodies.push((seat, Body::Dispatcher(dispatch)));
+    for ((worker, request), policy) in workers.into_iter().zip(policies) {
+        let signal = Arc::clone(worker.bell.signal());
+        let seat = starter.seat(&worker.name, policy, &request, signal);
+        bodies.push((seat, Body::Worker(worker)));
+    }
+    starter.enforcers(&bodies)?;
     let mut crew = Vec::with_capacity(bodies.len());
     for (seat, body) in bodies {
         *seat.body.lock() = Some(body);
@@ -127,11 +117,12 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     })
 }
 
-pub(crate) fn check_names(requests: &[&Request]) -> Result<(), Error> {
-    for (i, r) in requests.iter().enumerate() {
-        let earlier = requests.iter().take(i);
-        if r.name == "dispatcher" || earlier.into_iter().any(|o| o.name == r.name) {
-            return Err(Error::DuplicateWorker(r.name.as_str().into()));
+pub(crate) fn check_names(workers: &[WorkerSpec]) -> Result<(), Error> {
+    for (i, w) in workers.iter().enumerate() {
+        let name = &w.request.name;
+        let mut earlier = workers.iter().take(i);
+        if name == "dispatcher" || earlier.any(|o| o.request.name == *name) {
+            return Err(Error::DuplicateWorker(name.as_str().into()));
         }
     }
     Ok(())
@@ -160,8 +151,9 @@ fn abort(crew: &mut Vec<Crew>, error: Error) -> Error {
     for c in crew.iter() {
         c.seat.launch(Launch::Abort);
     }
-    for c in crew.drain(..) {
-        c.join();
+    // Where they are not joined, they end by themselves: nothing holds them up.
+    if cfg!(not(target_os = "none")) {
+        crew.drain(..).for_each(Crew::join);
     }
     error
 }
@@ -236,26 +228,27 @@ impl Starter<'_> {
     }
 
     /// Starts one enforcer per CPU with budgets and tells every budgeted thread its own.
-    fn enforcers<'s>(
-        &mut self,
-        seats: &(impl Iterator<Item = &'s Arc<Seat>> + Clone),
-    ) -> Result<(), Error> {
-        for seat in seats.clone() {
+    #[inline(never)]
+    fn enforcers(&mut self, bodies: &[(Arc<Seat>, Body)]) -> Result<(), Error> {
+        for (seat, _) in bodies {
             let Policy::Sporadic(params) = &seat.policy else {
                 continue;
             };
-            if !self.enforcers.iter().any(|(cpu, _)| *cpu == seat.cpu) {
-                let budgeted = |s: &Seat| matches!(s.policy, Policy::Sporadic(_));
-                let here = seats.clone().filter(|s| s.cpu == seat.cpu && budgeted(s));
-                let enforcer = self.enforcer(seat, here.count())?;
-                self.enforcers.push((seat.cpu, enforcer));
-            }
             let mut known = self.enforcers.iter();
-            let known = known.find(|(cpu, _)| *cpu == seat.cpu);
-            let enforcer = known.and_then(|(_, e)| e.clone()).unwrap_or_else(|| {
-                self.refused.budgets.push(Words::from(&*seat.name));
-                Enforcer::deferred()
-            });
+            let known = match known.find(|(cpu, _)| *cpu == seat.cpu) {
+                Some((_, known)) => known.clone(),
+                None => {
+                    let budgeted = |s: &Seat| matches!(s.policy, Policy::Sporadic(_));
+                    let here = bodies.iter();
+                    let here = here.filter(|(s, _)| s.cpu == seat.cpu && budgeted(s));
+                    let enforcer = self.enforcer(seat, here.count())?;
+                    self.enforcers.push((seat.cpu, enforcer.clone()));
+                    enforcer
+                }
+            };
+            let Some(enforcer) = known.or_else(|| self.deferred(seat)) else {
+                continue;
+            };
             *seat.budget.lock() = Some(Funding {
                 enforcer,
                 params: *params,
@@ -263,6 +256,20 @@ impl Starter<'_> {
             });
         }
         Ok(())
+    }
+
+    /// For a thread whose enforcer was refused.
+    #[cfg(not(target_os = "none"))]
+    fn deferred(&mut self, seat: &Seat) -> Option<Arc<Enforcer>> {
+        self.refused.budgets.push(Words::from(&*seat.name));
+        Some(Enforcer::deferred())
+    }
+
+    /// No kernel without an operating system refuses one.
+    #[cfg(target_os = "none")]
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    const fn deferred(&self, _: &Seat) -> Option<Arc<Enforcer>> {
+        None
     }
 
     /// An enforcer for the CPU of `seat`; none if its priority is refused and need not be granted.
@@ -293,9 +300,9 @@ impl Starter<'_> {
         self.refused.policies.push(Words::from(&*seat.name));
         if let Some(funding) = &mut *seat.budget.lock()
             && funding.enforcer.enforcement() != Enforcement::Deferred
+            && let Some(deferred) = self.deferred(seat)
         {
-            funding.enforcer = Enforcer::deferred();
-            self.refused.budgets.push(Words::from(&*seat.name));
+            funding.enforcer = deferred;
         }
         Seat::spawn(seat, Policy::Other).map_err(|e| thread_error(seat, text!("{e}")))
     }
@@ -317,6 +324,9 @@ impl Starter<'_> {
 
     /// Says once what is not in force.
     fn declare(&mut self, unseen: Option<Words>) -> Vec<Words> {
+        if cfg!(target_os = "none") {
+            return Vec::new(); // nothing was refused
+        }
         let refused = core::mem::take(&mut self.refused);
         let mut fallbacks: Vec<Words> = refused.memory.into_iter().chain(unseen).collect();
         if let Some(why) = refused.why {

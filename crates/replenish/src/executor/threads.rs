@@ -10,7 +10,9 @@
 //!
 //! So either every thread of an executor runs with what was granted to it, or none has run at all.
 
+use super::dispatcher::Dispatcher;
 use super::stop::StopHandle;
+use super::worker::Worker;
 use crate::Nanos;
 use crate::event::{Event, Events};
 use crate::platform;
@@ -21,7 +23,19 @@ use replenish_os::{self as os, Account, Enforcer, Meter, Params, Policy, Thread}
 use sporadic::Kind;
 
 /// What a thread does between launch and stop.
-pub(crate) type Body = Box<dyn FnOnce(&mut Account, Nanos) + Send>;
+pub(crate) enum Body {
+    Dispatcher(Dispatcher),
+    Worker(Box<Worker>),
+}
+
+impl Body {
+    fn run(self, account: &mut Account, start: Nanos) {
+        match self {
+            Self::Dispatcher(dispatcher) => dispatcher.run(account),
+            Self::Worker(worker) => worker.run(account, start),
+        }
+    }
+}
 
 /// What a thread of this executor is to be.
 pub(crate) struct Seat {
@@ -136,7 +150,7 @@ impl Seat {
             let thread = &self.name;
             self.events.emit(&Event::ThreadPanicked { thread });
         };
-        platform::guard(account, |account| body(account, start), panicked);
+        platform::guard(account, |account| body.run(account, start), panicked);
     }
 
     fn enroll(&self) -> Result<(Account, Ready), Words> {

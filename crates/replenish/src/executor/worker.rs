@@ -32,6 +32,7 @@ use super::tally::Tally;
 use crate::Nanos;
 use crate::event::Events;
 use crate::sync::Arc;
+use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::cell::RefCell;
 use replenish_os::Account;
@@ -79,7 +80,7 @@ impl Worker {
     }
 
     /// Runs callbacks until a stop is requested.
-    pub(crate) fn run(mut self, account: &mut Account, start: Nanos) {
+    pub(crate) fn run(mut self: Box<Self>, account: &mut Account, start: Nanos) {
         self.begin(start);
         let tally = Tally::new(account.meter());
         account.activate(start);
@@ -172,7 +173,7 @@ impl Worker {
                 break;
             };
             from = position + 1;
-            match turn.of(entry) {
+            match turn.of::<ALL>(entry) {
                 None => {
                     self.ran += turn.ran;
                     self.agenda.insert(position);
@@ -224,14 +225,15 @@ impl Turn<'_> {
 
     /// A handle's turn: as many callbacks as it may have in a round. Whether there were any;
     /// `None` if the executor stops.
-    fn of(&mut self, entry: &mut Entry) -> Option<bool> {
+    fn of<const ALL: bool>(&mut self, entry: &mut Entry) -> Option<bool> {
         let mut ran = false;
         for n in 0..self.batch {
-            let ready = match self.snapshot {
+            let snapshot = ALL && self.snapshot;
+            let ready = match snapshot {
                 true => entry.ready && entry.is_live(),
                 false => entry.look(&Moment::default()),
             };
-            let without = n == 0 && entry.handling.always && entry.is_live();
+            let without = ALL && n == 0 && entry.handling.always && entry.is_live();
             if !ready && !without {
                 break;
             }
@@ -240,7 +242,7 @@ impl Turn<'_> {
             }
             ran = true;
             self.ran += 1;
-            let took = entry.run(self.env, self.snapshot, without);
+            let took = entry.run(self.env, snapshot, without);
             self.account.callback_end();
             self.tally.settle(&entry.shared.counters, entry.took);
             if !took {

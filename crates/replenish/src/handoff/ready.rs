@@ -10,26 +10,31 @@
 //! that nobody may leave out: input comes first, then the mark, then the bell, which is sticky. A
 //! worker that drained before the mark finds the bell rung when it goes to sleep.
 
-use crate::sync::{AtomicU64, Ordering};
+use crate::sync::{AtomicUsize, Ordering};
 use alloc::boxed::Box;
+
+/// Slots per word.
+const BITS: usize = usize::BITS as usize;
 
 /// A bit per slot. Marking is async-signal-safe: one atomic operation, or two.
 pub(crate) struct ReadySet {
-    words: Box<[AtomicU64]>,
+    words: Box<[AtomicUsize]>,
 }
 
 impl ReadySet {
     /// For slots below `slots`. Allocates here only.
     pub(crate) fn new(slots: usize) -> Self {
         Self {
-            words: (0..slots.div_ceil(64)).map(|_| AtomicU64::new(0)).collect(),
+            words: (0..slots.div_ceil(BITS))
+                .map(|_| AtomicUsize::new(0))
+                .collect(),
         }
     }
 
     /// The handle in `slot` may have something to do. Slots beyond the last are ignored.
     pub(crate) fn mark(&self, slot: usize) {
-        if let Some(word) = self.words.get(slot / 64) {
-            let bit = 1 << (slot % 64);
+        if let Some(word) = self.words.get(slot / BITS) {
+            let bit = 1 << (slot % BITS);
             word.fetch_or(bit, Ordering::Release);
         }
     }
@@ -42,7 +47,7 @@ impl ReadySet {
             }
             let mut bits = word.swap(0, Ordering::Acquire);
             while bits != 0 {
-                marked(at * 64 + bits.trailing_zeros() as usize);
+                marked(at * BITS + bits.trailing_zeros() as usize);
                 bits &= bits - 1;
             }
         }
