@@ -446,7 +446,7 @@ mod planning {
 }
 
 mod start {
-    pub(crate) fn check_names(_: &[&crate::plan::Request]) -> Result<(), crate::error::Error> {
+    pub(crate) fn check_names(_: &[crate::WorkerSpec]) -> Result<(), crate::error::Error> {
         Ok(())
     }
 }
@@ -489,8 +489,10 @@ mod live {
 mod rounds {
     use crate::worker::Worker;
     use crate::{Account, Nanos, tally::Tally};
+    use std::cell::RefCell;
 
     pub(crate) struct Rounds {
+        pub(crate) outbox: fn(&crate::rules::Rules) -> Option<RefCell<crate::outbox::Outbox>>,
         pub(crate) begin: fn(&mut Worker, Nanos),
         pub(crate) want_all: fn(&Worker) -> bool,
         pub(crate) step: fn(&mut Worker, &mut Account, &Tally) -> bool,

@@ -15,7 +15,7 @@ use super::stop::StopHandle;
 use super::worker::Worker;
 use crate::Nanos;
 use crate::event::{Event, Events};
-use crate::platform;
+use crate::platform::{self, kept};
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
 use crate::text::{Words, text};
 use alloc::boxed::Box;
@@ -32,7 +32,7 @@ impl Body {
     fn run(self, account: &mut Account, start: Nanos) {
         match self {
             Self::Dispatcher(dispatcher) => dispatcher.run(account),
-            Self::Worker(worker) => worker.run(account, start),
+            Self::Worker(worker) => kept(worker).run(account, start),
         }
     }
 }

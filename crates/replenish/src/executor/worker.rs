@@ -32,7 +32,6 @@ use super::tally::Tally;
 use crate::Nanos;
 use crate::event::Events;
 use crate::sync::Arc;
-use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::cell::RefCell;
 use replenish_os::Account;
@@ -80,7 +79,7 @@ impl Worker {
     }
 
     /// Runs callbacks until a stop is requested.
-    pub(crate) fn run(mut self: Box<Self>, account: &mut Account, start: Nanos) {
+    pub(crate) fn run(&mut self, account: &mut Account, start: Nanos) {
         self.begin(start);
         let tally = Tally::new(account.meter());
         account.activate(start);
