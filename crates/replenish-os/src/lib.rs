@@ -90,6 +90,7 @@ pub use backend::AtomicU64;
 #[cfg(all(target_os = "linux", not(nuttx_host)))]
 pub use backend::{
     affinity::{CpuSet, affinity, set_affinity},
+    datagram::receive,
     machine::{Machine, Preemption, machine},
     poll::{PollFd, poll},
     switches::{Drained, Switch, SwitchKind, SwitchLog},

@@ -70,6 +70,7 @@ fn route(shared: &Arc<Shared>) -> Route {
         shared: Arc::clone(shared),
         worker: 0,
         line: line(),
+        hand: None,
     }
 }
 
@@ -106,16 +107,14 @@ fn a_full_reader_leaves_the_interest_set_holds_up_nobody_and_comes_back() {
         while inboxes[1].waiting() == 0 {
             bell.wait();
         }
-        let mut got = Vec::new();
+        let (mut got, mut hands) = (Vec::new(), [None, None]);
         while got.len() < 3 {
-            let popped = inboxes.iter().filter_map(|inbox| {
-                let popped = inbox.pop()?;
-                if popped.wake {
+            let both = inboxes.iter().zip(&mut hands);
+            let popped = both.filter_map(|(inbox, hand)| {
+                if inbox.pop(hand)? {
                     middleware.wake();
                 }
-                let sample = popped.slot.payload()[0];
-                inbox.give_back(popped.slot);
-                Some(sample)
+                Some(hand.as_ref()?.payload()[0])
             });
             let before = got.len();
             got.extend(popped);

@@ -13,7 +13,7 @@ mod handoff;
 #[path = "../src/sync.rs"]
 mod sync;
 
-use handoff::{Inbox, Keep, Outcome, SampleInfo};
+use handoff::{Inbox, Keep, Outcome, SampleInfo, Slot};
 use loom::thread;
 use sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
 
@@ -42,7 +42,7 @@ impl Middleware {
 
 /// The dispatcher's loop for one keep-all reader, as in `executor/dispatcher.rs`.
 fn dispatch(middleware: &Middleware, inbox: &Inbox, bell: &Signal, done: &AtomicBool) {
-    let mut parked = false;
+    let (mut parked, mut hand) = (false, None);
     while !done.load(Ordering::Acquire) {
         if parked {
             parked = inbox.is_parked();
@@ -55,7 +55,7 @@ fn dispatch(middleware: &Middleware, inbox: &Inbox, bell: &Signal, done: &Atomic
             }) else {
                 break;
             };
-            let delivery = inbox.deliver(&[sample], &SampleInfo::at(0));
+            let delivery = inbox.deliver(&mut hand, &[sample], &SampleInfo::at(0));
             assert_eq!(delivery.outcome, Outcome::Stored);
             parked = delivery.parked;
         }
@@ -64,14 +64,11 @@ fn dispatch(middleware: &Middleware, inbox: &Inbox, bell: &Signal, done: &Atomic
 }
 
 /// The worker's part of one sample.
-fn pop(inbox: &Inbox, middleware: &Middleware) -> Option<u8> {
-    let popped = inbox.pop()?;
-    if popped.wake {
+fn pop(inbox: &Inbox, hand: &mut Option<Slot>, middleware: &Middleware) -> Option<u8> {
+    if inbox.pop(hand)? {
         middleware.bell.set();
     }
-    let sample = popped.slot.payload()[0];
-    inbox.give_back(popped.slot);
-    Some(sample)
+    Some(hand.as_ref()?.payload()[0])
 }
 
 #[test]
@@ -86,9 +83,9 @@ fn a_full_inbox_rejoins_the_interest_set_as_soon_as_there_is_room() {
             let (bell, done) = (Arc::clone(&bell), Arc::clone(&done));
             thread::spawn(move || dispatch(&middleware, &inbox, &bell, &done))
         };
-        let mut got = Vec::new();
+        let (mut got, mut hand) = (Vec::new(), None);
         while got.len() < 3 {
-            match pop(&inbox, &middleware) {
+            match pop(&inbox, &mut hand, &middleware) {
                 Some(sample) => got.push(sample),
                 None => bell.wait(),
             }
@@ -108,9 +105,9 @@ fn keep_last_hands_over_the_newest_and_counts_every_other() {
         let dispatcher = {
             let (inbox, bell) = (Arc::clone(&inbox), Arc::clone(&bell));
             thread::spawn(move || {
-                let mut dropped = 0;
+                let (mut dropped, mut hand) = (0, None);
                 for sample in [1, 2, 3] {
-                    let delivery = inbox.deliver(&[sample], &SampleInfo::at(0));
+                    let delivery = inbox.deliver(&mut hand, &[sample], &SampleInfo::at(0));
                     assert!(!delivery.parked);
                     dropped += usize::from(delivery.outcome == Outcome::ReplacedOldest);
                     bell.set();
@@ -118,13 +115,12 @@ fn keep_last_hands_over_the_newest_and_counts_every_other() {
                 dropped
             })
         };
-        let mut got: Vec<u8> = Vec::new();
+        let (mut got, mut hand) = (Vec::<u8>::new(), None::<Slot>);
         while got.last() != Some(&3) {
-            match inbox.pop() {
-                Some(popped) => {
-                    assert!(!popped.wake);
-                    got.push(popped.slot.payload()[0]);
-                    inbox.give_back(popped.slot);
+            match inbox.pop(&mut hand) {
+                Some(wake) => {
+                    assert!(!wake);
+                    got.push(hand.as_ref().unwrap().payload()[0]);
                 }
                 None => bell.wait(),
             }
@@ -143,9 +139,9 @@ fn closing_a_full_inbox_wakes_the_middleware_and_accounts_for_every_sample() {
         let dispatcher = {
             let (inbox, middleware) = (Arc::clone(&inbox), Arc::clone(&middleware));
             thread::spawn(move || {
-                let mut discarded = 0;
+                let (mut discarded, mut hand) = (0, None);
                 for sample in [1, 2] {
-                    let delivery = inbox.deliver(&[sample], &SampleInfo::at(0));
+                    let delivery = inbox.deliver(&mut hand, &[sample], &SampleInfo::at(0));
                     discarded += usize::from(delivery.outcome == Outcome::Closed);
                     if delivery.parked {
                         middleware.bell.wait(); // only a wake-up brings it back

@@ -64,7 +64,7 @@ use fixed::{self as desk, self as mailbox};
 use guard::{Guard, GuardCondition};
 use handle::{Env, Handle, Shared, Taken};
 use handle_stubs::platform;
-use handoff::{Inbox, Keep, Stop};
+use handoff::{Inbox, Keep, Slot, Stop};
 use local::{LocalExecutor, SpinEnd};
 use loom::thread;
 use middleware::{Fake, Middleware, ReaderId};
@@ -106,7 +106,7 @@ impl Executor {
     fn subscribe(&mut self) -> Arc<Shared> {
         let inbox = Arc::new(Inbox::new(1, 1, Keep::All));
         let shared = Shared::new(Some((ReaderId(0), inbox)));
-        self.add(&shared, Subscription(Arc::clone(&shared)));
+        self.add(&shared, Subscription(Arc::clone(&shared), None));
         shared
     }
 
@@ -210,7 +210,7 @@ fn a_stop_ends_the_spin_whenever_it_comes() {
 }
 
 /// Takes what comes, and asks for more as soon as there is room.
-struct Subscription(Arc<Shared>);
+struct Subscription(Arc<Shared>, Option<Slot>);
 
 impl Handle for Subscription {
     fn begin(&mut self, _: Nanos, _: &doorbell::Line) {}
@@ -218,12 +218,9 @@ impl Handle for Subscription {
         self.0.inbox().waiting() > 0
     }
     fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
-        let inbox = self.0.inbox();
-        let popped = inbox.pop()?;
-        if popped.wake {
+        if self.0.inbox().pop(&mut self.1)? {
             env.stop.middleware.wake();
         }
-        inbox.give_back(popped.slot);
         let due = clock::monotonic();
         Some(Taken {
             due,

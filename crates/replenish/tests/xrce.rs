@@ -65,19 +65,19 @@ fn collect(
     n: usize,
     others: &[&Xrce],
 ) -> Vec<(ReaderId, Vec<u8>)> {
-    let (set, end) = (interest(readers), Instant::now() + Duration::from_secs(5));
+    let (mut set, end) = (interest(readers), Instant::now() + Duration::from_secs(5));
     let mut samples = Vec::new();
     while samples.len() < n && Instant::now() < end {
         for other in others {
             other
-                .take(&Interest::empty(), &mut |_, _, _| Room::Left)
+                .take(&mut Interest::empty(), &mut |_, _, _| Room::Left)
                 .unwrap();
         }
         middleware
             .wait(&set, Some(clock::monotonic() + MILLI))
             .unwrap();
         middleware
-            .take(&set, &mut |reader, _, bytes| {
+            .take(&mut set, &mut |reader, _, bytes| {
                 samples.push((reader, bytes.to_vec()));
                 Room::Left
             })
@@ -94,7 +94,7 @@ fn gets(middleware: &Xrce, reader: ReaderId, sample: &[u8], other: &Xrce) -> boo
 /// Runs the session like a dispatcher without interest until `done` or 5 s have passed.
 fn spin_until(middleware: &Xrce, done: impl Fn() -> bool) -> bool {
     let end = Instant::now() + Duration::from_secs(5);
-    let nobody = Interest::empty();
+    let mut nobody = Interest::empty();
     while !done() {
         if Instant::now() > end {
             return false;
@@ -102,7 +102,9 @@ fn spin_until(middleware: &Xrce, done: impl Fn() -> bool) -> bool {
         middleware
             .wait(&nobody, Some(clock::monotonic() + 10 * MILLI))
             .unwrap();
-        middleware.take(&nobody, &mut |_, _, _| Room::Left).unwrap();
+        middleware
+            .take(&mut nobody, &mut |_, _, _| Room::Left)
+            .unwrap();
     }
     true
 }
@@ -177,7 +179,7 @@ fn data_of_readers_without_room_waits_and_does_not_end_the_wait() {
         let deadline = clock::monotonic() + 20 * MILLI;
         middleware.wait(&Interest::empty(), Some(deadline)).unwrap();
         middleware
-            .take(&Interest::empty(), &mut |_, _, _| panic!("no interest"))
+            .take(&mut Interest::empty(), &mut |_, _, _| panic!("no interest"))
             .unwrap();
         waits += 1;
     }
@@ -195,9 +197,9 @@ fn data_of_readers_without_room_waits_and_does_not_end_the_wait() {
     );
     let mut taken = Vec::new();
     let room = |limit: usize, taken: &mut Vec<(ReaderId, u8)>| {
-        let mut given = 0;
+        let (mut given, mut set) = (0, set);
         middleware
-            .take(&set, &mut |reader, _, bytes| {
+            .take(&mut set, &mut |reader, _, bytes| {
                 taken.push((reader, bytes[0]));
                 given += 1;
                 if given < limit {
@@ -248,7 +250,7 @@ fn a_publisher_never_waits_for_a_dispatcher_that_waits() {
             while !stop.load(Ordering::SeqCst) {
                 middleware.wait(&Interest::empty(), None).unwrap();
                 middleware
-                    .take(&Interest::empty(), &mut |_, _, _| Room::Left)
+                    .take(&mut Interest::empty(), &mut |_, _, _| Room::Left)
                     .unwrap();
             }
         }
@@ -301,7 +303,7 @@ fn wake_ends_a_wait_before_and_while_it_waits() {
     while start.elapsed() < Duration::from_millis(15) {
         middleware.wait(&Interest::empty(), None).unwrap();
         middleware
-            .take(&Interest::empty(), &mut |_, _, _| Room::Left)
+            .take(&mut Interest::empty(), &mut |_, _, _| Room::Left)
             .unwrap();
     }
     thread.join().unwrap();

@@ -64,7 +64,7 @@ fn a_full_normal_topic_does_not_hold_up_a_real_time_one() {
             heard += 1;
             Room::Left
         };
-        middleware.take(&interest, &mut sink).unwrap();
+        middleware.take(&mut interest, &mut sink).unwrap();
     }
     assert_eq!(heard, 1);
 }

@@ -119,7 +119,7 @@ impl Stalls {
 /// Runs the session as a dispatcher does; notes the numbers it gets.
 fn dispatch(
     middleware: &Arc<Xrce>,
-    interest: Interest,
+    mut interest: Interest,
     stop: &Arc<AtomicBool>,
     stalls: &Arc<Stalls>,
 ) -> (JoinHandle<()>, Heard) {
@@ -135,7 +135,7 @@ fn dispatch(
             turn = Instant::now();
             let mut heard = sink.lock().unwrap();
             middleware
-                .take(&interest, &mut |_, _, bytes| {
+                .take(&mut interest, &mut |_, _, bytes| {
                     let (number, rest) = bytes.split_first_chunk().unwrap();
                     assert!(
                         rest.iter().all(|byte| *byte == number[0]),

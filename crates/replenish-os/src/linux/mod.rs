@@ -4,6 +4,7 @@ pub(crate) mod affinity;
 pub(crate) mod bare_futex;
 pub mod clock;
 pub(crate) mod cpu_timer;
+pub(crate) mod datagram;
 pub(crate) mod futex;
 mod gaps;
 pub(crate) mod granted;

@@ -117,6 +117,7 @@ impl Dispatcher {
                 shared: Arc::clone(shared),
                 worker,
                 line,
+                hand: None,
             });
         }
     }

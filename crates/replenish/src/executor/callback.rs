@@ -23,7 +23,8 @@ pub struct CallbackContext<'a> {
     pub(crate) due: Nanos,
     pub(crate) started: Nanos,
     pub(crate) skipped: u64,
-    pub(crate) info: SampleInfo,
+    /// What is known about the sample, if there is one.
+    pub(crate) sample: Option<&'a SampleInfo>,
 }
 
 impl<'a> CallbackContext<'a> {
@@ -34,7 +35,20 @@ impl<'a> CallbackContext<'a> {
             due,
             started,
             skipped: 0,
-            info: SampleInfo::at(due),
+            sample: None,
+        }
+    }
+
+    /// With the sample that it is about.
+    pub(crate) fn about(
+        sample: &'a SampleInfo,
+        env: &'a Env<'a>,
+        shared: &'a Shared,
+        started: Nanos,
+    ) -> Self {
+        Self {
+            sample: Some(sample),
+            ..Self::new(env, shared, sample.arrival, started)
         }
     }
 }
@@ -82,21 +96,21 @@ impl CallbackContext<'_> {
     /// epoch; `None` where the middleware does not tell (DDS-XRCE), and without a sample.
     #[must_use]
     pub fn source_timestamp(&self) -> Option<Nanos> {
-        self.info.source_timestamp
+        self.sample?.source_timestamp
     }
 
     /// The sample's number among those of its writer; `None` where the middleware does not tell
     /// (DDS-XRCE), and without a sample.
     #[must_use]
     pub fn sequence(&self) -> Option<u64> {
-        self.info.sequence
+        self.sample?.sequence
     }
 
     /// Services: which request this is (server) or answers (client, its
     /// [number](RequestIdentity::number) only).
     #[must_use]
     pub fn request(&self) -> RequestIdentity {
-        self.info.request
+        self.sample.map(|s| s.request).unwrap_or_default()
     }
 
     /// What the worker's budget has left at this moment; `None` without a budget. Takes the

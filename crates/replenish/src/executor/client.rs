@@ -14,7 +14,7 @@ use super::moment::Moment;
 use super::schedule::nanos;
 use crate::Nanos;
 use crate::error::Error;
-use crate::handoff::{Inbox, RequestIdentity, SampleInfo};
+use crate::handoff::{Inbox, RequestIdentity, SampleInfo, Slot};
 use crate::middleware::{Middleware, PublishError, ReaderId, WriterId};
 use crate::platform::Once;
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
@@ -243,6 +243,8 @@ pub(crate) struct Replies<S: Service, F> {
     shared: Arc<Shared>,
     client: Arc<ClientInner>,
     response: S::Response,
+    /// The reply taken last, as it came.
+    hand: Option<Slot>,
     info: SampleInfo,
     timed_out: bool,
     callback: F,
@@ -254,6 +256,7 @@ impl<S: Service, F> Replies<S, F> {
             shared,
             client,
             response: S::Response::default(),
+            hand: None,
             info: SampleInfo::at(0),
             timed_out: false,
             callback,
@@ -305,13 +308,10 @@ where
     }
 
     fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
-        let Some(popped) = self.client.inbox.pop() else {
+        let Some(slot) = env.next_sample(&self.client.inbox, &mut self.hand) else {
             return self.expire();
         };
-        if popped.wake {
-            env.stop.middleware.wake();
-        }
-        self.info = *popped.slot.info();
+        self.info = *slot.info();
         self.timed_out = false;
         let number = self.info.request.number();
         let expected = {
@@ -319,9 +319,7 @@ where
             let at = table.waiting.iter().position(|(n, _, _)| *n == number);
             at.map(|at| table.waiting.swap_remove(at)).is_some()
         };
-        let payload = CdrReader::new(popped.slot.payload());
-        let decoded = decode(&mut self.response, &payload);
-        self.client.inbox.give_back(popped.slot);
+        let decoded = decode(&mut self.response, &CdrReader::new(slot.payload()));
         if !expected {
             self.shared.counters.discarded.add(1);
             return None;
@@ -337,10 +335,7 @@ where
     }
 
     fn execute(&mut self, env: &Env<'_>, started: Nanos) {
-        let cx = CallbackContext {
-            info: self.info,
-            ..CallbackContext::new(env, &self.shared, self.info.arrival, started)
-        };
+        let cx = CallbackContext::about(&self.info, env, &self.shared, started);
         let reply = match self.timed_out {
             true => Err(NoReply::TimedOut),
             false => Ok(&self.response),

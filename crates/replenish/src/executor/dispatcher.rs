@@ -16,7 +16,6 @@ use super::routes::Route;
 use super::stop::StopHandle;
 use crate::Nanos;
 use crate::event::{Event, Events};
-use crate::handoff::{Delivery, Outcome};
 use crate::middleware::{
     Clash, Interest, LinkState, Middleware, MiddlewareError, ReaderId, Room, SampleInfo,
 };
@@ -44,6 +43,8 @@ pub(crate) struct Watch {
     /// Readers whose inbox is full.
     parked: Interest,
     link_up: bool,
+    /// The middleware's last news.
+    news: Option<usize>,
 }
 
 /// The dispatcher's state; lives on its thread.
@@ -74,6 +75,7 @@ impl Dispatcher {
             interest: self.everybody(),
             parked: Interest::empty(),
             link_up: true,
+            news: None,
         }
     }
 
@@ -84,22 +86,36 @@ impl Dispatcher {
         account: &mut Account,
         deadline: Option<Nanos>,
     ) {
-        let middleware = Arc::clone(&self.stop.middleware);
+        let middleware: &dyn Middleware = &*self.stop.middleware;
         let (interest, parked) = (&mut watch.interest, &mut watch.parked);
         self.desk
-            .carry_out(&*middleware, &mut self.routes, interest, parked);
-        self.readmit(interest, parked);
+            .carry_out(middleware, &mut self.routes, interest, parked);
+        if !parked.is_empty() {
+            self.readmit(interest, parked);
+        }
         account.block();
         let waited = middleware.wait(interest, deadline);
         if account.has_budget() {
             account.activate(clock::monotonic());
         }
         self.counters.rounds.add(1);
-        let taken = self.take(&*middleware, interest, parked);
+        let taken = self.take(interest, parked);
         self.ring();
         if let Err(error) = waited.and(taken) {
             self.failed(&error, account, deadline);
         }
+        let middleware: &dyn Middleware = &*self.stop.middleware;
+        let news = middleware.news();
+        if news.is_none() || news != watch.news {
+            watch.news = news;
+            self.notice(watch);
+        }
+    }
+
+    /// Tells what has become of the link, and of endpoints that do not fit.
+    #[inline(never)]
+    fn notice(&self, watch: &mut Watch) {
+        let middleware: &dyn Middleware = &*self.stop.middleware;
         let up = middleware.link() == LinkState::Up;
         if up != watch.link_up {
             watch.link_up = up;
@@ -135,10 +151,8 @@ impl Dispatcher {
         all
     }
 
+    #[cold]
     fn readmit(&self, interest: &mut Interest, parked: &mut Interest) {
-        if parked.is_empty() {
-            return;
-        }
         let out = *parked;
         for reader in out.iter() {
             let inbox = self.route(reader).and_then(|r| r.shared.input.as_ref());
@@ -155,58 +169,36 @@ impl Dispatcher {
 
     fn take(
         &mut self,
-        middleware: &dyn Middleware,
         interest: &mut Interest,
         parked: &mut Interest,
     ) -> Result<(), MiddlewareError> {
-        let before = *interest;
+        let Self {
+            stop,
+            events,
+            routes,
+            bells,
+            ..
+        } = self;
         let mut sink = |reader: ReaderId, info: &SampleInfo, bytes: &[u8]| {
-            let Some((delivery, worker)) = self.deliver(reader, info, bytes) else {
+            let route = routes.get_mut(usize::from(reader.0));
+            let Some(route) = route.and_then(Option::as_mut) else {
                 return Room::Left; // nobody subscribes to it any more
             };
-            if let Some((_, due)) = self.bells.get_mut(worker) {
+            if let Some((_, due)) = bells.get_mut(route.worker) {
                 *due = true;
             }
-            if delivery.parked {
-                interest.remove(reader);
-                parked.insert(reader);
-                return Room::Full;
+            match route.deliver(info, bytes, events) {
+                true => {
+                    parked.insert(reader);
+                    Room::Full
+                }
+                false => Room::Left,
             }
-            Room::Left
         };
-        let taken = middleware.take(&before, &mut sink)?;
+        let middleware: &dyn Middleware = &*stop.middleware;
+        let taken = middleware.take(interest, &mut sink)?;
         self.counters.samples.add(taken as u64);
         Ok(())
-    }
-
-    fn deliver(
-        &self,
-        reader: ReaderId,
-        info: &SampleInfo,
-        bytes: &[u8],
-    ) -> Option<(Delivery, usize)> {
-        let route = self.route(reader)?;
-        let (_, inbox) = route.shared.input.as_ref()?;
-        let counters = &route.shared.counters;
-        counters.received.add(1);
-        let delivery = inbox.deliver(bytes, info);
-        route.line.mark();
-        match delivery.outcome {
-            Outcome::Stored => {}
-            Outcome::ReplacedOldest | Outcome::NoRoom => drop(counters.dropped.add(1)),
-            Outcome::Closed => drop(counters.discarded.add(1)),
-            Outcome::Oversize => {
-                let (count, size) = (counters.oversize.add(1), bytes.len());
-                let handle = &route.shared.id;
-                let event = Event::Oversize {
-                    handle,
-                    size,
-                    count,
-                };
-                route.shared.report(count, &event, &self.events);
-            }
-        }
-        Some((delivery, route.worker))
     }
 
     fn ring(&mut self) {

@@ -8,7 +8,7 @@ use super::outbox::Outbox;
 use super::stop::StopHandle;
 use crate::Nanos;
 use crate::event::{Event, Events};
-use crate::handoff::{Inbox, SampleInfo};
+use crate::handoff::{Inbox, Slot};
 use crate::histogram::LiveHistogram;
 use crate::middleware::ReaderId;
 use crate::platform::Once;
@@ -37,6 +37,20 @@ pub(crate) struct Env<'a> {
     pub(crate) outbox: Option<&'a RefCell<Outbox>>,
 }
 
+impl Env<'_> {
+    /// The next sample that waits, for the one in `hand`.
+    pub(crate) fn next_sample<'h>(
+        &self,
+        inbox: &Inbox,
+        hand: &'h mut Option<Slot>,
+    ) -> Option<&'h Slot> {
+        if inbox.pop(hand)? {
+            self.stop.middleware.wake();
+        }
+        hand.as_ref()
+    }
+}
+
 /// Input that waits for its callback.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Taken {
@@ -44,6 +58,15 @@ pub(crate) struct Taken {
     pub(crate) due: Nanos,
     /// How long after that the callback should have ended, if the handle's kind says so.
     pub(crate) deadline: Option<Nanos>,
+}
+
+impl Taken {
+    pub(crate) fn sample(slot: &Slot) -> Self {
+        Self {
+            due: slot.info().arrival,
+            deadline: None,
+        }
+    }
 }
 
 /// One callback of a worker and what triggers it. Lives on the worker's thread.
@@ -75,23 +98,26 @@ pub(crate) trait Handle: Send {
 /// A handle's own hook for what goes wrong with it.
 pub(crate) type ErrorHook = Box<dyn Fn(&Event<'_>) + Send + Sync>;
 
-/// What is known about a handle outside its worker.
+/// What is known about a handle outside its worker. What each message needs comes first, in one
+/// line of the cache: a core that has slept fetches each line from afar.
+#[repr(C)]
+#[cfg_attr(feature = "std", repr(align(64)))]
 pub(crate) struct Shared {
-    pub(crate) id: String,
+    /// No callback of it starts any more.
+    pub(crate) removed: AtomicBool,
+    /// A callback of it that runs shall end.
+    pub(crate) cancelled: AtomicBool,
+    /// The reader of a subscription, service or client, and its inbox.
+    pub(crate) input: Option<(ReaderId, Arc<Inbox>)>,
     pub(crate) counters: Counters,
     /// From release to start.
     pub(crate) latency: LiveHistogram,
     /// From release to end.
     pub(crate) response: LiveHistogram,
+    pub(crate) id: String,
     pub(crate) last_error: Mutex<Text>,
-    /// The reader of a subscription, service or client, and its inbox.
-    pub(crate) input: Option<(ReaderId, Arc<Inbox>)>,
     pub(crate) hook: Once<ErrorHook>,
     pub(crate) group: Once<Group>,
-    /// No callback of it starts any more.
-    pub(crate) removed: AtomicBool,
-    /// A callback of it that runs shall end.
-    pub(crate) cancelled: AtomicBool,
     /// Set when the worker has let go of it.
     #[cfg(feature = "live")]
     pub(crate) gone: Signal,
@@ -172,25 +198,23 @@ impl Shared {
         discarded
     }
 
-    /// Takes the next sample of its inbox and decodes it in place; one that cannot be decoded is
-    /// reported and counted.
+    /// Takes the next sample of its inbox into `hand` and decodes it in place; one that cannot be
+    /// decoded is reported and counted.
     pub(crate) fn take_sample<M: Message>(
         &self,
         inbox: &Inbox,
+        hand: &mut Option<Slot>,
         message: &mut M,
         env: &Env<'_>,
-    ) -> Option<SampleInfo> {
-        let popped = inbox.pop()?;
-        if popped.wake {
-            env.stop.middleware.wake();
+    ) -> Option<Taken> {
+        let slot = env.next_sample(inbox, hand)?;
+        match decode(message, &CdrReader::new(slot.payload())) {
+            Ok(()) => Some(Taken::sample(slot)),
+            Err(error) => {
+                self.undecodable(error, env.events);
+                None
+            }
         }
-        let info = *popped.slot.info();
-        let decoded = decode(message, &CdrReader::new(popped.slot.payload()));
-        inbox.give_back(popped.slot);
-        decoded
-            .map_err(|error| self.undecodable(error, env.events))
-            .ok()?;
-        Some(info)
     }
 
     /// Samples that wait for the worker.

@@ -522,6 +522,7 @@ impl LiveWorker<'_> {
                 shared: Arc::clone(&shared),
                 worker: post.place,
                 line: post.mailbox.line(slot),
+                hand: None,
             };
             place.order(reader, Some(route));
             live.stop.middleware.wake();

@@ -2,6 +2,8 @@
 
 use super::doorbell::Line;
 use super::handle::Shared;
+use crate::event::{Event, Events};
+use crate::handoff::{Outcome, SampleInfo, Slot};
 use crate::sync::Arc;
 
 /// Where a reader's samples go.
@@ -11,4 +13,39 @@ pub(crate) struct Route {
     pub(crate) worker: usize,
     /// Marks the handle.
     pub(crate) line: Line,
+    /// The dispatcher's empty buffer for its next sample.
+    pub(crate) hand: Option<Slot>,
+}
+
+impl Route {
+    /// Puts a sample into the inbox, and marks the handle. Whether the reader is to leave the
+    /// interest set, since there is no room for another.
+    pub(crate) fn deliver(&mut self, info: &SampleInfo, bytes: &[u8], events: &Events) -> bool {
+        let Some((_, inbox)) = &self.shared.input else {
+            return false;
+        };
+        let counters = &self.shared.counters;
+        counters.received.add(1);
+        let delivery = inbox.deliver(&mut self.hand, bytes, info);
+        self.line.mark();
+        match delivery.outcome {
+            Outcome::Stored => {}
+            Outcome::ReplacedOldest | Outcome::NoRoom => drop(counters.dropped.add(1)),
+            Outcome::Closed => drop(counters.discarded.add(1)),
+            Outcome::Oversize => self.oversize(bytes.len(), events),
+        }
+        delivery.parked
+    }
+
+    #[cold]
+    fn oversize(&self, size: usize, events: &Events) {
+        let count = self.shared.counters.oversize.add(1);
+        let handle = &self.shared.id;
+        let event = Event::Oversize {
+            handle,
+            size,
+            count,
+        };
+        self.shared.report(count, &event, events);
+    }
 }

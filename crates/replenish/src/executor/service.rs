@@ -4,7 +4,7 @@ use super::callback::{CallbackContext, CallbackResult};
 use super::handle::{Env, Handle, Shared, Taken};
 use super::moment::Moment;
 use crate::Nanos;
-use crate::handoff::{Inbox, RequestIdentity, SampleInfo};
+use crate::handoff::{Inbox, RequestIdentity, Slot};
 use crate::middleware::{Middleware, PublishError, WriterId};
 use crate::sync::{Arc, Mutex};
 use alloc::boxed::Box;
@@ -80,7 +80,8 @@ pub(crate) struct Server<S: Service, F> {
     inbox: Arc<Inbox>,
     line: Arc<ReplyLine>,
     request: S::Request,
-    info: SampleInfo,
+    /// The request taken last, as it came.
+    hand: Option<Slot>,
     callback: F,
 }
 
@@ -98,7 +99,7 @@ impl<S: Service, F> Server<S, F> {
             inbox,
             line: Arc::new(line),
             request,
-            info: SampleInfo::at(0),
+            hand: None,
             callback,
         }
     }
@@ -115,24 +116,18 @@ where
     }
 
     fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
-        self.info = self
-            .shared
-            .take_sample(&self.inbox, &mut self.request, env)?;
-        Some(Taken {
-            due: self.info.arrival,
-            deadline: None,
-        })
+        self.shared
+            .take_sample(&self.inbox, &mut self.hand, &mut self.request, env)
     }
 
     fn execute(&mut self, env: &Env<'_>, started: Nanos) {
-        let due = self.info.arrival;
-        let cx = CallbackContext {
-            info: self.info,
-            ..CallbackContext::new(env, &self.shared, due, started)
+        let Some(info) = self.hand.as_ref().map(Slot::info) else {
+            return;
         };
+        let cx = CallbackContext::about(info, env, &self.shared, started);
         let responder = Responder {
             line: Arc::clone(&self.line),
-            to: self.info.request,
+            to: info.request,
             service: PhantomData,
         };
         let result = (self.callback)(&self.request, responder, &cx);

@@ -4,7 +4,7 @@ use super::callback::{CallbackContext, CallbackResult};
 use super::handle::{Env, Handle, Shared, Taken};
 use super::moment::Moment;
 use crate::Nanos;
-use crate::handoff::{Inbox, SampleInfo, Slot};
+use crate::handoff::{Inbox, Slot};
 use crate::sync::Arc;
 use core::marker::PhantomData;
 use replenish_msg::{Message, View, Viewed};
@@ -14,7 +14,8 @@ pub(crate) struct Subscription<M, F> {
     shared: Arc<Shared>,
     inbox: Arc<Inbox>,
     message: M,
-    info: SampleInfo,
+    /// The sample taken last, as it came.
+    hand: Option<Slot>,
     callback: F,
 }
 
@@ -24,7 +25,7 @@ impl<M: Message, F> Subscription<M, F> {
             shared,
             inbox,
             message: M::default(),
-            info: SampleInfo::at(0),
+            hand: None,
             callback,
         }
     }
@@ -41,21 +42,15 @@ where
     }
 
     fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
-        self.info = self
-            .shared
-            .take_sample(&self.inbox, &mut self.message, env)?;
-        Some(Taken {
-            due: self.info.arrival,
-            deadline: None,
-        })
+        self.shared
+            .take_sample(&self.inbox, &mut self.hand, &mut self.message, env)
     }
 
     fn execute(&mut self, env: &Env<'_>, started: Nanos) {
-        let due = self.info.arrival;
-        let cx = CallbackContext {
-            info: self.info,
-            ..CallbackContext::new(env, &self.shared, due, started)
+        let Some(info) = self.hand.as_ref().map(Slot::info) else {
+            return;
         };
+        let cx = CallbackContext::about(info, env, &self.shared, started);
         let result = (self.callback)(Some(&self.message), &cx);
         result.inspect(&mut |e| self.shared.failed(e, env.events));
     }
@@ -71,7 +66,7 @@ where
 pub(crate) struct RawSubscription<F> {
     shared: Arc<Shared>,
     inbox: Arc<Inbox>,
-    slot: Option<Slot>,
+    hand: Option<Slot>,
     callback: F,
 }
 
@@ -80,24 +75,14 @@ impl<F> RawSubscription<F> {
         Self {
             shared,
             inbox,
-            slot: None,
+            hand: None,
             callback,
         }
     }
 
     fn take_slot(&mut self, env: &Env<'_>) -> Option<Taken> {
-        let popped = self.inbox.pop()?;
-        if popped.wake {
-            env.stop.middleware.wake();
-        }
-        let due = popped.slot.info().arrival;
-        if let Some(unread) = self.slot.replace(popped.slot) {
-            self.inbox.give_back(unread); // taken, and then left out after a missed deadline
-        }
-        Some(Taken {
-            due,
-            deadline: None,
-        })
+        env.next_sample(&self.inbox, &mut self.hand)
+            .map(Taken::sample)
     }
 }
 
@@ -115,16 +100,12 @@ where
     }
 
     fn execute(&mut self, env: &Env<'_>, started: Nanos) {
-        let Some(slot) = self.slot.take() else {
+        let Some(slot) = &self.hand else {
             return;
         };
-        let cx = CallbackContext {
-            info: *slot.info(),
-            ..CallbackContext::new(env, &self.shared, slot.info().arrival, started)
-        };
+        let cx = CallbackContext::about(slot.info(), env, &self.shared, started);
         let result = (self.callback)(slot.payload(), &cx);
         result.inspect(&mut |e| self.shared.failed(e, env.events));
-        self.inbox.give_back(slot);
     }
 }
 
@@ -162,15 +143,12 @@ where
 
     fn execute(&mut self, env: &Env<'_>, started: Nanos) {
         let raw = &mut self.raw;
-        let Some(slot) = raw.slot.take() else {
+        let Some(slot) = &raw.hand else {
             return;
         };
         match M::View::from_payload(slot.payload()) {
             Ok(view) => {
-                let cx = CallbackContext {
-                    info: *slot.info(),
-                    ..CallbackContext::new(env, &raw.shared, slot.info().arrival, started)
-                };
+                let cx = CallbackContext::about(slot.info(), env, &raw.shared, started);
                 let result = (raw.callback)(&view, &cx);
                 result.inspect(&mut |e| raw.shared.failed(e, env.events));
             }
@@ -179,7 +157,6 @@ where
                 self.spoiled = true;
             }
         }
-        raw.inbox.give_back(slot);
     }
 
     fn was_spoiled(&mut self) -> bool {
@@ -192,7 +169,7 @@ mod tests {
     use super::*;
     use crate::event::Events;
     use crate::executor::StopHandle;
-    use crate::handoff::{Keep, Stop};
+    use crate::handoff::{Keep, SampleInfo, Stop};
     use crate::middleware::{InProcessBus, ReaderId};
     use replenish_interfaces::std_msgs::msg;
     use replenish_os::Account;
@@ -228,10 +205,12 @@ mod tests {
         let len = msg::StringView { data: "in place" }
             .encode_to(&mut buf)
             .unwrap();
+        let mut hand = None;
+        let inbox = Arc::clone(&handle.raw.inbox);
         for n in 1..=2 {
-            handle.raw.inbox.deliver(&buf[..len], &SampleInfo::at(0));
+            inbox.deliver(&mut hand, &buf[..len], &SampleInfo::at(0));
             assert!(handle.take(&env).is_some());
-            let slot = handle.raw.slot.as_ref().unwrap().payload().as_ptr_range();
+            let slot = handle.raw.hand.as_ref().unwrap().payload().as_ptr_range();
             handle.execute(&env, 0);
             assert!(!handle.was_spoiled());
             let seen = seen.lock().unwrap();
@@ -239,10 +218,7 @@ mod tests {
             assert_eq!(end - start, "in place".len());
             assert!(slot.start as usize <= start && end <= slot.end as usize);
         }
-        handle
-            .raw
-            .inbox
-            .deliver(&[9, 0, 0, 0, b'x'], &SampleInfo::at(0));
+        inbox.deliver(&mut hand, &[9, 0, 0, 0, b'x'], &SampleInfo::at(0));
         assert!(handle.take(&env).is_some());
         handle.execute(&env, 0);
         assert!(handle.was_spoiled(), "half a text");

@@ -9,6 +9,9 @@
 //!   close (a callback panicked): from then on samples are accepted and discarded
 //! ```
 //!
+//! Buffers change hands, one for another: the dispatcher keeps an empty one to fill, the worker
+//! the one that it has read last. So either side takes the lock once per sample.
+//!
 //! *Parked* is decided under the same lock that gives the last slot away, and left under the same
 //! lock that frees one; whoever ends it wakes the middleware, whose wake-up is sticky. So the
 //! dispatcher either sees the room before it waits, or its wait ends at once.
@@ -65,15 +68,6 @@ pub(crate) struct Delivery {
     pub(crate) parked: bool,
 }
 
-/// A sample for the worker.
-#[derive(Debug)]
-pub(crate) struct Popped {
-    /// To be returned through [`Inbox::give_back`].
-    pub(crate) slot: Slot,
-    /// The reader rejoined the interest set: the middleware must be woken.
-    pub(crate) wake: bool,
-}
-
 impl Inbox {
     /// An inbox for `depth` samples of up to `size` bytes; allocates everything it will ever need.
     pub(crate) fn new(depth: usize, size: usize, keep: Keep) -> Self {
@@ -88,47 +82,45 @@ impl Inbox {
         }
     }
 
-    /// Dispatcher: stores a sample. The bytes are copied outside the lock.
-    pub(crate) fn deliver(&self, bytes: &[u8], info: &SampleInfo) -> Delivery {
+    /// Dispatcher: stores a sample. The bytes are copied outside the lock, into the buffer in `hand`,
+    /// for which there will be an empty one. Always to be called with the same hand, empty at first.
+    pub(crate) fn deliver(
+        &self,
+        hand: &mut Option<Slot>,
+        bytes: &[u8],
+        info: &SampleInfo,
+    ) -> Delivery {
         let refused = |outcome, parked| Delivery { outcome, parked };
-        let mut slot = {
-            let mut state = self.state.lock();
+        if hand.is_none() {
+            *hand = self.state.lock().ring.spare();
+        }
+        let Some(mut slot) = hand.take() else {
+            return refused(Outcome::NoRoom, false);
+        };
+        let fits = slot.fill(bytes, info);
+        let state = &mut *self.state.lock();
+        let no_room = self.keep != Keep::Newest && state.ring.is_full();
+        if state.closed || no_room || !fits {
+            *hand = Some(slot);
             if state.closed {
                 return refused(Outcome::Closed, false);
             }
-            if self.keep != Keep::Newest && state.ring.is_full() {
-                let parked = self.keep == Keep::All;
-                state.parked = parked;
-                return refused(Outcome::NoRoom, parked);
+            if !no_room {
+                return refused(Outcome::Oversize, false);
             }
-            match state.ring.spare() {
-                Some(slot) => slot,
-                None => return refused(Outcome::NoRoom, false),
-            }
-        };
-        let fits = slot.fill(bytes, info);
-        let mut state = self.state.lock();
-        if !fits || state.closed {
-            state.ring.give_back(slot);
-            let why = if fits {
-                Outcome::Closed
-            } else {
-                Outcome::Oversize
-            };
-            return refused(why, false);
+            state.parked = self.keep == Keep::All;
+            return refused(Outcome::NoRoom, state.parked);
         }
         let replaced = state.ring.push(slot);
-        self.show(&state);
-        let parked = self.keep == Keep::All && state.ring.is_full();
-        state.parked = parked;
-        Delivery {
-            outcome: if replaced {
-                Outcome::ReplacedOldest
-            } else {
-                Outcome::Stored
-            },
-            parked,
-        }
+        let outcome = match replaced {
+            Some(_) => Outcome::ReplacedOldest,
+            None => Outcome::Stored,
+        };
+        *hand = replaced.or_else(|| state.ring.spare());
+        self.show(state);
+        state.parked = self.keep == Keep::All && state.ring.is_full();
+        let parked = state.parked;
+        Delivery { outcome, parked }
     }
 
     /// Dispatcher: whether the reader stays out of the interest set.
@@ -136,19 +128,20 @@ impl Inbox {
         self.state.lock().parked
     }
 
-    /// Worker: the oldest sample. Frees its place in the queue, so that the next one can come
-    /// while this one is worked on.
-    pub(crate) fn pop(&self) -> Option<Popped> {
-        let mut state = self.state.lock();
-        let slot = state.ring.pop()?;
-        self.show(&state);
-        let wake = core::mem::take(&mut state.parked);
-        Some(Popped { slot, wake })
-    }
-
-    /// Worker: returns the buffer of a popped sample.
-    pub(crate) fn give_back(&self, slot: Slot) {
-        self.state.lock().ring.give_back(slot);
+    /// Worker: the oldest sample, if there is one, for the one in `hand` that it has read. Frees its
+    /// place in the queue, so that the next one can come while this one is worked on. Returns whether
+    /// the middleware must be woken, since the reader has rejoined the interest set.
+    pub(crate) fn pop(&self, hand: &mut Option<Slot>) -> Option<bool> {
+        if self.waiting() == 0 {
+            return None;
+        }
+        let state = &mut *self.state.lock();
+        let next = state.ring.pop()?;
+        if let Some(read) = hand.replace(next) {
+            state.ring.give_back(read);
+        }
+        self.show(state);
+        Some(core::mem::take(&mut state.parked))
     }
 
     /// How many samples wait.

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   dispatcher                        worker
-//!   deliver ──► [Inbox: Ring] ──────► pop, decode, give back
+//!   deliver ──► [Inbox: Ring] ──────► pop, decode
 //!      │                                │
 //!      └─ ring(bell), after all locks ─►│ waits on its bell
 //!      ▲                                │
@@ -21,7 +21,7 @@ mod sample;
 mod stop;
 
 pub(crate) use flag::Flag;
-pub(crate) use inbox::{Delivery, Inbox, Keep, Outcome};
+pub(crate) use inbox::{Inbox, Keep, Outcome};
 pub(crate) use ready::ReadySet;
 pub(crate) use ring::{Ring, Slot};
 pub use sample::{RequestIdentity, SampleInfo};

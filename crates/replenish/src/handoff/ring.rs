@@ -8,7 +8,7 @@
 //! ```
 //!
 //! A ring of depth `d` owns `d + 2` buffers: `d` that wait, one in the hands of the one that fills
-//! and one in the hands of the one that reads. Buffers move by value (four words), so bytes are
+//! and one in the hands of the one that reads. Buffers move by value (one word), so bytes are
 //! copied outside the lock, and a spare one is always there for a single filler.
 
 use super::SampleInfo;
@@ -18,42 +18,46 @@ use alloc::vec::Vec;
 
 /// One preallocated buffer with the sample in it.
 #[derive(Debug)]
-pub(crate) struct Slot {
+pub(crate) struct Slot(Box<Filled>);
+
+/// Together, since who looks at one looks at the others.
+#[derive(Debug)]
+struct Filled {
     bytes: Box<[u8]>,
     len: usize,
-    /// By itself, so that a buffer is small to move, and the queue to keep.
-    info: Box<SampleInfo>,
+    info: SampleInfo,
 }
 
 impl Slot {
     fn new(size: usize) -> Self {
-        Self {
+        Self(Box::new(Filled {
             bytes: alloc::vec![0; size].into_boxed_slice(),
             len: 0,
-            info: Box::new(SampleInfo::at(0)),
-        }
+            info: SampleInfo::at(0),
+        }))
     }
 
     /// Copies a sample into the buffer; `false`, and an empty slot, if it does not fit.
     pub(crate) fn fill(&mut self, bytes: &[u8], info: &SampleInfo) -> bool {
-        *self.info = *info;
-        self.len = 0;
-        let Some(room) = self.bytes.get_mut(..bytes.len()) else {
+        let filled = &mut *self.0;
+        filled.info = *info;
+        filled.len = 0;
+        let Some(room) = filled.bytes.get_mut(..bytes.len()) else {
             return false;
         };
         room.copy_from_slice(bytes);
-        self.len = bytes.len();
+        filled.len = bytes.len();
         true
     }
 
     /// The sample.
     pub(crate) fn payload(&self) -> &[u8] {
-        self.bytes.get(..self.len).unwrap_or_default()
+        self.0.bytes.get(..self.0.len).unwrap_or_default()
     }
 
     /// What is known about the sample besides.
     pub(crate) fn info(&self) -> &SampleInfo {
-        &self.info
+        &self.0.info
     }
 }
 
@@ -83,17 +87,15 @@ impl Ring {
         self.free.pop()
     }
 
-    /// Appends a filled buffer. With `depth` samples waiting, the oldest makes room: `true`.
-    pub(crate) fn push(&mut self, slot: Slot) -> bool {
-        let dropped = if self.is_full() {
-            self.waiting.pop_front()
-        } else {
-            None
+    /// Appends a filled buffer. With `depth` samples waiting, the oldest makes room, and is given
+    /// back.
+    pub(crate) fn push(&mut self, slot: Slot) -> Option<Slot> {
+        let dropped = match self.is_full() {
+            true => self.waiting.pop_front(),
+            false => None,
         };
-        let lost = dropped.is_some();
-        self.free.extend(dropped);
         self.waiting.push_back(slot);
-        lost
+        dropped
     }
 
     /// The oldest sample.

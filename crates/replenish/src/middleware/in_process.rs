@@ -268,7 +268,10 @@ impl Reader {
             self.lost += 1;
             return false;
         }
-        self.lost += u64::from(self.queue.push(slot));
+        if let Some(oldest) = self.queue.push(slot) {
+            self.queue.give_back(oldest);
+            self.lost += 1;
+        }
         true
     }
 }
@@ -453,10 +456,9 @@ impl Middleware for InProcess {
 
     fn take(
         &self,
-        interest: &Interest,
+        interest: &mut Interest,
         sink: &mut dyn FnMut(ReaderId, &SampleInfo, &[u8]) -> Room,
     ) -> Result<usize, MiddlewareError> {
-        let mut open = *interest;
         let mut taken = 0;
         let (mut at, readers) = {
             let mut bus = self.bus.state.lock();
@@ -467,7 +469,7 @@ impl Middleware for InProcess {
         while taken < BATCH && idle < readers {
             at = (at + 1) % readers;
             let reader = id(at);
-            let slot = match open.contains(reader) {
+            let slot = match interest.contains(reader) {
                 true => self.reader(at, |r| r.queue.pop()).flatten(),
                 false => None,
             };
@@ -478,7 +480,7 @@ impl Middleware for InProcess {
             idle = 0;
             taken += 1;
             if sink(reader, slot.info(), slot.payload()) == Room::Full {
-                open.remove(reader);
+                interest.remove(reader);
             }
             self.reader(at, |r| r.queue.give_back(slot));
         }

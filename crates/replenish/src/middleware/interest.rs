@@ -21,19 +21,25 @@ const WORDS: usize = MAX_READERS / BITS;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Interest {
     words: [usize; WORDS],
+    /// How many members there are: that there are none is asked for each message.
+    members: usize,
 }
 
 impl Interest {
     /// No reader.
     #[must_use]
     pub const fn empty() -> Self {
-        Self { words: [0; WORDS] }
+        Self {
+            words: [0; WORDS],
+            members: 0,
+        }
     }
 
     /// Adds a reader. Ids of [`MAX_READERS`] and above are never members.
     pub fn insert(&mut self, reader: ReaderId) {
         let (word, bit) = place(reader);
         if let Some(w) = self.words.get_mut(word) {
+            self.members += usize::from(*w & bit == 0);
             *w |= bit;
         }
     }
@@ -42,6 +48,7 @@ impl Interest {
     pub fn remove(&mut self, reader: ReaderId) {
         let (word, bit) = place(reader);
         if let Some(w) = self.words.get_mut(word) {
+            self.members -= usize::from(*w & bit != 0);
             *w &= !bit;
         }
     }
@@ -55,14 +62,14 @@ impl Interest {
 
     /// Whether there is no member.
     #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.words.iter().all(|w| *w == 0)
+    pub const fn is_empty(&self) -> bool {
+        self.members == 0
     }
 
     /// How many readers are members.
     #[must_use]
-    pub fn len(&self) -> usize {
-        self.words.iter().map(|w| w.count_ones() as usize).sum()
+    pub const fn len(&self) -> usize {
+        self.members
     }
 
     /// The members in ascending order.

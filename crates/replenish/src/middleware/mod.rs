@@ -209,7 +209,7 @@ pub trait Middleware: Send + Sync + 'static {
     }
 
     /// The next pair of endpoints that was found not to fit together, of which one is of this end;
-    /// each is told once. Called by the dispatcher in every round: cheap if there is none.
+    /// each is told once. Called by the dispatcher when there are [news](Self::news).
     fn next_clash(&self) -> Option<Clash> {
         None
     }
@@ -230,20 +230,27 @@ pub trait Middleware: Send + Sync + 'static {
     /// per reader, and returns how many.
     ///
     /// Called after every `wait`, also with an empty `interest`: acknowledgements, heartbeats and
-    /// the like are handled here, on the dispatcher's priority. After [`Room::Full`] the reader
-    /// gets no further sample in this call. `sink` only copies bytes; it may be called with the
+    /// the like are handled here, on the dispatcher's priority. With [`Room::Full`] the reader leaves
+    /// `interest`, and gets no further sample in this call. `sink` only copies bytes; it may be called with the
     /// session lock held and never calls back into the middleware.
     ///
     /// # Errors
     /// When bytes could not be read. Samples already handed to `sink` count.
     fn take(
         &self,
-        interest: &Interest,
+        interest: &mut Interest,
         sink: &mut dyn FnMut(ReaderId, &SampleInfo, &[u8]) -> Room,
     ) -> Result<usize, MiddlewareError>;
 
     /// Ends the current [`wait`](Self::wait), or the next one if nobody waits.
     fn wake(&self);
+
+    /// A number that is another one whenever [`link`](Self::link) or
+    /// [`next_clash`](Self::next_clash) may have something new to say; `None` where they are to be
+    /// asked each time. Called by the dispatcher in every round.
+    fn news(&self) -> Option<usize> {
+        None
+    }
 
     /// Whether samples can be exchanged at the moment.
     fn link(&self) -> LinkState;

@@ -139,11 +139,14 @@ pub(crate) mod middleware {
 
     pub(crate) trait Middleware: Send + Sync {
         fn wait(&self, interest: &Interest, deadline: Option<u64>) -> Result<(), MiddlewareError>;
-        fn take(&self, interest: &Interest, sink: Sink<'_>) -> Result<usize, MiddlewareError>;
+        fn take(&self, interest: &mut Interest, sink: Sink<'_>) -> Result<usize, MiddlewareError>;
         fn delete_reader(&self, reader: ReaderId) -> Result<(), MiddlewareError>;
         fn publish(&self, reader: ReaderId, sample: u8);
         fn wake(&self);
         fn link(&self) -> LinkState;
+        fn news(&self) -> Option<usize> {
+            None
+        }
         fn next_clash(&self) -> Option<Clash> {
             None
         }
@@ -207,17 +210,17 @@ pub(crate) mod middleware {
             Ok(())
         }
 
-        fn take(&self, interest: &Interest, sink: Sink<'_>) -> Result<usize, MiddlewareError> {
+        fn take(&self, interest: &mut Interest, sink: Sink<'_>) -> Result<usize, MiddlewareError> {
             let mut state = self.state.lock().unwrap();
-            let (mut open, mut taken) = (*interest, 0);
+            let mut taken = 0;
             state.buffered.retain(|(id, sample)| {
                 let id = ReaderId(*id);
-                if !open.contains(id) {
+                if !interest.contains(id) {
                     return true;
                 }
                 taken += 1;
                 if sink(id, &SampleInfo::at(0), &[*sample]) == Room::Full {
-                    open.remove(id);
+                    interest.remove(id);
                 }
                 false
             });

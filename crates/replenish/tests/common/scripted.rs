@@ -104,22 +104,21 @@ impl Middleware for Scripted {
 
     fn take(
         &self,
-        interest: &Interest,
+        interest: &mut Interest,
         sink: &mut dyn FnMut(ReaderId, &SampleInfo, &[u8]) -> Room,
     ) -> Result<usize, MiddlewareError> {
         let mut state = self.0.0.lock().unwrap();
-        let mut open = *interest;
         let mut taken = 0;
         let buffered = std::mem::take(&mut state.buffered);
         for (reader, bytes) in buffered {
-            if !open.contains(reader) {
+            if !interest.contains(reader) {
                 state.buffered.push_back((reader, bytes));
                 continue;
             }
             taken += 1;
             state.taken.push(reader);
             if sink(reader, &SampleInfo::at(1), &bytes) == Room::Full {
-                open.remove(reader);
+                interest.remove(reader);
             }
         }
         Ok(taken)

@@ -279,12 +279,11 @@ impl Middleware for Xrce {
 
     fn take(
         &self,
-        interest: &Interest,
+        interest: &mut Interest,
         sink: &mut dyn FnMut(ReaderId, &SampleInfo, &[u8]) -> Room,
     ) -> Result<usize, MiddlewareError> {
-        let mut interest = *interest;
         let mut round = Round {
-            interest: &mut interest,
+            interest,
             sink,
             taken: 0,
         };
@@ -302,6 +301,10 @@ impl Middleware for Xrce {
 
     fn wake(&self) {
         self.waiting.wake();
+    }
+
+    fn news(&self) -> Option<usize> {
+        Some(self.glance.news())
     }
 
     fn link(&self) -> LinkState {

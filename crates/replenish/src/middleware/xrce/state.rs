@@ -12,7 +12,7 @@ use crate::middleware::{
 };
 use crate::platform::io;
 use crate::qos::Criticality;
-use crate::sync::{Arc, AtomicBool, Ordering};
+use crate::sync::{Arc, AtomicBool, AtomicUsize, Ordering};
 use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -52,6 +52,8 @@ pub(super) struct Glance {
     backlog: AtomicBool,
     /// The agent has told of endpoints that do not fit.
     clash: AtomicBool,
+    /// How often either of `up` and `clash` has become another.
+    news: AtomicUsize,
 }
 
 impl Glance {
@@ -68,8 +70,18 @@ impl Glance {
         self.clash.load(Ordering::Acquire)
     }
 
+    pub(super) fn news(&self) -> usize {
+        self.news.load(Ordering::Acquire)
+    }
+
     pub(super) fn show_clash(&self, any: bool) {
-        self.clash.store(any, Ordering::Release);
+        self.show(&self.clash, any);
+    }
+
+    fn show(&self, what: &AtomicBool, value: bool) {
+        if what.swap(value, Ordering::Release) != value {
+            self.news.fetch_add(1, Ordering::Release);
+        }
     }
 }
 
@@ -241,7 +253,8 @@ impl State {
 
     /// After everything that may have changed the session's state.
     fn show_link(&self) {
-        self.ends.glance.up.store(self.is_up(), Ordering::Release);
+        let glance = &self.ends.glance;
+        glance.show(&glance.up, self.is_up());
     }
 
     /// Whether a sample of a reader in `interest` waits here.

@@ -36,7 +36,7 @@ impl Transport for Udp {
 
     fn receive(&self, deliver: &mut dyn FnMut(&[u8])) -> io::Result<Received> {
         let mut inbox = self.inbox.lock();
-        let Some(len) = self.socket.recv(&mut inbox)? else {
+        let Some(len) = self.socket.recv_by(&mut inbox, replenish_os::receive)? else {
             return Ok(Received::Nothing);
         };
         deliver(inbox.get(..len).unwrap_or(&[]));

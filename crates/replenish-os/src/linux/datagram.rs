@@ -1,0 +1,56 @@
+//! Receiving from a socket, without what the C library does around it so that its threads can be
+//! cancelled: a thread that a message wakes finds none of that in its caches.
+#![expect(unsafe_code, reason = "recvfrom")]
+
+use super::sys;
+use std::io;
+use std::os::fd::{AsFd, AsRawFd};
+use std::ptr;
+
+/// Takes the next datagram that a connected socket has; its length. What does not fit into `into`
+/// is cut off. Waits if the socket is one that waits; signals end that.
+///
+/// # Errors
+/// `EAGAIN` if there is none and the socket does not wait, `EINTR`, and what `recv(2)` says of
+/// datagrams sent earlier, such as `ECONNREFUSED`.
+#[inline]
+pub fn receive(socket: &impl AsFd, into: &mut [u8]) -> io::Result<usize> {
+    let (fd, to, room) = (socket.as_fd().as_raw_fd(), into.as_mut_ptr(), into.len());
+    let nobody = ptr::null_mut::<libc::sockaddr>();
+    let none = ptr::null_mut::<libc::socklen_t>();
+    // SAFETY: `into` may be written to for the call; the sender's address is not asked for.
+    let len =
+        sys::check(unsafe { libc::syscall(libc::SYS_recvfrom, fd, to, room, 0, nobody, none) })?;
+    Ok(usize::try_from(len).unwrap_or(0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::UdpSocket;
+
+    #[test]
+    fn a_datagram_is_taken_whole_or_cut_off() {
+        let (a, b) = (
+            UdpSocket::bind("127.0.0.1:0").unwrap(),
+            UdpSocket::bind("127.0.0.1:0").unwrap(),
+        );
+        a.connect(b.local_addr().unwrap()).unwrap();
+        b.set_nonblocking(true).unwrap();
+        let mut buf = [0; 4];
+        let none = receive(&b, &mut buf).unwrap_err();
+        assert_eq!(none.kind(), io::ErrorKind::WouldBlock);
+        a.send(b"abc").unwrap();
+        a.send(b"").unwrap();
+        a.send(b"longer").unwrap();
+        assert_eq!(receive(&b, &mut buf).unwrap(), 3);
+        assert_eq!(&buf[..3], b"abc");
+        assert_eq!(receive(&b, &mut buf).unwrap(), 0);
+        assert_eq!(receive(&b, &mut buf).unwrap(), 4);
+        assert_eq!(&buf, b"long");
+        drop(b);
+        a.send(b"x").unwrap();
+        let refused = receive(&a, &mut buf).unwrap_err();
+        assert_eq!(refused.raw_os_error(), Some(libc::ECONNREFUSED));
+    }
+}
