@@ -51,5 +51,17 @@ pub use seq::SeqNum;
 #[cfg(any(test, feature = "std"))]
 extern crate std;
 
+/// Counts one more; out of line where flash is scarce.
+#[cfg_attr(not(feature = "std"), inline(never))]
+pub(crate) const fn count(counter: &mut u64) {
+    *counter = counter.saturating_add(1);
+}
+
+/// `time` and `by` more, at most the last moment there is.
+#[cfg_attr(not(feature = "std"), inline(never))]
+pub(crate) const fn later(time: Nanos, by: Nanos) -> Nanos {
+    time.saturating_add(by)
+}
+
 /// Nanoseconds on whatever monotonic clock the caller uses; only differences matter.
 pub type Nanos = u64;

@@ -2,6 +2,7 @@
 
 use super::{Event, Journal, Session, State};
 use crate::Nanos;
+use crate::count;
 use crate::features::{DELIVERY as SETTLING, QUERIES};
 use crate::wire::{
     AckNack, BaseRequest, Body, Confirmation, DELIVERY, DELIVERY_SETTLED, Data, Heartbeat, Message,
@@ -23,7 +24,7 @@ where
         events: &mut impl FnMut(Event<'_>),
     ) -> bool {
         let Some(message) = self.mine(datagram) else {
-            self.link.stats.rejected = self.link.stats.rejected.saturating_add(1);
+            count(&mut self.link.stats.rejected);
             return false;
         };
         if self.link.has_session() {
@@ -38,7 +39,7 @@ where
             _ if !self.link.has_session() => {}
             stream => {
                 if !self.receive(stream, &message, events) {
-                    self.link.stats.rejected = self.link.stats.rejected.saturating_add(1);
+                    count(&mut self.link.stats.rejected);
                 }
             }
         }
@@ -102,7 +103,7 @@ where
 
     fn lose(&mut self, now: Nanos, events: &mut dyn FnMut(Event<'_>)) {
         let stats = &mut self.link.stats;
-        stats.losses = stats.losses.saturating_add(1);
+        count(&mut stats.losses);
         let kept = u64::try_from(self.streams.unacknowledged()).unwrap_or(u64::MAX);
         stats.unacknowledged = stats.unacknowledged.saturating_add(kept);
         self.link.enter(now, State::Connecting, &self.config);
@@ -231,7 +232,7 @@ where
         if self.link.state == State::Restoring && settled {
             self.streams.resume();
             self.link.state = State::Up;
-            self.link.stats.sessions = self.link.stats.sessions.saturating_add(1);
+            count(&mut self.link.stats.sessions);
             events(Event::Up);
         }
     }
@@ -247,7 +248,7 @@ fn sample<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize>(
     if let Some(data) = submessage.data() {
         match service_data(&data) {
             Some(event) => events(event),
-            None => *malformed = malformed.saturating_add(1),
+            None => count(malformed),
         }
     } else {
         answer(journal, submessage, events);

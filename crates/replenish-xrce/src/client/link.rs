@@ -2,6 +2,8 @@
 
 use super::{Config, State};
 use crate::Nanos;
+use crate::count;
+use crate::later;
 use crate::wire::SessionId;
 
 /// What happened to a session's link.
@@ -90,7 +92,7 @@ impl Link {
         self.heard = now;
         self.first_ping = None;
         if let Some(ping) = config.ping {
-            self.next_ping = now.saturating_add(ping.after);
+            self.next_ping = later(now, ping.after);
         }
     }
 
@@ -104,10 +106,10 @@ impl Link {
             if self.stats.logins > 0 && !config.reuse {
                 self.session = next_session(self.session);
             }
-            self.stats.logins = self.stats.logins.saturating_add(1);
+            count(&mut self.stats.logins);
         }
         self.attempts = self.attempts.saturating_add(1);
-        self.next_request = now.saturating_add(self.retry);
+        self.next_request = later(now, self.retry);
         self.retry = self.retry.saturating_mul(2).min(config.retry_max);
         true
     }
@@ -120,9 +122,9 @@ impl Link {
         else {
             return false;
         };
-        self.next_ping = now.saturating_add(ping.after / 2);
+        self.next_ping = later(now, ping.after / 2);
         self.first_ping = self.first_ping.or(Some(now));
-        self.stats.pings = self.stats.pings.saturating_add(1);
+        count(&mut self.stats.pings);
         true
     }
 
@@ -164,7 +166,7 @@ impl Link {
     fn silent_at(&self, config: &Config) -> Option<Nanos> {
         let ping = config.ping?;
         let patience = ping.silence_limit.saturating_sub(ping.after);
-        self.first_ping.map(|at| at.saturating_add(patience))
+        self.first_ping.map(|at| later(at, patience))
     }
 }
 

@@ -1,6 +1,7 @@
 //! The session's sending half: what goes out next, and when.
 
 use super::{Session, State};
+use crate::count;
 use crate::features::{DELIVERY as SETTLING, QUERIES};
 use crate::wire::{
     BaseRequest, CreateClient, DELIVERY, DELIVERY_BACK, DELIVERY_NEW, Encode, Header,
@@ -132,7 +133,7 @@ where
         if !submessage_len(&body).is_ok_and(|len| len <= room) {
             body.properties = Properties::None;
             let omitted = &mut self.link.stats.properties_omitted;
-            *omitted = omitted.saturating_add(1);
+            count(omitted);
         }
         self.message(self.link.session.before_login(), &body)
     }
@@ -141,7 +142,7 @@ where
     fn login(&mut self) -> Option<&[u8]> {
         if self.config.properties != Properties::None {
             let omitted = &mut self.link.stats.properties_omitted;
-            *omitted = omitted.saturating_add(1);
+            count(omitted);
         }
         let session = self.link.session;
         let body = CreateClient::plain(self.config.key, session, self.config.mtu);

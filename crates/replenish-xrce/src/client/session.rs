@@ -5,6 +5,7 @@ use super::streams::Streams;
 use super::{Buffers, Config, Journal, RequestError, RequestState, WriteError};
 use crate::Nanos;
 use crate::features::{DELIVERY, QUERIES};
+use crate::later;
 use crate::stream::{BestEffortStats, InputStats, OutputStats, PushError};
 use crate::wire::{
     BaseRequest, Create, CreationMode, DeliveryControl, Encode, Entity, ObjectId, ObjectKind, Raw,
@@ -12,8 +13,8 @@ use crate::wire::{
     padding,
 };
 
-/// Bytes of the longest message outside of streams: a log-in with its properties.
-const SCRATCH: usize = 192;
+/// Bytes of the longest message outside of streams: a log-in, with its properties if it has any.
+const SCRATCH: usize = if DELIVERY { 192 } else { 36 };
 
 /// How a session stands with its agent. See the module's picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -379,7 +380,7 @@ where
     /// When requests that were not answered are given up.
     pub(super) fn answer_due(&self) -> Option<Nanos> {
         let (asked, since) = self.asked;
-        (asked > 0).then(|| since.saturating_add(self.config.answer_within))
+        (asked > 0).then(|| later(since, self.config.answer_within))
     }
 
     pub(super) fn send_queued(&mut self) {

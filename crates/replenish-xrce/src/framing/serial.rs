@@ -10,6 +10,7 @@
 //! Inside a frame 0x7E and 0x7D are sent as 0x7D and the byte with bit 5 flipped, so that a damaged
 //! or cut frame costs itself and what the damage hides, never what begins after it.
 
+use crate::count;
 use core::fmt;
 
 const BEGIN: u8 = 0x7e;
@@ -147,7 +148,7 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
             if byte == BEGIN {
                 self.begin();
             } else if self.state == State::Hunting {
-                self.stats.noise = self.stats.noise.saturating_add(1);
+                count(&mut self.stats.noise);
             } else if byte == ESCAPE {
                 self.escaped = true;
             } else {
@@ -167,7 +168,7 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
 
     fn begin(&mut self) {
         if !matches!(self.state, State::Hunting | State::Header(0)) {
-            self.stats.cut = self.stats.cut.saturating_add(1);
+            count(&mut self.stats.cut);
         }
         self.state = State::Header(0);
         self.escaped = false;

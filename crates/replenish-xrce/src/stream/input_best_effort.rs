@@ -1,6 +1,7 @@
 //! Receiving on a best-effort stream: older messages than the newest are dropped.
 
 use crate::SeqNum;
+use crate::count;
 
 /// What happened on a best-effort input stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -57,11 +58,11 @@ impl InputBestEffort {
         let expected = self.newest.map_or(seq, |newest| newest.plus(1));
         let ahead = seq.since(expected);
         let Ok(skipped) = u64::try_from(ahead) else {
-            self.stats.old = self.stats.old.saturating_add(1);
+            count(&mut self.stats.old);
             return false;
         };
         self.newest = Some(seq);
-        self.stats.received = self.stats.received.saturating_add(1);
+        count(&mut self.stats.received);
         self.stats.skipped = self.stats.skipped.saturating_add(skipped);
         true
     }

@@ -9,7 +9,9 @@
 //! ```
 
 use super::reassembly::{Piece, Reassembly};
+use crate::count;
 use crate::features::FRAGMENTS;
+use crate::later;
 use crate::wire::{AckNack, Fragment, StreamId, Submessage, SubmessageId, Submessages};
 use crate::{Nanos, SeqNum};
 
@@ -158,7 +160,7 @@ where
         let ahead = seq.since(self.next);
         let Ok(ahead) = usize::try_from(ahead) else {
             self.urgent = true; // the acknowledgement was lost
-            self.stats.duplicates = self.stats.duplicates.saturating_add(1);
+            count(&mut self.stats.duplicates);
             return;
         };
         if seq.is_after(self.announced) {
@@ -198,7 +200,7 @@ where
 
     /// The acknowledgement to send by now, as the [`AckPolicy`] says.
     pub fn take_ack_at(&mut self, now: Nanos) -> Option<AckNack> {
-        let at = self.ack_at.unwrap_or(now.saturating_add(self.policy.delay));
+        let at = self.ack_at.unwrap_or(later(now, self.policy.delay));
         let due = self.urgent || self.unconfirmed >= self.policy.every || at <= now;
         if self.ack_due && !due {
             self.ack_at = Some(at);
@@ -285,16 +287,16 @@ where
             self.kept.get_mut(slot),
             u16::try_from(body.len()),
         ) else {
-            self.stats.dropped = self.stats.dropped.saturating_add(1);
+            count(&mut self.stats.dropped);
             return;
         };
         if kept.is_some() {
-            self.stats.duplicates = self.stats.duplicates.saturating_add(1);
+            count(&mut self.stats.duplicates);
             return;
         }
         room.copy_from_slice(body);
         *kept = Some(len);
-        self.stats.reordered = self.stats.reordered.saturating_add(1);
+        count(&mut self.stats.reordered);
     }
 
     /// Steps over message `next`; gives where the message after it is kept, if it is.
@@ -315,7 +317,7 @@ fn consume<R: AsRef<[u8]> + AsMut<[u8]>>(
     stats: &mut InputStats,
     deliver: &mut impl FnMut(&Submessage<'_>),
 ) {
-    stats.received = stats.received.saturating_add(1);
+    count(&mut stats.received);
     let mut malformed = false;
     let mut submessages = Submessages::new(body);
     loop {
@@ -325,14 +327,14 @@ fn consume<R: AsRef<[u8]> + AsMut<[u8]>>(
             Some(Ok(Submessage {
                 id: SubmessageId::Fragment,
                 ..
-            })) if !FRAGMENTS => stats.too_long = stats.too_long.saturating_add(1),
+            })) if !FRAGMENTS => count(&mut stats.too_long),
             Some(Ok(Submessage {
                 id: SubmessageId::Fragment,
                 flags,
                 payload,
             })) => match reassembly.append(payload, flags & Fragment::FLAG_LAST != 0) {
                 Piece::Partial => {}
-                Piece::TooLong => stats.too_long = stats.too_long.saturating_add(1),
+                Piece::TooLong => count(&mut stats.too_long),
                 Piece::Complete(whole) => malformed |= !deliver_whole(whole, deliver),
             },
             Some(Ok(submessage)) => deliver(&submessage),
@@ -345,7 +347,7 @@ fn consume<R: AsRef<[u8]> + AsMut<[u8]>>(
         }
     }
     if malformed {
-        stats.malformed = stats.malformed.saturating_add(1);
+        count(&mut stats.malformed);
     }
 }
 

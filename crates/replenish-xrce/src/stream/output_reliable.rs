@@ -21,7 +21,9 @@ use super::ring::{Ring, Slot};
 use super::rtt::Rtt;
 use super::spill::Spill;
 use super::{PushError, StreamHeader, Tail};
+use crate::count;
 use crate::features::{DELIVERY, RTT};
+use crate::later;
 use crate::wire::{Encode, Heartbeat};
 use crate::{Nanos, SeqNum};
 
@@ -295,13 +297,13 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         });
         if new {
             self.sent = self.sent.saturating_add(1);
-            self.stats.sent = self.stats.sent.saturating_add(1);
+            count(&mut self.stats.sent);
         } else {
-            self.stats.resent = self.stats.resent.saturating_add(1);
+            count(&mut self.stats.resent);
             let bytes = u64::try_from(slot.len).unwrap_or(u64::MAX);
             self.stats.resent_bytes = self.stats.resent_bytes.saturating_add(bytes);
         }
-        let overdue = now.saturating_add(self.interval);
+        let overdue = later(now, self.interval);
         if !new || self.heartbeat.is_none_or(|at| at > overdue) {
             self.heartbeat = Some(overdue);
         }
@@ -330,9 +332,9 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
             }
             self.interval
         };
-        self.heartbeat = Some(now.saturating_add(wait));
+        self.heartbeat = Some(later(now, wait));
         self.asked_at = now;
-        self.stats.heartbeats = self.stats.heartbeats.saturating_add(1);
+        count(&mut self.stats.heartbeats);
         let first = self.first_unacknowledged();
         Some(Heartbeat {
             first,
@@ -357,7 +359,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         };
         let confirmed = self.confirmed.saturating_add(acked);
         if confirmed > self.sent {
-            self.stats.bogus_acks = self.stats.bogus_acks.saturating_add(1);
+            count(&mut self.stats.bogus_acks);
             return;
         }
         let mut news = News::default();
@@ -402,7 +404,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
             return; // an old one
         };
         if settled > self.confirmed {
-            self.stats.bogus_acks = self.stats.bogus_acks.saturating_add(1);
+            count(&mut self.stats.bogus_acks);
             return;
         }
         self.settled = self.settled.max(settled);
@@ -437,7 +439,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         } else {
             None
         };
-        self.heartbeat = wait.map(|wait| now.saturating_add(wait));
+        self.heartbeat = wait.map(|wait| later(now, wait));
     }
 
     /// Marks what the bitmap of an acknowledgement from message `first` on says to have arrived;
@@ -461,7 +463,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
             if let Some(slot) = self.ring.get_mut(first.saturating_add(i))
                 && !slot.received
             {
-                let at = slot.sent_at.saturating_add(patience);
+                let at = later(slot.sent_at, patience);
                 let repeated = slot.resent;
                 let known = slot
                     .lost

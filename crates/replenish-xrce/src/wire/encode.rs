@@ -34,6 +34,17 @@ pub trait Encode {
         self.encode(&mut w)?;
         Ok(w.len())
     }
+
+    /// Writes the submessage to the front of `room`, header and, if `pad`, padding included; gives its
+    /// length.
+    ///
+    /// # Errors
+    /// [`WireError::NoRoom`], [`WireError::TooLong`], [`WireError::BadString`].
+    fn put_into(&self, room: &mut [u8], pad: bool) -> Result<usize, WireError> {
+        let mut w = Writer::new(room);
+        encode_submessage(self, pad, &mut w)?;
+        Ok(w.len())
+    }
 }
 
 /// A body whose bytes are there: its beginning and what follows.
@@ -78,6 +89,32 @@ impl Encode for Raw<'_> {
 
     fn measure(&self) -> Result<usize, WireError> {
         Ok(self.head.len().saturating_add(self.rest.len()))
+    }
+
+    fn put_into(&self, room: &mut [u8], pad: bool) -> Result<usize, WireError> {
+        let len = self.head.len().saturating_add(self.rest.len());
+        let [low, high] = u16::try_from(len)
+            .map_err(|_| WireError::TooLong { len })?
+            .to_le_bytes();
+        let head = [self.id as u8, self.flags | FLAG_LITTLE_ENDIAN, low, high];
+        let padding = if pad { padding(len, 4) } else { 0 };
+        let parts = [
+            &head,
+            self.head,
+            self.rest,
+            [0; 4].get(..padding).unwrap_or(&[]),
+        ];
+        let left = room.len();
+        let mut written = 0_usize;
+        for part in parts {
+            let end = written.saturating_add(part.len());
+            let Some(to) = room.get_mut(written..end) else {
+                return Err(WireError::NoRoom { needed: end, left });
+            };
+            to.copy_from_slice(part);
+            written = end;
+        }
+        Ok(written)
     }
 }
 
@@ -175,9 +212,7 @@ impl<'a> MessageWriter<'a> {
         };
         let start = self.len.saturating_add(gap);
         let tail = self.buf.get_mut(start..).ok_or(no_room)?;
-        let mut w = Writer::new(tail);
-        encode_submessage(body, pad, &mut w)?;
-        let written = w.len();
+        let written = body.put_into(tail, pad)?;
         if let Some(gap) = self.buf.get_mut(self.len..start) {
             gap.fill(0);
         }
