@@ -9,6 +9,10 @@
 //!   udp      a socket to the agent (feature `std`)
 //! ```
 //!
+//! Sums of lengths wrap where they are positions in a buffer: no buffer is so long that a sum of a few
+//! lengths would, and every position is checked where it is used. Counters and times end at their
+//! greatest value.
+//!
 //! Nothing but those two allocates, reads a clock or touches a socket; storage is the caller's. The
 //! specification is OMG DDS-XRCE 1.0 (formal/20-02-01); where the text and eProsima's implementation
 //! differ, the implementation's wire form is what is written here, because that is what micro-ROS
@@ -61,6 +65,14 @@ pub(crate) const fn count(counter: &mut u64) {
 #[cfg_attr(not(feature = "std"), inline(never))]
 pub(crate) const fn later(time: Nanos, by: Nanos) -> Nanos {
     time.saturating_add(by)
+}
+
+/// A time that never comes: what is compared with times is no option of one.
+pub(crate) const NEVER: Nanos = Nanos::MAX;
+
+/// A time, if it ever comes.
+pub(crate) const fn ever(time: Nanos) -> Option<Nanos> {
+    if time == NEVER { None } else { Some(time) }
 }
 
 /// Nanoseconds on whatever monotonic clock the caller uses; only differences matter.

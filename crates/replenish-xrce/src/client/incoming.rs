@@ -87,7 +87,7 @@ where
             events(Event::Closed);
         }
         self.watch_answers(now);
-        if self.answer_due().is_some_and(|at| at <= now) && self.link.has_session() {
+        if self.answer_due() <= now && self.link.has_session() {
             self.journal.give_up();
             self.watch_answers(now);
         }

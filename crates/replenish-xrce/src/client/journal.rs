@@ -62,11 +62,11 @@ struct Entry {
 
 impl Entry {
     const fn body(&self) -> usize {
-        self.at.saturating_add(HEAD)
+        self.at.wrapping_add(HEAD)
     }
 
     const fn end(&self) -> usize {
-        self.body().saturating_add(self.len)
+        self.body().wrapping_add(self.len)
     }
 }
 
@@ -109,18 +109,18 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
         let same = |entry: &Entry| entry.base.object == object && entry.id == id as u8;
         let old = self.find(same);
         let (at, end) = old.map_or((self.used, self.used), |old| (old.at, old.end()));
-        let body = at.saturating_add(HEAD);
-        let next = body.saturating_add(len);
-        let used = self.used.saturating_sub(end).saturating_add(next);
+        let body = at.wrapping_add(HEAD);
+        let next = body.wrapping_add(len);
+        let used = self.used.saturating_sub(end).wrapping_add(next);
         let [low, high] = u16::try_from(len).ok()?.to_le_bytes();
         if used > self.bytes.as_ref().len() || (old.is_none() && self.count >= E) {
             return None;
         }
         match old {
             Some(old) => self.set(&old, RequestState::Done),
-            None => self.count = self.count.saturating_add(1),
+            None => self.count = self.count.wrapping_add(1),
         }
-        self.queued = self.queued.saturating_add(1);
+        self.queued = self.queued.wrapping_add(1);
         self.bytes.as_mut().copy_within(end..self.used, next);
         self.used = used;
         let entry = self.bytes.as_mut().get_mut(at..next)?;
@@ -277,7 +277,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
             };
             *count = count.wrapping_add(change);
         }
-        let at = entry.at.saturating_add(4);
+        let at = entry.at.wrapping_add(4);
         let room = self.bytes.as_mut().get_mut(at..);
         if let Some(room) = room.and_then(<[u8]>::first_chunk_mut) {
             *room = state.to_bytes();

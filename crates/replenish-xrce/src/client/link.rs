@@ -3,8 +3,8 @@
 use super::{Config, State};
 use crate::Nanos;
 use crate::count;
-use crate::later;
 use crate::wire::SessionId;
+use crate::{NEVER, later};
 
 /// What happened to a session's link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -47,7 +47,7 @@ pub(super) struct Link {
     heard: Nanos,
     next_ping: Nanos,
     /// The first ping since the agent was heard.
-    first_ping: Option<Nanos>,
+    first_ping: Nanos,
 }
 
 impl Link {
@@ -75,7 +75,7 @@ impl Link {
             attempts: 0,
             heard: 0,
             next_ping: 0,
-            first_ping: None,
+            first_ping: NEVER,
         }
     }
 
@@ -90,7 +90,7 @@ impl Link {
     /// The agent was heard.
     pub(super) const fn hear(&mut self, now: Nanos, config: &Config) {
         self.heard = now;
-        self.first_ping = None;
+        self.first_ping = NEVER;
         if let Some(ping) = config.ping {
             self.next_ping = later(now, ping.after);
         }
@@ -123,15 +123,16 @@ impl Link {
             return false;
         };
         self.next_ping = later(now, ping.after / 2);
-        self.first_ping = self.first_ping.or(Some(now));
+        if self.first_ping == NEVER {
+            self.first_ping = now;
+        }
         count(&mut self.stats.pings);
         true
     }
 
     /// Whether the agent has been silent for too long.
     pub(super) fn is_lost(&self, now: Nanos, config: &Config) -> bool {
-        self.silent_at(config)
-            .is_some_and(|at| self.has_session() && now >= at)
+        self.has_session() && now >= self.silent_at(config)
     }
 
     /// Whether the agent did not answer the last log-out either.
@@ -150,23 +151,28 @@ impl Link {
         matches!(self.state, State::Restoring | State::Up)
     }
 
-    pub(super) fn next_deadline(&self, config: &Config) -> Option<Nanos> {
+    /// When there is something to do; [`NEVER`] for no time.
+    pub(super) fn deadline(&self, config: &Config) -> Nanos {
         match self.state {
-            State::Idle => None,
-            State::Connecting | State::Closing => Some(self.next_request),
-            State::Restoring | State::Up => {
-                let ping = config.ping.map(|_| self.next_ping);
-                ping.into_iter().chain(self.silent_at(config)).min()
+            State::Idle => NEVER,
+            State::Connecting | State::Closing => self.next_request,
+            State::Restoring | State::Up if config.ping.is_some() => {
+                self.next_ping.min(self.silent_at(config))
             }
+            State::Restoring | State::Up => NEVER,
         }
     }
 
     /// When the agent counts as lost. Only the time in which it could have answered a ping counts,
     /// not the time in which the caller did not look after the session.
-    fn silent_at(&self, config: &Config) -> Option<Nanos> {
-        let ping = config.ping?;
-        let patience = ping.silence_limit.saturating_sub(ping.after);
-        self.first_ping.map(|at| later(at, patience))
+    fn silent_at(&self, config: &Config) -> Nanos {
+        match config.ping {
+            Some(ping) if self.first_ping != NEVER => {
+                let patience = ping.silence_limit.saturating_sub(ping.after);
+                later(self.first_ping, patience)
+            }
+            _ => NEVER,
+        }
     }
 }
 

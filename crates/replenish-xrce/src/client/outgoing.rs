@@ -1,7 +1,6 @@
 //! The session's sending half: what goes out next, and when.
 
 use super::{Session, State};
-use crate::count;
 use crate::features::{DELIVERY as SETTLING, QUERIES};
 use crate::wire::{
     BaseRequest, CreateClient, DELIVERY, DELIVERY_BACK, DELIVERY_NEW, Encode, Header,
@@ -9,6 +8,7 @@ use crate::wire::{
     SubmessageId, Timestamp, VENDOR, VERSION, submessage_len,
 };
 use crate::{Nanos, SeqNum};
+use crate::{count, ever};
 
 /// Properties that are sent at most if the session's own is among them.
 const MAX_PROPERTIES: usize = 8;
@@ -40,17 +40,11 @@ where
     /// When [`Session::tick`] and [`Session::poll_transmit`] have something to do even if nothing
     /// else happens; `None`: never.
     pub fn next_deadline(&self) -> Option<Nanos> {
-        let streams = self
-            .streams
-            .next_deadline()
-            .filter(|_| self.link.has_session());
-        let answers = self.answer_due().filter(|_| self.link.has_session());
-        self.link
-            .next_deadline(&self.config)
-            .into_iter()
-            .chain(streams)
-            .chain(answers)
-            .min()
+        let mut next = self.link.deadline(&self.config);
+        if self.link.has_session() {
+            next = next.min(self.streams.deadline()).min(self.answer_due());
+        }
+        ever(next)
     }
 
     /// The next datagram to send, if there is one.

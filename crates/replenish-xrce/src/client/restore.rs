@@ -2,7 +2,7 @@
 //! begin the stream whose numbers the samples continue.
 
 use crate::stream::{OutputReliable, OutputStats, Reliability, StreamHeader, Tail};
-use crate::{Nanos, SeqNum};
+use crate::{NEVER, Nanos, SeqNum};
 
 #[derive(Debug)]
 pub(super) struct Restore<S, const N: usize> {
@@ -60,8 +60,13 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Restore<S, N> {
         self.active
     }
 
-    pub(super) fn next_deadline(&self) -> Option<Nanos> {
-        self.output.next_deadline()
+    /// When there is something to send; [`NEVER`] for no time.
+    pub(super) fn deadline(&self) -> Nanos {
+        if self.active {
+            self.output.deadline()
+        } else {
+            NEVER
+        }
     }
 
     pub(super) const fn stats(&self) -> OutputStats {

@@ -2,7 +2,7 @@
 //! go on their own stream from the start.
 
 use crate::stream::{OutputReliable, OutputStats, Reliability, StreamHeader};
-use crate::{Nanos, SeqNum};
+use crate::{NEVER, Nanos, SeqNum};
 use core::marker::PhantomData;
 
 #[derive(Debug)]
@@ -43,8 +43,8 @@ impl<S, const N: usize> Restore<S, N> {
         false
     }
 
-    pub(super) const fn next_deadline(&self) -> Option<Nanos> {
-        None
+    pub(super) const fn deadline(&self) -> Nanos {
+        NEVER
     }
 
     pub(super) fn stats(&self) -> OutputStats {

@@ -5,13 +5,13 @@ use super::streams::Streams;
 use super::{Buffers, Config, Journal, RequestError, RequestState, WriteError};
 use crate::Nanos;
 use crate::features::{DELIVERY, QUERIES};
-use crate::later;
 use crate::stream::{BestEffortStats, InputStats, OutputStats, PushError};
 use crate::wire::{
     BaseRequest, Create, CreationMode, DeliveryControl, Encode, Entity, ObjectId, ObjectKind, Raw,
     ReadData, RequestId, SampleIdentity, SessionId, StreamId, SubmessageId, WireTime, Writer,
     padding,
 };
+use crate::{NEVER, later};
 
 /// Bytes of the longest message outside of streams: a log-in, with its properties if it has any.
 const SCRATCH: usize = if DELIVERY { 192 } else { 36 };
@@ -378,9 +378,11 @@ where
     }
 
     /// When requests that were not answered are given up.
-    pub(super) fn answer_due(&self) -> Option<Nanos> {
-        let (asked, since) = self.asked;
-        (asked > 0).then(|| later(since, self.config.answer_within))
+    pub(super) fn answer_due(&self) -> Nanos {
+        match self.asked {
+            (0, _) => NEVER,
+            (_, since) => later(since, self.config.answer_within),
+        }
     }
 
     pub(super) fn send_queued(&mut self) {
@@ -405,7 +407,7 @@ where
         flags: u8,
         len: usize,
     ) -> Result<&mut [u8], RequestError> {
-        let size = len.saturating_add(padding(len, 4)).saturating_add(4);
+        let size = len.wrapping_add(padding(len, 4)).wrapping_add(4);
         let limit = self.streams.request_limit();
         if size > limit {
             return Err(RequestError::Stream(PushError::TooLarge { size, limit }));

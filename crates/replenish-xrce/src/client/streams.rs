@@ -184,7 +184,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
     /// The largest request, submessage header included, that can be sent whatever happens.
     pub(super) fn request_limit(&self) -> usize {
         let limit = self.limit(self.requests).unwrap_or(0);
-        let limit = limit.saturating_add(WriteError::OVERHEAD);
+        let limit = limit.wrapping_add(WriteError::OVERHEAD);
         match self.restore.limit() {
             0 => limit,
             restore => limit.min(restore),
@@ -258,13 +258,17 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
         self.reliable.get_mut(i)?.output.next_datagram(now)
     }
 
-    pub(super) fn next_deadline(&self) -> Option<Nanos> {
+    /// When a stream has something to send; [`NEVER`] for no time.
+    pub(super) fn deadline(&self) -> Nanos {
         let restoring = self.restore.is_active();
-        let restore = self.restore.next_deadline().filter(|_| restoring);
-        let outputs = self.reliable.iter().map(|s| s.output.next_deadline());
-        let outputs = outputs.flatten().filter(|_| !restoring);
-        let acks = self.reliable.iter().filter_map(|s| s.input.ack_deadline());
-        restore.into_iter().chain(outputs).chain(acks).min()
+        let mut next = self.restore.deadline();
+        for stream in &self.reliable {
+            next = next.min(stream.input.ack_due_at());
+            if !restoring {
+                next = next.min(stream.output.deadline());
+            }
+        }
+        next
     }
 
     /// Whether every sample was acknowledged.

@@ -11,8 +11,8 @@
 use super::reassembly::{Piece, Reassembly};
 use crate::count;
 use crate::features::FRAGMENTS;
-use crate::later;
 use crate::wire::{AckNack, Fragment, StreamId, Submessage, SubmessageId, Submessages};
+use crate::{NEVER, ever, later};
 use crate::{Nanos, SeqNum};
 
 /// When an input stream acknowledges. A gap, a duplicate and a heartbeat are always answered at
@@ -97,7 +97,7 @@ pub struct InputReliable<S, R, const N: usize> {
     /// The acknowledgement must not wait.
     urgent: bool,
     /// When it is due, from the first look at it on.
-    ack_at: Option<Nanos>,
+    ack_at: Nanos,
     stats: InputStats,
 }
 
@@ -130,7 +130,7 @@ where
             policy: AckPolicy::IMMEDIATE,
             unconfirmed: 0,
             urgent: false,
-            ack_at: None,
+            ack_at: NEVER,
             stats: InputStats::default(),
         }
     }
@@ -200,10 +200,10 @@ where
 
     /// The acknowledgement to send by now, as the [`AckPolicy`] says.
     pub fn take_ack_at(&mut self, now: Nanos) -> Option<AckNack> {
-        let at = self.ack_at.unwrap_or(later(now, self.policy.delay));
+        let at = self.ack_at.min(later(now, self.policy.delay));
         let due = self.urgent || self.unconfirmed >= self.policy.every || at <= now;
         if self.ack_due && !due {
-            self.ack_at = Some(at);
+            self.ack_at = at;
             return None;
         }
         self.take_ack()
@@ -211,6 +211,11 @@ where
 
     /// When [`InputReliable::take_ack_at`] has something to send, once it was asked.
     pub const fn ack_deadline(&self) -> Option<Nanos> {
+        ever(self.ack_at)
+    }
+
+    /// The same, [`NEVER`] for none.
+    pub(crate) const fn ack_due_at(&self) -> Nanos {
         self.ack_at
     }
 
@@ -218,7 +223,7 @@ where
         self.ack_due = false;
         self.urgent = false;
         self.unconfirmed = 0;
-        self.ack_at = None;
+        self.ack_at = NEVER;
     }
 
     /// Whether [`InputReliable::take_ack`] has something to send.
@@ -234,7 +239,7 @@ where
     /// The state as an acknowledgement.
     pub fn ack(&self) -> AckNack {
         let mut missing = 0_u16;
-        for i in 0..u16::try_from(self.capacity.saturating_add(1))
+        for i in 0..u16::try_from(self.capacity.wrapping_add(1))
             .unwrap_or(16)
             .min(16)
         {
@@ -270,17 +275,17 @@ where
 
     /// The slot for message `next + ahead`, `ahead >= 1`.
     fn slot(&self, ahead: usize) -> usize {
-        let slot = self.head.saturating_add(ahead).saturating_sub(1);
+        let slot = self.head.wrapping_add(ahead).saturating_sub(1);
         slot.checked_rem(self.capacity).unwrap_or(0)
     }
 
     fn keep(&mut self, ahead: usize, body: &[u8]) {
         let slot = self.slot(ahead);
-        let start = slot.saturating_mul(self.slot_size);
+        let start = slot.wrapping_mul(self.slot_size);
         let room = self
             .slots
             .as_mut()
-            .get_mut(start..start.saturating_add(self.slot_size));
+            .get_mut(start..start.wrapping_add(self.slot_size));
         let (Some(room), Some(kept), Ok(len)) = (
             room.and_then(|room| room.get_mut(..body.len()))
                 .filter(|_| ahead <= self.capacity),
@@ -305,8 +310,8 @@ where
         let slot = self.head;
         self.head = self.slot(2);
         let len = self.kept.get_mut(slot)?.take()?;
-        let start = slot.saturating_mul(self.slot_size);
-        Some((start, start.saturating_add(usize::from(len))))
+        let start = slot.wrapping_mul(self.slot_size);
+        Some((start, start.wrapping_add(usize::from(len))))
     }
 }
 

@@ -69,7 +69,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>> OutputBestEffort<S> {
         }
         let room = self.buf.as_mut();
         let room = room
-            .get_mut(..limit.saturating_add(self.header.len()))
+            .get_mut(..limit.wrapping_add(self.header.len()))
             .unwrap_or(&mut []);
         let mut writer = if self.len == 0 {
             MessageWriter::new(room, &self.header.at(self.next)).map_err(PushError::Wire)?

@@ -23,8 +23,8 @@ use super::spill::Spill;
 use super::{PushError, StreamHeader, Tail};
 use crate::count;
 use crate::features::{DELIVERY, RTT};
-use crate::later;
 use crate::wire::{Encode, Heartbeat};
+use crate::{NEVER, ever, later};
 use crate::{Nanos, SeqNum};
 
 /// Settings of a reliable output stream.
@@ -109,7 +109,7 @@ struct News {
 
 impl News {
     fn received(&mut self, slot: &mut Slot) {
-        slot.lost = None;
+        slot.lost = NEVER;
         if !core::mem::replace(&mut slot.received, true) {
             self.again |= slot.resent;
             self.newest = self.newest.max(Some(slot.sent_at));
@@ -131,7 +131,8 @@ pub struct OutputReliable<S, const N: usize> {
     settled: usize,
     /// Messages from the first one on that were sent.
     sent: usize,
-    heartbeat: Option<Nanos>,
+    /// When the next heartbeat is due.
+    heartbeat: Nanos,
     /// Time between heartbeats now.
     interval: Nanos,
     /// Heartbeats since something new was acknowledged.
@@ -153,7 +154,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
             settles: false,
             settled: 0,
             sent: 0,
-            heartbeat: None,
+            heartbeat: NEVER,
             interval: config.heartbeat_first,
             unanswered: 0,
             asked_at: 0,
@@ -211,7 +212,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         self.confirmed = 0;
         self.settled = 0;
         self.sent = 0;
-        self.heartbeat = None;
+        self.heartbeat = NEVER;
         self.interval = self.config.heartbeat_first;
         self.unanswered = 0;
         self.asked_at = 0;
@@ -241,7 +242,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
 
     /// The first message that is not acknowledged; the next one to be sent if all are.
     pub fn first_unacknowledged(&self) -> SeqNum {
-        let confirmed = u16::try_from(self.confirmed).unwrap_or(0);
+        let confirmed = u16::try_from(self.confirmed()).unwrap_or(0);
         self.ring.first.plus(confirmed)
     }
 
@@ -291,12 +292,13 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         slot.resent = !new;
         slot.sent_at = now;
         // What was lost once may be again, and with it the reason for the receiver to say so.
-        slot.lost = (!new && slot.retries < RETRIES).then(|| {
+        slot.lost = NEVER;
+        if !new && slot.retries < RETRIES {
             slot.retries = slot.retries.saturating_add(1);
-            now.saturating_add(patience.saturating_mul(slot.retries.into()))
-        });
+            slot.lost = later(now, patience.saturating_mul(slot.retries.into()));
+        }
         if new {
-            self.sent = self.sent.saturating_add(1);
+            self.sent = self.sent.wrapping_add(1);
             count(&mut self.stats.sent);
         } else {
             count(&mut self.stats.resent);
@@ -304,8 +306,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
             self.stats.resent_bytes = self.stats.resent_bytes.saturating_add(bytes);
         }
         let overdue = later(now, self.interval);
-        if !new || self.heartbeat.is_none_or(|at| at > overdue) {
-            self.heartbeat = Some(overdue);
+        if !new || self.heartbeat > overdue {
+            self.heartbeat = overdue;
         }
         self.ring.bytes(i)
     }
@@ -317,10 +319,10 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
 
     /// The heartbeat to send, if its time has come.
     pub fn take_heartbeat(&mut self, now: Nanos) -> Option<Heartbeat> {
-        if self.heartbeat? > now {
+        if self.heartbeat > now {
             return None;
         }
-        let unacknowledged = self.sent.saturating_sub(self.confirmed);
+        let unacknowledged = self.sent.saturating_sub(self.confirmed());
         let unacknowledged = u16::try_from(unacknowledged).ok()?;
         let longest = self.config.heartbeat_max;
         let wait = if unacknowledged == 0 {
@@ -332,7 +334,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
             }
             self.interval
         };
-        self.heartbeat = Some(later(now, wait));
+        self.heartbeat = later(now, wait);
         self.asked_at = now;
         count(&mut self.stats.heartbeats);
         let first = self.first_unacknowledged();
@@ -345,10 +347,21 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
 
     /// When there is something to send even if nothing else happens.
     pub fn next_deadline(&self) -> Option<Nanos> {
-        let lost = (self.confirmed..self.sent)
-            .filter_map(|i| self.ring.get(i)?.lost)
-            .min();
-        lost.into_iter().chain(self.heartbeat).min()
+        ever(self.deadline())
+    }
+
+    /// The same, [`NEVER`] for none.
+    pub(crate) fn deadline(&self) -> Nanos {
+        let lost = |i| self.ring.get(i).map_or(NEVER, |slot| slot.lost);
+        (self.confirmed()..self.sent)
+            .map(lost)
+            .fold(self.heartbeat, Nanos::min)
+    }
+
+    /// Messages from the first one on that are acknowledged and kept: none where there is nothing to
+    /// keep them for.
+    const fn confirmed(&self) -> usize {
+        if DELIVERY { self.confirmed } else { 0 }
     }
 
     /// An acknowledgement has arrived: see [`AckNack`](crate::wire::AckNack).
@@ -357,7 +370,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         let Ok(acked) = usize::try_from(first_unacked.since(before)) else {
             return; // an old one
         };
-        let confirmed = self.confirmed.saturating_add(acked);
+        let confirmed = self.confirmed.wrapping_add(acked);
         if confirmed > self.sent {
             count(&mut self.stats.bogus_acks);
             return;
@@ -433,13 +446,13 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
     /// Something was heard: the time to the next heartbeat begins anew.
     fn await_answer(&mut self, now: Nanos) {
         let wait = if self.sent > self.confirmed {
-            Some(self.interval)
+            self.interval
         } else if self.sent > self.done() {
-            Some(self.config.heartbeat_max) // settling takes the receiver's readers, too
+            self.config.heartbeat_max // settling takes the receiver's readers, too
         } else {
-            None
+            NEVER
         };
-        self.heartbeat = wait.map(|wait| later(now, wait));
+        self.heartbeat = later(now, wait);
     }
 
     /// Marks what the bitmap of an acknowledgement from message `first` on says to have arrived;
@@ -449,7 +462,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         let known = usize::try_from(known).unwrap_or(16);
         let known = known.min(self.sent.saturating_sub(first));
         for i in 0..known {
-            let slot = self.ring.get_mut(first.saturating_add(i));
+            let slot = self.ring.get_mut(first.wrapping_add(i));
             if let Some(slot) = slot.filter(|_| (missing >> i) & 1 == 0) {
                 news.received(slot);
             }
@@ -460,15 +473,13 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
     /// Marks what the bitmap names as missing: each is lost once an answer to it would have come.
     fn note_missing(&mut self, first: usize, known: usize, missing: u16, patience: Nanos) {
         for i in (0..known).filter(|i| (missing >> i) & 1 != 0) {
-            if let Some(slot) = self.ring.get_mut(first.saturating_add(i))
+            if let Some(slot) = self.ring.get_mut(first.wrapping_add(i))
                 && !slot.received
             {
                 let at = later(slot.sent_at, patience);
-                let repeated = slot.resent;
-                let known = slot
-                    .lost
-                    .map(|lost| if repeated { lost.min(at) } else { lost });
-                slot.lost = Some(known.unwrap_or(at));
+                if slot.resent || slot.lost == NEVER {
+                    slot.lost = slot.lost.min(at);
+                }
                 slot.retries = 0;
             }
         }
@@ -481,16 +492,11 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
 
     /// Which message is to be sent next, counted from the first.
     fn due(&self, now: Nanos) -> Option<usize> {
-        let is_lost = |i: &usize| {
-            self.ring
-                .get(*i)
-                .and_then(|slot| slot.lost)
-                .is_some_and(|lost| lost <= now)
-        };
+        let is_lost = |i: &usize| self.ring.get(*i).is_some_and(|slot| slot.lost <= now);
         let window = usize::from(self.config.in_flight.max(1));
-        let in_flight = self.sent.saturating_sub(self.confirmed);
+        let in_flight = self.sent.saturating_sub(self.confirmed());
         let new = self.sent < self.ring.used && in_flight < window;
-        (self.confirmed..self.sent)
+        (self.confirmed()..self.sent)
             .find(is_lost)
             .or(new.then_some(self.sent))
     }

@@ -42,7 +42,7 @@ impl<R: AsRef<[u8]> + AsMut<[u8]>> Reassembly<R> {
 
     pub(super) fn append(&mut self, piece: &[u8], last: bool) -> Piece<'_> {
         let mut result = Piece::Partial;
-        let end = self.len.saturating_add(piece.len());
+        let end = self.len.wrapping_add(piece.len());
         if !self.skipping {
             match self.buf.as_mut().get_mut(self.len..end) {
                 Some(room) => {

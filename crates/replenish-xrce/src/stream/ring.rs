@@ -6,7 +6,7 @@ use super::{PushError, StreamHeader, Tail};
 use crate::features::{DELIVERY, FRAGMENTS};
 use crate::wire::{Encode, FLAG_LITTLE_ENDIAN, Fragment, MessageWriter, SubmessageId, WireError};
 use crate::wire::{Writer, encode_submessage, submessage_len};
-use crate::{Nanos, SeqNum};
+use crate::{NEVER, Nanos, SeqNum};
 
 /// What part of a submessage a message holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -23,7 +23,7 @@ pub(super) enum Part {
 }
 
 /// One message and what is known about it.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Slot {
     /// Bytes of the message.
     pub(super) len: usize,
@@ -34,7 +34,7 @@ pub(super) struct Slot {
     /// Sent more than once.
     pub(super) resent: bool,
     /// Named missing: to be sent again from this time on.
-    pub(super) lost: Option<Nanos>,
+    pub(super) lost: Nanos,
     /// How often it was sent again since then.
     pub(super) retries: u8,
     /// The receiver has it, although not everything before it.
@@ -43,6 +43,22 @@ pub(super) struct Slot {
     pub(super) part: Part,
     /// It is a fragment of what the spill holds.
     pub(super) spilled: bool,
+}
+
+impl Default for Slot {
+    fn default() -> Self {
+        Slot {
+            len: 0,
+            open: false,
+            sent_at: 0,
+            resent: false,
+            lost: NEVER,
+            retries: 0,
+            received: false,
+            part: Part::Whole,
+            spilled: false,
+        }
+    }
 }
 
 /// A ring of at most `N` messages in `S`.
@@ -178,10 +194,10 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
 
     /// The bytes of message `first + i`.
     pub(super) fn bytes(&self, i: usize) -> Option<&[u8]> {
-        let start = self.index(i).saturating_mul(self.slot_size);
+        let start = self.index(i).wrapping_mul(self.slot_size);
         self.storage
             .as_ref()
-            .get(start..start.saturating_add(self.get(i)?.len))
+            .get(start..start.wrapping_add(self.get(i)?.len))
     }
 
     /// See [`OutputReliable::push`](super::OutputReliable::push).
@@ -190,7 +206,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         if !FRAGMENTS {
             return self.push_whole(body, size);
         }
-        let fits_one = size.saturating_add(self.header.len()) <= self.slot_size;
+        let fits_one = size.wrapping_add(self.header.len()) <= self.slot_size;
         let count = if fits_one {
             1
         } else {
@@ -298,10 +314,10 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         let Some(len) = self.get(from).map(|slot| slot.len) else {
             return;
         };
-        let start = self.index(from).saturating_mul(self.slot_size);
-        let target = self.index(to).saturating_mul(self.slot_size);
-        let end = start.saturating_add(len);
-        if target.saturating_add(len) <= self.storage.as_ref().len() {
+        let start = self.index(from).wrapping_mul(self.slot_size);
+        let target = self.index(to).wrapping_mul(self.slot_size);
+        let end = start.wrapping_add(len);
+        if target.wrapping_add(len) <= self.storage.as_ref().len() {
             self.storage.as_mut().copy_within(start..end, target);
         }
         if let Some(slot) = self.get_mut(to) {
@@ -322,7 +338,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
 
     fn index(&self, i: usize) -> usize {
         self.head
-            .saturating_add(i)
+            .wrapping_add(i)
             .checked_rem(self.capacity)
             .unwrap_or(0)
     }
@@ -333,10 +349,10 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
     }
 
     fn room(&mut self, index: usize) -> Option<&mut [u8]> {
-        let start = index.saturating_mul(self.slot_size);
+        let start = index.wrapping_mul(self.slot_size);
         self.storage
             .as_mut()
-            .get_mut(start..start.saturating_add(self.slot_size))
+            .get_mut(start..start.wrapping_add(self.slot_size))
     }
 
     /// Appends to the newest message if that is open and has room.
@@ -387,7 +403,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
                 ..Slot::default()
             };
         }
-        self.used = self.used.saturating_add(1);
+        self.used = self.used.wrapping_add(1);
         let room = self
             .room(index)
             .and_then(|room| room.get_mut(header.len()..));
@@ -404,7 +420,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         write: impl FnOnce(&mut [u8], usize) -> Result<(), WireError>,
     ) -> Result<usize, PushError> {
         let len = self.piece().min(size.saturating_sub(position));
-        let end = position.saturating_add(len);
+        let end = position.wrapping_add(len);
         let (flag, part) = match (position, end >= size) {
             (_, true) => (Fragment::FLAG_LAST, Part::Last),
             (0, false) => (0, Part::First),
@@ -426,7 +442,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         let piece = piece.get_mut(..len).unwrap_or(&mut []);
         write(piece, position).map_err(PushError::Wire)?;
         if let Some(slot) = self.get_mut(newest) {
-            slot.len = slot.len.saturating_add(subheader.len()).saturating_add(len);
+            slot.len = slot.len.wrapping_add(subheader.len()).wrapping_add(len);
             slot.open = false;
             slot.part = part;
             slot.spilled = spilled;

@@ -49,7 +49,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>> Spill<S> {
 
     /// Copies the bytes from `position` on.
     pub(super) fn copy(&self, piece: &mut [u8], position: usize) {
-        let end = position.saturating_add(piece.len());
+        let end = position.wrapping_add(piece.len());
         if let Some(bytes) = self.buf.as_ref().get(position..end) {
             piece.copy_from_slice(bytes);
         }

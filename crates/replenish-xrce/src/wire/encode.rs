@@ -88,11 +88,11 @@ impl Encode for Raw<'_> {
     }
 
     fn measure(&self) -> Result<usize, WireError> {
-        Ok(self.head.len().saturating_add(self.rest.len()))
+        Ok(self.head.len().wrapping_add(self.rest.len()))
     }
 
     fn put_into(&self, room: &mut [u8], pad: bool) -> Result<usize, WireError> {
-        let len = self.head.len().saturating_add(self.rest.len());
+        let len = self.head.len().wrapping_add(self.rest.len());
         let [low, high] = u16::try_from(len)
             .map_err(|_| WireError::TooLong { len })?
             .to_le_bytes();
@@ -107,7 +107,7 @@ impl Encode for Raw<'_> {
         let left = room.len();
         let mut written = 0_usize;
         for part in parts {
-            let end = written.saturating_add(part.len());
+            let end = written.wrapping_add(part.len());
             let Some(to) = room.get_mut(written..end) else {
                 return Err(WireError::NoRoom { needed: end, left });
             };
@@ -136,9 +136,7 @@ pub fn measure<B: Encode + ?Sized>(body: &B) -> Result<usize, WireError> {
 /// [`WireError::TooLong`], [`WireError::BadString`].
 pub fn submessage_len<B: Encode + ?Sized>(body: &B) -> Result<usize, WireError> {
     let len = measure(body)?;
-    Ok(len
-        .saturating_add(padding(len, 4))
-        .saturating_add(SUBHEADER))
+    Ok(len.wrapping_add(padding(len, 4)).wrapping_add(SUBHEADER))
 }
 
 /// Writes header, body and, if `pad`, zeros up to a multiple of four from the writer's start.
@@ -210,13 +208,13 @@ impl<'a> MessageWriter<'a> {
             needed: gap,
             left: 0,
         };
-        let start = self.len.saturating_add(gap);
+        let start = self.len.wrapping_add(gap);
         let tail = self.buf.get_mut(start..).ok_or(no_room)?;
         let written = body.put_into(tail, pad)?;
         if let Some(gap) = self.buf.get_mut(self.len..start) {
             gap.fill(0);
         }
-        self.len = start.saturating_add(written);
+        self.len = start.wrapping_add(written);
         Ok(())
     }
 

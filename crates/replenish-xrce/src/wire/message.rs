@@ -230,10 +230,10 @@ impl<'a> Submessages<'a> {
         let len = usize::from(u16::from_le_bytes([low, high]));
         let id = SubmessageId::from_number(id)?;
         let payload = rest.get(..len).ok_or_else(|| short(len, rest.len()))?;
-        let end = self.pos.saturating_add(SUBHEADER).saturating_add(len);
+        let end = self.pos.wrapping_add(SUBHEADER).wrapping_add(len);
         Ok((
             Submessage { id, flags, payload },
-            end.saturating_add(padding(end, 4)),
+            end.wrapping_add(padding(end, 4)),
         ))
     }
 }

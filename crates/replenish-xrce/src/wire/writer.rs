@@ -80,7 +80,7 @@ impl<'a> Writer<'a> {
     /// Appends `bytes` as they are.
     #[cfg_attr(not(feature = "std"), inline(never))]
     pub fn put(&mut self, bytes: &[u8]) {
-        let end = self.pos.saturating_add(bytes.len());
+        let end = self.pos.wrapping_add(bytes.len());
         if self.strict && end > self.window.len() {
             let left = self.window.len().saturating_sub(self.pos);
             self.fail(WireError::NoRoom {
@@ -98,7 +98,7 @@ impl<'a> Writer<'a> {
     fn show(&mut self, at: usize, bytes: &[u8]) {
         // The part of `bytes` inside the window starts `skip` bytes in.
         let skip = self.start.saturating_sub(at).min(bytes.len());
-        let to = at.saturating_add(skip).saturating_sub(self.start);
+        let to = at.wrapping_add(skip).saturating_sub(self.start);
         let src = bytes.get(skip..).unwrap_or(&[]);
         let dst = self.window.get_mut(to..).unwrap_or(&mut []);
         let take = src.len().min(dst.len());
@@ -151,7 +151,7 @@ impl<'a> Writer<'a> {
         if value.bytes().any(|byte| byte == 0) {
             self.fail(WireError::BadString);
         }
-        self.length(value.len().saturating_add(1));
+        self.length(value.len().wrapping_add(1));
         self.put(value.as_bytes());
         self.u8(0);
     }
