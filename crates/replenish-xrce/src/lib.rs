@@ -33,6 +33,8 @@ pub mod features {
     /// The round trip is measured, and repairs and heartbeats follow it. Without it they come at the
     /// pace of [`Reliability::heartbeat_first`](crate::stream::Reliability::heartbeat_first).
     pub const RTT: bool = cfg!(feature = "rtt");
+    /// Requesters and repliers. Without it they are not created.
+    pub const SERVICES: bool = cfg!(feature = "services");
     /// The agent can be asked for its time and about itself.
     pub const QUERIES: bool = cfg!(feature = "queries");
 }

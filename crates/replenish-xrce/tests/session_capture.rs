@@ -317,6 +317,7 @@ fn time_synchronisation() {
 }
 
 #[test]
+#[cfg_attr(not(feature = "services"), ignore = "needs the feature `services`")]
 fn requests_and_replies() {
     let ports: std::collections::BTreeSet<u16> = scenario("reqrep")
         .iter()

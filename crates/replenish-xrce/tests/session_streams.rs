@@ -303,6 +303,7 @@ fn without_room_for_that_the_loss_is_counted() {
 }
 
 #[test]
+#[cfg_attr(not(feature = "services"), ignore = "needs the feature `services`")]
 fn requests_and_replies_carry_who_asked_what() {
     let mut world = World::new(client(config(), 0, MTU));
     for (object, stream) in [(REQUESTER, 0), (REPLIER, 0)] {

@@ -135,7 +135,7 @@ pub enum RequestError {
     Stream(PushError),
     /// There is no session at the moment.
     Down,
-    /// This build cannot ask: it lacks the feature `queries`.
+    /// This build cannot do that: it lacks the feature `queries` or `services`.
     Unsupported,
 }
 
@@ -154,7 +154,9 @@ impl fmt::Display for RequestError {
             RequestError::JournalFull => f.write_str("the session's journal of objects is full"),
             RequestError::WrongObject(object) => write!(f, "wrong object {object:?}"),
             RequestError::Stream(error) => error.fmt(f),
-            RequestError::Unsupported => f.write_str("built without the feature `queries`"),
+            RequestError::Unsupported => {
+                f.write_str("built without the feature `queries` or `services`")
+            }
             RequestError::Down => f.write_str("no session with the agent at the moment"),
         }
     }

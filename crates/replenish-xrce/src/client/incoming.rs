@@ -3,7 +3,7 @@
 use super::{Event, Journal, Session, State};
 use crate::Nanos;
 use crate::count;
-use crate::features::{DELIVERY as SETTLING, QUERIES};
+use crate::features::{DELIVERY as SETTLING, QUERIES, SERVICES};
 use crate::wire::{
     AckNack, BaseRequest, Body, Confirmation, DELIVERY, DELIVERY_SETTLED, Data, Heartbeat, Message,
     Notice, ObjectKind, RequestId, SampleIdentity, StatusAgent, StatusReply, StreamId, Submessage,
@@ -21,7 +21,7 @@ where
         &mut self,
         now: Nanos,
         datagram: &[u8],
-        events: &mut impl FnMut(Event<'_>),
+        events: &mut dyn FnMut(Event<'_>),
     ) -> bool {
         let Some(message) = self.mine(datagram) else {
             count(&mut self.link.stats.rejected);
@@ -58,7 +58,7 @@ where
         &mut self,
         stream: StreamId,
         message: &Message<'_>,
-        events: &mut impl FnMut(Event<'_>),
+        events: &mut dyn FnMut(Event<'_>),
     ) -> bool {
         let (journal, malformed) = (&mut self.journal, &mut self.link.stats.malformed);
         let seq = message.header.seq;
@@ -159,9 +159,7 @@ where
             }
             _ => {
                 let malformed = &mut self.link.stats.malformed;
-                sample(&mut self.journal, malformed, submessage, &mut |event| {
-                    events(event);
-                });
+                sample(&mut self.journal, malformed, submessage, events);
             }
         }
     }
@@ -243,7 +241,7 @@ fn sample<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize>(
     journal: &mut Journal<S, E>,
     malformed: &mut u64,
     submessage: &Submessage<'_>,
-    events: &mut impl FnMut(Event<'_>),
+    events: &mut dyn FnMut(Event<'_>),
 ) {
     if let Some(data) = submessage.data() {
         match service_data(&data) {
@@ -294,7 +292,7 @@ fn answer<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize>(
 fn service_data<'a>(data: &Data<'a>) -> Option<Event<'a>> {
     let Data { base, payload } = *data;
     Some(match base.object.kind() {
-        Ok(ObjectKind::Replier) => {
+        Ok(ObjectKind::Replier) if SERVICES => {
             let (identity, payload) = SampleIdentity::split(payload)?;
             Event::Request {
                 replier: base.object,
@@ -302,7 +300,7 @@ fn service_data<'a>(data: &Data<'a>) -> Option<Event<'a>> {
                 payload,
             }
         }
-        Ok(ObjectKind::Requester) => {
+        Ok(ObjectKind::Requester) if SERVICES => {
             let (answered, payload) = BaseRequest::split(payload)?;
             Event::Reply {
                 requester: base.object,

@@ -4,7 +4,7 @@ use super::link::{Link, LinkStats};
 use super::streams::Streams;
 use super::{Buffers, Config, Journal, RequestError, RequestState, WriteError};
 use crate::Nanos;
-use crate::features::{DELIVERY, QUERIES};
+use crate::features::{DELIVERY, QUERIES, SERVICES};
 use crate::stream::{BestEffortStats, InputStats, OutputStats, PushError};
 use crate::wire::{
     BaseRequest, Create, CreationMode, DeliveryControl, Encode, Entity, ObjectId, ObjectKind, Raw,
@@ -159,6 +159,10 @@ where
     ) -> Result<(), RequestError> {
         if object.kind() != Ok(entity.kind()) {
             return Err(RequestError::WrongObject(object));
+        }
+        let is_service = matches!(entity, Entity::Requester { .. } | Entity::Replier { .. });
+        if !SERVICES && is_service {
+            return Err(RequestError::Unsupported);
         }
         let base = BaseRequest {
             request: RequestId::NONE,

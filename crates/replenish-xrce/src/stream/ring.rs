@@ -257,17 +257,16 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         if size > limit {
             return Err(PushError::TooLarge { size, limit });
         }
-        if self.append(body)? {
-            return Ok(());
+        while !self.append(body)? {
+            if self.free() == 0 {
+                return Err(PushError::WouldBlock);
+            }
+            if let Some(newest) = self.used.checked_sub(1).and_then(|i| self.get_mut(i)) {
+                newest.open = false;
+            }
+            self.begin()?;
         }
-        if self.free() == 0 {
-            return Err(PushError::WouldBlock);
-        }
-        if let Some(newest) = self.used.checked_sub(1).and_then(|i| self.get_mut(i)) {
-            newest.open = false;
-        }
-        self.begin()?;
-        self.append(body).map(|_| ())
+        Ok(())
     }
 
     /// Moves fragments from the spill into free messages.
