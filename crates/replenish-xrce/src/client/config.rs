@@ -17,13 +17,13 @@ pub struct Config {
     pub reuse: bool,
     /// The reliable stream that requests go on; those of other streams do not delay them.
     pub requests: StreamId,
-    /// Pairs of name and value for the agent, 100 bytes in all with 10 more for each pair; what is longer is not sent and
-    /// counted in [`LinkStats::properties_omitted`](super::LinkStats::properties_omitted).
+    /// Pairs of name and value for the agent, 100 bytes in all with 10 more for each pair; what is longer, and
+    /// any without the feature `delivery`, is not sent and counted in [`LinkStats::properties_omitted`](super::LinkStats::properties_omitted).
     pub properties: Properties<'static>,
     /// Asks the agent, with a property more, to tell what it has received from what has reached
     /// everybody it is for, and keeps samples until the latter: so none is lost with an agent that
     /// dies. An agent that does not know this ignores it; `replenish-agent` does know it. Of the
-    /// other properties the first seven are sent then.
+    /// other properties the first seven are sent then. Without the feature `delivery` it is not asked.
     pub settling: bool,
     /// The longest message in bytes, both ways: 64..=65507 on UDP. micro-ROS has 512. The log-in
     /// tells it to the agent, which sends none longer; so it is to be what the transport and both
@@ -90,11 +90,12 @@ pub struct Buffers<S, const B: usize = 1, const R: usize = 1> {
     pub best_effort: [S; B],
     /// The reliable streams.
     pub reliable: [ReliableBuffers<S>; R],
-    /// What was created, to create it anew: about 20 bytes and the names for each object.
+    /// What was created, to create it anew: about 30 bytes and the names for each object.
     pub journal: S,
     /// Requests on their way after a new log-in, `length / mtu` messages of them: with room for at
     /// least one, samples that were not acknowledged when the agent was lost are sent again; with
-    /// less, they are given up and counted. Then a request must fit in it.
+    /// less, or without the feature `delivery`, they are given up and counted. Then a request must fit
+    /// in it.
     pub restore: S,
 }
 

@@ -19,6 +19,7 @@ mod output_best_effort;
 mod output_reliable;
 mod reassembly;
 mod ring;
+#[cfg_attr(not(feature = "rtt"), path = "rtt_none.rs")]
 mod rtt;
 mod spill;
 

@@ -285,7 +285,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         if new {
             self.ring.stamp(i);
         }
-        let patience = self.timeout().unwrap_or(self.config.heartbeat_first);
+        let patience = self.rtt.timeout().unwrap_or(self.config.heartbeat_first);
         let patience = patience.min(self.config.heartbeat_max);
         let slot = self.ring.get_mut(i)?;
         slot.open = false;
@@ -390,7 +390,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
                 self.rtt.sample_at_most(time); // the answer may be to the heartbeat
             }
         }
-        let timeout = self.timeout();
+        let timeout = self.rtt.timeout();
         let Reliability {
             heartbeat_min,
             heartbeat_max,
@@ -483,11 +483,6 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
                 slot.retries = 0;
             }
         }
-    }
-
-    /// After what time an answer is overdue, if that is known.
-    fn timeout(&self) -> Option<Nanos> {
-        if RTT { self.rtt.timeout() } else { None }
     }
 
     /// Which message is to be sent next, counted from the first.

@@ -25,7 +25,7 @@ pub struct XrceConfig {
     /// brings) it is `mtu` - 12 at most.
     pub max_sample: usize,
     /// Bytes for the descriptions of what was created, from which it is created anew at the next
-    /// log-in, 64 or more: about 120 for a publisher and 150 for a subscription with short names.
+    /// log-in, 64 or more: about 140 for a publisher and 175 for a subscription with short names.
     pub journal: usize,
     /// The DDS domain.
     pub domain: i16,
