@@ -3,7 +3,7 @@
 use crate::Nanos;
 
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Rtt;
+pub(super) struct Rtt {}
 
 #[expect(
     clippy::unused_self,
