@@ -15,7 +15,7 @@ use replenish::{
     Budget, Context, Enforcement, Every, Group, GuardCondition, Handling, Policy, Qos,
     RunningExecutor,
 };
-use replenish_os::clock;
+use replenish_os::{ThreadSpec, clock};
 use replenish_testkit::harness::{rt_trial, run};
 use replenish_testkit::watchdog::watchdog;
 use std::sync::Arc;
@@ -327,16 +327,30 @@ fn share_of_fifteen() -> Vec<f64> {
     }
     let running = exec.start().unwrap();
     // All budgets come back together, 100 ms apart; 90 ms later all are used up. Between two such
-    // moments everybody has used whole budgets, in whatever order.
+    // moments everybody has used whole budgets, in whatever order. Who reads has to be there before
+    // the next ones come back, so it is above the workers; if the machine stood still then, the window
+    // is not judged and the next one is.
     let start = clock::monotonic() - running.report().elapsed;
-    let used = || names.iter().map(|n| running.usage(n).unwrap().cpu_high);
-    clock::sleep_until(start + 190_000_000);
-    let before: Vec<_> = used().collect();
-    clock::sleep_until(start + 590_000_000);
-    let shares = used()
-        .zip(before)
-        .map(|(a, b)| (a - b) as f64 / 20e6)
-        .collect();
+    let reader = ThreadSpec::new("reader").policy(Policy::fifo(97).unwrap());
+    let read = move || {
+        let used = |at: u64| -> Option<Vec<u64>> {
+            clock::sleep_until(at);
+            let usage = |name: &String| running.usage(name).unwrap().cpu_high;
+            let used = names.iter().map(usage).collect();
+            (clock::monotonic() < at + 8_000_000).then_some(used)
+        };
+        let window = |n: u64| {
+            let begin = start + 190_000_000 + n * 500_000_000;
+            let (before, after) = (used(begin), used(begin + 400_000_000));
+            let pairs = after?.into_iter().zip(before?);
+            Some(pairs.map(|(a, b)| (a - b) as f64 / 20e6).collect())
+        };
+        let shares = (0..20).find_map(window);
+        (running, shares)
+    };
+    let reader = replenish_os::spawn(reader, read).unwrap();
+    let (running, shares) = reader.join().unwrap();
+    let shares: Vec<f64> = shares.expect("a window whose ends were read in time");
     let before = clock::monotonic();
     let report = running.stop();
     let took = clock::monotonic() - before;

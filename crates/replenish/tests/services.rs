@@ -12,7 +12,9 @@ mod common;
 use common::{eventually, executor};
 use replenish::msg::Service;
 use replenish::msg::std_msgs::{Int32, Int64};
-use replenish::{CallError, Client, Context, Handling, NoReply, Qos, Responder};
+use replenish::{
+    CallError, Client, Context, Handling, NoReply, PublishError, Qos, Removal, Responder,
+};
 use replenish_testkit::watchdog::watchdog;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -219,4 +221,50 @@ fn a_reply_to_a_client_that_is_gone_is_told_and_counted_and_the_service_goes_on(
     ));
     assert_eq!(stats().errors, 4);
     assert_eq!(told.load(Ordering::Relaxed), 5, "each time, not rarely");
+}
+
+/// A client goes before its answer comes, and another takes its place in the middleware: the answer is
+/// for neither, and the server is told.
+#[test]
+fn a_late_reply_does_not_reach_the_client_that_came_after() {
+    let _dog = watchdog("late reply", LIMIT);
+    let bus = replenish::middleware::InProcessBus::new();
+    let (serving, asking) = (
+        Context::new(bus.participant()),
+        Context::new(bus.participant()),
+    );
+    let node = serving.node("s").unwrap();
+    let (mut exec, _) = executor(&serving);
+    let (keep, kept) = std::sync::mpsc::channel();
+    exec.worker("serve")
+        .serve_later::<Square, _, _>(&node, "square", Qos::services(), move |_, to, _| {
+            keep.send(to).unwrap();
+        })
+        .unwrap();
+    let _serves = exec.start().unwrap();
+    let node = asking.node("n").unwrap();
+    let (mut exec, _) = executor(&asking);
+    exec.worker("c").capacity(1);
+    let running = exec.start().unwrap();
+    let change = running.executor();
+    let mut responders = Vec::new();
+    for gone in [true, false] {
+        let client = node.client::<Square>("square", Qos::services(), LIMIT);
+        let client = client.unwrap();
+        let worker = change.worker("c").unwrap();
+        let id = worker.replies(&client, |_, _| ()).unwrap();
+        client.call(&Int32 { data: 3 }).unwrap();
+        responders.push(kept.recv().unwrap());
+        if gone {
+            change.remove(&id, Removal::Wait(LIMIT)).unwrap();
+        }
+    }
+    let replies = responders
+        .into_iter()
+        .map(|to| to.reply(&Int64 { data: 9 }));
+    let outcomes: Vec<_> = replies.collect();
+    assert_eq!(outcomes, [Err(PublishError::LinkDown), Ok(())]);
+    let stats = || running.stats("/n/cli:/square").unwrap();
+    assert!(eventually(|| stats().executed == 1));
+    assert_eq!((stats().received, stats().discarded), (1, 0));
 }

@@ -8,8 +8,8 @@
 //!
 //! As soon as a goal is accepted its result is asked for; the server answers when the goal ends.
 
+use super::goal::GoalId;
 use super::ids::Ids;
-use super::server::GoalId;
 use super::state::GoalState;
 use crate::context::Node;
 use crate::error::Error;

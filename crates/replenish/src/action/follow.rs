@@ -1,7 +1,7 @@
 //! Making an action's client, and adding it to a worker: three clients and two subscriptions.
 
 use super::client::{ActionClient, GoalUpdate, Inner, Several};
-use super::server::GoalId;
+use super::goal::GoalId;
 use super::{ActionOptions, part, status_qos};
 use crate::context::Node;
 use crate::error::Error;

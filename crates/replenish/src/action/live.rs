@@ -1,7 +1,7 @@
 //! Actions on workers that run: several handles at once, or none.
 
 use super::client::{ActionClient, GoalUpdate};
-use super::server::{GoalId, NewGoal};
+use super::goal::{GoalId, NewGoal};
 use super::{ActionOptions, follow, serve};
 use crate::context::Node;
 use crate::error::Error;

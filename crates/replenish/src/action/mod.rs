@@ -13,7 +13,7 @@
 //! ```
 //!
 //! - [`state`]: a goal's states. [`table`]: the goals of a server. Both pure.
-//! - [`server`]: goals in the hands of those who pursue them. [`client`]: those who sent them.
+//! - [`goal`]: goals in the hands of those who pursue them. [`server`]: what they share. [`client`]: those who sent them.
 //! - [`serve`], [`follow`], [`live`]: how workers get the handles. [`ids`]: names and stamps of goals.
 //!
 //! Everything is allocated when the server or client is made; how many goals there can be is said
@@ -21,6 +21,7 @@
 
 mod client;
 mod follow;
+mod goal;
 mod ids;
 #[cfg(feature = "live")]
 mod live;
@@ -30,8 +31,8 @@ mod state;
 mod table;
 
 pub use client::{ActionClient, GoalUpdate, Lost};
+pub use goal::{GoalError, GoalHandle, GoalId, NewGoal};
 pub(crate) use ids::now;
-pub use server::{GoalError, GoalHandle, GoalId, NewGoal};
 pub use state::{GoalEvent, GoalState};
 
 use crate::error::Error;

@@ -1,24 +1,18 @@
-//! Adding and removing handles while the executor runs, from any thread, callbacks included.
+//! Adding and removing handles while the executor runs, from any thread, callbacks included. What can
+//! be added is in `live_handles`.
 
-use super::callback::{CallbackContext, CallbackResult};
-use super::client::{Client, NoReply};
 use super::desk::Desk;
 use super::entry::Entry;
-use super::forge::{Forge, RawType};
+use super::forge::Forge;
 use super::group::Groups;
-use super::guard::GuardCondition;
 use super::handle::Shared;
 use super::mailbox::{Declined, Mailbox, Order};
 use super::routes::Route;
 use super::rules::Handling;
-use super::schedule::{Every, nanos};
-use super::service::Responder;
+use super::schedule::nanos;
 use super::stop::StopHandle;
-use super::timer::TimerHandle;
-use super::topic::Topic;
-use crate::context::{Context, Node};
+use crate::context::Context;
 use crate::error::Error;
-use crate::qos::Qos;
 use crate::stats::HandleStats;
 use crate::sync::{Arc, AtomicU64, Mutex, Ordering};
 use crate::text::{joined, numbered, text};
@@ -27,7 +21,6 @@ use alloc::vec::Vec;
 use core::cell::RefCell;
 use core::fmt;
 use core::time::Duration;
-use replenish_msg::{Message, Service, Viewed};
 use replenish_os::clock;
 
 /// What happens to a callback that runs while its handle is removed. None starts after that.
@@ -37,7 +30,7 @@ pub enum Removal {
     Detach,
     /// It goes on; the removal waits for its end, up to so long.
     Wait(Duration),
-    /// It is told to end ([`CallbackContext::is_cancelled`]); the removal waits up to so long.
+    /// It is told to end ([`CallbackContext::is_cancelled`](crate::CallbackContext::is_cancelled)); the removal waits up to so long.
     Cancel(Duration),
 }
 
@@ -320,7 +313,6 @@ impl fmt::Debug for LiveWorker<'_> {
     }
 }
 
-#[expect(clippy::missing_errors_doc, reason = "said once, at the type")]
 impl LiveWorker<'_> {
     /// How the handle that is added next is treated.
     #[must_use]
@@ -341,141 +333,6 @@ impl LiveWorker<'_> {
     pub(crate) fn executor(&self) -> ExecutorHandle {
         let live = Arc::clone(self.live);
         ExecutorHandle { live }
-    }
-
-    /// A subscription.
-    pub fn subscribe<'t, M, F, R>(
-        self,
-        node: &Node,
-        topic: impl Into<Topic<'t>>,
-        qos: Qos,
-        mut callback: F,
-    ) -> Result<String, Error>
-    where
-        M: Message,
-        F: FnMut(&M, &CallbackContext<'_>) -> R + Send + 'static,
-        R: CallbackResult + 'static,
-    {
-        let topic = topic.into();
-        let called = move |message: Option<&M>, cx: &CallbackContext<'_>| {
-            message.map(|message| callback(message, cx))
-        };
-        self.add(|forge| forge.subscription(node, topic, qos, called))
-    }
-
-    /// A subscription to views.
-    pub fn subscribe_view<'t, M, F, R>(
-        self,
-        node: &Node,
-        topic: impl Into<Topic<'t>>,
-        qos: Qos,
-        callback: F,
-    ) -> Result<String, Error>
-    where
-        M: Viewed,
-        F: FnMut(&M::View<'_>, &CallbackContext<'_>) -> R + Send + 'static,
-        R: CallbackResult + 'static,
-    {
-        let topic = topic.into();
-        self.add(|forge| forge.view::<M, _, _>(node, topic, qos, callback))
-    }
-
-    /// A subscription to bytes.
-    pub fn subscribe_raw<'t, F, R>(
-        self,
-        node: &Node,
-        topic: impl Into<Topic<'t>>,
-        ty: RawType<'_>,
-        qos: Qos,
-        callback: F,
-    ) -> Result<String, Error>
-    where
-        F: FnMut(&[u8], &CallbackContext<'_>) -> R + Send + 'static,
-        R: CallbackResult + 'static,
-    {
-        let topic = topic.into();
-        self.add(|forge| forge.raw(node, topic, ty, qos, callback))
-    }
-
-    /// A timer, which counts from now.
-    pub fn timer<F, R>(self, every: impl Into<Every>, callback: F) -> Result<String, Error>
-    where
-        F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
-        R: CallbackResult + 'static,
-    {
-        let every = every.into();
-        self.add(|forge| forge.timer(None, every, callback))
-    }
-
-    /// A timer that counts from now, with a handle.
-    pub fn timer_with<F, R>(
-        self,
-        handle: &TimerHandle,
-        every: impl Into<Every>,
-        callback: F,
-    ) -> Result<String, Error>
-    where
-        F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
-        R: CallbackResult + 'static,
-    {
-        let every = every.into();
-        self.add(|forge| forge.timer(Some(handle), every, callback))
-    }
-
-    /// A guard condition.
-    pub fn guard<F, R>(self, guard: &GuardCondition, callback: F) -> Result<String, Error>
-    where
-        F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
-        R: CallbackResult + 'static,
-    {
-        self.add(|forge| forge.guard(guard, callback))
-    }
-
-    /// A service that answers in the callback.
-    pub fn serve<'t, S, F>(
-        self,
-        node: &Node,
-        name: impl Into<Topic<'t>>,
-        qos: Qos,
-        mut callback: F,
-    ) -> Result<String, Error>
-    where
-        S: Service,
-        F: FnMut(&S::Request, &mut S::Response, &CallbackContext<'_>) + Send + 'static,
-    {
-        let mut response = S::Response::default();
-        let called = move |request: &S::Request, to: Responder<S>, cx: &CallbackContext<'_>| {
-            callback(request, &mut response, cx);
-            to.reply(&response)
-        };
-        self.serve_later::<S, _, _>(node, name, qos, called)
-    }
-
-    /// A service that answers now or later.
-    pub fn serve_later<'t, S, F, R>(
-        self,
-        node: &Node,
-        name: impl Into<Topic<'t>>,
-        qos: Qos,
-        callback: F,
-    ) -> Result<String, Error>
-    where
-        S: Service,
-        F: FnMut(&S::Request, Responder<S>, &CallbackContext<'_>) -> R + Send + 'static,
-        R: CallbackResult + 'static,
-    {
-        let name = name.into();
-        self.add(|forge| forge.server::<S, _, _>(node, name, qos, callback))
-    }
-
-    /// The replies of a client.
-    pub fn replies<S, F, R>(self, client: &Client<S>, callback: F) -> Result<String, Error>
-    where
-        S: Service,
-        F: FnMut(Result<&S::Response, NoReply>, &CallbackContext<'_>) -> R + Send + 'static,
-        R: CallbackResult + 'static,
-    {
-        self.add(|forge| forge.replies(client, callback))
     }
 
     pub(crate) fn add(

@@ -7,14 +7,14 @@
 //! ```
 //!
 //! - `mod.rs`: options, and the way in.
-//! - [`builder`]: describing workers and handles. [`plan`]: from wishes to policies.
+//! - [`builder`], `builder_handles`: describing workers and handles. [`plan`]: from wishes to policies.
 //!   [`planned`], or `unplanned` without feature `plan`: `overlay`, scheduling from a file;
 //!   `admission`, does it fit on this host?
 //! - [`start`]: threads, enforcers, the declared fallbacks. [`threads`]: one thread's life.
 //! - [`dispatcher`], [`worker`]: the two loops; [`rounds`]: by other rules than the usual one; [`doorbell`]: what the second sleeps on. [`handle`], [`subscription`], [`timer`]: what
 //!   workers run. [`callback`]: what callbacks see.
 //! - [`assembly`]: the parts put together. [`local`]: without threads, on the caller's.
-//! - [`live`], [`mailbox`], [`desk`]: handles that come and go; `fixed` without feature `live`.
+//! - [`live`], `live_handles`, [`mailbox`], [`desk`]: handles that come and go; `fixed` without feature `live`.
 //! - [`running`], [`stop`]: watching and ending it. [`report`]: the numbers.
 
 #[cfg(feature = "live")]
@@ -24,6 +24,7 @@ mod admission;
 mod agenda;
 mod assembly;
 mod builder;
+mod builder_handles;
 mod callback;
 mod client;
 #[cfg(feature = "live")]
@@ -39,6 +40,8 @@ mod guard;
 mod handle;
 #[cfg(feature = "live")]
 mod live;
+#[cfg(feature = "live")]
+mod live_handles;
 mod local;
 #[cfg(feature = "live")]
 mod mailbox;

@@ -44,9 +44,9 @@ pub(crate) struct Args {
     #[arg(long)]
     anyway: bool,
 
-    /// Where to write the page with the schedule
-    #[arg(long, value_name = "PATH", default_value = "schedule.html")]
-    html: PathBuf,
+    /// Also write a page with the schedule drawn, for a browser
+    #[arg(long, value_name = "PATH")]
+    html: Option<PathBuf>,
 
     /// Also write the drawing as SVG
     #[arg(long, value_name = "PATH")]
@@ -77,7 +77,7 @@ struct Row {
 
 /// Plans, simulates, draws.
 pub(crate) fn run(args: &Args) -> Outcome {
-    for path in [&args.json.json, &args.svg, &Some(args.html.clone())] {
+    for path in [&args.json.json, &args.svg, &args.html] {
         files::check_writable(path.as_deref())?;
     }
     let deployment = Deployment::read(&args.file).map_err(Failure::refused)?;
@@ -110,11 +110,14 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let lanes = lanes::of(&system, &traced);
     let from = start(&lanes, shown, traced.horizon);
     let svg = gantt::draw(&lanes, &deployment.machine.cpus, from..from + shown);
-    files::write(
-        &args.html,
-        &page(args, &table, &svg, &verdict, refusal.as_deref()),
-    )?;
-    println!("The schedule is drawn in {}.", args.html.display());
+    match &args.html {
+        Some(path) => {
+            let page = page(args, &table, &svg, &verdict, refusal.as_deref());
+            files::write(path, &page)?;
+            println!("The schedule is drawn in {}.", path.display());
+        }
+        None => println!("To see the schedule: --html schedule.html"),
+    }
     if let Some(path) = &args.svg {
         files::write(path, &svg)?;
         println!("wrote {}", path.display());
