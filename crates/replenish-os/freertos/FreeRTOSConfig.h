@@ -66,6 +66,31 @@ extern void rp_assert_failed(const char *file, uint32_t line);
 #define configASSERT(x) \
     if ((x) == 0) rp_assert_failed(__FILE__, __LINE__)
 
+/* The kernel looks for the highest task list by list, from the highest that was ready downward: 400
+ * instructions from 95 to 10. So a bit is set for each list that a task is put into, and cleared when the
+ * list is found empty; OUT tells the kernel where to begin, which is where its search then ends. */
+extern uint32_t rp_ready[];
+#define rp_note_ready(priority) (rp_ready[(priority) / 32] |= 1UL << ((priority) % 32))
+#define traceMOVED_TASK_TO_READY_STATE(tcb) rp_note_ready((tcb)->uxPriority)
+#define rp_find_highest()                                                                   \
+    do {                                                                                    \
+        uint32_t word = (configMAX_PRIORITIES - 1) / 32;                                    \
+        for (;;) {                                                                          \
+            const uint32_t bits = rp_ready[word];                                           \
+            if (bits == 0) {                                                                \
+                if (word == 0) break;                                                       \
+                word--;                                                                     \
+                continue;                                                                   \
+            }                                                                               \
+            const uint32_t bit = 31 - (uint32_t)__builtin_clz(bits);                        \
+            if (!listLIST_IS_EMPTY(&(pxReadyTasksLists[word * 32 + bit]))) {                \
+                uxTopReadyPriority = word * 32 + bit;                                       \
+                break;                                                                      \
+            }                                                                               \
+            rp_ready[word] = bits & ~(1UL << bit);                                          \
+        }                                                                                   \
+    } while (0)
+
 /* Both hooks expand inside the kernel's tasks.c, in the switch itself, with interrupts masked.
  *
  * OUT: a task that is still in its ready list was preempted (or yielded); one that is not, blocked.
@@ -75,9 +100,12 @@ extern void rp_assert_failed(const char *file, uint32_t line);
 extern void rp_switched_out(void *slot, uint32_t preempted);
 extern void rp_switched_in(void *slot);
 #define traceTASK_SWITCHED_OUT()                                                            \
-    rp_switched_out(pxCurrentTCB->pvThreadLocalStoragePointers[0],                          \
-                    listLIST_ITEM_CONTAINER(&(pxCurrentTCB->xStateListItem)) ==             \
-                        &(pxReadyTasksLists[pxCurrentTCB->uxPriority]))
+    do {                                                                                    \
+        rp_switched_out(pxCurrentTCB->pvThreadLocalStoragePointers[0],                      \
+                        listLIST_ITEM_CONTAINER(&(pxCurrentTCB->xStateListItem)) ==         \
+                            &(pxReadyTasksLists[pxCurrentTCB->uxPriority]));                \
+        rp_find_highest();                                                                  \
+    } while (0)
 #define traceTASK_SWITCHED_IN()                                                             \
     do {                                                                                    \
         List_t *const rp_list = &(pxReadyTasksLists[pxCurrentTCB->uxPriority]);             \

@@ -26,31 +26,11 @@ void *rp_task_create(void (*entry)(void *), const char *name, StackType_t *stack
 
 void rp_start(void) { vTaskStartScheduler(); }
 
-/* The slot of the running task; NULL before the kernel runs, and in the idle task. */
-void *rp_current(void)
-{
-    if (xTaskGetSchedulerState() == taskSCHEDULER_NOT_STARTED) return NULL;
-    return pvTaskGetThreadLocalStoragePointer(NULL, 0);
-}
+/* The Rust side masks by itself, to this level. */
+_Static_assert(configMAX_SYSCALL_INTERRUPT_PRIORITY == 0x50, "replenish-os masks to 0x50");
 
-/* Interrupts that may call the kernel are masked; returns what was masked before. Nests. */
-uint32_t rp_mask(void) { return ulPortRaiseBASEPRI(); }
-void rp_unmask(uint32_t before) { vPortSetBASEPRI(before); }
-
-/* Waits until rp_wake(); one that came before ends the wait at once. */
-void rp_block(void) { (void)ulTaskNotifyTake(pdTRUE, portMAX_DELAY); }
-
-/* From a task (not masked) or from an interrupt. */
-void rp_wake(void *task)
-{
-    if (xPortIsInsideInterrupt()) {
-        BaseType_t higher = pdFALSE;
-        vTaskNotifyGiveFromISR((TaskHandle_t)task, &higher);
-        portYIELD_FROM_ISR(higher);
-    } else {
-        (void)xTaskNotifyGive((TaskHandle_t)task);
-    }
-}
+/* Which priorities may have tasks in their lists: see rp_find_highest in FreeRTOSConfig.h. */
+uint32_t rp_ready[(configMAX_PRIORITIES + 31) / 32];
 
 /* Stops the calling task for good. */
 void rp_halt(void) { for (;;) vTaskSuspend(NULL); }

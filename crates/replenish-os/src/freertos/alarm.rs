@@ -1,12 +1,30 @@
 //! The deadlines of all tasks on the board's one timer.
+//!
+//! The timer is set when a deadline comes before what it is set to, and never to a later time: a wait
+//! that ends before its deadline leaves it, and the interrupt then finds nothing due. One look of an
+//! interrupt too many costs less than looking through all tasks with every wait.
 
 use super::ffi;
+use super::masked::Masked;
 use super::slot::{self, NEVER};
+use crate::Nanos;
 
-/// Sets the board's timer for the earliest deadline; masked.
-pub(crate) fn program() {
-    let earliest = slot::all().map(|s| s.state.with(|s| s.deadline)).min();
-    ffi::board_arm(earliest.unwrap_or(NEVER));
+/// What the board's timer is set to.
+static SET: Masked<Nanos> = Masked::new(NEVER);
+
+/// Before the kernel runs: the board counts its overflows when the timer rings, asked or not.
+pub(crate) fn begin() {
+    ffi::board_arm(NEVER);
+}
+
+/// A task's deadline is `at` now; masked.
+pub(crate) fn program(at: Nanos) {
+    SET.with(|set| {
+        if at < *set {
+            *set = at;
+            ffi::board_arm(at);
+        }
+    });
 }
 
 /// The board's timer interrupt: wakes every task whose deadline has come, in the order of their
@@ -29,6 +47,7 @@ pub(crate) fn on_timer() {
             (at, _) => (at, None),
         };
         let Some(slot) = due else {
+            SET.with(|set| *set = at);
             ffi::board_arm(at);
             ffi::unmask(before);
             return;

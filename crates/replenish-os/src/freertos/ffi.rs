@@ -25,9 +25,10 @@ mod c {
             id: u32,
         ) -> *mut c_void;
         pub(super) fn rp_start();
-        pub(super) fn rp_current() -> *const c_void;
         pub(super) fn rp_current_task() -> *mut c_void;
+        #[cfg(not(target_arch = "arm"))]
         pub(super) fn rp_mask() -> u32;
+        #[cfg(not(target_arch = "arm"))]
         pub(super) fn rp_unmask(before: u32);
         pub(super) fn rp_block();
         pub(super) fn rp_wake(task: *mut c_void);
@@ -102,28 +103,55 @@ pub(crate) fn run_kernel() {
     unsafe { c::rp_start() };
 }
 
-/// The slot pointer of the running task; null outside of tasks.
-pub(crate) fn current() -> *const c_void {
-    // SAFETY: reads the kernel's current task.
-    unsafe { c::rp_current() }
-}
-
 /// The running task.
 pub(crate) fn current_task() -> Option<Task> {
     // SAFETY: reads the kernel's current task.
     NonNull::new(unsafe { c::rp_current_task() }).map(Task)
 }
 
-/// Masks the interrupts that may call the kernel, and thereby switches too.
+/// `configMAX_SYSCALL_INTERRUPT_PRIORITY`; the shim checks that it is.
+#[cfg(target_arch = "arm")]
+const MASKED: u32 = 0x50;
+
+/// Masks the interrupts that may call the kernel, and thereby switches too. Raising the priority
+/// takes effect with the next instruction (Armv7-M, B5.2.3): no barrier.
+#[inline(always)]
 pub(crate) fn mask() -> u32 {
-    // SAFETY: sets BASEPRI; allowed in tasks and interrupts.
-    unsafe { c::rp_mask() }
+    #[cfg(target_arch = "arm")]
+    {
+        let before: u32;
+        // SAFETY: sets BASEPRI; allowed in tasks and interrupts.
+        unsafe {
+            core::arch::asm!(
+                "mrs {before}, BASEPRI",
+                "msr BASEPRI, {masked}",
+                before = out(reg) before,
+                masked = in(reg) MASKED,
+                options(nostack, preserves_flags)
+            );
+        }
+        before
+    }
+    #[cfg(not(target_arch = "arm"))]
+    // SAFETY: as above.
+    unsafe {
+        c::rp_mask()
+    }
 }
 
 /// Undoes [`mask`].
+#[inline(always)]
 pub(crate) fn unmask(before: u32) {
+    #[cfg(target_arch = "arm")]
     // SAFETY: `before` came from `mask`.
-    unsafe { c::rp_unmask(before) };
+    unsafe {
+        core::arch::asm!("msr BASEPRI, {}", in(reg) before, options(nostack, preserves_flags));
+    }
+    #[cfg(not(target_arch = "arm"))]
+    // SAFETY: as above.
+    unsafe {
+        c::rp_unmask(before);
+    }
 }
 
 /// The running task waits until it is woken; not while masked.
@@ -132,7 +160,7 @@ pub(crate) fn block() {
     unsafe { c::rp_block() };
 }
 
-/// Wakes a task; not while masked, unless inside an interrupt.
+/// Wakes a task, from tasks and interrupts.
 pub(crate) fn wake(task: Task) {
     // SAFETY: the handle is good for ever.
     unsafe { c::rp_wake(task.0.as_ptr()) };

@@ -84,6 +84,8 @@ impl Slot {
 
 static SLOTS: AtomicPtr<Slot> = AtomicPtr::new(ptr::null_mut());
 static COUNT: AtomicU32 = AtomicU32::new(0);
+/// The running task's: what the hook was given last.
+static CURRENT: AtomicPtr<Slot> = AtomicPtr::new(ptr::null_mut());
 
 /// A new slot, to be given to a task.
 pub(crate) fn make(priority: u8, stack_bytes: usize) -> &'static Slot {
@@ -130,14 +132,17 @@ pub(crate) fn all() -> impl Iterator<Item = &'static Slot> {
 }
 
 /// The running task's; `None` before the kernel runs and in the idle task.
+#[inline]
 pub(crate) fn current() -> Option<&'static Slot> {
     // SAFETY: the kernel keeps what `rp_task_create` was given: a leaked box, or null.
-    unsafe { ffi::current().cast::<Slot>().as_ref() }
+    unsafe { CURRENT.load(Ordering::Relaxed).as_ref() }
 }
 
-/// The slot with this number.
+/// The slot with this number: mostly one's own.
 pub(crate) fn find(id: i32) -> Option<&'static Slot> {
-    all().find(|slot| slot.id == id)
+    current()
+        .filter(|slot| slot.id == id)
+        .or_else(|| all().find(|slot| slot.id == id))
 }
 
 /// Whether the switch hooks are there: always, the kernel is compiled with them.
@@ -179,6 +184,7 @@ extern "C" fn rp_switched_out(slot: *const c_void, preempted: u32) {
 /// The kernel's hook: the chosen task is about to run.
 #[unsafe(no_mangle)]
 extern "C" fn rp_switched_in(slot: *const c_void) {
+    CURRENT.store(slot.cast_mut().cast(), Ordering::Relaxed);
     // SAFETY: as in `current`.
     let Some(slot) = (unsafe { slot.cast::<Slot>().as_ref() }) else {
         return;

@@ -26,6 +26,7 @@ pub fn start(
         stack_bytes,
         Box::new(move |_| main()),
     )?;
+    alarm::begin();
     ffi::run_kernel();
     Ok(())
 }

@@ -2,9 +2,10 @@
 //! thread sleeps anew.
 
 use super::slot;
+use crate::Nanos;
 
 /// Some thread's deadline has changed; masked.
-pub(crate) fn program() {
+pub(crate) fn program(_: Nanos) {
     for slot in slot::all() {
         let earlier = slot.state.with(|s| {
             let earlier = s.deadline < s.parked_until;

@@ -47,7 +47,7 @@ fn sleep(
             s.deadline = at;
         });
         if at != NEVER {
-            alarm::program();
+            alarm::program(at);
         }
     }
     ffi::unmask(before);

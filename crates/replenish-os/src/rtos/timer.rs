@@ -64,7 +64,7 @@ impl TimerFd {
                 } else {
                     inner.reader = Some(me);
                     me.state.with(|s| s.deadline = inner.at);
-                    alarm::program();
+                    alarm::program(inner.at);
                 }
                 fired
             });
@@ -80,7 +80,7 @@ impl TimerFd {
             inner.at = at;
             if let Some(reader) = inner.reader {
                 reader.state.with(|s| s.deadline = at);
-                alarm::program();
+                alarm::program(at);
             }
         });
     }
