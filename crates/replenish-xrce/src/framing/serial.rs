@@ -237,17 +237,14 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
     }
 }
 
-/// CRC-16/ARC: polynomial 0x8005 reflected, from 0.
+/// CRC-16/ARC: polynomial 0x8005 reflected, from 0. Its eight steps for a byte are three shifts of what
+/// they act on and its parity, since the polynomial is `(x + 1)(x^15 + x + 1)`: a quarter of the
+/// instructions that bit after bit takes, and no table.
 fn crc16(crc: u16, byte: u8) -> u16 {
-    let mut crc = crc ^ u16::from(byte);
-    for _ in 0..8 {
-        let carry = crc & 1;
-        crc >>= 1;
-        if carry != 0 {
-            crc ^= 0xa001;
-        }
-    }
-    crc
+    let acts = crc & 0xff ^ u16::from(byte);
+    let folded = acts ^ acts >> 4;
+    let odd = 0x6996_u16 >> (folded & 15) & 1; // the parity of each half a byte
+    crc >> 8 ^ acts << 6 ^ acts << 7 ^ odd << 15 ^ odd << 14 ^ odd
 }
 
 #[cfg(test)]
@@ -270,6 +267,19 @@ mod tests {
             decoder.push(piece, |_source, message| got.push(message.to_vec()));
         }
         (got, decoder.stats())
+    }
+
+    #[test]
+    fn a_byte_at_once_is_eight_bits_one_after_another() {
+        for crc in 0..=u16::MAX {
+            let mut one_by_one = crc;
+            for _ in 0..8 {
+                let carry = one_by_one & 1;
+                one_by_one = (one_by_one >> 1) ^ (carry * 0xa001);
+            }
+            assert_eq!(crc16(crc, 0), one_by_one, "from {crc:#x}");
+            assert_eq!(crc16(crc ^ 0x5a, 0x5a), one_by_one);
+        }
     }
 
     #[test]
