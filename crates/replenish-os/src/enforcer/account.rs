@@ -392,7 +392,8 @@ impl Budgeted {
         let Some(entry) = state.entries.get(self.index) else {
             return;
         };
-        let mut at = entry.check_at().unwrap_or(Nanos::MAX);
+        let at = entry.timer_at(self.shared.timer.as_ref());
+        let mut at = at.unwrap_or(Nanos::MAX);
         if !entry.reservation.is_runnable()
             && let Some(pulled) = state.pull_in(clock::monotonic())
         {

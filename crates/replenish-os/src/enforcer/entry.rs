@@ -8,6 +8,7 @@ use crate::Tid;
 use crate::backend::clock::{self, ThreadCpuClock};
 use crate::backend::sched::{demote_to_tail, promote};
 use crate::backend::suspend::SuspendCell;
+use crate::backend::timer::TimerFd;
 use crate::backend::watch::Watch;
 use sporadic::{BudgetServer, Level, Low, Reservation, Verdict};
 
@@ -58,8 +59,23 @@ impl Entry {
         }
     }
 
-    pub(super) fn is_due(&self, now: Nanos) -> bool {
-        self.check_at().is_some_and(|at| at <= now)
+    /// Whether it is to be judged now, or within `slack`.
+    pub(super) fn is_due(&self, now: Nanos, slack: Nanos) -> bool {
+        let Some(at) = self.check_at() else {
+            return false;
+        };
+        let by_clock = self.watch.is_at_limit(now, slack);
+        by_clock.unwrap_or(at <= now.saturating_add(slack))
+    }
+
+    /// What the timer is to be set to; `None` where the end of the budget is told by the thread's CPU
+    /// clock, or nothing is to come.
+    pub(super) fn timer_at(&self, timer: Option<&TimerFd>) -> Option<Nanos> {
+        let at = self.check_at();
+        let limit = at.and_then(|_| self.reservation.limit());
+        let by_clock = self.watch.limit(timer, limit);
+        // One that waits has a check that is as good when it goes on.
+        at.filter(|_| !by_clock || self.reservation.level() == Level::Low)
     }
 
     /// Whether blocking inside callbacks is seen through the kernel's records.

@@ -351,7 +351,7 @@ impl Shared {
         let now = clock::monotonic();
         let (mut changed, mut refused) = (0, 0);
         for entry in &mut state.entries {
-            if entry.is_due(now.saturating_add(self.config.tuning.slack)) {
+            if entry.is_due(now, self.config.tuning.slack) {
                 match entry.judge(now, self.rung) {
                     entry::Outcome::Unchanged => {}
                     entry::Outcome::Changed => changed += 1,
@@ -376,7 +376,9 @@ impl Shared {
 
     /// Arms the timer for the earliest check.
     fn rearm(&self, state: &mut State) {
-        if let Some(at) = state.entries.iter().filter_map(Entry::check_at).min() {
+        let timer = self.timer.as_ref();
+        let times = state.entries.iter().filter_map(|e| e.timer_at(timer));
+        if let Some(at) = times.min() {
             let floor = clock::monotonic().saturating_add(self.config.tuning.min_rearm);
             self.arm(state, at.max(floor));
         }

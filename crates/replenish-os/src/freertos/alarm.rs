@@ -33,6 +33,15 @@ pub(crate) fn on_timer() {
     loop {
         let now = ffi::board_now();
         let before = ffi::mask();
+        let limit = slot::limit_at();
+        if limit <= now {
+            let task = slot::reach_limit();
+            ffi::unmask(before);
+            if let Some(task) = task {
+                ffi::wake(task);
+            }
+            continue;
+        }
         // Newest first: with <=, the oldest of equals wins.
         let next = slot::all().fold((NEVER, None), |(earliest, first), slot| {
             let at = slot.state.with(|s| s.deadline);
@@ -47,6 +56,7 @@ pub(crate) fn on_timer() {
             (at, _) => (at, None),
         };
         let Some(slot) = due else {
+            let at = at.min(limit);
             SET.with(|set| *set = at);
             ffi::board_arm(at);
             ffi::unmask(before);

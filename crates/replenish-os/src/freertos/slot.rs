@@ -13,6 +13,7 @@
     reason = "hooks get slots as pointers; the list's end is one"
 )]
 
+use super::alarm;
 use super::error::OsError;
 use super::ffi::{self, Task};
 use super::gaps::Gaps;
@@ -50,6 +51,12 @@ pub(crate) struct State {
     pub(crate) lends: bool,
     pub(crate) ended: bool,
     pub(crate) gaps: Gaps,
+    /// The reading of its CPU clock that is waited for; `NEVER`: none is.
+    limit: Nanos,
+    /// Who waits for it.
+    limited_by: Option<&'static Slot>,
+    /// What this task has limited has come: a task that it supervises is at its limit.
+    reached: bool,
     cpu: Nanos,
     in_at: Nanos,
     on_cpu: bool,
@@ -69,6 +76,16 @@ impl State {
             self.cpu
         }
     }
+
+    /// When it is at its limit if it goes on running from `now` on.
+    fn at_limit(&self, now: Nanos) -> Nanos {
+        now.saturating_add(self.limit.saturating_sub(self.cpu(now)))
+    }
+
+    /// Takes back that a supervised task is at its limit; whether one was.
+    pub(crate) fn take_reached(&mut self) -> bool {
+        core::mem::take(&mut self.reached)
+    }
 }
 
 impl Slot {
@@ -82,6 +99,55 @@ impl Slot {
     }
 }
 
+/// The CPU clocks of tasks ring as timers do: when the one that runs has a limit, the board's timer is set
+/// for the time at which it will be there, unless it is set for something before. A task that does not
+/// run needs no looking after.
+///
+/// `by` is woken from its timer's `read`. Whether that works: it has to have read before.
+pub(crate) fn limit(of: &'static Slot, by: Option<&'static Slot>, at: Option<Nanos>) -> bool {
+    let Some(by) = by else { return false };
+    let before = ffi::mask();
+    let rings = of.state.with(|s| {
+        s.limit = at.unwrap_or(NEVER);
+        s.limited_by = Some(by);
+        match at {
+            Some(_) if s.on_cpu => s.at_limit(ffi::board_now()),
+            _ => NEVER,
+        }
+    });
+    if rings != NEVER || current().is_some_and(|me| ptr::eq(me, of)) {
+        LIMIT_AT.with(|at| *at = rings);
+        alarm::program(rings);
+    }
+    ffi::unmask(before);
+    true
+}
+
+/// Whether the task is where `limit` wanted it, within `slack`; `None` if it has no limit.
+pub(crate) fn is_at_limit(of: &Slot, now: Nanos, slack: Nanos) -> Option<bool> {
+    of.state.with(|s| {
+        let at = s.limit.saturating_sub(slack);
+        (s.limit != NEVER).then(|| s.cpu(now) >= at)
+    })
+}
+
+/// When the running task reaches its limit; masked.
+pub(crate) fn limit_at() -> Nanos {
+    LIMIT_AT.with(|at| *at)
+}
+
+/// The running task is at its limit, which it has no more; masked. Who is to be woken for that.
+pub(crate) fn reach_limit() -> Option<Task> {
+    LIMIT_AT.with(|at| *at = NEVER);
+    let by = current()?.state.with(|s| s.limited_by)?;
+    by.state.with(|s| {
+        s.reached = true;
+        s.task
+    })
+}
+
+/// When the running task will be at its limit.
+static LIMIT_AT: Masked<Nanos> = Masked::new(NEVER);
 static SLOTS: AtomicPtr<Slot> = AtomicPtr::new(ptr::null_mut());
 static COUNT: AtomicU32 = AtomicU32::new(0);
 /// The running task's: what the hook was given last.
@@ -102,6 +168,9 @@ pub(crate) fn make(priority: u8, stack_bytes: usize) -> &'static Slot {
             lends: false,
             ended: false,
             gaps: Gaps::new(),
+            limit: NEVER,
+            limited_by: None,
+            reached: false,
             cpu: 0,
             in_at: 0,
             on_cpu: false,
@@ -172,6 +241,9 @@ extern "C" fn rp_switched_out(slot: *const c_void, preempted: u32) {
     slot.state.with(|s| {
         s.cpu += now.saturating_sub(s.in_at);
         s.on_cpu = false;
+        if s.limit != NEVER {
+            LIMIT_AT.with(|at| *at = NEVER);
+        }
         if preempted == 0 {
             s.blocks = s.blocks.wrapping_add(1);
             s.gaps.open(now);
@@ -195,5 +267,10 @@ extern "C" fn rp_switched_in(slot: *const c_void) {
         s.on_cpu = true;
         let cpu = s.cpu;
         s.gaps.close(now, cpu);
+        if s.limit != NEVER {
+            let rings = s.at_limit(now);
+            LIMIT_AT.with(|at| *at = rings);
+            alarm::program(rings);
+        }
     });
 }

@@ -3,6 +3,7 @@
 
 use super::gaps::GapTracker;
 use super::switches::SwitchLog;
+use super::timer::TimerFd;
 use crate::Nanos;
 use crate::Tid;
 use sporadic::Gap;
@@ -67,6 +68,18 @@ impl Watch {
     /// It is not known when the thread blocked: all since the last reading counts from `now`.
     pub(crate) fn lost(&mut self, since: Nanos, now: Nanos) {
         self.gaps.lost(since, now);
+    }
+
+    /// There is no cheap way to be told of a CPU clock: the timer is set by the time.
+    #[expect(clippy::unused_self, reason = "the other back end's name")]
+    pub(crate) const fn limit(&self, _timer: Option<&TimerFd>, _at: Option<Nanos>) -> bool {
+        false
+    }
+
+    /// See [`limit`](Self::limit).
+    #[expect(clippy::unused_self, reason = "the other back end's name")]
+    pub(crate) const fn is_at_limit(&self, _now: Nanos, _slack: Nanos) -> Option<bool> {
+        None
     }
 
     /// An open block belongs to a suspension by the enforcer and does not count.

@@ -99,6 +99,12 @@ impl State {
         }
     }
 
+    /// None is: see [`limit`].
+    #[expect(clippy::unused_self, reason = "the other back end's name")]
+    pub(crate) const fn take_reached(&mut self) -> bool {
+        false
+    }
+
     fn switched_in(&mut self, now: Nanos) {
         self.in_at = now;
         self.on_cpu = true;
@@ -225,6 +231,16 @@ pub(crate) fn release(slot: &'static Slot) {
         s.on_cpu = false;
         s.free = true;
     });
+}
+
+/// There are no limits of CPU clocks: who supervises looks at times.
+pub(crate) const fn limit(_: &Slot, _: Option<&'static Slot>, _: Option<Nanos>) -> bool {
+    false
+}
+
+/// See [`limit`].
+pub(crate) const fn is_at_limit(_: &Slot, _: Nanos, _: Nanos) -> Option<bool> {
+    None
 }
 
 /// The slot with this number.

@@ -15,6 +15,8 @@ pub struct TimerFd(Masked<Inner>);
 struct Inner {
     at: Nanos,
     reader: Option<&'static Slot>,
+    /// Who read last.
+    owner: Option<&'static Slot>,
 }
 
 impl TimerFd {
@@ -26,6 +28,7 @@ impl TimerFd {
         Ok(Self(Masked::new(Inner {
             at: NEVER,
             reader: None,
+            owner: None,
         })))
     }
 
@@ -55,12 +58,12 @@ impl TimerFd {
         let me = slot::current().ok_or(OsError::new("a timer was read outside of a task"))?;
         loop {
             let fired = self.0.with(|inner| {
-                let fired = inner.at <= ffi::board_now();
+                inner.owner = Some(me);
+                let fired = me.state.with(slot::State::take_reached);
+                let fired = fired || inner.at <= ffi::board_now();
                 if fired {
-                    *inner = Inner {
-                        at: NEVER,
-                        reader: None,
-                    };
+                    inner.at = NEVER;
+                    inner.reader = None;
                 } else {
                     inner.reader = Some(me);
                     me.state.with(|s| s.deadline = inner.at);
@@ -73,6 +76,11 @@ impl TimerFd {
             }
             ffi::block();
         }
+    }
+
+    /// The task that reads.
+    pub(crate) fn owner(&self) -> Option<&'static Slot> {
+        self.0.with(|inner| inner.owner)
     }
 
     fn set(&self, at: Nanos) {

@@ -3,6 +3,7 @@
 use super::ffi;
 use super::gaps::Gaps;
 use super::slot::{self, Slot};
+use super::timer::TimerFd;
 use crate::Nanos;
 use crate::Tid;
 use sporadic::Gap;
@@ -65,6 +66,18 @@ impl Watch {
                 in_at: now,
             };
         }
+    }
+
+    /// Has the enforcer woken when the task's CPU clock shows `at`; whether that can be done, or its timer
+    /// must be set instead.
+    pub(crate) fn limit(&self, timer: Option<&TimerFd>, at: Option<Nanos>) -> bool {
+        let by = timer.and_then(TimerFd::owner);
+        self.slot.is_some_and(|slot| slot::limit(slot, by, at))
+    }
+
+    /// Whether the task is there, within `slack`; `None` if nothing was to be told.
+    pub(crate) fn is_at_limit(&self, now: Nanos, slack: Nanos) -> Option<bool> {
+        slot::is_at_limit(self.slot?, now, slack)
     }
 
     /// A suspension here is a change of priority, no block.
