@@ -57,6 +57,19 @@ impl<const N: usize> Ring<N> {
         true
     }
 
+    /// Takes as many bytes as there are and `into` has room for; how many.
+    pub fn take(&self, into: &mut [u8]) -> usize {
+        let len = self.len().min(into.len());
+        let at = self.taken.load(Ordering::Relaxed);
+        let first = at as usize % N;
+        let (front, back) = (&self.bytes[first..], &self.bytes[..first]);
+        for (place, byte) in into[..len].iter_mut().zip(front.iter().chain(back)) {
+            *place = byte.load(Ordering::Relaxed);
+        }
+        self.taken.store(at.wrapping_add(len as u32), Ordering::Release);
+        len
+    }
+
     /// Takes the oldest byte.
     pub fn pop(&self) -> Option<u8> {
         if self.is_empty() {

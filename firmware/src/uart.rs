@@ -104,12 +104,7 @@ pub fn counts() -> Counts {
 
 impl Port for Usart2 {
     fn read(&self, into: &mut [u8]) -> usize {
-        let mut len = 0;
-        for (place, byte) in into.iter_mut().zip(core::iter::from_fn(|| RX.pop())) {
-            *place = byte;
-            len += 1;
-        }
-        len
+        RX.take(into)
     }
 
     fn write(&self, bytes: &[u8]) -> usize {

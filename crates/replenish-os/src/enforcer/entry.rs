@@ -99,9 +99,9 @@ impl Entry {
         }
     }
 
-    /// The thread's CPU clock; a thread that has ended keeps its last reading.
-    fn cpu(&mut self) -> Nanos {
-        self.clock.read().unwrap_or_else(|| {
+    /// The thread's CPU clock at this moment, which is `now`; a thread that has ended keeps its last reading.
+    fn cpu(&mut self, now: Nanos) -> Nanos {
+        self.clock.read_at(now).unwrap_or_else(|| {
             self.live = false;
             self.reservation.last_reading().0
         })
@@ -115,14 +115,14 @@ impl Entry {
 
     /// The worker leaves its wait; it was woken at `woken`.
     pub(super) fn activate(&mut self, woken: Nanos, now: Nanos) {
-        let cpu = self.cpu();
+        let cpu = self.cpu(now);
         self.watch.restart(now);
         self.reservation.activate(woken, now, cpu);
     }
 
     /// The worker is about to wait.
     pub(super) fn block(&mut self, now: Nanos) {
-        let cpu = self.cpu();
+        let cpu = self.cpu(now);
         self.drain(now);
         self.reservation.block(now, cpu, self.watch.gaps());
     }
@@ -135,7 +135,7 @@ impl Entry {
             self.reservation.last_reading().0
         } else {
             self.drain(now);
-            self.cpu()
+            self.cpu(now)
         };
         let verdict = self.reservation.judge(now, cpu, self.watch.gaps());
         self.obey(verdict, now, late, rung)
@@ -144,7 +144,7 @@ impl Entry {
     /// The worker found that it blocked inside its callback, without knowing when: whatever has
     /// not been charged yet counts as activated now.
     pub(super) fn blocked_inside(&mut self, now: Nanos) {
-        let cpu = self.cpu();
+        let cpu = self.cpu(now);
         let (_, since) = self.reservation.last_reading();
         self.watch.lost(since, now);
         self.reservation.observe(now, cpu, self.watch.gaps());
@@ -152,7 +152,7 @@ impl Entry {
 
     /// Brings the counters up to date without deciding anything.
     pub(super) fn observe(&mut self, now: Nanos) {
-        let cpu = self.cpu();
+        let cpu = self.cpu(now);
         self.drain(now);
         self.reservation.observe(now, cpu, self.watch.gaps());
     }
@@ -189,7 +189,7 @@ impl Entry {
             Enforcement::SameCpu => now,
             Enforcement::OtherCpu | Enforcement::Deferred => clock::monotonic(),
         };
-        let cpu = self.cpu();
+        let cpu = self.cpu(now);
         // A refused change is counted by the caller; the account goes on as decided, since
         // deciding the same thing again at once would help nobody.
         if let Some(overrun) = self.reservation.applied(level, now, cpu) {

@@ -54,6 +54,11 @@ impl ThreadCpuClock {
     pub fn read(&self) -> Option<Nanos> {
         gettime(self.0)
     }
+
+    /// The same; the time at hand is of no use here.
+    pub(crate) fn read_at(&self, _now: Nanos) -> Option<Nanos> {
+        self.read()
+    }
 }
 
 /// Sleeps until [`monotonic`] has reached `t`; returns at once if it has. Signals do not end the

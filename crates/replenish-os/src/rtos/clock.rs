@@ -41,8 +41,12 @@ impl ThreadCpuClock {
     /// CPU time consumed by the task so far; `None` once its function has returned.
     #[must_use]
     pub fn read(&self) -> Option<Nanos> {
+        self.read_at(ffi::board_now())
+    }
+
+    /// The same for who has the time at hand.
+    pub(crate) fn read_at(&self, now: Nanos) -> Option<Nanos> {
         let slot: &Slot = slot::find(self.0.get())?;
-        let now = ffi::board_now();
         slot.state.with(|s| (!s.ended).then(|| s.cpu(now)))
     }
 }

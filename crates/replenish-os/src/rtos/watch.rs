@@ -1,6 +1,5 @@
 //! Which stretches of a callback its task spent blocked, from the switch hooks.
 
-use super::ffi;
 use super::gaps::Gaps;
 use super::slot::{self, Slot};
 use super::timer::TimerFd;
@@ -38,21 +37,28 @@ impl Watch {
     pub(crate) const fn skip_reading(&mut self, _now: Nanos) {}
 
     /// Takes what the hooks have recorded since the last reading.
-    pub(crate) fn read(&mut self, _since: Nanos, _now: Nanos) {
+    pub(crate) fn read(&mut self, _since: Nanos, now: Nanos) {
         let Some(slot) = self.slot else { return };
-        let at = ffi::board_now();
-        self.read = slot.state.with(|s| {
-            let taken = s.gaps;
-            let cpu = s.cpu(at);
+        let read = &mut self.read;
+        slot.state.with(|s| {
+            if s.gaps.len > 0 {
+                *read = s.gaps;
+            } else {
+                read.len = 0; // mostly, and cheaper than to copy
+            }
+            let cpu = s.cpu(now);
             s.gaps.clear(cpu);
-            taken
         });
     }
 
     /// Starts afresh with a task that runs.
     pub(crate) fn restart(&mut self, now: Nanos) {
-        self.read(now, now);
-        self.read = Gaps::new();
+        self.read.len = 0;
+        let Some(slot) = self.slot else { return };
+        slot.state.with(|s| {
+            let cpu = s.cpu(now);
+            s.gaps.clear(cpu);
+        });
     }
 
     /// It is not known when the task blocked: all since the last reading counts from `now`.

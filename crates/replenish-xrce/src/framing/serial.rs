@@ -143,8 +143,13 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
 
     /// Takes in bytes of the line; calls `deliver` with the sender's address and the message of
     /// each frame that ends in them unharmed.
-    pub fn push(&mut self, bytes: &[u8], mut deliver: impl FnMut(u8, &[u8])) {
-        for &byte in bytes {
+    pub fn push(&mut self, mut bytes: &[u8], mut deliver: impl FnMut(u8, &[u8])) {
+        loop {
+            bytes = self.plain(bytes);
+            let Some((&byte, rest)) = bytes.split_first() else {
+                return;
+            };
+            bytes = rest;
             if byte == BEGIN {
                 self.begin();
             } else if self.state == State::Hunting {
@@ -164,6 +169,33 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
                 }
             }
         }
+    }
+
+    /// Takes the bytes of a message that stand for themselves, as many as come one after another; what
+    /// is left.
+    fn plain<'a>(&mut self, bytes: &'a [u8]) -> &'a [u8] {
+        let (State::Payload(at), false) = (self.state, self.escaped) else {
+            return bytes;
+        };
+        let announced = self.announced();
+        let room = self.buf.as_mut().get_mut(at..announced).unwrap_or_default();
+        let (mut crc, mut taken) = (self.crc, 0_usize);
+        for (place, &byte) in room.iter_mut().zip(bytes) {
+            if matches!(byte, ESCAPE | BEGIN) {
+                break;
+            }
+            *place = byte;
+            crc = crc16(crc, byte);
+            taken = taken.saturating_add(1);
+        }
+        let next = at.saturating_add(taken);
+        self.crc = crc;
+        self.state = if next == announced {
+            State::Crc(None)
+        } else {
+            State::Payload(next)
+        };
+        bytes.get(taken..).unwrap_or_default()
     }
 
     fn begin(&mut self) {

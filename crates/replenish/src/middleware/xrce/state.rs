@@ -101,6 +101,8 @@ pub(super) struct State {
     regrant: bool,
     /// What the timer is set to.
     armed: Nanos,
+    /// The transport has no room at the moment.
+    blocked: bool,
     pub(super) socket: SocketStats,
 }
 
@@ -235,6 +237,7 @@ impl State {
             doomed: Doomed::new(),
             regrant: false,
             armed: Nanos::MAX,
+            blocked: false,
             socket: SocketStats::default(),
         }
     }
@@ -302,7 +305,8 @@ impl State {
         if busy {
             self.show_link();
         }
-        let due = self.armed <= now || self.regrant || !self.ends.spent.is_empty();
+        let late = self.armed <= now || self.blocked;
+        let due = late || self.regrant || !self.ends.spent.is_empty();
         busy || due || !self.doomed.is_empty()
     }
 
@@ -440,6 +444,7 @@ impl State {
     /// look at the session; moving it for every message would cost more.
     fn arm(&mut self, now: Nanos, ready: Nanos, alarm: &Alarm) {
         let mut next = self.session.next_deadline().unwrap_or(Nanos::MAX);
+        self.blocked = ready == Nanos::MAX;
         if ready == Nanos::MAX {
             next = next.max(now.saturating_add(BLOCKED)); // the descriptor will tell
         } else if ready > now {

@@ -52,12 +52,6 @@ impl Waiting {
         &self.alarm
     }
 
-    /// The transport has nothing of its own to go on with between two messages: not known.
-    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
-    pub(super) const fn is_for_datagrams(&self) -> bool {
-        false
-    }
-
     /// Ends the dispatcher's wait, or its next one.
     pub(super) fn wake(&self) {
         self.alarm.bell.set();
