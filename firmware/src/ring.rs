@@ -62,11 +62,15 @@ impl<const N: usize> Ring<N> {
         let len = self.len().min(into.len());
         let at = self.taken.load(Ordering::Relaxed);
         let first = at as usize % N;
-        let (front, back) = (&self.bytes[first..], &self.bytes[..first]);
-        for (place, byte) in into[..len].iter_mut().zip(front.iter().chain(back)) {
+        let (front, back) = into[..len].split_at_mut(len.min(N - first));
+        for (place, byte) in front.iter_mut().zip(&self.bytes[first..]) {
             *place = byte.load(Ordering::Relaxed);
         }
-        self.taken.store(at.wrapping_add(len as u32), Ordering::Release);
+        for (place, byte) in back.iter_mut().zip(&self.bytes) {
+            *place = byte.load(Ordering::Relaxed);
+        }
+        self.taken
+            .store(at.wrapping_add(len as u32), Ordering::Release);
         len
     }
 

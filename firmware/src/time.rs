@@ -8,7 +8,9 @@
 
 use crate::regs::{ALARM, CLOCK, IRQ_TIM5, RCC_APB1ENR, Timer, enable_interrupt, forget_interrupt};
 use core::cell::UnsafeCell;
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::ffi::c_void;
+use core::ptr;
+use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
 use replenish_os::freertos::AtomicU64;
 
 /// What the timers are clocked with: QEMU's model of this chip says 1 GHz, and cannot be told
@@ -87,10 +89,43 @@ extern "C" fn rp_board_now() -> u64 {
     let before = mask();
     let now = match STANDS.get() {
         0 => raw() - STOOD.get(),
-        then => then,
+        then => stands(then),
     };
     unmask(before);
     now
+}
+
+/// The clock stands at `then`, unless the task for which it does has gone to wait.
+#[cold]
+#[inline(never)]
+fn stands(then: u64) -> u64 {
+    let stopper = STOPPER.load(Ordering::Relaxed);
+    if !stopper.is_null() && stopper != current_task() {
+        go_on(then);
+    }
+    then
+}
+
+unsafe extern "C" {
+    fn rp_current_task() -> *mut c_void;
+}
+
+fn current_task() -> *mut c_void {
+    // SAFETY: of the kernel's shim; reads which task runs.
+    unsafe { rp_current_task() }
+}
+
+/// The task that has stopped the clock until it waits; null: there is none.
+static STOPPER: AtomicPtr<c_void> = AtomicPtr::new(ptr::null_mut());
+
+/// As [`stand_still`], until the calling task waits for something: the next task that runs finds the
+/// clock where it was. For a task that exists in emulation only.
+pub fn stand_still_until_waiting(f: impl FnOnce()) {
+    let before = mask();
+    STANDS.set(rp_board_now());
+    unmask(before);
+    f();
+    STOPPER.store(current_task(), Ordering::Relaxed);
 }
 
 /// The clock stands still while `f` runs, which is given the time that it really took so far. What
@@ -107,11 +142,17 @@ pub fn stand_still(f: impl FnOnce(&dyn Fn() -> u64)) {
         return; // whoever stopped it starts it
     }
     let before = mask();
-    STOOD.set(raw() - now);
+    go_on(now);
+    unmask(before);
+}
+
+/// The clock, which stood at `then`, runs again; masked.
+fn go_on(then: u64) {
+    STOPPER.store(ptr::null_mut(), Ordering::Relaxed);
+    STOOD.set(raw() - then);
     STANDS.set(0);
     forget_interrupt(IRQ_TIM5);
     ring_after(ALARM, until(ARMED.load(Ordering::Relaxed)));
-    unmask(before);
 }
 
 /// Nanoseconds since [`start`].

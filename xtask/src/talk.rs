@@ -51,7 +51,9 @@ pub(crate) fn run(name: Name, seconds: u64, files: &Files) -> Outcome {
         length_ms: seconds * 1_000,
         wrong: Vec::new(),
     };
-    println!("Answers of each worker (theory), then the executor's share of the CPU:");
+    println!(
+        "Answers of each worker (theory of the paper: distance from it), then the executor's share of the CPU:"
+    );
     let mut results = Vec::new();
     let mut before: Option<Value> = None;
     for point in points(name) {
@@ -140,6 +142,7 @@ impl Judge {
         }
         let mut line = format!("{text:<46}");
         let expected = case::expected_in(&point.workers, self.length_ms);
+        let mut distances = Vec::new();
         for (i, ((worker, got), ms)) in point
             .workers
             .iter()
@@ -155,7 +158,9 @@ impl Judge {
             } else {
                 answered
             };
-            line.push_str(&format!(" {shown:.0} ({theory:.1})"));
+            let off = shown - theory;
+            line.push_str(&format!(" {shown:.0} ({theory:.1}: {off:+.1})"));
+            distances.push(off);
             let last = i + 1 == point.workers.len();
             if self.name == Name::WorkConserving {
                 continue;
@@ -196,6 +201,7 @@ impl Judge {
             "uart": run.board.get("uart"),
             "ping": run.ping,
             "executor_cpu_percent": percent(support),
+            "off_theory": distances,
             "length_ms": self.length_ms,
         });
         if let (Some(map), Some(first)) = (result.as_object_mut(), point.workers.first()) {

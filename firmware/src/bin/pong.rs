@@ -262,8 +262,8 @@ fn send_ticks(tick: Publisher<Int32>, options: &Options, answers: u32, noted: Re
     let wanted = options.lockstep;
     let mut lockstep = wanted;
     let send = move |data, lockstep| {
-        // A tick exists in emulation only: it costs the board no time.
-        time::stand_still(|_| {
+        // A tick exists in emulation only: it costs the board no time, from here to the next wait.
+        time::stand_still_until_waiting(|| {
             if tick.publish(&Int32 { data }).is_err() {
                 UNSENT.fetch_add(1, Ordering::Relaxed);
             } else if lockstep {

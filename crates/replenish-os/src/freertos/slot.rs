@@ -257,11 +257,12 @@ extern "C" fn rp_switched_out(slot: *const c_void, preempted: u32) {
 #[unsafe(no_mangle)]
 extern "C" fn rp_switched_in(slot: *const c_void) {
     CURRENT.store(slot.cast_mut().cast(), Ordering::Relaxed);
+    // Read in any case: an image may have a clock that looks who runs.
+    let now = ffi::board_now();
     // SAFETY: as in `current`.
     let Some(slot) = (unsafe { slot.cast::<Slot>().as_ref() }) else {
         return;
     };
-    let now = ffi::board_now();
     slot.state.with(|s| {
         s.in_at = now;
         s.on_cpu = true;

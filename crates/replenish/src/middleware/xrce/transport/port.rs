@@ -29,7 +29,7 @@ pub trait Port: Send + Sync + 'static {
     /// less than it was given: from an interrupt, or from a task. Called once, at set-up.
     fn attach(&self, bell: &Arc<Signal>);
 
-    /// Bits per second.
+    /// Bits per second. Asked once.
     fn baud(&self) -> u32;
 }
 
@@ -38,6 +38,8 @@ pub struct PortTransport<P> {
     port: P,
     outbox: Mutex<Outbox>,
     inbox: Mutex<Inbox>,
+    /// ns for ten bits: a division that is not made for every message.
+    byte: Nanos,
     /// When the line will have sent everything it was given.
     busy_until: AtomicU64,
 }
@@ -51,8 +53,10 @@ impl<P: Port> PortTransport<P> {
     /// Frames over `port`, with messages of up to `mtu` bytes. Allocates their two buffers.
     pub fn new(port: P, mtu: u16) -> Self {
         let mtu = usize::from(mtu);
+        let byte = 10_000_000_000 / u64::from(port.baud().max(1));
         Self {
             port,
+            byte,
             outbox: Mutex::new(Outbox::new(serial_frame_len(mtu))),
             inbox: Mutex::new(Inbox {
                 decoder: Serial::new(SERIAL_CLIENT, zeroed(mtu)),
@@ -79,8 +83,7 @@ impl<P: Port> PortTransport<P> {
 
     /// Ten bits for each byte.
     fn time_for(&self, bytes: usize) -> Nanos {
-        let per_byte = 10_000_000_000 / u64::from(self.port.baud().max(1));
-        per_byte.saturating_mul(bytes as u64)
+        self.byte.saturating_mul(bytes as u64)
     }
 }
 
