@@ -12,7 +12,7 @@ pub(crate) const BURST_MS: u64 = 10;
 pub(crate) enum Name {
     /// Experiment 1's sweep: budgets of 10 to 90 ms every 100 ms, and a FIFO worker below
     BudgetSweep,
-    /// Budgets that fit no tick: 37/90, 1/7, and as long as the period
+    /// Budgets that fit no tick: 37/90, 1/7; as long as the period; and none at all, both FIFO
     OddBudgets,
     /// Two, three and four budgeted workers that start 0, 1, 3, 10 and 30 ms apart
     Offsets,
@@ -76,7 +76,11 @@ impl Worker {
 
     /// CPU time that its budget gives it until the end, in ms: it always has work, so every period
     /// that begins with its start brings one budget.
+    /// Without a budget, but for the last, it is the highest, and has all.
     fn entitled(&self, length: u64) -> u64 {
+        if self.budget == 0 {
+            return length;
+        }
         let left = length.saturating_sub(self.offset);
         left / self.period * self.budget + (left % self.period).min(self.budget)
     }
@@ -96,6 +100,11 @@ pub(crate) fn pair(budget: u64, period: u64) -> Vec<Worker> {
     vec![Worker::budgeted(60, budget, period, 0), REST]
 }
 
+/// Two workers without budgets: the high one has everything.
+fn both_fifo() -> Vec<Worker> {
+    vec![Worker::budgeted(60, 0, 0, 0), REST]
+}
+
 /// Two workers with 30 ms every 100 ms, and one that takes the rest.
 pub(crate) fn three() -> Vec<Worker> {
     let budgeted = |priority| Worker::budgeted(priority, 30, 100, 0);
@@ -108,7 +117,9 @@ pub(crate) fn cases(name: Name) -> Vec<Vec<Worker>> {
         Name::WorkConserving | Name::Restart => vec![pair(30, 100)],
         Name::Flood => vec![three()],
         Name::BudgetSweep => (1..=9).map(|b| pair(b * 10, 100)).collect(),
-        Name::OddBudgets => vec![pair(37, 90), pair(1, 7), pair(100, 100)],
+        Name::OddBudgets => {
+            vec![pair(37, 90), pair(1, 7), pair(100, 100), both_fifo()]
+        }
         Name::Offsets => {
             let mut all = Vec::new();
             for (workers, budget) in [(2_u8, 30), (3, 25), (4, 20)] {
@@ -136,16 +147,13 @@ pub(crate) fn expected(case: &[Worker]) -> Vec<f64> {
 
 /// CPU time that each worker is to get in `length` ms, in ms.
 pub(crate) fn expected_in(case: &[Worker], length: u64) -> Vec<f64> {
-    let budgets: u64 = case
-        .iter()
-        .filter(|w| w.budget > 0)
-        .map(|w| w.entitled(length))
-        .sum();
-    let ms = case.iter().map(|w| match w.budget {
-        0 => length.saturating_sub(budgets),
-        _ => w.entitled(length),
-    });
-    ms.map(|ms| ms as f64).collect()
+    let above = case.len().saturating_sub(1);
+    let mut ms: Vec<_> = case.iter().map(|w| w.entitled(length)).collect();
+    let taken: u64 = ms.iter().take(above).sum();
+    if let Some(rest) = ms.last_mut() {
+        *rest = length.saturating_sub(taken);
+    }
+    ms.into_iter().map(|ms| ms as f64).collect()
 }
 
 #[cfg(test)]
@@ -161,7 +169,13 @@ mod tests {
     }
 
     #[test]
-    fn every_case_has_one_worker_for_the_rest() {
+    fn without_budgets_the_high_one_has_everything() {
+        assert_eq!(expected(&both_fifo()), [LENGTH_MS as f64, 0.0]);
+        assert_eq!(both_fifo()[0].word(), "60");
+    }
+
+    #[test]
+    fn every_case_ends_with_the_worker_for_the_rest() {
         for name in [
             Name::BudgetSweep,
             Name::OddBudgets,
@@ -171,7 +185,7 @@ mod tests {
             Name::Flood,
         ] {
             for case in cases(name) {
-                assert_eq!(case.iter().filter(|w| w.budget == 0).count(), 1);
+                assert_eq!(case.last().map(|w| w.word()), Some(REST.word()));
                 assert!(expected(&case).iter().all(|ms| *ms >= 0.0));
             }
         }
