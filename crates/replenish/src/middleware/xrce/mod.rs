@@ -158,9 +158,9 @@ impl Xrce {
                 }
             }
         }
-        // A message was looked at with the clock in hand, and whether the transport has no room.
-        // Without one, time or room alone may ask for something.
-        Ok(due || !any)
+        // A message was looked at with the clock in hand. Without one, and with a transport that
+        // sends by and by, time or room alone may ask for something.
+        Ok(due || !any || !self.waiting.is_for_datagrams())
     }
 
     /// Lets the session do what time asks for, and sends what there is to send.

@@ -61,6 +61,11 @@ impl Waiting {
         &self.alarm
     }
 
+    /// The transport has nothing of its own to go on with between two messages.
+    pub(super) const fn is_for_datagrams(&self) -> bool {
+        self.together.is_some()
+    }
+
     /// Ends the dispatcher's wait, or its next one.
     pub(super) fn wake(&self) {
         self.waker.wake();

@@ -52,6 +52,14 @@ impl Waiting {
         &self.alarm
     }
 
+    /// The session has nothing to go on with between two messages but what
+    /// [`State::receive`](super::state::State::receive) tells: a port is drained by `receive`, and one
+    /// without room is told there.
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn is_for_datagrams(&self) -> bool {
+        true
+    }
+
     /// Ends the dispatcher's wait, or its next one.
     pub(super) fn wake(&self) {
         self.alarm.bell.set();
