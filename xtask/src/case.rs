@@ -185,7 +185,7 @@ mod tests {
             Name::Flood,
         ] {
             for case in cases(name) {
-                assert_eq!(case.last().map(|w| w.word()), Some(REST.word()));
+                assert_eq!(case.last().map(Worker::word), Some(REST.word()));
                 assert!(expected(&case).iter().all(|ms| *ms >= 0.0));
             }
         }
