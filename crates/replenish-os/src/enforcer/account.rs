@@ -85,6 +85,7 @@ impl Account {
         Self::over(current_tid(), None)
     }
 
+    #[inline(never)] // what it moves about would stay on the stack of the worker
     pub(super) fn enroll(
         shared: &Arc<Shared>,
         params: &Params,

@@ -71,7 +71,7 @@ pub use start::{on_timer, start};
 pub use tasks::{KernelUse, TaskUse, kernel, tasks};
 
 /// Pending replenishments of a budget at most: 16 bytes each.
-pub(crate) const MAX_REPL: usize = 16;
+pub(crate) const MAX_REPL: usize = 8;
 /// Budgeted workers of an enforcer unless said otherwise.
 pub(crate) const ENFORCER_CAPACITY: usize = 8;
 /// Stack of an enforcer in bytes.
@@ -79,7 +79,7 @@ pub(crate) const ENFORCER_STACK: usize = 3072;
 /// Whether blocking inside callbacks is always seen exactly.
 pub(crate) const ALWAYS_EXACT: bool = true;
 /// How many of the newest overruns of a worker are kept.
-pub(crate) const OVERRUNS_KEPT: usize = 16;
+pub(crate) const OVERRUNS_KEPT: usize = 8;
 
 /// What this kernel has, for who asked for something else.
 const POLICIES: &str = "FreeRTOS has FIFO, and sporadic by the enforcer";

@@ -84,26 +84,14 @@ where
     F: FnOnce() -> T + Send + 'static,
     T: Send + 'static,
 {
-    let how = launch::how(spec.policy.validate()?)?;
-    if let Some(cpu) = spec.cpu.filter(|&cpu| cpu != 0) {
-        return Err(SpawnError::Cpu { cpu });
-    }
-    if spec.name.bytes().any(|byte| byte == 0) {
-        return Err(SpawnError::Name);
-    }
-    // SAFETY: it has no zero. (Small images have no room for the search in `CString::new`.)
-    let name = unsafe { CString::from_vec_unchecked(spec.name.into_bytes()) };
     let end = Arc::new(End {
         finished: AtomicBool::new(false),
         done: Signal::new(),
         result: PiMutex::new(None),
     });
     let theirs = Arc::clone(&end);
-    let bytes = spec.stack_size.unwrap_or(launch::DEFAULT_STACK);
-    let slot = launch::start(
-        how,
-        name,
-        bytes,
+    let slot = boxed(
+        spec,
         Box::new(move |slot| {
             let result = f();
             *theirs.result.lock() = Some(result);
@@ -113,4 +101,19 @@ where
         }),
     )?;
     Ok(Thread { slot, end })
+}
+
+/// The part of [`spawn`] that is the same for all of them.
+fn boxed(spec: ThreadSpec, body: launch::Body) -> Result<&'static Slot, SpawnError> {
+    let how = launch::how(spec.policy.validate()?)?;
+    if let Some(cpu) = spec.cpu.filter(|&cpu| cpu != 0) {
+        return Err(SpawnError::Cpu { cpu });
+    }
+    if spec.name.bytes().any(|byte| byte == 0) {
+        return Err(SpawnError::Name);
+    }
+    // SAFETY: it has no zero. (Small images have no room for the search in `CString::new`.)
+    let name = unsafe { CString::from_vec_unchecked(spec.name.into_bytes()) };
+    let bytes = spec.stack_size.unwrap_or(launch::DEFAULT_STACK);
+    launch::start(how, name, bytes, body)
 }

@@ -35,13 +35,16 @@ pub(crate) struct Agenda {
 impl Agenda {
     /// For a worker that has up to `limit` handles, in slots below that.
     pub(crate) fn new(marks: Arc<ReadySet>, limit: usize) -> Self {
-        Self {
+        // Zeros, which take less code, until they are put in order.
+        let mut agenda = Self {
             marks,
-            positions: alloc::vec![usize::MAX; limit],
+            positions: alloc::vec![0; limit],
             due: alloc::vec![0; limit.div_ceil(BITS)],
-            releases: alloc::vec![Nanos::MAX; limit],
-            earliest: Nanos::MAX,
-        }
+            releases: alloc::vec![0; limit],
+            earliest: 0,
+        };
+        agenda.reorder(&[]);
+        agenda
     }
 
     /// Handles have come or gone, or the worker begins: everything is looked at once.

@@ -297,16 +297,17 @@ impl Executor {
 
     /// `id`, or `id#2`, `id#3`, … if it is taken.
     fn unique(&self, id: String) -> String {
-        let taken = |id: &str| {
-            let mut entries = self.workers.iter().flat_map(|w| &w.entries);
-            entries.any(|e| e.shared.id == id)
-        };
-        if !taken(&id) {
-            return id;
+        let (mut other, mut number) = (None::<String>, 2);
+        while self.is_taken(other.as_deref().unwrap_or(&id)) {
+            other = Some(numbered(&joined(&[&id, "#"]), number));
+            number += 1;
         }
-        let numbered = |n| numbered(&joined(&[&id, "#"]), n);
-        let free = (2..usize::MAX).map(numbered).find(|id| !taken(id));
-        free.unwrap_or(id)
+        other.unwrap_or(id)
+    }
+
+    fn is_taken(&self, id: &str) -> bool {
+        let mut workers = self.workers.iter();
+        workers.any(|w| w.entries.iter().any(|e| e.shared.id == id))
     }
 }
 

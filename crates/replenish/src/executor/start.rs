@@ -68,23 +68,23 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         live,
     } = assemble(&context, workers, &stop, &options.events, &order);
     let counters = Arc::clone(&dispatch.counters);
-    let mut bodies = Vec::with_capacity(workers.len() + 1);
+    let mut seats = Vec::with_capacity(workers.len() + 1);
     let request = Request {
         cpu: options.dispatcher_cpu,
         ..Request::default()
     };
     let bell = Arc::new(Signal::new());
-    let seat = starter.seat(&"dispatcher".into(), dispatcher, &request, bell);
-    bodies.push((seat, Body::Dispatcher(dispatch)));
-    for ((worker, request), policy) in workers.into_iter().zip(policies) {
-        let signal = Arc::clone(worker.bell.signal());
-        let seat = starter.seat(&worker.name, policy, &request, signal);
-        bodies.push((seat, Body::Worker(worker)));
+    let body = Body::Dispatcher(dispatch);
+    seats.push(starter.seat("dispatcher".into(), dispatcher, &request, bell, body));
+    for (at, (worker, request)) in workers.into_iter().enumerate() {
+        let policy = policies.get(at).copied().unwrap_or_default();
+        let (name, signal) = (worker.name.clone(), worker.bell.signal().clone());
+        let body = Body::Worker(worker);
+        seats.push(starter.seat(name, policy, &request, signal, body));
     }
-    starter.enforcers(&bodies)?;
-    let mut crew = Vec::with_capacity(bodies.len());
-    for (seat, body) in bodies {
-        *seat.body.lock() = Some(body);
+    starter.enforcers(&seats)?;
+    let mut crew = Vec::with_capacity(seats.len());
+    for seat in seats {
         match starter.spawn(&seat) {
             Ok(thread) => crew.push(Crew::new(seat, thread)),
             Err(e) => return Err(abort(&mut crew, e)),
@@ -190,13 +190,14 @@ struct Refused {
 impl Starter<'_> {
     fn seat(
         &self,
-        name: &Arc<str>,
+        name: Arc<str>,
         policy: Policy,
         request: &Request,
         bell: Arc<Signal>,
+        body: Body,
     ) -> Arc<Seat> {
         Arc::new(Seat {
-            name: Arc::clone(name),
+            name,
             policy,
             cpu: request.cpu,
             stack_size: request.stack_size.unwrap_or(STACK),
@@ -205,7 +206,7 @@ impl Starter<'_> {
             owner: Arc::clone(self.owner),
             stop: self.stop.clone(),
             events: Arc::clone(&self.options.events),
-            body: Mutex::new(None),
+            body: Mutex::new(Some(body)),
             budget: Mutex::new(None),
             ready: Mutex::new(None),
             launch: Mutex::new(None),
@@ -229,8 +230,8 @@ impl Starter<'_> {
 
     /// Starts one enforcer per CPU with budgets and tells every budgeted thread its own.
     #[inline(never)]
-    fn enforcers(&mut self, bodies: &[(Arc<Seat>, Body)]) -> Result<(), Error> {
-        for (seat, _) in bodies {
+    fn enforcers(&mut self, seats: &[Arc<Seat>]) -> Result<(), Error> {
+        for seat in seats {
             let Policy::Sporadic(params) = &seat.policy else {
                 continue;
             };
@@ -239,8 +240,8 @@ impl Starter<'_> {
                 Some((_, known)) => known.clone(),
                 None => {
                     let budgeted = |s: &Seat| matches!(s.policy, Policy::Sporadic(_));
-                    let here = bodies.iter();
-                    let here = here.filter(|(s, _)| s.cpu == seat.cpu && budgeted(s));
+                    let here = seats.iter();
+                    let here = here.filter(|s| s.cpu == seat.cpu && budgeted(s));
                     let enforcer = self.enforcer(seat, here.count())?;
                     self.enforcers.push((seat.cpu, enforcer.clone()));
                     enforcer
