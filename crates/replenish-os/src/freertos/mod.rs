@@ -71,7 +71,7 @@ pub use start::{on_timer, start};
 pub use tasks::{KernelUse, TaskUse, kernel, tasks};
 
 /// Pending replenishments of a budget at most: 16 bytes each.
-pub(crate) const MAX_REPL: usize = 8;
+pub(crate) const MAX_REPL: usize = 10;
 /// Budgeted workers of an enforcer unless said otherwise.
 pub(crate) const ENFORCER_CAPACITY: usize = 8;
 /// Stack of an enforcer in bytes.
