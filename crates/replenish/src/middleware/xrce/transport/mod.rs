@@ -6,6 +6,7 @@
 //!        ◄─ with_descriptor┘  what the dispatcher's poll waits for
 //! ```
 
+#[cfg(feature = "std")]
 mod outbox;
 #[cfg(not(feature = "std"))]
 mod port;

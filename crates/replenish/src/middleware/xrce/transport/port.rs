@@ -1,11 +1,10 @@
 //! A serial port that you drive yourself, with the stock framing: for builds without descriptors.
 
-use super::outbox::Outbox;
 use super::{Received, Sent, Transport};
 use crate::Nanos;
 use crate::platform::io::{self, ErrorKind};
-use crate::platform::zeroed;
-use crate::sync::{Arc, AtomicU64, Mutex, Ordering, Signal};
+use crate::platform::{Kept, kept, zeroed};
+use crate::sync::{Arc, Mutex, Signal};
 use alloc::boxed::Box;
 use core::fmt;
 use replenish_xrce::framing::{
@@ -29,19 +28,42 @@ pub trait Port: Send + Sync + 'static {
     /// less than it was given: from an interrupt, or from a task. Called once, at set-up.
     fn attach(&self, bell: &Arc<Signal>);
 
-    /// Bits per second. Asked once.
+    /// Bits per second.
     fn baud(&self) -> u32;
 }
 
 /// The stock serial framing over a [`Port`].
 pub struct PortTransport<P> {
     port: P,
-    outbox: Mutex<Outbox>,
-    inbox: Mutex<Inbox>,
+    outbox: Mutex<Kept<Outbox>>,
+    inbox: Mutex<Kept<Inbox>>,
     /// ns for ten bits: a division that is not made for every message.
     byte: Nanos,
+}
+
+/// The message that is on its way to the line.
+struct Outbox {
+    buf: Box<[u8]>,
+    /// What the port has not taken.
+    start: usize,
+    end: usize,
     /// When the line will have sent everything it was given.
-    busy_until: AtomicU64,
+    busy_until: Nanos,
+}
+
+impl Outbox {
+    const fn is_empty(&self) -> bool {
+        self.start == self.end
+    }
+
+    /// Hands over what the port takes; the rest it takes later.
+    fn drain(&mut self, port: &dyn Port) {
+        while let Some(rest) = self.buf.get(self.start..self.end).filter(|r| !r.is_empty())
+            && let taken @ 1.. = port.write(rest)
+        {
+            self.start += taken;
+        }
+    }
 }
 
 struct Inbox {
@@ -57,12 +79,16 @@ impl<P: Port> PortTransport<P> {
         Self {
             port,
             byte,
-            outbox: Mutex::new(Outbox::new(serial_frame_len(mtu))),
-            inbox: Mutex::new(Inbox {
+            outbox: Mutex::new(kept(Outbox {
+                buf: zeroed(serial_frame_len(mtu)),
+                start: 0,
+                end: 0,
+                busy_until: 0,
+            })),
+            inbox: Mutex::new(kept(Inbox {
                 decoder: Serial::new(SERIAL_CLIENT, zeroed(mtu)),
                 piece: [0; 64],
-            }),
-            busy_until: AtomicU64::new(0),
+            })),
         }
     }
 
@@ -70,20 +96,6 @@ impl<P: Port> PortTransport<P> {
     #[must_use]
     pub fn stats(&self) -> FrameStats {
         self.inbox.lock().decoder.stats()
-    }
-
-    fn drain(&self, outbox: &mut Outbox) {
-        // A port has no errors: what it has no room for it takes later.
-        let write = |bytes: &[u8]| match self.port.write(bytes) {
-            0 => Err(ErrorKind::WouldBlock.into()),
-            len => Ok(len),
-        };
-        outbox.drain(write).ok();
-    }
-
-    /// Ten bits for each byte.
-    fn time_for(&self, bytes: usize) -> Nanos {
-        self.byte.saturating_mul(bytes as u64)
     }
 }
 
@@ -93,24 +105,22 @@ impl<P: Port> Transport for PortTransport<P> {
         if !outbox.is_empty() {
             return Ok(Sent::Full);
         }
-        let framed =
-            outbox.put(|room| serial_frame(SERIAL_CLIENT, SERIAL_AGENT, message, room).ok());
-        let Some(len) = framed else {
+        let framed = serial_frame(SERIAL_CLIENT, SERIAL_AGENT, message, &mut outbox.buf);
+        let Ok(len) = framed else {
             return Err(ErrorKind::InvalidInput.into());
         };
-        let start = self.busy_until.load(Ordering::Relaxed).max(now);
-        let end = start.saturating_add(self.time_for(len));
-        self.busy_until.store(end, Ordering::Relaxed);
-        self.drain(&mut outbox);
+        (outbox.start, outbox.end) = (0, len);
+        outbox.busy_until = outbox.busy_until.max(now) + self.byte.saturating_mul(len as u64);
+        outbox.drain(&self.port);
         Ok(Sent::Yes)
     }
 
     fn ready_at(&self) -> Nanos {
-        if self.wants_write() {
-            return Nanos::MAX;
+        let outbox = self.outbox.lock();
+        match outbox.is_empty() {
+            true => outbox.busy_until.saturating_sub(AHEAD),
+            false => Nanos::MAX,
         }
-        let busy = self.busy_until.load(Ordering::Relaxed);
-        busy.saturating_sub(AHEAD)
     }
 
     fn wants_write(&self) -> bool {
@@ -118,11 +128,9 @@ impl<P: Port> Transport for PortTransport<P> {
     }
 
     fn receive(&self, deliver: &mut dyn FnMut(&[u8])) -> io::Result<Received> {
-        if self.wants_write() {
-            self.drain(&mut self.outbox.lock());
-        }
+        self.outbox.lock().drain(&self.port);
         let mut inbox = self.inbox.lock();
-        let Inbox { decoder, piece } = &mut *inbox;
+        let Inbox { decoder, piece }: &mut Inbox = &mut inbox;
         let len = self.port.read(piece);
         if len == 0 {
             return Ok(Received::Nothing);
@@ -139,6 +147,6 @@ impl<P: Port> Transport for PortTransport<P> {
 
 impl<P> fmt::Debug for PortTransport<P> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("PortTransport").finish_non_exhaustive()
+        f.write_str("PortTransport")
     }
 }
