@@ -111,42 +111,29 @@ impl IngressLimit {
 
     /// The first field that is out of range, with its value and what is allowed.
     pub(crate) fn violation(&self) -> Option<(&'static str, u64, &'static str)> {
+        let outside = |time: Option<Duration>, from: Duration, to: Duration| {
+            time.filter(|time| *time < from || *time > to)
+        };
         let micros = |time: Duration| {
             let whole = time.as_secs().saturating_mul(1_000_000);
             whole.saturating_add(time.subsec_micros().into())
         };
-        let fields = [
-            (
-                "ingress_limit.bytes_per_second",
-                self.bytes_per_second.map(u64::from),
-                (1, 65_535),
-                "1..=65535",
-            ),
-            (
-                "ingress_limit.min_interval",
-                self.min_interval.map(micros),
-                (1_000, 65_535_000),
-                "1000..=65535000 us",
-            ),
-            (
-                "ingress_limit.samples",
-                self.samples.map(u64::from),
-                (1, 65_534),
-                "1..=65534",
-            ),
-            (
-                "ingress_limit.duration",
-                self.duration.map(micros),
-                (1_000_000, 65_535_000_000),
-                "1..=65535 s",
-            ),
-        ];
-        for (field, value, (low, high), allowed) in fields {
-            if let Some(value) = value.filter(|value| *value < low || *value > high) {
-                return Some((field, value, allowed));
-            }
+        let (from, to) = (Duration::from_millis(1), Duration::from_millis(65_535));
+        let interval = outside(self.min_interval, from, to);
+        let (from, to) = (Duration::from_secs(1), Duration::from_secs(65_535));
+        let duration = outside(self.duration, from, to);
+        if self.bytes_per_second == Some(0) {
+            return Some(("ingress_limit.bytes_per_second", 0, "1..=65535"));
         }
-        None
+        if let Some(time) = interval {
+            let (field, allowed) = ("ingress_limit.min_interval", "1000..=65535000 us");
+            return Some((field, micros(time), allowed));
+        }
+        if let Some(samples @ (0 | u16::MAX)) = self.samples {
+            return Some(("ingress_limit.samples", samples.into(), "1..=65534"));
+        }
+        let (field, allowed) = ("ingress_limit.duration", "1..=65535 s");
+        duration.map(|time| (field, micros(time), allowed))
     }
 }
 

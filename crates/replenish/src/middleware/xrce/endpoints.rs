@@ -129,34 +129,17 @@ impl State {
         };
         self.create(group, &entity)?;
         self.create(object, &end(topic, group, qos(&spec.qos), writes))?;
-        let id = match writes {
-            true => {
-                let writer = Writer::new(object, Some(topic), stream, spec.max_size);
-                self.place_writer(writer).0
-            }
-            false => {
-                let topic = Some(topic);
-                let reader = self.listen(object, topic, spec, stream)?;
-                self.place_reader(slot, reader).0
-            }
-        };
-        Ok((id, object))
-    }
-
-    /// Asks for a reader's samples.
-    fn listen(
-        &mut self,
-        object: ObjectId,
-        topic: Option<ObjectId>,
-        spec: &EndpointSpec<'_>,
-        stream: StreamId,
-    ) -> Result<Reader, MiddlewareError> {
+        let (topic, max_size) = (Some(topic), spec.max_size);
+        if writes {
+            let writer = Writer::new(object, topic, stream, max_size);
+            return Ok((self.place_writer(writer).0, object));
+        }
         let keep_last = spec.qos.history == History::KeepLast;
         let mut control = control(spec.ingress);
         let depth = spec.qos.depth.max(1);
         // What is lost on the way would never be asked for again, so best effort has no such thing.
         let counts = control.max_samples == DeliveryControl::UNLIMITED_SAMPLES;
-        let flow = (stream.is_reliable() && !keep_last && counts).then(|| {
+        let flow = (reliable && !keep_last && counts).then(|| {
             control.max_samples = depth;
             Flow {
                 stream,
@@ -168,15 +151,16 @@ impl State {
         self.session
             .read(object, stream, control)
             .map_err(|error| request_error(&error))?;
-        Ok(Reader {
+        let reader = Reader {
             object,
             topic,
-            max_size: spec.max_size,
-            backlog: Backlog::new(depth, spec.max_size, keep_last),
+            max_size,
+            backlog: Backlog::new(depth, max_size, keep_last),
             lost: 0,
             flow,
             deleted: false,
-        })
+        };
+        Ok((self.place_reader(slot, reader).0, object))
     }
 
     /// Whether the agent has said something to the creation of `object`, or never will.
@@ -334,6 +318,7 @@ fn qos(qos: &Qos) -> EndpointQos<'static> {
 }
 
 /// A time in milliseconds; what is left of the last one counts as one, or not at all.
+#[inline(never)]
 fn milliseconds(time: Duration, whole: bool) -> u32 {
     let seconds = u32::try_from(time.as_secs()).unwrap_or(u32::MAX);
     let rest = time.subsec_nanos() + if whole { 999_999 } else { 0 };
