@@ -29,7 +29,8 @@ pub struct XrceConfig {
     pub journal: usize,
     /// The DDS domain.
     pub domain: i16,
-    /// Identifies this client; no two clients of an agent may have the same. `None`: at random.
+    /// Identifies this client; no two clients of an agent may have the same. `None`: at random, with
+    /// feature `std` only: a microcontroller has no random bits to make one from.
     pub key: Option<[u8; 4]>,
     /// How long to wait for the agent's first answer.
     pub connect_timeout: Nanos,
@@ -130,6 +131,9 @@ impl XrceConfig {
         if self.journal < 64 {
             return setting("journal", "64 bytes or more");
         }
+        if self.key.is_none() && cfg!(not(feature = "std")) {
+            return setting("key", "set, without feature `std`");
+        }
         if self.key == Some([0; 4]) {
             return setting("key", "other than 0, which the protocol reserves");
         }
@@ -140,12 +144,19 @@ impl XrceConfig {
     }
 
     /// The key to use: never all zeros, which the protocol forbids.
+    #[cfg(feature = "std")]
     pub(super) fn client_key(&self) -> [u8; 4] {
         let random = || {
             let hash = crate::platform::random(0);
             u32::try_from(hash >> 32).unwrap_or(1).max(1).to_be_bytes()
         };
         self.key.unwrap_or_else(random)
+    }
+
+    /// The key, which was [checked](Self::check).
+    #[cfg(not(feature = "std"))]
+    pub(super) fn client_key(&self) -> [u8; 4] {
+        self.key.unwrap_or_default()
     }
 }
 

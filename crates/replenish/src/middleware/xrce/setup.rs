@@ -14,6 +14,7 @@ use crate::text::{Label, said};
 use alloc::boxed::Box;
 use replenish_os::{PiMutex, clock};
 use replenish_xrce::client::{Buffers, Config, ReliableBuffers, Session};
+use replenish_xrce::features::FRAGMENTS;
 use replenish_xrce::wire::{ClientKey, ObjectId, WireTime};
 
 /// The longest wait without a look at the session: a dispatcher may have received the answer.
@@ -174,21 +175,28 @@ pub(super) fn wall_clock() -> WireTime {
 fn session(config: &XrceConfig) -> Box<super::state::XrceSession> {
     let mtu = usize::from(config.mtu);
     // What fits a message needs no room to be taken apart and put together.
-    let sample = match config.max_sample + OVERHEAD > mtu {
+    let sample = match FRAGMENTS && config.max_sample + OVERHEAD > mtu {
         true => (config.max_sample + 8).next_multiple_of(4),
         false => 0,
     };
+    let part = || match FRAGMENTS {
+        true => zeroed(sample),
+        false => Box::default(),
+    };
     let reliable = || ReliableBuffers {
         output: zeroed(mtu * usize::from(config.window)),
-        large_output: zeroed(sample),
+        large_output: part(),
         input: zeroed(mtu * reorder(config.window.into())),
-        fragments: zeroed(sample),
+        fragments: part(),
     };
     let buffers = Buffers {
         best_effort: core::array::from_fn::<_, STREAMS, _>(|_| zeroed(mtu)),
         reliable: core::array::from_fn::<_, STREAMS, _>(|_| reliable()),
         journal: zeroed(config.journal),
-        restore: zeroed(mtu * RESTORE),
+        restore: match RESTORE {
+            0 => Box::default(),
+            _ => zeroed(mtu * RESTORE),
+        },
     };
     let session = Config {
         mtu: config.mtu,

@@ -17,6 +17,7 @@ use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
 use replenish_xrce::client::{Event, Session, State as Link, WriteError};
+use replenish_xrce::features::{DELIVERY, QUERIES};
 use replenish_xrce::wire::{DeliveryControl, Notice, ObjectId, Status, StreamId};
 
 pub(super) type XrceSession = Session<Box<[u8]>, WINDOW, REQUESTS, STREAMS, STREAMS>;
@@ -173,12 +174,12 @@ impl Ends {
                 info.request = RequestIdentity::reply(request.0.into());
                 (requester, payload)
             }
-            Event::Notice { object, notice } => return self.notice(object, notice),
+            Event::Notice { object, notice } if DELIVERY => return self.notice(object, notice),
             Event::Refused(status) => {
                 self.refused = Some(status);
                 return;
             }
-            Event::Time(reply) => {
+            Event::Time(reply) if QUERIES => {
                 self.agent_time = Some(reply.offset(super::setup::wall_clock()));
                 return;
             }
@@ -195,12 +196,15 @@ impl Ends {
                 self.spent.insert(id);
             }
         }
-        if payload.len() > reader.max_size {
+        let fits = payload.len() <= reader.max_size;
+        if fits && round.interest.contains(id) && reader.backlog.is_empty() {
+            return round.give(id, &info, payload);
+        }
+        // What is too long is in no backlog's slots either.
+        if !reader.backlog.push(&info, payload) {
             reader.lost += 1;
-        } else if round.interest.contains(id) && reader.backlog.is_empty() {
-            round.give(id, &info, payload);
-        } else {
-            reader.lost += u64::from(!reader.backlog.push(&info, payload));
+        }
+        if !reader.backlog.is_empty() {
             self.pending.insert(id);
             self.show_backlog();
         }
@@ -314,7 +318,7 @@ impl State {
     pub(super) fn tick(&mut self, now: Nanos) {
         let regrant = &mut self.regrant;
         self.session
-            .tick(now, &mut |event| *regrant |= event == Event::Down);
+            .tick(now, &mut |event| *regrant |= matches!(event, Event::Down));
         self.show_link();
     }
 
@@ -322,7 +326,7 @@ impl State {
     pub(super) fn disconnected(&mut self, now: Nanos) {
         let regrant = &mut self.regrant;
         self.session
-            .disconnected(now, &mut |event| *regrant |= event == Event::Down);
+            .disconnected(now, &mut |event| *regrant |= matches!(event, Event::Down));
         self.show_link();
     }
 
@@ -420,21 +424,15 @@ impl State {
         while transport.ready_at() <= now
             && let Some(datagram) = self.session.poll_transmit(now)
         {
-            match transport.send(now, datagram) {
-                Ok(Sent::Yes) => {}
-                Ok(Sent::Full) => {
-                    self.socket.full += 1;
-                    result = Ok(Sent::Full);
-                }
-                Ok(Sent::Unreachable) => {
-                    self.socket.unreachable += 1;
-                    result = Ok(Sent::Unreachable);
-                }
-                Err(error) => {
-                    self.socket.failed += 1;
-                    result = Err(error);
-                }
-            }
+            let sent = transport.send(now, datagram);
+            let counter = match sent {
+                Ok(Sent::Yes) => continue,
+                Ok(Sent::Full) => &mut self.socket.full,
+                Ok(Sent::Unreachable) => &mut self.socket.unreachable,
+                Err(_) => &mut self.socket.failed,
+            };
+            *counter += 1;
+            result = sent;
         }
         self.arm(now, transport.ready_at(), alarm);
         result
