@@ -173,13 +173,18 @@ where
             mode,
             entity: *entity,
         };
-        let (id, len) = (SubmessageId::Create, create.measure()?);
-        create.write(&mut Writer::new(self.record(
-            object,
-            id,
-            create.flags(),
-            len,
-        )?));
+        self.create_as(object, &create)
+    }
+
+    /// As [`create`](Self::create), with a body that is a CREATE of `object` in bytes of your own
+    /// making, whose request id is [`RequestId::NONE`].
+    ///
+    /// # Errors
+    /// [`RequestError`]; nothing was done then.
+    pub fn create_as(&mut self, object: ObjectId, body: &impl Encode) -> Result<(), RequestError> {
+        let (flags, len) = (body.flags(), body.measure()?);
+        let room = self.record(object, SubmessageId::Create, flags, len)?;
+        body.write(&mut Writer::new(room));
         self.recorded();
         Ok(())
     }

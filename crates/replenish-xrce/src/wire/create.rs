@@ -29,6 +29,14 @@ impl CreationMode {
 
     const FLAG_REUSE: u8 = 0x02;
     const FLAG_REPLACE: u8 = 0x04;
+
+    /// As flags of CREATE.
+    #[must_use]
+    pub const fn flags(self) -> u8 {
+        let reuse = if self.reuse { Self::FLAG_REUSE } else { 0 };
+        let replace = if self.replace { Self::FLAG_REPLACE } else { 0 };
+        reuse | replace
+    }
 }
 
 /// How an object is described.
@@ -45,7 +53,8 @@ pub enum Representation<'a, B> {
 impl<'a, B> Representation<'a, B> {
     const REFERENCE: u8 = 1;
     const XML: u8 = 2;
-    const BINARY: u8 = 3;
+    /// What stands before a binary form.
+    pub const BINARY: u8 = 3;
 
     fn write(&self, w: &mut Writer<'_>, binary: impl FnOnce(&B, &mut Writer<'_>)) {
         match self {
@@ -223,17 +232,7 @@ impl Encode for Create<'_> {
     }
 
     fn flags(&self) -> u8 {
-        let reuse = if self.mode.reuse {
-            CreationMode::FLAG_REUSE
-        } else {
-            0
-        };
-        let replace = if self.mode.replace {
-            CreationMode::FLAG_REPLACE
-        } else {
-            0
-        };
-        reuse | replace
+        self.mode.flags()
     }
 
     fn write(&self, w: &mut Writer<'_>) {

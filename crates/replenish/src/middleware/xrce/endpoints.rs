@@ -5,21 +5,19 @@
 
 use super::Settings;
 use super::backlog::Backlog;
+use super::describe::{Description, milliseconds};
 use super::limits::REQUESTS;
 use super::state::{State, stream};
 use crate::middleware::{EndpointSpec, MiddlewareError};
-use crate::qos::{Durability, History, IngressLimit, Qos, Reliability};
+use crate::qos::{History, IngressLimit, Qos, Reliability};
 use crate::text::{Label, joined, said};
 use alloc::string::{String, ToString};
 use core::time::Duration;
 use replenish_xrce::client::{RequestError, RequestState};
 use replenish_xrce::stream::PushError;
-use replenish_xrce::wire::{
-    CreationMode, DataReaderBinary, DataWriterBinary, DeliveryControl, EndpointQos, Entity,
-    GroupBinary, ObjectId, ObjectKind, ParticipantBinary, QOS_DURABILITY_TRANSIENT_LOCAL,
-    QOS_HISTORY_KEEP_LAST, QOS_RELIABLE, ReaderQos, Representation, StreamId, TopicBinary,
-    WriterQos,
-};
+#[cfg(feature = "services")]
+use replenish_xrce::wire::{CreationMode, Entity};
+use replenish_xrce::wire::{DeliveryControl, ObjectId, ObjectKind, StreamId};
 
 /// The most objects of one kind: ids have twelve bits.
 pub(super) const MAX_NUMBER: usize = 0xffe;
@@ -119,16 +117,26 @@ impl State {
             true => [ObjectKind::Publisher, ObjectKind::DataWriter],
             false => [ObjectKind::Subscriber, ObjectKind::DataReader],
         };
-        let [group, object] = kinds.map(|kind| ObjectId::new(number, kind));
+        let [group_kind, kind] = kinds;
+        let (group, object) = (
+            ObjectId::new(number, group_kind),
+            ObjectId::new(number, kind),
+        );
         let participant = self.participant(spec.node, settings.domain)?;
         let topic = self.topic(spec, participant)?;
-        let repr = Representation::Binary(GroupBinary::default());
-        let entity = match writes {
-            true => Entity::Publisher { repr, participant },
-            false => Entity::Subscriber { repr, participant },
+        let mut description = Description {
+            object: group,
+            kind: group_kind,
+            owner: participant.to_bytes(),
+            name: spec.topic,
+            type_name: spec.dds_type_name,
+            topic,
+            qos: &spec.qos,
         };
-        self.create(group, &entity)?;
-        self.create(object, &end(topic, group, qos(&spec.qos), writes))?;
+        self.describe(&description)?;
+        (description.object, description.kind) = (object, kind);
+        description.owner = group.to_bytes();
+        self.describe(&description)?;
         let (topic, max_size) = (Some(topic), spec.max_size);
         if writes {
             let writer = Writer::new(object, topic, stream, max_size);
@@ -202,11 +210,15 @@ impl State {
         let number = number(at, MAX_NUMBER, said("nodes"))?;
         let object = ObjectId::new(number, ObjectKind::Participant);
         if known.is_none() {
-            let repr = Representation::Binary(ParticipantBinary {
-                domain_reference: None,
-                name: node.get(1..), // after the slash
-            });
-            self.create(object, &Entity::Participant { repr, domain })?;
+            self.describe(&Description {
+                object,
+                kind: ObjectKind::Participant,
+                owner: domain.to_le_bytes(),
+                name: node,
+                type_name: "",
+                topic: object,
+                qos: &Qos::reliable(),
+            })?;
             self.participants.push(joined(&[node]));
         }
         Ok(object)
@@ -234,14 +246,15 @@ impl State {
         let full = MiddlewareError::Capacity { what, limit };
         let number = self.topic_numbers.next(taken).ok_or(full)?;
         let object = ObjectId::new(number, ObjectKind::Topic);
-        let name = joined(&["rt", spec.topic]);
-        let binary = TopicBinary {
-            name: &name,
-            type_reference: None,
-            type_name: Some(spec.dds_type_name),
-        };
-        let repr = Representation::Binary(binary);
-        self.create(object, &Entity::Topic { repr, participant })?;
+        self.describe(&Description {
+            object,
+            kind: ObjectKind::Topic,
+            owner: participant.to_bytes(),
+            name: spec.topic,
+            type_name: spec.dds_type_name,
+            topic: object,
+            qos: &spec.qos,
+        })?;
         if KNOWN_TOPICS {
             self.topics.push(Topic {
                 participant,
@@ -254,6 +267,14 @@ impl State {
         Ok(object)
     }
 
+    /// Asks for an object.
+    fn describe(&mut self, description: &Description<'_>) -> Result<(), MiddlewareError> {
+        self.session
+            .create_as(description.object, description)
+            .map_err(|error| request_error(&error))
+    }
+
+    #[cfg(feature = "services")]
     pub(super) fn create(
         &mut self,
         object: ObjectId,
@@ -262,32 +283,6 @@ impl State {
         self.session
             .create(object, CreationMode::REUSE_OR_REPLACE, entity)
             .map_err(|error| request_error(&error))
-    }
-}
-
-/// A data writer or reader of `topic` in `group`.
-fn end(topic: ObjectId, group: ObjectId, endpoint: EndpointQos<'_>, writes: bool) -> Entity<'_> {
-    if writes {
-        let qos = WriterQos {
-            endpoint,
-            ownership_strength: None,
-        };
-        let qos = Some(qos);
-        let repr = Representation::Binary(DataWriterBinary { topic, qos });
-        return Entity::DataWriter {
-            repr,
-            publisher: group,
-        };
-    }
-    let qos = ReaderQos {
-        endpoint,
-        ..ReaderQos::default()
-    };
-    let qos = Some(qos);
-    let repr = Representation::Binary(DataReaderBinary { topic, qos });
-    Entity::DataReader {
-        repr,
-        subscriber: group,
     }
 }
 
@@ -300,30 +295,6 @@ pub(super) fn number(count: usize, limit: usize, what: Label) -> Result<u16, Mid
     Some(next)
         .filter(|_| count < limit || REQUESTS < limit)
         .ok_or(MiddlewareError::Capacity { what, limit })
-}
-
-fn qos(qos: &Qos) -> EndpointQos<'static> {
-    let flag = |set: bool, flag: u16| if set { flag } else { 0 };
-    let milliseconds = |time: Option<Duration>| time.map(|time| milliseconds(time, false).max(1));
-    let local = qos.durability == Durability::TransientLocal;
-    EndpointQos {
-        flags: flag(qos.reliability == Reliability::Reliable, QOS_RELIABLE)
-            | flag(qos.history == History::KeepLast, QOS_HISTORY_KEEP_LAST)
-            | flag(local, QOS_DURABILITY_TRANSIENT_LOCAL),
-        depth: Some(qos.depth),
-        deadline_ms: milliseconds(qos.deadline),
-        lifespan_ms: milliseconds(qos.lifespan),
-        user_data: None,
-    }
-}
-
-/// A time in milliseconds; what is left of the last one counts as one, or not at all.
-#[inline(never)]
-fn milliseconds(time: Duration, whole: bool) -> u32 {
-    let seconds = u32::try_from(time.as_secs()).unwrap_or(u32::MAX);
-    let rest = time.subsec_nanos() + if whole { 999_999 } else { 0 };
-    let rest = rest / 1_000_000;
-    seconds.saturating_mul(1000).saturating_add(rest)
 }
 
 fn control(limit: IngressLimit) -> DeliveryControl {

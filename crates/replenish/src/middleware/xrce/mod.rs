@@ -17,6 +17,7 @@ mod backlog;
 mod config;
 #[cfg(feature = "std")]
 mod connect;
+mod describe;
 mod endpoints;
 mod limits;
 mod notices;
