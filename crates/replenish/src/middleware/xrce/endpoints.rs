@@ -11,6 +11,7 @@ use super::state::{State, stream};
 use crate::middleware::{EndpointSpec, MiddlewareError};
 use crate::qos::{History, IngressLimit, Qos, Reliability};
 use crate::text::{Label, joined, said};
+use alloc::boxed::Box;
 use alloc::string::{String, ToString};
 use core::time::Duration;
 use replenish_xrce::client::{RequestError, RequestState};
@@ -34,7 +35,7 @@ pub(super) struct Reader {
     pub(super) backlog: Backlog,
     pub(super) lost: u64,
     /// How a keep-all reader holds the agent back.
-    pub(super) flow: Option<Flow>,
+    pub(super) flow: Option<Box<Flow>>,
     /// It was deleted; its slot is free.
     pub(super) deleted: bool,
 }
@@ -149,12 +150,12 @@ impl State {
         let counts = control.max_samples == DeliveryControl::UNLIMITED_SAMPLES;
         let flow = (reliable && !keep_last && counts).then(|| {
             control.max_samples = depth;
-            Flow {
+            Box::new(Flow {
                 stream,
                 control,
                 depth: depth.into(),
                 granted: depth,
-            }
+            })
         });
         self.session
             .read(object, stream, control)
