@@ -10,7 +10,7 @@ const fn limit(std: usize, bare: usize) -> usize {
 /// Reliable datagrams kept per direction at most.
 pub(super) const WINDOW: usize = limit(64, 4);
 /// Objects and reads of a session at most: a writer takes two and a reader three, plus one for
-/// each node and one for each topic of a node.
+/// each node and one for each topic of a node (of an endpoint, where topics are not known by name).
 pub(super) const REQUESTS: usize = limit(4096, 32);
 /// Streams of each kind and direction: one for each [`Criticality`](crate::Criticality), or one for
 /// both.
