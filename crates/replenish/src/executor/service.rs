@@ -124,7 +124,7 @@ where
         let Some(info) = self.hand.as_ref().map(Slot::info) else {
             return;
         };
-        let cx = CallbackContext::about(info, env, &self.shared, started);
+        let cx = CallbackContext::about(&info, env, &self.shared, started);
         let responder = Responder {
             line: Arc::clone(&self.line),
             to: info.request,

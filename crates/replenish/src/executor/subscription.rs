@@ -50,7 +50,7 @@ where
         let Some(info) = self.hand.as_ref().map(Slot::info) else {
             return;
         };
-        let cx = CallbackContext::about(info, env, &self.shared, started);
+        let cx = CallbackContext::about(&info, env, &self.shared, started);
         let result = (self.callback)(Some(&self.message), &cx);
         result.inspect(&mut |e| self.shared.failed(e, env.events));
     }
@@ -103,7 +103,8 @@ where
         let Some(slot) = &self.hand else {
             return;
         };
-        let cx = CallbackContext::about(slot.info(), env, &self.shared, started);
+        let info = slot.info();
+        let cx = CallbackContext::about(&info, env, &self.shared, started);
         let result = (self.callback)(slot.payload(), &cx);
         result.inspect(&mut |e| self.shared.failed(e, env.events));
     }
@@ -148,7 +149,8 @@ where
         };
         match M::View::from_payload(slot.payload()) {
             Ok(view) => {
-                let cx = CallbackContext::about(slot.info(), env, &raw.shared, started);
+                let info = slot.info();
+                let cx = CallbackContext::about(&info, env, &raw.shared, started);
                 let result = (raw.callback)(&view, &cx);
                 result.inspect(&mut |e| raw.shared.failed(e, env.events));
             }

@@ -15,6 +15,7 @@ use super::SampleInfo;
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
+use core::ops::Deref;
 
 /// One preallocated buffer with the sample in it.
 #[derive(Debug)]
@@ -25,7 +26,52 @@ pub(crate) struct Slot(Box<Filled>);
 struct Filled {
     bytes: Box<[u8]>,
     len: usize,
-    info: SampleInfo,
+    info: Note,
+}
+
+/// What is known about a sample.
+#[cfg(any(feature = "std", feature = "services"))]
+#[derive(Debug)]
+struct Note(SampleInfo);
+
+#[cfg(any(feature = "std", feature = "services"))]
+impl Note {
+    const fn of(info: &SampleInfo) -> Self {
+        Self(*info)
+    }
+
+    const fn get(&self) -> &SampleInfo {
+        &self.0
+    }
+}
+
+/// Where there are no services and nobody stamps samples, when one arrived is all that is known.
+#[cfg(not(any(feature = "std", feature = "services")))]
+#[derive(Debug)]
+struct Note(u64);
+
+#[cfg(not(any(feature = "std", feature = "services")))]
+impl Note {
+    const fn of(info: &SampleInfo) -> Self {
+        Self(info.arrival)
+    }
+
+    const fn get(&self) -> Told {
+        Told(SampleInfo::at(self.0))
+    }
+}
+
+/// What is known, where it is made up from what was kept.
+#[cfg(not(any(feature = "std", feature = "services")))]
+struct Told(SampleInfo);
+
+#[cfg(not(any(feature = "std", feature = "services")))]
+impl Deref for Told {
+    type Target = SampleInfo;
+
+    fn deref(&self) -> &SampleInfo {
+        &self.0
+    }
 }
 
 impl Slot {
@@ -33,14 +79,14 @@ impl Slot {
         Self(Box::new(Filled {
             bytes: alloc::vec![0; size].into_boxed_slice(),
             len: 0,
-            info: SampleInfo::at(0),
+            info: Note::of(&SampleInfo::at(0)),
         }))
     }
 
     /// Copies a sample into the buffer; `false`, and an empty slot, if it does not fit.
     pub(crate) fn fill(&mut self, bytes: &[u8], info: &SampleInfo) -> bool {
         let filled = &mut *self.0;
-        filled.info = *info;
+        filled.info = Note::of(info);
         filled.len = 0;
         let Some(room) = filled.bytes.get_mut(..bytes.len()) else {
             return false;
@@ -56,8 +102,8 @@ impl Slot {
     }
 
     /// What is known about the sample besides.
-    pub(crate) fn info(&self) -> &SampleInfo {
-        &self.0.info
+    pub(crate) fn info(&self) -> impl Deref<Target = SampleInfo> + '_ {
+        self.0.info.get()
     }
 }
 

@@ -1,6 +1,7 @@
 //! What is known about a sample besides its bytes; it travels with them through the inbox.
 
-/// What is known about a sample besides its bytes.
+/// What is known about a sample besides its bytes. Builds with neither feature `std` nor `services`
+/// keep [`arrival`](Self::arrival) alone while it waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SampleInfo {
     /// When its bytes reached this process (`CLOCK_MONOTONIC`), in nanoseconds.

@@ -479,7 +479,8 @@ impl Middleware for InProcess {
             };
             idle = 0;
             taken += 1;
-            if sink(reader, slot.info(), slot.payload()) == Room::Full {
+            let info = *slot.info();
+            if sink(reader, &info, slot.payload()) == Room::Full {
                 interest.remove(reader);
             }
             self.reader(at, |r| r.queue.give_back(slot));
