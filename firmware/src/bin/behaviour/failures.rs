@@ -55,7 +55,6 @@ pub fn panic_halts_one(burst: Burst) {
     );
     let seen = panicked();
     hold!(seen.count == 1 && seen.last == mad, "{seen:?}, not {mad:?}");
-    core::mem::forget(enforcer);
 }
 
 /// An allocation after the seal halts its task alone and is counted.
