@@ -151,8 +151,9 @@ impl WorkerBuilder<'_> {
         self.ruled(|r| r.batch = messages)
     }
 
-    /// What callbacks publish through [`CallbackContext::publish`] goes out when the round ends: up
-    /// to so many samples per round, of up to so many bytes.
+    /// What callbacks publish through
+    /// [`CallbackContext::publish`](crate::CallbackContext::publish) goes out when the round ends:
+    /// up to so many samples per round, of up to so many bytes.
     pub fn output_barrier(self, samples: usize, bytes: usize) -> Self {
         self.ruled(|r| r.barrier = Some((samples, bytes)))
     }
