@@ -5,7 +5,7 @@
 //! interrupt too many costs less than looking through all tasks with every wait.
 
 use super::ffi;
-use super::masked::Masked;
+use super::masked::{Mask, Masked, Quiet};
 use super::slot::{self, NEVER};
 use crate::Nanos;
 
@@ -14,15 +14,15 @@ static SET: Masked<Nanos> = Masked::new(NEVER);
 
 /// Before the kernel runs: the board counts its overflows when the timer rings, asked or not.
 pub(crate) fn begin() {
-    ffi::board_arm(NEVER);
+    ffi::board_arm(NEVER, Mask::set().quiet());
 }
 
-/// A task's deadline is `at` now; masked.
-pub(crate) fn program(at: Nanos) {
-    SET.with(|set| {
+/// A task's deadline is `at` now.
+pub(crate) fn program(at: Nanos, quiet: Quiet<'_>) {
+    SET.within(quiet, |set| {
         if at < *set {
             *set = at;
-            ffi::board_arm(at);
+            ffi::board_arm(at, quiet);
         }
     });
 }
@@ -32,11 +32,12 @@ pub(crate) fn program(at: Nanos) {
 pub(crate) fn on_timer() {
     loop {
         let now = ffi::board_now();
-        let before = ffi::mask();
-        let limit = slot::limit_at();
+        let mask = Mask::set();
+        let quiet = mask.quiet();
+        let limit = slot::limit_at(quiet);
         if limit <= now {
-            let task = slot::reach_limit();
-            ffi::unmask(before);
+            let task = slot::reach_limit(quiet);
+            drop(mask);
             if let Some(task) = task {
                 ffi::wake(task);
             }
@@ -44,7 +45,7 @@ pub(crate) fn on_timer() {
         }
         // Newest first: with <=, the oldest of equals wins.
         let next = slot::all().fold((NEVER, None), |(earliest, first), slot| {
-            let at = slot.state.with(|s| s.deadline);
+            let at = slot.state.within(quiet, |s| s.deadline);
             if at <= earliest && at != NEVER {
                 (at, Some(slot))
             } else {
@@ -57,16 +58,15 @@ pub(crate) fn on_timer() {
         };
         let Some(slot) = due else {
             let at = at.min(limit);
-            SET.with(|set| *set = at);
-            ffi::board_arm(at);
-            ffi::unmask(before);
+            SET.within(quiet, |set| *set = at);
+            ffi::board_arm(at, quiet);
             return;
         };
-        let task = slot.state.with(|s| {
+        let task = slot.state.within(quiet, |s| {
             s.deadline = NEVER;
             s.task
         });
-        ffi::unmask(before);
+        drop(mask);
         if let Some(task) = task {
             ffi::wake(task);
         }

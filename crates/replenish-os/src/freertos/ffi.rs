@@ -4,6 +4,10 @@
     reason = "C functions of the kernel's shim and of the image"
 )]
 
+use super::error::OsError;
+use super::inherit::Place;
+use super::masked::Quiet;
+use super::name::Name;
 use crate::Nanos;
 use core::ffi::{CStr, c_void};
 use core::fmt::{self, Write as _};
@@ -56,10 +60,10 @@ pub(crate) struct Task(NonNull<c_void>);
 // SAFETY: the kernel takes handles from any task and from interrupts.
 unsafe impl Send for Task {}
 
-/// Everything [`create`] hands to the kernel for good.
-pub(crate) struct Creation {
+/// What [`create`] hands to the kernel: for good, but for the name, of which it has a copy.
+pub(crate) struct Creation<'a> {
     pub(crate) entry: unsafe extern "C" fn(*mut c_void),
-    pub(crate) name: &'static CStr,
+    pub(crate) name: &'a Name,
     pub(crate) stack: &'static mut [u64],
     pub(crate) argument: *mut c_void,
     pub(crate) priority: u8,
@@ -75,7 +79,7 @@ pub(crate) fn tcb_bytes() -> usize {
 }
 
 /// Makes a task; it runs as soon as its priority lets it.
-pub(crate) fn create(what: &mut Creation) -> Option<Task> {
+pub(crate) fn create(what: &mut Creation<'_>) -> Option<Task> {
     let words = u32::try_from(what.stack.len() * 2).ok()?;
     if size_of_val(what.tcb) < tcb_bytes() {
         return None;
@@ -166,11 +170,18 @@ pub(crate) fn wake(task: Task) {
     unsafe { c::rp_wake(task.0.as_ptr()) };
 }
 
-/// Gives a task another priority, at the head or at the tail of its list; masked.
-pub(crate) fn place(task: Task, priority: u8, head: bool) {
+/// Gives a task another priority.
+#[expect(
+    clippy::unnecessary_wraps,
+    reason = "the other back end's kernel may refuse"
+)]
+pub(crate) fn place(task: Task, priority: u8, place: Place, _: Quiet<'_>) -> Result<(), OsError> {
+    // At 0 the idle task stays first: a suspended task is not to run.
+    let head = place == Place::Head && priority > 0;
     // SAFETY: the handle is good, the priority is below configMAX_PRIORITIES, and the mask protects
     // the kernel's lists.
     unsafe { c::rp_place(task.0.as_ptr(), priority.into(), head.into()) };
+    Ok(())
 }
 
 /// Stops the running task for good.
@@ -237,7 +248,7 @@ pub(crate) fn board_now() -> Nanos {
 }
 
 /// The image's one-shot timer.
-pub(crate) fn board_arm(at: Nanos) {
+pub(crate) fn board_arm(at: Nanos, _: Quiet<'_>) {
     // SAFETY: the image's function; called masked.
     unsafe { c::rp_board_arm(at) };
 }

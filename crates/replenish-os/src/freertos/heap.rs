@@ -159,6 +159,7 @@ unsafe impl<const N: usize> GlobalAlloc for SealedHeap<N> {
         block
     }
 
+    #[inline(never)] // or it is repeated wherever something is dropped
     unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
         let bytes = rounded(layout);
         self.state.with(|s| {

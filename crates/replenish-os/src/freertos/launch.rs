@@ -6,12 +6,12 @@
 
 use super::error::OsError;
 use super::ffi::{self, Creation};
+use super::name::Name;
 use super::slot::{self, Slot};
 use super::spawn_error::SpawnError;
 use super::thread::Thread;
 use crate::Policy;
 use alloc::boxed::Box;
-use alloc::ffi::CString;
 use alloc::vec;
 use core::ffi::c_void;
 
@@ -36,7 +36,7 @@ pub(super) fn how(policy: Policy) -> Result<u8, SpawnError> {
 /// Hands memory and closure to the kernel.
 pub(super) fn start(
     priority: u8,
-    name: CString,
+    name: &Name,
     stack_bytes: usize,
     body: Body,
 ) -> Result<&'static Slot, SpawnError> {
@@ -46,7 +46,7 @@ pub(super) fn start(
     let argument = Box::into_raw(Box::new((slot, body))).cast();
     let mut creation = Creation {
         entry,
-        name: alloc::boxed::Box::leak(name.into_boxed_c_str()),
+        name,
         stack,
         argument,
         priority,

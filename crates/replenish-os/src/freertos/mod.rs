@@ -39,6 +39,8 @@ mod launch;
 mod masked;
 #[path = "../rtos/memory.rs"]
 pub mod memory;
+#[path = "../rtos/name.rs"]
+mod name;
 mod panics;
 #[path = "../rtos/pi_lock.rs"]
 pub(crate) mod pi_lock;

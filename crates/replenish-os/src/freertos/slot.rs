@@ -14,11 +14,9 @@
 )]
 
 use super::alarm;
-use super::error::OsError;
 use super::ffi::{self, Task};
 use super::gaps::Gaps;
-use super::inherit::Place;
-use super::masked::Masked;
+use super::masked::{Mask, Masked, Quiet};
 use crate::Nanos;
 use core::ffi::c_void;
 use core::ptr;
@@ -88,17 +86,6 @@ impl State {
     }
 }
 
-impl Slot {
-    /// Tells the kernel the priority that the task has from now on; masked.
-    pub(crate) fn set_effective(&self, priority: u8, place: Place) -> Result<(), OsError> {
-        let task = self.state.with(|s| s.task);
-        let task = task.ok_or(OsError::new("the task was never made"))?;
-        // At 0 the idle task stays first: a suspended task is not to run.
-        ffi::place(task, priority, place == Place::Head && priority > 0);
-        Ok(())
-    }
-}
-
 /// The CPU clocks of tasks ring as timers do: when the one that runs has a limit, the board's timer is set
 /// for the time at which it will be there, unless it is set for something before. A task that does not
 /// run needs no looking after.
@@ -106,8 +93,9 @@ impl Slot {
 /// `by` is woken from its timer's `read`. Whether that works: it has to have read before.
 pub(crate) fn limit(of: &'static Slot, by: Option<&'static Slot>, at: Option<Nanos>) -> bool {
     let Some(by) = by else { return false };
-    let before = ffi::mask();
-    let rings = of.state.with(|s| {
+    let mask = Mask::set();
+    let quiet = mask.quiet();
+    let rings = of.state.within(quiet, |s| {
         s.limit = at.unwrap_or(NEVER);
         s.limited_by = Some(by);
         match at {
@@ -116,10 +104,9 @@ pub(crate) fn limit(of: &'static Slot, by: Option<&'static Slot>, at: Option<Nan
         }
     });
     if rings != NEVER || current().is_some_and(|me| ptr::eq(me, of)) {
-        LIMIT_AT.with(|at| *at = rings);
-        alarm::program(rings);
+        LIMIT_AT.within(quiet, |at| *at = rings);
+        alarm::program(rings, quiet);
     }
-    ffi::unmask(before);
     true
 }
 
@@ -131,16 +118,16 @@ pub(crate) fn is_at_limit(of: &Slot, now: Nanos, slack: Nanos) -> Option<bool> {
     })
 }
 
-/// When the running task reaches its limit; masked.
-pub(crate) fn limit_at() -> Nanos {
-    LIMIT_AT.with(|at| *at)
+/// When the running task reaches its limit.
+pub(crate) fn limit_at(quiet: Quiet<'_>) -> Nanos {
+    LIMIT_AT.within(quiet, |at| *at)
 }
 
-/// The running task is at its limit, which it has no more; masked. Who is to be woken for that.
-pub(crate) fn reach_limit() -> Option<Task> {
-    LIMIT_AT.with(|at| *at = NEVER);
-    let by = current()?.state.with(|s| s.limited_by)?;
-    by.state.with(|s| {
+/// The running task is at its limit, which it has no more. Who is to be woken for that.
+pub(crate) fn reach_limit(quiet: Quiet<'_>) -> Option<Task> {
+    LIMIT_AT.within(quiet, |at| *at = NEVER);
+    let by = current()?.state.within(quiet, |s| s.limited_by)?;
+    by.state.within(quiet, |s| {
         s.reached = true;
         s.task
     })
@@ -179,13 +166,10 @@ pub(crate) fn make(priority: u8, stack_bytes: usize) -> &'static Slot {
         }),
         next: AtomicPtr::new(ptr::null_mut()),
     }));
-    slot.next
-        .store(SLOTS.load(Ordering::Acquire), Ordering::Release);
-    let before = ffi::mask();
+    let _mask = Mask::set();
     slot.next
         .store(SLOTS.load(Ordering::Acquire), Ordering::Release);
     SLOTS.store(ptr::from_mut(slot), Ordering::Release);
-    ffi::unmask(before);
     slot
 }
 
@@ -238,11 +222,13 @@ extern "C" fn rp_switched_out(slot: *const c_void, preempted: u32) {
         return;
     };
     let now = ffi::board_now();
-    slot.state.with(|s| {
+    // SAFETY: the kernel switches masked.
+    let quiet = unsafe { Quiet::by_caller() };
+    slot.state.within(quiet, |s| {
         s.cpu += now.saturating_sub(s.in_at);
         s.on_cpu = false;
         if s.limit != NEVER {
-            LIMIT_AT.with(|at| *at = NEVER);
+            LIMIT_AT.within(quiet, |at| *at = NEVER);
         }
         if preempted == 0 {
             s.blocks = s.blocks.wrapping_add(1);
@@ -263,15 +249,17 @@ extern "C" fn rp_switched_in(slot: *const c_void) {
     let Some(slot) = (unsafe { slot.cast::<Slot>().as_ref() }) else {
         return;
     };
-    slot.state.with(|s| {
+    // SAFETY: the kernel switches masked.
+    let quiet = unsafe { Quiet::by_caller() };
+    slot.state.within(quiet, |s| {
         s.in_at = now;
         s.on_cpu = true;
         let cpu = s.cpu;
         s.gaps.close(now, cpu);
         if s.limit != NEVER {
             let rings = s.at_limit(now);
-            LIMIT_AT.with(|at| *at = rings);
-            alarm::program(rings);
+            LIMIT_AT.within(quiet, |at| *at = rings);
+            alarm::program(rings, quiet);
         }
     });
 }

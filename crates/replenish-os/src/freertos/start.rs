@@ -3,9 +3,9 @@
 use super::alarm;
 use super::ffi;
 use super::launch;
+use super::name::Name;
 use super::spawn_error::SpawnError;
 use alloc::boxed::Box;
-use alloc::ffi::CString;
 use core::sync::atomic::{AtomicU32, Ordering};
 
 static ALARMS: AtomicU32 = AtomicU32::new(0);
@@ -22,7 +22,7 @@ pub fn start(
     crate::Policy::fifo(priority)?;
     launch::start(
         priority,
-        CString::from(c"main"),
+        &Name::new("main").ok_or(SpawnError::Name)?,
         stack_bytes,
         Box::new(move |_| main()),
     )?;

@@ -2,11 +2,14 @@
 #![expect(unsafe_code, reason = "C functions of the shim")]
 
 use super::error::OsError;
+use super::inherit::Place;
+use super::masked::Quiet;
+use super::name::Name;
 use super::report::Report;
 use super::slot::{self, NEVER, Slot};
 use crate::Nanos;
 use core::cell::UnsafeCell;
-use core::ffi::{CStr, c_char, c_void};
+use core::ffi::{c_char, c_void};
 use core::fmt::{self, Write as _};
 
 type Entry = unsafe extern "C" fn(*mut c_void) -> *mut c_void;
@@ -183,7 +186,7 @@ pub(crate) fn create(
 }
 
 /// Names the calling thread.
-pub(crate) fn set_name(name: &CStr) {
+pub(crate) fn set_name(name: &Name) {
     // SAFETY: a C string that lives across the call.
     unsafe { rp_name(name.as_ptr()) };
 }
@@ -217,6 +220,12 @@ pub(crate) fn block() {
 /// Wakes a thread.
 pub(crate) fn wake(task: Task) {
     task.0.thread.unpark();
+}
+
+/// Tells the system the priority that the thread has from now on. Where it goes in that priority's
+/// list is the system's to say.
+pub(crate) fn place(task: Task, priority: u8, _: Place, _: Quiet<'_>) -> Result<(), OsError> {
+    task.0.thread.set_priority(priority)
 }
 
 /// To the end of the list of the same priority.

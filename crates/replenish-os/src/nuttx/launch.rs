@@ -6,12 +6,12 @@
 
 use super::error::OsError;
 use super::ffi::{self, How, Task};
+use super::name::Name;
 use super::report::Facts;
 use super::slot::{self, Slot};
 use super::spawn_error::SpawnError;
 use crate::{Low, Params, Policy};
 use alloc::boxed::Box;
-use alloc::ffi::CString;
 use core::ffi::c_void;
 use core::ptr;
 
@@ -59,12 +59,12 @@ fn native(params: &Params, facts: &Facts) -> How {
     }
 }
 
-struct Start(&'static Slot, CString, Body);
+struct Start(&'static Slot, Name, Body);
 
 /// Hands the closure to the system.
 pub(super) fn start(
     how: How,
-    name: CString,
+    name: &Name,
     stack_bytes: usize,
     body: Body,
 ) -> Result<&'static Slot, SpawnError> {
@@ -72,7 +72,7 @@ pub(super) fn start(
     let slot = slot::make(priority, stack_bytes)
         .ok_or(SpawnError::Create(OsError::new("no slot for a thread")))?;
     let generation = slot.state.with(|s| s.generation);
-    let argument = Box::into_raw(Box::new(Start(slot, name, body)));
+    let argument = Box::into_raw(Box::new(Start(slot, *name, body)));
     match ffi::create(entry, argument.cast(), stack_bytes, &how) {
         Ok(id) => {
             // It may have run, and even ended, by now.
@@ -103,7 +103,6 @@ unsafe extern "C" fn entry(argument: *mut c_void) -> *mut c_void {
     } else {
         super::complain(format_args!("a new thread was not given its slot"));
     }
-    drop(name);
     slot::release(slot);
     ptr::null_mut()
 }

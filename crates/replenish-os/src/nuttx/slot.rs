@@ -13,11 +13,9 @@
     reason = "hooks get slots as pointers; the list's end is one"
 )]
 
-use super::error::OsError;
 use super::ffi::{self, Task, ThreadMemory};
 use super::gaps::Gaps;
-use super::inherit::Place;
-use super::masked::Masked;
+use super::masked::{Mask, Masked};
 use super::report;
 use crate::Nanos;
 use alloc::boxed::Box;
@@ -113,14 +111,6 @@ impl State {
     }
 }
 
-impl Slot {
-    /// Tells the system the priority that the thread has from now on. Where it goes in that
-    /// priority's list is the system's to say.
-    pub(crate) fn set_effective(&self, priority: u8, _: Place) -> Result<(), OsError> {
-        self.thread.set_priority(priority)
-    }
-}
-
 static SLOTS: AtomicPtr<Slot> = AtomicPtr::new(ptr::null_mut());
 static COUNT: AtomicU32 = AtomicU32::new(0);
 
@@ -159,11 +149,10 @@ pub(crate) fn make(priority: u8, stack_bytes: usize) -> Option<&'static Slot> {
         next: AtomicPtr::new(ptr::null_mut()),
     }));
     slot.thread.init().ok()?;
-    let before = ffi::mask();
+    let _mask = Mask::set();
     slot.next
         .store(SLOTS.load(Ordering::Acquire), Ordering::Release);
     SLOTS.store(ptr::from_mut(slot), Ordering::Release);
-    ffi::unmask(before);
     Some(slot)
 }
 

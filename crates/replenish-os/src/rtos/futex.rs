@@ -9,7 +9,8 @@
 //! A task that is woken finds out by itself why, so a wake-up too many costs a look and no harm.
 
 use super::alarm;
-use super::ffi;
+use super::ffi::{self, Task};
+use super::masked::{Mask, Quiet};
 use super::slot::{self, NEVER, Slot};
 use crate::Nanos;
 use core::ptr;
@@ -18,14 +19,13 @@ use core::sync::atomic::{AtomicU32, Ordering};
 /// Sleeps while `word` has the value `expected`, at most until `deadline`; whether that has passed.
 pub(crate) fn wait(word: &AtomicU32, expected: u32, deadline: Option<Nanos>) -> bool {
     let me = slot::current();
-    let before = ffi::mask();
-    sleep(me, word, expected, deadline, before);
+    sleep(me, word, expected, deadline, Mask::set());
     deadline.is_some_and(|t| ffi::board_now() >= t)
 }
 
 /// The same for a caller that is masked already, and unmasked on return.
-pub(crate) fn wait_masked(word: &AtomicU32, expected: u32, deadline: Option<Nanos>, before: u32) {
-    sleep(slot::current(), word, expected, deadline, before);
+pub(crate) fn wait_masked(word: &AtomicU32, expected: u32, deadline: Option<Nanos>, mask: Mask) {
+    sleep(slot::current(), word, expected, deadline, mask);
 }
 
 fn sleep(
@@ -33,27 +33,21 @@ fn sleep(
     word: &AtomicU32,
     expected: u32,
     deadline: Option<Nanos>,
-    before: u32,
+    mask: Mask,
 ) {
-    let Some(me) = me else {
-        ffi::unmask(before);
-        return;
-    };
-    let sleeps = word.load(Ordering::SeqCst) == expected;
-    if sleeps {
-        let at = deadline.unwrap_or(NEVER);
-        me.state.with(|s| {
-            s.waits_on = ptr::from_ref(word);
-            s.deadline = at;
-        });
-        if at != NEVER {
-            alarm::program(at);
-        }
-    }
-    ffi::unmask(before);
-    if !sleeps {
+    let Some(me) = me else { return };
+    if word.load(Ordering::SeqCst) != expected {
         return;
     }
+    let at = deadline.unwrap_or(NEVER);
+    me.state.within(mask.quiet(), |s| {
+        s.waits_on = ptr::from_ref(word);
+        s.deadline = at;
+    });
+    if at != NEVER {
+        alarm::program(at, mask.quiet());
+    }
+    drop(mask);
     ffi::block();
     me.state.with(|s| {
         s.waits_on = ptr::null();
@@ -64,32 +58,38 @@ fn sleep(
 
 /// Wakes the highest task that waits on `word`. From tasks and interrupts; not while masked.
 pub(crate) fn wake_one(word: &AtomicU32) {
-    let before = ffi::mask();
-    let highest = take_waiter(word);
-    ffi::unmask(before);
-    if let Some(task) = highest.and_then(|slot| slot.state.with(|s| s.task)) {
+    let mask = Mask::set();
+    let highest = take_waiter(word, mask.quiet());
+    drop(mask);
+    if let Some((_, Some(task))) = highest {
         ffi::wake(task);
     }
 }
 
-/// The highest task that waits on `word`, which it then no longer does; masked.
-pub(crate) fn take_waiter(word: &AtomicU32) -> Option<&'static Slot> {
+/// The highest task that waits on `word`, which it then no longer does.
+pub(crate) fn take_waiter(
+    word: &AtomicU32,
+    quiet: Quiet<'_>,
+) -> Option<(&'static Slot, Option<Task>)> {
     let mut best: Option<(u8, &'static Slot)> = None;
     for slot in slot::all() {
-        let (on, priority) = slot.state.with(|s| (s.waits_on, s.effective));
+        let (on, priority) = slot.state.within(quiet, |s| (s.waits_on, s.effective));
         // Newest first: with >=, the oldest of equals wins.
         if ptr::eq(on, word) && best.is_none_or(|(p, _)| priority >= p) {
             best = Some((priority, slot));
         }
     }
     let (_, slot) = best?;
-    slot.state.with(|s| s.waits_on = ptr::null());
-    Some(slot)
+    let task = slot.state.within(quiet, |s| {
+        s.waits_on = ptr::null();
+        s.task
+    });
+    Some((slot, task))
 }
 
-/// Whether some task waits on `word`; masked.
-pub(crate) fn has_waiter(word: &AtomicU32) -> bool {
-    slot::all().any(|slot| slot.state.with(|s| ptr::eq(s.waits_on, word)))
+/// Whether some task waits on `word`.
+pub(crate) fn has_waiter(word: &AtomicU32, quiet: Quiet<'_>) -> bool {
+    slot::all().any(|slot| slot.state.within(quiet, |s| ptr::eq(s.waits_on, word)))
 }
 
 /// Sleeps until `t`.

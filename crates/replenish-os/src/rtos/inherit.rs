@@ -12,6 +12,7 @@
 
 use super::error::OsError;
 use super::ffi;
+use super::masked::{Mask, Quiet};
 use super::slot::{self, Slot};
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -19,9 +20,9 @@ const WAITERS: u32 = 1 << 31;
 /// Longer chains of locks pass no priority on.
 const LONGEST_CHAIN: usize = 8;
 
-/// Who holds the lock that `slot` waits for; masked.
-fn lender_to(slot: &Slot) -> Option<i32> {
-    let word: *const AtomicU32 = slot.state.with(|s| {
+/// Who holds the lock that `slot` waits for.
+fn lender_to(slot: &Slot, quiet: Quiet<'_>) -> Option<i32> {
+    let word: *const AtomicU32 = slot.state.within(quiet, |s| {
         if s.lends {
             s.waits_on
         } else {
@@ -34,14 +35,14 @@ fn lender_to(slot: &Slot) -> Option<i32> {
     Some((word.load(Ordering::Relaxed) & !WAITERS).cast_signed())
 }
 
-fn effective(of: &Slot, chain: usize) -> u8 {
-    let own = of.state.with(|s| s.priority);
+fn effective(of: &Slot, chain: usize, quiet: Quiet<'_>) -> u8 {
+    let own = of.state.within(quiet, |s| s.priority);
     if chain == 0 {
         return own;
     }
     slot::all()
-        .filter(|waiter| lender_to(waiter) == Some(of.id))
-        .map(|waiter| effective(waiter, chain - 1))
+        .filter(|waiter| lender_to(waiter, quiet) == Some(of.id))
+        .map(|waiter| effective(waiter, chain - 1, quiet))
         .fold(own, u8::max)
 }
 
@@ -55,92 +56,86 @@ pub(crate) enum Place {
     Tail,
 }
 
-/// Tells the system the thread's effective priority if it is another one; masked.
-fn refresh(slot: &'static Slot, place: Place) {
-    let wanted = effective(slot, LONGEST_CHAIN);
-    let now = slot.state.with(|s| s.effective);
+/// Tells the system the thread's effective priority if it is another one.
+fn refresh(slot: &'static Slot, place: Place, quiet: Quiet<'_>) {
+    let wanted = effective(slot, LONGEST_CHAIN, quiet);
+    let now = slot.state.within(quiet, |s| s.effective);
     if wanted != now {
-        tell(slot, wanted, place).ok(); // as in `inherit`
+        tell(slot, wanted, place, quiet).ok(); // as in `lend`
     }
 }
 
-fn tell(slot: &'static Slot, priority: u8, place: Place) -> Result<(), OsError> {
-    let running = slot.state.with(|s| {
+fn tell(slot: &Slot, priority: u8, place: Place, quiet: Quiet<'_>) -> Result<(), OsError> {
+    let task = slot.state.within(quiet, |s| {
         s.effective = priority;
-        s.task.is_some()
+        s.task
     });
-    if running {
-        slot.set_effective(priority, place)
-    } else {
-        Ok(())
-    }
+    task.map_or(Ok(()), |task| ffi::place(task, priority, place, quiet))
 }
 
 /// Gives the thread another priority of its own, at the tail of that priority's list.
 pub(crate) fn set_base(slot: &'static Slot, priority: u8) -> Result<(), OsError> {
-    let before = ffi::mask();
-    slot.state.with(|s| s.priority = priority);
-    let wanted = effective(slot, LONGEST_CHAIN);
-    let boosted = wanted != priority && slot.state.with(|s| s.effective) == wanted;
+    let mask = Mask::set();
+    let quiet = mask.quiet();
+    let effective_now = slot.state.within(quiet, |s| {
+        s.priority = priority;
+        s.effective
+    });
+    let wanted = effective(slot, LONGEST_CHAIN, quiet);
+    let boosted = wanted != priority && effective_now == wanted;
     let done = if boosted {
         Ok(())
     } else {
-        tell(slot, wanted, Place::Tail)
+        tell(slot, wanted, Place::Tail, quiet)
     };
-    raise_owners(slot);
-    ffi::unmask(before);
+    raise_owners(slot, quiet);
     done
 }
 
-/// Whoever holds what `slot` waits for, and so on along the chain; masked.
-fn raise_owners(slot: &Slot) {
-    let mut next = lender_to(slot);
+/// Whoever holds what `slot` waits for, and so on along the chain.
+fn raise_owners(slot: &Slot, quiet: Quiet<'_>) {
+    let mut next = lender_to(slot, quiet);
     for _ in 0..LONGEST_CHAIN {
         let Some(owner) = next.and_then(slot::find) else {
             return;
         };
-        refresh(owner, Place::Tail);
-        next = lender_to(owner);
+        refresh(owner, Place::Tail, quiet);
+        next = lender_to(owner, quiet);
     }
 }
 
-/// The running thread is about to wait for a lock of `owner`'s; masked. It is not noted at the
-/// lock's word yet, so the priority is handed along the chain here.
-pub(crate) fn lend(owner: &'static Slot) {
+/// The running thread is about to wait for a lock of `owner`'s. It is not noted at the lock's word
+/// yet, so the priority is handed along the chain here.
+pub(crate) fn lend(owner: &'static Slot, quiet: Quiet<'_>) {
     let Some(me) = slot::current() else { return };
-    let mine = effective(me, LONGEST_CHAIN);
-    me.state.with(|s| s.lends = true);
+    let mine = effective(me, LONGEST_CHAIN, quiet);
+    me.state.within(quiet, |s| s.lends = true);
     let mut next = Some(owner);
     for _ in 0..LONGEST_CHAIN {
         let Some(owner) = next else { return };
-        if owner.state.with(|s| s.effective) < mine {
+        if owner.state.within(quiet, |s| s.effective) < mine {
             // Without the privilege (on a host) there is no inheritance.
-            tell(owner, mine, Place::Tail).ok();
+            tell(owner, mine, Place::Tail, quiet).ok();
         }
-        next = lender_to(owner).and_then(slot::find);
+        next = lender_to(owner, quiet).and_then(slot::find);
     }
 }
 
-/// The running thread no longer waits for a lock of `owner`'s, without having got it; masked.
-pub(crate) fn withdraw(owner: &'static Slot) {
-    let mut next = Some(owner);
-    for _ in 0..LONGEST_CHAIN {
-        let Some(owner) = next else { return };
-        refresh(owner, Place::Tail);
-        next = lender_to(owner).and_then(slot::find);
-    }
+/// The running thread no longer waits for a lock of `owner`'s, without having got it.
+pub(crate) fn withdraw(owner: &'static Slot, quiet: Quiet<'_>) {
+    refresh(owner, Place::Tail, quiet);
+    raise_owners(owner, quiet);
 }
 
-/// The running thread has given a lock back; masked. Whether it may lose an inherited priority, which
+/// The running thread has given a lock back. Whether it may lose an inherited priority, which
 /// [`give_back`] carries out when the next owner has been woken.
-pub(crate) fn is_boosted() -> bool {
-    slot::current().is_some_and(|me| me.state.with(|s| s.effective != s.priority))
+pub(crate) fn is_boosted(quiet: Quiet<'_>) -> bool {
+    slot::current().is_some_and(|me| me.state.within(quiet, |s| s.effective != s.priority))
 }
 
 /// The running thread gets the priority it now has a right to.
 pub(crate) fn give_back() {
     let Some(me) = slot::current() else { return };
-    let before = ffi::mask();
-    refresh(me, Place::Head);
-    ffi::unmask(before);
+    let mask = Mask::set();
+    refresh(me, Place::Head, mask.quiet());
 }

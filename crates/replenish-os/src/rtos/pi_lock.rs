@@ -13,6 +13,7 @@
 use super::ffi;
 use super::futex;
 use super::inherit;
+use super::masked::Mask;
 use super::slot;
 use super::tid::current_tid;
 use crate::Nanos;
@@ -47,7 +48,7 @@ fn lock_slow(lock: &AtomicU32, deadline: Option<Nanos>) -> bool {
     let me = me();
     let mut waits = false;
     loop {
-        let before = ffi::mask();
+        let mask = Mask::set();
         let word = lock.load(Ordering::Acquire);
         let owner = word & !WAITERS;
         let mine = if owner == 0 {
@@ -56,37 +57,32 @@ fn lock_slow(lock: &AtomicU32, deadline: Option<Nanos>) -> bool {
             // Handed over by the unlock, while it slept.
             waits && owner == me
         };
-        if mine || owner == me {
-            ffi::unmask(before);
+        let holder = slot::find(owner.cast_signed());
+        let ended = holder.is_some_and(|s| s.state.within(mask.quiet(), |s| s.ended));
+        if mine || owner == me || ended {
+            drop(mask);
+            assert!(!ended, "PiMutex: the task that holds the lock has ended");
             assert!(mine, "PiMutex: this task holds the lock already");
             return true;
-        }
-        let holder = slot::find(owner.cast_signed());
-        let ended = holder.is_some_and(|s| s.state.with(|s| s.ended));
-        if ended {
-            ffi::unmask(before);
-            assert!(!ended, "PiMutex: the task that holds the lock has ended");
         }
         // The mark for waiters may stay: the unlock finds that there is none.
         if deadline.is_some_and(|t| ffi::board_now() >= t) {
             if let Some(holder) = holder {
-                inherit::withdraw(holder);
+                inherit::withdraw(holder, mask.quiet());
             }
-            ffi::unmask(before);
             return false;
         }
         // Taken or given back between the reading and now: look again.
         let expected = word | WAITERS;
         if owner == 0 || !swap(lock, word, expected) {
-            ffi::unmask(before);
             continue;
         }
         if let Some(holder) = holder {
-            inherit::lend(holder);
+            inherit::lend(holder, mask.quiet());
         }
         waits = true;
         // Still masked: the owner cannot give it back before this task is on the list.
-        futex::wait_masked(lock, expected, deadline, before);
+        futex::wait_masked(lock, expected, deadline, mask);
     }
 }
 
@@ -106,16 +102,19 @@ pub(crate) fn unlock(lock: &AtomicU32) {
 /// Hands the lock to the highest of those who wait.
 #[cold]
 fn unlock_slow(lock: &AtomicU32) {
-    let before = ffi::mask();
-    let next = futex::take_waiter(lock);
-    let word = next.map_or(0, |slot| {
-        let more = if futex::has_waiter(lock) { WAITERS } else { 0 };
+    let mask = Mask::set();
+    let next = futex::take_waiter(lock, mask.quiet());
+    let word = next.map_or(0, |(slot, _)| {
+        let more = match futex::has_waiter(lock, mask.quiet()) {
+            true => WAITERS,
+            false => 0,
+        };
         slot.id.cast_unsigned() | more
     });
     lock.store(word, Ordering::Release);
-    let boosted = inherit::is_boosted();
-    ffi::unmask(before);
-    if let Some(task) = next.and_then(|slot| slot.state.with(|s| s.task)) {
+    let boosted = inherit::is_boosted(mask.quiet());
+    drop(mask);
+    if let Some((_, Some(task))) = next {
         ffi::wake(task);
     }
     if boosted {

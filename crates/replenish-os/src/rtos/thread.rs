@@ -3,12 +3,8 @@
 //! ```text
 //!   spawn: slot ─ launch (the back end) at its priority ──► closure ─ result ─ done
 //! ```
-#![expect(
-    unsafe_code,
-    reason = "names are searched for zeros here, in less code"
-)]
-
 use super::launch;
+use super::name::Name;
 use super::slot::{self, Slot};
 use super::spawn_error::SpawnError;
 use super::tid;
@@ -17,7 +13,6 @@ use crate::Shared as Arc;
 use crate::Tid;
 use crate::{Nanos, Signal, ThreadSpec};
 use alloc::boxed::Box;
-use alloc::ffi::CString;
 use core::any::Any;
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -79,6 +74,10 @@ impl<T> Thread<T> {
 ///
 /// # Errors
 /// [`SpawnError`] says what was asked and what would be granted.
+#[expect(
+    clippy::needless_pass_by_value,
+    reason = "Linux takes it over: one signature for all"
+)]
 pub fn spawn<T, F>(spec: ThreadSpec, f: F) -> Result<Thread<T>, SpawnError>
 where
     F: FnOnce() -> T + Send + 'static,
@@ -91,7 +90,7 @@ where
     });
     let theirs = Arc::clone(&end);
     let slot = boxed(
-        spec,
+        &spec,
         Box::new(move |slot| {
             let result = f();
             *theirs.result.lock() = Some(result);
@@ -104,16 +103,12 @@ where
 }
 
 /// The part of [`spawn`] that is the same for all of them.
-fn boxed(spec: ThreadSpec, body: launch::Body) -> Result<&'static Slot, SpawnError> {
+fn boxed(spec: &ThreadSpec, body: launch::Body) -> Result<&'static Slot, SpawnError> {
     let how = launch::how(spec.policy.validate()?)?;
     if let Some(cpu) = spec.cpu.filter(|&cpu| cpu != 0) {
         return Err(SpawnError::Cpu { cpu });
     }
-    if spec.name.bytes().any(|byte| byte == 0) {
-        return Err(SpawnError::Name);
-    }
-    // SAFETY: it has no zero. (Small images have no room for the search in `CString::new`.)
-    let name = unsafe { CString::from_vec_unchecked(spec.name.into_bytes()) };
+    let name = Name::new(&spec.name).ok_or(SpawnError::Name)?;
     let bytes = spec.stack_size.unwrap_or(launch::DEFAULT_STACK);
-    launch::start(how, name, bytes, body)
+    launch::start(how, &name, bytes, body)
 }

@@ -3,7 +3,7 @@
 use super::alarm;
 use super::error::OsError;
 use super::ffi;
-use super::masked::Masked;
+use super::masked::{Mask, Masked};
 use super::slot::{self, NEVER, Slot};
 use crate::Nanos;
 
@@ -57,20 +57,23 @@ impl TimerFd {
     pub fn read(&self) -> Result<(), OsError> {
         let me = slot::current().ok_or(OsError::new("a timer was read outside of a task"))?;
         loop {
-            let fired = self.0.with(|inner| {
+            let mask = Mask::set();
+            let quiet = mask.quiet();
+            let fired = self.0.within(quiet, |inner| {
                 inner.owner = Some(me);
-                let fired = me.state.with(slot::State::take_reached);
+                let fired = me.state.within(quiet, slot::State::take_reached);
                 let fired = fired || inner.at <= ffi::board_now();
                 if fired {
                     inner.at = NEVER;
                     inner.reader = None;
                 } else {
                     inner.reader = Some(me);
-                    me.state.with(|s| s.deadline = inner.at);
-                    alarm::program(inner.at);
+                    me.state.within(quiet, |s| s.deadline = inner.at);
+                    alarm::program(inner.at, quiet);
                 }
                 fired
             });
+            drop(mask);
             if fired {
                 return Ok(());
             }
@@ -84,11 +87,13 @@ impl TimerFd {
     }
 
     fn set(&self, at: Nanos) {
-        self.0.with(|inner| {
+        let mask = Mask::set();
+        let quiet = mask.quiet();
+        self.0.within(quiet, |inner| {
             inner.at = at;
             if let Some(reader) = inner.reader {
-                reader.state.with(|s| s.deadline = at);
-                alarm::program(at);
+                reader.state.within(quiet, |s| s.deadline = at);
+                alarm::program(at, quiet);
             }
         });
     }
