@@ -218,10 +218,11 @@ impl<const N: usize> BudgetServer for Corrected<N> {
 
     fn available(&self, now: Nanos) -> Nanos {
         let now = self.clock.max(now);
-        self.chunks()
-            .take_while(|chunk| chunk.time <= now)
-            .map(|chunk| chunk.amount)
-            .sum()
+        if self.head.time > now {
+            return 0;
+        }
+        let due = self.queue.iter().take_while(|chunk| chunk.time <= now);
+        due.fold(self.head.amount, |sum, chunk| sum + chunk.amount)
     }
 
     fn next_replenishment(&self) -> Option<Nanos> {

@@ -35,6 +35,9 @@
 
 use crate::{BudgetServer, Level, Nanos};
 
+/// The end of time, in the place of no time at all.
+const NEVER: Nanos = Nanos::MAX;
+
 /// The enforcer's constants, all in nanoseconds. They depend on the machine, not on the load.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tuning {
@@ -104,7 +107,8 @@ pub struct Reservation<S> {
     level: Level,
     cpu_mark: Nanos,
     read_at: Nanos,
-    check_at: Option<Nanos>,
+    /// [`NEVER`]: not before another event.
+    check_at: Nanos,
     backoff: Nanos,
     margin: i64,
     counters: Counters,
@@ -120,7 +124,7 @@ impl<S: BudgetServer> Reservation<S> {
             level: Level::High,
             cpu_mark: cpu,
             read_at: now,
-            check_at: None,
+            check_at: NEVER,
             backoff: 0,
             margin: 0,
             counters: Counters::default(),
@@ -144,7 +148,7 @@ impl<S: BudgetServer> Reservation<S> {
 
     /// When [`judge`](Self::judge) must be called next; `None`: not before another event.
     pub fn check_at(&self) -> Option<Nanos> {
-        self.check_at
+        (self.check_at != NEVER).then_some(self.check_at)
     }
 
     /// Where the owner can be told that the thread's CPU clock has reached a reading: which one to wait
@@ -199,18 +203,18 @@ impl<S: BudgetServer> Reservation<S> {
     /// any time.
     pub fn judge(&mut self, now: Nanos, cpu: Nanos, gaps: &[Gap]) -> Verdict {
         if self.sleeps_funded() {
-            self.check_at = None;
+            self.check_at = NEVER;
             return Verdict { change: None };
         }
         let elapsed = now.saturating_sub(self.read_at);
         let used = cpu.saturating_sub(self.cpu_mark);
-        self.check_at = None;
+        self.check_at = NEVER;
         let funded_before = self.level == Level::High;
         self.account(now, cpu, gaps);
         if funded_before && self.runnable && used < elapsed / 8 {
             self.counters.idle_checks += 1;
-            self.backoff =
-                (self.backoff * 2).clamp(self.tuning.min_rearm * 2, self.tuning.max_backoff);
+            let doubled = (self.backoff * 2).max(self.tuning.min_rearm * 2);
+            self.backoff = doubled.min(self.tuning.max_backoff);
         } else {
             self.backoff = 0;
         }
@@ -239,7 +243,7 @@ impl<S: BudgetServer> Reservation<S> {
         if before == level {
             return None;
         }
-        self.check_at = None;
+        self.check_at = NEVER;
         self.backoff = 0;
         self.replan(now);
         match level {
@@ -273,11 +277,8 @@ impl<S: BudgetServer> Reservation<S> {
     /// The thread could not run for another `by` nanoseconds, since somebody it cannot preempt had
     /// its CPU: a check for the end of its budget moves by as much.
     pub fn postpone(&mut self, by: Nanos) {
-        if self.runnable
-            && self.level == Level::High
-            && let Some(at) = &mut self.check_at
-        {
-            *at = at.saturating_add(by);
+        if self.runnable && self.level == Level::High {
+            self.check_at = self.check_at.saturating_add(by);
         }
     }
 
@@ -293,7 +294,7 @@ impl<S: BudgetServer> Reservation<S> {
         if self.runnable {
             self.server.activate(now);
         }
-        self.check_at = None;
+        self.check_at = NEVER;
         self.decide(now)
     }
 
@@ -351,24 +352,21 @@ impl<S: BudgetServer> Reservation<S> {
         if self.server.update(now) == self.level {
             self.plan(now);
         } else {
-            self.check_at = Some(now);
+            self.check_at = now;
         }
     }
 
     /// Sets the next check; an earlier one that is already set stays (the lazy timer).
     fn plan(&mut self, now: Nanos) {
         let wanted = match self.level {
-            Level::Low => self.server.next_replenishment(),
+            Level::Low => self.server.next_replenishment().unwrap_or(NEVER),
             Level::High if self.runnable => {
                 let left = self.server.available(now);
-                Some(now.saturating_add(left.max(self.tuning.min_rearm).max(self.backoff)))
+                now.saturating_add(left.max(self.tuning.min_rearm).max(self.backoff))
             }
             Level::High => return, // waiting and funded: an old check may stay, it does no harm
         };
-        self.check_at = match (self.check_at, wanted) {
-            (Some(old), Some(new)) => Some(old.min(new)),
-            (old, new) => new.or(old),
-        };
+        self.check_at = self.check_at.min(wanted);
     }
 }
 

@@ -393,16 +393,11 @@ impl Budgeted {
         let Some(entry) = state.entries.get(self.index) else {
             return;
         };
-        let at = entry.timer_at(self.shared.timer.as_ref());
-        let mut at = at.unwrap_or(Nanos::MAX);
-        if !entry.reservation.is_runnable()
-            && let Some(pulled) = state.pull_in(clock::monotonic())
-        {
-            at = at.min(pulled);
+        let mut at = entry.timer_at(self.shared.timer.as_ref());
+        if !entry.reservation.is_runnable() {
+            at = at.min(state.pull_in(clock::monotonic()));
         }
-        if at != Nanos::MAX {
-            self.shared.arm(state, at);
-        }
+        self.shared.arm(state, at);
     }
 
     /// The rung without privilege: an exhausted worker waits here.

@@ -1,7 +1,7 @@
 //! One supervised thread: its reservation, and how a verdict reaches the kernel.
 
 use super::overruns::Overruns;
-use super::{AnyServer, Enforcement};
+use super::{AnyServer, Enforcement, NEVER};
 use crate::Nanos;
 use crate::Shared as Arc;
 use crate::Tid;
@@ -50,32 +50,38 @@ impl Entry {
         }
     }
 
-    /// When the next judgement is due, if any.
-    pub(super) fn check_at(&self) -> Option<Nanos> {
-        if self.live {
-            self.reservation.check_at()
-        } else {
-            None
+    /// When the next judgement is due, [`NEVER`] if none is.
+    pub(super) fn check_at(&self) -> Nanos {
+        match self.live {
+            true => self.reservation.check_at().unwrap_or(NEVER),
+            false => NEVER,
         }
     }
 
     /// Whether it is to be judged now, or within `slack`.
     pub(super) fn is_due(&self, now: Nanos, slack: Nanos) -> bool {
-        let Some(at) = self.check_at() else {
+        let at = self.check_at();
+        if at == NEVER {
             return false;
-        };
+        }
         let by_clock = self.watch.is_at_limit(now, slack);
         by_clock.unwrap_or(at <= now.saturating_add(slack))
     }
 
-    /// What the timer is to be set to; `None` where the end of the budget is told by the thread's CPU
-    /// clock, or nothing is to come.
-    pub(super) fn timer_at(&self, timer: Option<&TimerFd>) -> Option<Nanos> {
+    /// What the timer is to be set to; [`NEVER`] where the end of the budget is told by the thread's
+    /// CPU clock, or nothing is to come.
+    pub(super) fn timer_at(&self, timer: Option<&TimerFd>) -> Nanos {
         let at = self.check_at();
-        let limit = at.and_then(|_| self.reservation.limit());
-        let by_clock = self.watch.limit(timer, limit);
+        let limit = match at {
+            NEVER => None,
+            _ => self.reservation.limit(),
+        };
+        let by_clock = self.watch.limit(timer, limit.unwrap_or(NEVER));
         // One that waits has a check that is as good when it goes on.
-        at.filter(|_| !by_clock || self.reservation.level() == Level::Low)
+        match by_clock && self.reservation.level() == Level::High {
+            true => NEVER,
+            false => at,
+        }
     }
 
     /// Whether blocking inside callbacks is seen through the kernel's records.
@@ -83,12 +89,11 @@ impl Entry {
         self.watch.is_exact()
     }
 
-    /// See [`Reservation::pull_in`]; the new time if it moved.
-    pub(super) fn pull_in(&mut self, now: Nanos) -> Option<Nanos> {
-        if self.live && self.reservation.pull_in(now) {
-            self.check_at()
-        } else {
-            None
+    /// See [`Reservation::pull_in`]; the new time if it moved, otherwise [`NEVER`].
+    pub(super) fn pull_in(&mut self, now: Nanos) -> Nanos {
+        match self.live && self.reservation.pull_in(now) {
+            true => self.check_at(),
+            false => NEVER,
         }
     }
 
@@ -99,43 +104,48 @@ impl Entry {
         }
     }
 
-    /// The thread's CPU clock at this moment, which is `now`; a thread that has ended keeps its last reading.
+    /// The thread's CPU clock at this moment, which is `now`.
     fn cpu(&mut self, now: Nanos) -> Nanos {
-        self.clock.read_at(now).unwrap_or_else(|| {
+        let read = self.clock.read_at(now);
+        self.kept(read)
+    }
+
+    /// The same with the switch records up to `now`.
+    fn read(&mut self, now: Nanos) -> Nanos {
+        let (_, since) = self.reservation.last_reading();
+        let read = self.watch.read(&self.clock, since, now);
+        self.kept(read)
+    }
+
+    /// A thread that has ended keeps its last reading.
+    fn kept(&mut self, read: Option<Nanos>) -> Nanos {
+        read.unwrap_or_else(|| {
             self.live = false;
             self.reservation.last_reading().0
         })
     }
 
-    /// Reads the switch records up to `now`.
-    fn drain(&mut self, now: Nanos) {
-        let (_, since) = self.reservation.last_reading();
-        self.watch.read(since, now);
-    }
-
     /// The worker leaves its wait; it was woken at `woken`.
     pub(super) fn activate(&mut self, woken: Nanos, now: Nanos) {
-        let cpu = self.cpu(now);
-        self.watch.restart(now);
+        let read = self.watch.restart(&self.clock, now);
+        let cpu = self.kept(read);
         self.reservation.activate(woken, now, cpu);
     }
 
     /// The worker is about to wait.
     pub(super) fn block(&mut self, now: Nanos) {
-        let cpu = self.cpu(now);
-        self.drain(now);
+        let cpu = self.read(now);
         self.reservation.block(now, cpu, self.watch.gaps());
     }
 
     /// Decides by the CPU clock, and carries the decision out.
     pub(super) fn judge(&mut self, now: Nanos, rung: Enforcement) -> Outcome {
-        let late = self.check_at().map_or(0, |at| now.saturating_sub(at));
+        let late = now.saturating_sub(self.check_at());
         let cpu = if self.watch.has_not_run() {
             self.watch.skip_reading(now);
             self.reservation.last_reading().0
         } else {
-            self.drain(now);
-            self.cpu(now)
+            self.read(now)
         };
         let verdict = self.reservation.judge(now, cpu, self.watch.gaps());
         self.obey(verdict, now, late, rung)
@@ -152,8 +162,7 @@ impl Entry {
 
     /// Brings the counters up to date without deciding anything.
     pub(super) fn observe(&mut self, now: Nanos) {
-        let cpu = self.cpu(now);
-        self.drain(now);
+        let cpu = self.read(now);
         self.reservation.observe(now, cpu, self.watch.gaps());
     }
 

@@ -51,6 +51,9 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use entry::Entry;
 use sporadic::{Kind, Params, Server, Tuning};
 
+/// The end of time, in the place of no time at all.
+const NEVER: Nanos = Nanos::MAX;
+
 /// How many pending replenishments a budget may have at most on this system.
 pub const MAX_REPL: usize = backend::MAX_REPL;
 
@@ -199,7 +202,8 @@ pub(crate) struct Shared {
 #[derive(Debug)]
 struct State {
     entries: Vec<Entry>,
-    armed: Option<Nanos>,
+    /// What the timer is set to; [`NEVER`]: it is not.
+    armed: Nanos,
     stats: EnforcerStats,
 }
 
@@ -309,7 +313,7 @@ impl Shared {
         let entries = Vec::with_capacity(config.capacity.clamp(1, 1024));
         let state = State {
             entries,
-            armed: None,
+            armed: NEVER,
             stats: EnforcerStats::default(),
         };
         Self {
@@ -333,7 +337,7 @@ impl Shared {
                 continue; // interrupted by a signal
             }
             let mut state = self.state.lock();
-            state.armed = None;
+            state.armed = NEVER;
             state.stats.wakes += 1;
             if !self.sweep(&mut state) {
                 state.stats.idle_wakes += 1;
@@ -377,8 +381,11 @@ impl Shared {
     /// Arms the timer for the earliest check.
     fn rearm(&self, state: &mut State) {
         let timer = self.timer.as_ref();
-        let times = state.entries.iter().filter_map(|e| e.timer_at(timer));
-        if let Some(at) = times.min() {
+        let mut at = NEVER;
+        for entry in &state.entries {
+            at = at.min(entry.timer_at(timer));
+        }
+        if at != NEVER {
             let floor = clock::monotonic().saturating_add(self.config.tuning.min_rearm);
             self.arm(state, at.max(floor));
         }
@@ -387,19 +394,20 @@ impl Shared {
     /// Makes sure that the timer fires at `at` or earlier.
     fn arm(&self, state: &mut State, at: Nanos) {
         let Some(timer) = &self.timer else { return };
-        if state.armed.is_none_or(|armed| at < armed) && timer.arm(at).is_ok() {
-            state.armed = Some(at);
+        if at < state.armed && timer.arm(at).is_ok() {
+            state.armed = at;
         }
     }
 }
 
 impl State {
     /// A worker left the CPU: those that waited for it are judged at their exact times again.
-    /// Returns the earliest time that moved.
-    fn pull_in(&mut self, now: Nanos) -> Option<Nanos> {
-        self.entries
-            .iter_mut()
-            .filter_map(|entry| entry.pull_in(now))
-            .min()
+    /// Returns the earliest time that moved, [`NEVER`] if none did.
+    fn pull_in(&mut self, now: Nanos) -> Nanos {
+        let mut at = NEVER;
+        for entry in &mut self.entries {
+            at = at.min(entry.pull_in(now));
+        }
+        at
     }
 }

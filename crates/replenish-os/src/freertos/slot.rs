@@ -91,16 +91,16 @@ impl State {
 /// run needs no looking after.
 ///
 /// `by` is woken from its timer's `read`. Whether that works: it has to have read before.
-pub(crate) fn limit(of: &'static Slot, by: Option<&'static Slot>, at: Option<Nanos>) -> bool {
+pub(crate) fn limit(of: &'static Slot, by: Option<&'static Slot>, at: Nanos) -> bool {
     let Some(by) = by else { return false };
     let mask = Mask::set();
     let quiet = mask.quiet();
     let rings = of.state.within(quiet, |s| {
-        s.limit = at.unwrap_or(NEVER);
+        s.limit = at;
         s.limited_by = Some(by);
-        match at {
-            Some(_) if s.on_cpu => s.at_limit(ffi::board_now()),
-            _ => NEVER,
+        match at != NEVER && s.on_cpu {
+            true => s.at_limit(ffi::board_now()),
+            false => NEVER,
         }
     });
     if rings != NEVER || current().is_some_and(|me| ptr::eq(me, of)) {

@@ -1,6 +1,7 @@
 //! Which stretches of a callback its thread spent blocked: from the kernel's records where it
 //! keeps them ([`SwitchLog`]).
 
+use super::clock::ThreadCpuClock;
 use super::gaps::GapTracker;
 use super::switches::SwitchLog;
 use super::timer::TimerFd;
@@ -46,8 +47,14 @@ impl Watch {
         self.gaps.next_reading(now);
     }
 
-    /// Reads the records from `since`, the last reading, up to `now`.
-    pub(crate) fn read(&mut self, since: Nanos, now: Nanos) {
+    /// Reads the records from `since`, the last reading, up to `now`, and the thread's CPU clock;
+    /// `None` once it has ended.
+    pub(crate) fn read(
+        &mut self,
+        clock: &ThreadCpuClock,
+        since: Nanos,
+        now: Nanos,
+    ) -> Option<Nanos> {
         self.gaps.next_reading(since);
         if let Some(log) = &mut self.switches {
             let gaps = &mut self.gaps;
@@ -55,14 +62,18 @@ impl Watch {
                 self.gaps.lost(since, now);
             }
         }
+        clock.read()
     }
 
     /// Starts afresh with a thread that runs: what was recorded belongs to its wait.
-    pub(crate) fn restart(&mut self, now: Nanos) {
+    /// Reads its CPU clock, too.
+    pub(crate) fn restart(&mut self, clock: &ThreadCpuClock, now: Nanos) -> Option<Nanos> {
+        let cpu = clock.read();
         if let Some(log) = &mut self.switches {
             log.drain(&mut |_| {});
         }
         self.gaps.restart(now);
+        cpu
     }
 
     /// It is not known when the thread blocked: all since the last reading counts from `now`.
@@ -72,7 +83,7 @@ impl Watch {
 
     /// There is no cheap way to be told of a CPU clock: the timer is set by the time.
     #[expect(clippy::unused_self, reason = "the other back end's name")]
-    pub(crate) const fn limit(&self, _timer: Option<&TimerFd>, _at: Option<Nanos>) -> bool {
+    pub(crate) const fn limit(&self, _timer: Option<&TimerFd>, _at: Nanos) -> bool {
         false
     }
 

@@ -223,7 +223,7 @@ pub(crate) fn release(slot: &'static Slot) {
 }
 
 /// There are no limits of CPU clocks: who supervises looks at times.
-pub(crate) const fn limit(_: &Slot, _: Option<&'static Slot>, _: Option<Nanos>) -> bool {
+pub(crate) const fn limit(_: &Slot, _: Option<&'static Slot>, _: Nanos) -> bool {
     false
 }
 

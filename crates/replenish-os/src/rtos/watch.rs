@@ -1,7 +1,8 @@
 //! Which stretches of a callback its task spent blocked, from the switch hooks.
 
+use super::clock::ThreadCpuClock;
 use super::gaps::Gaps;
-use super::slot::{self, Slot};
+use super::slot::{self, Slot, State};
 use super::timer::TimerFd;
 use crate::Nanos;
 use crate::Tid;
@@ -36,29 +37,24 @@ impl Watch {
     #[expect(clippy::unused_self, reason = "the other back end's name")]
     pub(crate) const fn skip_reading(&mut self, _now: Nanos) {}
 
-    /// Takes what the hooks have recorded since the last reading.
-    pub(crate) fn read(&mut self, _since: Nanos, now: Nanos) {
-        let Some(slot) = self.slot else { return };
+    /// Takes what the hooks have recorded since the last reading; the task's CPU clock, `None` once
+    /// it has ended.
+    pub(crate) fn read(&mut self, _: &ThreadCpuClock, _since: Nanos, now: Nanos) -> Option<Nanos> {
         let read = &mut self.read;
-        slot.state.with(|s| {
+        self.slot?.state.with(|s| {
             if s.gaps.len > 0 {
                 *read = s.gaps;
             } else {
                 read.len = 0; // mostly, and cheaper than to copy
             }
-            let cpu = s.cpu(now);
-            s.gaps.clear(cpu);
-        });
+            begin(s, now)
+        })
     }
 
-    /// Starts afresh with a task that runs.
-    pub(crate) fn restart(&mut self, now: Nanos) {
+    /// Starts afresh with a task that runs; its CPU clock.
+    pub(crate) fn restart(&mut self, _: &ThreadCpuClock, now: Nanos) -> Option<Nanos> {
         self.read.len = 0;
-        let Some(slot) = self.slot else { return };
-        slot.state.with(|s| {
-            let cpu = s.cpu(now);
-            s.gaps.clear(cpu);
-        });
+        self.slot?.state.with(|s| begin(s, now))
     }
 
     /// It is not known when the task blocked: all since the last reading counts from `now`.
@@ -74,9 +70,9 @@ impl Watch {
         }
     }
 
-    /// Has the enforcer woken when the task's CPU clock shows `at`; whether that can be done, or its timer
+    /// Has the enforcer woken when the task's CPU clock shows `at` (`Nanos::MAX`: not); whether that can be done, or its timer
     /// must be set instead.
-    pub(crate) fn limit(&self, timer: Option<&TimerFd>, at: Option<Nanos>) -> bool {
+    pub(crate) fn limit(&self, timer: Option<&TimerFd>, at: Nanos) -> bool {
         let by = timer.and_then(TimerFd::owner);
         self.slot.is_some_and(|slot| slot::limit(slot, by, at))
     }
@@ -96,4 +92,11 @@ impl Watch {
     pub(crate) fn gaps(&self) -> &[Gap] {
         self.read.list.get(..self.read.len).unwrap_or(&[])
     }
+}
+
+/// From here on records are new.
+fn begin(s: &mut State, now: Nanos) -> Option<Nanos> {
+    let cpu = s.cpu(now);
+    s.gaps.clear(cpu);
+    (!s.ended).then_some(cpu)
 }
