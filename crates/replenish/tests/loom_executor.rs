@@ -40,7 +40,7 @@ use dispatcher::{Dispatcher, DispatcherCounters};
 use doorbell::{Doorbell, Line};
 use entry::Entry;
 use handle::Shared;
-use handoff::{Inbox, Keep, ReadySet, SampleInfo, Stop};
+use handoff::{Inbox, Keep, SampleInfo, Stop};
 use loom::thread;
 use mailbox::{Declined, Mailbox, Order};
 use middleware::{Fake, Interest, Middleware, ReaderId};
@@ -57,26 +57,24 @@ fn reader(id: u16) -> ReaderId {
 }
 
 /// To a worker of one handle.
-fn line() -> Line {
-    Line {
-        bell: Arc::new(Doorbell::default()),
-        marks: Arc::new(ReadySet::new(1)),
-        slot: 0,
-    }
-}
-
-fn route(shared: &Arc<Shared>) -> Route {
+fn route_to(bell: &Arc<Doorbell>, shared: &Arc<Shared>) -> Route {
     Route {
         shared: Arc::clone(shared),
-        worker: 0,
-        line: line(),
+        line: Line {
+            bell: Arc::clone(bell),
+            slot: 0,
+        },
         hand: None,
     }
 }
 
+fn route(shared: &Arc<Shared>) -> Route {
+    route_to(&Arc::new(Doorbell::default()), shared)
+}
+
 fn post(used: usize, limit: usize) -> (Arc<Mailbox>, Arc<Doorbell>) {
-    let Line { bell, marks, .. } = line();
-    (Mailbox::new(used, limit, Arc::clone(&bell), marks), bell)
+    let bell = Arc::new(Doorbell::default());
+    (Mailbox::new(used, limit, Arc::clone(&bell)), bell)
 }
 
 /// Reader 0 is full after its first sample and leaves the interest set. Reader 1, behind it, gets
@@ -95,13 +93,13 @@ fn a_full_reader_leaves_the_interest_set_holds_up_nobody_and_comes_back() {
             middleware: Arc::clone(&middleware),
         };
         let bell = Arc::new(Doorbell::default());
-        let dispatcher = Dispatcher {
+        let mut dispatcher = Dispatcher {
             stop: stop.clone(),
             events: Arc::new(event::Events),
             counters: Arc::new(DispatcherCounters::default()),
-            routes: shared.iter().map(|s| Some(route(s))).collect(),
+            routes: shared.iter().map(|s| Some(route_to(&bell, s))).collect(),
             desk: Desk::new(),
-            bells: vec![(Arc::clone(&bell), false)],
+            bells: vec![Arc::clone(&bell)],
         };
         let dispatcher = thread::spawn(move || dispatcher.run(&mut Account));
         while inboxes[1].waiting() == 0 {
@@ -227,7 +225,7 @@ fn handles_of_two_threads_arrive() {
             })
             .collect();
         let mut worker = Worker::default();
-        work(&mailbox, &bell, &mut worker, |w| w.entries.len() == 2);
+        work(&mailbox, &bell, &mut worker, |w| w.spec.entries.len() == 2);
         assert!(matches!(
             mailbox.reserve(),
             Err(Declined::Full { limit: 2 })
@@ -247,20 +245,20 @@ fn after_a_removal_no_callback_starts_and_the_place_is_free() {
         let stop = Arc::new(AtomicBool::new(false));
         let freed = Arc::new(AtomicBool::new(false));
         let mut worker = Worker::default();
-        worker.entries.push(Entry::new(&shared, place));
+        worker.spec.entries.push(Entry::new(&shared, place));
         let running = {
             let (mailbox, bell) = (Arc::clone(&mailbox), Arc::clone(&bell));
             let (stop, freed) = (Arc::clone(&stop), Arc::clone(&freed));
             thread::spawn(move || {
                 work(&mailbox, &bell, &mut worker, |worker| {
-                    for entry in &worker.entries {
+                    for entry in &worker.spec.entries {
                         if !entry.shared.removed.load(Ordering::Acquire) {
                             assert!(!freed.load(Ordering::Acquire), "a callback started");
                         }
                     }
                     stop.load(Ordering::Acquire)
                 });
-                worker.entries.len()
+                worker.spec.entries.len()
             })
         };
         assert!(!shared.removed.swap(true, Ordering::AcqRel));
@@ -284,6 +282,7 @@ fn nobody_waits_for_a_worker_that_has_ended() {
         let shared = Shared::new(None);
         let mut worker = Worker::default();
         worker
+            .spec
             .entries
             .push(Entry::new(&shared, mailbox.reserve().unwrap()));
         let ending = {
@@ -342,36 +341,50 @@ mod stop {
 mod doorbell {
     use crate::handoff::ReadySet;
     use crate::sync::{Arc, Signal};
+    use std::sync::atomic::Ordering;
 
     pub(crate) struct Line {
         pub(crate) bell: Arc<Doorbell>,
-        pub(crate) marks: Arc<ReadySet>,
         pub(crate) slot: usize,
     }
 
     impl Line {
         pub(crate) fn mark(&self) {
-            self.marks.mark(self.slot);
+            self.bell.marks.mark(self.slot);
         }
     }
 
-    pub(crate) struct Doorbell(Signal);
+    pub(crate) struct Doorbell {
+        signal: Signal,
+        marks: ReadySet,
+        /// The dispatcher's alone: not seen by the model.
+        due: std::sync::atomic::AtomicBool,
+    }
 
     impl Default for Doorbell {
         fn default() -> Self {
-            Self(Signal::new())
+            Self {
+                signal: Signal::new(),
+                marks: ReadySet::new(1),
+                due: false.into(),
+            }
         }
     }
 
     impl Doorbell {
-        pub(crate) fn ring(&self, _: u64) {
-            self.0.set();
+        pub(crate) fn owe(&self) {
+            self.due.store(true, Ordering::Relaxed);
+        }
+        pub(crate) fn pay(&self) {
+            if self.due.swap(false, Ordering::Relaxed) {
+                self.signal.set();
+            }
         }
         pub(crate) fn call(&self) {
-            self.0.set();
+            self.signal.set();
         }
         pub(crate) fn wait(&self) {
-            self.0.wait();
+            self.signal.wait();
         }
     }
 }
@@ -417,6 +430,11 @@ mod entry {
 mod worker {
     #[derive(Default)]
     pub(crate) struct Worker {
+        pub(crate) spec: Spec,
+    }
+
+    #[derive(Default)]
+    pub(crate) struct Spec {
         pub(crate) entries: Vec<crate::entry::Entry>,
     }
 

@@ -374,21 +374,18 @@ mod entry {
 
 mod builder {
     use crate::entry::Entry;
-    use crate::sync::Arc;
 
     #[derive(Default)]
     pub(crate) struct WorkerSpec {
         pub(crate) request: crate::plan::Request,
-        pub(crate) bell: Arc<crate::doorbell::Doorbell>,
         pub(crate) rules: crate::rules::Rules,
         pub(crate) entries: Vec<Entry>,
     }
 
     impl WorkerSpec {
-        pub(crate) fn ordered(mut entries: Vec<Entry>, _: usize) -> Vec<Entry> {
-            let numbered = entries.iter_mut().enumerate();
+        pub(crate) fn order(&mut self, _: usize) {
+            let numbered = self.entries.iter_mut().enumerate();
             numbered.for_each(|(slot, entry)| entry.slot = slot);
-            entries
         }
         pub(crate) fn limit(&self) -> usize {
             self.entries.len()
@@ -396,37 +393,33 @@ mod builder {
         pub(crate) fn numbers(&self) -> u64 {
             0
         }
-        pub(crate) fn violation(&self) -> Option<crate::error::Error> {
-            None
+        pub(crate) fn check_rules(&self) -> Result<(), crate::error::Error> {
+            Ok(())
         }
     }
 }
 
 mod plan {
-    /// None; `loom`'s `Arc` has no other way from text to `Arc<str>`.
-    #[derive(Default)]
-    pub(crate) struct Name;
-
-    impl Name {
-        pub(crate) fn as_str(&self) -> &Self {
-            self
-        }
-    }
-
-    impl From<&Name> for crate::Arc<str> {
-        fn from(_: &Name) -> Self {
-            Self::from_std("".into())
-        }
-    }
-
-    #[derive(Default)]
     pub(crate) struct Request {
-        pub(crate) name: Name,
+        pub(crate) name: crate::Arc<str>,
         pub(crate) policy: Option<()>,
         pub(crate) budget: Option<()>,
         pub(crate) guarantee: Option<()>,
         pub(crate) cpu: Option<()>,
         pub(crate) stack_size: Option<()>,
+    }
+
+    impl Default for Request {
+        fn default() -> Self {
+            Self {
+                name: crate::Arc::from_std("".into()),
+                policy: None,
+                budget: None,
+                guarantee: None,
+                cpu: None,
+                stack_size: None,
+            }
+        }
     }
 
     impl Request {

@@ -169,7 +169,7 @@ fn request(workers: &[WorkerSpec], options: &Options, guaranteed: bool) -> Resul
             }),
             (None, None) => continue,
         };
-        let worker = Worker::with_policy(&asked.name, Simulated::Other);
+        let worker = Worker::with_policy(&*asked.name, Simulated::Other);
         request.workers.push(Worker {
             wish,
             cpu: asked.cpu,
@@ -270,7 +270,7 @@ fn apply(
 ) -> Result<(), Error> {
     for spec in workers.iter_mut().filter(|w| w.request.wants().is_some()) {
         let asked = &mut spec.request;
-        let Some(planned) = plan.workers.iter().find(|w| w.name == asked.name) else {
+        let Some(planned) = plan.workers.iter().find(|w| *w.name == *asked.name) else {
             continue;
         };
         asked.policy = Some(policy_of(&planned.policy).validate()?);

@@ -13,7 +13,6 @@ use super::entry::Entry;
 use super::moment::Moment;
 use crate::Nanos;
 use crate::handoff::ReadySet;
-use crate::sync::Arc;
 use alloc::vec::Vec;
 
 /// Positions per word.
@@ -21,7 +20,6 @@ const BITS: usize = usize::BITS as usize;
 
 /// One worker's; lives on its thread. Allocates when it is made only.
 pub(crate) struct Agenda {
-    marks: Arc<ReadySet>,
     /// By slot.
     positions: Vec<usize>,
     /// A bit per position.
@@ -34,10 +32,9 @@ pub(crate) struct Agenda {
 
 impl Agenda {
     /// For a worker that has up to `limit` handles, in slots below that.
-    pub(crate) fn new(marks: Arc<ReadySet>, limit: usize) -> Self {
+    pub(crate) fn new(limit: usize) -> Self {
         // Zeros, which take less code, until they are put in order.
         let mut agenda = Self {
-            marks,
             positions: alloc::vec![0; limit],
             due: alloc::vec![0; limit.div_ceil(BITS)],
             releases: alloc::vec![0; limit],
@@ -73,14 +70,10 @@ impl Agenda {
         }
     }
 
-    /// The first handle from position `from` on that is to be looked at. It is not due any more.
-    pub(crate) fn next_from(&mut self, from: usize) -> Option<usize> {
-        let Self {
-            marks,
-            positions,
-            due,
-            ..
-        } = self;
+    /// The first handle from position `from` on that is to be looked at, with what was marked
+    /// meanwhile. It is not due any more.
+    pub(crate) fn next_from(&mut self, from: usize, marks: &ReadySet) -> Option<usize> {
+        let Self { positions, due, .. } = self;
         marks.drain(|slot| {
             if let Some(at) = positions.get(slot) {
                 set(due, *at);
@@ -139,14 +132,13 @@ fn set(bits: &mut [usize], at: usize) {
 mod tests {
     use super::*;
 
-    fn agenda(limit: usize) -> (Agenda, Arc<ReadySet>) {
-        let marks = Arc::new(ReadySet::new(limit));
-        let mut agenda = Agenda::new(Arc::clone(&marks), limit);
+    fn agenda(limit: usize) -> (Agenda, ReadySet) {
+        let mut agenda = Agenda::new(limit);
         // Slots in reverse order of positions.
         for (slot, position) in agenda.positions.iter_mut().enumerate() {
             *position = limit - 1 - slot;
         }
-        (agenda, marks)
+        (agenda, ReadySet::new(limit))
     }
 
     #[test]
@@ -155,29 +147,29 @@ mod tests {
         for slot in [0, 70, 199, 200, 9999] {
             marks.mark(slot);
         }
-        assert_eq!(agenda.next_from(0), Some(0));
+        assert_eq!(agenda.next_from(0, &marks), Some(0));
         marks.mark(198); // position 1: ahead of the round
-        assert_eq!(agenda.next_from(1), Some(1));
-        assert_eq!(agenda.next_from(2), Some(129));
+        assert_eq!(agenda.next_from(1, &marks), Some(1));
+        assert_eq!(agenda.next_from(2, &marks), Some(129));
         marks.mark(199); // position 0: behind it
-        assert_eq!(agenda.next_from(130), Some(199));
-        assert_eq!(agenda.next_from(200), None);
+        assert_eq!(agenda.next_from(130, &marks), Some(199));
+        assert_eq!(agenda.next_from(200, &marks), None);
         assert!(agenda.is_due());
-        assert_eq!(agenda.next_from(0), Some(0));
-        assert_eq!(agenda.next_from(1), None);
+        assert_eq!(agenda.next_from(0, &marks), Some(0));
+        assert_eq!(agenda.next_from(1, &marks), None);
         assert!(!agenda.is_due());
     }
 
     #[test]
     fn releases_are_due_at_their_time_and_the_earliest_is_known() {
-        let (mut agenda, _) = agenda(3);
+        let (mut agenda, marks) = agenda(3);
         assert_eq!(agenda.earliest(), None);
         agenda.next_release_of(1, Some(20));
         agenda.next_release_of(2, Some(10));
         agenda.release(&Moment::at(9));
-        assert_eq!(agenda.next_from(0), None);
+        assert_eq!(agenda.next_from(0, &marks), None);
         agenda.release(&Moment::at(10));
-        assert_eq!(agenda.next_from(0), Some(2));
+        assert_eq!(agenda.next_from(0, &marks), Some(2));
         agenda.next_release_of(2, Some(30));
         assert_eq!(agenda.earliest(), Some(20));
         agenda.next_release_of(1, None);

@@ -6,17 +6,16 @@ use super::agenda::Agenda;
 use super::builder::WorkerSpec;
 use super::desk::Desk;
 use super::dispatcher::{Dispatcher, DispatcherCounters};
-use super::doorbell::Line;
+use super::doorbell::{Doorbell, Line};
 use super::handle::Shared;
 use super::live::{Live, Post, Registry};
 use super::mailbox::Mailbox;
-use super::plan::Request;
 use super::routes::Route;
 use super::worker::Worker;
 use crate::context::Context;
 use crate::event::Events;
-use crate::handoff::ReadySet;
 use crate::middleware::MAX_READERS;
+use crate::platform::{Kept, kept};
 use crate::sync::Arc;
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -24,32 +23,25 @@ use alloc::vec::Vec;
 /// The parts of an executor.
 pub(crate) struct Assembly {
     pub(crate) dispatcher: Dispatcher,
-    pub(crate) workers: Vec<(Box<Worker>, Request)>,
+    pub(crate) workers: Vec<Kept<Box<Worker>>>,
     pub(crate) live: Arc<Live>,
 }
 
-/// `order`: the workers in the order in which the dispatcher rings them; those that are not in it
-/// are not rung.
+/// The dispatcher's bells are left to the caller: whom it rings, and in which order.
 #[inline(never)]
 pub(crate) fn assemble(
     context: &Context,
-    specs: Vec<WorkerSpec>,
+    specs: Vec<Kept<WorkerSpec>>,
     stop: &StopHandle,
     events: &Arc<Events>,
-    order: &[usize],
 ) -> Assembly {
-    let mut bells = Vec::with_capacity(order.len());
-    for spec in order.iter().filter_map(|w| specs.get(*w)) {
-        bells.push((Arc::clone(&spec.bell), false));
-    }
-    let place = |worker: usize| order.iter().position(|w| *w == worker).unwrap_or(0);
     let mut dispatcher = Dispatcher {
         stop: stop.clone(),
         events: Arc::clone(events),
         counters: Arc::new(DispatcherCounters::default()),
         routes: Vec::new(),
         desk: Desk::new(),
-        bells,
+        bells: Vec::with_capacity(specs.len()),
     };
     if cfg!(feature = "live") {
         dispatcher.routes.resize_with(MAX_READERS, || None); // readers come without allocation
@@ -57,43 +49,36 @@ pub(crate) fn assemble(
     let (mut posts, mut limits) = (Vec::with_capacity(specs.len()), 0);
     let mut workers = Vec::with_capacity(specs.len());
     let mut handles: Vec<(Arc<str>, Arc<Shared>)> = Vec::new();
-    for (i, spec) in specs.into_iter().enumerate() {
-        let name: Arc<str> = spec.request.name.as_str().into();
+    for mut spec in specs {
         let limit = spec.limit();
-        let bell = Arc::clone(&spec.bell);
+        let bell = Arc::new(Doorbell::new(limit));
         stop.stop.join(Arc::clone(bell.signal()));
-        let marks = Arc::new(ReadySet::new(limit));
-        let (used, number) = (spec.entries.len(), spec.numbers());
-        let mailbox = Mailbox::new(used, limit, Arc::clone(&bell), Arc::clone(&marks));
-        let entries = WorkerSpec::ordered(spec.entries, limit);
-        for entry in &entries {
-            handles.push((Arc::clone(&name), Arc::clone(&entry.shared)));
-            dispatcher.route_to(place(i), &entry.shared, mailbox.line(entry.slot));
+        let mailbox = Mailbox::new(spec.entries.len(), limit, Arc::clone(&bell));
+        spec.order(limit);
+        for entry in &spec.entries {
+            handles.push((Arc::clone(&spec.request.name), Arc::clone(&entry.shared)));
+            dispatcher.route_to(&entry.shared, mailbox.line(entry.slot));
         }
         limits += limit;
-        posts.push(Post::new(&name, place(i), &mailbox, number));
+        posts.push(Post::new(&spec.request.name, &mailbox, spec.numbers()));
         let rounds = spec.rules.rounds;
-        let worker = Box::new(Worker {
-            name,
+        workers.push(kept(Box::new(Worker {
             stop: stop.clone(),
             events: Arc::clone(events),
             mailbox,
             live: None,
             bell,
-            entries,
-            agenda: Agenda::new(marks, limit),
+            agenda: Agenda::new(limit),
             looks_at_all: false,
-            rounds,
             outbox: rounds.and_then(|rounds| (rounds.outbox)(&spec.rules)),
-            rules: spec.rules,
+            spec,
             grid: None,
             ran: 0,
-        });
-        workers.push((worker, spec.request));
+        })));
     }
     let registry = Registry::new(handles, limits);
     let live = Live::new(context, stop, registry, &dispatcher.desk, posts);
-    for (worker, _) in &mut workers {
+    for worker in &mut workers {
         worker.live = Some(Arc::clone(&live));
     }
     Assembly {
@@ -104,7 +89,7 @@ pub(crate) fn assemble(
 }
 
 impl Dispatcher {
-    fn route_to(&mut self, worker: usize, shared: &Arc<Shared>, line: Line) {
+    fn route_to(&mut self, shared: &Arc<Shared>, line: Line) {
         let Some((reader, _)) = shared.input else {
             return;
         };
@@ -115,7 +100,6 @@ impl Dispatcher {
         if let Some(route) = self.routes.get_mut(place) {
             *route = Some(Route {
                 shared: Arc::clone(shared),
-                worker,
                 line,
                 hand: None,
             });

@@ -1,7 +1,6 @@
 //! Describing a worker: its scheduling and its rules. Adding handles to it is in `builder_handles`.
 
 use super::Executor;
-use super::doorbell::Doorbell;
 use super::entry::Entry;
 use super::forge::Forge;
 use super::plan::Request;
@@ -10,7 +9,7 @@ use super::rules::{Handling, Rules, Semantics, Trigger};
 use super::schedule::Every;
 use crate::budget::Budget;
 use crate::error::Error;
-use crate::sync::Arc;
+use crate::platform::{Kept, kept};
 use crate::text::text;
 use alloc::vec::Vec;
 use replenish_os::Policy;
@@ -18,7 +17,8 @@ use replenish_os::Policy;
 /// A worker that is described so far.
 pub(crate) struct WorkerSpec {
     pub(crate) request: Request,
-    pub(crate) bell: Arc<Doorbell>,
+    /// What was planned for it when the executor started.
+    pub(crate) policy: Policy,
     pub(crate) rules: Rules,
     /// In the order they were added.
     pub(crate) entries: Vec<Entry>,
@@ -28,22 +28,20 @@ pub(crate) struct WorkerSpec {
 }
 
 impl WorkerSpec {
-    pub(crate) fn new(name: &str) -> Self {
-        Self {
-            request: Request {
-                name: name.into(),
-                ..Request::default()
-            },
-            bell: Arc::default(),
+    pub(crate) fn new(name: &str) -> Kept<Self> {
+        kept(Self {
+            request: Request::named(name),
+            policy: Policy::Other,
             rules: Rules::default(),
             entries: Vec::new(),
             timers: 0,
             guards: 0,
-        }
+        })
     }
 
     /// The handles in the order in which they run, and room for as many as there may be.
-    pub(crate) fn ordered(mut entries: Vec<Entry>, limit: usize) -> Vec<Entry> {
+    pub(crate) fn order(&mut self, limit: usize) {
+        let entries = &mut self.entries;
         entries.reserve_exact(limit.saturating_sub(entries.len()));
         for at in 0..entries.len() {
             if let Some(entry) = entries.get_mut(at) {
@@ -59,7 +57,6 @@ impl WorkerSpec {
                 end -= 1;
             }
         }
-        entries
     }
 
     /// The most handles this worker can have.
@@ -73,21 +70,20 @@ impl WorkerSpec {
         self.timers.max(self.guards) as u64
     }
 
-    /// The first rule that contradicts another.
-    pub(crate) fn violation(&self) -> Option<Error> {
-        if let Some(error) = self
-            .rules
-            .rounds
-            .and_then(|rounds| (rounds.violation)(self))
-        {
-            return Some(error);
+    /// No rule contradicts another.
+    pub(crate) fn check_rules(&self) -> Result<(), Error> {
+        if let Some(rounds) = self.rules.rounds {
+            (rounds.check)(self)?;
         }
-        let rules = &self.rules;
-        let capacity = rules.capacity?;
-        let allowed = text!("{}..=4096: those described", self.entries.len());
-        let fits = (self.entries.len()..=4096).contains(&capacity);
-        let owner = self.request.owner();
-        (!fits).then(|| Error::parameter(owner, "capacity", &capacity, allowed))
+        let described = self.entries.len();
+        match self.rules.capacity {
+            Some(capacity) if !(described..=4096).contains(&capacity) => {
+                let allowed = text!("{described}..=4096: those described");
+                let owner = self.request.owner();
+                Err(Error::parameter(owner, "capacity", &capacity, allowed))
+            }
+            _ => Ok(()),
+        }
     }
 }
 
@@ -172,7 +168,7 @@ impl WorkerBuilder<'_> {
         self
     }
 
-    pub(super) fn spec(&mut self) -> Option<&mut WorkerSpec> {
+    pub(super) fn spec(&mut self) -> Option<&mut Kept<WorkerSpec>> {
         self.executor.workers.get_mut(self.index)
     }
 

@@ -56,13 +56,13 @@ pub(crate) struct Dispatcher {
     pub(crate) routes: Vec<Option<Route>>,
     /// How routes change.
     pub(crate) desk: Arc<Desk>,
-    /// The workers' bells, highest priority first, and whether each is to be rung.
-    pub(crate) bells: Vec<(Arc<Doorbell>, bool)>,
+    /// The workers' bells, highest priority first.
+    pub(crate) bells: Vec<Arc<Doorbell>>,
 }
 
 impl Dispatcher {
     /// Dispatches until a stop is requested.
-    pub(crate) fn run(mut self, account: &mut Account) {
+    pub(crate) fn run(&mut self, account: &mut Account) {
         let mut watch = self.watch();
         while !self.stop.is_stopping() {
             self.round(&mut watch, account, None);
@@ -176,7 +176,6 @@ impl Dispatcher {
             stop,
             events,
             routes,
-            bells,
             ..
         } = self;
         let mut sink = |reader: ReaderId, info: &SampleInfo, bytes: &[u8]| {
@@ -184,9 +183,7 @@ impl Dispatcher {
             let Some(route) = route.and_then(Option::as_mut) else {
                 return Room::Left; // nobody subscribes to it any more
             };
-            if let Some((_, due)) = bells.get_mut(route.worker) {
-                *due = true;
-            }
+            route.line.bell.owe();
             match route.deliver(info, bytes, events) {
                 true => {
                     parked.insert(reader);
@@ -201,12 +198,8 @@ impl Dispatcher {
         Ok(())
     }
 
-    fn ring(&mut self) {
-        for (bell, due) in &mut self.bells {
-            if core::mem::take(due) {
-                bell.ring(clock::monotonic());
-            }
-        }
+    fn ring(&self) {
+        self.bells.iter().for_each(|bell| bell.pay());
     }
 
     /// The middleware has failed: tells, and pauses.

@@ -17,18 +17,17 @@ use crate::platform::Once;
 use crate::sync::{Arc, AtomicBool, AtomicU64, Ordering, Signal};
 use replenish_os::clock;
 
-/// The way of one handle's input to its worker: a mark that says which handle, and the bell.
+/// The way of one handle's input to its worker: the bell, and the mark that says which handle.
 #[derive(Clone)]
 pub(crate) struct Line {
     pub(crate) bell: Arc<Doorbell>,
-    pub(crate) marks: Arc<ReadySet>,
     pub(crate) slot: usize,
 }
 
 impl Line {
     /// There is input for the handle, and the bell is yet to be rung. Async-signal-safe.
     pub(crate) fn mark(&self) {
-        self.marks.mark(self.slot);
+        self.bell.marks.mark(self.slot);
     }
 
     /// There is input for the handle, since `now`. Async-signal-safe.
@@ -45,16 +44,31 @@ impl Line {
 }
 
 /// Rung by the dispatcher or by a stop; one worker sleeps on it.
-#[derive(Default)]
 pub(crate) struct Doorbell {
     signal: Arc<Signal>,
     rung_at: AtomicU64,
     muted: AtomicBool,
+    /// The dispatcher has brought something and is yet to ring.
+    due: AtomicBool,
+    /// Whose input has come.
+    pub(crate) marks: ReadySet,
     /// What the worker sleeps on instead, if it has no thread of its own.
     relay: Once<Arc<dyn Middleware>>,
 }
 
 impl Doorbell {
+    /// For a worker with handles in slots below `slots`.
+    pub(crate) fn new(slots: usize) -> Self {
+        Self {
+            signal: Arc::new(Signal::new()),
+            rung_at: AtomicU64::new(0),
+            muted: AtomicBool::new(false),
+            due: AtomicBool::new(false),
+            marks: ReadySet::new(slots),
+            relay: Once::new(),
+        }
+    }
+
     /// The signal alone, for those who do not bring work.
     pub(crate) fn signal(&self) -> &Arc<Signal> {
         &self.signal
@@ -65,6 +79,19 @@ impl Doorbell {
         if !self.muted.load(Ordering::Relaxed) {
             self.rung_at.store(now, Ordering::Relaxed); // published by the signal
             self.wake();
+        }
+    }
+
+    /// Dispatcher: to be rung when the batch has been taken.
+    pub(crate) fn owe(&self) {
+        self.due.store(true, Ordering::Relaxed);
+    }
+
+    /// Dispatcher: rings if that is owed.
+    pub(crate) fn pay(&self) {
+        if self.due.load(Ordering::Relaxed) {
+            self.due.store(false, Ordering::Relaxed);
+            self.ring(clock::monotonic());
         }
     }
 

@@ -7,7 +7,6 @@ use super::handle::Shared;
 use super::routes::Route;
 use super::worker::Worker;
 use crate::context::Context;
-use crate::handoff::ReadySet;
 use crate::middleware::{Interest, Middleware};
 use crate::sync::Arc;
 use alloc::vec::Vec;
@@ -38,7 +37,7 @@ pub(crate) struct Live {
 pub(crate) struct Post;
 
 impl Post {
-    pub(crate) const fn new(_: &Arc<str>, _: usize, _: &Arc<Mailbox>, _: u64) -> Self {
+    pub(crate) const fn new(_: &Arc<str>, _: &Arc<Mailbox>, _: u64) -> Self {
         Self
     }
 }
@@ -59,19 +58,17 @@ impl Live {
 #[derive(Clone)]
 pub(crate) struct Mailbox {
     bell: Arc<Doorbell>,
-    marks: Arc<ReadySet>,
 }
 
 impl Mailbox {
-    pub(crate) fn new(_: usize, _: usize, bell: Arc<Doorbell>, marks: Arc<ReadySet>) -> Arc<Self> {
-        Arc::new(Self { bell, marks })
+    pub(crate) fn new(_: usize, _: usize, bell: Arc<Doorbell>) -> Arc<Self> {
+        Arc::new(Self { bell })
     }
 
     /// The line to the handle in `slot`.
     pub(crate) fn line(&self, slot: usize) -> Line {
         Line {
             bell: Arc::clone(&self.bell),
-            marks: Arc::clone(&self.marks),
             slot,
         }
     }

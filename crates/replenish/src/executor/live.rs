@@ -106,8 +106,6 @@ impl Drop for Claims<'_> {
 /// One worker as it is seen from outside.
 pub(crate) struct Post {
     pub(crate) name: Arc<str>,
-    /// Its place among the dispatcher's bells.
-    pub(crate) place: usize,
     pub(crate) mailbox: Arc<Mailbox>,
     /// Numbers for the ids of timers and guard conditions.
     pub(crate) number: AtomicU64,
@@ -126,10 +124,9 @@ pub(crate) struct Live {
 }
 
 impl Post {
-    pub(crate) fn new(name: &Arc<str>, place: usize, mailbox: &Arc<Mailbox>, number: u64) -> Self {
+    pub(crate) fn new(name: &Arc<str>, mailbox: &Arc<Mailbox>, number: u64) -> Self {
         Self {
             name: Arc::clone(name),
-            place,
             mailbox: Arc::clone(mailbox),
             number: AtomicU64::new(number),
         }
@@ -377,7 +374,6 @@ impl LiveWorker<'_> {
         if let Some((reader, _)) = shared.input {
             let route = Route {
                 shared: Arc::clone(&shared),
-                worker: post.place,
                 line: post.mailbox.line(slot),
                 hand: None,
             };

@@ -11,7 +11,6 @@
 //! nanoseconds: a limit of 200 us is 200 us, and no limit, however short, becomes a busy loop.
 
 use super::assembly::{Assembly, assemble};
-use super::builder::WorkerSpec;
 use super::dispatcher::{Dispatcher, Watch};
 #[cfg(feature = "live")]
 use super::live::ExecutorHandle;
@@ -27,8 +26,10 @@ use super::{Executor, planning, start};
 use crate::Nanos;
 use crate::context::Claim;
 use crate::error::Error;
+use crate::platform::Kept;
 use crate::stats::HandleStats;
 use crate::sync::Arc;
+use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::fmt;
 use core::marker::PhantomData;
@@ -85,7 +86,7 @@ pub struct LocalExecutor {
     account: Account,
     dispatcher: Dispatcher,
     watch: Watch,
-    workers: Vec<Worker>,
+    workers: Vec<Kept<Box<Worker>>>,
     live: Arc<Live>,
     stop: StopHandle,
     period: Option<(Every, Schedule)>,
@@ -106,24 +107,21 @@ pub(crate) fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
     start::check_names(&workers)?;
     for spec in &workers {
         threadless(&spec.request)?;
-        if let Some(error) = WorkerSpec::violation(spec) {
-            return Err(error);
-        }
+        spec.check_rules()?;
     }
     let claim = context.claim().ok_or(Error::ContextBusy)?;
-    for spec in &workers {
-        spec.bell.relay(&stop.middleware);
-    }
+    // The dispatcher has no bells: nobody sleeps on them while samples are taken, and to ring would
+    // end the next wait for nothing.
     let Assembly {
-        mut dispatcher,
-        workers,
+        dispatcher,
+        mut workers,
         live,
-    } = assemble(&context, workers, &stop, &options.events, &[]);
-    // Nobody sleeps on them while samples are taken: to ring would end the next wait for nothing.
-    dispatcher.bells.clear();
+    } = assemble(&context, workers, &stop, &options.events);
     let start = clock::monotonic();
-    let mut workers: Vec<Worker> = workers.into_iter().map(|(worker, _)| *worker).collect();
-    workers.iter_mut().for_each(|w| w.begin(start));
+    for worker in &mut workers {
+        worker.bell.relay(&stop.middleware);
+        worker.begin(start);
+    }
     Ok(LocalExecutor {
         account: Account::unbudgeted(),
         watch: dispatcher.watch(),
@@ -342,7 +340,7 @@ impl LocalExecutor {
             let wake = match any {
                 true => 0,
                 false => {
-                    let releases = self.workers.iter_mut().filter_map(Worker::next_wake);
+                    let releases = self.workers.iter_mut().filter_map(|w| w.next_wake());
                     releases.min().unwrap_or(Nanos::MAX).min(deadline)
                 }
             };
@@ -360,7 +358,7 @@ impl LocalExecutor {
 impl Drop for LocalExecutor {
     fn drop(&mut self) {
         self.stop.stop(); // what is asked of it from now on is declined
-        self.workers.iter_mut().for_each(Worker::end);
+        self.workers.iter_mut().for_each(|w| w.end());
     }
 }
 

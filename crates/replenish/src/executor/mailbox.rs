@@ -14,7 +14,6 @@ use super::doorbell::{Doorbell, Line};
 use super::entry::{Entry, insert};
 use super::handle::Shared;
 use super::worker::Worker;
-use crate::handoff::ReadySet;
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
@@ -26,7 +25,6 @@ pub(crate) struct Mailbox {
     post: Mutex<Post>,
     limit: usize,
     bell: Arc<Doorbell>,
-    marks: Arc<ReadySet>,
 }
 
 struct Post {
@@ -52,12 +50,7 @@ pub(crate) enum Declined {
 
 impl Mailbox {
     /// For a worker with `used` handles, in the first slots, that may have `limit`.
-    pub(crate) fn new(
-        used: usize,
-        limit: usize,
-        bell: Arc<Doorbell>,
-        marks: Arc<ReadySet>,
-    ) -> Arc<Self> {
+    pub(crate) fn new(used: usize, limit: usize, bell: Arc<Doorbell>) -> Arc<Self> {
         Arc::new(Self {
             waiting: AtomicBool::new(false),
             post: Mutex::new(Post {
@@ -69,7 +62,6 @@ impl Mailbox {
             }),
             limit,
             bell,
-            marks,
         })
     }
 
@@ -82,7 +74,6 @@ impl Mailbox {
     pub(crate) fn line(&self, slot: usize) -> Line {
         Line {
             bell: Arc::clone(&self.bell),
-            marks: Arc::clone(&self.marks),
             slot,
         }
     }
@@ -158,14 +149,14 @@ impl Mailbox {
                 Order::Add(mut entry) => {
                     let line = self.line(entry.slot);
                     entry.handle.begin(clock::monotonic(), &line);
-                    insert(&mut worker.entries, entry);
+                    insert(&mut worker.spec.entries, entry);
                     worker.reordered();
                 }
                 Order::Remove(shared) => {
-                    let mut entries = worker.entries.iter();
+                    let mut entries = worker.spec.entries.iter();
                     let at = entries.position(|e| Arc::ptr_eq(&e.shared, &shared));
                     if let Some(at) = at {
-                        let entry = worker.entries.remove(at);
+                        let entry = worker.spec.entries.remove(at);
                         worker.reordered();
                         self.post.lock().attic.push(entry);
                     }

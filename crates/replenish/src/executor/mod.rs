@@ -98,6 +98,7 @@ use crate::context::Context;
 use crate::error::Error;
 use crate::event::{Event, Events};
 use crate::handoff::Stop;
+use crate::platform::Kept;
 use crate::sync::Arc;
 use crate::text::{joined, numbered};
 use alloc::string::String;
@@ -139,7 +140,7 @@ use sporadic::Kind;
 #[must_use = "an executor does nothing until it spins"]
 pub struct Executor {
     context: Context,
-    workers: Vec<WorkerSpec>,
+    workers: Vec<Kept<WorkerSpec>>,
     stop: StopHandle,
     options: Options,
 }

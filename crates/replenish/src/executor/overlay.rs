@@ -43,7 +43,7 @@ fn apply(executor: &mut Executor, path: &Path) -> Result<(), Error> {
         .workers
         .iter()
         .filter(|w| !w.entries.is_empty())
-        .map(|w| w.request.name.clone())
+        .map(|w| String::from(&*w.request.name))
         .collect();
     for (index, described) in file.workers.iter().enumerate() {
         let mut moved = Vec::with_capacity(described.handles.len());
@@ -60,7 +60,7 @@ fn apply(executor: &mut Executor, path: &Path) -> Result<(), Error> {
         let known = executor
             .workers
             .iter()
-            .position(|w| w.request.name == described.name);
+            .position(|w| *w.request.name == *described.name);
         let at = match known {
             Some(at) => at,
             None if moved.is_empty() => {
@@ -83,7 +83,9 @@ fn apply(executor: &mut Executor, path: &Path) -> Result<(), Error> {
             schedule(&mut spec.request, described);
         }
     }
-    let emptied = |w: &WorkerSpec| w.entries.is_empty() && had_handles.contains(&w.request.name);
+    let emptied = |w: &WorkerSpec| {
+        w.entries.is_empty() && had_handles.iter().any(|name| **name == *w.request.name)
+    };
     executor.workers.retain(|w| !emptied(w));
     if let ExecutorRequest::Policy { policy, cpu } = &file.executor {
         executor.options.dispatcher = Some(policy_of(policy));
@@ -132,7 +134,7 @@ fn ids(workers: &[WorkerSpec], moved: &[Entry]) -> String {
 /// The file that describes these workers as they are.
 pub(crate) fn template(workers: &[WorkerSpec]) -> String {
     let worker = |spec: &WorkerSpec| TemplateWorker {
-        name: spec.request.name.clone(),
+        name: String::from(&*spec.request.name),
         handles: spec.entries.iter().map(|e| e.shared.id.clone()).collect(),
         cpu: spec.request.cpu,
         guarantee: spec.request.wants(),

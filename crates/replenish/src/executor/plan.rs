@@ -9,13 +9,14 @@
 //!
 //! A budget's background priority is 6 (the paper's), or p - 1 where p is 6 or less.
 
+use super::builder::WorkerSpec;
 use super::planning::Guarantee;
 use super::schedule::nanos;
 use crate::budget::Budget;
 use crate::error::Error;
+use crate::platform::Kept;
+use crate::sync::Arc;
 use crate::text::{Words, text};
-use alloc::string::String;
-use alloc::vec::Vec;
 use core::time::Duration;
 use replenish_os::{Low, MAX_REPL, Params, Policy};
 
@@ -36,9 +37,9 @@ const MIN_STACK: usize = if cfg!(feature = "std") {
 };
 
 /// What was asked for a worker.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(crate) struct Request {
-    pub(crate) name: String,
+    pub(crate) name: Arc<str>,
     pub(crate) policy: Option<Policy>,
     pub(crate) budget: Option<Budget>,
     pub(crate) guarantee: Option<Guarantee>,
@@ -47,18 +48,30 @@ pub(crate) struct Request {
 }
 
 impl Request {
+    /// Nothing but the name.
+    pub(crate) fn named(name: &str) -> Self {
+        Self {
+            name: name.into(),
+            policy: None,
+            budget: None,
+            guarantee: None,
+            cpu: None,
+            stack_size: None,
+        }
+    }
+
     pub(crate) fn owner(&self) -> Words {
         text!("worker {:?}", self.name)
     }
 }
 
-/// The policy of each worker, in order, and the dispatcher's.
+/// Writes down the policy of each worker; the dispatcher's. The requests have been [checked](check).
 #[inline(never)]
 pub(crate) fn plan(
-    workers: &[&Request],
+    workers: &mut [Kept<WorkerSpec>],
     dispatcher: Option<&Policy>,
     enforcer_priority: u8,
-) -> Result<(Vec<Policy>, Policy), Error> {
+) -> Result<Policy, Error> {
     if !(2..=99).contains(&enforcer_priority) {
         let field = "enforcer_priority";
         return Err(Error::parameter(
@@ -68,14 +81,14 @@ pub(crate) fn plan(
             "2..=99",
         ));
     }
-    let mut policies = Vec::with_capacity(workers.len());
     let (mut highest, mut budgeted) = (0, false);
-    for w in workers {
-        check(w)?;
-        let policy = policy(w, workers)?;
-        highest = rank(&policy).max(highest);
-        budgeted |= matches!(policy, Policy::Sporadic(_));
-        policies.push(policy);
+    for at in 0..workers.len() {
+        let planned = policy(at, workers)?;
+        highest = rank(&planned).max(highest);
+        budgeted |= matches!(planned, Policy::Sporadic(_));
+        if let Some(w) = workers.get_mut(at) {
+            w.policy = planned;
+        }
     }
     let dispatcher = match dispatcher {
         Some(p) => *p,
@@ -85,13 +98,16 @@ pub(crate) fn plan(
         },
     };
     if budgeted || matches!(dispatcher, Policy::Sporadic(_)) {
-        for (w, policy) in workers.iter().zip(&policies) {
-            below_enforcer(|| w.owner(), policy, enforcer_priority)?;
+        for w in workers.iter() {
+            below_enforcer(|| w.request.owner(), &w.policy, enforcer_priority)?;
         }
         below_enforcer(|| "dispatcher".into(), &dispatcher, enforcer_priority)?;
     }
-    Ok((policies, dispatcher))
+    Ok(dispatcher)
 }
+
+/// The highest [`rank`].
+pub(crate) const URGENT: u16 = 256;
 
 /// How urgent a policy is: workers are woken in this order. 0 is time sharing.
 pub(crate) fn rank(policy: &Policy) -> u16 {
@@ -99,7 +115,7 @@ pub(crate) fn rank(policy: &Policy) -> u16 {
         Policy::Other => 0,
         Policy::Fifo { priority } | Policy::RoundRobin { priority } => u16::from(*priority),
         Policy::Sporadic(params) | Policy::KernelSporadic(params) => u16::from(params.priority()),
-        Policy::Deadline { .. } => 256,
+        Policy::Deadline { .. } => URGENT,
     }
 }
 
@@ -126,7 +142,10 @@ pub(crate) fn check(w: &Request) -> Result<(), Error> {
     Ok(())
 }
 
-fn policy(w: &Request, workers: &[&Request]) -> Result<Policy, Error> {
+fn policy(at: usize, workers: &[Kept<WorkerSpec>]) -> Result<Policy, Error> {
+    let Some(w) = workers.get(at).map(|w| &w.request) else {
+        return Ok(Policy::Other);
+    };
     // Guarantees get here only where admission is turned off.
     let guaranteed = w.guarantee.map(|g| Budget::from_guarantee(&g));
     let Some(budget) = w.budget.or(guaranteed) else {
@@ -161,13 +180,18 @@ fn policy(w: &Request, workers: &[&Request]) -> Result<Policy, Error> {
 
 /// How many shorter periods there are among the budgets of workers without a policy, each counted
 /// once. (Neither sorted nor collected: both bring code that small images have no room for.)
-fn shorter(period: Duration, workers: &[&Request]) -> usize {
-    let wished = |w: &&Request| w.policy.map_or(w.budget, |_| None).map(|b| b.period);
+fn shorter(period: Duration, workers: &[Kept<WorkerSpec>]) -> usize {
+    let wished = |w: &Kept<WorkerSpec>| match w.request.policy {
+        Some(_) => None,
+        None => w.request.budget.map(|b| b.period),
+    };
     let mut count = 0;
-    for (at, w) in workers.iter().enumerate() {
+    let mut rest = workers;
+    while let Some((w, others)) = rest.split_first() {
         let its = wished(w).filter(|its| *its < period);
-        let known = || workers.iter().take(at).any(|w| wished(w) == its);
-        count += usize::from(its.is_some() && !known());
+        let again = others.iter().any(|w| wished(w) == its);
+        count += usize::from(its.is_some() && !again);
+        rest = others;
     }
     count
 }
@@ -204,16 +228,26 @@ mod tests {
 
     fn request(name: &str, policy: Option<Policy>, budget: Option<Budget>) -> Request {
         Request {
-            name: name.into(),
             policy,
             budget,
-            ..Request::default()
+            ..Request::named(name)
         }
     }
 
+    /// The workers' policies, and the dispatcher's.
+    fn plan_all(requests: &[Request]) -> Result<(Vec<Policy>, Policy), Error> {
+        requests.iter().try_for_each(check)?;
+        let spec = |request: &Request| WorkerSpec {
+            request: request.clone(),
+            ..WorkerSpec::new("")
+        };
+        let mut workers: Vec<_> = requests.iter().map(spec).collect();
+        let dispatcher = plan(&mut workers, None, 99)?;
+        Ok((workers.iter().map(|w| w.policy).collect(), dispatcher))
+    }
+
     fn planned(requests: &[Request]) -> Result<Vec<Policy>, Error> {
-        let requests: Vec<_> = requests.iter().collect();
-        plan(&requests, None, 99).map(|(workers, _)| workers)
+        plan_all(requests).map(|(workers, _)| workers)
     }
 
     fn sporadic(policy: &Policy) -> Params {
@@ -258,8 +292,11 @@ mod tests {
     fn the_dispatcher_is_real_time_iff_a_worker_is() {
         let plain = request("a", None, None);
         let fifo = request("b", Some(Policy::fifo(10).unwrap()), None);
-        assert_eq!(plan(&[&plain], None, 99).unwrap().1, Policy::Other);
-        let dispatcher = plan(&[&plain, &fifo], None, 99).unwrap().1;
+        assert_eq!(
+            plan_all(core::slice::from_ref(&plain)).unwrap().1,
+            Policy::Other
+        );
+        let dispatcher = plan_all(&[plain, fifo]).unwrap().1;
         assert_eq!(dispatcher, Policy::fifo(98).unwrap());
     }
 

@@ -19,8 +19,8 @@ use replenish_os::{Account, clock};
 
 /// How a worker with such rules does it.
 pub(crate) struct Rounds {
-    /// The first rule that contradicts another.
-    pub(super) violation: fn(&WorkerSpec) -> Option<Error>,
+    /// No rule contradicts another.
+    pub(super) check: fn(&WorkerSpec) -> Result<(), Error>,
     /// Room for what waits for the end of a round.
     pub(super) outbox: fn(&Rules) -> Option<RefCell<Outbox>>,
     pub(super) begin: fn(&mut Worker, Nanos),
@@ -32,7 +32,7 @@ pub(crate) struct Rounds {
 
 /// By all rules there are.
 pub(crate) static BY_RULES: Rounds = Rounds {
-    violation,
+    check,
     outbox: |rules| {
         let (samples, bytes) = rules.barrier?;
         Some(RefCell::new(Outbox::new(samples, bytes)))
@@ -43,19 +43,18 @@ pub(crate) static BY_RULES: Rounds = Rounds {
     next_wake,
 };
 
-/// The first rule that contradicts another.
-fn violation(worker: &WorkerSpec) -> Option<Error> {
+fn check(worker: &WorkerSpec) -> Result<(), Error> {
     let owner = worker.request.owner();
     let rules = &worker.rules;
     let let_ = rules.semantics == Semantics::LogicalExecutionTime;
     if matches!(rules.trigger, Trigger::Always) && rules.every.is_none() {
         let allowed = "with .every(…) only: something has to start the rounds";
-        return Some(Error::parameter(owner, "trigger", &"Always", allowed));
+        return Err(Error::parameter(owner, "trigger", &"Always", allowed));
     }
     if let_ && rules.batch > 1 {
         let allowed = "1 with Logical Execution Time: a snapshot has one input per handle";
         let batch = rules.batch;
-        return Some(Error::parameter(
+        return Err(Error::parameter(
             owner,
             "messages_per_round",
             &batch,
@@ -63,16 +62,16 @@ fn violation(worker: &WorkerSpec) -> Option<Error> {
         ));
     }
     if rules.every.is_some_and(|e| e.period.is_zero()) {
-        return Some(Error::parameter(owner, "every", &0, "1 ns or more"));
+        return Err(Error::parameter(owner, "every", &0, "1 ns or more"));
     }
-    None
+    Ok(())
 }
 
 fn begin(worker: &mut Worker, start: Nanos) {
-    if worker.rules.every.is_some() {
+    if worker.spec.rules.every.is_some() {
         worker.bell.mute();
     }
-    worker.grid = worker.rules.every.map(|every| {
+    worker.grid = worker.spec.rules.every.map(|every| {
         let first = start.saturating_add(nanos(every.first_after));
         Schedule::new(first, nanos(every.period), every.overrun)
     });
@@ -80,9 +79,9 @@ fn begin(worker: &mut Worker, start: Nanos) {
 
 fn want_all(worker: &Worker) -> bool {
     // The usual case: nothing to be known in advance, each handle is looked at in its turn.
-    let in_turn = matches!(worker.rules.trigger, Trigger::Any)
-        && worker.rules.semantics == Semantics::TakeThenExecute
-        && !worker.entries.iter().any(|e| e.handling.always);
+    let in_turn = matches!(worker.spec.rules.trigger, Trigger::Any)
+        && worker.spec.rules.semantics == Semantics::TakeThenExecute
+        && !worker.spec.entries.iter().any(|e| e.handling.always);
     !in_turn
 }
 
@@ -112,7 +111,7 @@ fn round(worker: &mut Worker, account: &mut Account, tally: &Tally) -> bool {
         return true;
     };
     if let Some(outbox) = &worker.outbox {
-        let to_blame = last.and_then(|at| worker.entries.get(at));
+        let to_blame = last.and_then(|at| worker.spec.entries.get(at));
         outbox.borrow_mut().release(|e| {
             if let Some(entry) = to_blame {
                 entry.shared.failed(shown(&e), &worker.events);
@@ -126,13 +125,14 @@ fn round(worker: &mut Worker, account: &mut Account, tally: &Tally) -> bool {
 fn is_triggered(worker: &mut Worker) -> bool {
     let now = Moment::default();
     let (mut any, mut all) = (false, true);
-    for entry in &mut worker.entries {
+    let spec: &mut WorkerSpec = &mut worker.spec;
+    for entry in &mut spec.entries {
         entry.ready = entry.look(&now);
         any |= entry.ready;
         all &= entry.ready || !entry.is_live();
     }
-    let states = HandleStates(&worker.entries);
-    match &mut worker.rules.trigger {
+    let states = HandleStates(&spec.entries);
+    match &mut spec.rules.trigger {
         Trigger::Any => any,
         Trigger::All => any && all,
         Trigger::One(id) => states.is_ready(id),
@@ -149,11 +149,11 @@ fn next_wake(worker: &mut Worker) -> Option<Nanos> {
         return worker.agenda.earliest();
     }
     // A release that is due already waits for the trigger's other conditions, not for time.
-    let overdue = match worker.rules.trigger {
+    let overdue = match worker.spec.rules.trigger {
         Trigger::Any => 0,
         _ => clock::monotonic(),
     };
-    let live = worker.entries.iter_mut().filter(|e| e.is_live());
+    let live = worker.spec.entries.iter_mut().filter(|e| e.is_live());
     let releases = live.filter_map(|e| e.handle.next_release());
     releases.filter(|at| *at > overdue).min()
 }

@@ -9,9 +9,7 @@ use crate::sync::Arc;
 /// Where a reader's samples go.
 pub(crate) struct Route {
     pub(crate) shared: Arc<Shared>,
-    /// Index into the dispatcher's bells.
-    pub(crate) worker: usize,
-    /// Marks the handle.
+    /// Marks the handle, and leads to the bell.
     pub(crate) line: Line,
     /// The dispatcher's empty buffer for its next sample.
     pub(crate) hand: Option<Slot>,

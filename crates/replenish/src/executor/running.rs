@@ -21,6 +21,7 @@ use super::threads::{Ready, Seat};
 use crate::Nanos;
 use crate::context::Claim;
 use crate::event::{Event, Events};
+use crate::platform::Kept;
 use crate::stats::HandleStats;
 use crate::sync::{Arc, Signal};
 use crate::text::{Words, text};
@@ -51,13 +52,16 @@ impl Crew {
     }
 }
 
+/// By CPU, `None` for threads that are not pinned; without one where it was refused.
+pub(crate) type Enforcers = Vec<(Option<usize>, Option<Arc<Enforcer>>)>;
+
 /// An executor that runs. Dropping it stops it.
 #[must_use = "dropping it stops the executor"]
 pub struct RunningExecutor {
     pub(crate) stop: StopHandle,
     pub(crate) owner: Arc<Signal>,
     pub(crate) crew: Vec<Crew>,
-    pub(crate) enforcers: Vec<Arc<Enforcer>>,
+    pub(crate) enforcers: Enforcers,
     pub(crate) live: Arc<Live>,
     pub(crate) counters: Arc<DispatcherCounters>,
     pub(crate) fallbacks: Vec<Words>,
@@ -65,8 +69,8 @@ pub struct RunningExecutor {
     pub(crate) events: Arc<Events>,
     pub(crate) grace: Duration,
     pub(crate) claim: Option<Claim>,
-    pub(crate) admission: Admission,
-    pub(crate) template: String,
+    pub(crate) admission: Kept<Admission>,
+    pub(crate) template: Kept<String>,
     pub(crate) start: Nanos,
     pub(crate) end: Option<Report>,
 }
@@ -120,7 +124,7 @@ impl RunningExecutor {
                 samples: self.counters.samples.get(),
                 failures: self.counters.failures.get(),
             },
-            enforcers: self.enforcers.iter().map(|e| e.stats()).collect(),
+            enforcers: self.enforcers().map(|e| e.stats()).collect(),
             fallbacks: self.fallbacks.clone(),
             admission: self.admission.report.clone(),
             stuck: self.stuck.clone(),
@@ -154,6 +158,10 @@ impl RunningExecutor {
         let handles = self.live.registry.all();
         let handles = handles.iter();
         handles.map(|(_, h)| h.discard(false, &self.stop)).sum()
+    }
+
+    fn enforcers(&self) -> impl Iterator<Item = &Arc<Enforcer>> {
+        self.enforcers.iter().filter_map(|(_, e)| e.as_ref())
     }
 
     /// Ends all threads, one way or the other. The stop has been requested.
@@ -192,7 +200,7 @@ impl RunningExecutor {
                 self.events.emit(&Event::Stuck { thread: name });
             }
         }
-        for enforcer in &self.enforcers {
+        for enforcer in self.enforcers() {
             enforcer.stop();
         }
         if self.stuck.iter().any(|s| s == "dispatcher") {

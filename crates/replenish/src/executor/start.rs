@@ -2,14 +2,18 @@
 
 use super::assembly::{Assembly, assemble};
 use super::builder::WorkerSpec;
-use super::plan::{Request, check, plan, rank};
-use super::running::{Crew, RunningExecutor};
+use super::dispatcher::Dispatcher;
+use super::plan::{URGENT, check, plan, rank};
+use super::running::{Crew, Enforcers, RunningExecutor};
 use super::threads::{Body, Funding, Launch, Seat};
+use super::worker::Worker;
 use super::{Executor, Options, StopHandle, planning};
 use crate::error::Error;
 use crate::event::Event;
+use crate::platform::{Kept, kept};
 use crate::sync::{Arc, AtomicBool, Mutex, Signal};
 use crate::text::{Words, list, text};
+use alloc::boxed::Box;
 use alloc::vec::Vec;
 use replenish_os::clock;
 use replenish_os::{self as os, Enforcement, Enforcer, EnforcerConfig, Policy};
@@ -19,7 +23,7 @@ const STACK: usize = if cfg!(feature = "std") { 1 << 20 } else { 4096 };
 
 #[inline(never)]
 pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
-    let template = planning::prepare(&mut executor)?;
+    let template = kept(planning::prepare(&mut executor)?);
     let Executor {
         context,
         mut workers,
@@ -29,73 +33,43 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     check_names(&workers)?;
     for w in &workers {
         if w.entries.is_empty() && w.rules.capacity.is_none() {
-            return Err(Error::IdleWorker(w.request.name.as_str().into()));
+            return Err(Error::IdleWorker(Words::from(&*w.request.name)));
         }
         check(&w.request)?;
+        w.check_rules()?;
     }
-    let mut admission = planning::admit(&mut workers, &mut options)?;
-    if let Some(error) = workers.iter().find_map(WorkerSpec::violation) {
-        return Err(error);
-    }
-    let requests: Vec<&Request> = workers.iter().map(|w| &w.request).collect();
+    let mut admission = kept(planning::admit(&mut workers, &mut options)?);
     let dispatcher = options.dispatcher.as_ref();
-    let (policies, dispatcher) = plan(&requests, dispatcher, options.enforcer_priority)?;
+    let dispatcher = plan(&mut workers, dispatcher, options.enforcer_priority)?;
     let claim = context.claim().ok_or(Error::ContextBusy)?;
 
     let owner = Arc::new(Signal::new());
     stop.stop.join(Arc::clone(&owner));
-    let mut starter = Starter {
+    let mut starter = kept(Starter {
         options: &options,
         stop: &stop,
         owner: &owner,
+        dispatcher,
         enforcers: Vec::new(),
         refused: Refused::default(),
-    };
+    });
     if options.lock_memory {
         starter.lock_memory()?;
     }
-
-    // Bells in the order in which workers are woken: highest priority first, then as described.
-    let rank = |w: usize| policies.get(w).map_or(0, rank);
-    let mut order: Vec<usize> = Vec::with_capacity(workers.len());
-    for w in 0..workers.len() {
-        let lower = order.iter().position(|other| rank(*other) < rank(w));
-        order.insert(lower.unwrap_or(w), w);
-    }
     let Assembly {
-        dispatcher: dispatch,
+        dispatcher,
         workers,
         live,
-    } = assemble(&context, workers, &stop, &options.events, &order);
-    let counters = Arc::clone(&dispatch.counters);
-    let mut seats = Vec::with_capacity(workers.len() + 1);
-    let request = Request {
-        cpu: options.dispatcher_cpu,
-        ..Request::default()
-    };
-    let bell = Arc::new(Signal::new());
-    let body = Body::Dispatcher(dispatch);
-    seats.push(starter.seat("dispatcher".into(), dispatcher, &request, bell, body));
-    for (at, (worker, request)) in workers.into_iter().enumerate() {
-        let policy = policies.get(at).copied().unwrap_or_default();
-        let (name, signal) = (worker.name.clone(), worker.bell.signal().clone());
-        let body = Body::Worker(worker);
-        seats.push(starter.seat(name, policy, &request, signal, body));
-    }
+    } = assemble(&context, workers, &stop, &options.events);
+    let counters = Arc::clone(&dispatcher.counters);
+    let seats = starter.seats(dispatcher, workers);
     starter.enforcers(&seats)?;
     let mut crew = Vec::with_capacity(seats.len());
-    for seat in seats {
-        match starter.spawn(&seat) {
-            Ok(thread) => crew.push(Crew::new(seat, thread)),
-            Err(e) => return Err(abort(&mut crew, e)),
-        }
-    }
-    if let Err(e) = all_ready(&crew, &owner) {
+    if let Err(e) = starter.launch(seats, &mut crew) {
         return Err(abort(&mut crew, e));
     }
     let fallbacks = starter.declare(admission.fallback.take());
-    let enforcers = starter.enforcers.into_iter().filter_map(|(_, e)| e);
-    let enforcers = enforcers.collect();
+    let enforcers = core::mem::take(&mut starter.enforcers);
     let start = clock::monotonic();
     crew.iter().for_each(|c| c.seat.launch(Launch::Go(start)));
     Ok(RunningExecutor {
@@ -117,32 +91,14 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     })
 }
 
-pub(crate) fn check_names(workers: &[WorkerSpec]) -> Result<(), Error> {
-    for (i, w) in workers.iter().enumerate() {
-        let name = &w.request.name;
-        let mut earlier = workers.iter().take(i);
-        if name == "dispatcher" || earlier.any(|o| o.request.name == *name) {
-            return Err(Error::DuplicateWorker(name.as_str().into()));
+pub(crate) fn check_names(workers: &[Kept<WorkerSpec>]) -> Result<(), Error> {
+    let mut rest = workers;
+    while let Some((w, others)) = rest.split_last() {
+        let name = &*w.request.name;
+        if name == "dispatcher" || others.iter().any(|o| *o.request.name == *name) {
+            return Err(Error::DuplicateWorker(name.into()));
         }
-    }
-    Ok(())
-}
-
-/// Waits until every thread has what it needs; the first that has not is the error.
-fn all_ready(crew: &[Crew], owner: &Signal) -> Result<(), Error> {
-    for c in crew {
-        let seat = &c.seat;
-        loop {
-            match &*seat.ready.lock() {
-                Some(Ok(_)) => break,
-                Some(Err(reason)) => return Err(thread_error(seat, reason.clone())),
-                None if seat.is_finished() => {
-                    return Err(thread_error(seat, "it ended while it was set up".into()));
-                }
-                None => {}
-            }
-            owner.wait();
-        }
+        rest = others;
     }
     Ok(())
 }
@@ -170,8 +126,9 @@ struct Starter<'a> {
     options: &'a Options,
     stop: &'a StopHandle,
     owner: &'a Arc<Signal>,
-    /// By CPU, `None` for threads that are not pinned; without one where it was refused.
-    enforcers: Vec<(Option<usize>, Option<Arc<Enforcer>>)>,
+    /// The dispatcher's policy.
+    dispatcher: Policy,
+    enforcers: Enforcers,
     refused: Refused,
 }
 
@@ -188,19 +145,40 @@ struct Refused {
 }
 
 impl Starter<'_> {
-    fn seat(
-        &self,
-        name: Arc<str>,
-        policy: Policy,
-        request: &Request,
-        bell: Arc<Signal>,
-        body: Body,
-    ) -> Arc<Seat> {
+    /// The places of all threads: the dispatcher's, which rings the most urgent worker first, then the
+    /// workers'.
+    fn seats(&self, mut dispatcher: Dispatcher, workers: Vec<Kept<Box<Worker>>>) -> Vec<Arc<Seat>> {
+        for urgency in (0..=URGENT).rev() {
+            let those = workers.iter().filter(|w| rank(&w.spec.policy) == urgency);
+            dispatcher.bells.extend(those.map(|w| Arc::clone(&w.bell)));
+        }
+        let mut seats = Vec::with_capacity(workers.len() + 1);
+        seats.push(self.seat(Body::Dispatcher(kept(dispatcher))));
+        for worker in workers {
+            seats.push(self.seat(Body::Worker(worker)));
+        }
+        seats
+    }
+
+    #[inline(never)]
+    fn seat(&self, body: Body) -> Arc<Seat> {
+        let (name, policy, cpu, stack_size, bell) = match &body {
+            Body::Dispatcher(_) => {
+                let bell = Arc::new(Signal::new());
+                let cpu = self.options.dispatcher_cpu;
+                ("dispatcher".into(), self.dispatcher, cpu, None, bell)
+            }
+            Body::Worker(worker) => {
+                let (asked, bell) = (&worker.spec.request, worker.bell.signal());
+                let (name, bell) = (Arc::clone(&asked.name), Arc::clone(bell));
+                (name, worker.spec.policy, asked.cpu, asked.stack_size, bell)
+            }
+        };
         Arc::new(Seat {
             name,
             policy,
-            cpu: request.cpu,
-            stack_size: request.stack_size.unwrap_or(STACK),
+            cpu,
+            stack_size: stack_size.unwrap_or(STACK),
             prefault: self.options.lock_memory,
             bell,
             owner: Arc::clone(self.owner),
@@ -212,6 +190,30 @@ impl Starter<'_> {
             launch: Mutex::new(None),
             finished: AtomicBool::new(false),
         })
+    }
+
+    /// Starts the threads, and waits until every one has what it needs; the first that has not is
+    /// the error.
+    fn launch(&mut self, seats: Vec<Arc<Seat>>, crew: &mut Vec<Crew>) -> Result<(), Error> {
+        for seat in seats {
+            let thread = self.spawn(&seat)?;
+            crew.push(Crew::new(seat, thread));
+        }
+        for c in crew {
+            let seat = &c.seat;
+            loop {
+                match &*seat.ready.lock() {
+                    Some(Ok(_)) => break,
+                    Some(Err(reason)) => return Err(thread_error(seat, reason.clone())),
+                    None if seat.is_finished() => {
+                        return Err(thread_error(seat, "it ended while it was set up".into()));
+                    }
+                    None => {}
+                }
+                self.owner.wait();
+            }
+        }
+        Ok(())
     }
 
     fn lock_memory(&mut self) -> Result<(), Error> {

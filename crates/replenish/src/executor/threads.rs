@@ -15,7 +15,7 @@ use super::stop::StopHandle;
 use super::worker::Worker;
 use crate::Nanos;
 use crate::event::{Event, Events};
-use crate::platform::{self, kept};
+use crate::platform::{self, Kept};
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
 use crate::text::{Words, text};
 use alloc::boxed::Box;
@@ -24,15 +24,15 @@ use sporadic::Kind;
 
 /// What a thread does between launch and stop.
 pub(crate) enum Body {
-    Dispatcher(Dispatcher),
-    Worker(Box<Worker>),
+    Dispatcher(Kept<Dispatcher>),
+    Worker(Kept<Box<Worker>>),
 }
 
 impl Body {
     fn run(self, account: &mut Account, start: Nanos) {
         match self {
-            Self::Dispatcher(dispatcher) => dispatcher.run(account),
-            Self::Worker(worker) => kept(worker).run(account, start),
+            Self::Dispatcher(mut dispatcher) => dispatcher.run(account),
+            Self::Worker(mut worker) => worker.run(account, start),
         }
     }
 }

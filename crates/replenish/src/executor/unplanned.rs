@@ -5,6 +5,7 @@ use super::builder::WorkerSpec;
 use super::{Executor, Options};
 use crate::Nanos;
 use crate::error::Error;
+use crate::platform::Kept;
 use crate::text::Words;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -59,7 +60,7 @@ pub(crate) struct Admission {
     clippy::unnecessary_wraps,
     reason = "the signature of what it stands in for"
 )]
-pub(crate) fn admit(_: &mut [WorkerSpec], _: &mut Options) -> Result<Admission, Error> {
+pub(crate) fn admit(_: &mut [Kept<WorkerSpec>], _: &mut Options) -> Result<Admission, Error> {
     Ok(Admission::default())
 }
 

@@ -17,6 +17,7 @@
 //! nor is waited for.
 
 use super::agenda::Agenda;
+use super::builder::WorkerSpec;
 use super::doorbell::Doorbell;
 use super::entry::Entry;
 use super::handle::Env;
@@ -24,31 +25,26 @@ use super::live::Live;
 use super::mailbox::Mailbox;
 use super::moment::Moment;
 use super::outbox::Outbox;
-use super::rounds::Rounds;
-use super::rules::Rules;
 use super::schedule::Schedule;
 use super::stop::StopHandle;
 use super::tally::Tally;
 use crate::Nanos;
 use crate::event::Events;
+use crate::platform::Kept;
 use crate::sync::Arc;
-use alloc::vec::Vec;
 use core::cell::RefCell;
 use replenish_os::Account;
 
 /// A worker's state; lives on its thread.
 pub(crate) struct Worker {
-    pub(crate) name: Arc<str>,
+    /// As it was described.
+    pub(crate) spec: Kept<WorkerSpec>,
     pub(crate) bell: Arc<Doorbell>,
     pub(crate) stop: StopHandle,
     pub(crate) events: Arc<Events>,
-    pub(crate) entries: Vec<Entry>,
     pub(crate) agenda: Agenda,
     /// Each round looks at every handle, since the rules want to know of all.
     pub(crate) looks_at_all: bool,
-    pub(crate) rules: Rules,
-    /// How rounds go if there are any such rules.
-    pub(crate) rounds: Option<&'static Rounds>,
     pub(crate) mailbox: Arc<Mailbox>,
     pub(crate) live: Option<Arc<Live>>,
     pub(crate) outbox: Option<RefCell<Outbox>>,
@@ -62,10 +58,10 @@ impl Worker {
     /// The executor starts at this instant, from which timers count.
     pub(crate) fn begin(&mut self, start: Nanos) {
         self.mailbox.open();
-        if let Some(rounds) = self.rounds {
+        if let Some(rounds) = self.spec.rules.rounds {
             (rounds.begin)(self, start);
         }
-        for entry in &mut self.entries {
+        for entry in &mut self.spec.entries {
             let line = self.mailbox.line(entry.slot);
             entry.handle.begin(start, &line);
         }
@@ -74,8 +70,12 @@ impl Worker {
 
     /// Handles have come or gone.
     pub(crate) fn reordered(&mut self) {
-        self.looks_at_all = self.rounds.is_some_and(|rounds| (rounds.want_all)(self));
-        self.agenda.reorder(&self.entries);
+        self.looks_at_all = self
+            .spec
+            .rules
+            .rounds
+            .is_some_and(|rounds| (rounds.want_all)(self));
+        self.agenda.reorder(&self.spec.entries);
     }
 
     /// Runs callbacks until a stop is requested.
@@ -99,13 +99,13 @@ impl Worker {
 
     /// No callback runs any more.
     pub(crate) fn end(&mut self) {
-        self.entries.iter_mut().for_each(Entry::abandon);
+        self.spec.entries.iter_mut().for_each(Entry::abandon);
         self.mailbox.close();
     }
 
     /// A round, if it is time for one; whether it did anything.
     pub(crate) fn step(&mut self, account: &mut Account, tally: &Tally) -> bool {
-        if let Some(rounds) = self.rounds {
+        if let Some(rounds) = self.spec.rules.rounds {
             return (rounds.step)(self, account, tally);
         }
         match self.round::<false>(account, tally) {
@@ -133,9 +133,10 @@ impl Worker {
         account: &mut Account,
         tally: &Tally,
     ) -> Result<Option<usize>, Stopping> {
-        let snapshot = ALL && self.rules.takes_first();
+        let spec: &mut WorkerSpec = &mut self.spec;
+        let snapshot = ALL && spec.rules.takes_first();
         let env = Env {
-            worker: &self.name,
+            worker: &spec.request.name,
             stop: &self.stop,
             events: &self.events,
             meter: &tally.meter,
@@ -146,7 +147,7 @@ impl Worker {
             env: &env,
             account,
             tally,
-            batch: self.rules.batch.max(1),
+            batch: spec.rules.batch.max(1),
             snapshot,
             ran: 0,
         };
@@ -154,7 +155,7 @@ impl Worker {
             if !turn.may_begin() {
                 return Err(Stopping);
             }
-            for entry in self.entries.iter_mut().filter(|e| e.ready) {
+            for entry in spec.entries.iter_mut().filter(|e| e.ready) {
                 entry.snapshot(&env);
             }
         }
@@ -164,10 +165,10 @@ impl Worker {
                 true => Some(from),
                 false => {
                     self.agenda.release(&Moment::default());
-                    self.agenda.next_from(from)
+                    self.agenda.next_from(from, &self.bell.marks)
                 }
             };
-            let entry = next.and_then(|at| Some((at, self.entries.get_mut(at)?)));
+            let entry = next.and_then(|at| Some((at, spec.entries.get_mut(at)?)));
             let Some((position, entry)) = entry else {
                 break;
             };
@@ -194,7 +195,7 @@ impl Worker {
 
     /// When there will be something to do without the bell.
     pub(crate) fn next_wake(&mut self) -> Option<Nanos> {
-        match self.rounds {
+        match self.spec.rules.rounds {
             Some(rounds) => (rounds.next_wake)(self),
             None => self.agenda.earliest(),
         }

@@ -11,6 +11,13 @@ pub(crate) mod platform {
     use loom::sync::atomic::{AtomicBool, Ordering};
     use std::sync::OnceLock;
 
+    /// Everything is given back in its time.
+    pub(crate) type Kept<T> = T;
+
+    pub(crate) fn kept<T>(value: T) -> Kept<T> {
+        value
+    }
+
     /// `OnceLock` with what others see of it in the hands of the model.
     pub(crate) struct Once<T> {
         value: OnceLock<T>,
