@@ -95,11 +95,16 @@ impl Policy {
     /// # Errors
     /// The first parameter that is not, with its range.
     pub fn validate(self) -> Result<Self, PolicyError> {
-        match self {
-            Self::Other => {}
-            Self::Fifo { priority } | Self::RoundRobin { priority } => check_priority(priority)?,
-            Self::Sporadic(params) | Self::KernelSporadic(params) => {
-                check_priority(params.priority())?;
+        self.check().map(|()| self)
+    }
+
+    /// [`validate`](Self::validate) without the policy.
+    pub(crate) fn check(&self) -> Result<(), PolicyError> {
+        match *self {
+            Self::Other => Ok(()),
+            Self::Fifo { priority } | Self::RoundRobin { priority } => check_priority(priority),
+            Self::Sporadic(ref params) | Self::KernelSporadic(ref params) => {
+                check_priority(params.priority())
             }
             Self::Deadline {
                 runtime,
@@ -122,9 +127,9 @@ impl Policy {
                         deadline,
                     });
                 }
+                Ok(())
             }
         }
-        Ok(self)
     }
 
     /// The real-time priority the thread starts with; `None` for policies without one.

@@ -111,19 +111,20 @@ impl<const N: usize> Corrected<N> {
         // (Seldom so much: and dividing is slow on small processors.)
         let (rounds, mut rest) = match used < budget {
             true => (0, used),
-            false => (used / budget, used % budget),
+            false => (used / budget, used - used / budget * budget),
         };
         if rounds > 0 {
-            for Chunk { time, amount } in self.chunks() {
+            let delay = rounds.saturating_mul(period);
+            let mut take = |chunk: &mut Chunk| {
                 observe(Consumed {
-                    activation: time,
-                    amount,
+                    activation: chunk.time,
+                    amount: chunk.amount,
                     rounds,
                 });
-            }
-            let delay = rounds.saturating_mul(period);
-            self.head.time = self.head.time.saturating_add(delay);
-            self.queue.delay_all(delay);
+                chunk.time = chunk.time.saturating_add(delay);
+            };
+            take(&mut self.head);
+            self.queue.each(take);
         }
         while rest > 0 {
             let Chunk { time, amount } = self.head;
@@ -140,13 +141,13 @@ impl<const N: usize> Corrected<N> {
             };
             if taken < amount {
                 self.head.amount -= taken;
-                self.push(back);
             } else if let Some(next) = self.queue.pop_front() {
                 self.head = next;
-                self.push(back);
             } else {
                 self.head = back;
+                continue;
             }
+            self.push(back);
         }
         while self.head.amount < self.min_chunk
             && let Some(next) = self.queue.pop_front()

@@ -22,7 +22,7 @@ pub(crate) struct Ring<const N: usize> {
 impl<const N: usize> Ring<N> {
     pub(crate) const fn new() -> Self {
         Self {
-            slots: [Chunk { time: 0, amount: 0 }; N],
+            slots: const { [Chunk { time: 0, amount: 0 }; N] },
             first: 0,
             len: 0,
         }
@@ -72,13 +72,11 @@ impl<const N: usize> Ring<N> {
         (0..self.len).filter_map(|i| self.slots.get(self.slot(i)).copied())
     }
 
-    /// Delays every chunk by `delay`.
-    pub(crate) fn delay_all(&mut self, delay: Nanos) {
+    /// Changes every chunk, the oldest first.
+    pub(crate) fn each(&mut self, mut change: impl FnMut(&mut Chunk)) {
         for i in 0..self.len {
             let at = self.slot(i);
-            if let Some(chunk) = self.slots.get_mut(at) {
-                chunk.time = chunk.time.saturating_add(delay);
-            }
+            self.slots.get_mut(at).into_iter().for_each(&mut change);
         }
     }
 }

@@ -69,6 +69,11 @@ mod pong {
         }
     }
 
+    static WORKERS: &[(&str, &str, &str, u8)] = &[
+        ("high", "high_ping", "high_pong", 60),
+        ("low", "low_ping", "low_pong", 50),
+    ];
+
     pub(super) fn run() -> Result<(), Error> {
         let config = XrceConfig {
             key: Some(*b"pong"),
@@ -82,10 +87,7 @@ mod pong {
         let context = Context::new(Xrce::over("agent", port, config)?);
         let node = context.node("pong")?;
         let mut exec = Executor::new(&context);
-        for (name, ping, pong, priority) in [
-            ("high", "high_ping", "high_pong", 60),
-            ("low", "low_ping", "low_pong", 50),
-        ] {
+        for &(name, ping, pong, priority) in WORKERS {
             let answer = node.publisher::<Int32>(pong, Qos::best_effort())?;
             let budget = Budget::of(Duration::from_millis(30)).every(Duration::from_millis(100));
             exec.worker(name)

@@ -67,7 +67,12 @@ impl Overruns {
             count: 0,
             stalls: 0,
             worst: None,
-            newest_stalls: [Stall::default(); STALLS_KEPT],
+            newest_stalls: const {
+                [Stall {
+                    late: 0,
+                    overrun: 0,
+                }; STALLS_KEPT]
+            },
         }
     }
 

@@ -254,7 +254,7 @@ pub(crate) fn board_arm(at: Nanos, _: Quiet<'_>) {
 }
 
 /// Bytes to the image's console.
-fn print(bytes: &[u8]) {
+pub(crate) fn print(bytes: &[u8]) {
     // SAFETY: the bytes are readable for the call.
     unsafe { c::rp_board_print(bytes.as_ptr(), bytes.len()) };
 }
@@ -272,38 +272,13 @@ pub(crate) fn complain(what: fmt::Arguments<'_>) {
     writeln!(Out, "replenish: {what}").ok();
 }
 
-/// A part of a line that [`say`] prints without formatting.
-#[derive(Clone, Copy)]
-pub(crate) enum Part<'a> {
-    Text(&'a str),
-    /// As it is: checking it takes room.
-    Raw(&'a CStr),
-    Number(usize),
-}
+/// What every line on the image's console begins with.
+pub(crate) const PREFIX: &[u8] = b"replenish: ";
 
-/// A line to the image's console, for images that have no room for formatting.
-pub(crate) fn say(parts: &[Part<'_>]) {
-    print(b"replenish: ");
-    for part in parts {
-        match *part {
-            Part::Text(text) => print(text.as_bytes()),
-            Part::Raw(text) => print(text.to_bytes()),
-            Part::Number(number) => print_decimal(number),
-        }
+/// A number to the image's console, for images that have no room for formatting.
+pub(crate) fn print_decimal(number: usize) {
+    if number >= 10 {
+        print_decimal(number / 10);
     }
-    print(b"\n");
-}
-
-fn print_decimal(number: usize) {
-    let (mut digits, mut at, mut left) = ([b'0'; 10], 10, number);
-    loop {
-        at -= 1;
-        if let (Some(place), Ok(digit)) = (digits.get_mut(at), u8::try_from(left % 10)) {
-            *place += digit;
-        }
-        left /= 10;
-        if left == 0 {
-            return print(digits.get(at..).unwrap_or_default());
-        }
-    }
+    print(&[b'0' + u8::try_from(number % 10).unwrap_or(0)]);
 }

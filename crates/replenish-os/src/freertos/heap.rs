@@ -9,7 +9,6 @@
 //! Freed blocks are cut to what is asked for and not joined; set-up frees little.
 #![expect(unsafe_code, reason = "a global allocator")]
 
-use super::ffi::Part;
 use super::masked::Masked;
 use super::panics::Who;
 use core::alloc::{GlobalAlloc, Layout};
@@ -150,11 +149,10 @@ unsafe impl<const N: usize> GlobalAlloc for SealedHeap<N> {
         });
         if block.is_null() {
             let why = match sealed {
-                true => ": the heap is sealed: ",
-                false => ": the heap is full: ",
+                true => b": the heap is sealed: ".as_slice(),
+                false => b": the heap is full: ",
             };
-            let (bytes, refused) = (Part::Number(layout.size()), Part::Text(" bytes refused"));
-            Who::running().says([Part::Text(why), bytes, refused]);
+            Who::running().says(why, layout.size(), b" bytes refused\n");
         }
         block
     }

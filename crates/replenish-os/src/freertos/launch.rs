@@ -22,13 +22,13 @@ pub(super) const DEFAULT_STACK: usize = 2048;
 pub(super) type Body = Box<dyn FnOnce(&'static Slot) + Send>;
 
 /// The priority a policy starts with.
-pub(super) fn how(policy: Policy) -> Result<u8, SpawnError> {
+pub(super) fn how(policy: &Policy) -> Result<u8, SpawnError> {
     match policy {
         Policy::Other => Ok(1),
-        Policy::Fifo { priority } => Ok(priority),
+        Policy::Fifo { priority } => Ok(*priority),
         Policy::Sporadic(params) => Ok(params.priority()),
         Policy::RoundRobin { .. } | Policy::KernelSporadic(_) | Policy::Deadline { .. } => {
-            Err(SpawnError::Unsupported(policy))
+            Err(SpawnError::Unsupported(*policy))
         }
     }
 }

@@ -90,5 +90,7 @@ const POLICIES: &str = "FreeRTOS has FIFO, and sporadic by the enforcer";
 /// (It never has arguments here: the kernel's timers cannot fail.)
 pub(crate) fn complain(what: core::fmt::Arguments<'_>) {
     let what = what.as_str().unwrap_or("the enforcer failed");
-    ffi::say(&[ffi::Part::Text(what)]);
+    for part in [ffi::PREFIX, what.as_bytes(), b"\n"] {
+        ffi::print(part);
+    }
 }

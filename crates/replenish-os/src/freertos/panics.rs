@@ -2,7 +2,7 @@
 
 #![expect(unsafe_code, reason = "functions the kernel calls, with C strings")]
 
-use super::ffi::{self, Part};
+use super::ffi;
 use crate::Tid;
 use core::ffi::{CStr, c_char};
 use core::fmt;
@@ -41,26 +41,22 @@ impl Who {
 }
 
 impl Who {
-    /// Reports what it did or met.
-    pub(super) fn says(&self, what: [Part<'_>; 3]) {
-        let [a, b, c] = what;
+    /// Reports what it did or met, with a number: a line without formatting, which takes kilobytes.
+    pub(super) fn says(&self, what: &[u8], number: usize, of: &[u8]) {
+        ffi::print(ffi::PREFIX);
         match &self.0 {
             Some(task) => {
-                let id = usize::try_from(task.id).unwrap_or(0);
-                let (number, name) = (Part::Number(id), Part::Raw(task.name));
-                ffi::say(&[
-                    Part::Text("task "),
-                    number,
-                    Part::Text(" ("),
-                    name,
-                    Part::Text(")"),
-                    a,
-                    b,
-                    c,
-                ]);
+                ffi::print(b"task ");
+                ffi::print_decimal(usize::try_from(task.id).unwrap_or(0));
+                ffi::print(b" (");
+                ffi::print(task.name.to_bytes()); // as it is: checking it takes room
+                ffi::print(b")");
             }
-            None => ffi::say(&[Part::Text("outside of tasks"), a, b, c]),
+            None => ffi::print(b"outside of tasks"),
         }
+        ffi::print(what);
+        ffi::print_decimal(number);
+        ffi::print(of);
     }
 }
 
@@ -135,9 +131,16 @@ fn stop() -> ! {
 extern "C" fn rp_assert_failed(file: *const c_char, line: u32) -> ! {
     // SAFETY: `__FILE__` of the kernel's sources.
     let file = unsafe { CStr::from_ptr(file) };
-    let line = Part::Number(usize::try_from(line).unwrap_or(0));
-    let what = Part::Text("assertion of the kernel failed: ");
-    ffi::say(&[what, Part::Raw(file), Part::Text(":"), line]);
+    for part in [
+        ffi::PREFIX,
+        b"assertion of the kernel failed: ",
+        file.to_bytes(),
+        b":",
+    ] {
+        ffi::print(part);
+    }
+    ffi::print_decimal(usize::try_from(line).unwrap_or(0));
+    ffi::print(b"\n");
     stop()
 }
 
@@ -146,7 +149,6 @@ extern "C" fn rp_assert_failed(file: *const c_char, line: u32) -> ! {
 #[unsafe(no_mangle)]
 extern "C" fn rp_stack_overflow() -> ! {
     let bytes = ffi::running().map_or(0, |task| task.stack_bytes);
-    let (needs, of) = (" needs more than its ", " bytes of stack");
-    Who::running().says([Part::Text(needs), Part::Number(bytes), Part::Text(of)]);
+    Who::running().says(b" needs more than its ", bytes, b" bytes of stack\n");
     stop()
 }

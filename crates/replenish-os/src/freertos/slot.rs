@@ -18,6 +18,7 @@ use super::ffi::{self, Task};
 use super::gaps::Gaps;
 use super::masked::{Mask, Masked, Quiet};
 use crate::Nanos;
+use alloc::boxed::Box;
 use core::ffi::c_void;
 use core::ptr;
 use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
@@ -31,7 +32,8 @@ pub(crate) struct Slot {
     pub(crate) id: i32,
     pub(crate) stack_bytes: usize,
     pub(crate) state: Masked<State>,
-    next: AtomicPtr<Slot>,
+    /// The one made before.
+    next: Option<&'static Slot>,
 }
 
 /// The changing part of a slot.
@@ -67,6 +69,7 @@ unsafe impl Send for State {}
 
 impl State {
     /// CPU time up to `now`.
+    #[inline(never)]
     pub(crate) fn cpu(&self, now: Nanos) -> Nanos {
         if self.on_cpu {
             self.cpu + now.saturating_sub(self.in_at)
@@ -136,15 +139,13 @@ pub(crate) fn reach_limit(quiet: Quiet<'_>) -> Option<Task> {
 /// When the running task will be at its limit.
 static LIMIT_AT: Masked<Nanos> = Masked::new(NEVER);
 static SLOTS: AtomicPtr<Slot> = AtomicPtr::new(ptr::null_mut());
-static COUNT: AtomicU32 = AtomicU32::new(0);
 /// The running task's: what the hook was given last.
 static CURRENT: AtomicPtr<Slot> = AtomicPtr::new(ptr::null_mut());
 
 /// A new slot, to be given to a task.
 pub(crate) fn make(priority: u8, stack_bytes: usize) -> &'static Slot {
-    let id = COUNT.fetch_add(1, Ordering::Relaxed) + 1;
-    let slot = alloc::boxed::Box::leak(alloc::boxed::Box::new(Slot {
-        id: i32::try_from(id).unwrap_or(i32::MAX),
+    let slot = Box::leak(Box::new(Slot {
+        id: 1,
         stack_bytes,
         state: Masked::new(State {
             task: None,
@@ -164,24 +165,22 @@ pub(crate) fn make(priority: u8, stack_bytes: usize) -> &'static Slot {
             blocks: 0,
             preemptions: 0,
         }),
-        next: AtomicPtr::new(ptr::null_mut()),
+        next: None,
     }));
     let _mask = Mask::set();
-    slot.next
-        .store(SLOTS.load(Ordering::Acquire), Ordering::Release);
+    if let Some(newest) = all().next() {
+        slot.id = newest.id + 1;
+        slot.next = Some(newest);
+    }
     SLOTS.store(ptr::from_mut(slot), Ordering::Release);
     slot
 }
 
 /// All slots, newest first.
 pub(crate) fn all() -> impl Iterator<Item = &'static Slot> {
-    let mut at = SLOTS.load(Ordering::Acquire);
-    core::iter::from_fn(move || {
-        // SAFETY: slots are leaked boxes, published whole.
-        let slot = unsafe { at.as_ref() }?;
-        at = slot.next.load(Ordering::Acquire);
-        Some(slot)
-    })
+    // SAFETY: slots are leaked boxes, published whole.
+    let newest = unsafe { SLOTS.load(Ordering::Acquire).as_ref() };
+    core::iter::successors(newest, |slot| slot.next)
 }
 
 /// The running task's; `None` before the kernel runs and in the idle task.

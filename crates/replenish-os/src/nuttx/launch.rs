@@ -22,7 +22,7 @@ pub(super) const DEFAULT_STACK: usize = if cfg!(nuttx_host) { 256 << 10 } else {
 pub(super) type Body = Box<dyn FnOnce(&'static Slot) + Send>;
 
 /// A policy in the shim's words.
-pub(super) fn how(policy: Policy) -> Result<How, SpawnError> {
+pub(super) fn how(policy: &Policy) -> Result<How, SpawnError> {
     let facts = super::check()
         .map_err(|_| SpawnError::Create(OsError::new("nuttx::check() says what does not fit")))?;
     let at = |kind, priority: u8| How {
@@ -30,14 +30,14 @@ pub(super) fn how(policy: Policy) -> Result<How, SpawnError> {
         priority: priority.into(),
         ..How::default()
     };
-    match policy {
+    match *policy {
         Policy::Other => Ok(at(0, facts.lowest)),
         Policy::Fifo { priority } => Ok(at(1, priority)),
         Policy::RoundRobin { priority } if facts.round_robin => Ok(at(2, priority)),
         Policy::Sporadic(params) => Ok(at(1, params.priority())),
         Policy::KernelSporadic(params) if facts.native_repl > 0 => Ok(native(&params, &facts)),
         Policy::RoundRobin { .. } | Policy::KernelSporadic(_) | Policy::Deadline { .. } => {
-            Err(SpawnError::Unsupported(policy))
+            Err(SpawnError::Unsupported(*policy))
         }
     }
 }

@@ -32,6 +32,7 @@ impl AtomicU64 {
     }
 
     /// Adds, wrapping around; the value before.
+    #[inline(never)]
     pub fn fetch_add(&self, value: u64, _: Ordering) -> u64 {
         self.0.with(|v| {
             let sum = v.wrapping_add(value);

@@ -36,7 +36,8 @@ fn sleep(
     mask: Mask,
 ) {
     let Some(me) = me else { return };
-    if word.load(Ordering::SeqCst) != expected {
+    // Who changes it looks for waiters after that, and masked: it is seen here, or finds this one.
+    if word.load(Ordering::Relaxed) != expected {
         return;
     }
     let at = deadline.unwrap_or(NEVER);

@@ -19,13 +19,13 @@ pub(crate) struct Gaps {
 
 impl Gaps {
     pub(crate) const fn new() -> Self {
-        const NONE: Gap = Gap {
+        const NONE: [Gap; MAX_GAPS] = [Gap {
             ran: 0,
             out_at: 0,
             in_at: 0,
-        };
+        }; MAX_GAPS];
         Self {
-            list: [NONE; MAX_GAPS],
+            list: NONE,
             len: 0,
             mark: 0,
             open: None,

@@ -23,19 +23,26 @@ const WAITERS: u32 = 1 << 31;
 
 /// Waits for the lock and takes it; panics where it would wait for ever.
 pub(crate) fn lock(lock: &AtomicU32) {
-    if !try_lock(lock) {
-        lock_slow(lock, None);
+    let me = me();
+    if !take(lock, me) {
+        lock_slow(lock, me, None);
     }
 }
 
 /// Whether it could be taken until then.
 pub(crate) fn lock_until(lock: &AtomicU32, deadline: Nanos) -> bool {
-    try_lock(lock) || lock_slow(lock, Some(deadline))
+    let me = me();
+    take(lock, me) || lock_slow(lock, me, Some(deadline))
 }
 
 /// Whether it was free.
 pub(crate) fn try_lock(lock: &AtomicU32) -> bool {
-    swap(lock, 0, me())
+    take(lock, me())
+}
+
+/// Takes it if it is free.
+fn take(lock: &AtomicU32, me: u32) -> bool {
+    swap(lock, 0, me, Ordering::Acquire)
 }
 
 fn me() -> u32 {
@@ -44,15 +51,15 @@ fn me() -> u32 {
 
 /// Waits; whether it has the lock, which it has if there is no deadline.
 #[cold]
-fn lock_slow(lock: &AtomicU32, deadline: Option<Nanos>) -> bool {
-    let me = me();
+#[inline(never)]
+fn lock_slow(lock: &AtomicU32, me: u32, deadline: Option<Nanos>) -> bool {
     let mut waits = false;
     loop {
         let mask = Mask::set();
         let word = lock.load(Ordering::Acquire);
         let owner = word & !WAITERS;
         let mine = if owner == 0 {
-            swap(lock, word, me)
+            swap(lock, word, me, Ordering::Acquire)
         } else {
             // Handed over by the unlock, while it slept.
             waits && owner == me
@@ -74,7 +81,7 @@ fn lock_slow(lock: &AtomicU32, deadline: Option<Nanos>) -> bool {
         }
         // Taken or given back between the reading and now: look again.
         let expected = word | WAITERS;
-        if owner == 0 || !swap(lock, word, expected) {
+        if owner == 0 || !swap(lock, word, expected, Ordering::Relaxed) {
             continue;
         }
         if let Some(holder) = holder {
@@ -86,21 +93,21 @@ fn lock_slow(lock: &AtomicU32, deadline: Option<Nanos>) -> bool {
     }
 }
 
-fn swap(lock: &AtomicU32, from: u32, to: u32) -> bool {
-    lock.compare_exchange(from, to, Ordering::AcqRel, Ordering::Relaxed)
+fn swap(lock: &AtomicU32, from: u32, to: u32, order: Ordering) -> bool {
+    lock.compare_exchange(from, to, order, Ordering::Relaxed)
         .is_ok()
 }
 
 /// By the owner.
 pub(crate) fn unlock(lock: &AtomicU32) {
-    if swap(lock, me(), 0) {
-        return; // nobody waits
+    if !swap(lock, me(), 0, Ordering::Release) {
+        unlock_slow(lock); // somebody waits
     }
-    unlock_slow(lock);
 }
 
 /// Hands the lock to the highest of those who wait.
 #[cold]
+#[inline(never)]
 fn unlock_slow(lock: &AtomicU32) {
     let mask = Mask::set();
     let next = futex::take_waiter(lock, mask.quiet());

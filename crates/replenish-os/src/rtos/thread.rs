@@ -104,7 +104,8 @@ where
 
 /// The part of [`spawn`] that is the same for all of them.
 fn boxed(spec: &ThreadSpec, body: launch::Body) -> Result<&'static Slot, SpawnError> {
-    let how = launch::how(spec.policy.validate()?)?;
+    spec.policy.check()?;
+    let how = launch::how(&spec.policy)?;
     if let Some(cpu) = spec.cpu.filter(|&cpu| cpu != 0) {
         return Err(SpawnError::Cpu { cpu });
     }
