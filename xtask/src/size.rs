@@ -75,7 +75,7 @@ pub(crate) fn run(path: Option<&Path>) -> Outcome {
     )
 }
 
-/// Links pong without a kernel, whose functions stay open; its ELF file.
+/// Links pong without a kernel, with the flags of the program's own `.cargo/config.toml`; its ELF file.
 fn build() -> Outcome<PathBuf> {
     host::check()?;
     let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tools/executor-size");
@@ -84,12 +84,11 @@ fn build() -> Outcome<PathBuf> {
         None => std::path::absolute(program.join("../../target/size")),
     }
     .map_err(|e| e.to_string())?;
-    let open = "-C link-arg=-eentry -C link-arg=--unresolved-symbols=ignore-all";
     let status = Command::new("cargo")
         .args(["build", "--quiet", "--release", "--target", TARGET])
         .current_dir(&program)
         .env("CARGO_TARGET_DIR", &target)
-        .env("RUSTFLAGS", open)
+        .env_remove("RUSTFLAGS")
         .status()
         .map_err(|e| format!("cargo: {e}"))?;
     match status.success() {

@@ -13,7 +13,7 @@
 //! Every wait with an end is one of our deadlines in nanoseconds, so the kernel's tick is off and
 //! an idle board sleeps (`WFI`) until the next deadline or interrupt.
 //!
-//! What each task takes: its stack, a TCB of the kernel and a slot of 170 bytes; see
+//! What each task takes: its stack, a TCB of the kernel and a slot of 208 bytes; see
 //! [`Thread::stack_unused`](crate::Thread::stack_unused).
 
 mod alarm;
