@@ -60,6 +60,7 @@
 //! ```
 
 mod config;
+mod each;
 mod event;
 mod incoming;
 mod journal;

@@ -11,14 +11,15 @@
 //! that were kept from the session before; they then go through `restore`, which begins that
 //! stream, and the kept samples follow with the numbers after them.
 
+use super::each::Each;
 use super::restore::Restore;
 use super::{Buffers, Config, WriteError};
-use crate::Nanos;
 use crate::stream::{
     BestEffortStats, Carried, InputBestEffort, InputReliable, InputStats, OutputBestEffort,
     OutputReliable, OutputStats, PushError, StreamHeader, Tail,
 };
 use crate::wire::{AckNack, Heartbeat, Raw, SessionId, Settled, StreamId};
+use crate::{NEVER, Nanos};
 
 #[derive(Debug)]
 pub(super) struct BestEffort<S> {
@@ -34,8 +35,8 @@ pub(super) struct Reliable<S, const N: usize> {
 
 #[derive(Debug)]
 pub(super) struct Streams<S, const N: usize, const B: usize, const R: usize> {
-    best_effort: [BestEffort<S>; B],
-    reliable: [Reliable<S, N>; R],
+    best_effort: Each<BestEffort<S>, B>,
+    reliable: Each<Reliable<S, N>, R>,
     /// The stream of requests.
     requests: StreamId,
     restore: Restore<S, N>,
@@ -89,8 +90,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
         });
         let (restore, policy) = (buffers.restore, config.reliability);
         let streams = Streams {
-            best_effort,
-            reliable,
+            best_effort: Each(best_effort),
+            reliable: Each(reliable),
             requests: StreamId::RELIABLE,
             restore: Restore::new(restore, mtu, head(StreamId::RELIABLE), policy),
         };
@@ -101,14 +102,14 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
     /// were not acknowledged, if there is a way to bring them over.
     pub(super) fn begin(&mut self, config: &Config, session: SessionId, settles: bool) -> Carried {
         let head = |stream| header(config, session, stream);
-        for stream in &mut self.best_effort {
+        self.best_effort.for_each(|stream| {
             let id = stream.output.header().stream;
             stream.output.reset(head(id));
             stream.input.reset();
-        }
+        });
         let keeps = self.restore.limit() > 0;
         let mut all = Carried::default();
-        for stream in &mut self.reliable {
+        self.reliable.for_each(|stream| {
             let id = stream.output.header().stream;
             let carried = stream.output.carry_over(head(id));
             all.lost = all.lost.saturating_add(carried.lost);
@@ -120,7 +121,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
             }
             stream.output.until_settled(settles);
             stream.input.reset();
-        }
+        });
         self.requests = config.requests;
         self.restore
             .begin(head(config.requests), all.samples > 0 && keeps);
@@ -144,12 +145,12 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
     /// Gives up what was not acknowledged; how many samples that is.
     pub(super) fn give_up(&mut self) -> u64 {
         let mut lost = 0_u64;
-        for Reliable { output, .. } in &mut self.reliable {
+        self.reliable.for_each(|Reliable { output, .. }| {
             let header = output.header();
             let carried = output.carry_over(header);
             lost = lost.saturating_add(carried.samples.saturating_add(carried.lost));
             output.reset(header);
-        }
+        });
         lost
     }
 
@@ -193,10 +194,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
 
     /// The largest sample on `stream`.
     pub(super) fn limit(&self, stream: StreamId) -> Option<usize> {
-        let reliable = stream.reliable_index().and_then(|i| self.reliable.get(i));
-        let best_effort = stream
-            .best_effort_index()
-            .and_then(|i| self.best_effort.get(i));
+        let reliable = self.reliable.get(stream.reliable_index());
+        let best_effort = self.best_effort.get(stream.best_effort_index());
         let limit = match (reliable, best_effort) {
             (Some(stream), _) => stream.output.limit(),
             (_, Some(stream)) => stream.output.limit(),
@@ -206,11 +205,11 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
     }
 
     pub(super) fn best_effort_mut(&mut self, stream: StreamId) -> Option<&mut BestEffort<S>> {
-        self.best_effort.get_mut(stream.best_effort_index()?)
+        self.best_effort.get_mut(stream.best_effort_index())
     }
 
     pub(super) fn reliable_mut(&mut self, stream: StreamId) -> Option<&mut Reliable<S, N>> {
-        self.reliable.get_mut(stream.reliable_index()?)
+        self.reliable.get_mut(stream.reliable_index())
     }
 
     pub(super) fn acknowledge(&mut self, now: Nanos, ack: &AckNack, settled: Option<Settled>) {
@@ -219,7 +218,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
             Some(restore) => restore,
             None => {
                 let index = ack.stream.reliable_index();
-                let Some(stream) = index.and_then(|i| self.reliable.get_mut(i)) else {
+                let Some(stream) = self.reliable.get_mut(index) else {
                     return;
                 };
                 &mut stream.output
@@ -232,71 +231,71 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
     }
 
     pub(super) fn take_ack(&mut self, now: Nanos) -> Option<AckNack> {
-        let mut inputs = self.reliable.iter_mut().rev().map(|s| &mut s.input);
-        inputs.find_map(|input| input.take_ack_at(now))
+        self.reliable.first(|stream| stream.input.take_ack_at(now))
     }
 
     pub(super) fn take_heartbeat(&mut self, now: Nanos) -> Option<Heartbeat> {
         if let Some(restore) = self.restore.active() {
             return restore.take_heartbeat(now);
         }
-        let mut outputs = self.reliable.iter_mut().rev().map(|s| &mut s.output);
-        outputs.find_map(|output| output.take_heartbeat(now))
+        self.reliable
+            .first(|stream| stream.output.take_heartbeat(now))
     }
 
     /// The next message of a stream, those with higher indices first, best effort before reliable.
     pub(super) fn next_message(&mut self, now: Nanos) -> Option<&[u8]> {
-        let has_message = |s: &BestEffort<S>| s.output.has_message();
-        if let Some(i) = self.best_effort.iter().rposition(has_message) {
-            return self.best_effort.get_mut(i)?.output.take();
+        if let Some(message) = self.best_effort.first(|stream| stream.output.take()) {
+            return Some(message);
         }
         if self.restore.is_active() {
             return self.restore.active()?.next_datagram(now);
         }
-        let has_message = |s: &Reliable<S, N>| s.output.has_message(now);
-        let i = self.reliable.iter().rposition(has_message)?;
-        self.reliable.get_mut(i)?.output.next_datagram(now)
+        self.reliable
+            .first(|stream| stream.output.next_datagram(now))
     }
 
     /// When a stream has something to send; [`NEVER`] for no time.
     pub(super) fn deadline(&self) -> Nanos {
         let restoring = self.restore.is_active();
-        let mut next = self.restore.deadline();
-        for stream in &self.reliable {
-            next = next.min(stream.input.ack_due_at());
-            if !restoring {
-                next = next.min(stream.output.deadline());
-            }
-        }
-        next
+        self.reliable.sum(self.restore.deadline(), |next, stream| {
+            let output = match restoring {
+                true => NEVER,
+                false => stream.output.deadline(),
+            };
+            next.min(stream.input.ack_due_at()).min(output)
+        })
     }
 
     /// Whether every sample was acknowledged.
     pub(super) fn is_delivered(&self) -> bool {
-        self.reliable.iter().all(|stream| stream.output.is_idle())
+        self.reliable
+            .sum(true, |all, stream| all && stream.output.is_idle())
     }
 
     pub(super) fn unacknowledged(&self) -> usize {
-        let outputs = self.reliable.iter().map(|s| s.output.unacknowledged());
-        outputs.fold(0, usize::saturating_add)
+        self.reliable.sum(0, |sum: usize, stream| {
+            sum.saturating_add(stream.output.unacknowledged())
+        })
     }
 
     pub(super) fn output_stats(&self) -> OutputStats {
-        let outputs = self.reliable.iter().map(|s| s.output.stats());
-        outputs.fold(self.restore.stats(), OutputStats::plus)
+        self.reliable.sum(self.restore.stats(), |sum, stream| {
+            sum.plus(stream.output.stats())
+        })
     }
 
     pub(super) fn input_stats(&self) -> (InputStats, BestEffortStats) {
-        let reliable = self.reliable.iter().map(|s| s.input.stats());
-        let best_effort = self.best_effort.iter().map(|s| s.input.stats());
+        let reliable = |sum: InputStats, s: &Reliable<S, N>| sum.plus(s.input.stats());
+        let best_effort = |sum: BestEffortStats, s: &BestEffort<S>| sum.plus(s.input.stats());
         (
-            reliable.fold(InputStats::default(), InputStats::plus),
-            best_effort.fold(BestEffortStats::default(), BestEffortStats::plus),
+            self.reliable.sum(InputStats::default(), reliable),
+            self.best_effort
+                .sum(BestEffortStats::default(), best_effort),
         )
     }
 
     pub(super) fn stream_stats(&self, stream: StreamId) -> Option<(OutputStats, InputStats)> {
-        let stream = self.reliable.get(stream.reliable_index()?)?;
+        let stream = self.reliable.get(stream.reliable_index())?;
         Some((stream.output.stats(), stream.input.stats()))
     }
 }
