@@ -11,6 +11,12 @@ impl SeqNum {
         SeqNum(self.0.wrapping_add(by))
     }
 
+    /// The number `count` messages later: it wraps, however many there are.
+    #[must_use]
+    pub(crate) const fn ahead(self, count: usize) -> SeqNum {
+        self.plus((count & 0xffff) as u16)
+    }
+
     /// The number one message earlier.
     #[must_use]
     pub const fn previous(self) -> SeqNum {

@@ -110,7 +110,7 @@ impl Link {
         }
         self.attempts = self.attempts.saturating_add(1);
         self.next_request = later(now, self.retry);
-        self.retry = self.retry.saturating_mul(2).min(config.retry_max);
+        self.retry = later(self.retry, self.retry).min(config.retry_max);
         true
     }
 

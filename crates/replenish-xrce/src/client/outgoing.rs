@@ -1,11 +1,12 @@
 //! The session's sending half: what goes out next, and when.
 
+use super::streams::header;
 use super::{Session, State};
 use crate::features::{DELIVERY as SETTLING, QUERIES};
 use crate::wire::{
-    BaseRequest, CreateClient, DELIVERY, DELIVERY_BACK, DELIVERY_NEW, Encode, Header,
-    INFO_ACTIVITY, MessageWriter, ObjectId, Properties, Raw, RequestId, SessionId, StreamId,
-    SubmessageId, Timestamp, VENDOR, VERSION, submessage_len,
+    BaseRequest, CreateClient, DELIVERY, DELIVERY_BACK, DELIVERY_NEW, Encode, INFO_ACTIVITY,
+    MessageWriter, ObjectId, Properties, Raw, RequestId, SessionId, StreamId, SubmessageId,
+    Timestamp, VENDOR, VERSION, submessage_len,
 };
 use crate::{Nanos, SeqNum};
 use crate::{count, ever};
@@ -150,8 +151,9 @@ where
 
     /// A message outside of streams.
     fn message<T: Encode>(&mut self, session: SessionId, body: &T) -> Option<&[u8]> {
-        let header = Header::new(session, StreamId::NONE, SeqNum(0), self.config.key);
-        let mut writer = MessageWriter::new(&mut self.scratch, &header).ok()?;
+        let header = header(&self.config, session, StreamId::NONE);
+        let begun = header.put(SeqNum(0), &mut self.scratch)?;
+        let mut writer = MessageWriter::resume(&mut self.scratch, begun);
         writer.push(body).ok()?;
         Some(writer.finish())
     }

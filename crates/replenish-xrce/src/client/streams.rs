@@ -42,7 +42,7 @@ pub(super) struct Streams<S, const N: usize, const B: usize, const R: usize> {
     restore: Restore<S, N>,
 }
 
-const fn header(config: &Config, session: SessionId, stream: StreamId) -> StreamHeader {
+pub(super) const fn header(config: &Config, session: SessionId, stream: StreamId) -> StreamHeader {
     StreamHeader {
         session,
         stream,

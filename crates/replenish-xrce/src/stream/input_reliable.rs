@@ -15,6 +15,9 @@ use crate::wire::{AckNack, Fragment, StreamId, Submessage, SubmessageId, Submess
 use crate::{NEVER, ever, later};
 use crate::{Nanos, SeqNum};
 
+/// Messages that can wait for a missing one at most. An acknowledgement names sixteen.
+const MOST: usize = 31;
+
 /// When an input stream acknowledges. A gap, a duplicate and a heartbeat are always answered at
 /// once: only the confirmation that all is well can wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,7 +86,9 @@ pub struct InputReliable<S, R, const N: usize> {
     /// Slots in use, at most `N`.
     capacity: usize,
     /// Length of the message in each slot.
-    kept: [Option<u16>; N],
+    lens: [u16; N],
+    /// Bit `i` set: message `next + i` waits in its slot.
+    kept: u32,
     /// Slot for the message after `next`.
     head: usize,
     next: SeqNum,
@@ -106,21 +111,24 @@ where
     S: AsRef<[u8]> + AsMut<[u8]>,
     R: AsRef<[u8]> + AsMut<[u8]>,
 {
-    /// A stream at its beginning. `slots` is cut into slots of `slot_size` bytes, at most `N`; a
+    /// A stream at its beginning. `slots` is cut into slots of `slot_size` bytes, at most `N` and 31; a
     /// slot holds a message without its header. The length of `fragments` is the largest
     /// submessage, header included, that can be put together.
     pub fn new(stream: StreamId, slots: S, slot_size: usize, fragments: R) -> Self {
+        let slot_size = slot_size.min(usize::from(u16::MAX));
         let capacity = slots
             .as_ref()
             .len()
             .checked_div(slot_size)
             .unwrap_or(0)
-            .min(N);
+            .min(N)
+            .min(MOST);
         InputReliable {
             slots,
             slot_size,
             capacity,
-            kept: [None; N],
+            lens: [0; N],
+            kept: 0,
             head: 0,
             next: SeqNum(0),
             announced: SeqNum(0).previous(),
@@ -144,7 +152,7 @@ where
 
     /// Back to the beginning, for a new session. The counters go on.
     pub fn reset(&mut self) {
-        self.kept = [None; N];
+        self.kept = 0;
         self.head = 0;
         self.next = SeqNum(0);
         self.announced = SeqNum(0).previous();
@@ -238,24 +246,12 @@ where
 
     /// The state as an acknowledgement.
     pub fn ack(&self) -> AckNack {
-        let mut missing = 0_u16;
-        for i in 0..u16::try_from(self.capacity.wrapping_add(1))
-            .unwrap_or(16)
-            .min(16)
-        {
-            let seq = self.next.plus(i);
-            if seq.is_after(self.announced) {
-                break;
-            }
-            if i == 0
-                || self
-                    .kept
-                    .get(self.slot(usize::from(i)))
-                    .is_some_and(Option::is_none)
-            {
-                missing |= 1_u16.wrapping_shl(u32::from(i));
-            }
-        }
+        // What is known to exist: up to the last message that was announced, and that has a slot.
+        let announced = self.announced.plus(1).since(self.next);
+        let known = usize::try_from(announced).unwrap_or(0);
+        let known = known.min(self.capacity.wrapping_add(1)).min(16);
+        let all = u32::MAX.checked_shl(known as u32).unwrap_or(0);
+        let missing = !(all | self.kept) as u16;
         AckNack {
             first_unacked: self.next,
             missing,
@@ -273,34 +269,42 @@ where
         self.stats
     }
 
-    /// The slot for message `next + ahead`, `ahead >= 1`.
-    fn slot(&self, ahead: usize) -> usize {
-        let slot = self.head.wrapping_add(ahead).saturating_sub(1);
-        slot.checked_rem(self.capacity).unwrap_or(0)
+    /// Where the message in slot `slot` begins.
+    const fn start(&self, slot: usize) -> usize {
+        slot.wrapping_mul(self.slot_size)
     }
 
+    /// The slot after `slot`, or `ahead` after it, at most one round.
+    const fn slot(&self, ahead: usize) -> usize {
+        let slot = self.head.wrapping_add(ahead);
+        match slot.checked_sub(self.capacity) {
+            Some(slot) => slot,
+            None => slot,
+        }
+    }
+
+    /// Keeps the message `ahead` (at least 1) after `next`.
     fn keep(&mut self, ahead: usize, body: &[u8]) {
-        let slot = self.slot(ahead);
-        let start = slot.wrapping_mul(self.slot_size);
-        let room = self
-            .slots
-            .as_mut()
-            .get_mut(start..start.wrapping_add(self.slot_size));
-        let (Some(room), Some(kept), Ok(len)) = (
-            room.and_then(|room| room.get_mut(..body.len()))
-                .filter(|_| ahead <= self.capacity),
-            self.kept.get_mut(slot),
-            u16::try_from(body.len()),
+        let bit = 1_u32.checked_shl(ahead as u32).unwrap_or(0);
+        if self.kept & bit != 0 {
+            count(&mut self.stats.duplicates);
+            return;
+        }
+        let slot = self.slot(ahead.wrapping_sub(1));
+        let start = self.start(slot);
+        let room = self.slots.as_mut().get_mut(start..);
+        let fits = ahead <= self.capacity && body.len() <= self.slot_size;
+        let (true, Some(room), Some(len)) = (
+            fits,
+            room.and_then(|room| room.get_mut(..body.len())),
+            self.lens.get_mut(slot),
         ) else {
             count(&mut self.stats.dropped);
             return;
         };
-        if kept.is_some() {
-            count(&mut self.stats.duplicates);
-            return;
-        }
         room.copy_from_slice(body);
-        *kept = Some(len);
+        *len = body.len() as u16;
+        self.kept |= bit;
         count(&mut self.stats.reordered);
     }
 
@@ -308,10 +312,14 @@ where
     fn advance(&mut self) -> Option<(usize, usize)> {
         self.next = self.next.plus(1);
         let slot = self.head;
-        self.head = self.slot(2);
-        let len = self.kept.get_mut(slot)?.take()?;
-        let start = slot.wrapping_mul(self.slot_size);
-        Some((start, start.wrapping_add(usize::from(len))))
+        self.head = self.slot(1);
+        self.kept >>= 1;
+        if self.kept & 1 == 0 {
+            return None;
+        }
+        let len = usize::from(*self.lens.get(slot)?);
+        let start = self.start(slot);
+        Some((start, start.wrapping_add(len)))
     }
 }
 

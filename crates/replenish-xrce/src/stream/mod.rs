@@ -52,6 +52,17 @@ impl StreamHeader {
         Header::new(self.session, self.stream, seq, self.key)
     }
 
+    /// Writes the header of message `seq` to the front of `buf`; its length, if there is room.
+    pub(crate) fn put(&self, seq: SeqNum, buf: &mut [u8]) -> Option<usize> {
+        let [low, high] = seq.0.to_le_bytes();
+        let (head, rest) = buf.split_first_chunk_mut()?;
+        *head = [self.session.0, self.stream.0, low, high];
+        if self.session.has_key() {
+            *rest.first_chunk_mut()? = self.key.0;
+        }
+        Some(self.len())
+    }
+
     /// Bytes of a header: 4 or 8.
     #[must_use]
     pub const fn len(&self) -> usize {

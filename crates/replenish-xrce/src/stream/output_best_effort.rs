@@ -71,11 +71,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>> OutputBestEffort<S> {
         let room = room
             .get_mut(..limit.wrapping_add(self.header.len()))
             .unwrap_or(&mut []);
-        let mut writer = if self.len == 0 {
-            MessageWriter::new(room, &self.header.at(self.next)).map_err(PushError::Wire)?
-        } else {
-            MessageWriter::resume(room, self.len)
-        };
+        let begun = self.len.max(self.header.len());
+        let mut writer = MessageWriter::resume(room, begun);
         let pushed = match self.tail {
             Tail::Padded => writer.push_padded(body),
             Tail::Exact => writer.push(body),
@@ -101,7 +98,9 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>> OutputBestEffort<S> {
             return None;
         }
         let len = core::mem::take(&mut self.len);
+        let message = self.buf.as_mut().get_mut(..len)?;
+        self.header.put(self.next, message);
         self.next = self.next.plus(1);
-        self.buf.as_ref().get(..len)
+        Some(message)
     }
 }

@@ -242,14 +242,12 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
 
     /// The first message that is not acknowledged; the next one to be sent if all are.
     pub fn first_unacknowledged(&self) -> SeqNum {
-        let confirmed = u16::try_from(self.confirmed()).unwrap_or(0);
-        self.ring.first.plus(confirmed)
+        self.ring.first.ahead(self.confirmed())
     }
 
     /// The number of the message that was begun last, or the one before the first.
     pub fn newest(&self) -> SeqNum {
-        let used = u16::try_from(self.ring.used).unwrap_or(0);
-        self.ring.first.plus(used).previous()
+        self.ring.first.ahead(self.ring.used).previous()
     }
 
     /// Whether everything was acknowledged.
@@ -295,7 +293,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         slot.lost = NEVER;
         if !new && slot.retries < RETRIES {
             slot.retries = slot.retries.saturating_add(1);
-            slot.lost = later(now, patience.saturating_mul(slot.retries.into()));
+            slot.lost = (0..slot.retries).fold(now, |time, _| later(time, patience));
         }
         if new {
             self.sent = self.sent.wrapping_add(1);
@@ -323,14 +321,13 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
             return None;
         }
         let unacknowledged = self.sent.saturating_sub(self.confirmed());
-        let unacknowledged = u16::try_from(unacknowledged).ok()?;
         let longest = self.config.heartbeat_max;
         let wait = if unacknowledged == 0 {
             longest
         } else {
             self.unanswered = self.unanswered.saturating_add(1);
             if self.unanswered >= STEADY {
-                self.interval = self.interval.saturating_mul(2).min(longest);
+                self.interval = later(self.interval, self.interval).min(longest);
             }
             self.interval
         };
@@ -340,7 +337,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         let first = self.first_unacknowledged();
         Some(Heartbeat {
             first,
-            last: first.plus(unacknowledged).previous(),
+            last: first.ahead(unacknowledged).previous(),
             stream: self.header().stream,
         })
     }
@@ -402,7 +399,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
                 timeout.min(heartbeat_max).max(heartbeat_min)
             });
         }
-        let unknown = self.config.heartbeat_first.saturating_mul(2);
+        let first = self.config.heartbeat_first;
+        let unknown = later(first, first);
         let patience = timeout.unwrap_or(unknown).min(heartbeat_max);
         self.note_missing(confirmed, last, missing, patience);
         self.confirmed = confirmed;

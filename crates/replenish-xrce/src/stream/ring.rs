@@ -151,7 +151,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
     /// Forgets the first `n` messages.
     pub(super) fn release(&mut self, n: usize) {
         self.head = self.index(n);
-        self.first = self.first.plus(u16::try_from(n).unwrap_or(0));
+        self.first = self.first.ahead(n);
         self.used = self.used.saturating_sub(n);
         self.refill();
     }
@@ -170,14 +170,11 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         (0..=n).rev().find(ends_a_sample).unwrap_or(0)
     }
 
-    /// Writes the header of message `first + i` anew: its number is certain only when it is sent.
+    /// Writes the header of message `first + i`: its number is certain only when it is sent.
     pub(super) fn stamp(&mut self, i: usize) {
-        let header = self
-            .header
-            .at(self.first.plus(u16::try_from(i).unwrap_or(0)));
-        let index = self.index(i);
-        if let Some(room) = self.room(index) {
-            header.encode(room).ok();
+        let (header, seq) = (self.header, self.first.ahead(i));
+        if let Some(room) = self.room_of(i) {
+            header.put(seq, room);
         }
     }
 
@@ -239,7 +236,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
             return Ok(());
         }
         if fits_one {
-            self.begin()?;
+            self.begin();
             return self.append(body).map(|_| ());
         }
         let mut position = 0;
@@ -264,7 +261,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
             if let Some(newest) = self.used.checked_sub(1).and_then(|i| self.get_mut(i)) {
                 newest.open = false;
             }
-            self.begin()?;
+            self.begin();
         }
         Ok(())
     }
@@ -335,11 +332,13 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
             .saturating_sub(4)
     }
 
-    fn index(&self, i: usize) -> usize {
-        self.head
-            .wrapping_add(i)
-            .checked_rem(self.capacity)
-            .unwrap_or(0)
+    /// The slot of message `first + i`, at most one round ahead.
+    const fn index(&self, i: usize) -> usize {
+        let index = self.head.wrapping_add(i);
+        match index.checked_sub(self.capacity) {
+            Some(index) => index,
+            None => index,
+        }
     }
 
     pub(super) fn room_of(&mut self, i: usize) -> Option<&mut [u8]> {
@@ -386,27 +385,18 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         }
     }
 
-    /// Begins a message with its header; the caller has checked that there is a free slot. Gives
-    /// the room after the header.
-    fn begin(&mut self) -> Result<&mut [u8], PushError> {
+    /// Begins a message, with room for its header; the caller has checked that there is a free slot.
+    /// Gives the room after the header.
+    fn begin(&mut self) -> Option<&mut [u8]> {
         let index = self.index(self.used);
-        let header = self
-            .header
-            .at(self.first.plus(u16::try_from(self.used).unwrap_or(0)));
-        let room = self.room(index).ok_or(PushError::WouldBlock)?;
-        header.encode(room).map_err(PushError::Wire)?;
-        if let Some(slot) = self.slots.get_mut(index) {
-            *slot = Slot {
-                len: header.len(),
-                open: true,
-                ..Slot::default()
-            };
-        }
+        let len = self.header.len();
+        *self.slots.get_mut(index)? = Slot {
+            len,
+            open: true,
+            ..Slot::default()
+        };
         self.used = self.used.wrapping_add(1);
-        let room = self
-            .room(index)
-            .and_then(|room| room.get_mut(header.len()..));
-        room.ok_or(PushError::WouldBlock)
+        self.room(index)?.get_mut(len..)
     }
 
     /// Begins a message that is one fragment of a submessage of `size` bytes, from `position` on,
@@ -433,11 +423,10 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
             high,
         ];
         let newest = self.used;
-        let room = self.begin()?;
-        let Some((front, piece)) = room.split_at_mut_checked(subheader.len()) else {
+        let Some((front, piece)) = self.begin().and_then(<[u8]>::split_first_chunk_mut) else {
             return Err(PushError::WouldBlock);
         };
-        front.copy_from_slice(&subheader);
+        *front = subheader;
         let piece = piece.get_mut(..len).unwrap_or(&mut []);
         write(piece, position).map_err(PushError::Wire)?;
         if let Some(slot) = self.get_mut(newest) {

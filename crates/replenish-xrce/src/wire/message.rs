@@ -2,6 +2,7 @@
 
 use super::{Body, ClientKey, Data, SessionId, StreamId, WireError, padding};
 use crate::SeqNum;
+use crate::stream::StreamHeader;
 
 /// Flag bit 0 of a submessage: its body is little endian.
 pub const FLAG_LITTLE_ENDIAN: u8 = 0x01;
@@ -103,15 +104,14 @@ impl Header {
     /// # Errors
     /// [`WireError::NoRoom`].
     pub fn encode(&self, buf: &mut [u8]) -> Result<usize, WireError> {
-        let (len, left) = (self.len(), buf.len());
-        let [low, high] = self.seq.0.to_le_bytes();
-        let [a, b, c, d] = self.key.map_or([0; 4], |key| key.0);
-        let bytes = [self.session.0, self.stream.0, low, high, a, b, c, d];
-        match (buf.get_mut(..len), bytes.get(..len)) {
-            (Some(room), Some(bytes)) => room.copy_from_slice(bytes),
-            _ => return Err(WireError::NoRoom { needed: len, left }),
-        }
-        Ok(len)
+        let (needed, left) = (self.len(), buf.len());
+        let header = StreamHeader {
+            session: self.session,
+            stream: self.stream,
+            key: self.key.unwrap_or(ClientKey([0; 4])),
+        };
+        let written = header.put(self.seq, buf);
+        written.ok_or(WireError::NoRoom { needed, left })
     }
 
     /// Splits a message into its header and the rest.
