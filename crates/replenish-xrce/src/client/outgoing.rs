@@ -5,8 +5,8 @@ use super::{Session, State};
 use crate::features::{DELIVERY as SETTLING, QUERIES};
 use crate::wire::{
     BaseRequest, CreateClient, DELIVERY, DELIVERY_BACK, DELIVERY_NEW, Encode, INFO_ACTIVITY,
-    MessageWriter, ObjectId, Properties, Raw, RequestId, SessionId, StreamId, SubmessageId,
-    Timestamp, VENDOR, VERSION, submessage_len,
+    ObjectId, Properties, Raw, RequestId, SessionId, StreamId, SubmessageId, Timestamp, VENDOR,
+    VERSION, append, submessage_len,
 };
 use crate::{Nanos, SeqNum};
 use crate::{count, ever};
@@ -153,8 +153,7 @@ where
     fn message<T: Encode>(&mut self, session: SessionId, body: &T) -> Option<&[u8]> {
         let header = header(&self.config, session, StreamId::NONE);
         let begun = header.put(SeqNum(0), &mut self.scratch)?;
-        let mut writer = MessageWriter::resume(&mut self.scratch, begun);
-        writer.push(body).ok()?;
-        Some(writer.finish())
+        let len = append(&mut self.scratch, begun, body, false)?;
+        self.scratch.get(..len)
     }
 }

@@ -32,7 +32,7 @@ pub use output_reliable::{OutputReliable, OutputStats, Reliability};
 use core::fmt;
 
 use crate::SeqNum;
-use crate::wire::{ClientKey, Header, SessionId, StreamId, WireError};
+use crate::wire::{ClientKey, Encode, Header, SessionId, StreamId, WireError, submessage_len};
 
 /// What all message headers of a stream have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,6 +86,12 @@ pub enum Tail {
     Exact,
 }
 
+impl Tail {
+    const fn is_padded(self) -> bool {
+        matches!(self, Tail::Padded)
+    }
+}
+
 /// Why a submessage was not taken by an output stream. Nothing of it was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PushError {
@@ -101,6 +107,15 @@ pub enum PushError {
     },
     /// It cannot be encoded at all.
     Wire(WireError),
+}
+
+/// What a submessage takes with its header and padding, if that is within `limit`.
+fn size_within<B: Encode + ?Sized>(limit: usize, body: &B) -> Result<usize, PushError> {
+    let size = submessage_len(body).map_err(PushError::Wire)?;
+    match size > limit {
+        true => Err(PushError::TooLarge { size, limit }),
+        false => Ok(size),
+    }
 }
 
 impl fmt::Display for PushError {

@@ -1,8 +1,8 @@
 //! Sending on a best-effort stream: one message under construction.
 
-use super::{PushError, StreamHeader, Tail};
+use super::{PushError, StreamHeader, Tail, size_within};
 use crate::SeqNum;
-use crate::wire::{Encode, MessageWriter, WireError, submessage_len};
+use crate::wire::{Encode, append};
 
 /// The sending end of a best-effort stream. `S` holds one message.
 #[derive(Debug)]
@@ -62,29 +62,13 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>> OutputBestEffort<S> {
     /// [`PushError::WouldBlock`] if it fits only once the message has been taken,
     /// [`PushError::TooLarge`] if it never fits, [`PushError::Wire`].
     pub fn push<B: Encode + ?Sized>(&mut self, body: &B) -> Result<(), PushError> {
-        let size = submessage_len(body).map_err(PushError::Wire)?;
         let limit = self.limit();
-        if size > limit {
-            return Err(PushError::TooLarge { size, limit });
-        }
-        let room = self.buf.as_mut();
-        let room = room
-            .get_mut(..limit.wrapping_add(self.header.len()))
-            .unwrap_or(&mut []);
-        let begun = self.len.max(self.header.len());
-        let mut writer = MessageWriter::resume(room, begun);
-        let pushed = match self.tail {
-            Tail::Padded => writer.push_padded(body),
-            Tail::Exact => writer.push(body),
-        };
-        match pushed {
-            Ok(()) => {
-                self.len = writer.len();
-                Ok(())
-            }
-            Err(WireError::NoRoom { .. }) => Err(PushError::WouldBlock),
-            Err(error) => Err(PushError::Wire(error)),
-        }
+        size_within(limit, body)?;
+        let begun = self.header.len();
+        let room = self.buf.as_mut().get_mut(..limit.wrapping_add(begun));
+        let (room, pad) = (room.unwrap_or_default(), self.tail.is_padded());
+        self.len = append(room, self.len.max(begun), body, pad).ok_or(PushError::WouldBlock)?;
+        Ok(())
     }
 
     /// Whether there is a message to take.

@@ -2,10 +2,10 @@
 //! equal slots.
 
 use super::spill::Spill;
-use super::{PushError, StreamHeader, Tail};
+use super::{PushError, StreamHeader, Tail, size_within};
 use crate::features::{DELIVERY, FRAGMENTS};
-use crate::wire::{Encode, FLAG_LITTLE_ENDIAN, Fragment, MessageWriter, SubmessageId, WireError};
-use crate::wire::{Writer, encode_submessage, submessage_len};
+use crate::wire::{Encode, FLAG_LITTLE_ENDIAN, Fragment, SubmessageId, WireError, Writer};
+use crate::wire::{append, encode_submessage, submessage_len};
 use crate::{NEVER, Nanos, SeqNum};
 
 /// What part of a submessage a message holds.
@@ -199,10 +199,10 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
 
     /// See [`OutputReliable::push`](super::OutputReliable::push).
     pub(super) fn push<B: Encode + ?Sized>(&mut self, body: &B) -> Result<(), PushError> {
-        let size = submessage_len(body).map_err(PushError::Wire)?;
         if !FRAGMENTS {
-            return self.push_whole(body, size);
+            return self.push_whole(body);
         }
+        let size = submessage_len(body).map_err(PushError::Wire)?;
         let fits_one = size.wrapping_add(self.header.len()) <= self.slot_size;
         let count = if fits_one {
             1
@@ -219,7 +219,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         if self.spill().is_some_and(Spill::is_busy) {
             return Err(PushError::WouldBlock);
         }
-        if self.append(body)? {
+        if self.append(body) {
             return Ok(());
         }
         if count > self.free() && !spills {
@@ -237,7 +237,10 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         }
         if fits_one {
             self.begin();
-            return self.append(body).map(|_| ());
+            return match self.append(body) {
+                true => Ok(()),
+                false => Err(PushError::WouldBlock),
+            };
         }
         let mut position = 0;
         for _ in 0..count {
@@ -249,17 +252,11 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
     }
 
     /// The same for a submessage that goes into one message or is refused.
-    fn push_whole<B: Encode + ?Sized>(&mut self, body: &B, size: usize) -> Result<(), PushError> {
-        let limit = self.limit();
-        if size > limit {
-            return Err(PushError::TooLarge { size, limit });
-        }
-        while !self.append(body)? {
+    fn push_whole<B: Encode + ?Sized>(&mut self, body: &B) -> Result<(), PushError> {
+        size_within(self.limit(), body)?;
+        while !self.append(body) {
             if self.free() == 0 {
                 return Err(PushError::WouldBlock);
-            }
-            if let Some(newest) = self.used.checked_sub(1).and_then(|i| self.get_mut(i)) {
-                newest.open = false;
             }
             self.begin();
         }
@@ -354,35 +351,22 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
     }
 
     /// Appends to the newest message if that is open and has room.
-    fn append<B: Encode + ?Sized>(&mut self, body: &B) -> Result<bool, PushError> {
-        let Some(index) = self.used.checked_sub(1).map(|i| self.index(i)) else {
-            return Ok(false);
+    fn append<B: Encode + ?Sized>(&mut self, body: &B) -> bool {
+        let Some(newest) = self.used.checked_sub(1) else {
+            return false;
         };
-        let Some(len) = self
-            .slots
-            .get(index)
-            .filter(|slot| slot.open)
-            .map(|slot| slot.len)
-        else {
-            return Ok(false);
+        let (index, pad) = (self.index(newest), self.tail.is_padded());
+        let Some(len) = self.slots.get(index).filter(|s| s.open).map(|s| s.len) else {
+            return false;
         };
-        let tail = self.tail;
-        let mut writer = MessageWriter::resume(self.room(index).unwrap_or(&mut []), len);
-        let pushed = match tail {
-            Tail::Padded => writer.push_padded(body),
-            Tail::Exact => writer.push(body),
+        let room = self.room(index).unwrap_or_default();
+        let Some(len) = append(room, len, body, pad) else {
+            return false;
         };
-        match pushed.map(|()| writer.len()) {
-            Ok(len) => {
-                self.slots
-                    .get_mut(index)
-                    .into_iter()
-                    .for_each(|slot| slot.len = len);
-                Ok(true)
-            }
-            Err(WireError::NoRoom { .. }) => Ok(false),
-            Err(error) => Err(PushError::Wire(error)),
+        if let Some(slot) = self.slots.get_mut(index) {
+            slot.len = len;
         }
+        true
     }
 
     /// Begins a message, with room for its header; the caller has checked that there is a free slot.

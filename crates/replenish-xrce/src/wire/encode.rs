@@ -36,14 +36,11 @@ pub trait Encode {
     }
 
     /// Writes the submessage to the front of `room`, header and, if `pad`, padding included; gives its
-    /// length.
-    ///
-    /// # Errors
-    /// [`WireError::NoRoom`], [`WireError::TooLong`], [`WireError::BadString`].
-    fn put_into(&self, room: &mut [u8], pad: bool) -> Result<usize, WireError> {
+    /// length. `None` if there is no room, or for what [`measure`](Self::measure) refuses.
+    fn put_into(&self, room: &mut [u8], pad: bool) -> Option<usize> {
         let mut w = Writer::new(room);
-        encode_submessage(self, pad, &mut w)?;
-        Ok(w.len())
+        encode_submessage(self, pad, &mut w).ok()?;
+        Some(w.len())
     }
 }
 
@@ -91,30 +88,19 @@ impl Encode for Raw<'_> {
         Ok(self.head.len().wrapping_add(self.rest.len()))
     }
 
-    fn put_into(&self, room: &mut [u8], pad: bool) -> Result<usize, WireError> {
+    fn put_into(&self, room: &mut [u8], pad: bool) -> Option<usize> {
         let len = self.head.len().wrapping_add(self.rest.len());
-        let [low, high] = u16::try_from(len)
-            .map_err(|_| WireError::TooLong { len })?
-            .to_le_bytes();
+        let [low, high] = u16::try_from(len).ok()?.to_le_bytes();
         let head = [self.id as u8, self.flags | FLAG_LITTLE_ENDIAN, low, high];
         let padding = if pad { padding(len, 4) } else { 0 };
-        let parts = [
-            &head,
-            self.head,
-            self.rest,
-            [0; 4].get(..padding).unwrap_or(&[]),
-        ];
-        let left = room.len();
+        let padding = [0; 4].get(..padding).unwrap_or_default();
         let mut written = 0_usize;
-        for part in parts {
+        for part in [&head, self.head, self.rest, padding] {
             let end = written.wrapping_add(part.len());
-            let Some(to) = room.get_mut(written..end) else {
-                return Err(WireError::NoRoom { needed: end, left });
-            };
-            to.copy_from_slice(part);
+            room.get_mut(written..end)?.copy_from_slice(part);
             written = end;
         }
-        Ok(written)
+        Some(written)
     }
 }
 
@@ -161,6 +147,21 @@ pub fn encode_submessage<B: Encode + ?Sized>(
     w.check()
 }
 
+/// Appends a submessage to the message that the first `len` bytes of `buf` are, behind a gap up to a
+/// multiple of four; gives the message's length then. `None`, and nothing is written, if there is no
+/// room, or for what [`Encode::measure`] refuses.
+pub(crate) fn append<B: Encode + ?Sized>(
+    buf: &mut [u8],
+    len: usize,
+    body: &B,
+    pad: bool,
+) -> Option<usize> {
+    let start = len.wrapping_add(padding(len, 4));
+    let written = body.put_into(buf.get_mut(start..)?, pad)?;
+    buf.get_mut(len..start)?.fill(0);
+    Some(start.wrapping_add(written))
+}
+
 /// Builds a message in a buffer.
 #[derive(Debug)]
 pub struct MessageWriter<'a> {
@@ -203,19 +204,13 @@ impl<'a> MessageWriter<'a> {
     }
 
     fn append<B: Encode + ?Sized>(&mut self, body: &B, pad: bool) -> Result<(), WireError> {
-        let gap = padding(self.len, 4);
-        let no_room = WireError::NoRoom {
-            needed: gap,
-            left: 0,
-        };
-        let start = self.len.wrapping_add(gap);
-        let tail = self.buf.get_mut(start..).ok_or(no_room)?;
-        let written = body.put_into(tail, pad)?;
-        if let Some(gap) = self.buf.get_mut(self.len..start) {
-            gap.fill(0);
+        if let Some(len) = append(self.buf, self.len, body, pad) {
+            self.len = len;
+            return Ok(());
         }
-        self.len = start.wrapping_add(written);
-        Ok(())
+        let needed = submessage_len(body)?;
+        let left = self.buf.len().saturating_sub(self.len);
+        Err(WireError::NoRoom { needed, left })
     }
 
     /// Bytes of the message so far.
