@@ -26,52 +26,49 @@ pub enum RequestState {
     Unanswered,
 }
 
-impl RequestState {
-    const fn to_bytes(self) -> [u8; 2] {
-        match self {
-            RequestState::Queued => [0, 0],
-            RequestState::Asked => [1, 0],
-            RequestState::Done => [2, 0],
-            RequestState::Refused(status) => [3, status.0],
-            RequestState::Unanswered => [4, 0],
-        }
-    }
-
-    const fn from_bytes([state, status]: [u8; 2]) -> Self {
-        match state {
-            0 => RequestState::Queued,
-            1 => RequestState::Asked,
-            2 => RequestState::Done,
-            3 => RequestState::Refused(Status(status)),
-            _ => RequestState::Unanswered,
-        }
-    }
-}
-
-/// An entry as it stands in the journal.
-#[derive(Clone, Copy, Debug)]
-struct Entry {
-    at: usize,
-    /// Of the body.
-    len: usize,
-    id: u8,
-    flags: u8,
-    state: RequestState,
-    base: BaseRequest,
-}
-
-impl Entry {
-    const fn body(&self) -> usize {
-        self.at.wrapping_add(HEAD)
-    }
-
-    const fn end(&self) -> usize {
-        self.body().wrapping_add(self.len)
-    }
+/// What stands for a [`RequestState`] in an entry; a refusal's status stands behind it.
+mod code {
+    pub(super) const QUEUED: u8 = 0;
+    pub(super) const ASKED: u8 = 1;
+    pub(super) const DONE: u8 = 2;
+    pub(super) const REFUSED: u8 = 3;
+    pub(super) const UNANSWERED: u8 = 4;
 }
 
 /// Bytes of an entry before its body.
 const HEAD: usize = 6;
+
+/// The beginning of an entry, up to the ids that begin its body.
+#[derive(Clone, Copy)]
+struct Head<'a>(&'a [u8; HEAD + 4]);
+
+impl Head<'_> {
+    /// Where the next entry begins, if this one does at `at`.
+    const fn end(self, at: usize) -> usize {
+        let [low, high, ..] = *self.0;
+        let len = u16::from_le_bytes([low, high]) as usize;
+        at.wrapping_add(HEAD).wrapping_add(len)
+    }
+
+    const fn id(self) -> u8 {
+        let [_, _, id, ..] = *self.0;
+        id
+    }
+
+    const fn state(self) -> u8 {
+        let [_, _, _, _, state, ..] = *self.0;
+        state
+    }
+
+    const fn base(self) -> BaseRequest {
+        let [.., a, b, c, d] = *self.0;
+        BaseRequest::from_bytes([a, b, c, d])
+    }
+
+    fn is(self, object: ObjectId, id: SubmessageId) -> bool {
+        self.base().object == object && self.id() == id as u8
+    }
+}
 
 /// Up to `E` requests, their bytes in `S`.
 #[derive(Debug)]
@@ -81,8 +78,7 @@ pub struct Journal<S, const E: usize> {
     count: usize,
     /// How many are to be sent, and how many to be answered: most often none, and then nobody
     /// needs to look for them.
-    queued: usize,
-    asked: usize,
+    open: [usize; 2],
 }
 
 impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
@@ -91,8 +87,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
             bytes,
             used: 0,
             count: 0,
-            queued: 0,
-            asked: 0,
+            open: [0; 2],
         }
     }
 
@@ -106,54 +101,55 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
         flags: u8,
         len: usize,
     ) -> Option<&mut [u8]> {
-        let same = |entry: &Entry| entry.base.object == object && entry.id == id as u8;
-        let old = self.find(same);
-        let (at, end) = old.map_or((self.used, self.used), |old| (old.at, old.end()));
+        let old = self.find(|head| head.is(object, id));
+        let (at, end, state) = match old {
+            Some((at, head)) => (at, head.end(at), head.state()),
+            None => (self.used, self.used, code::DONE),
+        };
         let body = at.wrapping_add(HEAD);
         let next = body.wrapping_add(len);
         let used = self.used.saturating_sub(end).wrapping_add(next);
         let [low, high] = u16::try_from(len).ok()?.to_le_bytes();
-        if used > self.bytes.as_ref().len() || (old.is_none() && self.count >= E) {
+        let count = self.count.wrapping_add(usize::from(at == end));
+        if used > self.bytes.as_ref().len() || count > E {
             return None;
         }
-        match old {
-            Some(old) => self.set(&old, RequestState::Done),
-            None => self.count = self.count.wrapping_add(1),
-        }
-        self.queued = self.queued.wrapping_add(1);
+        self.count = count;
+        self.turn(state, code::QUEUED);
         self.bytes.as_mut().copy_within(end..self.used, next);
         self.used = used;
         let entry = self.bytes.as_mut().get_mut(at..next)?;
         let (head, body) = entry.split_first_chunk_mut()?;
-        let [state, status] = RequestState::Queued.to_bytes();
-        *head = [low, high, id as u8, flags, state, status];
+        *head = [low, high, id as u8, flags, code::QUEUED, 0];
         Some(body)
     }
 
     /// Forgets everything about `object`.
     pub(super) fn forget(&mut self, object: ObjectId) {
-        while let Some(entry) = self.find(|entry| entry.base.object == object) {
-            self.set(&entry, RequestState::Done);
+        while let Some((at, head)) = self.find(|head| head.base().object == object) {
+            let (end, state) = (head.end(at).min(self.used), head.state());
+            self.turn(state, code::DONE);
             self.count = self.count.saturating_sub(1);
-            let end = entry.end().min(self.used);
-            self.bytes.as_mut().copy_within(end..self.used, entry.at);
-            self.used = self.used.saturating_sub(end.saturating_sub(entry.at));
+            self.bytes.as_mut().copy_within(end..self.used, at);
+            self.used = self.used.saturating_sub(end.saturating_sub(at));
         }
     }
 
     /// Everything is to be asked for again.
     pub(super) fn requeue(&mut self) {
-        self.turn_all(|_| true, RequestState::Queued);
+        self.turn_all(None, code::QUEUED);
     }
 
     /// The first request that was not sent in this session, under the id `request`.
     pub(super) fn next_queued(&mut self, request: RequestId) -> Option<Raw<'_>> {
-        let entry = self.first_queued()?;
-        let body = self.bytes.as_mut().get_mut(entry.body()..entry.end())?;
+        let (at, head) = self.first_queued()?;
+        let end = head.end(at);
+        let entry = self.bytes.as_mut().get_mut(at..end)?;
+        let ([_, _, id, flags, ..], body) = entry.split_first_chunk_mut::<HEAD>()?;
         *body.first_chunk_mut()? = request.0.to_be_bytes();
         Some(Raw {
-            id: SubmessageId::from_number(entry.id).ok()?,
-            flags: entry.flags,
+            id: SubmessageId::from_number(*id).ok()?,
+            flags: *flags,
             head: &[],
             rest: body,
         })
@@ -161,55 +157,55 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
 
     /// The request that [`Journal::next_queued`] gave was sent.
     pub(super) fn mark_sent(&mut self) {
-        if let Some(entry) = self.first_queued() {
-            let answered = entry.id == SubmessageId::Create as u8;
-            let state = if answered {
-                RequestState::Asked
-            } else {
-                RequestState::Done
-            };
-            self.set(&entry, state);
+        if let Some((at, head)) = self.first_queued() {
+            let answered = head.id() == SubmessageId::Create as u8;
+            let state = if answered { code::ASKED } else { code::DONE };
+            self.set(at, state, Status::OK);
         }
     }
 
     /// The agent answered `base`.
     pub(super) fn answer(&mut self, base: BaseRequest, status: Status) {
         let state = if status.is_ok() {
-            RequestState::Done
+            code::DONE
         } else {
-            RequestState::Refused(status)
+            code::REFUSED
         };
-        let asked = |entry: &Entry| entry.base == base && entry.state != RequestState::Queued;
-        if let Some(entry) = self.find(asked) {
-            self.set(&entry, state);
+        let asked = |head: Head<'_>| head.base() == base && head.state() != code::QUEUED;
+        if let Some((at, _)) = self.find(asked) {
+            self.set(at, state, status);
         }
     }
 
     /// Whether every request was sent and answered.
     #[must_use]
-    pub const fn is_settled(&self) -> bool {
-        self.queued == 0 && self.asked == 0
+    pub fn is_settled(&self) -> bool {
+        self.open == [0; 2]
     }
 
     /// Requests that were sent and are to be answered.
     pub(super) const fn asked(&self) -> usize {
-        self.asked
+        let [_, asked] = self.open;
+        asked
     }
 
     /// Gives up waiting for answers to what was sent.
     pub(super) fn give_up(&mut self) {
-        self.turn_all(
-            |state| state == RequestState::Asked,
-            RequestState::Unanswered,
-        );
+        self.turn_all(Some(code::ASKED), code::UNANSWERED);
     }
 
     /// How far the creation of `object` has got; `None` if it is not in the journal.
     #[must_use]
     pub fn creation(&self, object: ObjectId) -> Option<RequestState> {
-        let create = SubmessageId::Create as u8;
-        let entry = self.find(|entry| entry.base.object == object && entry.id == create);
-        entry.map(|entry| entry.state)
+        let (_, head) = self.find(|head| head.is(object, SubmessageId::Create))?;
+        let [.., state, status, _, _, _, _] = *head.0;
+        Some(match state {
+            code::QUEUED => RequestState::Queued,
+            code::ASKED => RequestState::Asked,
+            code::DONE => RequestState::Done,
+            code::REFUSED => RequestState::Refused(Status(status)),
+            _ => RequestState::Unanswered,
+        })
     }
 
     /// Requests in the journal.
@@ -224,63 +220,60 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
         self.count == 0
     }
 
-    fn first_queued(&self) -> Option<Entry> {
-        if self.queued == 0 {
+    fn first_queued(&self) -> Option<(usize, Head<'_>)> {
+        let [queued, _] = self.open;
+        if queued == 0 {
             return None;
         }
-        self.find(|entry| entry.state == RequestState::Queued)
+        self.find(|head| head.state() == code::QUEUED)
     }
 
     /// The entry at `at`, if one begins there.
-    #[cfg_attr(not(feature = "std"), inline(never))]
-    fn entry(&self, at: usize) -> Option<Entry> {
+    fn head(&self, at: usize) -> Option<Head<'_>> {
         let bytes = self.bytes.as_ref().get(at..self.used)?;
-        let &[low, high, id, flags, state, status, a, b, c, d] = bytes.first_chunk()?;
-        Some(Entry {
-            at,
-            len: u16::from_le_bytes([low, high]).into(),
-            id,
-            flags,
-            state: RequestState::from_bytes([state, status]),
-            base: BaseRequest::from_bytes([a, b, c, d]),
-        })
+        bytes.first_chunk().map(Head)
     }
 
-    fn find(&self, wanted: impl Fn(&Entry) -> bool) -> Option<Entry> {
+    /// The first entry that is wanted, and where it is.
+    fn find(&self, wanted: impl Fn(Head<'_>) -> bool) -> Option<(usize, Head<'_>)> {
         let mut at = 0;
         loop {
-            let entry = self.entry(at)?;
-            if wanted(&entry) {
-                return Some(entry);
+            let head = self.head(at)?;
+            if wanted(head) {
+                return Some((at, head));
             }
-            at = entry.end();
+            at = head.end(at);
         }
     }
 
-    fn turn_all(&mut self, which: impl Fn(RequestState) -> bool, to: RequestState) {
+    /// All entries, or those in state `from`, change to `to`.
+    fn turn_all(&mut self, from: Option<u8>, to: u8) {
         let mut at = 0;
-        while let Some(entry) = self.entry(at) {
-            if which(entry.state) {
-                self.set(&entry, to);
+        while let Some(head) = self.head(at) {
+            let (end, state) = (head.end(at), head.state());
+            if from.is_none_or(|from| from == state) {
+                self.set(at, to, Status::OK);
             }
-            at = entry.end();
+            at = end;
         }
     }
 
-    /// The entry changes its state.
-    fn set(&mut self, entry: &Entry, state: RequestState) {
-        for (state, change) in [(entry.state, usize::MAX), (state, 1)] {
-            let count = match state {
-                RequestState::Queued => &mut self.queued,
-                RequestState::Asked => &mut self.asked,
-                _ => continue,
-            };
-            *count = count.wrapping_add(change);
-        }
-        let at = entry.at.wrapping_add(4);
-        let room = self.bytes.as_mut().get_mut(at..);
+    /// The entry at `at` changes its state.
+    fn set(&mut self, at: usize, state: u8, status: Status) {
+        let room = self.bytes.as_mut().get_mut(at.wrapping_add(4)..);
         if let Some(room) = room.and_then(<[u8]>::first_chunk_mut) {
-            *room = state.to_bytes();
+            let [old, _] = core::mem::replace(room, [state, status.0]);
+            self.turn(old, state);
+        }
+    }
+
+    /// One entry more in state `to`, and one less in state `from`.
+    fn turn(&mut self, from: u8, to: u8) {
+        if let Some(count) = self.open.get_mut(usize::from(from)) {
+            *count = count.wrapping_sub(1);
+        }
+        if let Some(count) = self.open.get_mut(usize::from(to)) {
+            *count = count.wrapping_add(1);
         }
     }
 }
