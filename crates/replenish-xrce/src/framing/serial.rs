@@ -55,24 +55,26 @@ pub fn serial_frame(
         .map_err(|_| FrameTooShort)?
         .to_le_bytes();
     let crc = message.iter().fold(0, |crc, byte| crc16(crc, *byte));
-    let header = [source, target, low, high];
-    let tail = crc.to_le_bytes();
-    let mut len = 0_usize;
+    let (whole, mut room) = (out.len(), out.iter_mut());
     let mut put = |byte: u8| {
-        *out.get_mut(len).ok_or(FrameTooShort)? = byte;
-        len = len.saturating_add(1);
-        Ok(())
+        *room.next()? = byte;
+        Some(())
     };
-    put(BEGIN)?;
-    for &byte in header.iter().chain(message).chain(&tail) {
-        if matches!(byte, BEGIN | ESCAPE) {
-            put(ESCAPE)?;
-            put(byte ^ FLIP)?;
-        } else {
-            put(byte)?;
+    let mut frame = || {
+        put(BEGIN)?;
+        for part in [&[source, target, low, high], message, &crc.to_le_bytes()] {
+            for &byte in part {
+                let special = matches!(byte, BEGIN | ESCAPE);
+                if special {
+                    put(ESCAPE)?;
+                }
+                put(if special { byte ^ FLIP } else { byte })?;
+            }
         }
-    }
-    Ok(len)
+        Some(())
+    };
+    frame().ok_or(FrameTooShort)?;
+    Ok(whole.saturating_sub(room.len()))
 }
 
 /// What a [`Serial`] has seen.
@@ -92,13 +94,11 @@ pub struct FrameStats {
     pub noise: u64,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
-    Hunting,
-    Header(usize),
-    Payload(usize),
-    Crc(Option<u8>),
-}
+/// Bytes of the header behind the one that begins a frame: source, target, length.
+const HEADER: usize = 4;
+
+/// [`Serial::at`] outside of frames.
+const HUNTING: usize = usize::MAX;
 
 /// Finds messages in the bytes of a line; the longest is as long as `B`.
 ///
@@ -108,9 +108,11 @@ enum State {
 pub struct Serial<B> {
     buf: B,
     local: u8,
-    state: State,
+    /// Bytes of the frame that have come; [`HUNTING`] for none.
+    at: usize,
     escaped: bool,
-    header: [u8; 4],
+    header: [u8; HEADER],
+    /// Of the message so far; with the checksum behind it, 0.
     crc: u16,
     stats: FrameStats,
 }
@@ -121,9 +123,9 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
         Self {
             buf,
             local,
-            state: State::Hunting,
+            at: HUNTING,
             escaped: false,
-            header: [0; 4],
+            header: [0; HEADER],
             crc: 0,
             stats: FrameStats {
                 frames: 0,
@@ -152,7 +154,7 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
             bytes = rest;
             if byte == BEGIN {
                 self.begin();
-            } else if self.state == State::Hunting {
+            } else if self.at == HUNTING {
                 count(&mut self.stats.noise);
             } else if byte == ESCAPE {
                 self.escaped = true;
@@ -174,35 +176,34 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
     /// Takes the bytes of a message that stand for themselves, as many as come one after another; what
     /// is left.
     fn plain<'a>(&mut self, bytes: &'a [u8]) -> &'a [u8] {
-        let (State::Payload(at), false) = (self.state, self.escaped) else {
+        let Some(at) = self.at.checked_sub(HEADER).filter(|_| !self.escaped) else {
             return bytes;
         };
         let announced = self.announced();
         let room = self.buf.as_mut().get_mut(at..announced).unwrap_or_default();
-        let (mut crc, mut taken) = (self.crc, 0_usize);
-        for (place, &byte) in room.iter_mut().zip(bytes) {
+        let (mut crc, mut rest) = (self.crc, bytes);
+        for place in room {
+            let Some((&byte, after)) = rest.split_first() else {
+                break;
+            };
             if matches!(byte, ESCAPE | BEGIN) {
                 break;
             }
             *place = byte;
             crc = crc16(crc, byte);
-            taken = taken.saturating_add(1);
+            rest = after;
         }
-        let next = at.saturating_add(taken);
         self.crc = crc;
-        self.state = if next == announced {
-            State::Crc(None)
-        } else {
-            State::Payload(next)
-        };
-        bytes.get(taken..).unwrap_or_default()
+        let taken = bytes.len().wrapping_sub(rest.len());
+        self.at = self.at.wrapping_add(taken);
+        rest
     }
 
     fn begin(&mut self) {
-        if !matches!(self.state, State::Hunting | State::Header(0)) {
+        if !matches!(self.at, HUNTING | 0) {
             count(&mut self.stats.cut);
         }
-        self.state = State::Header(0);
+        self.at = 0;
         self.escaped = false;
         self.crc = 0;
     }
@@ -214,58 +215,45 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
 
     /// One byte of a frame, unescaped; whether that makes the frame whole.
     fn step(&mut self, byte: u8) -> bool {
-        match self.state {
-            State::Hunting => {}
-            State::Header(at) => {
-                if let Some(slot) = self.header.get_mut(at) {
-                    *slot = byte;
-                }
-                self.state = self.after_header(at.saturating_add(1));
+        let at = self.at;
+        self.at = at.wrapping_add(1);
+        if let Some(place) = self.header.get_mut(at) {
+            *place = byte;
+            if self.at == HEADER {
+                self.look_at_header();
             }
-            State::Payload(at) => {
-                if let Some(slot) = self.buf.as_mut().get_mut(at) {
-                    *slot = byte;
-                }
-                self.crc = crc16(self.crc, byte);
-                let next = at.saturating_add(1);
-                self.state = if next == self.announced() {
-                    State::Crc(None)
-                } else {
-                    State::Payload(next)
-                };
-            }
-            State::Crc(None) => self.state = State::Crc(Some(byte)),
-            State::Crc(Some(low)) => {
-                self.state = State::Hunting;
-                let whole = u16::from_le_bytes([low, byte]) == self.crc;
-                let count = if whole {
-                    &mut self.stats.frames
-                } else {
-                    &mut self.stats.damaged
-                };
-                *count = count.saturating_add(1);
-                return whole;
-            }
+            return false;
         }
-        false
+        // Behind the message, what there is room for of its checksum is kept, too, and not looked at.
+        let at = at.wrapping_sub(HEADER);
+        if let Some(place) = self.buf.as_mut().get_mut(at) {
+            *place = byte;
+        }
+        self.crc = crc16(self.crc, byte);
+        if at <= self.announced() {
+            return false;
+        }
+        self.at = HUNTING;
+        let whole = self.crc == 0;
+        count(if whole {
+            &mut self.stats.frames
+        } else {
+            &mut self.stats.damaged
+        });
+        whole
     }
 
-    fn after_header(&mut self, len: usize) -> State {
+    /// Goes on hunting if the frame is for somebody else, or too long.
+    fn look_at_header(&mut self) {
         let [_, target, _, _] = self.header;
-        if len < self.header.len() {
-            return State::Header(len);
-        }
-        let count = if target != self.local {
-            &mut self.stats.not_mine
+        if target != self.local {
+            count(&mut self.stats.not_mine);
         } else if self.announced() > self.buf.as_ref().len() {
-            &mut self.stats.too_long
-        } else if self.announced() == 0 {
-            return State::Crc(None);
+            count(&mut self.stats.too_long);
         } else {
-            return State::Payload(0);
-        };
-        *count = count.saturating_add(1);
-        State::Hunting
+            return;
+        }
+        self.at = HUNTING;
     }
 }
 
