@@ -4,7 +4,7 @@ use core::fmt;
 
 use crate::stream::PushError;
 use crate::wire::{
-    Info, Notice, ObjectId, RequestId, SampleIdentity, Status, StreamId, TimestampReply, WireError,
+    Info, Notice, ObjectId, RequestId, SampleIdentity, Status, StreamId, TimestampReply,
 };
 
 /// Something that happened in a session.
@@ -137,15 +137,6 @@ pub enum RequestError {
     Down,
     /// This build cannot do that: it lacks the feature `queries` or `services`.
     Unsupported,
-}
-
-impl From<WireError> for RequestError {
-    fn from(error: WireError) -> Self {
-        match error {
-            WireError::NoRoom { .. } => RequestError::JournalFull,
-            other => RequestError::Stream(PushError::Wire(other)),
-        }
-    }
 }
 
 impl fmt::Display for RequestError {

@@ -182,7 +182,9 @@ where
     /// # Errors
     /// [`RequestError`]; nothing was done then.
     pub fn create_as(&mut self, object: ObjectId, body: &impl Encode) -> Result<(), RequestError> {
-        let (flags, len) = (body.flags(), body.measure()?);
+        let measured = body.measure();
+        let len = measured.map_err(|error| RequestError::Stream(PushError::Wire(error)))?;
+        let flags = body.flags();
         let room = self.record(object, SubmessageId::Create, flags, len)?;
         body.write(&mut Writer::new(room));
         self.recorded();

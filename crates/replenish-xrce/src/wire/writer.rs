@@ -97,13 +97,11 @@ impl<'a> Writer<'a> {
     /// Copies what of `bytes`, at position `at`, is inside of the window.
     fn show(&mut self, at: usize, bytes: &[u8]) {
         // The part of `bytes` inside the window starts `skip` bytes in.
-        let skip = self.start.saturating_sub(at).min(bytes.len());
-        let to = at.wrapping_add(skip).saturating_sub(self.start);
-        let src = bytes.get(skip..).unwrap_or(&[]);
-        let dst = self.window.get_mut(to..).unwrap_or(&mut []);
-        let take = src.len().min(dst.len());
-        if let (Some(src), Some(dst)) = (src.get(..take), dst.get_mut(..take)) {
-            dst.copy_from_slice(src);
+        let skip = self.start.saturating_sub(at);
+        let room = self.window.get_mut(at.saturating_sub(self.start)..);
+        let shown = bytes.iter().skip(skip);
+        for (to, from) in room.unwrap_or_default().iter_mut().zip(shown) {
+            *to = *from;
         }
     }
 

@@ -33,9 +33,9 @@ impl Encode for Description<'_> {
     }
 
     fn write(&self, w: &mut Writer<'_>) {
-        w.put(&RequestId::NONE.0.to_be_bytes());
-        w.put(&self.object.to_bytes());
-        w.put(&[self.kind.number(), Representation::<()>::BINARY]);
+        let [high, low] = RequestId::NONE.0.to_be_bytes();
+        let ([a, b], kind) = (self.object.to_bytes(), self.kind.number());
+        w.put(&[high, low, a, b, kind, Representation::<()>::BINARY]);
         w.nested(|w| self.binary(w));
         if self.kind == ObjectKind::Participant {
             w.align(2); // a number, not an id
@@ -66,18 +66,15 @@ impl Description<'_> {
             }
             ObjectKind::Publisher | ObjectKind::Subscriber => w.put(&[NONE, NONE]), // name, QoS
             _ => {
-                w.put(&self.topic.to_bytes());
-                w.put(&[SOME]);
-                w.u16(flags(self.qos));
-                w.put(&[SOME]);
-                w.u16(self.qos.depth);
-                for time in [self.qos.deadline, self.qos.lifespan] {
+                let ([a, b], [c, d]) = (self.topic.to_bytes(), flags(self.qos).to_le_bytes());
+                let [e, f] = self.qos.depth.to_le_bytes();
+                w.put(&[a, b, SOME, 0, c, d, SOME, 0, e, f]); // with what aligns the numbers
+                for time in [&self.qos.deadline, &self.qos.lifespan] {
                     w.option(time.map(|t| milliseconds(t, false).max(1)), Writer::u32);
                 }
-                w.put(&[NONE, NONE]); // user data; a writer's strength, a reader's time filter
-                if self.kind == ObjectKind::DataReader {
-                    w.put(&[NONE]); // content filter
-                }
+                // User data; a writer's strength, or a reader's time and content filters.
+                let reads = self.kind == ObjectKind::DataReader;
+                w.put(if reads { &[NONE; 3] } else { &[NONE; 2] });
             }
         }
     }
