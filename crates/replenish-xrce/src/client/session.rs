@@ -214,8 +214,9 @@ where
             object: reader,
         };
         let body = ReadData::unfiltered(base, stream, control);
+        let body = body.as_flattened();
         let room = self.record(reader, SubmessageId::ReadData, 0, body.len())?;
-        room.copy_from_slice(&body);
+        room.copy_from_slice(body);
         self.recorded();
         Ok(())
     }

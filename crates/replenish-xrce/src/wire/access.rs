@@ -152,13 +152,14 @@ impl<'a> ReadData<'a> {
         base: BaseRequest,
         stream: StreamId,
         control: DeliveryControl,
-    ) -> [u8; 16] {
-        let [a, b, c, d] = base.to_bytes();
-        let [e, f] = control.max_samples.to_le_bytes();
-        let [g, h] = control.max_elapsed_s.to_le_bytes();
-        let [i, j] = control.max_bytes_per_second.to_le_bytes();
-        let [k, l] = control.min_pace_ms.to_le_bytes();
-        [a, b, c, d, stream.0, 0, 0, 1, e, f, g, h, i, j, k, l]
+    ) -> [[u8; 4]; 4] {
+        let pair = |low: u16, high: u16| (u32::from(high) << 16 | u32::from(low)).to_le_bytes();
+        [
+            base.to_bytes(),
+            [stream.0, 0, 0, 1], // FORMAT_DATA; no filter, but limits
+            pair(control.max_samples, control.max_elapsed_s),
+            pair(control.max_bytes_per_second, control.min_pace_ms),
+        ]
     }
 
     pub(super) fn decode(r: &mut Reader<'a>) -> Result<Self, WireError> {

@@ -10,8 +10,8 @@ use replenish_xrce::wire::{
 
 /// A participant, a topic, a publisher, a subscriber, a data writer or a data reader.
 pub(super) struct Description<'a> {
+    /// What is described; its kind says how.
     pub(super) object: ObjectId,
-    pub(super) kind: ObjectKind,
     /// The object that it belongs to; a participant's domain.
     pub(super) owner: [u8; 2],
     /// Of the node or of the topic, fully qualified.
@@ -34,10 +34,10 @@ impl Encode for Description<'_> {
 
     fn write(&self, w: &mut Writer<'_>) {
         let [high, low] = RequestId::NONE.0.to_be_bytes();
-        let ([a, b], kind) = (self.object.to_bytes(), self.kind.number());
-        w.put(&[high, low, a, b, kind, Representation::<()>::BINARY]);
+        let [a, b] = self.object.to_bytes();
+        w.put(&[high, low, a, b, self.kind(), Representation::<()>::BINARY]);
         w.nested(|w| self.binary(w));
-        if self.kind == ObjectKind::Participant {
+        if self.is(ObjectKind::Participant) {
             w.align(2); // a number, not an id
         }
         w.put(&self.owner);
@@ -49,13 +49,23 @@ const NONE: u8 = 0;
 const SOME: u8 = 1;
 
 impl Description<'_> {
+    /// The number of its kind.
+    const fn kind(&self) -> u8 {
+        let [_, low] = self.object.to_bytes();
+        low & 0xf
+    }
+
+    const fn is(&self, kind: ObjectKind) -> bool {
+        self.kind() == kind.number()
+    }
+
     fn binary(&self, w: &mut Writer<'_>) {
-        match self.kind {
-            ObjectKind::Participant => {
+        match ObjectKind::from_number(self.kind()) {
+            Ok(ObjectKind::Participant) => {
                 w.put(&[NONE, SOME]); // no reference, but a name
                 w.string(self.name.get(1..).unwrap_or_default()); // after the slash
             }
-            ObjectKind::Topic => {
+            Ok(ObjectKind::Topic) => {
                 // As ROS 2 names topics on DDS. What is checked has no NUL inside.
                 let len = u32::try_from(self.name.len()).unwrap_or(u32::MAX);
                 w.u32(len.saturating_add(3));
@@ -64,7 +74,7 @@ impl Description<'_> {
                 w.put(&[0, NONE, SOME]); // no reference, but a type
                 w.string(self.type_name);
             }
-            ObjectKind::Publisher | ObjectKind::Subscriber => w.put(&[NONE, NONE]), // name, QoS
+            Ok(ObjectKind::Publisher | ObjectKind::Subscriber) => w.put(&[NONE, NONE]), // name, QoS
             _ => {
                 let ([a, b], [c, d]) = (self.topic.to_bytes(), flags(self.qos).to_le_bytes());
                 let [e, f] = self.qos.depth.to_le_bytes();
@@ -73,7 +83,7 @@ impl Description<'_> {
                     w.option(time.map(|t| milliseconds(t, false).max(1)), Writer::u32);
                 }
                 // User data; a writer's strength, or a reader's time and content filters.
-                let reads = self.kind == ObjectKind::DataReader;
+                let reads = self.is(ObjectKind::DataReader);
                 w.put(if reads { &[NONE; 3] } else { &[NONE; 2] });
             }
         }
@@ -186,7 +196,6 @@ mod tests {
                 let (kind, object) = (entity.kind(), id(entity.kind()));
                 let description = Description {
                     object,
-                    kind,
                     owner,
                     name: "/ns/chatter",
                     type_name: "std_msgs::msg::dds_::Int32_",

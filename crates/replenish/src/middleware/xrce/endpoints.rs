@@ -114,30 +114,16 @@ impl State {
             true => (0, self.writer_number()?),
             false => self.reader_place()?,
         };
-        let kinds = match writes {
-            true => [ObjectKind::Publisher, ObjectKind::DataWriter],
-            false => [ObjectKind::Subscriber, ObjectKind::DataReader],
+        let (group, kind) = match writes {
+            true => (ObjectKind::Publisher, ObjectKind::DataWriter),
+            false => (ObjectKind::Subscriber, ObjectKind::DataReader),
         };
-        let [group_kind, kind] = kinds;
-        let (group, object) = (
-            ObjectId::new(number, group_kind),
-            ObjectId::new(number, kind),
-        );
+        let (group, object) = (ObjectId::new(number, group), ObjectId::new(number, kind));
         let participant = self.participant(spec.node, settings.domain)?;
         let topic = self.topic(spec, participant)?;
-        let mut description = Description {
-            object: group,
-            kind: group_kind,
-            owner: participant.to_bytes(),
-            name: spec.topic,
-            type_name: spec.dds_type_name,
-            topic,
-            qos: &spec.qos,
-        };
-        self.describe(&description)?;
-        (description.object, description.kind) = (object, kind);
-        description.owner = group.to_bytes();
-        self.describe(&description)?;
+        for (object, owner) in [(group, participant), (object, group)] {
+            self.describe(object, owner.to_bytes(), spec, topic)?;
+        }
         let (topic, max_size) = (Some(topic), spec.max_size);
         if writes {
             let writer = Writer::new(object, topic, stream, max_size);
@@ -211,14 +197,13 @@ impl State {
         let number = number(at, MAX_NUMBER, said("nodes"))?;
         let object = ObjectId::new(number, ObjectKind::Participant);
         if known.is_none() {
-            self.describe(&Description {
+            self.ask_for(&Description {
                 object,
-                kind: ObjectKind::Participant,
                 owner: domain.to_le_bytes(),
                 name: node,
                 type_name: "",
                 topic: object,
-                qos: &Qos::reliable(),
+                qos: const { &Qos::reliable() },
             })?;
             self.participants.push(joined(&[node]));
         }
@@ -247,15 +232,7 @@ impl State {
         let full = MiddlewareError::Capacity { what, limit };
         let number = self.topic_numbers.next(taken).ok_or(full)?;
         let object = ObjectId::new(number, ObjectKind::Topic);
-        self.describe(&Description {
-            object,
-            kind: ObjectKind::Topic,
-            owner: participant.to_bytes(),
-            name: spec.topic,
-            type_name: spec.dds_type_name,
-            topic: object,
-            qos: &spec.qos,
-        })?;
+        self.describe(object, participant.to_bytes(), spec, object)?;
         if KNOWN_TOPICS {
             self.topics.push(Topic {
                 participant,
@@ -268,8 +245,25 @@ impl State {
         Ok(object)
     }
 
-    /// Asks for an object.
-    fn describe(&mut self, description: &Description<'_>) -> Result<(), MiddlewareError> {
+    /// Asks for an object that an endpoint needs.
+    fn describe(
+        &mut self,
+        object: ObjectId,
+        owner: [u8; 2],
+        spec: &EndpointSpec<'_>,
+        topic: ObjectId,
+    ) -> Result<(), MiddlewareError> {
+        self.ask_for(&Description {
+            object,
+            owner,
+            name: spec.topic,
+            type_name: spec.dds_type_name,
+            topic,
+            qos: &spec.qos,
+        })
+    }
+
+    fn ask_for(&mut self, description: &Description<'_>) -> Result<(), MiddlewareError> {
         self.session
             .create_as(description.object, description)
             .map_err(|error| request_error(&error))

@@ -259,6 +259,7 @@ impl State {
     }
 
     /// After everything that may have changed the session's state.
+    #[cfg_attr(not(feature = "std"), inline(never))]
     fn show_link(&self) {
         let glance = &self.ends.glance;
         glance.show(&glance.up, self.is_up());
