@@ -60,7 +60,13 @@ extern crate std;
 /// Counts one more; out of line where flash is scarce.
 #[cfg_attr(not(feature = "std"), inline(never))]
 pub(crate) const fn count(counter: &mut u64) {
-    *counter = counter.saturating_add(1);
+    count_all(counter, 1);
+}
+
+/// Counts `more`.
+#[cfg_attr(not(feature = "std"), inline(never))]
+pub(crate) const fn count_all(counter: &mut u64, more: usize) {
+    *counter = counter.saturating_add(more as u64);
 }
 
 /// `time` and `by` more, at most the last moment there is.

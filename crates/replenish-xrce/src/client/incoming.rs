@@ -2,13 +2,13 @@
 
 use super::{Event, Journal, Session, State};
 use crate::Nanos;
-use crate::count;
 use crate::features::{DELIVERY as SETTLING, QUERIES, SERVICES};
 use crate::wire::{
     AckNack, BaseRequest, Body, Confirmation, DELIVERY, DELIVERY_SETTLED, Data, Heartbeat, Message,
     Notice, ObjectKind, RequestId, SampleIdentity, StatusAgent, StatusReply, StreamId, Submessage,
     SubmessageId,
 };
+use crate::{count, count_all};
 
 impl<S, const N: usize, const E: usize, const B: usize, const R: usize> Session<S, N, E, B, R>
 where
@@ -32,7 +32,8 @@ where
         }
         match message.header.stream {
             StreamId::NONE => {
-                for submessage in message.submessages().map_while(Result::ok) {
+                let mut submessages = message.submessages();
+                while let Some(submessage) = submessages.whole() {
                     self.outside(now, &submessage, events);
                 }
             }
@@ -64,7 +65,8 @@ where
         let seq = message.header.seq;
         if let Some(stream) = self.streams.best_effort_mut(stream) {
             if stream.input.accept(seq) {
-                for submessage in message.submessages().map_while(Result::ok) {
+                let mut submessages = message.submessages();
+                while let Some(submessage) = submessages.whole() {
                     sample(journal, malformed, &submessage, events);
                 }
             }
@@ -104,8 +106,7 @@ where
     fn lose(&mut self, now: Nanos, events: &mut dyn FnMut(Event<'_>)) {
         let stats = &mut self.link.stats;
         count(&mut stats.losses);
-        let kept = u64::try_from(self.streams.unacknowledged()).unwrap_or(u64::MAX);
-        stats.unacknowledged = stats.unacknowledged.saturating_add(kept);
+        count_all(&mut stats.unacknowledged, self.streams.unacknowledged());
         self.link.enter(now, State::Connecting, &self.config);
         events(Event::Down);
     }

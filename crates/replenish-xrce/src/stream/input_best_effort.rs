@@ -1,7 +1,7 @@
 //! Receiving on a best-effort stream: older messages than the newest are dropped.
 
 use crate::SeqNum;
-use crate::count;
+use crate::{count, count_all};
 
 /// What happened on a best-effort input stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -57,13 +57,13 @@ impl InputBestEffort {
     pub fn accept(&mut self, seq: SeqNum) -> bool {
         let expected = self.newest.map_or(seq, |newest| newest.plus(1));
         let ahead = seq.since(expected);
-        let Ok(skipped) = u64::try_from(ahead) else {
+        let Ok(skipped) = usize::try_from(ahead) else {
             count(&mut self.stats.old);
             return false;
         };
         self.newest = Some(seq);
         count(&mut self.stats.received);
-        self.stats.skipped = self.stats.skipped.saturating_add(skipped);
+        count_all(&mut self.stats.skipped, skipped);
         true
     }
 

@@ -335,27 +335,28 @@ fn consume<R: AsRef<[u8]> + AsMut<[u8]>>(
     let mut submessages = Submessages::new(body);
     loop {
         let head = submessages.peek();
-        match submessages.next() {
-            None => break,
-            Some(Ok(Submessage {
+        match submessages.whole() {
+            Some(Submessage {
                 id: SubmessageId::Fragment,
                 ..
-            })) if !FRAGMENTS => count(&mut stats.too_long),
-            Some(Ok(Submessage {
+            }) if !FRAGMENTS => count(&mut stats.too_long),
+            Some(Submessage {
                 id: SubmessageId::Fragment,
                 flags,
                 payload,
-            })) => match reassembly.append(payload, flags & Fragment::FLAG_LAST != 0) {
+            }) => match reassembly.append(payload, flags & Fragment::FLAG_LAST != 0) {
                 Piece::Partial => {}
                 Piece::TooLong => count(&mut stats.too_long),
                 Piece::Complete(whole) => malformed |= !deliver_whole(whole, deliver),
             },
-            Some(Ok(submessage)) => deliver(&submessage),
-            Some(Err(_)) => {
+            Some(submessage) => deliver(&submessage),
+            None if submessages.is_done() => break,
+            None => {
                 malformed = true;
                 if let Some((SubmessageId::Fragment, flags)) = head.filter(|_| FRAGMENTS) {
                     reassembly.spoil(flags & Fragment::FLAG_LAST != 0);
                 }
+                break;
             }
         }
     }

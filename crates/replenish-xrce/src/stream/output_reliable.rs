@@ -21,10 +21,9 @@ use super::ring::{Ring, Slot};
 use super::rtt::Rtt;
 use super::spill::Spill;
 use super::{PushError, StreamHeader, Tail};
-use crate::count;
 use crate::features::{DELIVERY, RTT};
 use crate::wire::{Encode, Heartbeat};
-use crate::{NEVER, ever, later};
+use crate::{NEVER, count, count_all, ever, later};
 use crate::{Nanos, SeqNum};
 
 /// Settings of a reliable output stream.
@@ -300,8 +299,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
             count(&mut self.stats.sent);
         } else {
             count(&mut self.stats.resent);
-            let bytes = u64::try_from(slot.len).unwrap_or(u64::MAX);
-            self.stats.resent_bytes = self.stats.resent_bytes.saturating_add(bytes);
+            count_all(&mut self.stats.resent_bytes, slot.len);
         }
         let overdue = later(now, self.interval);
         if !new || self.heartbeat > overdue {

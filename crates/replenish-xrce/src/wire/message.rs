@@ -221,20 +221,36 @@ impl<'a> Submessages<'a> {
         Some((SubmessageId::from_number(id).ok()?, flags))
     }
 
-    fn read(&self) -> Result<(Submessage<'a>, usize), WireError> {
+    /// The next submessage; `None` at the end, and if it is malformed.
+    #[inline]
+    pub(crate) fn whole(&mut self) -> Option<Submessage<'a>> {
+        let rest = self.bytes.get(self.pos..)?;
+        let (&[id, flags, low, high], rest) = rest.split_first_chunk()?;
+        let len = usize::from(u16::from_le_bytes([low, high]));
+        let id = SubmessageId::from_number(id).ok()?;
+        let payload = rest.get(..len)?;
+        let end = self.pos.wrapping_add(SUBHEADER).wrapping_add(len);
+        self.pos = end.wrapping_add(padding(end, 4));
+        Some(Submessage { id, flags, payload })
+    }
+
+    /// Whether nothing is left: else the next submessage is malformed, if it is not whole.
+    pub(crate) const fn is_done(&self) -> bool {
+        self.pos >= self.bytes.len()
+    }
+
+    /// What is wrong with the next submessage.
+    fn error(&self) -> WireError {
         let rest = self.bytes.get(self.pos..).unwrap_or(&[]);
         let short = |needed, left| WireError::Truncated { needed, left };
-        let Some((&[id, flags, low, high], rest)) = rest.split_first_chunk() else {
-            return Err(short(SUBHEADER, rest.len()));
+        let Some((&[id, _, low, high], rest)) = rest.split_first_chunk() else {
+            return short(SUBHEADER, rest.len());
         };
         let len = usize::from(u16::from_le_bytes([low, high]));
-        let id = SubmessageId::from_number(id)?;
-        let payload = rest.get(..len).ok_or_else(|| short(len, rest.len()))?;
-        let end = self.pos.wrapping_add(SUBHEADER).wrapping_add(len);
-        Ok((
-            Submessage { id, flags, payload },
-            end.wrapping_add(padding(end, 4)),
-        ))
+        match SubmessageId::from_number(id) {
+            Ok(_) => short(len, rest.len()),
+            Err(error) => error,
+        }
     }
 }
 
@@ -243,18 +259,14 @@ impl<'a> Iterator for Submessages<'a> {
 
     #[inline]
     fn next(&mut self) -> Option<Self::Item> {
-        if self.pos >= self.bytes.len() {
+        if self.is_done() {
             return None;
         }
-        match self.read() {
-            Ok((submessage, next)) => {
-                self.pos = next;
-                Some(Ok(submessage))
-            }
-            Err(error) => {
-                self.pos = self.bytes.len();
-                Some(Err(error))
-            }
+        if let Some(submessage) = self.whole() {
+            return Some(Ok(submessage));
         }
+        let error = self.error();
+        self.pos = self.bytes.len();
+        Some(Err(error))
     }
 }

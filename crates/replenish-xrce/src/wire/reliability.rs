@@ -73,13 +73,12 @@ const fn number(bytes: [u8; 2], little_endian: bool) -> u16 {
 /// appendable structure (XCDR2's DHEADER), and that eProsima's implementations leave out, is stepped
 /// over if it is there.
 fn five(body: &[u8], little_endian: bool) -> Option<[u8; 5]> {
-    let length = if little_endian {
-        [5, 0, 0, 0]
-    } else {
-        [0, 0, 0, 5]
+    let length = if little_endian { 5 } else { 5 << 24 };
+    let rest = match body {
+        [a, b, c, d, rest @ ..] if u32::from_le_bytes([*a, *b, *c, *d]) == length => rest,
+        _ => &[],
     };
-    let rest = body.strip_prefix(&length).filter(|rest| rest.len() >= 5);
-    rest.unwrap_or(body).first_chunk().copied()
+    rest.first_chunk().or(body.first_chunk()).copied()
 }
 
 /// An ACKNACK that may say more: which messages are *settled*, that is, have reached everybody they

@@ -134,8 +134,14 @@ impl State {
         let depth = spec.qos.depth.max(1);
         // What is lost on the way would never be asked for again, so best effort has no such thing.
         let counts = control.max_samples == DeliveryControl::UNLIMITED_SAMPLES;
-        let flow = (reliable && !keep_last && counts).then(|| {
+        let holds_back = reliable && !keep_last && counts;
+        if holds_back {
             control.max_samples = depth;
+        }
+        self.session
+            .read(object, stream, control)
+            .map_err(|error| request_error(&error))?;
+        let flow = holds_back.then(|| {
             Box::new(Flow {
                 stream,
                 control,
@@ -143,9 +149,6 @@ impl State {
                 granted: depth,
             })
         });
-        self.session
-            .read(object, stream, control)
-            .map_err(|error| request_error(&error))?;
         let reader = Reader {
             object,
             topic,

@@ -123,10 +123,6 @@ impl<P: Port> Transport for PortTransport<P> {
         }
     }
 
-    fn wants_write(&self) -> bool {
-        !self.outbox.lock().is_empty()
-    }
-
     fn receive(&self, deliver: &mut dyn FnMut(&[u8])) -> io::Result<Received> {
         self.outbox.lock().drain(&self.port);
         let mut inbox = self.inbox.lock();
