@@ -59,6 +59,13 @@ impl WorkerSpec {
         }
     }
 
+    /// One more handle. (One body for all kinds.)
+    #[inline(never)]
+    fn add(&mut self, entry: Entry) {
+        one_more(&mut self.entries);
+        self.entries.push(entry);
+    }
+
     /// The most handles this worker can have.
     pub(crate) fn limit(&self) -> usize {
         let described = self.entries.len();
@@ -216,8 +223,7 @@ impl WorkerBuilder<'_> {
             number,
         })?;
         if let Some(spec) = self.spec() {
-            one_more(&mut spec.entries);
-            spec.entries.push(entry);
+            spec.add(entry);
         }
         Ok(self)
     }

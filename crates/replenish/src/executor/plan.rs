@@ -17,7 +17,6 @@ use crate::error::Error;
 use crate::platform::Kept;
 use crate::sync::Arc;
 use crate::text::{Words, text};
-use core::time::Duration;
 use replenish_os::{Low, MAX_REPL, Params, Policy};
 
 /// Priority of the budgeted worker with the shortest period, where none was given.
@@ -65,13 +64,14 @@ impl Request {
     }
 }
 
-/// Writes down the policy of each worker; the dispatcher's. The requests have been [checked](check).
+/// Writes down the policy of each worker, and the dispatcher's where none is given. The requests have
+/// been [checked](check).
 #[inline(never)]
 pub(crate) fn plan(
     workers: &mut [Kept<WorkerSpec>],
-    dispatcher: Option<&Policy>,
+    dispatcher: &mut Option<Policy>,
     enforcer_priority: u8,
-) -> Result<Policy, Error> {
+) -> Result<(), Error> {
     if !(2..=99).contains(&enforcer_priority) {
         let field = "enforcer_priority";
         return Err(Error::parameter(
@@ -83,27 +83,27 @@ pub(crate) fn plan(
     }
     let (mut highest, mut budgeted) = (0, false);
     for at in 0..workers.len() {
-        let planned = policy(at, workers)?;
-        highest = rank(&planned).max(highest);
-        budgeted |= matches!(planned, Policy::Sporadic(_));
-        if let Some(w) = workers.get_mut(at) {
-            w.policy = planned;
-        }
+        let steps = shorter(at, workers);
+        let Some(w) = workers.get_mut(at) else {
+            break;
+        };
+        w.policy = policy(&w.request, steps)?;
+        highest = rank(&w.policy).max(highest);
+        budgeted |= matches!(w.policy, Policy::Sporadic(_));
     }
-    let dispatcher = match dispatcher {
-        Some(p) => *p,
-        None if highest == 0 => Policy::Other,
-        None => Policy::Fifo {
+    let dispatcher = dispatcher.get_or_insert(match highest {
+        0 => Policy::Other,
+        _ => Policy::Fifo {
             priority: DISPATCHER.min(enforcer_priority - 1),
         },
-    };
+    });
     if budgeted || matches!(dispatcher, Policy::Sporadic(_)) {
         for w in workers.iter() {
             below_enforcer(|| w.request.owner(), &w.policy, enforcer_priority)?;
         }
-        below_enforcer(|| "dispatcher".into(), &dispatcher, enforcer_priority)?;
+        below_enforcer(|| "dispatcher".into(), dispatcher, enforcer_priority)?;
     }
-    Ok(dispatcher)
+    Ok(())
 }
 
 /// The highest [`rank`].
@@ -142,10 +142,8 @@ pub(crate) fn check(w: &Request) -> Result<(), Error> {
     Ok(())
 }
 
-fn policy(at: usize, workers: &[Kept<WorkerSpec>]) -> Result<Policy, Error> {
-    let Some(w) = workers.get(at).map(|w| &w.request) else {
-        return Ok(Policy::Other);
-    };
+/// `steps`: how many periods are shorter than its own.
+fn policy(w: &Request, steps: u8) -> Result<Policy, Error> {
     // Guarantees get here only where admission is turned off.
     let guaranteed = w.guarantee.map(|g| Budget::from_guarantee(&g));
     let Some(budget) = w.budget.or(guaranteed) else {
@@ -157,10 +155,7 @@ fn policy(at: usize, workers: &[Kept<WorkerSpec>]) -> Result<Policy, Error> {
             let allowed = text!("no budget beside {other}: give a FIFO policy or none");
             return Err(Error::parameter(w.owner(), "budget", &budget, allowed));
         }
-        None => {
-            let steps = u8::try_from(shorter(budget.period, workers)).unwrap_or(u8::MAX);
-            FIRST_PRIORITY.saturating_sub(steps).max(LAST_PRIORITY)
-        }
+        None => FIRST_PRIORITY.saturating_sub(steps).max(LAST_PRIORITY),
     };
     let Some(low) = background(&budget, priority) else {
         let allowed = "2..=98: the background priority needs room below it";
@@ -180,17 +175,17 @@ fn policy(at: usize, workers: &[Kept<WorkerSpec>]) -> Result<Policy, Error> {
 
 /// How many shorter periods there are among the budgets of workers without a policy, each counted
 /// once. (Neither sorted nor collected: both bring code that small images have no room for.)
-fn shorter(period: Duration, workers: &[Kept<WorkerSpec>]) -> usize {
+fn shorter(at: usize, workers: &[Kept<WorkerSpec>]) -> u8 {
     let wished = |w: &Kept<WorkerSpec>| match w.request.policy {
         Some(_) => None,
         None => w.request.budget.map(|b| b.period),
     };
-    let mut count = 0;
-    let mut rest = workers;
+    let own = workers.get(at).and_then(wished);
+    let (mut count, mut rest) = (0_u8, workers);
     while let Some((w, others)) = rest.split_first() {
-        let its = wished(w).filter(|its| *its < period);
+        let its = wished(w);
         let again = others.iter().any(|w| wished(w) == its);
-        count += usize::from(its.is_some() && !again);
+        count = count.saturating_add((its.is_some() && its < own && !again).into());
         rest = others;
     }
     count
@@ -221,6 +216,7 @@ fn below_enforcer(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use core::time::Duration;
 
     fn ms(n: u64) -> Duration {
         Duration::from_millis(n)
@@ -242,8 +238,10 @@ mod tests {
             ..WorkerSpec::new("")
         };
         let mut workers: Vec<_> = requests.iter().map(spec).collect();
-        let dispatcher = plan(&mut workers, None, 99)?;
-        Ok((workers.iter().map(|w| w.policy).collect(), dispatcher))
+        let mut dispatcher = None;
+        plan(&mut workers, &mut dispatcher, 99)?;
+        let workers = workers.iter().map(|w| w.policy);
+        Ok((workers.collect(), dispatcher.unwrap_or_default()))
     }
 
     fn planned(requests: &[Request]) -> Result<Vec<Policy>, Error> {

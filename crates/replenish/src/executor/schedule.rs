@@ -171,7 +171,8 @@ impl Schedule {
     }
 }
 
-/// Nanoseconds of a duration; 584 years at most.
+/// Nanoseconds of a duration; 584 years at most. (One body for all of them.)
+#[inline(never)]
 pub(crate) fn nanos(d: Duration) -> Nanos {
     const SECOND: Nanos = 1_000_000_000;
     match d.as_secs() {

@@ -39,8 +39,8 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         w.check_rules()?;
     }
     let mut admission = kept(planning::admit(&mut workers, &mut options)?);
-    let dispatcher = options.dispatcher.as_ref();
-    let dispatcher = plan(&mut workers, dispatcher, options.enforcer_priority)?;
+    let priority = options.enforcer_priority;
+    plan(&mut workers, &mut options.dispatcher, priority)?;
     let claim = context.claim().ok_or(Error::ContextBusy)?;
 
     let owner = Arc::new(Signal::new());
@@ -49,7 +49,6 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         options: &options,
         stop: &stop,
         owner: &owner,
-        dispatcher,
         enforcers: Vec::new(),
         refused: Refused::default(),
     });
@@ -126,8 +125,6 @@ struct Starter<'a> {
     options: &'a Options,
     stop: &'a StopHandle,
     owner: &'a Arc<Signal>,
-    /// The dispatcher's policy.
-    dispatcher: Policy,
     enforcers: Enforcers,
     refused: Refused,
 }
@@ -165,8 +162,13 @@ impl Starter<'_> {
         let (name, policy, cpu, stack_size, bell) = match &body {
             Body::Dispatcher(_) => {
                 let bell = Arc::new(Signal::new());
-                let cpu = self.options.dispatcher_cpu;
-                ("dispatcher".into(), self.dispatcher, cpu, None, bell)
+                let Options {
+                    dispatcher: policy,
+                    dispatcher_cpu: cpu,
+                    ..
+                } = self.options;
+                let policy = policy.unwrap_or_default();
+                ("dispatcher".into(), policy, *cpu, None, bell)
             }
             Body::Worker(worker) => {
                 let (asked, bell) = (&worker.spec.request, worker.bell.signal());

@@ -162,11 +162,17 @@ impl Seat {
                 .map_err(|e| text!("{e}"))?,
         };
         let meter = account.meter();
-        let granted = match os::granted(meter.tid()) {
-            Ok(granted) => text!("{granted}"),
-            Err(e) => text!("unknown: {e}"),
-        };
+        let granted = granted(&meter);
         Ok((account, Ready { meter, granted }))
+    }
+}
+
+/// What the kernel gave the thread, in words; it is not asked where there are none.
+fn granted(meter: &Meter) -> Words {
+    match cfg!(feature = "texts").then(|| os::granted(meter.tid())) {
+        Some(Ok(granted)) => text!("{granted}"),
+        Some(Err(e)) => text!("unknown: {e}"),
+        None => text!("-"),
     }
 }
 

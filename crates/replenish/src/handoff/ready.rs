@@ -11,24 +11,22 @@
 //! worker that drained before the mark finds the bell rung when it goes to sleep.
 
 use crate::sync::{AtomicUsize, Ordering};
-use alloc::boxed::Box;
+use alloc::vec::Vec;
 
 /// Slots per word.
 const BITS: usize = usize::BITS as usize;
 
 /// A bit per slot. Marking is async-signal-safe: one atomic operation, or two.
 pub(crate) struct ReadySet {
-    words: Box<[AtomicUsize]>,
+    words: Vec<AtomicUsize>,
 }
 
 impl ReadySet {
     /// For slots below `slots`. Allocates here only.
     pub(crate) fn new(slots: usize) -> Self {
-        Self {
-            words: (0..slots.div_ceil(BITS))
-                .map(|_| AtomicUsize::new(0))
-                .collect(),
-        }
+        let mut words = Vec::new();
+        words.resize_with(slots.div_ceil(BITS), || AtomicUsize::new(0));
+        Self { words }
     }
 
     /// The handle in `slot` may have something to do. Slots beyond the last are ignored.
