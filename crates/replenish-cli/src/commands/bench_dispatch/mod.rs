@@ -4,13 +4,17 @@
 //! ```text
 //!   sender ── WRITE_DATA ─► agent ── DATA ─► dispatcher ─► worker: callback      (ours)
 //!   sender ── WRITE_DATA ─► agent ── DATA ─► one thread: take, callback          (one thread)
+//!   sender ── a datagram of that size ─────► one thread: epoll, recv, count        (waiting)
 //!   sender ── a datagram of that size ─────► one thread: recv, count              (baseline)
 //!   └───── one CPU ──────────────┘           └───── the measured CPU ──────┘
 //! ```
 //!
-//! Messages come at a steady rate, to one topic after another. Windows of the three take turns, short
-//! ones, so that all see the same machine even where that changes from one moment to the next. CPU time and context switches are those of the threads on the
-//! measured CPU, as the kernel counts them; the time of a message is from before its sending to the
+//! The baseline can be woken by datagrams alone. A loop that has timers, too, or that others can stop,
+//! needs a second system call per message: that one is *waiting*, the least that an executor can cost.
+//!
+//! Messages come at a steady rate, to one topic after another. Windows of all take turns, short ones,
+//! so that they see the same machine even where that changes from one moment to the next. CPU time and
+//! context switches are those of the threads on the measured CPU, as the kernel counts them; the time of a message is from before its sending to the
 //! callback (ours passes the agent on the way) or to the end of `recv`.
 
 mod ours;
@@ -33,7 +37,9 @@ use replenish_os::{ThreadSpec, clock, spawn};
 use report::{Json, Point, Window};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// How long messages come to one of the three without a break, at least. Keeps far from the RT
+/// Ours, ours in one thread, the raw loop that waits, and the raw loop.
+const RECEIVERS: usize = 4;
+/// How long messages come to one of them without a break, at least. Keeps far from the RT
 /// throttle.
 const WINDOW: Nanos = 40 * MS;
 /// Messages of a window at least.
@@ -58,7 +64,7 @@ pub(crate) struct Args {
           value_parser = clap::value_parser!(u64).range(10..=10_000))]
     rate: u64,
 
-    /// Times 0.4 s per point, of each of the three, in windows of 0.04 s or 10 messages
+    /// Times 0.4 s per point, of each receiver, in windows of 0.04 s or 10 messages
     #[arg(long, value_name = "N", default_value_t = 10,
           value_parser = clap::value_parser!(u64).range(1..=1000))]
     windows: u64,
@@ -164,32 +170,27 @@ struct Setting {
     support: usize,
 }
 
-/// A window of each of the three.
-type Windows = [Window; 3];
+/// A window of each.
+type Windows = [Window; RECEIVERS];
 
 /// Windows of all in turns until enough of them count; and how many did not.
 fn turns(
     setting: Setting,
-    mut all: [&mut dyn Receiver; 3],
+    mut all: [&mut dyn Receiver; RECEIVERS],
 ) -> Result<(Vec<Windows>, u64), Failure> {
     let (mut good, mut repeated) = (Vec::new(), 0);
     while (good.len() as u64) < setting.windows && repeated <= setting.windows.max(3) {
-        let [a, b, c] = &mut all;
         // Back and forth, so that what drifts meets all alike.
-        let rate = setting.rate;
-        let (first, last);
-        let middle;
-        if (good.len() + repeated as usize).is_multiple_of(2) {
-            first = window(*a, rate)?;
-            middle = window(*b, rate)?;
-            last = window(*c, rate)?;
-        } else {
-            last = window(*c, rate)?;
-            middle = window(*b, rate)?;
-            first = window(*a, rate)?;
+        let back = (good.len() + repeated as usize).is_multiple_of(2);
+        let mut each = [const { None }; RECEIVERS];
+        for n in 0..RECEIVERS {
+            let of = if back { RECEIVERS - 1 - n } else { n };
+            if let (Some(receiver), Some(slot)) = (all.get_mut(of), each.get_mut(of)) {
+                *slot = window(*receiver, setting.rate)?;
+            }
         }
-        match [first, middle, last] {
-            [Some(a), Some(b), Some(c)] => good.push([a, b, c]),
+        match each {
+            [Some(a), Some(b), Some(c), Some(d)] => good.push([a, b, c, d]),
             _ => repeated += 1,
         }
     }
@@ -201,12 +202,14 @@ fn turns(
 }
 
 fn point(setting: Setting, handles: u16) -> Result<Point, Failure> {
-    let mut raw = Raw::start(setting)?;
+    let mut raw = Raw::start(setting, raw::receives)?;
+    let mut waiting = Raw::start(setting, raw::waits_and_receives)?;
     let mut alone = Ours::start_one_thread(setting, handles)?;
     let mut ours = Ours::start(setting, handles)?;
-    let turns = turns(setting, [&mut ours, &mut alone, &mut raw]);
+    let turns = turns(setting, [&mut ours, &mut alone, &mut waiting, &mut raw]);
     ours.stop()?;
     alone.stop()?;
+    waiting.stop()?;
     raw.stop()?;
     let (windows, repeated) = turns?;
     Ok(Point::new(handles, setting.rate, &windows, repeated))

@@ -1,4 +1,4 @@
-//! The baseline: a thread that receives datagrams and notes when they came.
+//! The baselines: threads that receive datagrams and note when they came.
 
 use super::threads::{self, Used};
 use super::{Received, Receiver, Setting};
@@ -6,12 +6,48 @@ use crate::load::Nanos;
 use crate::load::spec::HIGH_PRIORITY;
 use crate::machine::fifo_or_other;
 use crate::outcome::{Failure, Outcome};
-use replenish_os::{Thread, ThreadSpec, Tid, clock, spawn};
+use replenish_os::{Thread, ThreadSpec, Tid, WaitSet, WakeFd, clock, spawn};
+use std::io;
 use std::net::{Ipv4Addr, UdpSocket};
 use std::sync::Arc;
 
 /// As long as the agent's message with the same number in it: header, submessage, base, CDR, value.
 const LENGTH: usize = 4 + 4 + 4 + 4 + 8;
+
+/// How a loop goes: it gives what it has received to the function until that says no.
+pub(super) type Loop = fn(&UdpSocket, &mut dyn FnMut(&[u8]) -> bool) -> io::Result<()>;
+
+/// One system call per message; nothing else can wake it.
+pub(super) fn receives(
+    socket: &UdpSocket,
+    deliver: &mut dyn FnMut(&[u8]) -> bool,
+) -> io::Result<()> {
+    let mut buf = [0; 2048];
+    loop {
+        let len = socket.recv(&mut buf)?;
+        if !deliver(buf.get(..len).unwrap_or_default()) {
+            return Ok(());
+        }
+    }
+}
+
+/// Two system calls per message: others can wake it, too, and do not.
+pub(super) fn waits_and_receives(
+    socket: &UdpSocket,
+    deliver: &mut dyn FnMut(&[u8]) -> bool,
+) -> io::Result<()> {
+    let (set, waker) = (WaitSet::new()?, WakeFd::new()?);
+    set.add(socket, 1)?;
+    set.add(&waker, 2)?;
+    let mut buf = [0; 2048];
+    loop {
+        set.wait(None)?;
+        let len = replenish_os::receive(socket, &mut buf)?;
+        if !deliver(buf.get(..len).unwrap_or_default()) {
+            return Ok(());
+        }
+    }
+}
 
 /// The raw loop and the way to it.
 pub(super) struct Raw {
@@ -22,7 +58,7 @@ pub(super) struct Raw {
 }
 
 impl Raw {
-    pub(super) fn start(setting: Setting) -> Result<Self, Failure> {
+    pub(super) fn start(setting: Setting, by: Loop) -> Result<Self, Failure> {
         let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).map_err(Failure::refused)?;
         let to = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).map_err(Failure::refused)?;
         let address = socket.local_addr().map_err(Failure::refused)?;
@@ -30,14 +66,12 @@ impl Raw {
         let received = Arc::new(Received::new(setting.rate));
         let notes = Arc::clone(&received);
         let body = move || {
-            let mut buf = [0; 2048];
-            loop {
-                let len = socket.recv(&mut buf).map_err(Failure::refused)?;
-                let Some(sent) = buf.get(..len).and_then(|m| m.last_chunk::<8>()) else {
-                    return Ok(()); // an empty datagram ends it
-                };
-                notes.note(Nanos::from_le_bytes(*sent));
-            }
+            let mut deliver = |message: &[u8]| {
+                let sent = message.last_chunk(); // an empty datagram ends it
+                sent.inspect(|sent| notes.note(Nanos::from_le_bytes(**sent)))
+                    .is_some()
+            };
+            by(&socket, &mut deliver).map_err(Failure::refused)
         };
         let policy = fifo_or_other(HIGH_PRIORITY);
         let spec = ThreadSpec::new("raw-loop").policy(policy).cpu(setting.cpu);

@@ -1,7 +1,7 @@
 //! Figures of the windows: table and JSON.
 
-use super::Setting;
 use super::threads::Used;
+use super::{Setting, Windows};
 use crate::machine::stats::{Sorted, us};
 use crate::report::table::Table;
 
@@ -62,22 +62,25 @@ pub(super) struct Point {
     cpu_ratio: f64,
     one_thread: Figures,
     one_thread_cpu_ratio: f64,
+    /// The raw loop that can be woken otherwise, too.
+    waiting: Figures,
+    waiting_cpu_ratio: f64,
     baseline: Figures,
     windows_repeated: u64,
 }
 
 impl Point {
-    /// From windows of ours, of ours in one thread, and of the raw loop.
+    /// From windows of ours, of ours in one thread, of the raw loop that waits, and of the raw loop.
     pub(super) fn new(
         handles: u16,
         rate_hz: u64,
-        windows: &[[Window; 3]],
+        windows: &[Windows],
         windows_repeated: u64,
     ) -> Self {
         let figures = |of: usize| Figures::of(&windows.iter().map(|w| &w[of]).collect::<Vec<_>>());
         let cpu = |w: &Window| w.each(w.used.cpu);
         let ratio = |of: usize| {
-            let each = windows.iter().map(|w| cpu(&w[of]) / cpu(&w[2]).max(1.0));
+            let each = windows.iter().map(|w| cpu(&w[of]) / cpu(&w[3]).max(1.0));
             round(median(each.collect()))
         };
         Self {
@@ -87,7 +90,9 @@ impl Point {
             cpu_ratio: ratio(0),
             one_thread: figures(1),
             one_thread_cpu_ratio: ratio(1),
-            baseline: figures(2),
+            waiting: figures(2),
+            waiting_cpu_ratio: ratio(2),
+            baseline: figures(3),
             windows_repeated,
         }
     }
@@ -128,6 +133,7 @@ impl Json {
             let rows = [
                 ("threads", &p.ours, p.cpu_ratio),
                 ("one thread", &p.one_thread, p.one_thread_cpu_ratio),
+                ("raw, epoll", &p.waiting, p.waiting_cpu_ratio),
                 ("raw loop", &p.baseline, 1.0),
             ];
             for (name, f, ratio) in rows {
@@ -179,10 +185,18 @@ mod tests {
                 voluntary_switches: 8,
             },
         };
-        let three = |ours, n| [window(ours, n), window(4_000, 4), window(4_000, 4)];
-        let windows = [three(8_000, 4), three(12_000, 4), three(9_000, 3)];
+        let each = |ours, n| {
+            [
+                window(ours, n),
+                window(4_000, 4),
+                window(6_000, 4),
+                window(4_000, 4),
+            ]
+        };
+        let windows = [each(8_000, 4), each(12_000, 4), each(9_000, 3)];
         let p = Point::new(10, 1000, &windows, 0);
         assert_eq!((p.cpu_ratio, p.one_thread_cpu_ratio), (3.0, 1.0));
+        assert_eq!(p.waiting_cpu_ratio, 1.5);
         assert_eq!(p.ours.cpu_us_per_message, 3.0);
         assert_eq!((p.ours.sent, p.ours.received), (12, 11));
         assert_eq!(p.baseline.voluntary_switches_per_message, 2.0);
