@@ -1,5 +1,6 @@
 //! A ring of bytes between an interrupt and one task: one side puts, the other takes.
 
+use core::ptr;
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
 /// Holds up to `N` bytes, a power of two. The counters run on and wrap.
@@ -63,12 +64,8 @@ impl<const N: usize> Ring<N> {
         let at = self.taken.load(Ordering::Relaxed);
         let first = at as usize % N;
         let (front, back) = into[..len].split_at_mut(len.min(N - first));
-        for (place, byte) in front.iter_mut().zip(&self.bytes[first..]) {
-            *place = byte.load(Ordering::Relaxed);
-        }
-        for (place, byte) in back.iter_mut().zip(&self.bytes) {
-            *place = byte.load(Ordering::Relaxed);
-        }
+        copy(&self.bytes[first..], front);
+        copy(&self.bytes, back);
         self.taken
             .store(at.wrapping_add(len as u32), Ordering::Release);
         len
@@ -90,4 +87,11 @@ impl<const N: usize> Default for Ring<N> {
     fn default() -> Self {
         Self::new()
     }
+}
+
+/// The first of `from`, all at once: nobody puts where something waits.
+fn copy(from: &[AtomicU8], to: &mut [u8]) {
+    assert!(from.len() >= to.len());
+    // SAFETY: as long as both; the other side writes to `from` again after it has been taken.
+    unsafe { ptr::copy_nonoverlapping(from.as_ptr().cast::<u8>(), to.as_mut_ptr(), to.len()) };
 }

@@ -10,7 +10,7 @@ use crate::regs::{ALARM, CLOCK, IRQ_TIM5, RCC_APB1ENR, Timer, enable_interrupt, 
 use core::cell::UnsafeCell;
 use core::ffi::c_void;
 use core::ptr;
-use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicPtr, Ordering};
 use replenish_os::freertos::AtomicU64;
 
 /// What the timers are clocked with: QEMU's model of this chip says 1 GHz, and cannot be told
@@ -40,9 +40,6 @@ const CEN: u32 = 1;
 /// Only the end of the count is an update, not a fresh start.
 const URS: u32 = 1 << 2;
 
-static HIGH: AtomicU32 = AtomicU32::new(0);
-static LAST: AtomicU32 = AtomicU32::new(0);
-
 /// Starts both timers.
 pub fn start() {
     RCC_APB1ENR.set(RCC_APB1ENR.get() | 1 | 1 << 3);
@@ -55,42 +52,62 @@ pub fn start() {
     enable_interrupt(IRQ_TIM5);
 }
 
-/// Time for which the clock stood still, in ns.
-static STOOD: Held = Held(UnsafeCell::new(0));
 /// What the alarm is set to.
 static ARMED: AtomicU64 = AtomicU64::new(u64::MAX);
 
-/// What the clock says while it stands still, in ns; 0: it runs.
-static STANDS: Held = Held(UnsafeCell::new(0));
+/// What makes a time of TIM2's count.
+struct Reckoning {
+    /// The time at count 0, in ns, modulo 2^64: grows with each overflow, and shrinks by what the
+    /// clock stood still.
+    base: u64,
+    /// What the clock says while it stands still, in ns; 0: it runs.
+    stands: u64,
+    /// The count when it was read last.
+    last: u32,
+}
 
-/// A number that is reached with all interrupts masked only: every switch reads these, and a mask
-/// of their own would cost as much as the clock.
-struct Held(UnsafeCell<u64>);
+static RECKONING: Held = Held(UnsafeCell::new(Reckoning {
+    base: 0,
+    stands: 0,
+    last: 0,
+}));
+
+/// What is reached with all interrupts masked only: every switch reads it, and a mask of its own
+/// would cost as much as the clock.
+struct Held(UnsafeCell<Reckoning>);
 
 // SAFETY: one core, and nothing interrupts who reaches it.
 unsafe impl Sync for Held {}
 
 impl Held {
-    fn get(&self) -> u64 {
-        // SAFETY: as above.
-        unsafe { self.0.get().read() }
+    /// Runs `f` on it; masked, and `f` does not reach it again.
+    fn with<R>(&self, f: impl FnOnce(&mut Reckoning) -> R) -> R {
+        // SAFETY: masked by contract, and the only reference until `f` ends.
+        f(unsafe { &mut *self.0.get() })
     }
+}
 
-    fn set(&self, value: u64) {
-        // SAFETY: as above.
-        unsafe { self.0.get().write(value) };
+impl Reckoning {
+    /// The time, whether it stands still or not.
+    fn now(&mut self) -> u64 {
+        let count = CLOCK.cnt().get();
+        if count < self.last {
+            self.base = self.base.wrapping_add(RESOLUTION << 32);
+        }
+        self.last = count;
+        self.base.wrapping_add(u64::from(count) * RESOLUTION)
     }
 }
 
 /// Nanoseconds since [`start`], without those for which the clock stood still.
 #[unsafe(no_mangle)]
 extern "C" fn rp_board_now() -> u64 {
-    // Masked, so that the clock does not stand still between the two.
     let before = mask();
-    let now = match STANDS.get() {
-        0 => raw() - STOOD.get(),
-        then => stands(then),
-    };
+    let now = RECKONING.with(|r| match r.stands {
+        0 => Ok(r.now()),
+        then => Err(then),
+    });
+    let now = now.unwrap_or_else(stands);
     unmask(before);
     now
 }
@@ -122,7 +139,8 @@ static STOPPER: AtomicPtr<c_void> = AtomicPtr::new(ptr::null_mut());
 /// clock where it was. For a task that exists in emulation only.
 pub fn stand_still_until_waiting(f: impl FnOnce()) {
     let before = mask();
-    STANDS.set(rp_board_now());
+    let now = rp_board_now();
+    RECKONING.with(|r| r.stands = now);
     unmask(before);
     f();
     STOPPER.store(current_task(), Ordering::Relaxed);
@@ -133,8 +151,7 @@ pub fn stand_still_until_waiting(f: impl FnOnce()) {
 pub fn stand_still(f: impl FnOnce(&dyn Fn() -> u64)) {
     let before = mask();
     let now = rp_board_now();
-    let outer = STANDS.get() != 0;
-    STANDS.set(now);
+    let outer = RECKONING.with(|r| core::mem::replace(&mut r.stands, now)) != 0;
     unmask(before);
     let begin = raw();
     f(&|| raw() - begin);
@@ -149,23 +166,21 @@ pub fn stand_still(f: impl FnOnce(&dyn Fn() -> u64)) {
 /// The clock, which stood at `then`, runs again; masked.
 fn go_on(then: u64) {
     STOPPER.store(ptr::null_mut(), Ordering::Relaxed);
-    STOOD.set(raw() - then);
-    STANDS.set(0);
+    RECKONING.with(|r| {
+        let now = r.now();
+        r.base = r.base.wrapping_sub(now.wrapping_sub(then));
+        r.stands = 0;
+    });
     forget_interrupt(IRQ_TIM5);
     ring_after(ALARM, until(ARMED.load(Ordering::Relaxed)));
 }
 
-/// Nanoseconds since [`start`].
+/// Nanoseconds, also while the clock stands still.
 fn raw() -> u64 {
     let before = mask();
-    let count = CLOCK.cnt().get();
-    if count < LAST.load(Ordering::Relaxed) {
-        HIGH.store(HIGH.load(Ordering::Relaxed) + 1, Ordering::Relaxed);
-    }
-    LAST.store(count, Ordering::Relaxed);
-    let high = HIGH.load(Ordering::Relaxed);
+    let now = RECKONING.with(Reckoning::now);
     unmask(before);
-    (u64::from(high) << 32 | u64::from(count)) * RESOLUTION
+    now
 }
 
 /// Rings at `at` (at once if that has passed) by calling the back end's `on_timer`.

@@ -74,43 +74,39 @@ extern uint32_t rp_ready[];
 #define traceMOVED_TASK_TO_READY_STATE(tcb) rp_note_ready((tcb)->uxPriority)
 #define rp_find_highest()                                                                   \
     do {                                                                                    \
-        uint32_t word = (configMAX_PRIORITIES - 1) / 32;                                    \
+        const uint32_t *word = &rp_ready[(configMAX_PRIORITIES - 1) / 32];                  \
         for (;;) {                                                                          \
-            const uint32_t bits = rp_ready[word];                                           \
-            if (bits == 0) {                                                                \
-                if (word == 0) break;                                                       \
-                word--;                                                                     \
-                continue;                                                                   \
-            }                                                                               \
-            const uint32_t bit = 31 - (uint32_t)__builtin_clz(bits);                        \
-            if (!listLIST_IS_EMPTY(&(pxReadyTasksLists[word * 32 + bit]))) {                \
-                uxTopReadyPriority = word * 32 + bit;                                       \
+            while (*word == 0) word--; /* the idle task is always ready */                  \
+            const uint32_t bit = 31 - (uint32_t)__builtin_clz(*word);                       \
+            const uint32_t at = (uint32_t)(word - rp_ready) * 32 + bit;                     \
+            if (!listLIST_IS_EMPTY(&(pxReadyTasksLists[at]))) {                             \
+                uxTopReadyPriority = at;                                                    \
                 break;                                                                      \
             }                                                                               \
-            rp_ready[word] = bits & ~(1UL << bit);                                          \
+            rp_ready[word - rp_ready] &= ~(1UL << bit);                                     \
         }                                                                                   \
     } while (0)
 
 /* Both hooks expand inside the kernel's tasks.c, in the switch itself, with interrupts masked.
  *
  * OUT: a task that is still in its ready list was preempted (or yielded); one that is not, blocked.
- * IN: the list's cursor goes back to its end marker. The kernel takes the task after the cursor, so
- * a list is then a plain queue: what runs is its head and stays there when it is preempted, as
- * SCHED_FIFO wants it. (Left alone, the kernel rotates equals at every switch.) */
-extern void rp_switched_out(void *slot, uint32_t preempted);
-extern void rp_switched_in(void *slot);
+ * IN: one reading of the clock ends the time of the one task and begins that of the other. The list's
+ * cursor goes back to its end marker. The kernel takes the task after the cursor, so a list is then a
+ * plain queue: what runs is its head and stays there when it is preempted, as SCHED_FIFO wants it.
+ * (Left alone, the kernel rotates equals at every switch.) */
+extern uint32_t rp_preempted;
+extern void rp_switched(void *slot, uint32_t preempted);
 #define traceTASK_SWITCHED_OUT()                                                            \
     do {                                                                                    \
-        rp_switched_out(pxCurrentTCB->pvThreadLocalStoragePointers[0],                      \
-                        listLIST_ITEM_CONTAINER(&(pxCurrentTCB->xStateListItem)) ==         \
-                            &(pxReadyTasksLists[pxCurrentTCB->uxPriority]));                \
+        rp_preempted = listLIST_ITEM_CONTAINER(&(pxCurrentTCB->xStateListItem)) ==          \
+                       &(pxReadyTasksLists[pxCurrentTCB->uxPriority]);                      \
         rp_find_highest();                                                                  \
     } while (0)
 #define traceTASK_SWITCHED_IN()                                                             \
     do {                                                                                    \
         List_t *const rp_list = &(pxReadyTasksLists[pxCurrentTCB->uxPriority]);             \
         rp_list->pxIndex = (ListItem_t *)&(rp_list->xListEnd);                              \
-        rp_switched_in(pxCurrentTCB->pvThreadLocalStoragePointers[0]);                      \
+        rp_switched(pxCurrentTCB->pvThreadLocalStoragePointers[0], rp_preempted);           \
     } while (0)
 
 #endif

@@ -32,6 +32,9 @@ _Static_assert(configMAX_SYSCALL_INTERRUPT_PRIORITY == 0x50, "replenish-os masks
 /* Which priorities may have tasks in their lists: see rp_find_highest in FreeRTOSConfig.h. */
 uint32_t rp_ready[(configMAX_PRIORITIES + 31) / 32];
 
+/* Whether the task that loses the CPU could have kept it: from one switch hook for the other. */
+uint32_t rp_preempted;
+
 /* Stops the calling task for good. */
 void rp_halt(void) { for (;;) vTaskSuspend(NULL); }
 

@@ -145,6 +145,9 @@ fn run(options: &Options) -> Result<(), Error> {
     let running = exec.start()?;
     let answers = workers.len() as u32 + options.flood;
     rehearse(&tick, &workers);
+    // With whole budgets: what the rehearsal has used comes back piece by piece, a period later.
+    let longest = options.case.workers.iter().map(|w| w.period).max();
+    clock::sleep_until(clock::monotonic() + longest.unwrap_or(0) + INTERVAL);
     line::disturb(options.noise);
     if options.lockstep {
         AWAKE.store(false, Ordering::SeqCst);

@@ -1,9 +1,9 @@
 //! What this back end knows of each task, kept up to date by the kernel's switch hooks.
 //!
 //! ```text
-//!   SWITCHED_OUT, in its ready list ──► preempted: cpu += now - in_at
-//!   SWITCHED_OUT, not in it        ──► blocked:   cpu += now - in_at, a gap opens
-//!   SWITCHED_IN                    ──► in_at = now, an open gap is complete
+//!   loses the CPU, in its ready list ──► preempted: cpu += now - in_at
+//!   loses the CPU, not in it         ──► blocked:   cpu += now - in_at, a gap opens
+//!   gets the CPU, at the same now    ──► in_at = now, an open gap is complete
 //! ```
 //!
 //! Slots are made at set-up, linked into one list and never freed. Time in interrupts counts for
@@ -213,52 +213,39 @@ pub fn voluntary_switches() -> u64 {
     current().map_or(0, |slot| slot.state.with(|s| s.blocks.into()))
 }
 
-/// The kernel's hook: the running task is about to lose the CPU.
+/// The kernel's hook: `slot`'s task is about to run instead of the one that did, which was
+/// `preempted` or has blocked.
 #[unsafe(no_mangle)]
-extern "C" fn rp_switched_out(slot: *const c_void, preempted: u32) {
-    // SAFETY: as in `current`.
-    let Some(slot) = (unsafe { slot.cast::<Slot>().as_ref() }) else {
-        return;
-    };
-    let now = ffi::board_now();
+extern "C" fn rp_switched(slot: *const c_void, preempted: u32) {
     // SAFETY: the kernel switches masked.
     let quiet = unsafe { Quiet::by_caller() };
-    slot.state.within(quiet, |s| {
-        s.cpu += now.saturating_sub(s.in_at);
-        s.on_cpu = false;
-        if s.limit != NEVER {
-            LIMIT_AT.within(quiet, |at| *at = NEVER);
-        }
-        if preempted == 0 {
-            s.blocks = s.blocks.wrapping_add(1);
-            s.gaps.open(now);
-        } else {
-            s.preemptions = s.preemptions.wrapping_add(1);
-        }
-    });
-}
-
-/// The kernel's hook: the chosen task is about to run.
-#[unsafe(no_mangle)]
-extern "C" fn rp_switched_in(slot: *const c_void) {
+    let out = current();
     CURRENT.store(slot.cast_mut().cast(), Ordering::Relaxed);
-    // Read in any case: an image may have a clock that looks who runs.
     let now = ffi::board_now();
-    // SAFETY: as in `current`.
-    let Some(slot) = (unsafe { slot.cast::<Slot>().as_ref() }) else {
-        return;
-    };
-    // SAFETY: the kernel switches masked.
-    let quiet = unsafe { Quiet::by_caller() };
-    slot.state.within(quiet, |s| {
-        s.in_at = now;
-        s.on_cpu = true;
-        let cpu = s.cpu;
-        s.gaps.close(now, cpu);
-        if s.limit != NEVER {
-            let rings = s.at_limit(now);
-            LIMIT_AT.within(quiet, |at| *at = rings);
-            alarm::program(rings, quiet);
-        }
+    if let Some(out) = out {
+        out.state.within(quiet, |s| {
+            s.cpu += now.saturating_sub(s.in_at);
+            s.on_cpu = false;
+            if preempted == 0 {
+                s.blocks = s.blocks.wrapping_add(1);
+                s.gaps.open(now);
+            } else {
+                s.preemptions = s.preemptions.wrapping_add(1);
+            }
+        });
+    }
+    let limit = current().map_or(NEVER, |slot| {
+        slot.state.within(quiet, |s| {
+            s.in_at = now;
+            s.on_cpu = true;
+            let cpu = s.cpu;
+            s.gaps.close(now, cpu);
+            match s.limit {
+                NEVER => NEVER,
+                _ => s.at_limit(now),
+            }
+        })
     });
+    LIMIT_AT.within(quiet, |at| *at = limit);
+    alarm::program(limit, quiet);
 }

@@ -20,7 +20,8 @@ use core::sync::atomic::{AtomicU32, Ordering};
 pub(crate) fn wait(word: &AtomicU32, expected: u32, deadline: Option<Nanos>) -> bool {
     let me = slot::current();
     sleep(me, word, expected, deadline, Mask::set());
-    deadline.is_some_and(|t| ffi::board_now() >= t)
+    // Mostly it has changed, and reading the clock costs more than a look.
+    word.load(Ordering::Relaxed) == expected && deadline.is_some_and(|t| ffi::board_now() >= t)
 }
 
 /// The same for a caller that is masked already, and unmasked on return.

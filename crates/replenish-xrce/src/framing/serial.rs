@@ -147,6 +147,13 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
     /// each frame that ends in them unharmed.
     pub fn push(&mut self, mut bytes: &[u8], mut deliver: impl FnMut(u8, &[u8])) {
         loop {
+            if let Some((source, message, rest)) = self.whole(bytes) {
+                self.at = HUNTING;
+                count(&mut self.stats.frames);
+                deliver(source, message);
+                bytes = rest;
+                continue;
+            }
             bytes = self.plain(bytes);
             let Some((&byte, rest)) = bytes.split_first() else {
                 return;
@@ -171,6 +178,21 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
                 }
             }
         }
+    }
+
+    /// The frame that `bytes` begin with, if it is there as a whole, unharmed, and all its bytes stand
+    /// for themselves, as in most: its sender, its message where it lies, and what follows it.
+    fn whole<'a>(&self, bytes: &'a [u8]) -> Option<(u8, &'a [u8], &'a [u8])> {
+        let (&[BEGIN, source, target, low, high], rest) = bytes.split_first_chunk()? else {
+            return None;
+        };
+        let len = usize::from(u16::from_le_bytes([low, high]));
+        let (message, rest) = rest.split_at_checked(len)?;
+        let (&tail, after) = rest.split_first_chunk()?;
+        let between = matches!(self.at, HUNTING | 0);
+        let mine = target == self.local && len <= self.buf.as_ref().len();
+        let plain = special_in([source, target, low, high]) == 0;
+        (between && mine && plain && is_right(message, tail)).then_some((source, message, after))
     }
 
     /// Takes the bytes of a message that stand for themselves, as many as come one after another; what
@@ -257,14 +279,59 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
     }
 }
 
-/// CRC-16/ARC: polynomial 0x8005 reflected, from 0. Its eight steps for a byte are three shifts of what
-/// they act on and its parity, since the polynomial is `(x + 1)(x^15 + x + 1)`: a quarter of the
-/// instructions that bit after bit takes, and no table.
+/// Whether a message and its checksum stand for themselves and fit each other; four bytes at a time.
+fn is_right(message: &[u8], [low, high]: [u8; 2]) -> bool {
+    let (words, end) = message.as_chunks();
+    let (mut special, mut crc) = (special_in([low, high, 0, 0]), 0);
+    for &word in words {
+        special |= special_in(word);
+        crc = (0..4).fold(crc ^ u32::from_le_bytes(word), |crc, _| shifted(crc));
+    }
+    for &byte in end {
+        special |= special_in([byte, 0, 0, 0]);
+        crc = shifted(crc ^ u32::from(byte));
+    }
+    special == 0 && crc == u32::from(u16::from_le_bytes([low, high]))
+}
+
+/// What four steps of the checksum make of four bits.
+const STEPS: [u16; 16] = {
+    let mut steps = [0; 16];
+    let mut bits = 0_u16;
+    while bits < 16 {
+        let (mut crc, mut step) = (bits, 0);
+        while step < 4 {
+            crc = (crc >> 1) ^ (0xa001 * (crc & 1));
+            step += 1;
+        }
+        if let Some(place) = steps.split_at_mut(bits as usize).1.first_mut() {
+            *place = crc;
+        }
+        bits += 1;
+    }
+    steps
+};
+
+/// 0 if none of four bytes is 0x7C to 0x7F: four comparisons in one.
+const fn special_in(bytes: [u8; 4]) -> u32 {
+    let zero = (u32::from_le_bytes(bytes) ^ 0x7c7c_7c7c) & 0xfcfc_fcfc;
+    zero.wrapping_sub(0x0101_0101) & !zero & 0x8080_8080
+}
+
+/// CRC-16/ARC: polynomial 0x8005 reflected, from 0.
 fn crc16(crc: u16, byte: u8) -> u16 {
-    let acts = crc & 0xff ^ u16::from(byte);
-    let folded = acts ^ acts >> 4;
-    let odd = 0x6996_u16 >> (folded & 15) & 1; // the parity of each half a byte
-    crc >> 8 ^ acts << 6 ^ acts << 7 ^ odd << 15 ^ odd << 14 ^ odd
+    let [low, high, ..] = shifted(u32::from(crc ^ u16::from(byte))).to_le_bytes();
+    u16::from_le_bytes([low, high])
+}
+
+/// The checksum's eight steps for the lowest byte, half of it at a time. What is above is not acted
+/// on yet: bytes of the message that follow.
+fn shifted(crc: u32) -> u32 {
+    let half = |crc: u32| {
+        let [low, ..] = crc.to_le_bytes();
+        (crc >> 4) ^ u32::from(STEPS.get(usize::from(low & 15)).copied().unwrap_or(0))
+    };
+    half(half(crc))
 }
 
 #[cfg(test)]

@@ -139,19 +139,24 @@ impl Xrce {
     fn receive(&self, round: &mut Round<'_, '_>, mut woken: Option<Nanos>) -> io::Result<bool> {
         let (mut any, mut due) = (false, false);
         for _ in 0..self.waiting.batch(BATCH) {
+            // What one reading gives came at one time.
+            let mut begun = None;
             let received = self.transport.receive(&mut |message| {
-                let now = woken.take().unwrap_or_else(clock::monotonic);
-                let mut state = self.state.lock();
+                let (now, state) = begun.get_or_insert_with(|| {
+                    let now = woken.take().unwrap_or_else(clock::monotonic);
+                    (now, self.state.lock())
+                });
                 if message.len() > usize::from(self.settings.mtu) {
                     state.socket.oversized += 1; // cut off by the transport
                 } else {
-                    due |= state.receive(now, message, round);
+                    due |= state.receive(*now, message, round);
                     any = true;
                 }
             });
+            drop(begun);
             match received? {
                 Received::Something => {}
-                Received::Nothing => break,
+                Received::Nothing | Received::All => break,
                 Received::Closed => {
                     self.state.lock().disconnected(clock::monotonic());
                     due = true;

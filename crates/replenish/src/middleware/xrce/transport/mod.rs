@@ -38,6 +38,8 @@ pub enum Received {
     Nothing,
     /// Something was; there may be more.
     Something,
+    /// Something was, and that was all.
+    All,
     /// The connection has ended. The next message sent opens a new one, if that can be.
     Closed,
 }

@@ -4,7 +4,7 @@ use super::{Received, Sent, Transport};
 use crate::Nanos;
 use crate::platform::io::{self, ErrorKind};
 use crate::platform::{Kept, kept, zeroed};
-use crate::sync::{Arc, Mutex, Signal};
+use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
 use alloc::boxed::Box;
 use core::fmt;
 use replenish_xrce::framing::{
@@ -36,6 +36,8 @@ pub trait Port: Send + Sync + 'static {
 pub struct PortTransport<P> {
     port: P,
     outbox: Mutex<Kept<Outbox>>,
+    /// The port has not taken all of it; written under the lock.
+    waits: AtomicBool,
     inbox: Mutex<Kept<Inbox>>,
     /// ns for ten bits: a division that is not made for every message.
     byte: Nanos,
@@ -79,6 +81,7 @@ impl<P: Port> PortTransport<P> {
         Self {
             port,
             byte,
+            waits: AtomicBool::new(false),
             outbox: Mutex::new(kept(Outbox {
                 buf: zeroed(serial_frame_len(mtu)),
                 start: 0,
@@ -112,6 +115,7 @@ impl<P: Port> Transport for PortTransport<P> {
         (outbox.start, outbox.end) = (0, len);
         outbox.busy_until = outbox.busy_until.max(now) + self.byte.saturating_mul(len as u64);
         outbox.drain(&self.port);
+        self.waits.store(!outbox.is_empty(), Ordering::Relaxed);
         Ok(Sent::Yes)
     }
 
@@ -124,7 +128,11 @@ impl<P: Port> Transport for PortTransport<P> {
     }
 
     fn receive(&self, deliver: &mut dyn FnMut(&[u8])) -> io::Result<Received> {
-        self.outbox.lock().drain(&self.port);
+        if self.waits.load(Ordering::Relaxed) {
+            let mut outbox = self.outbox.lock();
+            outbox.drain(&self.port);
+            self.waits.store(!outbox.is_empty(), Ordering::Relaxed);
+        }
         let mut inbox = self.inbox.lock();
         let Inbox { decoder, piece }: &mut Inbox = &mut inbox;
         let len = self.port.read(piece);
@@ -133,7 +141,11 @@ impl<P: Port> Transport for PortTransport<P> {
         }
         let bytes = piece.get(..len).unwrap_or(&[]);
         decoder.push(bytes, |_, message| deliver(message));
-        Ok(Received::Something)
+        // What comes from now on rings.
+        Ok(match len < piece.len() {
+            true => Received::All,
+            false => Received::Something,
+        })
     }
 
     fn attach(&self, bell: &Arc<Signal>) {
