@@ -70,17 +70,25 @@ impl<const N: usize> Corrected<N> {
         if let Err(error) = params.check_capacity(N) {
             return Err(error);
         }
+        Ok(Self::clamped(params, now))
+    }
+
+    /// As [`new`](Self::new), but a `max_repl` above the capacity counts as the capacity. For
+    /// parameters that are checked already ([`Params::check_capacity`]): a server without a
+    /// `Result` around it is made where it is to stay.
+    #[must_use]
+    pub const fn clamped(params: Params, now: Nanos) -> Self {
         let head = Chunk {
             time: now,
             amount: params.budget(),
         };
-        Ok(Self {
+        Self {
             params,
             min_chunk: 0,
             clock: now,
             head,
             queue: Ring::new(),
-        })
+        }
     }
 
     /// Sets the smallest amount worth raising the thread for, in ns (0 at first). A smaller head is
@@ -168,7 +176,7 @@ impl<const N: usize> Corrected<N> {
     /// Queues a chunk that is not before any other. Merged with the youngest, at the later time, if
     /// their times are equal or the queue is full.
     fn push(&mut self, chunk: Chunk) {
-        let limit = usize::from(self.params.max_repl());
+        let limit = self.params.limit(N);
         let full = self.queue.len() >= limit;
         let youngest = self.queue.back_mut().unwrap_or(&mut self.head);
         if full || youngest.time == chunk.time {

@@ -103,7 +103,10 @@ impl Params {
     }
 
     /// Whether a server with room for `capacity` pending replenishments can hold these parameters.
-    pub(crate) const fn check_capacity(&self, capacity: usize) -> Result<(), ParamError> {
+    ///
+    /// # Errors
+    /// [`ParamError::MaxRepl`] if `max_repl` is above `capacity`.
+    pub const fn check_capacity(&self, capacity: usize) -> Result<(), ParamError> {
         if self.max_repl as usize > capacity {
             // A capacity above u16::MAX never gets here, so the cast keeps its value.
             return Err(ParamError::MaxRepl {
@@ -112,6 +115,11 @@ impl Params {
             });
         }
         Ok(())
+    }
+
+    /// How many replenishments may be pending in a server with room for `capacity`.
+    pub(crate) fn limit(&self, capacity: usize) -> usize {
+        usize::from(self.max_repl).min(capacity)
     }
 }
 

@@ -53,7 +53,15 @@ impl<const N: usize> Posix<N> {
         if let Err(error) = params.check_capacity(N) {
             return Err(error);
         }
-        Ok(Self {
+        Ok(Self::clamped(params, now))
+    }
+
+    /// As [`new`](Self::new), but a `max_repl` above the capacity counts as the capacity. For
+    /// parameters that are checked already ([`Params::check_capacity`]): a server without a
+    /// `Result` around it is made where it is to stay.
+    #[must_use]
+    pub const fn clamped(params: Params, now: Nanos) -> Self {
+        Self {
             params,
             clock: now,
             runnable: false,
@@ -61,7 +69,7 @@ impl<const N: usize> Posix<N> {
             activation_time: now,
             consumed: 0,
             replenishments: Ring::new(),
-        })
+        }
     }
 
     /// The pending replenishments in order of time.
@@ -82,7 +90,7 @@ impl<const N: usize> Posix<N> {
 
     /// P iff avail > 0 and #pending < N.
     fn level(&self) -> Level {
-        level(&self.params, self.avail, self.replenishments.len())
+        level(self.params.limit(N), self.avail, self.replenishments.len())
     }
 
     /// R7 for the replenishments that satisfy `due`.
@@ -125,13 +133,13 @@ impl<const N: usize> Posix<N> {
             return;
         }
         // There is room: with N pending the level is Low and the activation stays as it is.
-        let limit = usize::from(self.params.max_repl());
+        let limit = self.params.limit(N);
         self.replenishments.push_back(Chunk { time, amount }, limit);
     }
 }
 
-fn level(params: &Params, avail: Nanos, pending: usize) -> Level {
-    if avail > 0 && pending < usize::from(params.max_repl()) {
+fn level(limit: usize, avail: Nanos, pending: usize) -> Level {
+    if avail > 0 && pending < limit {
         Level::High
     } else {
         Level::Low
@@ -191,7 +199,7 @@ impl<const N: usize> BudgetServer for Posix<N> {
                 sum.saturating_add(chunk.amount).min(self.params.budget()),
             )
         });
-        match level(&self.params, sum, self.replenishments.len() - count) {
+        match level(self.params.limit(N), sum, self.replenishments.len() - count) {
             Level::High => sum,
             Level::Low => 0,
         }

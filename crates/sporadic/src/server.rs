@@ -77,16 +77,19 @@ impl<const N: usize> Server<N> {
     /// # Errors
     /// [`ParamError::MaxRepl`] if `max_repl` is above the capacity `N`.
     pub const fn new(kind: Kind, params: Params, now: Nanos) -> Result<Self, ParamError> {
+        match params.check_capacity(N) {
+            Ok(()) => Ok(Self::clamped(kind, params, now)),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// See [`Corrected::clamped`].
+    #[must_use]
+    pub const fn clamped(kind: Kind, params: Params, now: Nanos) -> Self {
         match kind {
-            Kind::Corrected => match Corrected::new(params, now) {
-                Ok(server) => Ok(Self::Corrected(server)),
-                Err(error) => Err(error),
-            },
+            Kind::Corrected => Self::Corrected(Corrected::clamped(params, now)),
             #[cfg(feature = "posix")]
-            Kind::Posix => match Posix::new(params, now) {
-                Ok(server) => Ok(Self::Posix(server)),
-                Err(error) => Err(error),
-            },
+            Kind::Posix => Self::Posix(Posix::clamped(params, now)),
         }
     }
 

@@ -101,6 +101,22 @@ fn max_repl_above_the_capacity_of_the_server() {
         );
     }
     says(&expected, &["max_repl 129", "1 to 128"]);
+    // Who has checked before gets the server itself.
+    assert_eq!(params(129).check_capacity(128).unwrap_err(), expected);
+    assert_eq!(params(128).check_capacity(128), Ok(()));
+    for kind in [Kind::Corrected, Kind::Posix] {
+        let mut clamped = Server::<2>::clamped(kind, params(5), 0);
+        let mut two = Server::<2>::new(kind, params(2), 0).unwrap();
+        for now in (0..40).step_by(4) {
+            for server in [&mut clamped, &mut two] {
+                server.activate(now);
+                server.charge(1, now + 1);
+                server.block(now + 1);
+            }
+            assert_eq!(clamped.pending(), two.pending());
+            assert_eq!(clamped.available(now + 1), two.available(now + 1));
+        }
+    }
     // A capacity beyond the range of max_repl takes everything.
     assert!(Corrected::<70_000>::new(params(u16::MAX), 0).is_ok());
 }

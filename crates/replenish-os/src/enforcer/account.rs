@@ -2,7 +2,9 @@
 
 use super::entry::Entry;
 use super::overruns::summarise;
-use super::{AnyServer, Enforcement, EnrollError, OverrunSamples, OverrunSummary, Shared, State};
+use super::{
+    AnyServer, Enforcement, EnrollError, MAX_REPL, OverrunSamples, OverrunSummary, Shared, State,
+};
 use crate::Nanos;
 use crate::PiMutex;
 use crate::Shared as Arc;
@@ -14,6 +16,7 @@ use crate::backend::suspend::SuspendCell;
 use crate::backend::tid::current_tid;
 use crate::backend::voluntary_switches;
 use crate::backend::watch::Watch;
+use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::sync::atomic::{AtomicBool, Ordering};
 use sporadic::{BudgetServer, Kind, Level, Low, Params, Reservation};
@@ -100,25 +103,30 @@ impl Account {
         }
         let tid = current_tid();
         let now = clock::monotonic();
-        let server = AnyServer::new(kind, *params, now)
-            .map_err(EnrollError::Params)?
-            .with_min_chunk(config.tuning.slack);
-        let reservation = Reservation::new(server, config.tuning, now, clock::thread_cpu());
+        params
+            .check_capacity(MAX_REPL)
+            .map_err(EnrollError::Params)?;
+        let cpu = clock::thread_cpu();
         // Without the records the voluntary-switch counter stands in: see callback_end().
         let watch = Watch::new(tid, config.switch_log);
+        let has_switch_log = watch.is_exact();
         let suspends = params.low() == Low::Suspend && !shared.is_deferred();
         let suspend = Arc::new(SuspendCell::new());
         if suspends {
             suspend.attach_current_thread().map_err(EnrollError::Os)?;
         }
-        let entry = Entry::new(reservation, tid, watch, Arc::clone(&suspend));
-        let has_switch_log = entry.has_switch_log();
+        let overruns = Box::default();
         let index = {
             let mut state = shared.state.lock();
             let (index, capacity) = (state.entries.len(), state.entries.capacity());
             if index == capacity {
                 return Err(EnrollError::Full { capacity });
             }
+            // Made where it is to stay: it is large.
+            let server = AnyServer::clamped(kind, *params, now).with_min_chunk(config.tuning.slack);
+            let reservation = Reservation::new(server, config.tuning, now, cpu);
+            let cell = Arc::clone(&suspend);
+            let entry = Entry::new(reservation, tid, watch, cell, overruns);
             state.entries.push(entry);
             index
         };

@@ -10,6 +10,7 @@ use crate::backend::sched::{demote_to_tail, promote};
 use crate::backend::suspend::SuspendCell;
 use crate::backend::timer::TimerFd;
 use crate::backend::watch::Watch;
+use alloc::boxed::Box;
 use sporadic::{BudgetServer, Level, Low, Reservation, Verdict};
 
 /// What a judgement led to.
@@ -26,7 +27,7 @@ pub(super) struct Entry {
     pub(super) reservation: Reservation<AnyServer>,
     pub(super) clock: ThreadCpuClock,
     pub(super) tid: Tid,
-    pub(super) overruns: Overruns,
+    pub(super) overruns: Box<Overruns>,
     pub(super) suspend: Arc<SuspendCell>,
     pub(super) live: bool,
     watch: Watch,
@@ -38,12 +39,13 @@ impl Entry {
         tid: Tid,
         watch: Watch,
         suspend: Arc<SuspendCell>,
+        overruns: Box<Overruns>,
     ) -> Self {
         Self {
             reservation,
             clock: ThreadCpuClock::of(tid),
             tid,
-            overruns: Overruns::new(),
+            overruns,
             suspend,
             live: true,
             watch,
@@ -82,11 +84,6 @@ impl Entry {
             true => NEVER,
             false => at,
         }
-    }
-
-    /// Whether blocking inside callbacks is seen through the kernel's records.
-    pub(super) fn has_switch_log(&self) -> bool {
-        self.watch.is_exact()
     }
 
     /// See [`Reservation::pull_in`]; the new time if it moved, otherwise [`NEVER`].

@@ -1,6 +1,5 @@
 //! How far budgets were overrun: the last ones exactly, in fixed memory.
 
-use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 /// How many of the newest overruns of a worker are kept.
@@ -53,17 +52,18 @@ pub const STALL: u64 = 500_000;
 /// The newest overruns of one worker.
 #[derive(Debug)]
 pub(crate) struct Overruns {
-    ring: Box<[i64; KEPT]>,
+    ring: [i64; KEPT],
     count: u64,
     stalls: u64,
     worst: Option<Stall>,
     newest_stalls: [Stall; STALLS_KEPT],
 }
 
-impl Overruns {
-    pub(crate) fn new() -> Self {
+/// Nothing recorded yet.
+impl Default for Overruns {
+    fn default() -> Self {
         Self {
-            ring: Box::new([0; KEPT]),
+            ring: [0; KEPT],
             count: 0,
             stalls: 0,
             worst: None,
@@ -75,7 +75,9 @@ impl Overruns {
             },
         }
     }
+}
 
+impl Overruns {
     pub(crate) fn record(&mut self, overrun: i64, late: u64) {
         if late > STALL {
             let stall = Stall { late, overrun };
@@ -138,7 +140,7 @@ mod tests {
 
     #[test]
     fn percentiles_are_those_of_the_newest_and_stalls_stand_apart() {
-        let mut o = Overruns::new();
+        let mut o = Overruns::default();
         for i in 0..2048 {
             o.record(i, 0);
         }
@@ -160,7 +162,7 @@ mod tests {
 
     #[test]
     fn the_newest_stalls_are_kept() {
-        let mut o = Overruns::new();
+        let mut o = Overruns::default();
         for overrun in 0..20 {
             o.record(overrun, STALL + 1);
         }
@@ -173,7 +175,7 @@ mod tests {
     #[test]
     fn nothing_recorded_is_all_zero() {
         let mut sample = Vec::new();
-        let totals = Overruns::new().copy_into(&mut sample);
+        let totals = Overruns::default().copy_into(&mut sample);
         assert_eq!(summarise(&mut sample, totals), OverrunSummary::default());
     }
 }
