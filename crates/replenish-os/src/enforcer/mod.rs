@@ -225,7 +225,9 @@ impl Enforcer {
             _ => String::from("enforcer"), // one CPU, and no room for formatting
         };
         let mut spec = ThreadSpec::new(&name)
-            .policy(Policy::fifo(config.priority).map_err(SpawnError::Parameter)?)
+            .policy(Policy::Fifo {
+                priority: config.priority,
+            }) // checked by `spawn`
             .stack_size(backend::ENFORCER_STACK);
         if let Some(cpu) = config.cpu {
             spec = spec.cpu(cpu);
