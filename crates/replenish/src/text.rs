@@ -129,17 +129,12 @@ pub(crate) fn joined(parts: &[&str]) -> String {
 
 /// `stem` and a number in decimal.
 pub(crate) fn numbered(stem: &str, number: usize) -> String {
-    const DIGITS: &str = "0123456789";
-    let mut all = joined(&[stem]);
-    let mut power = 1;
-    while number / power > 9 {
-        power *= 10;
-    }
-    while power > 0 {
-        let digit = number / power % 10;
-        all.push_str(DIGITS.get(digit..=digit).unwrap_or_default());
-        power /= 10;
-    }
+    let mut all = match number / 10 {
+        0 => joined(&[stem]),
+        before => numbered(stem, before),
+    };
+    let digit = u8::try_from(number % 10).unwrap_or(0);
+    all.push(char::from(b'0' + digit));
     all
 }
 

@@ -287,6 +287,7 @@ mod callback {
 }
 
 mod handle {
+    use crate::agenda::Agenda;
     use crate::doorbell::Line;
     use crate::moment::Moment;
     use crate::stop::StopHandle;
@@ -319,6 +320,7 @@ mod handle {
         fn next_release(&mut self) -> Option<u64> {
             None
         }
+        fn note_release(&mut self, _position: usize, _agenda: &mut Agenda) {}
         fn take(&mut self, env: &Env<'_>) -> Option<Taken>;
         fn execute(&mut self, env: &Env<'_>, started: u64);
     }
@@ -368,7 +370,6 @@ mod entry {
             taken.is_some()
         }
         pub(crate) fn snapshot(&mut self, _: &Env<'_>) {}
-        pub(crate) fn abandon(&mut self) {}
     }
 }
 

@@ -28,6 +28,9 @@ pub(crate) struct Agenda {
     releases: Vec<Nanos>,
     /// The earliest of them, or earlier.
     earliest: Nanos,
+    /// How releases become due; set with the first one, so that programs without any do not carry
+    /// the code.
+    by_time: Option<fn(&mut Self, &Moment)>,
 }
 
 impl Agenda {
@@ -39,6 +42,7 @@ impl Agenda {
             due: alloc::vec![0; limit.div_ceil(BITS)],
             releases: alloc::vec![0; limit],
             earliest: 0,
+            by_time: None,
         };
         agenda.reorder(&[]);
         agenda
@@ -60,6 +64,12 @@ impl Agenda {
 
     /// Releases up to `now` are due.
     pub(crate) fn release(&mut self, now: &Moment) {
+        if let Some(by_time) = self.by_time {
+            by_time(self, now);
+        }
+    }
+
+    fn by_time(&mut self, now: &Moment) {
         if self.earliest == Nanos::MAX || self.earliest > now.get() {
             return;
         }
@@ -98,6 +108,7 @@ impl Agenda {
 
     /// The handle at this position was looked at; this is its next release.
     pub(crate) fn next_release_of(&mut self, at: usize, release: Option<Nanos>) {
+        self.by_time = Some(Self::by_time);
         let new = release.unwrap_or(Nanos::MAX);
         let Some(known) = self.releases.get_mut(at) else {
             return;

@@ -7,6 +7,7 @@
 //!           limit passed ──► forget it, callback(timeout)
 //! ```
 
+use super::agenda::Agenda;
 use super::callback::{CallbackContext, CallbackResult};
 use super::doorbell::Line;
 use super::handle::{Env, Handle, Shared, Taken};
@@ -305,6 +306,11 @@ where
 
     fn next_release(&mut self) -> Option<Nanos> {
         self.earliest()
+    }
+
+    fn note_release(&mut self, position: usize, agenda: &mut Agenda) {
+        let release = self.next_release();
+        agenda.next_release_of(position, release);
     }
 
     fn take(&mut self, env: &Env<'_>) -> Option<Taken> {

@@ -1,5 +1,6 @@
 //! What a worker knows of a handle, whatever its kind; and what is shared about it.
 
+use super::agenda::Agenda;
 use super::doorbell::Line;
 use super::group::Group;
 use super::live::Live;
@@ -83,6 +84,9 @@ pub(crate) trait Handle: Send {
     fn next_release(&mut self) -> Option<Nanos> {
         None
     }
+    /// Writes down its [next release](Self::next_release), if it has releases at all; it is at this
+    /// position.
+    fn note_release(&mut self, _position: usize, _agenda: &mut Agenda) {}
     /// Takes one input, if there (still) is one and it can be used.
     fn take(&mut self, env: &Env<'_>) -> Option<Taken>;
     /// Runs the callback with what was taken last.

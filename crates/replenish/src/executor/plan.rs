@@ -12,6 +12,7 @@
 use super::builder::WorkerSpec;
 use super::planning::Guarantee;
 use super::schedule::nanos;
+use crate::Nanos;
 use crate::budget::Budget;
 use crate::error::Error;
 use crate::platform::Kept;
@@ -83,7 +84,8 @@ pub(crate) fn plan(
     }
     let (mut highest, mut budgeted) = (0, false);
     for at in 0..workers.len() {
-        let steps = shorter(at, workers);
+        let period = workers.get(at).map_or(0, |w| wished(&w.request));
+        let steps = shorter(period, workers);
         let Some(w) = workers.get_mut(at) else {
             break;
         };
@@ -173,22 +175,34 @@ fn policy(w: &Request, steps: u8) -> Result<Policy, Error> {
         .map_err(|e| Error::parameter(w.owner(), "budget", &budget, text!("{e}")))
 }
 
-/// How many shorter periods there are among the budgets of workers without a policy, each counted
-/// once. (Neither sorted nor collected: both bring code that small images have no room for.)
-fn shorter(at: usize, workers: &[Kept<WorkerSpec>]) -> u8 {
-    let wished = |w: &Kept<WorkerSpec>| match w.request.policy {
-        Some(_) => None,
-        None => w.request.budget.map(|b| b.period),
-    };
-    let own = workers.get(at).and_then(wished);
-    let (mut count, mut rest) = (0_u8, workers);
-    while let Some((w, others)) = rest.split_first() {
-        let its = wished(w);
-        let again = others.iter().any(|w| wished(w) == its);
-        count = count.saturating_add((its.is_some() && its < own && !again).into());
-        rest = others;
+/// How many periods are shorter than this one among the budgets of workers without a policy, each
+/// counted once. (Neither sorted nor collected: both bring code that small images have no room for.)
+fn shorter(mut period: Nanos, workers: &[Kept<WorkerSpec>]) -> u8 {
+    let mut count = 0_u8;
+    loop {
+        // Down from one to the next shorter, until there is none.
+        let mut next = 0;
+        for w in workers {
+            let its = wished(&w.request);
+            if its < period {
+                next = its.max(next);
+            }
+        }
+        if next == 0 {
+            return count;
+        }
+        period = next;
+        count = count.saturating_add(1);
     }
-    count
+}
+
+/// The period whose rank is the priority of a worker that has none; 0 if it has one or needs none.
+#[inline(never)]
+fn wished(w: &Request) -> Nanos {
+    match (w.policy, w.budget) {
+        (None, Some(budget)) => nanos(budget.period),
+        _ => 0,
+    }
 }
 
 /// What becomes of a worker at this priority without budget; `None`: there is no room below.

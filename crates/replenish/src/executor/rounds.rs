@@ -5,6 +5,7 @@
 //! a rule. So a program that gives none does not carry the code.
 
 use super::builder::WorkerSpec;
+use super::entry::Entry;
 use super::moment::Moment;
 use super::outbox::Outbox;
 use super::rules::{HandleStates, Rules, Semantics, Trigger};
@@ -28,6 +29,7 @@ pub(crate) struct Rounds {
     pub(super) want_all: fn(&Worker) -> bool,
     pub(super) step: fn(&mut Worker, &mut Account, &Tally) -> bool,
     pub(super) next_wake: fn(&mut Worker) -> Option<Nanos>,
+    pub(super) end: fn(&mut Worker),
 }
 
 /// By all rules there are.
@@ -41,6 +43,7 @@ pub(crate) static BY_RULES: Rounds = Rounds {
     want_all,
     step,
     next_wake,
+    end: |worker| worker.spec.entries.iter_mut().for_each(Entry::abandon),
 };
 
 fn check(worker: &WorkerSpec) -> Result<(), Error> {

@@ -11,6 +11,7 @@
 //! A [`TimerHandle`] writes down what it wants under a lock and rings the worker, which does it
 //! before it looks at the timer the next time. So only the worker touches the schedule.
 
+use super::agenda::Agenda;
 use super::callback::{CallbackContext, CallbackResult};
 use super::doorbell::Line;
 use super::handle::{Env, Handle, Shared, Taken};
@@ -209,6 +210,11 @@ where
     fn next_release(&mut self) -> Option<Nanos> {
         self.obey();
         Some(self.schedule.next()).filter(|_| !self.schedule.is_cancelled())
+    }
+
+    fn note_release(&mut self, position: usize, agenda: &mut Agenda) {
+        let release = self.next_release();
+        agenda.next_release_of(position, release);
     }
 
     fn take(&mut self, _env: &Env<'_>) -> Option<Taken> {

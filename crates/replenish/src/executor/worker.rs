@@ -99,7 +99,9 @@ impl Worker {
 
     /// No callback runs any more.
     pub(crate) fn end(&mut self) {
-        self.spec.entries.iter_mut().for_each(Entry::abandon);
+        if let Some(rounds) = self.spec.rules.rounds {
+            (rounds.end)(self);
+        }
         self.mailbox.close();
     }
 
@@ -185,8 +187,7 @@ impl Worker {
                 if entry.look(&Moment::default()) {
                     self.agenda.insert(position);
                 }
-                let release = entry.handle.next_release();
-                self.agenda.next_release_of(position, release);
+                entry.handle.note_release(position, &mut self.agenda);
             }
         }
         self.ran += turn.ran;
