@@ -140,23 +140,31 @@ impl Entry {
         let Some(deadline) = self.handling.deadline.or(taken.deadline) else {
             return;
         };
-        let lateness = response.saturating_sub(deadline);
-        if lateness > 0 {
-            let count = counters.deadline_misses.add(1);
-            counters.worst_lateness.raise(lateness);
-            let miss = DeadlineMiss {
-                id: &self.shared.id,
-                due: taken.due,
-                deadline,
-                lateness,
-                count,
-            };
-            match &mut self.handling.on_miss {
-                OnMiss::Count => {}
-                OnMiss::SkipNext => self.skip = true,
-                OnMiss::Stop => env.stop.stop(),
-                OnMiss::Call(handler) => handler(&miss),
-            }
+        (deadline.judge)(self, env, (taken.due, deadline.within), response);
+    }
+
+    /// Whether the callback that has just ended was in time, and what follows if not. `within`: the
+    /// deadline.
+    pub(crate) fn judge(&mut self, env: &Env<'_>, (due, within): (Nanos, Nanos), response: Nanos) {
+        let lateness = response.saturating_sub(within);
+        if lateness == 0 {
+            return;
+        }
+        let counters = &self.shared.counters;
+        let count = counters.deadline_misses.add(1);
+        counters.worst_lateness.raise(lateness);
+        let miss = DeadlineMiss {
+            id: &self.shared.id,
+            due,
+            deadline: within,
+            lateness,
+            count,
+        };
+        match &mut self.handling.on_miss {
+            OnMiss::Count => {}
+            OnMiss::SkipNext => self.skip = true,
+            OnMiss::Stop => env.stop.stop(),
+            OnMiss::Call(handler) => handler(&miss),
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::agenda::Agenda;
 use super::doorbell::Line;
+use super::entry::Entry;
 use super::group::Group;
 use super::live::Live;
 use super::moment::Moment;
@@ -58,7 +59,31 @@ pub(crate) struct Taken {
     /// When it was released: the sample's arrival, the timer's release.
     pub(crate) due: Nanos,
     /// How long after that the callback should have ended, if the handle's kind says so.
-    pub(crate) deadline: Option<Nanos>,
+    pub(crate) deadline: Option<Deadline>,
+}
+
+/// How long after its release a callback should have ended.
+#[derive(Clone, Copy)]
+pub(crate) struct Deadline {
+    pub(crate) within: Nanos,
+    /// How it is judged: found here, so that programs without deadlines do not carry the code.
+    pub(crate) judge: Judge,
+}
+
+/// With the release and the deadline, and the time from that release to the end of the callback.
+type Judge = fn(&mut Entry, &Env<'_>, (Nanos, Nanos), Nanos);
+
+impl Deadline {
+    pub(crate) fn of(within: Nanos) -> Self {
+        let judge = Entry::judge;
+        Self { within, judge }
+    }
+}
+
+impl fmt::Debug for Deadline {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.within.fmt(f)
+    }
 }
 
 impl Taken {

@@ -3,8 +3,9 @@
 
 use super::entry::Entry;
 use super::group::Group;
+use super::handle::Deadline;
 use super::rounds::Rounds;
-use super::schedule::Every;
+use super::schedule::{Every, nanos};
 use crate::Nanos;
 use crate::event::Event;
 use alloc::boxed::Box;
@@ -176,7 +177,7 @@ pub struct DeadlineMiss<'a> {
 #[derive(Default)]
 pub struct Handling {
     pub(crate) priority: u8,
-    pub(crate) deadline: Option<Nanos>,
+    pub(crate) deadline: Option<Deadline>,
     pub(crate) on_miss: OnMiss,
     pub(crate) always: bool,
     pub(crate) group: Option<Group>,
@@ -203,7 +204,7 @@ impl Handling {
     #[must_use]
     pub fn deadline(self, deadline: Duration, on_miss: OnMiss) -> Self {
         Self {
-            deadline: Some(super::schedule::nanos(deadline)),
+            deadline: Some(Deadline::of(nanos(deadline))),
             on_miss,
             ..self
         }

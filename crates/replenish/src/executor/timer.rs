@@ -14,7 +14,7 @@
 use super::agenda::Agenda;
 use super::callback::{CallbackContext, CallbackResult};
 use super::doorbell::Line;
-use super::handle::{Env, Handle, Shared, Taken};
+use super::handle::{Deadline, Env, Handle, Shared, Taken};
 use super::moment::Moment;
 use super::schedule::{Every, Schedule, nanos};
 use crate::Nanos;
@@ -225,7 +225,7 @@ where
         self.shared.counters.skipped.add(release.skipped);
         self.skipped = release.skipped;
         self.due = release.at;
-        let deadline = (!self.every.once).then(|| self.schedule.period());
+        let deadline = (!self.every.once).then(|| Deadline::of(self.schedule.period()));
         Some(Taken {
             due: release.at,
             deadline,
