@@ -30,7 +30,7 @@ use handle::{Env, Handle, Shared};
 use loom::thread;
 use schedule::Every;
 use std::time::Duration;
-use stubs::{callback, clock, doorbell, handle, moment, platform};
+use stubs::{agenda, callback, clock, doorbell, handle, moment, platform};
 use sync::{Arc, Signal};
 use timer::{Timer, TimerHandle};
 
