@@ -2,7 +2,7 @@
 
 use super::link::{Link, LinkStats};
 use super::streams::Streams;
-use super::{Buffers, Config, Journal, RequestError, RequestState, WriteError};
+use super::{Buffers, Config, Journal, ReliableBuffers, RequestError, RequestState, WriteError};
 use crate::Nanos;
 use crate::features::{DELIVERY, QUERIES, SERVICES};
 use crate::stream::{BestEffortStats, InputStats, OutputStats, PushError};
@@ -59,7 +59,25 @@ where
 {
     /// A session that is not wanted yet.
     pub fn new(config: Config, buffers: Buffers<S, B, R>) -> Self {
-        let (streams, journal) = Streams::new(&config, buffers);
+        let (best_effort, reliable) = (buffers.best_effort, buffers.reliable);
+        let streams = Streams::of(&config, buffers.restore, best_effort, reliable);
+        Self::with(config, buffers.journal, streams)
+    }
+
+    /// The same with storage that is made for each stream by its index and goes to its place at once: a
+    /// little smaller and faster than [`Session::new`], which moves the arrays.
+    pub fn made(
+        config: Config,
+        journal: S,
+        restore: S,
+        best_effort: impl FnMut(usize) -> S,
+        reliable: impl FnMut(usize) -> ReliableBuffers<S>,
+    ) -> Self {
+        let streams = Streams::new(&config, restore, best_effort, reliable);
+        Self::with(config, journal, streams)
+    }
+
+    fn with(config: Config, journal: S, streams: Streams<S, N, B, R>) -> Self {
         Session {
             link: Link::new(&config),
             config,

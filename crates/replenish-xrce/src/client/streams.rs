@@ -13,13 +13,14 @@
 
 use super::each::Each;
 use super::restore::Restore;
-use super::{Buffers, Config, WriteError};
+use super::{Config, ReliableBuffers, WriteError};
 use crate::stream::{
     BestEffortStats, Carried, InputBestEffort, InputReliable, InputStats, OutputBestEffort,
     OutputReliable, OutputStats, PushError, StreamHeader, Tail,
 };
 use crate::wire::{AckNack, Heartbeat, Raw, SessionId, Settled, StreamId};
 use crate::{NEVER, Nanos};
+use core::array::from_fn;
 
 #[derive(Debug)]
 pub(super) struct BestEffort<S> {
@@ -50,52 +51,85 @@ pub(super) const fn header(config: &Config, session: SessionId, stream: StreamId
     }
 }
 
-/// Gives the streams that `make` makes of 0, 1, 2, ...
-fn count_up(make: impl Fn(u8) -> StreamId) -> impl FnMut() -> StreamId {
-    let mut next = 0_u8;
-    move || {
-        let stream = make(next);
-        next = next.saturating_add(1);
-        stream
+fn number(index: usize) -> u8 {
+    u8::try_from(index).unwrap_or(u8::MAX)
+}
+
+impl<S: AsRef<[u8]> + AsMut<[u8]>> BestEffort<S> {
+    fn new(config: &Config, index: usize, out: S) -> Self {
+        let head = header(config, config.session, StreamId::best_effort(number(index)));
+        BestEffort {
+            output: OutputBestEffort::new(out, head, Tail::Padded).limited(config.mtu.into()),
+            input: InputBestEffort::new(),
+        }
     }
+}
+
+impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Reliable<S, N> {
+    fn new(config: &Config, index: usize, buffers: ReliableBuffers<S>, keeps: bool) -> Self {
+        let (stream, mtu) = (StreamId::reliable(number(index)), config.mtu.into());
+        let (ring, head) = (buffers.output, header(config, config.session, stream));
+        let output = OutputReliable::new(ring, mtu, head, Tail::Padded, config.reliability)
+            .with_spill(buffers.large_output);
+        Reliable {
+            output: if keeps {
+                output.keeping_whole_samples()
+            } else {
+                output
+            },
+            input: InputReliable::new(stream, buffers.input, mtu, buffers.fragments)
+                .acknowledging(config.acks),
+        }
+    }
+}
+
+/// What requests go through while the session is restored.
+fn restoring<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize>(
+    config: &Config,
+    buf: S,
+) -> Restore<S, N> {
+    let head = header(config, config.session, StreamId::RELIABLE);
+    Restore::new(buf, config.mtu.into(), head, config.reliability)
 }
 
 impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usize>
     Streams<S, N, B, R>
 {
-    pub(super) fn new(config: &Config, buffers: Buffers<S, B, R>) -> (Self, S) {
-        let mtu = usize::from(config.mtu);
-        let head = |stream| header(config, config.session, stream);
-        let mut next = count_up(StreamId::best_effort);
-        let best_effort = buffers.best_effort.map(|out| BestEffort {
-            output: OutputBestEffort::new(out, head(next()), Tail::Padded).limited(mtu),
-            input: InputBestEffort::new(),
-        });
-        let mut next = count_up(StreamId::reliable);
-        let keeps = Restore::<S, N>::keeps(&buffers.restore, mtu);
-        let reliable = buffers.reliable.map(|buffers| {
-            let stream = next();
-            let (ring, policy) = (buffers.output, config.reliability);
-            let output = OutputReliable::new(ring, mtu, head(stream), Tail::Padded, policy)
-                .with_spill(buffers.large_output);
-            Reliable {
-                output: if keeps {
-                    output.keeping_whole_samples()
-                } else {
-                    output
-                },
-                input: InputReliable::new(stream, buffers.input, mtu, buffers.fragments)
-                    .acknowledging(config.acks),
-            }
-        });
-        let (restore, policy) = (buffers.restore, config.reliability);
-        let streams = Streams {
+    /// The streams, whose storage is asked for by their indices, best effort first.
+    pub(super) fn new(
+        config: &Config,
+        restore: S,
+        mut best_effort: impl FnMut(usize) -> S,
+        mut reliable: impl FnMut(usize) -> ReliableBuffers<S>,
+    ) -> Self {
+        let keeps = Restore::<S, N>::keeps(&restore, config.mtu.into());
+        Streams {
+            best_effort: Each(from_fn(|i| BestEffort::new(config, i, best_effort(i)))),
+            reliable: Each(from_fn(|i| Reliable::new(config, i, reliable(i), keeps))),
+            requests: StreamId::RELIABLE,
+            restore: restoring(config, restore),
+        }
+    }
+
+    /// The streams, with storage that is there.
+    pub(super) fn of(
+        config: &Config,
+        restore: S,
+        best_effort: [S; B],
+        reliable: [ReliableBuffers<S>; R],
+    ) -> Self {
+        let keeps = Restore::<S, N>::keeps(&restore, config.mtu.into());
+        let (mut best, mut next) = (0..B, 0..R);
+        let best_effort =
+            best_effort.map(|out| BestEffort::new(config, best.next().unwrap_or_default(), out));
+        let reliable = reliable
+            .map(|kept| Reliable::new(config, next.next().unwrap_or_default(), kept, keeps));
+        Streams {
             best_effort: Each(best_effort),
             reliable: Each(reliable),
             requests: StreamId::RELIABLE,
-            restore: Restore::new(restore, mtu, head(StreamId::RELIABLE), policy),
-        };
-        (streams, buffers.journal)
+            restore: restoring(config, restore),
+        }
     }
 
     /// A new session begins: input streams from the start, output streams with the samples that

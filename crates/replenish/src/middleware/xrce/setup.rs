@@ -1,7 +1,7 @@
 //! Connecting, and creating readers and writers: the only code here that waits for the agent.
 
 use super::endpoints::{OVERHEAD, request_error};
-use super::limits::{RESTORE, STREAMS, reorder};
+use super::limits::{RESTORE, reorder};
 use super::state::{Round, State, stream};
 use super::waiting::Waiting;
 use super::{ConnectError, Settings, Transport, Xrce, XrceConfig, io_error};
@@ -13,7 +13,7 @@ use crate::sync::Arc;
 use crate::text::{Label, said};
 use alloc::boxed::Box;
 use replenish_os::{PiMutex, clock};
-use replenish_xrce::client::{Buffers, Config, ReliableBuffers, Session};
+use replenish_xrce::client::{Config, ReliableBuffers, Session};
 use replenish_xrce::features::FRAGMENTS;
 use replenish_xrce::wire::{ClientKey, ObjectId, WireTime};
 
@@ -183,20 +183,15 @@ fn session(config: &XrceConfig) -> Box<super::state::XrceSession> {
         true => zeroed(sample),
         false => Box::default(),
     };
-    let reliable = || ReliableBuffers {
+    let reliable = |_| ReliableBuffers {
         output: zeroed(mtu * usize::from(config.window)),
         large_output: part(),
         input: zeroed(mtu * reorder(config.window.into())),
         fragments: part(),
     };
-    let buffers = Buffers {
-        best_effort: core::array::from_fn::<_, STREAMS, _>(|_| zeroed(mtu)),
-        reliable: core::array::from_fn::<_, STREAMS, _>(|_| reliable()),
-        journal: zeroed(config.journal),
-        restore: match RESTORE {
-            0 => Box::default(),
-            _ => zeroed(mtu * RESTORE),
-        },
+    let restore = match RESTORE {
+        0 => Box::default(),
+        _ => zeroed(mtu * RESTORE),
     };
     let session = Config {
         mtu: config.mtu,
@@ -207,5 +202,7 @@ fn session(config: &XrceConfig) -> Box<super::state::XrceSession> {
         settling: true,
         ..Config::new(ClientKey(config.client_key()))
     };
-    Box::new(Session::new(session, buffers))
+    let journal = zeroed(config.journal);
+    let out = |_| zeroed(mtu);
+    Box::new(Session::made(session, journal, restore, out, reliable))
 }

@@ -118,8 +118,8 @@ pub(super) struct Ends {
     pub(super) refused: Option<Status>,
     /// The latest answer to a question for the agent's time: how far it is ahead.
     pub(super) agent_time: Option<i64>,
-    /// Readers that the agent gives no more samples until they are granted some.
-    pub(super) spent: Interest,
+    /// Some reader gets no more samples from the agent until it is granted some: see [`Flow`].
+    spent: bool,
     /// Readers with a backlog.
     pending: Interest,
     /// Objects that do not talk with others, and why; not told yet.
@@ -192,9 +192,7 @@ impl Ends {
         };
         if let Some(flow) = &mut reader.flow {
             flow.granted = flow.granted.saturating_sub(1);
-            if flow.granted == 0 {
-                self.spent.insert(id);
-            }
+            self.spent |= flow.granted == 0;
         }
         let fits = payload.len() <= reader.max_size;
         if fits && round.interest.contains(id) && reader.backlog.is_empty() {
@@ -254,7 +252,6 @@ impl State {
     #[cfg(feature = "live")]
     pub(super) fn forget(&mut self, id: ReaderId) {
         self.ends.pending.remove(id);
-        self.ends.spent.remove(id);
         self.ends.show_backlog();
     }
 
@@ -311,7 +308,7 @@ impl State {
             self.show_link();
         }
         let late = self.armed <= now || self.blocked;
-        let due = late || self.regrant || !self.ends.spent.is_empty();
+        let due = late || self.regrant || self.ends.spent;
         busy || due || !self.doomed.is_empty()
     }
 
@@ -335,40 +332,29 @@ impl State {
     /// all they had asked for: so none comes that must be dropped, and the others wait at the agent.
     pub(super) fn grant(&mut self) {
         let lost = core::mem::take(&mut self.regrant);
-        if !lost && self.ends.spent.is_empty() {
+        if !core::mem::take(&mut self.ends.spent) && !lost {
             return;
         }
         if lost {
             self.ends.writers.iter_mut().for_each(|w| w.served = false);
         }
-        let spent = self.ends.spent;
-        for (index, reader) in (0..).zip(&mut self.ends.readers) {
-            let id = ReaderId(index);
-            let Some(flow) = reader.flow.as_mut().filter(|_| lost || spent.contains(id)) else {
+        for reader in &mut self.ends.readers {
+            let flow = reader.flow.as_mut();
+            let Some(flow) = flow.filter(|flow| lost || flow.granted == 0) else {
                 continue;
             };
             let room = flow.depth.saturating_sub(reader.backlog.len());
-            if !lost && room < flow.depth.div_ceil(2) {
-                continue;
+            if lost || room >= flow.depth.div_ceil(2) {
+                let room = u16::try_from(room).unwrap_or(u16::MAX - 1);
+                let control = DeliveryControl {
+                    max_samples: room,
+                    ..flow.control
+                };
+                let asked = self.session.read(reader.object, flow.stream, control);
+                flow.granted = if asked.is_ok() { room } else { 0 };
             }
-            let room = u16::try_from(room).unwrap_or(u16::MAX - 1);
-            let control = DeliveryControl {
-                max_samples: room,
-                ..flow.control
-            };
-            // If there is no way to ask now, the reader stays spent, and is asked for later.
-            if self
-                .session
-                .read(reader.object, flow.stream, control)
-                .is_ok()
-                && room > 0
-            {
-                flow.granted = room;
-                self.ends.spent.remove(id);
-            } else {
-                flow.granted = 0;
-                self.ends.spent.insert(id);
-            }
+            // If there is no room or no way to ask now, the reader stays spent: it is asked for later.
+            self.ends.spent |= flow.granted == 0;
         }
     }
 
