@@ -279,9 +279,6 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
     pub fn next_datagram(&mut self, now: Nanos) -> Option<&[u8]> {
         let i = self.due(now)?;
         let new = i >= self.sent;
-        if new {
-            self.ring.stamp(i);
-        }
         let patience = self.rtt.timeout().unwrap_or(self.config.heartbeat_first);
         let patience = patience.min(self.config.heartbeat_max);
         let slot = self.ring.get_mut(i)?;
@@ -294,18 +291,19 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
             slot.retries = slot.retries.saturating_add(1);
             slot.lost = (0..slot.retries).fold(now, |time, _| later(time, patience));
         }
+        let len = slot.len;
         if new {
             self.sent = self.sent.wrapping_add(1);
             count(&mut self.stats.sent);
         } else {
             count(&mut self.stats.resent);
-            count_all(&mut self.stats.resent_bytes, slot.len);
+            count_all(&mut self.stats.resent_bytes, len);
         }
         let overdue = later(now, self.interval);
         if !new || self.heartbeat > overdue {
             self.heartbeat = overdue;
         }
-        self.ring.bytes(i)
+        self.ring.stamp(i, len)
     }
 
     /// Whether [`OutputReliable::next_datagram`] has something to send.

@@ -170,12 +170,14 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         (0..=n).rev().find(ends_a_sample).unwrap_or(0)
     }
 
-    /// Writes the header of message `first + i`: its number is certain only when it is sent.
-    pub(super) fn stamp(&mut self, i: usize) {
-        let (header, seq) = (self.header, self.first.ahead(i));
-        if let Some(room) = self.room_of(i) {
-            header.put(seq, room);
-        }
+    /// Message `first + i`, of `len` bytes, with its header: its number is certain only when it is
+    /// sent.
+    pub(super) fn stamp(&mut self, i: usize, len: usize) -> Option<&[u8]> {
+        let start = self.index(i).wrapping_mul(self.slot_size);
+        let storage = self.storage.as_mut();
+        let message = storage.get_mut(start..start.wrapping_add(len))?;
+        self.header.put(self.first.ahead(i), message);
+        Some(message)
     }
 
     /// Message `first + i`.

@@ -4,6 +4,7 @@ use crate::middleware::SampleInfo;
 use crate::platform::zeroed;
 use alloc::boxed::Box;
 use alloc::vec;
+use alloc::vec::Vec;
 
 /// What is known about a kept sample: of a topic's, where there are no services and nobody who stamps
 /// samples, when it arrived.
@@ -17,7 +18,7 @@ type Note = crate::Nanos;
 pub(super) struct Backlog {
     bytes: Box<[u8]>,
     /// Length of the sample in each slot, and what is known about it.
-    slots: Box<[(usize, Note)]>,
+    slots: Vec<(usize, Note)>,
     slot_size: usize,
     head: usize,
     len: usize,
@@ -31,7 +32,7 @@ impl Backlog {
         let depth = usize::from(depth.max(1));
         Self {
             bytes: zeroed(depth * max_size),
-            slots: vec![(0, Note::default()); depth].into(),
+            slots: vec![(0, Note::default()); depth],
             slot_size: max_size,
             head: 0,
             len: 0,

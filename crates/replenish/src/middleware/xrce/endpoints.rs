@@ -289,7 +289,7 @@ pub(super) const OVERHEAD: usize = 12;
 
 /// The number of the next object, from 1 on. (Where a session keeps few objects, it is full before.)
 pub(super) fn number(count: usize, limit: usize, what: Label) -> Result<u16, MiddlewareError> {
-    let next = u16::try_from(count + 1).unwrap_or(u16::MAX);
+    let next = u16::try_from((count + 1) & 0xfff).unwrap_or_default();
     Some(next)
         .filter(|_| count < limit || REQUESTS < limit)
         .ok_or(MiddlewareError::Capacity { what, limit })

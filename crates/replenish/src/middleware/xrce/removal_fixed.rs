@@ -57,16 +57,18 @@ impl State {
     }
 
     /// Puts a reader into its slot.
-    pub(super) fn place_reader(&mut self, slot: usize, reader: Reader) -> ReaderId {
-        let id = u16::try_from(slot).unwrap_or(u16::MAX);
+    pub(super) fn place_reader(&mut self, _: usize, reader: Reader) -> ReaderId {
+        let id = self.ends.slots.get(reader.object.number());
         self.ends.readers.push(reader);
         ReaderId(id)
     }
 
     /// Puts a writer behind the others.
     pub(super) fn place_writer(&mut self, writer: Writer) -> WriterId {
+        // They have the numbers from 1 on, as readers have.
+        let id = self.ends.slots.get(writer.object.number());
         self.ends.writers.push(writer);
-        WriterId(u16::try_from(self.ends.writers.len() - 1).unwrap_or(u16::MAX))
+        WriterId(id)
     }
 
     /// It stays; the set-up has failed.

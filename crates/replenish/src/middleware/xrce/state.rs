@@ -44,6 +44,21 @@ pub struct SocketStats {
     pub oversized: u64,
 }
 
+impl SocketStats {
+    /// Counts a datagram that was not simply sent.
+    #[cold]
+    #[inline(never)]
+    fn count(&mut self, sent: &io::Result<Sent>) {
+        let counter = match sent {
+            Ok(Sent::Yes) => return,
+            Ok(Sent::Full) => &mut self.full,
+            Ok(Sent::Unreachable) => &mut self.unreachable,
+            Err(_) => &mut self.failed,
+        };
+        *counter += 1;
+    }
+}
+
 /// What can be asked without the lock. Written under it.
 #[derive(Debug, Default)]
 pub(super) struct Glance {
@@ -118,7 +133,7 @@ pub(super) struct Ends {
     pub(super) refused: Option<Status>,
     /// The latest answer to a question for the agent's time: how far it is ahead.
     pub(super) agent_time: Option<i64>,
-    /// Some reader gets no more samples from the agent until it is granted some: see [`Flow`].
+    /// Some reader gets no more samples from the agent until it is granted some.
     spent: bool,
     /// Readers with a backlog.
     pending: Interest,
@@ -412,14 +427,10 @@ impl State {
             && let Some(datagram) = self.session.poll_transmit(now)
         {
             let sent = transport.send(now, datagram);
-            let counter = match sent {
-                Ok(Sent::Yes) => continue,
-                Ok(Sent::Full) => &mut self.socket.full,
-                Ok(Sent::Unreachable) => &mut self.socket.unreachable,
-                Err(_) => &mut self.socket.failed,
-            };
-            *counter += 1;
-            result = sent;
+            if !matches!(sent, Ok(Sent::Yes)) {
+                self.socket.count(&sent);
+                result = sent;
+            }
         }
         self.arm(now, transport.ready_at(), alarm);
         result
