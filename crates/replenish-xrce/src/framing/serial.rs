@@ -282,16 +282,18 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
 /// Whether a message and its checksum stand for themselves and fit each other; four bytes at a time.
 fn is_right(message: &[u8], [low, high]: [u8; 2]) -> bool {
     let (words, end) = message.as_chunks();
-    let (mut special, mut crc) = (special_in([low, high, 0, 0]), 0);
+    let (mut special, mut crc) = (special_in([low, high, low, high]), 0);
     for &word in words {
         special |= special_in(word);
-        crc = (0..4).fold(crc ^ u32::from_le_bytes(word), |crc, _| shifted(crc));
+        let acts = u32::from(crc) ^ u32::from_le_bytes(word);
+        let [low, high, ..] = (0..4).fold(acts, |crc, _| shifted(crc)).to_le_bytes();
+        crc = u16::from_le_bytes([low, high]);
     }
     for &byte in end {
-        special |= special_in([byte, 0, 0, 0]);
-        crc = shifted(crc ^ u32::from(byte));
+        special |= u32::from(matches!(byte, 0x7c..=0x7f));
+        crc = crc16(crc, byte);
     }
-    special == 0 && crc == u32::from(u16::from_le_bytes([low, high]))
+    special == 0 && crc == u16::from_le_bytes([low, high])
 }
 
 /// What four steps of the checksum make of four bits.
@@ -313,6 +315,7 @@ const STEPS: [u16; 16] = {
 };
 
 /// 0 if none of four bytes is 0x7C to 0x7F: four comparisons in one.
+#[inline(always)]
 const fn special_in(bytes: [u8; 4]) -> u32 {
     let zero = (u32::from_le_bytes(bytes) ^ 0x7c7c_7c7c) & 0xfcfc_fcfc;
     zero.wrapping_sub(0x0101_0101) & !zero & 0x8080_8080
