@@ -88,6 +88,7 @@ fn build() -> Outcome<PathBuf> {
         .args(["build", "--quiet", "--release", "--target", TARGET])
         .current_dir(&program)
         .env("CARGO_TARGET_DIR", &target)
+        .env("CARGO_INCREMENTAL", "0") // in pieces it is larger
         .env_remove("RUSTFLAGS")
         .status()
         .map_err(|e| format!("cargo: {e}"))?;
