@@ -39,10 +39,38 @@ fn main() {
     ]);
 }
 
+/// Runs the command until no window of it counts although the machine stood still, at most three
+/// times; its output and its JSON at `path`.
+fn measured(args: &[&str], path: &std::path::Path) -> (Output, serde_json::Value) {
+    fn disturbed(j: &serde_json::Value) -> u64 {
+        match j {
+            serde_json::Value::Object(map) => map
+                .iter()
+                .map(|(key, value)| match key.as_str() {
+                    "windows_disturbed" => value.as_u64().unwrap(),
+                    _ => disturbed(value),
+                })
+                .sum(),
+            serde_json::Value::Array(items) => items.iter().map(disturbed).sum(),
+            _ => 0,
+        }
+    }
+    for _ in 0..3 {
+        let output = run(args);
+        assert!(output.status.success(), "{}", stderr(&output));
+        let j = json(path);
+        match disturbed(&j) {
+            0 => return (output, j),
+            n => eprintln!("run again: the machine stood still in {n} windows that count"),
+        }
+    }
+    panic!("the machine does not give what is to be measured: three runs were disturbed");
+}
+
 fn demo_json_and_identities() {
     let scratch = Scratch::new("demo");
     let (path, page) = (scratch.path("demo.json"), scratch.path("report.html"));
-    let output = run(&[
+    let args = [
         "demo",
         "--seconds",
         "4",
@@ -50,9 +78,8 @@ fn demo_json_and_identities() {
         path.to_str().unwrap(),
         "--report",
         page.to_str().unwrap(),
-    ]);
-    assert!(output.status.success(), "{}", stderr(&output));
-    let j = json(&path);
+    ];
+    let (output, j) = measured(&args, &path);
     assert_eq!(j["mode"], "enforced");
     let windows = j["windows"].as_u64().unwrap();
     assert_eq!(windows, 8);
@@ -106,7 +133,7 @@ fn sweep_with_odd_values() {
     let scratch = Scratch::new("sweep");
     let files = ["json", "csv", "svg", "html"].map(|kind| scratch.path(&format!("sweep.{kind}")));
     let [j, csv, svg, html] = files.each_ref().map(|p| p.to_str().unwrap());
-    let output = run(&[
+    let args = [
         "experiment",
         "budget-sweep",
         "--budgets",
@@ -123,9 +150,8 @@ fn sweep_with_odd_values() {
         svg,
         "--html",
         html,
-    ]);
-    assert!(output.status.success(), "{}", stderr(&output));
-    let result = json(&files[0]);
+    ];
+    let (_, result) = measured(&args, &files[0]);
     let points = result["points"].as_array().unwrap();
     assert_eq!(points.len(), 2);
     for (point, budget) in points.iter().zip([37.0, 60.0]) {

@@ -31,7 +31,7 @@
 //! | `Low::Suspend` | yes | yes | refused at enrolment |
 //! | `memory`, `privilege::may_be_real_time` | yes | yes, nothing to do | the same |
 //! | `poll`, `PollFd` | descriptors | no: `WakeFd::wait_until` waits for a wake-up alone | the same |
-//! | `SwitchLog`, `baseline`, `machine`, affinity, `tty`, `connect_tcp` | yes | no | no |
+//! | `SwitchLog`, `baseline`, `machine`, `stolen`, affinity, `tty`, `connect_tcp` | yes | no | no |
 //! | heap that can be sealed, panics | no | `freertos` (also start, interrupts) | `nuttx` (also the check at start) |
 //!
 //! Feature `posix` (default) brings budgets held by the server of POSIX, `compact` small memory
@@ -93,6 +93,7 @@ pub use backend::{
     datagram::receive,
     machine::{Machine, Preemption, machine},
     poll::{PollFd, poll},
+    stolen::stolen,
     switches::{Drained, Switch, SwitchKind, SwitchLog},
     tcp::connect_tcp,
     tty,

@@ -10,7 +10,7 @@
 //! ]);
 //! ```
 
-use crate::rt;
+use crate::{rt, steal};
 use libtest_mimic::{Arguments, Failed, Trial};
 
 /// A trial that runs everywhere; it fails when `body` panics.
@@ -22,19 +22,22 @@ pub fn trial(name: &str, body: impl FnOnce() + Send + 'static) -> Trial {
 }
 
 /// A trial that needs real-time priority: it takes the machine-wide lock, and where the priority
-/// is missing it counts as ignored, unless [`rt::REQUIRE`] is set.
-pub fn rt_trial(name: &str, body: impl FnOnce() + Send + 'static) -> Trial {
+/// is missing it counts as ignored, unless [`rt::REQUIRE`] is set. A failure while a hypervisor took
+/// CPU time away says nothing, and `body` runs again ([`steal::undisturbed`]).
+pub fn rt_trial(name: &str, body: impl Fn() + Send + 'static) -> Trial {
+    let this = name.to_string();
     needs_rt(name, move || {
         let _alone = rt::lock().map_err(|e| format!("real-time lock: {e}"))?;
-        body();
+        steal::undisturbed(&this, &body);
         Ok(())
     })
 }
 
 /// Like [`rt_trial`], for a body that runs a program which takes the lock itself.
-pub fn rt_program_trial(name: &str, body: impl FnOnce() + Send + 'static) -> Trial {
+pub fn rt_program_trial(name: &str, body: impl Fn() + Send + 'static) -> Trial {
+    let this = name.to_string();
     needs_rt(name, move || {
-        body();
+        steal::undisturbed(&this, &body);
         Ok(())
     })
 }

@@ -7,6 +7,7 @@
 //! - [`alloc`]: a global allocator that counts, to prove that the hot path does not allocate.
 //! - [`sets`]: properties over random sets, on all CPUs.
 //! - [`signal`]: a real signal handler.
+//! - [`steal`]: a trial that failed while a hypervisor took the CPU away runs again.
 //! - [`wall_clock`]: a wall clock that a test may set.
 //! - [`watchdog`]: ends a test process that hangs, naming what hung.
 //!
@@ -17,6 +18,7 @@ pub mod harness;
 pub mod rt;
 pub mod sets;
 pub mod signal;
+pub mod steal;
 pub mod wall_clock;
 pub mod watchdog;
 

@@ -118,8 +118,8 @@ fn show(progress: &mut Progress, plan: &Plan, collector: &Collector) {
         (h + w.ping.received_high, l + w.ping.received_low)
     });
     let repeated = match collector.repeated() {
-        0 => String::new(),
-        n => format!(", {n} windows repeated (the machine stood still)"),
+        r if r.total() == 0 => String::new(),
+        r => format!(", {} windows repeated ({r})", r.total()),
     };
     let text = format!("answers: high {}, low {}{repeated}", answers.0, answers.1);
     progress.step(done, total, &text);

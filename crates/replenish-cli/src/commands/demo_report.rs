@@ -117,9 +117,17 @@ fn details(plan: &Plan, run: &Run) -> String {
     } else {
         let repeated = match s.windows_repeated {
             0 => String::new(),
-            n => format!("; {n} more did not count, because the machine stood still"),
+            n => format!(
+                "; {n} more did not count, because the machine stood still ({})",
+                s.windows_repeated_because
+            ),
         };
-        format!("  {} windows of {:.0} ms{repeated}", s.windows, s.window_ms)
+        let disturbed = match s.windows_disturbed {
+            0 => String::new(),
+            n => format!("; {n} of them count although it did: no repeats were left"),
+        };
+        let (windows, length) = (s.windows, s.window_ms);
+        format!("  {windows} windows of {length:.0} ms{disturbed}{repeated}")
     }];
     lines.push(format!(
         "  CPU: high + low {}, dispatcher and enforcer {}, unused {}",

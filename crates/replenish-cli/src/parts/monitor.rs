@@ -11,7 +11,7 @@ use crate::load::spec::MONITOR_PRIORITY;
 use crate::load::{MS, Nanos};
 use crate::outcome::Failure;
 use crate::signals::Stop;
-use replenish_os::{ThreadSpec, clock, spawn};
+use replenish_os::{ThreadSpec, clock, spawn, stolen};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -22,10 +22,10 @@ const SETTLE: Nanos = 20 * MS;
 /// The last stretch before a snapshot is slept through without looking at the stop flag.
 const EXACT: Nanos = 3 * MS;
 
-/// Watches `pong` until `stop` and hands it back.
+/// Watches `pong` until `stop` and hands it back; on `cpu`, while pong works on `measured`.
 pub(crate) fn run(
     pong: Pong,
-    cpu: Option<usize>,
+    (cpu, measured): (Option<usize>, Option<usize>),
     grid: &SharedGrid,
     stop: &Stop,
 ) -> Result<Pong, Failure> {
@@ -34,7 +34,7 @@ pub(crate) fn run(
         .cpu(cpu);
     let (grid, stop) = (Arc::clone(grid), stop.clone());
     let body = move || {
-        watch(&pong, &grid, &stop);
+        watch(&pong, measured, &grid, &stop);
         pong
     };
     let failed = |e: &dyn std::fmt::Display| Failure::refused(format!("monitor thread: {e}"));
@@ -44,7 +44,7 @@ pub(crate) fn run(
         .map_err(|_| failed(&"it panicked"))
 }
 
-fn watch(pong: &Pong, grid: &SharedGrid, stop: &Stop) {
+fn watch(pong: &Pong, cpu: Option<usize>, grid: &SharedGrid, stop: &Stop) {
     let grid = loop {
         match grid.get() {
             Some(grid) => break *grid,
@@ -58,12 +58,12 @@ fn watch(pong: &Pong, grid: &SharedGrid, stop: &Stop) {
     if !until(grid.start(index), stop) {
         return;
     }
-    let mut from = Snapshot::take(pong, grid.start(index));
+    let mut from = Snapshot::take(pong, cpu, grid.start(index));
     loop {
         if !until(grid.end(index), stop) {
             return;
         }
-        let to = Snapshot::take(pong, grid.end(index));
+        let to = Snapshot::take(pong, cpu, grid.end(index));
         let next = if grid.is_continuous() {
             to
         } else {
@@ -79,7 +79,7 @@ fn watch(pong: &Pong, grid: &SharedGrid, stop: &Stop) {
             if !until(grid.start(index), stop) {
                 return;
             }
-            from = Snapshot::take(pong, grid.start(index));
+            from = Snapshot::take(pong, cpu, grid.start(index));
         }
     }
 }
@@ -101,10 +101,11 @@ struct Snapshot {
     low: WorkerWindow,
     support: Nanos,
     late: Nanos,
+    stolen: Nanos,
 }
 
 impl Snapshot {
-    fn take(pong: &Pong, due: Nanos) -> Self {
+    fn take(pong: &Pong, cpu: Option<usize>, due: Nanos) -> Self {
         let late = clock::monotonic().saturating_sub(due);
         let worker = |name: &str, topic: &Topic| {
             let usage = pong.running.usage(name).unwrap_or_default();
@@ -126,6 +127,7 @@ impl Snapshot {
             low,
             support: dispatcher.cpu_high + dispatcher.cpu_low + enforcers,
             late,
+            stolen: cpu.and_then(stolen).unwrap_or(0),
         }
     }
 }
@@ -144,6 +146,7 @@ fn account(pong: &Pong, grid: &Grid, index: u64, from: &Snapshot, to: &Snapshot)
         low: worker(&from.low, &to.low),
         support_cpu: to.support.saturating_sub(from.support),
         late: from.late.max(to.late),
+        stolen: to.stolen.saturating_sub(from.stolen),
         high_slices: pong.high.tape.lock().take(start),
         low_slices: pong.low.tape.lock().take(start),
     }

@@ -309,7 +309,7 @@ pub(crate) fn watch(
     grid: &SharedGrid,
     stop: &Stop,
 ) -> Result<Report, Failure> {
-    let pong = monitor::run(pong, config.monitor_cpu, grid, stop)?;
+    let pong = monitor::run(pong, (config.monitor_cpu, config.cpu), grid, stop)?;
     Ok(pong.running.stop())
 }
 

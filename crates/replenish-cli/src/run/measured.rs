@@ -3,7 +3,7 @@
 
 use super::summary::summarise;
 use super::triple::Run;
-use super::windows::Window;
+use super::windows::{Repeated, Window};
 use crate::load::MS;
 use crate::load::grid::Grid;
 use crate::load::spec::{INTERVAL, Spec};
@@ -56,9 +56,10 @@ impl Point {
         let windows = vec![Window {
             pong: self.pong.clone(),
             ping: self.ping,
+            disturbed: None,
         }];
         Run {
-            summary: summarise(spec, &grid, &windows, 0),
+            summary: summarise(spec, &grid, &windows, Repeated::default()),
             grid,
             windows,
             mode: Mode::Enforced,

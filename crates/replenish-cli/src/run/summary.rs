@@ -1,6 +1,6 @@
 //! Counted windows summed up: the numbers of the table, of the JSON and of the plots.
 
-use super::windows::Window;
+use super::windows::{Repeated, Void, Window};
 use crate::load::Nanos;
 use crate::load::grid::Grid;
 use crate::load::simulated::Prediction;
@@ -46,8 +46,12 @@ pub(crate) struct Summary {
     pub low: Topic,
     /// Windows that count.
     pub windows: u64,
-    /// Windows that were offered again because a clock jumped.
+    /// Windows that were offered again because the machine did not give what was measured.
     pub windows_repeated: u64,
+    /// The same by reason.
+    pub windows_repeated_because: Repeated,
+    /// Windows that count although the clocks speak against them: no repeats were left.
+    pub windows_disturbed: u64,
     /// Length of a window in milliseconds.
     pub window_ms: f64,
     /// CPU time of dispatcher and enforcer, in percent of the windows.
@@ -77,6 +81,10 @@ pub(crate) struct PerWindow {
     pub low_answered: u64,
     /// Times the budget ran out.
     pub exhaustions: u64,
+    /// What the hypervisor took of the CPU, in steps of 10 ms.
+    pub stolen_ms: f64,
+    /// Why it should not count, if it does only because no repeats were left.
+    pub disturbed: Option<Void>,
     /// Answers that the simulator gives; absent for continuous load.
     pub simulated: Option<Prediction>,
 }
@@ -114,13 +122,20 @@ impl PerWindow {
             high_answered: w.ping.received_high,
             low_answered: w.ping.received_low,
             exhaustions: w.pong.high.exhaustions,
+            stolen_ms: as_f64(w.pong.stolen) / 1e6,
+            disturbed: w.disturbed,
             simulated: None,
         }
     }
 }
 
 /// Sums up the windows of a run with load `spec` on `grid`.
-pub(crate) fn summarise(spec: &Spec, grid: &Grid, windows: &[Window], repeated: u64) -> Summary {
+pub(crate) fn summarise(
+    spec: &Spec,
+    grid: &Grid,
+    windows: &[Window],
+    repeated: Repeated,
+) -> Summary {
     let time = as_f64(grid.window) * windows.len() as f64;
     let percent = |t: Nanos| {
         if time > 0.0 {
@@ -161,7 +176,9 @@ pub(crate) fn summarise(spec: &Spec, grid: &Grid, windows: &[Window], repeated: 
         high: high.topic(&percent, budget),
         low: low.topic(&percent, None),
         windows: windows.len() as u64,
-        windows_repeated: repeated,
+        windows_repeated: repeated.total(),
+        windows_repeated_because: repeated,
+        windows_disturbed: windows.iter().filter(|w| w.disturbed.is_some()).count() as u64,
         window_ms: as_f64(grid.window) / 1e6,
         simulated_worst_difference: None,
         per_window: windows.iter().map(|w| PerWindow::of(w, grid)).collect(),
@@ -259,6 +276,7 @@ mod tests {
                 received_low: 27,
                 ..PingWindow::default()
             },
+            disturbed: None,
         }
     }
 
@@ -266,7 +284,14 @@ mod tests {
     fn sums_and_errors() {
         let spec = Spec::paper(30 * MS, 100 * MS);
         let grid = Grid::windowed(0, spec.period, spec.interval);
-        let s = summarise(&spec, &grid, &[window(120, 276), window(123, 275)], 1);
+        let mut stolen = window(123, 275);
+        stolen.disturbed = Some(Void::CpuStolen);
+        stolen.pong.stolen = 30 * MS;
+        let repeated = Repeated {
+            cpu_stolen: 1,
+            ..Repeated::default()
+        };
+        let s = summarise(&spec, &grid, &[window(120, 276), stolen], repeated);
         assert_eq!(
             (s.high.sent, s.high.answered, s.high.expected),
             (80, 22, 24)
@@ -278,6 +303,9 @@ mod tests {
         assert_eq!(s.support_cpu_percent, 0.5);
         assert_eq!(s.unused_cpu_percent, 0.25);
         assert_eq!((s.windows, s.windows_repeated), (2, 1));
+        assert_eq!(s.windows_repeated_because, repeated);
+        assert_eq!(s.windows_disturbed, 1);
+        assert_eq!(s.per_window[1].stolen_ms, 30.0);
     }
 
     #[test]
@@ -287,7 +315,7 @@ mod tests {
         let prediction = |_| Ok(Prediction { high: 12, low: 28 });
         let mut far = window(120, 276);
         far.ping.received_low = 25;
-        let s = summarise(&spec, &grid, &[window(120, 276), far], 0);
+        let s = summarise(&spec, &grid, &[window(120, 276), far], Repeated::default());
         let s = s.simulated(prediction).unwrap();
         assert_eq!((s.high.simulated, s.low.simulated), (Some(24), Some(56)));
         assert_eq!(s.simulated_worst_difference, Some(3));
@@ -297,7 +325,7 @@ mod tests {
     fn no_window_is_no_number_and_no_panic() {
         let spec = Spec::fifo(100 * MS);
         let grid = Grid::windowed(0, spec.period, spec.interval);
-        let s = summarise(&spec, &grid, &[], 0);
+        let s = summarise(&spec, &grid, &[], Repeated::default());
         assert_eq!(s.high.cpu_percent, 0.0);
         assert_eq!(s.high.budget_error_percent, None);
     }

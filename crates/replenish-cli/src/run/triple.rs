@@ -2,7 +2,7 @@
 
 use super::child::{Child, News};
 use super::summary::{Summary, summarise};
-use super::windows::{Collector, Window};
+use super::windows::{Collector, REPEATS, Window};
 use crate::load::grid::Grid;
 use crate::load::simulated::{self, Measured};
 use crate::load::spec::{High, Spec};
@@ -156,12 +156,12 @@ pub(crate) fn run(
     })
 }
 
-/// How many windows may be offered again: as many as were asked for, and at least three.
+/// What counts: as many windows as asked for may be offered again, and at least [`REPEATS`].
 fn collector(plan: &Plan, grid: &Grid, mode: Mode) -> Collector {
     let repeats = if plan.continuous {
         0
     } else {
-        plan.windows.max(3)
+        plan.windows.max(REPEATS)
     };
     let t = theory::per_window(&plan.spec, grid, grid.messages());
     // Others may have their share of the CPU without a gap of the clocks: other programs without

@@ -16,6 +16,7 @@ pub mod privilege;
 pub(crate) mod sched;
 mod sched_attr;
 pub(crate) mod spawn_error;
+pub(crate) mod stolen;
 pub(crate) mod suspend;
 pub(crate) mod switches;
 mod sys;

@@ -14,6 +14,7 @@ use crate::outcome::Outcome;
 use crate::report::files;
 use crate::report::html::Page;
 use crate::run::summary::{Summary, Topic, round};
+use crate::run::windows::Repeated;
 use std::path::PathBuf;
 
 /// Where results go.
@@ -63,6 +64,23 @@ fn warn(deferred: bool) {
         println!(
             "Without real-time priority: budgets were held at callback boundaries only; \
              `replenish doctor` says how to get it."
+        );
+    }
+}
+
+/// Says why windows were repeated, and which count although they should not; per point.
+fn tell_repeated(points: impl Iterator<Item = (Repeated, u64)>) {
+    let (mut all, mut disturbed) = (Repeated::default(), 0);
+    for (repeated, still) in points {
+        all.add(&repeated);
+        disturbed += still;
+    }
+    if all.total() > 0 {
+        println!("Repeated, because the machine stood still: {all}.");
+    }
+    if disturbed > 0 {
+        println!(
+            "{disturbed} windows count although the machine stood still: no repeats were left."
         );
     }
 }

@@ -9,9 +9,10 @@ use crate::report::html::Page;
 use crate::report::table::{Table, count, percent};
 use crate::run::summary::PerWindow;
 use crate::run::triple::Run;
+use crate::run::windows::Repeated;
 
 /// The columns of the CSV: names of the JSON.
-const COLUMNS: [&str; 14] = [
+const COLUMNS: [&str; 15] = [
     "sleep_percent",
     "high_cpu_percent",
     "theory_percent",
@@ -26,6 +27,7 @@ const COLUMNS: [&str; 14] = [
     "simulated_worst_difference",
     "windows",
     "windows_repeated",
+    "windows_disturbed",
 ];
 
 /// One point of Experiment 2. The first three names are a contract.
@@ -53,6 +55,8 @@ pub(crate) struct SleepPoint {
     /// What the simulator was told about this machine, measured in this run.
     simulated_with_ns: Costs,
     windows_repeated: u64,
+    windows_repeated_because: Repeated,
+    windows_disturbed: u64,
     per_window: Vec<PerWindow>,
     mode: Mode,
 }
@@ -80,6 +84,8 @@ impl SleepPoint {
             simulated_with_ns: run.end.costs,
             windows: s.windows,
             windows_repeated: s.windows_repeated,
+            windows_repeated_because: s.windows_repeated_because,
+            windows_disturbed: s.windows_disturbed,
             per_window: s.per_window.clone(),
             mode: run.mode,
         }
@@ -126,6 +132,10 @@ pub(super) fn sleep(to: &Files, points: &[SleepPoint]) -> Outcome {
     println!("{}", table.to_text());
     let agreement = super::agreement(points.iter().map(|p| p.apart));
     println!("{agreement}");
+    let told = points
+        .iter()
+        .map(|p| (p.windows_repeated_because, p.windows_disturbed));
+    super::tell_repeated(told);
     super::warn(points.iter().any(|p| p.mode == Mode::Deferred));
 
     let json = serde_json::json!({

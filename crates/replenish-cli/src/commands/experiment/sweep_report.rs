@@ -9,9 +9,10 @@ use crate::report::html::Page;
 use crate::report::table::{Table, count, percent, signed_percent};
 use crate::run::summary::PerWindow;
 use crate::run::triple::Run;
+use crate::run::windows::Repeated;
 
 /// The columns of the CSV: names of the JSON.
-const COLUMNS: [&str; 16] = [
+const COLUMNS: [&str; 17] = [
     "budget_ms",
     "high_answered",
     "expected_high",
@@ -28,6 +29,7 @@ const COLUMNS: [&str; 16] = [
     "sent",
     "windows",
     "windows_repeated",
+    "windows_disturbed",
 ];
 
 /// One budget of Experiment 1. The first seven names are a contract.
@@ -57,6 +59,8 @@ pub(crate) struct SweepPoint {
     sent: u64,
     windows: u64,
     windows_repeated: u64,
+    windows_repeated_because: Repeated,
+    windows_disturbed: u64,
     /// What the simulator was told about this machine, measured in this run.
     simulated_with_ns: Costs,
     overrun_us: Overrun,
@@ -90,6 +94,8 @@ impl SweepPoint {
             simulated_with_ns: run.end.costs,
             windows: s.windows,
             windows_repeated: s.windows_repeated,
+            windows_repeated_because: s.windows_repeated_because,
+            windows_disturbed: s.windows_disturbed,
             overrun_us: run.end.overrun_us.clone(),
             per_window: s.per_window.clone(),
             mode: run.mode,
@@ -144,6 +150,11 @@ pub(super) fn sweep(
     println!("{}", table.to_text());
     let agreement = super::agreement(points.iter().chain(fifo).map(|p| p.apart));
     println!("{agreement}");
+    let told = points
+        .iter()
+        .chain(fifo)
+        .map(|p| (p.windows_repeated_because, p.windows_disturbed));
+    super::tell_repeated(told);
     super::warn(points.iter().chain(fifo).any(|p| p.mode == Mode::Deferred));
 
     let json = serde_json::json!({

@@ -11,7 +11,10 @@ use crate::machine::cpus::Cpus;
 use crate::options;
 use crate::outcome::{Failure, Outcome};
 use crate::report::progress::Progress;
-use crate::run::lock;
+use crate::run::{
+    lock,
+    windows::{REPEATS, STOLEN},
+};
 use crate::signals::Stop;
 use scene::{Disturbance, PERIOD, Response};
 use std::time::Duration;
@@ -81,7 +84,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     report::write(&args.files, &cases)
 }
 
-/// Offers windows until enough of them count; at most twice as many as wanted.
+/// Offers windows until enough of them count; at most twice as many as wanted, or [`REPEATS`] more.
 fn measure(
     disturbance: Disturbance,
     budgets: bool,
@@ -108,8 +111,9 @@ fn measure(
         case.deferred |= window.deferred;
         case.fallbacks = window.fallbacks;
         // Without real-time priority the probe is delayed by the workers themselves.
-        let stalled = window.stall > STALL && !case.deferred;
-        if stalled && case.windows_repeated < wanted.max(3) {
+        let late = window.stall > STALL && !case.deferred;
+        let stalled = late || window.stolen >= STOLEN;
+        if stalled && case.windows_repeated < wanted.max(REPEATS) {
             case.windows_repeated += 1;
             continue;
         }

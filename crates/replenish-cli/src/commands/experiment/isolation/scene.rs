@@ -88,6 +88,8 @@ pub(super) struct Window {
     pub(super) responses: Vec<Response>,
     /// The longest time that the machine stood still for the probe.
     pub(super) stall: Nanos,
+    /// What the hypervisor says it took of the CPU meanwhile, in steps of 10 ms.
+    pub(super) stolen: Nanos,
     /// Messages that the sender offered.
     pub(super) sent: u64,
     /// Whether budgets were held at callback boundaries only.
@@ -136,6 +138,8 @@ pub(super) fn run(
     let context = Context::in_process();
     let running = start(&context, &shared, budgets, cpu)?;
     let probe = probe::start(cpu)?;
+    let taken = || replenish_os::stolen(cpu).unwrap_or(0);
+    let before = taken();
     let epoch = clock::monotonic() + 20 * MS;
     let end = epoch + WINDOW;
     shared.begins.store(epoch + CALM, Ordering::Relaxed);
@@ -143,6 +147,7 @@ pub(super) fn run(
     let sender = sender(&context, &shared, epoch, support)?;
     clock::sleep_until(end);
     let stall = probe.stop();
+    let stolen = taken().saturating_sub(before);
     // Only now, after everything was measured, so that the executor can be stopped.
     shared.let_go.store(true, Ordering::Relaxed);
     let sent = sender.join().unwrap_or(0);
@@ -155,6 +160,7 @@ pub(super) fn run(
     Ok(Window {
         responses: responses(&rounds, epoch, end),
         stall,
+        stolen,
         sent,
         deferred: deferred || !machine::privilege().real_time(),
         fallbacks: report.fallbacks,
