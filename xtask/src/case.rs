@@ -101,7 +101,7 @@ pub(crate) fn pair(budget: u64, period: u64) -> Vec<Worker> {
 }
 
 /// Two workers without budgets: the high one has everything.
-fn both_fifo() -> Vec<Worker> {
+pub(crate) fn both_fifo() -> Vec<Worker> {
     vec![Worker::budgeted(60, 0, 0, 0), REST]
 }
 

@@ -3,28 +3,47 @@
 
 use crate::case::{self, BURST_MS, Name};
 use crate::rig::Bench;
-use crate::{Outcome, talk, write};
+use crate::{Outcome, options, talk, write};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// The files that were asked for.
-#[derive(clap::Args)]
+#[derive(clap::Args, Default)]
 pub(crate) struct Files {
     /// Also write the result as JSON
     #[arg(long, value_name = "PATH")]
     pub(crate) json: Option<PathBuf>,
     /// Also write the points as CSV (budget-sweep, work-conserving)
     #[arg(long, value_name = "PATH")]
-    csv: Option<PathBuf>,
+    pub(crate) csv: Option<PathBuf>,
     /// Also write the figure as SVG (budget-sweep, work-conserving)
     #[arg(long, value_name = "PATH")]
-    svg: Option<PathBuf>,
+    pub(crate) svg: Option<PathBuf>,
     /// Also write a page with figure, table and explanation (budget-sweep, work-conserving)
     #[arg(long, value_name = "PATH")]
-    html: Option<PathBuf>,
+    pub(crate) html: Option<PathBuf>,
 }
 
 impl Files {
+    /// The first option for a file that only a figure's points go to.
+    pub(crate) fn drawn(&self) -> Option<&'static str> {
+        let options = [
+            ("--csv", &self.csv),
+            ("--svg", &self.svg),
+            ("--html", &self.html),
+        ];
+        let given = options.into_iter().find(|(_, path)| path.is_some());
+        given.map(|(option, _)| option)
+    }
+
+    /// Fails if one of them cannot be written.
+    pub(crate) fn writable(&self) -> Outcome {
+        let paths = [&self.json, &self.csv, &self.svg, &self.html];
+        paths
+            .into_iter()
+            .try_for_each(|path| options::writable(path.as_deref()))
+    }
+
     /// Writes them.
     pub(crate) fn write(
         &self,
@@ -33,7 +52,7 @@ impl Files {
         points: &[Value],
         length: u64,
     ) -> Outcome {
-        if matches!(name, Name::BudgetSweep | Name::WorkConserving) {
+        if options::is_drawn(name) {
             return self.report(name, bench, points);
         }
         let board =
@@ -93,8 +112,10 @@ fn window(point: &Value) -> Value {
     let (high, low) = (worker(0), worker(1));
     let length = point.get("length_ms").and_then(Value::as_u64).unwrap_or(0);
     let sent = length.div_ceil(talk::INTERVAL_MS);
+    // Without a budget: both are FIFO.
+    let budget = point.get("budget_ms").filter(|b| b.as_u64() != Some(0));
     json!({
-        "budget_ms": point.get("budget_ms"),
+        "budget_ms": budget,
         "sleep_percent": point.get("sleep_percent"),
         "length_ms": length,
         "ping": {

@@ -3,6 +3,7 @@
 //! - [`host`]: what the host must have, and the commands that would install it.
 //! - [`qemu`]: builds an image and runs one case in the emulator.
 //! - [`case`]: the cases of each experiment, and what theory expects of them.
+//! - [`options`]: which options go with which experiment.
 //! - [`experiment`]: runs them, compares, prints and writes.
 //! - [`rig`], [`talk`], [`demo`]: the paper's test bench: the board runs pong, the host agent and ping.
 //! - [`trip`]: round trips beside the time on the wire.
@@ -23,6 +24,7 @@ mod files;
 mod host;
 mod memory;
 mod noise;
+mod options;
 mod qemu;
 mod restart;
 mod rig;
@@ -30,7 +32,7 @@ mod size;
 mod talk;
 mod trip;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -86,10 +88,9 @@ enum Board {
         /// Tasks that burn time, instead of executor and messages
         #[arg(long)]
         tasks: bool,
-        /// How long each case lasts, in seconds of the board's time; with tasks always 10
-        #[arg(long, value_name = "SECONDS", default_value_t = 10,
-              value_parser = clap::value_parser!(u64).range(1..=60))]
-        seconds: u64,
+        /// How long each case lasts, in seconds of the board's time [default: 10]
+        #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=60))]
+        seconds: Option<u64>,
         #[command(flatten)]
         files: files::Files,
     },
@@ -114,47 +115,76 @@ enum Board {
 
 fn main() -> ExitCode {
     let Task::Board(board) = Arguments::parse().task;
-    let done = match board {
-        Board::Check => host::check().map(|()| println!("Nothing is missing.")),
-        Board::Test { filter, json } => behaviour::run(filter.as_deref(), json.as_deref()),
-        Board::Bench { json } => bench::run(json.as_deref()),
-        Board::Experiment {
-            name: case::Name::Executor,
-            files,
-            ..
-        } => executor::run(files.json.as_deref()),
-        Board::Experiment {
-            name: case::Name::Restart,
-            seconds,
-            files,
-            ..
-        } => restart::run(seconds, files.json.as_deref()),
-        Board::Experiment {
-            name: case::Name::Noise,
-            files,
-            ..
-        } => noise::run(files.json.as_deref()),
-        Board::Demo { seconds, json } => demo::run(seconds, json.as_deref()),
-        Board::Experiment {
-            name,
-            tasks: true,
-            files,
-            ..
-        } => experiment::run(name, files.json.as_deref()),
-        Board::Experiment {
-            name,
-            seconds,
-            files,
-            ..
-        } => talk::run(name, seconds, &files),
-        Board::RoundTrip { baud, json } => trip::run(&baud, json.as_deref()),
-        Board::Size { json } => size::run(json.as_deref()),
-    };
-    match done {
+    if let Err(what) = board.check() {
+        Arguments::command()
+            .error(clap::error::ErrorKind::ArgumentConflict, what)
+            .exit();
+    }
+    match board.run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(what) => {
             eprintln!("{what}");
             ExitCode::FAILURE
+        }
+    }
+}
+
+impl Board {
+    /// What can be said of the options before anything is built or run.
+    fn check(&self) -> Outcome {
+        match self {
+            Self::Check => Ok(()),
+            Self::Test { json, .. }
+            | Self::Bench { json }
+            | Self::Demo { json, .. }
+            | Self::RoundTrip { json, .. }
+            | Self::Size { json } => options::writable(json.as_deref()),
+            Self::Experiment {
+                name,
+                tasks,
+                seconds,
+                files,
+            } => {
+                let (tasks, seconds) = (*tasks, *seconds);
+                options::Asked {
+                    tasks,
+                    seconds,
+                    files,
+                }
+                .check(*name)?;
+                files.writable()
+            }
+        }
+    }
+
+    fn run(self) -> Outcome {
+        match self {
+            Self::Check => host::check().map(|()| println!("Nothing is missing.")),
+            Self::Test { filter, json } => behaviour::run(filter.as_deref(), json.as_deref()),
+            Self::Bench { json } => bench::run(json.as_deref()),
+            Self::Demo { seconds, json } => demo::run(seconds, json.as_deref()),
+            Self::RoundTrip { baud, json } => trip::run(&baud, json.as_deref()),
+            Self::Size { json } => size::run(json.as_deref()),
+            Self::Experiment {
+                name,
+                tasks,
+                seconds,
+                files,
+            } => {
+                let json = files.json.as_deref();
+                let asked = options::Asked {
+                    tasks,
+                    seconds,
+                    files: &files,
+                };
+                match name {
+                    case::Name::Executor => executor::run(json),
+                    case::Name::Restart => restart::run(asked.seconds(), json),
+                    case::Name::Noise => noise::run(json),
+                    _ if tasks => experiment::run(name, json),
+                    _ => talk::run(name, asked.seconds(), &files),
+                }
+            }
         }
     }
 }

@@ -42,6 +42,15 @@ fn points(name: Name) -> Vec<Point> {
                 ..point(case::three())
             })
             .into(),
+        // As on Linux, and in the paper: after the budgets both workers as plain FIFO.
+        Name::BudgetSweep => {
+            let fifo = [case::both_fifo()];
+            case::cases(name)
+                .into_iter()
+                .chain(fifo)
+                .map(point)
+                .collect()
+        }
         _ => case::cases(name).into_iter().map(point).collect(),
     }
 }
@@ -187,7 +196,8 @@ impl Judge {
             let off = shown - theory;
             line.push_str(&format!(" {shown:.0} ({theory:.1}: {off:+.1})"));
             distances.push(off);
-            if self.name != Name::WorkConserving {
+            let budgeted = point.workers.first().is_some_and(|w| w.budget > 0);
+            if self.name != Name::WorkConserving && budgeted {
                 self.far(i + 1 == measured.len(), off);
             }
             let last = i + 1 == point.workers.len();

@@ -48,12 +48,20 @@ pub(crate) fn run(args: &Args) -> Outcome {
     }
     args.files.check()?;
     if let Some(path) = &args.files.measured {
-        let (mut points, period) = (Vec::new(), options::ms(args.period));
+        let (mut points, mut fifo) = (Vec::new(), None);
+        let period = options::ms(args.period);
         for p in Measured::read(path)?.points {
-            let run = p.run(&Spec::paper(options::ms(p.budget_ms), period));
-            points.push(SweepPoint::new(Some(p.budget_ms), args.period, &run));
+            let spec = match p.budget_ms {
+                Some(budget) => Spec::paper(options::ms(budget), period),
+                None => Spec::fifo(period),
+            };
+            let point = SweepPoint::new(p.budget_ms, args.period, &p.run(&spec)?);
+            match p.budget_ms {
+                Some(_) => points.push(point),
+                None => fifo = Some(point),
+            }
         }
-        return sweep_report::sweep(&args.files, args.period, &points, None);
+        return sweep_report::sweep(&args.files, args.period, &points, fifo.as_ref());
     }
     let stop = Stop::on_signals()?;
     let cases = args

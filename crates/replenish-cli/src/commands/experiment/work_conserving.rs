@@ -39,12 +39,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if let Some(path) = &args.files.measured {
         let measured = Measured::read(path)?.points;
         let point = |p: &Point| {
-            SleepPoint::new(
-                p.sleep_percent,
-                &p.run(&Spec::work_conserving(p.sleep_percent)),
-            )
+            let run = p.run(&Spec::work_conserving(p.sleep_percent))?;
+            Ok(SleepPoint::new(p.sleep_percent, &run))
         };
-        let points: Vec<SleepPoint> = measured.iter().map(point).collect();
+        let points = measured.iter().map(point).collect::<Result<Vec<_>, _>>()?;
         return sleep_report::sleep(&args.files, &points);
     }
     let stop = Stop::on_signals()?;

@@ -1,0 +1,146 @@
+//! Which options an experiment has, and whether its files can be written: said before anything is
+//! built or run. An option that means nothing to an experiment is refused, not ignored.
+
+use crate::Outcome;
+use crate::case::{self, Name};
+use crate::files::Files;
+use std::path::Path;
+
+/// How long each case lasts unless said otherwise, in seconds of the board's time.
+const SECONDS: u64 = 10;
+
+/// What was asked for besides the experiment's name.
+pub(crate) struct Asked<'a> {
+    pub(crate) tasks: bool,
+    pub(crate) seconds: Option<u64>,
+    pub(crate) files: &'a Files,
+}
+
+impl Asked<'_> {
+    /// The seconds of each case.
+    pub(crate) fn seconds(&self) -> u64 {
+        self.seconds.unwrap_or(SECONDS)
+    }
+
+    /// Refuses what `name` does not have.
+    pub(crate) fn check(&self, name: Name) -> Outcome {
+        let refuse = |option: &str, why: &str| {
+            let name = case::label(name);
+            Err(format!("{option} does not go with {name}: {why}"))
+        };
+        if self.tasks && !has_tasks(name) {
+            return refuse(
+                "--tasks",
+                "budget-sweep, odd-budgets, offsets and runaway have it",
+            );
+        }
+        if self.seconds.is_some() && (self.tasks || !has_length(name)) {
+            return refuse("--seconds", "its length is fixed (with --tasks: 10 s)");
+        }
+        if let (Some(option), true) = (self.files.drawn(), self.tasks || !is_drawn(name)) {
+            return refuse(
+                option,
+                "budget-sweep and work-conserving have it, without --tasks",
+            );
+        }
+        Ok(())
+    }
+}
+
+/// Whether tasks that burn time can stand for executor and messages.
+fn has_tasks(name: Name) -> bool {
+    use Name::{BudgetSweep, OddBudgets, Offsets, Runaway};
+    matches!(name, BudgetSweep | OddBudgets | Offsets | Runaway)
+}
+
+fn has_length(name: Name) -> bool {
+    !matches!(name, Name::Executor | Name::Noise)
+}
+
+/// The paper's two experiments have a figure.
+pub(crate) fn is_drawn(name: Name) -> bool {
+    matches!(name, Name::BudgetSweep | Name::WorkConserving)
+}
+
+/// Fails early on a file that cannot be written: makes it where it is not there, and leaves what is in it.
+pub(crate) fn writable(path: Option<&Path>) -> Outcome {
+    let Some(path) = path else { return Ok(()) };
+    let opened = std::fs::OpenOptions::new()
+        .create(true)
+        .append(true)
+        .open(path);
+    opened
+        .map(drop)
+        .map_err(|e| format!("cannot write {}: {e}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn asked(tasks: bool, seconds: Option<u64>, csv: bool) -> impl Fn(Name) -> Outcome {
+        let files = Files {
+            csv: csv.then(|| "points.csv".into()),
+            ..Files::default()
+        };
+        move |name| {
+            let files = &files;
+            Asked {
+                tasks,
+                seconds,
+                files,
+            }
+            .check(name)
+        }
+    }
+
+    #[test]
+    fn an_option_that_means_nothing_to_an_experiment_is_refused_by_name() {
+        let refused = |done: Outcome, what: &[&str]| {
+            let text = done.err().unwrap_or_default();
+            assert!(what.iter().all(|w| text.contains(w)), "{text}");
+        };
+        // A flood of messages without messages would be no flood.
+        for name in [
+            Name::Flood,
+            Name::WorkConserving,
+            Name::Restart,
+            Name::Noise,
+        ] {
+            refused(
+                asked(true, None, false)(name),
+                &["--tasks", &case::label(name)],
+            );
+        }
+        refused(
+            asked(false, Some(2), false)(Name::Executor),
+            &["--seconds", "executor"],
+        );
+        refused(
+            asked(true, Some(2), false)(Name::Offsets),
+            &["--seconds", "offsets"],
+        );
+        refused(
+            asked(false, None, true)(Name::OddBudgets),
+            &["--csv", "odd-budgets"],
+        );
+        refused(
+            asked(true, None, true)(Name::BudgetSweep),
+            &["--csv", "budget-sweep"],
+        );
+    }
+
+    #[test]
+    fn what_an_experiment_has_is_taken() {
+        assert_eq!(asked(false, Some(2), true)(Name::BudgetSweep), Ok(()));
+        assert_eq!(asked(true, None, false)(Name::Offsets), Ok(()));
+        assert_eq!(asked(false, None, false)(Name::Noise), Ok(()));
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_is_told_before_the_run() {
+        let nowhere = Path::new("/nonexistent/sweep.json");
+        let text = writable(Some(nowhere)).err().unwrap_or_default();
+        assert!(text.contains("/nonexistent/sweep.json"), "{text}");
+    }
+}
