@@ -200,8 +200,8 @@ impl Node {
     /// come to [`WorkerBuilder::replies`](crate::WorkerBuilder::replies).
     ///
     /// # Errors
-    /// [`Error::Name`], [`Error::Parameter`] for a depth out of range, [`Error::Middleware`] when
-    /// it cannot be created.
+    /// [`Error::Name`], [`Error::Parameter`] for a depth or size out of range and a limit of 0,
+    /// [`Error::Middleware`] when it cannot be created.
     pub fn client<'t, S: Service>(
         &self,
         name: impl Into<Topic<'t>>,
@@ -211,6 +211,10 @@ impl Node {
         let topic = name.into();
         let name = self.resolve(topic.name)?;
         check_depth(&name, qos)?;
+        if limit == Duration::ZERO {
+            let owner = text!("service {name}");
+            return Err(Error::parameter(owner, "limit", &0, "1 ns or more"));
+        }
         let middleware = self.context.middleware();
         let spec = self.service::<S>(&name, topic, qos)?;
         let ends = middleware

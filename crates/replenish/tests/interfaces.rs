@@ -11,7 +11,13 @@ mod common;
 
 use common::{eventually, executor};
 use replenish::msg::{CdrError, CdrReader, CdrWriter, Message, View};
-use replenish::{Context, Error, Qos, RawType, Topic};
+use replenish::{
+    ActionOptions, CallbackContext, Context, Error, GoalState, GoalUpdate, NewGoal, Qos, RawType,
+    Topic,
+};
+use replenish_interfaces::example_interfaces::action::{
+    Fibonacci, FibonacciFeedback, FibonacciGoal, FibonacciResult,
+};
 use replenish_interfaces::sensor_msgs::msg::{Image, ImageView};
 use replenish_interfaces::std_msgs::msg::HeaderView;
 use replenish_testkit::watchdog::watchdog;
@@ -248,4 +254,48 @@ fn services_with_unbounded_fields_take_messages_of_the_size_asked_for() {
         error,
         "service /r: max_size = 0 is not allowed: 1..=65528 bytes"
     );
+}
+
+/// Goals, feedback and results of 50 kB, from both sides; without the option they are refused.
+#[test]
+fn actions_with_unbounded_fields_take_messages_of_the_size_asked_for() {
+    let _dog = watchdog("large actions", LIMIT);
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let (mut exec, _) = executor(&ctx);
+    let options = ActionOptions::goals(2).max_size(60_000);
+    let sequence = vec![7; 12_500];
+    let (feedback, result) = (sequence.clone(), sequence.clone());
+    let serve = move |_: &FibonacciGoal, new: NewGoal<Fibonacci>, _: &CallbackContext<'_>| {
+        let goal = new.accept()?;
+        let sequence = feedback.clone();
+        goal.feedback(&FibonacciFeedback { sequence })?;
+        let sequence = result.clone();
+        goal.succeed(&FibonacciResult { sequence })
+    };
+    exec.worker("s")
+        .serve_action(&node, "f", options, serve, |_, _| true)
+        .unwrap();
+    let client = node.action_client::<Fibonacci>("f", options).unwrap();
+    let heard = Arc::new(Mutex::new((0, 0)));
+    let note = Arc::clone(&heard);
+    exec.worker("c")
+        .follow(&client, move |_, update, _| match update {
+            GoalUpdate::Feedback(f) => note.lock().unwrap().0 = f.sequence.len(),
+            GoalUpdate::Result(GoalState::Succeeded, r) => {
+                note.lock().unwrap().1 = r.sequence.len();
+            }
+            _ => (),
+        })
+        .unwrap();
+    let _running = exec.start().unwrap();
+    client.send(&FibonacciGoal { order: 1 }).unwrap();
+    assert!(eventually(|| *heard.lock().unwrap() == (12_500, 12_500)));
+    for size in [0, 65_529] {
+        let none = node.action_client::<Fibonacci>("g", options.max_size(size));
+        assert_eq!(
+            none.unwrap_err().to_string(),
+            format!("action /g: max_size = {size} is not allowed: 1..=65528")
+        );
+    }
 }

@@ -342,7 +342,7 @@ mod entry {
 
     #[derive(Default)]
     pub(crate) struct Handling {
-        pub(crate) always: bool,
+        pub(crate) always: Option<&'static crate::rounds::Rounds>,
     }
 
     pub(crate) struct Entry {
@@ -504,7 +504,7 @@ mod rounds {
 mod rules {
     #[derive(Default)]
     pub(crate) struct Rules {
-        pub(crate) batch: u32,
+        pub(crate) batch: Option<u32>,
         pub(crate) barrier: Option<(usize, usize)>,
         pub(crate) rounds: Option<&'static crate::rounds::Rounds>,
     }

@@ -268,3 +268,50 @@ fn a_late_reply_does_not_reach_the_client_that_came_after() {
     assert!(eventually(|| stats().executed == 1));
     assert_eq!((stats().received, stats().discarded), (1, 0));
 }
+
+/// As `Square`, by name; its response is shorter.
+struct Other;
+
+impl Service for Other {
+    type Request = Int32;
+    type Response = Int32;
+    const TYPE_NAME: &'static str = Square::TYPE_NAME;
+}
+
+/// A reply that is none is an answer all the same: the callback hears of it, once, with the field.
+#[test]
+fn a_reply_that_cannot_be_decoded_ends_its_request() {
+    let _dog = watchdog("undecodable reply", LIMIT);
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let (mut exec, _) = executor(&ctx);
+    exec.worker("s")
+        .serve::<Other, _>(&node, "square", Qos::services(), |_, _, _| ())
+        .unwrap();
+    let client: Client<Square> = node
+        .client("square", Qos::services().keep_last(1), LIMIT)
+        .unwrap();
+    let heard = Arc::new(Mutex::new(Vec::new()));
+    let note = Arc::clone(&heard);
+    exec.worker("c")
+        .replies(&client, move |reply, cx| {
+            let why = reply.map(|r| r.data).map_err(|e| e.to_string());
+            note.lock().unwrap().push((cx.request().number(), why));
+        })
+        .unwrap();
+    let running = exec.start().unwrap();
+    let mut numbers = Vec::new();
+    for n in 1..=3 {
+        numbers.push(client.call(&Int32 { data: 1 }).unwrap()); // its one place is free again
+        assert!(eventually(|| heard.lock().unwrap().len() == n));
+    }
+    let heard = heard.lock().unwrap();
+    for (number, (of, why)) in numbers.iter().zip(heard.iter()) {
+        assert_eq!(number, of);
+        let text = "the reply cannot be decoded: data: needs 8 bytes, 4 left";
+        assert_eq!(why.as_ref().unwrap_err(), text);
+    }
+    let stats = running.stop().handle("/n/cli:/square").unwrap().stats;
+    assert_eq!((stats.undecodable, stats.executed), (3, 3));
+    assert_eq!(stats.received, stats.undecodable + stats.executed);
+}

@@ -8,6 +8,7 @@
 //!
 //! As soon as a goal is accepted its result is asked for; the server answers when the goal ends.
 
+use super::ActionOptions;
 use super::goal::GoalId;
 use super::ids::Ids;
 use super::state::GoalState;
@@ -46,8 +47,8 @@ pub enum GoalUpdate<'a, A: Action> {
     /// [`CancelGoalResponse`], and the goals that are being canceled, other clients' included. The
     /// goal's id is that of the request, zeros if it was not about one goal.
     Cancel(&'a CancelGoalResponse),
-    /// The server does not answer. What becomes of the goal is not known, and nothing more will be
-    /// heard of it.
+    /// The server does not answer, or with something that is no answer. What becomes of the goal is
+    /// not known, and nothing more will be heard of it.
     Lost(Lost),
 }
 
@@ -110,7 +111,7 @@ pub(super) struct Inner<A: Action> {
     pub(super) result: Client<GetResult<A>>,
     pub(super) node: Node,
     pub(super) name: String,
-    pub(super) feedback_depth: u16,
+    pub(super) options: ActionOptions,
     ids: Ids,
     goals: Mutex<Goals>,
 }
@@ -140,9 +141,9 @@ impl<A: Action> ActionClient<A> {
             Client<CancelGoal>,
             Client<GetResult<A>>,
         ),
-        limit: usize,
-        feedback_depth: u16,
+        options: ActionOptions,
     ) -> Self {
+        let limit = options.goals;
         let goals = Goals {
             sent: Vec::with_capacity(limit),
             cancels: Vec::with_capacity(limit),
@@ -155,7 +156,7 @@ impl<A: Action> ActionClient<A> {
                 result,
                 node,
                 name,
-                feedback_depth,
+                options,
                 ids: Ids::new(),
                 goals: Mutex::new(goals),
             }),

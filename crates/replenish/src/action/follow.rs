@@ -10,7 +10,9 @@ use crate::qos::Qos;
 use crate::sync::{Arc, Mutex};
 use alloc::string::String;
 use replenish_msg::Service;
-use replenish_msg::action::{Action, FeedbackMessage, GetResult, SendGoal};
+use replenish_msg::action::{
+    Action, FeedbackMessage, GetResult, GetResultResponse, SendGoal, SendGoalRequest,
+};
 use replenish_msg::action_msgs::{CancelGoal, GoalStatusArray};
 
 impl Node {
@@ -28,12 +30,14 @@ impl Node {
         let name = self.resolve(name)?;
         options.check(&name)?;
         let qos = options.services();
-        let send = self.client(&part(&name, "send_goal"), qos, options.reply)?;
+        let (send, result) = (part(&name, "send_goal"), part(&name, "get_result"));
+        let send = options.topic::<SendGoalRequest<A>>(&send);
+        let result = options.topic::<GetResultResponse<A>>(&result);
+        let send = self.client(send, qos, options.reply)?;
         let cancel = self.client(&part(&name, "cancel_goal"), qos, options.reply)?;
-        let result = self.client(&part(&name, "get_result"), qos, options.result)?;
+        let result = self.client(result, qos, options.result)?;
         let parts = (send, cancel, result);
-        let (goals, depth) = (options.goals, options.feedback);
-        Ok(ActionClient::new(self.clone(), name, parts, goals, depth))
+        Ok(ActionClient::new(self.clone(), name, parts, options))
     }
 }
 
@@ -60,7 +64,7 @@ impl WorkerBuilder<'_> {
             .replies(&inner.cancel, parts.canceled())?
             .subscribe(
                 &inner.node,
-                feedback.as_str(),
+                inner.options.topic::<FeedbackMessage<A>>(&feedback),
                 feedback_qos,
                 parts.feedback(),
             )?
@@ -71,7 +75,7 @@ impl WorkerBuilder<'_> {
 
 impl<A: Action> Inner<A> {
     pub(super) fn feedback(&self) -> (String, Qos) {
-        let qos = Qos::reliable().keep_last(self.feedback_depth);
+        let qos = Qos::reliable().keep_last(self.options.feedback);
         (part(&self.name, "feedback"), qos)
     }
 

@@ -8,7 +8,9 @@ use crate::error::Error;
 use crate::executor::{Added, CallbackContext, CallbackResult, LiveWorker, TimerHandle};
 use alloc::string::String;
 use alloc::vec::Vec;
-use replenish_msg::action::{Action, GetResult, SendGoal};
+use replenish_msg::action::{
+    Action, FeedbackMessage, GetResult, GetResultResponse, SendGoal, SendGoalRequest,
+};
 use replenish_msg::action_msgs::CancelGoal;
 
 impl LiveWorker<'_> {
@@ -43,9 +45,10 @@ impl LiveWorker<'_> {
         )?;
         let results = serve::results(&core);
         let part = core.part("get_result");
+        let part = options.topic::<GetResultResponse<A>>(&part);
         added.keep(
             self.again()
-                .serve_later::<GetResult<A>, _, _>(node, &part, qos, results),
+                .serve_later::<GetResult<A>, _, _>(node, part, qos, results),
         )?;
         let cancels = serve::cancels(&core, cancel);
         let part = core.part("cancel_goal");
@@ -55,7 +58,8 @@ impl LiveWorker<'_> {
         )?;
         let goals = serve::goals(&core, goal);
         let part = core.part("send_goal");
-        added.keep(self.serve_later::<SendGoal<A>, _, _>(node, &part, qos, goals))?;
+        let part = options.topic::<SendGoalRequest<A>>(&part);
+        added.keep(self.serve_later::<SendGoal<A>, _, _>(node, part, qos, goals))?;
         Ok(added.done())
     }
 
@@ -82,10 +86,8 @@ impl LiveWorker<'_> {
         added.keep(self.again().replies(&inner.cancel, parts.canceled()))?;
         let (topic, qos) = inner.feedback();
         let feedback = parts.feedback();
-        added.keep(
-            self.again()
-                .subscribe(&inner.node, topic.as_str(), qos, feedback),
-        )?;
+        let topic = inner.options.topic::<FeedbackMessage<A>>(&topic);
+        added.keep(self.again().subscribe(&inner.node, topic, qos, feedback))?;
         let (topic, qos) = inner.status();
         let status = parts.status();
         added.keep(

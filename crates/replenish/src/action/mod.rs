@@ -36,9 +36,11 @@ pub(crate) use ids::now;
 pub use state::{GoalEvent, GoalState};
 
 use crate::error::Error;
+use crate::executor::Topic;
 use crate::qos::Qos;
 use alloc::string::String;
 use core::time::Duration;
+use replenish_msg::Message;
 use replenish_msg::action_msgs::MAX_GOALS;
 
 /// How many goals there may be, and how long what.
@@ -57,6 +59,7 @@ pub struct ActionOptions {
     reply: Duration,
     result: Duration,
     feedback: u16,
+    size: Option<usize>,
 }
 
 impl ActionOptions {
@@ -71,6 +74,7 @@ impl ActionOptions {
             reply: Duration::from_secs(5),
             result: Duration::MAX,
             feedback: 10,
+            size: None,
         }
     }
 
@@ -113,6 +117,30 @@ impl ActionOptions {
         }
     }
 
+    /// Both: goals, results and feedback of types with unbounded fields take up to so many bytes,
+    /// 1..=65528, the 16 of the goal's id included; to be said on both sides. A server keeps
+    /// one result of this size for each of its goals. Default: 4 KiB beyond the fixed part.
+    #[must_use]
+    pub const fn max_size(self, bytes: usize) -> Self {
+        Self {
+            size: Some(bytes),
+            ..self
+        }
+    }
+
+    /// The topic or service `name` with messages of this size.
+    fn topic<'t, M: Message>(&self, name: &'t str) -> Topic<'t> {
+        match self.size::<M>() {
+            Some(size) => Topic::named(name).max_size(size),
+            None => Topic::named(name),
+        }
+    }
+
+    /// The size for messages of `M`, if it was said and matters.
+    fn size<M: Message>(&self) -> Option<usize> {
+        self.size.filter(|_| !M::BOUNDED)
+    }
+
     /// The first setting of the action `name` that is out of range.
     fn check(&self, name: &str) -> Result<(), Error> {
         let owner = || alloc::format!("action {name}");
@@ -121,6 +149,9 @@ impl ActionOptions {
             if !range.contains(&value) {
                 return Err(Error::parameter(owner(), field, &value, "1..=64"));
             }
+        }
+        if let Some(size) = self.size.filter(|size| !(1..=65_528).contains(size)) {
+            return Err(Error::parameter(owner(), "max_size", &size, "1..=65528"));
         }
         if !(1..=Qos::MAX_DEPTH).contains(&self.feedback) {
             let depth = self.feedback;

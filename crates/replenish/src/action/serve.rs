@@ -13,7 +13,10 @@ use crate::qos::Qos;
 use crate::sync::Arc;
 use core::fmt;
 use core::time::Duration;
-use replenish_msg::action::{Action, GetResult, SendGoal, SendGoalRequest};
+use replenish_msg::Message;
+use replenish_msg::action::{
+    Action, FeedbackMessage, GetResult, GetResultResponse, SendGoal, SendGoalRequest,
+};
 use replenish_msg::action_msgs::{CancelGoal, CancelGoalRequest, CancelGoalResponse};
 
 impl WorkerBuilder<'_> {
@@ -78,20 +81,18 @@ impl WorkerBuilder<'_> {
         let timer = TimerHandle::new();
         let core = core::<A>(node, name, options, timer.clone())?;
         let qos = options.services();
+        let (ends, begins) = (core.part("get_result"), core.part("send_goal"));
+        let ends = options.topic::<GetResultResponse<A>>(&ends);
+        let begins = options.topic::<SendGoalRequest<A>>(&begins);
         self.timer_with(&timer, OFF, expiry(&core))?
-            .serve_later::<GetResult<A>, _, _>(node, &core.part("get_result"), qos, results(&core))?
+            .serve_later::<GetResult<A>, _, _>(node, ends, qos, results(&core))?
             .serve_later::<CancelGoal, _, _>(
                 node,
                 &core.part("cancel_goal"),
                 qos,
                 cancels(&core, cancel),
             )?
-            .serve_later::<SendGoal<A>, _, _>(
-                node,
-                &core.part("send_goal"),
-                qos,
-                goals(&core, goal),
-            )
+            .serve_later::<SendGoal<A>, _, _>(node, begins, qos, goals(&core, goal))
     }
 }
 
@@ -107,10 +108,15 @@ pub(super) fn core<A: Action>(
 ) -> Result<Arc<Core<A>>, Error> {
     let name = node.resolve(name)?;
     options.check(&name)?;
-    let feedback = node.publisher(&part(&name, "feedback"), Qos::reliable())?;
+    let size = options.size::<FeedbackMessage<A>>();
+    let size = size.unwrap_or(FeedbackMessage::<A>::MAX_SIZE);
+    let feedback = node.publisher_sized(&part(&name, "feedback"), Qos::reliable(), size)?;
     let status = node.publisher(&part(&name, "status"), status_qos())?;
-    let sizes = (options.goals, options.askers, nanos(options.keep));
-    Ok(Core::new(name, sizes, feedback, status, timer))
+    let size = options.size::<GetResultResponse<A>>();
+    let size = size.unwrap_or(GetResultResponse::<A>::MAX_SIZE);
+    let sizes = (options.goals, options.askers, size);
+    let keep = nanos(options.keep);
+    Ok(Core::new(name, sizes, keep, feedback, status, timer))
 }
 
 impl<A: Action> Core<A> {

@@ -52,12 +52,12 @@ pub(super) struct State<A: Action> {
 impl<A: Action> Core<A> {
     pub(super) fn new(
         name: String,
-        (goals, askers, keep): (usize, usize, Nanos),
+        (goals, askers, size): (usize, usize, usize),
+        keep: Nanos,
         feedback: Publisher<FeedbackMessage<A>>,
         status: Publisher<GoalStatusArray>,
         timer: TimerHandle,
     ) -> Arc<Self> {
-        let size = GetResultResponse::<A>::MAX_SIZE;
         Arc::new(Self {
             state: Mutex::new(State {
                 table: Table::new(goals, askers, size, keep),

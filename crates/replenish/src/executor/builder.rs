@@ -82,6 +82,15 @@ impl WorkerSpec {
         if let Some(rounds) = self.rules.rounds {
             (rounds.check)(self)?;
         }
+        if self.rules.early {
+            let allowed = "behind the handle it is for";
+            return Err(Error::parameter(
+                self.request.owner(),
+                "with",
+                &"set",
+                allowed,
+            ));
+        }
         let described = self.entries.len();
         match self.rules.capacity {
             Some(capacity) if !(described..=4096).contains(&capacity) => {
@@ -143,20 +152,22 @@ impl WorkerBuilder<'_> {
     }
 
     /// Rounds begin by the clock alone: once per period, on an absolute grid; what has come
-    /// meanwhile is served then. A round that is overrun follows the rule of `every`.
+    /// meanwhile is served then. A round that is overrun follows the rule of `every`, which is a
+    /// period that begins with the executor: [`Every::once`] and [`Every::not_started`] are for timers.
     pub fn every(self, every: impl Into<Every>) -> Self {
         let every = every.into();
         self.ruled(|r| r.every = Some(every))
     }
 
-    /// Up to so many callbacks of one handle per round, before the next handle's turn. Default 1.
+    /// Up to so many callbacks of one handle per round, before the next handle's turn, 1 or more.
+    /// Default 1.
     pub fn messages_per_round(self, messages: u32) -> Self {
-        self.ruled(|r| r.batch = messages)
+        self.ruled(|r| r.batch = Some(messages))
     }
 
     /// What callbacks publish through
     /// [`CallbackContext::publish`](crate::CallbackContext::publish) goes out when the round ends:
-    /// up to so many samples per round, of up to so many bytes.
+    /// up to so many samples per round, 1..=4096, of up to so many bytes, 1..=65528.
     pub fn output_barrier(self, samples: usize, bytes: usize) -> Self {
         self.ruled(|r| r.barrier = Some((samples, bytes)))
     }
@@ -167,10 +178,14 @@ impl WorkerBuilder<'_> {
         self.rules(|r| r.capacity = Some(handles))
     }
 
-    /// How the handle that was added last is treated.
+    /// How the handle that was added last is treated. (A [`LiveWorker`](crate::LiveWorker) says it
+    /// before it adds one.) Without a handle before it, it is an [`Error::Parameter`] when the
+    /// executor starts.
     pub fn with(mut self, handling: Handling) -> Self {
-        if let Some(entry) = self.spec().and_then(|s| s.entries.last_mut()) {
-            entry.treat(handling);
+        match self.spec().map(|s| (s.entries.last_mut(), &mut s.rules)) {
+            Some((Some(entry), _)) => entry.treat(handling),
+            Some((None, rules)) => rules.early = true,
+            None => {}
         }
         self
     }

@@ -241,11 +241,12 @@ impl WorkerBuilder<'_> {
         self.add(|forge| forge.server::<S, _, _>(node, name, qos, callback))
     }
 
-    /// Calls `callback` once for every request of `client`: with its reply, or when its time limit
-    /// has passed.
+    /// Calls `callback` once for every request of `client`: with its reply, or with the reason why
+    /// there is none, when its time limit has passed or what came is no such reply.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if `client` belongs to a callback already.
+    /// [`Error::Parameter`] if `client` belongs to a callback already; [`Error::ForeignNode`] if it is
+    /// of another context than the executor's.
     pub fn replies<S, F, R>(self, client: &Client<S>, callback: F) -> Result<Self, Error>
     where
         S: Service,

@@ -170,7 +170,8 @@ impl CallbackContext<'_> {
         self.shared.cancelled.load(Ordering::Acquire) || self.is_stopping()
     }
 
-    /// Adds and removes handles; `None` in an executor that runs on the thread that spins it.
+    /// Adds and removes handles, of this worker and others; what this worker is asked for happens
+    /// when the callback has ended. `Some` in every executor that runs, with threads or without.
     #[cfg(feature = "live")]
     #[must_use]
     pub fn executor(&self) -> Option<ExecutorHandle> {

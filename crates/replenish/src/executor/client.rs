@@ -28,7 +28,7 @@ use core::fmt;
 use core::marker::PhantomData;
 use core::sync::atomic::fence;
 use core::time::Duration;
-use replenish_msg::{CdrError, CdrReader, Service};
+use replenish_msg::{CdrError, CdrReader, DecodeError, Service};
 use replenish_os::clock;
 
 /// Sends requests of one service. Clones are the same client; any thread may use them.
@@ -73,11 +73,16 @@ struct Table {
 pub enum NoReply {
     /// None has come in time. One that comes later is counted as discarded.
     TimedOut,
+    /// What has come cannot be decoded. It is counted and told to the error hook as well.
+    Undecodable(DecodeError),
 }
 
 impl fmt::Display for NoReply {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("no reply in time")
+        match self {
+            Self::TimedOut => f.write_str("no reply in time"),
+            Self::Undecodable(error) => write!(f, "the reply cannot be decoded: {error}"),
+        }
     }
 }
 
@@ -217,6 +222,11 @@ impl<S: Service> Client<S> {
         &self.inner.name
     }
 
+    /// Whether it talks through this middleware.
+    pub(crate) fn is_of(&self, middleware: &Arc<dyn Middleware>) -> bool {
+        Arc::ptr_eq(&self.inner.middleware, middleware)
+    }
+
     /// It belongs to a callback from now on; `false` if it has belonged to one already.
     pub(crate) fn claim(&self) -> bool {
         !self.inner.claimed.swap(true, Ordering::AcqRel)
@@ -247,7 +257,8 @@ pub(crate) struct Replies<S: Service, F> {
     /// The reply taken last, as it came.
     hand: Option<Slot>,
     info: SampleInfo,
-    timed_out: bool,
+    /// Why there is no response to the request that is told of.
+    missing: Option<NoReply>,
     callback: F,
 }
 
@@ -259,7 +270,7 @@ impl<S: Service, F> Replies<S, F> {
             response: S::Response::default(),
             hand: None,
             info: SampleInfo::at(0),
-            timed_out: false,
+            missing: None,
             callback,
         }
     }
@@ -277,7 +288,7 @@ impl<S: Service, F> Replies<S, F> {
         let (number, _, end) = table.waiting.swap_remove(at);
         drop(table);
         self.shared.counters.received.add(1);
-        self.timed_out = true;
+        self.missing = Some(NoReply::TimedOut);
         self.info = SampleInfo {
             request: RequestIdentity::reply(number),
             ..SampleInfo::at(end)
@@ -318,7 +329,7 @@ where
             return self.expire();
         };
         self.info = *slot.info();
-        self.timed_out = false;
+        self.missing = None;
         let number = self.info.request.number();
         let expected = {
             let mut table = self.client.table.lock();
@@ -332,7 +343,8 @@ where
         }
         if let Err(error) = decoded {
             self.shared.undecodable(error, env.events);
-            return None;
+            self.shared.counters.received.add(1); // the sample, and that there is no reply
+            self.missing = Some(NoReply::Undecodable(error));
         }
         Some(Taken {
             due: self.info.arrival,
@@ -342,9 +354,9 @@ where
 
     fn execute(&mut self, env: &Env<'_>, started: Nanos) {
         let cx = CallbackContext::about(&self.info, env, &self.shared, started);
-        let reply = match self.timed_out {
-            true => Err(NoReply::TimedOut),
-            false => Ok(&self.response),
+        let reply = match self.missing {
+            Some(why) => Err(why),
+            None => Ok(&self.response),
         };
         let result = (self.callback)(reply, &cx);
         result.inspect(&mut |e| self.shared.failed(e, env.events));

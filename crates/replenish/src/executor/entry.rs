@@ -50,7 +50,7 @@ impl Entry {
 
     /// From now on it is treated like this.
     pub(crate) fn treat(&mut self, mut handling: Handling) {
-        handling.always |= self.handling.always;
+        handling.always = handling.always.or(self.handling.always);
         if let Some(hook) = handling.hook.take() {
             self.shared.hook.set(hook).ok();
         }

@@ -185,6 +185,11 @@ impl Forge<'_> {
             let allowed = "1..=65528 bytes";
             return Err(Error::parameter(owner, "max_size", &ty.max_size, allowed));
         }
+        if ty.name.is_empty() || ty.dds_name.is_empty() {
+            let owner = text!("topic {}", topic.name);
+            let allowed = "a name and a DDS name";
+            return Err(Error::parameter(owner, "type", &"\"\"", allowed));
+        }
         let (id, reader, inbox) = self.input(node, topic, (ty, ty.max_size), qos)?;
         let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
         let handle = RawSubscription::new(Arc::clone(&shared), inbox, callback);
@@ -273,6 +278,9 @@ impl Forge<'_> {
         R: CallbackResult + 'static,
     {
         let inner = &client.inner;
+        if !client.is_of(self.context.middleware()) {
+            return Err(Error::ForeignNode(inner.node.as_str().into()));
+        }
         let id = (self.unique)(joined(&[&inner.node, "/cli:", &inner.name]));
         let shared = Shared::new(id, Some((inner.reader, Arc::clone(&inner.inbox))));
         self.bound(client.claim(), &shared)?;

@@ -64,8 +64,18 @@ impl Registry {
         self.0.lock().handles.clone()
     }
 
-    fn enter(&self, worker: Arc<str>, shared: Arc<Shared>) {
-        self.0.lock().handles.push((worker, shared));
+    /// One more handle, which `hand_over` gives to its worker meanwhile: nobody can ask for it before
+    /// it is on its way, and its first callback finds it here.
+    fn enter<E>(
+        &self,
+        worker: &Arc<str>,
+        shared: &Arc<Shared>,
+        hand_over: impl FnOnce() -> Result<(), E>,
+    ) -> Result<(), E> {
+        let mut known = self.0.lock();
+        hand_over()?;
+        known.handles.push((Arc::clone(worker), Arc::clone(shared)));
+        Ok(())
     }
 
     fn forget(&self, shared: &Arc<Shared>) {
@@ -341,7 +351,7 @@ impl LiveWorker<'_> {
             post,
             handling,
         } = self;
-        post.mailbox.sweep();
+        post.mailbox.clear();
         let place = live.desk.keep()?;
         let slot = post.mailbox.reserve().map_err(|e| declined(e, post))?;
         let number = post.number.fetch_add(1, Ordering::Relaxed);
@@ -367,17 +377,20 @@ impl LiveWorker<'_> {
         let shared = Arc::clone(&entry.shared);
         let group = shared.group.get();
         group.into_iter().for_each(|g| live.groups.note(g));
-        let sent = post.mailbox.send(Order::Add(entry));
-        sent.map_err(|e| declined(e, post))?;
-        live.registry
-            .enter(Arc::clone(&post.name), Arc::clone(&shared));
-        if let Some((reader, _)) = shared.input {
-            let route = Route {
-                shared: Arc::clone(&shared),
-                line: post.mailbox.line(slot),
-                hand: None,
-            };
-            place.order(reader, Some(route));
+        let route = Route {
+            shared: Arc::clone(&shared),
+            line: post.mailbox.line(slot),
+            hand: None,
+        };
+        let sent = live.registry.enter(&post.name, &shared, || {
+            post.mailbox.put(Order::Add(entry))?;
+            if let Some((reader, _)) = shared.input {
+                place.order(reader, Some(route));
+            }
+            Ok(())
+        });
+        sent.map_err(|_: Order| Error::Stopped)?;
+        if shared.input.is_some() {
             live.stop.middleware.wake();
         }
         Ok(shared.id.clone())

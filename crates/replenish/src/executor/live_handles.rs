@@ -5,6 +5,7 @@ use super::client::{Client, NoReply};
 use super::forge::RawType;
 use super::guard::GuardCondition;
 use super::live::LiveWorker;
+use super::rules::Handling;
 use super::schedule::Every;
 use super::service::Responder;
 use super::timer::TimerHandle;
@@ -35,6 +36,27 @@ impl LiveWorker<'_> {
             message.map(|message| callback(message, cx))
         };
         self.add(|forge| forge.subscription(node, topic, qos, called))
+    }
+
+    /// A subscription whose callback runs in every round of the worker from now on.
+    pub fn subscribe_always<'t, M, F, R>(
+        self,
+        node: &Node,
+        topic: impl Into<Topic<'t>>,
+        qos: Qos,
+        callback: F,
+    ) -> Result<String, Error>
+    where
+        M: Message,
+        F: FnMut(Option<&M>, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let topic = topic.into();
+        self.add(|forge| {
+            let mut entry = forge.subscription(node, topic, qos, callback)?;
+            entry.handling = Handling::new().always();
+            Ok(entry)
+        })
     }
 
     /// A subscription to views.

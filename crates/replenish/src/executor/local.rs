@@ -190,7 +190,8 @@ impl LocalExecutor {
 
     /// One round per period, on an absolute grid that begins with the first call, until somebody
     /// stops it. Rounds that are overrun follow the rule of `every`: skipped (default), caught up
-    /// one after another, or delayed, which moves the grid.
+    /// one after another, or delayed, which moves the grid. Of [`Every::once`] it does one round; a
+    /// period of 0 counts as 1 ns.
     pub fn spin_period(&mut self, every: impl Into<Every>) -> Spun {
         let every = every.into();
         let mut total = self.spin_one_period(every);

@@ -95,10 +95,15 @@ impl Mailbox {
 
     /// Hands an order to the worker; for an entry, a place was reserved.
     pub(crate) fn send(&self, order: Order) -> Result<(), Declined> {
+        self.put(order).map_err(|_| Declined::Stopped)
+    }
+
+    /// As [`send`](Self::send); what is declined comes back, to be dropped where it does no harm.
+    pub(crate) fn put(&self, order: Order) -> Result<(), Order> {
         {
             let mut post = self.post.lock();
             if post.closed {
-                return Err(Declined::Stopped);
+                return Err(order);
             }
             post.orders.push_back(order);
             self.waiting.store(true, Ordering::Release);
@@ -109,9 +114,14 @@ impl Mailbox {
 
     /// Frees what the worker has let go of, unless it is the worker who asks.
     pub(crate) fn sweep(&self) {
-        if self.is_mine() {
-            return;
+        if !self.is_mine() {
+            self.clear();
         }
+    }
+
+    /// Frees it whoever asks: for those who are about to allocate anyway. A worker whose own
+    /// callbacks add and remove would run out of places otherwise.
+    pub(crate) fn clear(&self) {
         loop {
             let entry = {
                 let mut post = self.post.lock();

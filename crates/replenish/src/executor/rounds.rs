@@ -14,7 +14,8 @@ use super::tally::Tally;
 use super::worker::Worker;
 use crate::Nanos;
 use crate::error::Error;
-use crate::text::shown;
+use crate::text::{joined, shown};
+use alloc::string::String;
 use core::cell::RefCell;
 use replenish_os::{Account, clock};
 
@@ -54,9 +55,12 @@ fn check(worker: &WorkerSpec) -> Result<(), Error> {
         let allowed = "with .every(…) only: something has to start the rounds";
         return Err(Error::parameter(owner, "trigger", &"Always", allowed));
     }
-    if let_ && rules.batch > 1 {
-        let allowed = "1 with Logical Execution Time: a snapshot has one input per handle";
-        let batch = rules.batch;
+    let batch = rules.batch.unwrap_or(1);
+    if batch == 0 || let_ && batch > 1 {
+        let allowed = match let_ {
+            true => "1 with Logical Execution Time: a snapshot has one input per handle",
+            false => "1 or more",
+        };
         return Err(Error::parameter(
             owner,
             "messages_per_round",
@@ -64,8 +68,54 @@ fn check(worker: &WorkerSpec) -> Result<(), Error> {
             allowed,
         ));
     }
-    if rules.every.is_some_and(|e| e.period.is_zero()) {
-        return Err(Error::parameter(owner, "every", &0, "1 ns or more"));
+    if let Some(every) = rules.every {
+        if every.period.is_zero() {
+            return Err(Error::parameter(owner, "every", &0, "1 ns or more"));
+        }
+        if every.once || !every.autostart {
+            let value = if every.once { "once" } else { "not_started" };
+            let allowed = "a period that begins with the executor";
+            return Err(Error::parameter(owner, "every", &value, allowed));
+        }
+    }
+    check_trigger(worker)?;
+    check_barrier(worker)
+}
+
+/// A trigger that waits for one handle waits for one of the worker's, or for one that can be added.
+fn check_trigger(worker: &WorkerSpec) -> Result<(), Error> {
+    let Trigger::One(id) = &worker.rules.trigger else {
+        return Ok(());
+    };
+    let mut ids = worker.entries.iter().map(|e| e.shared.id.as_str());
+    if ids.any(|known| known == id) || worker.limit() > worker.entries.len() {
+        return Ok(());
+    }
+    let mut allowed = String::from("a handle of this worker:");
+    for entry in &worker.entries {
+        allowed = joined(&[&allowed, " ", &entry.shared.id]);
+    }
+    Err(Error::parameter(
+        worker.request.owner(),
+        "trigger",
+        id,
+        allowed,
+    ))
+}
+
+fn check_barrier(worker: &WorkerSpec) -> Result<(), Error> {
+    let Some((samples, bytes)) = worker.rules.barrier else {
+        return Ok(());
+    };
+    let fields = [
+        ("output_barrier.samples", samples, 4096, "1..=4096"),
+        ("output_barrier.bytes", bytes, 65_528, "1..=65528"),
+    ];
+    for (field, value, most, allowed) in fields {
+        if !(1..=most).contains(&value) {
+            let owner = worker.request.owner();
+            return Err(Error::parameter(owner, field, &value, allowed));
+        }
     }
     Ok(())
 }
@@ -84,7 +134,11 @@ fn want_all(worker: &Worker) -> bool {
     // The usual case: nothing to be known in advance, each handle is looked at in its turn.
     let in_turn = matches!(worker.spec.rules.trigger, Trigger::Any)
         && worker.spec.rules.semantics == Semantics::TakeThenExecute
-        && !worker.spec.entries.iter().any(|e| e.handling.always);
+        && !worker
+            .spec
+            .entries
+            .iter()
+            .any(|e| e.handling.always.is_some());
     !in_turn
 }
 

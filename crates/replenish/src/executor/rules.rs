@@ -4,7 +4,7 @@
 use super::entry::Entry;
 use super::group::Group;
 use super::handle::Deadline;
-use super::rounds::Rounds;
+use super::rounds::{BY_RULES, Rounds};
 use super::schedule::{Every, nanos};
 use crate::Nanos;
 use crate::event::Event;
@@ -32,7 +32,7 @@ pub enum Trigger {
     Any,
     /// Every handle has something to do. Handles that have stopped or were removed do not count.
     All,
-    /// The handle of this id has something to do.
+    /// The handle of this id has something to do; it must be one of the worker's.
     One(String),
     /// Nothing: a round begins at every tick of [`WorkerBuilder::every`](crate::WorkerBuilder::every),
     /// which it needs.
@@ -102,14 +102,16 @@ pub enum Semantics {
 pub(crate) struct Rules {
     pub(crate) trigger: Trigger,
     pub(crate) semantics: Semantics,
-    /// Callbacks of one handle per round, at least 1; 0 stands for 1.
-    pub(crate) batch: u32,
+    /// Callbacks of one handle per round, at least 1; 1 if not said.
+    pub(crate) batch: Option<u32>,
     /// Rounds come by the clock alone.
     pub(crate) every: Option<Every>,
     /// Samples and bytes of the output barrier.
     pub(crate) barrier: Option<(usize, usize)>,
     /// The most handles, those added later included.
     pub(crate) capacity: Option<usize>,
+    /// It was said how a handle is treated before there was one.
+    pub(crate) early: bool,
     /// How rounds go by these rules, if there are any.
     pub(crate) rounds: Option<&'static Rounds>,
 }
@@ -163,7 +165,7 @@ pub struct DeadlineMiss<'a> {
     pub count: u64,
 }
 
-/// How one handle is treated; see [`WorkerBuilder::with`](crate::WorkerBuilder::with).
+/// How one handle is treated; see [`WorkerBuilder::with`](crate::WorkerBuilder::with), behind the handle.
 ///
 /// ```
 /// use replenish::{Handling, OnMiss};
@@ -179,7 +181,8 @@ pub struct Handling {
     pub(crate) priority: u8,
     pub(crate) deadline: Option<Deadline>,
     pub(crate) on_miss: OnMiss,
-    pub(crate) always: bool,
+    /// The rules it needs, if its callback runs in every round.
+    pub(crate) always: Option<&'static Rounds>,
     pub(crate) group: Option<Group>,
     pub(crate) hook: Option<super::handle::ErrorHook>,
 }
@@ -230,7 +233,7 @@ impl Handling {
     /// [`subscribe_always`](crate::WorkerBuilder::subscribe_always), which sets it.
     pub(crate) fn always(self) -> Self {
         Self {
-            always: true,
+            always: Some(&BY_RULES),
             ..self
         }
     }

@@ -70,6 +70,10 @@ impl Worker {
 
     /// Handles have come or gone.
     pub(crate) fn reordered(&mut self) {
+        if cfg!(feature = "live") && self.spec.rules.rounds.is_none() {
+            // One that wants to run in every round may have come.
+            self.spec.rules.rounds = self.spec.entries.iter().find_map(|e| e.handling.always);
+        }
         self.looks_at_all = self
             .spec
             .rules
@@ -149,7 +153,7 @@ impl Worker {
             env: &env,
             account,
             tally,
-            batch: spec.rules.batch.max(1),
+            batch: spec.rules.batch.unwrap_or(1),
             snapshot,
             ran: 0,
         };
@@ -234,7 +238,7 @@ impl Turn<'_> {
                 true => entry.ready && entry.is_live(),
                 false => entry.look(&Moment::default()),
             };
-            let without = ALL && n == 0 && entry.handling.always && entry.is_live();
+            let without = ALL && n == 0 && entry.handling.always.is_some() && entry.is_live();
             if !ready && !without {
                 break;
             }
