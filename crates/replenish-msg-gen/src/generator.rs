@@ -152,6 +152,7 @@ impl Generator {
         for part in own.iter().flat_map(|i| &i.parts) {
             registry.check(&part.name)?;
         }
+        check_names(&registry, &own)?;
         self.write(dir.as_ref(), &registry, &own)
     }
 
@@ -196,6 +197,34 @@ impl Generator {
         }
         put(&dir.join("interfaces.rs"), &emit::root(&interfaces))
     }
+}
+
+/// No two interfaces want the same Rust name or the same file, such as `Map`, which has a `MapView`, and
+/// `MapView`.
+fn check_names(registry: &Registry, own: &[Interface]) -> Result<(), Error> {
+    let mut taken = BTreeMap::new();
+    for interface in own {
+        let name = &interface.name;
+        let mut wanted = vec![emit::file(name)];
+        if name.kind != "msg" {
+            wanted.push(name.rust());
+        }
+        for part in &interface.parts {
+            wanted.push(part.name.rust());
+            if !registry.facts(&part.name).inline {
+                wanted.push(format!("{}View", part.name.rust()));
+            }
+        }
+        for wanted in wanted {
+            let key = (&name.package, name.kind, wanted);
+            if let Some(other) = taken.get(&key) {
+                let message = format!("`{name}` and `{other}` are both `{}` in Rust", key.2);
+                return Err(Error::whole(&interface.file, message));
+            }
+            taken.insert(key, name);
+        }
+    }
+    Ok(())
 }
 
 fn put(path: &Path, text: &str) -> Result<(), Error> {

@@ -28,6 +28,7 @@ fn every_feature_is_taken() {
         float64 x 1e3\nfloat32 y -inf\nbool t true\nstring s \"a # \\\"b\\\"\"\nstring u it's\n\
         string<=5[<=3] v ['a', \"b\"]\nwstring w 'ü'\nwstring<=2[2] z\nbyte[] raw [1, 2]\nchar c 65\n\
         Other o\ngeometry_msgs/Pose[] p\ngeometry_msgs/msg/Pose[3] q\nstring TEXT=free text\n\
+        wstring WIDE=\"größe\"\n\
         string EMPTY=\"\"\nfloat32[] none []\r\n\tint16 tabbed\t7\n";
     assert_eq!(check("msg/Thing.msg", text), Ok(()));
     assert_eq!(check("srv/Thing.srv", "int32 a\n---\nint32 a\n"), Ok(()));
@@ -97,11 +98,11 @@ fn errors_have_a_place_and_say_what_is_allowed() {
         ),
         (
             "Other A=1",
-            "a constant is of a primitive type or `string`, and no array",
+            "a constant is of a primitive type, `string` or `wstring`, and no array",
         ),
         (
             "int8[2] A=1",
-            "a constant is of a primitive type or `string`, and no array",
+            "a constant is of a primitive type, `string` or `wstring`, and no array",
         ),
         (
             "int8[0] a",
@@ -191,6 +192,31 @@ fn types_that_are_not_there_or_contain_themselves_are_named() {
     assert!(said("nowhere").contains("no .msg, .srv or .action files"));
     let good = package.generate("good").unwrap();
     assert!(good.contains("include!(\"good/srv/ask.rs\")"));
+}
+
+/// What ROS 2 allows and Rust cannot hold side by side is said here, not by the compiler.
+#[test]
+fn interfaces_that_want_the_same_name_in_rust_are_named() {
+    let files = [
+        ("a/msg/Map.msg", "string name\n"),
+        ("a/msg/MapView.msg", "int8 x\n"),
+        ("b/srv/Ask.srv", "---\n"),
+        ("b/srv/AskRequest.srv", "---\n"),
+        ("c/msg/IMU.msg", "int8 x\n"),
+        ("c/msg/Imu.msg", "int8 x\n"),
+        ("good/msg/Map.msg", "int8 x\n"),
+        ("good/msg/MapView.msg", "int8 x\n"),
+        ("good/srv/Map.srv", "string a\n---\n"),
+    ];
+    let package = Package::new("clashes", &files);
+    let said = |name: &str| package.generate(name).expect_err(name);
+    let both = "MapView.msg: `a/msg/MapView` and `a/msg/Map` are both `MapView` in Rust";
+    assert!(said("a").ends_with(both), "{}", said("a"));
+    let both = "`b/srv/AskRequest` and `b/srv/Ask` are both `AskRequest` in Rust";
+    assert!(said("b").ends_with(both), "{}", said("b"));
+    let both = "`c/msg/Imu` and `c/msg/IMU` are both `c/msg/imu.rs` in Rust";
+    assert!(said("c").ends_with(both), "{}", said("c"));
+    package.generate("good").unwrap();
 }
 
 proptest! {

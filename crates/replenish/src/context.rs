@@ -276,6 +276,7 @@ impl Node {
             qos,
             max_size,
             ingress: IngressLimit::none(),
+            keep_oldest: false,
         }
     }
 }

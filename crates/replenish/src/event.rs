@@ -26,7 +26,8 @@ pub enum Event<'a> {
         /// How often this handle has failed by now.
         count: u64,
     },
-    /// A callback panicked; its handle has stopped.
+    /// A callback panicked; its handle has stopped. Of a custom [trigger](crate::Trigger::Custom),
+    /// which is told as `worker/trigger`: its worker has.
     CallbackPanicked {
         /// The handle's id.
         handle: &'a str,
@@ -175,8 +176,9 @@ impl Events {
         Self(Box::new(hook))
     }
 
+    /// A hook that panics ends nothing: the panic hook has said so.
     pub(crate) fn emit(&self, event: &Event<'_>) {
-        (self.0)(event);
+        crate::platform::guard(&mut (), |()| (self.0)(event), |(), _| ());
     }
 
     /// Emits if `count` is a power of two: the first time, and whenever it has doubled.

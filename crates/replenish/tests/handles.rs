@@ -163,6 +163,36 @@ fn raw_bytes_arrive_as_they_were_sent_and_with_their_context() {
     drop(running);
 }
 
+/// The same while nobody takes them: in the middleware.
+#[test]
+fn the_newest_or_the_oldest_of_a_burst_survive_as_asked() {
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let out = node.publisher::<Int32>("t", Qos::reliable()).unwrap();
+    for (topic, survive) in [
+        (Topic::named("t"), [3, 4]),
+        (Topic::named("t").keep_oldest(), [0, 1]),
+    ] {
+        let (mut exec, _) = executor(&ctx);
+        let got = Arc::new(Mutex::new(Vec::new()));
+        let push = Arc::clone(&got);
+        let qos = Qos::reliable().keep_last(2);
+        exec.worker("w")
+            .subscribe(&node, topic, qos, move |m: &Int32, _| {
+                push.lock().unwrap().push(m.data);
+            })
+            .unwrap();
+        let mut local = exec.local().unwrap();
+        for data in 0..5 {
+            out.publish(&Int32 { data }).unwrap();
+        }
+        local.spin_for(MS);
+        assert_eq!(*got.lock().unwrap(), survive);
+        let stats = local.report().handles[0].stats;
+        assert_eq!(stats.lost + stats.dropped, 3);
+    }
+}
+
 #[test]
 fn the_newest_or_the_oldest_survive_as_asked() {
     let _dog = watchdog("drop policies", LIMIT);

@@ -14,7 +14,9 @@ use common::agent::TestAgent;
 use common::{eventually, executor};
 use replenish::msg::Service;
 use replenish::msg::std_msgs::Int32;
-use replenish::{Client, Context, Error, Every, Executor, Qos, RunningExecutor, SpinEnd};
+use replenish::{
+    Client, Context, Error, Every, Executor, Handling, Qos, RunningExecutor, SpinEnd, Trigger,
+};
 use replenish_testkit::watchdog::watchdog;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
@@ -147,4 +149,45 @@ fn a_callback_that_stops_and_joins_its_own_executor_does_not_wait_for_itself() {
         "{:?}",
         log.lines()
     );
+}
+
+/// Hooks and triggers are the user's code as well: what panics is told, and nobody else notices.
+#[test]
+fn hooks_and_triggers_that_panic_end_nothing() {
+    let _dog = watchdog("panics", LIMIT);
+    let ctx = Context::in_process();
+    let (mut exec, log) = executor(&ctx);
+    exec.worker("hook")
+        .timer(MS, |_| Err("failed"))
+        .unwrap()
+        .with(Handling::new().on_error(|_| panic!("error hook")));
+    exec.worker("trigger")
+        .trigger(Trigger::custom(|_| panic!("trigger")))
+        .timer(MS, |_| ())
+        .unwrap();
+    exec.worker("other").timer(MS, |_| ()).unwrap();
+    let running = exec.start().unwrap();
+    let stats = |worker: &str| running.stats(&format!("{worker}/timer:0")).unwrap();
+    let told = "trigger/trigger: callback panicked, the handle has stopped: trigger";
+    assert!(eventually(|| log.has(told)), "{:?}", log.lines());
+    let so_far = stats("other").executed;
+    assert!(eventually(|| stats("hook").errors >= 3));
+    assert!(eventually(|| stats("other").executed > so_far + 3));
+    assert_eq!(stats("trigger").executed, 0);
+    assert_eq!(log.lines().iter().filter(|l| *l == told).count(), 1);
+    assert!(running.stop().stuck.is_empty());
+
+    let mut exec = Executor::new(&ctx);
+    exec.no_ledger().on_event(|_| panic!("event hook"));
+    let mut n = 0;
+    let count = move |cx: &replenish::CallbackContext<'_>| {
+        n += 1;
+        if n == 5 {
+            cx.stop();
+        }
+        Err::<(), _>("failed")
+    };
+    exec.worker("w").timer(MS, count).unwrap();
+    let report = exec.spin().unwrap();
+    assert_eq!(report.handle("w/timer:0").unwrap().stats.errors, 5);
 }

@@ -48,6 +48,7 @@ fn spec(topic: &'static str, qos: Qos, max_size: usize) -> EndpointSpec<'static>
         qos,
         max_size,
         ingress: IngressLimit::none(),
+        keep_oldest: false,
     }
 }
 

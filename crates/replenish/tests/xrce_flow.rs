@@ -32,6 +32,7 @@ fn spec(topic: &'static str, qos: Qos) -> EndpointSpec<'static> {
         qos,
         max_size: 400,
         ingress: IngressLimit::none(),
+        keep_oldest: false,
     }
 }
 

@@ -95,6 +95,7 @@ fn spec(qos: Qos) -> EndpointSpec<'static> {
         qos,
         max_size: 2000,
         ingress: IngressLimit::none(),
+        keep_oldest: false,
     }
 }
 

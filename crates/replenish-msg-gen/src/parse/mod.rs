@@ -150,10 +150,11 @@ impl<'a> Part<'a> {
         self.check_name(&line, name_at, name, constant)?;
         let name = name.to_owned();
         if constant {
-            let (Base::Primitive(_) | Base::Text(_), Shape::One) = (&base, shape) else {
-                let message = "a constant is of a primitive type or `string`, and no array";
+            if matches!(base, Base::Message(_)) || shape != Shape::One {
+                let message =
+                    "a constant is of a primitive type, `string` or `wstring`, and no array";
                 return Err(line.error(start, message.into()));
-            };
+            }
             let value = values::parse(&mut line, &base, shape)?;
             let docs = std::mem::take(&mut self.pending);
             self.constants.push(Constant {

@@ -182,10 +182,13 @@ impl WorkerBuilder<'_> {
     /// before it adds one.) Without a handle before it, it is an [`Error::Parameter`] when the
     /// executor starts.
     pub fn with(mut self, handling: Handling) -> Self {
-        match self.spec().map(|s| (s.entries.last_mut(), &mut s.rules)) {
-            Some((Some(entry), _)) => entry.treat(handling),
-            Some((None, rules)) => rules.early = true,
-            None => {}
+        let Some(spec) = self.spec() else {
+            return self;
+        };
+        let spec: &mut WorkerSpec = &mut *spec;
+        match spec.entries.last_mut() {
+            Some(entry) => entry.treat(handling),
+            None => spec.rules.early = true,
         }
         self
     }

@@ -120,6 +120,7 @@ impl Forge<'_> {
             qos,
             max_size: size,
             ingress: topic.ingress,
+            keep_oldest: topic.keep_oldest,
         };
         let middleware = self.context.middleware();
         let reader = middleware

@@ -13,7 +13,7 @@ use crate::event::{Event, Events};
 use crate::handoff::{Inbox, Slot};
 use crate::histogram::LiveHistogram;
 use crate::middleware::ReaderId;
-use crate::platform::Once;
+use crate::platform::{self, Once};
 use crate::stats::{Counters, Text};
 #[cfg(feature = "live")]
 use crate::sync::Signal;
@@ -183,7 +183,8 @@ impl Shared {
     /// and everybody rarely.
     pub(crate) fn report(&self, count: u64, event: &Event<'_>, events: &Events) {
         if let Some(hook) = self.hook.get() {
-            hook(event);
+            // If it panics, the panic hook has said so; the handle goes on.
+            platform::guard(&mut (), |()| hook(event), |(), _| ());
         }
         events.emit_rarely(count, event);
     }

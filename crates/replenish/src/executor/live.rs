@@ -16,6 +16,7 @@ use crate::error::Error;
 use crate::stats::HandleStats;
 use crate::sync::{Arc, AtomicU64, Mutex, Ordering};
 use crate::text::{joined, numbered, text};
+use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::cell::RefCell;
@@ -389,7 +390,7 @@ impl LiveWorker<'_> {
             }
             Ok(())
         });
-        sent.map_err(|_: Order| Error::Stopped)?;
+        sent.map_err(|_: Box<Order>| Error::Stopped)?;
         if shared.input.is_some() {
             live.stop.middleware.wake();
         }

@@ -15,6 +15,7 @@ use super::entry::{Entry, insert};
 use super::handle::Shared;
 use super::worker::Worker;
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
+use alloc::boxed::Box;
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 use replenish_os::{Tid, clock, current_tid};
@@ -99,11 +100,11 @@ impl Mailbox {
     }
 
     /// As [`send`](Self::send); what is declined comes back, to be dropped where it does no harm.
-    pub(crate) fn put(&self, order: Order) -> Result<(), Order> {
+    pub(crate) fn put(&self, order: Order) -> Result<(), Box<Order>> {
         {
             let mut post = self.post.lock();
             if post.closed {
-                return Err(order);
+                return Err(Box::new(order));
             }
             post.orders.push_back(order);
             self.waiting.store(true, Ordering::Release);

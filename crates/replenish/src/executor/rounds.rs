@@ -14,6 +14,8 @@ use super::tally::Tally;
 use super::worker::Worker;
 use crate::Nanos;
 use crate::error::Error;
+use crate::event::Event;
+use crate::platform;
 use crate::text::{joined, shown};
 use alloc::string::String;
 use core::cell::RefCell;
@@ -189,13 +191,29 @@ fn is_triggered(worker: &mut Worker) -> bool {
         all &= entry.ready || !entry.is_live();
     }
     let states = HandleStates(&spec.entries);
-    match &mut spec.rules.trigger {
+    let (events, mut panicked) = (&worker.events, false);
+    let is_met = match &mut spec.rules.trigger {
         Trigger::Any => any,
         Trigger::All => any && all,
         Trigger::One(id) => states.is_ready(id),
         Trigger::Always => true,
-        Trigger::Custom(condition) => any && condition(&states),
+        Trigger::Custom(condition) => {
+            any && platform::guard(
+                condition,
+                |condition| condition(&states),
+                |_, message| {
+                    let handle = &joined(&[&spec.request.name, "/trigger"]);
+                    events.emit(&Event::CallbackPanicked { handle, message });
+                    panicked = true;
+                    false
+                },
+            )
+        }
+    };
+    if panicked {
+        worker.spec.rules.trigger = Trigger::One(String::new()); // nothing, from now on
     }
+    is_met
 }
 
 fn next_wake(worker: &mut Worker) -> Option<Nanos> {

@@ -37,7 +37,8 @@ pub enum Trigger {
     /// Nothing: a round begins at every tick of [`WorkerBuilder::every`](crate::WorkerBuilder::every),
     /// which it needs.
     Always,
-    /// What the function says. It is called on the worker with at least one handle ready.
+    /// What the function says. It is called on the worker with at least one handle ready. If it
+    /// panics, that is an [`Event::CallbackPanicked`] of `worker/trigger`, and no round begins any more.
     Custom(Box<dyn FnMut(&HandleStates<'_>) -> bool + Send>),
 }
 

@@ -87,6 +87,7 @@ struct Reader {
     requests: Qos,
     queue: Ring,
     keep_all: bool,
+    keep_oldest: bool,
     reliable: bool,
     lost: u64,
     /// It was deleted; its place is free.
@@ -255,7 +256,7 @@ impl Bus {
 impl Reader {
     /// Whether the sample waits now. Anything that did not find room is counted.
     fn store(&mut self, payload: &[u8], info: &SampleInfo) -> bool {
-        if self.keep_all && self.queue.is_full() {
+        if (self.keep_all || self.keep_oldest) && self.queue.is_full() {
             self.lost += 1;
             return false;
         }
@@ -316,6 +317,7 @@ impl Middleware for InProcess {
             requests: spec.qos,
             queue: Ring::new(depth, spec.max_size),
             keep_all: spec.qos.history == History::KeepAll,
+            keep_oldest: spec.keep_oldest,
             reliable: spec.qos.reliability == Reliability::Reliable,
             lost: 0,
             deleted: false,

@@ -60,6 +60,8 @@ pub struct EndpointSpec<'a> {
     pub max_size: usize,
     /// What the peer may send for a reader.
     pub ingress: IngressLimit,
+    /// Keep last, and what waits for a reader is kept: a new sample is lost while there is no room.
+    pub keep_oldest: bool,
 }
 
 /// What a service's client or server is for.

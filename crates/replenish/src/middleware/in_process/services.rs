@@ -23,6 +23,7 @@ fn endpoint<'a>(spec: &ServiceSpec<'a>, topic: &'a str, max_size: usize) -> Endp
         qos: spec.qos,
         max_size,
         ingress: IngressLimit::none(),
+        keep_oldest: false,
     }
 }
 

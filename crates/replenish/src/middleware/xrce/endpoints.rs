@@ -153,7 +153,7 @@ impl State {
             object,
             topic,
             max_size,
-            backlog: Backlog::new(depth, max_size, keep_last),
+            backlog: Backlog::new(depth, max_size, keep_last && !spec.keep_oldest),
             lost: 0,
             flow,
             deleted: false,
