@@ -9,9 +9,13 @@
 
 mod common;
 
+use common::fibonacci::{Fibonacci, Numbers, Order};
 use common::{eventually, executor};
 use replenish::msg::std_msgs::Int32;
-use replenish::{CallbackContext, Context, Group, GuardCondition, Handling, Qos, Removal};
+use replenish::{
+    ActionOptions, CallbackContext, Context, GoalUpdate, Group, GuardCondition, Handling, NewGoal,
+    Qos, Removal,
+};
 use replenish_testkit::watchdog::watchdog;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -275,4 +279,65 @@ impl replenish::msg::Service for Echo {
     type Request = Int32;
     type Response = Int32;
     const TYPE_NAME: &'static str = "test_msgs/srv/Echo";
+}
+
+/// An action's client has five handles and one callback: all of them are in the group that is asked
+/// for once, and tell the one hook; the same while it runs.
+#[test]
+fn all_handles_of_an_action_are_in_the_group() {
+    let _dog = watchdog("group of an action", LIMIT);
+    for live in [false, true] {
+        let ctx = Context::in_process();
+        let node = ctx.node("n").unwrap();
+        let (mut exec, _) = executor(&ctx);
+        let (group, inside) = (Group::new("g"), Inside::default());
+        let told = Arc::new(AtomicU64::new(0));
+        let serve = |_: &Order, new: NewGoal<Fibonacci>, _: &CallbackContext<'_>| {
+            let goal = new.accept()?;
+            goal.feedback(&Numbers::default())?;
+            goal.succeed(&Numbers::default())
+        };
+        let options = ActionOptions::goals(2);
+        exec.worker("s")
+            .serve_action(&node, "f", options, serve, |_, _| true)
+            .unwrap();
+        let visits = inside.clone();
+        exec.worker("t")
+            .timer(3 * MS, move |_| visits.visit(2 * MS))
+            .unwrap()
+            .with(Handling::new().group(&group));
+        let (visits, tell) = (inside.clone(), Arc::clone(&told));
+        let follow = move |_, update: GoalUpdate<'_, Fibonacci>, _: &CallbackContext<'_>| {
+            visits.visit(5 * MS);
+            match update {
+                GoalUpdate::Feedback(_) => Err("feedback"),
+                GoalUpdate::Accepted(_) => Err("accepted"),
+                GoalUpdate::Result(..) => Err("result"),
+                _ => Ok(()),
+            }
+        };
+        let handling = Handling::new().group(&group).on_error(move |_| {
+            tell.fetch_add(1, Ordering::SeqCst);
+        });
+        let client = node.action_client::<Fibonacci>("f", options).unwrap();
+        let worker = exec.worker("c").capacity(5);
+        let running = if live {
+            let running = exec.start().unwrap();
+            let change = running.executor();
+            let worker = change.worker("c").unwrap().with(handling);
+            worker.follow(&client, follow).unwrap();
+            running
+        } else {
+            worker.follow(&client, follow).unwrap().with(handling);
+            exec.start().unwrap()
+        };
+        client.send(&Order { order: 1 }).unwrap();
+        let errors = || -> u64 {
+            let report = running.report();
+            report.handles.iter().map(|h| h.stats.errors).sum()
+        };
+        assert!(eventually(|| errors() == 3));
+        assert_eq!(inside.most(), 1, "live: {live}");
+        assert_eq!(told.load(Ordering::SeqCst), 3, "live: {live}");
+    }
 }

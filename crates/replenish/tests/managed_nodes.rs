@@ -13,7 +13,9 @@ use common::executor;
 use replenish::middleware::InProcessBus;
 use replenish::msg::Service;
 use replenish::msg::std_msgs::Int32;
-use replenish::{Context, Executor, LifecycleError, Outcome, Qos, SpinEnd, State, Transition};
+use replenish::{
+    Context, Every, Executor, LifecycleError, Outcome, Qos, SpinEnd, State, Transition,
+};
 use replenish_interfaces::lifecycle_msgs::msg::{Transition as Asked, TransitionEvent};
 use replenish_interfaces::lifecycle_msgs::srv;
 use replenish_testkit::watchdog::watchdog;
@@ -201,6 +203,71 @@ fn publishers_are_silent_unless_the_node_is_active() {
     local.spin_for(Duration::from_millis(5));
     assert_eq!(*seen.lock().unwrap(), [3]);
     assert_eq!(publisher.clone().withheld(), 3);
+}
+
+/// In Logical Execution Time, too: nothing goes out before the round has ended.
+#[test]
+fn managed_publishers_respect_the_output_barrier() {
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let lifecycle = node.lifecycle().unwrap();
+    let publisher = lifecycle.publisher::<Int32>("t", Qos::reliable()).unwrap();
+    let mut exec = Executor::new(&ctx);
+    let log = Arc::new(Mutex::new(Vec::new()));
+    let (first, then) = (Arc::clone(&log), Arc::clone(&log));
+    let once = || Every::once(Duration::ZERO);
+    exec.worker("w")
+        .output_barrier(1, 64)
+        .messages_per_round(1)
+        .timer(Duration::from_millis(1), move |cx| {
+            let sent = publisher.publish_in(cx, &Int32 { data: 1 });
+            first.lock().unwrap().push(format!("{sent:?}"));
+        })
+        .unwrap()
+        .subscribe(&node, "t", Qos::reliable(), move |_: &Int32, cx| {
+            then.lock().unwrap().push("seen".into());
+            cx.stop();
+        })
+        .unwrap();
+    exec.worker("activate")
+        .timer(once(), move |_| {
+            lifecycle.change(Transition::Configure).unwrap();
+            lifecycle.change(Transition::Activate).map(drop)
+        })
+        .unwrap();
+    exec.local().unwrap().spin_for(LIMIT);
+    let log = log.lock().unwrap();
+    let sent = log.iter().position(|l| l == "Ok(true)").unwrap();
+    assert!(log[..sent].iter().all(|l| l == "Ok(false)"), "{log:?}");
+    let seen = log.iter().position(|l| l == "seen").unwrap();
+    assert!(seen > sent, "{log:?}");
+}
+
+/// As drivers do it that know only then what they have to do.
+#[test]
+fn a_callback_of_a_transition_gives_the_next_ones() {
+    let node = Context::in_process().node("n").unwrap();
+    let lifecycle = node.lifecycle().unwrap();
+    let inside = lifecycle.clone();
+    let mut times = 0;
+    lifecycle.on_transition(Transition::Configure, move |_| {
+        times += 1;
+        if times == 2 {
+            inside.on_transition(Transition::Configure, |_| Outcome::Failure);
+        }
+        inside.on_transition(Transition::Activate, |_| Outcome::Failure);
+        Outcome::Success
+    });
+    for _ in 0..2 {
+        lifecycle.change(Transition::Configure).unwrap();
+        assert!(lifecycle.change(Transition::Activate).is_err());
+        assert_eq!(
+            lifecycle.change(Transition::Cleanup),
+            Ok(State::Unconfigured)
+        );
+    }
+    // From the third time on it is the other one.
+    assert!(lifecycle.change(Transition::Configure).is_err());
 }
 
 /// What a client in another context is answered.

@@ -530,3 +530,29 @@ fn changes_are_told_once_with_what_was_new_changed_and_deleted() {
         SpinEnd::TimedOut
     );
 }
+
+/// It is asked from the next time on.
+#[test]
+fn a_callback_of_setting_gives_another_one() {
+    let p = parameters(ParameterOptions::new());
+    p.declare("a", 1, Descriptor::new()).unwrap();
+    let inside = p.clone();
+    let told = Arc::new(Mutex::new(Vec::new()));
+    let tell = Arc::clone(&told);
+    let mut given = false;
+    p.veto(move |_| {
+        if !std::mem::replace(&mut given, true) {
+            let tell = Arc::clone(&tell);
+            inside.after_set(move |change| tell.lock().unwrap().push(format!("{}", change.new)));
+            inside.veto(|change| match change.new {
+                ParameterValue::Integer(13) => Err("13 brings bad luck"),
+                _ => Ok(()),
+            });
+        }
+        Ok::<(), String>(())
+    });
+    p.set("a", 13).unwrap();
+    assert_eq!(kind(p.set("a", 13)), Kind::Refused);
+    p.set("a", 14).unwrap();
+    assert_eq!(*told.lock().unwrap(), ["14"]);
+}

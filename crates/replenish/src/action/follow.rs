@@ -44,8 +44,8 @@ impl Node {
 impl WorkerBuilder<'_> {
     /// Calls `callback` whenever something is heard of a goal of `client`: see [`GoalUpdate`].
     ///
-    /// The client takes five handles of its worker; [`with`](Self::with) right behind this applies
-    /// to the one that takes results.
+    /// The client takes five handles of its worker; of [`with`](Self::with) right behind this,
+    /// priority, group and error hook apply to all of them, a deadline to the one that takes results.
     ///
     /// # Errors
     /// [`Error::Parameter`] if `client` belongs to a callback already; [`Error::Middleware`] when a
@@ -70,6 +70,7 @@ impl WorkerBuilder<'_> {
             )?
             .subscribe(&inner.node, status.as_str(), status_qos, parts.status())?
             .replies(&inner.result, parts.results())
+            .map(|worker| worker.together(4))
     }
 }
 

@@ -29,8 +29,9 @@ impl WorkerBuilder<'_> {
     /// The goal then [is canceling](crate::GoalHandle::is_canceling), and ends when its pursuer says.
     ///
     /// A goal for which there is no room is rejected without asking, counted and reported as an error
-    /// of the handle `…/send_goal`. The server takes four handles of its worker;
-    /// [`with`](Self::with) right behind this applies to the one that calls `goal`.
+    /// of the handle `…/send_goal`. The server takes four handles of its worker; of
+    /// [`with`](Self::with) right behind this, priority, group and error hook apply to all of them, a
+    /// deadline to the one that calls `goal`.
     ///
     /// ```
     /// # use replenish::{ActionOptions, Context, Error, Executor, NewGoal};
@@ -93,6 +94,7 @@ impl WorkerBuilder<'_> {
                 cancels(&core, cancel),
             )?
             .serve_later::<SendGoal<A>, _, _>(node, begins, qos, goals(&core, goal))
+            .map(|worker| worker.together(3))
     }
 }
 

@@ -179,16 +179,29 @@ impl WorkerBuilder<'_> {
     }
 
     /// How the handle that was added last is treated. (A [`LiveWorker`](crate::LiveWorker) says it
-    /// before it adds one.) Without a handle before it, it is an [`Error::Parameter`] when the
-    /// executor starts.
+    /// before it adds one.) Where several handles were added together (actions, parameters, managed
+    /// nodes), priority, group and error hook are those of all of them. Without a handle before it, it
+    /// is an [`Error::Parameter`] when the executor starts.
     pub fn with(mut self, handling: Handling) -> Self {
         let Some(spec) = self.spec() else {
             return self;
         };
         let spec: &mut WorkerSpec = &mut *spec;
-        match spec.entries.last_mut() {
-            Some(entry) => entry.treat(handling),
-            None => spec.rules.early = true,
+        let Some((entry, before)) = spec.entries.split_last_mut() else {
+            spec.rules.early = true;
+            return self;
+        };
+        for other in before.iter_mut().rev().take(entry.others.into()) {
+            other.treat(handling.shared());
+        }
+        entry.treat(handling);
+        self
+    }
+
+    /// So many handles before the last one belong to it.
+    pub(crate) fn together(mut self, others: u8) -> Self {
+        if let Some(entry) = self.spec().and_then(|s| s.entries.last_mut()) {
+            entry.others = others;
         }
         self
     }

@@ -23,6 +23,8 @@ pub(crate) struct Entry {
     pub(crate) slot: usize,
     /// A callback panicked; the handle is left alone from then on.
     pub(crate) stopped: bool,
+    /// How many of those before it were added together with it.
+    pub(crate) others: u8,
     /// It had something to do when the round began.
     pub(crate) ready: bool,
     /// What was taken when the round began (Logical Execution Time).
@@ -41,6 +43,7 @@ impl Entry {
             handling: Handling::default(),
             slot: usize::MAX,
             stopped: false,
+            others: 0,
             ready: false,
             taken: None,
             skip: false,

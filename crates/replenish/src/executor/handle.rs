@@ -19,7 +19,6 @@ use crate::stats::{Counters, Text};
 use crate::sync::Signal;
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
 use crate::text::decode;
-use alloc::boxed::Box;
 use alloc::string::String;
 use core::cell::RefCell;
 use core::fmt;
@@ -125,7 +124,7 @@ pub(crate) trait Handle: Send {
 }
 
 /// A handle's own hook for what goes wrong with it.
-pub(crate) type ErrorHook = Box<dyn Fn(&Event<'_>) + Send + Sync>;
+pub(crate) type ErrorHook = Arc<dyn Fn(&Event<'_>) + Send + Sync>;
 
 /// What is known about a handle outside its worker. What each message needs comes first, in one
 /// line of the cache: a core that has slept fetches each line from afar.

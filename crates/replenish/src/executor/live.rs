@@ -322,18 +322,19 @@ impl fmt::Debug for LiveWorker<'_> {
 }
 
 impl LiveWorker<'_> {
-    /// How the handle that is added next is treated.
+    /// How the handle that is added next is treated. Where several are added together (actions,
+    /// parameters, managed nodes), priority, group and error hook are those of all of them.
     #[must_use]
     pub fn with(self, handling: Handling) -> Self {
         Self { handling, ..self }
     }
 
-    /// The same worker once more, for handles that belong together.
+    /// The same worker once more, for handles that belong together and are treated alike.
     pub(crate) fn again(&self) -> Self {
         Self {
             live: self.live,
             post: self.post,
-            handling: Handling::new(),
+            handling: self.handling.shared(),
         }
     }
 

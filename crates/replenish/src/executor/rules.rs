@@ -230,6 +230,16 @@ impl Handling {
         }
     }
 
+    /// What of it several handles that belong together have in common.
+    pub(crate) fn shared(&self) -> Self {
+        Self {
+            priority: self.priority,
+            group: self.group.clone(),
+            hook: self.hook.clone(),
+            ..Self::new()
+        }
+    }
+
     /// The callback runs in every round of its worker, without input if there is none: for
     /// [`subscribe_always`](crate::WorkerBuilder::subscribe_always), which sets it.
     pub(crate) fn always(self) -> Self {
@@ -245,7 +255,7 @@ impl Handling {
     #[must_use]
     pub fn on_error(self, hook: impl Fn(&Event<'_>) + Send + Sync + 'static) -> Self {
         Self {
-            hook: Some(Box::new(hook)),
+            hook: Some((Box::new(hook) as Box<dyn Fn(&Event<'_>) + Send + Sync>).into()),
             ..self
         }
     }

@@ -102,6 +102,9 @@ struct Inner {
     node: Node,
     /// [`State::id`].
     state: AtomicU64,
+    /// Held for a transition, its callbacks included.
+    turn: Mutex<()>,
+    /// Not held while one of them runs, so that it may give others.
     callbacks: Mutex<Callbacks>,
     /// Who makes a transition: its callback must not wait for itself.
     busy: AtomicU64,
@@ -143,6 +146,7 @@ impl Node {
         let inner = Inner {
             node: self.clone(),
             state: AtomicU64::new(State::Unconfigured.id().into()),
+            turn: Mutex::new(()),
             callbacks: Mutex::new(Callbacks::default()),
             busy: AtomicU64::new(0),
             events: self.publisher("~/transition_event", Qos::reliable())?,
@@ -155,7 +159,8 @@ impl Node {
 
 impl Lifecycle {
     /// What is done in a transition, on the thread that asks for it, instead of nothing, which
-    /// succeeds. The callback gets the state it starts from. To be called at set-up: allocates.
+    /// succeeds. The callback gets the state it starts from. To be called at set-up, or in a callback
+    /// of a transition: allocates.
     pub fn on_transition(
         &self,
         transition: Transition,
@@ -246,7 +251,7 @@ impl Inner {
         if self.busy.load(Ordering::Relaxed) == me {
             return Err(LifecycleError::Nested);
         }
-        let mut callbacks = self.callbacks.lock();
+        let _held = self.turn.lock();
         self.busy.store(me, Ordering::Relaxed);
         let _turn = Turn(self);
         let start = self.state();
@@ -256,11 +261,11 @@ impl Inner {
         loop {
             self.follow(arrow);
             let state = arrow.to;
-            let Some(callback) = callbacks.of(state) else {
+            let Some(callback) = self.callbacks.lock().of(state).map(Option::take) else {
                 break; // a state it can stay in
             };
             let outcome = match callback {
-                Some(callback) => callback(start),
+                Some(callback) => self.call(state, callback, start),
                 None if state == State::ErrorProcessing => Outcome::Failure,
                 None => Outcome::Success,
             };
@@ -274,6 +279,15 @@ impl Inner {
             true => Ok(arrow.to),
             false => Err(LifecycleError::NotReached { now: arrow.to }),
         }
+    }
+
+    /// Runs the callback of `state`, which stays what it was unless it gave another.
+    fn call(&self, state: State, mut callback: Callback, start: State) -> Outcome {
+        let outcome = callback(start);
+        if let Some(place) = self.callbacks.lock().of(state) {
+            place.get_or_insert(callback);
+        }
+        outcome
     }
 
     /// The node is in another state, and everybody is told. An event that cannot be sent is left out.

@@ -2,6 +2,7 @@
 
 use super::Lifecycle;
 use super::machine::State;
+use crate::executor::CallbackContext;
 use crate::middleware::PublishError;
 use crate::publisher::Publisher;
 use crate::sync::{Arc, AtomicU64, Ordering};
@@ -29,11 +30,29 @@ impl<M: Message> ManagedPublisher<M> {
     /// # Errors
     /// As [`Publisher::publish`].
     pub fn publish(&self, message: &M) -> Result<bool, PublishError> {
-        if self.lifecycle.state() != State::Active {
-            self.withheld.fetch_add(1, Ordering::Relaxed);
+        if self.withholds() {
             return Ok(false);
         }
         self.publisher.publish(message).map(|()| true)
+    }
+
+    /// Whether the node is not active; counts that it was not.
+    fn withholds(&self) -> bool {
+        let silent = self.lifecycle.state() != State::Active;
+        self.withheld.fetch_add(silent.into(), Ordering::Relaxed);
+        silent
+    }
+
+    /// As [`publish`](Self::publish), behind the output barrier of the worker whose callback this is:
+    /// see [`CallbackContext::publish`]. What matters is the state at this moment.
+    ///
+    /// # Errors
+    /// As [`CallbackContext::publish`].
+    pub fn publish_in(&self, cx: &CallbackContext<'_>, message: &M) -> Result<bool, PublishError> {
+        if self.withholds() {
+            return Ok(false);
+        }
+        cx.publish(&self.publisher, message).map(|()| true)
     }
 
     /// How many messages were not published because the node was not active.

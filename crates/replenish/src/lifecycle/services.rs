@@ -23,7 +23,7 @@ impl WorkerBuilder<'_> {
     /// # Errors
     /// As [`serve`](Self::serve).
     pub fn lifecycle(self, lifecycle: &Lifecycle) -> Result<Self, Error> {
-        serve(self, lifecycle)
+        serve(self, lifecycle).map(|worker| worker.together(4))
     }
 }
 

@@ -141,6 +141,8 @@ pub(crate) struct Inner {
     pub(crate) node: Node,
     pub(crate) table: Mutex<Table>,
     setters: Mutex<Setters>,
+    /// Callbacks that a callback has given: they are asked from the next time on.
+    late: Mutex<(Vec<Veto>, Vec<After>)>,
     /// Who has the setters' lock: a callback that sets must not wait for itself.
     setter: AtomicU64,
     events: Option<Publisher<ParameterEvent>>,
@@ -192,6 +194,7 @@ impl Node {
                 after: Vec::new(),
                 old: Buffer::new(bounds.value),
             }),
+            late: Mutex::new((Vec::new(), Vec::new())),
             setter: AtomicU64::new(0),
             events,
             message: options.message,
@@ -302,19 +305,26 @@ impl Parameters {
 
     /// From now on `callback` is asked before anything is set, on the thread that sets: an error
     /// is the reason why not, and nothing of what is set together is. It may read parameters, not set
-    /// them. To be called at set-up: allocates, and stays.
+    /// them. To be called at set-up: allocates, and stays. Given in such a callback, it is asked from
+    /// the next time on.
     pub fn veto<E: fmt::Display>(
         &self,
         mut callback: impl FnMut(&ParameterChange<'_>) -> Result<(), E> + Send + 'static,
     ) {
         let veto = move |change: &ParameterChange<'_>| callback(change).map_err(|e| Text::of(&e));
-        self.inner.setters.lock().vetoes.push(Box::new(veto));
+        match self.inner.is_mine() {
+            true => self.inner.late.lock().0.push(Box::new(veto)),
+            false => self.inner.setters.lock().vetoes.push(Box::new(veto)),
+        }
     }
 
     /// From now on `callback` is told what was set, on the thread that sets, after it is in
     /// force. Like a [veto](Self::veto) otherwise.
     pub fn after_set(&self, callback: impl FnMut(&ParameterChange<'_>) + Send + 'static) {
-        self.inner.setters.lock().after.push(Box::new(callback));
+        match self.inner.is_mine() {
+            true => self.inner.late.lock().1.push(Box::new(callback)),
+            false => self.inner.setters.lock().after.push(Box::new(callback)),
+        }
     }
 
     /// Stages, asks, commits and tells.
@@ -324,14 +334,18 @@ impl Parameters {
         wishes: impl Wishes<'v>,
     ) -> Result<(), ParameterError> {
         let inner = &*self.inner;
-        let me = u64::from(current_tid().get().unsigned_abs());
-        if inner.setter.load(Ordering::Relaxed) == me {
+        if inner.is_mine() {
             let text = format_args!("a parameter was set from a callback of setting parameters");
             return Err(ParameterError::new(Kind::Nested, text));
         }
         let mut setters = inner.setters.lock();
-        inner.setter.store(me, Ordering::Relaxed);
+        inner.setter.store(me(), Ordering::Relaxed);
         let _turn = Turn(inner);
+        {
+            let mut late = inner.late.lock();
+            setters.vetoes.append(&mut late.0);
+            setters.after.append(&mut late.1);
+        }
         stage(&mut inner.table.lock())?;
         let Setters { vetoes, after, old } = &mut *setters;
         for (name, new) in wishes.clone() {
@@ -410,7 +424,17 @@ fn copy<T: FromParameter>(table: &Table, name: &str, to: &mut T) -> Result<(), P
     }
 }
 
+/// The calling thread.
+fn me() -> u64 {
+    u64::from(current_tid().get().unsigned_abs())
+}
+
 impl Inner {
+    /// Whether the calling thread sets: it is in one of the callbacks.
+    fn is_mine(&self) -> bool {
+        self.setter.load(Ordering::Relaxed) == me()
+    }
+
     /// Tells others what is staged. An event that cannot be sent is left out: who missed it asks.
     fn tell(&self, table: &Table) {
         let Some(events) = &self.events else {

@@ -30,7 +30,7 @@ impl WorkerBuilder<'_> {
     /// # Errors
     /// As [`serve`](Self::serve).
     pub fn parameters(self, parameters: &Parameters) -> Result<Self, Error> {
-        serve(self, parameters)
+        serve(self, parameters).map(|worker| worker.together(5))
     }
 }
 
