@@ -1,9 +1,17 @@
-//! Trials on a virtual machine: what failed while the hypervisor took CPU time away is no verdict.
+//! Trials on a machine that did not do its part: what failed meanwhile is no verdict.
 //!
-//! Tolerances stay as they are; the trial is repeated instead, and says so. Only the kernel's account of
-//! stolen time decides about that, so on a machine that nobody takes anything from each trial runs once.
+//! Tolerances stay as they are; the trial is repeated instead, and says so. Clocks alone decide about
+//! that, so on a machine that nobody takes anything from each trial runs once.
+//!
+//! | | for trials at | what decides |
+//! |---|---|---|
+//! | [`undisturbed`] | real-time priority | the kernel's account of time that the hypervisor stole |
+//! | [`unstalled`] | ordinary priority, with limits in wall time | how late a thread woke that only sleeps |
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 
 /// What was stolen of a CPU: the product's own reader.
 #[path = "../../replenish-os/src/linux/stolen.rs"]
@@ -21,31 +29,76 @@ fn total() -> u64 {
     (0..).map_while(stolen::stolen).sum()
 }
 
-/// Whether a failed run is repeated: there is one left, and so much was `taken` meanwhile.
-fn is_repeated(runs_left: u32, taken: u64) -> bool {
-    runs_left > 0 && taken >= STOLEN
-}
+/// A thread that only sleeps wakes so much later than asked, at worst, on a machine that keeps up, in ns.
+const LATE: u64 = 50_000_000;
 
 /// Runs `body`; again, at most three times, if it panicked while 20 ms or more were stolen.
 ///
 /// # Panics
 /// As `body` does when it does so undisturbed, or in the last run.
 pub fn undisturbed(name: &str, body: &dyn Fn()) {
-    watched(name, &total, body);
+    watched(name, "the hypervisor took CPU time:", STOLEN, &total, body);
 }
 
-fn watched(name: &str, taken_so_far: &dyn Fn() -> u64, body: &dyn Fn()) {
+/// Runs `body`; again, at most three times, if it panicked while an ordinary thread did not get to run
+/// for 50 ms or more.
+///
+/// # Panics
+/// As `body` does when the machine kept up, or in the last run.
+pub fn unstalled(name: &str, body: &dyn Fn()) {
+    let probe = Probe::start();
+    let so_far = || probe.0.late.load(Ordering::Relaxed);
+    watched(name, "ordinary threads had to wait:", LATE, &so_far, body);
+}
+
+/// A thread that only sleeps, until this is dropped.
+struct Probe(Arc<Shared>);
+
+#[derive(Default)]
+struct Shared {
+    /// The sum of what was late, in ns.
+    late: AtomicU64,
+    over: AtomicBool,
+}
+
+impl Probe {
+    fn start() -> Self {
+        const NAP: Duration = Duration::from_millis(10);
+        let shared = Arc::<Shared>::default();
+        let theirs = Arc::clone(&shared);
+        std::thread::spawn(move || {
+            crate::alloc::exempt_this_thread();
+            while !theirs.over.load(Ordering::Relaxed) {
+                let due = Instant::now() + NAP;
+                std::thread::sleep(NAP);
+                let late = u64::try_from(due.elapsed().as_nanos()).unwrap_or(u64::MAX);
+                if late >= LATE {
+                    theirs.late.fetch_add(late, Ordering::Relaxed);
+                }
+            }
+        });
+        Self(shared)
+    }
+}
+
+impl Drop for Probe {
+    fn drop(&mut self) {
+        self.0.over.store(true, Ordering::Relaxed);
+    }
+}
+
+fn watched(name: &str, what: &str, limit: u64, taken_so_far: &dyn Fn() -> u64, body: &dyn Fn()) {
     for left in (0..RUNS).rev() {
         let before = taken_so_far();
         let Err(panic) = catch_unwind(AssertUnwindSafe(body)) else {
             return;
         };
         let taken = taken_so_far().saturating_sub(before);
-        if !is_repeated(left, taken) {
+        if left == 0 || taken < limit {
             resume_unwind(panic);
         }
         let ms = taken / 1_000_000;
-        eprintln!("repeated: {name}: it failed while the hypervisor took {ms} ms of CPU time");
+        eprintln!("repeated: {name}: it failed while {what} {ms} ms");
     }
 }
 
@@ -62,7 +115,7 @@ mod tests {
             clock.set(clock.get() + stolen);
             assert_eq!(1, 2, "always");
         };
-        let all = || watched("test", &|| clock.get(), &body);
+        let all = || watched("test", "we took", STOLEN, &|| clock.get(), &body);
         assert!(catch_unwind(AssertUnwindSafe(all)).is_err());
         runs.get()
     }
@@ -75,6 +128,20 @@ mod tests {
     }
 
     #[test]
+    fn a_machine_that_keeps_up_is_given_no_second_run() {
+        let runs = Cell::new(0);
+        let all = || {
+            unstalled("test", &|| {
+                runs.set(runs.get() + 1);
+                assert_eq!(runs.get(), 2, "the first run fails");
+            });
+        };
+        // Whether it keeps up, this test cannot know; but it is one or the other.
+        let failed = catch_unwind(AssertUnwindSafe(all)).is_err();
+        assert_eq!(runs.get(), if failed { 1 } else { 2 });
+    }
+
+    #[test]
     fn what_passes_is_not_repeated() {
         let runs = Cell::new(0);
         let body = || {
@@ -83,8 +150,8 @@ mod tests {
         };
         let clock = Cell::new(0);
         let steals = || clock.replace(clock.get() + STOLEN);
-        watched("test", &steals, &body);
-        watched("test", &steals, &|| ());
+        watched("test", "we took", STOLEN, &steals, &body);
+        watched("test", "we took", STOLEN, &steals, &|| ());
         assert_eq!(runs.get(), 2);
     }
 }

@@ -77,7 +77,7 @@ fn fallback() {
     let (mut exec, log) = executor(&ctx);
     for name in ["one", "two"] {
         exec.worker(name)
-            .budget(Budget::of(10 * MS).every(100 * MS))
+            .budget(Budget::of(3 * MS).every(100 * MS))
             .cpu(cpu())
             .timer(Every::period(MS).first_after(Duration::ZERO), |_| burn(2))
             .unwrap();
@@ -89,6 +89,9 @@ fn fallback() {
         assert!(line.contains(part), "{part:?} is missing in: {line}");
     }
     std::thread::sleep(450 * MS);
+    // On a loaded machine an ordinary thread may get less than its budget for a while.
+    let used_up = |name: &&str| running.usage(name).unwrap().exhaustions > 0;
+    assert!(eventually(|| ["one", "two"].iter().all(used_up)));
     let periods = running.report().elapsed / 100_000_000 + 1;
     let report = running.stop();
     assert_eq!(report.fallbacks, log.lines());
@@ -98,7 +101,7 @@ fn fallback() {
         assert!(thread.granted.starts_with("OTHER"), "{}", thread.granted);
         let used = thread.usage.cpu_high + thread.usage.cpu_low;
         // A callback that has begun is not interrupted: one of 2 ms more in each period, repaid.
-        assert!(used <= (periods + 1) * 10_000_000 + 2_500_000, "{report}");
+        assert!(used <= (periods + 1) * 3_000_000 + 2_500_000, "{report}");
         assert!(thread.usage.exhaustions > 0, "{report}");
     }
 }

@@ -18,13 +18,41 @@ use replenish::{Context, Qos};
 use replenish_agent::{AgentConfig, SerialConfig};
 use replenish_os::clock;
 use replenish_testkit::watchdog::watchdog;
+use replenish_xrce::client::PingPolicy;
 use replenish_xrce::udp::UdpTransport;
 use std::io;
+use std::net::SocketAddr;
 use std::os::fd::{AsFd, BorrowedFd};
+use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 const LIMIT: Duration = Duration::from_secs(120);
+
+/// `config`, for clients that do not take a loaded machine for a lost agent. Everything arrives, and
+/// once, as long as the session lives; what is queued for a client that logs in anew is lost
+/// (`docs/acknowledged.md`), and what it had not known to be acknowledged comes twice.
+fn patient(config: XrceConfig) -> XrceConfig {
+    XrceConfig {
+        ping: PingPolicy {
+            after: 1_000_000_000,
+            silence_limit: 60_000_000_000,
+        },
+        connect_timeout: 60_000_000_000,
+        request_timeout: 60_000_000_000,
+        ..config
+    }
+}
+
+fn over_tcp(agent: SocketAddr) -> Context {
+    let config = patient(XrceConfig::default());
+    Context::new(Xrce::tcp_with(&agent.to_string(), config).unwrap())
+}
+
+fn over_serial(line: &Path) -> Context {
+    let config = patient(XrceConfig::slow_line());
+    Context::new(Xrce::serial_with(line, 115_200, config).unwrap())
+}
 
 /// Publishes `samples` numbers, every seventh with a large array, and expects all of them back.
 fn all_come_back(ctx: &Context, samples: i32) {
@@ -36,6 +64,7 @@ fn all_come_back(ctx: &Context, samples: i32) {
         .unwrap();
     let heard = Arc::new(Mutex::new((Vec::new(), 0)));
     let (mut exec, _) = executor(ctx);
+    exec.stop_grace(LIMIT); // whoever comes next needs the context
     let (sink, other) = (Arc::clone(&heard), Arc::clone(&heard));
     exec.worker("numbers")
         .subscribe(&node, "numbers", qos, move |m: &Int32, _| {
@@ -55,7 +84,7 @@ fn all_come_back(ctx: &Context, samples: i32) {
     let running = exec.start().unwrap();
     let mut array = UInt8MultiArray::default();
     array.data.resize(1500, 0x7e).unwrap();
-    let patience = Duration::from_secs(10);
+    let patience = Duration::from_secs(60);
     for data in 0..samples {
         numbers.publish_within(&Int32 { data }, patience).unwrap();
         if data % 7 == 0 {
@@ -80,9 +109,10 @@ fn tcp_carries_everything_and_a_cut_connection_comes_back() {
     let _dog = watchdog("tcp", LIMIT);
     let agent = TestAgent::start("127.0.0.1:0");
     let (bridge, address) = Bridge::tcp(agent.address);
-    let ctx = Context::xrce_tcp(&address.to_string()).unwrap();
+    let ctx = over_tcp(address);
     all_come_back(&ctx, 200);
-    let (exec, log) = executor(&ctx);
+    let (mut exec, log) = executor(&ctx);
+    exec.stop_grace(LIMIT);
     let running = exec.start().unwrap();
     // What has come back is acknowledged; else it would come again.
     std::thread::sleep(Duration::from_millis(300));
@@ -93,7 +123,7 @@ fn tcp_carries_everything_and_a_cut_connection_comes_back() {
     assert!(eventually(|| ctx.link() == LinkState::Up));
     // Noticed at once and not by silence, and connected again.
     let took = clock::monotonic() - start;
-    assert!(took < 2_000_000_000, "{took} ns");
+    assert!(took < 30_000_000_000, "{took} ns");
     running.stop();
     all_come_back(&ctx, 50);
 }
@@ -103,7 +133,7 @@ fn a_serial_line_carries_everything_even_with_damaged_bytes() {
     let _dog = watchdog("serial", LIMIT);
     let agent = TestAgent::start("127.0.0.1:0");
     let (bridge, path) = Bridge::pty(agent.address);
-    let ctx = Context::xrce_serial(&path, 115_200).unwrap();
+    let ctx = over_serial(&path);
     let start = std::time::Instant::now();
     all_come_back(&ctx, 50);
     println!("clean: {:?}", start.elapsed());
@@ -122,7 +152,7 @@ fn the_agents_own_tcp_port_is_as_good() {
         tcp: Some(tcp),
         ..AgentConfig::default()
     });
-    let ctx = Context::xrce_tcp(&tcp.to_string()).unwrap();
+    let ctx = over_tcp(tcp);
     all_come_back(&ctx, 200);
 }
 
@@ -137,7 +167,7 @@ fn the_agents_own_serial_port_at_its_real_speed() {
     });
     for every in [0, 4_001, 1_009] {
         bridge.damage(every);
-        let ctx = Context::xrce_serial(&here, 115_200).unwrap();
+        let ctx = over_serial(&here);
         let start = std::time::Instant::now();
         all_come_back(&ctx, 20);
         println!("one byte of {every} damaged: {:?}", start.elapsed());
@@ -192,7 +222,7 @@ fn a_transport_of_ones_own_is_as_good() {
         UdpTransport::connect(agent.address).unwrap(),
         Arc::clone(&sent),
     );
-    let ctx = Context::new(Xrce::over("mine", mine, XrceConfig::default()).unwrap());
+    let ctx = Context::new(Xrce::over("mine", mine, patient(XrceConfig::default())).unwrap());
     all_come_back(&ctx, 100);
     assert!(*sent.lock().unwrap() > 100);
 }

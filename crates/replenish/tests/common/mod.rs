@@ -19,11 +19,11 @@ use replenish::{Context, Event, Executor, RunningExecutor};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
 
-/// Waits until `condition` holds; `false` after ten seconds. For things that need no limit but
-/// must not hang a test.
+/// Waits until `condition` holds; `false` after a minute. For things that need no limit but must not
+/// hang a test, on a machine that is loaded, too.
 #[must_use]
 pub fn eventually(condition: impl Fn() -> bool) -> bool {
-    let end = Instant::now() + Duration::from_secs(10);
+    let end = Instant::now() + Duration::from_secs(60);
     while !condition() {
         if Instant::now() > end {
             return false;
