@@ -11,6 +11,10 @@
 //! host's answer has arrived: so many samples. They then take their time on the line like any byte.
 //! The board never sees how fast the host is, and a run can be repeated.
 //!
+//! Between two looks at the chip that find nothing the board counts for a while. Each look takes the
+//! emulator's global lock and wakes its main loop, which needs that lock to bring the next byte: a board
+//! that looks without a break keeps its own bytes out, and on a loaded host none come for seconds.
+//!
 //! Not part of a build for a real board, but for [`PACED`], which is false there.
 
 use crate::frames::Frames;
@@ -24,8 +28,11 @@ use replenish_os::clock;
 /// Whether the bytes are paced here.
 pub const PACED: bool = !cfg!(feature = "hardware");
 
-/// How long the host may take, in ns of the emulator's time.
-const PATIENCE: u64 = 4_000_000_000;
+/// How long the host may take, in ns of the emulator's time: some ten seconds or more of the host's.
+const PATIENCE: u64 = 100_000_000_000;
+
+/// Rounds of an empty loop between two looks at the chip: some ten microseconds of the host's time.
+const REST: u32 = 1_000;
 
 static INCOMING: Ring<2048> = Ring::new();
 /// ns for ten bits.
@@ -121,15 +128,18 @@ pub(crate) fn arrived() {
     go();
 }
 
-/// Takes a byte off the chip.
-fn take(frames: &mut Frames) {
+/// Takes a byte off the chip; whether there was one.
+fn take(frames: &mut Frames) -> bool {
     if INCOMING.is_full() {
-        return uart::listen(false); // the host waits
+        uart::listen(false); // the host waits
+        return false;
     }
-    if let Some(byte) = uart::fetch() {
-        INCOMING.push(byte);
-        SAMPLES.fetch_add(frames.push(byte), Ordering::Relaxed);
-    }
+    let Some(byte) = uart::fetch() else {
+        return false;
+    };
+    INCOMING.push(byte);
+    SAMPLES.fetch_add(frames.push(byte), Ordering::Relaxed);
+    true
 }
 
 /// TIM3's interrupt: the time of one byte is over.
@@ -182,10 +192,15 @@ fn await_host(frames: &mut Frames, elapsed: &dyn Fn() -> u64) {
     let owed = EXPECTED.swap(0, Ordering::AcqRel);
     uart::listen(false);
     while SAMPLES.load(Ordering::Relaxed) < owed {
-        take(frames);
+        if take(frames) {
+            continue;
+        }
         if elapsed() > PATIENCE {
             UNANSWERED.fetch_add(1, Ordering::Relaxed);
             break;
+        }
+        for _ in 0..REST {
+            core::hint::black_box(()); // not `spin_loop`, which QEMU is slow at
         }
     }
     uart::listen(true);
