@@ -66,7 +66,11 @@ impl fmt::Display for MiddlewareError {
             Self::TypeMismatch { existing } => write!(f, "the topic exists with type {existing}"),
             Self::NoAnswer { what } => write!(f, "no answer to: {what}"),
             Self::Refused { what, status } => {
-                write!(f, "refused with status {status:#04x}: {what}")
+                write!(
+                    f,
+                    "refused with status {status:#04x}: {what}{}",
+                    why(*status)
+                )
             }
             Self::LinkDown => f.write_str("the link is down"),
             Self::Io { what, errno } => write!(f, "{what}: {}", os_error(*errno)),
@@ -75,6 +79,24 @@ impl fmt::Display for MiddlewareError {
 }
 
 impl core::error::Error for MiddlewareError {}
+
+/// What a status means (XRCE 7.3.4, `StatusValue`), and what one can do about it.
+fn why(status: u8) -> &'static str {
+    match status {
+        _ if !cfg!(feature = "texts") => "",
+        0x80 => " (an error of its DDS)",
+        0x81 => " (it exists in another way)",
+        0x82 => " (it exists already)",
+        0x83 => " (denied)",
+        0x84 => " (of something that does not exist)",
+        0x85 => " (invalid data)",
+        0x86 => " (incompatible)",
+        0x87 => {
+            " (no room: a limit of the agent for each client; that of `replenish agent` is --entities)"
+        }
+        _ => "",
+    }
+}
 
 /// A sample was not sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -118,4 +140,24 @@ impl core::error::Error for PublishError {}
 
 fn os_error(errno: i32) -> impl fmt::Display {
     crate::platform::io::Error::from_raw_os_error(errno)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::text::said;
+
+    #[test]
+    fn a_refusal_says_what_its_status_means() {
+        let refused = |status| {
+            let what = said("create a topic");
+            MiddlewareError::Refused { what, status }.to_string()
+        };
+        assert_eq!(
+            refused(0x87),
+            "refused with status 0x87: create a topic (no room: a limit of the agent for each client; \
+             that of `replenish agent` is --entities)"
+        );
+        assert_eq!(refused(0x42), "refused with status 0x42: create a topic");
+    }
 }
