@@ -256,6 +256,33 @@ fn services_with_unbounded_fields_take_messages_of_the_size_asked_for() {
     );
 }
 
+/// The type's names do not say whether it has unbounded fields.
+#[test]
+fn raw_samples_may_be_as_large_as_asked() {
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let (mut exec, _) = executor(&ctx);
+    let got = Arc::new(Mutex::new(0));
+    let note = Arc::clone(&got);
+    let topic = Topic::named("image").max_size(40_000);
+    let ty = RawType::of::<Image>();
+    let worker = exec.worker("w");
+    let worker = worker.subscribe_raw(&node, topic, ty, Qos::reliable(), move |bytes, cx| {
+        *note.lock().unwrap() = bytes.len();
+        cx.stop();
+    });
+    worker.unwrap();
+    let out = node.publisher_sized::<Image>("image", Qos::reliable(), 40_000);
+    let data = vec![0; 30_000];
+    let image = ImageView {
+        data: &data,
+        ..Default::default()
+    };
+    out.unwrap().publish_view(&image).unwrap();
+    exec.local().unwrap().spin_for(LIMIT);
+    assert!(*got.lock().unwrap() > 30_000);
+}
+
 /// Goals, feedback and results of 50 kB, from both sides; without the option they are refused.
 #[test]
 fn actions_with_unbounded_fields_take_messages_of_the_size_asked_for() {

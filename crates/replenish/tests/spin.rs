@@ -12,7 +12,7 @@ mod common;
 use replenish::msg::std_msgs::Int32;
 use replenish::{
     Budget, CallbackContext, Context, Error, Every, Executor, GuardCondition, LocalExecutor,
-    Overrun, Qos, Removal, Semantics, SpinEnd, TimerHandle, Trigger,
+    Overrun, Policy, Qos, Removal, Semantics, SpinEnd, TimerHandle, Trigger,
 };
 use replenish_testkit::watchdog::watchdog;
 use std::sync::{Arc, Mutex};
@@ -308,6 +308,20 @@ fn what_needs_a_thread_is_refused_by_name() {
         ),
         "{error}"
     );
+    let asks: [(&str, fn(&mut Executor) -> &mut Executor); 3] = [
+        ("dispatcher", |e| e.dispatcher(Policy::Other)),
+        ("dispatcher_cpu", |e| e.dispatcher_cpu(0)),
+        ("lock_memory", |e| e.lock_memory(true)),
+    ];
+    for (field, ask) in asks {
+        let mut exec = Executor::new(&ctx);
+        ask(&mut exec);
+        let allowed = "none in Executor::local: the thread that spins is yours";
+        assert_eq!(
+            exec.local().unwrap_err().to_string(),
+            format!("executor: {field} = set is not allowed: {allowed}")
+        );
+    }
     let local = Executor::new(&ctx).local().unwrap();
     assert_eq!(Executor::new(&ctx).local().unwrap_err(), Error::ContextBusy);
     let live = local.executor();

@@ -191,7 +191,7 @@ impl Forge<'_> {
             let allowed = "a name and a DDS name";
             return Err(Error::parameter(owner, "type", &"\"\"", allowed));
         }
-        let (id, reader, inbox) = self.input(node, topic, (ty, ty.max_size), qos)?;
+        let (id, reader, inbox) = self.input(node, topic, (ty, LARGEST), qos)?;
         let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
         let handle = RawSubscription::new(Arc::clone(&shared), inbox, callback);
         Ok(Entry::new(shared, Box::new(handle)))

@@ -291,8 +291,19 @@ impl Executor {
     ///
     /// # Errors
     /// As [`start`](Self::start); [`Error::Parameter`] for a worker that was given a policy, a
-    /// budget, a guarantee, a CPU or a stack. Workers without handles are all right.
+    /// budget, a guarantee, a CPU or a stack, and for an executor that was given a dispatcher's policy
+    /// or CPU, or memory to lock. Workers without handles are all right.
     pub fn local(self) -> Result<LocalExecutor, Error> {
+        let options = &self.options;
+        let asked = [
+            ("dispatcher", options.dispatcher.is_some()),
+            ("dispatcher_cpu", options.dispatcher_cpu.is_some()),
+            ("lock_memory", options.lock_memory),
+        ];
+        if let Some((field, _)) = asked.iter().find(|(_, asked)| *asked) {
+            let allowed = "none in Executor::local: the thread that spins is yours";
+            return Err(Error::parameter("executor", field, &"set", allowed));
+        }
         local::local(self)
     }
 
