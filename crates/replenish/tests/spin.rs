@@ -308,7 +308,8 @@ fn what_needs_a_thread_is_refused_by_name() {
         ),
         "{error}"
     );
-    let asks: [(&str, fn(&mut Executor) -> &mut Executor); 3] = [
+    type Ask = fn(&mut Executor) -> &mut Executor;
+    let asks: [(&str, Ask); 3] = [
         ("dispatcher", |e| e.dispatcher(Policy::Other)),
         ("dispatcher_cpu", |e| e.dispatcher_cpu(0)),
         ("lock_memory", |e| e.lock_memory(true)),
