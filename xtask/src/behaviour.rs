@@ -58,6 +58,10 @@ const CASES: &[Case] = &[
     passes("executor-granted", &["granted FIFO 60"]),
     passes("executor-refused", &["odd"]),
     passes("executor-panic", &["(mad) halted", "a callback's mistake"]),
+    passes(
+        "executor-log",
+        &["WARN replenish: failing/timer:0: callback failed (8 times): out of paper"],
+    ),
     passes("panic", &["(mad) halted", "the worker's mistake"]),
     passes(
         "heap-sealed",

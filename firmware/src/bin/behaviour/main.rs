@@ -8,6 +8,7 @@
 //! - [`scheduling`]: policies granted and refused, equals in order, an idle board asleep.
 //! - [`failures`]: panics, the sealed heap, stacks that are too small.
 //! - [`executor`]: the same through the executor.
+//! - `logged`: its events in the image's logger (feature `log`).
 #![no_std]
 #![no_main]
 
@@ -18,6 +19,8 @@ mod check;
 mod executor;
 mod failures;
 mod locks;
+#[cfg(feature = "log")]
+mod logged;
 mod scheduling;
 mod waits;
 
@@ -76,6 +79,8 @@ const CASES: &[(&str, Case)] = &[
     ("executor-granted", executor::granted_as_asked),
     ("executor-refused", executor::refused),
     ("executor-panic", executor::panic_halts_one),
+    #[cfg(feature = "log")]
+    ("executor-log", logged::events_reach_the_logger),
     ("panic", failures::panic_halts_one),
     ("heap-sealed", failures::heap_sealed),
     ("heap-refusal-handled", failures::heap_refusal_handled),
