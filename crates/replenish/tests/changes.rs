@@ -104,6 +104,39 @@ fn a_callback_adds_a_handle_and_removes_itself() {
 }
 
 #[test]
+fn who_has_waited_in_vain_may_cancel() {
+    let _dog = watchdog("second removal", LIMIT);
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    let (guard, gate) = (GuardCondition::new(), Gate::closed());
+    gate.open();
+    let arrives = gate.clone();
+    exec.worker("w")
+        .guard(&guard, move |cx| {
+            arrives.pass();
+            while !cx.is_cancelled() {
+                std::thread::sleep(MS);
+            }
+        })
+        .unwrap();
+    let running = exec.start().unwrap();
+    let (change, id) = (running.executor(), "w/guard:0");
+    guard.trigger();
+    gate.arrived();
+    for _ in 0..2 {
+        let waited = change.remove(id, Removal::Wait(MS));
+        assert_eq!(waited, Err(Error::StillRunning(id.into())));
+        assert!(running.report().handles.is_empty());
+    }
+    let stats = change
+        .remove(id, Removal::Cancel(Duration::from_secs(30)))
+        .unwrap();
+    assert_eq!(stats.executed, 1);
+    let gone = change.remove(id, LONG);
+    assert_eq!(gone, Err(Error::UnknownHandle(id.into())));
+}
+
+#[test]
 fn a_removal_waits_for_the_callback_or_cancels_it_or_does_neither() {
     let _dog = watchdog("removal", LIMIT);
     let ctx = Context::in_process();
@@ -145,6 +178,7 @@ fn a_removal_waits_for_the_callback_or_cancels_it_or_does_neither() {
     change.remove("c/guard:0", cancel).unwrap();
     assert!(cancelled.load(Ordering::Relaxed));
     gate.open();
+    assert_eq!(change.remove("a/guard:0", LONG).unwrap().executed, 1);
     let unknown = change.remove("a/guard:0", LONG).unwrap_err();
     assert_eq!(unknown, Error::UnknownHandle("a/guard:0".into()));
     running.stop();

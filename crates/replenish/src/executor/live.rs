@@ -40,6 +40,8 @@ pub(crate) struct Registry(Mutex<Known>);
 
 struct Known {
     handles: Vec<(Arc<str>, Arc<Shared>)>,
+    /// Those that were removed while a callback ran, which has not ended in time.
+    leaving: Vec<(Arc<str>, Arc<Shared>)>,
     claimed: Vec<String>,
 }
 
@@ -52,8 +54,11 @@ impl Known {
 impl Registry {
     pub(crate) fn new(mut handles: Vec<(Arc<str>, Arc<Shared>)>, limit: usize) -> Self {
         handles.reserve(limit.saturating_sub(handles.len()));
-        let claimed = Vec::new();
-        Self(Mutex::new(Known { handles, claimed }))
+        Self(Mutex::new(Known {
+            handles,
+            leaving: Vec::with_capacity(limit),
+            claimed: Vec::new(),
+        }))
     }
 
     pub(crate) fn find(&self, id: &str) -> Option<(Arc<str>, Arc<Shared>)> {
@@ -82,6 +87,30 @@ impl Registry {
     fn forget(&self, shared: &Arc<Shared>) {
         let mut known = self.0.lock();
         known.handles.retain(|(_, h)| !Arc::ptr_eq(h, shared));
+    }
+
+    /// One that was forgotten has not left yet: it can be asked for once more.
+    fn leaves(&self, worker: &Arc<str>, shared: &Arc<Shared>) {
+        while self.swept().is_some() {}
+        let mut known = self.0.lock();
+        if known.leaving.len() < known.leaving.capacity() {
+            let leaving = (Arc::clone(worker), Arc::clone(shared));
+            known.leaving.push(leaving);
+        }
+    }
+
+    /// One that has left meanwhile, and that nobody waits for: to be dropped without the lock.
+    fn swept(&self) -> Option<(Arc<str>, Arc<Shared>)> {
+        let mut known = self.0.lock();
+        let at = known.leaving.iter().position(|(_, h)| h.gone.take())?;
+        Some(known.leaving.swap_remove(at))
+    }
+
+    /// Takes out one that leaves.
+    fn left(&self, id: &str) -> Option<(Arc<str>, Arc<Shared>)> {
+        let mut known = self.0.lock();
+        let at = known.leaving.iter().position(|(_, h)| h.id == id)?;
+        Some(known.leaving.swap_remove(at))
     }
 }
 
@@ -236,17 +265,18 @@ impl ExecutorHandle {
     /// # Errors
     /// [`Error::UnknownHandle`]; [`Error::Stopped`]; [`Error::Capacity`] if too many changes are
     /// under way: then nothing has changed; [`Error::StillRunning`] if the callback has not ended
-    /// in time: then the handle goes when it has.
+    /// in time: then the handle goes when it has, and can be removed once more, to wait on or to cancel
+    /// the callback.
     pub fn remove(&self, id: &str, how: Removal) -> Result<HandleStats, Error> {
         let live = &self.live;
         let unknown = || Error::UnknownHandle(id.into());
-        let (worker, shared) = live.registry.find(id).ok_or_else(unknown)?;
-        let mut posts = live.posts.iter().enumerate();
-        let (target, post) = posts.find(|(_, p)| p.name == worker).ok_or_else(unknown)?;
+        let Some((worker, shared)) = live.registry.find(id) else {
+            let (worker, shared) = live.registry.left(id).ok_or_else(unknown)?;
+            return self.await_leaving(&worker, &shared, how);
+        };
+        let mut posts = live.posts.iter();
+        let post = posts.find(|p| p.name == worker).ok_or_else(unknown)?;
         let place = live.desk.keep()?;
-        if matches!(how, Removal::Cancel(_)) {
-            shared.cancelled.store(true, Ordering::Release);
-        }
         if shared.removed.swap(true, Ordering::AcqRel) {
             return Err(unknown()); // somebody else removes it
         }
@@ -258,6 +288,23 @@ impl ExecutorHandle {
         live.stop.middleware.wake();
         let order = Order::Remove(Arc::clone(&shared));
         post.mailbox.send(order).map_err(|_| Error::Stopped)?;
+        self.await_leaving(&worker, &shared, how)
+    }
+
+    /// Waits for the worker to let go of a handle, as far as that is asked for and may be.
+    fn await_leaving(
+        &self,
+        worker: &Arc<str>,
+        shared: &Arc<Shared>,
+        how: Removal,
+    ) -> Result<HandleStats, Error> {
+        let live = &self.live;
+        let unknown = || Error::UnknownHandle(shared.id.as_str().into());
+        let mut posts = live.posts.iter().enumerate();
+        let (target, post) = posts.find(|(_, p)| p.name == *worker).ok_or_else(unknown)?;
+        if matches!(how, Removal::Cancel(_)) {
+            shared.cancelled.store(true, Ordering::Release);
+        }
         let patience = match how {
             Removal::Detach => Duration::ZERO,
             Removal::Wait(limit) | Removal::Cancel(limit) => limit,
@@ -283,7 +330,10 @@ impl ExecutorHandle {
         let lost = lost.map_or(0, |(reader, _)| live.stop.middleware.lost(*reader));
         match gone {
             true => Ok(shared.counters.snapshot(shared.waiting(), lost)),
-            false => Err(Error::StillRunning(id.into())),
+            false => {
+                live.registry.leaves(worker, shared);
+                Err(Error::StillRunning(shared.id.as_str().into()))
+            }
         }
     }
 
