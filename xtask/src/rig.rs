@@ -47,7 +47,7 @@ const LINK_DOWN: &str = "# link is down";
 const NO_END: &str = "did not end";
 
 /// A run that takes longer on the host than this is ended.
-const PATIENCE: Duration = Duration::from_secs(90);
+const PATIENCE: Duration = Duration::from_secs(300);
 
 impl Bench {
     /// Builds image `name` and the host's program.
