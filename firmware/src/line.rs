@@ -28,8 +28,8 @@ use replenish_os::clock;
 /// Whether the bytes are paced here.
 pub const PACED: bool = !cfg!(feature = "hardware");
 
-/// How long the host may take, in ns of the emulator's time: some ten seconds or more of the host's.
-const PATIENCE: u64 = 100_000_000_000;
+/// How long the host may take, in ns of the emulator's time: some ten seconds of the host's, or more.
+const PATIENCE: u64 = 30_000_000_000;
 
 /// Rounds of an empty loop between two looks at the chip: some ten microseconds of the host's time.
 const REST: u32 = 1_000;

@@ -69,7 +69,7 @@ impl Bench {
     pub(crate) fn run(&self, words: &[String], host: Host) -> Outcome<Run> {
         match self.once(words, host) {
             Err(what) if what.contains(NO_END) => {
-                eprintln!("{}; run again", what.lines().next().unwrap_or_default());
+                eprintln!("{what}\nrun again");
                 self.once(words, host)
             }
             end => end,
@@ -118,8 +118,11 @@ impl Bench {
                     drop(board); // then it has said all
                     said.extend(output.iter());
                     let limit = PATIENCE.as_secs();
+                    ping.end().ok();
+                    let counted = std::fs::read_to_string(&totals).unwrap_or_default();
                     return Err(format!(
-                        "{words:?} {NO_END} within {limit} s; the board said:\n{said}"
+                        "{words:?} {NO_END} within {limit} s; the board said:\n{said}\nping \
+                         counted:\n{counted}"
                     ));
                 }
             }
