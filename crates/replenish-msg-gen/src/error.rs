@@ -29,6 +29,14 @@ impl Error {
         }
     }
 
+    /// It is the value of this field or constant.
+    pub(crate) fn about(self, what: &str, name: &str) -> Self {
+        Self {
+            message: format!("{} ({what} `{name}`)", self.message),
+            ..self
+        }
+    }
+
     /// About a file or directory as a whole.
     pub(crate) fn whole(file: &Path, message: impl Into<String>) -> Self {
         Self::at(file, Place::default(), message)

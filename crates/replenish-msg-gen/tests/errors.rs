@@ -66,9 +66,12 @@ fn errors_have_a_place_and_say_what_is_allowed() {
         ("int32 a\nint32 a", "2:7: there is a field `a` already"),
         (
             "int8 a 128",
-            "1:8: `128` is no int8: a whole number in -128..=127",
+            "1:8: `128` is no int8: a whole number in -128..=127 (field `a`)",
         ),
-        ("uint8 A=-1", "`-1` is no uint8: a whole number in 0..=255"),
+        (
+            "uint8 A=-1",
+            "`-1` is no uint8: a whole number in 0..=255 (constant `A`)",
+        ),
         ("uint64 a 0x1ffffffffffffffff", "is no uint64"),
         ("int8 a 1.5", "`1.5` is no int8"),
         ("bool a yes", "`yes` is no bool: true, false, 1 or 0"),

@@ -33,6 +33,7 @@ fn bytes(message: &impl Message) -> Vec<u8> {
 fn constants_and_defaults_are_those_of_the_file() {
     assert_eq!((Status::MODE_IDLE, StatusView::MODE_DRIVING), (0, 1));
     assert_eq!((Status::GREETING, Status::LIMIT), ("it's # fine", -0.0015));
+    assert_eq!(Status::WIDE, "größe \"1\"");
     let status = Status::default();
     assert_eq!((status.mode, status.name.as_str()), (1, "robo \"one\""));
     assert_eq!((&*status.label, &status.wheels[..]), ("Grüße", &[1, 2][..]));

@@ -155,7 +155,8 @@ impl<'a> Part<'a> {
                     "a constant is of a primitive type, `string` or `wstring`, and no array";
                 return Err(line.error(start, message.into()));
             }
-            let value = values::parse(&mut line, &base, shape)?;
+            let value = values::parse(&mut line, &base, shape);
+            let value = value.map_err(|e| e.about("constant", &name))?;
             let docs = std::mem::take(&mut self.pending);
             self.constants.push(Constant {
                 name,
@@ -164,7 +165,8 @@ impl<'a> Part<'a> {
                 docs,
             });
         } else {
-            let default = self.default(&mut line, &base, shape)?;
+            let default = self.default(&mut line, &base, shape);
+            let default = default.map_err(|e| e.about("field", &name))?;
             let docs = std::mem::take(&mut self.pending);
             let place = start;
             self.fields.push(Field {
