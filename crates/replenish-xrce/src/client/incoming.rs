@@ -28,7 +28,7 @@ where
             return false;
         };
         if self.link.has_session() {
-            self.link.hear(now, &self.config);
+            self.link.hear(now);
         }
         match message.header.stream {
             StreamId::NONE => {
@@ -208,7 +208,7 @@ where
     /// The agent has a new session for us: everything starts from the beginning.
     fn logged_in(&mut self, now: Nanos, settles: bool) {
         self.link.enter(now, State::Restoring, &self.config);
-        self.link.hear(now, &self.config);
+        self.link.hear(now);
         let session = self.link.session;
         let carried = self.streams.begin(&self.config, session, settles);
         let stats = &mut self.link.stats;

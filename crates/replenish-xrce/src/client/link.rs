@@ -1,6 +1,6 @@
 //! When to log in, to ping, to give up: the part of a session that is about the agent's presence.
 
-use super::{Config, State};
+use super::{Config, PingPolicy, State};
 use crate::Nanos;
 use crate::count;
 use crate::wire::SessionId;
@@ -88,11 +88,16 @@ impl Link {
     }
 
     /// The agent was heard.
-    pub(super) const fn hear(&mut self, now: Nanos, config: &Config) {
+    pub(super) const fn hear(&mut self, now: Nanos) {
         self.heard = now;
         self.first_ping = NEVER;
-        if let Some(ping) = config.ping {
-            self.next_ping = later(now, ping.after);
+    }
+
+    /// When the next ping is due.
+    const fn ping_at(&self, ping: &PingPolicy) -> Nanos {
+        match self.first_ping {
+            NEVER => later(self.heard, ping.after),
+            _ => self.next_ping,
         }
     }
 
@@ -118,7 +123,7 @@ impl Link {
     pub(super) fn take_ping(&mut self, now: Nanos, config: &Config) -> bool {
         let Some(ping) = config
             .ping
-            .filter(|_| self.has_session() && now >= self.next_ping)
+            .filter(|ping| self.has_session() && now >= self.ping_at(ping))
         else {
             return false;
         };
@@ -156,10 +161,10 @@ impl Link {
         match self.state {
             State::Idle => NEVER,
             State::Connecting | State::Closing => self.next_request,
-            State::Restoring | State::Up if config.ping.is_some() => {
-                self.next_ping.min(self.silent_at(config))
-            }
-            State::Restoring | State::Up => NEVER,
+            State::Restoring | State::Up => match &config.ping {
+                Some(ping) => self.ping_at(ping).min(self.silent_at(config)),
+                None => NEVER,
+            },
         }
     }
 

@@ -98,7 +98,7 @@ where
     pub fn connect(&mut self, now: Nanos) {
         if self.link.state == State::Idle {
             self.link.enter(now, State::Connecting, &self.config);
-            self.link.hear(now, &self.config);
+            self.link.hear(now);
         }
     }
 

@@ -8,6 +8,7 @@
 //! Both decoders take bytes in pieces of any size and hand out whole messages; both directions are
 //! the same for client and agent.
 
+mod checksum;
 mod prefixed;
 mod serial;
 

@@ -10,7 +10,8 @@
 //! Inside a frame 0x7E and 0x7D are sent as 0x7D and the byte with bit 5 flipped, so that a damaged
 //! or cut frame costs itself and what the damage hides, never what begins after it.
 
-use crate::count;
+use super::checksum::{SPECIAL, checked, checksum, special_in};
+use crate::{count, tally};
 use core::fmt;
 
 const BEGIN: u8 = 0x7e;
@@ -54,7 +55,7 @@ pub fn serial_frame(
     let [low, high] = u16::try_from(message.len())
         .map_err(|_| FrameTooShort)?
         .to_le_bytes();
-    let crc = message.iter().fold(0, |crc, byte| crc16(crc, *byte));
+    let crc = checksum(message);
     let (whole, mut room) = (out.len(), out.iter_mut());
     let mut put = |byte: u8| {
         *room.next()? = byte;
@@ -112,8 +113,8 @@ pub struct Serial<B> {
     at: usize,
     escaped: bool,
     header: [u8; HEADER],
-    /// Of the message so far; with the checksum behind it, 0.
-    crc: u16,
+    /// The checksum behind the message.
+    tail: [u8; 2],
     stats: FrameStats,
 }
 
@@ -126,7 +127,7 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
             at: HUNTING,
             escaped: false,
             header: [0; HEADER],
-            crc: 0,
+            tail: [0; 2],
             stats: FrameStats {
                 frames: 0,
                 damaged: 0,
@@ -146,17 +147,31 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
     /// Takes in bytes of the line; calls `deliver` with the sender's address and the message of
     /// each frame that ends in them unharmed.
     pub fn push(&mut self, mut bytes: &[u8], mut deliver: impl FnMut(u8, &[u8])) {
-        loop {
+        while !bytes.is_empty() {
             if let Some((source, message, rest)) = self.whole(bytes) {
                 self.at = HUNTING;
-                count(&mut self.stats.frames);
+                tally(&mut self.stats.frames);
                 deliver(source, message);
                 bytes = rest;
                 continue;
             }
+            let ended;
+            (bytes, ended) = self.piecewise(bytes);
+            if ended {
+                let [source, ..] = self.header;
+                let message = self.buf.as_ref().get(..self.announced()).unwrap_or(&[]);
+                deliver(source, message);
+            }
+        }
+    }
+
+    /// Takes bytes up to the end of a frame; what is left, and whether the frame is unharmed.
+    #[inline(never)]
+    fn piecewise<'a>(&mut self, mut bytes: &'a [u8]) -> (&'a [u8], bool) {
+        loop {
             bytes = self.plain(bytes);
             let Some((&byte, rest)) = bytes.split_first() else {
-                return;
+                return (bytes, false);
             };
             bytes = rest;
             if byte == BEGIN {
@@ -171,10 +186,9 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
                 } else {
                     0
                 };
-                if self.step(byte ^ flip) {
-                    let [source, ..] = self.header;
-                    let message = self.buf.as_ref().get(..self.announced()).unwrap_or(&[]);
-                    deliver(source, message);
+                let ended = self.step(byte ^ flip);
+                if ended || self.at == HUNTING {
+                    return (bytes, ended);
                 }
             }
         }
@@ -183,15 +197,16 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
     /// The frame that `bytes` begin with, if it is there as a whole, unharmed, and all its bytes stand
     /// for themselves, as in most: its sender, its message where it lies, and what follows it.
     fn whole<'a>(&self, bytes: &'a [u8]) -> Option<(u8, &'a [u8], &'a [u8])> {
-        let (&[BEGIN, source, target, low, high], rest) = bytes.split_first_chunk()? else {
+        let (&[BEGIN, ref header @ ..], rest) = bytes.split_first_chunk::<5>()? else {
             return None;
         };
+        let [source, target, low, high] = *header;
         let len = usize::from(u16::from_le_bytes([low, high]));
         let (message, rest) = rest.split_at_checked(len)?;
         let (&tail, after) = rest.split_first_chunk()?;
         let between = matches!(self.at, HUNTING | 0);
         let mine = target == self.local && len <= self.buf.as_ref().len();
-        let plain = special_in([source, target, low, high]) == 0;
+        let plain = special_in(u32::from_le_bytes(*header)) & SPECIAL == 0;
         (between && mine && plain && is_right(message, tail)).then_some((source, message, after))
     }
 
@@ -203,7 +218,7 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
         };
         let announced = self.announced();
         let room = self.buf.as_mut().get_mut(at..announced).unwrap_or_default();
-        let (mut crc, mut rest) = (self.crc, bytes);
+        let mut rest = bytes;
         for place in room {
             let Some((&byte, after)) = rest.split_first() else {
                 break;
@@ -212,10 +227,8 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
                 break;
             }
             *place = byte;
-            crc = crc16(crc, byte);
             rest = after;
         }
-        self.crc = crc;
         let taken = bytes.len().wrapping_sub(rest.len());
         self.at = self.at.wrapping_add(taken);
         rest
@@ -227,7 +240,6 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
         }
         self.at = 0;
         self.escaped = false;
-        self.crc = 0;
     }
 
     fn announced(&self) -> usize {
@@ -246,17 +258,20 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
             }
             return false;
         }
-        // Behind the message, what there is room for of its checksum is kept, too, and not looked at.
-        let at = at.wrapping_sub(HEADER);
-        if let Some(place) = self.buf.as_mut().get_mut(at) {
+        let (at, announced) = (at.wrapping_sub(HEADER), self.announced());
+        let message = self.buf.as_mut().get_mut(..announced).unwrap_or_default();
+        if let Some(place) = message.get_mut(at) {
             *place = byte;
-        }
-        self.crc = crc16(self.crc, byte);
-        if at <= self.announced() {
             return false;
         }
+        let [low, high] = &mut self.tail;
+        if at == announced {
+            *low = byte;
+            return false;
+        }
+        *high = byte;
         self.at = HUNTING;
-        let whole = self.crc == 0;
+        let whole = checksum(message).to_le_bytes() == self.tail;
         count(if whole {
             &mut self.stats.frames
         } else {
@@ -279,62 +294,12 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
     }
 }
 
-/// Whether a message and its checksum stand for themselves and fit each other; four bytes at a time.
-fn is_right(message: &[u8], [low, high]: [u8; 2]) -> bool {
-    let (words, end) = message.as_chunks();
-    let (mut special, mut crc) = (special_in([low, high, low, high]), 0);
-    for &word in words {
-        special |= special_in(word);
-        let acts = u32::from(crc) ^ u32::from_le_bytes(word);
-        let [low, high, ..] = (0..4).fold(acts, |crc, _| shifted(crc)).to_le_bytes();
-        crc = u16::from_le_bytes([low, high]);
-    }
-    for &byte in end {
-        special |= u32::from(matches!(byte, 0x7c..=0x7f));
-        crc = crc16(crc, byte);
-    }
-    special == 0 && crc == u16::from_le_bytes([low, high])
-}
-
-/// What four steps of the checksum make of four bits.
-const STEPS: [u16; 16] = {
-    let mut steps = [0; 16];
-    let mut bits = 0_u16;
-    while bits < 16 {
-        let (mut crc, mut step) = (bits, 0);
-        while step < 4 {
-            crc = (crc >> 1) ^ (0xa001 * (crc & 1));
-            step += 1;
-        }
-        if let Some(place) = steps.split_at_mut(bits as usize).1.first_mut() {
-            *place = crc;
-        }
-        bits += 1;
-    }
-    steps
-};
-
-/// 0 if none of four bytes is 0x7C to 0x7F: four comparisons in one.
-#[inline(always)]
-const fn special_in(bytes: [u8; 4]) -> u32 {
-    let zero = (u32::from_le_bytes(bytes) ^ 0x7c7c_7c7c) & 0xfcfc_fcfc;
-    zero.wrapping_sub(0x0101_0101) & !zero & 0x8080_8080
-}
-
-/// CRC-16/ARC: polynomial 0x8005 reflected, from 0.
-fn crc16(crc: u16, byte: u8) -> u16 {
-    let [low, high, ..] = shifted(u32::from(crc ^ u16::from(byte))).to_le_bytes();
-    u16::from_le_bytes([low, high])
-}
-
-/// The checksum's eight steps for the lowest byte, half of it at a time. What is above is not acted
-/// on yet: bytes of the message that follow.
-fn shifted(crc: u32) -> u32 {
-    let half = |crc: u32| {
-        let [low, ..] = crc.to_le_bytes();
-        (crc >> 4) ^ u32::from(STEPS.get(usize::from(low & 15)).copied().unwrap_or(0))
-    };
-    half(half(crc))
+/// Whether a message and its checksum stand for themselves and fit each other.
+fn is_right(message: &[u8], tail: [u8; 2]) -> bool {
+    let (crc, special) = checked(message);
+    let sent = u16::from_le_bytes(tail);
+    let special = special | special_in(sent.into()) & SPECIAL;
+    crc == sent && special == 0
 }
 
 #[cfg(test)]
@@ -357,25 +322,6 @@ mod tests {
             decoder.push(piece, |_source, message| got.push(message.to_vec()));
         }
         (got, decoder.stats())
-    }
-
-    #[test]
-    fn a_byte_at_once_is_eight_bits_one_after_another() {
-        for crc in 0..=u16::MAX {
-            let mut one_by_one = crc;
-            for _ in 0..8 {
-                let carry = one_by_one & 1;
-                one_by_one = (one_by_one >> 1) ^ (carry * 0xa001);
-            }
-            assert_eq!(crc16(crc, 0), one_by_one, "from {crc:#x}");
-            assert_eq!(crc16(crc ^ 0x5a, 0x5a), one_by_one);
-        }
-    }
-
-    #[test]
-    fn the_checksum_is_the_one_of_the_catalogue() {
-        let crc = b"123456789".iter().fold(0, |crc, byte| crc16(crc, *byte));
-        assert_eq!(crc, 0xbb3d);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Receiving on a best-effort stream: older messages than the newest are dropped.
 
 use crate::SeqNum;
-use crate::{count, count_all};
+use crate::{count, count_all, tally};
 
 /// What happened on a best-effort input stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -62,8 +62,10 @@ impl InputBestEffort {
             return false;
         };
         self.newest = Some(seq);
-        count(&mut self.stats.received);
-        count_all(&mut self.stats.skipped, skipped);
+        tally(&mut self.stats.received);
+        if skipped > 0 {
+            count_all(&mut self.stats.skipped, skipped);
+        }
         true
     }
 
