@@ -67,46 +67,19 @@ extern void rp_assert_failed(const char *file, uint32_t line);
     if ((x) == 0) rp_assert_failed(__FILE__, __LINE__)
 
 /* The kernel looks for the highest task list by list, from the highest that was ready downward: 400
- * instructions from 95 to 10. So a bit is set for each list that a task is put into, and cleared when the
- * list is found empty; OUT tells the kernel where to begin, which is where its search then ends. */
+ * instructions from 95 to 10. So a bit is set for each list that a task is put into, and a switch looks for
+ * the next list by these bits where the highest has no task any more. */
 extern uint32_t rp_ready[];
 #define rp_note_ready(priority) (rp_ready[(priority) / 32] |= 1UL << ((priority) % 32))
 #define traceMOVED_TASK_TO_READY_STATE(tcb) rp_note_ready((tcb)->uxPriority)
-#define rp_find_highest()                                                                   \
-    do {                                                                                    \
-        const uint32_t *word = &rp_ready[(configMAX_PRIORITIES - 1) / 32];                  \
-        for (;;) {                                                                          \
-            while (*word == 0) word--; /* the idle task is always ready */                  \
-            const uint32_t bit = 31 - (uint32_t)__builtin_clz(*word);                       \
-            const uint32_t at = (uint32_t)(word - rp_ready) * 32 + bit;                     \
-            if (!listLIST_IS_EMPTY(&(pxReadyTasksLists[at]))) {                             \
-                uxTopReadyPriority = at;                                                    \
-                break;                                                                      \
-            }                                                                               \
-            rp_ready[word - rp_ready] &= ~(1UL << bit);                                     \
-        }                                                                                   \
-    } while (0)
 
-/* Both hooks expand inside the kernel's tasks.c, in the switch itself, with interrupts masked.
- *
- * OUT: a task that is still in its ready list was preempted (or yielded); one that is not, blocked.
- * IN: one reading of the clock ends the time of the one task and begins that of the other. The list's
- * cursor goes back to its end marker. The kernel takes the task after the cursor, so a list is then a
- * plain queue: what runs is its head and stays there when it is preempted, as SCHED_FIFO wants it.
- * (Left alone, the kernel rotates equals at every switch.) */
-extern uint32_t rp_preempted;
+/* The switch itself is ours, at the end of freertos_tasks_c_additions.h: what the port calls by this name
+ * in assembler. The kernel's stays unused. */
+#define vTaskSwitchContext rp_kernel_switch
+
+/* `slot`'s task runs from now on; the one that ran was preempted, or has blocked. */
 extern void rp_switched(void *slot, uint32_t preempted);
-#define traceTASK_SWITCHED_OUT()                                                            \
-    do {                                                                                    \
-        rp_preempted = listLIST_ITEM_CONTAINER(&(pxCurrentTCB->xStateListItem)) ==          \
-                       &(pxReadyTasksLists[pxCurrentTCB->uxPriority]);                      \
-        rp_find_highest();                                                                  \
-    } while (0)
-#define traceTASK_SWITCHED_IN()                                                             \
-    do {                                                                                    \
-        List_t *const rp_list = &(pxReadyTasksLists[pxCurrentTCB->uxPriority]);             \
-        rp_list->pxIndex = (ListItem_t *)&(rp_list->xListEnd);                              \
-        rp_switched(pxCurrentTCB->pvThreadLocalStoragePointers[0], rp_preempted);           \
-    } while (0)
+/* The first task, which the kernel starts without a switch. */
+#define traceTASK_SWITCHED_IN() rp_switched(pxCurrentTCB->pvThreadLocalStoragePointers[0], 1)
 
 #endif

@@ -13,7 +13,6 @@ void rp_place(void *task, uint32_t priority, uint32_t head)
     (void)uxListRemove(item);
     if (head) {
         List_t *const list = &(pxReadyTasksLists[priority]);
-        list->pxIndex = (ListItem_t *)&(list->xListEnd);
         /* Before what follows the end marker: what was first is second. */
         item->pxNext = list->xListEnd.pxNext;
         item->pxPrevious = (ListItem_t *)&(list->xListEnd);
@@ -43,14 +42,12 @@ void rp_block(void)
         tcb->ucNotifyState[0] = taskWAITING_NOTIFICATION;
         listREMOVE_ITEM(&(tcb->xStateListItem));
         listINSERT_END(&xSuspendedTaskList, &(tcb->xStateListItem));
-        portYIELD_WITHIN_API();
-        vPortSetBASEPRI(before); /* the switch happens here */
-        __asm volatile("isb" ::: "memory");
-        (void)ulPortRaiseBASEPRI();
+        portNVIC_INT_CTRL_REG = portNVIC_PENDSVSET_BIT;
+    } else {
+        tcb->ulNotifiedValue[0] = 0;
     }
-    tcb->ulNotifiedValue[0] = 0;
-    tcb->ucNotifyState[0] = taskNOT_WAITING_NOTIFICATION;
-    vPortSetBASEPRI(before);
+    vPortSetBASEPRI(before); /* the switch happens here */
+    __asm volatile("dsb\n isb" ::: "memory");
 }
 
 /* From a task, masked or not, or from an interrupt that may call the kernel. */
@@ -58,10 +55,8 @@ void rp_wake(void *task)
 {
     TCB_t *const tcb = (TCB_t *)task;
     const uint32_t before = ulPortRaiseBASEPRI();
-    const uint8_t state = tcb->ucNotifyState[0];
-    tcb->ulNotifiedValue[0] = 1;
-    tcb->ucNotifyState[0] = taskNOTIFICATION_RECEIVED;
-    if (state == taskWAITING_NOTIFICATION) {
+    if (tcb->ucNotifyState[0] == taskWAITING_NOTIFICATION) {
+        tcb->ucNotifyState[0] = taskNOT_WAITING_NOTIFICATION;
         if (uxSchedulerSuspended == 0) {
             listREMOVE_ITEM(&(tcb->xStateListItem));
             prvAddTaskToReadyList(tcb);
@@ -69,6 +64,52 @@ void rp_wake(void *task)
         } else {
             listINSERT_END(&xPendingReadyList, &(tcb->xEventListItem));
         }
+    } else {
+        tcb->ulNotifiedValue[0] = 1;
     }
     vPortSetBASEPRI(before);
+}
+
+/* The highest list that has tasks, below uxTopReadyPriority's, which has none any more. A bit is cleared
+ * when its list is found empty. */
+static void rp_find_next(void)
+{
+    UBaseType_t at = uxTopReadyPriority;
+    uint32_t word = at / 32;
+    uint32_t bits = rp_ready[word];
+    do {
+        bits &= ~(1UL << (at % 32));
+        rp_ready[word] = bits;
+        while (bits == 0) bits = rp_ready[--word]; /* the idle task is always ready */
+        at = word * 32 + 31 - (uint32_t)__builtin_clz(bits);
+    } while (listLIST_IS_EMPTY(&(pxReadyTasksLists[at])));
+    uxTopReadyPriority = at;
+}
+
+/* Switches to the first task of the highest list that has one; the port calls it, masked.
+ *
+ * A task that is still in its ready list was preempted (or yielded); one that is not, has blocked. The one
+ * reading of the clock in rp_switched ends the time of the one task and begins that of the other. Lists are
+ * plain queues here: what runs is the head and stays there when it is preempted, as SCHED_FIFO wants it,
+ * and what is put at the end goes behind all others, for the cursor never moves. (The kernel's own switch
+ * moves it, and so rotates equals.) */
+#undef vTaskSwitchContext
+void vTaskSwitchContext(void)
+{
+    if (uxSchedulerSuspended != 0) {
+        xYieldPendings[0] = pdTRUE;
+        return;
+    }
+    xYieldPendings[0] = pdFALSE;
+    TCB_t *const out = pxCurrentTCB;
+    const uint32_t *const end = (const uint32_t *)out->pxStack;
+    const uint32_t fill = 0x01010101UL * tskSTACK_FILL_BYTE;
+    if (out->pxTopOfStack <= out->pxStack || end[0] != fill || end[1] != fill || end[2] != fill || end[3] != fill)
+        vApplicationStackOverflowHook((TaskHandle_t)out, out->pcTaskName);
+    const uint32_t preempted = listLIST_ITEM_CONTAINER(&(out->xStateListItem)) ==
+                               &(pxReadyTasksLists[out->uxPriority]);
+    if (listLIST_IS_EMPTY(&(pxReadyTasksLists[uxTopReadyPriority]))) rp_find_next();
+    TCB_t *const in = listGET_OWNER_OF_HEAD_ENTRY(&(pxReadyTasksLists[uxTopReadyPriority]));
+    pxCurrentTCB = in;
+    rp_switched(in->pvThreadLocalStoragePointers[0], preempted);
 }

@@ -29,11 +29,8 @@ void rp_start(void) { vTaskStartScheduler(); }
 /* The Rust side masks by itself, to this level. */
 _Static_assert(configMAX_SYSCALL_INTERRUPT_PRIORITY == 0x50, "replenish-os masks to 0x50");
 
-/* Which priorities may have tasks in their lists: see rp_find_highest in FreeRTOSConfig.h. */
+/* Which priorities may have tasks in their lists: see FreeRTOSConfig.h. */
 uint32_t rp_ready[(configMAX_PRIORITIES + 31) / 32];
-
-/* Whether the task that loses the CPU could have kept it: from one switch hook for the other. */
-uint32_t rp_preempted;
 
 /* Stops the calling task for good. */
 void rp_halt(void) { for (;;) vTaskSuspend(NULL); }

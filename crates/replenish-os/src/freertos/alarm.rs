@@ -43,19 +43,16 @@ pub(crate) fn on_timer() {
             }
             continue;
         }
-        // Newest first: with <=, the oldest of equals wins.
-        let next = slot::all().fold((NEVER, None), |(earliest, first), slot| {
+        // Newest first: with <=, the oldest of equals wins; and one without a deadline never does.
+        let (at, first) = slot::all().fold((NEVER - 1, None), |(earliest, first), slot| {
             let at = slot.state.within(quiet, |s| s.deadline);
-            if at <= earliest && at != NEVER {
+            if at <= earliest {
                 (at, Some(slot))
             } else {
                 (earliest, first)
             }
         });
-        let (at, due) = match next {
-            (at, Some(slot)) if at <= now => (at, Some(slot)),
-            (at, _) => (at, None),
-        };
+        let due = first.filter(|_| at <= now);
         let Some(slot) = due else {
             let at = at.min(limit);
             SET.within(quiet, |set| *set = at);

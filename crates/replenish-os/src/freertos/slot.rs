@@ -224,7 +224,7 @@ extern "C" fn rp_switched(slot: *const c_void, preempted: u32) {
     let now = ffi::board_now();
     if let Some(out) = out {
         out.state.within(quiet, |s| {
-            s.cpu += now.saturating_sub(s.in_at);
+            s.cpu += now.wrapping_sub(s.in_at); // the clock never goes back
             s.on_cpu = false;
             if preempted == 0 {
                 s.blocks = s.blocks.wrapping_add(1);

@@ -40,6 +40,12 @@ impl AtomicU64 {
         })
     }
 
+    /// Adds, wrapping around; in place, for what each message comes by.
+    #[inline(always)]
+    pub fn count(&self, value: u64) {
+        self.0.with(|v| *v = v.wrapping_add(value));
+    }
+
     /// Sets the bits that are set in `value`; the value before.
     pub fn fetch_or(&self, value: u64, _: Ordering) -> u64 {
         self.0.with(|v| {

@@ -97,7 +97,7 @@ pub(crate) fn has_waiter(word: &AtomicU32, quiet: Quiet<'_>) -> bool {
 /// Sleeps until `t`.
 pub(crate) fn sleep_until(t: Nanos) {
     let word = AtomicU32::new(0);
-    while ffi::board_now() < t {
-        wait(&word, 0, Some(t));
+    if ffi::board_now() < t {
+        while !wait(&word, 0, Some(t)) {}
     }
 }

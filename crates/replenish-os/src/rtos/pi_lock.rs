@@ -17,7 +17,7 @@ use super::masked::Mask;
 use super::slot;
 use super::tid::current_tid;
 use crate::Nanos;
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicU32, Ordering, compiler_fence};
 
 const WAITERS: u32 = 1 << 31;
 
@@ -93,9 +93,18 @@ fn lock_slow(lock: &AtomicU32, me: u32, deadline: Option<Nanos>) -> bool {
     }
 }
 
+/// One core: `order` is the compiler's to keep, and no barrier is needed for it.
 fn swap(lock: &AtomicU32, from: u32, to: u32, order: Ordering) -> bool {
-    lock.compare_exchange(from, to, order, Ordering::Relaxed)
-        .is_ok()
+    if order == Ordering::Release {
+        compiler_fence(order);
+    }
+    let swapped = lock
+        .compare_exchange(from, to, Ordering::Relaxed, Ordering::Relaxed)
+        .is_ok();
+    if order == Ordering::Acquire {
+        compiler_fence(order);
+    }
+    swapped
 }
 
 /// By the owner.
