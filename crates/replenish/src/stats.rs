@@ -18,6 +18,15 @@ impl Counter {
         self.0.fetch_add(n, Ordering::Relaxed).wrapping_add(n)
     }
 
+    /// Adds; in place, where each message comes by.
+    #[inline(always)]
+    pub(crate) fn count(&self, n: u64) {
+        #[cfg(target_has_atomic = "64")]
+        self.0.fetch_add(n, Ordering::Relaxed);
+        #[cfg(not(target_has_atomic = "64"))]
+        self.0.count(n);
+    }
+
     /// Raises the value to `n` if it is lower: rarely, so that it is looked at first.
     pub(crate) fn raise(&self, n: u64) {
         if n > self.get() {

@@ -375,7 +375,7 @@ mod doorbell {
         pub(crate) fn owe(&self) {
             self.due.store(true, Ordering::Relaxed);
         }
-        pub(crate) fn pay(&self) {
+        pub(crate) fn pay(&self, _now: &mut Option<u64>) {
             if self.due.swap(false, Ordering::Relaxed) {
                 self.signal.set();
             }

@@ -98,10 +98,13 @@ impl Dispatcher {
         if account.has_budget() {
             account.activate(clock::monotonic());
         }
-        self.counters.rounds.add(1);
+        self.counters.rounds.count(1);
         let taken = self.take(interest, parked);
         self.ring();
-        if let Err(error) = waited.and(taken) {
+        // Mostly neither, and then neither is moved.
+        if (waited.is_err() || taken.is_err())
+            && let Err(error) = waited.and(taken)
+        {
             self.failed(&error, account, deadline);
         }
         let middleware: &dyn Middleware = &*self.stop.middleware;
@@ -194,12 +197,13 @@ impl Dispatcher {
         };
         let middleware: &dyn Middleware = &*stop.middleware;
         let taken = middleware.take(interest, &mut sink)?;
-        self.counters.samples.add(taken as u64);
+        self.counters.samples.count(taken as u64);
         Ok(())
     }
 
     fn ring(&self) {
-        self.bells.iter().for_each(|bell| bell.pay());
+        let mut now = None; // one reading for all
+        self.bells.iter().for_each(|bell| bell.pay(&mut now));
     }
 
     /// The middleware has failed: tells, and pauses.

@@ -87,11 +87,11 @@ impl Doorbell {
         self.due.store(true, Ordering::Relaxed);
     }
 
-    /// Dispatcher: rings if that is owed.
-    pub(crate) fn pay(&self) {
+    /// Dispatcher: rings if that is owed, since `now`, which is this moment if it is not known yet.
+    pub(crate) fn pay(&self, now: &mut Option<Nanos>) {
         if self.due.load(Ordering::Relaxed) {
             self.due.store(false, Ordering::Relaxed);
-            self.ring(clock::monotonic());
+            self.ring(*now.get_or_insert_with(clock::monotonic));
         }
     }
 

@@ -23,7 +23,7 @@ impl Route {
             return false;
         };
         let counters = &self.shared.counters;
-        counters.received.add(1);
+        counters.received.count(1);
         let delivery = inbox.deliver(&mut self.hand, bytes, info);
         self.line.mark();
         match delivery.outcome {

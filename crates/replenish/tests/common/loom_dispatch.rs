@@ -73,6 +73,9 @@ pub(crate) mod stats {
         pub(crate) fn add(&self, n: u64) -> u64 {
             self.0.fetch_add(n, Ordering::Relaxed) + n
         }
+        pub(crate) fn count(&self, n: u64) {
+            self.add(n);
+        }
         pub(crate) fn get(&self) -> u64 {
             self.0.load(Ordering::Relaxed)
         }

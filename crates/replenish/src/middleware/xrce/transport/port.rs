@@ -21,6 +21,17 @@ pub trait Port: Send + Sync + 'static {
     /// Takes received bytes into `into`; how many. 0: nothing was there.
     fn read(&self, into: &mut [u8]) -> usize;
 
+    /// Shows `take` the received bytes that lie together, which are taken then, and says whether there
+    /// may be more; `None` and nothing done, as if not said otherwise, where bytes can only be
+    /// [copied](Self::read).
+    fn lend(&self, take: impl FnOnce(&[u8])) -> Option<Received>
+    where
+        Self: Sized,
+    {
+        drop(take);
+        None
+    }
+
     /// Hands bytes to the line; how many of them it took. It rings the bell when it has room again.
     fn write(&self, bytes: &[u8]) -> usize;
 
@@ -135,6 +146,12 @@ impl<P: Port> Transport for PortTransport<P> {
         }
         let mut inbox = self.inbox.lock();
         let Inbox { decoder, piece }: &mut Inbox = &mut inbox;
+        let lent = self
+            .port
+            .lend(|bytes| decoder.push(bytes, |_, message| deliver(message)));
+        if let Some(received) = lent {
+            return Ok(received);
+        }
         let len = self.port.read(piece);
         if len == 0 {
             return Ok(Received::Nothing);
