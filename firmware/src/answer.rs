@@ -3,7 +3,7 @@
 use crate::case::Worker;
 use crate::work::Burst;
 use alloc::sync::Arc;
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicI32, AtomicU32, Ordering};
 use replenish::Publisher;
 use replenish::middleware::PublishError;
 use replenish::msg::std_msgs::Int32;
@@ -26,8 +26,8 @@ pub struct Count {
     pub answered: AtomicU32,
     /// Answers that the middleware did not take.
     pub failed: AtomicU32,
-    /// Messages before the run, which are not answered.
-    pub rehearsed: AtomicU32,
+    /// The latest message before the run, which is not answered: its number, below 0; 0: none has come.
+    pub rehearsed: AtomicI32,
 }
 
 /// One worker's callback. An answer takes its burst of the worker's CPU time all in all: what the
@@ -58,7 +58,7 @@ impl Answer {
     /// Of the middleware.
     pub fn answer(&mut self, ping: &Int32) -> Result<(), PublishError> {
         if ping.data < 0 {
-            self.count.rehearsed.fetch_add(1, Ordering::Relaxed);
+            self.count.rehearsed.store(ping.data, Ordering::Relaxed);
             return Ok(());
         }
         let first = self.target.is_none();

@@ -1,7 +1,7 @@
 //! A ring of bytes between an interrupt and one task: one side puts, the other takes.
 
-use core::ptr;
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
+use core::{ptr, slice};
 
 /// Holds up to `N` bytes, a power of two. The counters run on and wrap.
 pub struct Ring<const N: usize> {
@@ -56,6 +56,23 @@ impl<const N: usize> Ring<N> {
         self.bytes[at as usize % N].store(byte, Ordering::Relaxed);
         self.put.store(at.wrapping_add(1), Ordering::Release);
         true
+    }
+
+    /// Shows `look` the bytes that lie together at the front, and takes them; whether there may be more.
+    /// `None`: there was nothing.
+    pub fn lend(&self, look: impl FnOnce(&[u8])) -> Option<bool> {
+        let at = self.taken.load(Ordering::Relaxed);
+        let len = self.put.load(Ordering::Acquire).wrapping_sub(at) as usize;
+        if len == 0 {
+            return None;
+        }
+        let front = &self.bytes[at as usize % N..];
+        let together = len.min(front.len());
+        // SAFETY: as many lie there, and nobody puts where something waits.
+        look(unsafe { slice::from_raw_parts(front.as_ptr().cast::<u8>(), together) });
+        self.taken
+            .store(at.wrapping_add(together as u32), Ordering::Release);
+        Some(together < len)
     }
 
     /// Takes as many bytes as there are and `into` has room for; how many.

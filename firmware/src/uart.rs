@@ -14,7 +14,7 @@ use crate::regs::{IRQ_USART2, RCC_AHB1ENR, RCC_APB1ENR, Reg, enable_interrupt};
 use crate::ring::Ring;
 use core::ptr;
 use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
-use replenish::middleware::xrce::Port;
+use replenish::middleware::xrce::{Port, Received};
 use replenish_os::Shared as Arc;
 use replenish_os::Signal;
 
@@ -105,6 +105,14 @@ pub fn counts() -> Counts {
 impl Port for Usart2 {
     fn read(&self, into: &mut [u8]) -> usize {
         RX.take(into)
+    }
+
+    fn lend(&self, take: impl FnOnce(&[u8])) -> Option<Received> {
+        Some(match RX.lend(take) {
+            None => Received::Nothing,
+            Some(true) => Received::Something,
+            Some(false) => Received::All, // what comes from now on rings
+        })
     }
 
     fn write(&self, bytes: &[u8]) -> usize {

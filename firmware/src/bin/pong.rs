@@ -219,18 +219,29 @@ fn stay_awake() {
     }
 }
 
-/// Ticks below 0, until the host has answered on every topic.
+/// Ticks below 0, until the host has answered on every topic, and then until it has answered the last of
+/// them: a message that came later would take something of a budget with which the run is to begin.
 fn rehearse(tick: &Publisher<Int32>, workers: &[Running]) {
-    let heard = |w: &Running| w.count.rehearsed.load(Ordering::Relaxed) > 0;
-    let mut more = 30;
+    let latest = |w: &Running| w.count.rehearsed.load(Ordering::Relaxed);
+    let send = |data| tick.publish(&Int32 { data }).ok();
+    let (mut last, mut more) = (0, 30);
     while more > 0 {
-        tick.publish(&Int32 { data: -1 }).ok();
+        last -= 1;
+        let _ = send(last);
         clock::sleep_until(clock::monotonic() + INTERVAL);
-        // What the host sends for the last of them has to come before the run begins.
-        if workers.iter().all(heard) {
+        if workers.iter().all(|w| latest(w) < 0) {
             more -= 1;
             clock::sleep_until(clock::monotonic() + INTERVAL);
         }
+    }
+    let mut patience = 0;
+    while !workers.iter().all(|w| latest(w) == last) {
+        patience += 1;
+        if patience % 200 == 0 {
+            last -= 1; // the last may have been lost
+            let _ = send(last);
+        }
+        clock::sleep_until(clock::monotonic() + INTERVAL);
     }
 }
 
@@ -265,41 +276,45 @@ fn send_ticks(tick: Publisher<Int32>, options: &Options, answers: u32, noted: Re
     let wanted = options.lockstep;
     let mut lockstep = wanted;
     let send = move |data, lockstep| {
-        // A tick exists in emulation only: it costs the board no time, from here to the next wait.
-        time::stand_still_until_waiting(|| {
-            if tick.publish(&Int32 { data }).is_err() {
-                UNSENT.fetch_add(1, Ordering::Relaxed);
-            } else if lockstep {
-                line::expect(answers);
-            }
-        });
+        if tick.publish(&Int32 { data }).is_err() {
+            UNSENT.fetch_add(1, Ordering::Relaxed);
+        } else if lockstep {
+            line::expect(answers);
+        }
     };
     let body = move || {
         let mut next = clock::monotonic();
-        let mut back = false;
+        let (mut back, mut over) = (false, false);
         for n in 0.. {
             next += INTERVAL;
             clock::sleep_until(next);
-            if OVER.load(Ordering::SeqCst) {
-                return send(-2, lockstep);
+            // A tick exists in emulation only: it costs the board no time, from here to the next wait.
+            time::stand_still_until_waiting(|| {
+                over = OVER.load(Ordering::SeqCst);
+                if over {
+                    return send(-2, lockstep);
+                }
+                if restart > 0 && n == restart {
+                    AWAKE.store(true, Ordering::SeqCst);
+                    lockstep = false;
+                    noted.note(0);
+                    say!("# end the agent");
+                }
+                if !back && LINK_BACK.load(Ordering::Relaxed) > 0 {
+                    back = true;
+                    noted.note(1);
+                }
+                // Ping, too, has to log in again, in the host's time.
+                if back && GAP.load(Ordering::SeqCst) == 0 && noted.all_answered_since(1) {
+                    lockstep = wanted;
+                    AWAKE.store(!lockstep, Ordering::SeqCst);
+                    GAP.store((n - restart) as u32, Ordering::SeqCst);
+                }
+                send(n, lockstep);
+            });
+            if over {
+                return;
             }
-            if restart > 0 && n == restart {
-                AWAKE.store(true, Ordering::SeqCst);
-                lockstep = false;
-                noted.note(0);
-                say!("# end the agent");
-            }
-            if !back && LINK_BACK.load(Ordering::Relaxed) > 0 {
-                back = true;
-                noted.note(1);
-            }
-            // Ping, too, has to log in again, in the host's time.
-            if back && GAP.load(Ordering::SeqCst) == 0 && noted.all_answered_since(1) {
-                lockstep = wanted;
-                AWAKE.store(!lockstep, Ordering::SeqCst);
-                GAP.store((n - restart) as u32, Ordering::SeqCst);
-            }
-            send(n, lockstep);
         }
     };
     let spec = ThreadSpec::new("clock")
