@@ -63,9 +63,9 @@ impl Bench {
         Command::new(&self.replenish)
     }
 
-    /// As [`once`](Self::once), and a second time if the first did not end: once in some tens of runs on
-    /// a loaded host no answer comes any more, and the board waits for it with its clock standing still.
-    /// It is told; a second time is an error.
+    /// As [`once`](Self::once), and a second time if the first did not end: the board's clock stands
+    /// still while it waits for the host, so a sample that a loaded host loses, or a host that is too
+    /// slow, costs no time of the board's but all of ours. It is told; a second time is an error.
     pub(crate) fn run(&self, words: &[String], host: Host) -> Outcome<Run> {
         match self.once(words, host) {
             Err(what) if what.contains(NO_END) => {
