@@ -37,10 +37,7 @@ pub fn set_priority(tid: Tid, class: SchedClass) -> Result<(), OsError> {
 /// # Errors
 /// As [`set_priority`].
 pub fn promote(tid: Tid, hi: u8) -> Result<(), OsError> {
-    if !(1..=MAX_PRIORITY).contains(&hi) {
-        return Err(OsError::new("priority out of range: allowed 1 to 99"));
-    }
-    place(tid, hi)
+    place(tid, hi, 1)
 }
 
 /// Lowers task `tid` to priority `lo`, at the tail of its list. `lo` = 0 stops it: the idle task
@@ -49,13 +46,14 @@ pub fn promote(tid: Tid, hi: u8) -> Result<(), OsError> {
 /// # Errors
 /// As [`set_priority`].
 pub fn demote_to_tail(tid: Tid, lo: u8) -> Result<(), OsError> {
-    if lo > MAX_PRIORITY {
-        return Err(OsError::new("priority out of range: allowed 0 to 99"));
-    }
-    place(tid, lo)
+    place(tid, lo, 0)
 }
 
-fn place(tid: Tid, priority: u8) -> Result<(), OsError> {
+fn place(tid: Tid, priority: u8, least: u8) -> Result<(), OsError> {
+    if !(least..=MAX_PRIORITY).contains(&priority) {
+        let range = "priority out of range: allowed 1 to 99, to be lowered to 0 to 99";
+        return Err(OsError::new(range));
+    }
     let slot = slot::find(tid.get()).ok_or(OsError::new("no task has this number"))?;
     inherit::set_base(slot, priority)
 }
