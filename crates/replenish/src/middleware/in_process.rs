@@ -4,6 +4,7 @@
 //! into the queues of its readers, or while one buffer changes hands, never across a wait. Every
 //! queue is allocated when its reader is created.
 
+mod bus;
 mod clashes;
 mod services;
 
@@ -14,17 +15,15 @@ use super::{
 use crate::Nanos;
 use crate::handoff::Ring;
 use crate::platform;
-use crate::qos::{Durability, History, IngressLimit, Qos, Reliability};
+use crate::qos::{Durability, History, IngressLimit, Reliability};
 use crate::sync::{Arc, Mutex, Signal};
 use crate::text::said;
-use alloc::string::String;
 use alloc::vec::Vec;
+use bus::{Bus, Participant, Reader, Writer, id};
 use clashes::Clashes;
 use core::fmt;
 use replenish_os::clock;
 
-/// The most participants of one bus.
-const MAX_PARTICIPANTS: usize = 64;
 /// Samples that one `take` hands over at most.
 const BATCH: usize = 64;
 
@@ -39,61 +38,6 @@ const BATCH: usize = 64;
 #[derive(Clone)]
 pub struct InProcessBus {
     state: Arc<Mutex<Bus>>,
-}
-
-#[derive(Default)]
-struct Bus {
-    topics: Vec<Topic>,
-    participants: Vec<Participant>,
-}
-
-struct Topic {
-    name: String,
-    type_name: String,
-    /// Participant and reader of each subscription.
-    readers: Vec<(usize, usize)>,
-    /// Some writer and some reader do not fit together.
-    clashes: bool,
-}
-
-struct Participant {
-    bell: Arc<Signal>,
-    /// What its dispatcher waits for at this moment.
-    waits_for: Option<Interest>,
-    /// Where the next `take` starts to look, so that no reader starves the others.
-    next: usize,
-    readers: Vec<Reader>,
-    writers: Vec<Writer>,
-    /// What does not fit together, and was not told yet.
-    clashes: Arc<Clashes>,
-}
-
-struct Writer {
-    topic: usize,
-    offers: Qos,
-    /// The largest payload it may send.
-    limit: usize,
-    /// Samples sent so far.
-    sent: u64,
-    /// A client's reader of replies.
-    replies: Option<usize>,
-    /// The latest samples, for readers that come late (transient local).
-    kept: Option<Ring>,
-    /// It was deleted; its place is free.
-    deleted: bool,
-}
-
-struct Reader {
-    requests: Qos,
-    queue: Ring,
-    keep_all: bool,
-    keep_oldest: bool,
-    reliable: bool,
-    lost: u64,
-    /// It was deleted; its place is free.
-    deleted: bool,
-    /// How many readers have had this place before.
-    generation: u32,
 }
 
 impl InProcessBus {
@@ -169,111 +113,6 @@ impl fmt::Debug for InProcess {
         f.debug_struct("InProcess")
             .field("participant", &self.me)
             .finish_non_exhaustive()
-    }
-}
-
-impl Bus {
-    fn topic(&mut self, spec: &EndpointSpec<'_>) -> Result<usize, MiddlewareError> {
-        if let Some(at) = self.topics.iter().position(|t| t.name == spec.topic) {
-            let existing = &self.topics.get(at).map(|t| t.type_name.clone());
-            return match existing {
-                Some(name) if name != spec.type_name => Err(MiddlewareError::TypeMismatch {
-                    existing: name.as_str().into(),
-                }),
-                _ => Ok(at),
-            };
-        }
-        self.topics.push(Topic {
-            name: spec.topic.into(),
-            type_name: spec.type_name.into(),
-            readers: Vec::new(),
-            clashes: false,
-        });
-        Ok(self.topics.len() - 1)
-    }
-
-    fn me(&mut self, me: usize) -> Result<&mut Participant, MiddlewareError> {
-        let too_many = MiddlewareError::Capacity {
-            what: said("participants of one in-process bus"),
-            limit: MAX_PARTICIPANTS,
-        };
-        let known = self.participants.get_mut(me);
-        known.filter(|_| me < MAX_PARTICIPANTS).ok_or(too_many)
-    }
-
-    /// Gives a reader that comes late what the topic's writers have kept.
-    fn catch_up(&self, topic: usize, reader: &mut Reader) {
-        let writers = self.participants.iter().flat_map(|p| &p.writers);
-        let requests = reader.requests;
-        let fits = |w: &&Writer| w.offers.check_offers(requests).is_ok();
-        let mine = writers.filter(|w| w.topic == topic && !w.deleted && fits(w));
-        for sample in mine.filter_map(|w| w.kept.as_ref()).flat_map(Ring::waiting) {
-            let arrival = clock::monotonic();
-            let info = SampleInfo {
-                arrival,
-                ..*sample.info()
-            };
-            reader.store(sample.payload(), &info);
-        }
-    }
-
-    /// Copies the sample to every reader of the topic. Returns the participants to wake, as bits,
-    /// and whether a reliable reader that keeps all had no room.
-    fn distribute(
-        &mut self,
-        (topic, offers): (usize, Qos),
-        payload: &[u8],
-        info: &SampleInfo,
-    ) -> (u64, bool) {
-        let (mut wake, mut full) = (0, false);
-        let Some(topic) = self.topics.get(topic) else {
-            return (wake, full);
-        };
-        for &(p, r) in &topic.readers {
-            let Some(participant) = self.participants.get_mut(p) else {
-                continue;
-            };
-            let Some(reader) = participant.readers.get_mut(r) else {
-                continue;
-            };
-            if topic.clashes && offers.check_offers(reader.requests).is_err() {
-                continue;
-            }
-            if reader.store(payload, info) {
-                let waits = participant.waits_for.as_ref();
-                if waits.is_some_and(|i| i.contains(id(r))) {
-                    participant.waits_for = None; // one bell is enough
-                    wake |= 1 << p;
-                }
-            } else {
-                full |= reader.reliable && reader.keep_all;
-            }
-        }
-        (wake, full)
-    }
-}
-
-impl Reader {
-    /// Whether the sample waits now. Anything that did not find room is counted.
-    fn store(&mut self, payload: &[u8], info: &SampleInfo) -> bool {
-        if (self.keep_all || self.keep_oldest) && self.queue.is_full() {
-            self.lost += 1;
-            return false;
-        }
-        let Some(mut slot) = self.queue.spare() else {
-            self.lost += 1;
-            return false;
-        };
-        if !slot.fill(payload, info) {
-            self.queue.give_back(slot);
-            self.lost += 1;
-            return false;
-        }
-        if let Some(oldest) = self.queue.push(slot) {
-            self.queue.give_back(oldest);
-            self.lost += 1;
-        }
-        true
     }
 }
 
@@ -524,8 +363,4 @@ fn bounded(index: usize, what: &'static str) -> Result<u16, MiddlewareError> {
 /// Nanoseconds since the Unix epoch.
 fn wall_clock() -> Option<Nanos> {
     u64::try_from(platform::wall_clock()?.as_nanos()).ok()
-}
-
-fn id(index: usize) -> ReaderId {
-    ReaderId(u16::try_from(index).unwrap_or(u16::MAX))
 }
