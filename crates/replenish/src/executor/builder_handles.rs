@@ -5,7 +5,6 @@ use super::callback::{CallbackContext, CallbackResult};
 use super::client::{Client, NoReply};
 use super::forge::RawType;
 use super::guard::GuardCondition;
-use super::rules::Handling;
 use super::schedule::Every;
 use super::service::Responder;
 use super::timer::TimerHandle;
@@ -61,11 +60,8 @@ impl WorkerBuilder<'_> {
         R: CallbackResult + 'static,
     {
         let topic = topic.into();
-        self.ruled(|_| {}).add(|forge| {
-            let mut entry = forge.subscription(node, topic, qos, callback)?;
-            entry.handling = Handling::new().always();
-            Ok(entry)
-        })
+        self.ruled(|_| {})
+            .add(|forge| forge.always(node, topic, qos, callback))
     }
 
     /// Calls `callback` with a view of every message on `topic`: strings and sequences stay in the

@@ -5,6 +5,7 @@ use super::client::{Client, NoReply, Replies};
 use super::entry::Entry;
 use super::guard::{Guard, GuardCondition};
 use super::handle::Shared;
+use super::rules::Handling;
 use super::schedule::Every;
 use super::service::{ReplyLine, Responder, Server};
 use super::subscription::{RawSubscription, Subscription, ViewSubscription};
@@ -148,6 +149,24 @@ impl Forge<'_> {
         let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
         let handle = Subscription::<M, F>::new(Arc::clone(&shared), inbox, callback);
         Ok(Entry::new(shared, Box::new(handle)))
+    }
+
+    /// One whose callback runs in every round of its worker.
+    pub(crate) fn always<M, F, R>(
+        &self,
+        node: &Node,
+        topic: Topic<'_>,
+        qos: Qos,
+        callback: F,
+    ) -> Result<Entry, Error>
+    where
+        M: Message,
+        F: FnMut(Option<&M>, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let mut entry = self.subscription(node, topic, qos, callback)?;
+        entry.handling = Handling::new().always();
+        Ok(entry)
     }
 
     pub(crate) fn view<M, F, R>(

@@ -5,7 +5,6 @@ use super::client::{Client, NoReply};
 use super::forge::RawType;
 use super::guard::GuardCondition;
 use super::live::LiveWorker;
-use super::rules::Handling;
 use super::schedule::Every;
 use super::service::Responder;
 use super::timer::TimerHandle;
@@ -52,11 +51,7 @@ impl LiveWorker<'_> {
         R: CallbackResult + 'static,
     {
         let topic = topic.into();
-        self.add(|forge| {
-            let mut entry = forge.subscription(node, topic, qos, callback)?;
-            entry.handling = Handling::new().always();
-            Ok(entry)
-        })
+        self.add(|forge| forge.always(node, topic, qos, callback))
     }
 
     /// A subscription to views.
