@@ -10,7 +10,7 @@
 mod common;
 
 use common::fibonacci::{Fibonacci, Numbers, Order};
-use common::{eventually, executor};
+use common::{Echo, eventually, executor};
 use replenish::msg::std_msgs::Int32;
 use replenish::{
     ActionOptions, CallbackContext, Context, GoalUpdate, Group, GuardCondition, Handling, NewGoal,
@@ -273,14 +273,6 @@ fn removals_in_a_circle_are_no_deadlock() {
 }
 
 /// A service that answers what it was asked.
-struct Echo;
-
-impl replenish::msg::Service for Echo {
-    type Request = Int32;
-    type Response = Int32;
-    const TYPE_NAME: &'static str = "test_msgs/srv/Echo";
-}
-
 /// An action's client has five handles and one callback: all of them are in the group that is asked
 /// for once, and tell the one hook; the same while it runs.
 #[test]

@@ -11,9 +11,7 @@
 mod common;
 
 use common::agent::TestAgent;
-use common::{eventually, executor};
-use replenish::msg::Service;
-use replenish::msg::std_msgs::Int32;
+use common::{Echo, eventually, executor};
 use replenish::{
     Client, Context, Error, Every, Executor, Handling, Qos, RunningExecutor, SpinEnd, Trigger,
 };
@@ -24,14 +22,6 @@ use std::time::Duration;
 
 const LIMIT: Duration = Duration::from_secs(60);
 const MS: Duration = Duration::from_millis(1);
-
-struct Echo;
-
-impl Service for Echo {
-    type Request = Int32;
-    type Response = Int32;
-    const TYPE_NAME: &'static str = "test_msgs/srv/Echo";
-}
 
 /// A callback waits for a server that is there, and for one that is not: nobody else has to run for
 /// the answer, not even the executor of the callback.

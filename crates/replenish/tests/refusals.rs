@@ -9,8 +9,7 @@
 
 mod common;
 
-use common::executor;
-use replenish::msg::Service;
+use common::{Echo, executor};
 use replenish::msg::std_msgs::Int32;
 use replenish::{
     Client, Context, Error, Every, Handling, Qos, RawType, Topic, Trigger, WorkerBuilder,
@@ -18,14 +17,6 @@ use replenish::{
 use std::time::Duration;
 
 const MS: Duration = Duration::from_millis(1);
-
-struct Echo;
-
-impl Service for Echo {
-    type Request = Int32;
-    type Response = Int32;
-    const TYPE_NAME: &'static str = "test_msgs/srv/Echo";
-}
 
 /// The error of a worker with these rules and one timer; with threads and without it is the same.
 fn refused(rules: impl Fn(WorkerBuilder<'_>) -> WorkerBuilder<'_>) -> String {

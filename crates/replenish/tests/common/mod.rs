@@ -15,9 +15,19 @@ pub mod fibonacci;
 pub mod relay;
 pub mod scripted;
 
+use replenish::msg::{Service, std_msgs::Int32};
 use replenish::{Context, Event, Executor, RunningExecutor};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
+
+/// A service that gives a number for a number.
+pub struct Echo;
+
+impl Service for Echo {
+    type Request = Int32;
+    type Response = Int32;
+    const TYPE_NAME: &'static str = "test_msgs/srv/Echo";
+}
 
 /// Waits until `condition` holds; `false` after a minute. For things that need no limit but must not
 /// hang a test, on a machine that is loaded, too.
