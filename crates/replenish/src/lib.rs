@@ -77,6 +77,8 @@ pub use executor::{
 };
 #[cfg(feature = "live")]
 pub use executor::{ExecutorHandle, LiveWorker, Removal};
+#[cfg(feature = "texts")]
+pub use executor::{RoundReport, RoundStats};
 pub use histogram::Histogram;
 pub use lifecycle::{Lifecycle, LifecycleError, ManagedPublisher, Outcome, State, Transition};
 pub use middleware::PublishError;

@@ -501,6 +501,26 @@ mod rounds {
     }
 }
 
+/// Nor by the clock.
+mod beat {
+    use crate::Arc;
+
+    pub(crate) struct RoundStats;
+    pub(crate) struct Beat;
+    pub(crate) type Beating = (Arc<str>, Arc<Beat>);
+
+    impl Beat {
+        pub(crate) fn snapshot(&self) -> RoundStats {
+            RoundStats
+        }
+    }
+
+    pub(crate) fn of(_: &crate::plan::Request, _: &crate::rules::Rules) -> Option<Beating> {
+        None
+    }
+    pub(crate) fn report(_: &Beating) {}
+}
+
 mod rules {
     #[derive(Default)]
     pub(crate) struct Rules {
@@ -547,6 +567,7 @@ mod report {
         pub(crate) elapsed: u64,
         pub(crate) threads: Vec<()>,
         pub(crate) handles: Vec<()>,
+        pub(crate) rounds: Vec<()>,
         pub(crate) dispatcher: DispatcherReport,
         pub(crate) enforcers: Vec<()>,
         pub(crate) fallbacks: Vec<()>,

@@ -11,8 +11,8 @@ mod common;
 use common::{eventually, executor};
 use replenish::msg::std_msgs::Int32;
 use replenish::{
-    Context, Executor, GuardCondition, Handling, Node, OnMiss, Publisher, Qos, Semantics, Trigger,
-    WorkerBuilder,
+    Context, Executor, GuardCondition, Handling, Node, OnMiss, Overrun, Publisher, Qos, Semantics,
+    Trigger, WorkerBuilder,
 };
 use replenish_testkit::watchdog::watchdog;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -367,4 +367,64 @@ fn rules_that_contradict_each_other_are_refused_by_name() {
         capacity.contains("capacity = 5000 is not allowed: 1..=4096"),
         "{capacity}"
     );
+}
+
+/// Every release of the grid was served or is counted as skipped; with the other rules none is.
+#[test]
+fn rounds_that_are_overrun_are_counted_and_reported() {
+    let _dog = watchdog("skipped rounds", LIMIT);
+    for rule in [Overrun::Skip, Overrun::CatchUp, Overrun::Delay] {
+        let mut rig = rig();
+        let long = |_: &Int32, _: &replenish::CallbackContext<'_>| std::thread::sleep(30 * MS);
+        rig.exec
+            .worker("w")
+            .every(replenish::Every::period(MS).overrun(rule))
+            .subscribe(&rig.node, "a", Qos::reliable(), long)
+            .unwrap();
+        rig.exec.worker("other").timer(MS, |_| ()).unwrap();
+        let (a, running) = (rig.a.clone(), rig.exec.start().unwrap());
+        a.publish(&int(0)).unwrap();
+        let rounds = || running.rounds("w").unwrap();
+        assert!(eventually(
+            || running.stats("/n/sub:/a").unwrap().executed == 1
+        ));
+        assert!(eventually(|| rounds().served >= 3
+            && rounds().skipped >= 29
+            || rule != Overrun::Skip));
+        assert_eq!(running.rounds("other"), None, "no clock begins its rounds");
+        let releases = |ns: u64| ns / 1_000_000;
+        assert!(eventually(|| {
+            let (before, counted) = (running.report().elapsed, rounds());
+            let all = counted.served + counted.skipped;
+            assert!(all <= releases(running.report().elapsed), "{counted:?}");
+            all >= releases(before) || rule == Overrun::Delay // which moves the grid
+        }));
+        let report = running.stop();
+        let [w] = &*report.rounds else {
+            panic!("{:?}", report.rounds);
+        };
+        assert_eq!(
+            (&*w.worker, w.stats.skipped > 0),
+            ("w", rule == Overrun::Skip)
+        );
+        let (served, skipped) = (w.stats.served, w.stats.skipped);
+        let line = format!("w: {served} rounds by the clock, {skipped} skipped\n");
+        assert!(report.to_string().contains(&line), "{report}");
+    }
+}
+
+#[test]
+fn rounds_that_are_overrun_are_counted_without_threads() {
+    let _dog = watchdog("skipped rounds", LIMIT);
+    let mut rig = rig();
+    rig.both(Trigger::Any);
+    let worker = rig.exec.worker("clocked").every(MS);
+    worker.timer(100 * MS, |_| ()).unwrap();
+    let mut local = rig.exec.local().unwrap();
+    std::thread::sleep(30 * MS);
+    local.spin_for(MS);
+    let rounds = local.rounds("clocked").unwrap();
+    assert!(rounds.served >= 1 && rounds.skipped >= 29, "{rounds:?}");
+    assert_eq!(local.rounds("w"), None);
+    assert_eq!(local.report().rounds[0].stats, rounds);
 }

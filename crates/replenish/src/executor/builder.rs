@@ -153,10 +153,15 @@ impl WorkerBuilder<'_> {
 
     /// Rounds begin by the clock alone: once per period, on an absolute grid; what has come
     /// meanwhile is served then. A round that is overrun follows the rule of `every`, which is a
-    /// period that begins with the executor: [`Every::once`] and [`Every::not_started`] are for timers.
+    /// period that begins with the executor: [`Every::once`] and [`Every::not_started`] are for timers. The
+    /// [report](crate::Report) counts rounds that are left out.
     pub fn every(self, every: impl Into<Every>) -> Self {
         let every = every.into();
-        self.ruled(|r| r.every = Some(every))
+        self.ruled(|r| {
+            r.every = Some(every);
+            #[cfg(feature = "texts")]
+            r.beat.get_or_insert_default();
+        })
     }
 
     /// Up to so many callbacks of one handle per round, before the next handle's turn, 1 or more.

@@ -11,6 +11,8 @@
 //! nanoseconds: a limit of 200 us is 200 us, and no limit, however short, becomes a busy loop.
 
 use super::assembly::{Assembly, assemble};
+#[cfg(feature = "texts")]
+use super::beat::{self, Beating, RoundStats};
 use super::dispatcher::{Dispatcher, Watch};
 #[cfg(feature = "live")]
 use super::live::ExecutorHandle;
@@ -265,6 +267,21 @@ impl LocalExecutor {
         Some(handle_stats(&handle, &self.stop))
     }
 
+    /// What has become of the rounds of a worker that begin by the clock
+    /// ([`WorkerBuilder::every`](crate::WorkerBuilder::every)). Does not allocate.
+    #[cfg(feature = "texts")]
+    #[must_use]
+    pub fn rounds(&self, worker: &str) -> Option<RoundStats> {
+        let (_, beat) = self.beats().find(|(name, _)| **name == *worker)?;
+        Some(beat.snapshot())
+    }
+
+    #[cfg(feature = "texts")]
+    fn beats(&self) -> impl Iterator<Item = Beating> {
+        let specs = self.workers.iter().map(|w| &w.spec);
+        specs.filter_map(|spec| beat::of(&spec.request, &spec.rules))
+    }
+
     /// The numbers at this moment; there are no threads among them. Allocates.
     #[must_use]
     pub fn report(&self) -> Report {
@@ -277,6 +294,8 @@ impl LocalExecutor {
             handles: handles
                 .map(|(w, h)| handle_report(w, h, &self.stop))
                 .collect(),
+            #[cfg(feature = "texts")]
+            rounds: self.beats().map(|b| beat::report(&b)).collect(),
             dispatcher: DispatcherReport {
                 rounds: counters.rounds.get(),
                 samples: counters.samples.get(),

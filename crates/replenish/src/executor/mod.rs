@@ -11,7 +11,7 @@
 //!   [`planned`], or `unplanned` without feature `plan`: `overlay`, scheduling from a file;
 //!   `admission`, does it fit on this host?
 //! - [`start`]: threads, enforcers, the declared fallbacks. [`threads`]: one thread's life.
-//! - [`dispatcher`], [`worker`]: the two loops; [`rounds`]: by other rules than the usual one; [`doorbell`]: what the second sleeps on. [`handle`], [`subscription`], [`timer`]: what
+//! - [`dispatcher`], [`worker`]: the two loops; [`rounds`]: by other rules than the usual one, `beat`: counted; [`doorbell`]: what the second sleeps on. [`handle`], [`subscription`], [`timer`]: what
 //!   workers run. [`callback`]: what callbacks see.
 //! - [`assembly`]: the parts put together. [`local`]: without threads, on the caller's.
 //! - [`live`], `live_handles`, [`mailbox`], [`desk`]: handles that come and go; `fixed` without feature `live`.
@@ -23,6 +23,8 @@ mod added;
 mod admission;
 mod agenda;
 mod assembly;
+#[cfg(feature = "texts")]
+mod beat;
 mod builder;
 mod builder_handles;
 mod callback;
@@ -71,6 +73,8 @@ mod worker;
 
 #[cfg(feature = "live")]
 pub(crate) use added::Added;
+#[cfg(feature = "texts")]
+pub use beat::RoundStats;
 pub use builder::WorkerBuilder;
 pub use callback::{CallbackContext, CallbackResult};
 pub use client::{CallError, Client, NoReply};
@@ -84,6 +88,8 @@ pub use guard::GuardCondition;
 pub use live::{ExecutorHandle, LiveWorker, Removal};
 pub use local::{LocalExecutor, SpinEnd, Spun};
 pub use planning::AdmissionReport;
+#[cfg(feature = "texts")]
+pub use report::RoundReport;
 pub use report::{DispatcherReport, HandleReport, Report, ThreadReport};
 pub use rules::{DeadlineMiss, HandleStates, Handling, OnMiss, Semantics, Trigger};
 pub use running::RunningExecutor;

@@ -1,5 +1,7 @@
 //! What an executor has to say about itself: plain numbers, and a table for people.
 
+#[cfg(feature = "texts")]
+use super::beat::RoundStats;
 use super::planning::AdmissionReport;
 use crate::Nanos;
 use crate::histogram::Histogram;
@@ -20,6 +22,9 @@ pub struct Report {
     pub threads: Vec<ThreadReport>,
     /// The handles, worker by worker, in the order they were added.
     pub handles: Vec<HandleReport>,
+    /// The workers whose rounds begin by the clock ([`WorkerBuilder::every`](crate::WorkerBuilder::every)).
+    #[cfg(feature = "texts")]
+    pub rounds: Vec<RoundReport>,
     /// The dispatcher's counters.
     pub dispatcher: DispatcherReport,
     /// One per CPU with budgeted workers.
@@ -80,6 +85,17 @@ pub struct HandleReport {
     pub response: Histogram,
     /// The last error a callback returned, or the panic's message; cut to 120 bytes.
     pub last_error: Option<String>,
+}
+
+/// One worker whose rounds begin by the clock.
+#[cfg(feature = "texts")]
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct RoundReport {
+    /// The worker's name.
+    pub worker: String,
+    /// What has become of the releases.
+    pub stats: RoundStats,
 }
 
 impl Report {
@@ -146,6 +162,14 @@ impl fmt::Display for Report {
                 s.worst_latency / 1000,
                 s.worst_execution / 1000,
                 if s.panicked { "  panicked" } else { "" }
+            )?;
+        }
+        #[cfg(feature = "texts")]
+        for RoundReport { worker, stats } in &self.rounds {
+            let (served, skipped) = (stats.served, stats.skipped);
+            writeln!(
+                f,
+                "{worker}: {served} rounds by the clock, {skipped} skipped"
             )?;
         }
         for name in &self.stuck {

@@ -9,7 +9,7 @@ use super::entry::Entry;
 use super::moment::Moment;
 use super::outbox::Outbox;
 use super::rules::{HandleStates, Rules, Semantics, Trigger};
-use super::schedule::{Schedule, nanos};
+use super::schedule::{Release, Schedule, nanos};
 use super::tally::Tally;
 use super::worker::Worker;
 use crate::Nanos;
@@ -149,12 +149,21 @@ fn step(worker: &mut Worker, account: &mut Account, tally: &Tally) -> bool {
         None => round(worker, account, tally),
         Some(grid) => match grid.serve(clock::monotonic()) {
             None => false,
-            Some(_) => {
+            Some(release) => {
+                note(&worker.spec.rules, release);
                 round(worker, account, tally);
                 true
             }
         },
     }
+}
+
+/// A round by the clock begins.
+fn note(rules: &Rules, release: Release) {
+    #[cfg(feature = "texts")]
+    rules.beat.iter().for_each(|beat| beat.note(release));
+    #[cfg(not(feature = "texts"))]
+    let _ = (rules, release);
 }
 
 /// A round, if the trigger allows it; whether it did anything.

@@ -1,6 +1,8 @@
 //! How a worker goes through its handles: what starts a round, what a round takes, and what
 //! happens to a handle whose deadline was missed.
 
+#[cfg(feature = "texts")]
+use super::beat::Beat;
 use super::entry::Entry;
 use super::group::Group;
 use super::handle::Deadline;
@@ -8,6 +10,8 @@ use super::rounds::{BY_RULES, Rounds};
 use super::schedule::{Every, nanos};
 use crate::Nanos;
 use crate::event::Event;
+#[cfg(feature = "texts")]
+use crate::sync::Arc;
 use alloc::boxed::Box;
 use alloc::string::String;
 use core::fmt;
@@ -107,6 +111,9 @@ pub(crate) struct Rules {
     pub(crate) batch: Option<u32>,
     /// Rounds come by the clock alone.
     pub(crate) every: Option<Every>,
+    /// What becomes of those rounds.
+    #[cfg(feature = "texts")]
+    pub(crate) beat: Option<Arc<Beat>>,
     /// Samples and bytes of the output barrier.
     pub(crate) barrier: Option<(usize, usize)>,
     /// The most handles, those added later included.

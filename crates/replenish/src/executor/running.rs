@@ -8,6 +8,8 @@
 //!                                                      time sharing, left behind; join the rest
 //! ```
 
+#[cfg(feature = "texts")]
+use super::beat::{self, Beating, RoundStats};
 use super::dispatcher::DispatcherCounters;
 use super::handle::Shared;
 #[cfg(feature = "live")]
@@ -70,6 +72,8 @@ pub struct RunningExecutor {
     pub(crate) grace: Duration,
     pub(crate) claim: Option<Claim>,
     pub(crate) admission: Kept<Admission>,
+    #[cfg(feature = "texts")]
+    pub(crate) beats: Vec<Beating>,
     pub(crate) template: Kept<String>,
     pub(crate) start: Nanos,
     pub(crate) end: Option<Report>,
@@ -119,6 +123,8 @@ impl RunningExecutor {
                 .iter()
                 .map(|(w, h)| handle_report(w, h, &self.stop))
                 .collect(),
+            #[cfg(feature = "texts")]
+            rounds: self.beats.iter().map(beat::report).collect(),
             dispatcher: DispatcherReport {
                 rounds: self.counters.rounds.get(),
                 samples: self.counters.samples.get(),
@@ -136,6 +142,16 @@ impl RunningExecutor {
     pub fn stats(&self, id: &str) -> Option<HandleStats> {
         let (_, handle) = self.live.registry.find(id)?;
         Some(handle_stats(&handle, &self.stop))
+    }
+
+    /// What has become of the rounds of a worker that begin by the clock
+    /// ([`WorkerBuilder::every`](crate::WorkerBuilder::every)). Does not allocate.
+    #[cfg(feature = "texts")]
+    #[must_use]
+    pub fn rounds(&self, worker: &str) -> Option<RoundStats> {
+        let mut beats = self.beats.iter();
+        let (_, beat) = beats.find(|(name, _)| **name == *worker)?;
+        Some(beat.snapshot())
     }
 
     /// What one worker, or the `dispatcher`, has used. Does not allocate.

@@ -1,6 +1,8 @@
 //! Starting an executor: plan, spawn, fall back where allowed, launch all or none.
 
 use super::assembly::{Assembly, assemble};
+#[cfg(feature = "texts")]
+use super::beat;
 use super::builder::WorkerSpec;
 use super::dispatcher::Dispatcher;
 use super::plan::{URGENT, check, plan, rank};
@@ -55,6 +57,12 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     if options.lock_memory {
         starter.lock_memory()?;
     }
+    #[cfg(feature = "texts")]
+    let beats = workers.iter();
+    #[cfg(feature = "texts")]
+    let beats = beats
+        .filter_map(|w| beat::of(&w.request, &w.rules))
+        .collect();
     let Assembly {
         dispatcher,
         workers,
@@ -84,6 +92,8 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         grace: options.stop_grace,
         claim: Some(claim),
         admission,
+        #[cfg(feature = "texts")]
+        beats,
         template,
         start,
         end: None,
