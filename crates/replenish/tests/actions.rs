@@ -568,3 +568,17 @@ fn options_out_of_range_are_named() {
         assert_eq!(refused.to_string(), text);
     }
 }
+
+/// Also when there would be no room for another goal: those under way never end.
+#[test]
+fn goals_without_an_executor_any_more_are_errors() {
+    let _dog = watchdog("gone", LIMIT);
+    let [_server, client] = in_process();
+    let (client, _, following) = follow(&client, 1);
+    let id = client.send(&Order::default()).unwrap();
+    client.cancel(id).unwrap();
+    following.stop();
+    assert_eq!(client.send(&Order::default()), Err(CallError::Gone));
+    assert_eq!(client.cancel(id), Err(CallError::Gone));
+    assert_eq!(client.cancel_all(), Err(CallError::Gone));
+}

@@ -315,3 +315,66 @@ fn a_reply_that_cannot_be_decoded_ends_its_request() {
     assert_eq!((stats.undecodable, stats.executed), (3, 3));
     assert_eq!(stats.received, stats.undecodable + stats.executed);
 }
+
+/// A request that nobody would hear the reply of is an error of who sends it: however the callback has
+/// gone, and at once.
+#[test]
+fn a_call_without_an_executor_any_more_is_an_error() {
+    let _dog = watchdog("gone", LIMIT);
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let client = || -> Client<Square> { node.client("square", Qos::reliable(), LIMIT).unwrap() };
+    let exec = |client: &Client<Square>| {
+        let (mut exec, _) = executor(&ctx);
+        let worker = exec.worker("w").capacity(2);
+        let called = |_: Result<&Int64, NoReply>, _: &replenish::CallbackContext<'_>| {
+            panic!("the handle has stopped")
+        };
+        worker.replies::<Square, _, ()>(client, called).unwrap();
+        exec
+    };
+    let call = |client: &Client<Square>| client.call(&Int32::default()).map(|_| ());
+
+    let never_started = client();
+    drop(exec(&never_started));
+    assert_eq!(call(&never_started), Err(CallError::Gone));
+
+    let without_threads = client();
+    let local = exec(&without_threads).local().unwrap();
+    assert_eq!(call(&without_threads), Ok(()));
+    drop(local);
+    assert_eq!(call(&without_threads), Err(CallError::Gone));
+
+    let stopped = client();
+    let running = exec(&stopped).start().unwrap();
+    assert_eq!(call(&stopped), Ok(()));
+    running.stop();
+    let error = call(&stopped).unwrap_err();
+    assert_eq!(error, CallError::Gone);
+    assert!(
+        error.to_string().contains("its executor has ended"),
+        "{error}"
+    );
+
+    let removed = client();
+    let running = exec(&removed).start().unwrap();
+    let handle = running.executor();
+    handle.remove("/n/cli:/square", Removal::Detach).unwrap();
+    assert_eq!(call(&removed), Err(CallError::Gone));
+    drop(running);
+
+    let panicked = client();
+    let mut exec = exec(&panicked);
+    let serve = |_: &Int32, _: &mut Int64, _: &replenish::CallbackContext<'_>| ();
+    let worker = exec.worker("serve");
+    worker
+        .serve::<Square, _>(&node, "square", Qos::reliable(), serve)
+        .unwrap();
+    let running = exec.start().unwrap();
+    assert_eq!(call(&panicked), Ok(()));
+    assert!(eventually(|| running
+        .stats("/n/cli:/square")
+        .unwrap()
+        .panicked));
+    assert!(eventually(|| call(&panicked) == Err(CallError::Gone)));
+}

@@ -168,14 +168,15 @@ impl<A: Action> ActionClient<A> {
     /// # Errors
     /// [`CallError::TooMany`] with the limit of [`ActionOptions::goals`](super::ActionOptions::goals)
     /// while so many goals have not ended; [`CallError::NoCallback`] before
-    /// [`WorkerBuilder::follow`](crate::WorkerBuilder::follow); [`CallError::Send`].
+    /// [`WorkerBuilder::follow`](crate::WorkerBuilder::follow); [`CallError::Gone`] after its executor;
+    /// [`CallError::Send`].
     pub fn send(&self, goal: &A::Goal) -> Result<GoalId, CallError> {
         let inner = &self.inner;
         let id = inner.ids.next();
         // Held while it is sent: nothing must be heard of the goal before it is in the table.
         let mut goals = inner.goals.lock();
         let limit = goals.limit;
-        if goals.sent.len() >= limit {
+        if goals.sent.len() >= limit && !inner.send.is_gone() {
             return Err(CallError::TooMany { limit });
         }
         let number = inner.send.call_with(|room| {
@@ -222,7 +223,7 @@ impl<A: Action> ActionClient<A> {
         let goal_info = GoalInfo { goal_id, stamp };
         let mut goals = self.inner.goals.lock();
         let limit = goals.limit;
-        if goals.cancels.len() >= limit {
+        if goals.cancels.len() >= limit && !self.inner.cancel.is_gone() {
             return Err(CallError::TooMany { limit });
         }
         let number = self.inner.cancel.call(&CancelGoalRequest { goal_info })?;

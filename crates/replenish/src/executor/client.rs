@@ -99,6 +99,10 @@ pub enum CallError {
     },
     /// The client has no callback for replies: [`WorkerBuilder::replies`](crate::WorkerBuilder::replies).
     NoCallback,
+    /// The client's callback for replies will not run any more: its executor has ended or was dropped,
+    /// its handle was removed, or it has panicked. A client belongs to one callback for good; another
+    /// executor needs another client.
+    Gone,
     /// The middleware did not send it.
     Send(PublishError),
 }
@@ -110,6 +114,9 @@ impl fmt::Display for CallError {
                 write!(f, "too many requests without reply: the limit is {limit}")
             }
             Self::NoCallback => f.write_str("the client has no callback for replies"),
+            Self::Gone => f.write_str(
+                "the client's callback for replies is gone: its executor has ended, it was removed, or it panicked",
+            ),
             Self::Send(e) => e.fmt(f),
         }
     }
@@ -155,7 +162,8 @@ impl<S: Service> Client<S> {
     /// ([`CallbackContext::request`]). Does not allocate and waits for nobody.
     ///
     /// # Errors
-    /// [`CallError`]; then there will be no callback for it.
+    /// [`CallError`]; then there will be no callback for it. Nor is there one for requests that wait for
+    /// their replies when the executor ends.
     pub fn call(&self, request: &S::Request) -> Result<u64, CallError> {
         self.call_with(|room| replenish_msg::encode(request, room))
     }
@@ -172,6 +180,9 @@ impl<S: Service> Client<S> {
         let (number, earliest) = {
             // Held while it is sent: the reply must not come before its number is in the table.
             let mut table = inner.table.lock();
+            if self.is_gone() {
+                return Err(CallError::Gone);
+            }
             let limit = table.most;
             if table.waiting.len() >= limit {
                 return Err(CallError::TooMany { limit });
@@ -220,6 +231,11 @@ impl<S: Service> Client<S> {
     #[must_use]
     pub fn service(&self) -> &str {
         &self.inner.name
+    }
+
+    /// Whether its callback will not run any more.
+    pub(crate) fn is_gone(&self) -> bool {
+        self.inner.inbox.is_closed()
     }
 
     /// Whether it talks through this middleware.
@@ -297,6 +313,13 @@ impl<S: Service, F> Replies<S, F> {
             due: end,
             deadline: None,
         })
+    }
+}
+
+/// The executor lets go of it, or the handle was never in one that runs.
+impl<S: Service, F> Drop for Replies<S, F> {
+    fn drop(&mut self) {
+        self.client.inbox.close();
     }
 }
 

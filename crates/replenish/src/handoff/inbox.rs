@@ -149,6 +149,11 @@ impl Inbox {
         self.waiting.load(Ordering::Acquire)
     }
 
+    /// Whether everything that comes is discarded.
+    pub(crate) fn is_closed(&self) -> bool {
+        self.state.lock().closed
+    }
+
     fn show(&self, state: &State) {
         self.waiting.store(state.ring.len(), Ordering::Release);
     }
