@@ -203,6 +203,24 @@ impl Walk<'_> {
     }
 }
 
+/// The name of the field at which `written` ends, the beginning of a message of this structure: of the
+/// outermost one, where it is in another. Empty if the structure is not known, or nothing is missing.
+///
+/// For encoders that had no room for it: what they have written so far says where they were.
+#[cold]
+#[must_use]
+pub fn unwritten(structure: &'static Structure, written: &[u8]) -> &'static str {
+    let missing = CdrError::EndOfBuffer {
+        at: written.len(),
+        needed: 0,
+        available: 0,
+    };
+    let found = DecodeError::find(structure, CdrReader::new(written), missing);
+    let first = found.path.first().filter(|_| found.depth > 0);
+    let field = first.and_then(|step| structure.fields.get(usize::from(step.field)));
+    field.map_or("", |field| field.name)
+}
+
 /// Decodes what `reader` has into `msg`.
 ///
 /// # Errors

@@ -1,5 +1,6 @@
 //! Publishing from any thread.
 
+use crate::middleware::encoding::{Encoding, PUBLISHER};
 use crate::middleware::{Middleware, PublishError, WriterId};
 use crate::platform::zeroed;
 use crate::sync::{Arc, Mutex};
@@ -57,7 +58,8 @@ impl<M: Message> Publisher<M> {
     /// for the dispatcher; the time it takes is charged to the caller's budget.
     ///
     /// # Errors
-    /// When the message was not sent; see [`PublishError`].
+    /// When the message was not sent; see [`PublishError`]. [`PublishError::TooLong`] of a type with
+    /// unbounded fields asks for [`Node::publisher_sized`](crate::Node::publisher_sized).
     pub fn publish(&self, message: &M) -> Result<(), PublishError> {
         self.publish_with(|room| replenish_msg::encode(message, room))
     }
@@ -80,7 +82,8 @@ impl<M: Message> Publisher<M> {
         encode: impl FnOnce(&mut [u8]) -> Result<usize, CdrError>,
     ) -> Result<(), PublishError> {
         let mut buffer = self.inner.buffer.lock();
-        let len = encode(&mut buffer).map_err(PublishError::Encode)?;
+        let encoded = encode(&mut buffer);
+        let len = encoded.map_err(|e| Encoding::of::<M>(PUBLISHER).failed(e, &buffer))?;
         let payload = buffer.get(..len).unwrap_or_default();
         self.inner.middleware.publish(self.inner.writer, payload)
     }

@@ -326,3 +326,99 @@ fn actions_with_unbounded_fields_take_messages_of_the_size_asked_for() {
         );
     }
 }
+
+/// Whoever encodes: the field, how long the message is, how much there is room for, and what makes more.
+#[test]
+fn a_message_longer_than_its_buffer_names_field_length_limit_and_remedy() {
+    let _dog = watchdog("too long", LIMIT);
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let qos = Qos::reliable();
+    let text = |data: String| replenish_interfaces::std_msgs::msg::String { data };
+    let says = |error: &dyn std::error::Error, field, (size, limit): (usize, usize), remedy| {
+        let expected = format!(
+            "field {field}: the message takes {size} bytes or more, its buffer has {limit}; {remedy} \
+             makes room, for up to 65528"
+        );
+        assert_eq!(error.to_string(), expected);
+    };
+
+    let data = [0; 4096];
+    let view = |frame_id, data| ImageView {
+        header: HeaderView {
+            frame_id,
+            ..HeaderView::default()
+        },
+        data,
+        ..ImageView::default()
+    };
+    let out = node.publisher_sized::<Image>("image", qos, 1000).unwrap();
+    // Stamp, two empty texts, width, height, …: 48 bytes before the 4096.
+    let image = view("", &data[..]);
+    let mut whole = vec![0; 8192];
+    let long = image.encode_to(&mut whole).unwrap();
+    let error = out.publish_view(&image).unwrap_err();
+    says(&error, "data", (long, 1000), "Node::publisher_sized");
+    let name = "x".repeat(2000);
+    let error = out.publish_view(&view(&name, &[])).unwrap_err();
+    says(&error, "header", (12 + 2000, 1000), "Node::publisher_sized");
+
+    let service = Topic::named("repeat").max_size(100);
+    let client = node
+        .client::<Repeat>(service, Qos::services(), LIMIT)
+        .unwrap();
+    let (mut exec, log) = executor(&ctx);
+    exec.worker("w")
+        .output_barrier(1, 10)
+        .replies(&client, |_, _| ())
+        .unwrap()
+        .serve::<Repeat, _>(&node, service, Qos::services(), move |_, response, _| {
+            response.data = "y".repeat(150);
+        })
+        .unwrap()
+        .timer(Duration::from_millis(1), move |cx| {
+            let error = cx.publish(&out, &Image::default()).unwrap_err();
+            let barrier = "its buffer has 10; WorkerBuilder::output_barrier makes";
+            assert!(error.to_string().contains(barrier), "{error}");
+        })
+        .unwrap();
+    let running = exec.start().unwrap();
+    let error = client.call(&text("x".repeat(200))).unwrap_err();
+    says(&error, "data", (204, 100), "Topic::max_size");
+    client.call(&text(String::new())).unwrap();
+    assert!(eventually(|| log.has(
+        "takes 154 bytes or more, its buffer has 100; Topic::max_size"
+    )));
+    assert!(eventually(
+        || running.stats("w/timer:0").unwrap().executed > 0
+    ));
+
+    let options = ActionOptions::goals(1).max_size(100);
+    let actions = node.action_client::<Fibonacci>("fib", options).unwrap();
+    let sequence = vec![1; 1000];
+    let (mut exec, log) = executor(&ctx);
+    drop(running);
+    let serve = move |_: &FibonacciGoal, new: NewGoal<Fibonacci>, _: &CallbackContext<'_>| {
+        let goal = new.accept()?;
+        let sequence = sequence.clone();
+        let error = goal
+            .feedback(&FibonacciFeedback {
+                sequence: sequence.clone(),
+            })
+            .unwrap_err();
+        let text = "field feedback: the message takes 4020 bytes or more, its buffer has 100; ActionOptions";
+        assert!(error.to_string().contains(text), "{error}");
+        goal.succeed(&FibonacciResult { sequence })
+    };
+    exec.worker("w")
+        .serve_action(&node, "fib", options, serve, |_, _| true)
+        .unwrap();
+    exec.worker("follow")
+        .follow(&actions, |_, _, _| ())
+        .unwrap();
+    let _running = exec.start().unwrap();
+    actions.send(&FibonacciGoal::default()).unwrap();
+    let failed =
+        "field result: the message takes 4008 bytes or more, its buffer has 100; ActionOptions";
+    assert!(eventually(|| log.has(failed)), "{:?}", log.lines());
+}

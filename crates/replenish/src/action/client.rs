@@ -15,6 +15,7 @@ use super::state::GoalState;
 use crate::context::Node;
 use crate::error::Error;
 use crate::executor::{CallError, CallbackResult, Client, NoReply};
+use crate::middleware::encoding::ACTION;
 use crate::sync::{Arc, Mutex};
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -179,11 +180,15 @@ impl<A: Action> ActionClient<A> {
         if goals.sent.len() >= limit && !inner.send.is_gone() {
             return Err(CallError::TooMany { limit });
         }
-        let number = inner.send.call_with(|room| {
+        let sent = inner.send.call_with(|room| {
             let mut w = CdrWriter::new(room);
             id.encode(&mut w)?;
             goal.encode(&mut w)?;
             Ok(w.len())
+        });
+        let number = sent.map_err(|e| match e {
+            CallError::Send(e) => CallError::Send(e.remedied_by(ACTION)),
+            other => other,
         })?;
         goals.sent.push(Sent {
             id,

@@ -16,6 +16,7 @@ use super::table::{Asked, NoPlace, Table, Ticket};
 use crate::Nanos;
 use crate::executor::{Responder, TimerHandle};
 use crate::middleware::PublishError;
+use crate::middleware::encoding::{ACTION, Encoding};
 use crate::publisher::Publisher;
 use crate::sync::{Arc, Mutex};
 use alloc::string::String;
@@ -198,14 +199,15 @@ impl<A: Action> Core<A> {
         let mut state = self.state.lock();
         let encode = |end: GoalState, room: &mut [u8]| {
             let mut w = CdrWriter::new(room);
-            w.i8(end.status())?;
-            result.encode(&mut w)?;
-            Ok(w.len())
+            let encoded = w.i8(end.status()).and_then(|()| result.encode(&mut w));
+            let len = w.len();
+            let encoding = Encoding::of::<GetResultResponse<A>>(ACTION);
+            encoded.map_err(|e| encoding.failed(e, room)).map(|()| len)
         };
         let ended = state.table.end(ticket, event, clock::monotonic(), encode);
         ended
             .map_err(|state| refusal(event, state))?
-            .map_err(|e| GoalError::Send(PublishError::Encode(e)))?;
+            .map_err(GoalError::Send)?;
         self.tell(&mut state);
         let delivered = state.table.deliver(hand_over);
         self.arm(&mut state);
@@ -229,7 +231,7 @@ impl<A: Action> Core<A> {
             feedback.encode(&mut w)?;
             Ok(w.len())
         });
-        sent.map_err(GoalError::Send)
+        sent.map_err(|e| GoalError::Send(e.remedied_by(ACTION)))
     }
 }
 

@@ -7,6 +7,7 @@ use super::stop::StopHandle;
 use crate::Nanos;
 use crate::handoff::{RequestIdentity, SampleInfo};
 use crate::middleware::PublishError;
+use crate::middleware::encoding::{BARRIER, Encoding};
 use crate::publisher::Publisher;
 #[cfg(feature = "live")]
 use crate::sync::Arc;
@@ -128,7 +129,7 @@ impl CallbackContext<'_> {
     ///
     /// # Errors
     /// [`PublishError::Full`] when more samples wait than the barrier holds,
-    /// [`PublishError::Encode`] when the message does not fit. What goes wrong at the end of the
+    /// [`PublishError::TooLong`] when the message does not fit. What goes wrong at the end of the
     /// round is counted as an error of the handle whose callback came last.
     pub fn publish<M: Message>(
         &self,
@@ -139,8 +140,10 @@ impl CallbackContext<'_> {
             None => publisher.publish(message),
             Some(outbox) => {
                 let (middleware, writer) = publisher.target();
+                let encoding = Encoding::of::<M>(BARRIER);
                 outbox.borrow_mut().keep(middleware, writer, |room| {
-                    replenish_msg::encode(message, room).map_err(PublishError::Encode)
+                    let encoded = replenish_msg::encode(message, room);
+                    encoded.map_err(|e| encoding.failed(e, room))
                 })
             }
         }

@@ -16,6 +16,7 @@ use super::schedule::nanos;
 use crate::Nanos;
 use crate::error::Error;
 use crate::handoff::{Inbox, RequestIdentity, SampleInfo, Slot};
+use crate::middleware::encoding::{Encoding, SERVICE};
 use crate::middleware::{Middleware, PublishError, ReaderId, WriterId};
 use crate::platform::Once;
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
@@ -187,8 +188,9 @@ impl<S: Service> Client<S> {
             if table.waiting.len() >= limit {
                 return Err(CallError::TooMany { limit });
             }
-            let len =
-                encode(&mut table.buffer).map_err(|e| CallError::Send(PublishError::Encode(e)))?;
+            let encoded = encode(&mut table.buffer);
+            let encoding = Encoding::of::<S::Request>(SERVICE);
+            let len = encoded.map_err(|e| CallError::Send(encoding.failed(e, &table.buffer)))?;
             let payload = table.buffer.get(..len).unwrap_or_default();
             let sent = inner.middleware.request(inner.writer, payload);
             let number = sent.map_err(CallError::Send)?;

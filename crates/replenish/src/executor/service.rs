@@ -5,6 +5,7 @@ use super::handle::{Env, Handle, Shared, Taken};
 use super::moment::Moment;
 use crate::Nanos;
 use crate::handoff::{Inbox, RequestIdentity, Slot};
+use crate::middleware::encoding::{Encoding, SERVICE};
 use crate::middleware::{Middleware, PublishError, WriterId};
 use crate::sync::{Arc, Mutex};
 use alloc::boxed::Box;
@@ -22,7 +23,9 @@ pub(crate) struct ReplyLine {
 impl ReplyLine {
     fn send<M: Message>(&self, to: &RequestIdentity, reply: &M) -> Result<(), PublishError> {
         let mut buffer = self.buffer.lock();
-        let len = replenish_msg::encode(reply, &mut buffer).map_err(PublishError::Encode)?;
+        let encoding = Encoding::of::<M>(SERVICE);
+        let encoded = replenish_msg::encode(reply, &mut buffer);
+        let len = encoded.map_err(|e| encoding.failed(e, &buffer))?;
         let payload = buffer.get(..len).unwrap_or_default();
         self.middleware.reply(self.writer, to, payload)
     }

@@ -102,8 +102,22 @@ fn why(status: u8) -> &'static str {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PublishError {
-    /// The message could not be encoded into [`Message::MAX_SIZE`](replenish_msg::Message) bytes.
+    /// The message could not be encoded: a field is longer than its bound. (Without feature `texts`, also
+    /// what is [`TooLong`](Self::TooLong) with it.)
     Encode(CdrError),
+    /// The message is longer than the buffer it is encoded into, which is
+    /// [`Message::MAX_SIZE`](replenish_msg::Message::MAX_SIZE) bytes unless one asks for another size.
+    #[cfg(feature = "texts")]
+    TooLong {
+        /// The field that was not written to its end; empty where that is not known.
+        field: &'static str,
+        /// Bytes that the message takes up to there: it takes as many or more.
+        size: usize,
+        /// Bytes of the buffer.
+        limit: usize,
+        /// What makes a longer buffer, up to 65528 bytes.
+        remedy: &'static str,
+    },
     /// The encoded sample is larger than the writer allows.
     TooLarge {
         /// Bytes of the sample.
@@ -125,6 +139,24 @@ impl fmt::Display for PublishError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Encode(e) => write!(f, "the message cannot be encoded: {e}"),
+            #[cfg(feature = "texts")]
+            Self::TooLong {
+                field,
+                size,
+                limit,
+                remedy,
+            } => {
+                let (of, colon) = if field.is_empty() {
+                    ("", "")
+                } else {
+                    ("field ", ": ")
+                };
+                write!(
+                    f,
+                    "{of}{field}{colon}the message takes {size} bytes or more, its buffer has {limit}; \
+                     {remedy} makes room, for up to 65528"
+                )
+            }
             Self::TooLarge { size, limit } => {
                 write!(f, "the sample has {size} bytes, the writer allows {limit}")
             }

@@ -18,6 +18,7 @@
 //! reader *outside* the set never ends a wait, so that nothing is missed and nothing is spun on.
 
 mod clash;
+pub(crate) mod encoding;
 mod error;
 mod in_process;
 mod interest;
