@@ -50,11 +50,16 @@ impl Encoding {
 
 #[cfg(not(feature = "texts"))]
 impl Encoding {
+    #[expect(
+        clippy::extra_unused_type_parameters,
+        reason = "the signature of what it stands in for"
+    )]
     pub(crate) const fn of<M: Message>(_: &'static str) -> Self {
         Self {}
     }
 
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    #[inline(always)]
     pub(crate) const fn failed(self, error: CdrError, _: &[u8]) -> PublishError {
         PublishError::Encode(error)
     }
