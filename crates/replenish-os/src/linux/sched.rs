@@ -22,6 +22,8 @@ pub enum SchedClass {
     Fifo(u8),
     /// `SCHED_RR` at this priority.
     RoundRobin(u8),
+    /// `SCHED_IDLE`: when nobody else wants the CPU.
+    Idle,
 }
 
 /// Puts thread `tid` into `class`. Its reset-on-fork flag stays as it is.
@@ -91,6 +93,7 @@ pub(super) fn set_scheduler(tid: Tid, class: SchedClass, reset_on_fork: bool) ->
         SchedClass::Other => (libc::SCHED_OTHER, 0),
         SchedClass::Fifo(p) => (libc::SCHED_FIFO, p),
         SchedClass::RoundRobin(p) => (libc::SCHED_RR, p),
+        SchedClass::Idle => (libc::SCHED_IDLE, 0),
     };
     let flags = if reset_on_fork {
         libc::SCHED_RESET_ON_FORK

@@ -2,21 +2,27 @@
 //! for a thousand, next to a raw UDP loop.
 //!
 //! ```text
-//!   sender ── WRITE_DATA ─► agent ── DATA ─► dispatcher ─► worker: callback      (ours)
-//!   sender ── WRITE_DATA ─► agent ── DATA ─► one thread: take, callback          (one thread)
+//!   sender ── WRITE_DATA ─► agent ── DATA ─► one thread: take, callback          (ours)
+//!   sender ── WRITE_DATA ─► agent ── DATA ─► dispatcher ─► worker: callback      (threads)
 //!   sender ── a datagram of that size ─────► one thread: epoll, recv, count        (waiting)
 //!   sender ── a datagram of that size ─────► one thread: recv, count              (baseline)
 //!   └───── one CPU ──────────────┘           └───── the measured CPU ──────┘
 //! ```
 //!
+//! Ours is compared with what has as many threads as it has: an executor that the thread spins which
+//! waits, as rclc's. A dispatcher and a worker are two threads, with a switch more per message for
+//! what a thread of its own gives: policy, priority, budget.
+//!
 //! The baseline can be woken by datagrams alone. A loop that has timers, too, or that others can stop,
 //! needs a second system call per message: that one is *waiting*, the least that an executor can cost.
 //!
 //! Messages come at a steady rate, to one topic after another. Windows of all take turns, short ones,
-//! so that they see the same machine even where that changes from one moment to the next. CPU time and
-//! context switches are those of the threads on the measured CPU, as the kernel counts them; the time of a message is from before its sending to the
-//! callback (ours passes the agent on the way) or to the end of `recv`.
+//! so that they see the same machine even where that changes from one moment to the next. CPU time
+//! and context switches are those of the threads on the measured CPU, as the kernel counts them; the
+//! time of a message is from before its sending to the callback (ours passes the agent on the way) or
+//! to the end of `recv`. The measured CPU is kept [`awake`], unless that is declined.
 
+mod awake;
 mod ours;
 mod raw;
 mod report;
@@ -31,13 +37,14 @@ use crate::outcome::{Failure, Outcome};
 use crate::report::files;
 use crate::report::progress::Progress;
 use crate::run::lock;
+use awake::Awake;
 use ours::Ours;
 use raw::Raw;
 use replenish_os::{ThreadSpec, clock, spawn};
 use report::{Json, Point, Window};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Ours, ours in one thread, the raw loop that waits, and the raw loop.
+/// Ours in one thread, ours with a worker's, the raw loop that waits, and the raw loop.
 const RECEIVERS: usize = 4;
 /// How long messages come to one of them without a break, at least. Keeps far from the RT
 /// throttle.
@@ -69,9 +76,14 @@ pub(crate) struct Args {
           value_parser = clap::value_parser!(u64).range(1..=1000))]
     windows: u64,
 
-    /// The CPU of dispatcher, worker and raw loop
+    /// The CPU of those that receive
     #[arg(long, value_name = "CPU")]
     cpu: Option<usize>,
+
+    /// Let that CPU sleep between messages, which costs all of them more, by what the machine
+    /// forgets in its sleep. It is kept awake otherwise
+    #[arg(long)]
+    asleep: bool,
 
     #[command(flatten)]
     json: JsonOption,
@@ -168,6 +180,7 @@ struct Setting {
     windows: u64,
     cpu: usize,
     support: usize,
+    awake: bool,
 }
 
 /// A window of each.
@@ -204,11 +217,11 @@ fn turns(
 fn point(setting: Setting, handles: u16) -> Result<Point, Failure> {
     let mut raw = Raw::start(setting, raw::receives)?;
     let mut waiting = Raw::start(setting, raw::waits_and_receives)?;
-    let mut alone = Ours::start_one_thread(setting, handles)?;
     let mut ours = Ours::start(setting, handles)?;
-    let turns = turns(setting, [&mut ours, &mut alone, &mut waiting, &mut raw]);
+    let mut threads = Ours::start_threads(setting, handles)?;
+    let turns = turns(setting, [&mut ours, &mut threads, &mut waiting, &mut raw]);
     ours.stop()?;
-    alone.stop()?;
+    threads.stop()?;
     waiting.stop()?;
     raw.stop()?;
     let (windows, repeated) = turns?;
@@ -225,8 +238,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
         windows: windows(args.windows, args.rate),
         cpu: args.cpu.unwrap_or(chosen.measured),
         support: chosen.support,
+        awake: !args.asleep,
     };
     let _alone = lock::acquire()?;
+    let awake = setting.awake.then(|| Awake::keep(setting.cpu)).transpose()?;
     let mut progress = Progress::new();
     let mut points = Vec::new();
     for (n, handles) in args.handles.iter().copied().enumerate() {
@@ -245,6 +260,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     }
     progress.step(args.handles.len(), args.handles.len(), "done");
     drop(progress);
+    awake.map_or(Ok(()), Awake::stop)?;
     let json = Json::new(points, setting);
     json.print();
     files::write_json(args.json.json.as_deref(), &json)

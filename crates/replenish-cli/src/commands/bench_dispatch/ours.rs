@@ -39,7 +39,7 @@ enum Running {
 
 impl Ours {
     /// With a dispatcher and a worker.
-    pub(super) fn start(setting: Setting, handles: u16) -> Result<Self, Failure> {
+    pub(super) fn start_threads(setting: Setting, handles: u16) -> Result<Self, Failure> {
         Self::with(
             setting,
             handles,
@@ -59,8 +59,8 @@ impl Ours {
         )
     }
 
-    /// Without: the callbacks run on the thread that waits for messages.
-    pub(super) fn start_one_thread(setting: Setting, handles: u16) -> Result<Self, Failure> {
+    /// Without either: the callbacks run on the thread that waits for messages.
+    pub(super) fn start(setting: Setting, handles: u16) -> Result<Self, Failure> {
         Self::with(setting, handles, &[ONE_THREAD], |address, notes| {
             let (ready, is_ready) = std::sync::mpsc::channel();
             let body = move || {

@@ -60,8 +60,9 @@ pub(super) struct Point {
     ours: Figures,
     /// CPU time per message against the raw loop's: the median over windows that follow each other.
     cpu_ratio: f64,
-    one_thread: Figures,
-    one_thread_cpu_ratio: f64,
+    /// A dispatcher and a worker.
+    threads: Figures,
+    threads_cpu_ratio: f64,
     /// The raw loop that can be woken otherwise, too.
     waiting: Figures,
     waiting_cpu_ratio: f64,
@@ -70,7 +71,7 @@ pub(super) struct Point {
 }
 
 impl Point {
-    /// From windows of ours, of ours in one thread, of the raw loop that waits, and of the raw loop.
+    /// From windows of ours in one thread and with a worker's, of the raw loop that waits, and of the raw loop.
     pub(super) fn new(
         handles: u16,
         rate_hz: u64,
@@ -88,8 +89,8 @@ impl Point {
             rate_hz,
             ours: figures(0),
             cpu_ratio: ratio(0),
-            one_thread: figures(1),
-            one_thread_cpu_ratio: ratio(1),
+            threads: figures(1),
+            threads_cpu_ratio: ratio(1),
             waiting: figures(2),
             waiting_cpu_ratio: ratio(2),
             baseline: figures(3),
@@ -105,9 +106,11 @@ pub(super) struct Json {
     /// The highest CPU time per message of all points against that of the first, each in units of
     /// its own baseline.
     worst_growth: f64,
-    one_thread_worst_growth: f64,
+    threads_worst_growth: f64,
     cpu: usize,
     sender_cpu: usize,
+    /// The measured CPU was kept from sleeping.
+    awake: bool,
 }
 
 impl Json {
@@ -118,10 +121,11 @@ impl Json {
         };
         Self {
             worst_growth: worst(|p| p.cpu_ratio),
-            one_thread_worst_growth: worst(|p| p.one_thread_cpu_ratio),
+            threads_worst_growth: worst(|p| p.threads_cpu_ratio),
             points,
             cpu: setting.cpu,
             sender_cpu: setting.support,
+            awake: setting.awake,
         }
     }
 
@@ -131,8 +135,8 @@ impl Json {
         ]);
         for p in &self.points {
             let rows = [
-                ("threads", &p.ours, p.cpu_ratio),
-                ("one thread", &p.one_thread, p.one_thread_cpu_ratio),
+                ("one thread", &p.ours, p.cpu_ratio),
+                ("threads", &p.threads, p.threads_cpu_ratio),
                 ("raw, epoll", &p.waiting, p.waiting_cpu_ratio),
                 ("raw loop", &p.baseline, 1.0),
             ];
@@ -149,15 +153,19 @@ impl Json {
                 ]);
             }
         }
+        let state = match self.awake {
+            true => "kept awake",
+            false => "asleep between messages",
+        };
         println!(
-            "{}  per message; CPU time and switches are those of the receiving threads, on CPU {}; \
-             what ours receives passes the agent on CPU {}\n  growth of CPU time from the first to \
-             the worst point: threads {:.2}, one thread {:.2}",
+            "{}  per message; CPU time and switches are those of the receiving threads, on CPU {} \
+             ({state}); what ours receives passes the agent on CPU {}\n  growth of CPU time from \
+             the first to the worst point: one thread {:.2}, threads {:.2}",
             table.to_text(),
             self.cpu,
             self.sender_cpu,
             self.worst_growth,
-            self.one_thread_worst_growth,
+            self.threads_worst_growth,
         );
     }
 }
@@ -195,7 +203,7 @@ mod tests {
         };
         let windows = [each(8_000, 4), each(12_000, 4), each(9_000, 3)];
         let p = Point::new(10, 1000, &windows, 0);
-        assert_eq!((p.cpu_ratio, p.one_thread_cpu_ratio), (3.0, 1.0));
+        assert_eq!((p.cpu_ratio, p.threads_cpu_ratio), (3.0, 1.0));
         assert_eq!(p.waiting_cpu_ratio, 1.5);
         assert_eq!(p.ours.cpu_us_per_message, 3.0);
         assert_eq!((p.ours.sent, p.ours.received), (12, 11));
