@@ -1,4 +1,4 @@
-//! The benchmarks of the agent and its protocol: what they count, not how fast they are.
+//! The benchmarks of agent, protocol and dispatching: what they count, not how fast they are.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -97,6 +97,47 @@ fn sixteen_clients_lose_nothing() {
 }
 
 #[test]
+fn dispatching_is_compared_thread_for_thread_with_raw_loops() {
+    let result = bench("dispatch", &["--handles", "1,3", "--windows", "1"]);
+    assert_eq!(result["awake"], true);
+    let points = result["points"].as_array().unwrap();
+    let handles: Vec<_> = points.iter().map(|p| p["handles"].as_u64()).collect();
+    assert_eq!(handles, [Some(1), Some(3)]);
+    for point in points {
+        assert_eq!(point["rate_hz"], 1000);
+        let receivers = [
+            point,
+            &point["threads"],
+            &point["waiting"],
+            &point["baseline"],
+        ];
+        for receiver in receivers {
+            let figure = |key: &str| receiver[key].as_f64().unwrap();
+            assert_eq!(receiver["sent"], point["sent"], "{point:#}");
+            assert!(figure("received") > 0.0, "{point:#}");
+            assert!(figure("cpu_us_per_message") > 0.0, "{point:#}");
+            assert!(figure("voluntary_switches_per_message") > 0.0, "{point:#}");
+            assert!(figure("p50_us") <= figure("p99_us"), "{point:#}");
+        }
+        for ratio in ["cpu_ratio", "threads_cpu_ratio", "waiting_cpu_ratio"] {
+            assert!(point[ratio].as_f64().unwrap() > 0.0, "{point:#}");
+        }
+    }
+    let args = [
+        "--asleep",
+        "--handles",
+        "1",
+        "--rate",
+        "100",
+        "--windows",
+        "1",
+    ];
+    let result = bench("dispatch", &args);
+    assert_eq!(result["awake"], false);
+    assert_eq!(result["points"][0]["rate_hz"], 100);
+}
+
+#[test]
 fn wrong_options_name_the_range() {
     for (args, option, range) in [
         (["xrce", "--loss", "91"], "--loss", "0..=90"),
@@ -104,6 +145,9 @@ fn wrong_options_name_the_range() {
         (["round-trip", "--bytes", "7"], "--bytes", "8..=900"),
         (["load", "--clients", "1"], "--clients", "2..=256"),
         (["load", "--rate", "1001"], "--rate", "1..=1000"),
+        (["dispatch", "--handles", "1,1001"], "--handles", "1..=1000"),
+        (["dispatch", "--rate", "9"], "--rate", "10..=10000"),
+        (["dispatch", "--windows", "0"], "--windows", "1..=1000"),
     ] {
         let output = run(&[&["bench"], &args[..]].concat());
         let text = stderr(&output);

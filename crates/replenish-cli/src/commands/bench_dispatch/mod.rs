@@ -241,7 +241,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
         awake: !args.asleep,
     };
     let _alone = lock::acquire()?;
-    let awake = setting.awake.then(|| Awake::keep(setting.cpu)).transpose()?;
+    let awake = setting
+        .awake
+        .then(|| Awake::keep(setting.cpu))
+        .transpose()?;
     let mut progress = Progress::new();
     let mut points = Vec::new();
     for (n, handles) in args.handles.iter().copied().enumerate() {
