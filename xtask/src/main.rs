@@ -82,18 +82,7 @@ enum Board {
         json: Option<PathBuf>,
     },
     /// Runs an experiment on the board; fails if a count is off
-    Experiment {
-        /// Which one
-        name: case::Name,
-        /// Tasks that burn time, instead of executor and messages
-        #[arg(long)]
-        tasks: bool,
-        /// How long each case lasts, in seconds of the board's time [default: 10]
-        #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=60))]
-        seconds: Option<u64>,
-        #[command(flatten)]
-        files: files::Files,
-    },
+    Experiment(options::Asked),
     /// A message from the board to the host and back, beside the time of its bytes on the wire
     RoundTrip {
         /// The line's rates, in bits per second
@@ -139,21 +128,7 @@ impl Board {
             | Self::Demo { json, .. }
             | Self::RoundTrip { json, .. }
             | Self::Size { json } => options::writable(json.as_deref()),
-            Self::Experiment {
-                name,
-                tasks,
-                seconds,
-                files,
-            } => {
-                let (tasks, seconds) = (*tasks, *seconds);
-                options::Asked {
-                    tasks,
-                    seconds,
-                    files,
-                }
-                .check(*name)?;
-                files.writable()
-            }
+            Self::Experiment(asked) => asked.check(),
         }
     }
 
@@ -165,24 +140,14 @@ impl Board {
             Self::Demo { seconds, json } => demo::run(seconds, json.as_deref()),
             Self::RoundTrip { baud, json } => trip::run(&baud, json.as_deref()),
             Self::Size { json } => size::run(json.as_deref()),
-            Self::Experiment {
-                name,
-                tasks,
-                seconds,
-                files,
-            } => {
-                let json = files.json.as_deref();
-                let asked = options::Asked {
-                    tasks,
-                    seconds,
-                    files: &files,
-                };
-                match name {
+            Self::Experiment(asked) => {
+                let json = asked.files.json.as_deref();
+                match asked.name {
                     case::Name::Executor => executor::run(json),
                     case::Name::Restart => restart::run(asked.seconds(), json),
                     case::Name::Noise => noise::run(json),
-                    _ if tasks => experiment::run(name, json),
-                    _ => talk::run(name, asked.seconds(), &files),
+                    name if asked.tasks => experiment::run(name, json),
+                    name => talk::run(name, asked.seconds(), &asked.files),
                 }
             }
         }

@@ -9,21 +9,30 @@ use std::path::Path;
 /// How long each case lasts unless said otherwise, in seconds of the board's time.
 const SECONDS: u64 = 10;
 
-/// What was asked for besides the experiment's name.
-pub(crate) struct Asked<'a> {
+/// An experiment as it was asked for.
+#[derive(clap::Args)]
+pub(crate) struct Asked {
+    /// Which one
+    pub(crate) name: Name,
+    /// Tasks that burn time, instead of executor and messages
+    #[arg(long)]
     pub(crate) tasks: bool,
-    pub(crate) seconds: Option<u64>,
-    pub(crate) files: &'a Files,
+    /// How long each case lasts, in seconds of the board's time [default: 10]
+    #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=60))]
+    seconds: Option<u64>,
+    #[command(flatten)]
+    pub(crate) files: Files,
 }
 
-impl Asked<'_> {
+impl Asked {
     /// The seconds of each case.
     pub(crate) fn seconds(&self) -> u64 {
         self.seconds.unwrap_or(SECONDS)
     }
 
-    /// Refuses what `name` does not have.
-    pub(crate) fn check(&self, name: Name) -> Outcome {
+    /// Refuses what the experiment does not have, and files that cannot be written.
+    pub(crate) fn check(&self) -> Outcome {
+        let name = self.name;
         let refuse = |option: &str, why: &str| {
             let name = case::label(name);
             Err(format!("{option} does not go with {name}: {why}"))
@@ -43,7 +52,7 @@ impl Asked<'_> {
                 "budget-sweep and work-conserving have it, without --tasks",
             );
         }
-        Ok(())
+        self.files.writable()
     }
 }
 
@@ -79,18 +88,18 @@ mod tests {
     use super::*;
 
     fn asked(tasks: bool, seconds: Option<u64>, csv: bool) -> impl Fn(Name) -> Outcome {
-        let files = Files {
-            csv: csv.then(|| "points.csv".into()),
-            ..Files::default()
-        };
         move |name| {
-            let files = &files;
+            let files = Files {
+                csv: csv.then(|| "/dev/null".into()),
+                ..Files::default()
+            };
             Asked {
+                name,
                 tasks,
                 seconds,
                 files,
             }
-            .check(name)
+            .check()
         }
     }
 
