@@ -12,7 +12,13 @@
 //! - [`behaviour`]: runs the cases of the image `behaviour` like a test runner.
 //! - [`executor`]: Experiment 1 on the executor itself.
 //! - [`mod@bench`]: what switching and handing over cost, in instructions.
+//! - [`print`](mod@print): printing to somebody who may stop reading.
 //! - [`size`]: flash and static RAM of pong, by part; [`memory`]: what it takes of the heap.
+
+// First: the others print with its macros.
+#[macro_use]
+#[path = "../../crates/replenish-cli/src/print.rs"]
+mod print;
 
 mod behaviour;
 mod bench;

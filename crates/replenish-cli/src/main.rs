@@ -1,5 +1,9 @@
 //! The `replenish` command: demo, experiments, the parts alone, doctor, benchmarks.
 
+// First: the others print with its macros.
+#[macro_use]
+mod print;
+
 mod commands;
 mod load;
 mod machine;

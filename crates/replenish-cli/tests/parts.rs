@@ -1,10 +1,13 @@
-//! The parts alone: what they say when something is missing, and how they end.
+//! The parts alone: what they say when something is missing, and how they end; and how every command
+//! ends that nobody reads any more.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod common;
 
-use common::{Running, Scratch, free_port, json, run, stderr};
+use common::{BIN, Running, Scratch, free_port, json, run, stderr};
+use std::io::pipe;
 use std::net::UdpSocket;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 const SOON: Duration = Duration::from_secs(5);
@@ -149,4 +152,53 @@ fn address_in(line: &str) -> String {
         .chars()
         .take_while(|c| c.is_ascii_digit() || ".:".contains(*c))
         .collect()
+}
+
+#[test]
+fn a_reader_that_goes_ends_every_command_quietly() {
+    let robot = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../examples/robot/fits.toml"
+    );
+    let commands: [&[&str]; 7] = [
+        &["plan", robot],
+        &["simulate", robot],
+        &["doctor"],
+        &["experiment", "nuttx-history"],
+        &["demo", "--report", "/dev/null"],
+        &["agent", "--listen", "127.0.0.1:0"],
+        &["--help"],
+    ];
+    for arguments in commands {
+        let (reader, nobody) = pipe().unwrap();
+        drop(reader);
+        let mut command = Command::new(BIN);
+        command.args(arguments).env("REPLENISH_LEDGER", "off");
+        command.stdin(Stdio::null()).stdout(nobody);
+        let output = command.stderr(Stdio::piped()).spawn().unwrap();
+        let output = output.wait_with_output().unwrap();
+        let said = stderr(&output);
+        assert!(!said.contains("panicked"), "{arguments:?}: {said}");
+        // As a shell has it of `yes | head`; help is the library's, which ends well.
+        let expected = if arguments == ["--help"] { 0 } else { 141 };
+        assert_eq!(
+            output.status.code(),
+            Some(expected),
+            "{arguments:?}: {said}"
+        );
+    }
+}
+
+#[test]
+fn what_goes_wrong_can_be_told_to_nobody() {
+    let (reader, nobody) = pipe().unwrap();
+    drop(reader);
+    let mut command = Command::new(BIN);
+    let status = command
+        .args(["plan", "/nonexistent/robot.toml"])
+        .stdin(Stdio::null())
+        .stderr(nobody)
+        .status()
+        .unwrap();
+    assert_eq!(status.code(), Some(141));
 }

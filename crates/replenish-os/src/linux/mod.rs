@@ -28,6 +28,7 @@ pub mod tty;
 pub(crate) mod wait_set;
 pub(crate) mod watch;
 
+use std::io::Write as _;
 pub use switches::voluntary_switches;
 
 /// What a refused system call answers.
@@ -46,5 +47,6 @@ pub(crate) const OVERRUNS_KEPT: usize = 1024;
 
 /// Says what went wrong where nobody is there to be told.
 pub(crate) fn complain(what: std::fmt::Arguments<'_>) {
-    eprintln!("replenish: {what}");
+    // Where standard error is a pipe that nobody reads any more, it is not said.
+    writeln!(std::io::stderr(), "replenish: {what}").ok();
 }
