@@ -41,6 +41,8 @@ mod masked;
 pub mod memory;
 #[path = "../rtos/name.rs"]
 mod name;
+#[path = "../rtos/panicked.rs"]
+mod panicked;
 mod panics;
 #[path = "../rtos/pi_lock.rs"]
 pub(crate) mod pi_lock;
@@ -67,7 +69,8 @@ pub(crate) mod watch;
 pub use atomic::AtomicU64;
 pub use error::OsError;
 pub use heap::{HeapUse, SealedHeap};
-pub use panics::{Panicked, fault, halt, on_stop, panicked};
+pub use panicked::{Panicked, panicked};
+pub use panics::{fault, halt, on_stop};
 pub use slot::voluntary_switches;
 pub use start::{on_timer, start};
 pub use tasks::{KernelUse, TaskUse, kernel, tasks};

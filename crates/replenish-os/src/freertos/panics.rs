@@ -2,34 +2,12 @@
 
 #![expect(unsafe_code, reason = "functions the kernel calls, with C strings")]
 
-use super::ffi;
-use crate::Tid;
+use super::{ffi, panicked};
 use core::ffi::{CStr, c_char};
 use core::fmt;
 use core::panic::PanicInfo;
 use core::ptr;
-use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
-
-static COUNT: AtomicU32 = AtomicU32::new(0);
-static LAST: AtomicU32 = AtomicU32::new(0);
-
-/// Panics so far.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Panicked {
-    /// How many tasks were halted.
-    pub count: u32,
-    /// The last of them.
-    pub last: Option<Tid>,
-}
-
-/// How many tasks panicked, and which one last.
-#[must_use]
-pub fn panicked() -> Panicked {
-    Panicked {
-        count: COUNT.load(Ordering::Acquire),
-        last: Tid::new(LAST.load(Ordering::Acquire).cast_signed()),
-    }
-}
+use core::sync::atomic::{AtomicPtr, Ordering};
 
 /// The running task, for a report: `task 3 (high)`.
 pub(super) struct Who(Option<ffi::Running>);
@@ -87,8 +65,7 @@ pub fn on_stop(hook: fn()) {
 pub fn halt(info: &PanicInfo<'_>) -> ! {
     ffi::complain(format_args!("{} halted: {info}", Who::running()));
     let id = ffi::running().map_or(0, |task| task.id);
-    COUNT.fetch_add(1, Ordering::AcqRel);
-    LAST.store(id.cast_unsigned(), Ordering::Release);
+    panicked::count(id);
     if id == 0 {
         stop();
     }

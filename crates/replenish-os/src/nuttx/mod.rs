@@ -39,6 +39,8 @@ mod masked;
 pub mod memory;
 #[path = "../rtos/name.rs"]
 mod name;
+#[path = "../rtos/panicked.rs"]
+mod panicked;
 mod panics;
 #[path = "../rtos/pi_lock.rs"]
 pub(crate) mod pi_lock;
@@ -64,7 +66,8 @@ pub(crate) mod watch;
 pub use atomic::AtomicU64;
 pub use error::OsError;
 pub use heap::SystemHeap;
-pub use panics::{Panicked, halt, panicked};
+pub use panicked::{Panicked, panicked};
+pub use panics::halt;
 pub use report::{CheckError, Facts, check};
 pub use slot::voluntary_switches;
 
