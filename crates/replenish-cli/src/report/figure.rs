@@ -1,7 +1,10 @@
 //! Line figures as SVG text, in one style: measured points are marked, theory is dashed.
 
 use crate::outcome::Failure;
+use plotters::coord::ranged1d::{BoldPoints, DefaultFormatting, KeyPointHint, Ranged};
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
+use std::ops::Range;
 
 /// The worker with the budget.
 pub(crate) const HIGH: RGBColor = RGBColor(0x25, 0x63, 0xa8);
@@ -77,7 +80,7 @@ impl Figure {
             .margin(14)
             .x_label_area_size(46)
             .y_label_area_size(62)
-            .build_cartesian_2d(0.0..self.x_max, 0.0..top * 1.6)?;
+            .build_cartesian_2d(0.0..self.x_max, Marked::new(top * 1.6, top, 11))?;
         chart
             .configure_mesh()
             .x_desc(&self.x_label)
@@ -85,7 +88,6 @@ impl Figure {
             .x_labels(11)
             .x_label_formatter(&|x| format!("{x:.0}"))
             .y_label_formatter(&|y| match y {
-                y if *y > top * 1.02 => String::new(), // room for the legend, not for values
                 y if top < 5.0 => format!("{y:.1}"),
                 y => format!("{y:.0}"),
             })
@@ -154,6 +156,39 @@ impl Figure {
     }
 }
 
+/// An axis that has marks on its lower part only: above is room for the legend, not for values.
+pub(crate) struct Marked {
+    axis: RangedCoordf64,
+    marks: Vec<f64>,
+}
+
+impl Marked {
+    /// From 0 to `end`, with up to so many marks as would fit all of it, but none above `top`.
+    pub(crate) fn new(end: f64, top: f64, marks: usize) -> Self {
+        let axis = RangedCoordf64::from(0.0..end);
+        let mut marks = axis.key_points(BoldPoints(marks));
+        marks.retain(|value| *value <= top * 1.02);
+        Self { axis, marks }
+    }
+}
+
+impl Ranged for Marked {
+    type FormatOption = DefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
+        self.axis.map(value, limit)
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<f64> {
+        self.marks.clone()
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.axis.range()
+    }
+}
+
 /// A drawing error as a failure of the command.
 pub(crate) fn failed(e: &dyn std::error::Error) -> Failure {
     Failure::refused(format!("cannot draw the figure: {e}"))
@@ -182,5 +217,12 @@ mod tests {
         for text in ["budget", "answers", "high, theory"] {
             assert!(svg.contains(text), "{text}");
         }
+    }
+
+    #[test]
+    fn the_room_of_the_legend_has_no_marks() {
+        let axis = Marked::new(160.0, 100.0, 9);
+        assert_eq!(axis.marks, [0.0, 20.0, 40.0, 60.0, 80.0, 100.0]);
+        assert_eq!(axis.range(), 0.0..160.0);
     }
 }

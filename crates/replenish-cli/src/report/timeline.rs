@@ -1,6 +1,6 @@
 //! Two figures of a run: who had the CPU in one window, and the shares of every window.
 
-use super::figure::{self, GRID, HIGH, INK, LOW};
+use super::figure::{self, GRID, HIGH, INK, LOW, Marked};
 use crate::load::Nanos;
 use crate::load::grid::Grid;
 use crate::outcome::Failure;
@@ -100,7 +100,7 @@ fn draw_shares(
         .margin(14)
         .x_label_area_size(44)
         .y_label_area_size(62)
-        .build_cartesian_2d(0.0..count, 0.0..160.0)?;
+        .build_cartesian_2d(0.0..count, Marked::new(160.0, 100.0, 9))?;
     chart
         .configure_mesh()
         .disable_x_mesh()
@@ -108,14 +108,7 @@ fn draw_shares(
         .y_desc("CPU time, % of the window")
         .x_labels(11)
         .x_label_formatter(&|x| format!("{x:.0}"))
-        .y_labels(9)
-        .y_label_formatter(&|y| {
-            if *y > 100.5 {
-                String::new()
-            } else {
-                format!("{y:.0}")
-            }
-        })
+        .y_label_formatter(&|y| format!("{y:.0}"))
         .label_style(("sans-serif", 15, &INK))
         .axis_desc_style(("sans-serif", 17, &BLACK))
         .axis_style(INK)
