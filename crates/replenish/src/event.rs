@@ -43,7 +43,9 @@ pub enum Event<'a> {
         /// How many of this handle's samples have been undecodable by now.
         count: u64,
     },
-    /// A sample was larger than the slots of its handle.
+    /// A sample, request or reply was larger than its handle takes: the type's usual size, what
+    /// [`Topic::max_size`](crate::Topic::max_size) says, or for parameters
+    /// [`ParameterOptions::message_bytes`](crate::ParameterOptions::message_bytes).
     Oversize {
         /// The handle's id.
         handle: &'a str,
@@ -131,7 +133,7 @@ impl fmt::Display for Event<'_> {
             } => {
                 write!(
                     f,
-                    "{handle}: sample of {size} bytes does not fit ({count} times)"
+                    "{handle}: sample of {size} bytes does not fit ({count} times): see max_size, or message_bytes of parameters"
                 )
             }
             Self::Blocked {
@@ -225,7 +227,8 @@ mod tests {
         assert_eq!(told.len(), 10); // 1, 2, 4, … 512
         assert_eq!(
             told[0],
-            "/n/sub:/t: sample of 9 bytes does not fit (1 times)"
+            "/n/sub:/t: sample of 9 bytes does not fit (1 times): see max_size, or message_bytes of \
+             parameters"
         );
     }
 }

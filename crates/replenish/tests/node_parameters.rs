@@ -13,9 +13,10 @@ use common::executor;
 use replenish::middleware::InProcessBus;
 use replenish::msg::Service;
 use replenish::{
-    Context, Descriptor, Error, Executor, Node, ParameterError, ParameterErrorKind as Kind,
+    Client, Context, Descriptor, Error, Executor, Node, ParameterError, ParameterErrorKind as Kind,
     ParameterOptions, ParameterValue, Parameters, Qos, SpinEnd, Topic,
 };
+use replenish_interfaces::lifecycle_msgs::srv::{ChangeState, ChangeStateRequest};
 use replenish_interfaces::rcl_interfaces::msg::{
     Parameter, ParameterEvent, ParameterValue as Sent,
 };
@@ -555,4 +556,89 @@ fn a_callback_of_setting_gives_another_one() {
     assert_eq!(kind(p.set("a", 13)), Kind::Refused);
     p.set("a", 14).unwrap();
     assert_eq!(*told.lock().unwrap(), ["14"]);
+}
+
+/// A request that is longer than the service takes has no answer, but it is told: to the handle's hook
+/// and as an event, and counted. The service goes on.
+fn requests_too_long_are_told(server: &Context, asker: &Context) {
+    let _dog = watchdog("long requests", LIMIT * 2);
+    let node = server.node("robot/arm").unwrap();
+    let few = ParameterOptions::new().message_bytes(512);
+    let p = node.parameters(few).unwrap();
+    let lifecycle = node.lifecycle().unwrap();
+    let (mut exec, log) = executor(server);
+    let (told, hook) = (Arc::new(Mutex::new(0)), Arc::default());
+    let (note, last): (_, Arc<Mutex<String>>) = (Arc::clone(&told), Arc::clone(&hook));
+    let handling = replenish::Handling::new().on_error(move |event| {
+        *note.lock().unwrap() += 1;
+        *last.lock().unwrap() = event.to_string();
+    });
+    let worker = exec.worker("w").parameters(&p).unwrap();
+    worker.with(handling).lifecycle(&lifecycle).unwrap();
+    let serving = exec.start().unwrap();
+    let asks = asker.node("asker").unwrap();
+    let gets: Client<srv::GetParameters> = asks
+        .client(
+            Topic::named("/robot/arm/get_parameters").max_size(8000),
+            Qos::services(),
+            LIMIT,
+        )
+        .unwrap();
+    let changes: Client<ChangeState> = asks
+        .client(
+            Topic::named("/robot/arm/change_state").max_size(12_000),
+            Qos::services(),
+            LIMIT,
+        )
+        .unwrap();
+    let (mut exec, _) = executor(asker);
+    let heard = Arc::new(Mutex::new(0));
+    let count = Arc::clone(&heard);
+    let worker = exec.worker("w").replies(&gets, move |reply, _| {
+        assert!(reply.is_ok());
+        *count.lock().unwrap() += 1;
+    });
+    worker.unwrap().replies(&changes, |_, _| ()).unwrap();
+    let _asking = exec.start().unwrap();
+
+    let get = |bytes: usize| srv::GetParametersRequest {
+        names: vec!["x".repeat(bytes)],
+    };
+    gets.call(&get(600)).unwrap();
+    let stats = |id| serving.stats(id).unwrap();
+    let get_id = "/robot/arm/srv:/robot/arm/get_parameters";
+    assert!(common::eventually(|| stats(get_id).oversize == 1));
+    // Length of the list, length of the text, text, NUL.
+    let line = "get_parameters: sample of 609 bytes does not fit (1 times): see max_size, or message_bytes";
+    assert!(common::eventually(|| log.has(line)), "{:?}", log.lines());
+    assert!(hook.lock().unwrap().contains(line));
+    gets.call(&get(601)).unwrap();
+    gets.call(&get(10)).unwrap();
+    assert!(common::eventually(|| *heard.lock().unwrap() == 1));
+    assert_eq!(*told.lock().unwrap(), 2, "the hook hears of each");
+    let seen = stats(get_id);
+    assert_eq!(
+        (seen.received, seen.executed, seen.oversize, seen.lost),
+        (3, 1, 2, 0)
+    );
+
+    let mut change = ChangeStateRequest::default();
+    change.transition.label = "x".repeat(9000);
+    changes.call(&change).unwrap();
+    assert!(common::eventually(|| log.has("change_state: sample of 90")));
+    assert_eq!(stats("/robot/arm/srv:/robot/arm/change_state").oversize, 1);
+}
+
+#[test]
+fn requests_too_long_are_told_in_one_process() {
+    let bus = InProcessBus::new();
+    let contexts = [(); 2].map(|()| Context::new(bus.participant()));
+    requests_too_long_are_told(&contexts[0], &contexts[1]);
+}
+
+#[cfg(feature = "xrce")]
+#[test]
+fn requests_too_long_are_told_through_the_agent() {
+    let agent = common::agent::TestAgent::start("127.0.0.1:0");
+    requests_too_long_are_told(&agent.context(), &agent.context());
 }

@@ -115,7 +115,7 @@ impl Dispatcher {
         }
     }
 
-    /// Tells what has become of the link, and of endpoints that do not fit.
+    /// Tells what has become of the link, of endpoints that do not fit, and of samples too long.
     #[inline(never)]
     fn notice(&self, watch: &mut Watch) {
         let middleware: &dyn Middleware = &*self.stop.middleware;
@@ -129,6 +129,14 @@ impl Dispatcher {
             && let Some(clash) = middleware.next_clash()
         {
             self.clashed(&clash);
+        }
+        while cfg!(feature = "texts")
+            && let Some((reader, size)) = middleware.next_oversize()
+        {
+            let route = self.route(reader);
+            route
+                .into_iter()
+                .for_each(|route| route.refuse(size, &self.events));
         }
     }
 

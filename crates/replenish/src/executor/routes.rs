@@ -35,6 +35,13 @@ impl Route {
         delivery.parked
     }
 
+    /// A sample has come that is too long for the handle, and that the middleware did not keep.
+    #[cold]
+    pub(crate) fn refuse(&self, size: usize, events: &Events) {
+        self.shared.counters.received.count(1);
+        self.oversize(size, events);
+    }
+
     #[cold]
     fn oversize(&self, size: usize, events: &Events) {
         let count = self.shared.counters.oversize.add(1);

@@ -20,7 +20,7 @@ use crate::sync::{Arc, Mutex, Signal};
 use crate::text::said;
 use alloc::vec::Vec;
 use bus::{Bus, Participant, Reader, Writer, id};
-use clashes::Clashes;
+use clashes::{Clashes, Oversizes};
 use core::fmt;
 use replenish_os::clock;
 
@@ -53,7 +53,8 @@ impl InProcessBus {
     #[must_use]
     pub fn participant(&self) -> InProcess {
         let bell = Arc::new(Signal::new());
-        let clashes = Arc::new(Clashes::default());
+        let clashes = Clashes::new(false);
+        let oversizes = Oversizes::new(true);
         let mut bus = self.state.lock();
         bus.participants.push(Participant {
             bell: Arc::clone(&bell),
@@ -67,6 +68,7 @@ impl InProcessBus {
             bus: self.clone(),
             bell,
             clashes,
+            oversizes,
             me: bus.participants.len() - 1,
         }
     }
@@ -105,6 +107,7 @@ pub struct InProcess {
     bus: InProcessBus,
     bell: Arc<Signal>,
     clashes: Arc<Clashes>,
+    oversizes: Arc<Oversizes>,
     me: usize,
 }
 
@@ -153,6 +156,9 @@ impl Middleware for InProcess {
         }
         let depth = spec.qos.depth.into();
         let mut reader = Reader {
+            id: ReaderId(0),
+            limit: spec.max_size,
+            oversizes: Arc::clone(&self.oversizes),
             requests: spec.qos,
             queue: Ring::new(depth, spec.max_size),
             keep_all: spec.qos.history == History::KeepAll,
@@ -166,6 +172,7 @@ impl Middleware for InProcess {
         let mine = &mut bus.me(self.me)?.readers;
         let index = mine.iter().position(|r| r.deleted).unwrap_or(mine.len());
         let id = bounded(index, "readers of one context")?;
+        reader.id = ReaderId(id);
         let topic = bus.topic(spec)?;
         if spec.qos.durability == Durability::TransientLocal {
             bus.catch_up(topic, &mut reader);
@@ -340,6 +347,10 @@ impl Middleware for InProcess {
 
     fn next_clash(&self) -> Option<Clash> {
         self.clashes.next()
+    }
+
+    fn next_oversize(&self) -> Option<(ReaderId, usize)> {
+        self.oversizes.next()
     }
 
     fn lost(&self, reader: ReaderId) -> u64 {

@@ -217,6 +217,14 @@ pub trait Middleware: Send + Sync + 'static {
         None
     }
 
+    /// The next sample for one of its readers that was longer than the reader takes, and how long it was;
+    /// each is told once. For a middleware that does not hand such samples to [`take`](Self::take)'s
+    /// `sink`, which is to refuse them. Called by the dispatcher when there are [news](Self::news), with
+    /// feature `texts`; what is told here is not among those [lost](Self::lost).
+    fn next_oversize(&self) -> Option<(ReaderId, usize)> {
+        None
+    }
+
     /// Waits until a reader in `interest` has data, [`wake`](Self::wake) was called, the middleware
     /// has housekeeping to do in [`take`](Self::take), or `deadline` has passed.
     ///
@@ -249,7 +257,7 @@ pub trait Middleware: Send + Sync + 'static {
     fn wake(&self);
 
     /// A number that is another one whenever [`link`](Self::link) or
-    /// [`next_clash`](Self::next_clash) may have something new to say; `None` where they are to be
+    /// [`next_clash`](Self::next_clash) or [`next_oversize`](Self::next_oversize) may have something new to say; `None` where they are to be
     /// asked each time. Called by the dispatcher in every round.
     fn news(&self) -> Option<usize> {
         None

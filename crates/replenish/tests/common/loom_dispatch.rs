@@ -150,6 +150,9 @@ pub(crate) mod middleware {
         fn news(&self) -> Option<usize> {
             None
         }
+        fn next_oversize(&self) -> Option<(ReaderId, usize)> {
+            None
+        }
         fn next_clash(&self) -> Option<Clash> {
             None
         }

@@ -1,7 +1,7 @@
 //! What the lock of a bus protects: topics, participants, and how a sample gets into the queues of its
 //! readers.
 
-use super::clashes::Clashes;
+use super::clashes::{Clashes, Oversizes};
 use crate::handoff::{Ring, SampleInfo};
 use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId};
 use crate::qos::Qos;
@@ -57,7 +57,11 @@ pub(super) struct Writer {
 }
 
 pub(super) struct Reader {
+    pub(super) id: ReaderId,
     pub(super) requests: Qos,
+    /// The largest sample it takes.
+    pub(super) limit: usize,
+    pub(super) oversizes: Arc<Oversizes>,
     pub(super) queue: Ring,
     pub(super) keep_all: bool,
     pub(super) keep_oldest: bool,
@@ -136,41 +140,56 @@ impl Bus {
             if topic.clashes && offers.check_offers(reader.requests).is_err() {
                 continue;
             }
-            if reader.store(payload, info) {
-                let waits = participant.waits_for.as_ref();
-                if waits.is_some_and(|i| i.contains(id(r))) {
-                    participant.waits_for = None; // one bell is enough
-                    wake |= 1 << p;
+            match reader.store(payload, info) {
+                Stored::Waits => {
+                    let waits = participant.waits_for.as_ref();
+                    if waits.is_some_and(|i| i.contains(id(r))) {
+                        participant.waits_for = None; // one bell is enough
+                        wake |= 1 << p;
+                    }
                 }
-            } else {
-                full |= reader.reliable && reader.keep_all;
+                Stored::TooLong => wake |= 1 << p,
+                Stored::Lost => full |= reader.reliable && reader.keep_all,
             }
         }
         (wake, full)
     }
 }
 
+/// What has become of a sample for one reader.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Stored {
+    Waits,
+    Lost,
+    /// Its participant is to be told.
+    TooLong,
+}
+
 impl Reader {
-    /// Whether the sample waits now. Anything that did not find room is counted.
-    pub(super) fn store(&mut self, payload: &[u8], info: &SampleInfo) -> bool {
+    /// Anything that did not find room is counted, or told.
+    pub(super) fn store(&mut self, payload: &[u8], info: &SampleInfo) -> Stored {
+        if payload.len() > self.limit {
+            // Without texts nobody asks.
+            if cfg!(feature = "texts") && self.oversizes.add((self.id, payload.len())) {
+                return Stored::TooLong;
+            }
+            self.lost += 1;
+            return Stored::Lost;
+        }
         if (self.keep_all || self.keep_oldest) && self.queue.is_full() {
             self.lost += 1;
-            return false;
+            return Stored::Lost;
         }
         let Some(mut slot) = self.queue.spare() else {
             self.lost += 1;
-            return false;
+            return Stored::Lost;
         };
-        if !slot.fill(payload, info) {
-            self.queue.give_back(slot);
-            self.lost += 1;
-            return false;
-        }
+        slot.fill(payload, info); // it fits
         if let Some(oldest) = self.queue.push(slot) {
             self.queue.give_back(oldest);
             self.lost += 1;
         }
-        true
+        Stored::Waits
     }
 }
 

@@ -1,32 +1,48 @@
-//! Which endpoints of one bus do not fit together, and that both ends are told.
+//! Which endpoints of one bus do not fit together, and that both ends are told; and how participants are
+//! told anything.
 
 use super::{Bus, Clash, ReaderId};
 use crate::qos::Qos;
-use crate::sync::{AtomicBool, Mutex, Ordering};
+use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 
-/// Clashes that wait to be told to one participant; more are left out.
+/// What waits to be told to one participant at most; more is left out.
 const LIMIT: usize = 64;
 
 /// What one participant is to be told.
-#[derive(Default)]
-pub(super) struct Clashes {
+pub(super) struct News<T> {
     any: AtomicBool,
-    waiting: Mutex<VecDeque<Clash>>,
+    waiting: Mutex<VecDeque<T>>,
 }
 
-impl Clashes {
-    /// Set-up: allocates.
-    fn add(&self, clash: Clash) {
-        let mut waiting = self.waiting.lock();
-        if waiting.len() < LIMIT {
-            waiting.push_back(clash);
-            self.any.store(true, Ordering::Release);
-        }
+/// Of endpoints that do not fit together.
+pub(super) type Clashes = News<Clash>;
+/// Of samples that are longer than a reader takes, and how long they are.
+pub(super) type Oversizes = News<(ReaderId, usize)>;
+
+impl<T> News<T> {
+    /// Nothing yet; with `room`, adding allocates nothing.
+    pub(super) fn new(room: bool) -> Arc<Self> {
+        let waiting = if room { LIMIT } else { 0 };
+        Arc::new(Self {
+            any: AtomicBool::new(false),
+            waiting: Mutex::new(VecDeque::with_capacity(waiting)),
+        })
     }
 
-    pub(super) fn next(&self) -> Option<Clash> {
+    /// Whether it will be told.
+    pub(super) fn add(&self, news: T) -> bool {
+        let mut waiting = self.waiting.lock();
+        let room = waiting.len() < LIMIT;
+        if room {
+            waiting.push_back(news);
+            self.any.store(true, Ordering::Release);
+        }
+        room
+    }
+
+    pub(super) fn next(&self) -> Option<T> {
         if !self.any.load(Ordering::Acquire) {
             return None;
         }

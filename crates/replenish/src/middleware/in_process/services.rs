@@ -1,6 +1,7 @@
 //! Services inside one process: requests are a topic of their own, replies go to the one reader
 //! that the request's identity names.
 
+use super::bus::Stored;
 use super::{Bus, InProcess, SampleInfo, clock};
 use crate::middleware::{
     EndpointSpec, Middleware, MiddlewareError, PublishError, ReaderId, RequestIdentity,
@@ -190,8 +191,10 @@ impl Bus {
         if offers.check_offers(reader.requests).is_err() {
             return Ok(0); // they do not talk with each other; both were told
         }
-        if !reader.store(payload, info) {
-            return Err(PublishError::Full);
+        match reader.store(payload, info) {
+            Stored::Waits => {}
+            Stored::Lost => return Err(PublishError::Full),
+            Stored::TooLong => return Ok(1 << p), // which tells it; as in DDS, the sender is not
         }
         let waits = participant.waits_for.as_ref();
         if waits.is_some_and(|i| i.contains(super::id(r))) {

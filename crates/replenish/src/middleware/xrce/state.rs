@@ -209,11 +209,11 @@ impl Ends {
             flow.granted = flow.granted.saturating_sub(1);
             self.spent |= flow.granted == 0;
         }
-        let fits = payload.len() <= reader.max_size;
-        if fits && round.interest.contains(id) && reader.backlog.is_empty() {
+        // What is too long fits into no backlog: whom it is for refuses it, and says so.
+        let at_once = reader.backlog.is_empty() || payload.len() > reader.max_size;
+        if at_once && round.interest.contains(id) {
             return round.give(id, &info, payload);
         }
-        // What is too long is in no backlog's slots either.
         if !reader.backlog.push(&info, payload) {
             reader.lost += 1;
         }
