@@ -297,3 +297,39 @@ fn timers_release_on_their_grid_whatever_the_callback_does() {
         "{catch_up:?} in {elapsed} ns"
     );
 }
+
+/// Whatever names there are: each column ends where its head ends, or begins where it begins.
+#[test]
+fn the_tables_of_a_report_line_up_with_long_names() {
+    let _dog = watchdog("tables", LIMIT);
+    let ctx = Context::in_process();
+    let node = ctx
+        .node("a/robot/with/a/name/beyond/thirty/two/characters")
+        .unwrap();
+    let (mut exec, _) = executor(&ctx);
+    let callback = |_: &Int32, _: &replenish::CallbackContext<'_>| ();
+    exec.worker("short")
+        .subscribe(&node, "t", Qos::reliable(), callback)
+        .unwrap();
+    exec.worker("much_longer_than_sixteen")
+        .timer(MS, |_| ())
+        .unwrap();
+    let text = exec.start().unwrap().stop().to_string();
+    let lines: Vec<&str> = text.lines().collect();
+    let at = |head: &str| lines.iter().position(|l| l.starts_with(head)).unwrap();
+    let (threads, handles) = (at("thread "), at("handle "));
+    let ends = |line: usize| lines[line].chars().count();
+    assert_eq!(handles - threads, 4, "{text}");
+    assert_eq!(lines.len() - handles, 3, "{text}");
+    for line in threads..handles {
+        assert_eq!(ends(line), ends(threads), "{text}");
+    }
+    let requested = lines[threads].find("requested").unwrap();
+    assert!(
+        lines[threads + 3][requested..].starts_with("OTHER"),
+        "{text}"
+    );
+    for line in handles..lines.len() {
+        assert_eq!(ends(line), ends(handles), "{text}");
+    }
+}

@@ -15,7 +15,7 @@
 //!   workers run. [`callback`]: what callbacks see.
 //! - [`assembly`]: the parts put together. [`local`]: without threads, on the caller's.
 //! - [`live`], `live_handles`, [`mailbox`], [`desk`]: handles that come and go; `fixed` without feature `live`.
-//! - [`running`], [`stop`]: watching and ending it. [`report`]: the numbers.
+//! - [`running`], [`stop`]: watching and ending it. [`report`]: the numbers; `table`: lined up.
 
 #[cfg(feature = "live")]
 mod added;
@@ -65,6 +65,7 @@ mod service;
 mod start;
 mod stop;
 mod subscription;
+mod table;
 mod tally;
 mod threads;
 mod timer;

@@ -3,11 +3,12 @@
 #[cfg(feature = "texts")]
 use super::beat::RoundStats;
 use super::planning::AdmissionReport;
+use super::table::Table;
 use crate::Nanos;
 use crate::histogram::Histogram;
 use crate::stats::HandleStats;
 use crate::text::Words;
-use alloc::string::String;
+use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::fmt;
 use replenish_os::{Enforcement, EnforcerStats, OverrunSummary, Usage};
@@ -120,50 +121,58 @@ impl fmt::Display for Report {
         for line in &self.admission.notes {
             writeln!(f, "note: {line}")?;
         }
-        writeln!(
-            f,
-            "{:<16} {:<34} {:<22} {:>9} {:>9} {:>6} {:>16}",
-            "thread", "requested", "granted", "high ms", "low ms", "exh.", "overrun us 50/99"
-        )?;
+        let heads = [
+            "thread",
+            "requested",
+            "granted",
+            "high ms",
+            "low ms",
+            "exh.",
+            "overrun us 50/99",
+        ];
+        let mut threads = Table::new(3, heads);
         for t in &self.threads {
             let (median, p99) = (t.overruns.median, t.overruns.p99);
             let overrun = match t.overruns.count {
                 0 => String::from("-"),
                 _ => alloc::format!("{}/{}", median / 1000, p99 / 1000),
             };
-            writeln!(
-                f,
-                "{:<16} {:<34} {:<22} {:>9} {:>9} {:>6} {:>16}",
-                t.name,
-                t.requested,
-                t.granted,
-                t.usage.cpu_high / 1_000_000,
-                t.usage.cpu_low / 1_000_000,
-                t.usage.exhaustions,
-                overrun
-            )?;
+            let cells = [
+                t.name.clone(),
+                t.requested.to_string(),
+                t.granted.to_string(),
+                (t.usage.cpu_high / 1_000_000).to_string(),
+                (t.usage.cpu_low / 1_000_000).to_string(),
+                t.usage.exhaustions.to_string(),
+                overrun,
+            ];
+            threads.add(cells, "");
         }
-        writeln!(
-            f,
-            "{:<32} {:>9} {:>9} {:>7} {:>6} {:>11} {:>11}",
-            "handle", "received", "executed", "dropped", "errors", "latency us", "CPU us"
-        )?;
+        let heads = [
+            "handle",
+            "received",
+            "executed",
+            "dropped",
+            "errors",
+            "latency us",
+            "CPU us",
+        ];
+        let mut handles = Table::new(1, heads);
         for h in &self.handles {
             let s = &h.stats;
             let bad = s.dropped + s.oversize + s.undecodable + s.discarded + s.lost + s.skipped;
-            writeln!(
-                f,
-                "{:<32} {:>9} {:>9} {:>7} {:>6} {:>11} {:>11}{}",
-                h.id,
-                s.received,
-                s.executed,
-                bad,
-                s.errors,
-                s.worst_latency / 1000,
-                s.worst_execution / 1000,
-                if s.panicked { "  panicked" } else { "" }
-            )?;
+            let cells = [
+                h.id.clone(),
+                s.received.to_string(),
+                s.executed.to_string(),
+                bad.to_string(),
+                s.errors.to_string(),
+                (s.worst_latency / 1000).to_string(),
+                (s.worst_execution / 1000).to_string(),
+            ];
+            handles.add(cells, if s.panicked { "panicked" } else { "" });
         }
+        write!(f, "{threads}{handles}")?;
         #[cfg(feature = "texts")]
         for RoundReport { worker, stats } in &self.rounds {
             let (served, skipped) = (stats.served, stats.skipped);
