@@ -422,3 +422,45 @@ fn a_message_longer_than_its_buffer_names_field_length_limit_and_remedy() {
         "field result: the message takes 4008 bytes or more, its buffer has 100; ActionOptions";
     assert!(eventually(|| log.has(failed)), "{:?}", log.lines());
 }
+
+/// Types with unbounded fields ask for more than a datagram of micro-ROS holds.
+#[cfg(feature = "xrce")]
+#[test]
+fn what_a_session_has_no_room_for_names_the_setting_and_its_range() {
+    use replenish::middleware::xrce::{Xrce, XrceConfig};
+    let agent = common::agent::TestAgent::start("127.0.0.1:0");
+    let node = agent.context().node("n").unwrap();
+    let error = node
+        .publisher::<Image>("image", Qos::best_effort())
+        .unwrap_err();
+    let size = Image::MAX_SIZE;
+    let expected = format!(
+        "publisher /image: samples of up to {size} bytes do not fit, the limit is 500: of best-effort \
+         ones it is XrceConfig::mtu - 12, with an mtu of 64..=65507; Node::publisher_sized and \
+         Topic::max_size ask for shorter samples"
+    );
+    assert_eq!(error.to_string(), expected);
+    let (mut exec, _) = executor(node.context());
+    let subscribed =
+        exec.worker("w")
+            .subscribe(&node, "image", Qos::best_effort(), |_: &Image, _| ());
+    let error = subscribed.err().unwrap().to_string();
+    assert_eq!(error, expected.replace("publisher /", "subscription /"));
+    let reliable = node.publisher_sized::<Image>("large", Qos::reliable(), 65_528);
+    let error = reliable.unwrap_err().to_string();
+    assert!(
+        error.contains("of reliable ones it is XrceConfig::max_sample, 1..=65528"),
+        "{error}"
+    );
+    node.publisher_sized::<Image>("image", Qos::best_effort(), 500)
+        .unwrap();
+
+    let config = XrceConfig {
+        mtu: u16::try_from(size + 12).unwrap(),
+        ..XrceConfig::default()
+    };
+    let wide = Context::new(Xrce::udp_with(&agent.address.to_string(), config).unwrap());
+    let node = wide.node("n").unwrap();
+    node.publisher::<Image>("image", Qos::best_effort())
+        .unwrap();
+}

@@ -367,7 +367,11 @@ fn no_agent_is_a_clear_error_within_two_seconds() {
 fn what_does_not_fit_is_refused_with_size_and_limit() {
     let agent = agent_at("127.0.0.1:0");
     let middleware = connect(agent.local_addr());
-    let too_large = |size, limit| MiddlewareError::TooLarge { size, limit };
+    let too_large = |size, limit| MiddlewareError::TooLarge {
+        size,
+        limit,
+        setting: "of best-effort ones it is XrceConfig::mtu - 12, with an mtu of 64..=65507",
+    };
     let big = spec("/big", Qos::best_effort(), 4096);
     assert_eq!(middleware.create_writer(&big), Err(too_large(4096, 500)));
     assert_eq!(middleware.create_reader(&big), Err(too_large(4096, 500)));

@@ -21,6 +21,8 @@ pub enum MiddlewareError {
         size: usize,
         /// Bytes there is room for.
         limit: usize,
+        /// What sets the limit, and its range.
+        setting: Label,
     },
     /// The middleware cannot do this.
     Unsupported(Label),
@@ -56,10 +58,15 @@ impl fmt::Display for MiddlewareError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Capacity { what, limit } => write!(f, "too many {what}: the limit is {limit}"),
-            Self::TooLarge { size, limit } => {
+            Self::TooLarge {
+                size,
+                limit,
+                setting,
+            } => {
                 write!(
                     f,
-                    "samples of up to {size} bytes do not fit, the limit is {limit}"
+                    "samples of up to {size} bytes do not fit, the limit is {limit}: {setting}; \
+                     Node::publisher_sized and Topic::max_size ask for shorter samples"
                 )
             }
             Self::Unsupported(what) => write!(f, "not supported by this middleware: {what}"),

@@ -109,7 +109,7 @@ impl State {
             (false, true) => settings.max_sample,
             (false, false) => usize::from(settings.mtu).saturating_sub(OVERHEAD),
         };
-        self.check(spec.max_size, limit)?;
+        self.check(spec.max_size, limit, setting(reliable))?;
         let (slot, number) = match writes {
             true => (0, self.writer_number()?),
             false => self.reader_place()?,
@@ -180,12 +180,21 @@ impl State {
     }
 
     /// Whether an endpoint with samples of this size can be created at all.
-    const fn check(&self, size: usize, limit: usize) -> Result<(), MiddlewareError> {
+    const fn check(
+        &self,
+        size: usize,
+        limit: usize,
+        setting: Label,
+    ) -> Result<(), MiddlewareError> {
         if !self.is_up() {
             return Err(MiddlewareError::LinkDown);
         }
         if size > limit {
-            return Err(MiddlewareError::TooLarge { size, limit });
+            return Err(MiddlewareError::TooLarge {
+                size,
+                limit,
+                setting,
+            });
         }
         Ok(())
     }
@@ -308,15 +317,25 @@ fn control(limit: IngressLimit) -> DeliveryControl {
     }
 }
 
+/// What limits samples: the window of a reliable stream holds at least the largest one.
+pub(super) const fn setting(reliable: bool) -> Label {
+    match reliable {
+        true => said("of reliable ones it is XrceConfig::max_sample, 1..=65528"),
+        false => said("of best-effort ones it is XrceConfig::mtu - 12, with an mtu of 64..=65507"),
+    }
+}
+
 pub(super) fn request_error(error: &RequestError) -> MiddlewareError {
     match *error {
         RequestError::JournalFull => MiddlewareError::Capacity {
             what: said("objects of the session"),
             limit: REQUESTS,
         },
-        RequestError::Stream(PushError::TooLarge { size, limit }) => {
-            MiddlewareError::TooLarge { size, limit }
-        }
+        RequestError::Stream(PushError::TooLarge { size, limit }) => MiddlewareError::TooLarge {
+            size,
+            limit,
+            setting: said("that of a request with names this long is XrceConfig::mtu, 64..=65507"),
+        },
         RequestError::Down => MiddlewareError::LinkDown,
         RequestError::Unsupported => {
             MiddlewareError::Unsupported(said("a question to the agent without feature `queries`"))

@@ -4,7 +4,7 @@
 
 use super::Xrce;
 use super::backlog::Backlog;
-use super::endpoints::{Reader, Writer, request_error};
+use super::endpoints::{Reader, Writer, request_error, setting};
 use super::state::{State, stream};
 use crate::Nanos;
 use crate::middleware::{
@@ -74,7 +74,11 @@ impl State {
         let limit = self.session.limit(stream).unwrap_or(0).min(most);
         let size = incoming.max(outgoing) + IDENTITY;
         if size > limit {
-            return Err(MiddlewareError::TooLarge { size, limit });
+            return Err(MiddlewareError::TooLarge {
+                size,
+                limit,
+                setting: setting(true),
+            });
         }
         let (slot, number) = self.reader_place()?;
         let object = ObjectId::new(number, kind);
