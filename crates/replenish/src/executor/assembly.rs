@@ -76,7 +76,7 @@ pub(crate) fn assemble(
             ran: 0,
         })));
     }
-    let registry = Registry::new(handles, limits);
+    let registry = Registry::new(handles, limits, workers.len());
     let live = Live::new(context, stop, registry, &dispatcher.desk, posts);
     for worker in &mut workers {
         worker.live = Some(Arc::clone(&live));

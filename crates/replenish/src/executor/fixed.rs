@@ -15,7 +15,7 @@ use alloc::vec::Vec;
 pub(crate) struct Registry(Vec<(Arc<str>, Arc<Shared>)>);
 
 impl Registry {
-    pub(crate) const fn new(handles: Vec<(Arc<str>, Arc<Shared>)>, _: usize) -> Self {
+    pub(crate) const fn new(handles: Vec<(Arc<str>, Arc<Shared>)>, _: usize, _: usize) -> Self {
         Self(handles)
     }
 

@@ -52,11 +52,20 @@ impl Known {
 }
 
 impl Registry {
-    pub(crate) fn new(mut handles: Vec<(Arc<str>, Arc<Shared>)>, limit: usize) -> Self {
+    /// For up to `limit` handles of so many workers.
+    ///
+    /// One that leaves has its place at its worker until the worker lets go of it, so no more than
+    /// `limit` leave at a time; and one more of each worker, which frees the place a moment before it
+    /// says that it has let go.
+    pub(crate) fn new(
+        mut handles: Vec<(Arc<str>, Arc<Shared>)>,
+        limit: usize,
+        workers: usize,
+    ) -> Self {
         handles.reserve(limit.saturating_sub(handles.len()));
         Self(Mutex::new(Known {
             handles,
-            leaving: Vec::with_capacity(limit),
+            leaving: Vec::with_capacity(limit.saturating_add(workers)),
             claimed: Vec::new(),
         }))
     }
@@ -456,5 +465,29 @@ fn declined(why: Declined, post: &Post) -> Error {
             what: text!("handles of worker {:?}", post.name),
             limit,
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One place, which its worker has freed, but has not said so; the next one in it leaves as well.
+    #[test]
+    fn whoever_leaves_can_be_asked_for_once_more_also_when_all_leave() {
+        let worker: Arc<str> = "w".into();
+        let registry = Registry::new(Vec::new(), 1, 1);
+        let leaving = ["first", "second"].map(|id| Shared::new(id.into(), None));
+        for shared in &leaving {
+            registry.leaves(&worker, shared);
+        }
+        for shared in &leaving {
+            let (_, found) = registry.left(&shared.id).expect("it has not left");
+            assert!(Arc::ptr_eq(&found, shared));
+            registry.leaves(&worker, &found); // waited for in vain once more
+        }
+        leaving.iter().for_each(|shared| shared.gone.set());
+        registry.leaves(&worker, &Shared::new("third".into(), None));
+        assert!(registry.left("first").is_none(), "it has left");
     }
 }
