@@ -209,6 +209,21 @@ fn a_stop_ends_the_spin_whenever_it_comes() {
     });
 }
 
+#[test]
+fn a_stop_ends_the_spin_after_a_restart_as_well() {
+    loom::model(|| {
+        let executor = executor();
+        let stop = executor.stop.clone();
+        let mut local = local::local(executor).unwrap();
+        stop.stop();
+        assert_eq!(local.spin().end, SpinEnd::Stopped);
+        local.restart();
+        let stopper = thread::spawn(move || stop.stop());
+        assert_eq!(local.spin().end, SpinEnd::Stopped);
+        stopper.join().unwrap();
+    });
+}
+
 /// Takes what comes, and asks for more as soon as there is room.
 struct Subscription(Arc<Shared>, Option<Slot>);
 

@@ -195,6 +195,35 @@ fn other_threads_end_the_wait() {
     assert_eq!(local.spin().end, SpinEnd::Stopped, "it stays stopped");
 }
 
+/// Nothing is lost on the way, and no stop is: whenever it comes, the next spin ends, until it is taken
+/// back.
+#[test]
+fn a_stopped_executor_spins_again_after_a_restart() {
+    let _dog = watchdog("restart", LIMIT);
+    let (ctx, log) = (Context::in_process(), Log::default());
+    let (mut exec, publish) = two(&ctx, &log);
+    exec.worker("late").timer(MS, |cx| cx.stop()).unwrap();
+    let mut local = exec.local().unwrap();
+    let stop = local.stop_handle();
+    for n in 0..3 {
+        assert_eq!(local.spin().end, SpinEnd::Stopped); // by the timer
+        let stopped = local.spin();
+        assert_eq!((stopped.callbacks, stopped.end), (0, SpinEnd::Stopped));
+        publish("a", n);
+        local.restart();
+        assert!(!stop.is_stopping());
+        stop.stop(); // also before the spin
+        assert_eq!(local.spin_for(LIMIT).end, SpinEnd::Stopped);
+        assert_eq!(local.spin_one_period(MS).end, SpinEnd::Stopped);
+        local.restart();
+    }
+    assert_eq!(local.spin().end, SpinEnd::Stopped);
+    let heard = local.stats("/n/sub:/a").unwrap();
+    assert_eq!((heard.received, heard.executed), (3, 3), "none is lost");
+    local.restart();
+    assert_eq!(local.spin_some(LIMIT).end, SpinEnd::Stopped); // the timer again
+}
+
 #[test]
 fn periods_that_are_overrun_follow_the_rule() {
     let _dog = watchdog("spin_period", LIMIT);

@@ -157,7 +157,8 @@ fn threadless(request: &Request) -> Result<(), Error> {
 }
 
 impl LocalExecutor {
-    /// Runs callbacks until somebody stops it.
+    /// Runs callbacks until somebody stops it. Each spin after that returns `Stopped` at once, until
+    /// [`restart`](Self::restart).
     pub fn spin(&mut self) -> Spun {
         self.turn(Nanos::MAX, &mut || true, false)
     }
@@ -242,6 +243,13 @@ impl LocalExecutor {
                 false => SpinEnd::Worked,
             },
         }
+    }
+
+    /// Takes back all stops so far, so that it can be spun again: handles, counters and what waits are as
+    /// the last spin left them, and the [`StopHandle`]s stop it as before. Of timers and
+    /// [`spin_period`](Self::spin_period) what was due meanwhile is overrun, and follows their rule.
+    pub fn restart(&mut self) {
+        self.stop.stop.withdraw();
     }
 
     /// Stops this executor from anywhere.

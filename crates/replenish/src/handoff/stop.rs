@@ -40,6 +40,12 @@ impl Stop {
         }
     }
 
+    /// Nobody is asked to end any more. For those who ask the flag alone: threads that have ended stay
+    /// ended.
+    pub(crate) fn withdraw(&self) {
+        self.requested.store(false, Ordering::Release);
+    }
+
     /// Whether an end was asked for.
     pub(crate) fn is_requested(&self) -> bool {
         self.requested.load(Ordering::Acquire)
