@@ -202,7 +202,9 @@ fn a_stopped_executor_spins_again_after_a_restart() {
     let _dog = watchdog("restart", LIMIT);
     let (ctx, log) = (Context::in_process(), Log::default());
     let (mut exec, publish) = two(&ctx, &log);
-    exec.worker("late").timer(MS, |cx| cx.stop()).unwrap();
+    exec.worker("late")
+        .timer(MS, |cx: &CallbackContext<'_>| cx.stop())
+        .unwrap();
     let mut local = exec.local().unwrap();
     let stop = local.stop_handle();
     for n in 0..3 {

@@ -130,13 +130,10 @@ impl Dispatcher {
         {
             self.clashed(&clash);
         }
-        while cfg!(feature = "texts")
-            && let Some((reader, size)) = middleware.next_oversize()
-        {
-            let route = self.route(reader);
-            route
-                .into_iter()
-                .for_each(|route| route.refuse(size, &self.events));
+        #[cfg(feature = "texts")]
+        while let Some((reader, size)) = middleware.next_oversize() {
+            let route = self.route(reader).into_iter();
+            route.for_each(|route| route.refuse(size, &self.events));
         }
     }
 

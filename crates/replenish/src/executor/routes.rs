@@ -36,6 +36,7 @@ impl Route {
     }
 
     /// A sample has come that is too long for the handle, and that the middleware did not keep.
+    #[cfg(feature = "texts")]
     #[cold]
     pub(crate) fn refuse(&self, size: usize, events: &Events) {
         self.shared.counters.received.count(1);

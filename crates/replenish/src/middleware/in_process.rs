@@ -349,6 +349,7 @@ impl Middleware for InProcess {
         self.clashes.next()
     }
 
+    #[cfg(feature = "texts")]
     fn next_oversize(&self) -> Option<(ReaderId, usize)> {
         self.oversizes.next()
     }

@@ -219,8 +219,9 @@ pub trait Middleware: Send + Sync + 'static {
 
     /// The next sample for one of its readers that was longer than the reader takes, and how long it was;
     /// each is told once. For a middleware that does not hand such samples to [`take`](Self::take)'s
-    /// `sink`, which is to refuse them. Called by the dispatcher when there are [news](Self::news), with
-    /// feature `texts`; what is told here is not among those [lost](Self::lost).
+    /// `sink`, which is to refuse them. Called by the dispatcher when there are [news](Self::news); there
+    /// only with feature `texts`. What is told here is not among those [lost](Self::lost).
+    #[cfg(feature = "texts")]
     fn next_oversize(&self) -> Option<(ReaderId, usize)> {
         None
     }
