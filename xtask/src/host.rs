@@ -37,8 +37,17 @@ pub(crate) fn check() -> Outcome {
     }
 }
 
-/// Builds the host's program, `replenish`; where it is.
+/// Names the host's program where it has been built.
+const PROGRAM: &str = "REPLENISH_PROGRAM";
+
+/// Builds the host's program, `replenish`, if `REPLENISH_PROGRAM` does not name one; where it is.
 pub(crate) fn replenish() -> Outcome<PathBuf> {
+    if let Some(program) = std::env::var_os(PROGRAM).map(PathBuf::from) {
+        return match program.is_file() {
+            true => Ok(program),
+            false => Err(format!("{PROGRAM}: there is no file {}", program.display())),
+        };
+    }
     let status = Command::new("cargo")
         .args(["build", "--quiet", "-p", "replenish-cli"])
         .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
