@@ -171,6 +171,59 @@ fn goals_are_pursued_side_by_side_through_the_agent() {
 }
 
 /// rclc has one feedback buffer for all goals: here eight threads fill feedback at once.
+/// A client that was busy finds feedback and the result together.
+#[test]
+fn a_result_does_not_overtake_the_feedback_before_it() {
+    const STEPS: i32 = 8;
+    let _dog = watchdog("result behind feedback", LIMIT);
+    let [server, client] = in_process();
+    let node = server.node("server").unwrap();
+    let (mut exec, _) = executor(&server);
+    let (go, gone) = std::sync::mpsc::channel::<()>();
+    let gone = Mutex::new(Some(gone));
+    let goal = move |_: &Order, new: NewGoal<Fibonacci>, _: &CallbackContext<'_>| {
+        let (goal, gone) = (new.accept()?, gone.lock().unwrap().take().unwrap());
+        std::thread::spawn(move || {
+            gone.recv().unwrap();
+            let mut numbers = Numbers::default();
+            for n in 0..STEPS {
+                numbers.sequence.clear();
+                numbers.sequence.extend([n]);
+                goal.feedback(&numbers).unwrap();
+            }
+            goal.succeed(&numbers).unwrap();
+        });
+        Ok::<(), GoalError>(())
+    };
+    exec.worker("serve")
+        .serve_action(&node, "fib", ActionOptions::goals(1), goal, |_, _| true)
+        .unwrap();
+    let _serving = exec.start().unwrap();
+    let node = client.node("client").unwrap();
+    let options = ActionOptions::goals(1).feedback_depth(100);
+    let sender: ActionClient<Fibonacci> = node.action_client("fib", options).unwrap();
+    let heard = Heard::default();
+    let note = Arc::clone(&heard);
+    let (mut exec, _) = executor(&client);
+    exec.worker("follow")
+        .follow(&sender, move |id, update, _| {
+            note.lock().unwrap().push((id, text(&update)));
+        })
+        .unwrap();
+    let mut local = exec.local().unwrap();
+    let id = sender.send(&Order { order: 1 }).unwrap();
+    local.spin_while(LIMIT, || !has(&heard, id, "accepted"));
+    local.spin_for(50 * MS); // the server gets to know that the result is asked for
+    go.send(()).unwrap();
+    std::thread::sleep(200 * MS); // busy elsewhere
+    local.spin_while(LIMIT, || !has(&heard, id, "succeeded"));
+    local.spin_for(50 * MS);
+    let mut all = vec![String::from("accepted")];
+    all.extend((0..STEPS).map(|n| format!("feedback [{n}]")));
+    all.push(format!("succeeded [{}]", STEPS - 1));
+    assert_eq!(of(&heard, id), all);
+}
+
 #[test]
 fn goals_of_many_threads_keep_their_feedback_and_results_apart() {
     const GOALS: usize = 8;
@@ -179,8 +232,11 @@ fn goals_of_many_threads_keep_their_feedback_and_results_apart() {
     let [server, client] = in_process();
     let node = server.node("server").unwrap();
     let (mut exec, _) = executor(&server);
-    let goal = |goal: &Order, new: NewGoal<Fibonacci>, _: &CallbackContext<'_>| {
+    let orders: Arc<Mutex<Vec<(GoalId, i32, i32)>>> = Arc::default();
+    let known = Arc::clone(&orders);
+    let goal = move |goal: &Order, new: NewGoal<Fibonacci>, _: &CallbackContext<'_>| {
         let (goal, order) = (new.accept()?, goal.order);
+        let known = Arc::clone(&known);
         std::thread::spawn(move || {
             let mut numbers = Numbers::default();
             for n in 0..STEPS {
@@ -190,6 +246,10 @@ fn goals_of_many_threads_keep_their_feedback_and_results_apart() {
                 goal.feedback(&numbers).unwrap();
                 std::thread::sleep(MS / 10);
             }
+            // The middleware may bring the result before feedback that it has had for longer.
+            let all = |(_, o, heard): &(GoalId, i32, i32)| *o == order && *heard == STEPS;
+            let heard = eventually(|| known.lock().unwrap().iter().any(all));
+            assert!(heard, "all feedback");
             goal.succeed(&numbers).unwrap();
         });
         Ok::<(), GoalError>(())
@@ -203,7 +263,6 @@ fn goals_of_many_threads_keep_their_feedback_and_results_apart() {
     let sender: ActionClient<Fibonacci> = node.action_client("fib", options).unwrap();
     let (feedback, results) = (Arc::new(AtomicI32::new(0)), Arc::new(AtomicUsize::new(0)));
     let (heard, ended) = (Arc::clone(&feedback), Arc::clone(&results));
-    let orders: Arc<Mutex<Vec<(GoalId, i32, i32)>>> = Arc::default();
     let known = Arc::clone(&orders);
     let (mut exec, _) = executor(&client);
     exec.worker("follow")

@@ -42,7 +42,8 @@ impl Node {
 }
 
 impl WorkerBuilder<'_> {
-    /// Calls `callback` whenever something is heard of a goal of `client`: see [`GoalUpdate`].
+    /// Calls `callback` whenever something is heard of a goal of `client`: see [`GoalUpdate`]. Feedback
+    /// that arrived before a result is told before it.
     ///
     /// The client takes five handles of its worker; of [`with`](Self::with) right behind this,
     /// priority, group and error hook apply to all of them, a deadline to the one that takes results.
@@ -68,6 +69,7 @@ impl WorkerBuilder<'_> {
                 feedback_qos,
                 parts.feedback(),
             )?
+            .ahead_of(&inner.result)
             .subscribe(&inner.node, status.as_str(), status_qos, parts.status())?
             .replies(&inner.result, parts.results())
             .map(|worker| worker.together(4))

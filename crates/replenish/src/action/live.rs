@@ -88,6 +88,7 @@ impl LiveWorker<'_> {
         let feedback = parts.feedback();
         let topic = inner.options.topic::<FeedbackMessage<A>>(&topic);
         added.keep(self.again().subscribe(&inner.node, topic, qos, feedback))?;
+        added.put_ahead_of(&inner.result);
         let (topic, qos) = inner.status();
         let status = parts.status();
         added.keep(

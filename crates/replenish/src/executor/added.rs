@@ -1,9 +1,11 @@
 //! Handles that are added to a running worker together: all of them, or none.
 
+use super::client::Client;
 use super::live::{LiveWorker, Removal};
 use crate::error::Error;
 use alloc::string::String;
 use alloc::vec::Vec;
+use replenish_msg::Service;
 
 /// Handles that belong together; those that are there are removed if one cannot be added.
 pub(crate) struct Added<'e> {
@@ -27,6 +29,13 @@ impl<'e> Added<'e> {
     pub(crate) fn keep(&mut self, id: Result<String, Error>) -> Result<(), Error> {
         self.ids.push(id?);
         Ok(())
+    }
+
+    /// Samples of the handle that was kept last come before replies of `client` that arrive later.
+    pub(crate) fn put_ahead_of<S: Service>(&self, client: &Client<S>) {
+        if let Some(handle) = self.ids.last().and_then(|id| self.worker.handle(id)) {
+            client.lets_ahead(&handle);
+        }
     }
 
     pub(crate) fn done(mut self) -> Vec<String> {

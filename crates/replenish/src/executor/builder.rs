@@ -1,6 +1,7 @@
 //! Describing a worker: its scheduling and its rules. Adding handles to it is in `builder_handles`.
 
 use super::Executor;
+use super::client::Client;
 use super::entry::Entry;
 use super::forge::Forge;
 use super::plan::Request;
@@ -12,6 +13,7 @@ use crate::error::Error;
 use crate::platform::{Kept, kept};
 use crate::text::text;
 use alloc::vec::Vec;
+use replenish_msg::Service;
 use replenish_os::Policy;
 
 /// A worker that is described so far.
@@ -200,6 +202,14 @@ impl WorkerBuilder<'_> {
             other.treat(handling.shared());
         }
         entry.treat(handling);
+        self
+    }
+
+    /// Samples of the handle that was added last come before replies of `client` that arrive later.
+    pub(crate) fn ahead_of<S: Service>(mut self, client: &Client<S>) -> Self {
+        if let Some(entry) = self.spec().and_then(|s| s.entries.last()) {
+            client.lets_ahead(&entry.shared);
+        }
         self
     }
 

@@ -48,6 +48,8 @@ pub(crate) struct ClientInner {
     limit: Nanos,
     table: Mutex<Table>,
     line: Once<Line>,
+    /// What is told before replies that arrived later.
+    ahead: Once<Arc<Inbox>>,
     claimed: AtomicBool,
 }
 
@@ -151,6 +153,7 @@ impl<S: Service> Client<S> {
                 most,
             }),
             line: Once::new(),
+            ahead: Once::new(),
             claimed: AtomicBool::new(false),
         };
         Self {
@@ -245,6 +248,14 @@ impl<S: Service> Client<S> {
         Arc::ptr_eq(&self.inner.middleware, middleware)
     }
 
+    /// Samples of this handle, which is on the same worker, are told before replies that arrived
+    /// later: of an action, a result must not overtake its goal's feedback.
+    pub(crate) fn lets_ahead(&self, handle: &Shared) {
+        if let Some((_, inbox)) = &handle.input {
+            self.inner.ahead.set(Arc::clone(inbox)).ok();
+        }
+    }
+
     /// It belongs to a callback from now on; `false` if it has belonged to one already.
     pub(crate) fn claim(&self) -> bool {
         !self.inner.claimed.swap(true, Ordering::AcqRel)
@@ -296,6 +307,14 @@ impl<S: Service, F> Replies<S, F> {
     fn earliest(&self) -> Option<Nanos> {
         let table = self.client.table.lock();
         table.waiting.iter().map(|(_, _, end)| *end).min()
+    }
+
+    /// Whether the oldest reply waits for samples that came before it. It stays ready, so that it is
+    /// looked at again in the next round, which takes one of them first.
+    fn is_behind(&self) -> bool {
+        let sample = self.client.ahead.get().and_then(|inbox| inbox.oldest());
+        let reply = sample.and_then(|_| self.client.inbox.oldest());
+        reply.is_some() && sample <= reply
     }
 
     /// Takes a request out of the table whose limit has passed.
@@ -350,6 +369,9 @@ where
     }
 
     fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
+        if self.is_behind() {
+            return None;
+        }
         let Some(slot) = env.next_sample(&self.client.inbox, &mut self.hand) else {
             return self.expire();
         };

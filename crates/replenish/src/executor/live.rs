@@ -397,6 +397,12 @@ impl LiveWorker<'_> {
         }
     }
 
+    /// What is known about one of its handles.
+    pub(crate) fn handle(&self, id: &str) -> Option<Arc<Shared>> {
+        let (_, handle) = self.live.registry.find(id)?;
+        Some(handle)
+    }
+
     /// The executor.
     pub(crate) fn executor(&self) -> ExecutorHandle {
         let live = Arc::clone(self.live);

@@ -18,6 +18,7 @@
 
 use super::SampleInfo;
 use super::ring::{Ring, Slot};
+use crate::Nanos;
 use crate::sync::{AtomicUsize, Mutex, Ordering};
 
 /// Bounded, preallocated queue of one subscription.
@@ -142,6 +143,15 @@ impl Inbox {
         }
         self.show(state);
         Some(core::mem::take(&mut state.parked))
+    }
+
+    /// When the oldest sample that waits arrived.
+    pub(crate) fn oldest(&self) -> Option<Nanos> {
+        if self.waiting() == 0 {
+            return None;
+        }
+        let state = self.state.lock();
+        state.ring.waiting().next().map(|s| s.info().arrival)
     }
 
     /// How many samples wait.
