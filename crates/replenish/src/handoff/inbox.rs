@@ -18,7 +18,6 @@
 
 use super::SampleInfo;
 use super::ring::{Ring, Slot};
-use crate::Nanos;
 use crate::sync::{AtomicUsize, Mutex, Ordering};
 
 /// Bounded, preallocated queue of one subscription.
@@ -145,8 +144,8 @@ impl Inbox {
         Some(core::mem::take(&mut state.parked))
     }
 
-    /// When the oldest sample that waits arrived.
-    pub(crate) fn oldest(&self) -> Option<Nanos> {
+    /// When the oldest sample that waits arrived, in ns.
+    pub(crate) fn oldest(&self) -> Option<u64> {
         if self.waiting() == 0 {
             return None;
         }
