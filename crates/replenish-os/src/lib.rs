@@ -56,6 +56,7 @@ pub(crate) use linux as backend;
 #[cfg(any(all(target_os = "nuttx", feature = "nuttx"), nuttx_host))]
 pub(crate) use nuttx as backend;
 
+mod arc;
 #[cfg(any(
     target_os = "linux",
     all(target_os = "none", feature = "freertos"),
@@ -67,14 +68,13 @@ mod enforcer;
     all(target_os = "none", feature = "freertos"),
     all(target_os = "nuttx", feature = "nuttx")
 ))]
-mod pi_mutex;
-mod shared;
+mod notify;
 #[cfg(any(
     target_os = "linux",
     all(target_os = "none", feature = "freertos"),
     all(target_os = "nuttx", feature = "nuttx")
 ))]
-mod signal;
+mod pi_mutex;
 mod spec;
 #[cfg(any(
     target_os = "linux",
@@ -90,11 +90,11 @@ pub use backend::AtomicU64;
 #[cfg(all(target_os = "linux", not(nuttx_host)))]
 pub use backend::{
     affinity::{CpuSet, affinity, set_affinity},
+    context_switches::{Drained, Switch, SwitchKind, SwitchLog},
     datagram::receive,
     machine::{Machine, Preemption, machine},
     poll::{PollFd, poll},
-    stolen::stolen,
-    switches::{Drained, Switch, SwitchKind, SwitchLog},
+    steal_time::stolen,
     tcp::connect_tcp,
     tty,
     wait_set::WaitSet,
@@ -131,6 +131,13 @@ pub mod baseline {
     pub use crate::linux::bare_futex::BareFutex;
     pub use crate::linux::cpu_timer::CpuTimer;
 }
+pub use arc::Shared;
+#[cfg(any(
+    target_os = "linux",
+    all(target_os = "none", feature = "freertos"),
+    all(target_os = "nuttx", feature = "nuttx")
+))]
+pub use notify::Signal;
 #[cfg(any(
     target_os = "linux",
     all(target_os = "none", feature = "freertos"),
@@ -138,13 +145,6 @@ pub mod baseline {
 ))]
 pub use pi_mutex::{PiMutex, PiMutexGuard};
 pub use policy::{MAX_PRIORITY, MIN_RUNTIME, Policy, PolicyError};
-pub use shared::Shared;
-#[cfg(any(
-    target_os = "linux",
-    all(target_os = "none", feature = "freertos"),
-    all(target_os = "nuttx", feature = "nuttx")
-))]
-pub use signal::Signal;
 pub use spec::ThreadSpec;
 pub use sporadic::{Level, Low, Nanos, ParamError, Params};
 pub use tid::Tid;

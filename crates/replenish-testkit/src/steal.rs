@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 /// What was stolen of a CPU: the product's own reader.
-#[path = "../../replenish-os/src/linux/stolen.rs"]
+#[path = "../../replenish-os/src/linux/steal_time.rs"]
 pub mod stolen;
 
 /// A trial runs so often at most.

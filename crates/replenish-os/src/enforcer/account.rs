@@ -1,6 +1,6 @@
 //! The worker's side of enforcement ([`Account`]) and the reader's ([`Meter`]).
 
-use super::entry::Entry;
+use super::enforced_thread::Entry;
 use super::overruns::summarise;
 use super::{
     AnyServer, Enforcement, EnrollError, MAX_REPL, OverrunSamples, OverrunSummary, Shared, State,
@@ -11,11 +11,11 @@ use crate::Shared as Arc;
 use crate::Signal;
 use crate::Tid;
 use crate::backend;
+use crate::backend::blocking_detector::Watch;
 use crate::backend::clock::{self, ThreadCpuClock};
 use crate::backend::suspend::SuspendCell;
 use crate::backend::tid::current_tid;
 use crate::backend::voluntary_switches;
-use crate::backend::watch::Watch;
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::sync::atomic::{AtomicBool, Ordering};

@@ -19,7 +19,7 @@
 //! callbacks that stay within their budget cost one lock and one clock reading at each end.
 //!
 //! - `mod.rs`: the shared state, start and stop, the thread.
-//! - [`entry`]: one supervised thread: its reservation and how a verdict is applied.
+//! - [`enforced_thread`]: one supervised thread: its reservation and how a verdict is applied.
 //! - [`account`]: the worker's side, and [`Meter`], the reader's.
 //!
 //! The same code runs on every back end. What differs comes from `crate::backend`: the timer, CPU
@@ -29,7 +29,7 @@
 //! Why it is built like this, with figures: `docs/enforcement.md`.
 
 mod account;
-mod entry;
+mod enforced_thread;
 mod overruns;
 
 pub use account::{Account, Meter, Stopped, Usage};
@@ -48,7 +48,7 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
 use core::sync::atomic::{AtomicBool, Ordering};
-use entry::Entry;
+use enforced_thread::Entry;
 use sporadic::{Kind, Params, Server, Tuning};
 
 /// The end of time, in the place of no time at all.
@@ -359,9 +359,9 @@ impl Shared {
         for entry in &mut state.entries {
             if entry.is_due(now, self.config.tuning.slack) {
                 match entry.judge(now, self.rung) {
-                    entry::Outcome::Unchanged => {}
-                    entry::Outcome::Changed => changed += 1,
-                    entry::Outcome::Refused => refused += 1,
+                    enforced_thread::Outcome::Unchanged => {}
+                    enforced_thread::Outcome::Changed => changed += 1,
+                    enforced_thread::Outcome::Refused => refused += 1,
                 }
             }
         }

@@ -4,9 +4,9 @@
 //! that ends before its deadline leaves it, and the interrupt then finds nothing due. One look of an
 //! interrupt too many costs less than looking through all tasks with every wait.
 
+use super::critical_section::{Mask, Masked, Quiet};
 use super::ffi;
-use super::masked::{Mask, Masked, Quiet};
-use super::slot::{self, NEVER};
+use super::task_slot::{self, NEVER};
 use crate::Nanos;
 
 /// What the board's timer is set to.
@@ -34,9 +34,9 @@ pub(crate) fn on_timer() {
         let now = ffi::board_now();
         let mask = Mask::set();
         let quiet = mask.quiet();
-        let limit = slot::limit_at(quiet);
+        let limit = task_slot::limit_at(quiet);
         if limit <= now {
-            let task = slot::reach_limit(quiet);
+            let task = task_slot::reach_limit(quiet);
             drop(mask);
             if let Some(task) = task {
                 ffi::wake(task);
@@ -44,7 +44,7 @@ pub(crate) fn on_timer() {
             continue;
         }
         // Newest first: with <=, the oldest of equals wins; and one without a deadline never does.
-        let (at, first) = slot::all().fold((NEVER - 1, None), |(earliest, first), slot| {
+        let (at, first) = task_slot::all().fold((NEVER - 1, None), |(earliest, first), slot| {
             let at = slot.state.within(quiet, |s| s.deadline);
             if at <= earliest {
                 (at, Some(slot))

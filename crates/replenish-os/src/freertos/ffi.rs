@@ -4,9 +4,9 @@
     reason = "C functions of the kernel's shim and of the image"
 )]
 
+use super::critical_section::Quiet;
 use super::error::OsError;
 use super::inherit::Place;
-use super::masked::Quiet;
 use super::name::Name;
 use crate::Nanos;
 use core::ffi::{CStr, c_void};

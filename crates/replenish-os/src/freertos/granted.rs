@@ -1,7 +1,7 @@
 //! What a task really has.
 
 use super::error::OsError;
-use super::slot;
+use super::task_slot;
 use crate::Tid;
 use core::fmt;
 
@@ -30,7 +30,7 @@ pub enum GrantedPolicy {
 /// # Errors
 /// If no task has this number.
 pub fn granted(tid: Tid) -> Result<Granted, OsError> {
-    let slot = slot::find(tid.get()).ok_or(OsError::new("no task has this number"))?;
+    let slot = task_slot::find(tid.get()).ok_or(OsError::new("no task has this number"))?;
     Ok(Granted {
         policy: GrantedPolicy::Fifo,
         priority: slot.state.with(|s| s.priority),

@@ -9,7 +9,7 @@
 //! Freed blocks are cut to what is asked for and not joined; set-up frees little.
 #![expect(unsafe_code, reason = "a global allocator")]
 
-use super::masked::Masked;
+use super::critical_section::Masked;
 use super::panics::Who;
 use core::alloc::{GlobalAlloc, Layout};
 use core::cell::UnsafeCell;

@@ -7,8 +7,8 @@
 use super::error::OsError;
 use super::ffi::{self, Creation};
 use super::name::Name;
-use super::slot::{self, Slot};
 use super::spawn_error::SpawnError;
+use super::task_slot::{self, Slot};
 use super::thread::Thread;
 use crate::Policy;
 use alloc::boxed::Box;
@@ -40,7 +40,7 @@ pub(super) fn start(
     stack_bytes: usize,
     body: Body,
 ) -> Result<&'static Slot, SpawnError> {
-    let slot = slot::make(priority, stack_bytes);
+    let slot = task_slot::make(priority, stack_bytes);
     let stack = vec![0_u64; stack_bytes.div_ceil(8)].leak();
     let tcb = vec![0_u64; ffi::tcb_bytes().div_ceil(8)].leak();
     let argument = Box::into_raw(Box::new((slot, body))).cast();

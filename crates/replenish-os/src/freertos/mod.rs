@@ -19,24 +19,26 @@
 mod alarm;
 #[path = "../rtos/atomic.rs"]
 mod atomic;
+#[path = "../rtos/blocked_intervals.rs"]
+mod blocked_intervals;
+#[path = "../rtos/blocking_detector.rs"]
+pub(crate) mod blocking_detector;
 #[path = "../rtos/clock.rs"]
 pub mod clock;
 #[cfg(all(feature = "compact", target_arch = "arm"))]
 mod compact;
+#[path = "../rtos/critical_section.rs"]
+mod critical_section;
 #[path = "../rtos/error.rs"]
 mod error;
 mod ffi;
 #[path = "../rtos/futex.rs"]
 pub(crate) mod futex;
-#[path = "../rtos/gaps.rs"]
-mod gaps;
 pub(crate) mod granted;
 mod heap;
 #[path = "../rtos/inherit.rs"]
 mod inherit;
 mod launch;
-#[path = "../rtos/masked.rs"]
-mod masked;
 #[path = "../rtos/memory.rs"]
 pub mod memory;
 #[path = "../rtos/name.rs"]
@@ -51,11 +53,11 @@ pub(crate) mod poll;
 #[path = "../rtos/privilege.rs"]
 pub mod privilege;
 pub(crate) mod sched;
-pub(crate) mod slot;
 #[path = "../rtos/spawn_error.rs"]
 pub(crate) mod spawn_error;
 mod start;
 pub(crate) mod suspend;
+pub(crate) mod task_slot;
 mod tasks;
 #[path = "../rtos/thread.rs"]
 pub(crate) mod thread;
@@ -63,16 +65,14 @@ pub(crate) mod thread;
 pub(crate) mod tid;
 #[path = "../rtos/timer.rs"]
 pub mod timer;
-#[path = "../rtos/watch.rs"]
-pub(crate) mod watch;
 
 pub use atomic::AtomicU64;
 pub use error::OsError;
 pub use heap::{HeapUse, SealedHeap};
 pub use panicked::{Panicked, panicked};
 pub use panics::{fault, halt, on_stop};
-pub use slot::voluntary_switches;
 pub use start::{on_timer, start};
+pub use task_slot::voluntary_switches;
 pub use tasks::{KernelUse, TaskUse, kernel, tasks};
 
 /// Pending replenishments of a budget at most: 16 bytes each.

@@ -3,7 +3,7 @@
 
 use super::error::OsError;
 use super::inherit;
-use super::slot;
+use super::task_slot;
 use crate::MAX_PRIORITY;
 use crate::Tid;
 
@@ -54,6 +54,6 @@ fn place(tid: Tid, priority: u8, least: u8) -> Result<(), OsError> {
         let range = "priority out of range: allowed 1 to 99, to be lowered to 0 to 99";
         return Err(OsError::new(range));
     }
-    let slot = slot::find(tid.get()).ok_or(OsError::new("no task has this number"))?;
+    let slot = task_slot::find(tid.get()).ok_or(OsError::new("no task has this number"))?;
     inherit::set_base(slot, priority)
 }

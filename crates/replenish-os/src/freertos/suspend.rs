@@ -1,10 +1,10 @@
 //! The low mode that stops an exhausted worker altogether (`Low::Suspend`): priority 0, behind the
 //! idle task, where it only ever runs to give back a lock that somebody waits for.
 
+use super::critical_section::Masked;
 use super::error::OsError;
-use super::masked::Masked;
 use super::sched::{demote_to_tail, promote};
-use super::slot;
+use super::task_slot;
 use super::tid;
 use crate::Tid;
 
@@ -19,7 +19,7 @@ impl SuspendCell {
 
     /// Makes the calling task one that can be suspended through this cell.
     pub(crate) fn attach_current_thread(&self) -> Result<(), OsError> {
-        let slot = slot::current().ok_or(OsError::new("not a task"))?;
+        let slot = task_slot::current().ok_or(OsError::new("not a task"))?;
         let priority = slot.state.with(|s| s.priority);
         self.0
             .with(|cell| *cell = Some((tid::of(slot), priority, false)));

@@ -1,8 +1,8 @@
 //! What the kernel knows of every task, and of itself: for reports and tests.
 
 use super::ffi;
-use super::slot::{self, Slot};
 use super::start;
+use super::task_slot::{self, Slot};
 use super::tid;
 use crate::Nanos;
 use crate::Tid;
@@ -32,7 +32,7 @@ pub struct TaskUse {
 /// All tasks, the newest first; the idle task is not among them. Any task may ask; looking at a
 /// stack takes time in proportion to what was never used of it.
 pub fn tasks() -> impl Iterator<Item = TaskUse> {
-    slot::all().filter_map(of)
+    task_slot::all().filter_map(of)
 }
 
 fn of(slot: &'static Slot) -> Option<TaskUse> {

@@ -1,7 +1,7 @@
 //! What kind of machine this is, as far as it matters to real-time work. For `replenish doctor`.
 
 use super::affinity::{CpuSet, affinity};
-use super::privilege::facts::read_number;
+use super::privilege::probes::read_number;
 use super::tid::current_tid;
 use std::fmt;
 use std::fs;

@@ -1,7 +1,7 @@
 //! Keeping page faults out of real-time code: lock what is mapped, touch stacks beforehand.
 #![expect(unsafe_code, reason = "mlockall, pthread_getattr_np")]
 
-use super::privilege::{Limit, facts};
+use super::privilege::{Limit, probes};
 use super::sys;
 use std::fmt;
 use std::hint::black_box;
@@ -19,14 +19,14 @@ const HEADROOM: u64 = 64 << 20;
 /// If `RLIMIT_MEMLOCK` is too small: below what is mapped plus 64 MiB to grow into, without
 /// `CAP_IPC_LOCK`. Nothing is locked then.
 pub fn lock_all() -> Result<(), LockError> {
-    let limit = facts::limit(libc::RLIMIT_MEMLOCK);
-    let mapped = facts::mapped_bytes();
+    let limit = probes::limit(libc::RLIMIT_MEMLOCK);
+    let mapped = probes::mapped_bytes();
     let refused = |source| LockError {
         source,
         limit,
         mapped,
     };
-    let capable = facts::effective_capabilities().contains(facts::CAP_IPC_LOCK);
+    let capable = probes::effective_capabilities().contains(probes::CAP_IPC_LOCK);
     if !capable
         && limit
             .soft

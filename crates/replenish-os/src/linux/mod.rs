@@ -2,11 +2,13 @@
 
 pub(crate) mod affinity;
 pub(crate) mod bare_futex;
+mod blocked_intervals;
+pub(crate) mod blocking_detector;
 pub mod clock;
+pub(crate) mod context_switches;
 pub(crate) mod cpu_timer;
 pub(crate) mod datagram;
 pub(crate) mod futex;
-mod gaps;
 pub(crate) mod granted;
 pub(crate) mod machine;
 pub mod memory;
@@ -16,9 +18,8 @@ pub mod privilege;
 pub(crate) mod sched;
 mod sched_attr;
 pub(crate) mod spawn_error;
-pub(crate) mod stolen;
+pub(crate) mod steal_time;
 pub(crate) mod suspend;
-pub(crate) mod switches;
 mod sys;
 pub(crate) mod tcp;
 pub(crate) mod thread;
@@ -26,10 +27,9 @@ pub(crate) mod tid;
 pub mod timer;
 pub mod tty;
 pub(crate) mod wait_set;
-pub(crate) mod watch;
 
+pub use context_switches::voluntary_switches;
 use std::io::Write as _;
-pub use switches::voluntary_switches;
 
 /// What a refused system call answers.
 pub(crate) type OsError = std::io::Error;

@@ -1,12 +1,12 @@
 //! The functions of `nuttx/shim.c`, each behind a safe name.
 #![expect(unsafe_code, reason = "C functions of the shim")]
 
+use super::critical_section::Quiet;
 use super::error::OsError;
 use super::inherit::Place;
-use super::masked::Quiet;
 use super::name::Name;
 use super::report::Report;
-use super::slot::{self, NEVER, Slot};
+use super::task_slot::{self, NEVER, Slot};
 use crate::Nanos;
 use core::cell::UnsafeCell;
 use core::ffi::{c_char, c_void};
@@ -205,7 +205,9 @@ pub(crate) fn unmask(before: u32) {
 
 /// The calling thread waits until it is woken or its slot's deadline has come; not while masked.
 pub(crate) fn block() {
-    let Some(me) = slot::current() else { return };
+    let Some(me) = task_slot::current() else {
+        return;
+    };
     let until = me.state.with(|s| {
         s.parked_until = s.deadline;
         s.deadline

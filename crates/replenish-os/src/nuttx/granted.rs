@@ -1,7 +1,7 @@
 //! What a thread really has, read back from the system.
 
 use super::error::OsError;
-use super::slot;
+use super::task_slot;
 use crate::Nanos;
 use crate::Tid;
 use crate::policy::Span;
@@ -48,7 +48,7 @@ pub enum GrantedPolicy {
 /// If no thread has this number, or with the system's answer.
 pub fn granted(tid: Tid) -> Result<Granted, OsError> {
     let ended = OsError::new("no thread has this number");
-    let slot = slot::find(tid.get()).ok_or(ended)?;
+    let slot = task_slot::find(tid.get()).ok_or(ended)?;
     let (how, stack_bytes) = slot.state.with(|s| {
         let how = if s.ended || s.task.is_none() {
             Err(ended)

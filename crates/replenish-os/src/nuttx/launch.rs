@@ -8,8 +8,8 @@ use super::error::OsError;
 use super::ffi::{self, How, Task};
 use super::name::Name;
 use super::report::Facts;
-use super::slot::{self, Slot};
 use super::spawn_error::SpawnError;
+use super::task_slot::{self, Slot};
 use crate::{Low, Params, Policy};
 use alloc::boxed::Box;
 use core::ffi::c_void;
@@ -69,7 +69,7 @@ pub(super) fn start(
     body: Body,
 ) -> Result<&'static Slot, SpawnError> {
     let priority = u8::try_from(how.priority).unwrap_or(u8::MAX);
-    let slot = slot::make(priority, stack_bytes)
+    let slot = task_slot::make(priority, stack_bytes)
         .ok_or(SpawnError::Create(OsError::new("no slot for a thread")))?;
     let generation = slot.state.with(|s| s.generation);
     let argument = Box::into_raw(Box::new(Start(slot, *name, body)));
@@ -87,7 +87,7 @@ pub(super) fn start(
         Err(refused) => {
             // SAFETY: no thread was made, so nobody else takes it back.
             drop(unsafe { Box::from_raw(argument) });
-            slot::discard(slot);
+            task_slot::discard(slot);
             Err(SpawnError::Create(refused))
         }
     }
@@ -97,12 +97,12 @@ pub(super) fn start(
 unsafe extern "C" fn entry(argument: *mut c_void) -> *mut c_void {
     // SAFETY: the box that `start` gave away, taken back once.
     let Start(slot, name, body) = *unsafe { Box::from_raw(argument.cast::<Start>()) };
-    if slot::begin(slot) {
+    if task_slot::begin(slot) {
         ffi::set_name(&name);
         body(slot);
     } else {
         super::complain(format_args!("a new thread was not given its slot"));
     }
-    slot::release(slot);
+    task_slot::release(slot);
     ptr::null_mut()
 }

@@ -19,22 +19,24 @@
 pub(crate) mod alarm;
 #[path = "../rtos/atomic.rs"]
 mod atomic;
+#[path = "../rtos/blocked_intervals.rs"]
+mod blocked_intervals;
+#[path = "../rtos/blocking_detector.rs"]
+pub(crate) mod blocking_detector;
 #[path = "../rtos/clock.rs"]
 pub mod clock;
+#[path = "../rtos/critical_section.rs"]
+mod critical_section;
 #[path = "../rtos/error.rs"]
 mod error;
 mod ffi;
 #[path = "../rtos/futex.rs"]
 pub(crate) mod futex;
-#[path = "../rtos/gaps.rs"]
-mod gaps;
 pub(crate) mod granted;
 mod heap;
 #[path = "../rtos/inherit.rs"]
 mod inherit;
 mod launch;
-#[path = "../rtos/masked.rs"]
-mod masked;
 #[path = "../rtos/memory.rs"]
 pub mod memory;
 #[path = "../rtos/name.rs"]
@@ -50,18 +52,16 @@ pub(crate) mod poll;
 pub mod privilege;
 mod report;
 pub(crate) mod sched;
-pub(crate) mod slot;
 #[path = "../rtos/spawn_error.rs"]
 pub(crate) mod spawn_error;
 pub(crate) mod suspend;
+pub(crate) mod task_slot;
 #[path = "../rtos/thread.rs"]
 pub(crate) mod thread;
 #[path = "../rtos/tid.rs"]
 pub(crate) mod tid;
 #[path = "../rtos/timer.rs"]
 pub mod timer;
-#[path = "../rtos/watch.rs"]
-pub(crate) mod watch;
 
 pub use atomic::AtomicU64;
 pub use error::OsError;
@@ -69,7 +69,7 @@ pub use heap::SystemHeap;
 pub use panicked::{Panicked, panicked};
 pub use panics::halt;
 pub use report::{CheckError, Facts, check};
-pub use slot::voluntary_switches;
+pub use task_slot::voluntary_switches;
 
 /// Pending replenishments of a budget at most: 16 bytes each.
 pub(crate) const MAX_REPL: usize = if cfg!(nuttx_host) { 128 } else { 16 };

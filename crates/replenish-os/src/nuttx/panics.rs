@@ -1,18 +1,18 @@
 //! A panic halts its thread and is reported; the others go on.
 
-use super::{ffi, panicked, slot};
+use super::{ffi, panicked, task_slot};
 use core::panic::PanicInfo;
 
 /// For the library's `#[panic_handler]`: reports on standard error and halts the thread. Locks it
 /// holds stay locked.
 pub fn halt(info: &PanicInfo<'_>) -> ! {
-    let slot = slot::current();
+    let slot = task_slot::current();
     let id = slot.map_or(0, |slot| slot.id);
     ffi::complain(format_args!("thread {id} halted: {info}"));
     panicked::count(id);
     loop {
         match slot {
-            Some(slot) => slot.thread.park(slot::NEVER),
+            Some(slot) => slot.thread.park(task_slot::NEVER),
             None => core::hint::spin_loop(),
         }
     }

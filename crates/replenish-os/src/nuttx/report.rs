@@ -252,5 +252,4 @@ pub(super) fn is_good() -> bool {
 }
 
 #[cfg(test)]
-#[path = "report_tests.rs"]
 mod tests;

@@ -3,7 +3,7 @@
 
 use super::error::OsError;
 use super::inherit;
-use super::slot;
+use super::task_slot;
 use super::tid::current_tid;
 use crate::MAX_PRIORITY;
 use crate::Tid;
@@ -29,7 +29,7 @@ pub fn set_priority(tid: Tid, class: SchedClass) -> Result<(), OsError> {
         SchedClass::Fifo(priority) => promote(tid, priority),
         SchedClass::RoundRobin(priority) => {
             promote(tid, priority)?;
-            let slot = slot::find(tid.get()).ok_or(UNKNOWN)?;
+            let slot = task_slot::find(tid.get()).ok_or(UNKNOWN)?;
             slot.state.with(|s| match s.task {
                 Some(_) => slot.thread.set_round_robin(s.effective),
                 None => Err(UNKNOWN),
@@ -67,7 +67,7 @@ pub fn demote_to_tail(tid: Tid, lo: u8) -> Result<(), OsError> {
 }
 
 fn place(tid: Tid, priority: u8) -> Result<(), OsError> {
-    let slot = slot::find(tid.get()).ok_or(UNKNOWN)?;
+    let slot = task_slot::find(tid.get()).ok_or(UNKNOWN)?;
     if slot.state.with(|s| s.ended) {
         return Err(UNKNOWN);
     }

@@ -1,7 +1,7 @@
 //! Numbers of 64 bits that tasks share, on a processor of 32: reached with interrupts masked. A
 //! lock that spins, as libraries bring it, would hang where a higher task waits for a lower one.
 
-use super::masked::Masked;
+use super::critical_section::Masked;
 use core::sync::atomic::Ordering;
 
 /// As `core::sync::atomic::AtomicU64`, where the processor has none. Whatever order is asked for,

@@ -2,7 +2,7 @@
 
 use super::ffi;
 use super::futex;
-use super::slot::{self, Slot};
+use super::task_slot::{self, Slot};
 use super::tid::current_tid;
 use crate::Nanos;
 use crate::Tid;
@@ -18,7 +18,7 @@ pub fn monotonic() -> Nanos {
 #[must_use]
 pub fn thread_cpu() -> Nanos {
     let now = ffi::board_now();
-    slot::current().map_or(0, |slot| slot.state.with(|s| s.cpu(now)))
+    task_slot::current().map_or(0, |slot| slot.state.with(|s| s.cpu(now)))
 }
 
 /// The CPU clock of one task; any task may read it.
@@ -46,7 +46,7 @@ impl ThreadCpuClock {
 
     /// The same for who has the time at hand.
     pub(crate) fn read_at(&self, now: Nanos) -> Option<Nanos> {
-        let slot: &Slot = slot::find(self.0.get())?;
+        let slot: &Slot = task_slot::find(self.0.get())?;
         slot.state.with(|s| (!s.ended).then(|| s.cpu(now)))
     }
 }

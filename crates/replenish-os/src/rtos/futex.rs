@@ -9,16 +9,16 @@
 //! A task that is woken finds out by itself why, so a wake-up too many costs a look and no harm.
 
 use super::alarm;
+use super::critical_section::{Mask, Quiet};
 use super::ffi::{self, Task};
-use super::masked::{Mask, Quiet};
-use super::slot::{self, NEVER, Slot};
+use super::task_slot::{self, NEVER, Slot};
 use crate::Nanos;
 use core::ptr;
 use core::sync::atomic::{AtomicU32, Ordering};
 
 /// Sleeps while `word` has the value `expected`, at most until `deadline`; whether that has passed.
 pub(crate) fn wait(word: &AtomicU32, expected: u32, deadline: Option<Nanos>) -> bool {
-    let me = slot::current();
+    let me = task_slot::current();
     sleep(me, word, expected, deadline, Mask::set());
     // Mostly it has changed, and reading the clock costs more than a look.
     word.load(Ordering::Relaxed) == expected && deadline.is_some_and(|t| ffi::board_now() >= t)
@@ -26,7 +26,7 @@ pub(crate) fn wait(word: &AtomicU32, expected: u32, deadline: Option<Nanos>) -> 
 
 /// The same for a caller that is masked already, and unmasked on return.
 pub(crate) fn wait_masked(word: &AtomicU32, expected: u32, deadline: Option<Nanos>, mask: Mask) {
-    sleep(slot::current(), word, expected, deadline, mask);
+    sleep(task_slot::current(), word, expected, deadline, mask);
 }
 
 fn sleep(
@@ -74,7 +74,7 @@ pub(crate) fn take_waiter(
     quiet: Quiet<'_>,
 ) -> Option<(&'static Slot, Option<Task>)> {
     let mut best: Option<(u8, &'static Slot)> = None;
-    for slot in slot::all() {
+    for slot in task_slot::all() {
         let (on, priority) = slot.state.within(quiet, |s| (s.waits_on, s.effective));
         // Newest first: with >=, the oldest of equals wins.
         if ptr::eq(on, word) && best.is_none_or(|(p, _)| priority >= p) {
@@ -91,7 +91,7 @@ pub(crate) fn take_waiter(
 
 /// Whether some task waits on `word`.
 pub(crate) fn has_waiter(word: &AtomicU32, quiet: Quiet<'_>) -> bool {
-    slot::all().any(|slot| slot.state.within(quiet, |s| ptr::eq(s.waits_on, word)))
+    task_slot::all().any(|slot| slot.state.within(quiet, |s| ptr::eq(s.waits_on, word)))
 }
 
 /// Sleeps until `t`.

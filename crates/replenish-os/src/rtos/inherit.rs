@@ -10,10 +10,10 @@
 //! the owner is changed, as the end of a budget does.
 #![expect(unsafe_code, reason = "reads the words that threads wait on")]
 
+use super::critical_section::{Mask, Quiet};
 use super::error::OsError;
 use super::ffi;
-use super::masked::{Mask, Quiet};
-use super::slot::{self, Slot};
+use super::task_slot::{self, Slot};
 use core::sync::atomic::{AtomicU32, Ordering};
 
 const WAITERS: u32 = 1 << 31;
@@ -40,7 +40,7 @@ fn effective(of: &Slot, chain: usize, quiet: Quiet<'_>) -> u8 {
     if chain == 0 {
         return own;
     }
-    slot::all()
+    task_slot::all()
         .filter(|waiter| lender_to(waiter, quiet) == Some(of.id))
         .map(|waiter| effective(waiter, chain - 1, quiet))
         .fold(own, u8::max)
@@ -96,7 +96,7 @@ pub(crate) fn set_base(slot: &'static Slot, priority: u8) -> Result<(), OsError>
 fn raise_owners(slot: &Slot, quiet: Quiet<'_>) {
     let mut next = lender_to(slot, quiet);
     for _ in 0..LONGEST_CHAIN {
-        let Some(owner) = next.and_then(slot::find) else {
+        let Some(owner) = next.and_then(task_slot::find) else {
             return;
         };
         refresh(owner, Place::Tail, quiet);
@@ -107,7 +107,9 @@ fn raise_owners(slot: &Slot, quiet: Quiet<'_>) {
 /// The running thread is about to wait for a lock of `owner`'s. It is not noted at the lock's word
 /// yet, so the priority is handed along the chain here.
 pub(crate) fn lend(owner: &'static Slot, quiet: Quiet<'_>) {
-    let Some(me) = slot::current() else { return };
+    let Some(me) = task_slot::current() else {
+        return;
+    };
     let mine = effective(me, LONGEST_CHAIN, quiet);
     me.state.within(quiet, |s| s.lends = true);
     let mut next = Some(owner);
@@ -117,7 +119,7 @@ pub(crate) fn lend(owner: &'static Slot, quiet: Quiet<'_>) {
             // Without the privilege (on a host) there is no inheritance.
             tell(owner, mine, Place::Tail, quiet).ok();
         }
-        next = lender_to(owner, quiet).and_then(slot::find);
+        next = lender_to(owner, quiet).and_then(task_slot::find);
     }
 }
 
@@ -130,12 +132,14 @@ pub(crate) fn withdraw(owner: &'static Slot, quiet: Quiet<'_>) {
 /// The running thread has given a lock back. Whether it may lose an inherited priority, which
 /// [`give_back`] carries out when the next owner has been woken.
 pub(crate) fn is_boosted(quiet: Quiet<'_>) -> bool {
-    slot::current().is_some_and(|me| me.state.within(quiet, |s| s.effective != s.priority))
+    task_slot::current().is_some_and(|me| me.state.within(quiet, |s| s.effective != s.priority))
 }
 
 /// The running thread gets the priority it now has a right to.
 pub(crate) fn give_back() {
-    let Some(me) = slot::current() else { return };
+    let Some(me) = task_slot::current() else {
+        return;
+    };
     let mask = Mask::set();
     refresh(me, Place::Head, mask.quiet());
 }

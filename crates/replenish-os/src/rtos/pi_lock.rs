@@ -10,11 +10,11 @@
 //! A waiter lends the owner its priority (`inherit`), through chains of locks, until the owner has
 //! given the lock back.
 
+use super::critical_section::Mask;
 use super::ffi;
 use super::futex;
 use super::inherit;
-use super::masked::Mask;
-use super::slot;
+use super::task_slot;
 use super::tid::current_tid;
 use crate::Nanos;
 use core::sync::atomic::{AtomicU32, Ordering, compiler_fence};
@@ -64,7 +64,7 @@ fn lock_slow(lock: &AtomicU32, me: u32, deadline: Option<Nanos>) -> bool {
             // Handed over by the unlock, while it slept.
             waits && owner == me
         };
-        let holder = slot::find(owner.cast_signed());
+        let holder = task_slot::find(owner.cast_signed());
         let ended = holder.is_some_and(|s| s.state.within(mask.quiet(), |s| s.ended));
         if mine || owner == me || ended {
             drop(mask);

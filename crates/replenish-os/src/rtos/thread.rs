@@ -5,8 +5,8 @@
 //! ```
 use super::launch;
 use super::name::Name;
-use super::slot::{self, Slot};
 use super::spawn_error::SpawnError;
+use super::task_slot::{self, Slot};
 use super::tid;
 use crate::PiMutex;
 use crate::Shared as Arc;
@@ -94,7 +94,7 @@ where
         Box::new(move |slot| {
             let result = f();
             *theirs.result.lock() = Some(result);
-            slot::end(slot);
+            task_slot::end(slot);
             theirs.finished.store(true, Ordering::Release);
             theirs.done.set();
         }),

@@ -1,6 +1,6 @@
 //! Which task is it?
 
-use super::slot::{self, Slot};
+use super::task_slot::{self, Slot};
 use crate::Tid;
 
 /// The number of the slot's task.
@@ -12,5 +12,5 @@ pub(crate) const fn of(slot: &Slot) -> Tid {
 /// given a number that no task has.
 #[must_use]
 pub fn current_tid() -> Tid {
-    slot::current().map_or(Tid::known(i32::MAX), of)
+    task_slot::current().map_or(Tid::known(i32::MAX), of)
 }

@@ -1,10 +1,10 @@
 //! One-shot timers: one task blocks in [`TimerFd::read`], any task arms.
 
 use super::alarm;
+use super::critical_section::{Mask, Masked};
 use super::error::OsError;
 use super::ffi;
-use super::masked::{Mask, Masked};
-use super::slot::{self, NEVER, Slot};
+use super::task_slot::{self, NEVER, Slot};
 use crate::Nanos;
 
 /// A one-shot timer on [`monotonic`](super::clock::monotonic) time. The name is that of Linux; there
@@ -55,13 +55,13 @@ impl TimerFd {
     /// # Errors
     /// If called outside of a task.
     pub fn read(&self) -> Result<(), OsError> {
-        let me = slot::current().ok_or(OsError::new("a timer was read outside of a task"))?;
+        let me = task_slot::current().ok_or(OsError::new("a timer was read outside of a task"))?;
         loop {
             let mask = Mask::set();
             let quiet = mask.quiet();
             let fired = self.0.within(quiet, |inner| {
                 inner.owner = Some(me);
-                let fired = me.state.within(quiet, slot::State::take_reached);
+                let fired = me.state.within(quiet, task_slot::State::take_reached);
                 let fired = fired || inner.at <= ffi::board_now();
                 if fired {
                     inner.at = NEVER;

@@ -106,5 +106,4 @@ impl Privilege {
 }
 
 #[cfg(test)]
-#[path = "advice_tests.rs"]
 mod tests;

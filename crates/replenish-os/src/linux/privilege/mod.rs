@@ -5,14 +5,14 @@
 //! user needs; `replenish doctor` reads its fields.
 
 mod advice;
-pub(super) mod facts;
+pub(super) mod probes;
 
 pub(super) use advice::setcap_line;
-pub use facts::{CgroupRt, Limit};
+pub use probes::{CgroupRt, Limit};
 
+use super::context_switches::SwitchLog;
 use super::sched::{SchedClass, set_priority};
 use super::sched_attr;
-use super::switches::SwitchLog;
 use super::tid::current_tid;
 use crate::policy::MAX_PRIORITY;
 use std::io;
@@ -55,28 +55,28 @@ impl Privilege {
 /// Finds out what this process may do. Takes a few milliseconds and starts two short threads.
 #[must_use]
 pub fn probe() -> Privilege {
-    let rtprio = facts::limit(libc::RLIMIT_RTPRIO);
-    let caps = facts::effective_capabilities();
-    let cap_ipc_lock = caps.contains(facts::CAP_IPC_LOCK);
-    let memlock = facts::limit(libc::RLIMIT_MEMLOCK);
+    let rtprio = probes::limit(libc::RLIMIT_RTPRIO);
+    let caps = probes::effective_capabilities();
+    let cap_ipc_lock = caps.contains(probes::CAP_IPC_LOCK);
+    let memlock = probes::limit(libc::RLIMIT_MEMLOCK);
     Privilege {
         fifo: on_a_thread(move || highest_fifo(rtprio)),
         deadline: on_a_thread(small_reservation),
-        memory_lock: facts::memory_lock(cap_ipc_lock, memlock),
+        memory_lock: probes::memory_lock(cap_ipc_lock, memlock),
         switch_records: SwitchLog::open(current_tid()).map(drop),
-        cap_sys_nice: caps.contains(facts::CAP_SYS_NICE),
+        cap_sys_nice: caps.contains(probes::CAP_SYS_NICE),
         cap_ipc_lock,
         rtprio,
         memlock,
-        cgroup: facts::cgroup(),
-        rt_runtime_us: facts::read_number("/proc/sys/kernel/sched_rt_runtime_us"),
+        cgroup: probes::cgroup(),
+        rt_runtime_us: probes::read_number("/proc/sys/kernel/sched_rt_runtime_us"),
     }
 }
 
 /// Whether a thread of this process can have a real-time priority at all; quicker than [`probe`].
 #[must_use]
 pub fn may_be_real_time() -> bool {
-    let rtprio = facts::limit(libc::RLIMIT_RTPRIO);
+    let rtprio = probes::limit(libc::RLIMIT_RTPRIO);
     on_a_thread(move || highest_fifo(rtprio)).is_ok()
 }
 

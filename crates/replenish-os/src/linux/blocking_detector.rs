@@ -1,9 +1,9 @@
 //! Which stretches of a callback its thread spent blocked: from the kernel's records where it
 //! keeps them ([`SwitchLog`]).
 
+use super::blocked_intervals::GapTracker;
 use super::clock::ThreadCpuClock;
-use super::gaps::GapTracker;
-use super::switches::SwitchLog;
+use super::context_switches::SwitchLog;
 use super::timer::TimerFd;
 use crate::Nanos;
 use crate::Tid;

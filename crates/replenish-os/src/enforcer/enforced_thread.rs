@@ -5,11 +5,11 @@ use super::{AnyServer, Enforcement, NEVER};
 use crate::Nanos;
 use crate::Shared as Arc;
 use crate::Tid;
+use crate::backend::blocking_detector::Watch;
 use crate::backend::clock::{self, ThreadCpuClock};
 use crate::backend::sched::{demote_to_tail, promote};
 use crate::backend::suspend::SuspendCell;
 use crate::backend::timer::TimerFd;
-use crate::backend::watch::Watch;
 use alloc::boxed::Box;
 use sporadic::{BudgetServer, Level, Low, Reservation, Verdict};
 

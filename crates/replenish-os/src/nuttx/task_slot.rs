@@ -13,9 +13,9 @@
     reason = "hooks get slots as pointers; the list's end is one"
 )]
 
+use super::blocked_intervals::Gaps;
+use super::critical_section::{Mask, Masked};
 use super::ffi::{self, Task, ThreadMemory};
-use super::gaps::Gaps;
-use super::masked::{Mask, Masked};
 use super::report;
 use crate::Nanos;
 use alloc::boxed::Box;

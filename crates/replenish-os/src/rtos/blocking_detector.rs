@@ -1,8 +1,8 @@
 //! Which stretches of a callback its task spent blocked, from the switch hooks.
 
+use super::blocked_intervals::Gaps;
 use super::clock::ThreadCpuClock;
-use super::gaps::Gaps;
-use super::slot::{self, Slot, State};
+use super::task_slot::{self, Slot, State};
 use super::timer::TimerFd;
 use crate::Nanos;
 use crate::Tid;
@@ -18,14 +18,14 @@ pub(crate) struct Watch {
 impl Watch {
     pub(crate) fn new(tid: Tid, _exact: bool) -> Self {
         Self {
-            slot: slot::find(tid.get()),
+            slot: task_slot::find(tid.get()),
             read: Gaps::new(),
         }
     }
 
     #[expect(clippy::unused_self, reason = "the other back end's name")]
     pub(crate) fn is_exact(&self) -> bool {
-        slot::sees_switches()
+        task_slot::sees_switches()
     }
 
     /// Reading the clock costs as much as knowing.
@@ -74,12 +74,12 @@ impl Watch {
     /// must be set instead.
     pub(crate) fn limit(&self, timer: Option<&TimerFd>, at: Nanos) -> bool {
         let by = timer.and_then(TimerFd::owner);
-        self.slot.is_some_and(|slot| slot::limit(slot, by, at))
+        self.slot.is_some_and(|slot| task_slot::limit(slot, by, at))
     }
 
     /// Whether the task is there, within `slack`; `None` if nothing was to be told.
     pub(crate) fn is_at_limit(&self, now: Nanos, slack: Nanos) -> Option<bool> {
-        slot::is_at_limit(self.slot?, now, slack)
+        task_slot::is_at_limit(self.slot?, now, slack)
     }
 
     /// A suspension here is a change of priority, no block.

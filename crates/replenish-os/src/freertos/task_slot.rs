@@ -14,9 +14,9 @@
 )]
 
 use super::alarm;
+use super::blocked_intervals::Gaps;
+use super::critical_section::{Mask, Masked, Quiet};
 use super::ffi::{self, Task};
-use super::gaps::Gaps;
-use super::masked::{Mask, Masked, Quiet};
 use crate::Nanos;
 use alloc::boxed::Box;
 use core::ffi::c_void;

@@ -4,7 +4,7 @@
 //! *blocked* inside its callback (it is activated anew when it wakes, POSIX XSH 2.8.4 rule R2).
 
 use crate::Nanos;
-use crate::linux::switches::{Switch, SwitchKind};
+use crate::linux::context_switches::{Switch, SwitchKind};
 use sporadic::Gap;
 
 /// More gaps than this in one reading are joined to the last one; joining is safe (a later
