@@ -1,8 +1,9 @@
 //! Flash and RAM of pong over executor and XRCE client, without the kernel: flash by part, from the
 //! symbols of `tools/executor-size`; RAM as the image [`memory`] takes it at set-up.
 
-use crate::host::{self, TARGET};
-use crate::{Outcome, memory, write};
+use super::host::{self, TARGET};
+use super::memory;
+use crate::output::{Outcome, write};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

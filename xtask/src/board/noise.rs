@@ -1,8 +1,9 @@
 //! `cargo xtask board experiment noise`: one bit of every so manieth byte of the line is damaged. What is sent
 //! reliably arrives once and in order on both sides; of the rest what is lost is counted.
 
-use crate::rig::{Bench, Host};
-use crate::{Outcome, talk, write};
+use super::report;
+use super::testbench::{Bench, Host};
+use crate::output::{Outcome, write};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -25,7 +26,7 @@ pub(crate) fn run(path: Option<&Path>) -> Outcome {
             wrong.push(why);
         }
     };
-    let top = |key| talk::number(&run.board, key);
+    let top = |key| report::number(&run.board, key);
     println!(
         "one bit of every {EVERY}th byte: {} bytes damaged, {} damaged frames seen by the board",
         top("bytes_damaged"),
@@ -37,7 +38,7 @@ pub(crate) fn run(path: Option<&Path>) -> Outcome {
         let board = run.board.get(name).cloned().unwrap_or_default();
         let echo = run.ping.pointer(&format!("/echoed/{i}"));
         let echo = echo.cloned().unwrap_or_default();
-        let n = |of: &Value, key| talk::number(of, key);
+        let n = |of: &Value, key| report::number(of, key);
         let way = [
             n(&board, "sent"),
             n(&echo, "received"),

@@ -8,9 +8,10 @@
 //!   passed;
 //! - nothing was allocated after the start.
 
-use crate::case::{BURST_MS, LENGTH_MS};
-use crate::experiment::conclude;
-use crate::{Outcome, qemu};
+use super::case::{BURST_MS, LENGTH_MS};
+use super::experiment::conclude;
+use super::qemu;
+use crate::output::Outcome;
 use serde_json::{Value, json};
 use std::path::Path;
 

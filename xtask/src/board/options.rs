@@ -1,10 +1,9 @@
 //! Which options an experiment has, and whether its files can be written: said before anything is
 //! built or run. An option that means nothing to an experiment is refused, not ignored.
 
-use crate::Outcome;
-use crate::case::{self, Name};
-use crate::files::Files;
-use std::path::Path;
+use super::case::{self, Name};
+use super::files::Files;
+use crate::output::Outcome;
 
 /// How long each case lasts unless said otherwise, in seconds of the board's time.
 const SECONDS: u64 = 10;
@@ -46,7 +45,7 @@ impl Asked {
         if self.seconds.is_some() && (self.tasks || !has_length(name)) {
             return refuse("--seconds", "its length is fixed (with --tasks: 10 s)");
         }
-        if let (Some(option), true) = (self.files.drawn(), self.tasks || !is_drawn(name)) {
+        if let (Some(option), true) = (self.files.drawn(), self.tasks || !case::is_drawn(name)) {
             return refuse(
                 option,
                 "budget-sweep and work-conserving have it, without --tasks",
@@ -64,23 +63,6 @@ fn has_tasks(name: Name) -> bool {
 
 fn has_length(name: Name) -> bool {
     !matches!(name, Name::Executor | Name::Noise)
-}
-
-/// The paper's two experiments have a figure.
-pub(crate) fn is_drawn(name: Name) -> bool {
-    matches!(name, Name::BudgetSweep | Name::WorkConserving)
-}
-
-/// Fails early on a file that cannot be written: makes it where it is not there, and leaves what is in it.
-pub(crate) fn writable(path: Option<&Path>) -> Outcome {
-    let Some(path) = path else { return Ok(()) };
-    let opened = std::fs::OpenOptions::new()
-        .create(true)
-        .append(true)
-        .open(path);
-    opened
-        .map(drop)
-        .map_err(|e| format!("cannot write {}: {e}", path.display()))
 }
 
 #[cfg(test)]
@@ -148,8 +130,10 @@ mod tests {
 
     #[test]
     fn a_file_that_cannot_be_written_is_told_before_the_run() {
-        let nowhere = Path::new("/nonexistent/sweep.json");
-        let text = writable(Some(nowhere)).err().unwrap_or_default();
+        let nowhere = std::path::Path::new("/nonexistent/sweep.json");
+        let text = crate::output::writable(Some(nowhere))
+            .err()
+            .unwrap_or_default();
         assert!(text.contains("/nonexistent/sweep.json"), "{text}");
     }
 }

@@ -1,6 +1,7 @@
 //! `cargo xtask board bench`: what switching and handing over cost, in instructions.
 
-use crate::{Outcome, qemu, write};
+use super::qemu;
+use crate::output::{Outcome, write};
 use serde_json::{Value, json};
 use std::path::Path;
 

@@ -1,8 +1,9 @@
 //! `cargo xtask board demo`: the paper's test bench in one command.
 
-use crate::case::{self, Worker};
-use crate::rig::{Bench, Host};
-use crate::{Outcome, talk, write};
+use super::case::{self, Worker};
+use super::report;
+use super::testbench::{Bench, Host};
+use crate::output::{Outcome, write};
 use serde_json::json;
 use std::path::Path;
 
@@ -25,17 +26,17 @@ pub(crate) fn run(seconds: u64, path: Option<&Path>) -> Outcome {
     let (board, ms) = (&run.board, seconds as f64 * 1e3);
     let names = ["high", "low"];
     println!("\ntopic   answers   CPU      budget");
-    for (worker, (name, budget)) in talk::workers(board).zip(names.iter().zip(["30 %", "-"])) {
-        let cpu = talk::number(worker, "cpu_high_ns") + talk::number(worker, "cpu_low_ns");
+    for (worker, (name, budget)) in report::workers(board).zip(names.iter().zip(["30 %", "-"])) {
+        let cpu = report::number(worker, "cpu_high_ns") + report::number(worker, "cpu_low_ns");
         println!(
             "{name:<7} {:>7}   {:>5.2} %  {budget}",
-            talk::number(worker, "answered"),
+            report::number(worker, "answered"),
             cpu / 1e4 / ms,
         );
     }
     println!(
         "executor: {:.2} % of the CPU; ping received {} and {} answers",
-        talk::support_ms(board) * 100.0 / ms,
+        report::support_ms(board) * 100.0 / ms,
         run.ping.pointer("/answered/0").unwrap_or(&json!(0)),
         run.ping.pointer("/answered/1").unwrap_or(&json!(0)),
     );
@@ -49,7 +50,7 @@ pub(crate) fn run(seconds: u64, path: Option<&Path>) -> Outcome {
         path,
         &json!({"seconds": seconds, "board": board, "ping": run.ping}),
     )?;
-    let wrong = talk::losses(&run);
+    let wrong = report::losses(&run);
     if wrong.is_empty() {
         Ok(())
     } else {

@@ -1,9 +1,10 @@
 //! Where the results of the experiments with messages go. The paper's two are reported by the program
 //! `replenish` itself, so that names, keys, CSV, figure and page are those of Linux.
 
-use crate::case::{self, BURST_MS, Name};
-use crate::rig::Bench;
-use crate::{Outcome, options, talk, write};
+use super::case::{self, BURST_MS, Name};
+use super::report;
+use super::testbench::Bench;
+use crate::output::{Outcome, writable, write};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -41,7 +42,7 @@ impl Files {
         let paths = [&self.json, &self.csv, &self.svg, &self.html];
         paths
             .into_iter()
-            .try_for_each(|path| options::writable(path.as_deref()))
+            .try_for_each(|path| writable(path.as_deref()))
     }
 
     /// Writes them.
@@ -52,7 +53,7 @@ impl Files {
         points: &[Value],
         length: u64,
     ) -> Outcome {
-        if options::is_drawn(name) {
+        if case::is_drawn(name) {
             return self.report(name, bench, points);
         }
         let board =
@@ -100,7 +101,7 @@ impl Files {
 /// end of the window does not count.
 fn window(point: &Value) -> Value {
     let worker = |i: usize| {
-        let of = talk::workers(point).nth(i);
+        let of = report::workers(point).nth(i);
         let number = |key: &str| of.and_then(|w| w.get(key)?.as_u64()).unwrap_or(0);
         json!({
             "cpu_high": number("cpu_high_ns"),
@@ -111,7 +112,7 @@ fn window(point: &Value) -> Value {
     };
     let (high, low) = (worker(0), worker(1));
     let length = point.get("length_ms").and_then(Value::as_u64).unwrap_or(0);
-    let sent = length.div_ceil(talk::INTERVAL_MS);
+    let sent = length.div_ceil(report::INTERVAL_MS);
     // Without a budget: both are FIFO.
     let budget = point.get("budget_ms").filter(|b| b.as_u64() != Some(0));
     json!({
@@ -124,7 +125,7 @@ fn window(point: &Value) -> Value {
         },
         "pong": {
             "index": 0, "late": 0, "high_slices": [], "low_slices": [],
-            "support_cpu": talk::support_ns(point),
+            "support_cpu": report::support_ns(point),
             "high": high, "low": low,
         },
     })

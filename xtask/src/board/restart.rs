@@ -9,9 +9,10 @@
 //! From the kill until its link is back the board's clock waits for nobody, so how long the gap is in
 //! its time depends on how fast the host emulates; the measurement is longer by the gap. What is asserted does not: see [`judge`].
 
-use crate::case::{self, Worker};
-use crate::rig::{Bench, Host, Run};
-use crate::{Outcome, talk, write};
+use super::case::{self, Worker};
+use super::report;
+use super::testbench::{Bench, Host, Run};
+use crate::output::{Outcome, write};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -29,8 +30,8 @@ pub(crate) fn run(seconds: u64, path: Option<&Path>) -> Outcome {
     let run = bench.run(&words, Host::default())?;
     let board = &run.board;
     println!("topic   answers   until the kill   after the return   refused   CPU within budget");
-    for worker in talk::workers(board) {
-        let number = |key| talk::number(worker, key);
+    for worker in report::workers(board) {
+        let number = |key| report::number(worker, key);
         println!(
             "{:<7} {:>7} {:>16} {:>18} {:>9}   {:.2} ms",
             worker.get("name").and_then(Value::as_str).unwrap_or(""),
@@ -41,7 +42,7 @@ pub(crate) fn run(seconds: u64, path: Option<&Path>) -> Outcome {
             number("cpu_high_ns") / 1e6,
         );
     }
-    let top = |key| talk::number(board, key);
+    let top = |key| report::number(board, key);
     println!(
         "the link was lost {} and came back {} time(s); ticks not sent: {}, not answered: {}; ping received {} of {} answers",
         top("link_lost"),
@@ -84,7 +85,7 @@ fn judge(run: &Run) -> Vec<String> {
             wrong.push(why);
         }
     };
-    let top = |key| talk::number(&run.board, key);
+    let top = |key| report::number(&run.board, key);
     for key in ["link_lost", "link_back"] {
         hold(top(key) == 1.0, format!("{key} is {}, must be 1", top(key)));
     }
@@ -94,8 +95,8 @@ fn judge(run: &Run) -> Vec<String> {
         format!("{refused} allocations were refused"),
     );
     let mut after = 0.0;
-    for worker in talk::workers(&run.board) {
-        let number = |key| talk::number(worker, key);
+    for worker in report::workers(&run.board) {
+        let number = |key| report::number(worker, key);
         let name = worker.get("name").and_then(Value::as_str).unwrap_or("");
         let back = number("answered") - number("answered_until_back");
         after += back;
@@ -128,8 +129,8 @@ fn judge(run: &Run) -> Vec<String> {
 
 /// Answers that the board's middleware took.
 fn answered(board: &Value) -> f64 {
-    talk::workers(board)
-        .map(|w| talk::number(w, "answered"))
+    report::workers(board)
+        .map(|w| report::number(w, "answered"))
         .sum()
 }
 

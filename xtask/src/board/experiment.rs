@@ -1,8 +1,9 @@
 //! Runs the cases of an experiment on the board and holds them against theory: budgeted workers
 //! within one burst, in the sweep the worker below within two.
 
-use crate::case::{self, BURST_MS, LENGTH_MS, Name, Worker};
-use crate::{Outcome, qemu, write};
+use super::case::{self, BURST_MS, LENGTH_MS, Name, Worker};
+use super::qemu;
+use crate::output::{Outcome, write};
 use serde_json::{Value, json};
 use std::path::Path;
 

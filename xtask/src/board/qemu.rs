@@ -1,8 +1,8 @@
 //! Builds an image and runs cases of it in QEMU, deterministically: `-icount` makes every
 //! instruction 8 ns of virtual time, whatever the host does.
 
-use crate::Outcome;
-use crate::host::{self, TARGET};
+use super::host::{self, TARGET};
+use crate::output::Outcome;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -1,6 +1,6 @@
 //! What the host must have. Nothing is installed; the commands that would are printed.
 
-use crate::{Outcome, rig};
+use crate::output::Outcome;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -56,7 +56,13 @@ pub(crate) fn replenish() -> Outcome<PathBuf> {
     if !status.success() {
         return Err("the program replenish was not built".into());
     }
-    Ok(rig::target().join("debug/replenish"))
+    Ok(target().join("debug/replenish"))
+}
+
+/// Where cargo puts what it builds for the host.
+pub(crate) fn target() -> PathBuf {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target");
+    std::env::var_os("CARGO_TARGET_DIR").map_or(here, PathBuf::from)
 }
 
 fn on_path(program: &str) -> bool {

@@ -1,7 +1,8 @@
 //! What pong takes of the heap at set-up: the image `memory` says it step by step, with two and three
 //! workers, with budgets and without; the differences are what one of each takes.
 
-use crate::{Outcome, qemu};
+use super::qemu;
+use crate::output::Outcome;
 use serde_json::Value;
 use std::path::Path;
 

@@ -1,7 +1,8 @@
 //! `cargo xtask board test`: every case of the image `behaviour` on a fresh boot, reported like a
 //! test runner does. Some cases are to end badly, and then loudly: what they say is looked at.
 
-use crate::{Outcome, qemu, write};
+use super::qemu;
+use crate::output::{Outcome, write};
 use serde_json::json;
 use std::path::Path;
 use std::process::Stdio;

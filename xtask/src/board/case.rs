@@ -156,6 +156,11 @@ pub(crate) fn expected_in(case: &[Worker], length: u64) -> Vec<f64> {
     ms.into_iter().map(|ms| ms as f64).collect()
 }
 
+/// The paper's two experiments have a figure.
+pub(crate) fn is_drawn(name: Name) -> bool {
+    matches!(name, Name::BudgetSweep | Name::WorkConserving)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

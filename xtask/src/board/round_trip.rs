@@ -1,8 +1,8 @@
 //! `cargo xtask board round-trip`: a message from the board to the host and back, in the board's time,
 //! next to the time that its bytes take on the wire.
 
-use crate::rig::{Bench, Host};
-use crate::{Outcome, write};
+use super::testbench::{Bench, Host};
+use crate::output::{Outcome, write};
 use serde_json::{Value, json};
 use std::path::Path;
 

@@ -8,10 +8,11 @@
 //! Everything that is started here is ended here, by its own handle; agent and ping also end when
 //! this process does, since their standard input closes.
 
-use crate::{Outcome, host, qemu};
+use super::{host, qemu};
+use crate::output::Outcome;
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
@@ -242,10 +243,4 @@ impl Drop for Part {
             self.kill();
         }
     }
-}
-
-/// Where cargo puts what it builds for the host.
-pub(crate) fn target() -> PathBuf {
-    let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target");
-    std::env::var_os("CARGO_TARGET_DIR").map_or(here, PathBuf::from)
 }
