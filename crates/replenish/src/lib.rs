@@ -39,7 +39,6 @@ mod context;
 mod error;
 mod event;
 mod executor;
-mod handoff;
 mod histogram;
 mod lifecycle;
 #[cfg(any(test, feature = "log"))]
@@ -49,13 +48,14 @@ mod parameter;
 mod platform;
 mod publisher;
 mod stats;
-mod sync;
 mod text;
 
 /// The README's example compiles.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 mod readme {}
+
+use replenish_handoff::{self as handoff, sync};
 
 pub mod middleware;
 pub mod qos;

@@ -22,8 +22,6 @@ extern crate self as replenish_os; // the stubs of it are at the end
 mod desk;
 #[path = "../src/executor/dispatcher.rs"]
 mod dispatcher;
-#[path = "../src/handoff/mod.rs"]
-mod handoff;
 #[path = "../src/middleware/interest.rs"]
 mod interest;
 #[path = "../src/executor/mailbox.rs"]
@@ -32,8 +30,6 @@ mod mailbox;
 mod routes;
 #[path = "common/loom_dispatch.rs"]
 mod stubs;
-#[path = "../src/sync.rs"]
-mod sync;
 
 use desk::Desk;
 use dispatcher::{Dispatcher, DispatcherCounters};
@@ -44,6 +40,7 @@ use handoff::{Inbox, Keep, SampleInfo, Stop};
 use loom::thread;
 use mailbox::{Declined, Mailbox, Order};
 use middleware::{Fake, Interest, Middleware, ReaderId};
+use replenish_handoff::{self as handoff, sync};
 use routes::Route;
 use stop::StopHandle;
 use stubs::{clock, event, handle, middleware, stats};

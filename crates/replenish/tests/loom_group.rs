@@ -19,8 +19,6 @@ extern crate self as replenish_os; // the stubs of it are at the end
 mod group;
 #[path = "../src/executor/schedule.rs"]
 mod schedule;
-#[path = "../src/sync.rs"]
-mod sync;
 
 use event::Events;
 use group::Group;
@@ -28,6 +26,7 @@ use handle::{Env, Shared};
 use loom::cell::UnsafeCell;
 use loom::sync::MutexGuard as PiMutexGuard;
 use loom::thread::{self, ThreadId as Tid};
+use replenish_handoff::sync;
 use std::time::Duration;
 use sync::Arc;
 

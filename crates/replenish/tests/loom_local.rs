@@ -34,8 +34,6 @@ mod doorbell;
 mod fixed;
 #[path = "../src/executor/guard.rs"]
 mod guard;
-#[path = "../src/handoff/mod.rs"]
-mod handoff;
 #[path = "../src/middleware/interest.rs"]
 mod interest;
 #[path = "../src/executor/local.rs"]
@@ -50,8 +48,6 @@ mod schedule;
 mod stop;
 #[path = "common/loom_dispatch.rs"]
 mod stubs;
-#[path = "../src/sync.rs"]
-mod sync;
 #[path = "../src/executor/timer.rs"]
 mod timer;
 #[path = "../src/executor/worker.rs"]
@@ -69,6 +65,7 @@ use local::{LocalExecutor, SpinEnd};
 use loom::thread;
 use middleware::{Fake, Middleware, ReaderId};
 use moment::Moment;
+use replenish_handoff::{self as handoff, sync};
 use schedule::Every;
 use std::time::Duration;
 use stop::StopHandle;

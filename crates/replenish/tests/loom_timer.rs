@@ -19,8 +19,6 @@ extern crate self as replenish_os;
 mod schedule;
 #[path = "common/loom_handles.rs"]
 mod stubs;
-#[path = "../src/sync.rs"]
-mod sync;
 #[path = "../src/executor/timer.rs"]
 mod timer;
 
@@ -28,6 +26,7 @@ use callback::CallbackContext;
 use doorbell::Line;
 use handle::{Env, Handle, Shared};
 use loom::thread;
+use replenish_handoff::sync;
 use schedule::Every;
 use std::time::Duration;
 use stubs::{agenda, callback, clock, doorbell, handle, moment, platform};

@@ -16,12 +16,8 @@ extern crate self as replenish_os;
 
 #[path = "../src/executor/guard.rs"]
 mod guard;
-#[path = "../src/handoff/mod.rs"]
-mod handoff;
 #[path = "common/loom_handles.rs"]
 mod stubs;
-#[path = "../src/sync.rs"]
-mod sync;
 
 use callback::CallbackContext;
 use doorbell::Line;
@@ -29,6 +25,7 @@ use guard::{Guard, GuardCondition};
 use handle::{Env, Handle, Shared};
 use loom::thread;
 use moment::Moment;
+use replenish_handoff::{self as handoff, sync};
 use stubs::{callback, clock, doorbell, handle, moment, platform};
 use sync::{Arc, Signal};
 

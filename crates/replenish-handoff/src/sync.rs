@@ -4,40 +4,40 @@
 //! Everything in `handoff/` uses these names and nothing else of the operating system.
 
 #[cfg(all(not(loom), target_has_atomic = "64"))]
-pub(crate) use core::sync::atomic::AtomicU64;
+pub use core::sync::atomic::AtomicU64;
 #[cfg(not(loom))]
-pub(crate) use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering, fence};
+pub use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering, fence};
 #[cfg(all(not(loom), not(target_has_atomic = "64")))]
-pub(crate) use replenish_os::AtomicU64;
+pub use replenish_os::AtomicU64;
 #[cfg(not(loom))]
-pub(crate) use replenish_os::{PiMutex as Mutex, Shared as Arc, Signal};
+pub use replenish_os::{PiMutex as Mutex, Shared as Arc, Signal};
 
 #[cfg(loom)]
-pub(crate) use loom::sync::{
+pub use loom::sync::{
     Arc,
     atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering, fence},
 };
 #[cfg(loom)]
-pub(crate) use model::{Mutex, Signal};
+pub use model::{Mutex, Signal};
 
 #[cfg(loom)]
 mod model {
     use loom::sync::{Condvar, MutexGuard};
 
     /// `loom`'s mutex with the interface of `replenish_os::PiMutex`.
-    pub(crate) struct Mutex<T>(loom::sync::Mutex<T>);
+    pub struct Mutex<T>(loom::sync::Mutex<T>);
 
     impl<T> Mutex<T> {
-        pub(crate) fn new(value: T) -> Self {
+        pub fn new(value: T) -> Self {
             Self(loom::sync::Mutex::new(value))
         }
 
-        pub(crate) fn lock(&self) -> MutexGuard<'_, T> {
+        pub fn lock(&self) -> MutexGuard<'_, T> {
             self.0.lock().unwrap()
         }
 
         /// Any deadline but the end of time has come when the lock is not free.
-        pub(crate) fn lock_until(&self, deadline: u64) -> Option<MutexGuard<'_, T>> {
+        pub fn lock_until(&self, deadline: u64) -> Option<MutexGuard<'_, T>> {
             if deadline == u64::MAX {
                 return Some(self.lock());
             }
@@ -57,7 +57,7 @@ mod model {
 
     /// The contract of `replenish_os::Signal`: sticky, one waiter. (Its own futex protocol has its
     /// own models in that crate.)
-    pub(crate) struct Signal {
+    pub struct Signal {
         set: loom::sync::Mutex<bool>,
         changed: Condvar,
     }
@@ -69,19 +69,19 @@ mod model {
     }
 
     impl Signal {
-        pub(crate) fn new() -> Self {
+        pub fn new() -> Self {
             Self {
                 set: loom::sync::Mutex::new(false),
                 changed: Condvar::new(),
             }
         }
 
-        pub(crate) fn set(&self) {
+        pub fn set(&self) {
             *self.set.lock().unwrap() = true;
             self.changed.notify_one();
         }
 
-        pub(crate) fn wait(&self) {
+        pub fn wait(&self) {
             let mut set = self.set.lock().unwrap();
             while !*set {
                 set = self.changed.wait(set).unwrap();
@@ -89,12 +89,12 @@ mod model {
             *set = false;
         }
 
-        pub(crate) fn take(&self) -> bool {
+        pub fn take(&self) -> bool {
             core::mem::take(&mut *self.set.lock().unwrap())
         }
 
         /// The deadline never comes: who needs it to go on is asleep for ever.
-        pub(crate) fn wait_until(&self, _: u64) -> bool {
+        pub fn wait_until(&self, _: u64) -> bool {
             self.wait();
             true
         }

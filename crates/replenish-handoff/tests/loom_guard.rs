@@ -1,20 +1,12 @@
 //! Every interleaving of a guard condition's triggers with the worker that serves them.
 //!
-//! `RUSTFLAGS="--cfg loom" cargo test -p replenish --release --test "loom_*"`
+//! `RUSTFLAGS="--cfg loom" cargo test -p replenish-handoff --release`
 #![cfg(loom)]
 #![allow(clippy::unwrap_used, reason = "a model may panic")]
 
-extern crate alloc;
-
-#[path = "../src/handoff/mod.rs"]
-#[allow(dead_code, unused_imports, reason = "models use a part of it each")]
-mod handoff;
-#[path = "../src/sync.rs"]
-mod sync;
-
-use handoff::{Flag, Stop};
 use loom::thread;
-use sync::{Arc, Signal};
+use replenish_handoff::sync::{Arc, Signal};
+use replenish_handoff::{Flag, Stop};
 
 /// The worker's loop: look, serve, sleep. Until it has served `all` triggers.
 fn serve(flag: &Flag, bell: &Signal, all: u64) {

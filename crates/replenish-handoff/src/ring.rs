@@ -19,7 +19,7 @@ use core::ops::Deref;
 
 /// One preallocated buffer with the sample in it.
 #[derive(Debug)]
-pub(crate) struct Slot(Box<Filled>);
+pub struct Slot(Box<Filled>);
 
 /// Together, since who looks at one looks at the others.
 #[derive(Debug)]
@@ -30,11 +30,11 @@ struct Filled {
 }
 
 /// What is known about a sample.
-#[cfg(any(feature = "std", feature = "services"))]
+#[cfg(feature = "sample-info")]
 #[derive(Debug)]
 struct Note(SampleInfo);
 
-#[cfg(any(feature = "std", feature = "services"))]
+#[cfg(feature = "sample-info")]
 impl Note {
     const fn of(info: &SampleInfo) -> Self {
         Self(*info)
@@ -46,11 +46,11 @@ impl Note {
 }
 
 /// Where there are no services and nobody stamps samples, when one arrived is all that is known.
-#[cfg(not(any(feature = "std", feature = "services")))]
+#[cfg(not(feature = "sample-info"))]
 #[derive(Debug)]
 struct Note(u64);
 
-#[cfg(not(any(feature = "std", feature = "services")))]
+#[cfg(not(feature = "sample-info"))]
 impl Note {
     const fn of(info: &SampleInfo) -> Self {
         Self(info.arrival)
@@ -62,10 +62,10 @@ impl Note {
 }
 
 /// What is known, where it is made up from what was kept.
-#[cfg(not(any(feature = "std", feature = "services")))]
+#[cfg(not(feature = "sample-info"))]
 struct Told(SampleInfo);
 
-#[cfg(not(any(feature = "std", feature = "services")))]
+#[cfg(not(feature = "sample-info"))]
 impl Deref for Told {
     type Target = SampleInfo;
 
@@ -84,7 +84,7 @@ impl Slot {
     }
 
     /// Copies a sample into the buffer; `false`, and an empty slot, if it does not fit.
-    pub(crate) fn fill(&mut self, bytes: &[u8], info: &SampleInfo) -> bool {
+    pub fn fill(&mut self, bytes: &[u8], info: &SampleInfo) -> bool {
         let filled = &mut *self.0;
         filled.info = Note::of(info);
         filled.len = 0;
@@ -97,19 +97,19 @@ impl Slot {
     }
 
     /// The sample.
-    pub(crate) fn payload(&self) -> &[u8] {
+    pub fn payload(&self) -> &[u8] {
         self.0.bytes.get(..self.0.len).unwrap_or_default()
     }
 
     /// What is known about the sample besides.
-    pub(crate) fn info(&self) -> impl Deref<Target = SampleInfo> + '_ {
+    pub fn info(&self) -> impl Deref<Target = SampleInfo> + '_ {
         self.0.info.get()
     }
 }
 
 /// A bounded first-in first-out queue of [`Slot`]s. Allocates in [`Ring::new`] only.
 #[derive(Debug)]
-pub(crate) struct Ring {
+pub struct Ring {
     waiting: VecDeque<Slot>,
     free: Vec<Slot>,
     depth: usize,
@@ -117,7 +117,7 @@ pub(crate) struct Ring {
 
 impl Ring {
     /// A ring that lets `depth` samples of up to `size` bytes wait.
-    pub(crate) fn new(depth: usize, size: usize) -> Self {
+    pub fn new(depth: usize, size: usize) -> Self {
         let buffers = depth + 2;
         let mut free = Vec::with_capacity(buffers);
         free.extend((0..buffers).map(|_| Slot::new(size)));
@@ -129,13 +129,13 @@ impl Ring {
     }
 
     /// A buffer to fill; `None` only while another filler or reader holds too many.
-    pub(crate) fn spare(&mut self) -> Option<Slot> {
+    pub fn spare(&mut self) -> Option<Slot> {
         self.free.pop()
     }
 
     /// Appends a filled buffer. With `depth` samples waiting, the oldest makes room, and is given
     /// back.
-    pub(crate) fn push(&mut self, slot: Slot) -> Option<Slot> {
+    pub fn push(&mut self, slot: Slot) -> Option<Slot> {
         let dropped = match self.is_full() {
             true => self.waiting.pop_front(),
             false => None,
@@ -145,34 +145,35 @@ impl Ring {
     }
 
     /// The oldest sample.
-    pub(crate) fn pop(&mut self) -> Option<Slot> {
+    pub fn pop(&mut self) -> Option<Slot> {
         self.waiting.pop_front()
     }
 
     /// What waits, oldest first.
-    pub(crate) fn waiting(&self) -> impl Iterator<Item = &Slot> {
+    pub fn waiting(&self) -> impl Iterator<Item = &Slot> {
         self.waiting.iter()
     }
 
     /// Returns a buffer that came from [`Ring::pop`] or [`Ring::spare`].
-    pub(crate) fn give_back(&mut self, slot: Slot) {
+    pub fn give_back(&mut self, slot: Slot) {
         self.free.push(slot);
     }
 
     /// Discards what waits and returns how many samples that were.
-    pub(crate) fn clear(&mut self) -> usize {
+    pub fn clear(&mut self) -> usize {
         let waiting = self.waiting.len();
         self.free.extend(self.waiting.drain(..));
         waiting
     }
 
     /// Whether `depth` samples wait.
-    pub(crate) fn is_full(&self) -> bool {
+    pub fn is_full(&self) -> bool {
         self.waiting.len() >= self.depth
     }
 
     /// How many samples wait.
-    pub(crate) fn len(&self) -> usize {
+    #[expect(clippy::len_without_is_empty, reason = "nobody asks")]
+    pub fn len(&self) -> usize {
         self.waiting.len()
     }
 }

@@ -13,27 +13,26 @@ use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
 use alloc::vec::Vec;
 
 /// Tells threads to end. Requesting is possible from any thread, any number of times.
-pub(crate) struct Stop {
+#[derive(Default)]
+pub struct Stop {
     requested: AtomicBool,
     bells: Mutex<Vec<Arc<Signal>>>,
 }
 
 impl Stop {
     /// Nothing is requested, nobody is told.
-    pub(crate) fn new() -> Self {
-        Self {
-            requested: AtomicBool::new(false),
-            bells: Mutex::new(Vec::new()),
-        }
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
     }
 
     /// From now on `bell` rings when a stop is requested. Set-up only: may allocate.
-    pub(crate) fn join(&self, bell: Arc<Signal>) {
+    pub fn join(&self, bell: Arc<Signal>) {
         self.bells.lock().push(bell);
     }
 
     /// Asks everybody to end.
-    pub(crate) fn request(&self) {
+    pub fn request(&self) {
         self.requested.store(true, Ordering::Release);
         for bell in self.bells.lock().iter() {
             bell.set();
@@ -42,12 +41,12 @@ impl Stop {
 
     /// Nobody is asked to end any more. For those who ask the flag alone: threads that have ended stay
     /// ended.
-    pub(crate) fn withdraw(&self) {
+    pub fn withdraw(&self) {
         self.requested.store(false, Ordering::Release);
     }
 
     /// Whether an end was asked for.
-    pub(crate) fn is_requested(&self) -> bool {
+    pub fn is_requested(&self) -> bool {
         self.requested.load(Ordering::Acquire)
     }
 }

@@ -1,6 +1,6 @@
 //! What is known about a sample besides its bytes; it travels with them through the inbox.
 
-/// What is known about a sample besides its bytes. Builds with neither feature `std` nor `services`
+/// What is known about a sample besides its bytes. Builds without feature `sample-info`
 /// keep [`arrival`](Self::arrival) alone while it waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SampleInfo {
@@ -32,7 +32,7 @@ impl SampleInfo {
 /// (`SampleIdentity` of DDS-RPC: a GUID of 16 bytes and a number of 8).
 ///
 /// With a *reply*, the last eight bytes are the number that
-/// [`Middleware::request`](crate::middleware::Middleware::request) gave, big-endian.
+/// `Middleware::request` gave, big-endian.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct RequestIdentity(pub [u8; 24]);
 

@@ -1,20 +1,12 @@
 //! Every interleaving of those who bring input with the worker that looks only where it is marked.
 //!
-//! `RUSTFLAGS="--cfg loom" cargo test -p replenish --release --test "loom_*"`
+//! `RUSTFLAGS="--cfg loom" cargo test -p replenish-handoff --release`
 #![cfg(loom)]
 #![allow(clippy::unwrap_used, reason = "a model may panic")]
 
-extern crate alloc;
-
-#[path = "../src/handoff/mod.rs"]
-#[allow(dead_code, unused_imports, reason = "models use a part of it each")]
-mod handoff;
-#[path = "../src/sync.rs"]
-mod sync;
-
-use handoff::{Flag, ReadySet};
 use loom::thread;
-use sync::{Arc, Signal};
+use replenish_handoff::sync::{Arc, Signal};
+use replenish_handoff::{Flag, ReadySet};
 
 /// Two handles, in different words of the set, each brought something by a thread of its own: the
 /// worker finds both, and sleeps in between.

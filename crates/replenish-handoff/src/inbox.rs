@@ -21,7 +21,7 @@ use super::ring::{Ring, Slot};
 use crate::sync::{AtomicUsize, Mutex, Ordering};
 
 /// Bounded, preallocated queue of one subscription.
-pub(crate) struct Inbox {
+pub struct Inbox {
     state: Mutex<State>,
     /// How many samples wait; written under the lock, so that a look costs none.
     waiting: AtomicUsize,
@@ -30,7 +30,7 @@ pub(crate) struct Inbox {
 
 /// Which samples survive when more arrive than there are slots.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Keep {
+pub enum Keep {
     /// The oldest makes room.
     Newest,
     /// The new one is dropped.
@@ -47,7 +47,7 @@ struct State {
 
 /// What became of a delivered sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Outcome {
+pub enum Outcome {
     /// It waits for the worker.
     Stored,
     /// It waits for the worker; the oldest one made room.
@@ -62,15 +62,16 @@ pub(crate) enum Outcome {
 
 /// The answer to a delivered sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Delivery {
-    pub(crate) outcome: Outcome,
+pub struct Delivery {
+    /// Whether the sample is stored, and if not, why not.
+    pub outcome: Outcome,
     /// Whether the reader has just left the interest set.
-    pub(crate) parked: bool,
+    pub parked: bool,
 }
 
 impl Inbox {
     /// An inbox for `depth` samples of up to `size` bytes; allocates everything it will ever need.
-    pub(crate) fn new(depth: usize, size: usize, keep: Keep) -> Self {
+    pub fn new(depth: usize, size: usize, keep: Keep) -> Self {
         Self {
             state: Mutex::new(State {
                 ring: Ring::new(depth, size),
@@ -84,12 +85,7 @@ impl Inbox {
 
     /// Dispatcher: stores a sample. The bytes are copied outside the lock, into the buffer in `hand`,
     /// for which there will be an empty one. Always to be called with the same hand, empty at first.
-    pub(crate) fn deliver(
-        &self,
-        hand: &mut Option<Slot>,
-        bytes: &[u8],
-        info: &SampleInfo,
-    ) -> Delivery {
+    pub fn deliver(&self, hand: &mut Option<Slot>, bytes: &[u8], info: &SampleInfo) -> Delivery {
         let refused = |outcome, parked| Delivery { outcome, parked };
         if hand.is_none() {
             *hand = self.state.lock().ring.spare();
@@ -124,14 +120,14 @@ impl Inbox {
     }
 
     /// Dispatcher: whether the reader stays out of the interest set.
-    pub(crate) fn is_parked(&self) -> bool {
+    pub fn is_parked(&self) -> bool {
         self.state.lock().parked
     }
 
     /// Worker: the oldest sample, if there is one, for the one in `hand` that it has read. Frees its
     /// place in the queue, so that the next one can come while this one is worked on. Returns whether
     /// the middleware must be woken, since the reader has rejoined the interest set.
-    pub(crate) fn pop(&self, hand: &mut Option<Slot>) -> Option<bool> {
+    pub fn pop(&self, hand: &mut Option<Slot>) -> Option<bool> {
         if self.waiting() == 0 {
             return None;
         }
@@ -145,7 +141,7 @@ impl Inbox {
     }
 
     /// When the oldest sample that waits arrived, in ns.
-    pub(crate) fn oldest(&self) -> Option<u64> {
+    pub fn oldest(&self) -> Option<u64> {
         if self.waiting() == 0 {
             return None;
         }
@@ -154,12 +150,12 @@ impl Inbox {
     }
 
     /// How many samples wait.
-    pub(crate) fn waiting(&self) -> usize {
+    pub fn waiting(&self) -> usize {
         self.waiting.load(Ordering::Acquire)
     }
 
     /// Whether everything that comes is discarded.
-    pub(crate) fn is_closed(&self) -> bool {
+    pub fn is_closed(&self) -> bool {
         self.state.lock().closed
     }
 
@@ -168,7 +164,7 @@ impl Inbox {
     }
 
     /// Discards what waits. Returns how many samples, and whether the middleware must be woken.
-    pub(crate) fn clear(&self) -> (usize, bool) {
+    pub fn clear(&self) -> (usize, bool) {
         let mut state = self.state.lock();
         let discarded = state.ring.clear();
         self.show(&state);
@@ -176,7 +172,7 @@ impl Inbox {
     }
 
     /// Discards what waits and everything that will come. Answers as [`Inbox::clear`].
-    pub(crate) fn close(&self) -> (usize, bool) {
+    pub fn close(&self) -> (usize, bool) {
         self.state.lock().closed = true;
         self.clear()
     }

@@ -1,21 +1,13 @@
 //! Every interleaving of the hand-off between dispatcher and worker, over the real inbox:
 //! nothing is lost, nothing deadlocks, a full inbox comes back into the interest set.
 //!
-//! `RUSTFLAGS="--cfg loom" cargo test -p replenish --release --test "loom_*"`
+//! `RUSTFLAGS="--cfg loom" cargo test -p replenish-handoff --release`
 #![cfg(loom)]
 #![allow(clippy::unwrap_used, reason = "a model may panic")]
 
-extern crate alloc;
-
-#[path = "../src/handoff/mod.rs"]
-#[allow(dead_code, unused_imports, reason = "models use a part of it each")]
-mod handoff;
-#[path = "../src/sync.rs"]
-mod sync;
-
-use handoff::{Inbox, Keep, Outcome, SampleInfo, Slot};
 use loom::thread;
-use sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
+use replenish_handoff::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
+use replenish_handoff::{Inbox, Keep, Outcome, SampleInfo, Slot};
 
 /// What the dispatcher needs of a middleware: buffered samples, and a sticky wake-up.
 struct Middleware {

@@ -1,20 +1,12 @@
 //! Every interleaving of a stop request with threads that join late, work, or fall asleep: all end.
 //!
-//! `RUSTFLAGS="--cfg loom" cargo test -p replenish --release --test "loom_*"`
+//! `RUSTFLAGS="--cfg loom" cargo test -p replenish-handoff --release`
 #![cfg(loom)]
 #![allow(clippy::unwrap_used, reason = "a model may panic")]
 
-extern crate alloc;
-
-#[path = "../src/handoff/mod.rs"]
-#[allow(dead_code, unused_imports, reason = "models use a part of it each")]
-mod handoff;
-#[path = "../src/sync.rs"]
-mod sync;
-
-use handoff::Stop;
 use loom::thread;
-use sync::{Arc, Signal};
+use replenish_handoff::Stop;
+use replenish_handoff::sync::{Arc, Signal};
 
 /// A worker without work: it sleeps on its bell until it is told to stop.
 fn sleeper(stop: &Arc<Stop>) -> thread::JoinHandle<()> {

@@ -10,19 +10,24 @@
 //!          the reader had left the interest set
 //! ```
 //!
-//! These files are small and use [`crate::sync`] alone: the `loom` models in `tests/` include and
-//! run them as they are.
+//! Every file uses [`sync`] and nothing else of the operating system. The models in `tests/` compile
+//! this crate over `loom`'s types: `RUSTFLAGS="--cfg loom" cargo test -p replenish-handoff --release`.
+#![forbid(unsafe_code)]
+#![cfg_attr(not(loom), no_std)]
+
+extern crate alloc;
 
 mod flag;
 mod inbox;
-mod ready;
+mod ready_set;
 mod ring;
 mod sample;
 mod stop;
+pub mod sync;
 
-pub(crate) use flag::Flag;
-pub(crate) use inbox::{Inbox, Keep, Outcome};
-pub(crate) use ready::ReadySet;
-pub(crate) use ring::{Ring, Slot};
+pub use flag::Flag;
+pub use inbox::{Delivery, Inbox, Keep, Outcome};
+pub use ready_set::ReadySet;
+pub use ring::{Ring, Slot};
 pub use sample::{RequestIdentity, SampleInfo};
-pub(crate) use stop::Stop;
+pub use stop::Stop;

@@ -11,26 +11,34 @@
 use crate::sync::{AtomicU64, Ordering};
 
 /// A sticky, counting flag.
-pub(crate) struct Flag(AtomicU64);
+pub struct Flag(AtomicU64);
+
+impl Default for Flag {
+    fn default() -> Self {
+        Self::new()
+    }
+}
 
 impl Flag {
-    pub(crate) fn new() -> Self {
+    /// A flag that nobody has raised.
+    #[must_use]
+    pub fn new() -> Self {
         Self(AtomicU64::new(0))
     }
 
     /// Raises the flag, then rings.
-    pub(crate) fn raise(&self, ring: impl FnOnce()) {
+    pub fn raise(&self, ring: impl FnOnce()) {
         self.0.fetch_add(1, Ordering::Release);
         ring();
     }
 
     /// Whether it was raised since it was last taken.
-    pub(crate) fn is_raised(&self) -> bool {
+    pub fn is_raised(&self) -> bool {
         self.0.load(Ordering::Acquire) > 0
     }
 
     /// Lowers the flag; how often it was raised since it was last taken.
-    pub(crate) fn take(&self) -> u64 {
+    pub fn take(&self) -> u64 {
         self.0.swap(0, Ordering::Acquire)
     }
 }

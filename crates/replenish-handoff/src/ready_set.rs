@@ -17,20 +17,20 @@ use alloc::vec::Vec;
 const BITS: usize = usize::BITS as usize;
 
 /// A bit per slot. Marking is async-signal-safe: one atomic operation, or two.
-pub(crate) struct ReadySet {
+pub struct ReadySet {
     words: Vec<AtomicUsize>,
 }
 
 impl ReadySet {
     /// For slots below `slots`. Allocates here only.
-    pub(crate) fn new(slots: usize) -> Self {
+    pub fn new(slots: usize) -> Self {
         let mut words = Vec::new();
         words.resize_with(slots.div_ceil(BITS), || AtomicUsize::new(0));
         Self { words }
     }
 
     /// The handle in `slot` may have something to do. Slots beyond the last are ignored.
-    pub(crate) fn mark(&self, slot: usize) {
+    pub fn mark(&self, slot: usize) {
         if let Some(word) = self.words.get(slot / BITS) {
             let bit = 1 << (slot % BITS);
             word.fetch_or(bit, Ordering::Release);
@@ -38,7 +38,7 @@ impl ReadySet {
     }
 
     /// Worker: takes all marks.
-    pub(crate) fn drain(&self, mut marked: impl FnMut(usize)) {
+    pub fn drain(&self, mut marked: impl FnMut(usize)) {
         for (at, word) in self.words.iter().enumerate() {
             if word.load(Ordering::Relaxed) == 0 {
                 continue;
