@@ -10,11 +10,9 @@
 //! side's. Between clients samples go through the agent as ever: a bridge must not give back what
 //! it got from here, and what comes from it goes to clients only. So nothing goes in circles.
 
-use crate::config::Nanos;
-use crate::entities::{Address, Plan, Qos, Record};
-use crate::identity::Identity;
-use crate::sample::Sample;
-use crate::topics::TopicKey;
+use crate::entities::{Address, Plan, Qos, Record, TopicKey};
+use crate::flow::{Identity, Sample};
+use replenish_xrce::Nanos;
 use replenish_xrce::wire::{Entity, ObjectId};
 use std::collections::{HashMap, VecDeque};
 

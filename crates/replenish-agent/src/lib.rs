@@ -41,44 +41,26 @@
 
 mod agent_core;
 mod bridge;
-mod client;
 mod clients;
 mod config;
 mod entities;
 mod error;
-mod identity;
-mod incident;
-mod inlet;
-mod limits;
-mod outlet;
-mod pace;
-mod profiles;
-mod receipt;
-mod replies;
-mod rules;
-mod sample;
-mod shell;
-mod snapshot;
-mod stats;
-mod topics;
-mod turns;
+mod flow;
+mod report;
+mod server;
 mod xml;
 
 pub use agent_core::{AgentCore, Now};
 pub use bridge::{BridgeEvent, BridgeId, BridgeKind, BridgeQos, BridgeSample, BridgeTopic};
 #[cfg(feature = "dds")]
 pub use config::DdsBridge;
-pub use config::{AgentConfig, Nanos, SerialConfig};
+pub use config::{AgentConfig, Limits, Profiles, SerialConfig, TopicRule};
 pub use error::{AgentError, ConfigError};
-pub use incident::{Incident, Incidents, Reason};
-pub use limits::Limits;
-pub use profiles::Profiles;
 #[cfg(feature = "dds")]
 pub use replenish_dds as dds;
-pub use rules::TopicRule;
-pub use shell::{Agent, Inspector, RunningAgent, StopHandle};
-pub use snapshot::{
-    BridgeSnapshot, ClientSnapshot, EntitySnapshot, ReaderSnapshot, Refusal, Snapshot,
-    StreamSnapshot, WriterSnapshot,
+pub use replenish_xrce::Nanos;
+pub use report::{
+    BridgeSnapshot, ClientSnapshot, EntitySnapshot, Incident, Incidents, ReaderSnapshot, Reason,
+    Refusal, Snapshot, Stats, StreamSnapshot, WriterSnapshot,
 };
-pub use stats::Stats;
+pub use server::{Agent, Inspector, RunningAgent, StopHandle};

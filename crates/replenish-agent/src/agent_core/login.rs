@@ -1,9 +1,9 @@
 //! What clients may ask for without a session: to open one, and whether the agent is there.
 
-use super::{AgentCore, Now};
-use crate::client::{Client, Promise};
-use crate::config::Nanos;
-use crate::incident::Reason;
+use super::state::{AgentCore, Now};
+use crate::clients::{Client, Promise};
+use crate::report::Reason;
+use replenish_xrce::Nanos;
 use replenish_xrce::wire::{
     AgentInfo, Body, ClientKey, CreateClient, DELIVERY, DELIVERY_BACK, DELIVERY_NEW,
     DELIVERY_SETTLED, GetInfo, Header, Info, Message, ObjectId, Properties, Status, StatusAgent,

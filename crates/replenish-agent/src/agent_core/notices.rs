@@ -1,10 +1,9 @@
 //! What clients are told unasked: which of their endpoints do not talk with others because of their
 //! QoS, and whether the services of their requesters have servers. See [`Notice`].
 
-use super::AgentCore;
+use super::state::AgentCore;
 use crate::bridge::BridgeId;
-use crate::entities::{Address, Plan};
-use crate::topics::TopicId;
+use crate::entities::{Address, Plan, TopicId};
 use replenish_xrce::wire::{Notice, ObjectId};
 use std::hash::Hash;
 

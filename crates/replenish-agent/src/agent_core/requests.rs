@@ -1,10 +1,10 @@
 //! What clients ask for in a session, submessage by submessage.
 
-use super::{AgentCore, Now};
-use crate::client::Promise;
+use super::state::{AgentCore, Now};
+use crate::clients::Promise;
 use crate::entities::{Delivery, MAX_DEFINITION, Surroundings};
-use crate::identity::Guid;
-use crate::incident::Reason;
+use crate::flow::Guid;
+use crate::report::Reason;
 use replenish_xrce::SeqNum;
 use replenish_xrce::wire::{
     BaseRequest, Body, Create, Delete, Header, Heartbeat, Message, ObjectId, ReadData, RequestId,

@@ -1,11 +1,9 @@
 //! From writers to readers: `WRITE_DATA`, and what readers that come late are given.
 
-use super::{AgentCore, Now};
+use super::state::{AgentCore, Now};
 use crate::entities::Address;
-use crate::identity::Identity;
-use crate::incident::Reason;
-use crate::receipt::Receipt;
-use crate::sample::{About, Sample};
+use crate::flow::{About, Identity, Receipt, Sample};
+use crate::report::Reason;
 use replenish_xrce::wire::{ObjectId, ObjectKind, Status, StreamId, WriteData};
 use std::hash::Hash;
 

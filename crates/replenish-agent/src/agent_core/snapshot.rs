@@ -1,9 +1,9 @@
 //! Taking a [`Snapshot`].
 
-use super::{AgentCore, Now};
-use crate::client::Client;
+use super::state::{AgentCore, Now};
+use crate::clients::Client;
 use crate::entities::{Plan, Qos, Reader, Record, Writer};
-use crate::snapshot::{
+use crate::report::{
     ClientSnapshot, EntitySnapshot, ReaderSnapshot, Snapshot, StreamSnapshot, WriterSnapshot, hex,
 };
 use replenish_xrce::wire::{ObjectId, ObjectKind};

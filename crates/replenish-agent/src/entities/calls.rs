@@ -1,6 +1,6 @@
 //! The requests of a requester that wait for their replies.
 
-use crate::identity::{Guid, Identity};
+use crate::flow::{Guid, Identity};
 use replenish_xrce::wire::{BaseRequest, ObjectId, RequestId};
 use std::collections::VecDeque;
 

@@ -1,7 +1,7 @@
 //! `READ_DATA`: how much of a reader's samples the client wants, how fast, and on which stream.
 
-use crate::config::Nanos;
-use crate::pace::Pace;
+use crate::flow::Pace;
+use replenish_xrce::Nanos;
 use replenish_xrce::wire::{BaseRequest, DeliveryControl, StreamId};
 
 const MS: Nanos = 1_000_000;

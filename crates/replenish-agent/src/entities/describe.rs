@@ -1,26 +1,15 @@
 //! What a CREATE describes: from XML, binary representations and references to a plan.
 
-use super::{Entities, Qos};
-use crate::limits::Limits;
-use crate::profiles::{Profile, Profiles};
-use crate::topics::TopicKey;
+use super::plan::Plan;
+use super::qos::Qos;
+use super::records::Entities;
+use super::topics::TopicKey;
+use crate::config::{Limits, Profile, Profiles};
 use crate::xml;
 use replenish_xrce::wire::{
     Entity, ObjectId, ObjectKind, ParticipantBinary, Representation, ServiceBinary, Status,
     TopicBinary,
 };
-
-/// What a CREATE asks for. Two that are equal describe the same entity, however they say it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Plan {
-    Participant { domain: i16, name: Box<str> },
-    Topic { key: TopicKey },
-    Group { domain: i16 },
-    Writer { key: TopicKey, qos: Qos },
-    Reader { key: TopicKey, qos: Qos },
-    Requester { request: TopicKey, reply: TopicKey },
-    Replier { request: TopicKey, reply: TopicKey },
-}
 
 /// In the place of a participant's domain: the one that the profile says.
 const DOMAIN_OF_PROFILE: i16 = 255;

@@ -1,8 +1,8 @@
 //! Quality of service: what writers offer, what readers ask for, and whether that fits.
 
-use crate::config::Nanos;
-use crate::limits::Limits;
+use crate::config::Limits;
 use crate::xml;
+use replenish_xrce::Nanos;
 use replenish_xrce::wire::{
     EndpointQos, Notice, QOS_DURABILITY_PERSISTENT, QOS_DURABILITY_TRANSIENT,
     QOS_DURABILITY_TRANSIENT_LOCAL, QOS_HISTORY_KEEP_LAST, QOS_RELIABLE,

@@ -12,13 +12,11 @@
 use super::calls::Calls;
 use super::delivery::Delivery;
 use super::qos::Qos;
-use crate::config::Nanos;
-use crate::identity::Identity;
-use crate::receipt::Receipt;
-use crate::rules::Service;
-use crate::sample::{Charge, Ledger, Sample};
-use crate::stats::Counters;
-use crate::topics::TopicId;
+use super::topics::TopicId;
+use crate::config::Service;
+use crate::flow::{Charge, Identity, Ledger, Receipt, Sample};
+use crate::report::Counters;
+use replenish_xrce::Nanos;
 use replenish_xrce::wire::{BaseRequest, StreamId};
 use std::collections::VecDeque;
 

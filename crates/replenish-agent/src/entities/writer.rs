@@ -1,11 +1,10 @@
 //! The sending half of data writers, requesters and repliers.
 
 use super::qos::Qos;
-use crate::config::Nanos;
-use crate::receipt::Receipt;
-use crate::sample::{Charge, Ledger, Sample};
-use crate::stats::Counters;
-use crate::topics::TopicId;
+use super::topics::TopicId;
+use crate::flow::{Charge, Ledger, Receipt, Sample};
+use crate::report::Counters;
+use replenish_xrce::Nanos;
 use std::collections::VecDeque;
 
 /// The sending half of an entity.

@@ -1,0 +1,101 @@
+//! The core's calls for a bridge to another middleware; see [`crate::bridge`].
+
+use super::state::{AgentCore, Now};
+use crate::bridge::{Bridge, BridgeEvent, BridgeId, BridgeSample};
+use crate::entities::{Address, Role};
+use crate::flow::{About, Guid, Identity, Sample};
+use replenish_xrce::wire::{Create, ObjectId};
+use std::hash::Hash;
+
+impl<P: Copy + Eq + Hash> AgentCore<P> {
+    /// From now on entities and samples are told to a bridge, which must
+    /// [ask](Self::poll_bridge) for them. To be called before there are clients.
+    #[must_use]
+    pub fn bridged(self) -> Self {
+        Self {
+            bridge: Some(Bridge::default()),
+            ..self
+        }
+    }
+
+    /// What the bridge has not heard of yet, in the order in which it happened. To be called until
+    /// there is nothing after every [`receive`](Self::receive) and [`pump`](Self::pump): samples
+    /// beyond 1024 are dropped and counted.
+    pub fn poll_bridge(&mut self) -> Option<BridgeEvent> {
+        self.bridge.as_mut()?.poll()
+    }
+
+    /// Takes a sample from the bridge for one reader, requester or replier.
+    pub fn from_bridge(&mut self, now: Now, id: BridgeId, sample: &BridgeSample) {
+        let at = now.monotonic;
+        self.counters.bridge_in.hit();
+        let address = self.bridge.as_ref().and_then(|bridge| bridge.address(id));
+        let Some(Address { client, object }) = address else {
+            return; // deleted meanwhile
+        };
+        let Some(target) = self.clients.get_mut(client) else {
+            return;
+        };
+        let Some(reader) = target.entities.reader(object) else {
+            return;
+        };
+        let identity = sample.request.map(|(guid, seq)| Identity {
+            guid: Guid(guid),
+            seq: seq.cast_unsigned(),
+        });
+        let mut about = About::default();
+        match reader.role {
+            Role::Data => {}
+            Role::Replier => about.request = identity,
+            Role::Requester(_) => about.reply_to = identity,
+        }
+        let payload = sample.payload();
+        let fits = payload.len() <= self.limits.sample;
+        let sample = fits.then(|| Sample::new(payload, about, &self.pool));
+        let Some(sample) = sample.flatten() else {
+            self.counters.samples_refused.hit();
+            return;
+        };
+        if reader.offer(&sample, None, at, &target.ledger, &self.counters) {
+            self.counters.samples_routed.hit();
+        } else if about.reply_to.is_some() {
+            self.counters.replies_unwanted.hit();
+        }
+        target.queue(object, at, &self.counters);
+        self.serve(at, client);
+    }
+
+    /// Tells the bridge about an entity that was just created.
+    pub(super) fn tell_created(&mut self, client: usize, create: &Create<'_>) {
+        let object = create.base.object;
+        let (Some(bridge), Some(of)) = (&mut self.bridge, self.clients.get_mut(client)) else {
+            return;
+        };
+        if let Some(record) = of.entities.record(object) {
+            bridge.created(Address { client, object }, &create.entity, record);
+        }
+    }
+
+    /// Tells the bridge about an entity that was just deleted.
+    pub(super) fn tell_deleted(&mut self, client: usize, object: ObjectId) {
+        if let Some(bridge) = &mut self.bridge {
+            bridge.deleted(Address { client, object });
+        }
+    }
+
+    /// The name of an entity at the seam, if there is one.
+    pub(super) fn beyond(&self, client: usize, object: ObjectId) -> Option<BridgeId> {
+        self.bridge.as_ref()?.id(Address { client, object })
+    }
+
+    /// Hands a written sample to the bridge.
+    pub(super) fn cross(&mut self, id: BridgeId, sample: &Sample) {
+        if let Some(bridge) = &mut self.bridge {
+            if bridge.wrote(id, sample) {
+                self.counters.bridge_out.hit();
+            } else {
+                self.counters.bridge_dropped.hit();
+            }
+        }
+    }
+}

@@ -1,0 +1,349 @@
+//! The core itself: its state, and the way of a datagram in and out.
+
+use super::client_queue::Line;
+use super::recovery_window::Comeback;
+use crate::bridge::Bridge;
+use crate::clients::{Clients, Inlet, Replies};
+use crate::config::{AgentConfig, Limits, Profiles, TopicRule};
+use crate::entities::{Address, Topics};
+use crate::flow::{Ledger, Pace, Receipt, Settled};
+use crate::report::{Counters, Log, Reason, Refusals, Stats};
+use replenish_xrce::Nanos;
+use replenish_xrce::wire::{ClientKey, Message, StreamId};
+use std::collections::BTreeSet;
+use std::hash::Hash;
+use std::sync::Arc;
+
+/// The time of an event, on two clocks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Now {
+    /// Nanoseconds on a monotonic clock; the agent's timers go by it.
+    pub monotonic: Nanos,
+    /// Nanoseconds since the Unix epoch; what clients that synchronise their clocks are told.
+    pub unix: i64,
+}
+
+/// A stream from a client that waits for a reader.
+#[derive(Debug)]
+pub(super) struct Pressed {
+    pub(super) client: usize,
+    pub(super) until: Nanos,
+    pub(super) stream: StreamId,
+    pub(super) reader: Address,
+}
+
+/// The agent as a state machine. `P` is where a datagram comes from or goes to.
+///
+/// Call [`receive`](Self::receive) for every datagram that has arrived, then
+/// [`pump`](Self::pump) until it returns false, and both again when a datagram arrives or
+/// [`next_deadline`](Self::next_deadline) has come. Not thread-safe; one thread owns it.
+#[derive(Debug)]
+pub struct AgentCore<P> {
+    pub(super) limits: Limits,
+    pub(super) rules: Vec<TopicRule>,
+    pub(super) profiles: Profiles,
+    /// Tells this agent from the one that was here before.
+    pub(super) instance: u16,
+    /// Requesters there were.
+    pub(super) requesters: u32,
+    pub(super) clients: Clients<P>,
+    pub(super) topics: Topics<Address>,
+    /// Bytes of all samples.
+    pub(super) pool: Ledger,
+    pub(super) replies: Replies<P>,
+    /// Datagrams that may come from outside of sessions.
+    pub(super) strangers: Option<Pace>,
+    /// The clients that may have something to send.
+    pub(super) line: Line,
+    /// When which client needs attention, at the latest.
+    pub(super) agenda: BTreeSet<(Nanos, usize)>,
+    pub(super) pressed: Vec<Pressed>,
+    /// Clients that a sample has just been routed to; kept for its memory.
+    pub(super) served: Vec<usize>,
+    /// The seam to another middleware.
+    pub(super) bridge: Option<Bridge>,
+    pub(super) refusals: Refusals,
+    /// What has been settled lately.
+    pub(super) settled: Settled,
+    /// For the message that is being taken in, once somebody has to be waited for.
+    pub(super) receipt: Option<Receipt>,
+    pub(super) comeback: Comeback,
+    /// Something is kept for them.
+    pub(super) stashed: bool,
+    pub(super) log: Arc<Log<P>>,
+    /// Incidents so far.
+    pub(super) incidents: u64,
+    /// The time of the last event.
+    pub(super) time: Nanos,
+    pub(super) counters: Arc<Counters>,
+}
+
+impl<P: Copy + Eq + Hash> AgentCore<P> {
+    /// An agent without clients and without rules.
+    #[must_use]
+    pub fn new(limits: Limits) -> Self {
+        Self::with(&AgentConfig {
+            limits,
+            ..AgentConfig::default()
+        })
+    }
+
+    /// An agent without clients; addresses in `config` do not matter.
+    #[must_use]
+    pub fn with(config: &AgentConfig) -> Self {
+        let limits = config.limits;
+        Self {
+            limits,
+            rules: config.rules.clone(),
+            profiles: config.profiles.clone(),
+            instance: 0,
+            requesters: 0,
+            clients: Clients::new(limits.clients),
+            topics: Topics::new(),
+            pool: Ledger::new(limits.queued_bytes),
+            replies: Replies::new(),
+            strangers: Pace::new(limits.strangers_per_second),
+            line: Line::default(),
+            agenda: BTreeSet::new(),
+            pressed: Vec::new(),
+            served: Vec::new(),
+            bridge: None,
+            refusals: Refusals::default(),
+            settled: Settled::default(),
+            receipt: None,
+            comeback: Comeback::default(),
+            stashed: false,
+            log: Arc::new(Log::new()),
+            incidents: 0,
+            time: 0,
+            counters: Arc::default(),
+        }
+    }
+
+    /// Makes the identities of requests differ from those of agents with another `instance`, so
+    /// that a reply that is late by an agent's life is not taken for another.
+    #[must_use]
+    pub fn instance(self, instance: u16) -> Self {
+        Self { instance, ..self }
+    }
+
+    /// Takes in a datagram from `peer`.
+    pub fn receive(&mut self, now: Now, peer: P, datagram: &[u8]) {
+        self.time = now.monotonic;
+        self.counters.datagrams_in.hit();
+        self.begin(now.monotonic);
+        let Ok(message) = Message::parse(datagram) else {
+            self.counters.malformed.hit();
+            let bytes = datagram.len();
+            self.note(peer, None, Reason::Malformed { bytes });
+            return;
+        };
+        let header = message.header;
+        let route = self.clients.by_route(peer, header.session);
+        let client = route.and_then(|index| self.clients.get_mut(index));
+        let (Some(index), Some(client)) = (route, client) else {
+            if self.admit_stranger(now.monotonic, peer) {
+                self.stranger(now, peer, &message);
+            }
+            return;
+        };
+        if header.key.is_some_and(|key| key != client.key) {
+            self.counters.no_session.hit();
+            self.note(peer, header.key, Reason::WrongKey);
+            return;
+        }
+        client.counts.datagrams_in += 1;
+        client.counts.bytes_in += datagram.len() as u64;
+        if let Some(pace) = &mut client.pace
+            && !pace.admit(now.monotonic, 1)
+        {
+            client.counts.rate_limited += 1;
+            let key = client.key;
+            self.counters.rate_limited.hit();
+            let limit = self.limits.datagrams_per_second;
+            self.note(peer, Some(key), Reason::Rate { limit });
+            return;
+        }
+        client.heard(now.monotonic, &self.limits);
+        if !std::mem::replace(&mut client.arrived, true) {
+            let delivery = client.delivery;
+            self.comeback.arrived(now.monotonic, delivery);
+        }
+        if header.stream == StreamId::NONE {
+            self.requests(now, index, StreamId::NONE, &message);
+        } else if self.is_held_up(now.monotonic, index, header.stream, header.seq) {
+            self.counters.held_back.hit();
+        } else if let Some(inlet) = self
+            .clients
+            .get_mut(index)
+            .and_then(|client| client.take_inlet(header.stream, &self.limits))
+        {
+            self.receive_on(now, index, inlet, &message);
+        } else {
+            self.counters.unsupported.hit();
+            let limit = self.limits.streams;
+            self.note_of(index, Reason::Streams { limit });
+        }
+        self.serve(now.monotonic, index);
+        self.settle(now.monotonic);
+    }
+
+    /// Takes down what was refused to whom.
+    pub(crate) fn note(&mut self, peer: P, key: Option<ClientKey>, reason: Reason) {
+        self.incidents += 1;
+        let (at, number) = (self.time, self.incidents);
+        self.log.note(at, number, peer, key, reason);
+    }
+
+    /// The same for the client in slot `index`.
+    pub(super) fn note_of(&mut self, index: usize, reason: Reason) {
+        if let Some(client) = self.clients.get_mut(index) {
+            let (peer, key) = (client.peer, client.key);
+            self.note(peer, Some(key), reason);
+        }
+    }
+
+    fn admit_stranger(&mut self, now: Nanos, peer: P) -> bool {
+        let admitted = self.strangers.as_mut().is_none_or(|p| p.admit(now, 1));
+        if !admitted {
+            self.counters.rate_limited.hit();
+            let limit = self.limits.strangers_per_second;
+            self.note(peer, None, Reason::Strangers { limit });
+        }
+        admitted
+    }
+
+    fn stranger(&mut self, now: Now, peer: P, message: &Message<'_>) {
+        if message.header.session.is_none() {
+            self.outside(now, peer, message);
+        } else {
+            self.counters.no_session.hit();
+            let session = message.header.session.0;
+            self.note(peer, message.header.key, Reason::NoSession { session });
+        }
+    }
+
+    fn receive_on(&mut self, now: Now, index: usize, mut inlet: Inlet, message: &Message<'_>) {
+        let stream = inlet.stream();
+        let from = inlet.next();
+        let received = inlet.receive(message.header.seq, message.body, |submessage| {
+            self.request(now, index, stream, submessage);
+        });
+        if received.is_err() {
+            self.counters.malformed.hit();
+            let bytes = message.body.len();
+            self.note_of(index, Reason::Malformed { bytes });
+        }
+        if let Some(receipt) = self.receipt.take() {
+            let until = self.settles_at(now.monotonic, index);
+            inlet.withhold(from, &receipt, until);
+        }
+        if let Some(client) = self.clients.get_mut(index) {
+            client.put_back(inlet);
+        }
+    }
+
+    /// Does what is due at `now` and hands up to `max` datagrams to `send`, the most urgent first
+    /// and to equals in turn. Returns whether there may be more to send.
+    pub fn pump(&mut self, now: Now, max: usize, send: &mut dyn FnMut(&P, &[u8])) -> bool {
+        self.begin(now.monotonic);
+        self.time = now.monotonic;
+        self.attend(now.monotonic);
+        self.settle(now.monotonic);
+        for _ in 0..max {
+            if self.replies.send_one(send) {
+                self.counters.datagrams_out.hit();
+                continue;
+            }
+            let Some(index) = self.next_in_line() else {
+                return false;
+            };
+            let Some(client) = self.clients.get_mut(index) else {
+                continue;
+            };
+            let about = (&self.limits, self.comeback.companions(now.monotonic));
+            if client.send_one(now.monotonic, about, &self.counters, send) {
+                self.counters.datagrams_out.hit();
+                self.serve(now.monotonic, index);
+            } else {
+                self.make_appointment(now.monotonic, index);
+            }
+            self.relieve(now.monotonic);
+            self.settle(now.monotonic);
+        }
+        !(self.replies.is_empty() && self.line.is_empty())
+    }
+
+    /// These peers take nothing until they are [released](Self::release): what is for them waits
+    /// where its order can still change.
+    pub fn hold(&mut self, which: impl Fn(&P) -> bool) {
+        for index in self.clients.at(which) {
+            if let Some(client) = self.clients.get_mut(index) {
+                client.held = true;
+            }
+        }
+    }
+
+    /// These peers take datagrams again.
+    pub fn release(&mut self, now: Now, which: impl Fn(&P) -> bool) {
+        for index in self.clients.at(which) {
+            if let Some(client) = self.clients.get_mut(index) {
+                client.held = false;
+            }
+            self.serve(now.monotonic, index);
+        }
+    }
+
+    /// These peers are gone for good: their sessions end.
+    pub fn gone(&mut self, which: impl Fn(&P) -> bool) {
+        for index in self.clients.at(&which) {
+            self.counters.clients_lost.hit();
+            self.note_of(index, Reason::Disconnected);
+            self.remove(index);
+        }
+        self.replies.forget(which);
+    }
+
+    /// What was counted so far.
+    #[must_use]
+    pub fn stats(&self) -> Stats {
+        self.counters.snapshot()
+    }
+
+    /// What was refused, for whoever asks; see [`Log`].
+    pub(crate) fn log(&self) -> &Arc<Log<P>> {
+        &self.log
+    }
+
+    pub(crate) fn counters(&self) -> &Arc<Counters> {
+        &self.counters
+    }
+
+    /// Ends a session.
+    pub(super) fn remove(&mut self, index: usize) {
+        let Some(mut client) = self.clients.remove(index) else {
+            return;
+        };
+        let left = client.entities.iter();
+        let left = left.filter_map(|(_, record)| record.reader.as_deref());
+        let left = left.map(|reader| reader.queued() as u64).sum();
+        self.counters.samples_orphaned.add(left);
+        let ids: Vec<_> = client.entities.iter().map(|(id, _)| id).collect();
+        let served = ids.iter().filter_map(|id| client.entities.answers(*id));
+        let served: Vec<_> = served.collect();
+        client.entities.clear(&mut self.topics);
+        served.iter().for_each(|topic| self.tell_served(*topic));
+        if let Some(bridge) = &mut self.bridge {
+            bridge.removed(index);
+        }
+        if let Some(level) = client.queued {
+            self.line.leave(level, index);
+        }
+        if let Some(at) = client.appointment {
+            self.agenda.remove(&(at, index));
+        }
+        self.pressed.retain(|pressed| pressed.client != index);
+        self.counters.clients.set(self.clients.len());
+        self.count_companions();
+    }
+}

@@ -1,0 +1,12 @@
+//! The clients: sessions, streams, and the table of them.
+
+mod client;
+mod input_stream;
+mod output_stream;
+mod replies;
+mod table;
+
+pub(crate) use client::{Client, Promise};
+pub(crate) use input_stream::Inlet;
+pub(crate) use replies::Replies;
+pub(crate) use table::Clients;

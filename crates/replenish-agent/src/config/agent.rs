@@ -1,0 +1,115 @@
+//! What an agent listens on, what it may hold, and what it knows beforehand.
+
+use super::limits::{Limits, within};
+use super::profiles::Profiles;
+use super::rules::TopicRule;
+use crate::error::ConfigError;
+use replenish_os::tty;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+
+/// How to run an [`Agent`](crate::Agent).
+#[derive(Clone, Debug)]
+pub struct AgentConfig {
+    /// Where to listen for UDP. Port 0 lets the operating system choose one.
+    ///
+    /// Loopback unless told otherwise: XRCE knows no authentication, so that whoever reaches
+    /// this address can read and write every topic.
+    pub addr: SocketAddr,
+    /// Where else to listen for UDP; at most 15 addresses.
+    pub more_udp: Vec<SocketAddr>,
+    /// Do not listen for UDP at all; `addr` and `more_udp` do not matter then.
+    pub without_udp: bool,
+    /// Where to listen for TCP, too.
+    pub tcp: Option<SocketAddr>,
+    /// Serial lines to serve; at most 64.
+    pub serial: Vec<SerialConfig>,
+    /// Bounds on what clients can make the agent hold.
+    pub limits: Limits,
+    /// Which topics are more urgent than others; at most 256.
+    pub rules: Vec<TopicRule>,
+    /// What entities are that clients describe by a name alone.
+    pub profiles: Profiles,
+    /// Makes the clients' topics and services those of DDS, too, so that ROS 2 sees them.
+    #[cfg(feature = "dds")]
+    pub dds: Option<DdsBridge>,
+}
+
+/// How the agent's clients appear in DDS.
+#[cfg(feature = "dds")]
+#[derive(Clone, Debug, Default)]
+pub struct DdsBridge {
+    /// Interfaces, service mapping and limits; loopback unless told otherwise.
+    pub dds: replenish_dds::DdsConfig,
+    /// The DDS domain of clients that say 0, which microcontrollers usually do: 0 to 232. Others
+    /// have the domain they say.
+    pub domain: u16,
+}
+
+/// A serial line, 8N1 without flow control, with eProsima's framing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SerialConfig {
+    /// The terminal: `/dev/ttyUSB0`, or the other end of a pseudo-terminal.
+    pub path: PathBuf,
+    /// One of [`replenish_os::tty::baud_rates`].
+    pub baud: u32,
+}
+
+impl SerialConfig {
+    /// A line at 115 200 baud.
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        Self {
+            path: path.into(),
+            baud: 115_200,
+        }
+    }
+
+    fn validate(&self) -> Result<(), ConfigError> {
+        if tty::baud_rates().any(|baud| baud == self.baud) {
+            return Ok(());
+        }
+        let rates: Vec<String> = tty::baud_rates().map(|baud| baud.to_string()).collect();
+        Err(ConfigError {
+            field: "serial.baud",
+            value: self.baud.to_string(),
+            allowed: rates.join(", "),
+        })
+    }
+}
+
+impl AgentConfig {
+    /// Whether everything is in its range.
+    ///
+    /// # Errors
+    /// The first thing that is not.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        self.limits.validate()?;
+        within("more_udp.length", self.more_udp.len(), 0..=15)?;
+        within("serial.length", self.serial.len(), 0..=64)?;
+        self.serial.iter().try_for_each(SerialConfig::validate)?;
+        within("rules.length", self.rules.len(), 0..=256)?;
+        #[cfg(feature = "dds")]
+        if let Some(bridge) = &self.dds {
+            within("dds.domain", bridge.domain, 0..=replenish_dds::MAX_DOMAIN)?;
+        }
+        self.rules.iter().try_for_each(TopicRule::validate)
+    }
+}
+
+impl Default for AgentConfig {
+    /// `127.0.0.1:8888`, the port that stock agents use.
+    fn default() -> Self {
+        Self {
+            addr: (Ipv4Addr::LOCALHOST, 8888).into(),
+            more_udp: Vec::new(),
+            without_udp: false,
+            tcp: None,
+            serial: Vec::new(),
+            limits: Limits::default(),
+            rules: Vec::new(),
+            profiles: Profiles::default(),
+            #[cfg(feature = "dds")]
+            dds: None,
+        }
+    }
+}

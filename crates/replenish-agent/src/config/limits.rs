@@ -1,0 +1,194 @@
+//! How much clients can make an agent hold, and the ranges in which that can be set.
+
+use crate::error::ConfigError;
+use replenish_xrce::Nanos;
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+
+const SECOND: Nanos = 1_000_000_000;
+
+/// What a submessage's 16-bit length allows besides the 4 bytes of request and object.
+const MAX_SAMPLE: usize = 65_531;
+
+/// Bounds on what clients can make the agent hold. What is above is refused, or dropped and
+/// counted in [`Stats`](crate::Stats); it never ends the agent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Clients at the same time, 1 to 4096.
+    pub clients: usize,
+    /// Entities of one client, of all kinds together, 1 to 4096.
+    pub entities: usize,
+    /// Streams of one client in each direction, 1 to 16.
+    pub streams: usize,
+    /// Bytes of one message to a client, even if the client takes longer ones, and of one from a
+    /// client that is kept until an earlier one arrives, 64 to 65535.
+    pub message: usize,
+    /// Bytes of one sample, fragmented or not, 1 to 65531, the protocol's limit.
+    pub sample: usize,
+    /// Bytes of all samples that the agent keeps, 1 to 2^40.
+    pub queued_bytes: usize,
+    /// Bytes that one client makes the agent keep: buffers of its streams, samples in the queues
+    /// of its readers and in the history of its writers (a sample that several of them keep counts
+    /// for each), 4096 to 2^40.
+    pub client_bytes: usize,
+    /// Samples in the queue of a reader whose QoS names no depth, 1 to `max_depth`.
+    pub default_depth: usize,
+    /// Samples in the queue of a reader or in the history of a writer, whatever its QoS says, 1 to
+    /// 65535.
+    pub max_depth: usize,
+    /// Requests of one requester that wait for their reply; above that the oldest is forgotten. 1
+    /// to 65535.
+    pub calls: usize,
+    /// Datagrams per second taken from one client, with bursts of up to a second's worth; 0 for no
+    /// limit, at most 10 000 000.
+    pub datagrams_per_second: u32,
+    /// Datagrams per second taken from all who have no session, together; 0 for no limit, at most
+    /// 10 000 000.
+    pub strangers_per_second: u32,
+    /// How long a keep-all reader that is full may hold up reliable keep-all writers before its
+    /// samples are dropped; 0 to 60 s.
+    pub patience: Nanos,
+    /// How long the acknowledgement of a reliable message waits until its samples have reached all
+    /// their reliable readers, which are not waited for while they lag behind by more; 0 to 60 s.
+    /// With 0 it does not wait: then what the agent has queued is lost with it. Should be below the
+    /// time that clients wait for an acknowledgement, which is 1 s with micro-ROS.
+    pub settle: Nanos,
+    /// How long after its own start the agent keeps what returning clients write for readers whose
+    /// clients return later; 0 to 60 s. Until then none of that is acknowledged as settled.
+    pub comeback: Nanos,
+    /// How long a client may be silent before it is forgotten, 10 ms to 24 h. Before that, at a
+    /// third of it, it is asked for a sign of life.
+    pub silence: Nanos,
+}
+
+impl Limits {
+    /// The limits of [`Limits::default`].
+    pub const DEFAULT: Limits = Limits {
+        clients: 64,
+        entities: 128,
+        streams: 4,
+        message: 8 * 1024,
+        sample: MAX_SAMPLE,
+        queued_bytes: 64 * 1024 * 1024,
+        client_bytes: 8 * 1024 * 1024,
+        default_depth: 16,
+        max_depth: 256,
+        calls: 64,
+        datagrams_per_second: 50_000,
+        strangers_per_second: 1_000,
+        patience: SECOND,
+        settle: SECOND / 2,
+        comeback: SECOND * 5 / 2,
+        silence: 30 * SECOND,
+    };
+
+    /// Bytes of the submessage that carries the largest sample, header and padding included. A
+    /// request or reply goes with 24 bytes that say which one it is.
+    pub(crate) fn longest_submessage(&self) -> usize {
+        (4 + 4 + (24 + self.sample).min(MAX_SAMPLE)).next_multiple_of(4)
+    }
+
+    /// Whether all are in their ranges.
+    ///
+    /// # Errors
+    /// The first that is not.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        within("limits.clients", self.clients, 1..=4096)?;
+        within("limits.entities", self.entities, 1..=4096)?;
+        within("limits.streams", self.streams, 1..=16)?;
+        within("limits.message", self.message, 64..=65_535)?;
+        within("limits.sample", self.sample, 1..=MAX_SAMPLE)?;
+        within("limits.queued_bytes", self.queued_bytes, 1..=1 << 40)?;
+        within("limits.client_bytes", self.client_bytes, 4096..=1 << 40)?;
+        within("limits.max_depth", self.max_depth, 1..=65_535)?;
+        let depth = 1..=self.max_depth;
+        within("limits.default_depth", self.default_depth, depth)?;
+        within("limits.calls", self.calls, 1..=65_535)?;
+        let rate = 0..=10_000_000;
+        within(
+            "limits.datagrams_per_second",
+            self.datagrams_per_second,
+            rate.clone(),
+        )?;
+        within(
+            "limits.strangers_per_second",
+            self.strangers_per_second,
+            rate,
+        )?;
+        within("limits.patience", self.patience, 0..=60 * SECOND)?;
+        within("limits.settle", self.settle, 0..=60 * SECOND)?;
+        within("limits.comeback", self.comeback, 0..=60 * SECOND)?;
+        let silence = SECOND / 100..=24 * 3600 * SECOND;
+        within("limits.silence", self.silence, silence)
+    }
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// Whether `value` is in `range`; the error names both and the field.
+pub(crate) fn within<T: PartialOrd + Display + Copy>(
+    field: &'static str,
+    value: T,
+    range: RangeInclusive<T>,
+) -> Result<(), ConfigError> {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    Err(ConfigError {
+        field,
+        value: value.to_string(),
+        allowed: format!("{} to {}", range.start(), range.end()),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_is_valid_and_every_error_names_field_value_and_range() {
+        assert_eq!(Limits::DEFAULT.validate(), Ok(()));
+        let wrong = [
+            Limits {
+                clients: 0,
+                ..Limits::DEFAULT
+            },
+            Limits {
+                message: 63,
+                ..Limits::DEFAULT
+            },
+            Limits {
+                sample: 65_532,
+                ..Limits::DEFAULT
+            },
+            Limits {
+                default_depth: 20,
+                max_depth: 10,
+                ..Limits::DEFAULT
+            },
+            Limits {
+                silence: 1,
+                ..Limits::DEFAULT
+            },
+            Limits {
+                datagrams_per_second: 10_000_001,
+                ..Limits::DEFAULT
+            },
+        ];
+        let texts = [
+            "limits.clients is 0, allowed is 1 to 4096",
+            "limits.message is 63, allowed is 64 to 65535",
+            "limits.sample is 65532, allowed is 1 to 65531",
+            "limits.default_depth is 20, allowed is 1 to 10",
+            "limits.silence is 1, allowed is 10000000 to 86400000000000",
+            "limits.datagrams_per_second is 10000001, allowed is 0 to 10000000",
+        ];
+        for (limits, text) in wrong.iter().zip(texts) {
+            assert_eq!(limits.validate().unwrap_err().to_string(), text);
+        }
+    }
+}

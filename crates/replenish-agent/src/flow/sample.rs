@@ -1,0 +1,126 @@
+//! Samples on their way from writers to readers, and the accounts of what they take.
+
+use super::identity::Identity;
+use replenish_xrce::Nanos;
+use std::ops::Deref;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Bytes in use, up to a limit: of all samples together, or of one client.
+#[derive(Clone, Debug)]
+pub(crate) struct Ledger {
+    used: Arc<AtomicUsize>,
+    limit: usize,
+}
+
+/// Bytes taken from a [`Ledger`]; given back when it is dropped.
+#[derive(Debug)]
+pub(crate) struct Charge {
+    used: Arc<AtomicUsize>,
+    bytes: usize,
+}
+
+impl Ledger {
+    pub(crate) fn new(limit: usize) -> Self {
+        Self {
+            used: Arc::default(),
+            limit,
+        }
+    }
+
+    /// Takes `bytes`, or `None` when that would exceed the limit.
+    pub(crate) fn charge(&self, bytes: usize) -> Option<Charge> {
+        if bytes > self.free() {
+            return None;
+        }
+        self.used.fetch_add(bytes, Ordering::Relaxed);
+        let used = Arc::clone(&self.used);
+        Some(Charge { used, bytes })
+    }
+
+    /// Bytes that can be taken now.
+    pub(crate) fn free(&self) -> usize {
+        self.limit.saturating_sub(self.used())
+    }
+
+    /// Bytes in use now.
+    pub(crate) fn used(&self) -> usize {
+        self.used.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for Charge {
+    fn drop(&mut self) {
+        self.used.fetch_sub(self.bytes, Ordering::Relaxed);
+    }
+}
+
+/// A written payload, shared by the queues of all readers it is for.
+#[derive(Clone, Debug)]
+pub(crate) struct Sample(Arc<Payload>);
+
+#[derive(Debug)]
+struct Payload {
+    bytes: Box<[u8]>,
+    about: About,
+    _charge: Charge,
+}
+
+/// What goes with a sample's bytes.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct About {
+    /// Which request this is.
+    pub(crate) request: Option<Identity>,
+    /// Which request this is the reply to.
+    pub(crate) reply_to: Option<Identity>,
+    /// When it is of no use any more.
+    pub(crate) expires: Option<Nanos>,
+}
+
+impl Sample {
+    /// Copies `bytes`, or `None` when the ledger's limit would be exceeded.
+    pub(crate) fn new(bytes: &[u8], about: About, ledger: &Ledger) -> Option<Self> {
+        let payload = Payload {
+            _charge: ledger.charge(bytes.len())?,
+            bytes: bytes.into(),
+            about,
+        };
+        Some(Self(Arc::new(payload)))
+    }
+
+    pub(crate) fn about(&self) -> &About {
+        &self.0.about
+    }
+
+    pub(crate) fn is_expired(&self, now: Nanos) -> bool {
+        self.0.about.expires.is_some_and(|at| at <= now)
+    }
+}
+
+impl Deref for Sample {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        &self.0.bytes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shared_sample_counts_once_and_until_its_last_user_lets_go() {
+        let ledger = Ledger::new(10);
+        let sample = |len| Sample::new(&vec![0; len], About::default(), &ledger);
+        let first = sample(8).unwrap();
+        let second = first.clone();
+        assert_eq!(ledger.used(), 8);
+        assert!(sample(3).is_none());
+        drop(first);
+        assert!(sample(3).is_none());
+        drop(second);
+        assert_eq!(ledger.used(), 0);
+        assert!(sample(10).is_some());
+    }
+}

@@ -1,0 +1,239 @@
+//! What an agent is doing, as plain data: clients, their entities, their streams, and what they
+//! have moved. Rates are differences of two snapshots over [`Snapshot::seconds_since`].
+
+use super::stats::Stats;
+use replenish_xrce::Nanos;
+use replenish_xrce::wire::{ClientKey, ObjectId, Status};
+use std::collections::VecDeque;
+
+/// Refusals that are kept.
+const REFUSALS: usize = 64;
+
+/// The state of an agent at one time.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Snapshot {
+    /// When, in nanoseconds on the agent's monotonic clock.
+    pub at: Nanos,
+    /// What was counted so far.
+    pub stats: Stats,
+    /// Topics that have a writer or a reader.
+    pub topics: usize,
+    /// Bytes of all samples that are kept.
+    pub queued_bytes: usize,
+    /// The clients, by key.
+    pub clients: Vec<ClientSnapshot>,
+    /// The last requests that were refused, the oldest first.
+    pub refusals: Vec<Refusal>,
+    /// What the bridge to DDS makes of the clients' participants, writers, readers, requesters and
+    /// repliers; `None` without a bridge.
+    pub bridge: Option<Vec<BridgeSnapshot>>,
+}
+
+/// A participant or endpoint of a client in DDS.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct BridgeSnapshot {
+    /// As in [`EntitySnapshot::kind`].
+    pub kind: &'static str,
+    /// The DDS domain.
+    pub domain: u16,
+    /// The participant's name, the topic, or the topic of a service's requests.
+    pub name: String,
+    /// `opening`, `open`, or why it is not in DDS.
+    pub state: String,
+    /// Writers and readers in DDS that it talks with.
+    pub matched: usize,
+    /// Times that one did not match because of its QoS.
+    pub mismatched: u64,
+    /// Samples that wait for DDS.
+    pub waiting: usize,
+    /// Samples handed to DDS.
+    pub sent: u64,
+    /// Samples received from DDS.
+    pub received: u64,
+    /// Samples for DDS that were dropped: too many waited, or too long.
+    pub dropped_out: u64,
+    /// Samples from DDS that were dropped: too many waited, too long, or in another encoding than
+    /// little-endian XCDR1.
+    pub dropped_in: u64,
+    /// Samples from DDS that were lost on the way, by the gaps in their writers' numbers.
+    pub missed: u64,
+    /// Requests that were forgotten, and replies that nobody waits for.
+    pub calls_lost: u64,
+}
+
+/// One client.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct ClientSnapshot {
+    /// Its key, as eight hexadecimal digits.
+    pub key: String,
+    /// Its session id.
+    pub session: u8,
+    /// Where it is.
+    pub peer: String,
+    /// Bytes of the longest message it is sent.
+    pub mtu: usize,
+    /// Nanoseconds since it logged in.
+    pub age: Nanos,
+    /// Nanoseconds since it was last heard.
+    pub silent: Nanos,
+    /// Bytes it makes the agent keep.
+    pub bytes: usize,
+    /// Datagrams from it, dropped ones included.
+    pub datagrams_in: u64,
+    /// Datagrams to it, outside of a session's replies.
+    pub datagrams_out: u64,
+    /// Bytes of the datagrams from it.
+    pub bytes_in: u64,
+    /// Bytes of the datagrams to it.
+    pub bytes_out: u64,
+    /// Datagrams from it that were dropped because there were too many.
+    pub rate_limited: u64,
+    /// The streams to it.
+    pub streams: Vec<StreamSnapshot>,
+    /// Its entities, by id.
+    pub entities: Vec<EntitySnapshot>,
+}
+
+/// One stream to a client.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct StreamSnapshot {
+    /// Its id.
+    pub stream: u8,
+    /// Messages that are not acknowledged.
+    pub unacknowledged: usize,
+    /// Messages that were sent again.
+    pub resent: u64,
+}
+
+/// One entity.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct EntitySnapshot {
+    /// Its id on the wire, as four hexadecimal digits; the last is the kind.
+    pub id: String,
+    /// `participant`, `topic`, `publisher`, `subscriber`, `data_writer`, `data_reader`, `requester`
+    /// or `replier`.
+    pub kind: &'static str,
+    /// The DDS domain.
+    pub domain: i16,
+    /// The participant's name, the topic, or the topic of a service's requests.
+    pub name: String,
+    /// The type of the topic, if it has one.
+    pub type_name: String,
+    /// What it sends.
+    pub writer: Option<WriterSnapshot>,
+    /// What it receives.
+    pub reader: Option<ReaderSnapshot>,
+}
+
+/// The sending half of an entity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct WriterSnapshot {
+    /// Whether it is reliable.
+    pub reliable: bool,
+    /// Whether it keeps samples for readers that come later.
+    pub durable: bool,
+    /// Samples that its QoS wants kept; `None` for all.
+    pub depth: Option<usize>,
+    /// Samples written.
+    pub written: u64,
+    /// Their bytes.
+    pub written_bytes: u64,
+    /// Readers it talks to.
+    pub matched: usize,
+    /// Readers of its topic it does not talk to because of their QoS.
+    pub mismatched: usize,
+}
+
+/// The receiving half of an entity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct ReaderSnapshot {
+    /// Whether it is reliable.
+    pub reliable: bool,
+    /// Whether it wants what was written before it came.
+    pub durable: bool,
+    /// Samples that its queue takes before the oldest is dropped; `None` if it wants all kept.
+    pub depth: Option<usize>,
+    /// 0 to 7, the most urgent.
+    pub priority: u8,
+    /// Whether the client has asked for samples.
+    pub reading: bool,
+    /// Samples that wait.
+    pub queued: usize,
+    /// Samples put into its queue.
+    pub received: u64,
+    /// Samples sent to the client.
+    pub delivered: u64,
+    /// Their bytes.
+    pub delivered_bytes: u64,
+    /// Samples dropped for want of room.
+    pub dropped: u64,
+    /// Samples dropped because their lifespan was over.
+    pub expired: u64,
+    /// Writers it hears.
+    pub matched: usize,
+    /// Writers of its topic it does not hear because of their QoS.
+    pub mismatched: usize,
+}
+
+/// A request that was refused.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Refusal {
+    /// The client's key, as in [`ClientSnapshot::key`].
+    pub key: String,
+    /// What the request was about, as in [`EntitySnapshot::id`].
+    pub id: String,
+    /// The answer: `UNKNOWN_REFERENCE`, `RESOURCES`, and so on.
+    pub status: String,
+}
+
+/// The last requests that were refused.
+#[derive(Debug, Default)]
+pub(crate) struct Refusals {
+    list: VecDeque<(ClientKey, ObjectId, Status)>,
+}
+
+impl Refusals {
+    pub(crate) fn note(&mut self, key: ClientKey, object: ObjectId, status: Status) {
+        if self.list.len() >= REFUSALS {
+            self.list.pop_front();
+        }
+        self.list.push_back((key, object, status));
+    }
+
+    pub(crate) fn tell(&self) -> Vec<Refusal> {
+        let tell = |(key, object, status): &(ClientKey, ObjectId, Status)| Refusal {
+            key: key.to_string(),
+            id: hex(*object),
+            status: status.to_string(),
+        };
+        self.list.iter().map(tell).collect()
+    }
+}
+
+/// An id as it is on the wire.
+pub(crate) fn hex(id: ObjectId) -> String {
+    let [high, low] = id.to_bytes();
+    format!("{high:02x}{low:02x}")
+}
+
+impl Snapshot {
+    /// The time between two snapshots of an agent, to make rates of differences.
+    #[must_use]
+    pub fn seconds_since(&self, earlier: &Snapshot) -> f64 {
+        self.at.saturating_sub(earlier.at) as f64 / 1e9
+    }
+
+    /// The client with this key, if it is there.
+    #[must_use]
+    pub fn client(&self, key: &str) -> Option<&ClientSnapshot> {
+        self.clients.iter().find(|client| client.key == key)
+    }
+}

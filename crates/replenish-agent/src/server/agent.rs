@@ -1,0 +1,185 @@
+//! An agent with its transports, run by the calling thread or by one of its own.
+
+use super::clock::{instance, now};
+#[cfg(feature = "dds")]
+use super::dds::DdsPort;
+use super::inspector::{Asked, Inspector};
+use super::peer::Peer;
+use super::ports::{Ports, Ready};
+use super::running::RunningAgent;
+use super::stop::StopHandle;
+use crate::agent_core::AgentCore;
+use crate::config::AgentConfig;
+use crate::error::AgentError;
+use crate::report::{Snapshot, Stats};
+use replenish_os::{WakeFd, clock};
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::thread::Builder;
+
+/// Datagrams sent in one go before the clock is read again.
+const BATCH: usize = 64;
+
+/// An agent that has its addresses and waits to be run.
+#[derive(Debug)]
+pub struct Agent {
+    ports: Ports,
+    core: AgentCore<Peer>,
+    wake: Arc<WakeFd>,
+    asked: Arc<Asked>,
+    #[cfg(feature = "dds")]
+    dds: Option<DdsPort>,
+}
+
+impl Agent {
+    /// Takes the addresses and opens the serial lines; clients can send from now on and are
+    /// answered once the agent runs.
+    ///
+    /// # Errors
+    /// [`AgentError::Config`], [`AgentError::AddressInUse`], [`AgentError::Serial`], or
+    /// [`AgentError::Io`] for everything else the operating system can say.
+    pub fn bind(config: &AgentConfig) -> Result<Self, AgentError> {
+        config.validate()?;
+        let ports = Ports::open(config, clock::monotonic())?;
+        let wake = WakeFd::new()
+            .map_err(|error| AgentError::new("make a wake-up for", config.addr, error))?;
+        let wake = Arc::new(wake);
+        let core = AgentCore::with(config).instance(instance());
+        #[cfg(feature = "dds")]
+        let (core, dds) = match &config.dds {
+            Some(bridge) => (core.bridged(), Some(DdsPort::start(bridge, &wake)?)),
+            None => (core, None),
+        };
+        Ok(Self {
+            ports,
+            core,
+            wake,
+            asked: Arc::default(),
+            #[cfg(feature = "dds")]
+            dds,
+        })
+    }
+
+    /// Where it listens for UDP, with the port that the operating system chose if 0 was asked for:
+    /// the first address, [`AgentConfig::addr`]. `0.0.0.0:0` if it does not listen for UDP.
+    #[must_use]
+    pub fn local_addr(&self) -> SocketAddr {
+        let first = self.ports.udp_addrs().next();
+        first.unwrap_or_else(|| (std::net::Ipv4Addr::UNSPECIFIED, 0).into())
+    }
+
+    /// All addresses at which it listens for UDP.
+    #[must_use]
+    pub fn udp_addrs(&self) -> Vec<SocketAddr> {
+        self.ports.udp_addrs().collect()
+    }
+
+    /// Where it listens for TCP, if it does.
+    #[must_use]
+    pub fn tcp_addr(&self) -> Option<SocketAddr> {
+        self.ports.tcp_addr()
+    }
+
+    /// Tells what the agent is doing while it runs.
+    #[must_use]
+    pub fn inspector(&self) -> Inspector {
+        let log = Arc::clone(self.core.log());
+        Inspector::new(Arc::clone(&self.wake), Arc::clone(&self.asked), log)
+    }
+
+    /// Runs in the calling thread until `stop` says so.
+    ///
+    /// # Errors
+    /// [`AgentError::Io`] if the UDP socket fails for good. Connections and serial lines that fail
+    /// end the sessions on them; serial lines are opened again when they are back.
+    pub fn run(&mut self, stop: &StopHandle) -> Result<(), AgentError> {
+        let wake = Arc::clone(&self.wake);
+        let _running = stop.runs(&wake);
+        let mut ready = Vec::new();
+        while !stop.is_stopped() {
+            let waited = self
+                .ports
+                .wait(&wake, self.core.next_deadline(), &mut ready);
+            waited.map_err(|error| AgentError::new("wait at", self.local_addr(), error))?;
+            let Self { ports, core, .. } = self;
+            for found in ready.drain(..) {
+                match found {
+                    Ready::Wake => drop(wake.clear()),
+                    Ready::Udp(at) => ports.receive_udp(at, core, now, send_all)?,
+                    Ready::Listener => ports.accept(core, now().monotonic),
+                    Ready::Read(at) => ports.read(at, core, now()),
+                    Ready::Write(at) => ports.write(at, core),
+                }
+                send_all(ports, core);
+            }
+            // After the wake-up was cleared, so that none is lost.
+            #[cfg(feature = "dds")]
+            if let Some(dds) = &mut self.dds {
+                dds.take(core, now());
+            }
+            ports.upkeep(core, now().monotonic);
+            send_all(ports, core);
+            #[cfg(feature = "dds")]
+            if let Some(dds) = &mut self.dds {
+                dds.tell(core);
+            }
+            self.asked.answer(|| Snapshot {
+                #[cfg(feature = "dds")]
+                bridge: self.dds.as_ref().map(DdsPort::snapshot),
+                ..core.snapshot(now())
+            });
+        }
+        Ok(())
+    }
+
+    /// Runs in a thread of its own, called `xrce-agent`.
+    ///
+    /// # Errors
+    /// [`AgentError::Io`] if no thread can be had.
+    pub fn spawn(mut self) -> Result<RunningAgent, AgentError> {
+        let addr = self.local_addr();
+        let tcp = self.tcp_addr();
+        let inspector = self.inspector();
+        let stop = StopHandle::new();
+        let counters = Arc::clone(self.core.counters());
+        let handle = stop.clone();
+        let thread = Builder::new()
+            .name("xrce-agent".into())
+            .spawn(move || self.run(&handle))
+            .map_err(|error| AgentError::new("start a thread for the agent at", addr, error))?;
+        Ok(RunningAgent {
+            addr,
+            tcp,
+            inspector,
+            stop,
+            counters,
+            thread: Some(thread),
+        })
+    }
+
+    /// What was counted so far.
+    #[must_use]
+    pub fn stats(&self) -> Stats {
+        self.core.stats()
+    }
+}
+
+/// Sends everything that can be sent now. Where links can get full, one at a time, so that what is
+/// for a full one stays where the order can still change.
+fn send_all(ports: &mut Ports, core: &mut AgentCore<Peer>) {
+    let counters = Arc::clone(core.counters());
+    loop {
+        if ports.has_links() {
+            ports.settle(core, now());
+        }
+        let max = if ports.has_links() { 1 } else { BATCH };
+        let more = core.pump(now(), max, &mut |to, bytes| {
+            if !ports.send(to, bytes) {
+                counters.send_failed.hit();
+            }
+        });
+        if !more {
+            return;
+        }
+    }
+}

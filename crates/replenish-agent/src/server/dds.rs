@@ -1,0 +1,243 @@
+//! The bridge to DDS: what the core tells goes to [`replenish_dds`], what comes from there to the
+//! core. Runs in the agent's thread and never waits; DDS has a thread of its own.
+
+use crate::agent_core::{AgentCore, Now};
+use crate::bridge::{BridgeEvent, BridgeId, BridgeKind, BridgeQos, BridgeSample, BridgeTopic};
+use crate::config::DdsBridge;
+use crate::report::BridgeSnapshot;
+use replenish_dds::{
+    Dds, DdsError, Durability, Endpoint, EndpointKind, EndpointState, History, Mismatch, Node,
+    OpenError, Outgoing, Qos, RequestId, Topic,
+};
+use replenish_os::WakeFd;
+use replenish_xrce::wire::Notice;
+use std::collections::BTreeMap;
+use std::hash::Hash;
+use std::sync::Arc;
+
+/// Samples taken from DDS in one go.
+const BATCH: usize = 64;
+
+/// DDS and what it did not take.
+#[derive(Debug)]
+pub(super) struct DdsPort {
+    dds: Dds,
+    /// The DDS domain of clients that say 0.
+    domain: u16,
+    kinds: BTreeMap<BridgeId, &'static str>,
+    /// What there was no room for; tried again when there is.
+    waiting: BTreeMap<BridgeId, What>,
+    /// What DDS cannot have.
+    refused: BTreeMap<BridgeId, (String, OpenError)>,
+    wake: Arc<WakeFd>,
+}
+
+#[derive(Clone, Debug)]
+enum What {
+    Node(Node),
+    Endpoint(Endpoint),
+}
+
+/// As [`Notice`]'s bits.
+fn policies(mismatch: Mismatch) -> u8 {
+    let bit = |clashes: bool, bit: u8| if clashes { bit } else { 0 };
+    bit(mismatch.reliability, Notice::RELIABILITY)
+        | bit(mismatch.durability, Notice::DURABILITY)
+        | bit(mismatch.deadline, Notice::DEADLINE)
+}
+
+impl What {
+    fn name(&self) -> &str {
+        match self {
+            Self::Node(node) => &node.name,
+            Self::Endpoint(endpoint) => &endpoint.kind.topic().name,
+        }
+    }
+}
+
+impl DdsPort {
+    pub(super) fn start(config: &DdsBridge, wake: &Arc<WakeFd>) -> Result<Self, DdsError> {
+        Ok(Self {
+            dds: Dds::start(&config.dds, Arc::clone(wake))?,
+            domain: config.domain,
+            kinds: BTreeMap::new(),
+            waiting: BTreeMap::new(),
+            refused: BTreeMap::new(),
+            wake: Arc::clone(wake),
+        })
+    }
+
+    /// Tells DDS what has happened.
+    pub(super) fn tell<P: Copy + Eq + Hash>(&mut self, core: &mut AgentCore<P>) {
+        while let Some(event) = core.poll_bridge() {
+            match event {
+                BridgeEvent::Node { id, domain, name } => {
+                    let domain = self.domain(domain);
+                    let name = if name.is_empty() {
+                        format!("xrce_{id}") // ROS 2 knows no node without a name
+                    } else {
+                        name
+                    };
+                    self.open(id, "participant", What::Node(Node { domain, name }));
+                }
+                BridgeEvent::Endpoint {
+                    id,
+                    domain,
+                    node,
+                    kind,
+                } => {
+                    let domain = self.domain(domain);
+                    let (name, kind) = kind.into_dds();
+                    let endpoint = Endpoint { domain, node, kind };
+                    self.open(id, name, What::Endpoint(endpoint));
+                }
+                BridgeEvent::Close { id } => self.close(id),
+                BridgeEvent::Sample { id, sample } => {
+                    let payload = sample.payload().to_vec();
+                    let request = sample
+                        .request
+                        .map(|(guid, sequence)| RequestId { guid, sequence });
+                    self.dds.write(id, Outgoing { payload, request });
+                }
+            }
+        }
+    }
+
+    /// Gives the core what has come, a batch, and wakes the agent again if there may be more.
+    pub(super) fn take<P: Copy + Eq + Hash>(&mut self, core: &mut AgentCore<P>, now: Now) {
+        while let Some((id, served)) = self.dds.take_served() {
+            core.served_beyond(id, served);
+        }
+        while let Some((id, mismatch)) = self.dds.take_mismatch() {
+            core.clash_beyond(id, policies(mismatch));
+        }
+        for _ in 0..BATCH {
+            let Some((id, incoming)) = self.dds.take() else {
+                return;
+            };
+            let request = incoming.request.map(|id| (id.guid, id.sequence));
+            core.from_bridge(now, id, &BridgeSample::new(incoming.payload, request));
+        }
+        self.wake.wake();
+    }
+
+    /// What DDS does with the clients' entities.
+    pub(super) fn snapshot(&self) -> Vec<BridgeSnapshot> {
+        let report = self.dds.report();
+        let kind = |id| self.kinds.get(&id).copied().unwrap_or_default();
+        let open = report.endpoints.into_iter().map(|found| BridgeSnapshot {
+            kind: kind(found.id),
+            domain: found.domain,
+            name: found.name,
+            state: match (report.ended.clone(), found.state) {
+                (Some(why), _) | (None, EndpointState::Failed(why)) => why,
+                (None, EndpointState::Opening) => "opening".into(),
+                (None, EndpointState::Open) => "open".into(),
+            },
+            matched: found.matched,
+            mismatched: found.mismatched,
+            waiting: found.waiting_out,
+            sent: found.sent,
+            received: found.received,
+            dropped_out: found.dropped_out,
+            dropped_in: found.dropped_in,
+            missed: found.missed,
+            calls_lost: found.calls_lost,
+        });
+        let not_open = |id: BridgeId, name: &str, error: OpenError| BridgeSnapshot {
+            kind: kind(id),
+            name: name.into(),
+            state: error.to_string(),
+            ..BridgeSnapshot::default()
+        };
+        let waiting = self.waiting.iter();
+        let waiting = waiting.map(|(id, what)| not_open(*id, what.name(), OpenError::Full));
+        let refused = self.refused.iter();
+        let refused = refused.map(|(id, (name, why))| not_open(*id, name, *why));
+        open.chain(waiting).chain(refused).collect()
+    }
+
+    /// The DDS domain; one that does not exist is refused later.
+    fn domain(&self, of_client: i16) -> u16 {
+        match of_client {
+            0 => self.domain,
+            other => u16::try_from(other).unwrap_or(u16::MAX),
+        }
+    }
+
+    fn open(&mut self, id: BridgeId, kind: &'static str, what: What) {
+        self.kinds.insert(id, kind);
+        self.try_open(id, what);
+    }
+
+    fn try_open(&mut self, id: BridgeId, what: What) {
+        let opened = match what.clone() {
+            What::Node(node) => self.dds.open_node(id, node),
+            What::Endpoint(endpoint) => self.dds.open(id, endpoint),
+        };
+        match opened {
+            Ok(()) => {}
+            Err(OpenError::Full) => {
+                self.waiting.insert(id, what);
+            }
+            Err(why) => {
+                self.refused.insert(id, (what.name().into(), why));
+            }
+        }
+    }
+
+    fn close(&mut self, id: BridgeId) {
+        self.kinds.remove(&id);
+        self.refused.remove(&id);
+        if self.waiting.remove(&id).is_some() {
+            return;
+        }
+        self.dds.close(id);
+        if let Some((id, what)) = self.waiting.pop_first() {
+            self.try_open(id, what);
+        }
+    }
+}
+
+impl BridgeKind {
+    fn into_dds(self) -> (&'static str, EndpointKind) {
+        let topic = |topic: BridgeTopic| Topic {
+            name: topic.name,
+            type_name: topic.type_name,
+        };
+        match self {
+            Self::Writer(on, qos) => {
+                let (topic, qos) = (topic(on), qos.into());
+                ("data_writer", EndpointKind::Writer { topic, qos })
+            }
+            Self::Reader(on, qos) => {
+                let (topic, qos) = (topic(on), qos.into());
+                ("data_reader", EndpointKind::Reader { topic, qos })
+            }
+            Self::Requester(request, reply) => {
+                let (request, reply) = (topic(request), topic(reply));
+                ("requester", EndpointKind::Requester { request, reply })
+            }
+            Self::Replier(request, reply) => {
+                let (request, reply) = (topic(request), topic(reply));
+                ("replier", EndpointKind::Replier { request, reply })
+            }
+        }
+    }
+}
+
+impl From<BridgeQos> for Qos {
+    fn from(qos: BridgeQos) -> Self {
+        Self {
+            reliable: qos.reliable,
+            durability: if qos.durable {
+                Durability::TransientLocal
+            } else {
+                Durability::Volatile
+            },
+            history: qos.depth.map_or(History::KeepAll, History::KeepLast),
+            deadline: qos.deadline,
+            lifespan: qos.lifespan,
+        }
+    }
+}

@@ -1,0 +1,290 @@
+//! Everything the agent receives from and sends to, and waiting for all of it at once.
+
+use super::link::{Dead, Link};
+use super::peer::Peer;
+use super::udp::{Arrival, UdpPort};
+use crate::agent_core::{AgentCore, Now};
+use crate::config::{AgentConfig, SerialConfig};
+use crate::error::AgentError;
+use crate::report::Reason;
+use replenish_os::tty::Tty;
+use replenish_os::{PollFd, WakeFd, poll};
+use replenish_xrce::Nanos;
+use std::io::ErrorKind;
+use std::net::{SocketAddr, TcpListener};
+
+const SECOND: Nanos = 1_000_000_000;
+
+/// How often a serial line that is gone is looked for, and silent connections are closed.
+const UPKEEP: Nanos = SECOND;
+
+/// Datagrams, connections or pieces taken from one port before the others have their turn.
+const BATCH: usize = 32;
+
+/// What a wait has found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ready {
+    Wake,
+    Udp(usize),
+    Listener,
+    Read(usize),
+    Write(usize),
+}
+
+/// All ports. Links are numbered: serial lines first, as in the configuration, then connections.
+#[derive(Debug)]
+pub(super) struct Ports {
+    udp: Vec<UdpPort>,
+    listener: Option<TcpListener>,
+    tcp_addr: Option<SocketAddr>,
+    /// Connections could not be taken; nobody listens until the next upkeep.
+    deaf: bool,
+    lines: Vec<SerialConfig>,
+    links: Vec<Option<Link>>,
+    /// Connections there were.
+    connections: u64,
+    max_links: usize,
+    silence: Nanos,
+    upkeep_at: Nanos,
+}
+
+impl Ports {
+    pub(super) fn open(config: &AgentConfig, now: Nanos) -> Result<Self, AgentError> {
+        let addresses = std::iter::once(&config.addr).chain(&config.more_udp);
+        let addresses = addresses.filter(|_| !config.without_udp);
+        let udp = addresses
+            .map(|addr| UdpPort::bind(*addr))
+            .collect::<Result<_, _>>()?;
+        let listen = |addr| {
+            let error = |error| AgentError::new("listen at", addr, error);
+            let listener = TcpListener::bind(addr).map_err(error)?;
+            listener.set_nonblocking(true).map_err(error)?;
+            Ok::<_, AgentError>(listener)
+        };
+        let listener = config.tcp.map(listen).transpose()?;
+        let tcp_addr = listener.as_ref().and_then(|l| l.local_addr().ok());
+        let mut links = Vec::new();
+        for (line, serial) in config.serial.iter().enumerate() {
+            let tty = Tty::open(&serial.path, serial.baud);
+            let tty = tty.map_err(|source| AgentError::Serial {
+                path: serial.path.clone(),
+                source,
+            })?;
+            links.push(Some(Link::serial(tty, line, now)));
+        }
+        Ok(Self {
+            udp,
+            listener,
+            tcp_addr,
+            deaf: false,
+            max_links: links.len() + config.limits.clients,
+            lines: config.serial.clone(),
+            links,
+            connections: 0,
+            silence: config.limits.silence,
+            upkeep_at: now.saturating_add(UPKEEP),
+        })
+    }
+
+    /// Where it listens for UDP.
+    pub(super) fn udp_addrs(&self) -> impl Iterator<Item = SocketAddr> {
+        self.udp.iter().map(UdpPort::local_addr)
+    }
+
+    pub(super) fn tcp_addr(&self) -> Option<SocketAddr> {
+        self.tcp_addr
+    }
+
+    /// Whether there is anything but UDP.
+    pub(super) fn has_links(&self) -> bool {
+        !self.links.is_empty()
+    }
+
+    /// Waits until something is ready, or `deadline`; fills `ready`.
+    pub(super) fn wait(
+        &self,
+        wake: &WakeFd,
+        deadline: Option<Nanos>,
+        ready: &mut Vec<Ready>,
+    ) -> std::io::Result<()> {
+        let upkeep = (self.has_links() || self.deaf).then_some(self.upkeep_at);
+        let deadline = deadline.into_iter().chain(upkeep).min();
+        let mut fds = Vec::with_capacity(2 + self.udp.len() + 2 * self.links.len());
+        ready.clear();
+        fds.push(PollFd::readable(wake));
+        ready.push(Ready::Wake);
+        for (at, udp) in self.udp.iter().enumerate() {
+            fds.push(PollFd::readable(udp));
+            ready.push(Ready::Udp(at));
+        }
+        if let Some(listener) = self.listener.as_ref().filter(|_| !self.deaf) {
+            fds.push(PollFd::readable(listener));
+            ready.push(Ready::Listener);
+        }
+        for (at, link) in self.links.iter().enumerate() {
+            let Some(link) = link else {
+                continue;
+            };
+            fds.push(PollFd::readable(link));
+            ready.push(Ready::Read(at));
+            if link.is_busy() {
+                fds.push(PollFd::writable(link));
+                ready.push(Ready::Write(at));
+            }
+        }
+        poll(&mut fds, deadline)?;
+        let mut found = fds.iter().map(PollFd::is_ready);
+        ready.retain(|_| found.next().unwrap_or(false));
+        Ok(())
+    }
+
+    /// Takes what has come over UDP; `after` is called after each datagram.
+    pub(super) fn receive_udp(
+        &mut self,
+        port: usize,
+        core: &mut AgentCore<Peer>,
+        clock: impl Fn() -> Now,
+        mut after: impl FnMut(&mut Self, &mut AgentCore<Peer>),
+    ) -> Result<(), AgentError> {
+        for _ in 0..BATCH {
+            let Some(udp) = self.udp.get_mut(port) else {
+                return Ok(());
+            };
+            match udp.receive()? {
+                Arrival::Nothing => return Ok(()),
+                Arrival::Void => {}
+                Arrival::Datagram(addr, bytes) => {
+                    core.receive(clock(), Peer::Udp { port, addr }, bytes);
+                    after(self, core);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes connections that wait.
+    pub(super) fn accept(&mut self, core: &mut AgentCore<Peer>, now: Nanos) {
+        for _ in 0..BATCH {
+            let (stream, addr) = match self.listener.as_ref().map(TcpListener::accept) {
+                Some(Ok(accepted)) => accepted,
+                Some(Err(error)) if error.kind() == ErrorKind::WouldBlock => return,
+                _ => {
+                    // Perhaps there are no descriptors: asking again at once would not help.
+                    self.deaf = true;
+                    return;
+                }
+            };
+            let lines = self.lines.len();
+            let free = self.links.iter().skip(lines).position(Option::is_none);
+            let full = free.is_none() && self.links.len() >= self.max_links;
+            self.connections += 1;
+            let link = Link::tcp(stream, self.connections, addr, now);
+            match (link, free) {
+                (Ok(link), Some(at)) => {
+                    if let Some(slot) = self.links.get_mut(lines + at) {
+                        *slot = Some(link);
+                    }
+                }
+                (Ok(link), None) if !full => self.links.push(Some(link)),
+                _ => {
+                    core.counters().connections_refused.hit();
+                    let number = self.connections;
+                    let limit = self.max_links - self.lines.len();
+                    let reason = Reason::Connection { limit };
+                    core.note(Peer::Tcp { number, addr }, None, reason);
+                }
+            }
+        }
+    }
+
+    /// Reads a link.
+    pub(super) fn read(&mut self, at: usize, core: &mut AgentCore<Peer>, now: Now) {
+        let Some(link) = self.links.get_mut(at).and_then(Option::as_mut) else {
+            return;
+        };
+        let before = link.frames();
+        let result = link.receive(now.monotonic, |from, message| {
+            core.receive(now, from, message);
+        });
+        let after = link.frames();
+        let bad = (after.damaged - before.damaged) + (after.cut - before.cut);
+        let bad = bad + (after.too_long - before.too_long);
+        if bad > 0 {
+            core.counters().bad_frames.add(bad);
+            core.note(link.peer(), None, Reason::Frames { count: bad });
+        }
+        if let Err(Dead) = result {
+            self.lose(at, core);
+        }
+    }
+
+    /// Goes on writing to a link.
+    pub(super) fn write(&mut self, at: usize, core: &mut AgentCore<Peer>) {
+        let Some(link) = self.links.get_mut(at).and_then(Option::as_mut) else {
+            return;
+        };
+        if let Err(Dead) = link.flush() {
+            self.lose(at, core);
+        }
+    }
+
+    /// Sends a datagram; returns whether it was taken.
+    pub(super) fn send(&mut self, to: &Peer, bytes: &[u8]) -> bool {
+        if let Peer::Udp { port, addr } = to {
+            let udp = self.udp.get(*port);
+            return udp.is_some_and(|udp| udp.send(*addr, bytes));
+        }
+        let link = self.links.iter_mut().flatten().find(|l| l.leads_to(to));
+        link.is_some_and(|link| link.send(to, bytes))
+    }
+
+    /// Tells the agent which links take nothing now, and which do again.
+    pub(super) fn settle(&mut self, core: &mut AgentCore<Peer>, now: Now) {
+        for link in self.links.iter_mut().flatten() {
+            if link.is_busy() {
+                link.held = true;
+                core.hold(|peer| link.leads_to(peer));
+            } else if link.held {
+                link.held = false;
+                core.release(now, |peer| link.leads_to(peer));
+            }
+        }
+    }
+
+    /// Looks for lost serial lines, and closes connections on which nobody says anything.
+    pub(super) fn upkeep(&mut self, core: &mut AgentCore<Peer>, now: Nanos) {
+        if now < self.upkeep_at {
+            return;
+        }
+        self.deaf = false;
+        self.upkeep_at = now.saturating_add(UPKEEP);
+        for (line, serial) in self.lines.iter().enumerate() {
+            if let Some(slot) = self.links.get_mut(line).filter(|slot| slot.is_none()) {
+                let tty = Tty::open(&serial.path, serial.baud);
+                *slot = tty.ok().map(|tty| Link::serial(tty, line, now));
+            }
+        }
+        for at in self.lines.len()..self.links.len() {
+            let silent = |link: &Link| now.saturating_sub(link.heard) > self.silence;
+            if self
+                .links
+                .get(at)
+                .and_then(Option::as_ref)
+                .is_some_and(silent)
+            {
+                self.lose(at, core);
+            }
+        }
+    }
+
+    /// A link is dead; its sessions end.
+    fn lose(&mut self, at: usize, core: &mut AgentCore<Peer>) {
+        if let Some(link) = self.links.get_mut(at).and_then(Option::take) {
+            core.gone(|peer| link.leads_to(peer));
+        }
+        while self.links.len() > self.lines.len() && self.links.last().is_some_and(Option::is_none)
+        {
+            self.links.pop();
+        }
+    }
+}
