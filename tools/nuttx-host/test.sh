@@ -12,7 +12,7 @@ cc -Wall -Wextra -Werror -O2 -fPIC -c crates/replenish-os/nuttx/shim.c -o "$CARG
 RUSTFLAGS="--cfg nuttx_host -Clink-arg=$(realpath "$CARGO_TARGET_DIR")/shim.o"
 export RUSTFLAGS
 cpu=$(taskset -cp $$ | sed 's/.*[^0-9]//')
-tests="--lib --test nuttx --test enforcer --test pi_mutex --test signal --test clock"
+tests="--lib --test rt --test it"
 # shellcheck disable=SC2086 # several words
 cargo test --target "$host" -p replenish-os $tests --no-run
 # shellcheck disable=SC2086

@@ -10,7 +10,7 @@
     reason = "test code"
 )]
 
-#[path = "../../replenish-xrce/tests/common/mod.rs"]
+#[path = "../../replenish-xrce/tests/it/common/mod.rs"]
 mod common;
 mod fuzzed;
 

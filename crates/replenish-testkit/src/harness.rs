@@ -11,11 +11,48 @@
 //! ```
 
 use crate::{rt, steal};
-use libtest_mimic::{Arguments, Failed, Trial};
+use libtest_mimic::{Arguments, Failed};
+
+/// A name, a body, and the reason to skip it.
+pub struct Trial {
+    name: String,
+    skip: bool,
+    body: Box<dyn FnOnce() -> Result<(), Failed> + Send>,
+}
+
+impl Trial {
+    fn new(name: &str, body: impl FnOnce() -> Result<(), Failed> + Send + 'static) -> Self {
+        Self {
+            name: name.to_string(),
+            skip: false,
+            body: Box::new(body),
+        }
+    }
+
+    /// Counts as ignored if something is `missing`, and the log says it.
+    #[must_use]
+    pub fn skipped_if(mut self, missing: Option<&str>) -> Self {
+        if let Some(why) = missing {
+            eprintln!("skipped: {}: {why}", self.name);
+            self.skip = true;
+        }
+        self
+    }
+
+    fn named(self, prefix: &str) -> libtest_mimic::Trial {
+        let name = format!("{prefix}{}", self.name);
+        // A thread of its own: a trial may change policy and CPU of its thread.
+        let body = move || match std::thread::spawn(self.body).join() {
+            Ok(result) => result,
+            Err(payload) => std::panic::resume_unwind(payload),
+        };
+        libtest_mimic::Trial::test(name, body).with_ignored_flag(self.skip)
+    }
+}
 
 /// A trial that runs everywhere; it fails when `body` panics.
 pub fn trial(name: &str, body: impl FnOnce() + Send + 'static) -> Trial {
-    Trial::test(name, move || {
+    Trial::new(name, move || {
         body();
         Ok(())
     })
@@ -43,44 +80,64 @@ pub fn rt_program_trial(name: &str, body: impl Fn() + Send + 'static) -> Trial {
 }
 
 fn needs_rt(name: &str, body: impl FnOnce() -> Result<(), Failed> + Send + 'static) -> Trial {
-    let missing = rt::available().err();
-    let skip = missing.is_some() && !rt::required();
-    if let (true, Some(why)) = (skip, &missing) {
-        eprintln!("skipped: {name}: {why}");
-    }
-    Trial::test(name, move || match missing {
-        Some(why) => Err(format!("{why}, and {} forbids skipping", rt::REQUIRE).into()),
-        None => body(),
-    })
-    .with_ignored_flag(skip)
+    unless(
+        name,
+        rt::available().err(),
+        rt::REQUIRE,
+        rt::required(),
+        body,
+    )
+}
+
+/// A trial that lacks something counts as ignored, or fails if `variable` has `required` it.
+fn unless(
+    name: &str,
+    missing: Option<String>,
+    variable: &'static str,
+    required: bool,
+    body: impl FnOnce() -> Result<(), Failed> + Send + 'static,
+) -> Trial {
+    let Some(why) = missing else {
+        return Trial::new(name, body);
+    };
+    let refusal = format!("{why}, and {variable} forbids skipping");
+    let trial = Trial::new(name, move || Err(refusal.into()));
+    trial.skipped_if((!required).then_some(&why))
 }
 
 /// Set to `1`, it makes trials that lack a foreign peer fail instead of being ignored.
 pub const REQUIRE_PEERS: &str = "REPLENISH_REQUIRE_PEERS";
 
-/// A trial that needs a foreign program, of which `missing` says what is not here and how to get
-/// it: then it counts as ignored, unless [`REQUIRE_PEERS`] is set.
+/// A trial that needs a foreign program. `missing` names it and the way to get it: then the trial
+/// counts as ignored, unless [`REQUIRE_PEERS`] is set.
 pub fn peer_trial(
     name: &str,
     missing: Option<String>,
     body: impl FnOnce() + Send + 'static,
 ) -> Trial {
     let required = std::env::var_os(REQUIRE_PEERS).is_some_and(|value| value == "1");
-    let skip = missing.is_some() && !required;
-    if let (true, Some(why)) = (skip, &missing) {
-        eprintln!("skipped: {name}: {why}");
-    }
-    Trial::test(name, move || match missing {
-        Some(why) => Err(format!("{why}, and {REQUIRE_PEERS} forbids skipping").into()),
-        None => {
-            body();
-            Ok(())
-        }
+    unless(name, missing, REQUIRE_PEERS, required, move || {
+        body();
+        Ok(())
     })
-    .with_ignored_flag(skip)
 }
 
 /// Runs the trials with the usual `cargo test` arguments and exits.
 pub fn run(trials: Vec<Trial>) -> ! {
+    let trials = trials.into_iter().map(|t| t.named("")).collect();
     libtest_mimic::run(&Arguments::from_args(), trials).exit()
+}
+
+/// Runs the trials of several modules one after another, and exits. Names begin with the module's.
+pub fn run_in_turn<const N: usize>(modules: [(&str, Vec<Trial>); N]) -> ! {
+    let named = |(module, trials): (&str, Vec<Trial>)| {
+        let prefix = format!("{module}::");
+        trials
+            .into_iter()
+            .map(move |t| t.named(&prefix))
+            .collect::<Vec<_>>()
+    };
+    let mut arguments = Arguments::from_args();
+    arguments.test_threads = Some(1);
+    libtest_mimic::run(&arguments, modules.into_iter().flat_map(named).collect()).exit()
 }

@@ -25,7 +25,7 @@
 //!
 //! Two known defects follow from them (Stanovich et al., RTAS 2010): R3 forgets an overrun while
 //! R6 gives it back (*budget amplification*), and one `activation_time` stands for budget that
-//! arrived at different times (*premature replenishment*). `tests/defects.rs` shows both.
+//! arrived at different times (*premature replenishment*). `tests/it/defects.rs` shows both.
 
 use crate::ring::Ring;
 use crate::{BudgetServer, Chunk, Level, Nanos, ParamError, Params};

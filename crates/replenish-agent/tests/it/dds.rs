@@ -1,0 +1,277 @@
+//! XRCE clients, the agent and DDS: another program of `replenish-dds` in the place of a ROS 2
+//! node, over loopback. The foreign peers are in `dds_peers.rs`.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "test code"
+)]
+
+use crate::bridged::{agent, dds_program, domain, service_client, topic_client};
+use replenish_agent::RunningAgent;
+use replenish_agent::dds::{Durability, EndpointKind, Outgoing, Qos, RequestId, Topic};
+use replenish_xrce::wire::{Notice, ObjectId, ObjectKind, StreamId};
+use std::time::{Duration, Instant};
+
+const TYPE: &str = "std_msgs::msg::dds_::Int32_";
+
+fn topic(name: &str) -> Topic {
+    Topic::new(name, TYPE)
+}
+
+/// Whether the agent's reader of `rt/down` has found a writer.
+fn agent_knows_the_writer(agent: &RunningAgent) -> bool {
+    let snapshot = agent.inspector().snapshot(Duration::from_secs(5)).unwrap();
+    snapshot
+        .bridge
+        .iter()
+        .flatten()
+        .any(|b| b.name == "rt/down" && b.kind == "data_reader" && b.matched > 0)
+}
+
+#[test]
+fn samples_cross_in_both_directions_and_do_not_come_back() {
+    for stream in [StreamId::BEST_EFFORT, StreamId::RELIABLE] {
+        let reliable = stream == StreamId::RELIABLE;
+        let domain = domain();
+        let agent = agent(domain);
+        let qos = Qos {
+            reliable,
+            ..Qos::default()
+        };
+        let mut ros = dds_program(domain);
+        let heard = ros.reader(&topic("rt/up"), qos);
+        let said = ros.writer(&topic("rt/down"), qos);
+        // Writes up, reads down, and a second one that reads what the first one writes.
+        let mut one = topic_client(&agent, 1, "rt/up", "rt/down", stream);
+        let mut two = topic_client(&agent, 2, "rt/other", "rt/up", stream);
+        ros.matched(heard, 1);
+        ros.matched(said, 1);
+        // DDS finds each side by itself: the agent's reader must know the program's writer, too.
+        let begun = std::time::Instant::now();
+        while !agent_knows_the_writer(&agent) {
+            assert!(begun.elapsed() < Duration::from_secs(30), "not matched");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        for i in 0..100_u32 {
+            one.write(stream, &i.to_le_bytes());
+            assert_eq!(ros.next(heard).payload, i.to_le_bytes());
+            assert_eq!(two.read(), i.to_le_bytes());
+            ros.write(said, &(i + 1000).to_le_bytes());
+            assert_eq!(one.read(), (i + 1000).to_le_bytes());
+        }
+        // Nothing more has come anywhere: no sample went in a circle.
+        two.idle(Duration::from_millis(100));
+        assert_eq!(two.got.len() + one.got.len(), 0);
+        let snapshot = agent.inspector().snapshot(Duration::from_secs(5)).unwrap();
+        let bridge = snapshot.bridge.unwrap();
+        let find = |name: &str, kind: &str| {
+            let found = bridge.iter().find(|b| b.name == name && b.kind == kind);
+            found.unwrap_or_else(|| panic!("{name} in {bridge:?}"))
+        };
+        assert_eq!(find("rt/up", "data_writer").sent, 100);
+        assert_eq!(find("rt/down", "data_reader").received, 100);
+        assert_eq!(
+            find("rt/up", "data_reader").received,
+            0,
+            "its own are left out"
+        );
+        assert!(bridge.iter().all(|b| b.state == "open"), "{bridge:?}");
+        assert_eq!(
+            (snapshot.stats.bridge_in, snapshot.stats.bridge_dropped),
+            (100, 0)
+        );
+        // Clients that leave are gone in DDS.
+        one.close();
+        two.close();
+        ros.matched(heard, 0);
+        ros.matched(said, 0);
+        agent.stop().unwrap();
+    }
+}
+
+/// What does not fit together is told to the client, whichever end its own is: the agent knows it from
+/// DDS. Told once, although the others' discovery repeats itself.
+#[test]
+fn clients_are_told_of_clashes_with_endpoints_in_dds() {
+    let domain = domain();
+    let agent = agent(domain);
+    let weak = Qos {
+        reliable: false,
+        ..Qos::default()
+    };
+    let latched = Qos {
+        durability: Durability::TransientLocal,
+        ..Qos::default()
+    };
+    let mut ros = dds_program(domain);
+    ros.writer(&topic("rt/down"), weak);
+    ros.reader(&topic("rt/up"), latched);
+    let mut strong = topic_client(&agent, 1, "rt/none", "rt/down", StreamId::RELIABLE);
+    strong.until(|client| !client.clashes.is_empty());
+    let mut best_effort = topic_client(&agent, 2, "rt/up", "rt/none", StreamId::BEST_EFFORT);
+    best_effort.until(|client| !client.clashes.is_empty());
+    // Others come: with nothing new to tell, and with a policy that fitted until now.
+    ros.writer(&topic("rt/down"), weak);
+    let impatient = Qos {
+        deadline: Some(1_000_000),
+        ..Qos::default()
+    };
+    ros.reader(&topic("rt/up"), impatient);
+    best_effort.until(|client| client.clashes.len() > 1);
+    strong.idle(Duration::from_millis(300));
+    let kinds = |found: &[(ObjectId, u8)]| -> Vec<_> {
+        let kinds = found
+            .iter()
+            .map(|(object, policies)| (object.kind().ok(), *policies));
+        kinds.collect()
+    };
+    let reader = Some(ObjectKind::DataReader);
+    assert_eq!(kinds(&strong.clashes), [(reader, Notice::RELIABILITY)]);
+    let writer = Some(ObjectKind::DataWriter);
+    let both = Notice::RELIABILITY | Notice::DURABILITY;
+    let all = both | Notice::DEADLINE;
+    assert_eq!(kinds(&best_effort.clashes), [(writer, both), (writer, all)]);
+    agent.stop().unwrap();
+}
+
+#[test]
+fn requests_and_replies_cross_in_both_directions() {
+    let domain = domain();
+    let agent = agent(domain);
+    let mut ros = dds_program(domain);
+    let (request, reply) = crate::bridged::service_topics();
+    let (rq, rr) = (request.clone(), reply.clone());
+    let replier = ros.open(EndpointKind::Replier {
+        request: rq,
+        reply: rr,
+    });
+    let mut caller = service_client(&agent, 1, ObjectKind::Requester);
+    // Sent at once: the agent waits until the server is found.
+    let first = caller.request(b"ask1");
+    let ask = ros.next(replier);
+    assert_eq!(ask.payload, b"ask1");
+    let answer = Outgoing::call(ask.request.unwrap(), b"yes1".to_vec());
+    ros.dds.write(replier, answer);
+    assert_eq!(caller.reply(), (first, b"yes1".to_vec()));
+    caller.until(|caller| caller.served);
+    ros.dds.close(replier);
+    caller.until(|caller| !caller.served);
+
+    let mut server = service_client(&agent, 2, ObjectKind::Replier);
+    let requester = ros.open(EndpointKind::Requester { request, reply });
+    ros.matched(requester, 2);
+    let name = RequestId {
+        guid: [3; 16],
+        sequence: 77,
+    };
+    ros.dds
+        .write(requester, Outgoing::call(name, b"ask2".to_vec()));
+    let asked = server.read();
+    let (identity, text) = asked.split_at(24);
+    assert_eq!(text, b"ask2");
+    server.write(StreamId::RELIABLE, &[identity, b"yes2"].concat());
+    let got = ros.next(requester);
+    assert_eq!((got.request, &got.payload[..]), (Some(name), &b"yes2"[..]));
+
+    // Among the agent's own clients requests are answered as ever, and once.
+    caller.until(|caller| caller.served);
+    let second = caller.request(b"ask3");
+    let asked = server.read();
+    let (identity, text) = asked.split_at(24);
+    assert_eq!(text, b"ask3");
+    server.write(StreamId::RELIABLE, &[identity, b"yes3"].concat());
+    assert_eq!(caller.reply(), (second, b"yes3".to_vec()));
+    server.idle(Duration::from_millis(100));
+    assert!(
+        server.got.is_empty(),
+        "the request has not come again over DDS"
+    );
+    agent.stop().unwrap();
+}
+
+#[test]
+fn entities_beyond_the_limit_wait_for_their_turn() {
+    let domain = domain();
+    let agent = crate::bridged::agent_with(domain, |limits| limits.endpoints = 4);
+    let mut ros = dds_program(domain);
+    let heard = ros.reader(&topic("rt/b"), Qos::default());
+    // Each client has a participant, a writer and a reader.
+    let one = topic_client(&agent, 1, "rt/a", "rt/x", StreamId::RELIABLE);
+    let mut two = topic_client(&agent, 2, "rt/b", "rt/y", StreamId::RELIABLE);
+    let states = || {
+        let snapshot = agent.inspector().snapshot(Duration::from_secs(5)).unwrap();
+        let bridge = snapshot.bridge.unwrap();
+        bridge.into_iter().map(|b| b.state).collect::<Vec<String>>()
+    };
+    let full = |states: &[String]| states.iter().filter(|s| s.contains("too many")).count();
+    let deadline = Instant::now() + Duration::from_secs(20);
+    while states().len() < 6 {
+        assert!(Instant::now() < deadline, "{:?}", states());
+    }
+    assert_eq!(full(&states()), 2);
+    one.close();
+    ros.matched(heard, 1);
+    two.write(StreamId::RELIABLE, b"now!");
+    assert_eq!(ros.next(heard).payload, b"now!");
+    assert_eq!(full(&states()), 0);
+    agent.stop().unwrap();
+}
+
+/// Resident memory of this process in bytes: client, agent, its DDS and another program in DDS.
+fn resident() -> u64 {
+    let statm = std::fs::read_to_string("/proc/self/statm").unwrap();
+    let pages = statm.split(' ').nth(1).unwrap();
+    pages.parse::<u64>().unwrap() * 4096
+}
+
+/// 30 000 reliable samples of 64 bytes to DDS and back, or `REPLENISH_SOAK` many, and what that does
+/// to the memory. Nightly:
+/// `cargo test -p replenish-agent --features dds --test it -- --ignored --nocapture soak`.
+#[test]
+#[ignore = "takes a minute; prints figures"]
+fn soak() {
+    let messages = std::env::var("REPLENISH_SOAK").map_or(30_000, |count| count.parse().unwrap());
+    let step: u64 = messages / 6;
+    let domain = domain();
+    let agent = agent(domain);
+    let mut ros = dds_program(domain);
+    let heard = ros.reader(&topic("rt/up"), Qos::default());
+    let said = ros.writer(&topic("rt/down"), Qos::default());
+    let stream = StreamId::RELIABLE;
+    let mut client = topic_client(&agent, 1, "rt/up", "rt/down", stream);
+    ros.matched(heard, 1);
+    ros.matched(said, 1);
+    let mut after_warm_up = 0;
+    let start = Instant::now();
+    for i in 0..=messages {
+        if i % step == 0 {
+            let kilobytes = resident() / 1024;
+            println!("{i:>6} there and back: {kilobytes} kB resident");
+        }
+        if i == step {
+            after_warm_up = resident();
+        }
+        let payload = [&i.to_le_bytes()[..], &[0; 56]].concat();
+        client.write(stream, &payload);
+        let sample = ros.next(heard);
+        assert_eq!(sample.payload, payload);
+        ros.write(said, &sample.payload);
+        assert_eq!(client.read(), payload);
+    }
+    let micros = start.elapsed().as_micros() / u128::from(messages);
+    let growth = resident().saturating_sub(after_warm_up);
+    println!(
+        "{micros} us each; {} kB more than after {step}",
+        growth / 1024
+    );
+    assert!(growth < 32 << 20, "{growth} bytes since message {step}");
+    let snapshot = agent.inspector().snapshot(Duration::from_secs(5)).unwrap();
+    let bridge = snapshot.bridge.unwrap();
+    let dropped: u64 = bridge
+        .iter()
+        .map(|b| b.dropped_in + b.dropped_out + b.missed)
+        .sum();
+    assert_eq!(dropped, 0, "{bridge:?}");
+    agent.stop().unwrap();
+}

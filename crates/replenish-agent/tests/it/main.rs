@@ -1,0 +1,42 @@
+//! The agent against scripted clients, our client and captures, in one binary.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests may panic"
+)]
+
+#[cfg(feature = "dds")]
+use replenish_agent::dds as replenish_dds;
+
+#[cfg(feature = "dds")]
+#[path = "../support/bridged.rs"]
+mod bridged;
+#[path = "../../../replenish-xrce/tests/it/common/mod.rs"]
+mod common;
+#[path = "../support/session.rs"]
+mod session;
+#[path = "../support/sim.rs"]
+mod sim;
+#[path = "../support/mod.rs"]
+mod support;
+#[path = "../support/wire.rs"]
+mod wire;
+
+mod capture;
+#[cfg(feature = "dds")]
+mod dds;
+mod endpoints;
+mod hostile;
+mod links;
+mod load;
+mod qos;
+mod serial_line;
+mod services;
+mod sessions;
+mod settle;
+mod stock;
+mod storm;
+mod streams;
+mod udp;
+mod udp_pair;

@@ -1,0 +1,155 @@
+//! The benchmarks of agent, protocol and dispatching: what they count, not how fast they are.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests"
+)]
+
+use crate::common::{Scratch, json, run, stderr, stdout};
+use serde_json::Value;
+
+/// Runs a benchmark to its good end; its JSON.
+fn bench(name: &str, args: &[&str]) -> Value {
+    let scratch = Scratch::new(&format!("bench-{name}"));
+    let path = scratch.path("result.json");
+    let fixed = ["bench", name, "--json", path.to_str().unwrap()];
+    let output = run(&[&fixed, args].concat());
+    assert!(
+        output.status.success(),
+        "{}{}",
+        stdout(&output),
+        stderr(&output)
+    );
+    json(&path)
+}
+
+#[test]
+fn on_bad_links_everything_arrives_once_and_repair_is_selective() {
+    let result = bench("xrce", &["--loss", "0,1,10", "--samples", "3000"]);
+    let points = result["points"].as_array().unwrap();
+    let losses: Vec<u64> = points
+        .iter()
+        .map(|point| point["loss_percent"].as_u64().unwrap())
+        .collect();
+    assert_eq!(losses, [0, 1, 10]);
+    for point in points {
+        assert_eq!(point["sent"], 3000, "{point}");
+        assert_eq!(point["delivered"], 3000, "{point}");
+        assert_eq!(
+            (&point["duplicated"], &point["lost"]),
+            (&0.into(), &0.into())
+        );
+        assert!(point["messages_per_second"].as_f64().unwrap() > 0.0);
+    }
+    let bytes = |key: &str| points[2][key].as_u64().unwrap();
+    assert!(2 * bytes("retransmitted_bytes") <= bytes("go_back_n_bytes"));
+    assert_eq!(
+        result,
+        bench("xrce", &["--loss", "0,1,10", "--samples", "3000"]),
+        "the same seed, the same figures"
+    );
+}
+
+#[test]
+fn round_trips_come_back_on_every_path() {
+    let result = bench("round-trip", &["--samples", "400"]);
+    let points = result["points"].as_array().unwrap();
+    let paths: Vec<&str> = points.iter().map(|p| p["path"].as_str().unwrap()).collect();
+    assert_eq!(paths, ["raw-udp", "best-effort", "reliable"]);
+    for point in points {
+        assert_eq!(point["lost"], 0, "{point}");
+        assert!(point["samples"].as_u64().unwrap() >= 400);
+        let us = |key: &str| point[key].as_f64().unwrap();
+        assert!(
+            us("p50_us") > 0.0 && us("p50_us") <= us("p99_us"),
+            "{point}"
+        );
+        assert!(us("cpu_us_per_message") > 0.0, "{point}");
+    }
+}
+
+#[test]
+fn sixteen_clients_lose_nothing() {
+    let result = bench("load", &["--clients", "16", "--seconds", "3"]);
+    let count = |key: &str| result[key].as_u64().unwrap();
+    assert_eq!(count("sent"), 16 * 8 * 100 * 3);
+    assert_eq!(count("delivered"), count("sent"));
+    for key in [
+        "lost",
+        "duplicated",
+        "gaps",
+        "agent_dropped",
+        "disconnected",
+    ] {
+        assert_eq!(count(key), 0, "{key}: {result:#}");
+    }
+    for key in [
+        "messages_per_second",
+        "agent_cpus",
+        "agent_rss_bytes_end",
+        "p99_us",
+    ] {
+        assert!(result[key].as_f64().unwrap() > 0.0, "{key}: {result:#}");
+    }
+}
+
+#[test]
+fn dispatching_is_compared_thread_for_thread_with_raw_loops() {
+    let result = bench("dispatch", &["--handles", "1,3", "--windows", "1"]);
+    assert_eq!(result["awake"], true);
+    let points = result["points"].as_array().unwrap();
+    let handles: Vec<_> = points.iter().map(|p| p["handles"].as_u64()).collect();
+    assert_eq!(handles, [Some(1), Some(3)]);
+    for point in points {
+        assert_eq!(point["rate_hz"], 1000);
+        let receivers = [
+            point,
+            &point["threads"],
+            &point["waiting"],
+            &point["baseline"],
+        ];
+        for receiver in receivers {
+            let figure = |key: &str| receiver[key].as_f64().unwrap();
+            assert_eq!(receiver["sent"], point["sent"], "{point:#}");
+            assert!(figure("received") > 0.0, "{point:#}");
+            assert!(figure("cpu_us_per_message") > 0.0, "{point:#}");
+            assert!(figure("voluntary_switches_per_message") > 0.0, "{point:#}");
+            assert!(figure("p50_us") <= figure("p99_us"), "{point:#}");
+        }
+        for ratio in ["cpu_ratio", "threads_cpu_ratio", "waiting_cpu_ratio"] {
+            assert!(point[ratio].as_f64().unwrap() > 0.0, "{point:#}");
+        }
+    }
+    let args = [
+        "--asleep",
+        "--handles",
+        "1",
+        "--rate",
+        "100",
+        "--windows",
+        "1",
+    ];
+    let result = bench("dispatch", &args);
+    assert_eq!(result["awake"], false);
+    assert_eq!(result["points"][0]["rate_hz"], 100);
+}
+
+#[test]
+fn wrong_options_name_the_range() {
+    for (args, option, range) in [
+        (["xrce", "--loss", "91"], "--loss", "0..=90"),
+        (["xrce", "--samples", "0"], "--samples", "1..=10000000"),
+        (["round-trip", "--bytes", "7"], "--bytes", "8..=900"),
+        (["load", "--clients", "1"], "--clients", "2..=256"),
+        (["load", "--rate", "1001"], "--rate", "1..=1000"),
+        (["dispatch", "--handles", "1,1001"], "--handles", "1..=1000"),
+        (["dispatch", "--rate", "9"], "--rate", "10..=10000"),
+        (["dispatch", "--windows", "0"], "--windows", "1..=1000"),
+    ] {
+        let output = run(&[&["bench"], &args[..]].concat());
+        let text = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {text}");
+        assert!(text.contains(option) && text.contains(range), "{text}");
+    }
+}

@@ -1,0 +1,12 @@
+//! Messages and CDR, in one binary.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests may panic"
+)]
+
+mod action;
+mod bounds;
+mod golden;
+mod properties;

@@ -1,0 +1,15 @@
+//! The operating-system edge without real-time priority, in one binary.
+#![cfg(not(loom))]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests may panic"
+)]
+
+mod clock;
+#[cfg(not(nuttx_host))]
+mod poll;
+mod signal;
+#[cfg(not(nuttx_host))]
+mod tty;

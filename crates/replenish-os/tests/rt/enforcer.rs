@@ -1,0 +1,444 @@
+//! Budgets held on real threads: shares by the CPU clocks, in windows that stay clear of the
+//! kernel's real-time throttle, a window repeated when the machine stood still.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking"
+)]
+
+use crate::common::{cpu, pin};
+use replenish_os::{
+    Account, Enforcement, Enforcer, EnforcerConfig, Meter, SchedClass, clock, current_tid,
+    set_priority,
+};
+use replenish_testkit::harness::{Trial, rt_trial, trial};
+use replenish_testkit::watchdog::watchdog;
+use sporadic::{Kind, Low, Params};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, mpsc};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+const MS: u64 = 1_000_000;
+
+/// Between these times a load runs; outside it waits.
+#[derive(Default)]
+struct Window {
+    start: AtomicU64,
+    end: AtomicU64,
+}
+
+struct Load {
+    meter: Meter,
+    quit: Arc<AtomicBool>,
+    thread: JoinHandle<()>,
+}
+
+/// What a worker does inside the window: `run` of CPU time per round, then `pause` asleep.
+#[derive(Clone, Copy)]
+struct Shape {
+    run: u64,
+    pause: u64,
+    /// The pause is a wait for work, not a sleep inside the callback.
+    waits: bool,
+}
+
+const SPIN: Shape = Shape {
+    run: MS,
+    pause: 0,
+    waits: false,
+};
+
+fn load(
+    window: &Arc<Window>,
+    priority: u8,
+    shape: Shape,
+    enroll: impl FnOnce() -> Account + Send + 'static,
+) -> Load {
+    let quit = Arc::new(AtomicBool::new(false));
+    let (window, stop) = (Arc::clone(window), Arc::clone(&quit));
+    let (tx, rx) = mpsc::channel();
+    let thread = std::thread::spawn(move || {
+        pin(cpu());
+        set_priority(current_tid(), SchedClass::Fifo(priority)).unwrap();
+        let mut account = enroll();
+        tx.send(account.meter()).unwrap();
+        while !stop.load(Ordering::Relaxed) {
+            let start = window.start.load(Ordering::SeqCst);
+            let end = window.end.load(Ordering::SeqCst);
+            let now = clock::monotonic();
+            if now >= end {
+                clock::sleep_until(now + MS);
+                continue;
+            }
+            clock::sleep_until(start);
+            account.activate(start);
+            while clock::monotonic() < end && account.callback_begin().is_ok() {
+                burn(shape.run, end);
+                let pause = || {
+                    let until = (clock::monotonic() + shape.pause).min(end);
+                    clock::sleep_until(until);
+                    until
+                };
+                if shape.pause > 0 && !shape.waits {
+                    pause();
+                }
+                account.callback_end();
+                if shape.waits {
+                    account.block();
+                    account.activate(pause());
+                }
+            }
+            account.block();
+        }
+    });
+    Load {
+        meter: rx.recv().unwrap(),
+        quit,
+        thread,
+    }
+}
+
+/// Consumes CPU time of this thread, until `end` at the latest.
+fn burn(amount: u64, end: u64) {
+    let from = clock::thread_cpu();
+    while clock::thread_cpu() - from < amount && clock::monotonic() < end {}
+}
+
+/// Runs one window and returns per load `(high, low)` CPU time in it, or `None` if the machine
+/// stood still meanwhile (this thread, on the other CPU, woke late).
+fn measure(window: &Window, loads: &[Load], length: u64) -> Option<Vec<(u64, u64)>> {
+    // Above the loads' priorities, so that lateness here is the machine's, not the scheduler's.
+    set_priority(current_tid(), SchedClass::Fifo(97)).unwrap();
+    let start = clock::monotonic() + 20 * MS;
+    let end = start + length;
+    let before: Vec<_> = loads.iter().map(|l| l.meter.usage()).collect();
+    window.end.store(end, Ordering::SeqCst);
+    window.start.store(start, Ordering::SeqCst);
+    let mut late = 0;
+    let mut tick = start;
+    while tick < end {
+        tick += 5 * MS;
+        clock::sleep_until(tick);
+        late = late.max(clock::monotonic() - tick);
+    }
+    clock::sleep_until(end + 2 * MS);
+    let after: Vec<_> = loads.iter().map(|l| l.meter.usage()).collect();
+    clock::sleep_until(end + 110 * MS);
+    let used = before.iter().zip(&after);
+    let used = used
+        .map(|(b, a)| (a.cpu_high - b.cpu_high, a.cpu_low - b.cpu_low))
+        .collect();
+    (late < 2 * MS).then_some(used)
+}
+
+/// Repeats a window until one was not disturbed and `good` accepts it, at most ten times.
+fn window_until(
+    window: &Window,
+    loads: &[Load],
+    good: impl Fn(&[(u64, u64)]) -> bool,
+) -> Vec<(u64, u64)> {
+    let mut last = None;
+    for _ in 0..10 {
+        if let Some(used) = measure(window, loads, 400 * MS) {
+            if good(&used) {
+                return used;
+            }
+            eprintln!("window repeated: {used:?}");
+            last = Some(used);
+        }
+    }
+    panic!("no undisturbed window in ten held the budgets; the last one: {last:?}");
+}
+
+fn finish(loads: Vec<Load>) {
+    for l in &loads {
+        l.quit.store(true, Ordering::Relaxed);
+        l.meter.cancel();
+    }
+    for l in loads {
+        l.thread.join().unwrap();
+    }
+}
+
+fn enforcer() -> Arc<Enforcer> {
+    Enforcer::start(EnforcerConfig::on_cpu(cpu())).unwrap()
+}
+
+/// A load with a budget of `budget` ms per 100 ms.
+fn budgeted(
+    window: &Arc<Window>,
+    enforcer: &Arc<Enforcer>,
+    (priority, low): (u8, Low),
+    budget: u64,
+    shape: Shape,
+    kind: Kind,
+) -> Load {
+    let params = Params::new(priority, low, budget * MS, 100 * MS, 100).unwrap();
+    let enforcer = Arc::clone(enforcer);
+    load(window, priority, shape, move || {
+        enforcer.enroll(&params, kind).unwrap()
+    })
+}
+
+fn near(value: u64, theory: u64, tolerance: u64) -> bool {
+    value.abs_diff(theory) <= tolerance
+}
+
+fn shares_follow_budgets(kind: Kind) {
+    let _dog = watchdog("shares", Duration::from_secs(60));
+    for budget in [10, 37, 90] {
+        let enforcer = enforcer();
+        let window = Arc::new(Window::default());
+        let loads = vec![
+            budgeted(
+                &window,
+                &enforcer,
+                (60, Low::Background(6)),
+                budget,
+                SPIN,
+                kind,
+            ),
+            load(&window, 50, SPIN, Account::unbudgeted),
+        ];
+        let theory = 4 * budget * MS;
+        let used = window_until(&window, &loads, |u| {
+            let rest = 400 * MS - theory;
+            // The other thread got the rest: lowering made room.
+            near(u[0].0, theory, theory * 3 / 1000) && u[1].0 >= rest * 97 / 100 && u[0].1 < MS
+        });
+        println!(
+            "B={budget}: {used:?} {:?} {:?}",
+            enforcer.stats(),
+            loads[0].meter.overruns()
+        );
+        finish(loads);
+    }
+}
+
+fn four_budgets_at_once() {
+    let _dog = watchdog("four budgets", Duration::from_secs(60));
+    let enforcer = enforcer();
+    let window = Arc::new(Window::default());
+    let budgets = [10, 25, 15, 30];
+    let mut loads: Vec<_> = budgets
+        .iter()
+        .zip(60..)
+        .map(|(b, p)| {
+            budgeted(
+                &window,
+                &enforcer,
+                (p, Low::Background(6)),
+                *b,
+                SPIN,
+                Kind::Corrected,
+            )
+        })
+        .collect();
+    loads.push(load(&window, 50, SPIN, Account::unbudgeted));
+    let used = window_until(&window, &loads, |u| {
+        budgets
+            .iter()
+            .zip(u)
+            .all(|(b, u)| near(u.0, 4 * b * MS, 4 * b * MS / 100))
+    });
+    println!("{used:?} {:?}", enforcer.stats());
+    finish(loads);
+}
+
+fn background_time_is_free_and_counted() {
+    let _dog = watchdog("background", Duration::from_secs(60));
+    let enforcer = enforcer();
+    let window = Arc::new(Window::default());
+    let prio = (60, Low::Background(40));
+    let loads = vec![budgeted(
+        &window,
+        &enforcer,
+        prio,
+        30,
+        SPIN,
+        Kind::Corrected,
+    )];
+    // Alone on the CPU: the budget at high priority, everything else in the background.
+    window_until(&window, &loads, |u| {
+        near(u[0].0, 120 * MS, MS) && near(u[0].0 + u[0].1, 400 * MS, 8 * MS)
+    });
+    finish(loads);
+}
+
+#[cfg(not(nuttx_host))]
+fn suspend_stops_the_thread() {
+    let _dog = watchdog("suspend", Duration::from_secs(60));
+    let enforcer = enforcer();
+    let window = Arc::new(Window::default());
+    let prio = (60, Low::Suspend);
+    let loads = vec![budgeted(
+        &window,
+        &enforcer,
+        prio,
+        20,
+        SPIN,
+        Kind::Corrected,
+    )];
+    // Alone on an idle CPU it still gets its budget and not more.
+    window_until(&window, &loads, |u| {
+        near(u[0].0, 80 * MS, MS) && u[0].1 < MS
+    });
+    finish(loads);
+}
+
+/// 4 ms of work and 16 ms of sleep inside the callback, over and over: 20 % of the CPU within a
+/// budget of 30 % must never be lowered, and the blocking must have been seen.
+fn sleeping_inside_a_callback_is_seen() {
+    let _dog = watchdog("blocking", Duration::from_secs(60));
+    let enforcer = enforcer();
+    let window = Arc::new(Window::default());
+    let shape = Shape {
+        run: 4 * MS,
+        pause: 16 * MS,
+        waits: false,
+    };
+    let prio = (60, Low::Background(6));
+    let loads = vec![
+        budgeted(&window, &enforcer, prio, 30, shape, Kind::Corrected),
+        load(&window, 50, SPIN, Account::unbudgeted),
+    ];
+    window_until(&window, &loads, |u| {
+        near(u[0].0, 80 * MS, 6 * MS) && u[0].1 < MS
+    });
+    let usage = loads[0].meter.usage();
+    println!("{usage:?} {:?}", enforcer.stats());
+    assert!(usage.blocked_inside >= 15);
+    finish(loads);
+}
+
+/// Callbacks that end just when the budget does, each followed by a short wait, beside a thread
+/// that takes every chance: whoever lowers the worker must not need the worker to raise it again.
+fn budgets_that_end_with_the_callback_come_back() {
+    let _dog = watchdog("ends with callback", Duration::from_secs(60));
+    let enforcer = enforcer();
+    let window = Arc::new(Window::default());
+    let shape = Shape {
+        run: 5 * MS - 10_000,
+        pause: 50_000,
+        waits: true,
+    };
+    let prio = (60, Low::Background(6));
+    let loads = vec![
+        budgeted(&window, &enforcer, prio, 40, shape, Kind::Corrected),
+        load(&window, 50, SPIN, Account::unbudgeted),
+    ];
+    for _ in 0..5 {
+        window_until(&window, &loads, |u| near(u[0].0, 160 * MS, 5 * MS));
+    }
+    finish(loads);
+}
+
+fn without_privilege_callbacks_wait_for_budget() {
+    let _dog = watchdog("deferred", Duration::from_secs(60));
+    let enforcer = Enforcer::deferred();
+    assert_eq!(enforcer.enforcement(), Enforcement::Deferred);
+    // A tenth of a CPU, which this thread gets on a busy machine, too.
+    let params = Params::new(60, Low::Background(6), 5 * MS, 50 * MS, 16).unwrap();
+    let mut account = enforcer.enroll(&params, Kind::Corrected).unwrap();
+    let (wall, cpu) = (clock::monotonic(), clock::thread_cpu());
+    account.activate(wall);
+    for _ in 0..8 {
+        account.callback_begin().unwrap();
+        burn(10 * MS, u64::MAX);
+        account.callback_end();
+    }
+    account.block();
+    let (wall, cpu) = (clock::monotonic() - wall, clock::thread_cpu() - cpu);
+    // Before the last callback 70 ms were consumed: 14 replenishments of 5 ms and the first 5.
+    assert!(
+        wall >= 14 * 50 * MS,
+        "80 ms of work took only {wall} ns at 5 per 50 ms"
+    );
+    let usage = account.meter().usage();
+    assert!(
+        near(usage.cpu_high + usage.cpu_low, cpu, MS),
+        "{usage:?} against {cpu}"
+    );
+    assert!(usage.exhaustions >= 7, "{usage:?}");
+}
+
+fn a_cancelled_worker_stops_waiting_for_budget() {
+    let _dog = watchdog("cancel", Duration::from_secs(30));
+    let enforcer = Enforcer::deferred();
+    let params = Params::new(60, Low::Background(6), MS, 3_600_000 * MS, 16).unwrap();
+    let mut account = enforcer.enroll(&params, Kind::Corrected).unwrap();
+    let meter = account.meter();
+    account.activate(clock::monotonic());
+    account.callback_begin().unwrap();
+    burn(2 * MS, u64::MAX);
+    let other = std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(50));
+        meter.cancel();
+    });
+    assert!(
+        account.callback_begin().is_err(),
+        "an hour to go, and yet it went on"
+    );
+    other.join().unwrap();
+}
+
+fn enrolment_is_bounded_and_says_so() {
+    let config = EnforcerConfig {
+        capacity: 2,
+        ..EnforcerConfig::on_cpu(cpu())
+    };
+    let enforcer = Enforcer::start(config).unwrap();
+    let params = |p, n| Params::new(p, Low::Background(6), MS, 10 * MS, n).unwrap();
+    let error = |p: Params| {
+        enforcer
+            .enroll(&p, Kind::Corrected)
+            .unwrap_err()
+            .to_string()
+    };
+    let e = error(params(99, 16));
+    assert!(e.contains("99"), "{e}");
+    let e = error(params(60, 1000));
+    assert!(e.contains("max_repl") && e.contains("128"), "{e}");
+    let _a = enforcer.enroll(&params(60, 16), Kind::Corrected).unwrap();
+    let _b = enforcer.enroll(&params(60, 16), Kind::Corrected).unwrap();
+    let e = error(params(60, 16));
+    assert!(e.contains("room for 2"), "{e}");
+}
+
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        rt_trial("shares_follow_budgets", || {
+            shares_follow_budgets(Kind::Corrected);
+        }),
+        rt_trial("shares_follow_budgets_posix", || {
+            shares_follow_budgets(Kind::Posix);
+        }),
+        rt_trial(
+            "budgets_that_end_with_the_callback_come_back",
+            budgets_that_end_with_the_callback_come_back,
+        ),
+        rt_trial("four_budgets_at_once", four_budgets_at_once),
+        rt_trial(
+            "background_time_is_free_and_counted",
+            background_time_is_free_and_counted,
+        ),
+        #[cfg(not(nuttx_host))]
+        rt_trial("suspend_stops_the_thread", suspend_stops_the_thread),
+        rt_trial(
+            "sleeping_inside_a_callback_is_seen",
+            sleeping_inside_a_callback_is_seen,
+        ),
+        trial("without_privilege_callbacks_wait_for_budget", || {
+            without_privilege_callbacks_wait_for_budget();
+        }),
+        trial("a_cancelled_worker_stops_waiting_for_budget", || {
+            a_cancelled_worker_stops_waiting_for_budget();
+        }),
+        rt_trial(
+            "enrolment_is_bounded_and_says_so",
+            enrolment_is_bounded_and_says_so,
+        ),
+    ]
+}

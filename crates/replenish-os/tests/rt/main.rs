@@ -1,0 +1,47 @@
+//! Policies, threads, locks and budgets in force: trials that need real-time priority, one after
+//! another. On the NuttX back end (`tools/nuttx-host`) fewer apply, and some apply there alone.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests may panic"
+)]
+
+mod common;
+mod enforcer;
+#[cfg(nuttx_host)]
+mod nuttx;
+mod pi_mutex;
+#[cfg(not(nuttx_host))]
+mod sched;
+#[cfg(not(nuttx_host))]
+mod switches;
+#[cfg(not(nuttx_host))]
+mod thread;
+#[cfg(not(nuttx_host))]
+mod unprivileged;
+
+use replenish_testkit::harness::run_in_turn;
+
+#[cfg(nuttx_host)]
+fn main() {
+    run_in_turn([
+        ("enforcer", enforcer::trials()),
+        ("nuttx", nuttx::trials()),
+        ("pi_mutex", pi_mutex::trials()),
+    ])
+}
+
+#[cfg(not(nuttx_host))]
+fn main() {
+    if unprivileged::is_child() {
+        unprivileged::child();
+    }
+    run_in_turn([
+        ("enforcer", enforcer::trials()),
+        ("pi_mutex", pi_mutex::trials()),
+        ("sched", sched::trials()),
+        ("switches", switches::trials()),
+        ("thread", thread::trials()),
+    ])
+}

@@ -1,0 +1,127 @@
+//! The kernel's switch records, and the cheap counter that stands in for them.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test fails by panicking"
+)]
+
+use replenish_os::{
+    CpuSet, SchedClass, Switch, SwitchKind, SwitchLog, clock, current_tid, set_affinity,
+    set_priority, voluntary_switches,
+};
+use replenish_testkit::harness::{Trial, rt_trial, trial};
+
+const MS: u64 = 1_000_000;
+
+fn drain(log: &mut SwitchLog) -> Vec<Switch> {
+    let mut all = Vec::new();
+    assert!(!log.drain(&mut |s| all.push(s)).lost);
+    all
+}
+
+fn sleeps_are_voluntary_and_timed() {
+    let Ok(mut log) = SwitchLog::open(current_tid()) else {
+        eprintln!("skipped: no switch records here (kernel.perf_event_paranoid)");
+        return;
+    };
+    let from = clock::monotonic();
+    for _ in 0..3 {
+        clock::sleep_until(clock::monotonic() + 2 * MS);
+    }
+    let to = clock::monotonic();
+    let switches = drain(&mut log);
+    let outs: Vec<_> = switches
+        .iter()
+        .filter(|s| s.kind == SwitchKind::Out { preempted: false })
+        .collect();
+    assert_eq!(outs.len(), 3, "{switches:?}");
+    assert!(
+        switches.iter().all(|s| (from..=to).contains(&s.time)),
+        "{switches:?}"
+    );
+    assert!(switches.is_sorted_by_key(|s| s.time));
+    // Every way out is followed by a way in, at least the sleep later.
+    let pairs = switches
+        .windows(2)
+        .filter(|p| p[0].kind == SwitchKind::Out { preempted: false });
+    for pair in pairs {
+        assert_eq!(pair[1].kind, SwitchKind::In);
+        assert!(pair[1].time - pair[0].time >= MS, "{pair:?}");
+    }
+    assert_eq!(drain(&mut log), [], "a second reading finds nothing old");
+}
+
+fn a_full_ring_says_that_it_lost_something() {
+    let Ok(mut log) = SwitchLog::open(current_tid()) else {
+        return;
+    };
+    for _ in 0..3000 {
+        clock::sleep_until(clock::monotonic() + 1000);
+    }
+    let mut seen = 0;
+    let mut lost = log.drain(&mut |_| seen += 1).lost;
+    // The record of the loss comes with the first switch that fits again.
+    clock::sleep_until(clock::monotonic() + 1000);
+    lost |= log.drain(&mut |_| seen += 1).lost;
+    assert!(lost && seen > 1000, "{seen}");
+}
+
+fn preemption_is_told_from_blocking() {
+    let cpu = std::thread::available_parallelism().unwrap().get() - 1;
+    let place = move |priority| {
+        set_affinity(current_tid(), &CpuSet::one(cpu)).unwrap();
+        set_priority(current_tid(), SchedClass::Fifo(priority)).unwrap();
+    };
+    let worker = std::thread::spawn(move || {
+        place(10);
+        let mut log = SwitchLog::open(current_tid()).unwrap();
+        let high = std::thread::spawn(move || {
+            place(20);
+            for _ in 0..9 {
+                clock::sleep_until(clock::monotonic() + 2 * MS);
+            }
+        });
+        // It inherits our priority and CPU: let it place itself.
+        clock::sleep_until(clock::monotonic() + 2 * MS);
+        let end = clock::monotonic() + 20 * MS;
+        while clock::monotonic() < end {}
+        let switches = drain(&mut log);
+        high.join().unwrap();
+        switches
+    });
+    let switches = worker.join().unwrap();
+    let preempted = switches
+        .iter()
+        .filter(|s| s.kind == SwitchKind::Out { preempted: true })
+        .count();
+    assert!(preempted >= 5, "{switches:?}");
+}
+
+fn the_cheap_counter_counts_sleeps() {
+    let before = voluntary_switches();
+    for _ in 0..4 {
+        clock::sleep_until(clock::monotonic() + MS);
+    }
+    assert!(voluntary_switches() - before >= 4);
+}
+
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        trial(
+            "sleeps_are_voluntary_and_timed",
+            sleeps_are_voluntary_and_timed,
+        ),
+        trial(
+            "a_full_ring_says_that_it_lost_something",
+            a_full_ring_says_that_it_lost_something,
+        ),
+        rt_trial(
+            "preemption_is_told_from_blocking",
+            preemption_is_told_from_blocking,
+        ),
+        trial(
+            "the_cheap_counter_counts_sleeps",
+            the_cheap_counter_counts_sleeps,
+        ),
+    ]
+}

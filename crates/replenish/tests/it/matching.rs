@@ -1,0 +1,290 @@
+//! Endpoints that do not fit together say so, and which policy clashes; clients know whether their
+//! service has a server. In one process and through an agent.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests may panic"
+)]
+
+use crate::common::agent::TestAgent;
+use crate::common::{Log, eventually, executor};
+use replenish::msg::Service;
+use replenish::msg::std_msgs::Int32;
+use replenish::{Client, Context, Error, Event, Handling, Qos, Removal};
+use replenish_testkit::watchdog::watchdog;
+use std::net::UdpSocket;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+const LIMIT: Duration = Duration::from_secs(60);
+const MS: Duration = Duration::from_millis(1);
+
+/// Squares a number.
+struct Square;
+
+impl Service for Square {
+    type Request = Int32;
+    type Response = Int32;
+    const TYPE_NAME: &'static str = "test_msgs/srv/Square";
+}
+
+fn told(log: &Log, endpoint: &str, clash: &str) -> bool {
+    let lines = log.lines();
+    let of = |line: &&String| line.starts_with(endpoint) && line.contains("not compatible");
+    let told: Vec<&String> = lines.iter().filter(of).collect();
+    assert!(told.len() <= 1, "told once: {lines:?}");
+    told.first().is_some_and(|line| line.contains(clash))
+}
+
+/// A publisher that offers little, a subscription that asks for much, another that does not; then
+/// the other way round in time. Both ends are told, the handle's own hook too, and what does not
+/// match hears nothing.
+fn clashes_are_told(publishing: &Context, subscribing: &Context) {
+    let _dog = watchdog("clashes", LIMIT);
+    let here = publishing.node("here").unwrap();
+    let there = subscribing.node("there").unwrap();
+    let out = here
+        .publisher::<Int32>("first", Qos::best_effort())
+        .unwrap();
+    let (mut exec, log) = executor(subscribing);
+    let hooked = Arc::new(AtomicU64::new(0));
+    let count = Arc::clone(&hooked);
+    let hook = move |event: &Event<'_>| {
+        let Event::Incompatible { endpoint, clash } = event else {
+            return;
+        };
+        assert_eq!((*endpoint, clash.topic()), ("/there/sub:/first", "/first"));
+        assert!(clash.policies().eq(["reliability", "durability"]));
+        count.fetch_add(1, Ordering::SeqCst);
+    };
+    let ignore = |_: &Int32, _: &replenish::CallbackContext<'_>| ();
+    exec.worker("w")
+        .subscribe(&there, "first", Qos::latched(), ignore)
+        .unwrap()
+        .with(Handling::new().on_error(hook))
+        .subscribe(&there, "first", Qos::best_effort(), ignore)
+        .unwrap()
+        .subscribe(
+            &there,
+            "second",
+            Qos::best_effort().deadline(5 * MS),
+            ignore,
+        )
+        .unwrap();
+    let running = exec.start().unwrap();
+    let (mut other, there_log) = executor(publishing);
+    other.worker("idle").capacity(1);
+    // One context has one executor.
+    let _spins = other.start().ok();
+    let second = here.publisher::<Int32>("second", Qos::reliable()).unwrap();
+
+    let weak = "reliability BestEffort is offered, Reliable requested; \
+                durability Volatile is offered, TransientLocal requested";
+    assert!(
+        eventually(|| told(&log, "/there/sub:/first:", weak)),
+        "{:?}",
+        log.lines()
+    );
+    assert!(eventually(|| hooked.load(Ordering::SeqCst) == 1));
+    let slow = "deadline";
+    assert!(eventually(|| told(&log, "/there/sub:/second:", slow)));
+    let heard_by_publisher = |name: &str, what: &str| {
+        let either = [&log, &there_log];
+        either.iter().any(|log| told(log, name, what))
+    };
+    assert!(eventually(|| heard_by_publisher("publisher /first:", weak)));
+    assert!(eventually(|| heard_by_publisher(
+        "publisher /second:",
+        slow
+    )));
+
+    let stats = |id: &str| running.stats(id).unwrap();
+    assert!(eventually(|| {
+        out.publish(&Int32 { data: 1 }).unwrap();
+        second.publish(&Int32 { data: 1 }).unwrap();
+        stats("/there/sub:/first#2").executed >= 5
+    }));
+    assert_eq!(stats("/there/sub:/first").received, 0);
+    assert_eq!(stats("/there/sub:/second").received, 0);
+}
+
+#[test]
+fn clashes_are_told_to_both_ends_in_one_process() {
+    let ctx = Context::in_process();
+    clashes_are_told(&ctx, &ctx);
+    let bus = replenish::middleware::InProcessBus::new();
+    let (a, b) = (bus.participant(), bus.participant());
+    clashes_are_told(&Context::new(a), &Context::new(b));
+}
+
+#[test]
+fn clashes_are_told_to_both_ends_through_the_agent() {
+    let agent = TestAgent::start("127.0.0.1:0");
+    clashes_are_told(&agent.context(), &agent.context());
+}
+
+/// In ROS 2 a best-effort client and a reliable server do not talk.
+#[test]
+fn a_client_that_offers_too_little_is_told_and_has_no_server() {
+    let _dog = watchdog("client", LIMIT);
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let (mut exec, log) = executor(&ctx);
+    exec.worker("w")
+        .serve::<Square, _>(&node, "square", Qos::services(), |_, _, _| ())
+        .unwrap();
+    let weak = node.client::<Square>("square", Qos::best_effort(), LIMIT);
+    let weak: Client<Square> = weak.unwrap();
+    let strong: Client<Square> = node.client("square", Qos::services(), LIMIT).unwrap();
+    let _running = exec.start().unwrap();
+    let reliability = "reliability BestEffort is offered, Reliable requested";
+    assert!(eventually(|| told(&log, "client /square:", reliability)));
+    assert_eq!(weak.wait_for_server(MS), Ok(false));
+    assert_eq!(strong.wait_for_server(LIMIT), Ok(true));
+}
+
+/// The other way round: a reliable client hears nothing from a server that answers with best effort,
+/// although that one hears the client. Both are told of it, and the client has no server.
+#[test]
+fn a_server_that_offers_too_little_is_told_and_its_replies_are_not_heard() {
+    let _dog = watchdog("server", LIMIT);
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let (mut exec, log) = executor(&ctx);
+    let client: Client<Square> = node.client("square", Qos::services(), 100 * MS).unwrap();
+    let (call, replies) = (client.clone(), Arc::new(AtomicU64::new(0)));
+    let count = Arc::clone(&replies);
+    exec.worker("w")
+        .serve::<Square, _>(&node, "square", Qos::best_effort(), |_, _, _| ())
+        .unwrap()
+        .replies(&client, move |reply, _| {
+            assert_eq!(reply.err(), Some(replenish::NoReply::TimedOut));
+            count.fetch_add(1, Ordering::SeqCst);
+        })
+        .unwrap();
+    let running = exec.start().unwrap();
+    let reliability = "reliability BestEffort is offered, Reliable requested";
+    for end in ["server /square:", "/n/cli:/square:"] {
+        assert!(eventually(|| told(&log, end, reliability)), "{end}");
+    }
+    assert_eq!(client.wait_for_server(MS), Ok(false));
+    call.call(&Int32 { data: 3 }).unwrap();
+    assert!(eventually(|| replies.load(Ordering::SeqCst) == 1));
+    assert_eq!(running.stats("/n/srv:/square").unwrap().executed, 1);
+}
+
+/// A server that is not there, comes, goes with its handle, comes again and goes with its client.
+fn servers_come_and_go(asking: &Context, serving: &Context) {
+    let _dog = watchdog("servers", LIMIT);
+    let node = asking.node("asks").unwrap();
+    let client: Client<Square> = node.client("square", Qos::services(), LIMIT).unwrap();
+    assert_eq!(client.wait_for_server(50 * MS), Ok(false));
+    let node = serving.node("serves").unwrap();
+    let serve = || {
+        let (mut exec, _) = executor(serving);
+        exec.worker("w")
+            .serve::<Square, _>(&node, "square", Qos::services(), |_, _, _| ())
+            .unwrap()
+            .timer(MS, |_| ())
+            .unwrap();
+        exec.start().unwrap()
+    };
+    let running = serve();
+    assert_eq!(client.wait_for_server(LIMIT), Ok(true));
+    let gone = || client.wait_for_server(Duration::ZERO) == Ok(false);
+    let remove = Removal::Wait(LIMIT);
+    running
+        .executor()
+        .remove("/serves/srv:/square", remove)
+        .unwrap();
+    assert!(eventually(gone));
+    drop(running);
+    let _running = serve();
+    // Here somebody spins the client's context meanwhile.
+    let (mut exec, _) = executor(asking);
+    exec.worker("w").replies(&client, |_, _| ()).unwrap();
+    let spins = exec.start().unwrap();
+    assert_eq!(client.wait_for_server(LIMIT), Ok(true));
+    assert!(!gone());
+    drop(spins);
+}
+
+#[test]
+fn clients_wait_for_servers_in_one_process() {
+    let bus = replenish::middleware::InProcessBus::new();
+    let (a, b) = (bus.participant(), bus.participant());
+    servers_come_and_go(&Context::new(a), &Context::new(b));
+}
+
+#[test]
+fn clients_wait_for_servers_through_the_agent() {
+    let agent = TestAgent::start("127.0.0.1:0");
+    let asking = agent.context();
+    servers_come_and_go(&asking, &agent.context());
+    // A server goes with its whole session, too.
+    let node = asking.node("last").unwrap();
+    let client: Client<Square> = node.client("square", Qos::services(), LIMIT).unwrap();
+    let other = agent.context();
+    let (mut exec, _) = executor(&other);
+    exec.worker("w")
+        .serve::<Square, _>(
+            &other.node("s").unwrap(),
+            "square",
+            Qos::services(),
+            |_, _, _| (),
+        )
+        .unwrap();
+    assert_eq!(client.wait_for_server(LIMIT), Ok(true));
+    drop((exec, other));
+    assert!(eventually(
+        || client.wait_for_server(Duration::ZERO) == Ok(false)
+    ));
+}
+
+/// An agent that does not know what our clients ask for at log-in, as others do not: a relay spoils
+/// the name of that property.
+#[test]
+fn an_agent_that_does_not_tell_of_servers_is_an_error_that_says_so() {
+    let _dog = watchdog("foreign agent", LIMIT);
+    let agent = TestAgent::start("127.0.0.1:0");
+    let front = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let address = front.local_addr().unwrap().to_string();
+    let stop = Arc::new(AtomicBool::new(false));
+    let done = Arc::clone(&stop);
+    let relay = std::thread::spawn(move || {
+        let back = UdpSocket::bind("127.0.0.1:0").unwrap();
+        back.connect(agent.address).unwrap();
+        for socket in [&front, &back] {
+            socket.set_read_timeout(Some(MS)).unwrap();
+        }
+        let (mut buf, mut client) = ([0; 2048], None);
+        let end = Instant::now() + LIMIT;
+        while !done.load(Ordering::SeqCst) && Instant::now() < end {
+            if let Ok((len, from)) = front.recv_from(&mut buf) {
+                client = Some(from);
+                let name = b"replenish.delivery";
+                let found = buf[..len].windows(name.len()).position(|w| w == name);
+                found.into_iter().for_each(|at| buf[at] = b'x');
+                back.send(&buf[..len]).unwrap();
+            }
+            if let (Ok(len), Some(client)) = (back.recv(&mut buf), client) {
+                front.send_to(&buf[..len], client).unwrap();
+            }
+        }
+    });
+    let ctx = Context::xrce_udp(&address).unwrap();
+    let node = ctx.node("n").unwrap();
+    let client: Client<Square> = node.client("square", Qos::services(), LIMIT).unwrap();
+    let error = client.wait_for_server(LIMIT).unwrap_err();
+    assert!(matches!(error, Error::Middleware { .. }));
+    let text = error.to_string();
+    assert!(
+        text.contains("client /square") && text.contains("this agent does not tell"),
+        "{text}"
+    );
+    drop((client, node, ctx));
+    stop.store(true, Ordering::SeqCst);
+    relay.join().unwrap();
+}
