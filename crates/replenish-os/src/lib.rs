@@ -47,7 +47,6 @@ pub mod freertos;
 mod linux;
 #[cfg(any(all(target_os = "nuttx", feature = "nuttx"), nuttx_host))]
 pub mod nuttx;
-mod policy;
 
 #[cfg(all(target_os = "none", feature = "freertos"))]
 pub(crate) use freertos as backend;
@@ -144,7 +143,8 @@ pub use notify::Signal;
     all(target_os = "nuttx", feature = "nuttx")
 ))]
 pub use pi_mutex::{PiMutex, PiMutexGuard};
-pub use policy::{MAX_PRIORITY, MIN_RUNTIME, Policy, PolicyError};
 pub use spec::ThreadSpec;
-pub use sporadic::{Level, Low, Nanos, ParamError, Params};
+pub use sporadic::{
+    Level, Low, MAX_PRIORITY, MIN_RUNTIME, Nanos, ParamError, Params, Policy, PolicyError,
+};
 pub use tid::Tid;

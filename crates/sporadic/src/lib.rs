@@ -44,19 +44,23 @@ mod corrected;
 #[cfg(feature = "posix")]
 pub mod nuttx;
 mod params;
+mod policy;
 #[cfg(feature = "posix")]
 mod posix;
 mod reservation;
 mod ring;
 mod server;
+mod units;
 
 pub use corrected::{Consumed, Corrected};
 pub use params::{Low, ParamError, Params};
+pub use policy::{MAX_PRIORITY, MIN_RUNTIME, Policy, PolicyError};
 #[cfg(feature = "posix")]
 pub use posix::Posix;
 pub use reservation::{Counters, Gap, Reservation, Tuning, Verdict};
 pub use ring::Chunk;
 pub use server::{BudgetServer, Kind, Level, Server};
+pub use units::WholeUnits;
 
 /// A point in time or a span of time, in nanoseconds. Which clock is the caller's choice; the
 /// same monotonic clock must be used for every call on one server.

@@ -4,7 +4,7 @@ use super::affinity::{CpuSet, affinity};
 use super::sched_attr;
 use crate::Nanos;
 use crate::Tid;
-use crate::policy::Span;
+use sporadic::WholeUnits;
 use std::fmt;
 use std::io;
 
@@ -95,7 +95,11 @@ impl fmt::Display for Granted {
                 period,
                 reclaim,
             } => {
-                let (runtime, deadline, period) = (Span(runtime), Span(deadline), Span(period));
+                let (runtime, deadline, period) = (
+                    WholeUnits(runtime),
+                    WholeUnits(deadline),
+                    WholeUnits(period),
+                );
                 let reclaim = if reclaim { " reclaiming" } else { "" };
                 write!(f, "DEADLINE {runtime}/{deadline}/{period}{reclaim}")?;
             }

@@ -3,7 +3,7 @@
 
 use super::affinity::CpuSet;
 use super::privilege::{Privilege, probe};
-use crate::policy::{Policy, PolicyError};
+use crate::{Policy, PolicyError};
 use std::fmt;
 use std::io;
 

@@ -4,8 +4,8 @@ use super::error::OsError;
 use super::task_slot;
 use crate::Nanos;
 use crate::Tid;
-use crate::policy::Span;
 use core::fmt;
+use sporadic::WholeUnits;
 
 /// The scheduling of a thread as the system reports it. Under an enforcer the priority is that of
 /// the moment, a boost by inheritance included.
@@ -91,7 +91,7 @@ impl fmt::Display for Granted {
                 period,
                 ..
             } => {
-                let (budget, period) = (Span(budget), Span(period));
+                let (budget, period) = (WholeUnits(budget), WholeUnits(period));
                 write!(
                     f,
                     "SCHED_SPORADIC {priority}/{low} ({budget} every {period})"

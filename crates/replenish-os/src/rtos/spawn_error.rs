@@ -1,7 +1,7 @@
 //! Why a task could not be started as asked.
 
 use super::error::OsError;
-use crate::policy::{Policy, PolicyError};
+use crate::{Policy, PolicyError};
 use core::fmt;
 
 /// Why [`spawn`](crate::spawn) did not start a task.

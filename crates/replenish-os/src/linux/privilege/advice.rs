@@ -1,7 +1,7 @@
 //! The one message that says what is missing and how to grant it.
 
 use super::{CgroupRt, Privilege};
-use crate::policy::MAX_PRIORITY;
+use crate::MAX_PRIORITY;
 use std::fmt;
 
 /// The command that gives this program its capabilities.

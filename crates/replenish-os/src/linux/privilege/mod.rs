@@ -14,7 +14,7 @@ use super::context_switches::SwitchLog;
 use super::sched::{SchedClass, set_priority};
 use super::sched_attr;
 use super::tid::current_tid;
-use crate::policy::MAX_PRIORITY;
+use crate::MAX_PRIORITY;
 use std::io;
 
 /// What the kernel grants this process, and the facts behind it.

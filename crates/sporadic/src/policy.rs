@@ -1,8 +1,8 @@
 //! What a thread asks of the scheduler, checked before the kernel sees it.
 
-use crate::Nanos;
+use crate::units::WholeUnits;
+use crate::{Low, Nanos, ParamError, Params};
 use core::fmt;
-use sporadic::{Low, ParamError, Params};
 
 /// The largest real-time priority of Linux and of most POSIX systems; the smallest is 1.
 pub const MAX_PRIORITY: u8 = 99;
@@ -98,8 +98,11 @@ impl Policy {
         self.check().map(|()| self)
     }
 
-    /// [`validate`](Self::validate) without the policy.
-    pub(crate) fn check(&self) -> Result<(), PolicyError> {
+    /// Checks every parameter.
+    ///
+    /// # Errors
+    /// The first parameter that is out of its range, with the range.
+    pub fn check(&self) -> Result<(), PolicyError> {
         match *self {
             Self::Other => Ok(()),
             Self::Fifo { priority } | Self::RoundRobin { priority } => check_priority(priority),
@@ -168,7 +171,7 @@ impl fmt::Display for Policy {
                     Low::Background(low) => write!(f, "{low}")?,
                     Low::Suspend => f.write_str("suspend")?,
                 }
-                let (budget, period) = (Span(params.budget()), Span(params.period()));
+                let (budget, period) = (WholeUnits(params.budget()), WholeUnits(params.period()));
                 write!(f, " ({budget} every {period})")
             }
             Self::Deadline {
@@ -177,7 +180,11 @@ impl fmt::Display for Policy {
                 period,
                 reclaim,
             } => {
-                let (runtime, deadline, period) = (Span(runtime), Span(deadline), Span(period));
+                let (runtime, deadline, period) = (
+                    WholeUnits(runtime),
+                    WholeUnits(deadline),
+                    WholeUnits(period),
+                );
                 let reclaim = if reclaim { ", reclaiming" } else { "" };
                 write!(f, "DEADLINE {runtime}/{deadline}/{period}{reclaim}")
             }
@@ -253,26 +260,6 @@ impl fmt::Display for PolicyError {
 }
 
 impl core::error::Error for PolicyError {}
-
-/// A span of time in the largest unit that keeps it exact: `30 ms`, `1500 us`, `7 ns`.
-pub(crate) struct Span(pub(crate) Nanos);
-
-impl fmt::Display for Span {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let units = [
-            ("s", 1_000_000_000),
-            ("ms", 1_000_000),
-            ("us", 1_000),
-            ("ns", 1),
-        ];
-        for (unit, size) in units {
-            if self.0 >= size && self.0.is_multiple_of(size) {
-                return write!(f, "{} {unit}", self.0 / size);
-            }
-        }
-        f.write_str("0 ns")
-    }
-}
 
 #[cfg(test)]
 #[path = "policy_tests.rs"]

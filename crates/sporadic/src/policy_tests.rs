@@ -1,6 +1,10 @@
 //! Ranges and messages of policies.
 
+#![allow(clippy::unwrap_used, reason = "test helpers")]
+
+extern crate std;
 use super::*;
+use std::string::ToString;
 
 const MS: Nanos = 1_000_000;
 
@@ -82,6 +86,6 @@ fn policies_print_as_people_write_them() {
     ] {
         assert_eq!(policy.to_string(), text);
     }
-    assert_eq!(Span(0).to_string(), "0 ns");
-    assert_eq!(Span(1_001).to_string(), "1001 ns");
+    assert_eq!(WholeUnits(0).to_string(), "0 ns");
+    assert_eq!(WholeUnits(1_001).to_string(), "1001 ns");
 }

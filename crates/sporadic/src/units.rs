@@ -1,0 +1,25 @@
+//! Spans of time for people.
+
+use crate::Nanos;
+use core::fmt;
+
+/// Prints a span of time in the largest unit that keeps it whole: `30 ms`, `1500 us`, `7 ns`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct WholeUnits(pub Nanos);
+
+impl fmt::Display for WholeUnits {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let units = [
+            ("s", 1_000_000_000),
+            ("ms", 1_000_000),
+            ("us", 1_000),
+            ("ns", 1),
+        ];
+        for (unit, size) in units {
+            if self.0 >= size && self.0.is_multiple_of(size) {
+                return write!(f, "{} {unit}", self.0 / size);
+            }
+        }
+        f.write_str("0 ns")
+    }
+}
