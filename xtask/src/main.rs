@@ -1,6 +1,7 @@
-//! Tasks of this repository: `cargo xtask board …`, `cargo xtask circles`.
+//! Tasks of this repository: `cargo xtask board …`, `cargo xtask ci`, `cargo xtask circles`.
 //!
 //! - [`board`]: the emulated microcontroller, its tests, experiments and sizes.
+//! - [`ci`]: the stages that must pass before anything lands.
 //! - [`circles`]: files of a crate that import each other.
 //! - [`output`]: outcomes and JSON files; [`print`](mod@print): printing to a pipe that may close.
 
@@ -10,6 +11,7 @@
 mod print;
 
 mod board;
+mod ci;
 mod circles;
 mod output;
 
@@ -30,6 +32,11 @@ enum Task {
     /// The emulated Olimex STM32-H405 board
     #[command(subcommand)]
     Board(Board),
+    /// Runs the stages of CI, all of them or those named; installs nothing
+    Ci {
+        /// Which ones, in this order
+        stages: Vec<ci::Stage>,
+    },
     /// Lists files of a crate that import each other in a circle; fails if there are any
     Circles {
         /// Crates to look at [default: every crate of this repository]
@@ -48,6 +55,7 @@ fn main() -> ExitCode {
     }
     let outcome = match task {
         Task::Board(board) => board.run(),
+        Task::Ci { stages } => ci::run(&stages),
         Task::Circles { crates } => circles::run(&crates),
     };
     match outcome {

@@ -1,0 +1,18 @@
+#!/usr/bin/env bash
+# Limits that keep the code readable, each with the count it has now: conditional compilation and
+# features of `replenish`, source files mounted by path, and the width of lines with comments.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+status=0
+limit() { # NAME COUNT MOST
+    printf '%-58s %4d of %d\n' "$1" "$2" "$3"
+    [ "$2" -le "$3" ] || status=1
+}
+count() { grep -rE --include='*.rs' "$@" | wc -l; }
+limit 'cfg sites in crates/replenish/src' "$(count 'cfg(_attr)?!?\(' crates/replenish/src)" 80
+limit 'features of replenish besides default' \
+    "$(sed -n '/^\[features\]/,/^\[/p' crates/replenish/Cargo.toml | grep -cE '^[a-z]+ = ' | awk '{ print $1 - 1 }')" 8
+wide=$(git ls-files '*.rs' | LC_ALL=C.UTF-8 xargs grep -noE '^ *//.*' | LC_ALL=C.UTF-8 sed -nE '/^[^:]*:[0-9]*:.{101,}/s/^([^:]*:[0-9]*):.*/\1/p')
+limit 'comment lines wider than 100 columns' "$(printf '%s' "$wide" | grep -c . || true)" 0
+[ -z "$wide" ] || printf '%s\n' "$wide" | head -n 20
+exit $status

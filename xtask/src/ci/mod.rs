@@ -1,0 +1,15 @@
+//! `cargo xtask ci [STAGE…]`: what must pass before anything lands.
+//!
+//! ```text
+//!   command: which stages, in which order, side by side ──► stages: the commands of each
+//!                        └──────────► run: one command after another ──► tally: counts and times
+//! ```
+//! Nothing is installed here: `.ci/install` does that, and `.ci/run` calls both.
+
+mod command;
+mod paths;
+mod run;
+mod stages;
+mod tally;
+
+pub(crate) use command::{Stage, run};

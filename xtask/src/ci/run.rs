@@ -1,0 +1,124 @@
+//! Runs the commands of stages here, and other stages beside them in a process of their own.
+
+use super::command::Stage;
+use super::paths::target;
+use super::stages::{Step, steps};
+use super::tally::Tally;
+use crate::output::Outcome;
+use std::fs::File;
+use std::io::{BufRead as _, BufReader};
+use std::os::unix::process::CommandExt as _;
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::time::Instant;
+
+/// Runs the stages one after another; prints each line as it comes and counts tests.
+pub(super) fn foreground(stages: &[Stage], tally: &mut Tally) -> Outcome {
+    let steps = stages.iter().flat_map(|stage| steps(*stage));
+    steps.into_iter().try_for_each(|step| run(&step, tally))
+}
+
+fn run(step: &Step, tally: &mut Tally) -> Outcome {
+    let (line, began) = (step.line(), Instant::now());
+    println!("\n== {line}");
+    let fail = |e: &dyn std::fmt::Display| format!("{line}: {e}");
+    let (reader, writer) = std::io::pipe().map_err(|e| fail(&e))?;
+    let copy = writer.try_clone().map_err(|e| fail(&e))?;
+    let mut command = step.command();
+    command.stdin(Stdio::null()).stdout(copy).stderr(writer);
+    let mut child = command.spawn().map_err(|e| fail(&e))?;
+    drop(command); // and with it our ends of the pipe for writing
+    show(reader, tally);
+    let status = child.wait().map_err(|e| fail(&e))?;
+    tally.took(began.elapsed(), line.clone());
+    if status.success() {
+        Ok(())
+    } else {
+        Err(fail(&status))
+    }
+}
+
+/// Prints what somebody writes, and counts the tests in it.
+fn show(text: impl std::io::Read, tally: &mut Tally) {
+    let lines = BufReader::new(text).split(b'\n').map_while(Result::ok);
+    for line in lines {
+        let line = String::from_utf8_lossy(&line);
+        println!("{line}");
+        tally.line(&line);
+    }
+}
+
+/// Stages in a process of their own, with the processor time that others leave.
+pub(super) struct Beside {
+    child: Option<Child>,
+    said: PathBuf,
+    began: Instant,
+    words: String,
+}
+
+impl Beside {
+    /// Starts the stages.
+    ///
+    /// # Errors
+    /// The process cannot be started.
+    pub(super) fn start(stages: &[Stage]) -> Outcome<Self> {
+        let said = target().join(format!("ci-{}", std::process::id()));
+        let fail = |e: std::io::Error| format!("{}: {e}", said.display());
+        std::fs::create_dir_all(target()).map_err(fail)?;
+        let file = File::create(&said).map_err(fail)?;
+        let copy = file.try_clone().map_err(fail)?;
+        let words: Vec<_> = stages.iter().map(|stage| stage.word()).collect();
+        let itself = std::env::current_exe().map_err(fail)?;
+        let mut command = Command::new("nice");
+        command
+            .args(["-n", "10"])
+            .arg(itself)
+            .arg("ci")
+            .args(&words);
+        command
+            .stdin(Stdio::null())
+            .stdout(file)
+            .stderr(copy)
+            .process_group(0);
+        let child = Some(command.spawn().map_err(fail)?);
+        let words = format!("{} (beside others)", words.join(" "));
+        Ok(Self {
+            child,
+            said,
+            began: Instant::now(),
+            words,
+        })
+    }
+
+    /// Waits for the end and prints what the stages have said.
+    ///
+    /// # Errors
+    /// They failed.
+    pub(super) fn join(mut self, tally: &mut Tally) -> Outcome {
+        let status = self.child.as_mut().map(Child::wait).transpose();
+        self.child = None;
+        if let Ok(file) = File::open(&self.said) {
+            show(file, tally);
+        }
+        tally.took(self.began.elapsed(), self.words.clone());
+        match status {
+            Ok(Some(status)) if status.success() => Ok(()),
+            _ => Err(format!("{}: failed, see above", self.words)),
+        }
+    }
+}
+
+impl Drop for Beside {
+    /// Ends the processes that nobody waits for any more, and removes the file.
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.child {
+            let group = format!("-{}", child.id());
+            Command::new("kill")
+                .args(["-TERM", "--", &group])
+                .status()
+                .ok();
+            child.wait().ok();
+        }
+        std::fs::remove_file(&self.said).ok();
+    }
+}

@@ -1,0 +1,221 @@
+//! The commands of each stage.
+
+use super::command::Stage;
+use std::collections::BTreeMap;
+use std::process::Command;
+
+/// The microcontroller that everything without an operating system is built for.
+const BOARD: &str = "thumbv7em-none-eabihf";
+
+/// Features of `replenish` that a host builds apart: each set must do without those it does not name.
+const HOST_FEATURES: [&str; 3] = ["std,xrce", "std,xrce,dynamic", "std,plan"];
+/// The sets of a board.
+const BOARD_FEATURES: [&str; 2] = ["xrce,freertos,texts", "xrce,freertos"];
+/// The workspaces beside the main one.
+const WORKSPACES: [&str; 6] = [
+    "firmware",
+    "peers",
+    "fuzz",
+    "tools/executor-size",
+    "tools/xrce-size",
+    "tools/nuttx-app",
+];
+
+/// One command, with the folder and the variables it needs.
+pub(super) struct Step {
+    words: Vec<String>,
+    folder: &'static str,
+    variables: BTreeMap<&'static str, String>,
+}
+
+impl Step {
+    /// A command of words that contain no blanks.
+    fn new(line: &str) -> Self {
+        Self {
+            words: line.split_whitespace().map(str::to_owned).collect(),
+            folder: ".",
+            variables: BTreeMap::new(),
+        }
+    }
+
+    fn at(mut self, folder: &'static str) -> Self {
+        self.folder = folder;
+        self
+    }
+
+    fn with(mut self, name: &'static str, value: impl Into<String>) -> Self {
+        self.variables.insert(name, value.into());
+        self
+    }
+
+    /// Builds in a folder of its own below the target directory.
+    fn building_in(self, folder: &str) -> Self {
+        let target = super::paths::target().join(folder);
+        self.with("CARGO_TARGET_DIR", target.display().to_string())
+    }
+
+    /// The command as a person would type it.
+    pub(super) fn line(&self) -> String {
+        let mut line = String::new();
+        for (name, value) in self
+            .variables
+            .iter()
+            .filter(|(name, _)| **name != "CARGO_TARGET_DIR")
+        {
+            line.push_str(&format!("{name}={value:?} "));
+        }
+        line.push_str(&self.words.join(" "));
+        if self.folder != "." {
+            line.push_str(&format!("   (in {})", self.folder));
+        }
+        line
+    }
+
+    /// The command, ready to be started.
+    pub(super) fn command(&self) -> Command {
+        let mut command = Command::new(self.words.first().map_or("true", String::as_str));
+        command
+            .args(self.words.iter().skip(1))
+            .current_dir(super::paths::repository().join(self.folder));
+        // Nothing is built twice here: what makes a second build quick costs the first one time.
+        command.env("CARGO_INCREMENTAL", "0").envs(&self.variables);
+        command
+    }
+}
+
+/// The commands of a stage, in order.
+pub(super) fn steps(stage: Stage) -> Vec<Step> {
+    match stage {
+        Stage::Lint => lint(),
+        Stage::Test => test(),
+        Stage::Loom => loom(),
+        Stage::Board => board(),
+        Stage::Fuzz => vec![Step::new("fuzz/run 30").building_in("fuzz")],
+        Stage::Peers => {
+            vec![
+                Step::new("cargo test --locked --manifest-path peers/Cargo.toml")
+                    .building_in("peers"),
+            ]
+        }
+        Stage::Supply => supply(),
+    }
+}
+
+fn clippy(words: &str) -> Step {
+    Step::new(&format!("cargo clippy {words} -- -D warnings"))
+}
+
+fn lint() -> Vec<Step> {
+    let mut steps = vec![
+        Step::new("cargo fmt --all --check"),
+        Step::new("tools/spelling.sh"),
+        Step::new("tools/limits.sh"),
+        Step::new("cargo xtask circles"),
+        clippy("--workspace --all-targets"),
+    ];
+    steps.extend(WORKSPACES.map(|folder| Step::new("cargo fmt --check").at(folder)));
+    // Each crate that must run on a microcontroller, without the features that others ask of it.
+    let bare = |words: &str| clippy(&format!("--target {BOARD} --no-default-features {words}"));
+    steps.push(bare("-p sporadic -p replenish-msg -p replenish-xrce"));
+    let messages = "sensor_msgs,rcl_interfaces,example_interfaces";
+    steps.push(bare(&format!(
+        "-p replenish-interfaces --features {messages}"
+    )));
+    for features in BOARD_FEATURES {
+        steps.push(bare(&format!(
+            "--features {features} -p replenish -p replenish-os"
+        )));
+    }
+    for features in HOST_FEATURES {
+        steps.push(clippy(&format!(
+            "-p replenish --lib --no-default-features --features {features}"
+        )));
+    }
+    steps.push(clippy("--locked --release --bins").at("firmware"));
+    steps.push(Step::new("fuzz/run lint").building_in("fuzz"));
+    steps.push(
+        clippy("--locked --manifest-path peers/Cargo.toml --all-targets").building_in("peers"),
+    );
+    for tool in ["executor-size", "xrce-size"] {
+        let manifest = format!("--manifest-path tools/{tool}/Cargo.toml");
+        steps.push(
+            clippy(&format!("--locked --release --target {BOARD} {manifest}")).building_in("size"),
+        );
+    }
+    steps.push(nuttx("cargo clippy --locked", "-- -D warnings"));
+    steps.push(Step::new("cargo doc --workspace --no-deps").with("RUSTDOCFLAGS", "-D warnings"));
+    steps
+}
+
+/// The application for NuttX, whose target has no prebuilt library.
+fn nuttx(command: &str, end: &str) -> Step {
+    let target = "--release -Zbuild-std=core,alloc --target thumbv7em-nuttx-eabihf";
+    let manifest = "--manifest-path tools/nuttx-app/Cargo.toml";
+    let step = Step::new(&format!("{command} {target} {manifest} {end}"));
+    step.with("RUSTC_BOOTSTRAP", "1").building_in("")
+}
+
+fn test() -> Vec<Step> {
+    vec![
+        // The README's command.
+        Step::new("cargo test --workspace"),
+        // The XRCE client as it is on a microcontroller, against the same captures and scripts.
+        Step::new("cargo test -p replenish-xrce --no-default-features"),
+    ]
+}
+
+fn loom() -> Vec<Step> {
+    let models = Step::new(
+        "cargo test --release -p replenish-os -p replenish-handoff -p replenish --test loom_*",
+    );
+    vec![
+        models
+            .with("RUSTFLAGS", "--cfg loom")
+            .with("LOOM_MAX_PREEMPTIONS", "3")
+            .building_in("loom"),
+    ]
+}
+
+/// Licences, bans and sources of dependencies, and whether every published crate packs.
+fn supply() -> Vec<Step> {
+    vec![
+        Step::new("tools/deny.sh"),
+        Step::new("cargo package --workspace --no-verify --allow-dirty --quiet")
+            .building_in("package"),
+    ]
+}
+
+fn board() -> Vec<Step> {
+    let program = super::paths::target()
+        .join("debug/replenish")
+        .display()
+        .to_string();
+    let mut steps = vec![
+        nuttx("cargo build", ""),
+        // The back end for NuttX on this machine, over the same C shim.
+        Step::new("tools/nuttx-host/test.sh"),
+        Step::new("tools/xrce-size/size.sh"),
+        // The program that the boards talk to.
+        Step::new("cargo test --workspace --no-run"),
+    ];
+    let tasks = [
+        "check",
+        "test",
+        "bench",
+        "experiment executor",
+        "experiment offsets --tasks",
+        "experiment runaway --tasks",
+        "experiment budget-sweep --tasks",
+        "demo --seconds 2",
+        "experiment budget-sweep --seconds 2",
+        "experiment work-conserving --seconds 2",
+        "experiment odd-budgets --seconds 2",
+        "experiment restart --seconds 2",
+        "round-trip",
+        "experiment noise",
+        "size",
+    ];
+    let task = |words| Step::new(&format!("cargo xtask board {words}"));
+    steps.extend(tasks.map(|words| task(words).with("REPLENISH_PROGRAM", program.clone())));
+    steps
+}
