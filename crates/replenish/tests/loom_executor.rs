@@ -18,15 +18,15 @@
 extern crate alloc;
 extern crate self as replenish_os; // the stubs of it are at the end
 
-#[path = "../src/executor/desk.rs"]
+#[path = "../src/executor/run/desk.rs"]
 mod desk;
-#[path = "../src/executor/dispatcher.rs"]
+#[path = "../src/executor/run/dispatcher.rs"]
 mod dispatcher;
 #[path = "../src/middleware/interest.rs"]
 mod interest;
-#[path = "../src/executor/mailbox.rs"]
+#[path = "../src/executor/run/mailbox.rs"]
 mod mailbox;
-#[path = "../src/executor/routes.rs"]
+#[path = "../src/executor/run/routes.rs"]
 mod routes;
 #[path = "common/loom_dispatch.rs"]
 mod stubs;
@@ -46,6 +46,19 @@ use stop::StopHandle;
 use stubs::{clock, event, handle, middleware, stats};
 use sync::{Arc, AtomicBool, Ordering, Signal};
 use worker::Worker;
+
+/// The rooms of the executor, as the included files name them.
+mod executor {
+    pub(crate) mod handles {
+        pub(crate) use crate::{entry, handle};
+    }
+    pub(crate) mod run {
+        pub(crate) use crate::{desk, dispatcher, mailbox, routes, worker};
+    }
+    pub(crate) mod wake {
+        pub(crate) use crate::{doorbell, stop};
+    }
+}
 
 type Nanos = u64;
 

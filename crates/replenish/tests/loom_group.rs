@@ -15,9 +15,9 @@
 extern crate alloc;
 extern crate self as replenish_os; // the stubs of it are at the end
 
-#[path = "../src/executor/group.rs"]
+#[path = "../src/executor/handles/group.rs"]
 mod group;
-#[path = "../src/executor/schedule.rs"]
+#[path = "../src/executor/wake/schedule.rs"]
 mod schedule;
 
 use event::Events;
@@ -29,6 +29,16 @@ use loom::thread::{self, ThreadId as Tid};
 use replenish_handoff::sync;
 use std::time::Duration;
 use sync::Arc;
+
+/// The rooms of the executor, as the included files name them.
+mod executor {
+    pub(crate) mod handles {
+        pub(crate) use crate::handle;
+    }
+    pub(crate) mod wake {
+        pub(crate) use crate::schedule;
+    }
+}
 
 type Nanos = u64;
 

@@ -22,35 +22,35 @@
 extern crate alloc;
 extern crate self as replenish_os; // the stubs of it are at the end
 
-#[path = "../src/executor/agenda.rs"]
-mod agenda;
-#[path = "../src/executor/assembly.rs"]
+#[path = "../src/executor/start/assembly.rs"]
 mod assembly;
-#[path = "../src/executor/dispatcher.rs"]
+#[path = "../src/executor/run/dispatcher.rs"]
 mod dispatcher;
-#[path = "../src/executor/doorbell.rs"]
+#[path = "../src/executor/wake/doorbell.rs"]
 mod doorbell;
-#[path = "../src/executor/fixed.rs"]
+#[path = "../src/executor/change/fixed.rs"]
 mod fixed;
-#[path = "../src/executor/guard.rs"]
+#[path = "../src/executor/handles/guard.rs"]
 mod guard;
 #[path = "../src/middleware/interest.rs"]
 mod interest;
-#[path = "../src/executor/local.rs"]
+#[path = "../src/executor/wake/lazy_now.rs"]
+mod lazy_now;
+#[path = "../src/executor/start/local.rs"]
 mod local;
-#[path = "../src/executor/moment.rs"]
-mod moment;
-#[path = "../src/executor/routes.rs"]
+#[path = "../src/executor/run/routes.rs"]
 mod routes;
-#[path = "../src/executor/schedule.rs"]
+#[path = "../src/executor/wake/run_queue.rs"]
+mod run_queue;
+#[path = "../src/executor/wake/schedule.rs"]
 mod schedule;
-#[path = "../src/executor/stop.rs"]
+#[path = "../src/executor/wake/stop.rs"]
 mod stop;
 #[path = "common/loom_dispatch.rs"]
 mod stubs;
-#[path = "../src/executor/timer.rs"]
+#[path = "../src/executor/handles/timer.rs"]
 mod timer;
-#[path = "../src/executor/worker.rs"]
+#[path = "../src/executor/run/worker.rs"]
 mod worker;
 
 use builder::WorkerSpec;
@@ -61,10 +61,10 @@ use guard::{Guard, GuardCondition};
 use handle::{Env, Handle, Shared, Taken};
 use handle_stubs::platform;
 use handoff::{Inbox, Keep, Slot, Stop};
+use lazy_now::Moment;
 use local::{LocalExecutor, SpinEnd};
 use loom::thread;
 use middleware::{Fake, Middleware, ReaderId};
-use moment::Moment;
 use replenish_handoff::{self as handoff, sync};
 use schedule::Every;
 use std::time::Duration;
@@ -72,6 +72,31 @@ use stop::StopHandle;
 use stubs::{clock, event, middleware, stats};
 use sync::Arc;
 use timer::{Timer, TimerHandle};
+
+/// The rooms of the executor, as the included files name them.
+mod executor {
+    pub(crate) use crate::{Executor, Options, StopHandle};
+    pub(crate) mod change {
+        pub(crate) use crate::live;
+    }
+    pub(crate) mod describe {
+        pub(crate) use crate::builder;
+    }
+    pub(crate) mod handles {
+        pub(crate) use crate::{callback, entry, guard, handle, outbox, timer};
+    }
+    pub(crate) mod run {
+        pub(crate) use crate::{
+            accounting, desk, dispatcher, mailbox, round_stats, rounds, routes, rules, worker,
+        };
+    }
+    pub(crate) mod start {
+        pub(crate) use crate::{assembly, launch, local, plan, planning, report, running};
+    }
+    pub(crate) mod wake {
+        pub(crate) use crate::{doorbell, lazy_now, run_queue, schedule, stop};
+    }
+}
 
 type Nanos = u64;
 
@@ -299,9 +324,9 @@ mod callback {
 }
 
 mod handle {
-    use crate::agenda::Agenda;
     use crate::doorbell::Line;
-    use crate::moment::Moment;
+    use crate::lazy_now::Moment;
+    use crate::run_queue::Agenda;
     use crate::stop::StopHandle;
     pub(crate) use crate::stubs::handle::Shared;
     use std::cell::RefCell;
@@ -349,7 +374,7 @@ mod handle {
 
 mod entry {
     use crate::handle::{Env, Handle, Shared};
-    use crate::moment::Moment;
+    use crate::lazy_now::Moment;
     use crate::sync::Arc;
 
     #[derive(Default)]
@@ -457,7 +482,7 @@ mod planning {
     }
 }
 
-mod start {
+mod launch {
     pub(crate) fn check_names(_: &[crate::WorkerSpec]) -> Result<(), crate::error::Error> {
         Ok(())
     }
@@ -500,7 +525,7 @@ mod live {
 /// No worker here goes by other rules than the usual one.
 mod rounds {
     use crate::worker::Worker;
-    use crate::{Account, Nanos, tally::Tally};
+    use crate::{Account, Nanos, accounting::Tally};
     use std::cell::RefCell;
 
     pub(crate) struct Rounds {
@@ -514,7 +539,7 @@ mod rounds {
 }
 
 /// Nor by the clock.
-mod beat {
+mod round_stats {
     use crate::Arc;
 
     pub(crate) struct RoundStats;
@@ -548,7 +573,7 @@ mod rules {
     }
 }
 
-mod tally {
+mod accounting {
     pub(crate) struct Tally {
         pub(crate) meter: crate::Meter,
     }

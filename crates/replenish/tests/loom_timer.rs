@@ -15,11 +15,11 @@
 extern crate alloc;
 extern crate self as replenish_os;
 
-#[path = "../src/executor/schedule.rs"]
+#[path = "../src/executor/wake/schedule.rs"]
 mod schedule;
 #[path = "common/loom_handles.rs"]
 mod stubs;
-#[path = "../src/executor/timer.rs"]
+#[path = "../src/executor/handles/timer.rs"]
 mod timer;
 
 use callback::CallbackContext;
@@ -29,9 +29,19 @@ use loom::thread;
 use replenish_handoff::sync;
 use schedule::Every;
 use std::time::Duration;
-use stubs::{agenda, callback, clock, doorbell, handle, moment, platform};
+use stubs::{callback, clock, doorbell, handle, lazy_now, platform, run_queue};
 use sync::{Arc, Signal};
 use timer::{Timer, TimerHandle};
+
+/// The rooms of the executor, as the included files name them.
+mod executor {
+    pub(crate) mod handles {
+        pub(crate) use crate::{callback, handle};
+    }
+    pub(crate) mod wake {
+        pub(crate) use crate::{doorbell, lazy_now, run_queue, schedule};
+    }
+}
 
 type Nanos = u64;
 

@@ -14,7 +14,7 @@
 extern crate alloc;
 extern crate self as replenish_os;
 
-#[path = "../src/executor/guard.rs"]
+#[path = "../src/executor/handles/guard.rs"]
 mod guard;
 #[path = "common/loom_handles.rs"]
 mod stubs;
@@ -23,11 +23,21 @@ use callback::CallbackContext;
 use doorbell::Line;
 use guard::{Guard, GuardCondition};
 use handle::{Env, Handle, Shared};
+use lazy_now::Moment;
 use loom::thread;
-use moment::Moment;
 use replenish_handoff::{self as handoff, sync};
-use stubs::{callback, clock, doorbell, handle, moment, platform};
+use stubs::{callback, clock, doorbell, handle, lazy_now, platform};
 use sync::{Arc, Signal};
+
+/// The rooms of the executor, as the included files name them.
+mod executor {
+    pub(crate) mod handles {
+        pub(crate) use crate::{callback, handle};
+    }
+    pub(crate) mod wake {
+        pub(crate) use crate::{doorbell, lazy_now};
+    }
+}
 
 type Nanos = u64;
 

@@ -67,7 +67,7 @@ pub(crate) mod doorbell {
     }
 }
 
-pub(crate) mod moment {
+pub(crate) mod lazy_now {
     pub(crate) struct Moment;
 
     impl Moment {
@@ -77,7 +77,7 @@ pub(crate) mod moment {
     }
 }
 
-pub(crate) mod agenda {
+pub(crate) mod run_queue {
     pub(crate) struct Agenda;
 
     impl Agenda {
@@ -86,9 +86,9 @@ pub(crate) mod agenda {
 }
 
 pub(crate) mod handle {
-    use super::agenda::Agenda;
     use super::doorbell::Line;
-    use super::moment::Moment;
+    use super::lazy_now::Moment;
+    use super::run_queue::Agenda;
     use std::sync::atomic::{AtomicU64, Ordering};
 
     /// Statistics are not part of the protocol: not seen by the model.

@@ -1,0 +1,108 @@
+//! In the place of [`live`](super), `mailbox` and `desk` in builds without feature `live`: the handles
+//! that were described are there until the end.
+
+use crate::context::Context;
+use crate::executor::StopHandle;
+use crate::executor::handles::handle::Shared;
+use crate::executor::run::routes::Route;
+use crate::executor::run::worker::Worker;
+use crate::executor::wake::doorbell::{Doorbell, Line};
+use crate::middleware::{Interest, Middleware};
+use crate::sync::Arc;
+use alloc::vec::Vec;
+
+/// Every handle with its worker's name.
+pub(crate) struct Registry(Vec<(Arc<str>, Arc<Shared>)>);
+
+impl Registry {
+    pub(crate) const fn new(handles: Vec<(Arc<str>, Arc<Shared>)>, _: usize, _: usize) -> Self {
+        Self(handles)
+    }
+
+    pub(crate) fn find(&self, id: &str) -> Option<(Arc<str>, Arc<Shared>)> {
+        self.0.iter().find(|(_, h)| h.id == id).cloned()
+    }
+
+    pub(crate) fn all(&self) -> Vec<(Arc<str>, Arc<Shared>)> {
+        self.0.clone()
+    }
+}
+
+/// What outlives the set-up: the handles.
+pub(crate) struct Live {
+    pub(crate) registry: Registry,
+}
+
+/// A worker needs no way to it.
+pub(crate) struct Post;
+
+impl Post {
+    pub(crate) const fn new(_: &Arc<str>, _: &Arc<Mailbox>, _: u64) -> Self {
+        Self
+    }
+}
+
+impl Live {
+    pub(crate) fn new(
+        _: &Context,
+        _: &StopHandle,
+        registry: Registry,
+        _: &Arc<Desk>,
+        _: Vec<Post>,
+    ) -> Arc<Self> {
+        Arc::new(Self { registry })
+    }
+}
+
+/// Nothing comes for a worker.
+#[derive(Clone)]
+pub(crate) struct Mailbox {
+    bell: Arc<Doorbell>,
+}
+
+impl Mailbox {
+    pub(crate) fn new(_: usize, _: usize, bell: Arc<Doorbell>) -> Arc<Self> {
+        Arc::new(Self { bell })
+    }
+
+    /// The line to the handle in `slot`.
+    pub(crate) fn line(&self, slot: usize) -> Line {
+        Line {
+            bell: Arc::clone(&self.bell),
+            slot,
+        }
+    }
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(crate) const fn open(&self) {}
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(crate) const fn is_waiting(&self) -> bool {
+        false
+    }
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(crate) const fn empty(&self, _: &mut Worker) {}
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(crate) const fn close(&self) {}
+}
+
+/// Routes do not change.
+pub(crate) struct Desk;
+
+impl Desk {
+    pub(crate) fn new() -> Arc<Self> {
+        Arc::new(Self)
+    }
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(crate) const fn carry_out(
+        &self,
+        _: &dyn Middleware,
+        _: &mut [Option<Route>],
+        _: &mut Interest,
+        _: &mut Interest,
+    ) {
+    }
+}

@@ -1,0 +1,244 @@
+//! An executor as it is described: its options and its workers.
+
+use super::builder::{self, WorkerBuilder, WorkerSpec};
+use crate::context::Context;
+use crate::error::Error;
+use crate::event::{Event, Events};
+use crate::executor::start::launch;
+use crate::executor::start::local::{self, LocalExecutor};
+use crate::executor::start::planning::Planning;
+use crate::executor::start::report::Report;
+use crate::executor::start::running::RunningExecutor;
+use crate::executor::wake::stop::StopHandle;
+use crate::handoff::Stop;
+use crate::platform::Kept;
+use crate::sync::Arc;
+use crate::text::{joined, numbered};
+use alloc::string::String;
+use alloc::vec::Vec;
+use core::fmt;
+use core::time::Duration;
+use replenish_os::Policy;
+use sporadic::Kind;
+
+/// Runs callbacks on workers, each with its own scheduling policy and budget.
+///
+/// ```
+/// use replenish::{Context, Executor, Qos};
+/// use replenish::msg::std_msgs::Int32;
+/// use std::time::Duration;
+///
+/// let ctx = Context::in_process();
+/// let node = ctx.node("counter")?;
+/// let out = node.publisher::<Int32>("count", Qos::reliable())?;
+/// let mut n = 0;
+///
+/// let mut exec = Executor::new(&ctx);
+/// exec.worker("count").timer(Duration::from_millis(1), move |_| {
+///     n += 1;
+///     out.publish(&Int32 { data: n })
+/// })?;
+/// exec.worker("print").subscribe(&node, "count", Qos::reliable(), |count: &Int32, cx| {
+///     println!("{}", count.data);
+///     if count.data == 3 {
+///         cx.stop();
+///     }
+/// })?;
+/// let report = exec.spin()?;
+/// assert!(report.handles.iter().all(|h| h.stats.executed >= 3));
+/// # Ok::<(), replenish::Error>(())
+/// ```
+#[must_use = "an executor does nothing until it spins"]
+pub struct Executor {
+    pub(crate) context: Context,
+    pub(crate) workers: Vec<Kept<WorkerSpec>>,
+    pub(crate) stop: StopHandle,
+    pub(crate) options: Options,
+}
+
+/// Everything that can be set besides workers.
+pub(crate) struct Options {
+    pub(crate) dispatcher: Option<Policy>,
+    pub(crate) dispatcher_cpu: Option<usize>,
+    pub(crate) enforcer_priority: u8,
+    pub(crate) server: Kind,
+    pub(crate) strict: bool,
+    #[cfg_attr(not(feature = "plan"), expect(dead_code, reason = "nothing is in it"))]
+    pub(crate) planning: Planning,
+    pub(crate) lock_memory: bool,
+    pub(crate) switch_log: bool,
+    pub(crate) stop_grace: Duration,
+    pub(crate) events: Arc<Events>,
+}
+
+impl Executor {
+    /// An executor without workers over `context`.
+    pub fn new(context: &Context) -> Self {
+        let stop = StopHandle {
+            stop: Arc::new(Stop::new()),
+            middleware: Arc::clone(context.middleware()),
+        };
+        Self {
+            context: context.clone(),
+            workers: Vec::new(),
+            stop,
+            options: Options {
+                dispatcher: None,
+                dispatcher_cpu: None,
+                enforcer_priority: 99,
+                server: Kind::Corrected,
+                strict: false,
+                planning: Planning::default(),
+                lock_memory: false,
+                switch_log: true,
+                stop_grace: Duration::from_millis(120),
+                events: Arc::new(Events::default()),
+            },
+        }
+    }
+
+    /// Starts to describe a worker. Its name must be unique in this executor; it becomes the
+    /// thread's name.
+    pub fn worker(&mut self, name: &str) -> WorkerBuilder<'_> {
+        builder::one_more(&mut self.workers);
+        self.workers.push(WorkerSpec::new(name));
+        let index = self.workers.len() - 1;
+        WorkerBuilder {
+            executor: self,
+            index,
+        }
+    }
+
+    /// The dispatcher's policy; a sporadic one gives it a budget. Default: FIFO 98 as soon as any
+    /// worker is real-time, else time sharing.
+    pub fn dispatcher(&mut self, policy: Policy) -> &mut Self {
+        self.options.dispatcher = Some(policy);
+        self
+    }
+
+    /// Pins the dispatcher to one CPU. Default: not pinned.
+    pub fn dispatcher_cpu(&mut self, cpu: usize) -> &mut Self {
+        self.options.dispatcher_cpu = Some(cpu);
+        self
+    }
+
+    /// The enforcers' FIFO priority, 2..=99, above all workers' and the dispatcher's. Default 99.
+    pub fn enforcer_priority(&mut self, priority: u8) -> &mut Self {
+        self.options.enforcer_priority = priority;
+        self
+    }
+
+    /// Which budget server holds the budgets. Default: the corrected one.
+    pub fn server(&mut self, kind: Kind) -> &mut Self {
+        self.options.server = kind;
+        self
+    }
+
+    /// `true`: a policy or a budget that cannot be granted is an error when the executor starts.
+    /// `false`, the default: it is a fallback, told once and kept in the report.
+    pub fn strict(&mut self, strict: bool) -> &mut Self {
+        self.options.strict = strict;
+        self
+    }
+
+    /// Locks the process's memory and touches the threads' stacks before the first callback, so
+    /// that callbacks meet no page fault. Default: no.
+    pub fn lock_memory(&mut self, lock: bool) -> &mut Self {
+        self.options.lock_memory = lock;
+        self
+    }
+
+    /// Whether the enforcers read the kernel's context-switch records to see callbacks that block
+    /// (exact); otherwise a counter stands in (safe, less exact). Default: yes.
+    pub fn switch_log(&mut self, on: bool) -> &mut Self {
+        self.options.switch_log = on;
+        self
+    }
+
+    /// How long callbacks that run have to finish after a stop. A thread that is not back by then
+    /// is reported as stuck, demoted to time sharing and left behind. Default: 120 ms, so that
+    /// a stop takes less than 200 ms even when the kernel holds up real-time threads meanwhile.
+    pub fn stop_grace(&mut self, grace: Duration) -> &mut Self {
+        self.options.stop_grace = grace;
+        self
+    }
+
+    /// Where [`Event`]s go; called on the thread they happen on. Default: with feature `log` the
+    /// program's logger (target `replenish`), else one line each on standard error.
+    pub fn on_event(&mut self, hook: impl Fn(&Event<'_>) + Send + Sync + 'static) -> &mut Self {
+        self.options.events = Arc::new(Events::new(hook));
+        self
+    }
+
+    /// Stops this executor from anywhere, also before it has started.
+    #[must_use]
+    pub fn stop_handle(&self) -> StopHandle {
+        self.stop.clone()
+    }
+
+    /// Starts everything and blocks until somebody stops it.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start).
+    pub fn spin(self) -> Result<Report, Error> {
+        Ok(self.start()?.wait())
+    }
+
+    /// Starts everything and returns: no callback has run before all threads have what was granted.
+    ///
+    /// # Errors
+    /// [`Error::DuplicateWorker`], [`Error::IdleWorker`], [`Error::Name`] and
+    /// [`Error::Parameter`] for what was described; [`Error::ContextBusy`];
+    /// [`Error::Overlay`] for a deployment file; [`Error::NotAdmitted`] when a guarantee does not
+    /// fit, or would break another program's;
+    /// [`Error::Thread`] when a thread cannot be started; with [`strict`](Self::strict)
+    /// [`Error::NotGranted`]. Nothing runs then.
+    pub fn start(self) -> Result<RunningExecutor, Error> {
+        launch::start(self)
+    }
+
+    /// Without threads: the handles run on the calling thread whenever it spins the result, in a
+    /// fixed order. Workers are then groups of handles with rules of their own.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start); [`Error::Parameter`] for a worker that was given a policy, a
+    /// budget, a guarantee, a CPU or a stack, and for an executor that was given a dispatcher's policy
+    /// or CPU, or memory to lock. Workers without handles are all right.
+    pub fn local(self) -> Result<LocalExecutor, Error> {
+        let options = &self.options;
+        let asked = [
+            ("dispatcher", options.dispatcher.is_some()),
+            ("dispatcher_cpu", options.dispatcher_cpu.is_some()),
+            ("lock_memory", options.lock_memory),
+        ];
+        if let Some((field, _)) = asked.iter().find(|(_, asked)| *asked) {
+            let allowed = "none in Executor::local: the thread that spins is yours";
+            return Err(Error::parameter("executor", field, &"set", allowed));
+        }
+        local::local(self)
+    }
+
+    /// `id`, or `id#2`, `id#3`, … if it is taken.
+    pub(crate) fn unique(&self, id: String) -> String {
+        let (mut other, mut number) = (None::<String>, 2);
+        while self.is_taken(other.as_deref().unwrap_or(&id)) {
+            other = Some(numbered(&joined(&[&id, "#"]), number));
+            number += 1;
+        }
+        other.unwrap_or(id)
+    }
+
+    fn is_taken(&self, id: &str) -> bool {
+        let mut workers = self.workers.iter();
+        workers.any(|w| w.entries.iter().any(|e| e.shared.id == id))
+    }
+}
+
+impl fmt::Debug for Executor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names = self.workers.iter().map(|w| &w.request.name);
+        f.debug_struct("Executor")
+            .field("workers", &names.collect::<Vec<_>>())
+            .finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,327 @@
+//! Making handles: for workers that are described, and for those that run.
+
+use super::topic::Topic;
+use crate::context::{Context, Node, check_depth};
+use crate::error::Error;
+use crate::executor::handles::callback::{CallbackContext, CallbackResult};
+use crate::executor::handles::client::{Client, NoReply, Replies};
+use crate::executor::handles::entry::Entry;
+use crate::executor::handles::guard::{Guard, GuardCondition};
+use crate::executor::handles::handle::Shared;
+use crate::executor::handles::service::{ReplyLine, Responder, Server};
+use crate::executor::handles::subscription::{RawSubscription, Subscription, ViewSubscription};
+use crate::executor::handles::timer::{Timer, TimerHandle};
+use crate::executor::run::rules::Handling;
+use crate::executor::wake::schedule::Every;
+use crate::handoff::{Inbox, Keep};
+use crate::middleware::{EndpointSpec, ReaderId};
+use crate::qos::{History, Qos};
+use crate::sync::{Arc, Mutex};
+use crate::text::{joined, numbered, text};
+use alloc::boxed::Box;
+use alloc::string::String;
+use core::time::Duration;
+use replenish_msg::{Message, Service, Viewed};
+
+/// What making a handle needs to know.
+pub(crate) struct Forge<'a> {
+    pub(crate) context: &'a Context,
+    /// The worker's name.
+    pub(crate) worker: &'a str,
+    /// Makes an id unique.
+    pub(crate) unique: &'a dyn Fn(String) -> String,
+    /// How many handles without a topic the worker has had.
+    pub(crate) number: usize,
+}
+
+/// A type by its names, for those who have no [`Message`] of it.
+#[derive(Debug, Clone, Copy)]
+pub struct RawType<'a> {
+    /// The ROS name, `std_msgs/msg/Int32`.
+    pub name: &'a str,
+    /// The DDS name, `std_msgs::msg::dds_::Int32_`.
+    pub dds_name: &'a str,
+    /// The largest sample in bytes, 1..=65528.
+    pub max_size: usize,
+}
+
+/// The largest sample that the protocol carries, in bytes.
+const LARGEST: usize = 65_528;
+
+/// The largest size that one may ask for samples of `M`.
+pub(crate) const fn largest<M: Message>() -> usize {
+    match M::BOUNDED {
+        true => M::MAX_SIZE,
+        false => LARGEST,
+    }
+}
+
+/// The largest message of `M` to or from a service, if `asked` for another than usual.
+pub(crate) fn sized<M: Message>(asked: Option<usize>) -> usize {
+    match M::BOUNDED {
+        true => M::MAX_SIZE,
+        false => asked.unwrap_or(M::MAX_SIZE),
+    }
+}
+
+impl RawType<'_> {
+    /// The names and the size of `M`.
+    #[must_use]
+    pub const fn of<M: Message>() -> RawType<'static> {
+        RawType {
+            name: M::TYPE_NAME,
+            dds_name: M::DDS_TYPE_NAME,
+            max_size: M::MAX_SIZE,
+        }
+    }
+}
+
+impl Forge<'_> {
+    fn owned(&self, node: &Node) -> Result<(), Error> {
+        match node.context().is(self.context) {
+            true => Ok(()),
+            false => Err(Error::ForeignNode(node.name().into())),
+        }
+    }
+
+    /// A reader with its inbox.
+    fn input(
+        &self,
+        node: &Node,
+        topic: Topic<'_>,
+        (ty, most): (RawType<'_>, usize),
+        qos: Qos,
+    ) -> Result<(String, ReaderId, Arc<Inbox>), Error> {
+        self.owned(node)?;
+        let name = node.resolve(topic.name)?;
+        check_depth(&name, qos)?;
+        let owner = || text!("topic {name}");
+        let size = topic.max_size.unwrap_or(ty.max_size);
+        if topic.max_size.is_some() && !(1..=most).contains(&size) {
+            let allowed = text!("1..={most} bytes");
+            return Err(Error::parameter(owner(), "max_size", &size, allowed));
+        }
+        if let Some((field, value, allowed)) = topic.ingress.violation() {
+            return Err(Error::parameter(owner(), field, &value, allowed));
+        }
+        let keep = match (qos.history, topic.keep_oldest) {
+            (History::KeepAll, false) => Keep::All,
+            (History::KeepLast, false) => Keep::Newest,
+            (History::KeepLast, true) => Keep::Oldest,
+            (History::KeepAll, true) => {
+                let (field, allowed) = ("keep_oldest", "with keep-last history only");
+                return Err(Error::parameter(owner(), field, &true, allowed));
+            }
+        };
+        let spec = EndpointSpec {
+            node: node.name(),
+            topic: &name,
+            type_name: ty.name,
+            dds_type_name: ty.dds_name,
+            qos,
+            max_size: size,
+            ingress: topic.ingress,
+            keep_oldest: topic.keep_oldest,
+        };
+        let middleware = self.context.middleware();
+        let reader = middleware
+            .create_reader(&spec)
+            .map_err(|e| Error::endpoint("subscription", &name, e))?;
+        let inbox = Arc::new(Inbox::new(qos.depth.into(), size, keep));
+        let id = (self.unique)(joined(&[node.name(), "/sub:", &name]));
+        Ok((id, reader, inbox))
+    }
+
+    pub(crate) fn subscription<M, F, R>(
+        &self,
+        node: &Node,
+        topic: Topic<'_>,
+        qos: Qos,
+        callback: F,
+    ) -> Result<Entry, Error>
+    where
+        M: Message,
+        F: FnMut(Option<&M>, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let (id, reader, inbox) =
+            self.input(node, topic, (RawType::of::<M>(), largest::<M>()), qos)?;
+        let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
+        let handle = Subscription::<M, F>::new(Arc::clone(&shared), inbox, callback);
+        Ok(Entry::new(shared, Box::new(handle)))
+    }
+
+    /// One whose callback runs in every round of its worker.
+    pub(crate) fn always<M, F, R>(
+        &self,
+        node: &Node,
+        topic: Topic<'_>,
+        qos: Qos,
+        callback: F,
+    ) -> Result<Entry, Error>
+    where
+        M: Message,
+        F: FnMut(Option<&M>, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let mut entry = self.subscription(node, topic, qos, callback)?;
+        entry.handling = Handling::new().always();
+        Ok(entry)
+    }
+
+    pub(crate) fn view<M, F, R>(
+        &self,
+        node: &Node,
+        topic: Topic<'_>,
+        qos: Qos,
+        callback: F,
+    ) -> Result<Entry, Error>
+    where
+        M: Viewed,
+        F: FnMut(&M::View<'_>, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let (id, reader, inbox) =
+            self.input(node, topic, (RawType::of::<M>(), largest::<M>()), qos)?;
+        let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
+        let handle = ViewSubscription::<M, F>::new(Arc::clone(&shared), inbox, callback);
+        Ok(Entry::new(shared, Box::new(handle)))
+    }
+
+    pub(crate) fn raw<F, R>(
+        &self,
+        node: &Node,
+        topic: Topic<'_>,
+        ty: RawType<'_>,
+        qos: Qos,
+        callback: F,
+    ) -> Result<Entry, Error>
+    where
+        F: FnMut(&[u8], &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        if !(1..=LARGEST).contains(&ty.max_size) {
+            let owner = text!("topic {}", topic.name);
+            let allowed = "1..=65528 bytes";
+            return Err(Error::parameter(owner, "max_size", &ty.max_size, allowed));
+        }
+        if ty.name.is_empty() || ty.dds_name.is_empty() {
+            let owner = text!("topic {}", topic.name);
+            let allowed = "a name and a DDS name";
+            return Err(Error::parameter(owner, "type", &"\"\"", allowed));
+        }
+        let (id, reader, inbox) = self.input(node, topic, (ty, LARGEST), qos)?;
+        let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
+        let handle = RawSubscription::new(Arc::clone(&shared), inbox, callback);
+        Ok(Entry::new(shared, Box::new(handle)))
+    }
+
+    pub(crate) fn timer<F, R>(
+        &self,
+        handle: Option<&TimerHandle>,
+        every: Every,
+        callback: F,
+    ) -> Result<Entry, Error>
+    where
+        F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        if every.period == Duration::ZERO && !every.once {
+            let owner = text!("timer of worker {:?}", self.worker);
+            return Err(Error::parameter(owner, "period", &0, "1 ns or more"));
+        }
+        let shared = self.nameless("timer");
+        if let Some(handle) = handle {
+            self.bound(handle.claim(), &shared)?;
+        }
+        let control = handle.map(TimerHandle::control);
+        let timer = Timer::new(Arc::clone(&shared), every, control, callback);
+        Ok(Entry::new(shared, Box::new(timer)))
+    }
+
+    pub(crate) fn guard<F, R>(&self, guard: &GuardCondition, callback: F) -> Result<Entry, Error>
+    where
+        F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let shared = self.nameless("guard");
+        self.bound(guard.claim(), &shared)?;
+        let handle = Guard::new(Arc::clone(&shared), guard.clone(), callback);
+        Ok(Entry::new(shared, Box::new(handle)))
+    }
+
+    pub(crate) fn server<S, F, R>(
+        &self,
+        node: &Node,
+        topic: Topic<'_>,
+        qos: Qos,
+        callback: F,
+    ) -> Result<Entry, Error>
+    where
+        S: Service,
+        F: FnMut(&S::Request, Responder<S>, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        self.owned(node)?;
+        let name = node.resolve(topic.name)?;
+        check_depth(&name, qos)?;
+        let middleware = self.context.middleware();
+        let spec = node.service::<S>(&name, topic, qos)?;
+        let (reader, writer) = middleware
+            .create_server(&spec)
+            .map_err(|e| Error::endpoint("service", &name, e))?;
+        let keep = match qos.history {
+            History::KeepAll => Keep::All,
+            History::KeepLast => Keep::Newest,
+        };
+        let inbox = Arc::new(Inbox::new(qos.depth.into(), spec.max_request, keep));
+        let id = (self.unique)(joined(&[node.name(), "/srv:", &name]));
+        let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
+        let line = ReplyLine {
+            middleware: Arc::clone(middleware),
+            writer,
+            buffer: Mutex::new(alloc::vec![0; spec.max_response].into()),
+        };
+        let handle = Server::<S, F>::new(
+            Arc::clone(&shared),
+            (inbox, spec.max_request),
+            line,
+            callback,
+        );
+        Ok(Entry::new(shared, Box::new(handle)))
+    }
+
+    pub(crate) fn replies<S, F, R>(&self, client: &Client<S>, callback: F) -> Result<Entry, Error>
+    where
+        S: Service,
+        F: FnMut(Result<&S::Response, NoReply>, &CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let inner = &client.inner;
+        if !client.is_of(self.context.middleware()) {
+            return Err(Error::ForeignNode(inner.node.as_str().into()));
+        }
+        let id = (self.unique)(joined(&[&inner.node, "/cli:", &inner.name]));
+        let shared = Shared::new(id, Some((inner.reader, Arc::clone(&inner.inbox))));
+        self.bound(client.claim(), &shared)?;
+        let handle = Replies::<S, F>::new(Arc::clone(&shared), Arc::clone(inner), callback);
+        Ok(Entry::new(shared, Box::new(handle)))
+    }
+
+    fn nameless(&self, kind: &str) -> Arc<Shared> {
+        let id = numbered(&joined(&[self.worker, "/", kind, ":"]), self.number);
+        Shared::new((self.unique)(id), None)
+    }
+
+    fn bound(&self, free: bool, shared: &Shared) -> Result<(), Error> {
+        match free {
+            true => Ok(()),
+            false => Err(Error::parameter(
+                text!("worker {:?}", self.worker),
+                "handle",
+                &shared.id,
+                "one that belongs to no callback yet",
+            )),
+        }
+    }
+}

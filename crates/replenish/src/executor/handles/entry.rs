@@ -1,0 +1,201 @@
+//! A handle in the hands of its worker: taking, executing, and what follows from the outcome.
+
+use super::group::Held;
+use super::handle::{Env, Handle, Shared, Taken};
+use crate::Nanos;
+use crate::event::Event;
+use crate::executor::run::rules::{DeadlineMiss, Handling, OnMiss};
+use crate::executor::wake::lazy_now::Moment;
+use crate::platform;
+use crate::stats::Text;
+use crate::sync::{Arc, Ordering};
+use alloc::boxed::Box;
+#[cfg(feature = "live")]
+use alloc::vec::Vec;
+use replenish_os::clock;
+
+/// A handle on its worker's thread.
+pub(crate) struct Entry {
+    pub(crate) shared: Arc<Shared>,
+    pub(crate) handle: Box<dyn Handle>,
+    pub(crate) handling: Handling,
+    /// Its place among its worker's marks.
+    pub(crate) slot: usize,
+    /// A callback panicked; the handle is left alone from then on.
+    pub(crate) stopped: bool,
+    /// How many of those before it were added together with it.
+    pub(crate) others: u8,
+    /// It had something to do when the round began.
+    pub(crate) ready: bool,
+    /// What was taken when the round began (Logical Execution Time).
+    taken: Option<Taken>,
+    /// The next input is left out: a deadline was missed.
+    skip: bool,
+    /// From the start of the last callback to its end.
+    pub(crate) took: Nanos,
+}
+
+impl Entry {
+    pub(crate) fn new(shared: Arc<Shared>, handle: Box<dyn Handle>) -> Self {
+        Self {
+            shared,
+            handle,
+            handling: Handling::default(),
+            slot: usize::MAX,
+            stopped: false,
+            others: 0,
+            ready: false,
+            taken: None,
+            skip: false,
+            took: 0,
+        }
+    }
+
+    /// From now on it is treated like this.
+    pub(crate) fn treat(&mut self, mut handling: Handling) {
+        handling.always = handling.always.or(self.handling.always);
+        if let Some(hook) = handling.hook.take() {
+            self.shared.hook.set(hook).ok();
+        }
+        if let Some(group) = &handling.group {
+            self.shared.group.set(group.clone()).ok();
+        }
+        self.handling = handling;
+    }
+
+    /// Gives up what was taken and will not run.
+    pub(crate) fn abandon(&mut self) {
+        if self.taken.take().is_some() && self.shared.input.is_some() {
+            self.shared.counters.discarded.add(1);
+        }
+    }
+
+    /// Whether it may run at all.
+    pub(crate) fn is_live(&self) -> bool {
+        !self.stopped && !self.shared.is_removed()
+    }
+
+    /// Whether it has something to do now.
+    pub(crate) fn look(&mut self, now: &Moment) -> bool {
+        self.is_live() && self.handle.is_ready(now)
+    }
+
+    /// Takes input for later.
+    pub(crate) fn snapshot(&mut self, env: &Env<'_>) {
+        self.guarded(env, |entry| entry.taken = entry.take(env));
+    }
+
+    /// Takes input, or what was taken when the round began, and runs the callback. With
+    /// `even_without`, it runs without input, too. Whether there was any input.
+    pub(crate) fn run(&mut self, env: &Env<'_>, from_snapshot: bool, even_without: bool) -> bool {
+        self.took = 0;
+        self.guarded(env, |entry| {
+            let taken = match from_snapshot {
+                true => entry.taken.take(),
+                false => entry.take(env),
+            };
+            let runs = taken.is_some() || even_without;
+            let group = entry.handling.group.clone().filter(|_| runs);
+            let held = group.as_ref().map(|g| g.enter(&entry.shared, env));
+            let started = clock::monotonic();
+            match taken {
+                Some(taken) => entry.execute(env, taken, started, held),
+                None if even_without => {
+                    entry.handle.execute_empty(env, started);
+                    entry.took = clock::monotonic().saturating_sub(started);
+                    entry.shared.counters.without_input.add(1);
+                }
+                None => {}
+            }
+            taken.is_some()
+        })
+    }
+
+    fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
+        let taken = self.handle.take(env)?;
+        if !core::mem::take(&mut self.skip) {
+            return Some(taken);
+        }
+        let counters = &self.shared.counters;
+        match self.shared.input {
+            Some(_) => counters.discarded.add(1),
+            None => counters.skipped.add(1),
+        };
+        None
+    }
+
+    /// `held`: its group, for as long as the callback runs.
+    fn execute(&mut self, env: &Env<'_>, taken: Taken, started: Nanos, held: Option<Held<'_>>) {
+        let counters = &self.shared.counters;
+        let latency = started.saturating_sub(taken.due);
+        counters.worst_latency.raise(latency);
+        self.shared.latency.record(latency);
+        self.handle.execute(env, started);
+        drop(held);
+        if self.handle.was_spoiled() {
+            return; // counted as such
+        }
+        counters.executed.add(1);
+        let end = clock::monotonic();
+        self.took = end.saturating_sub(started);
+        let response = end.saturating_sub(taken.due);
+        self.shared.response.record(response);
+        let Some(deadline) = self.handling.deadline.or(taken.deadline) else {
+            return;
+        };
+        (deadline.judge)(self, env, (taken.due, deadline.within), response);
+    }
+
+    /// Whether the callback that has just ended was in time, and what follows if not. `within`: the
+    /// deadline.
+    pub(crate) fn judge(&mut self, env: &Env<'_>, (due, within): (Nanos, Nanos), response: Nanos) {
+        let lateness = response.saturating_sub(within);
+        if lateness == 0 {
+            return;
+        }
+        let counters = &self.shared.counters;
+        let count = counters.deadline_misses.add(1);
+        counters.worst_lateness.raise(lateness);
+        let miss = DeadlineMiss {
+            id: &self.shared.id,
+            due,
+            deadline: within,
+            lateness,
+            count,
+        };
+        match &mut self.handling.on_miss {
+            OnMiss::Count => {}
+            OnMiss::SkipNext => self.skip = true,
+            OnMiss::Stop => env.stop.stop(),
+            OnMiss::Call(handler) => handler(&miss),
+        }
+    }
+
+    /// Runs the user's code; a panic stops the handle.
+    fn guarded<T: Default>(&mut self, env: &Env<'_>, step: impl FnOnce(&mut Self) -> T) -> T {
+        platform::guard(self, step, |entry, message| {
+            entry.panicked(message, env);
+            T::default()
+        })
+    }
+
+    #[cold]
+    fn panicked(&mut self, message: &str, env: &Env<'_>) {
+        self.stopped = true;
+        self.shared.counters.panicked.store(true, Ordering::Relaxed);
+        *self.shared.last_error.lock() = Text::of(&message);
+        let handle = &self.shared.id;
+        self.shared
+            .report(1, &Event::CallbackPanicked { handle, message }, env.events);
+        self.shared.discard(true, env.stop);
+    }
+}
+
+/// Inserts behind the entries of the same or a higher priority.
+#[cfg(feature = "live")]
+pub(crate) fn insert(entries: &mut Vec<Entry>, entry: Entry) {
+    let priority = entry.handling.priority;
+    let mut others = entries.iter();
+    let at = others.position(|e| e.handling.priority < priority);
+    entries.insert(at.unwrap_or(entries.len()), entry);
+}

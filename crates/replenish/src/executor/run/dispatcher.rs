@@ -1,0 +1,225 @@
+//! The dispatcher, the paper's executor thread (its Algorithm 1, corrected):
+//!
+//! ```text
+//!   ┌─► readmit readers whose inbox has room again
+//!   │   wait on the middleware              no lock held; buffered data first
+//!   │   take a bounded batch into inboxes   a reader that is full leaves the interest set
+//!   │   ring the workers that got samples   outside all locks, highest priority first
+//!   └───┘
+//! ```
+//!
+//! Workers end its wait when a reader that had left the set has room again, and only then.
+
+use super::desk::Desk;
+use super::routes::Route;
+use crate::Nanos;
+use crate::event::{Event, Events};
+use crate::executor::wake::doorbell::Doorbell;
+use crate::executor::wake::stop::StopHandle;
+use crate::middleware::{
+    Clash, Interest, LinkState, Middleware, MiddlewareError, ReaderId, Room, SampleInfo,
+};
+use crate::stats::Counter;
+use crate::sync::Arc;
+use alloc::vec::Vec;
+use replenish_os::Account;
+use replenish_os::clock;
+
+/// The pause after the middleware has failed, in nanoseconds: it must not become a busy loop at
+/// the highest priority.
+const PAUSE: u64 = 10_000_000;
+
+/// What the dispatcher has done so far.
+#[derive(Debug, Default)]
+pub(crate) struct DispatcherCounters {
+    pub(crate) rounds: Counter,
+    pub(crate) samples: Counter,
+    pub(crate) failures: Counter,
+}
+
+/// Whose samples are wanted at the moment.
+pub(crate) struct Watch {
+    interest: Interest,
+    /// Readers whose inbox is full.
+    parked: Interest,
+    link_up: bool,
+    /// The middleware's last news.
+    news: Option<usize>,
+}
+
+/// The dispatcher's state; lives on its thread.
+pub(crate) struct Dispatcher {
+    pub(crate) stop: StopHandle,
+    pub(crate) events: Arc<Events>,
+    pub(crate) counters: Arc<DispatcherCounters>,
+    /// By reader id.
+    pub(crate) routes: Vec<Option<Route>>,
+    /// How routes change.
+    pub(crate) desk: Arc<Desk>,
+    /// The workers' bells, highest priority first.
+    pub(crate) bells: Vec<Arc<Doorbell>>,
+}
+
+impl Dispatcher {
+    /// Dispatches until a stop is requested.
+    pub(crate) fn run(&mut self, account: &mut Account) {
+        let mut watch = self.watch();
+        while !self.stop.is_stopping() {
+            self.round(&mut watch, account, None);
+        }
+    }
+
+    /// What it starts with: everybody's samples are wanted.
+    pub(crate) fn watch(&self) -> Watch {
+        Watch {
+            interest: self.everybody(),
+            parked: Interest::empty(),
+            link_up: true,
+            news: None,
+        }
+    }
+
+    /// Waits, up to `deadline` if there is one, and takes what has come.
+    pub(crate) fn round(
+        &mut self,
+        watch: &mut Watch,
+        account: &mut Account,
+        deadline: Option<Nanos>,
+    ) {
+        let middleware: &dyn Middleware = &*self.stop.middleware;
+        let (interest, parked) = (&mut watch.interest, &mut watch.parked);
+        self.desk
+            .carry_out(middleware, &mut self.routes, interest, parked);
+        if !parked.is_empty() {
+            self.readmit(interest, parked);
+        }
+        account.block();
+        let waited = middleware.wait(interest, deadline);
+        if account.has_budget() {
+            account.activate(clock::monotonic());
+        }
+        self.counters.rounds.count(1);
+        let taken = self.take(interest, parked);
+        self.ring();
+        // Mostly neither, and then neither is moved.
+        if (waited.is_err() || taken.is_err())
+            && let Err(error) = waited.and(taken)
+        {
+            self.failed(&error, account, deadline);
+        }
+        let middleware: &dyn Middleware = &*self.stop.middleware;
+        let news = middleware.news();
+        if news.is_none() || news != watch.news {
+            watch.news = news;
+            self.notice(watch);
+        }
+    }
+
+    /// Tells what has become of the link, of endpoints that do not fit, and of samples too long.
+    #[inline(never)]
+    fn notice(&self, watch: &mut Watch) {
+        let middleware: &dyn Middleware = &*self.stop.middleware;
+        let up = middleware.link() == LinkState::Up;
+        if up != watch.link_up {
+            watch.link_up = up;
+            self.events.emit(&Event::Link { up });
+        }
+        // Somebody has to read it.
+        while cfg!(feature = "texts")
+            && let Some(clash) = middleware.next_clash()
+        {
+            self.clashed(&clash);
+        }
+        #[cfg(feature = "texts")]
+        while let Some((reader, size)) = middleware.next_oversize() {
+            let route = self.route(reader).into_iter();
+            route.for_each(|route| route.refuse(size, &self.events));
+        }
+    }
+
+    #[cold]
+    fn clashed(&self, clash: &Clash) {
+        let writer = clash.writer();
+        let route = clash.reader().and_then(|reader| self.route(reader));
+        let endpoint = route.map_or(writer.as_str(), |route| &route.shared.id);
+        let event = Event::Incompatible { endpoint, clash };
+        match route {
+            Some(route) => route.shared.report(1, &event, &self.events),
+            None => self.events.emit(&event),
+        }
+    }
+
+    fn everybody(&self) -> Interest {
+        let mut all = Interest::empty();
+        for route in self.routes.iter().flatten() {
+            if let Some((reader, _)) = route.shared.input {
+                all.insert(reader);
+            }
+        }
+        all
+    }
+
+    #[cold]
+    fn readmit(&self, interest: &mut Interest, parked: &mut Interest) {
+        let out = *parked;
+        for reader in out.iter() {
+            let inbox = self.route(reader).and_then(|r| r.shared.input.as_ref());
+            if inbox.is_some_and(|(_, inbox)| !inbox.is_parked()) {
+                parked.remove(reader);
+                interest.insert(reader);
+            }
+        }
+    }
+
+    fn route(&self, reader: ReaderId) -> Option<&Route> {
+        self.routes.get(usize::from(reader.0))?.as_ref()
+    }
+
+    fn take(
+        &mut self,
+        interest: &mut Interest,
+        parked: &mut Interest,
+    ) -> Result<(), MiddlewareError> {
+        let Self {
+            stop,
+            events,
+            routes,
+            ..
+        } = self;
+        let mut sink = |reader: ReaderId, info: &SampleInfo, bytes: &[u8]| {
+            let route = routes.get_mut(usize::from(reader.0));
+            let Some(route) = route.and_then(Option::as_mut) else {
+                return Room::Left; // nobody subscribes to it any more
+            };
+            route.line.bell.owe();
+            match route.deliver(info, bytes, events) {
+                true => {
+                    parked.insert(reader);
+                    Room::Full
+                }
+                false => Room::Left,
+            }
+        };
+        let middleware: &dyn Middleware = &*stop.middleware;
+        let taken = middleware.take(interest, &mut sink)?;
+        self.counters.samples.count(taken as u64);
+        Ok(())
+    }
+
+    fn ring(&self) {
+        let mut now = None; // one reading for all
+        self.bells.iter().for_each(|bell| bell.pay(&mut now));
+    }
+
+    /// The middleware has failed: tells, and pauses.
+    #[cold]
+    fn failed(&self, error: &MiddlewareError, account: &mut Account, deadline: Option<Nanos>) {
+        let count = self.counters.failures.add(1);
+        let event = Event::MiddlewareFailed { error, count };
+        self.events.emit_rarely(count, &event);
+        account.block();
+        let pause = clock::monotonic().saturating_add(PAUSE);
+        clock::sleep_until(deadline.map_or(pause, |at| at.min(pause)));
+        account.activate(clock::monotonic());
+    }
+}

@@ -1,0 +1,17 @@
+//! The two loops, dispatcher and worker, and the rules of a worker's rounds.
+
+pub(crate) mod accounting;
+#[cfg(feature = "live")]
+pub(crate) mod desk;
+pub(crate) mod dispatcher;
+#[cfg(feature = "live")]
+pub(crate) mod mailbox;
+#[cfg(feature = "texts")]
+pub(crate) mod round_stats;
+pub(crate) mod rounds;
+pub(crate) mod routes;
+pub(crate) mod rules;
+pub(crate) mod worker;
+
+#[cfg(not(feature = "live"))]
+pub(crate) use crate::executor::change::fixed::{self as mailbox, self as desk};

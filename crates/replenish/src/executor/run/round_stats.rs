@@ -1,0 +1,60 @@
+//! Rounds that a worker begins by the clock alone ([`every`](crate::WorkerBuilder::every)): how many,
+//! and how many were left out. Builds without feature `texts`, which have no report of them, count none.
+
+use super::rules::Rules;
+use crate::executor::start::plan::Request;
+use crate::executor::start::report::RoundReport;
+use crate::executor::wake::schedule::Release;
+use crate::stats::Counter;
+use crate::sync::Arc;
+use alloc::string::String;
+
+/// The live counters; [`RoundStats`] is a snapshot of them.
+#[derive(Debug, Default)]
+pub(crate) struct Beat {
+    served: Counter,
+    skipped: Counter,
+}
+
+/// What has become of the releases of [`WorkerBuilder::every`](crate::WorkerBuilder::every) since the
+/// start.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub struct RoundStats {
+    /// Releases that were served: a round began, if the [trigger](crate::Trigger) allowed it.
+    pub served: u64,
+    /// Releases that were left out because they were overrun: with [`Overrun::Skip`](crate::Overrun),
+    /// the default, alone.
+    pub skipped: u64,
+}
+
+impl Beat {
+    /// This one is served now.
+    pub(crate) fn note(&self, release: Release) {
+        self.served.add(1);
+        self.skipped.add(release.skipped);
+    }
+
+    pub(crate) fn snapshot(&self) -> RoundStats {
+        RoundStats {
+            served: self.served.get(),
+            skipped: self.skipped.get(),
+        }
+    }
+}
+
+/// Of one worker.
+pub(crate) type Beating = (Arc<str>, Arc<Beat>);
+
+/// Its worker's, if its rounds go by the clock.
+pub(crate) fn of(worker: &Request, rules: &Rules) -> Option<Beating> {
+    let beat = rules.beat.as_ref()?;
+    Some((Arc::clone(&worker.name), Arc::clone(beat)))
+}
+
+pub(crate) fn report((worker, beat): &Beating) -> RoundReport {
+    RoundReport {
+        worker: String::from(&**worker),
+        stats: beat.snapshot(),
+    }
+}

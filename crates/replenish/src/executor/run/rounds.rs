@@ -1,0 +1,243 @@
+//! Rounds by other rules than the usual one, that each handle with input has its turn: triggers,
+//! Logical Execution Time, rounds by the clock, callbacks without input, the output barrier.
+//!
+//! A worker reaches all this through [`Rounds`], which the methods of its builder set that give such
+//! a rule. So a program that gives none does not carry the code.
+
+use super::accounting::Tally;
+use super::rules::{HandleStates, Rules, Semantics, Trigger};
+use super::worker::Worker;
+use crate::Nanos;
+use crate::error::Error;
+use crate::event::Event;
+use crate::executor::describe::builder::WorkerSpec;
+use crate::executor::handles::entry::Entry;
+use crate::executor::handles::outbox::Outbox;
+use crate::executor::wake::lazy_now::Moment;
+use crate::executor::wake::schedule::{Release, Schedule, nanos};
+use crate::platform;
+use crate::text::{joined, shown};
+use alloc::string::String;
+use core::cell::RefCell;
+use replenish_os::{Account, clock};
+
+/// How a worker with such rules does it.
+pub(crate) struct Rounds {
+    /// No rule contradicts another.
+    pub(crate) check: fn(&WorkerSpec) -> Result<(), Error>,
+    /// Room for what waits for the end of a round.
+    pub(crate) outbox: fn(&Rules) -> Option<RefCell<Outbox>>,
+    pub(crate) begin: fn(&mut Worker, Nanos),
+    /// Whether each round must look at every handle.
+    pub(crate) want_all: fn(&Worker) -> bool,
+    pub(crate) step: fn(&mut Worker, &mut Account, &Tally) -> bool,
+    pub(crate) next_wake: fn(&mut Worker) -> Option<Nanos>,
+    pub(crate) end: fn(&mut Worker),
+}
+
+/// By all rules there are.
+pub(crate) static BY_RULES: Rounds = Rounds {
+    check,
+    outbox: |rules| {
+        let (samples, bytes) = rules.barrier?;
+        Some(RefCell::new(Outbox::new(samples, bytes)))
+    },
+    begin,
+    want_all,
+    step,
+    next_wake,
+    end: |worker| worker.spec.entries.iter_mut().for_each(Entry::abandon),
+};
+
+fn check(worker: &WorkerSpec) -> Result<(), Error> {
+    let owner = worker.request.owner();
+    let rules = &worker.rules;
+    let let_ = rules.semantics == Semantics::LogicalExecutionTime;
+    if matches!(rules.trigger, Trigger::Always) && rules.every.is_none() {
+        let allowed = "with .every(…) only: something has to start the rounds";
+        return Err(Error::parameter(owner, "trigger", &"Always", allowed));
+    }
+    let batch = rules.batch.unwrap_or(1);
+    if batch == 0 || let_ && batch > 1 {
+        let allowed = match let_ {
+            true => "1 with Logical Execution Time: a snapshot has one input per handle",
+            false => "1 or more",
+        };
+        return Err(Error::parameter(
+            owner,
+            "messages_per_round",
+            &batch,
+            allowed,
+        ));
+    }
+    if let Some(every) = rules.every {
+        if every.period.is_zero() {
+            return Err(Error::parameter(owner, "every", &0, "1 ns or more"));
+        }
+        if every.once || !every.autostart {
+            let value = if every.once { "once" } else { "not_started" };
+            let allowed = "a period that begins with the executor";
+            return Err(Error::parameter(owner, "every", &value, allowed));
+        }
+    }
+    check_trigger(worker)?;
+    check_barrier(worker)
+}
+
+/// A trigger that waits for one handle waits for one of the worker's, or for one that can be added.
+fn check_trigger(worker: &WorkerSpec) -> Result<(), Error> {
+    let Trigger::One(id) = &worker.rules.trigger else {
+        return Ok(());
+    };
+    let mut ids = worker.entries.iter().map(|e| e.shared.id.as_str());
+    if ids.any(|known| known == id) || worker.limit() > worker.entries.len() {
+        return Ok(());
+    }
+    let mut allowed = String::from("a handle of this worker:");
+    for entry in &worker.entries {
+        allowed = joined(&[&allowed, " ", &entry.shared.id]);
+    }
+    Err(Error::parameter(
+        worker.request.owner(),
+        "trigger",
+        id,
+        allowed,
+    ))
+}
+
+fn check_barrier(worker: &WorkerSpec) -> Result<(), Error> {
+    let Some((samples, bytes)) = worker.rules.barrier else {
+        return Ok(());
+    };
+    let fields = [
+        ("output_barrier.samples", samples, 4096, "1..=4096"),
+        ("output_barrier.bytes", bytes, 65_528, "1..=65528"),
+    ];
+    for (field, value, most, allowed) in fields {
+        if !(1..=most).contains(&value) {
+            let owner = worker.request.owner();
+            return Err(Error::parameter(owner, field, &value, allowed));
+        }
+    }
+    Ok(())
+}
+
+fn begin(worker: &mut Worker, start: Nanos) {
+    if worker.spec.rules.every.is_some() {
+        worker.bell.mute();
+    }
+    worker.grid = worker.spec.rules.every.map(|every| {
+        let first = start.saturating_add(nanos(every.first_after));
+        Schedule::new(first, nanos(every.period), every.overrun)
+    });
+}
+
+fn want_all(worker: &Worker) -> bool {
+    // The usual case: nothing to be known in advance, each handle is looked at in its turn.
+    let in_turn = matches!(worker.spec.rules.trigger, Trigger::Any)
+        && worker.spec.rules.semantics == Semantics::TakeThenExecute
+        && !worker
+            .spec
+            .entries
+            .iter()
+            .any(|e| e.handling.always.is_some());
+    !in_turn
+}
+
+fn step(worker: &mut Worker, account: &mut Account, tally: &Tally) -> bool {
+    match &mut worker.grid {
+        None => round(worker, account, tally),
+        Some(grid) => match grid.serve(clock::monotonic()) {
+            None => false,
+            Some(release) => {
+                note(&worker.spec.rules, release);
+                round(worker, account, tally);
+                true
+            }
+        },
+    }
+}
+
+/// A round by the clock begins.
+fn note(rules: &Rules, release: Release) {
+    #[cfg(feature = "texts")]
+    rules.beat.iter().for_each(|beat| beat.note(release));
+    #[cfg(not(feature = "texts"))]
+    let _ = (rules, release);
+}
+
+/// A round, if the trigger allows it; whether it did anything.
+fn round(worker: &mut Worker, account: &mut Account, tally: &Tally) -> bool {
+    if worker.looks_at_all && !is_triggered(worker) {
+        return false;
+    }
+    let ended = match worker.looks_at_all {
+        true => worker.round::<true>(account, tally),
+        false => worker.round::<false>(account, tally),
+    };
+    let Ok(last) = ended else {
+        return true;
+    };
+    if let Some(outbox) = &worker.outbox {
+        let to_blame = last.and_then(|at| worker.spec.entries.get(at));
+        outbox.borrow_mut().release(|e| {
+            if let Some(entry) = to_blame {
+                entry.shared.failed(shown(&e), &worker.events);
+            }
+        });
+    }
+    last.is_some() || (!worker.looks_at_all && worker.agenda.is_due())
+}
+
+/// Looks at every handle; whether what is there is enough for a round.
+fn is_triggered(worker: &mut Worker) -> bool {
+    let now = Moment::default();
+    let (mut any, mut all) = (false, true);
+    let spec: &mut WorkerSpec = &mut worker.spec;
+    for entry in &mut spec.entries {
+        entry.ready = entry.look(&now);
+        any |= entry.ready;
+        all &= entry.ready || !entry.is_live();
+    }
+    let states = HandleStates(&spec.entries);
+    let (events, mut panicked) = (&worker.events, false);
+    let is_met = match &mut spec.rules.trigger {
+        Trigger::Any => any,
+        Trigger::All => any && all,
+        Trigger::One(id) => states.is_ready(id),
+        Trigger::Always => true,
+        Trigger::Custom(condition) => {
+            any && platform::guard(
+                condition,
+                |condition| condition(&states),
+                |_, message| {
+                    let handle = &joined(&[&spec.request.name, "/trigger"]);
+                    events.emit(&Event::CallbackPanicked { handle, message });
+                    panicked = true;
+                    false
+                },
+            )
+        }
+    };
+    if panicked {
+        worker.spec.rules.trigger = Trigger::One(String::new()); // nothing, from now on
+    }
+    is_met
+}
+
+fn next_wake(worker: &mut Worker) -> Option<Nanos> {
+    if let Some(grid) = &worker.grid {
+        return Some(grid.next());
+    }
+    if !worker.looks_at_all {
+        return worker.agenda.earliest();
+    }
+    // A release that is due already waits for the trigger's other conditions, not for time.
+    let overdue = match worker.spec.rules.trigger {
+        Trigger::Any => 0,
+        _ => clock::monotonic(),
+    };
+    let live = worker.spec.entries.iter_mut().filter(|e| e.is_live());
+    let releases = live.filter_map(|e| e.handle.next_release());
+    releases.filter(|at| *at > overdue).min()
+}

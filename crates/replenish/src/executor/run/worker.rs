@@ -1,0 +1,259 @@
+//! A worker: one thread, one policy, its handles one after another.
+//!
+//! ```text
+//!            bell rung, or a release               nothing ready, or the trigger waits for more
+//!   waiting ────────────────────────► going round ──────────────────────────────────────► waiting
+//!   (account blocked)                 (account active)
+//! ```
+//!
+//! A round visits the handles in their order; each runs at most one callback per round (or as many
+//! as `messages_per_round` says), for a sample or for a release that is due. So no handle of a
+//! worker starves another, and within a round the order is the user's.
+//!
+//! A round looks at the handles that have got input or whose release has come ([`Agenda`]), so it
+//! costs what its input costs, however many handles there are. Where the rules want to know of all
+//! of them (a trigger other than any, Logical Execution Time, invocation without input) it looks at
+//! each, whenever something new has come: input that is there already neither rings the bell again
+//! nor is waited for.
+
+use super::accounting::Tally;
+use super::mailbox::Mailbox;
+use crate::Nanos;
+use crate::event::Events;
+use crate::executor::change::live::Live;
+use crate::executor::describe::builder::WorkerSpec;
+use crate::executor::handles::entry::Entry;
+use crate::executor::handles::handle::Env;
+use crate::executor::handles::outbox::Outbox;
+use crate::executor::wake::doorbell::Doorbell;
+use crate::executor::wake::lazy_now::Moment;
+use crate::executor::wake::run_queue::Agenda;
+use crate::executor::wake::schedule::Schedule;
+use crate::executor::wake::stop::StopHandle;
+use crate::platform::Kept;
+use crate::sync::Arc;
+use core::cell::RefCell;
+use replenish_os::Account;
+
+/// A worker's state; lives on its thread.
+pub(crate) struct Worker {
+    /// As it was described.
+    pub(crate) spec: Kept<WorkerSpec>,
+    pub(crate) bell: Arc<Doorbell>,
+    pub(crate) stop: StopHandle,
+    pub(crate) events: Arc<Events>,
+    pub(crate) agenda: Agenda,
+    /// Each round looks at every handle, since the rules want to know of all.
+    pub(crate) looks_at_all: bool,
+    pub(crate) mailbox: Arc<Mailbox>,
+    pub(crate) live: Option<Arc<Live>>,
+    pub(crate) outbox: Option<RefCell<Outbox>>,
+    /// When rounds begin, if by the clock alone.
+    pub(crate) grid: Option<Schedule>,
+    /// Callbacks that ran so far.
+    pub(crate) ran: u64,
+}
+
+impl Worker {
+    /// The executor starts at this instant, from which timers count.
+    pub(crate) fn begin(&mut self, start: Nanos) {
+        self.mailbox.open();
+        if let Some(rounds) = self.spec.rules.rounds {
+            (rounds.begin)(self, start);
+        }
+        for entry in &mut self.spec.entries {
+            let line = self.mailbox.line(entry.slot);
+            entry.handle.begin(start, &line);
+        }
+        self.reordered();
+    }
+
+    /// Handles have come or gone.
+    pub(crate) fn reordered(&mut self) {
+        if cfg!(feature = "live") && self.spec.rules.rounds.is_none() {
+            // One that wants to run in every round may have come.
+            self.spec.rules.rounds = self.spec.entries.iter().find_map(|e| e.handling.always);
+        }
+        self.looks_at_all = self
+            .spec
+            .rules
+            .rounds
+            .is_some_and(|rounds| (rounds.want_all)(self));
+        self.agenda.reorder(&self.spec.entries);
+    }
+
+    /// Runs callbacks until a stop is requested.
+    pub(crate) fn run(&mut self, account: &mut Account, start: Nanos) {
+        self.begin(start);
+        let tally = Tally::new(account.meter());
+        account.activate(start);
+        while !self.stop.is_stopping() {
+            self.empty_mailbox();
+            if self.step(account, &tally) || self.bell.answer() {
+                continue;
+            }
+            let release = self.next_wake();
+            account.block();
+            let woken = self.bell.wait(release);
+            account.activate(woken);
+        }
+        account.block();
+        self.end();
+    }
+
+    /// No callback runs any more.
+    pub(crate) fn end(&mut self) {
+        if let Some(rounds) = self.spec.rules.rounds {
+            (rounds.end)(self);
+        }
+        self.mailbox.close();
+    }
+
+    /// A round, if it is time for one; whether it did anything.
+    pub(crate) fn step(&mut self, account: &mut Account, tally: &Tally) -> bool {
+        if let Some(rounds) = self.spec.rules.rounds {
+            return (rounds.step)(self, account, tally);
+        }
+        match self.round::<false>(account, tally) {
+            Ok(last) => last.is_some() || self.agenda.is_due(),
+            Err(Stopping) => true,
+        }
+    }
+
+    /// After a round that did something: whether another one may find input that was there already.
+    pub(crate) fn may_go_on(&self) -> bool {
+        self.looks_at_all || self.agenda.is_due()
+    }
+
+    /// Does what was asked of this worker from outside.
+    pub(crate) fn empty_mailbox(&mut self) {
+        if self.mailbox.is_waiting() {
+            self.mailbox.clone().empty(self);
+        }
+    }
+
+    /// Visits each handle once that may have something to do, or with `ALL` those that had it when
+    /// the round began; the position of the last one that ran.
+    pub(crate) fn round<const ALL: bool>(
+        &mut self,
+        account: &mut Account,
+        tally: &Tally,
+    ) -> Result<Option<usize>, Stopping> {
+        let spec: &mut WorkerSpec = &mut self.spec;
+        let snapshot = ALL && spec.rules.takes_first();
+        let env = Env {
+            worker: &spec.request.name,
+            stop: &self.stop,
+            events: &self.events,
+            meter: &tally.meter,
+            live: self.live.as_ref(),
+            outbox: self.outbox.as_ref(),
+        };
+        let mut turn = Turn {
+            env: &env,
+            account,
+            tally,
+            batch: spec.rules.batch.unwrap_or(1),
+            snapshot,
+            ran: 0,
+        };
+        if snapshot {
+            if !turn.may_begin() {
+                return Err(Stopping);
+            }
+            for entry in spec.entries.iter_mut().filter(|e| e.ready) {
+                entry.snapshot(&env);
+            }
+        }
+        let (mut last, mut from) = (None, 0);
+        loop {
+            let next = match ALL {
+                true => Some(from),
+                false => {
+                    self.agenda.release(&Moment::default());
+                    self.agenda.next_from(from, &self.bell.marks)
+                }
+            };
+            let entry = next.and_then(|at| Some((at, spec.entries.get_mut(at)?)));
+            let Some((position, entry)) = entry else {
+                break;
+            };
+            from = position + 1;
+            match turn.of::<ALL>(entry) {
+                None => {
+                    self.ran += turn.ran;
+                    self.agenda.insert(position);
+                    return Err(Stopping);
+                }
+                Some(ran) => last = ran.then_some(position).or(last),
+            }
+            if !ALL {
+                if entry.look(&Moment::default()) {
+                    self.agenda.insert(position);
+                }
+                entry.handle.note_release(position, &mut self.agenda);
+            }
+        }
+        self.ran += turn.ran;
+        Ok(last)
+    }
+
+    /// When there will be something to do without the bell.
+    pub(crate) fn next_wake(&mut self) -> Option<Nanos> {
+        match self.spec.rules.rounds {
+            Some(rounds) => (rounds.next_wake)(self),
+            None => self.agenda.earliest(),
+        }
+    }
+}
+
+/// The executor stops: a round ends where it is.
+pub(crate) struct Stopping;
+
+/// What the turns of one round share.
+struct Turn<'r> {
+    env: &'r Env<'r>,
+    account: &'r mut Account,
+    tally: &'r Tally,
+    batch: u32,
+    snapshot: bool,
+    /// Callbacks so far.
+    ran: u64,
+}
+
+impl Turn<'_> {
+    /// Waits until a callback may begin; `false` if the executor stops.
+    fn may_begin(&mut self) -> bool {
+        let stop = self.env.stop;
+        !stop.is_stopping() && self.account.callback_begin().is_ok() && !stop.is_stopping()
+    }
+
+    /// A handle's turn: as many callbacks as it may have in a round. Whether there were any;
+    /// `None` if the executor stops.
+    fn of<const ALL: bool>(&mut self, entry: &mut Entry) -> Option<bool> {
+        let mut ran = false;
+        for n in 0..self.batch {
+            let snapshot = ALL && self.snapshot;
+            let ready = match snapshot {
+                true => entry.ready && entry.is_live(),
+                false => entry.look(&Moment::default()),
+            };
+            let without = ALL && n == 0 && entry.handling.always.is_some() && entry.is_live();
+            if !ready && !without {
+                break;
+            }
+            if !self.may_begin() {
+                return None;
+            }
+            ran = true;
+            self.ran += 1;
+            let took = entry.run(self.env, snapshot, without);
+            self.account.callback_end();
+            self.tally.settle(&entry.shared.counters, entry.took);
+            if !took {
+                break;
+            }
+        }
+        Some(ran)
+    }
+}

@@ -1,0 +1,290 @@
+//! Does it fit, beside everything that was promised on this host? Asked before any thread starts.
+//!
+//! ```text
+//!   workers with a guarantee ─┐                          ┌─ yes: policies and CPUs for plan, a place
+//!   workers with a policy    ─┼─► request ─► ledger ────►┤        in the ledger until the executor ends
+//!   the dispatcher           ─┘    (other programs)      └─ no: Error::NotAdmitted
+//! ```
+//!
+//! The planning itself is `replenish-plan`'s. A program without any guarantee keeps the policies it
+//! was given; it is still not let in where it would break what another program was promised.
+
+use super::planning::{Admission, LedgerUse};
+use crate::budget::Budget;
+use crate::error::Error;
+use crate::executor::Options;
+use crate::executor::describe::builder::WorkerSpec;
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
+use replenish_os::{self as os, Policy};
+use replenish_plan::ledger::{Denied, Found, Ledger};
+use replenish_plan::span::Exact;
+use replenish_plan::{
+    ExecutorRequest, Guarantee, GuaranteeError, Machine, Plan, Request, Wish, Worker,
+};
+use replenish_sim::Policy as Simulated;
+use replenish_sim::analysis::Demand;
+use sporadic::Kind;
+
+/// What the dispatcher is taken to need at most where it has no budget and nobody said otherwise:
+/// a twentieth of a CPU, in ns.
+const DISPATCHER: (u64, u64) = (500_000, 10_000_000);
+
+/// Plans guaranteed workers and writes into the requests what was chosen for them.
+pub(crate) fn admit(workers: &mut [WorkerSpec], options: &mut Options) -> Result<Admission, Error> {
+    let mut admission = Admission::default();
+    if !options.planning.admission {
+        return Ok(admission);
+    }
+    let guaranteed = workers.iter().any(|w| w.request.wants().is_some());
+    let expert = workers
+        .iter()
+        .any(|w| is_real_time(w.request.policy.as_ref()));
+    if !(guaranteed || expert || is_real_time(options.dispatcher.as_ref())) {
+        return Ok(admission);
+    }
+    let mut request = request(workers, options, guaranteed)?;
+    let place = if os::privilege::may_be_real_time() {
+        options.planning.ledger.find()?
+    } else {
+        // Nothing real-time will run: nothing can be promised, nobody can be hurt.
+        Found::Off
+    };
+    let plan = match place {
+        Found::Here(ledger) => {
+            let ledger = ledger.strict(options.strict);
+            match ledger.overheads() {
+                Ok(Some(measured)) if options.planning.machine.is_none() => {
+                    request.machine.overheads = measured;
+                }
+                Ok(_) => {}
+                Err(e) => admission.report.notes.push(e.to_string()),
+            }
+            match ledger.admit(&request, &program()) {
+                Ok(admitted) => {
+                    admission.report.ledger = Some(ledger.directory().into());
+                    admission.report.notes.extend(admitted.warnings);
+                    admission.place = Some(admitted.reservation);
+                    Some(admitted.plan)
+                }
+                Err(Denied::Refused(refusal)) => return Err(not_admitted(&refusal)),
+                Err(Denied::Ledger(e)) if guaranteed => return Err(not_admitted(&e)),
+                Err(Denied::Ledger(e)) => {
+                    admission.report.notes.push(e.to_string());
+                    None
+                }
+            }
+        }
+        Found::Nowhere(why) if options.strict && guaranteed => {
+            return Err(Error::NotGranted {
+                what: "a place in the ledger of reservations".into(),
+                reason: why,
+            });
+        }
+        elsewhere if guaranteed => {
+            if let Found::Nowhere(why) = elsewhere {
+                admission.fallback = Some(alloc::format!(
+                    "other programs are neither seen nor told: no ledger of reservations ({why})"
+                ));
+            }
+            Some(replenish_plan::plan(&request).map_err(|refusal| not_admitted(&refusal))?)
+        }
+        _ => None,
+    };
+    if let Some(plan) = plan {
+        apply(&plan, workers, options, guaranteed)?;
+        admission.report.notes.extend(plan.warnings.iter().cloned());
+        admission.report.plan = guaranteed.then_some(plan);
+    }
+    Ok(admission)
+}
+
+impl LedgerUse {
+    fn find(&self) -> Result<Found, Error> {
+        match self {
+            Self::Default => Ledger::find(),
+            Self::At(directory) => Ledger::open(directory).map(Found::Here),
+            Self::Off => Ok(Found::Off),
+        }
+        .map_err(|e| not_admitted(&e))
+    }
+}
+
+fn not_admitted(reason: &dyn core::fmt::Display) -> Error {
+    Error::NotAdmitted {
+        reason: reason.to_string(),
+    }
+}
+
+fn is_real_time(policy: Option<&Policy>) -> bool {
+    policy.is_some_and(|p| *p != Policy::Other)
+}
+
+/// How other programs' users will find this one.
+fn program() -> String {
+    let path = std::env::current_exe();
+    path.map_or_else(|_| "a program".into(), |p| p.display().to_string())
+}
+
+fn request(workers: &[WorkerSpec], options: &Options, guaranteed: bool) -> Result<Request, Error> {
+    let mut machine = Machine::on_cpus(cpus());
+    let facts = os::machine();
+    machine.real_time_share = facts.real_time_share().unwrap_or(0.95).clamp(0.01, 1.0);
+    machine.enforcer_priority = options.enforcer_priority;
+    let top = options.enforcer_priority.saturating_sub(2).min(89);
+    machine.priorities = 20.min(top.max(2))..=top.max(2);
+    if let Some(given) = &options.planning.machine {
+        machine = given.clone();
+    }
+    let mut request = Request::new(machine);
+    let messages = workers.iter().flat_map(|w| &w.entries);
+    let messages = messages.into_iter().any(|e| e.shared.input.is_some());
+    request.executor = match &options.dispatcher {
+        Some(policy) => ExecutorRequest::Policy {
+            policy: simulated(policy, options.server),
+            cpu: options.dispatcher_cpu,
+        },
+        None if !messages => ExecutorRequest::None,
+        None if guaranteed => ExecutorRequest::Planned {
+            cpu: options.dispatcher_cpu,
+        },
+        None => ExecutorRequest::None,
+    };
+    let unplanned = messages && options.dispatcher.is_none() && !guaranteed;
+    for spec in workers {
+        let asked = &spec.request;
+        let wish = match (asked.wants(), &asked.policy) {
+            (Some(guarantee), _) => {
+                guarantee.check().map_err(|e| out_of_range(asked, &e))?;
+                Wish::Guarantee(guarantee)
+            }
+            (None, Some(policy)) => Wish::Policy(match (&asked.budget, policy) {
+                // The executor's own plan makes it sporadic at this priority.
+                (Some(budget), Policy::Fifo { priority }) => {
+                    bounded(budget, *priority).unwrap_or(Simulated::Fifo {
+                        priority: *priority,
+                    })
+                }
+                _ => simulated(policy, options.server),
+            }),
+            (None, None) => continue,
+        };
+        let worker = Worker::with_policy(&*asked.name, Simulated::Other);
+        request.workers.push(Worker {
+            wish,
+            cpu: asked.cpu,
+            ..worker
+        });
+    }
+    if unplanned {
+        let (cost, period) = DISPATCHER;
+        let priority = options.enforcer_priority.saturating_sub(1);
+        let dispatcher = Worker::with_policy("dispatcher", Simulated::Fifo { priority });
+        request.workers.push(Worker {
+            cpu: options.dispatcher_cpu,
+            ..dispatcher.doing(Demand::new(cost, period))
+        });
+    }
+    Ok(request)
+}
+
+fn out_of_range(asked: &super::plan::Request, e: &GuaranteeError) -> Error {
+    let (field, value) = match &asked.budget {
+        Some(budget) if asked.guarantee.is_none() => ("budget", budget.to_string()),
+        _ => (e.field, Exact(e.value).to_string()),
+    };
+    Error::Parameter {
+        owner: asked.owner(),
+        field,
+        value,
+        allowed: e.allowed(),
+    }
+}
+
+/// The CPUs this process may use.
+fn cpus() -> Vec<usize> {
+    let facts = os::machine();
+    let mut cpus: Vec<usize> = facts.allowed.iter().collect();
+    if cpus.is_empty() {
+        cpus.push(0);
+    }
+    cpus
+}
+
+fn bounded(budget: &Budget, priority: u8) -> Option<Simulated> {
+    let guarantee = Guarantee::from(*budget);
+    let low = super::plan::background(budget, priority)?;
+    let params = sporadic::Params::new(priority, low, guarantee.amount(), guarantee.period(), 128);
+    Some(Simulated::Budget {
+        kind: Kind::Corrected,
+        params: params.ok()?,
+    })
+}
+
+fn simulated(policy: &Policy, kind: Kind) -> Simulated {
+    match *policy {
+        Policy::Other => Simulated::Other,
+        Policy::Fifo { priority } | Policy::RoundRobin { priority } => Simulated::Fifo { priority },
+        // The system's own gets as far as this nowhere: `plan::check`.
+        Policy::Sporadic(params) | Policy::KernelSporadic(params) => {
+            Simulated::Budget { kind, params }
+        }
+        Policy::Deadline {
+            runtime,
+            deadline,
+            period,
+            ..
+        } => Simulated::Deadline {
+            runtime,
+            deadline,
+            period,
+        },
+    }
+}
+
+/// The policy that a plan or a deployment file names.
+pub(crate) fn policy_of(policy: &Simulated) -> Policy {
+    match *policy {
+        Simulated::Other => Policy::Other,
+        Simulated::Fifo { priority } => Policy::Fifo { priority },
+        Simulated::Budget { params, .. } => Policy::Sporadic(params),
+        Simulated::Deadline {
+            runtime,
+            deadline,
+            period,
+        } => Policy::Deadline {
+            runtime,
+            deadline,
+            period,
+            reclaim: false,
+        },
+    }
+}
+
+/// Writes the plan into the requests of guaranteed workers, and into the dispatcher's options.
+fn apply(
+    plan: &Plan,
+    workers: &mut [WorkerSpec],
+    options: &mut Options,
+    guaranteed: bool,
+) -> Result<(), Error> {
+    for spec in workers.iter_mut().filter(|w| w.request.wants().is_some()) {
+        let asked = &mut spec.request;
+        let Some(planned) = plan.workers.iter().find(|w| *w.name == *asked.name) else {
+            continue;
+        };
+        asked.policy = Some(policy_of(&planned.policy).validate()?);
+        asked.cpu = planned.cpu;
+        asked.budget = None;
+        asked.guarantee = None;
+    }
+    if let Some(executor) = plan
+        .executor
+        .as_ref()
+        .filter(|_| guaranteed && options.dispatcher.is_none())
+    {
+        options.dispatcher = Some(policy_of(&executor.policy).validate()?);
+        options.dispatcher_cpu = executor.cpu;
+    }
+    Ok(())
+}

@@ -1,0 +1,108 @@
+//! From what was described to what runs, before anything has a thread: workers with their
+//! mailboxes, the dispatcher with its routes, and the way to change them later.
+
+use crate::context::Context;
+use crate::event::Events;
+use crate::executor::StopHandle;
+use crate::executor::change::live::{Live, Post, Registry};
+use crate::executor::describe::builder::WorkerSpec;
+use crate::executor::handles::handle::Shared;
+use crate::executor::run::desk::Desk;
+use crate::executor::run::dispatcher::{Dispatcher, DispatcherCounters};
+use crate::executor::run::mailbox::Mailbox;
+use crate::executor::run::routes::Route;
+use crate::executor::run::worker::Worker;
+use crate::executor::wake::doorbell::{Doorbell, Line};
+use crate::executor::wake::run_queue::Agenda;
+use crate::middleware::MAX_READERS;
+use crate::platform::{Kept, kept};
+use crate::sync::Arc;
+use alloc::boxed::Box;
+use alloc::vec::Vec;
+
+/// The parts of an executor.
+pub(crate) struct Assembly {
+    pub(crate) dispatcher: Dispatcher,
+    pub(crate) workers: Vec<Kept<Box<Worker>>>,
+    pub(crate) live: Arc<Live>,
+}
+
+/// The dispatcher's bells are left to the caller: whom it rings, and in which order.
+#[inline(never)]
+pub(crate) fn assemble(
+    context: &Context,
+    specs: Vec<Kept<WorkerSpec>>,
+    stop: &StopHandle,
+    events: &Arc<Events>,
+) -> Assembly {
+    let mut dispatcher = Dispatcher {
+        stop: stop.clone(),
+        events: Arc::clone(events),
+        counters: Arc::new(DispatcherCounters::default()),
+        routes: Vec::new(),
+        desk: Desk::new(),
+        bells: Vec::with_capacity(specs.len()),
+    };
+    if cfg!(feature = "live") {
+        dispatcher.routes.resize_with(MAX_READERS, || None); // readers come without allocation
+    }
+    let (mut posts, mut limits) = (Vec::with_capacity(specs.len()), 0);
+    let mut workers = Vec::with_capacity(specs.len());
+    let mut handles: Vec<(Arc<str>, Arc<Shared>)> = Vec::new();
+    for mut spec in specs {
+        let limit = spec.limit();
+        let bell = Arc::new(Doorbell::new(limit));
+        stop.stop.join(Arc::clone(bell.signal()));
+        let mailbox = Mailbox::new(spec.entries.len(), limit, Arc::clone(&bell));
+        spec.order(limit);
+        for entry in &spec.entries {
+            handles.push((Arc::clone(&spec.request.name), Arc::clone(&entry.shared)));
+            dispatcher.route_to(&entry.shared, mailbox.line(entry.slot));
+        }
+        limits += limit;
+        posts.push(Post::new(&spec.request.name, &mailbox, spec.numbers()));
+        let rounds = spec.rules.rounds;
+        workers.push(kept(Box::new(Worker {
+            stop: stop.clone(),
+            events: Arc::clone(events),
+            mailbox,
+            live: None,
+            bell,
+            agenda: Agenda::new(limit),
+            looks_at_all: false,
+            outbox: rounds.and_then(|rounds| (rounds.outbox)(&spec.rules)),
+            spec,
+            grid: None,
+            ran: 0,
+        })));
+    }
+    let registry = Registry::new(handles, limits, workers.len());
+    let live = Live::new(context, stop, registry, &dispatcher.desk, posts);
+    for worker in &mut workers {
+        worker.live = Some(Arc::clone(&live));
+    }
+    Assembly {
+        dispatcher,
+        workers,
+        live,
+    }
+}
+
+impl Dispatcher {
+    fn route_to(&mut self, shared: &Arc<Shared>, line: Line) {
+        let Some((reader, _)) = shared.input else {
+            return;
+        };
+        let place = usize::from(reader.0);
+        if self.routes.len() <= place {
+            self.routes.resize_with(place + 1, || None);
+        }
+        if let Some(route) = self.routes.get_mut(place) {
+            *route = Some(Route {
+                shared: Arc::clone(shared),
+                line,
+                hand: None,
+            });
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! A deployment file over what the program says: scheduling by stable ids, without a rebuild.
+//!
+//! - A `[[worker]]` whose name the program has sets or overrides that worker's scheduling.
+//! - The handles it lists run on it, in that order, wherever the program had put them. A name the
+//!   program does not have makes a new worker for the handles it lists.
+//! - What the program does not have is an error with line and column.
+//!
+//! And the other way round: the file that describes the program as it is.
+
+use super::admission::policy_of;
+use super::plan::Request;
+use crate::error::Error;
+use crate::executor::Executor;
+use crate::executor::describe::builder::WorkerSpec;
+use crate::executor::handles::entry::Entry;
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
+use replenish_os::Policy;
+use replenish_plan::file::Described;
+use replenish_plan::{Deployment, ExecutorRequest, Template, TemplateWorker, Wish};
+use std::path::{Path, PathBuf};
+
+/// Names a deployment file that is applied last.
+pub(crate) const VARIABLE: &str = "REPLENISH_OVERLAY";
+
+/// Applies the files that were named in the program and in the environment.
+pub(crate) fn apply_all(executor: &mut Executor) -> Result<(), Error> {
+    let mut files = core::mem::take(&mut executor.options.planning.overlays);
+    let named = std::env::var_os(VARIABLE).filter(|v| !v.is_empty());
+    files.extend(named.map(PathBuf::from));
+    for file in &files {
+        apply(executor, file)?;
+    }
+    Ok(())
+}
+
+fn apply(executor: &mut Executor, path: &Path) -> Result<(), Error> {
+    let wrong = |e: replenish_plan::FileError| Error::Overlay {
+        reason: e.to_string(),
+    };
+    let file = Deployment::read(path).map_err(wrong)?;
+    let had_handles: Vec<String> = executor
+        .workers
+        .iter()
+        .filter(|w| !w.entries.is_empty())
+        .map(|w| String::from(&*w.request.name))
+        .collect();
+    for (index, described) in file.workers.iter().enumerate() {
+        let mut moved = Vec::with_capacity(described.handles.len());
+        for (place, id) in described.handles.iter().enumerate() {
+            match take(&mut executor.workers, id) {
+                Some(entry) => moved.push(entry),
+                None => {
+                    let has = ids(&executor.workers, &moved);
+                    let message = alloc::format!("this program has no handle {id:?}; it has {has}");
+                    return Err(wrong(file.error_at_handle(index, place, &message)));
+                }
+            }
+        }
+        let known = executor
+            .workers
+            .iter()
+            .position(|w| *w.request.name == *described.name);
+        let at = match known {
+            Some(at) => at,
+            None if moved.is_empty() => {
+                let names: Vec<_> = executor.workers.iter().map(|w| &*w.request.name).collect();
+                let message = alloc::format!(
+                    "this program has no worker {:?}, and no handles are listed for a new one; it has {}",
+                    described.name,
+                    names.join(", ")
+                );
+                return Err(wrong(file.error_at_worker(index, &message)));
+            }
+            None => {
+                executor.workers.push(WorkerSpec::new(&described.name));
+                executor.workers.len() - 1
+            }
+        };
+        if let Some(spec) = executor.workers.get_mut(at) {
+            moved.append(&mut spec.entries);
+            spec.entries = moved;
+            schedule(&mut spec.request, described);
+        }
+    }
+    let emptied = |w: &WorkerSpec| {
+        w.entries.is_empty() && had_handles.iter().any(|name| **name == *w.request.name)
+    };
+    executor.workers.retain(|w| !emptied(w));
+    if let ExecutorRequest::Policy { policy, cpu } = &file.executor {
+        executor.options.dispatcher = Some(policy_of(policy));
+        executor.options.dispatcher_cpu = *cpu;
+    }
+    if file.machine_given {
+        executor.options.planning.machine = Some(file.machine.clone());
+    }
+    Ok(())
+}
+
+fn schedule(request: &mut Request, described: &Described) {
+    match &described.wish {
+        None => {}
+        Some(Wish::Guarantee(guarantee)) => {
+            request.policy = None;
+            request.budget = None;
+            request.guarantee = Some(*guarantee);
+        }
+        Some(Wish::Policy(policy)) => {
+            request.policy = Some(policy_of(policy));
+            request.budget = None;
+            request.guarantee = None;
+        }
+    }
+    request.cpu = described.cpu.or(request.cpu);
+}
+
+fn take(workers: &mut [WorkerSpec], id: &str) -> Option<Entry> {
+    workers.iter_mut().find_map(|worker| {
+        let at = worker.entries.iter().position(|e| e.shared.id == id)?;
+        Some(worker.entries.remove(at))
+    })
+}
+
+fn ids(workers: &[WorkerSpec], moved: &[Entry]) -> String {
+    let entries = workers.iter().flat_map(|w| &w.entries).chain(moved);
+    let ids: Vec<&str> = entries.map(|e| &*e.shared.id).collect();
+    if ids.is_empty() {
+        "none".to_string()
+    } else {
+        ids.join(", ")
+    }
+}
+
+/// The file that describes these workers as they are.
+pub(crate) fn template(workers: &[WorkerSpec]) -> String {
+    let worker = |spec: &WorkerSpec| TemplateWorker {
+        name: String::from(&*spec.request.name),
+        handles: spec.entries.iter().map(|e| e.shared.id.clone()).collect(),
+        cpu: spec.request.cpu,
+        guarantee: spec.request.wants(),
+        policy: spec.request.policy.as_ref().and_then(describe),
+        ..TemplateWorker::default()
+    };
+    let header = [
+        "Scheduling of a running program, as it says itself. Change what should be different, remove",
+        "the rest, and start the program with REPLENISH_OVERLAY=<this file>.",
+        "A worker may have a guarantee { budget, period, deadline?, importance?, minimum?, desired? }",
+        "or { rate, takes, … }, or a policy, or nothing: then it is time-shared.",
+    ];
+    let template = Template {
+        header: header.map(String::from).to_vec(),
+        machine: None,
+        workers: workers.iter().map(worker).collect(),
+    };
+    template.to_string()
+}
+
+fn describe(policy: &Policy) -> Option<replenish_sim::Policy> {
+    use replenish_sim::Policy as Simulated;
+    Some(match *policy {
+        Policy::Other => return None,
+        Policy::Fifo { priority } | Policy::RoundRobin { priority } => Simulated::Fifo { priority },
+        Policy::Sporadic(params) | Policy::KernelSporadic(params) => Simulated::Budget {
+            kind: sporadic::Kind::Corrected,
+            params,
+        },
+        Policy::Deadline {
+            runtime,
+            deadline,
+            period,
+            ..
+        } => Simulated::Deadline {
+            runtime,
+            deadline,
+            period,
+        },
+    })
+}

@@ -1,0 +1,192 @@
+//! What an executor has to say about itself: plain numbers, and a table for people.
+
+use super::planning::AdmissionReport;
+use super::table::Table;
+use crate::Nanos;
+#[cfg(feature = "texts")]
+use crate::executor::run::round_stats::RoundStats;
+use crate::histogram::Histogram;
+use crate::stats::HandleStats;
+use crate::text::Words;
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
+use core::fmt;
+use replenish_os::{Enforcement, EnforcerStats, OverrunSummary, Usage};
+
+/// Everything an executor knows about itself, at one moment or at its end.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Report {
+    /// Nanoseconds since the start.
+    pub elapsed: Nanos,
+    /// The dispatcher first, then the workers in the order they were described.
+    pub threads: Vec<ThreadReport>,
+    /// The handles, worker by worker, in the order they were added.
+    pub handles: Vec<HandleReport>,
+    /// The workers whose rounds begin by the clock ([`WorkerBuilder::every`](crate::WorkerBuilder::every)).
+    #[cfg(feature = "texts")]
+    pub rounds: Vec<RoundReport>,
+    /// The dispatcher's counters.
+    pub dispatcher: DispatcherReport,
+    /// One per CPU with budgeted workers.
+    pub enforcers: Vec<EnforcerStats>,
+    /// Guarantees that were asked for and are not in force, in words.
+    pub fallbacks: Vec<Words>,
+    /// Whether and how guarantees were tested.
+    pub admission: AdmissionReport,
+    /// Threads that did not end in time; they were demoted and left behind.
+    pub stuck: Vec<String>,
+}
+
+/// What the dispatcher has done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub struct DispatcherReport {
+    /// Times its wait on the middleware ended.
+    pub rounds: u64,
+    /// Samples taken.
+    pub samples: u64,
+    /// Times the middleware could not wait or take.
+    pub failures: u64,
+}
+
+/// What was asked for a thread, what it got, and what it used.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct ThreadReport {
+    /// `dispatcher`, or the worker's name.
+    pub name: String,
+    /// The policy that was asked for.
+    pub requested: Words,
+    /// The policy the kernel gave, read back from it before the first callback.
+    pub granted: Words,
+    /// The CPU it was pinned to.
+    pub cpu: Option<usize>,
+    /// How its budget is held; `None` without a budget.
+    pub enforcement: Option<Enforcement>,
+    /// CPU time and budget.
+    pub usage: Usage,
+    /// How far the budget was overrun.
+    pub overruns: OverrunSummary,
+}
+
+/// One handle.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct HandleReport {
+    /// `/node/sub:/topic`, `worker/timer:0`.
+    pub id: String,
+    /// Its worker's name.
+    pub worker: String,
+    /// Its counters.
+    pub stats: HandleStats,
+    /// From release (arrival, timer's release) to the start of the callback.
+    pub latency: Histogram,
+    /// From release to the end of the callback.
+    pub response: Histogram,
+    /// The last error a callback returned, or the panic's message; cut to 120 bytes.
+    pub last_error: Option<String>,
+}
+
+/// One worker whose rounds begin by the clock.
+#[cfg(feature = "texts")]
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct RoundReport {
+    /// The worker's name.
+    pub worker: String,
+    /// What has become of the releases.
+    pub stats: RoundStats,
+}
+
+impl Report {
+    /// The handle of this id.
+    #[must_use]
+    pub fn handle(&self, id: &str) -> Option<&HandleReport> {
+        self.handles.iter().find(|h| h.id == id)
+    }
+
+    /// The thread of this name.
+    #[must_use]
+    pub fn thread(&self, name: &str) -> Option<&ThreadReport> {
+        self.threads.iter().find(|t| t.name == name)
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for line in &self.fallbacks {
+            writeln!(f, "not guaranteed: {line}")?;
+        }
+        for line in &self.admission.notes {
+            writeln!(f, "note: {line}")?;
+        }
+        let heads = [
+            "thread",
+            "requested",
+            "granted",
+            "high ms",
+            "low ms",
+            "exh.",
+            "overrun us 50/99",
+        ];
+        let mut threads = Table::new(3, heads);
+        for t in &self.threads {
+            let (median, p99) = (t.overruns.median, t.overruns.p99);
+            let overrun = match t.overruns.count {
+                0 => String::from("-"),
+                _ => alloc::format!("{}/{}", median / 1000, p99 / 1000),
+            };
+            let cells = [
+                t.name.clone(),
+                t.requested.to_string(),
+                t.granted.to_string(),
+                (t.usage.cpu_high / 1_000_000).to_string(),
+                (t.usage.cpu_low / 1_000_000).to_string(),
+                t.usage.exhaustions.to_string(),
+                overrun,
+            ];
+            threads.add(cells, "");
+        }
+        let heads = [
+            "handle",
+            "received",
+            "executed",
+            "dropped",
+            "errors",
+            "latency us",
+            "CPU us",
+        ];
+        let mut handles = Table::new(1, heads);
+        for h in &self.handles {
+            let s = &h.stats;
+            let bad = s.dropped + s.oversize + s.undecodable + s.discarded + s.lost + s.skipped;
+            let cells = [
+                h.id.clone(),
+                s.received.to_string(),
+                s.executed.to_string(),
+                bad.to_string(),
+                s.errors.to_string(),
+                (s.worst_latency / 1000).to_string(),
+                (s.worst_execution / 1000).to_string(),
+            ];
+            handles.add(cells, if s.panicked { "panicked" } else { "" });
+        }
+        write!(f, "{threads}{handles}")?;
+        #[cfg(feature = "texts")]
+        for RoundReport { worker, stats } in &self.rounds {
+            let (served, skipped) = (stats.served, stats.skipped);
+            writeln!(
+                f,
+                "{worker}: {served} rounds by the clock, {skipped} skipped"
+            )?;
+        }
+        for name in &self.stuck {
+            writeln!(
+                f,
+                "stuck: {name} did not end in time; demoted and left behind"
+            )?;
+        }
+        Ok(())
+    }
+}

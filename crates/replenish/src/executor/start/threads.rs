@@ -1,0 +1,186 @@
+//! The threads of an executor: how each is started, told to go, and seen to end.
+//!
+//! ```text
+//!   starter                                 thread
+//!   spawn ────────────────────────────────► enroll with the enforcer
+//!   wait until all are ready ◄── owner bell ── ready (or why not)
+//!   launch: Go(start) or Abort ── own bell ──► body … end
+//!   finish: wait until all ended ◄ owner bell ─ finished
+//! ```
+//!
+//! So either every thread of an executor runs with what was granted to it, or none has run at all.
+
+use crate::Nanos;
+use crate::event::{Event, Events};
+use crate::executor::run::dispatcher::Dispatcher;
+use crate::executor::run::worker::Worker;
+use crate::executor::wake::stop::StopHandle;
+use crate::platform::{self, Kept};
+use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
+use crate::text::{Words, text};
+use alloc::boxed::Box;
+use replenish_os::{self as os, Account, Enforcer, Meter, Params, Policy, Thread};
+use sporadic::Kind;
+
+/// What a thread does between launch and stop.
+pub(crate) enum Body {
+    Dispatcher(Kept<Dispatcher>),
+    Worker(Kept<Box<Worker>>),
+}
+
+impl Body {
+    fn run(self, account: &mut Account, start: Nanos) {
+        match self {
+            Self::Dispatcher(mut dispatcher) => dispatcher.run(account),
+            Self::Worker(mut worker) => worker.run(account, start),
+        }
+    }
+}
+
+/// What a thread of this executor is to be.
+pub(crate) struct Seat {
+    pub(crate) name: Arc<str>,
+    pub(crate) policy: Policy,
+    pub(crate) cpu: Option<usize>,
+    pub(crate) stack_size: usize,
+    /// Touch the stack before the first callback.
+    pub(crate) prefault: bool,
+    pub(crate) bell: Arc<Signal>,
+    pub(crate) owner: Arc<Signal>,
+    pub(crate) stop: StopHandle,
+    pub(crate) events: Arc<Events>,
+    pub(crate) body: Mutex<Option<Body>>,
+    pub(crate) budget: Mutex<Option<Funding>>,
+    pub(crate) ready: Mutex<Option<Result<Ready, Words>>>,
+    pub(crate) launch: Mutex<Option<Launch>>,
+    pub(crate) finished: AtomicBool,
+}
+
+/// Who enforces a thread's budget.
+#[derive(Clone)]
+pub(crate) struct Funding {
+    pub(crate) enforcer: Arc<Enforcer>,
+    pub(crate) params: Params,
+    pub(crate) kind: Kind,
+}
+
+/// A thread that waits for its launch.
+#[derive(Clone)]
+pub(crate) struct Ready {
+    pub(crate) meter: Meter,
+    pub(crate) granted: Words,
+}
+
+#[derive(Clone, Copy)]
+pub(crate) enum Launch {
+    /// Begin; timers count from this instant.
+    Go(Nanos),
+    /// Somebody else could not start: end without having run.
+    Abort,
+}
+
+impl Seat {
+    /// Starts the thread under `policy`, which may be a fallback for the one asked for.
+    pub(crate) fn spawn(seat: &Arc<Self>, policy: Policy) -> Result<Thread<()>, os::SpawnError> {
+        let mut spec = os::ThreadSpec::new(&*seat.name)
+            .policy(policy)
+            .stack_size(seat.stack_size);
+        if let Some(cpu) = seat.cpu {
+            spec = spec.cpu(cpu);
+        }
+        let seat = Arc::clone(seat);
+        os::spawn(spec, move || seat.main())
+    }
+
+    /// The policy the thread is created with: an enforcer makes it sporadic.
+    pub(crate) fn class(&self) -> Policy {
+        match &self.policy {
+            Policy::Sporadic(params) => Policy::Fifo {
+                priority: params.priority(),
+            },
+            other => *other,
+        }
+    }
+
+    pub(crate) fn is_finished(&self) -> bool {
+        self.finished.load(Ordering::Acquire)
+    }
+
+    pub(crate) fn launch(&self, launch: Launch) {
+        *self.launch.lock() = Some(launch);
+        self.bell.set();
+    }
+
+    pub(crate) fn meter(&self) -> Option<Meter> {
+        match &*self.ready.lock() {
+            Some(Ok(ready)) => Some(ready.meter.clone()),
+            _ => None,
+        }
+    }
+
+    fn main(&self) {
+        let _finished = Finished(self); // dropped last: the account's final reading is in by then
+        if self.prefault {
+            // Without it callbacks meet page faults: slower, not wrong.
+            os::memory::prefault_stack(self.stack_size).ok();
+        }
+        let enrolled = self.enroll();
+        let (mut account, ready) = match enrolled {
+            Ok((account, ready)) => (Some(account), Ok(ready)),
+            Err(why) => (None, Err(why)),
+        };
+        *self.ready.lock() = Some(ready);
+        self.owner.set();
+        let start = loop {
+            self.bell.wait();
+            match *self.launch.lock() {
+                Some(Launch::Go(start)) => break start,
+                Some(Launch::Abort) => return,
+                None => {}
+            }
+        };
+        let body = self.body.lock().take();
+        let (Some(account), Some(body)) = (&mut account, body) else {
+            return;
+        };
+        // Callbacks are caught one by one in the worker: what arrives here is our own mistake, or
+        // a middleware's, and must not leave the others running without it.
+        let panicked = |_: &mut Account, _: &str| {
+            self.stop.stop();
+            let thread = &self.name;
+            self.events.emit(&Event::ThreadPanicked { thread });
+        };
+        platform::guard(account, |account| body.run(account, start), panicked);
+    }
+
+    fn enroll(&self) -> Result<(Account, Ready), Words> {
+        let account = match &*self.budget.lock() {
+            None => Account::unbudgeted(),
+            Some(f) => f
+                .enforcer
+                .enroll(&f.params, f.kind)
+                .map_err(|e| text!("{e}"))?,
+        };
+        let meter = account.meter();
+        let granted = granted(&meter);
+        Ok((account, Ready { meter, granted }))
+    }
+}
+
+/// What the kernel gave the thread, in words; it is not asked where there are none.
+fn granted(meter: &Meter) -> Words {
+    match cfg!(feature = "texts").then(|| os::granted(meter.tid())) {
+        Some(Ok(granted)) => text!("{granted}"),
+        Some(Err(e)) => text!("unknown: {e}"),
+        None => text!("-"),
+    }
+}
+
+struct Finished<'a>(&'a Seat);
+
+impl Drop for Finished<'_> {
+    fn drop(&mut self) {
+        self.0.finished.store(true, Ordering::Release);
+        self.0.owner.set();
+    }
+}

@@ -1,0 +1,191 @@
+//! What a worker's next round has to look at: handles that were marked, and releases that are due.
+//!
+//! ```text
+//!   marks (by slot) ──► due (by position, that is in the order of execution) ──► looked at ──┐
+//!   releases (by position), the earliest known ──► due when its time has come                │
+//!        ▲                                     ▲ again, if there is more                     │
+//!        └─────────────────────────────────────┴─────────────────────────────────────────────┘
+//! ```
+//!
+//! A *slot* is a handle's for as long as it lives; its *position* changes when others come and go.
+
+use super::lazy_now::Moment;
+use crate::Nanos;
+use crate::executor::handles::entry::Entry;
+use crate::handoff::ReadySet;
+use alloc::vec::Vec;
+
+/// Positions per word.
+const BITS: usize = usize::BITS as usize;
+
+/// One worker's; lives on its thread. Allocates when it is made only.
+pub(crate) struct Agenda {
+    /// By slot.
+    positions: Vec<usize>,
+    /// A bit per position.
+    due: Vec<usize>,
+    /// By position; `Nanos::MAX` if there is none.
+    releases: Vec<Nanos>,
+    /// The earliest of them, or earlier.
+    earliest: Nanos,
+    /// How releases become due; set with the first one, so that programs without any do not carry
+    /// the code.
+    by_time: Option<fn(&mut Self, &Moment)>,
+}
+
+impl Agenda {
+    /// For a worker that has up to `limit` handles, in slots below that.
+    pub(crate) fn new(limit: usize) -> Self {
+        // Zeros, which take less code, until they are put in order.
+        let mut agenda = Self {
+            positions: alloc::vec![0; limit],
+            due: alloc::vec![0; limit.div_ceil(BITS)],
+            releases: alloc::vec![0; limit],
+            earliest: 0,
+            by_time: None,
+        };
+        agenda.reorder(&[]);
+        agenda
+    }
+
+    /// Handles have come or gone, or the worker begins: everything is looked at once.
+    pub(crate) fn reorder(&mut self, entries: &[Entry]) {
+        self.positions.fill(usize::MAX);
+        self.releases.fill(Nanos::MAX);
+        self.earliest = Nanos::MAX;
+        self.due.fill(0);
+        for (at, entry) in entries.iter().enumerate() {
+            if let Some(position) = self.positions.get_mut(entry.slot) {
+                *position = at;
+            }
+            self.insert(at);
+        }
+    }
+
+    /// Releases up to `now` are due.
+    pub(crate) fn release(&mut self, now: &Moment) {
+        if let Some(by_time) = self.by_time {
+            by_time(self, now);
+        }
+    }
+
+    fn by_time(&mut self, now: &Moment) {
+        if self.earliest == Nanos::MAX || self.earliest > now.get() {
+            return;
+        }
+        let now = now.get();
+        let Self { releases, due, .. } = self;
+        for (at, _) in releases.iter().enumerate().filter(|(_, r)| **r <= now) {
+            set(due, at);
+        }
+    }
+
+    /// The first handle from position `from` on that is to be looked at, with what was marked
+    /// meanwhile. It is not due any more.
+    pub(crate) fn next_from(&mut self, from: usize, marks: &ReadySet) -> Option<usize> {
+        let Self { positions, due, .. } = self;
+        marks.drain(|slot| {
+            if let Some(at) = positions.get(slot) {
+                set(due, *at);
+            }
+        });
+        let mut above = !0 << (from % BITS);
+        for (word, bits) in due.iter_mut().enumerate().skip(from / BITS) {
+            let wanted = *bits & core::mem::replace(&mut above, !0);
+            if wanted != 0 {
+                let bit = wanted.trailing_zeros();
+                *bits &= !(1 << bit);
+                return Some(word * BITS + bit as usize);
+            }
+        }
+        None
+    }
+
+    /// The handle at this position is to be looked at (again).
+    pub(crate) fn insert(&mut self, at: usize) {
+        set(&mut self.due, at);
+    }
+
+    /// The handle at this position was looked at; this is its next release.
+    pub(crate) fn next_release_of(&mut self, at: usize, release: Option<Nanos>) {
+        self.by_time = Some(Self::by_time);
+        let new = release.unwrap_or(Nanos::MAX);
+        let Some(known) = self.releases.get_mut(at) else {
+            return;
+        };
+        let old = core::mem::replace(known, new);
+        if new < self.earliest {
+            self.earliest = new;
+        } else if old <= self.earliest && new != old {
+            self.earliest = self.releases.iter().copied().min().unwrap_or(Nanos::MAX);
+        }
+    }
+
+    /// Whether anything is known to be due. Marks that were not drained are not known.
+    pub(crate) fn is_due(&self) -> bool {
+        self.due.iter().any(|bits| *bits != 0)
+    }
+
+    /// The earliest release.
+    pub(crate) fn earliest(&self) -> Option<Nanos> {
+        Some(self.earliest).filter(|at| *at != Nanos::MAX)
+    }
+}
+
+/// Positions beyond the last are ignored.
+fn set(bits: &mut [usize], at: usize) {
+    if let Some(word) = bits.get_mut(at / BITS) {
+        *word |= 1 << (at % BITS);
+    }
+}
+
+#[cfg(all(test, not(loom)))]
+mod tests {
+    use super::*;
+
+    fn agenda(limit: usize) -> (Agenda, ReadySet) {
+        let mut agenda = Agenda::new(limit);
+        // Slots in reverse order of positions.
+        for (slot, position) in agenda.positions.iter_mut().enumerate() {
+            *position = limit - 1 - slot;
+        }
+        (agenda, ReadySet::new(limit))
+    }
+
+    #[test]
+    fn marks_come_in_the_order_of_positions_and_earlier_ones_in_the_next_round() {
+        let (mut agenda, marks) = agenda(200);
+        for slot in [0, 70, 199, 200, 9999] {
+            marks.mark(slot);
+        }
+        assert_eq!(agenda.next_from(0, &marks), Some(0));
+        marks.mark(198); // position 1: ahead of the round
+        assert_eq!(agenda.next_from(1, &marks), Some(1));
+        assert_eq!(agenda.next_from(2, &marks), Some(129));
+        marks.mark(199); // position 0: behind it
+        assert_eq!(agenda.next_from(130, &marks), Some(199));
+        assert_eq!(agenda.next_from(200, &marks), None);
+        assert!(agenda.is_due());
+        assert_eq!(agenda.next_from(0, &marks), Some(0));
+        assert_eq!(agenda.next_from(1, &marks), None);
+        assert!(!agenda.is_due());
+    }
+
+    #[test]
+    fn releases_are_due_at_their_time_and_the_earliest_is_known() {
+        let (mut agenda, marks) = agenda(3);
+        assert_eq!(agenda.earliest(), None);
+        agenda.next_release_of(1, Some(20));
+        agenda.next_release_of(2, Some(10));
+        agenda.release(&Moment::at(9));
+        assert_eq!(agenda.next_from(0, &marks), None);
+        agenda.release(&Moment::at(10));
+        assert_eq!(agenda.next_from(0, &marks), Some(2));
+        agenda.next_release_of(2, Some(30));
+        assert_eq!(agenda.earliest(), Some(20));
+        agenda.next_release_of(1, None);
+        assert_eq!(agenda.earliest(), Some(30));
+        agenda.next_release_of(7, Some(1)); // no such position
+        assert_eq!(agenda.earliest(), Some(30));
+    }
+}
