@@ -7,6 +7,7 @@
 
 // First: the others print with its macros.
 #[macro_use]
+#[allow(unreachable_pub, reason = "replenish-cli exports it")]
 #[path = "../../crates/replenish-cli/src/print.rs"]
 mod print;
 

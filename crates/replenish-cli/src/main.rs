@@ -1,29 +1,21 @@
-//! The `replenish` command: demo, experiments, the parts alone, doctor, benchmarks.
-
-// First: the others print with its macros.
-#[macro_use]
-mod print;
-
-mod commands;
-mod load;
-mod machine;
-mod net;
-mod options;
-mod outcome;
-mod parts;
-mod report;
-mod run;
-mod signals;
+//! The `replenish` command of a robot. Words of the laboratory go to `replenish-bench`.
 
 use clap::Parser;
+use replenish_cli::{Command, laboratory, outcome};
 use std::process::ExitCode;
 
+/// A ROS executor that gives every callback a CPU budget: see it, measure it, run it.
+#[derive(Debug, Parser)]
+#[command(name = "replenish", version, arg_required_else_help = true)]
+#[command(after_help = laboratory::HELP)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
 fn main() -> ExitCode {
-    match commands::Cli::parse().run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            eprintln!("replenish: {failure}");
-            failure.exit_code()
-        }
-    }
+    outcome::end(match laboratory::asked() {
+        Some(program) => program.run(),
+        None => Cli::parse().command.run(),
+    })
 }

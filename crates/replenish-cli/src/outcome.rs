@@ -8,7 +8,7 @@ use std::process::ExitCode;
 
 /// Why a command did not do what was asked.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Failure {
+pub enum Failure {
     /// The machine, the network or the other side said no: exit code 1.
     Refused(String),
     /// An option has a value that cannot be: exit code 2.
@@ -17,23 +17,19 @@ pub(crate) enum Failure {
 
 impl Failure {
     /// An exit with code 1.
-    pub(crate) fn refused(why: impl fmt::Display) -> Self {
+    pub fn refused(why: impl fmt::Display) -> Self {
         Self::Refused(why.to_string())
     }
 
     /// An exit with code 2: names the option and the range it must lie in.
-    pub(crate) fn range(
-        option: &str,
-        value: impl fmt::Display,
-        allowed: impl fmt::Display,
-    ) -> Self {
+    pub fn range(option: &str, value: impl fmt::Display, allowed: impl fmt::Display) -> Self {
         Self::Usage(format!(
             "invalid value '{value}' for '{option}': allowed is {allowed}"
         ))
     }
 
     /// Adds what was being done: `what: why`.
-    pub(crate) fn context(self, what: impl fmt::Display) -> Self {
+    pub fn context(self, what: impl fmt::Display) -> Self {
         match self {
             Self::Refused(why) => Self::Refused(format!("{what}: {why}")),
             Self::Usage(why) => Self::Usage(format!("{what}: {why}")),
@@ -41,7 +37,7 @@ impl Failure {
     }
 
     /// The process's exit code.
-    pub(crate) fn exit_code(&self) -> ExitCode {
+    pub fn exit_code(&self) -> ExitCode {
         match self {
             Self::Refused(_) => ExitCode::from(1),
             Self::Usage(_) => ExitCode::from(2),
@@ -60,4 +56,16 @@ impl fmt::Display for Failure {
 impl std::error::Error for Failure {}
 
 /// What a command returns.
-pub(crate) type Outcome = Result<(), Failure>;
+pub type Outcome = Result<(), Failure>;
+
+/// Says why a command failed, if it did; the process's exit code.
+#[must_use]
+pub fn end(outcome: Outcome) -> ExitCode {
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("replenish: {failure}");
+            failure.exit_code()
+        }
+    }
+}

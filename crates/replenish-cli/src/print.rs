@@ -1,9 +1,8 @@
-//! `println!` and its kin for programs at the end of which somebody may stop reading: they stand in
-//! the place of the standard library's, which panic then.
+//! `println!` and its kin for programs whose reader may stop reading: the standard library's panic.
 //!
-//! A reader that has gone (`| head`) ends the program without a word, with the status that a shell
-//! sees of `cat` or `yes` in its place; on a disk that is full it says so and fails. `xtask` has the
-//! same file.
+//! A reader that has gone (`| head`) ends the program silently, with the status that a shell sees of
+//! `cat` or `yes` in its place. A full disk ends it with a message and status 1. `xtask` mounts this
+//! file as well.
 
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, Write};
@@ -12,12 +11,12 @@ use std::io::{self, ErrorKind, Write};
 const READER_GONE: i32 = 128 + 13;
 
 /// Writes to standard output, or ends the program.
-pub(crate) fn out(text: Arguments<'_>) {
+pub fn out(text: Arguments<'_>) {
     written(io::stdout().write_fmt(text));
 }
 
 /// Writes to standard error, or ends the program.
-pub(crate) fn err(text: Arguments<'_>) {
+pub fn err(text: Arguments<'_>) {
     written(io::stderr().write_fmt(text));
 }
 
@@ -26,24 +25,31 @@ fn written(outcome: io::Result<()>) {
     if why.kind() == ErrorKind::BrokenPipe {
         std::process::exit(READER_GONE);
     }
-    // If this is what cannot be written, there is nobody left to tell.
-    writeln!(io::stderr(), "cannot write what was to be said: {why}").ok();
+    // If standard error fails as well, no reader is left.
+    writeln!(io::stderr(), "cannot write the output: {why}").ok();
     std::process::exit(1);
 }
 
+/// `print!` that ends the program if nobody reads.
+#[macro_export]
 macro_rules! print {
-    ($($said:tt)*) => { $crate::print::out(format_args!($($said)*)) };
+    ($($text:tt)*) => { $crate::print::out(format_args!($($text)*)) };
 }
 
+/// `println!` that ends the program if nobody reads.
+#[macro_export]
 macro_rules! println {
-    ($($said:tt)*) => { print!("{}\n", format_args!($($said)*)) };
+    ($($text:tt)*) => { $crate::print::out(format_args!("{}\n", format_args!($($text)*))) };
 }
 
-#[allow(unused_macros, reason = "xtask has the same file, and draws no bars")]
+/// `eprint!` that ends the program if nobody reads.
+#[macro_export]
 macro_rules! eprint {
-    ($($said:tt)*) => { $crate::print::err(format_args!($($said)*)) };
+    ($($text:tt)*) => { $crate::print::err(format_args!($($text)*)) };
 }
 
+/// `eprintln!` that ends the program if nobody reads.
+#[macro_export]
 macro_rules! eprintln {
-    ($($said:tt)*) => { $crate::print::err(format_args!("{}\n", format_args!($($said)*))) };
+    ($($text:tt)*) => { $crate::print::err(format_args!("{}\n", format_args!($($text)*))) };
 }

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 /// "Please end": set by a signal, or by whoever supervises this process.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Stop(Arc<(Mutex<State>, Condvar)>);
+pub struct Stop(Arc<(Mutex<State>, Condvar)>);
 
 #[derive(Debug, Default)]
 struct State {
@@ -19,7 +19,7 @@ struct State {
 
 /// Why a wait has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Woken {
+pub enum Woken {
     /// The end was asked for.
     Stopped,
     /// Somebody wants to know what is going on.
@@ -30,12 +30,18 @@ pub(crate) enum Woken {
 
 impl Stop {
     /// A stop that SIGINT and SIGTERM trigger.
-    pub(crate) fn on_signals() -> Result<Self, Failure> {
+    ///
+    /// # Errors
+    /// The kernel refuses the handlers.
+    pub fn on_signals() -> Result<Self, Failure> {
         Self::on(&[SIGINT, SIGTERM])
     }
 
     /// The same, and SIGUSR1 [asks](Woken::Asked).
-    pub(crate) fn on_signals_and_questions() -> Result<Self, Failure> {
+    ///
+    /// # Errors
+    /// The kernel refuses the handlers.
+    pub fn on_signals_and_questions() -> Result<Self, Failure> {
         Self::on(&[SIGINT, SIGTERM, SIGUSR1])
     }
 
@@ -57,7 +63,7 @@ impl Stop {
     }
 
     /// Asks for the end.
-    pub(crate) fn trigger(&self) {
+    pub fn trigger(&self) {
         self.change(|state| state.stopped = true);
     }
 
@@ -67,13 +73,13 @@ impl Stop {
     }
 
     /// Whether the end was asked for.
-    pub(crate) fn is_triggered(&self) -> bool {
+    pub fn is_triggered(&self) -> bool {
         let state = self.0.0.lock();
         state.unwrap_or_else(PoisonError::into_inner).stopped
     }
 
     /// Waits until the end is asked for, a question is, or `limit` is over. Takes the question.
-    pub(crate) fn wait_or_asked(&self, limit: Duration) -> Woken {
+    pub fn wait_or_asked(&self, limit: Duration) -> Woken {
         let guard = self.0.0.lock().unwrap_or_else(PoisonError::into_inner);
         let quiet = |state: &mut State| !state.stopped && !state.asked;
         let waited = self.0.1.wait_timeout_while(guard, limit, quiet);
@@ -86,12 +92,12 @@ impl Stop {
     }
 
     /// Waits until the end is asked for.
-    pub(crate) fn wait_forever(&self) {
+    pub fn wait_forever(&self) {
         while !self.wait(Duration::from_secs(3_600)) {}
     }
 
     /// Waits until the end is asked for, at most `limit`; returns whether it was.
-    pub(crate) fn wait(&self, limit: Duration) -> bool {
+    pub fn wait(&self, limit: Duration) -> bool {
         let guard = self.0.0.lock().unwrap_or_else(PoisonError::into_inner);
         let (guard, _) = self
             .0

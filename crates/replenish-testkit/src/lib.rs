@@ -5,6 +5,7 @@
 //! - [`harness`]: trials that count as *ignored* (skipped) at run time, through `libtest-mimic`,
 //!   because the standard harness can only pass or fail.
 //! - [`alloc`]: a global allocator that counts, to prove that the hot path does not allocate.
+//! - [`program`]: a built command, run to its end or beside the test.
 //! - [`sets`]: properties over random sets, on all CPUs.
 //! - [`signal`]: a real signal handler.
 //! - [`steal`]: a trial that failed while a hypervisor took the CPU away runs again.
@@ -15,6 +16,7 @@
 
 pub mod alloc;
 pub mod harness;
+pub mod program;
 pub mod rt;
 pub mod sets;
 pub mod signal;

@@ -49,14 +49,14 @@ pub(crate) fn replenish() -> Outcome<PathBuf> {
         };
     }
     let status = Command::new("cargo")
-        .args(["build", "--quiet", "-p", "replenish-cli"])
+        .args(["build", "--quiet", "-p", "replenish-bench"])
         .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
         .status()
         .map_err(|e| format!("cargo: {e}"))?;
     if !status.success() {
         return Err("the program replenish was not built".into());
     }
-    Ok(target().join("debug/replenish"))
+    Ok(target().join("debug/replenish-bench"))
 }
 
 /// Where cargo puts what it builds for the host.

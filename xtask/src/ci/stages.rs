@@ -187,7 +187,7 @@ fn supply() -> Vec<Step> {
 
 fn board() -> Vec<Step> {
     let program = super::paths::target()
-        .join("debug/replenish")
+        .join("debug/replenish-bench")
         .display()
         .to_string();
     let mut steps = vec![

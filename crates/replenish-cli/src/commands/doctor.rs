@@ -2,14 +2,14 @@
 
 use super::latency::{self, Latency};
 use super::overheads;
-use crate::load::SEC;
+use crate::lock;
 use crate::machine;
 use crate::machine::cpus::{self, Cpus};
 use crate::machine::facts::{self, Preemption};
 use crate::options::JsonOption;
 use crate::outcome::Outcome;
 use crate::report::files;
-use crate::run::lock;
+use crate::time::SEC;
 use replenish_os::Policy;
 use replenish_os::privilege::{CgroupRt, Privilege};
 
@@ -18,7 +18,7 @@ const MEASURE: u64 = 2 * SEC;
 
 /// Options of `doctor`.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Args {
+pub struct Args {
     /// Measure what enforcing costs here and keep it in this host's ledger: plans count with it
     /// from then on
     #[arg(long)]

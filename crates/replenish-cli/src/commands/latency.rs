@@ -1,8 +1,8 @@
 //! How late a thread wakes from an absolute sleep: the floor under every latency on this machine.
 
-use crate::load::{MS, Nanos, SEC};
 use crate::machine::stats::{Sorted, us};
 use crate::outcome::Failure;
+use crate::time::{MS, Nanos, SEC};
 use replenish_os::{Policy, ThreadSpec, clock, current_tid, granted, spawn};
 
 /// How long it sleeps each time.

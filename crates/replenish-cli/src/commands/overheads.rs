@@ -1,9 +1,9 @@
 //! `replenish doctor --save`: the overheads that plans count with, measured.
 
-use super::bench_handoff;
 use super::latency::Latency;
-use crate::load::Nanos;
+use crate::handoff;
 use crate::outcome::Failure;
+use crate::time::Nanos;
 use replenish_plan::Overheads;
 use replenish_plan::ledger::{Found, Ledger};
 
@@ -36,7 +36,7 @@ pub(super) fn save(cpu: usize, wake_ups: &Latency, real_time: bool) -> Result<Me
         Found::Off => return Err(Failure::refused("--save: the ledger is off")),
         Found::Nowhere(why) => return Err(Failure::refused(format!("--save: no ledger ({why})"))),
     };
-    let (one_way, round_trip) = bench_handoff::usual(cpu)?;
+    let (one_way, round_trip) = handoff::estimate(cpu)?;
     let default = Overheads::LINUX;
     #[expect(clippy::cast_sign_loss, reason = "a time that is not negative")]
     let latency = (wake_ups.max_undisturbed.max(1.0) * 1e3) as Nanos;

@@ -17,7 +17,7 @@ use std::path::PathBuf;
 
 /// Options of `plan`.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Args {
+pub struct Args {
     /// The deployment file, for example examples/robot/fits.toml
     #[arg(value_name = "FILE")]
     file: PathBuf,

@@ -4,7 +4,7 @@ use crate::outcome::Failure;
 
 /// The CPUs of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Cpus {
+pub struct Cpus {
     /// Where budgets are enforced: pong's workers, dispatcher and enforcer.
     pub measured: usize,
     /// Where ping, the agent and the monitor run; the same CPU if there is only one.
@@ -13,7 +13,7 @@ pub(crate) struct Cpus {
 
 impl Cpus {
     /// The last CPU that this process may use, and the first one for everything else.
-    pub(crate) fn choose() -> Self {
+    pub fn choose() -> Self {
         let allowed = allowed();
         let first = allowed.first().copied().unwrap_or(0);
         Self {
@@ -23,13 +23,13 @@ impl Cpus {
     }
 
     /// Whether everything shares one CPU.
-    pub(crate) fn is_single(&self) -> bool {
+    pub fn is_single(&self) -> bool {
         self.measured == self.support
     }
 }
 
 /// The CPUs that this process may use, in order; CPU 0 if the kernel does not say.
-pub(crate) fn allowed() -> Vec<usize> {
+pub fn allowed() -> Vec<usize> {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let list = status
         .lines()
@@ -40,7 +40,10 @@ pub(crate) fn allowed() -> Vec<usize> {
 }
 
 /// Checks an option that names a CPU.
-pub(crate) fn check(option: &str, cpu: Option<usize>) -> Result<(), Failure> {
+///
+/// # Errors
+/// The process may not use that CPU.
+pub fn check(option: &str, cpu: Option<usize>) -> Result<(), Failure> {
     let allowed = allowed();
     match cpu {
         Some(cpu) if !allowed.contains(&cpu) => {

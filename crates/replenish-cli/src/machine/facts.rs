@@ -3,20 +3,20 @@
 use std::path::Path;
 
 /// A file's text without the final newline; `None` if it cannot be read.
-pub(crate) fn read(path: impl AsRef<Path>) -> Option<String> {
+pub fn read(path: impl AsRef<Path>) -> Option<String> {
     std::fs::read_to_string(path)
         .ok()
         .map(|s| s.trim().to_string())
 }
 
 /// A file that holds one number.
-pub(crate) fn number(path: impl AsRef<Path>) -> Option<i64> {
+pub fn number(path: impl AsRef<Path>) -> Option<i64> {
     read(path)?.parse().ok()
 }
 
 /// How far the kernel itself can be preempted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Preemption {
+pub enum Preemption {
     /// `PREEMPT_RT`: almost everywhere.
     RealTime,
     /// `PREEMPT` or `PREEMPT_LAZY`: outside critical sections.
@@ -28,7 +28,7 @@ pub(crate) enum Preemption {
 }
 
 /// Reads it from the version line, the text of `/proc/version`.
-pub(crate) fn preemption(version: &str) -> Preemption {
+pub fn preemption(version: &str) -> Preemption {
     if version.contains("PREEMPT_RT") {
         Preemption::RealTime
     } else if version.contains("PREEMPT_DYNAMIC") {
@@ -41,7 +41,7 @@ pub(crate) fn preemption(version: &str) -> Preemption {
 }
 
 /// Whether the CPU reports a hypervisor: then the machine can stand still for milliseconds.
-pub(crate) fn is_virtual(cpuinfo: &str) -> bool {
+pub fn is_virtual(cpuinfo: &str) -> bool {
     cpuinfo
         .lines()
         .filter(|l| l.starts_with("flags"))

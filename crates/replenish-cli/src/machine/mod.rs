@@ -1,21 +1,21 @@
 //! What this machine is and grants: read from `/proc` and `/sys`, without privilege.
 
-pub(crate) mod cpus;
-pub(crate) mod facts;
-pub(crate) mod stats;
+pub mod cpus;
+pub mod facts;
+pub mod stats;
 
 use replenish_os::Policy;
 use replenish_os::privilege::{Privilege, probe};
 use std::sync::OnceLock;
 
 /// What the kernel grants this process; found out once.
-pub(crate) fn privilege() -> &'static Privilege {
+pub fn privilege() -> &'static Privilege {
     static PRIVILEGE: OnceLock<Privilege> = OnceLock::new();
     PRIVILEGE.get_or_init(probe)
 }
 
 /// FIFO at `priority` where it is granted, else the ordinary policy.
-pub(crate) fn fifo_or_other(priority: u8) -> Policy {
+pub fn fifo_or_other(priority: u8) -> Policy {
     match Policy::fifo(priority) {
         Ok(fifo) if privilege().real_time() => fifo,
         _ => Policy::Other,

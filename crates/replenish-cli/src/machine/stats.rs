@@ -2,50 +2,55 @@
 
 /// A sorted set of samples.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Sorted(Vec<i64>);
+pub struct Sorted(Vec<i64>);
 
 impl Sorted {
     /// Sorts `samples`.
-    pub(crate) fn new(mut samples: Vec<i64>) -> Self {
+    pub fn new(mut samples: Vec<i64>) -> Self {
         samples.sort_unstable();
         Self(samples)
     }
 
     /// The smallest sample that at least `percent` of all samples do not exceed; 0 if there are
     /// none.
-    pub(crate) fn percentile(&self, percent: usize) -> i64 {
+    pub fn percentile(&self, percent: usize) -> i64 {
         let rank = (self.0.len() * percent.min(100)).div_ceil(100).max(1);
         self.0.get(rank - 1).copied().unwrap_or(0)
     }
 
     /// Half of the samples do not exceed it.
-    pub(crate) fn median(&self) -> i64 {
+    pub fn median(&self) -> i64 {
         self.percentile(50)
     }
 
     /// The number of samples.
-    pub(crate) fn len(&self) -> usize {
+    pub fn len(&self) -> usize {
         self.0.len()
     }
 
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// The largest sample; 0 if there are none.
-    pub(crate) fn max(&self) -> i64 {
+    pub fn max(&self) -> i64 {
         self.0.last().copied().unwrap_or(0)
     }
 
     /// The smallest sample; 0 if there are none.
-    pub(crate) fn min(&self) -> i64 {
+    pub fn min(&self) -> i64 {
         self.0.first().copied().unwrap_or(0)
     }
 
     /// How many samples lie in `from..to`.
-    pub(crate) fn count(&self, from: i64, to: i64) -> usize {
+    pub fn count(&self, from: i64, to: i64) -> usize {
         self.0.partition_point(|x| *x < to) - self.0.partition_point(|x| *x < from)
     }
 }
 
 /// Nanoseconds in microseconds, to three decimals.
-pub(crate) fn us(ns: i64) -> f64 {
+pub fn us(ns: i64) -> f64 {
     ns as f64 / 1e3
 }
 

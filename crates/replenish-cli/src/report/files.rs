@@ -4,29 +4,33 @@ use crate::outcome::Failure;
 use std::path::Path;
 
 /// Writes `text` to `path`.
-pub(crate) fn write(path: &Path, text: &str) -> Result<(), Failure> {
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
     std::fs::write(path, text)
         .map_err(|e| Failure::refused(format!("cannot write {}: {e}", path.display())))
 }
 
 /// Writes `value` as indented JSON to `path`, if there is one.
-pub(crate) fn write_json<T: serde::Serialize>(
-    path: Option<&Path>,
-    value: &T,
-) -> Result<(), Failure> {
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_json<T: serde::Serialize>(path: Option<&Path>, value: &T) -> Result<(), Failure> {
     let Some(path) = path else { return Ok(()) };
     let text = serde_json::to_string_pretty(value)
         .map_err(|e| Failure::refused(format!("cannot encode {}: {e}", path.display())))?;
     write(path, &(text + "\n"))
 }
 
-/// Writes `value` as indented JSON to `path`, if there is one, so that a reader at any time finds
-/// all of the old or all of the new: to a file beside it, which then takes its place. What is not
-/// an ordinary file (`/dev/stdout`) is written to as it is.
-pub(crate) fn replace_json<T: serde::Serialize>(
-    path: Option<&Path>,
-    value: &T,
-) -> Result<(), Failure> {
+/// Replaces the JSON in `path`, if there is one, by `value`.
+///
+/// A reader at any time finds all of the old text or all of the new: the new one is written to a file
+/// beside `path` and renamed. A path that is no ordinary file (`/dev/stdout`) is written to directly.
+///
+/// # Errors
+/// The file cannot be written or renamed.
+pub fn replace_json<T: serde::Serialize>(path: Option<&Path>, value: &T) -> Result<(), Failure> {
     let Some(path) = path else { return Ok(()) };
     if !std::fs::symlink_metadata(path).is_ok_and(|file| file.is_file()) {
         return write_json(Some(path), value);
@@ -44,7 +48,10 @@ pub(crate) fn replace_json<T: serde::Serialize>(
 /// Fails early if `path` cannot be written, so that a long run is not lost at its end.
 ///
 /// Creates the file if it does not exist; does not touch its contents.
-pub(crate) fn check_writable(path: Option<&Path>) -> Result<(), Failure> {
+///
+/// # Errors
+/// The file cannot be written.
+pub fn check_writable(path: Option<&Path>) -> Result<(), Failure> {
     let Some(path) = path else { return Ok(()) };
     std::fs::OpenOptions::new()
         .create(true)
@@ -55,7 +62,7 @@ pub(crate) fn check_writable(path: Option<&Path>) -> Result<(), Failure> {
 }
 
 /// Rows of cells as CSV (RFC 4180: quoted where needed, lines end in a line feed).
-pub(crate) fn csv<R, C>(rows: R) -> String
+pub fn csv<R, C>(rows: R) -> String
 where
     R: IntoIterator,
     R::Item: IntoIterator<Item = C>,

@@ -15,14 +15,14 @@ code{background:#f0f2f5;padding:.1em .3em;border-radius:3px;font-size:.9em}foote
 
 /// A page under construction.
 #[derive(Debug)]
-pub(crate) struct Page {
+pub struct Page {
     title: String,
     body: String,
 }
 
 impl Page {
     /// A page with a heading and a line that says what it is about.
-    pub(crate) fn new(title: &str, lead: &str) -> Self {
+    pub fn new(title: &str, lead: &str) -> Self {
         let body = format!(
             "<h1>{}</h1>\n<p class=\"lead\">{}</p>\n",
             escape(title),
@@ -35,23 +35,23 @@ impl Page {
     }
 
     /// A section heading.
-    pub(crate) fn heading(&mut self, text: &str) {
+    pub fn heading(&mut self, text: &str) {
         self.body.push_str(&format!("<h2>{}</h2>\n", escape(text)));
     }
 
     /// A paragraph of plain text.
-    pub(crate) fn text(&mut self, text: &str) {
+    pub fn text(&mut self, text: &str) {
         self.body.push_str(&format!("<p>{}</p>\n", inline(text)));
     }
 
     /// The sentence that a hurried reader wants.
-    pub(crate) fn answer(&mut self, text: &str) {
+    pub fn answer(&mut self, text: &str) {
         self.body
             .push_str(&format!("<p class=\"answer\">{}</p>\n", escape(text)));
     }
 
     /// Something that limits what the page says.
-    pub(crate) fn warning(&mut self, text: &str) {
+    pub fn warning(&mut self, text: &str) {
         self.body.push_str(&format!(
             "<p class=\"answer warning\">{}</p>\n",
             inline(text)
@@ -59,7 +59,7 @@ impl Page {
     }
 
     /// A table; number columns are aligned to the right.
-    pub(crate) fn table(&mut self, table: &Table) {
+    pub fn table(&mut self, table: &Table) {
         let Some((head, rows)) = table.rows().split_first() else {
             return;
         };
@@ -90,7 +90,7 @@ impl Page {
     }
 
     /// A figure: SVG text as it is, and a caption.
-    pub(crate) fn figure(&mut self, svg: &str, caption: &str) {
+    pub fn figure(&mut self, svg: &str, caption: &str) {
         self.body.push_str(&format!(
             "<figure>\n{svg}\n<figcaption>{}</figcaption></figure>\n",
             inline(caption)
@@ -98,7 +98,7 @@ impl Page {
     }
 
     /// A list of a term and its explanation per line.
-    pub(crate) fn glossary(&mut self, terms: &[(&str, &str)]) {
+    pub fn glossary(&mut self, terms: &[(&str, &str)]) {
         self.body.push_str("<dl>\n");
         for (term, meaning) in terms {
             let (term, meaning) = (escape(term), inline(meaning));
@@ -109,7 +109,7 @@ impl Page {
     }
 
     /// The finished page; `footer` says how it was made.
-    pub(crate) fn finish(self, footer: &str) -> String {
+    pub fn finish(self, footer: &str) -> String {
         format!(
             "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\
              <meta name=\"viewport\" content=\"width=device-width\">\n\
@@ -135,7 +135,7 @@ fn inline(text: &str) -> String {
 }
 
 /// Text that is safe between tags and in attributes.
-pub(crate) fn escape(text: &str) -> String {
+pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")

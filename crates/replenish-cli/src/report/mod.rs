@@ -1,8 +1,5 @@
-//! What a run leaves behind: tables for the terminal, figures, and files.
+//! Results: tables for the terminal, pages, and files.
 
-pub(crate) mod figure;
-pub(crate) mod files;
-pub(crate) mod html;
-pub(crate) mod progress;
-pub(crate) mod table;
-pub(crate) mod timeline;
+pub mod files;
+pub mod html;
+pub mod table;

@@ -2,30 +2,30 @@
 
 /// A table under construction.
 #[derive(Debug)]
-pub(crate) struct Table {
+pub struct Table {
     rows: Vec<Vec<String>>,
 }
 
 impl Table {
     /// A table whose first row names the columns.
-    pub(crate) fn new(columns: &[&str]) -> Self {
+    pub fn new(columns: &[&str]) -> Self {
         Self {
             rows: vec![columns.iter().map(ToString::to_string).collect()],
         }
     }
 
     /// Adds a row.
-    pub(crate) fn row<S: Into<String>>(&mut self, cells: impl IntoIterator<Item = S>) {
+    pub fn row<S: Into<String>>(&mut self, cells: impl IntoIterator<Item = S>) {
         self.rows.push(cells.into_iter().map(Into::into).collect());
     }
 
     /// The rows; the first one names the columns.
-    pub(crate) fn rows(&self) -> &[Vec<String>] {
+    pub fn rows(&self) -> &[Vec<String>] {
         &self.rows
     }
 
     /// The table as text. Columns whose cells are all numbers are aligned to the right.
-    pub(crate) fn to_text(&self) -> String {
+    pub fn to_text(&self) -> String {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let cells = |c: usize| self.rows.iter().filter_map(move |r| r.get(c));
         let width: Vec<usize> = (0..columns)
@@ -57,23 +57,23 @@ impl Table {
 }
 
 /// Whether a cell is a number, with or without a unit sign, or a dash for "none".
-pub(crate) fn is_number(cell: &str) -> bool {
+pub fn is_number(cell: &str) -> bool {
     let first = cell.trim_start_matches(['+', '-', '−']).chars().next();
     cell == "-" || first.is_some_and(|c| c.is_ascii_digit())
 }
 
 /// A count, or a dash where there is none.
-pub(crate) fn count(n: Option<u64>) -> String {
+pub fn count(n: Option<u64>) -> String {
     n.map_or_else(|| "-".to_string(), |n| n.to_string())
 }
 
 /// A percentage for people: `30.00 %`.
-pub(crate) fn percent(x: f64) -> String {
+pub fn percent(x: f64) -> String {
     format!("{x:.2} %")
 }
 
 /// A signed percentage for people: `+0.03 %`.
-pub(crate) fn signed_percent(x: f64) -> String {
+pub fn signed_percent(x: f64) -> String {
     format!("{x:+.3} %")
 }
 

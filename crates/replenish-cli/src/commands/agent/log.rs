@@ -8,7 +8,7 @@
 //!
 //! So a flood that goes on costs six lines of its kind in 20 minutes.
 
-use crate::load::{Nanos, SEC};
+use crate::time::{Nanos, SEC};
 use replenish_agent::Incidents;
 use std::collections::BTreeMap;
 

@@ -8,28 +8,29 @@ mod status;
 mod view;
 mod watch;
 
-use crate::load::SEC;
-use crate::load::spec::SUPPORT_PRIORITY;
 use crate::machine::cpus;
 use crate::machine::fifo_or_other;
 use crate::outcome::{Failure, Outcome};
-use crate::parts::protocol::{Event, Ready};
-use crate::parts::supervised::{self, SharedGrid};
-use crate::parts::threads;
 use crate::report::files;
 use crate::signals::Stop;
+use crate::supervised::{self, Event, Ready};
+use crate::threads;
+use crate::time::SEC;
 use replenish_agent::{Agent, AgentConfig, AgentError, Stats, StopHandle};
 use replenish_os::{Policy, Thread, ThreadSpec, spawn};
 use std::io::Write;
 use std::path::PathBuf;
 use watch::Watcher;
 
+/// Its priority under an orchestrator, so that a busy machine does not hold up messages.
+const SUPPORT_PRIORITY: u8 = 70;
+
 /// How the agent's thread is called.
 const THREAD: &str = "xrce-agent";
 
 /// Options of `agent`.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Args {
+pub struct Args {
     #[command(flatten)]
     transports: options::Transports,
 
@@ -98,7 +99,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let handle = StopHandle::new();
     let thread = start(agent, policy, args.cpu, handle.clone(), stop.clone())?;
     if args.supervised {
-        supervised::listen(SharedGrid::default(), stop.clone());
+        supervised::listen(stop.clone(), |_| ());
         let row = threads::row("agent", THREAD, &policy);
         let address = Some(address.to_string());
         supervised::emit(&Event::Ready(Ready {

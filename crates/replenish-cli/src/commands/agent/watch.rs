@@ -3,10 +3,10 @@
 use super::log::Log;
 use super::status::Status;
 use super::view;
-use crate::load::{MS, Nanos, SEC};
 use crate::outcome::Outcome;
 use crate::report::files;
 use crate::signals::{Stop, Woken};
+use crate::time::{MS, Nanos, SEC};
 use replenish_agent::{Inspector, Limits, Snapshot, Stats};
 use replenish_os::clock;
 use serde_json::{Value, json};

@@ -22,7 +22,7 @@ const TRACED: Nanos = 20_000 * MS;
 
 /// Options of `simulate`.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Args {
+pub struct Args {
     /// The deployment file, for example examples/robot/fits.toml
     #[arg(value_name = "FILE")]
     file: PathBuf,

@@ -8,12 +8,12 @@
 mod observe;
 
 use super::plan::ms;
-use crate::load::{MS, Nanos};
 use crate::options::{self, JsonOption};
 use crate::outcome::{Failure, Outcome};
 use crate::report::files;
 use crate::report::table::Table;
 use crate::signals::Stop;
+use crate::time::{MS, Nanos};
 use observe::{Observer, Seen};
 use replenish_os::clock;
 use replenish_plan::{Guarantee, Template, TemplateWorker};
@@ -30,7 +30,7 @@ const WIND_DOWN: Duration = Duration::from_secs(2);
 
 /// Options of `suggest`.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Args {
+pub struct Args {
     /// A process that runs, instead of a program to start
     #[arg(long, value_name = "PID", conflicts_with = "program",
           value_parser = clap::value_parser!(u32).range(1..))]

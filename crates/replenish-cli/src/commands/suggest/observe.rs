@@ -4,7 +4,7 @@
 //! The kernel brings the number of a thread that runs up to date at its timer tick (1 to 10 ms) and
 //! whenever it stops running, so a window can be off by that much at each end.
 
-use crate::load::Nanos;
+use crate::time::Nanos;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;

@@ -1,0 +1,213 @@
+//! What Experiment 2 tells: table, JSON, CSV, the figure in the shape of the paper's, the page.
+
+use super::{Apart, Files};
+use crate::load::simulated::Costs;
+use crate::report::figure::{Figure, HIGH, INK, LOW, Series, Style, THEORY};
+use crate::roles::protocol::Mode;
+use crate::testbench::orchestrator::Run;
+use crate::testbench::summary::PerWindow;
+use crate::testbench::windows::Repeated;
+use replenish_cli::outcome::Outcome;
+use replenish_cli::report::html::Page;
+use replenish_cli::report::table::{Table, count, percent};
+
+/// The columns of the CSV: names of the JSON.
+const COLUMNS: [&str; 15] = [
+    "sleep_percent",
+    "high_cpu_percent",
+    "theory_percent",
+    "high_priority_cpu_percent",
+    "background_cpu_percent",
+    "high_answered",
+    "expected_high",
+    "simulated_high_answered",
+    "low_answered",
+    "simulated_low_answered",
+    "simulated_difference_per_window",
+    "simulated_worst_difference",
+    "windows",
+    "windows_repeated",
+    "windows_disturbed",
+];
+
+/// One point of Experiment 2. The first three names are a contract.
+#[derive(Debug, Clone, serde::Serialize)]
+pub(crate) struct SleepPoint {
+    sleep_percent: u8,
+    high_cpu_percent: f64,
+    theory_percent: f64,
+    low_cpu_percent: f64,
+    high_answered: u64,
+    low_answered: u64,
+    expected_high: u64,
+    /// What the simulator gives for these windows.
+    simulated_high_answered: Option<u64>,
+    simulated_low_answered: Option<u64>,
+    /// How far measured and simulated counts are apart, per window, for the topic that is worse.
+    simulated_difference_per_window: Option<f64>,
+    /// How far one topic is from it in one window, at worst.
+    simulated_worst_difference: Option<u64>,
+    #[serde(skip)]
+    apart: Option<Apart>,
+    high_priority_cpu_percent: f64,
+    background_cpu_percent: f64,
+    windows: u64,
+    /// What the simulator was told about this machine, measured in this run.
+    simulated_with_ns: Costs,
+    windows_repeated: u64,
+    windows_repeated_because: Repeated,
+    windows_disturbed: u64,
+    per_window: Vec<PerWindow>,
+    mode: Mode,
+}
+
+impl SleepPoint {
+    /// The point of one run.
+    pub(crate) fn new(sleep_percent: u8, run: &Run) -> Self {
+        let s = &run.summary;
+        let apart = Apart::of(s);
+        Self {
+            sleep_percent,
+            high_cpu_percent: s.high.cpu_percent,
+            theory_percent: s.high.expected_cpu_percent,
+            low_cpu_percent: s.low.cpu_percent,
+            high_answered: s.high.answered,
+            low_answered: s.low.answered,
+            expected_high: s.high.expected,
+            simulated_high_answered: s.high.simulated,
+            simulated_low_answered: s.low.simulated,
+            simulated_difference_per_window: apart.map(|a| a.per_window),
+            simulated_worst_difference: apart.map(|a| a.worst_window),
+            apart,
+            high_priority_cpu_percent: s.high.high_priority_cpu_percent,
+            background_cpu_percent: s.high.background_cpu_percent,
+            simulated_with_ns: run.end.costs,
+            windows: s.windows,
+            windows_repeated: s.windows_repeated,
+            windows_repeated_because: s.windows_repeated_because,
+            windows_disturbed: s.windows_disturbed,
+            per_window: s.per_window.clone(),
+            mode: run.mode,
+        }
+    }
+
+    fn row(&self) -> [String; 12] {
+        [
+            self.sleep_percent.to_string(),
+            percent(self.high_cpu_percent),
+            percent(self.theory_percent),
+            percent(self.high_priority_cpu_percent),
+            percent(self.background_cpu_percent),
+            self.high_answered.to_string(),
+            self.expected_high.to_string(),
+            count(self.simulated_high_answered),
+            self.low_answered.to_string(),
+            count(self.simulated_low_answered),
+            self.apart
+                .map_or_else(|| "-".to_string(), |a| format!("{:.1}", a.per_window)),
+            self.windows_repeated.to_string(),
+        ]
+    }
+}
+
+/// Writes and prints Experiment 2.
+pub(super) fn sleep(to: &Files, points: &[SleepPoint]) -> Outcome {
+    let mut table = Table::new(&[
+        "low sleeps %",
+        "high CPU",
+        "theory",
+        "at its priority",
+        "in background",
+        "high answered",
+        "theory",
+        "simulated",
+        "low answered",
+        "simulated",
+        "off per window",
+        "repeated",
+    ]);
+    for p in points {
+        table.row(p.row());
+    }
+    println!("{}", table.to_text());
+    let agreement = super::agreement(points.iter().map(|p| p.apart));
+    println!("{agreement}");
+    let told = points
+        .iter()
+        .map(|p| (p.windows_repeated_because, p.windows_disturbed));
+    super::tell_repeated(told);
+    super::warn(points.iter().any(|p| p.mode == Mode::Deferred));
+
+    let json = serde_json::json!({
+        "experiment": "work-conserving",
+        "budget_ms": 30,
+        "period_ms": 100,
+        "points": points,
+    });
+    let svg = figure(points).to_svg()?;
+    let mut page = Page::new(
+        "Experiment 2: what nobody else uses goes to the background",
+        &to.source("work-conserving"),
+    );
+    page.text(
+        "The worker of topic high has 30 ms per 100 ms at high priority and goes on in the \
+         background when they are used up. The callback of topic low sleeps for a part of its \
+         10 ms. Theory: high gets 30 % and all that low sleeps, 30 + 70 x percent.",
+    );
+    page.answer(&agreement);
+    page.figure(
+        &svg,
+        "CPU time of the high worker. Marks: measured. Dashed: theory.",
+    );
+    page.table(&table);
+    super::write(to, &super::csv(&COLUMNS, &json), &json, &svg, page)
+}
+
+fn figure(points: &[SleepPoint]) -> Figure {
+    let line = |y: fn(&SleepPoint) -> f64| -> Vec<(f64, f64)> {
+        let mut line: Vec<_> = points
+            .iter()
+            .map(|p| (f64::from(p.sleep_percent), y(p)))
+            .collect();
+        line.sort_by(|a, b| a.0.total_cmp(&b.0));
+        line
+    };
+    let series = |label: &str, color, style, points| Series {
+        label: label.into(),
+        color,
+        style,
+        points,
+    };
+    Figure {
+        title: "Work conserving nature of the sporadic scheduler".into(),
+        x_label: "time that the low callback sleeps, %".into(),
+        y_label: "CPU time, % of the windows".into(),
+        x_max: 100.0,
+        series: vec![
+            series(
+                "high, measured",
+                HIGH,
+                Style::Measured,
+                line(|p| p.high_cpu_percent),
+            ),
+            series(
+                "high, theory: 30 + 70 x",
+                THEORY,
+                Style::Theory,
+                line(|p| p.theory_percent),
+            ),
+            series(
+                "high within its budget, measured",
+                INK,
+                Style::Reference,
+                line(|p| p.high_priority_cpu_percent),
+            ),
+            series(
+                "low, measured",
+                LOW,
+                Style::Measured,
+                line(|p| p.low_cpu_percent),
+            ),
+        ],
+    }
+}

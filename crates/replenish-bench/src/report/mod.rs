@@ -1,0 +1,5 @@
+//! What a run shows: progress on the terminal, and figures.
+
+pub(crate) mod figure;
+pub(crate) mod progress;
+pub(crate) mod timeline;

@@ -1,0 +1,344 @@
+//! The agent as a process: where it listens, what it shows, what it refuses, how it ends.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests"
+)]
+
+use crate::common::{BIN, Running, Scratch, json, run, start, stderr};
+use replenish_os::tty::Pty;
+use replenish_xrce::client::{PING_LEN, ping, pong};
+use replenish_xrce::framing::{
+    SERIAL_AGENT, SERIAL_CLIENT, Serial, serial_frame, serial_frame_len,
+};
+use replenish_xrce::wire::RequestId;
+use serde_json::Value;
+use std::net::{TcpListener, UdpSocket};
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+const SOON: Duration = Duration::from_secs(10);
+
+/// The request that a ping is.
+const ASKED: RequestId = RequestId::FIRST;
+
+/// An agent on a free port of loopback with more options, and its address.
+fn agent(more: &[&str]) -> (Running, String) {
+    let mut agent = start(&[&["agent", "--udp", "127.0.0.1:0"], more].concat());
+    let address = address_in(&agent.expect_line("listening at", SOON));
+    (agent, address)
+}
+
+/// The first `127.0.0.1:port` in a line.
+fn address_in(line: &str) -> String {
+    let from = line.find("127.0.0.1:").unwrap();
+    line[from..]
+        .chars()
+        .take_while(|c| c.is_ascii_digit() || ".:".contains(*c))
+        .collect()
+}
+
+/// Two clients that talk: pong and ping.
+fn clients(address: &str) -> (Running, Running) {
+    let mut pong = start(&["pong", "--agent", address, "--burst", "0"]);
+    pong.expect_line("granted", SOON);
+    let mut ping = start(&["ping", "--agent", address, "--interval", "20"]);
+    ping.expect_line("answered", SOON);
+    (pong, ping)
+}
+
+/// Asks again until it holds.
+fn eventually(what: &str, mut holds: impl FnMut() -> bool) {
+    let until = Instant::now() + SOON;
+    while !holds() {
+        assert!(Instant::now() < until, "{what}");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+fn list<'a>(value: &'a Value, name: &str) -> &'a [Value] {
+    value[name].as_array().unwrap_or_else(|| panic!("{name}"))
+}
+
+#[test]
+fn it_listens_at_several_addresses_of_both_families_and_over_tcp() {
+    if UdpSocket::bind("[::1]:0").is_err() {
+        eprintln!("skipped: no IPv6 on this machine");
+        return;
+    }
+    let scratch = Scratch::new("agent-addresses");
+    let path = scratch.path("agent.json");
+    let (mut agent, address) = agent(&[
+        "--udp",
+        "[::1]:0",
+        "--tcp",
+        "127.0.0.1:0",
+        "--json",
+        path.to_str().unwrap(),
+    ]);
+    let mut request = [0; PING_LEN];
+    let request = ping(ASKED, None, &mut request).unwrap();
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    socket.send_to(request, &address).unwrap();
+    socket.set_read_timeout(Some(SOON)).unwrap();
+    let mut buf = [0; 64];
+    let len = socket.recv(&mut buf).unwrap();
+    assert!(pong(ASKED, &buf[..len]).is_some());
+    agent.signal("INT");
+    assert!(agent.end(SOON).success());
+    let told = json(&path);
+    let places = list(&told, "addresses");
+    assert_eq!(places.len(), 3, "{places:?}");
+    for (place, part) in places.iter().zip(["127.0.0.1:", "[::1]:", "(TCP)"]) {
+        assert!(place.as_str().unwrap().contains(part), "{place}");
+    }
+}
+
+#[test]
+fn wrong_options_name_the_field_and_the_range() {
+    let cases: [(&[&str], &str, &str); 14] = [
+        (&["--udp", "localhost"], "--udp", "invalid"),
+        (&["--clients", "0"], "--clients", "1..=4096"),
+        (&["--entities", "5000"], "--entities", "1..=4096"),
+        (&["--streams", "17"], "--streams", "1..=16"),
+        (&["--client-memory", "100"], "--client-memory", "4096..="),
+        (&["--message", "63"], "--message", "64..=65535"),
+        (&["--sample", "70000"], "--sample", "1..=65531"),
+        (&["--rate", "10000001"], "--rate", "0..=10000000"),
+        (&["--silence", "0"], "--silence", "1..=86400"),
+        (&["--watch", "0"], "--watch", "1..=3600"),
+        (
+            &["--priority", "/a=8"],
+            "--priority",
+            "priority is 8, allowed is 0 to 7",
+        ),
+        (
+            &["--serial", "/dev/null", "--baud", "12345"],
+            "--baud",
+            "115200",
+        ),
+        (
+            &[
+                "--serial", "a", "--serial", "b", "--serial", "c", "--baud", "9600", "--baud",
+                "1200",
+            ],
+            "--baud",
+            "once for each",
+        ),
+        (&["--baud", "9600"], "--baud", "--serial"),
+    ];
+    for (args, option, range) in cases {
+        let output = run(&[&["agent"], args].concat());
+        let text = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {text}");
+        assert!(
+            text.contains(option) && text.contains(range),
+            "{args:?}: {text}"
+        );
+    }
+}
+
+#[test]
+fn what_it_cannot_listen_at_is_named_at_once() {
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    let cases: [(&[&str], &str); 4] = [
+        (&["--tcp", &address], &address),
+        (&["--serial", "/dev/no-such-line"], "/dev/no-such-line"),
+        (&["--serial", "/dev/null"], "/dev/null"),
+        (&["--refs", "/nonexistent.refs"], "/nonexistent.refs"),
+    ];
+    for (args, named) in cases {
+        let begun = Instant::now();
+        let output = run(&[&["agent"], args].concat());
+        let text = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{args:?}: {text}");
+        assert!(text.contains(named), "{args:?}: {text}");
+        assert!(begun.elapsed() < SOON);
+    }
+}
+
+#[test]
+fn a_line_without_permission_is_named() {
+    let pty = Pty::open().unwrap();
+    std::fs::set_permissions(pty.path(), PermissionsExt::from_mode(0o000)).unwrap();
+    let mut command = Command::new(BIN);
+    command.args(["agent", "--serial"]).arg(pty.path());
+    // Root may open everything: another user is needed.
+    if std::fs::metadata("/proc/self").is_ok_and(|me| std::os::unix::fs::MetadataExt::uid(&me) == 0)
+    {
+        command.uid(65_534);
+    }
+    let Ok(output) = command.stdin(Stdio::null()).output() else {
+        eprintln!("skipped: another user cannot run {BIN}");
+        return;
+    };
+    let text = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    let path = pty.path().to_str().unwrap();
+    assert!(text.contains(path) && text.contains("ermission"), "{text}");
+}
+
+#[test]
+fn a_serial_line_alone_is_served_and_opens_no_port() {
+    let pty = Pty::open().unwrap();
+    let path = pty.path().to_str().unwrap();
+    let mut agent = start(&["agent", "--serial", path, "--baud", "921600"]);
+    let line = agent.expect_line("listening at", SOON);
+    assert!(line.contains(path) && line.contains("921600"), "{line}");
+    assert!(!line.contains("UDP"), "{line}");
+    let mut request = [0; PING_LEN];
+    let request = ping(ASKED, None, &mut request).unwrap();
+    let mut frame = vec![0; serial_frame_len(request.len())];
+    let len = serial_frame(SERIAL_CLIENT, SERIAL_AGENT, request, &mut frame).unwrap();
+    assert_eq!(pty.tty.write(&frame[..len]).unwrap(), len);
+    let mut decoder = Serial::new(SERIAL_CLIENT, vec![0; 512]);
+    let mut answered = false;
+    eventually("an answer", || {
+        let mut buf = [0; 256];
+        if let Ok(len) = pty.tty.read(&mut buf) {
+            decoder.push(&buf[..len], |_, message| {
+                answered |= pong(ASKED, message).is_some();
+            });
+        }
+        answered
+    });
+    agent.signal("TERM");
+    assert!(agent.end(SOON).success());
+}
+
+/// What `--json` has of two clients that talk.
+fn check_json(path: &Path) -> Value {
+    let told = json(path);
+    assert_eq!(list(&told, "clients").len(), 2, "{told:#}");
+    for client in list(&told, "clients") {
+        for key in [
+            "key",
+            "session",
+            "peer",
+            "mtu",
+            "age_seconds",
+            "silent_seconds",
+            "entities",
+            "memory_bytes",
+            "datagrams_in_per_second",
+            "bytes_out_per_second",
+            "rate_limited",
+            "retransmitted",
+            "unacknowledged",
+        ] {
+            assert!(client.get(key).is_some(), "{key}: {client}");
+        }
+    }
+    let topic = list(&told, "topics")
+        .iter()
+        .find(|topic| topic["topic"] == "rt/high_ping")
+        .unwrap_or_else(|| panic!("{told:#}"));
+    assert_eq!(
+        (&topic["writers"], &topic["readers"]),
+        (&1.into(), &1.into())
+    );
+    assert!(topic["type"].as_str().unwrap().contains("Int32"), "{topic}");
+    for key in [
+        "messages_in_per_second",
+        "bytes_in_per_second",
+        "messages_out_per_second",
+        "bytes_out_per_second",
+    ] {
+        assert!(topic[key].as_f64().unwrap() > 0.0, "{key}: {topic}");
+    }
+    let reader = list(&told, "entities")
+        .iter()
+        .find(|entity| entity["kind"] == "data_reader" && entity["topic"] == "rt/high_ping");
+    let half = &reader.unwrap()["reads"];
+    assert_eq!(half["matched"], 1, "{half}");
+    assert_eq!(half["priority"], 7, "the rule's");
+    assert!(half["messages"].as_u64().unwrap() > 0, "{half}");
+    told
+}
+
+#[test]
+fn it_shows_who_does_what_on_demand_and_ends_cleanly_with_clients_connected() {
+    let scratch = Scratch::new("agent-shows");
+    let path = scratch.path("agent.json");
+    let (mut agent, address) =
+        agent(&["--json", path.to_str().unwrap(), "--priority", "/high_*=7"]);
+    let (_pong, _ping) = clients(&address);
+    agent.signal("USR1");
+    agent.expect_line("2 clients, ", SOON);
+    let row = agent.expect_line("rt/high_ping", SOON);
+    assert!(row.contains("Int32"), "{row}");
+    let row = agent.expect_line("data_reader", SOON);
+    assert!(row.contains("last "), "its QoS: {row}");
+    eventually("the file is there", || {
+        std::fs::read_to_string(&path).is_ok_and(|text| !text.is_empty())
+    });
+    check_json(&path);
+    agent.signal("TERM");
+    assert!(agent.end(SOON).success());
+    let told = check_json(&path);
+    assert_eq!(told["limits"]["clients"], 64);
+    assert_eq!(told["sessions"], 2);
+    let files = std::fs::read_dir(scratch.dir()).unwrap().count();
+    assert_eq!(files, 1, "nothing is left beside the JSON");
+}
+
+#[test]
+fn a_watched_agent_shows_itself_again_and_again() {
+    let (mut agent, _) = agent(&["--watch"]);
+    for _ in 0..2 {
+        agent.expect_line("0 clients, 0 topics", SOON);
+    }
+    agent.signal("INT");
+    assert!(agent.end(SOON).success());
+}
+
+#[test]
+fn a_flood_of_rubbish_is_counted_and_costs_a_few_lines() {
+    let scratch = Scratch::new("agent-flood");
+    let path = scratch.path("agent.json");
+    let (mut agent, address) = agent(&["--json", path.to_str().unwrap()]);
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    for i in 0..20_000_u32 {
+        socket.send_to(&i.to_le_bytes()[..3], &address).unwrap();
+        if i % 100 == 0 {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+    let line = agent.expect_line("no DDS-XRCE message", SOON);
+    let from = socket.local_addr().unwrap().to_string();
+    assert!(line.contains(&from), "{line}");
+    agent.signal("TERM");
+    assert!(agent.end(SOON).success());
+    let told = json(&path);
+    let counted = told["refused"]["malformed"].as_u64().unwrap();
+    assert_eq!(told["malformed"].as_u64(), Some(counted));
+    assert!(counted > 5_000, "{counted}");
+    let lines = agent.rest();
+    assert!(lines.len() < 10, "{lines:#?}");
+    let more = lines.iter().find(|line| line.contains("were not logged"));
+    assert!(
+        more.is_some_and(|line| line.contains("malformed")),
+        "{lines:#?}"
+    );
+}
+
+#[test]
+fn a_client_too_many_is_refused_with_its_key_its_place_and_the_limit() {
+    let (mut agent, address) = agent(&["--clients", "1"]);
+    let mut pong = start(&["pong", "--agent", &address, "--burst", "0"]);
+    pong.expect_line("granted", SOON);
+    let ping = run(&["ping", "--agent", &address, "--seconds", "1"]);
+    assert_eq!(ping.status.code(), Some(1), "{}", stderr(&ping));
+    let line = agent.expect_line("limits.clients = 1", SOON);
+    assert!(
+        line.contains("agent: client ") && line.contains("udp 127.0.0.1:"),
+        "{line}"
+    );
+    agent.signal("TERM");
+    assert!(agent.end(SOON).success());
+}

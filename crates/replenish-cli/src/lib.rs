@@ -1,0 +1,33 @@
+//! The words of the `replenish` command that a robot needs, and what every word shares.
+//!
+//! ```text
+//!   commands    agent  plan  simulate  suggest  doctor
+//!                 │      │       │        │        │
+//!   handoff       │      │       │        │        ▼   cost of waking a thread
+//!   supervised  ◄─┘      ▼       ▼        ▼            a process under an orchestrator
+//!   report               files, tables, pages          options  lock  machine  signals
+//!   outcome              exit codes                    print  threads  time
+//! ```
+//!
+//! `replenish-bench` adds the laboratory's words: `demo`, `experiment`, `bench`, `ping`, `pong`.
+//! This library is theirs; it is no API to build on.
+
+// First: the others print with its macros.
+#[macro_use]
+#[doc(hidden)]
+pub mod print;
+
+mod commands;
+pub mod handoff;
+pub mod laboratory;
+pub mod lock;
+pub mod machine;
+pub mod options;
+pub mod outcome;
+pub mod report;
+pub mod signals;
+pub mod supervised;
+pub mod threads;
+pub mod time;
+
+pub use commands::Command;
