@@ -4,7 +4,7 @@ use crate::load::{MS, Nanos, SEC};
 use replenish_cli::outcome::Failure;
 use replenish_os::clock;
 use replenish_xrce::client::{
-    Buffers, Config, Event, PingPolicy, ReliableBuffers, Session, State, WriteError,
+    Buffers, Config, Event, PingPolicy, ReliableBuffers, Session, SessionState, WriteError,
 };
 use replenish_xrce::stream::AckPolicy;
 use replenish_xrce::udp::UdpTransport;
@@ -163,7 +163,7 @@ impl Client {
     /// refused.
     pub(crate) fn await_up(&mut self, limit: Nanos) -> Result<(), Failure> {
         let until = clock::monotonic().saturating_add(limit);
-        while self.session.state() != State::Up {
+        while self.session.state() != SessionState::Up {
             let now = clock::monotonic();
             if now >= until {
                 let agent = self.transport.agent();

@@ -1,7 +1,7 @@
 //! Our client on a UDP socket.
 
 use replenish_xrce::client::{
-    Buffers, Config, Event, PingPolicy, ReliableBuffers, Session, State, WriteError,
+    Buffers, Config, Event, PingPolicy, ReliableBuffers, Session, SessionState, WriteError,
 };
 use replenish_xrce::udp::UdpTransport;
 use replenish_xrce::wire::{
@@ -127,7 +127,7 @@ impl Ours {
     }
 
     pub(crate) fn is_up(&self) -> bool {
-        self.session.state() == State::Up && self.session.is_delivered()
+        self.session.state() == SessionState::Up && self.session.is_delivered()
     }
 
     pub(crate) fn write(&mut self, payload: &[u8], reliable: bool) {

@@ -31,7 +31,7 @@ extern "C" fn entry() -> ! {
 #[cfg(not(feature = "empty"))]
 mod client {
     use super::{AtomicU8, CLOCK, Ordering, PORT};
-    use replenish_xrce::client::{Buffers, Config, Event, ReliableBuffers, Session, State};
+    use replenish_xrce::client::{Buffers, Config, Event, ReliableBuffers, Session, SessionState};
     use replenish_xrce::wire::{
         ClientKey, CreationMode, DataReaderBinary, DataWriterBinary, DeliveryControl, Entity,
         GroupBinary, ObjectId, ObjectKind, ParticipantBinary, Representation, StreamId,
@@ -180,7 +180,7 @@ mod client {
                 session.handle(now(), datagram, &mut events);
             }
             session.tick(now(), &mut events);
-            if session.state() == State::Up {
+            if session.state() == SessionState::Up {
                 let number = CLOCK.load(Ordering::Relaxed).to_le_bytes();
                 let reliable = session.write(WRITER, StreamId::RELIABLE, &number);
                 let best_effort = session.write(WRITER, StreamId::BEST_EFFORT, &number);

@@ -5,8 +5,8 @@ use crate::clients::{Client, Promise};
 use crate::report::Reason;
 use replenish_xrce::Nanos;
 use replenish_xrce::wire::{
-    AgentInfo, Body, ClientKey, CreateClient, DELIVERY, DELIVERY_BACK, DELIVERY_NEW,
-    DELIVERY_SETTLED, GetInfo, Header, Info, Message, ObjectId, Properties, Status, StatusAgent,
+    AgentInfo, Body, ClientKey, CreateClient, DELIVERY, DELIVERY_BACK, DELIVERY_CONFIRMED,
+    DELIVERY_NEW, GetInfo, Header, Info, Message, ObjectId, Properties, Status, StatusAgent,
     VENDOR, VERSION,
 };
 use std::hash::Hash;
@@ -79,7 +79,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             version: VERSION,
             vendor: VENDOR,
             properties: match promise(&create.properties) {
-                Some(_) => Properties::List(&[(DELIVERY, DELIVERY_SETTLED)]),
+                Some(_) => Properties::List(&[(DELIVERY, DELIVERY_CONFIRMED)]),
                 None => Properties::None,
             },
         };

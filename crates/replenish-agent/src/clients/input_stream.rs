@@ -5,7 +5,7 @@ use crate::flow::{Charge, Ledger, Receipt, Token};
 use replenish_xrce::Nanos;
 use replenish_xrce::SeqNum;
 use replenish_xrce::stream::{InputBestEffort, InputReliable};
-use replenish_xrce::wire::{AckNack, Confirmation, Settled, StreamId, Submessage, Submessages};
+use replenish_xrce::wire::{AckNack, Confirmation, Confirmed, StreamId, Submessage, Submessages};
 use std::collections::VecDeque;
 use std::sync::{Arc, Weak};
 
@@ -230,11 +230,11 @@ impl Inlet {
             ack.missing = 0;
         }
         if self.tells_both {
-            let settled = Some(Settled {
-                first_unsettled: settled,
+            let confirmed = Some(Confirmed {
+                first_unconfirmed: settled,
                 companions,
             });
-            return Some(Confirmation { ack, settled });
+            return Some(Confirmation { ack, confirmed });
         }
         let ahead = u32::try_from(ack.first_unacked.since(settled)).unwrap_or(0);
         let ack = AckNack {
@@ -242,6 +242,9 @@ impl Inlet {
             missing: ack.missing.checked_shl(ahead).unwrap_or(0),
             ..ack
         };
-        Some(Confirmation { ack, settled: None })
+        Some(Confirmation {
+            ack,
+            confirmed: None,
+        })
     }
 }

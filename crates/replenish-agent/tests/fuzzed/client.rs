@@ -3,7 +3,7 @@
 
 use super::{MS, Script};
 use replenish_xrce::SeqNum;
-use replenish_xrce::client::{Buffers, Config, Event, ReliableBuffers, Session, State};
+use replenish_xrce::client::{Buffers, Config, Event, ReliableBuffers, Session, SessionState};
 use replenish_xrce::wire::{
     AckNack, AgentInfo, Body, ClientKey, CreationMode, DataReaderBinary, DataWriterBinary,
     DeliveryControl, Encode, Entity, GroupBinary, Header, Info, Message, MessageWriter, ObjectId,
@@ -266,7 +266,7 @@ impl Client {
                 client.now = next.unwrap_or(end).min(client.now + 50 * MS);
             }
         };
-        pass(self, |client| client.session.state() == State::Up);
+        pass(self, |client| client.session.state() == SessionState::Up);
         for stream in STREAMS {
             let writer = ObjectId::new(1, ObjectKind::DataWriter);
             // What was written before the agent was lost may fill the stream.

@@ -11,7 +11,7 @@ use crate::sim::{Faults, Sim};
 use proptest::prelude::*;
 use replenish_msg::std_msgs::{Int32, UInt8MultiArray};
 use replenish_msg::{Message, decode, encode};
-use replenish_xrce::client::State;
+use replenish_xrce::client::SessionState;
 use replenish_xrce::wire::StreamId;
 
 const SECOND: u64 = 1000 * MS;
@@ -179,7 +179,9 @@ fn a_client_that_starts_again_finds_its_partner_again() {
 fn a_client_logs_out() {
     let mut sim = pair(Faults::NONE, StreamId::RELIABLE);
     sim.close(0);
-    sim.until(SECOND, "it is out", |sim| sim.state(0) == State::Idle);
+    sim.until(SECOND, "it is out", |sim| {
+        sim.state(0) == SessionState::Idle
+    });
     assert_eq!(sim.agent.stats().clients, 1);
 }
 

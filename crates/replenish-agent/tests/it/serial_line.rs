@@ -9,7 +9,9 @@
 
 use crate::session::{MS, WRITER, endpoints_of};
 use replenish_agent::{AgentCore, Limits, Now};
-use replenish_xrce::client::{Buffers, Config, Event, PingPolicy, ReliableBuffers, Session, State};
+use replenish_xrce::client::{
+    Buffers, Config, Event, PingPolicy, ReliableBuffers, Session, SessionState,
+};
 use replenish_xrce::framing::{
     SERIAL_AGENT, SERIAL_CLIENT, Serial, serial_frame, serial_frame_len,
 };
@@ -162,7 +164,7 @@ fn client() -> Client {
     let buffer = |len| vec![0; len];
     let config = Config {
         mtu: MTU as u16,
-        settling: true,
+        confirm_delivery: true,
         ping: Some(PingPolicy {
             after: 300 * MS,
             silence_limit: 850 * MS,
@@ -202,7 +204,7 @@ impl World {
         };
         world.client.connect(0);
         endpoints_of(&mut world.client, "echo", "echo", StreamId::RELIABLE);
-        while world.client.state() != State::Up {
+        while world.client.state() != SessionState::Up {
             assert!(world.now < 20 * SECOND, "no session");
             world.step();
         }

@@ -35,7 +35,7 @@ fn network(faults: Faults, seed: u64) -> Sim {
     let mut sim = Sim::new((faults, seed));
     for (key, writes, reads) in [(1, "steady", "x"), (2, "y", "steady"), (3, "z", "steady")] {
         let config = Config {
-            settling: true,
+            confirm_delivery: true,
             ..Config::new(ClientKey([key; 4]))
         };
         let mut session = session_with(config, 800 * MS);

@@ -10,7 +10,7 @@ use crate::session::{Client, MS, WRITER, endpoints, session};
 use replenish_agent::{Agent, AgentConfig, RunningAgent};
 use replenish_msg::std_msgs::{Int32, UInt8MultiArray};
 use replenish_msg::{Message, decode, encode};
-use replenish_xrce::client::{Event, State};
+use replenish_xrce::client::{Event, SessionState};
 use replenish_xrce::wire::StreamId;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::thread::JoinHandle;
@@ -40,7 +40,7 @@ impl Live {
         let mut live = Self::new(agent, key);
         endpoints(&mut live.session, writes, reads, stream);
         live.session.connect(live.now());
-        live.until(|live| live.session.state() == State::Up);
+        live.until(|live| live.session.state() == SessionState::Up);
         live
     }
 
@@ -102,7 +102,7 @@ impl Live {
 
     fn close(mut self) {
         self.session.close(self.now());
-        self.until(|live| live.session.state() == State::Idle);
+        self.until(|live| live.session.state() == SessionState::Idle);
     }
 }
 
@@ -196,8 +196,8 @@ fn an_agent_that_starts_again_is_found_again() {
     })
     .unwrap();
     let second = second.spawn().unwrap();
-    client.until(|live| live.session.state() != State::Up);
-    client.until(|live| live.session.state() == State::Up);
+    client.until(|live| live.session.state() != SessionState::Up);
+    client.until(|live| live.session.state() == SessionState::Up);
     client.write(StreamId::RELIABLE, b"more");
     assert_eq!(client.read(), b"more");
     assert_eq!(second.stats().clients, 1);

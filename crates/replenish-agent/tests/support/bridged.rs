@@ -8,7 +8,9 @@ pub(crate) use program::{Program, domain};
 
 use replenish_agent::dds::{DdsLimits, Topic};
 use replenish_agent::{Agent, AgentConfig, DdsBridge, RunningAgent};
-use replenish_xrce::client::{Buffers, Config, Event, PingPolicy, ReliableBuffers, Session, State};
+use replenish_xrce::client::{
+    Buffers, Config, Event, PingPolicy, ReliableBuffers, Session, SessionState,
+};
 use replenish_xrce::wire::{
     ClientKey, CreationMode, DataReaderBinary, DataWriterBinary, DeliveryControl, EndpointQos,
     Entity, GroupBinary, Notice, ObjectId, ObjectKind, ParticipantBinary, QOS_HISTORY_KEEP_LAST,
@@ -172,7 +174,7 @@ impl Client {
         let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         socket.connect(agent.local_addr()).unwrap();
         let mut config = Config::new(ClientKey([key; 4]));
-        config.settling = true;
+        config.confirm_delivery = true;
         config.ping = Some(PingPolicy {
             after: 500 * MS,
             silence_limit: 20_000 * MS,
@@ -219,7 +221,7 @@ impl Client {
         let all = DeliveryControl::UNLIMITED;
         self.session.read(reads, stream, all).unwrap();
         self.session.connect(self.now());
-        self.until(|client| client.session.state() == State::Up);
+        self.until(|client| client.session.state() == SessionState::Up);
     }
 
     fn now(&self) -> u64 {
@@ -333,7 +335,7 @@ impl Client {
     pub(crate) fn close(mut self) {
         let now = self.now();
         self.session.close(now);
-        self.until(|client| client.session.state() == State::Idle);
+        self.until(|client| client.session.state() == SessionState::Idle);
     }
 }
 

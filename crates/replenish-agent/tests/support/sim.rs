@@ -11,7 +11,7 @@
 
 use super::session::{Client, MS, WRITER, endpoints, session};
 use replenish_agent::{AgentCore, Limits, Now};
-use replenish_xrce::client::{Event, State, WriteError};
+use replenish_xrce::client::{Event, SessionState, WriteError};
 use replenish_xrce::wire::StreamId;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
@@ -126,14 +126,14 @@ impl Sim {
         self.flush();
     }
 
-    pub(crate) fn state(&self, client: usize) -> State {
+    pub(crate) fn state(&self, client: usize) -> SessionState {
         self.nodes[client].session.state()
     }
 
     pub(crate) fn all_up(&self) -> bool {
         self.nodes
             .iter()
-            .all(|node| node.session.state() == State::Up)
+            .all(|node| node.session.state() == SessionState::Up)
     }
 
     /// A participant with a writer of one topic and a reader of another.
@@ -185,7 +185,7 @@ impl Sim {
     pub(crate) fn until(&mut self, nanos: u64, what: &str, done: impl Fn(&Self) -> bool) {
         let end = self.now + nanos;
         while !done(self) {
-            let states: Vec<State> = self.nodes.iter().map(|n| n.session.state()).collect();
+            let states: Vec<SessionState> = self.nodes.iter().map(|n| n.session.state()).collect();
             let stats = self.agent.stats();
             assert!(self.step(end), "in vain: {what} ({states:?}, {stats:?})");
         }

@@ -10,7 +10,7 @@
 use super::session::{Client, MS, WRITER, endpoints, session};
 use replenish_os::tty::Tty;
 use replenish_os::{PollFd, clock, poll};
-use replenish_xrce::client::{Event, State, WriteError};
+use replenish_xrce::client::{Event, SessionState, WriteError};
 use replenish_xrce::framing::{
     Prefixed, SERIAL_AGENT, Serial, prefix, serial_frame, serial_frame_len,
 };
@@ -165,7 +165,7 @@ impl Live {
         };
         endpoints(&mut live.session, writes, reads, stream);
         live.session.connect(clock::monotonic());
-        live.until(|live| live.session.state() == State::Up);
+        live.until(|live| live.session.state() == SessionState::Up);
         live
     }
 

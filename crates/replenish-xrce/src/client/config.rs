@@ -24,7 +24,7 @@ pub struct Config {
     /// everybody it is for, and keeps samples until the latter: so none is lost with an agent that
     /// dies. An agent that does not know this ignores it; `replenish-agent` does know it. Of the
     /// other properties the first seven are sent then. Without the feature `delivery` it is not asked.
-    pub settling: bool,
+    pub confirm_delivery: bool,
     /// The longest message in bytes, both ways: 64..=65507 on UDP. micro-ROS has 512. The log-in
     /// tells it to the agent, which sends none longer; so it is to be what the transport and both
     /// sides can carry.
@@ -67,7 +67,7 @@ impl Config {
             reuse: false,
             requests: StreamId::RELIABLE,
             properties: Properties::None,
-            settling: false,
+            confirm_delivery: false,
             mtu: 512,
             retry_first: 200_000_000,
             retry_max: 500_000_000,

@@ -1,14 +1,14 @@
 //! The session's receiving half: datagrams and time in, events out.
 
-use super::{Event, Journal, Session, State};
+use super::{Event, Journal, Session, SessionState};
 use crate::Nanos;
-use crate::features::{DELIVERY as SETTLING, QUERIES, SERVICES};
+use crate::counter::{count, count_all};
+use crate::features::{DELIVERY as DELIVERY_FEATURE, QUERIES, SERVICES};
 use crate::wire::{
-    AckNack, BaseRequest, Body, Confirmation, DELIVERY, DELIVERY_SETTLED, Data, Heartbeat, Message,
-    Notice, ObjectKind, RequestId, SampleIdentity, StatusAgent, StatusReply, StreamId, Submessage,
+    AckNack, BaseRequest, Body, DELIVERY, DELIVERY_CONFIRMED, Data, Heartbeat, Message, Notice,
+    ObjectKind, RequestId, SampleIdentity, StatusAgent, StatusReply, StreamId, Submessage,
     SubmessageId,
 };
-use crate::{count, count_all};
 
 impl<S, const N: usize, const E: usize, const B: usize, const R: usize> Session<S, N, E, B, R>
 where
@@ -45,7 +45,7 @@ where
             }
         }
         let calm = message.header.stream.best_effort_index().is_some()
-            && self.link.state == State::Up
+            && self.link.state == SessionState::Up
             && self.journal.asked() == self.asked.0;
         if !calm {
             self.watch_answers(now);
@@ -85,7 +85,7 @@ where
         if self.link.is_lost(now, &self.config) {
             self.lose(now, events);
         } else if self.link.gave_up_closing(now) {
-            self.link.enter(now, State::Idle, &self.config);
+            self.link.enter(now, SessionState::Idle, &self.config);
             events(Event::Closed);
         }
         self.watch_answers(now);
@@ -107,7 +107,7 @@ where
         let stats = &mut self.link.stats;
         count(&mut stats.losses);
         count_all(&mut stats.unacknowledged, self.streams.unacknowledged());
-        self.link.enter(now, State::Connecting, &self.config);
+        self.link.enter(now, SessionState::Connecting, &self.config);
         events(Event::Down);
     }
 
@@ -116,7 +116,7 @@ where
         let message = Message::parse(datagram).ok()?;
         let header = &message.header;
         let key = header.key.is_none_or(|key| key == self.config.key);
-        (self.link.state != State::Idle && header.session == self.link.session && key)
+        (self.link.state != SessionState::Idle && header.session == self.link.session && key)
             .then_some(message)
     }
 
@@ -130,13 +130,13 @@ where
     ) {
         let (body, little) = (submessage.payload, submessage.little_endian());
         match submessage.id {
-            SubmessageId::StatusAgent if self.link.state == State::Connecting => {
+            SubmessageId::StatusAgent if self.link.state == SessionState::Connecting => {
                 self.login_answered(now, submessage, events);
             }
-            SubmessageId::Status if self.link.state == State::Closing => {
+            SubmessageId::Status if self.link.state == SessionState::Closing => {
                 let logout = |answer: StatusReply| answer.base.request == RequestId::LOGOUT;
                 if StatusReply::of(body).is_some_and(logout) {
-                    self.link.enter(now, State::Idle, &self.config);
+                    self.link.enter(now, SessionState::Idle, &self.config);
                     events(Event::Closed);
                 }
             }
@@ -171,26 +171,26 @@ where
         submessage: &Submessage<'_>,
         events: &mut dyn FnMut(Event<'_>),
     ) {
-        let (status, settles) = if SETTLING {
+        let (status, confirms) = if DELIVERY_FEATURE {
             let Ok(Body::StatusAgent(answer)) = submessage.body() else {
                 return;
             };
-            (Some(answer.status), promises(&answer))
+            (Some(answer.status), confirms_delivery(&answer))
         } else {
             (StatusAgent::outcome(submessage.payload), false)
         };
         match status {
-            Some(status) if status.is_ok() => self.logged_in(now, settles),
+            Some(status) if status.is_ok() => self.logged_in(now, confirms),
             Some(status) => events(Event::Refused(status)),
             None => {}
         }
     }
 
     fn acknowledged(&mut self, now: Nanos, submessage: &Submessage<'_>, ack: &AckNack) {
-        let settled = Confirmation::settled_in(submessage).filter(|_| SETTLING);
-        self.streams.acknowledge(now, ack, settled);
-        if let Some(settled) = settled {
-            self.companions = settled.companions;
+        let confirmed = submessage.confirmed().filter(|_| DELIVERY_FEATURE);
+        self.streams.acknowledge(now, ack, confirmed);
+        if let Some(confirmed) = confirmed {
+            self.companions = confirmed.companions;
         }
     }
 
@@ -206,16 +206,16 @@ where
     }
 
     /// The agent has a new session for us: everything starts from the beginning.
-    fn logged_in(&mut self, now: Nanos, settles: bool) {
-        self.link.enter(now, State::Restoring, &self.config);
+    fn logged_in(&mut self, now: Nanos, confirms: bool) {
+        self.link.enter(now, SessionState::Restoring, &self.config);
         self.link.hear(now);
         let session = self.link.session;
-        let carried = self.streams.begin(&self.config, session, settles);
+        let carried = self.streams.begin(&self.config, session, confirms);
         let stats = &mut self.link.stats;
         stats.carried = stats.carried.saturating_add(carried.samples);
         stats.lost = stats.lost.saturating_add(carried.lost);
         self.journal.requeue();
-        self.notices = settles;
+        self.notices = confirms;
         self.time_request = None;
         self.info_request = None;
         self.info_asked = None;
@@ -227,10 +227,10 @@ where
             return;
         }
         self.send_queued();
-        let settled = self.journal.is_settled() && self.streams.is_restored();
-        if self.link.state == State::Restoring && settled {
+        let confirmed = self.journal.is_answered() && self.streams.is_restored();
+        if self.link.state == SessionState::Restoring && confirmed {
             self.streams.resume();
-            self.link.state = State::Up;
+            self.link.state = SessionState::Up;
             count(&mut self.link.stats.sessions);
             events(Event::Up);
         }
@@ -255,12 +255,12 @@ fn sample<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize>(
 }
 
 /// Whether the agent tells what has reached everybody it is for.
-fn promises(answer: &StatusAgent<'_>) -> bool {
-    let mut settles = false;
+fn confirms_delivery(answer: &StatusAgent<'_>) -> bool {
+    let mut confirms = false;
     answer.properties.for_each(|name, value| {
-        settles |= (name, value) == (DELIVERY, DELIVERY_SETTLED);
+        confirms |= (name, value) == (DELIVERY, DELIVERY_CONFIRMED);
     });
-    settles
+    confirms
 }
 
 /// Handles a submessage of a stream that is no sample.
@@ -277,7 +277,7 @@ fn answer<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize>(
         return;
     };
     let BaseRequest { request, object } = answer.base;
-    if let Some(notice) = Notice::of(&answer).filter(|_| SETTLING) {
+    if let Some(notice) = Notice::of(&answer).filter(|_| DELIVERY_FEATURE) {
         return events(Event::Notice { object, notice });
     }
     journal.answer(answer.base, answer.status);

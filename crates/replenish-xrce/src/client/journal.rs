@@ -8,7 +8,7 @@
 //!
 //! Entries stand one behind the other, in order; only state and request id change.
 
-use crate::wire::{BaseRequest, ObjectId, Raw, RequestId, Status, SubmessageId};
+use crate::wire::{BaseRequest, ObjectId, RawBody, RequestId, Status, SubmessageId};
 
 /// How far a request in the journal has got.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -141,13 +141,13 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
     }
 
     /// The first request that was not sent in this session, under the id `request`.
-    pub(super) fn next_queued(&mut self, request: RequestId) -> Option<Raw<'_>> {
+    pub(super) fn next_queued(&mut self, request: RequestId) -> Option<RawBody<'_>> {
         let (at, head) = self.first_queued()?;
         let end = head.end(at);
         let entry = self.bytes.as_mut().get_mut(at..end)?;
         let ([_, _, id, flags, ..], body) = entry.split_first_chunk_mut::<HEAD>()?;
         *body.first_chunk_mut()? = request.0.to_be_bytes();
-        Some(Raw {
+        Some(RawBody {
             id: SubmessageId::from_number(*id).ok()?,
             flags: *flags,
             head: &[],
@@ -179,7 +179,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
 
     /// Whether every request was sent and answered.
     #[must_use]
-    pub fn is_settled(&self) -> bool {
+    pub fn is_answered(&self) -> bool {
         self.open == [0; 2]
     }
 
@@ -362,7 +362,7 @@ mod tests {
             );
             let expected = [one, two, read];
             assert_eq!(seen, expected, "round {round}");
-            assert!(!journal.is_settled());
+            assert!(!journal.is_answered());
             journal.requeue();
         }
     }
@@ -383,7 +383,7 @@ mod tests {
             },
             Status::OK,
         );
-        assert!(!journal.is_settled(), "an answer to another request");
+        assert!(!journal.is_answered(), "an answer to another request");
         journal.answer(
             BaseRequest {
                 request: RequestId(10),
@@ -391,7 +391,7 @@ mod tests {
             },
             Status::DENIED,
         );
-        assert!(journal.is_settled());
+        assert!(journal.is_answered());
         assert_eq!(
             journal.creation(object),
             Some(RequestState::Refused(Status::DENIED))
@@ -401,10 +401,10 @@ mod tests {
         journal.mark_sent();
         assert_eq!(journal.asked(), 1);
         journal.give_up();
-        assert_eq!((journal.asked(), journal.is_settled()), (0, true));
+        assert_eq!((journal.asked(), journal.is_answered()), (0, true));
         journal.requeue();
         journal.forget(object);
-        assert!(journal.is_settled() && journal.is_empty());
+        assert!(journal.is_answered() && journal.is_empty());
         let (long, create) =
             participant(2, "a name that is longer than what is left in the buffer");
         assert!(!record(&mut journal, long, &create));

@@ -1,10 +1,24 @@
 //! When to log in, to ping, to give up: the part of a session that is about the agent's presence.
 
-use super::{Config, PingPolicy, State};
-use crate::Nanos;
-use crate::count;
+use super::{Config, PingPolicy};
+use crate::counter::count;
+use crate::time::{NEVER, Nanos, later};
 use crate::wire::SessionId;
-use crate::{NEVER, later};
+
+/// How a session stands with its agent. See the module's picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SessionState {
+    /// Not wanted.
+    Idle,
+    /// Logging in.
+    Connecting,
+    /// Logged in; objects are being created anew.
+    Restoring,
+    /// Logged in, objects as they were.
+    Up,
+    /// Logging out.
+    Closing,
+}
 
 /// What happened to a session's link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -36,7 +50,7 @@ pub struct LinkStats {
 /// Timers and state of the link.
 #[derive(Debug)]
 pub(super) struct Link {
-    pub(super) state: State,
+    pub(super) state: SessionState,
     pub(super) session: SessionId,
     pub(super) stats: LinkStats,
     /// When to send the next log-in or log-out.
@@ -56,7 +70,7 @@ impl Link {
 
     pub(super) const fn new(config: &Config) -> Self {
         Link {
-            state: State::Idle,
+            state: SessionState::Idle,
             session: config.session,
             stats: LinkStats {
                 logins: 0,
@@ -80,7 +94,7 @@ impl Link {
     }
 
     /// Enters `state`, whose first request is due at once.
-    pub(super) const fn enter(&mut self, now: Nanos, state: State, config: &Config) {
+    pub(super) const fn enter(&mut self, now: Nanos, state: SessionState, config: &Config) {
         self.state = state;
         self.next_request = now;
         self.retry = config.retry_first;
@@ -104,10 +118,12 @@ impl Link {
     /// Whether a log-in (log-out) is due; if so it counts as sent. The second one and later ones
     /// use the next session id.
     pub(super) fn take_request(&mut self, now: Nanos, config: &Config) -> bool {
-        if !matches!(self.state, State::Connecting | State::Closing) || now < self.next_request {
+        if !matches!(self.state, SessionState::Connecting | SessionState::Closing)
+            || now < self.next_request
+        {
             return false;
         }
-        if self.state == State::Connecting {
+        if self.state == SessionState::Connecting {
             if self.stats.logins > 0 && !config.reuse {
                 self.session = next_session(self.session);
             }
@@ -142,7 +158,7 @@ impl Link {
 
     /// Whether the agent did not answer the last log-out either.
     pub(super) const fn gave_up_closing(&self, now: Nanos) -> bool {
-        matches!(self.state, State::Closing)
+        matches!(self.state, SessionState::Closing)
             && self.attempts >= Self::LOGOUTS
             && now >= self.next_request
     }
@@ -153,15 +169,15 @@ impl Link {
     }
 
     pub(super) const fn has_session(&self) -> bool {
-        matches!(self.state, State::Restoring | State::Up)
+        matches!(self.state, SessionState::Restoring | SessionState::Up)
     }
 
     /// When there is something to do; [`NEVER`] for no time.
     pub(super) fn deadline(&self, config: &Config) -> Nanos {
         match self.state {
-            State::Idle => NEVER,
-            State::Connecting | State::Closing => self.next_request,
-            State::Restoring | State::Up => match &config.ping {
+            SessionState::Idle => NEVER,
+            SessionState::Connecting | SessionState::Closing => self.next_request,
+            SessionState::Restoring | SessionState::Up => match &config.ping {
                 Some(ping) => self.ping_at(ping).min(self.silent_at(config)),
                 None => NEVER,
             },

@@ -27,7 +27,7 @@
 //! for a datagram until [`Session::next_deadline`].
 //!
 //! ```
-//! use replenish_xrce::client::{Buffers, Config, Event, ReliableBuffers, Session, State};
+//! use replenish_xrce::client::{Buffers, Config, Event, ReliableBuffers, Session, SessionState};
 //! use replenish_xrce::wire::ClientKey;
 //!
 //! const MTU: usize = 512;
@@ -56,25 +56,25 @@
 //! let answer = [0x81, 0, 0, 0, 4, 1, 11, 0, 0, 0, b'X', b'R', b'C', b'E', 1, 0, 1, 15, 0];
 //! let mut up = false;
 //! session.handle(1_000_000, &answer, &mut |event| up |= event == Event::Up);
-//! assert!(up && session.state() == State::Up);
+//! assert!(up && session.state() == SessionState::Up);
 //! ```
 
 mod config;
-mod each;
 mod event;
 mod incoming;
 mod journal;
 mod link;
 mod outgoing;
 mod ping;
-#[cfg_attr(not(feature = "delivery"), path = "restore_none.rs")]
+#[cfg_attr(not(feature = "delivery"), path = "restore_disabled.rs")]
 mod restore;
 mod session;
+mod stream_set;
 mod streams;
 
 pub use config::{Buffers, Config, PingPolicy, ReliableBuffers};
 pub use event::{Event, RequestError, WriteError};
 pub use journal::{Journal, RequestState};
-pub use link::LinkStats;
+pub use link::{LinkStats, SessionState};
 pub use ping::{PING_LEN, ping, pong};
-pub use session::{Session, State};
+pub use session::Session;

@@ -1,15 +1,16 @@
 //! The session's sending half: what goes out next, and when.
 
 use super::streams::header;
-use super::{Session, State};
-use crate::features::{DELIVERY as SETTLING, QUERIES};
+use super::{Session, SessionState};
+use crate::SeqNum;
+use crate::counter::count;
+use crate::features::{DELIVERY as DELIVERY_FEATURE, QUERIES};
+use crate::time::{Nanos, ever};
 use crate::wire::{
     BaseRequest, CreateClient, DELIVERY, DELIVERY_BACK, DELIVERY_NEW, Encode, INFO_ACTIVITY,
-    ObjectId, Properties, Raw, RequestId, SessionId, StreamId, SubmessageId, Timestamp, VENDOR,
+    ObjectId, Properties, RawBody, RequestId, SessionId, StreamId, SubmessageId, Timestamp, VENDOR,
     VERSION, append, submessage_len,
 };
-use crate::{Nanos, SeqNum};
-use crate::{count, ever};
 
 /// Properties that are sent at most if the session's own is among them.
 const MAX_PROPERTIES: usize = 8;
@@ -92,14 +93,14 @@ where
     }
 
     fn login_or_logout(&mut self) -> Option<&[u8]> {
-        if self.link.state == State::Closing {
+        if self.link.state == SessionState::Closing {
             let base = BaseRequest {
                 request: RequestId::LOGOUT,
                 object: ObjectId::CLIENT,
             };
             return self.control(SubmessageId::Delete, &base.to_bytes());
         }
-        if !SETTLING {
+        if !DELIVERY_FEATURE {
             return self.login();
         }
         let mut body = CreateClient {
@@ -111,7 +112,7 @@ where
             mtu: self.config.mtu,
         };
         let (mut list, mut value) = ([("", ""); MAX_PROPERTIES], [0; 7]);
-        if self.config.settling {
+        if self.config.confirm_delivery {
             let value = delivery(self.link.stats.sessions, self.companions, &mut value);
             let mut used = 0_usize;
             let mut add = |name, value| {
@@ -141,12 +142,12 @@ where
         }
         let session = self.link.session;
         let body = CreateClient::plain(self.config.key, session, self.config.mtu);
-        let body = Raw::new(SubmessageId::CreateClient, &body);
+        let body = RawBody::new(SubmessageId::CreateClient, &body);
         self.message(session.before_login(), &body)
     }
 
     fn control(&mut self, id: SubmessageId, body: &[u8]) -> Option<&[u8]> {
-        self.message(self.link.session, &Raw::new(id, body))
+        self.message(self.link.session, &RawBody::new(id, body))
     }
 
     /// A message outside of streams.

@@ -1,8 +1,9 @@
 //! The requests of a session that is being restored: they go before the samples that were kept, and
 //! begin the stream whose numbers the samples continue.
 
+use crate::SeqNum;
 use crate::stream::{OutputReliable, OutputStats, Reliability, StreamHeader, Tail};
-use crate::{NEVER, Nanos, SeqNum};
+use crate::time::{NEVER, Nanos};
 
 #[derive(Debug)]
 pub(super) struct Restore<S, const N: usize> {

@@ -1,35 +1,19 @@
 //! [`Session`]: log-in, objects, samples, time.
 
-use super::link::{Link, LinkStats};
+use super::link::{Link, LinkStats, SessionState};
 use super::streams::Streams;
 use super::{Buffers, Config, Journal, ReliableBuffers, RequestError, RequestState, WriteError};
-use crate::Nanos;
 use crate::features::{DELIVERY, QUERIES, SERVICES};
 use crate::stream::{BestEffortStats, InputStats, OutputStats, PushError};
+use crate::time::{NEVER, Nanos, later};
 use crate::wire::{
-    BaseRequest, Create, CreationMode, DeliveryControl, Encode, Entity, ObjectId, ObjectKind, Raw,
-    ReadData, RequestId, SampleIdentity, SessionId, StreamId, SubmessageId, WireTime, Writer,
-    padding,
+    BaseRequest, Create, CreationMode, DeliveryControl, Encode, Entity, ObjectId, ObjectKind,
+    RawBody, ReadData, RequestId, SampleIdentity, SessionId, StreamId, SubmessageId, WireTime,
+    Writer, padding,
 };
-use crate::{NEVER, later};
 
 /// Bytes of the longest message outside of streams: a log-in, with its properties if it has any.
 const SCRATCH: usize = if DELIVERY { 192 } else { 36 };
-
-/// How a session stands with its agent. See the module's picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum State {
-    /// Not wanted.
-    Idle,
-    /// Logging in.
-    Connecting,
-    /// Logged in; objects are being created anew.
-    Restoring,
-    /// Logged in, objects as they were.
-    Up,
-    /// Logging out.
-    Closing,
-}
 
 /// A session with an agent; `S` is any kind of buffer, `N` the most messages kept per reliable
 /// stream, `E` the most objects and reads; `B` best-effort and `R` reliable streams each way.
@@ -96,8 +80,8 @@ where
 
     /// Begins to log in.
     pub fn connect(&mut self, now: Nanos) {
-        if self.link.state == State::Idle {
-            self.link.enter(now, State::Connecting, &self.config);
+        if self.link.state == SessionState::Idle {
+            self.link.enter(now, SessionState::Connecting, &self.config);
             self.link.hear(now);
         }
     }
@@ -107,15 +91,15 @@ where
         let lost = self.streams.give_up();
         self.link.stats.lost = self.link.stats.lost.saturating_add(lost);
         let state = if self.link.has_session() {
-            State::Closing
+            SessionState::Closing
         } else {
-            State::Idle
+            SessionState::Idle
         };
         self.link.enter(now, state, &self.config);
     }
 
     /// How the session stands with its agent.
-    pub const fn state(&self) -> State {
+    pub const fn state(&self) -> SessionState {
         self.link.state
     }
 
@@ -248,7 +232,7 @@ where
             let request = self.requests.next();
             let base = BaseRequest { request, object }.to_bytes();
             self.streams
-                .request(&Raw::delete(&base))
+                .request(&RawBody::delete(&base))
                 .map_err(RequestError::Stream)?;
             self.requests = request;
         }
@@ -265,14 +249,14 @@ where
         object: ObjectId,
         stream: StreamId,
     ) -> Result<(), RequestError> {
-        if self.link.state != State::Up {
+        if self.link.state != SessionState::Up {
             return self.delete(object);
         }
         let request = self.requests.next();
         let base = BaseRequest { request, object }.to_bytes();
         let room = PushError::WouldBlock;
         self.streams
-            .write(stream, &Raw::delete(&base), 0)
+            .write(stream, &RawBody::delete(&base), 0)
             .map_err(|_| RequestError::Stream(room))?;
         self.requests = request;
         self.journal.forget(object);
@@ -335,13 +319,13 @@ where
         identity: Option<&SampleIdentity>,
         payload: &[u8],
     ) -> Result<RequestId, WriteError> {
-        if self.link.state != State::Up {
+        if self.link.state != SessionState::Up {
             return Err(WriteError::Down);
         }
         let request = self.requests.next();
         let base = BaseRequest { request, object }.to_bytes();
         let mut reply = [0; 28];
-        let mut body = Raw {
+        let mut body = RawBody {
             id: SubmessageId::WriteData,
             flags: 0,
             head: &base,

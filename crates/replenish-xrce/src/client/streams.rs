@@ -11,15 +11,15 @@
 //! that were kept from the session before; they then go through `restore`, which begins that
 //! stream, and the kept samples follow with the numbers after them.
 
-use super::each::Each;
 use super::restore::Restore;
+use super::stream_set::StreamSet;
 use super::{Config, ReliableBuffers, WriteError};
 use crate::stream::{
     BestEffortStats, Carried, InputBestEffort, InputReliable, InputStats, OutputBestEffort,
     OutputReliable, OutputStats, PushError, StreamHeader, Tail,
 };
-use crate::wire::{AckNack, Heartbeat, Raw, SessionId, Settled, StreamId};
-use crate::{NEVER, Nanos};
+use crate::time::{NEVER, Nanos};
+use crate::wire::{AckNack, Confirmed, Heartbeat, RawBody, SessionId, StreamId};
 use core::array::from_fn;
 
 #[derive(Debug)]
@@ -36,8 +36,8 @@ pub(super) struct Reliable<S, const N: usize> {
 
 #[derive(Debug)]
 pub(super) struct Streams<S, const N: usize, const B: usize, const R: usize> {
-    best_effort: Each<BestEffort<S>, B>,
-    reliable: Each<Reliable<S, N>, R>,
+    best_effort: StreamSet<BestEffort<S>, B>,
+    reliable: StreamSet<Reliable<S, N>, R>,
     /// The stream of requests.
     requests: StreamId,
     restore: Restore<S, N>,
@@ -104,8 +104,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
     ) -> Self {
         let keeps = Restore::<S, N>::keeps(&restore, config.mtu.into());
         Streams {
-            best_effort: Each(from_fn(|i| BestEffort::new(config, i, best_effort(i)))),
-            reliable: Each(from_fn(|i| Reliable::new(config, i, reliable(i), keeps))),
+            best_effort: StreamSet(from_fn(|i| BestEffort::new(config, i, best_effort(i)))),
+            reliable: StreamSet(from_fn(|i| Reliable::new(config, i, reliable(i), keeps))),
             requests: StreamId::RELIABLE,
             restore: restoring(config, restore),
         }
@@ -125,8 +125,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
         let reliable = reliable
             .map(|kept| Reliable::new(config, next.next().unwrap_or_default(), kept, keeps));
         Streams {
-            best_effort: Each(best_effort),
-            reliable: Each(reliable),
+            best_effort: StreamSet(best_effort),
+            reliable: StreamSet(reliable),
             requests: StreamId::RELIABLE,
             restore: restoring(config, restore),
         }
@@ -134,7 +134,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
 
     /// A new session begins: input streams from the start, output streams with the samples that
     /// were not acknowledged, if there is a way to bring them over.
-    pub(super) fn begin(&mut self, config: &Config, session: SessionId, settles: bool) -> Carried {
+    pub(super) fn begin(&mut self, config: &Config, session: SessionId, confirms: bool) -> Carried {
         let head = |stream| header(config, session, stream);
         self.best_effort.for_each(|stream| {
             let id = stream.output.header().stream;
@@ -153,7 +153,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
                 all.lost = all.lost.saturating_add(carried.samples);
                 stream.output.reset(head(id));
             }
-            stream.output.until_settled(settles);
+            stream.output.until_confirmed(confirms);
             stream.input.reset();
         });
         self.requests = config.requests;
@@ -192,7 +192,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
     pub(super) fn write(
         &mut self,
         stream: StreamId,
-        body: &Raw<'_>,
+        body: &RawBody<'_>,
         size: usize,
     ) -> Result<(), WriteError> {
         let pushed = if let Some(stream) = self.reliable_mut(stream) {
@@ -206,7 +206,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
     }
 
     /// Pushes a request.
-    pub(super) fn request(&mut self, body: &Raw<'_>) -> Result<(), PushError> {
+    pub(super) fn request(&mut self, body: &RawBody<'_>) -> Result<(), PushError> {
         if let Some(restore) = self.restore.active() {
             return restore.push(body);
         }
@@ -246,7 +246,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
         self.reliable.get_mut(stream.reliable_index())
     }
 
-    pub(super) fn acknowledge(&mut self, now: Nanos, ack: &AckNack, settled: Option<Settled>) {
+    pub(super) fn acknowledge(&mut self, now: Nanos, ack: &AckNack, confirmed: Option<Confirmed>) {
         let is_request = ack.stream == self.requests;
         let output = match self.restore.active().filter(|_| is_request) {
             Some(restore) => restore,
@@ -259,8 +259,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
             }
         };
         output.acknowledge(now, ack.first_unacked, ack.missing);
-        if let Some(settled) = settled {
-            output.settle(now, settled.first_unsettled);
+        if let Some(confirmed) = confirmed {
+            output.confirm(now, confirmed.first_unconfirmed);
         }
     }
 

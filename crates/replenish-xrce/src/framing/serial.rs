@@ -11,7 +11,7 @@
 //! or cut frame costs itself and what the damage hides, never what begins after it.
 
 use super::checksum::{SPECIAL, checked, checksum, special_in};
-use crate::{count, tally};
+use crate::counter::{count, count_inline};
 use core::fmt;
 
 const BEGIN: u8 = 0x7e;
@@ -150,7 +150,7 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
         while !bytes.is_empty() {
             if let Some((source, message, rest)) = self.whole(bytes) {
                 self.at = HUNTING;
-                tally(&mut self.stats.frames);
+                count_inline(&mut self.stats.frames);
                 deliver(source, message);
                 bytes = rest;
                 continue;

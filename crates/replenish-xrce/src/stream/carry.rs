@@ -4,8 +4,8 @@
 //! taken over whole or not at all. Only samples are: requests are made anew by whoever keeps the
 //! journal of them, because what they were answered with is lost, too.
 
-use super::StreamHeader;
 use super::ring::{Part, Ring};
+use crate::wire::StreamHeader;
 use crate::wire::{SubmessageId, Submessages};
 
 /// What was taken over.

@@ -1,7 +1,7 @@
 //! Receiving on a best-effort stream: older messages than the newest are dropped.
 
 use crate::SeqNum;
-use crate::{count, count_all, tally};
+use crate::counter::{count, count_all, count_inline};
 
 /// What happened on a best-effort input stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -62,7 +62,7 @@ impl InputBestEffort {
             return false;
         };
         self.newest = Some(seq);
-        tally(&mut self.stats.received);
+        count_inline(&mut self.stats.received);
         if skipped > 0 {
             count_all(&mut self.stats.skipped, skipped);
         }

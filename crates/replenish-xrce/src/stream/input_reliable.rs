@@ -9,11 +9,11 @@
 //! ```
 
 use super::reassembly::{Piece, Reassembly};
-use crate::count;
+use crate::SeqNum;
+use crate::counter::count;
 use crate::features::FRAGMENTS;
+use crate::time::{NEVER, Nanos, ever, later};
 use crate::wire::{AckNack, Fragment, StreamId, Submessage, SubmessageId, Submessages};
-use crate::{NEVER, ever, later};
-use crate::{Nanos, SeqNum};
 
 /// Messages that can wait for a missing one at most. An acknowledgement names sixteen.
 const MOST: usize = 31;

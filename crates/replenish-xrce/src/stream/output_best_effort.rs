@@ -1,7 +1,8 @@
 //! Sending on a best-effort stream: one message under construction.
 
-use super::{PushError, StreamHeader, Tail, size_within};
+use super::push::{PushError, Tail, size_within};
 use crate::SeqNum;
+use crate::wire::StreamHeader;
 use crate::wire::{Encode, append};
 
 /// The sending end of a best-effort stream. `S` holds one message.

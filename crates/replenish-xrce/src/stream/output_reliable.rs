@@ -17,14 +17,16 @@
 //! that an answer takes, which is measured only where nothing but the link can have delayed it.
 
 use super::carry::Carried;
-use super::ring::{Ring, Slot};
+use super::push::{PushError, Tail};
+use super::ring::{Ring, RingSlot};
 use super::rtt::Rtt;
 use super::spill::Spill;
-use super::{PushError, StreamHeader, Tail};
+use crate::SeqNum;
+use crate::counter::{count, count_all};
 use crate::features::{DELIVERY, RTT};
+use crate::time::{NEVER, Nanos, ever, later};
+use crate::wire::StreamHeader;
 use crate::wire::{Encode, Heartbeat};
-use crate::{NEVER, count, count_all, ever, later};
-use crate::{Nanos, SeqNum};
 
 /// Settings of a reliable output stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,15 +101,15 @@ const STEADY: u8 = 3;
 
 /// What an acknowledgement says that was not known.
 #[derive(Default)]
-struct News {
-    /// When the newest message was sent of which it is news that it has arrived.
+struct AckProgress {
+    /// When the newest message was sent of which it is progress that it has arrived.
     newest: Option<Nanos>,
-    /// One that was sent again has: what else is news may have been so for long.
+    /// One that was sent again has: what else is progress may have been so for long.
     again: bool,
 }
 
-impl News {
-    fn received(&mut self, slot: &mut Slot) {
+impl AckProgress {
+    fn received(&mut self, slot: &mut RingSlot) {
         slot.lost = NEVER;
         if !core::mem::replace(&mut slot.received, true) {
             self.again |= slot.resent;
@@ -123,11 +125,11 @@ pub struct OutputReliable<S, const N: usize> {
     config: Reliability,
     /// Messages from the first one on that are acknowledged and kept all the same, because their
     /// sample is not acknowledged as a whole.
+    acked: usize,
+    /// Messages are kept until they are confirmed, which the receiver tells besides acknowledging.
+    confirms: bool,
+    /// Messages from the first one on that are confirmed, if that is told.
     confirmed: usize,
-    /// Messages are kept until they are settled, which the receiver tells besides acknowledging.
-    settles: bool,
-    /// Messages from the first one on that are settled, if that is told.
-    settled: usize,
     /// Messages from the first one on that were sent.
     sent: usize,
     /// When the next heartbeat is due.
@@ -149,9 +151,9 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         OutputReliable {
             ring: Ring::new(ring, mtu, header, tail),
             config,
+            acked: 0,
+            confirms: false,
             confirmed: 0,
-            settles: false,
-            settled: 0,
             sent: 0,
             heartbeat: NEVER,
             interval: config.heartbeat_first,
@@ -208,8 +210,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
     }
 
     fn restart(&mut self) {
+        self.acked = 0;
         self.confirmed = 0;
-        self.settled = 0;
         self.sent = 0;
         self.heartbeat = NEVER;
         self.interval = self.config.heartbeat_first;
@@ -218,10 +220,10 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         self.rtt = Rtt::default();
     }
 
-    /// From now on the receiver tells, or does not, which messages are settled (see
+    /// From now on the receiver tells, or does not, which messages are confirmed (see
     /// [`Confirmation`](crate::wire::Confirmation)), and they are kept until they are.
-    pub const fn until_settled(&mut self, settles: bool) {
-        self.settles = DELIVERY && settles;
+    pub const fn until_confirmed(&mut self, confirms: bool) {
+        self.confirms = DELIVERY && confirms;
     }
 
     /// Which stream this is.
@@ -241,7 +243,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
 
     /// The first message that is not acknowledged; the next one to be sent if all are.
     pub fn first_unacknowledged(&self) -> SeqNum {
-        self.ring.first.ahead(self.confirmed())
+        self.ring.first.ahead(self.acked())
     }
 
     /// The number of the message that was begun last, or the one before the first.
@@ -254,7 +256,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         self.ring.used == 0 && !self.ring.spill().is_some_and(Spill::is_busy)
     }
 
-    /// Messages that were pushed and not acknowledged or, if the receiver tells, not settled.
+    /// Messages that were pushed and not acknowledged or, if the receiver tells, not confirmed.
     pub fn unacknowledged(&self) -> usize {
         let used = self.ring.used.saturating_sub(self.done());
         used.saturating_add(self.ring.in_spill())
@@ -279,8 +281,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
     pub fn next_datagram(&mut self, now: Nanos) -> Option<&[u8]> {
         let i = self.due(now)?;
         let new = i >= self.sent;
-        let patience = self.rtt.timeout().unwrap_or(self.config.heartbeat_first);
-        let patience = patience.min(self.config.heartbeat_max);
+        let timeout = self.rtt.timeout().unwrap_or(self.config.heartbeat_first);
+        let timeout = timeout.min(self.config.heartbeat_max);
         let slot = self.ring.get_mut(i)?;
         slot.open = false;
         slot.resent = !new;
@@ -289,7 +291,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         slot.lost = NEVER;
         if !new && slot.retries < RETRIES {
             slot.retries = slot.retries.saturating_add(1);
-            slot.lost = (0..slot.retries).fold(now, |time, _| later(time, patience));
+            slot.lost = (0..slot.retries).fold(now, |time, _| later(time, timeout));
         }
         let len = slot.len;
         if new {
@@ -316,7 +318,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         if self.heartbeat > now {
             return None;
         }
-        let unacknowledged = self.sent.saturating_sub(self.confirmed());
+        let unacknowledged = self.sent.saturating_sub(self.acked());
         let longest = self.config.heartbeat_max;
         let wait = if unacknowledged == 0 {
             longest
@@ -346,36 +348,36 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
     /// The same, [`NEVER`] for none.
     pub(crate) fn deadline(&self) -> Nanos {
         let lost = |i| self.ring.get(i).map_or(NEVER, |slot| slot.lost);
-        (self.confirmed()..self.sent)
+        (self.acked()..self.sent)
             .map(lost)
             .fold(self.heartbeat, Nanos::min)
     }
 
     /// Messages from the first one on that are acknowledged and kept: none where there is nothing to
     /// keep them for.
-    const fn confirmed(&self) -> usize {
-        if DELIVERY { self.confirmed } else { 0 }
+    const fn acked(&self) -> usize {
+        if DELIVERY { self.acked } else { 0 }
     }
 
     /// An acknowledgement has arrived: see [`AckNack`](crate::wire::AckNack).
     pub fn acknowledge(&mut self, now: Nanos, first_unacked: SeqNum, missing: u16) {
         let before = self.first_unacknowledged();
-        let Ok(acked) = usize::try_from(first_unacked.since(before)) else {
+        let Ok(newly_acked) = usize::try_from(first_unacked.since(before)) else {
             return; // an old one
         };
-        let confirmed = self.confirmed.wrapping_add(acked);
-        if confirmed > self.sent {
+        let acked = self.acked.wrapping_add(newly_acked);
+        if acked > self.sent {
             count(&mut self.stats.bogus_acks);
             return;
         }
-        let mut news = News::default();
-        for i in self.confirmed..confirmed {
+        let mut progress = AckProgress::default();
+        for i in self.acked..acked {
             if let Some(slot) = self.ring.get_mut(i) {
-                news.received(slot);
+                progress.received(slot);
             }
         }
-        let last = self.note_received(confirmed, missing, &mut news);
-        if let Some(sent_at) = news.newest.filter(|_| RTT && !news.again) {
+        let last = self.note_received(acked, missing, &mut progress);
+        if let Some(sent_at) = progress.newest.filter(|_| RTT && !progress.again) {
             let time = now.saturating_sub(sent_at);
             if sent_at >= self.asked_at {
                 self.rtt.sample(time);
@@ -389,7 +391,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
             heartbeat_max,
             ..
         } = self.config;
-        if acked > 0 {
+        if newly_acked > 0 {
             self.unanswered = 0;
             self.interval = timeout.map_or(self.config.heartbeat_first, |timeout| {
                 timeout.min(heartbeat_max).max(heartbeat_min)
@@ -397,34 +399,34 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         }
         let first = self.config.heartbeat_first;
         let unknown = later(first, first);
-        let patience = timeout.unwrap_or(unknown).min(heartbeat_max);
-        self.note_missing(confirmed, last, missing, patience);
-        self.confirmed = confirmed;
+        let timeout = timeout.unwrap_or(unknown).min(heartbeat_max);
+        self.note_missing(acked, last, missing, timeout);
+        self.acked = acked;
         self.release();
         self.await_answer(now);
     }
 
-    /// Everything before `first_unsettled` is settled: see
+    /// Everything before `first_unconfirmed` is confirmed: see
     /// [`Confirmation`](crate::wire::Confirmation).
-    pub fn settle(&mut self, now: Nanos, first_unsettled: SeqNum) {
-        let Ok(settled) = usize::try_from(first_unsettled.since(self.ring.first)) else {
+    pub fn confirm(&mut self, now: Nanos, first_unconfirmed: SeqNum) {
+        let Ok(confirmed) = usize::try_from(first_unconfirmed.since(self.ring.first)) else {
             return; // an old one
         };
-        if settled > self.confirmed {
+        if confirmed > self.acked {
             count(&mut self.stats.bogus_acks);
             return;
         }
-        self.settled = self.settled.max(settled);
+        self.confirmed = self.confirmed.max(confirmed);
         self.release();
         self.await_answer(now);
     }
 
     /// Messages from the first one on whose fate is known.
     const fn done(&self) -> usize {
-        if DELIVERY && self.settles {
-            self.settled
-        } else {
+        if DELIVERY && self.confirms {
             self.confirmed
+        } else {
+            self.acked
         }
     }
 
@@ -433,13 +435,13 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         let released = self.ring.complete(self.done());
         self.ring.release(released);
         self.sent = self.sent.saturating_sub(released);
+        self.acked = self.acked.saturating_sub(released);
         self.confirmed = self.confirmed.saturating_sub(released);
-        self.settled = self.settled.saturating_sub(released);
     }
 
     /// Something was heard: the time to the next heartbeat begins anew.
     fn await_answer(&mut self, now: Nanos) {
-        let wait = if self.sent > self.confirmed {
+        let wait = if self.sent > self.acked {
             self.interval
         } else if self.sent > self.done() {
             self.config.heartbeat_max // settling takes the receiver's readers, too
@@ -451,26 +453,26 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
 
     /// Marks what the bitmap of an acknowledgement from message `first` on says to have arrived;
     /// gives how many messages it says something about.
-    fn note_received(&mut self, first: usize, missing: u16, news: &mut News) -> usize {
+    fn note_received(&mut self, first: usize, missing: u16, progress: &mut AckProgress) -> usize {
         let known = 16_u32.saturating_sub(missing.leading_zeros());
         let known = usize::try_from(known).unwrap_or(16);
         let known = known.min(self.sent.saturating_sub(first));
         for i in 0..known {
             let slot = self.ring.get_mut(first.wrapping_add(i));
             if let Some(slot) = slot.filter(|_| (missing >> i) & 1 == 0) {
-                news.received(slot);
+                progress.received(slot);
             }
         }
         known
     }
 
     /// Marks what the bitmap names as missing: each is lost once an answer to it would have come.
-    fn note_missing(&mut self, first: usize, known: usize, missing: u16, patience: Nanos) {
+    fn note_missing(&mut self, first: usize, known: usize, missing: u16, timeout: Nanos) {
         for i in (0..known).filter(|i| (missing >> i) & 1 != 0) {
             if let Some(slot) = self.ring.get_mut(first.wrapping_add(i))
                 && !slot.received
             {
-                let at = later(slot.sent_at, patience);
+                let at = later(slot.sent_at, timeout);
                 if slot.resent || slot.lost == NEVER {
                     slot.lost = slot.lost.min(at);
                 }
@@ -483,9 +485,9 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
     fn due(&self, now: Nanos) -> Option<usize> {
         let is_lost = |i: &usize| self.ring.get(*i).is_some_and(|slot| slot.lost <= now);
         let window = usize::from(self.config.in_flight.max(1));
-        let in_flight = self.sent.saturating_sub(self.confirmed());
+        let in_flight = self.sent.saturating_sub(self.acked());
         let new = self.sent < self.ring.used && in_flight < window;
-        (self.confirmed()..self.sent)
+        (self.acked()..self.sent)
             .find(is_lost)
             .or(new.then_some(self.sent))
     }

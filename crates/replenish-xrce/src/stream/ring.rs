@@ -1,12 +1,14 @@
 //! The messages of a reliable output stream from the first unacknowledged one on, in a ring of
 //! equal slots.
 
+use super::push::{PushError, Tail, size_within};
 use super::spill::Spill;
-use super::{PushError, StreamHeader, Tail, size_within};
+use crate::SeqNum;
 use crate::features::{DELIVERY, FRAGMENTS};
+use crate::time::{NEVER, Nanos};
+use crate::wire::StreamHeader;
 use crate::wire::{Encode, FLAG_LITTLE_ENDIAN, Fragment, SubmessageId, WireError, Writer};
 use crate::wire::{append, encode_submessage, submessage_len};
-use crate::{NEVER, Nanos, SeqNum};
 
 /// What part of a submessage a message holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -24,7 +26,7 @@ pub(super) enum Part {
 
 /// One message and what is known about it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Slot {
+pub(super) struct RingSlot {
     /// Bytes of the message.
     pub(super) len: usize,
     /// More submessages may be appended.
@@ -45,9 +47,9 @@ pub(super) struct Slot {
     pub(super) spilled: bool,
 }
 
-impl Default for Slot {
+impl Default for RingSlot {
     fn default() -> Self {
-        Slot {
+        RingSlot {
             len: 0,
             open: false,
             sent_at: 0,
@@ -67,7 +69,7 @@ pub(super) struct Ring<S, const N: usize> {
     pub(super) storage: S,
     pub(super) slot_size: usize,
     capacity: usize,
-    slots: [Slot; N],
+    slots: [RingSlot; N],
     pub(super) header: StreamHeader,
     /// Fragments stay until the last one of their sample is acknowledged.
     pub(super) keep_whole: bool,
@@ -91,7 +93,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
             storage,
             slot_size,
             capacity,
-            slots: [Slot::default(); N],
+            slots: [RingSlot::default(); N],
             header,
             keep_whole: false,
             spill: None,
@@ -181,12 +183,12 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
     }
 
     /// Message `first + i`.
-    pub(super) fn get(&self, i: usize) -> Option<&Slot> {
+    pub(super) fn get(&self, i: usize) -> Option<&RingSlot> {
         self.slots.get(self.index(i))
     }
 
     /// Message `first + i`.
-    pub(super) fn get_mut(&mut self, i: usize) -> Option<&mut Slot> {
+    pub(super) fn get_mut(&mut self, i: usize) -> Option<&mut RingSlot> {
         let index = self.index(i);
         self.slots.get_mut(index)
     }
@@ -316,10 +318,10 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
             self.storage.as_mut().copy_within(start..end, target);
         }
         if let Some(slot) = self.get_mut(to) {
-            *slot = Slot {
+            *slot = RingSlot {
                 len,
                 part,
-                ..Slot::default()
+                ..RingSlot::default()
             };
         }
     }
@@ -376,10 +378,10 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
     fn begin(&mut self) -> Option<&mut [u8]> {
         let index = self.index(self.used);
         let len = self.header.len();
-        *self.slots.get_mut(index)? = Slot {
+        *self.slots.get_mut(index)? = RingSlot {
             len,
             open: true,
-            ..Slot::default()
+            ..RingSlot::default()
         };
         self.used = self.used.wrapping_add(1);
         self.room(index)?.get_mut(len..)

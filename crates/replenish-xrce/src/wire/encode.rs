@@ -1,7 +1,7 @@
 //! Building messages: what a body must offer, measuring, appending submessages.
 
-use super::message::{FLAG_LITTLE_ENDIAN, SUBHEADER};
-use super::{Header, SubmessageId, WireError, Writer, padding};
+use super::header::SUBHEADER;
+use super::{FLAG_LITTLE_ENDIAN, Header, SubmessageId, WireError, Writer, padding};
 
 /// A submessage body that can be written.
 pub trait Encode {
@@ -46,17 +46,17 @@ pub trait Encode {
 
 /// A body whose bytes are there: its beginning and what follows.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Raw<'a> {
+pub(crate) struct RawBody<'a> {
     pub(crate) id: SubmessageId,
     pub(crate) flags: u8,
     pub(crate) head: &'a [u8],
     pub(crate) rest: &'a [u8],
 }
 
-impl<'a> Raw<'a> {
+impl<'a> RawBody<'a> {
     /// A body of these bytes.
     pub(crate) const fn new(id: SubmessageId, bytes: &'a [u8]) -> Self {
-        Raw {
+        RawBody {
             id,
             flags: 0,
             head: bytes,
@@ -66,11 +66,11 @@ impl<'a> Raw<'a> {
 
     /// A DELETE.
     pub(crate) const fn delete(base: &'a [u8; 4]) -> Self {
-        Raw::new(SubmessageId::Delete, base)
+        RawBody::new(SubmessageId::Delete, base)
     }
 }
 
-impl Encode for Raw<'_> {
+impl Encode for RawBody<'_> {
     fn id(&self) -> SubmessageId {
         self.id
     }

@@ -260,6 +260,13 @@ impl BaseRequest {
         }
     }
 
+    /// Splits what a requester receives into the request that is answered and the reply.
+    #[must_use]
+    pub fn split(payload: &[u8]) -> Option<(BaseRequest, &[u8])> {
+        let (&bytes, rest) = payload.split_first_chunk()?;
+        Some((BaseRequest::from_bytes(bytes), rest))
+    }
+
     pub(super) fn write(self, w: &mut Writer<'_>) {
         w.put(&self.to_bytes());
     }

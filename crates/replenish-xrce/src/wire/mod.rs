@@ -17,11 +17,13 @@ mod encode;
 mod endpoint;
 mod entity;
 mod error;
+mod header;
 mod ids;
 mod info;
 mod login;
 mod message;
 mod notice;
+mod padding;
 mod reader;
 mod reliability;
 mod service;
@@ -32,7 +34,7 @@ pub use access::{Data, DeliveryControl, ReadData, WriteData};
 pub use body::Body;
 pub use create::{Create, CreationMode, Delete, Entity, Representation};
 pub use encode::{Encode, MessageWriter, encode_submessage, measure, submessage_len};
-pub(crate) use encode::{Raw, append};
+pub(crate) use encode::{RawBody, append};
 pub use endpoint::{
     DataReaderBinary, DataWriterBinary, EndpointQos, QOS_DURABILITY_PERSISTENT,
     QOS_DURABILITY_TRANSIENT, QOS_DURABILITY_TRANSIENT_LOCAL, QOS_HISTORY_KEEP_LAST, QOS_RELIABLE,
@@ -40,23 +42,20 @@ pub use endpoint::{
 };
 pub use entity::{GroupBinary, ParticipantBinary, ServiceBinary, TopicBinary};
 pub use error::WireError;
+pub use header::{FLAG_LITTLE_ENDIAN, Header, StreamHeader, SubmessageId};
 pub use ids::{
     BaseRequest, ClientKey, ObjectId, ObjectKind, RequestId, SessionId, Status, StreamId,
 };
 pub use info::{AgentInfo, GetInfo, INFO_ACTIVITY, INFO_CONFIGURATION, Info};
 pub use login::{COOKIE, CreateClient, Properties, StatusAgent, StatusReply, VENDOR, VERSION};
-pub use message::{FLAG_LITTLE_ENDIAN, Header, Message, Submessage, SubmessageId, Submessages};
+pub use message::{Message, Submessage, Submessages};
 pub use notice::Notice;
+pub(crate) use padding::padding;
 pub use reader::Reader;
 pub use reliability::{
-    AckNack, Confirmation, DELIVERY, DELIVERY_BACK, DELIVERY_NEW, DELIVERY_SETTLED, Fragment,
-    Heartbeat, Reset, Settled,
+    AckNack, Confirmation, Confirmed, DELIVERY, DELIVERY_BACK, DELIVERY_CONFIRMED, DELIVERY_NEW,
+    Fragment, Heartbeat, Reset,
 };
 pub use service::{SampleIdentity, WriteReply};
 pub use time::{Timestamp, TimestampReply, WireTime};
 pub use writer::Writer;
-
-/// Bytes from `pos` to the next multiple of `to`, a power of two.
-pub(crate) const fn padding(pos: usize, to: usize) -> usize {
-    pos.wrapping_neg() & to.wrapping_sub(1)
-}

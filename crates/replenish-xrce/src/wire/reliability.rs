@@ -3,7 +3,7 @@
 //! ACKNACK and HEARTBEAT travel outside of streams (stream 0, number 0) and name the stream they
 //! are about: an ACKNACK names the sender's input stream, a HEARTBEAT the sender's output stream.
 
-use super::{Encode, Submessage, SubmessageId};
+use super::{Encode, SubmessageId};
 use super::{Reader, StreamId, WireError, Writer};
 use crate::SeqNum;
 
@@ -81,7 +81,7 @@ fn five(body: &[u8], little_endian: bool) -> Option<[u8; 5]> {
     rest.first_chunk().or(body.first_chunk()).copied()
 }
 
-/// An ACKNACK that may say more: which messages are *settled*, that is, have reached everybody they
+/// An ACKNACK that may say more: which messages are *confirmed*, that is, have reached everybody they
 /// are for, and not just the agent. An extension of this project, sent only to clients that ask for
 /// it with the property [`DELIVERY`]: other decoders expect exactly five bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,44 +89,39 @@ pub struct Confirmation {
     /// What every client is told.
     pub ack: AckNack,
     /// What clients that ask are told besides.
-    pub settled: Option<Settled>,
+    pub confirmed: Option<Confirmed>,
 }
 
 /// What a [`Confirmation`] adds to an ACKNACK.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settled {
-    /// The first message that is not settled; never after the first one that is not acknowledged.
-    pub first_unsettled: SeqNum,
+pub struct Confirmed {
+    /// The first message that is not confirmed; never after the first one that is not acknowledged.
+    pub first_unconfirmed: SeqNum,
     /// Clients of the agent that have asked to be told, up to 255: as many will return if the agent
     /// is lost.
     pub companions: u8,
 }
 
-/// The property of a log-in that asks for [`Confirmation::settled`], and of the agent's answer that
+/// The property of a log-in that asks for [`Confirmation::confirmed`], and of the agent's answer that
 /// promises it.
 pub const DELIVERY: &str = "replenish.delivery";
 /// Value of [`DELIVERY`]: a client that has no samples from before.
 pub const DELIVERY_NEW: &str = "new";
 /// Begin of a value of [`DELIVERY`]: a client that had a session, lost its agent and will repeat what
-/// was not settled. What follows is the number of [`Settled::companions`] it was told last, as two
+/// was not confirmed. What follows is the number of [`Confirmed::companions`] it was told last, as two
 /// hexadecimal digits.
 pub const DELIVERY_BACK: &str = "back:";
 /// Value of [`DELIVERY`] in the agent's answer.
-pub const DELIVERY_SETTLED: &str = "settled";
+pub const DELIVERY_CONFIRMED: &str = "settled";
 
-impl Confirmation {
-    /// Where `settled` is in the payload, and where the payload ends.
-    const SETTLED: core::ops::Range<usize> = 5..8;
-
-    /// What the ACKNACK `submessage` says to be settled, if it does.
-    #[must_use]
-    pub fn settled_in(submessage: &Submessage<'_>) -> Option<Settled> {
-        let &[companions, a, b] = submessage.payload.get(Self::SETTLED)? else {
+impl Confirmed {
+    /// From the payload of an ACKNACK, if the agent has appended one.
+    pub(super) fn of(payload: &[u8], little_endian: bool) -> Option<Self> {
+        let &[companions, a, b] = payload.get(5..8)? else {
             return None;
         };
-        let first = number([a, b], submessage.little_endian());
-        Some(Settled {
-            first_unsettled: SeqNum(first),
+        Some(Confirmed {
+            first_unconfirmed: SeqNum(number([a, b], little_endian)),
             companions,
         })
     }
@@ -139,11 +134,11 @@ impl Encode for Confirmation {
 
     fn write(&self, w: &mut Writer<'_>) {
         self.ack.write(w);
-        let Some(settled) = self.settled else {
+        let Some(confirmed) = self.confirmed else {
             return;
         };
-        w.u8(settled.companions);
-        w.u16(settled.first_unsettled.0);
+        w.u8(confirmed.companions);
+        w.u16(confirmed.first_unconfirmed.0);
     }
 }
 

@@ -23,15 +23,6 @@ impl SampleIdentity {
     }
 }
 
-impl BaseRequest {
-    /// Splits what a requester receives into the request that is answered and the reply.
-    #[must_use]
-    pub fn split(payload: &[u8]) -> Option<(BaseRequest, &[u8])> {
-        let (&bytes, rest) = payload.split_first_chunk()?;
-        Some((BaseRequest::from_bytes(bytes), rest))
-    }
-}
-
 /// `WRITE_DATA` of a replier: a reply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WriteReply<'a> {

@@ -17,7 +17,7 @@ use std::collections::{BTreeMap, VecDeque};
 use crate::common::{Datagram, assert_same, scenario};
 use replenish_xrce::SeqNum;
 use replenish_xrce::client::{
-    Buffers, Config, Event, PingPolicy, ReliableBuffers, Session, State, WriteError,
+    Buffers, Config, Event, PingPolicy, ReliableBuffers, Session, SessionState, WriteError,
 };
 use replenish_xrce::stream::Reliability;
 use replenish_xrce::wire::{Body, Message, ObjectId, Status, StreamId, SubmessageId};
@@ -122,7 +122,10 @@ impl Playback {
             return false;
         };
         let told = &mut self.told;
-        let (time, idle) = (now.min(datagram.time), self.session.state() == State::Idle);
+        let (time, idle) = (
+            now.min(datagram.time),
+            self.session.state() == SessionState::Idle,
+        );
         self.session
             .handle(time, &datagram.bytes, &mut |event| told.note(event));
         let rejected = self.session.link_stats().rejected > 0;
@@ -177,7 +180,7 @@ impl Playback {
                     self.write(expected, object, stream, &sample);
                 }
                 Body::Delete(delete) if delete.base.object == ObjectId::CLIENT => {
-                    if self.session.state() != State::Closing {
+                    if self.session.state() != SessionState::Closing {
                         self.session.close(expected.time);
                     }
                 }

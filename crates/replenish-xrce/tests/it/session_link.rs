@@ -12,7 +12,8 @@ use crate::fake_agent::FakeAgent;
 use proptest::prelude::*;
 use replenish_xrce::Nanos;
 use replenish_xrce::client::{
-    Buffers, Config, Event, ReliableBuffers, RequestError, RequestState, Session, State, WriteError,
+    Buffers, Config, Event, ReliableBuffers, RequestError, RequestState, Session, SessionState,
+    WriteError,
 };
 use replenish_xrce::features::{FRAGMENTS, QUERIES};
 use replenish_xrce::stream::PushError;
@@ -290,7 +291,7 @@ fn an_idle_session_pings_and_stays_up() {
     world.run(10 * SECOND);
     assert_eq!(
         (world.take_told(), world.session.state()),
-        (vec![], State::Up)
+        (vec![], SessionState::Up)
     );
     let pings = world.session.link_stats().pings;
     assert!((60..=72).contains(&pings), "{pings} pings in 10 s");
@@ -320,7 +321,7 @@ fn a_lost_agent_is_noticed_and_everything_comes_back_with_it() {
     assert_eq!((stats.losses, stats.unacknowledged), (1, 1));
 
     world.run(20 * SECOND);
-    assert_eq!(world.session.state(), State::Connecting);
+    assert_eq!(world.session.state(), SessionState::Connecting);
     let tries = world.session.link_stats().logins;
     assert!((40..=45).contains(&tries), "{tries} log-ins in 20 s");
     world.agent.restart();
@@ -385,18 +386,18 @@ fn only_the_answer_to_the_latest_login_counts() {
     assert_ne!(first, second);
     // The agent has not got the second one yet, but it will, and then replaces the session.
     world.arrive(answer);
-    assert_eq!(world.session.state(), State::Connecting);
+    assert_eq!(world.session.state(), SessionState::Connecting);
     let answer = world.agent.handle(world.now, &second);
     world.arrive(answer.clone());
     assert_eq!(
         (world.session.state(), world.session.id()),
-        (State::Up, SessionId(0x82))
+        (SessionState::Up, SessionId(0x82))
     );
     // The network may duplicate it.
     world.create_all();
     world.settle();
     world.arrive(answer);
-    assert_eq!(world.session.state(), State::Up);
+    assert_eq!(world.session.state(), SessionState::Up);
     assert_eq!(world.session.creation(READER), Some(RequestState::Done));
 }
 
@@ -418,7 +419,7 @@ fn an_agent_that_does_not_answer_requests_is_not_waited_for_for_ever() {
     world.run(200 * MILLI);
     let unanswered = Some(RequestState::Unanswered);
     assert_eq!(world.session.creation(another), unanswered);
-    assert_eq!(world.session.state(), State::Up);
+    assert_eq!(world.session.state(), SessionState::Up);
     // Nor after a restart: the session is up, and says what it lacks.
     world.agent.restart();
     world.run(10 * SECOND);

@@ -10,7 +10,9 @@
 
 use crate::fake_agent::FakeAgent;
 use replenish_xrce::Nanos;
-use replenish_xrce::client::{Buffers, Config, Event, ReliableBuffers, Session, State, WriteError};
+use replenish_xrce::client::{
+    Buffers, Config, Event, ReliableBuffers, Session, SessionState, WriteError,
+};
 use replenish_xrce::features::DELIVERY;
 use replenish_xrce::wire::{
     ClientKey, CreationMode, DeliveryControl, Entity, ObjectId, ObjectKind, ParticipantBinary,
@@ -210,7 +212,7 @@ fn the_agents_restart_is_survived_and_what_is_lost_by_it_counted() {
         world.step();
     }
     world.until("the loss is noticed", |world| {
-        world.session.state() == State::Connecting
+        world.session.state() == SessionState::Connecting
     });
     world.agent.restart();
     world.on = true;

@@ -11,7 +11,8 @@
 use crate::fake_agent::FakeAgent;
 use replenish_xrce::Nanos;
 use replenish_xrce::client::{
-    Buffers, Config, Event, PING_LEN, ReliableBuffers, Session, State, WriteError, ping, pong,
+    Buffers, Config, Event, PING_LEN, ReliableBuffers, Session, SessionState, WriteError, ping,
+    pong,
 };
 use replenish_xrce::features::FRAGMENTS;
 use replenish_xrce::stream::AckPolicy;
@@ -78,7 +79,7 @@ impl World {
         };
         world.session.connect(world.now);
         world.settle();
-        assert_eq!(world.session.state(), State::Up);
+        assert_eq!(world.session.state(), SessionState::Up);
         world.sent.clear();
         world
     }
@@ -119,7 +120,7 @@ impl World {
     fn restart(&mut self) {
         self.on = false;
         self.run(SECOND);
-        assert_eq!(self.session.state(), State::Connecting);
+        assert_eq!(self.session.state(), SessionState::Connecting);
         self.agent.restart();
         self.on = true;
     }
@@ -223,7 +224,7 @@ fn what_was_not_acknowledged_is_sent_again_to_the_next_agent_once() {
     world.restart();
     world.sent.clear();
     world.run(2 * SECOND);
-    assert_eq!(world.session.state(), State::Up);
+    assert_eq!(world.session.state(), SessionState::Up);
     let stats = world.session.link_stats();
     assert_eq!((stats.carried, stats.lost), (5, 0), "{stats:?}");
     let mut written = world.written();

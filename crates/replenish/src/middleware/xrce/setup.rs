@@ -199,7 +199,7 @@ fn session(config: &XrceConfig) -> Box<super::state::XrceSession> {
         reliability: config.reliability,
         acks: config.acks,
         requests: stream(true, Criticality::RealTime),
-        settling: true,
+        confirm_delivery: true,
         ..Config::new(ClientKey(config.client_key()))
     };
     let journal = zeroed(config.journal);

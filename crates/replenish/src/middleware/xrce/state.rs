@@ -16,7 +16,7 @@ use crate::sync::{Arc, AtomicBool, AtomicUsize, Ordering};
 use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
-use replenish_xrce::client::{Event, Session, State as Link, WriteError};
+use replenish_xrce::client::{Event, Session, SessionState, WriteError};
 use replenish_xrce::features::{DELIVERY, QUERIES};
 use replenish_xrce::wire::{DeliveryControl, Notice, ObjectId, Status, StreamId};
 
@@ -260,7 +260,7 @@ impl State {
     }
 
     pub(super) const fn is_up(&self) -> bool {
-        matches!(self.session.state(), Link::Up)
+        matches!(self.session.state(), SessionState::Up)
     }
 
     /// Nothing waits for this reader any more.

@@ -3,9 +3,9 @@
 
 /// `N` streams, known by their indices.
 #[derive(Debug)]
-pub(super) struct Each<T, const N: usize>(pub(super) [T; N]);
+pub(super) struct StreamSet<T, const N: usize>(pub(super) [T; N]);
 
-impl<T, const N: usize> Each<T, N> {
+impl<T, const N: usize> StreamSet<T, N> {
     pub(super) fn get(&self, index: Option<usize>) -> Option<&T> {
         self.0.get(index?)
     }

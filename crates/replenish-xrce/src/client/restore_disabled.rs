@@ -1,8 +1,9 @@
 //! In the place of `restore` in builds without the feature `delivery`: no sample is kept, and requests
 //! go on their own stream from the start.
 
+use crate::SeqNum;
 use crate::stream::{OutputReliable, OutputStats, Reliability, StreamHeader};
-use crate::{NEVER, Nanos, SeqNum};
+use crate::time::{NEVER, Nanos};
 use core::marker::PhantomData;
 
 #[derive(Debug)]
