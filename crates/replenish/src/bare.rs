@@ -4,7 +4,7 @@
 use crate::context::Node;
 use crate::error::Error;
 #[cfg(feature = "live")]
-use crate::executor::Added;
+use crate::executor::HandleGroup;
 use crate::executor::{CallbackContext, Responder, Topic, WorkerBuilder, sized};
 use crate::middleware::PublishError;
 use crate::qos::Qos;
@@ -182,7 +182,7 @@ impl Serves for WorkerBuilder<'_> {
 }
 
 #[cfg(feature = "live")]
-impl Serves for Added<'_> {
+impl Serves for HandleGroup<'_> {
     fn serve_bytes<S: Service>(
         mut self,
         node: &Node,

@@ -71,12 +71,13 @@ pub use error::Error;
 pub use event::Event;
 pub use executor::{
     AdmissionReport, CallError, CallbackContext, CallbackResult, Client, DeadlineMiss,
-    DispatcherReport, Every, Executor, Group, GuardCondition, HandleReport, HandleStates, Handling,
-    LocalExecutor, NoReply, OnMiss, Overrun, RawType, Report, Responder, RunningExecutor,
-    Semantics, SpinEnd, Spun, StopHandle, ThreadReport, TimerHandle, Topic, Trigger, WorkerBuilder,
+    DispatcherReport, Every, Executor, Group, GuardCondition, HandleOptions, HandleReport,
+    HandleStates, LocalExecutor, NoReply, OnMiss, Overrun, RawType, Report, Responder,
+    RunningExecutor, Semantics, SpinEnd, SpinResult, StopHandle, ThreadReport, TimerHandle, Topic,
+    Trigger, WorkerBuilder,
 };
 #[cfg(feature = "live")]
-pub use executor::{ExecutorHandle, LiveWorker, Removal};
+pub use executor::{ExecutorHandle, Removal, WorkerHandle};
 #[cfg(feature = "texts")]
 pub use executor::{RoundReport, RoundStats};
 pub use histogram::Histogram;

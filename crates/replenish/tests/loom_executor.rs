@@ -34,8 +34,8 @@ mod stubs;
 use desk::Desk;
 use dispatcher::{Dispatcher, DispatcherCounters};
 use doorbell::{Doorbell, Line};
-use entry::Entry;
-use handle::Shared;
+use entry::HandleEntry;
+use handle::HandleState;
 use handoff::{Inbox, Keep, SampleInfo, Stop};
 use loom::thread;
 use mailbox::{Declined, Mailbox, Order};
@@ -67,7 +67,7 @@ fn reader(id: u16) -> ReaderId {
 }
 
 /// To a worker of one handle.
-fn route_to(bell: &Arc<Doorbell>, shared: &Arc<Shared>) -> Route {
+fn route_to(bell: &Arc<Doorbell>, shared: &Arc<HandleState>) -> Route {
     Route {
         shared: Arc::clone(shared),
         line: Line {
@@ -78,7 +78,7 @@ fn route_to(bell: &Arc<Doorbell>, shared: &Arc<Shared>) -> Route {
     }
 }
 
-fn route(shared: &Arc<Shared>) -> Route {
+fn route(shared: &Arc<HandleState>) -> Route {
     route_to(&Arc::new(Doorbell::default()), shared)
 }
 
@@ -96,7 +96,7 @@ fn a_full_reader_leaves_the_interest_set_holds_up_nobody_and_comes_back() {
         let inboxes = [(); 2].map(|()| Arc::new(Inbox::new(1, 1, Keep::All)));
         let shared = [0, 1].map(|id| {
             let inbox = Arc::clone(&inboxes[usize::from(id)]);
-            Shared::new(Some((reader(id), inbox)))
+            HandleState::new(Some((reader(id), inbox)))
         });
         let stop = StopHandle {
             stop: Arc::new(Stop::new()),
@@ -149,7 +149,7 @@ fn no_order_is_left_on_the_desk() {
                 let (desk, middleware) = (Arc::clone(&desk), Arc::clone(&middleware));
                 thread::spawn(move || {
                     let place = desk.keep().unwrap();
-                    place.order(reader(id), Some(route(&Shared::new(None))));
+                    place.order(reader(id), Some(route(&HandleState::new(None))));
                     middleware.wake();
                 })
             })
@@ -176,7 +176,7 @@ fn a_route_that_goes_is_freed_by_the_one_who_asked() {
     loom::model(|| {
         let desk = Desk::new();
         let middleware = Arc::new(Fake::holding(&[]));
-        let shared = Shared::new(None);
+        let shared = HandleState::new(None);
         let mut routes = [Some(route(&shared))];
         let dispatcher = {
             let (desk, middleware) = (Arc::clone(&desk), Arc::clone(&middleware));
@@ -229,7 +229,7 @@ fn handles_of_two_threads_arrive() {
                 let mailbox = Arc::clone(&mailbox);
                 thread::spawn(move || {
                     let place = mailbox.reserve().unwrap();
-                    let entry = Entry::new(&Shared::new(None), place);
+                    let entry = HandleEntry::new(&HandleState::new(None), place);
                     mailbox.send(Order::Add(entry)).unwrap();
                 })
             })
@@ -250,12 +250,12 @@ fn handles_of_two_threads_arrive() {
 fn after_a_removal_no_callback_starts_and_the_place_is_free() {
     loom::model(|| {
         let (mailbox, bell) = post(0, 1);
-        let shared = Shared::new(None);
+        let shared = HandleState::new(None);
         let place = mailbox.reserve().unwrap();
         let stop = Arc::new(AtomicBool::new(false));
         let freed = Arc::new(AtomicBool::new(false));
         let mut worker = Worker::default();
-        worker.spec.entries.push(Entry::new(&shared, place));
+        worker.spec.entries.push(HandleEntry::new(&shared, place));
         let running = {
             let (mailbox, bell) = (Arc::clone(&mailbox), Arc::clone(&bell));
             let (stop, freed) = (Arc::clone(&stop), Arc::clone(&freed));
@@ -289,12 +289,12 @@ fn after_a_removal_no_callback_starts_and_the_place_is_free() {
 fn nobody_waits_for_a_worker_that_has_ended() {
     loom::model(|| {
         let (mailbox, bell) = post(0, 1);
-        let shared = Shared::new(None);
+        let shared = HandleState::new(None);
         let mut worker = Worker::default();
         worker
             .spec
             .entries
-            .push(Entry::new(&shared, mailbox.reserve().unwrap()));
+            .push(HandleEntry::new(&shared, mailbox.reserve().unwrap()));
         let ending = {
             let mailbox = Arc::clone(&mailbox);
             thread::spawn(move || {
@@ -400,22 +400,22 @@ mod doorbell {
 }
 
 mod entry {
-    use crate::handle::Shared;
+    use crate::handle::HandleState;
     use crate::sync::Arc;
 
-    pub(crate) struct Entry {
-        pub(crate) shared: Arc<Shared>,
+    pub(crate) struct HandleEntry {
+        pub(crate) shared: Arc<HandleState>,
         pub(crate) handle: Handle,
-        pub(crate) handling: Handling,
+        pub(crate) handling: HandleOptions,
         pub(crate) slot: usize,
     }
 
-    pub(crate) struct Handling {
+    pub(crate) struct HandleOptions {
         pub(crate) priority: u8,
     }
 
     /// The order is no matter of the models.
-    pub(crate) fn insert(entries: &mut Vec<Entry>, entry: Entry) {
+    pub(crate) fn insert(entries: &mut Vec<HandleEntry>, entry: HandleEntry) {
         entries.push(entry);
     }
 
@@ -425,12 +425,12 @@ mod entry {
         pub(crate) fn begin<B>(&mut self, _: u64, _: &B) {}
     }
 
-    impl Entry {
-        pub(crate) fn new(shared: &Arc<Shared>, slot: usize) -> Self {
+    impl HandleEntry {
+        pub(crate) fn new(shared: &Arc<HandleState>, slot: usize) -> Self {
             Self {
                 shared: Arc::clone(shared),
                 handle: Handle,
-                handling: Handling { priority: 0 },
+                handling: HandleOptions { priority: 0 },
                 slot,
             }
         }
@@ -445,7 +445,7 @@ mod worker {
 
     #[derive(Default)]
     pub(crate) struct Spec {
-        pub(crate) entries: Vec<crate::entry::Entry>,
+        pub(crate) entries: Vec<crate::entry::HandleEntry>,
     }
 
     impl Worker {

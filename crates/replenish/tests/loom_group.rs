@@ -22,7 +22,7 @@ mod schedule;
 
 use event::Events;
 use group::Group;
-use handle::{Env, Shared};
+use handle::{Env, HandleState};
 use loom::cell::UnsafeCell;
 use loom::sync::MutexGuard as PiMutexGuard;
 use loom::thread::{self, ThreadId as Tid};
@@ -47,7 +47,7 @@ type Content = UnsafeCell<()>;
 
 /// A worker that runs one callback of the group; whom it was told to wait for.
 fn work(group: &Group, content: &Content, id: &'static str) -> Vec<String> {
-    let shared = Arc::new(Shared::of(id));
+    let shared = Arc::new(HandleState::of(id));
     assert!(!group.is_mine());
     {
         let _held = group.enter(&shared, &Env { events: &Events });
@@ -119,7 +119,7 @@ mod handle {
     }
 
     /// What is told is the thread's own, that is no part of the model.
-    pub(crate) struct Shared {
+    pub(crate) struct HandleState {
         pub(crate) id: String,
         pub(crate) told: Told,
     }
@@ -133,7 +133,7 @@ mod handle {
         }
     }
 
-    impl Shared {
+    impl HandleState {
         pub(crate) fn of(id: &str) -> Self {
             Self {
                 id: id.into(),

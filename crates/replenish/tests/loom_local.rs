@@ -3,7 +3,7 @@
 //! slept over.
 //!
 //! ```text
-//!   real: executor/{local, assembly, dispatcher, worker, agenda, doorbell, guard, timer, stop}.rs,
+//!   real: executor/{local, assembly, dispatcher, worker, run_queue, doorbell, guard, timer, stop}.rs,
 //!         fixed.rs in the place of what changes handles, handoff/, middleware/interest.rs
 //!   stubs below: what they name besides
 //! ```
@@ -55,13 +55,13 @@ mod worker;
 
 use builder::WorkerSpec;
 use callback::CallbackContext;
-use entry::Entry;
+use entry::HandleEntry;
 use fixed::{self as desk, self as mailbox};
 use guard::{Guard, GuardCondition};
-use handle::{Env, Handle, Shared, Taken};
+use handle::{Env, Handle, HandleState, Taken};
 use handle_stubs::platform;
 use handoff::{Inbox, Keep, Slot, Stop};
-use lazy_now::Moment;
+use lazy_now::LazyNow;
 use local::{LocalExecutor, SpinEnd};
 use loom::thread;
 use middleware::{Fake, Middleware, ReaderId};
@@ -119,21 +119,21 @@ fn executor() -> Executor {
 }
 
 impl Executor {
-    fn add(&mut self, shared: &Arc<Shared>, handle: impl Handle + 'static) {
-        let entry = Entry::new(Arc::clone(shared), Box::new(handle));
+    fn add(&mut self, shared: &Arc<HandleState>, handle: impl Handle + 'static) {
+        let entry = HandleEntry::new(Arc::clone(shared), Box::new(handle));
         self.workers[0].entries.push(entry);
     }
 
     /// A subscription to reader 0 that has room for one sample.
-    fn subscribe(&mut self) -> Arc<Shared> {
+    fn subscribe(&mut self) -> Arc<HandleState> {
         let inbox = Arc::new(Inbox::new(1, 1, Keep::All));
-        let shared = Shared::new(Some((ReaderId(0), inbox)));
+        let shared = HandleState::new(Some((ReaderId(0), inbox)));
         self.add(&shared, Subscription(Arc::clone(&shared), None));
         shared
     }
 
-    fn guard(&mut self, condition: &GuardCondition) -> Arc<Shared> {
-        let shared = Shared::new(None);
+    fn guard(&mut self, condition: &GuardCondition) -> Arc<HandleState> {
+        let shared = HandleState::new(None);
         let nothing = |_: &CallbackContext<'_>| ();
         let guard = Guard::new(Arc::clone(&shared), condition.clone(), nothing);
         self.add(&shared, guard);
@@ -141,7 +141,7 @@ impl Executor {
     }
 
     fn timer(&mut self, handle: &TimerHandle, every: Every) {
-        let shared = Shared::new(None);
+        let shared = HandleState::new(None);
         let nothing = |_: &CallbackContext<'_>| ();
         let timer = Timer::new(Arc::clone(&shared), every, Some(handle.control()), nothing);
         self.add(&shared, timer);
@@ -247,11 +247,11 @@ fn a_stop_ends_the_spin_after_a_restart_as_well() {
 }
 
 /// Takes what comes, and asks for more as soon as there is room.
-struct Subscription(Arc<Shared>, Option<Slot>);
+struct Subscription(Arc<HandleState>, Option<Slot>);
 
 impl Handle for Subscription {
     fn begin(&mut self, _: Nanos, _: &doorbell::Line) {}
-    fn is_ready(&mut self, _: &Moment) -> bool {
+    fn is_ready(&mut self, _: &LazyNow) -> bool {
         self.0.inbox().waiting() > 0
     }
     fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
@@ -304,7 +304,7 @@ impl Account {
 }
 
 mod callback {
-    use crate::handle::{Env, Shared};
+    use crate::handle::{Env, HandleState};
     pub(crate) use crate::handle_stubs::callback::CallbackResult;
     use core::marker::PhantomData;
 
@@ -314,7 +314,7 @@ mod callback {
     }
 
     impl<'a> CallbackContext<'a> {
-        pub(crate) fn new(_: &Env<'a>, _: &Shared, _: u64, _: u64) -> Self {
+        pub(crate) fn new(_: &Env<'a>, _: &HandleState, _: u64, _: u64) -> Self {
             Self {
                 skipped: 0,
                 stub: PhantomData,
@@ -325,13 +325,13 @@ mod callback {
 
 mod handle {
     use crate::doorbell::Line;
-    use crate::lazy_now::Moment;
-    use crate::run_queue::Agenda;
+    use crate::lazy_now::LazyNow;
+    use crate::run_queue::RunQueue;
     use crate::stop::StopHandle;
-    pub(crate) use crate::stubs::handle::Shared;
+    pub(crate) use crate::stubs::handle::HandleState;
     use std::cell::RefCell;
 
-    impl Shared {
+    impl HandleState {
         pub(crate) fn inbox(&self) -> &crate::Inbox {
             &self.input.as_ref().unwrap().1
         }
@@ -362,41 +362,41 @@ mod handle {
 
     pub(crate) trait Handle: Send {
         fn begin(&mut self, start: u64, line: &Line);
-        fn is_ready(&mut self, now: &Moment) -> bool;
+        fn is_ready(&mut self, now: &LazyNow) -> bool;
         fn next_release(&mut self) -> Option<u64> {
             None
         }
-        fn note_release(&mut self, _position: usize, _agenda: &mut Agenda) {}
+        fn note_release(&mut self, _position: usize, _agenda: &mut RunQueue) {}
         fn take(&mut self, env: &Env<'_>) -> Option<Taken>;
         fn execute(&mut self, env: &Env<'_>, started: u64);
     }
 }
 
 mod entry {
-    use crate::handle::{Env, Handle, Shared};
-    use crate::lazy_now::Moment;
+    use crate::handle::{Env, Handle, HandleState};
+    use crate::lazy_now::LazyNow;
     use crate::sync::Arc;
 
     #[derive(Default)]
-    pub(crate) struct Handling {
+    pub(crate) struct HandleOptions {
         pub(crate) always: Option<&'static crate::rounds::Rounds>,
     }
 
-    pub(crate) struct Entry {
-        pub(crate) shared: Arc<Shared>,
+    pub(crate) struct HandleEntry {
+        pub(crate) shared: Arc<HandleState>,
         pub(crate) handle: Box<dyn Handle>,
-        pub(crate) handling: Handling,
+        pub(crate) handling: HandleOptions,
         pub(crate) slot: usize,
         pub(crate) ready: bool,
         pub(crate) took: u64,
     }
 
-    impl Entry {
-        pub(crate) fn new(shared: Arc<Shared>, handle: Box<dyn Handle>) -> Self {
+    impl HandleEntry {
+        pub(crate) fn new(shared: Arc<HandleState>, handle: Box<dyn Handle>) -> Self {
             Self {
                 shared,
                 handle,
-                handling: Handling::default(),
+                handling: HandleOptions::default(),
                 slot: usize::MAX,
                 ready: false,
                 took: 0,
@@ -405,7 +405,7 @@ mod entry {
         pub(crate) fn is_live(&self) -> bool {
             true
         }
-        pub(crate) fn look(&mut self, now: &Moment) -> bool {
+        pub(crate) fn look(&mut self, now: &LazyNow) -> bool {
             self.handle.is_ready(now)
         }
         pub(crate) fn run(&mut self, env: &Env<'_>, _: bool, _: bool) -> bool {
@@ -420,13 +420,13 @@ mod entry {
 }
 
 mod builder {
-    use crate::entry::Entry;
+    use crate::entry::HandleEntry;
 
     #[derive(Default)]
     pub(crate) struct WorkerSpec {
         pub(crate) request: crate::plan::Request,
         pub(crate) rules: crate::rules::Rules,
-        pub(crate) entries: Vec<Entry>,
+        pub(crate) entries: Vec<HandleEntry>,
     }
 
     impl WorkerSpec {
@@ -525,14 +525,14 @@ mod live {
 /// No worker here goes by other rules than the usual one.
 mod rounds {
     use crate::worker::Worker;
-    use crate::{Account, Nanos, accounting::Tally};
+    use crate::{Account, Nanos, accounting::CpuAccounting};
     use std::cell::RefCell;
 
     pub(crate) struct Rounds {
         pub(crate) outbox: fn(&crate::rules::Rules) -> Option<RefCell<crate::outbox::Outbox>>,
         pub(crate) begin: fn(&mut Worker, Nanos),
         pub(crate) want_all: fn(&Worker) -> bool,
-        pub(crate) step: fn(&mut Worker, &mut Account, &Tally) -> bool,
+        pub(crate) step: fn(&mut Worker, &mut Account, &CpuAccounting) -> bool,
         pub(crate) next_wake: fn(&mut Worker) -> Option<Nanos>,
         pub(crate) end: fn(&mut Worker),
     }
@@ -543,19 +543,19 @@ mod round_stats {
     use crate::Arc;
 
     pub(crate) struct RoundStats;
-    pub(crate) struct Beat;
-    pub(crate) type Beating = (Arc<str>, Arc<Beat>);
+    pub(crate) struct RoundCounters;
+    pub(crate) type WorkerRounds = (Arc<str>, Arc<RoundCounters>);
 
-    impl Beat {
+    impl RoundCounters {
         pub(crate) fn snapshot(&self) -> RoundStats {
             RoundStats
         }
     }
 
-    pub(crate) fn of(_: &crate::plan::Request, _: &crate::rules::Rules) -> Option<Beating> {
+    pub(crate) fn of(_: &crate::plan::Request, _: &crate::rules::Rules) -> Option<WorkerRounds> {
         None
     }
-    pub(crate) fn report(_: &Beating) {}
+    pub(crate) fn report(_: &WorkerRounds) {}
 }
 
 mod rules {
@@ -574,11 +574,11 @@ mod rules {
 }
 
 mod accounting {
-    pub(crate) struct Tally {
+    pub(crate) struct CpuAccounting {
         pub(crate) meter: crate::Meter,
     }
 
-    impl Tally {
+    impl CpuAccounting {
         pub(crate) fn new(meter: crate::Meter) -> Self {
             Self { meter }
         }
@@ -620,13 +620,13 @@ mod report {
 }
 
 mod running {
-    use crate::handle::Shared;
+    use crate::handle::HandleState;
     use crate::stop::StopHandle;
 
-    pub(crate) fn handle_stats(_: &Shared, _: &StopHandle) -> crate::stats::HandleStats {
+    pub(crate) fn handle_stats(_: &HandleState, _: &StopHandle) -> crate::stats::HandleStats {
         crate::stats::HandleStats
     }
-    pub(crate) fn handle_report(_: &str, _: &Shared, _: &StopHandle) {}
+    pub(crate) fn handle_report(_: &str, _: &HandleState, _: &StopHandle) {}
 }
 
 #[path = "common/loom_handles.rs"]

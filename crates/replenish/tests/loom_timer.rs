@@ -24,7 +24,7 @@ mod timer;
 
 use callback::CallbackContext;
 use doorbell::Line;
-use handle::{Env, Handle, Shared};
+use handle::{Env, Handle, HandleState};
 use loom::thread;
 use replenish_handoff::sync;
 use schedule::Every;
@@ -55,7 +55,7 @@ fn period(nanos: u64) -> Every {
 /// The worker's loop as far as one timer goes: begin, then look, and sleep until its bell is rung or
 /// its next release is as `expected`; then whether it stays that.
 fn work(handle: &TimerHandle, every: Every, expected: Option<Nanos>) {
-    let shared = Arc::new(Shared::default());
+    let shared = Arc::new(HandleState::default());
     let line = Line(Arc::new(Signal::new()));
     let nothing = |_: &CallbackContext<'_>| ();
     let mut timer = Timer::new(shared, every, Some(handle.control()), nothing);

@@ -22,8 +22,8 @@ mod stubs;
 use callback::CallbackContext;
 use doorbell::Line;
 use guard::{Guard, GuardCondition};
-use handle::{Env, Handle, Shared};
-use lazy_now::Moment;
+use handle::{Env, Handle, HandleState};
+use lazy_now::LazyNow;
 use loom::thread;
 use replenish_handoff::{self as handoff, sync};
 use stubs::{callback, clock, doorbell, handle, lazy_now, platform};
@@ -43,14 +43,14 @@ type Nanos = u64;
 
 /// The worker's loop as far as one handle goes: begin, then look, serve, sleep.
 fn serve(condition: &GuardCondition, all: u64) -> u64 {
-    let shared = Arc::new(Shared::default());
+    let shared = Arc::new(HandleState::default());
     let line = Line(Arc::new(Signal::new()));
     let nothing = |_: &CallbackContext<'_>| ();
     let mut guard = Guard::new(Arc::clone(&shared), condition.clone(), nothing);
     guard.begin(0, &line);
     let mut callbacks = 0;
     while shared.counters.received.get() < all {
-        match guard.is_ready(&Moment) && guard.take(&Env { events: &() }).is_some() {
+        match guard.is_ready(&LazyNow) && guard.take(&Env { events: &() }).is_some() {
             true => callbacks += 1,
             false => line.0.wait(),
         }

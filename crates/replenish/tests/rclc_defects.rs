@@ -218,7 +218,7 @@ fn rclc_4_handles_come_and_go_inside_a_callback() {
         .capacity(4)
         .guard(&guards[0], move |cx| {
             first(cx);
-            let change = cx.executor().unwrap();
+            let change = cx.handle().unwrap();
             change.remove(cx.id(), Removal::Wait(LIMIT)).unwrap();
             let (late, called) = added.lock().unwrap().take().unwrap();
             let worker = change.worker("w").unwrap();
@@ -488,11 +488,11 @@ fn rclc_7_deadlines_and_drops_are_counted() {
     let gate = Gate::closed();
     let pass = gate.clone();
     let qos = Qos::reliable().keep_last(1);
-    let deadline = replenish::Handling::new().deadline(MS, replenish::OnMiss::Count);
+    let deadline = replenish::HandleOptions::new().deadline(MS, replenish::OnMiss::Count);
     exec.worker("w")
         .subscribe(&node, "t", qos, move |_: &Int32, _| pass.pass())
         .unwrap()
-        .with(deadline);
+        .options(deadline);
     let running = exec.start().unwrap();
     let stats = || running.stats("/n/sub:/t").unwrap();
     for n in 1..=3 {

@@ -45,7 +45,7 @@ impl WorkerBuilder<'_> {
     /// Calls `callback` whenever something is heard of a goal of `client`: see [`GoalUpdate`]. Feedback
     /// that arrived before a result is told before it.
     ///
-    /// The client takes five handles of its worker; of [`with`](Self::with) right behind this,
+    /// The client takes five handles of its worker; of [`options`](Self::options) right behind this,
     /// priority, group and error hook apply to all of them, a deadline to the one that takes results.
     ///
     /// # Errors

@@ -5,7 +5,7 @@ use super::goal::{GoalId, NewGoal};
 use super::{ActionOptions, follow, serve};
 use crate::context::Node;
 use crate::error::Error;
-use crate::executor::{Added, CallbackContext, CallbackResult, LiveWorker, TimerHandle};
+use crate::executor::{CallbackContext, CallbackResult, HandleGroup, TimerHandle, WorkerHandle};
 use alloc::string::String;
 use alloc::vec::Vec;
 use replenish_msg::action::{
@@ -13,7 +13,7 @@ use replenish_msg::action::{
 };
 use replenish_msg::action_msgs::CancelGoal;
 
-impl LiveWorker<'_> {
+impl WorkerHandle<'_> {
     /// Serves an action; the ids of its four handles. The action goes when all are
     /// [removed](crate::ExecutorHandle::remove); goals that are pursued then go on, and nobody hears
     /// of them.
@@ -38,7 +38,7 @@ impl LiveWorker<'_> {
         let timer = TimerHandle::new();
         let core = serve::core::<A>(node, name, options, timer.clone())?;
         let qos = options.services();
-        let mut added = Added::to(&self);
+        let mut added = HandleGroup::to(&self);
         added.keep(
             self.again()
                 .timer_with(&timer, serve::OFF, serve::expiry(&core)),
@@ -81,7 +81,7 @@ impl LiveWorker<'_> {
     {
         let inner = &client.inner;
         let parts = follow::Parts::new(inner, callback);
-        let mut added = Added::to(&self);
+        let mut added = HandleGroup::to(&self);
         added.keep(self.again().replies(&inner.send, parts.accepted()))?;
         added.keep(self.again().replies(&inner.cancel, parts.canceled()))?;
         let (topic, qos) = inner.feedback();

@@ -30,7 +30,7 @@ impl WorkerBuilder<'_> {
     ///
     /// A goal for which there is no room is rejected without asking, counted and reported as an error
     /// of the handle `…/send_goal`. The server takes four handles of its worker; of
-    /// [`with`](Self::with) right behind this, priority, group and error hook apply to all of them, a
+    /// [`options`](Self::options) right behind this, priority, group and error hook apply to all of them, a
     /// deadline to the one that calls `goal`.
     ///
     /// ```

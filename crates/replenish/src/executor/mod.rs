@@ -25,9 +25,9 @@ mod start;
 mod wake;
 
 #[cfg(feature = "live")]
-pub(crate) use change::handle_group::Added;
+pub(crate) use change::handle_group::HandleGroup;
 #[cfg(feature = "live")]
-pub use change::live::{ExecutorHandle, LiveWorker, Removal};
+pub use change::live::{ExecutorHandle, Removal, WorkerHandle};
 pub use describe::builder::WorkerBuilder;
 pub use describe::executor::Executor;
 pub(crate) use describe::executor::Options;
@@ -42,8 +42,8 @@ pub use handles::service::Responder;
 pub use handles::timer::TimerHandle;
 #[cfg(feature = "texts")]
 pub use run::round_stats::RoundStats;
-pub use run::rules::{DeadlineMiss, HandleStates, Handling, OnMiss, Semantics, Trigger};
-pub use start::local::{LocalExecutor, SpinEnd, Spun};
+pub use run::rules::{DeadlineMiss, HandleOptions, HandleStates, OnMiss, Semantics, Trigger};
+pub use start::local::{LocalExecutor, SpinEnd, SpinResult};
 pub(crate) use start::planning;
 pub use start::planning::AdmissionReport;
 #[cfg(feature = "texts")]

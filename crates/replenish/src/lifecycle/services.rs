@@ -6,7 +6,7 @@ use super::{Lifecycle, described, transition};
 use crate::bare::{Serves, Unanswered};
 use crate::error::Error;
 #[cfg(feature = "live")]
-use crate::executor::{Added, LiveWorker};
+use crate::executor::{HandleGroup, WorkerHandle};
 use crate::executor::{Topic, WorkerBuilder};
 use crate::sync::Arc;
 #[cfg(feature = "live")]
@@ -28,7 +28,7 @@ impl WorkerBuilder<'_> {
 }
 
 #[cfg(feature = "live")]
-impl LiveWorker<'_> {
+impl WorkerHandle<'_> {
     /// Lets others ask for transitions, as
     /// [`WorkerBuilder::lifecycle`](crate::WorkerBuilder::lifecycle) does; the ids of the five
     /// handles.
@@ -36,7 +36,7 @@ impl LiveWorker<'_> {
     /// # Errors
     /// Those of this type; nothing was added then.
     pub fn lifecycle(self, lifecycle: &Lifecycle) -> Result<Vec<String>, Error> {
-        Ok(serve(Added::to(&self), lifecycle)?.done())
+        Ok(serve(HandleGroup::to(&self), lifecycle)?.done())
     }
 }
 

@@ -10,7 +10,7 @@ use super::value::ParameterValue;
 use crate::bare::{Serves, Unanswered};
 use crate::error::Error;
 #[cfg(feature = "live")]
-use crate::executor::{Added, LiveWorker};
+use crate::executor::{HandleGroup, WorkerHandle};
 use crate::executor::{Topic, WorkerBuilder};
 use crate::sync::Arc;
 #[cfg(feature = "live")]
@@ -36,7 +36,7 @@ impl WorkerBuilder<'_> {
 }
 
 #[cfg(feature = "live")]
-impl LiveWorker<'_> {
+impl WorkerHandle<'_> {
     /// Serves a node's parameters, as
     /// [`WorkerBuilder::parameters`](crate::WorkerBuilder::parameters) does; the ids of the six
     /// handles.
@@ -44,7 +44,7 @@ impl LiveWorker<'_> {
     /// # Errors
     /// Those of this type; nothing was added then.
     pub fn parameters(self, parameters: &Parameters) -> Result<Vec<String>, Error> {
-        Ok(serve(Added::to(&self), parameters)?.done())
+        Ok(serve(HandleGroup::to(&self), parameters)?.done())
     }
 }
 

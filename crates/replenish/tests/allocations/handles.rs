@@ -12,7 +12,7 @@ use crate::common::eventually;
 use replenish::msg::Service;
 use replenish::msg::std_msgs::Int32;
 use replenish::{
-    Client, Context, Every, Executor, GuardCondition, Handling, OnMiss, Overrun, Qos, RawType,
+    Client, Context, Every, Executor, GuardCondition, HandleOptions, OnMiss, Overrun, Qos, RawType,
     Report, Semantics, TimerHandle, Trigger,
 };
 use replenish_interfaces::std_msgs::msg as text;
@@ -109,7 +109,7 @@ fn kinds() {
         .unwrap();
     let (missed, told) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicU64::new(0)));
     let (miss, tell) = (Arc::clone(&missed), Arc::clone(&told));
-    let hooks = Handling::new()
+    let hooks = HandleOptions::new()
         .deadline(
             Duration::from_nanos(1),
             OnMiss::Call(Box::new(move |_| {
@@ -128,11 +128,11 @@ fn kinds() {
         .unwrap();
     exec.worker("run")
         .subscribe(&node, "typed", qos, |_: &Int32, cx| {
-            assert!(cx.executor().is_some() && !cx.stop_handle().is_stopping());
+            assert!(cx.handle().is_some() && !cx.stop_handle().is_stopping());
             Err("always")
         })
         .unwrap()
-        .with(hooks)
+        .options(hooks)
         .subscribe_raw(&node, "raw", RawType::of::<Int32>(), qos, |_: &[u8], _| ())
         .unwrap()
         .subscribe_view::<text::String, _, _>(&node, "text", qos, |text, _| {
@@ -183,7 +183,7 @@ fn rules() {
             .unwrap()
             .subscribe_always(&node, "t", qos, |_: Option<&Int32>, _| ())
             .unwrap()
-            .with(Handling::new().priority(7));
+            .options(HandleOptions::new().priority(7));
     }
     runs_without(exec);
 }

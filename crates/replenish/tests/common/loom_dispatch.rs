@@ -35,7 +35,7 @@ pub(crate) mod handle {
         pub(crate) oversize: Counter,
     }
 
-    pub(crate) struct Shared {
+    pub(crate) struct HandleState {
         pub(crate) id: String,
         pub(crate) input: Option<(ReaderId, Arc<Inbox>)>,
         pub(crate) counters: Counters,
@@ -44,7 +44,7 @@ pub(crate) mod handle {
         pub(crate) gone: Signal,
     }
 
-    impl Shared {
+    impl HandleState {
         pub(crate) fn new(input: Option<(ReaderId, Arc<Inbox>)>) -> Arc<Self> {
             Arc::new(Self {
                 id: String::new(),

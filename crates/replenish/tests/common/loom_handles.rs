@@ -68,9 +68,9 @@ pub(crate) mod doorbell {
 }
 
 pub(crate) mod lazy_now {
-    pub(crate) struct Moment;
+    pub(crate) struct LazyNow;
 
-    impl Moment {
+    impl LazyNow {
         pub(crate) fn get(&self) -> u64 {
             super::clock::monotonic()
         }
@@ -78,17 +78,17 @@ pub(crate) mod lazy_now {
 }
 
 pub(crate) mod run_queue {
-    pub(crate) struct Agenda;
+    pub(crate) struct RunQueue;
 
-    impl Agenda {
+    impl RunQueue {
         pub(crate) const fn next_release_of(&mut self, _: usize, _: Option<u64>) {}
     }
 }
 
 pub(crate) mod handle {
     use super::doorbell::Line;
-    use super::lazy_now::Moment;
-    use super::run_queue::Agenda;
+    use super::lazy_now::LazyNow;
+    use super::run_queue::RunQueue;
     use std::sync::atomic::{AtomicU64, Ordering};
 
     /// Statistics are not part of the protocol: not seen by the model.
@@ -111,11 +111,11 @@ pub(crate) mod handle {
     }
 
     #[derive(Default)]
-    pub(crate) struct Shared {
+    pub(crate) struct HandleState {
         pub(crate) counters: Counters,
     }
 
-    impl Shared {
+    impl HandleState {
         pub(crate) fn failed(&self, _: &dyn core::fmt::Display, _: &()) {}
     }
 
@@ -139,18 +139,18 @@ pub(crate) mod handle {
 
     pub(crate) trait Handle {
         fn begin(&mut self, start: u64, line: &Line);
-        fn is_ready(&mut self, now: &Moment) -> bool;
+        fn is_ready(&mut self, now: &LazyNow) -> bool;
         fn next_release(&mut self) -> Option<u64> {
             None
         }
-        fn note_release(&mut self, _position: usize, _agenda: &mut Agenda) {}
+        fn note_release(&mut self, _position: usize, _agenda: &mut RunQueue) {}
         fn take(&mut self, env: &Env<'_>) -> Option<Taken>;
         fn execute(&mut self, env: &Env<'_>, started: u64);
     }
 }
 
 pub(crate) mod callback {
-    use super::handle::{Env, Shared};
+    use super::handle::{Env, HandleState};
     use core::marker::PhantomData;
 
     pub(crate) struct CallbackContext<'a> {
@@ -159,7 +159,7 @@ pub(crate) mod callback {
     }
 
     impl<'a> CallbackContext<'a> {
-        pub(crate) fn new(_: &Env<'a>, _: &Shared, _: u64, _: u64) -> Self {
+        pub(crate) fn new(_: &Env<'a>, _: &HandleState, _: u64, _: u64) -> Self {
             Self {
                 skipped: 0,
                 stub: PhantomData,

@@ -35,7 +35,7 @@ fn handles_come_and_go_from_four_threads_and_nobody_else_is_disturbed() {
         })
         .unwrap();
     let running = exec.start().unwrap();
-    let change = running.executor();
+    let change = running.handle();
     let changers: Vec<_> = (0..4)
         .map(|_| {
             let (change, node) = (change.clone(), node.clone());
@@ -82,7 +82,7 @@ fn a_callback_adds_a_handle_and_removes_itself() {
         .capacity(3)
         .timer(MS, move |cx| {
             count.fetch_add(1, Ordering::Relaxed);
-            let change = cx.executor().unwrap();
+            let change = cx.handle().unwrap();
             let more = Arc::clone(&more);
             let timer = change.worker("w").unwrap().timer(MS, move |_| {
                 more.fetch_add(1, Ordering::Relaxed);
@@ -118,7 +118,7 @@ fn who_has_waited_in_vain_may_cancel() {
         })
         .unwrap();
     let running = exec.start().unwrap();
-    let (change, id) = (running.executor(), "w/guard:0");
+    let (change, id) = (running.handle(), "w/guard:0");
     guard.trigger();
     gate.arrived();
     for _ in 0..2 {
@@ -160,7 +160,7 @@ fn a_removal_waits_for_the_callback_or_cancels_it_or_does_neither() {
         })
         .unwrap();
     let running = exec.start().unwrap();
-    let change = running.executor();
+    let change = running.handle();
     guards.iter().for_each(GuardCondition::trigger);
     let started = |id: &str| running.stats(id).unwrap().received == 1;
     assert!(eventually(|| ["a", "b", "c"]
@@ -192,7 +192,7 @@ fn a_full_worker_says_how_many_handles_it_may_have() {
     exec.worker("empty").capacity(2);
     exec.worker("fixed").timer(MS, |_| ()).unwrap();
     let running = exec.start().unwrap();
-    let change = running.executor();
+    let change = running.handle();
     let add = |name: &str| change.worker(name).unwrap().timer(MS, |_| ());
     let full = add("fixed").unwrap_err().to_string();
     assert_eq!(full, "too many handles of worker \"fixed\": the limit is 1");
@@ -218,7 +218,7 @@ fn a_change_too_many_is_refused_whole() {
     let (mut exec, _) = executor(&ctx);
     exec.worker("w").capacity(2000);
     let mut local = exec.local().unwrap();
-    let change = local.executor();
+    let change = local.handle();
     let qos = Qos::reliable().keep_last(1);
     let subscribe = || {
         let worker = change.worker("w").unwrap();

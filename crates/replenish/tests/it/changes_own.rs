@@ -26,13 +26,13 @@ fn a_handle_removes_itself_in_its_first_callback() {
     let (mut exec, _) = executor(&ctx);
     exec.worker("w").capacity(4).timer(LIMIT, |_| ()).unwrap();
     let running = exec.start().unwrap();
-    let change = running.executor();
+    let change = running.handle();
     let removed = Arc::new(Mutex::new(Vec::new()));
     for n in 1..=500 {
         let note = Arc::clone(&removed);
         let worker = change.worker("w").unwrap();
         let own = move |cx: &CallbackContext<'_>| {
-            let change = cx.executor().unwrap();
+            let change = cx.handle().unwrap();
             let result = change.remove(cx.id(), Removal::Detach).map(drop);
             note.lock().unwrap().push(result);
         };
@@ -54,9 +54,9 @@ fn renews(exec: &mut Executor, limit: u64) -> Arc<AtomicU64> {
     let count = Arc::clone(&ran);
     let change = move |cx: &CallbackContext<'_>| {
         let count = Arc::clone(&count);
-        let worker = cx.executor().unwrap();
+        let worker = cx.handle().unwrap();
         let added = worker.worker("w").unwrap().timer(NOW, move |cx| {
-            let change = cx.executor().unwrap();
+            let change = cx.handle().unwrap();
             change.remove(cx.id(), Removal::Detach).unwrap();
             if count.fetch_add(1, Ordering::SeqCst) + 1 == limit {
                 cx.stop();
@@ -96,7 +96,7 @@ fn a_subscription_for_every_round_comes_to_a_worker_that_runs() {
     let (mut exec, _) = executor(&ctx);
     exec.worker("w").capacity(2).timer(MS, |_| ()).unwrap();
     let running = exec.start().unwrap();
-    let change = running.executor();
+    let change = running.handle();
     let (with, without) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicU64::new(0)));
     let counts = [Arc::clone(&without), Arc::clone(&with)];
     let worker = change.worker("w").unwrap();

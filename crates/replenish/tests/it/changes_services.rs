@@ -43,7 +43,7 @@ fn running(ctx: &Context, capacity: usize) -> RunningExecutor {
 fn services_come_and_go(ctx: &Context, rounds: i32) {
     let node = ctx.node("n").unwrap();
     let running = running(ctx, 2);
-    let change = running.executor();
+    let change = running.handle();
     let last = Arc::new(AtomicI64::new(0));
     for n in 1..=rounds {
         let worker = || change.worker("w").unwrap();
@@ -88,7 +88,7 @@ fn nothing_is_left_at_the_agent() {
     let node = ctx.node("n").unwrap();
     let kept = node.publisher::<Int32>("kept", Qos::reliable()).unwrap();
     let running = running(&ctx, 2);
-    let change = running.executor();
+    let change = running.handle();
     let before = agent.entities();
     let heard = Arc::new(AtomicI64::new(0));
     for n in 0..600 {
@@ -130,7 +130,7 @@ fn a_late_reply_does_not_reach_the_next_one() {
     let ctx = Context::in_process();
     let node = ctx.node("n").unwrap();
     let running = running(&ctx, 3);
-    let change = running.executor();
+    let change = running.handle();
     let waiting: Arc<Mutex<Vec<Responder<Double>>>> = Arc::default();
     let keep = Arc::clone(&waiting);
     let worker = || change.worker("w").unwrap();
@@ -158,7 +158,7 @@ fn actions_come_and_go_whole() {
     let ctx = Context::in_process();
     let node = ctx.node("n").unwrap();
     let running = running(&ctx, 9);
-    let change = running.executor();
+    let change = running.handle();
     let serve = || {
         let goal = |goal: &Order, new: NewGoal<Fibonacci>, _: &CallbackContext<'_>| {
             let order = usize::try_from(goal.order).unwrap();

@@ -28,7 +28,7 @@ fn late_subscriptions_get_what_is_kept(ctx: &Context) {
     let [late, volatile] = [(); 2].map(|()| Arc::new(Mutex::new(Vec::new())));
     for (heard, qos) in [(&volatile, Qos::reliable()), (&late, kept)] {
         let heard = Arc::clone(heard);
-        let change = running.executor();
+        let change = running.handle();
         let worker = change.worker("w").unwrap();
         worker
             .subscribe(&node, "t", qos, move |m: &Int32, _| {
@@ -43,7 +43,7 @@ fn late_subscriptions_get_what_is_kept(ctx: &Context) {
     assert!(eventually(|| late.lock().unwrap().len() == 4));
     assert_eq!(*volatile.lock().unwrap(), [6]);
     drop(out); // what it has kept goes with it
-    let change = running.executor();
+    let change = running.handle();
     let worker = change.worker("w").unwrap();
     let id = worker
         .subscribe(&node, "t", kept, |_: &Int32, _| ())

@@ -11,8 +11,8 @@ use crate::common::fibonacci::{Fibonacci, Numbers, Order};
 use crate::common::{Echo, eventually, executor};
 use replenish::msg::std_msgs::Int32;
 use replenish::{
-    ActionOptions, CallbackContext, Context, GoalUpdate, Group, GuardCondition, Handling, NewGoal,
-    Qos, Removal,
+    ActionOptions, CallbackContext, Context, GoalUpdate, Group, GuardCondition, HandleOptions,
+    NewGoal, Qos, Removal,
 };
 use replenish_testkit::watchdog::watchdog;
 use std::sync::Arc;
@@ -46,14 +46,14 @@ fn most_at_once(group: Option<&Group>) -> u64 {
     let inside = Inside::default();
     for name in ["a", "b", "c", "d"] {
         let inside = inside.clone();
-        let mut handling = Handling::new();
+        let mut handling = HandleOptions::new();
         if let Some(group) = group {
             handling = handling.group(group);
         }
         exec.worker(name)
             .timer(2 * MS, move |_| inside.visit(MS))
             .unwrap()
-            .with(handling);
+            .options(handling);
     }
     let running = exec.start().unwrap();
     let ids = ["a", "b", "c", "d"].map(|w| format!("{w}/timer:0"));
@@ -83,11 +83,11 @@ fn a_panic_leaves_the_group_free() {
     exec.worker("bad")
         .timer(MS, boom)
         .unwrap()
-        .with(Handling::new().group(&group));
+        .options(HandleOptions::new().group(&group));
     exec.worker("good")
         .timer(MS, |_| ())
         .unwrap()
-        .with(Handling::new().group(&group));
+        .options(HandleOptions::new().group(&group));
     let running = exec.start().unwrap();
     assert!(eventually(|| running
         .stats("bad/timer:0")
@@ -110,7 +110,7 @@ fn calling_a_service_of_ones_own_group_is_no_deadlock() {
     let group = Group::new("g");
     let inside = Inside::default();
     let client = node.client::<Echo>("echo", Qos::services(), LIMIT).unwrap();
-    let handling = || Handling::new().group(&group);
+    let handling = || HandleOptions::new().group(&group);
     let (serves, hears, asks, call) = (
         inside.clone(),
         inside.clone(),
@@ -123,7 +123,7 @@ fn calling_a_service_of_ones_own_group_is_no_deadlock() {
             answer.data = ask.data;
         })
         .unwrap()
-        .with(handling());
+        .options(handling());
     let answered = Arc::new(AtomicU64::new(0));
     let count = Arc::clone(&answered);
     exec.worker("client")
@@ -132,13 +132,13 @@ fn calling_a_service_of_ones_own_group_is_no_deadlock() {
             count.fetch_add(u64::from(reply.is_ok()), Ordering::Relaxed);
         })
         .unwrap()
-        .with(handling())
+        .options(handling())
         .timer(2 * MS, move |_| {
             asks.visit(MS);
             call.call(&Int32 { data: 1 }).map(drop)
         })
         .unwrap()
-        .with(handling());
+        .options(handling());
     let running = exec.start().unwrap();
     assert!(eventually(|| answered.load(Ordering::Relaxed) >= 20));
     running.stop();
@@ -173,7 +173,7 @@ fn who_waits_for_his_own_group_is_told_with_both_names() {
             answer.data = ask.data;
         })
         .unwrap()
-        .with(Handling::new().group(&group).on_error(counts));
+        .options(HandleOptions::new().group(&group).on_error(counts));
     let (tell, answer) = std::sync::mpsc::sync_channel(1);
     let (call, seen) = (client.clone(), log.clone());
     exec.worker("replies")
@@ -191,7 +191,7 @@ fn who_waits_for_his_own_group_is_told_with_both_names() {
             note.store(u64::from(both_named(&seen.lines())), Ordering::SeqCst);
         })
         .unwrap()
-        .with(Handling::new().group(&group));
+        .options(HandleOptions::new().group(&group));
     let running = exec.start().unwrap();
     let served = || running.stats("/n/srv:/echo").unwrap().executed == 1;
     assert!(eventually(served), "{:?}", log.lines());
@@ -213,7 +213,7 @@ fn removing_a_handle_from_a_callback_of_a_group_is_no_deadlock() {
         exec.worker("other")
             .guard(&guard, |_| ())
             .unwrap()
-            .with(Handling::new().group(&group))
+            .options(HandleOptions::new().group(&group))
             .timer(MS, |_| ())
             .unwrap()
             .timer(LIMIT, |_| ())
@@ -224,14 +224,14 @@ fn removing_a_handle_from_a_callback_of_a_group_is_no_deadlock() {
             .timer(replenish::Every::once(MS), move |cx| {
                 wake.trigger(); // its callback waits for the group from now on
                 std::thread::sleep(5 * MS);
-                let change = cx.executor().unwrap();
+                let change = cx.handle().unwrap();
                 // Of the groups that callbacks are in, its own is known also without its own handle.
                 change.remove(cx.id(), Removal::Wait(LIMIT)).unwrap();
                 let gone = change.remove(id, Removal::Wait(LIMIT));
                 count.store(u64::from(gone.is_ok()), Ordering::SeqCst);
             })
             .unwrap()
-            .with(Handling::new().group(&group));
+            .options(HandleOptions::new().group(&group));
         let running = exec.start().unwrap();
         assert!(eventually(|| removed.load(Ordering::SeqCst) == 1), "{id}");
         let before = running.stats("other/timer:0").unwrap().executed;
@@ -257,7 +257,7 @@ fn removals_in_a_circle_are_no_deadlock() {
             .unwrap()
             .timer(replenish::Every::once(MS), move |cx| {
                 all_in.wait();
-                let change = cx.executor().unwrap();
+                let change = cx.handle().unwrap();
                 let gone = change.remove(&format!("{next}/timer:0"), Removal::Wait(LIMIT));
                 count.fetch_add(u64::from(gone.is_ok()), Ordering::SeqCst);
             })
@@ -295,7 +295,7 @@ fn all_handles_of_an_action_are_in_the_group() {
         exec.worker("t")
             .timer(3 * MS, move |_| visits.visit(2 * MS))
             .unwrap()
-            .with(Handling::new().group(&group));
+            .options(HandleOptions::new().group(&group));
         let (visits, tell) = (inside.clone(), Arc::clone(&told));
         let follow = move |_, update: GoalUpdate<'_, Fibonacci>, _: &CallbackContext<'_>| {
             visits.visit(5 * MS);
@@ -306,19 +306,19 @@ fn all_handles_of_an_action_are_in_the_group() {
                 _ => Ok(()),
             }
         };
-        let handling = Handling::new().group(&group).on_error(move |_| {
+        let handling = HandleOptions::new().group(&group).on_error(move |_| {
             tell.fetch_add(1, Ordering::SeqCst);
         });
         let client = node.action_client::<Fibonacci>("f", options).unwrap();
         let worker = exec.worker("c").capacity(5);
         let running = if live {
             let running = exec.start().unwrap();
-            let change = running.executor();
-            let worker = change.worker("c").unwrap().with(handling);
+            let change = running.handle();
+            let worker = change.worker("c").unwrap().options(handling);
             worker.follow(&client, follow).unwrap();
             running
         } else {
-            worker.follow(&client, follow).unwrap().with(handling);
+            worker.follow(&client, follow).unwrap().options(handling);
             exec.start().unwrap()
         };
         client.send(&Order { order: 1 }).unwrap();

@@ -172,7 +172,7 @@ fn views_are_subscribed_to_and_what_is_none_is_counted() {
     let stats = || running.stats("/n/sub:/image").unwrap();
     assert!(eventually(|| stats().undecodable == 1));
     assert!(log.has("header.frame_id"), "{:?}", log.lines());
-    let worker = running.executor();
+    let worker = running.handle();
     worker
         .worker("w")
         .unwrap()

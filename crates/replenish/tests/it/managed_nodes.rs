@@ -145,7 +145,7 @@ fn a_running_executor_takes_on_a_managed_node_and_lets_it_go() {
     let (mut exec, _) = executor(&ctx);
     exec.worker("w").capacity(5);
     let running = exec.start().unwrap();
-    let change = running.executor();
+    let change = running.handle();
     let lifecycle = node.lifecycle().unwrap();
     let ids = change.worker("w").unwrap().lifecycle(&lifecycle).unwrap();
     assert_eq!(ids.len(), 5);

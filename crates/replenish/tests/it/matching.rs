@@ -11,7 +11,7 @@ use crate::common::agent::TestAgent;
 use crate::common::{Log, eventually, executor};
 use replenish::msg::Service;
 use replenish::msg::std_msgs::Int32;
-use replenish::{Client, Context, Error, Event, Handling, Qos, Removal};
+use replenish::{Client, Context, Error, Event, HandleOptions, Qos, Removal};
 use replenish_testkit::watchdog::watchdog;
 use std::net::UdpSocket;
 use std::sync::Arc;
@@ -63,7 +63,7 @@ fn clashes_are_told(publishing: &Context, subscribing: &Context) {
     exec.worker("w")
         .subscribe(&there, "first", Qos::latched(), ignore)
         .unwrap()
-        .with(Handling::new().on_error(hook))
+        .options(HandleOptions::new().on_error(hook))
         .subscribe(&there, "first", Qos::best_effort(), ignore)
         .unwrap()
         .subscribe(
@@ -196,7 +196,7 @@ fn servers_come_and_go(asking: &Context, serving: &Context) {
     let gone = || client.wait_for_server(Duration::ZERO) == Ok(false);
     let remove = Removal::Wait(LIMIT);
     running
-        .executor()
+        .handle()
         .remove("/serves/srv:/square", remove)
         .unwrap();
     assert!(eventually(gone));

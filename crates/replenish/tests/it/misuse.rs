@@ -11,7 +11,7 @@
 use crate::common::agent::TestAgent;
 use crate::common::{Echo, eventually, executor};
 use replenish::{
-    Client, Context, Error, Every, Executor, Handling, Qos, RunningExecutor, SpinEnd, Trigger,
+    Client, Context, Error, Every, Executor, HandleOptions, Qos, RunningExecutor, SpinEnd, Trigger,
 };
 use replenish_testkit::watchdog::watchdog;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -148,7 +148,7 @@ fn hooks_and_triggers_that_panic_end_nothing() {
     exec.worker("hook")
         .timer(MS, |_| Err("failed"))
         .unwrap()
-        .with(Handling::new().on_error(|_| panic!("error hook")));
+        .options(HandleOptions::new().on_error(|_| panic!("error hook")));
     exec.worker("trigger")
         .trigger(Trigger::custom(|_| panic!("trigger")))
         .timer(MS, |_| ())

@@ -454,7 +454,7 @@ fn a_running_executor_takes_on_parameters_whole_or_not_at_all() {
     exec.worker("few").capacity(5);
     exec.worker("enough").capacity(6);
     let running = exec.start().unwrap();
-    let change = running.executor();
+    let change = running.handle();
     let few = change.worker("few").unwrap().parameters(&p);
     assert!(matches!(
         few,
@@ -567,12 +567,12 @@ fn requests_too_long_are_told(server: &Context, asker: &Context) {
     let (mut exec, log) = executor(server);
     let (told, hook) = (Arc::new(Mutex::new(0)), Arc::default());
     let (note, last): (_, Arc<Mutex<String>>) = (Arc::clone(&told), Arc::clone(&hook));
-    let handling = replenish::Handling::new().on_error(move |event| {
+    let handling = replenish::HandleOptions::new().on_error(move |event| {
         *note.lock().unwrap() += 1;
         *last.lock().unwrap() = event.to_string();
     });
     let worker = exec.worker("w").parameters(&p).unwrap();
-    worker.with(handling).lifecycle(&lifecycle).unwrap();
+    worker.options(handling).lifecycle(&lifecycle).unwrap();
     let serving = exec.start().unwrap();
     let asks = asker.node("asker").unwrap();
     let gets: Client<srv::GetParameters> = asks

@@ -10,7 +10,7 @@
 use crate::common::{Echo, executor};
 use replenish::msg::std_msgs::Int32;
 use replenish::{
-    Client, Context, Error, Every, Handling, Qos, RawType, Topic, Trigger, WorkerBuilder,
+    Client, Context, Error, Every, HandleOptions, Qos, RawType, Topic, Trigger, WorkerBuilder,
 };
 use std::time::Duration;
 
@@ -32,8 +32,8 @@ fn refused(rules: impl Fn(WorkerBuilder<'_>) -> WorkerBuilder<'_>) -> String {
 #[test]
 fn how_a_handle_is_treated_is_said_behind_it() {
     assert_eq!(
-        refused(|w| w.with(Handling::new().priority(1))),
-        r#"worker "w": with = set is not allowed: behind the handle it is for"#
+        refused(|w| w.options(HandleOptions::new().priority(1))),
+        r#"worker "w": options = set is not allowed: only after the handle it configures"#
     );
 }
 

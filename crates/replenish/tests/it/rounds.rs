@@ -9,8 +9,8 @@
 use crate::common::{eventually, executor};
 use replenish::msg::std_msgs::Int32;
 use replenish::{
-    Context, Executor, GuardCondition, Handling, Node, OnMiss, Overrun, Publisher, Qos, Semantics,
-    Trigger, WorkerBuilder,
+    Context, Executor, GuardCondition, HandleOptions, Node, OnMiss, Overrun, Publisher, Qos,
+    Semantics, Trigger, WorkerBuilder,
 };
 use replenish_testkit::watchdog::watchdog;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -141,13 +141,13 @@ fn handles_run_by_priority_and_then_as_added() {
         .unwrap()
         .subscribe(&rig.node, "b", qos, b)
         .unwrap()
-        .with(Handling::new().priority(1))
+        .options(HandleOptions::new().priority(1))
         .subscribe(&rig.node, "a", qos, c)
         .unwrap()
-        .with(Handling::new().priority(9))
+        .options(HandleOptions::new().priority(9))
         .subscribe(&rig.node, "b", qos, d)
         .unwrap()
-        .with(Handling::new().priority(1));
+        .options(HandleOptions::new().priority(1));
     let (a, b, seen) = (rig.a.clone(), rig.b.clone(), Arc::clone(&rig.seen));
     let running = rig.exec.start().unwrap();
     a.publish(&int(0)).unwrap();
@@ -317,7 +317,7 @@ fn a_missed_deadline_is_counted_and_answered_as_asked() {
             .worker("w")
             .subscribe(&rig.node, "a", qos, slow)
             .unwrap()
-            .with(Handling::new().deadline(MS, on_miss));
+            .options(HandleOptions::new().deadline(MS, on_miss));
         let a = rig.a.clone();
         let running = rig.exec.start().unwrap();
         (0..4).for_each(|n| a.publish(&int(n)).unwrap());

@@ -11,7 +11,7 @@ use crate::common::{eventually, executor};
 use replenish::msg::Service;
 use replenish::msg::std_msgs::{Int32, Int64};
 use replenish::{
-    CallError, Client, Context, Handling, NoReply, PublishError, Qos, Removal, Responder,
+    CallError, Client, Context, HandleOptions, NoReply, PublishError, Qos, Removal, Responder,
 };
 use replenish_testkit::watchdog::watchdog;
 use std::collections::BTreeMap;
@@ -203,7 +203,7 @@ fn a_reply_to_a_client_that_is_gone_is_told_and_counted_and_the_service_goes_on(
             *response = square(request);
         })
         .unwrap()
-        .with(Handling::new().on_error(move |_| {
+        .options(HandleOptions::new().on_error(move |_| {
             tell.fetch_add(1, Ordering::Relaxed);
         }));
     let running = exec.start().unwrap();
@@ -244,7 +244,7 @@ fn a_late_reply_does_not_reach_the_client_that_came_after() {
     let (mut exec, _) = executor(&asking);
     exec.worker("c").capacity(1);
     let running = exec.start().unwrap();
-    let change = running.executor();
+    let change = running.handle();
     let mut responders = Vec::new();
     for gone in [true, false] {
         let client = node.client::<Square>("square", Qos::services(), LIMIT);
@@ -356,7 +356,7 @@ fn a_call_without_an_executor_any_more_is_an_error() {
 
     let removed = client();
     let running = exec(&removed).start().unwrap();
-    let handle = running.executor();
+    let handle = running.handle();
     handle.remove("/n/cli:/square", Removal::Detach).unwrap();
     assert_eq!(call(&removed), Err(CallError::Gone));
     drop(running);

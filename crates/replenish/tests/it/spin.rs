@@ -91,7 +91,7 @@ fn limits_are_kept_to_the_microsecond_and_without_work() {
         }
         .local()
         .unwrap();
-        let waits: [fn(&mut LocalExecutor) -> replenish::Spun; 3] = [
+        let waits: [fn(&mut LocalExecutor) -> replenish::SpinResult; 3] = [
             |e| e.spin_some(300 * US),
             |e| e.spin_for(300 * US),
             |e| e.spin_while(300 * US, || true),
@@ -164,7 +164,7 @@ fn other_threads_end_the_wait() {
         .timer_with(&timer, Every::once(MS).not_started(), |_| ())
         .unwrap();
     let mut local = exec.local().unwrap();
-    let (stop, live) = (local.stop_handle(), local.executor());
+    let (stop, live) = (local.stop_handle(), local.handle());
     let wakers: [(Box<dyn FnOnce() + Send>, SpinEnd); 4] = [
         (Box::new(move || guard.trigger()), SpinEnd::Worked),
         (Box::new(move || timer.start()), SpinEnd::Worked),
@@ -354,7 +354,7 @@ fn what_needs_a_thread_is_refused_by_name() {
     }
     let local = Executor::new(&ctx).local().unwrap();
     assert_eq!(Executor::new(&ctx).local().unwrap_err(), Error::ContextBusy);
-    let live = local.executor();
+    let live = local.handle();
     drop(local);
     Executor::new(&ctx).local().unwrap();
     assert!(live.remove("x", Removal::Detach).is_err());

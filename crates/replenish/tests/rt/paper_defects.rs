@@ -223,7 +223,7 @@ fn d07() {
     let (mut exec, _) = executor(&ctx);
     let gate = Gate::closed();
     let pass = gate.clone();
-    let handling = replenish::Handling::new().deadline(MS, replenish::OnMiss::Count);
+    let handling = replenish::HandleOptions::new().deadline(MS, replenish::OnMiss::Count);
     exec.worker("w")
         .subscribe(
             &node,
@@ -232,7 +232,7 @@ fn d07() {
             move |_: &Int32, _| pass.pass(),
         )
         .unwrap()
-        .with(handling);
+        .options(handling);
     let running = exec.start().unwrap();
     let stats = || running.stats("/n/sub:/t").unwrap();
     for data in 0..5 {

@@ -10,7 +10,7 @@
 use crate::common::{burn, cpu, eventually, executor};
 use replenish::msg::std_msgs::Int32;
 use replenish::{
-    Budget, Context, Enforcement, Every, Group, GuardCondition, Handling, Policy, Qos,
+    Budget, Context, Enforcement, Every, Group, GuardCondition, HandleOptions, Policy, Qos,
     RunningExecutor,
 };
 use replenish_os::{ThreadSpec, clock};
@@ -63,7 +63,7 @@ fn inherits() {
         Arc::new(AtomicBool::new(false)),
         Arc::new(AtomicU64::new(0)),
     );
-    let in_group = || Handling::new().group(&arm);
+    let in_group = || HandleOptions::new().group(&arm);
     let (is_in, triggers) = (Arc::clone(&inside), [high.clone(), hog.clone()]);
     exec.worker("low")
         .policy(fifo(20))
@@ -75,7 +75,7 @@ fn inherits() {
             is_in.store(false, Ordering::SeqCst);
         })
         .unwrap()
-        .with(in_group());
+        .options(in_group());
     let (was_in, count) = (Arc::clone(&inside), Arc::clone(&entered));
     exec.worker("high")
         .policy(fifo(40))
@@ -85,7 +85,7 @@ fn inherits() {
             count.fetch_add(1, Ordering::SeqCst);
         })
         .unwrap()
-        .with(in_group());
+        .options(in_group());
     let (rounds, overtaken) = (Arc::clone(&entered), Arc::new(AtomicU64::new(0)));
     let seen = Arc::clone(&overtaken);
     exec.worker("hog")

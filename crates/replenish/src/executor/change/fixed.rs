@@ -3,7 +3,7 @@
 
 use crate::context::Context;
 use crate::executor::StopHandle;
-use crate::executor::handles::handle::Shared;
+use crate::executor::handles::handle::HandleState;
 use crate::executor::run::routes::Route;
 use crate::executor::run::worker::Worker;
 use crate::executor::wake::doorbell::{Doorbell, Line};
@@ -12,18 +12,22 @@ use crate::sync::Arc;
 use alloc::vec::Vec;
 
 /// Every handle with its worker's name.
-pub(crate) struct Registry(Vec<(Arc<str>, Arc<Shared>)>);
+pub(crate) struct Registry(Vec<(Arc<str>, Arc<HandleState>)>);
 
 impl Registry {
-    pub(crate) const fn new(handles: Vec<(Arc<str>, Arc<Shared>)>, _: usize, _: usize) -> Self {
+    pub(crate) const fn new(
+        handles: Vec<(Arc<str>, Arc<HandleState>)>,
+        _: usize,
+        _: usize,
+    ) -> Self {
         Self(handles)
     }
 
-    pub(crate) fn find(&self, id: &str) -> Option<(Arc<str>, Arc<Shared>)> {
+    pub(crate) fn find(&self, id: &str) -> Option<(Arc<str>, Arc<HandleState>)> {
         self.0.iter().find(|(_, h)| h.id == id).cloned()
     }
 
-    pub(crate) fn all(&self) -> Vec<(Arc<str>, Arc<Shared>)> {
+    pub(crate) fn all(&self) -> Vec<(Arc<str>, Arc<HandleState>)> {
         self.0.clone()
     }
 }

@@ -1,6 +1,6 @@
 //! Handles that are added to a running worker together: all of them, or none.
 
-use super::live::{LiveWorker, Removal};
+use super::live::{Removal, WorkerHandle};
 use crate::error::Error;
 use crate::executor::handles::client::Client;
 use alloc::string::String;
@@ -8,13 +8,13 @@ use alloc::vec::Vec;
 use replenish_msg::Service;
 
 /// Handles that belong together; those that are there are removed if one cannot be added.
-pub(crate) struct Added<'e> {
-    worker: LiveWorker<'e>,
+pub(crate) struct HandleGroup<'e> {
+    worker: WorkerHandle<'e>,
     ids: Vec<String>,
 }
 
-impl<'e> Added<'e> {
-    pub(crate) fn to(worker: &LiveWorker<'e>) -> Self {
+impl<'e> HandleGroup<'e> {
+    pub(crate) fn to(worker: &WorkerHandle<'e>) -> Self {
         Self {
             worker: worker.again(),
             ids: Vec::new(),
@@ -22,7 +22,7 @@ impl<'e> Added<'e> {
     }
 
     /// The worker, for the next of them.
-    pub(crate) fn worker(&self) -> LiveWorker<'e> {
+    pub(crate) fn worker(&self) -> WorkerHandle<'e> {
         self.worker.again()
     }
 
@@ -43,11 +43,14 @@ impl<'e> Added<'e> {
     }
 }
 
-impl Drop for Added<'_> {
+impl Drop for HandleGroup<'_> {
     fn drop(&mut self) {
         for id in &self.ids {
             // One that somebody else has removed meanwhile is gone as well.
-            self.worker.executor().remove(id, Removal::Detach).ok();
+            self.worker
+                .executor_handle()
+                .remove(id, Removal::Detach)
+                .ok();
         }
     }
 }

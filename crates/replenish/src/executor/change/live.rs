@@ -3,14 +3,14 @@
 
 use crate::context::Context;
 use crate::error::Error;
-use crate::executor::describe::factory::Forge;
-use crate::executor::handles::entry::Entry;
+use crate::executor::describe::factory::HandleFactory;
+use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::group::Groups;
-use crate::executor::handles::handle::Shared;
+use crate::executor::handles::handle::HandleState;
 use crate::executor::run::desk::Desk;
 use crate::executor::run::mailbox::{Declined, Mailbox, Order};
 use crate::executor::run::routes::Route;
-use crate::executor::run::rules::Handling;
+use crate::executor::run::rules::HandleOptions;
 use crate::executor::wake::schedule::nanos;
 use crate::executor::wake::stop::StopHandle;
 use crate::stats::HandleStats;
@@ -39,9 +39,9 @@ pub enum Removal {
 pub(crate) struct Registry(Mutex<Known>);
 
 struct Known {
-    handles: Vec<(Arc<str>, Arc<Shared>)>,
+    handles: Vec<(Arc<str>, Arc<HandleState>)>,
     /// Those that were removed while a callback ran, which has not ended in time.
-    leaving: Vec<(Arc<str>, Arc<Shared>)>,
+    leaving: Vec<(Arc<str>, Arc<HandleState>)>,
     claimed: Vec<String>,
 }
 
@@ -58,7 +58,7 @@ impl Registry {
     /// `limit` leave at a time; and one more of each worker, which frees the place a moment before it
     /// says that it has let go.
     pub(crate) fn new(
-        mut handles: Vec<(Arc<str>, Arc<Shared>)>,
+        mut handles: Vec<(Arc<str>, Arc<HandleState>)>,
         limit: usize,
         workers: usize,
     ) -> Self {
@@ -70,12 +70,12 @@ impl Registry {
         }))
     }
 
-    pub(crate) fn find(&self, id: &str) -> Option<(Arc<str>, Arc<Shared>)> {
+    pub(crate) fn find(&self, id: &str) -> Option<(Arc<str>, Arc<HandleState>)> {
         let known = self.0.lock();
         known.handles.iter().find(|(_, h)| h.id == id).cloned()
     }
 
-    pub(crate) fn all(&self) -> Vec<(Arc<str>, Arc<Shared>)> {
+    pub(crate) fn all(&self) -> Vec<(Arc<str>, Arc<HandleState>)> {
         self.0.lock().handles.clone()
     }
 
@@ -84,7 +84,7 @@ impl Registry {
     fn enter<E>(
         &self,
         worker: &Arc<str>,
-        shared: &Arc<Shared>,
+        shared: &Arc<HandleState>,
         hand_over: impl FnOnce() -> Result<(), E>,
     ) -> Result<(), E> {
         let mut known = self.0.lock();
@@ -93,13 +93,13 @@ impl Registry {
         Ok(())
     }
 
-    fn forget(&self, shared: &Arc<Shared>) {
+    fn forget(&self, shared: &Arc<HandleState>) {
         let mut known = self.0.lock();
         known.handles.retain(|(_, h)| !Arc::ptr_eq(h, shared));
     }
 
     /// One that was forgotten has not left yet: it can be asked for once more.
-    fn leaves(&self, worker: &Arc<str>, shared: &Arc<Shared>) {
+    fn leaves(&self, worker: &Arc<str>, shared: &Arc<HandleState>) {
         while self.swept().is_some() {}
         let mut known = self.0.lock();
         if known.leaving.len() < known.leaving.capacity() {
@@ -109,14 +109,14 @@ impl Registry {
     }
 
     /// One that has left meanwhile, and that nobody waits for: to be dropped without the lock.
-    fn swept(&self) -> Option<(Arc<str>, Arc<Shared>)> {
+    fn swept(&self) -> Option<(Arc<str>, Arc<HandleState>)> {
         let mut known = self.0.lock();
         let at = known.leaving.iter().position(|(_, h)| h.gone.take())?;
         Some(known.leaving.swap_remove(at))
     }
 
     /// Takes out one that leaves.
-    fn left(&self, id: &str) -> Option<(Arc<str>, Arc<Shared>)> {
+    fn left(&self, id: &str) -> Option<(Arc<str>, Arc<HandleState>)> {
         let mut known = self.0.lock();
         let at = known.leaving.iter().position(|(_, h)| h.id == id)?;
         Some(known.leaving.swap_remove(at))
@@ -253,14 +253,14 @@ impl ExecutorHandle {
     ///
     /// # Errors
     /// [`Error::UnknownWorker`].
-    pub fn worker(&self, name: &str) -> Result<LiveWorker<'_>, Error> {
+    pub fn worker(&self, name: &str) -> Result<WorkerHandle<'_>, Error> {
         let mut posts = self.live.posts.iter();
         let post = posts.find(|p| &*p.name == name);
         let post = post.ok_or_else(|| Error::UnknownWorker(name.into()))?;
-        Ok(LiveWorker {
+        Ok(WorkerHandle {
             live: &self.live,
             post,
-            handling: Handling::new(),
+            handling: HandleOptions::new(),
         })
     }
 
@@ -304,7 +304,7 @@ impl ExecutorHandle {
     fn await_leaving(
         &self,
         worker: &Arc<str>,
-        shared: &Arc<Shared>,
+        shared: &Arc<HandleState>,
         how: Removal,
     ) -> Result<HandleStats, Error> {
         let live = &self.live;
@@ -366,25 +366,25 @@ impl fmt::Debug for ExecutorHandle {
 /// All of them: [`Error::Capacity`] with the limit when the worker is full (see
 /// [`WorkerBuilder::capacity`](crate::WorkerBuilder::capacity)), [`Error::Stopped`], and what the
 /// method of the same name says in [`WorkerBuilder`](crate::WorkerBuilder).
-pub struct LiveWorker<'e> {
+pub struct WorkerHandle<'e> {
     live: &'e Arc<Live>,
     post: &'e Post,
-    handling: Handling,
+    handling: HandleOptions,
 }
 
-impl fmt::Debug for LiveWorker<'_> {
+impl fmt::Debug for WorkerHandle<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("LiveWorker")
+        f.debug_struct("WorkerHandle")
             .field("name", &self.post.name)
             .finish_non_exhaustive()
     }
 }
 
-impl LiveWorker<'_> {
+impl WorkerHandle<'_> {
     /// How the handle that is added next is treated. Where several are added together (actions,
     /// parameters, managed nodes), priority, group and error hook are those of all of them.
     #[must_use]
-    pub fn with(self, handling: Handling) -> Self {
+    pub fn options(self, handling: HandleOptions) -> Self {
         Self { handling, ..self }
     }
 
@@ -398,20 +398,20 @@ impl LiveWorker<'_> {
     }
 
     /// What is known about one of its handles.
-    pub(crate) fn handle(&self, id: &str) -> Option<Arc<Shared>> {
+    pub(crate) fn handle(&self, id: &str) -> Option<Arc<HandleState>> {
         let (_, handle) = self.live.registry.find(id)?;
         Some(handle)
     }
 
     /// The executor.
-    pub(crate) fn executor(&self) -> ExecutorHandle {
+    pub(crate) fn executor_handle(&self) -> ExecutorHandle {
         let live = Arc::clone(self.live);
         ExecutorHandle { live }
     }
 
     pub(crate) fn add(
         self,
-        make: impl FnOnce(&Forge<'_>) -> Result<Entry, Error>,
+        make: impl FnOnce(&HandleFactory<'_>) -> Result<HandleEntry, Error>,
     ) -> Result<String, Error> {
         let Self {
             live,
@@ -426,7 +426,7 @@ impl LiveWorker<'_> {
             registry: &live.registry,
             ids: RefCell::new(Vec::new()),
         };
-        let made = make(&Forge {
+        let made = make(&HandleFactory {
             context: &live.context,
             worker: &post.name,
             unique: &|id| claims.unique(id),
@@ -483,7 +483,7 @@ mod tests {
     fn whoever_leaves_can_be_asked_for_once_more_also_when_all_leave() {
         let worker: Arc<str> = "w".into();
         let registry = Registry::new(Vec::new(), 1, 1);
-        let leaving = ["first", "second"].map(|id| Shared::new(id.into(), None));
+        let leaving = ["first", "second"].map(|id| HandleState::new(id.into(), None));
         for shared in &leaving {
             registry.leaves(&worker, shared);
         }
@@ -493,7 +493,7 @@ mod tests {
             registry.leaves(&worker, &found); // waited for in vain once more
         }
         leaving.iter().for_each(|shared| shared.gone.set());
-        registry.leaves(&worker, &Shared::new("third".into(), None));
+        registry.leaves(&worker, &HandleState::new("third".into(), None));
         assert!(registry.left("first").is_none(), "it has left");
     }
 }

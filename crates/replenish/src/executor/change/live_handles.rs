@@ -1,6 +1,6 @@
 //! Adding handles to a worker that runs: one method for each kind, as for one that is described.
 
-use super::live::LiveWorker;
+use super::live::WorkerHandle;
 use crate::context::Node;
 use crate::error::Error;
 use crate::executor::describe::factory::RawType;
@@ -16,7 +16,7 @@ use alloc::string::String;
 use replenish_msg::{Message, Service, Viewed};
 
 #[expect(clippy::missing_errors_doc, reason = "said once, at the type")]
-impl LiveWorker<'_> {
+impl WorkerHandle<'_> {
     /// A subscription.
     pub fn subscribe<'t, M, F, R>(
         self,
@@ -34,7 +34,7 @@ impl LiveWorker<'_> {
         let called = move |message: Option<&M>, cx: &CallbackContext<'_>| {
             message.map(|message| callback(message, cx))
         };
-        self.add(|forge| forge.subscription(node, topic, qos, called))
+        self.add(|factory| factory.subscription(node, topic, qos, called))
     }
 
     /// A subscription whose callback runs in every round of the worker from now on.
@@ -51,7 +51,7 @@ impl LiveWorker<'_> {
         R: CallbackResult + 'static,
     {
         let topic = topic.into();
-        self.add(|forge| forge.always(node, topic, qos, callback))
+        self.add(|factory| factory.always(node, topic, qos, callback))
     }
 
     /// A subscription to views.
@@ -68,7 +68,7 @@ impl LiveWorker<'_> {
         R: CallbackResult + 'static,
     {
         let topic = topic.into();
-        self.add(|forge| forge.view::<M, _, _>(node, topic, qos, callback))
+        self.add(|factory| factory.view::<M, _, _>(node, topic, qos, callback))
     }
 
     /// A subscription to bytes.
@@ -85,7 +85,7 @@ impl LiveWorker<'_> {
         R: CallbackResult + 'static,
     {
         let topic = topic.into();
-        self.add(|forge| forge.raw(node, topic, ty, qos, callback))
+        self.add(|factory| factory.raw(node, topic, ty, qos, callback))
     }
 
     /// A timer, which counts from now.
@@ -95,7 +95,7 @@ impl LiveWorker<'_> {
         R: CallbackResult + 'static,
     {
         let every = every.into();
-        self.add(|forge| forge.timer(None, every, callback))
+        self.add(|factory| factory.timer(None, every, callback))
     }
 
     /// A timer that counts from now, with a handle.
@@ -110,7 +110,7 @@ impl LiveWorker<'_> {
         R: CallbackResult + 'static,
     {
         let every = every.into();
-        self.add(|forge| forge.timer(Some(handle), every, callback))
+        self.add(|factory| factory.timer(Some(handle), every, callback))
     }
 
     /// A guard condition.
@@ -119,7 +119,7 @@ impl LiveWorker<'_> {
         F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
     {
-        self.add(|forge| forge.guard(guard, callback))
+        self.add(|factory| factory.guard(guard, callback))
     }
 
     /// A service that answers in the callback.
@@ -156,7 +156,7 @@ impl LiveWorker<'_> {
         R: CallbackResult + 'static,
     {
         let name = name.into();
-        self.add(|forge| forge.server::<S, _, _>(node, name, qos, callback))
+        self.add(|factory| factory.server::<S, _, _>(node, name, qos, callback))
     }
 
     /// The replies of a client.
@@ -166,6 +166,6 @@ impl LiveWorker<'_> {
         F: FnMut(Result<&S::Response, NoReply>, &CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
     {
-        self.add(|forge| forge.replies(client, callback))
+        self.add(|factory| factory.replies(client, callback))
     }
 }

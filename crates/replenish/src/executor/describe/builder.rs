@@ -1,14 +1,14 @@
 //! Describing a worker: its scheduling and its rules. Adding handles to it is in `builder_handles`.
 
-use super::factory::Forge;
+use super::factory::HandleFactory;
 use crate::budget::Budget;
 use crate::error::Error;
 use crate::executor::Executor;
 use crate::executor::handles::client::Client;
-use crate::executor::handles::entry::Entry;
+use crate::executor::handles::entry::HandleEntry;
 use crate::executor::run::rounds::BY_RULES;
-use crate::executor::run::rules::{Handling, Rules, Semantics, Trigger};
-use crate::executor::start::plan::Request;
+use crate::executor::run::rules::{HandleOptions, Rules, Semantics, Trigger};
+use crate::executor::start::plan::WorkerRequest;
 use crate::executor::wake::schedule::Every;
 use crate::platform::{Kept, kept};
 use crate::text::text;
@@ -18,12 +18,12 @@ use replenish_os::Policy;
 
 /// A worker that is described so far.
 pub(crate) struct WorkerSpec {
-    pub(crate) request: Request,
+    pub(crate) request: WorkerRequest,
     /// What was planned for it when the executor started.
     pub(crate) policy: Policy,
     pub(crate) rules: Rules,
     /// In the order they were added.
-    pub(crate) entries: Vec<Entry>,
+    pub(crate) entries: Vec<HandleEntry>,
     /// Timers and guard conditions, by number.
     pub(crate) timers: usize,
     pub(crate) guards: usize,
@@ -32,7 +32,7 @@ pub(crate) struct WorkerSpec {
 impl WorkerSpec {
     pub(crate) fn new(name: &str) -> Kept<Self> {
         kept(Self {
-            request: Request::named(name),
+            request: WorkerRequest::named(name),
             policy: Policy::Other,
             rules: Rules::default(),
             entries: Vec::new(),
@@ -63,7 +63,7 @@ impl WorkerSpec {
 
     /// One more handle. (One body for all kinds.)
     #[inline(never)]
-    fn add(&mut self, entry: Entry) {
+    fn add(&mut self, entry: HandleEntry) {
         one_more(&mut self.entries);
         self.entries.push(entry);
     }
@@ -85,10 +85,10 @@ impl WorkerSpec {
             (rounds.check)(self)?;
         }
         if self.rules.early {
-            let allowed = "behind the handle it is for";
+            let allowed = "only after the handle it configures";
             return Err(Error::parameter(
                 self.request.owner(),
-                "with",
+                "options",
                 &"set",
                 allowed,
             ));
@@ -185,11 +185,11 @@ impl WorkerBuilder<'_> {
         self.rules(|r| r.capacity = Some(handles))
     }
 
-    /// How the handle that was added last is treated. (A [`LiveWorker`](crate::LiveWorker) says it
+    /// How the handle that was added last is treated. (A [`WorkerHandle`](crate::WorkerHandle) says it
     /// before it adds one.) Where several handles were added together (actions, parameters, managed
     /// nodes), priority, group and error hook are those of all of them. Without a handle before it, it
     /// is an [`Error::Parameter`] when the executor starts.
-    pub fn with(mut self, handling: Handling) -> Self {
+    pub fn options(mut self, handling: HandleOptions) -> Self {
         let Some(spec) = self.spec() else {
             return self;
         };
@@ -225,7 +225,7 @@ impl WorkerBuilder<'_> {
         self.executor.workers.get_mut(self.index)
     }
 
-    pub(crate) fn request(mut self, change: impl FnOnce(&mut Request)) -> Self {
+    pub(crate) fn request(mut self, change: impl FnOnce(&mut WorkerRequest)) -> Self {
         if let Some(spec) = self.spec() {
             change(&mut spec.request);
         }
@@ -249,7 +249,7 @@ impl WorkerBuilder<'_> {
 
     pub(crate) fn add(
         self,
-        make: impl FnOnce(&Forge<'_>) -> Result<Entry, Error>,
+        make: impl FnOnce(&HandleFactory<'_>) -> Result<HandleEntry, Error>,
     ) -> Result<Self, Error> {
         self.add_numbered(0, make)
     }
@@ -257,12 +257,12 @@ impl WorkerBuilder<'_> {
     pub(crate) fn add_numbered(
         mut self,
         number: usize,
-        make: impl FnOnce(&Forge<'_>) -> Result<Entry, Error>,
+        make: impl FnOnce(&HandleFactory<'_>) -> Result<HandleEntry, Error>,
     ) -> Result<Self, Error> {
         let Some(spec) = self.executor.workers.get(self.index) else {
             return Ok(self);
         };
-        let entry = make(&Forge {
+        let entry = make(&HandleFactory {
             context: &self.executor.context,
             worker: &spec.request.name,
             unique: &|id| self.executor.unique(id),

@@ -5,13 +5,13 @@ use crate::context::{Context, Node, check_depth};
 use crate::error::Error;
 use crate::executor::handles::callback::{CallbackContext, CallbackResult};
 use crate::executor::handles::client::{Client, NoReply, Replies};
-use crate::executor::handles::entry::Entry;
+use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::guard::{Guard, GuardCondition};
-use crate::executor::handles::handle::Shared;
+use crate::executor::handles::handle::HandleState;
 use crate::executor::handles::service::{ReplyLine, Responder, Server};
 use crate::executor::handles::subscription::{RawSubscription, Subscription, ViewSubscription};
 use crate::executor::handles::timer::{Timer, TimerHandle};
-use crate::executor::run::rules::Handling;
+use crate::executor::run::rules::HandleOptions;
 use crate::executor::wake::schedule::Every;
 use crate::handoff::{Inbox, Keep};
 use crate::middleware::{EndpointSpec, ReaderId};
@@ -24,7 +24,7 @@ use core::time::Duration;
 use replenish_msg::{Message, Service, Viewed};
 
 /// What making a handle needs to know.
-pub(crate) struct Forge<'a> {
+pub(crate) struct HandleFactory<'a> {
     pub(crate) context: &'a Context,
     /// The worker's name.
     pub(crate) worker: &'a str,
@@ -76,7 +76,7 @@ impl RawType<'_> {
     }
 }
 
-impl Forge<'_> {
+impl HandleFactory<'_> {
     fn owned(&self, node: &Node) -> Result<(), Error> {
         match node.context().is(self.context) {
             true => Ok(()),
@@ -138,7 +138,7 @@ impl Forge<'_> {
         topic: Topic<'_>,
         qos: Qos,
         callback: F,
-    ) -> Result<Entry, Error>
+    ) -> Result<HandleEntry, Error>
     where
         M: Message,
         F: FnMut(Option<&M>, &CallbackContext<'_>) -> R + Send + 'static,
@@ -146,9 +146,9 @@ impl Forge<'_> {
     {
         let (id, reader, inbox) =
             self.input(node, topic, (RawType::of::<M>(), largest::<M>()), qos)?;
-        let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
+        let shared = HandleState::new(id, Some((reader, Arc::clone(&inbox))));
         let handle = Subscription::<M, F>::new(Arc::clone(&shared), inbox, callback);
-        Ok(Entry::new(shared, Box::new(handle)))
+        Ok(HandleEntry::new(shared, Box::new(handle)))
     }
 
     /// One whose callback runs in every round of its worker.
@@ -158,14 +158,14 @@ impl Forge<'_> {
         topic: Topic<'_>,
         qos: Qos,
         callback: F,
-    ) -> Result<Entry, Error>
+    ) -> Result<HandleEntry, Error>
     where
         M: Message,
         F: FnMut(Option<&M>, &CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
     {
         let mut entry = self.subscription(node, topic, qos, callback)?;
-        entry.handling = Handling::new().always();
+        entry.handling = HandleOptions::new().always();
         Ok(entry)
     }
 
@@ -175,7 +175,7 @@ impl Forge<'_> {
         topic: Topic<'_>,
         qos: Qos,
         callback: F,
-    ) -> Result<Entry, Error>
+    ) -> Result<HandleEntry, Error>
     where
         M: Viewed,
         F: FnMut(&M::View<'_>, &CallbackContext<'_>) -> R + Send + 'static,
@@ -183,9 +183,9 @@ impl Forge<'_> {
     {
         let (id, reader, inbox) =
             self.input(node, topic, (RawType::of::<M>(), largest::<M>()), qos)?;
-        let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
+        let shared = HandleState::new(id, Some((reader, Arc::clone(&inbox))));
         let handle = ViewSubscription::<M, F>::new(Arc::clone(&shared), inbox, callback);
-        Ok(Entry::new(shared, Box::new(handle)))
+        Ok(HandleEntry::new(shared, Box::new(handle)))
     }
 
     pub(crate) fn raw<F, R>(
@@ -195,7 +195,7 @@ impl Forge<'_> {
         ty: RawType<'_>,
         qos: Qos,
         callback: F,
-    ) -> Result<Entry, Error>
+    ) -> Result<HandleEntry, Error>
     where
         F: FnMut(&[u8], &CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
@@ -211,9 +211,9 @@ impl Forge<'_> {
             return Err(Error::parameter(owner, "type", &"\"\"", allowed));
         }
         let (id, reader, inbox) = self.input(node, topic, (ty, LARGEST), qos)?;
-        let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
+        let shared = HandleState::new(id, Some((reader, Arc::clone(&inbox))));
         let handle = RawSubscription::new(Arc::clone(&shared), inbox, callback);
-        Ok(Entry::new(shared, Box::new(handle)))
+        Ok(HandleEntry::new(shared, Box::new(handle)))
     }
 
     pub(crate) fn timer<F, R>(
@@ -221,7 +221,7 @@ impl Forge<'_> {
         handle: Option<&TimerHandle>,
         every: Every,
         callback: F,
-    ) -> Result<Entry, Error>
+    ) -> Result<HandleEntry, Error>
     where
         F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
@@ -236,10 +236,14 @@ impl Forge<'_> {
         }
         let control = handle.map(TimerHandle::control);
         let timer = Timer::new(Arc::clone(&shared), every, control, callback);
-        Ok(Entry::new(shared, Box::new(timer)))
+        Ok(HandleEntry::new(shared, Box::new(timer)))
     }
 
-    pub(crate) fn guard<F, R>(&self, guard: &GuardCondition, callback: F) -> Result<Entry, Error>
+    pub(crate) fn guard<F, R>(
+        &self,
+        guard: &GuardCondition,
+        callback: F,
+    ) -> Result<HandleEntry, Error>
     where
         F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
@@ -247,7 +251,7 @@ impl Forge<'_> {
         let shared = self.nameless("guard");
         self.bound(guard.claim(), &shared)?;
         let handle = Guard::new(Arc::clone(&shared), guard.clone(), callback);
-        Ok(Entry::new(shared, Box::new(handle)))
+        Ok(HandleEntry::new(shared, Box::new(handle)))
     }
 
     pub(crate) fn server<S, F, R>(
@@ -256,7 +260,7 @@ impl Forge<'_> {
         topic: Topic<'_>,
         qos: Qos,
         callback: F,
-    ) -> Result<Entry, Error>
+    ) -> Result<HandleEntry, Error>
     where
         S: Service,
         F: FnMut(&S::Request, Responder<S>, &CallbackContext<'_>) -> R + Send + 'static,
@@ -276,7 +280,7 @@ impl Forge<'_> {
         };
         let inbox = Arc::new(Inbox::new(qos.depth.into(), spec.max_request, keep));
         let id = (self.unique)(joined(&[node.name(), "/srv:", &name]));
-        let shared = Shared::new(id, Some((reader, Arc::clone(&inbox))));
+        let shared = HandleState::new(id, Some((reader, Arc::clone(&inbox))));
         let line = ReplyLine {
             middleware: Arc::clone(middleware),
             writer,
@@ -288,10 +292,14 @@ impl Forge<'_> {
             line,
             callback,
         );
-        Ok(Entry::new(shared, Box::new(handle)))
+        Ok(HandleEntry::new(shared, Box::new(handle)))
     }
 
-    pub(crate) fn replies<S, F, R>(&self, client: &Client<S>, callback: F) -> Result<Entry, Error>
+    pub(crate) fn replies<S, F, R>(
+        &self,
+        client: &Client<S>,
+        callback: F,
+    ) -> Result<HandleEntry, Error>
     where
         S: Service,
         F: FnMut(Result<&S::Response, NoReply>, &CallbackContext<'_>) -> R + Send + 'static,
@@ -302,18 +310,18 @@ impl Forge<'_> {
             return Err(Error::ForeignNode(inner.node.as_str().into()));
         }
         let id = (self.unique)(joined(&[&inner.node, "/cli:", &inner.name]));
-        let shared = Shared::new(id, Some((inner.reader, Arc::clone(&inner.inbox))));
+        let shared = HandleState::new(id, Some((inner.reader, Arc::clone(&inner.inbox))));
         self.bound(client.claim(), &shared)?;
         let handle = Replies::<S, F>::new(Arc::clone(&shared), Arc::clone(inner), callback);
-        Ok(Entry::new(shared, Box::new(handle)))
+        Ok(HandleEntry::new(shared, Box::new(handle)))
     }
 
-    fn nameless(&self, kind: &str) -> Arc<Shared> {
+    fn nameless(&self, kind: &str) -> Arc<HandleState> {
         let id = numbered(&joined(&[self.worker, "/", kind, ":"]), self.number);
-        Shared::new((self.unique)(id), None)
+        HandleState::new((self.unique)(id), None)
     }
 
-    fn bound(&self, free: bool, shared: &Shared) -> Result<(), Error> {
+    fn bound(&self, free: bool, shared: &HandleState) -> Result<(), Error> {
         match free {
             true => Ok(()),
             false => Err(Error::parameter(

@@ -38,7 +38,7 @@ impl WorkerBuilder<'_> {
         let called = move |message: Option<&M>, cx: &CallbackContext<'_>| {
             message.map(|message| callback(message, cx))
         };
-        self.add(|forge| forge.subscription(node, topic, qos, called))
+        self.add(|factory| factory.subscription(node, topic, qos, called))
     }
 
     /// Calls `callback` in every round of this worker: with a new message on `topic`, or with
@@ -61,7 +61,7 @@ impl WorkerBuilder<'_> {
     {
         let topic = topic.into();
         self.ruled(|_| {})
-            .add(|forge| forge.always(node, topic, qos, callback))
+            .add(|factory| factory.always(node, topic, qos, callback))
     }
 
     /// Calls `callback` with a view of every message on `topic`: strings and sequences stay in the
@@ -100,7 +100,7 @@ impl WorkerBuilder<'_> {
         R: CallbackResult + 'static,
     {
         let topic = topic.into();
-        self.add(|forge| forge.view::<M, _, _>(node, topic, qos, callback))
+        self.add(|factory| factory.view::<M, _, _>(node, topic, qos, callback))
     }
 
     /// Calls `callback` with the bytes of every sample on `topic`: CDR without encapsulation header,
@@ -121,7 +121,7 @@ impl WorkerBuilder<'_> {
         R: CallbackResult + 'static,
     {
         let topic = topic.into();
-        self.add(|forge| forge.raw(node, topic, ty, qos, callback))
+        self.add(|factory| factory.raw(node, topic, ty, qos, callback))
     }
 
     /// Calls `callback` at every release of a timer, given as a period or an [`Every`].
@@ -171,7 +171,7 @@ impl WorkerBuilder<'_> {
             s.timers += 1;
             s.timers - 1
         });
-        self.add_numbered(number, |forge| forge.timer(handle, every, callback))
+        self.add_numbered(number, |factory| factory.timer(handle, every, callback))
     }
 
     /// Calls `callback` whenever `guard` was triggered.
@@ -187,7 +187,7 @@ impl WorkerBuilder<'_> {
             s.guards += 1;
             s.guards - 1
         });
-        self.add_numbered(number, |forge| forge.guard(guard, callback))
+        self.add_numbered(number, |factory| factory.guard(guard, callback))
     }
 
     /// Serves `name`: calls `callback` with every request and a response to fill, which is then
@@ -213,7 +213,7 @@ impl WorkerBuilder<'_> {
             to.reply(&response)
         };
         let name = name.into();
-        self.add(|forge| forge.server::<S, _, _>(node, name, qos, called))
+        self.add(|factory| factory.server::<S, _, _>(node, name, qos, called))
     }
 
     /// Serves `name`: calls `callback` with every request and the right to answer it, now or
@@ -234,7 +234,7 @@ impl WorkerBuilder<'_> {
         R: CallbackResult + 'static,
     {
         let name = name.into();
-        self.add(|forge| forge.server::<S, _, _>(node, name, qos, callback))
+        self.add(|factory| factory.server::<S, _, _>(node, name, qos, callback))
     }
 
     /// Calls `callback` once for every request of `client`: with its reply, or with the reason why
@@ -249,6 +249,6 @@ impl WorkerBuilder<'_> {
         F: FnMut(Result<&S::Response, NoReply>, &CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
     {
-        self.add(|forge| forge.replies(client, callback))
+        self.add(|factory| factory.replies(client, callback))
     }
 }

@@ -1,6 +1,6 @@
 //! What a callback gets besides its message, and what it may return.
 
-use super::handle::{Env, Shared};
+use super::handle::{Env, HandleState};
 use crate::Nanos;
 #[cfg(feature = "live")]
 use crate::executor::change::live::ExecutorHandle;
@@ -20,7 +20,7 @@ use replenish_os::clock;
 /// Facts about the callback that runs, and the ways to act on its executor from inside it.
 pub struct CallbackContext<'a> {
     pub(crate) env: &'a Env<'a>,
-    pub(crate) shared: &'a Shared,
+    pub(crate) shared: &'a HandleState,
     pub(crate) due: Nanos,
     pub(crate) started: Nanos,
     pub(crate) skipped: u64,
@@ -29,7 +29,12 @@ pub struct CallbackContext<'a> {
 }
 
 impl<'a> CallbackContext<'a> {
-    pub(crate) fn new(env: &'a Env<'a>, shared: &'a Shared, due: Nanos, started: Nanos) -> Self {
+    pub(crate) fn new(
+        env: &'a Env<'a>,
+        shared: &'a HandleState,
+        due: Nanos,
+        started: Nanos,
+    ) -> Self {
         Self {
             env,
             shared,
@@ -44,7 +49,7 @@ impl<'a> CallbackContext<'a> {
     pub(crate) fn about(
         sample: &'a SampleInfo,
         env: &'a Env<'a>,
-        shared: &'a Shared,
+        shared: &'a HandleState,
         started: Nanos,
     ) -> Self {
         Self {
@@ -177,7 +182,7 @@ impl CallbackContext<'_> {
     /// when the callback has ended. `Some` in every executor that runs, with threads or without.
     #[cfg(feature = "live")]
     #[must_use]
-    pub fn executor(&self) -> Option<ExecutorHandle> {
+    pub fn handle(&self) -> Option<ExecutorHandle> {
         let live = Arc::clone(self.env.live?);
         Some(ExecutorHandle { live })
     }

@@ -8,12 +8,12 @@
 //! ```
 
 use super::callback::{CallbackContext, CallbackResult};
-use super::handle::{Env, Handle, Shared, Taken};
+use super::handle::{Env, Handle, HandleState, Taken};
 use crate::Nanos;
 use crate::error::Error;
 use crate::executor::wake::doorbell::Line;
-use crate::executor::wake::lazy_now::Moment;
-use crate::executor::wake::run_queue::Agenda;
+use crate::executor::wake::lazy_now::LazyNow;
+use crate::executor::wake::run_queue::RunQueue;
 use crate::executor::wake::schedule::nanos;
 use crate::handoff::{Inbox, RequestIdentity, SampleInfo, Slot};
 use crate::middleware::encoding::{Encoding, SERVICE};
@@ -250,7 +250,7 @@ impl<S: Service> Client<S> {
 
     /// Samples of this handle, which is on the same worker, are told before replies that arrived
     /// later: of an action, a result must not overtake its goal's feedback.
-    pub(crate) fn lets_ahead(&self, handle: &Shared) {
+    pub(crate) fn lets_ahead(&self, handle: &HandleState) {
         if let Some((_, inbox)) = &handle.input {
             self.inner.ahead.set(Arc::clone(inbox)).ok();
         }
@@ -280,7 +280,7 @@ impl<S> fmt::Debug for Client<S> {
 }
 
 pub(crate) struct Replies<S: Service, F> {
-    shared: Arc<Shared>,
+    shared: Arc<HandleState>,
     client: Arc<ClientInner>,
     response: S::Response,
     /// The reply taken last, as it came.
@@ -292,7 +292,7 @@ pub(crate) struct Replies<S: Service, F> {
 }
 
 impl<S: Service, F> Replies<S, F> {
-    pub(crate) fn new(shared: Arc<Shared>, client: Arc<ClientInner>, callback: F) -> Self {
+    pub(crate) fn new(shared: Arc<HandleState>, client: Arc<ClientInner>, callback: F) -> Self {
         Self {
             shared,
             client,
@@ -355,7 +355,7 @@ where
         fence(Ordering::SeqCst);
     }
 
-    fn is_ready(&mut self, now: &Moment) -> bool {
+    fn is_ready(&mut self, now: &LazyNow) -> bool {
         self.client.inbox.waiting() > 0 || self.earliest().is_some_and(|end| end <= now.get())
     }
 
@@ -363,9 +363,9 @@ where
         self.earliest()
     }
 
-    fn note_release(&mut self, position: usize, agenda: &mut Agenda) {
+    fn note_release(&mut self, position: usize, run_queue: &mut RunQueue) {
         let release = self.next_release();
-        agenda.next_release_of(position, release);
+        run_queue.next_release_of(position, release);
     }
 
     fn take(&mut self, env: &Env<'_>) -> Option<Taken> {

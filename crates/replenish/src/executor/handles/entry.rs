@@ -1,11 +1,11 @@
 //! A handle in the hands of its worker: taking, executing, and what follows from the outcome.
 
 use super::group::Held;
-use super::handle::{Env, Handle, Shared, Taken};
+use super::handle::{Env, Handle, HandleState, Taken};
 use crate::Nanos;
 use crate::event::Event;
-use crate::executor::run::rules::{DeadlineMiss, Handling, OnMiss};
-use crate::executor::wake::lazy_now::Moment;
+use crate::executor::run::rules::{DeadlineMiss, HandleOptions, OnMiss};
+use crate::executor::wake::lazy_now::LazyNow;
 use crate::platform;
 use crate::stats::Text;
 use crate::sync::{Arc, Ordering};
@@ -15,10 +15,10 @@ use alloc::vec::Vec;
 use replenish_os::clock;
 
 /// A handle on its worker's thread.
-pub(crate) struct Entry {
-    pub(crate) shared: Arc<Shared>,
+pub(crate) struct HandleEntry {
+    pub(crate) shared: Arc<HandleState>,
     pub(crate) handle: Box<dyn Handle>,
-    pub(crate) handling: Handling,
+    pub(crate) handling: HandleOptions,
     /// Its place among its worker's marks.
     pub(crate) slot: usize,
     /// A callback panicked; the handle is left alone from then on.
@@ -35,12 +35,12 @@ pub(crate) struct Entry {
     pub(crate) took: Nanos,
 }
 
-impl Entry {
-    pub(crate) fn new(shared: Arc<Shared>, handle: Box<dyn Handle>) -> Self {
+impl HandleEntry {
+    pub(crate) fn new(shared: Arc<HandleState>, handle: Box<dyn Handle>) -> Self {
         Self {
             shared,
             handle,
-            handling: Handling::default(),
+            handling: HandleOptions::default(),
             slot: usize::MAX,
             stopped: false,
             others: 0,
@@ -52,7 +52,7 @@ impl Entry {
     }
 
     /// From now on it is treated like this.
-    pub(crate) fn treat(&mut self, mut handling: Handling) {
+    pub(crate) fn treat(&mut self, mut handling: HandleOptions) {
         handling.always = handling.always.or(self.handling.always);
         if let Some(hook) = handling.hook.take() {
             self.shared.hook.set(hook).ok();
@@ -76,7 +76,7 @@ impl Entry {
     }
 
     /// Whether it has something to do now.
-    pub(crate) fn look(&mut self, now: &Moment) -> bool {
+    pub(crate) fn look(&mut self, now: &LazyNow) -> bool {
         self.is_live() && self.handle.is_ready(now)
     }
 
@@ -193,7 +193,7 @@ impl Entry {
 
 /// Inserts behind the entries of the same or a higher priority.
 #[cfg(feature = "live")]
-pub(crate) fn insert(entries: &mut Vec<Entry>, entry: Entry) {
+pub(crate) fn insert(entries: &mut Vec<HandleEntry>, entry: HandleEntry) {
     let priority = entry.handling.priority;
     let mut others = entries.iter();
     let at = others.position(|e| e.handling.priority < priority);

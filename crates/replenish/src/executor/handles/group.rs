@@ -18,7 +18,7 @@
 //!   [`Group::patience`] tells so with the names of both ([`Event::Blocked`]), and tells again when
 //!   that time has doubled.
 
-use super::handle::{Env, Shared};
+use super::handle::{Env, HandleState};
 use crate::Nanos;
 use crate::event::Event;
 use crate::executor::wake::schedule::nanos;
@@ -29,13 +29,13 @@ use core::time::Duration;
 use replenish_os::{Tid, clock, current_tid};
 
 /// Handles whose callbacks never run at the same time, on whatever workers they are: in
-/// [`Handling::group`](crate::Handling::group). Clones are the same group.
+/// [`HandleOptions::group`](crate::HandleOptions::group). Clones are the same group.
 ///
 /// Whoever runs while others wait inherits the highest of their priorities. Waiting counts as
 /// blocking for a budget, and as latency for the handle.
 ///
 /// ```
-/// use replenish::{Context, Executor, Group, Handling};
+/// use replenish::{Context, Executor, Group, HandleOptions};
 /// use std::time::Duration;
 /// let ctx = Context::in_process();
 /// let mut exec = Executor::new(&ctx);
@@ -43,7 +43,7 @@ use replenish_os::{Tid, clock, current_tid};
 /// for name in ["fast", "slow"] {
 ///     exec.worker(name)
 ///         .timer(Duration::from_millis(5), |_| ())?
-///         .with(Handling::new().group(&arm));
+///         .options(HandleOptions::new().group(&arm));
 /// }
 /// # Ok::<(), replenish::Error>(())
 /// ```
@@ -57,14 +57,14 @@ struct Inner {
     lock: Mutex<()>,
     patience: AtomicU64,
     /// Whose callback runs, and on which thread.
-    holder: Mutex<Option<(Tid, Arc<Shared>)>>,
+    holder: Mutex<Option<(Tid, Arc<HandleState>)>>,
     ways: Ways,
 }
 
 /// How callbacks come in and go out: workers find it here, so that programs without groups do not
 /// carry it.
 struct Ways {
-    enter: for<'g> fn(&'g Group, &Arc<Shared>, &Env<'_>) -> Held<'g>,
+    enter: for<'g> fn(&'g Group, &Arc<HandleState>, &Env<'_>) -> Held<'g>,
     leave: fn(&Group),
 }
 
@@ -114,11 +114,11 @@ impl Group {
     }
 
     /// Waits until no callback of the group runs.
-    pub(crate) fn enter(&self, shared: &Arc<Shared>, env: &Env<'_>) -> Held<'_> {
+    pub(crate) fn enter(&self, shared: &Arc<HandleState>, env: &Env<'_>) -> Held<'_> {
         (self.inner.ways.enter)(self, shared, env)
     }
 
-    fn wait(&self, shared: &Arc<Shared>, env: &Env<'_>) -> Held<'_> {
+    fn wait(&self, shared: &Arc<HandleState>, env: &Env<'_>) -> Held<'_> {
         let inner = &self.inner;
         let begin = clock::monotonic();
         let mut patience = inner.patience.load(Ordering::Relaxed);
@@ -145,7 +145,7 @@ impl Group {
     }
 
     #[cold]
-    fn tell(&self, shared: &Shared, waited: Nanos, env: &Env<'_>) {
+    fn tell(&self, shared: &HandleState, waited: Nanos, env: &Env<'_>) {
         let holder = self
             .inner
             .holder

@@ -1,10 +1,10 @@
 //! Guard conditions: any thread, or a signal handler, makes a worker call a callback.
 
 use super::callback::{CallbackContext, CallbackResult};
-use super::handle::{Env, Handle, Shared, Taken};
+use super::handle::{Env, Handle, HandleState, Taken};
 use crate::Nanos;
 use crate::executor::wake::doorbell::Line;
-use crate::executor::wake::lazy_now::Moment;
+use crate::executor::wake::lazy_now::LazyNow;
 use crate::handoff::Flag;
 use crate::platform::Once;
 use crate::sync::{Arc, AtomicBool, AtomicU64, Ordering, fence};
@@ -92,7 +92,7 @@ impl fmt::Debug for GuardCondition {
 }
 
 pub(crate) struct Guard<F> {
-    shared: Arc<Shared>,
+    shared: Arc<HandleState>,
     condition: GuardCondition,
     due: Nanos,
     skipped: u64,
@@ -100,7 +100,7 @@ pub(crate) struct Guard<F> {
 }
 
 impl<F> Guard<F> {
-    pub(crate) fn new(shared: Arc<Shared>, condition: GuardCondition, callback: F) -> Self {
+    pub(crate) fn new(shared: Arc<HandleState>, condition: GuardCondition, callback: F) -> Self {
         Self {
             shared,
             condition,
@@ -121,7 +121,7 @@ where
         fence(Ordering::SeqCst);
     }
 
-    fn is_ready(&mut self, _now: &Moment) -> bool {
+    fn is_ready(&mut self, _now: &LazyNow) -> bool {
         self.condition.inner.flag.is_raised()
     }
 

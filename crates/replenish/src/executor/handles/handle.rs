@@ -1,14 +1,14 @@
 //! What a worker knows of a handle, whatever its kind; and what is shared about it.
 
-use super::entry::Entry;
+use super::entry::HandleEntry;
 use super::group::Group;
 use super::outbox::Outbox;
 use crate::Nanos;
 use crate::event::{Event, Events};
 use crate::executor::change::live::Live;
 use crate::executor::wake::doorbell::Line;
-use crate::executor::wake::lazy_now::Moment;
-use crate::executor::wake::run_queue::Agenda;
+use crate::executor::wake::lazy_now::LazyNow;
+use crate::executor::wake::run_queue::RunQueue;
 use crate::executor::wake::stop::StopHandle;
 use crate::handoff::{Inbox, Slot};
 use crate::histogram::LiveHistogram;
@@ -70,11 +70,11 @@ pub(crate) struct Deadline {
 }
 
 /// With the release and the deadline, and the time from that release to the end of the callback.
-type Judge = fn(&mut Entry, &Env<'_>, (Nanos, Nanos), Nanos);
+type Judge = fn(&mut HandleEntry, &Env<'_>, (Nanos, Nanos), Nanos);
 
 impl Deadline {
     pub(crate) fn of(within: Nanos) -> Self {
-        let judge = Entry::judge;
+        let judge = HandleEntry::judge;
         Self { within, judge }
     }
 }
@@ -103,14 +103,14 @@ pub(crate) trait Handle: Send {
     /// The executor starts now; `line` leads to it.
     fn begin(&mut self, _start: Nanos, _line: &Line) {}
     /// Whether there is something to take.
-    fn is_ready(&mut self, now: &Moment) -> bool;
+    fn is_ready(&mut self, now: &LazyNow) -> bool;
     /// When it will have something to take by itself.
     fn next_release(&mut self) -> Option<Nanos> {
         None
     }
     /// Writes down its [next release](Self::next_release), if it has releases at all; it is at this
     /// position.
-    fn note_release(&mut self, _position: usize, _agenda: &mut Agenda) {}
+    fn note_release(&mut self, _position: usize, _agenda: &mut RunQueue) {}
     /// Takes one input, if there (still) is one and it can be used.
     fn take(&mut self, env: &Env<'_>) -> Option<Taken>;
     /// Runs the callback with what was taken last.
@@ -130,7 +130,7 @@ pub(crate) type ErrorHook = Arc<dyn Fn(&Event<'_>) + Send + Sync>;
 /// line of the cache: a core that has slept fetches each line from afar.
 #[repr(C)]
 #[cfg_attr(feature = "std", repr(align(64)))]
-pub(crate) struct Shared {
+pub(crate) struct HandleState {
     /// No callback of it starts any more.
     pub(crate) removed: AtomicBool,
     /// A callback of it that runs shall end.
@@ -154,7 +154,7 @@ pub(crate) struct Shared {
     pub(crate) unrouted: AtomicBool,
 }
 
-impl Shared {
+impl HandleState {
     pub(crate) fn new(id: String, input: Option<(ReaderId, Arc<Inbox>)>) -> Arc<Self> {
         Arc::new(Self {
             id,

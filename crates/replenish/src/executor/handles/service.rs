@@ -1,9 +1,9 @@
 //! A service's server: requests from its inbox, replies now or later, from any thread.
 
 use super::callback::{CallbackContext, CallbackResult};
-use super::handle::{Env, Handle, Shared, Taken};
+use super::handle::{Env, Handle, HandleState, Taken};
 use crate::Nanos;
-use crate::executor::wake::lazy_now::Moment;
+use crate::executor::wake::lazy_now::LazyNow;
 use crate::handoff::{Inbox, RequestIdentity, Slot};
 use crate::middleware::encoding::{Encoding, SERVICE};
 use crate::middleware::{Middleware, PublishError, WriterId};
@@ -79,7 +79,7 @@ impl<S> fmt::Debug for Responder<S> {
 }
 
 pub(crate) struct Server<S: Service, F> {
-    shared: Arc<Shared>,
+    shared: Arc<HandleState>,
     inbox: Arc<Inbox>,
     line: Arc<ReplyLine>,
     request: S::Request,
@@ -90,7 +90,7 @@ pub(crate) struct Server<S: Service, F> {
 
 impl<S: Service, F> Server<S, F> {
     pub(crate) fn new(
-        shared: Arc<Shared>,
+        shared: Arc<HandleState>,
         (inbox, max_request): (Arc<Inbox>, usize),
         line: ReplyLine,
         callback: F,
@@ -114,7 +114,7 @@ where
     F: FnMut(&S::Request, Responder<S>, &CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
-    fn is_ready(&mut self, _now: &Moment) -> bool {
+    fn is_ready(&mut self, _now: &LazyNow) -> bool {
         self.inbox.waiting() > 0
     }
 

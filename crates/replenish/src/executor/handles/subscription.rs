@@ -1,9 +1,9 @@
 //! A subscription: bytes from its inbox, decoded in place on the worker, handed to the callback.
 
 use super::callback::{CallbackContext, CallbackResult};
-use super::handle::{Env, Handle, Shared, Taken};
+use super::handle::{Env, Handle, HandleState, Taken};
 use crate::Nanos;
-use crate::executor::wake::lazy_now::Moment;
+use crate::executor::wake::lazy_now::LazyNow;
 use crate::handoff::{Inbox, Slot};
 use crate::sync::Arc;
 use core::marker::PhantomData;
@@ -11,7 +11,7 @@ use replenish_msg::{Message, View, Viewed};
 
 /// Messages of one type. The callback gets `None` when it is invoked without a new one.
 pub(crate) struct Subscription<M, F> {
-    shared: Arc<Shared>,
+    shared: Arc<HandleState>,
     inbox: Arc<Inbox>,
     message: M,
     /// The sample taken last, as it came.
@@ -20,7 +20,7 @@ pub(crate) struct Subscription<M, F> {
 }
 
 impl<M: Message, F> Subscription<M, F> {
-    pub(crate) fn new(shared: Arc<Shared>, inbox: Arc<Inbox>, callback: F) -> Self {
+    pub(crate) fn new(shared: Arc<HandleState>, inbox: Arc<Inbox>, callback: F) -> Self {
         Self {
             shared,
             inbox,
@@ -37,7 +37,7 @@ where
     F: FnMut(Option<&M>, &CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
-    fn is_ready(&mut self, _now: &Moment) -> bool {
+    fn is_ready(&mut self, _now: &LazyNow) -> bool {
         self.inbox.waiting() > 0
     }
 
@@ -64,14 +64,14 @@ where
 
 /// Bytes as they came: nothing is decoded or copied, the callback reads the slot itself.
 pub(crate) struct RawSubscription<F> {
-    shared: Arc<Shared>,
+    shared: Arc<HandleState>,
     inbox: Arc<Inbox>,
     hand: Option<Slot>,
     callback: F,
 }
 
 impl<F> RawSubscription<F> {
-    pub(crate) fn new(shared: Arc<Shared>, inbox: Arc<Inbox>, callback: F) -> Self {
+    pub(crate) fn new(shared: Arc<HandleState>, inbox: Arc<Inbox>, callback: F) -> Self {
         Self {
             shared,
             inbox,
@@ -91,7 +91,7 @@ where
     F: FnMut(&[u8], &CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
-    fn is_ready(&mut self, _now: &Moment) -> bool {
+    fn is_ready(&mut self, _now: &LazyNow) -> bool {
         self.inbox.waiting() > 0
     }
 
@@ -119,7 +119,7 @@ pub(crate) struct ViewSubscription<M, F> {
 }
 
 impl<M, F> ViewSubscription<M, F> {
-    pub(crate) fn new(shared: Arc<Shared>, inbox: Arc<Inbox>, callback: F) -> Self {
+    pub(crate) fn new(shared: Arc<HandleState>, inbox: Arc<Inbox>, callback: F) -> Self {
         Self {
             raw: RawSubscription::new(shared, inbox, callback),
             spoiled: false,
@@ -134,7 +134,7 @@ where
     F: FnMut(&M::View<'_>, &CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
-    fn is_ready(&mut self, _now: &Moment) -> bool {
+    fn is_ready(&mut self, _now: &LazyNow) -> bool {
         self.raw.inbox.waiting() > 0
     }
 
@@ -181,7 +181,7 @@ mod tests {
     #[test]
     fn a_view_is_in_the_bytes_that_came() {
         let inbox = Arc::new(Inbox::new(2, 64, Keep::Newest));
-        let shared = Shared::new("view".into(), Some((ReaderId(0), Arc::clone(&inbox))));
+        let shared = HandleState::new("view".into(), Some((ReaderId(0), Arc::clone(&inbox))));
         let seen = Arc::new(Mutex::new(Vec::new()));
         let note = Arc::clone(&seen);
         let called = move |text: &msg::StringView<'_>, _: &CallbackContext<'_>| {

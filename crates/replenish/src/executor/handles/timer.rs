@@ -12,12 +12,12 @@
 //! before it looks at the timer the next time. So only the worker touches the schedule.
 
 use super::callback::{CallbackContext, CallbackResult};
-use super::handle::{Deadline, Env, Handle, Shared, Taken};
+use super::handle::{Deadline, Env, Handle, HandleState, Taken};
 use crate::Nanos;
 use crate::error::Error;
 use crate::executor::wake::doorbell::Line;
-use crate::executor::wake::lazy_now::Moment;
-use crate::executor::wake::run_queue::Agenda;
+use crate::executor::wake::lazy_now::LazyNow;
+use crate::executor::wake::run_queue::RunQueue;
 use crate::executor::wake::schedule::{Every, Schedule, nanos};
 use crate::platform::Once;
 use crate::sync::{Arc, AtomicBool, AtomicU64, Mutex, Ordering, fence};
@@ -131,7 +131,7 @@ impl fmt::Debug for TimerHandle {
 }
 
 pub(crate) struct Timer<F> {
-    shared: Arc<Shared>,
+    shared: Arc<HandleState>,
     every: Every,
     schedule: Schedule,
     control: Option<Arc<Control>>,
@@ -144,7 +144,7 @@ pub(crate) struct Timer<F> {
 
 impl<F> Timer<F> {
     pub(crate) fn new(
-        shared: Arc<Shared>,
+        shared: Arc<HandleState>,
         every: Every,
         control: Option<Arc<Control>>,
         callback: F,
@@ -202,7 +202,7 @@ where
         self.schedule = Schedule::new(first, nanos(self.every.period), self.every.overrun);
     }
 
-    fn is_ready(&mut self, now: &Moment) -> bool {
+    fn is_ready(&mut self, now: &LazyNow) -> bool {
         self.obey();
         !self.schedule.is_cancelled() && self.schedule.next() <= now.get()
     }
@@ -212,9 +212,9 @@ where
         Some(self.schedule.next()).filter(|_| !self.schedule.is_cancelled())
     }
 
-    fn note_release(&mut self, position: usize, agenda: &mut Agenda) {
+    fn note_release(&mut self, position: usize, run_queue: &mut RunQueue) {
         let release = self.next_release();
-        agenda.next_release_of(position, release);
+        run_queue.next_release_of(position, release);
     }
 
     fn take(&mut self, _env: &Env<'_>) -> Option<Taken> {

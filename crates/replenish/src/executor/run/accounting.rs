@@ -23,14 +23,14 @@ const BRIEF: Nanos = 20_000;
 const TOGETHER: u64 = 16;
 
 /// What the callbacks of one worker are charged; lives on its thread.
-pub(crate) struct Tally {
+pub(crate) struct CpuAccounting {
     pub(crate) meter: Meter,
     before: Cell<Usage>,
     budgeted: bool,
     split: Cell<Split>,
 }
 
-impl Tally {
+impl CpuAccounting {
     pub(crate) fn new(meter: Meter) -> Self {
         Self {
             before: Cell::new(meter.usage()),

@@ -11,8 +11,8 @@
 //! Everything is preallocated: so many entries per worker, in its hands, under way or in the attic.
 
 use super::worker::Worker;
-use crate::executor::handles::entry::{Entry, insert};
-use crate::executor::handles::handle::Shared;
+use crate::executor::handles::entry::{HandleEntry, insert};
+use crate::executor::handles::handle::HandleState;
 use crate::executor::wake::doorbell::{Doorbell, Line};
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
 use alloc::boxed::Box;
@@ -30,7 +30,7 @@ pub(crate) struct Mailbox {
 
 struct Post {
     orders: VecDeque<Order>,
-    attic: Vec<Entry>,
+    attic: Vec<HandleEntry>,
     /// Slots that no entry has: in the worker's hands, under way, or in the attic.
     free: Vec<usize>,
     worker: Option<Tid>,
@@ -38,8 +38,8 @@ struct Post {
 }
 
 pub(crate) enum Order {
-    Add(Entry),
-    Remove(Arc<Shared>),
+    Add(HandleEntry),
+    Remove(Arc<HandleState>),
 }
 
 /// Why an order was not taken.

@@ -2,7 +2,7 @@
 //! and how many were left out. Builds without feature `texts`, which have no report of them, count none.
 
 use super::rules::Rules;
-use crate::executor::start::plan::Request;
+use crate::executor::start::plan::WorkerRequest;
 use crate::executor::start::report::RoundReport;
 use crate::executor::wake::schedule::Release;
 use crate::stats::Counter;
@@ -11,7 +11,7 @@ use alloc::string::String;
 
 /// The live counters; [`RoundStats`] is a snapshot of them.
 #[derive(Debug, Default)]
-pub(crate) struct Beat {
+pub(crate) struct RoundCounters {
     served: Counter,
     skipped: Counter,
 }
@@ -28,7 +28,7 @@ pub struct RoundStats {
     pub skipped: u64,
 }
 
-impl Beat {
+impl RoundCounters {
     /// This one is served now.
     pub(crate) fn note(&self, release: Release) {
         self.served.add(1);
@@ -44,15 +44,15 @@ impl Beat {
 }
 
 /// Of one worker.
-pub(crate) type Beating = (Arc<str>, Arc<Beat>);
+pub(crate) type WorkerRounds = (Arc<str>, Arc<RoundCounters>);
 
 /// Its worker's, if its rounds go by the clock.
-pub(crate) fn of(worker: &Request, rules: &Rules) -> Option<Beating> {
+pub(crate) fn of(worker: &WorkerRequest, rules: &Rules) -> Option<WorkerRounds> {
     let beat = rules.beat.as_ref()?;
     Some((Arc::clone(&worker.name), Arc::clone(beat)))
 }
 
-pub(crate) fn report((worker, beat): &Beating) -> RoundReport {
+pub(crate) fn report((worker, beat): &WorkerRounds) -> RoundReport {
     RoundReport {
         worker: String::from(&**worker),
         stats: beat.snapshot(),

@@ -4,16 +4,16 @@
 //! A worker reaches all this through [`Rounds`], which the methods of its builder set that give such
 //! a rule. So a program that gives none does not carry the code.
 
-use super::accounting::Tally;
+use super::accounting::CpuAccounting;
 use super::rules::{HandleStates, Rules, Semantics, Trigger};
 use super::worker::Worker;
 use crate::Nanos;
 use crate::error::Error;
 use crate::event::Event;
 use crate::executor::describe::builder::WorkerSpec;
-use crate::executor::handles::entry::Entry;
+use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::outbox::Outbox;
-use crate::executor::wake::lazy_now::Moment;
+use crate::executor::wake::lazy_now::LazyNow;
 use crate::executor::wake::schedule::{Release, Schedule, nanos};
 use crate::platform;
 use crate::text::{joined, shown};
@@ -30,7 +30,7 @@ pub(crate) struct Rounds {
     pub(crate) begin: fn(&mut Worker, Nanos),
     /// Whether each round must look at every handle.
     pub(crate) want_all: fn(&Worker) -> bool,
-    pub(crate) step: fn(&mut Worker, &mut Account, &Tally) -> bool,
+    pub(crate) step: fn(&mut Worker, &mut Account, &CpuAccounting) -> bool,
     pub(crate) next_wake: fn(&mut Worker) -> Option<Nanos>,
     pub(crate) end: fn(&mut Worker),
 }
@@ -46,7 +46,10 @@ pub(crate) static BY_RULES: Rounds = Rounds {
     want_all,
     step,
     next_wake,
-    end: |worker| worker.spec.entries.iter_mut().for_each(Entry::abandon),
+    end: |worker| {
+        let entries = &mut worker.spec.entries;
+        entries.iter_mut().for_each(HandleEntry::abandon);
+    },
 };
 
 fn check(worker: &WorkerSpec) -> Result<(), Error> {
@@ -144,14 +147,14 @@ fn want_all(worker: &Worker) -> bool {
     !in_turn
 }
 
-fn step(worker: &mut Worker, account: &mut Account, tally: &Tally) -> bool {
+fn step(worker: &mut Worker, account: &mut Account, accounting: &CpuAccounting) -> bool {
     match &mut worker.grid {
-        None => round(worker, account, tally),
+        None => round(worker, account, accounting),
         Some(grid) => match grid.serve(clock::monotonic()) {
             None => false,
             Some(release) => {
                 note(&worker.spec.rules, release);
-                round(worker, account, tally);
+                round(worker, account, accounting);
                 true
             }
         },
@@ -167,13 +170,13 @@ fn note(rules: &Rules, release: Release) {
 }
 
 /// A round, if the trigger allows it; whether it did anything.
-fn round(worker: &mut Worker, account: &mut Account, tally: &Tally) -> bool {
+fn round(worker: &mut Worker, account: &mut Account, accounting: &CpuAccounting) -> bool {
     if worker.looks_at_all && !is_triggered(worker) {
         return false;
     }
     let ended = match worker.looks_at_all {
-        true => worker.round::<true>(account, tally),
-        false => worker.round::<false>(account, tally),
+        true => worker.round::<true>(account, accounting),
+        false => worker.round::<false>(account, accounting),
     };
     let Ok(last) = ended else {
         return true;
@@ -186,12 +189,12 @@ fn round(worker: &mut Worker, account: &mut Account, tally: &Tally) -> bool {
             }
         });
     }
-    last.is_some() || (!worker.looks_at_all && worker.agenda.is_due())
+    last.is_some() || (!worker.looks_at_all && worker.run_queue.is_due())
 }
 
 /// Looks at every handle; whether what is there is enough for a round.
 fn is_triggered(worker: &mut Worker) -> bool {
-    let now = Moment::default();
+    let now = LazyNow::default();
     let (mut any, mut all) = (false, true);
     let spec: &mut WorkerSpec = &mut worker.spec;
     for entry in &mut spec.entries {
@@ -230,7 +233,7 @@ fn next_wake(worker: &mut Worker) -> Option<Nanos> {
         return Some(grid.next());
     }
     if !worker.looks_at_all {
-        return worker.agenda.earliest();
+        return worker.run_queue.earliest();
     }
     // A release that is due already waits for the trigger's other conditions, not for time.
     let overdue = match worker.spec.rules.trigger {

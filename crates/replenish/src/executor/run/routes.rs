@@ -1,14 +1,14 @@
 //! Where the dispatcher brings samples.
 
 use crate::event::{Event, Events};
-use crate::executor::handles::handle::Shared;
+use crate::executor::handles::handle::HandleState;
 use crate::executor::wake::doorbell::Line;
 use crate::handoff::{Outcome, SampleInfo, Slot};
 use crate::sync::Arc;
 
 /// Where a reader's samples go.
 pub(crate) struct Route {
-    pub(crate) shared: Arc<Shared>,
+    pub(crate) shared: Arc<HandleState>,
     /// Marks the handle, and leads to the bell.
     pub(crate) line: Line,
     /// The dispatcher's empty buffer for its next sample.

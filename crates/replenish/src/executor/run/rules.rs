@@ -2,11 +2,11 @@
 //! happens to a handle whose deadline was missed.
 
 #[cfg(feature = "texts")]
-use super::round_stats::Beat;
+use super::round_stats::RoundCounters;
 use super::rounds::{BY_RULES, Rounds};
 use crate::Nanos;
 use crate::event::Event;
-use crate::executor::handles::entry::Entry;
+use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::group::Group;
 use crate::executor::handles::handle::Deadline;
 use crate::executor::wake::schedule::{Every, nanos};
@@ -71,7 +71,7 @@ impl fmt::Debug for Trigger {
 }
 
 /// Which handles of a worker have something to do, for a custom [`Trigger`].
-pub struct HandleStates<'a>(pub(crate) &'a [Entry]);
+pub struct HandleStates<'a>(pub(crate) &'a [HandleEntry]);
 
 impl HandleStates<'_> {
     /// The handles in the order in which they run: id, and whether it has something to do.
@@ -113,7 +113,7 @@ pub(crate) struct Rules {
     pub(crate) every: Option<Every>,
     /// What becomes of those rounds.
     #[cfg(feature = "texts")]
-    pub(crate) beat: Option<Arc<Beat>>,
+    pub(crate) beat: Option<Arc<RoundCounters>>,
     /// Samples and bytes of the output barrier.
     pub(crate) barrier: Option<(usize, usize)>,
     /// The most handles, those added later included.
@@ -173,19 +173,19 @@ pub struct DeadlineMiss<'a> {
     pub count: u64,
 }
 
-/// How one handle is treated; see [`WorkerBuilder::with`](crate::WorkerBuilder::with), behind the handle.
+/// How one handle is treated; see [`WorkerBuilder::options`](crate::WorkerBuilder::options), behind the handle.
 ///
 /// ```
-/// use replenish::{Handling, OnMiss};
+/// use replenish::{HandleOptions, OnMiss};
 /// use std::time::Duration;
-/// let strict = Handling::new()
+/// let strict = HandleOptions::new()
 ///     .priority(3)
 ///     .deadline(Duration::from_millis(5), OnMiss::SkipNext)
 ///     .on_error(|event| eprintln!("{event}"));
 /// # let _ = strict;
 /// ```
 #[derive(Default)]
-pub struct Handling {
+pub struct HandleOptions {
     pub(crate) priority: u8,
     pub(crate) deadline: Option<Deadline>,
     pub(crate) on_miss: OnMiss,
@@ -195,7 +195,7 @@ pub struct Handling {
     pub(crate) hook: Option<crate::executor::handles::handle::ErrorHook>,
 }
 
-impl Handling {
+impl HandleOptions {
     /// As handles are treated without it.
     #[must_use]
     pub fn new() -> Self {
@@ -268,9 +268,9 @@ impl Handling {
     }
 }
 
-impl fmt::Debug for Handling {
+impl fmt::Debug for HandleOptions {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Handling")
+        f.debug_struct("HandleOptions")
             .field("priority", &self.priority)
             .field("deadline", &self.deadline)
             .field("on_miss", &self.on_miss)

@@ -10,24 +10,24 @@
 //! as `messages_per_round` says), for a sample or for a release that is due. So no handle of a
 //! worker starves another, and within a round the order is the user's.
 //!
-//! A round looks at the handles that have got input or whose release has come ([`Agenda`]), so it
+//! A round looks at the handles that have got input or whose release has come ([`RunQueue`]), so it
 //! costs what its input costs, however many handles there are. Where the rules want to know of all
 //! of them (a trigger other than any, Logical Execution Time, invocation without input) it looks at
 //! each, whenever something new has come: input that is there already neither rings the bell again
 //! nor is waited for.
 
-use super::accounting::Tally;
+use super::accounting::CpuAccounting;
 use super::mailbox::Mailbox;
 use crate::Nanos;
 use crate::event::Events;
 use crate::executor::change::live::Live;
 use crate::executor::describe::builder::WorkerSpec;
-use crate::executor::handles::entry::Entry;
+use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::handle::Env;
 use crate::executor::handles::outbox::Outbox;
 use crate::executor::wake::doorbell::Doorbell;
-use crate::executor::wake::lazy_now::Moment;
-use crate::executor::wake::run_queue::Agenda;
+use crate::executor::wake::lazy_now::LazyNow;
+use crate::executor::wake::run_queue::RunQueue;
 use crate::executor::wake::schedule::Schedule;
 use crate::executor::wake::stop::StopHandle;
 use crate::platform::Kept;
@@ -42,7 +42,7 @@ pub(crate) struct Worker {
     pub(crate) bell: Arc<Doorbell>,
     pub(crate) stop: StopHandle,
     pub(crate) events: Arc<Events>,
-    pub(crate) agenda: Agenda,
+    pub(crate) run_queue: RunQueue,
     /// Each round looks at every handle, since the rules want to know of all.
     pub(crate) looks_at_all: bool,
     pub(crate) mailbox: Arc<Mailbox>,
@@ -79,17 +79,17 @@ impl Worker {
             .rules
             .rounds
             .is_some_and(|rounds| (rounds.want_all)(self));
-        self.agenda.reorder(&self.spec.entries);
+        self.run_queue.reorder(&self.spec.entries);
     }
 
     /// Runs callbacks until a stop is requested.
     pub(crate) fn run(&mut self, account: &mut Account, start: Nanos) {
         self.begin(start);
-        let tally = Tally::new(account.meter());
+        let accounting = CpuAccounting::new(account.meter());
         account.activate(start);
         while !self.stop.is_stopping() {
             self.empty_mailbox();
-            if self.step(account, &tally) || self.bell.answer() {
+            if self.step(account, &accounting) || self.bell.answer() {
                 continue;
             }
             let release = self.next_wake();
@@ -110,19 +110,19 @@ impl Worker {
     }
 
     /// A round, if it is time for one; whether it did anything.
-    pub(crate) fn step(&mut self, account: &mut Account, tally: &Tally) -> bool {
+    pub(crate) fn step(&mut self, account: &mut Account, accounting: &CpuAccounting) -> bool {
         if let Some(rounds) = self.spec.rules.rounds {
-            return (rounds.step)(self, account, tally);
+            return (rounds.step)(self, account, accounting);
         }
-        match self.round::<false>(account, tally) {
-            Ok(last) => last.is_some() || self.agenda.is_due(),
+        match self.round::<false>(account, accounting) {
+            Ok(last) => last.is_some() || self.run_queue.is_due(),
             Err(Stopping) => true,
         }
     }
 
     /// After a round that did something: whether another one may find input that was there already.
     pub(crate) fn may_go_on(&self) -> bool {
-        self.looks_at_all || self.agenda.is_due()
+        self.looks_at_all || self.run_queue.is_due()
     }
 
     /// Does what was asked of this worker from outside.
@@ -137,7 +137,7 @@ impl Worker {
     pub(crate) fn round<const ALL: bool>(
         &mut self,
         account: &mut Account,
-        tally: &Tally,
+        accounting: &CpuAccounting,
     ) -> Result<Option<usize>, Stopping> {
         let spec: &mut WorkerSpec = &mut self.spec;
         let snapshot = ALL && spec.rules.takes_first();
@@ -145,14 +145,14 @@ impl Worker {
             worker: &spec.request.name,
             stop: &self.stop,
             events: &self.events,
-            meter: &tally.meter,
+            meter: &accounting.meter,
             live: self.live.as_ref(),
             outbox: self.outbox.as_ref(),
         };
         let mut turn = Turn {
             env: &env,
             account,
-            tally,
+            accounting,
             batch: spec.rules.batch.unwrap_or(1),
             snapshot,
             ran: 0,
@@ -170,8 +170,8 @@ impl Worker {
             let next = match ALL {
                 true => Some(from),
                 false => {
-                    self.agenda.release(&Moment::default());
-                    self.agenda.next_from(from, &self.bell.marks)
+                    self.run_queue.release(&LazyNow::default());
+                    self.run_queue.next_from(from, &self.bell.marks)
                 }
             };
             let entry = next.and_then(|at| Some((at, spec.entries.get_mut(at)?)));
@@ -182,16 +182,16 @@ impl Worker {
             match turn.of::<ALL>(entry) {
                 None => {
                     self.ran += turn.ran;
-                    self.agenda.insert(position);
+                    self.run_queue.insert(position);
                     return Err(Stopping);
                 }
                 Some(ran) => last = ran.then_some(position).or(last),
             }
             if !ALL {
-                if entry.look(&Moment::default()) {
-                    self.agenda.insert(position);
+                if entry.look(&LazyNow::default()) {
+                    self.run_queue.insert(position);
                 }
-                entry.handle.note_release(position, &mut self.agenda);
+                entry.handle.note_release(position, &mut self.run_queue);
             }
         }
         self.ran += turn.ran;
@@ -202,7 +202,7 @@ impl Worker {
     pub(crate) fn next_wake(&mut self) -> Option<Nanos> {
         match self.spec.rules.rounds {
             Some(rounds) => (rounds.next_wake)(self),
-            None => self.agenda.earliest(),
+            None => self.run_queue.earliest(),
         }
     }
 }
@@ -214,7 +214,7 @@ pub(crate) struct Stopping;
 struct Turn<'r> {
     env: &'r Env<'r>,
     account: &'r mut Account,
-    tally: &'r Tally,
+    accounting: &'r CpuAccounting,
     batch: u32,
     snapshot: bool,
     /// Callbacks so far.
@@ -230,13 +230,13 @@ impl Turn<'_> {
 
     /// A handle's turn: as many callbacks as it may have in a round. Whether there were any;
     /// `None` if the executor stops.
-    fn of<const ALL: bool>(&mut self, entry: &mut Entry) -> Option<bool> {
+    fn of<const ALL: bool>(&mut self, entry: &mut HandleEntry) -> Option<bool> {
         let mut ran = false;
         for n in 0..self.batch {
             let snapshot = ALL && self.snapshot;
             let ready = match snapshot {
                 true => entry.ready && entry.is_live(),
-                false => entry.look(&Moment::default()),
+                false => entry.look(&LazyNow::default()),
             };
             let without = ALL && n == 0 && entry.handling.always.is_some() && entry.is_live();
             if !ready && !without {
@@ -249,7 +249,7 @@ impl Turn<'_> {
             self.ran += 1;
             let took = entry.run(self.env, snapshot, without);
             self.account.callback_end();
-            self.tally.settle(&entry.shared.counters, entry.took);
+            self.accounting.settle(&entry.shared.counters, entry.took);
             if !took {
                 break;
             }

@@ -188,7 +188,7 @@ fn request(workers: &[WorkerSpec], options: &Options, guaranteed: bool) -> Resul
     Ok(request)
 }
 
-fn out_of_range(asked: &super::plan::Request, e: &GuaranteeError) -> Error {
+fn out_of_range(asked: &super::plan::WorkerRequest, e: &GuaranteeError) -> Error {
     let (field, value) = match &asked.budget {
         Some(budget) if asked.guarantee.is_none() => ("budget", budget.to_string()),
         _ => (e.field, Exact(e.value).to_string()),

@@ -6,14 +6,14 @@ use crate::event::Events;
 use crate::executor::StopHandle;
 use crate::executor::change::live::{Live, Post, Registry};
 use crate::executor::describe::builder::WorkerSpec;
-use crate::executor::handles::handle::Shared;
+use crate::executor::handles::handle::HandleState;
 use crate::executor::run::desk::Desk;
 use crate::executor::run::dispatcher::{Dispatcher, DispatcherCounters};
 use crate::executor::run::mailbox::Mailbox;
 use crate::executor::run::routes::Route;
 use crate::executor::run::worker::Worker;
 use crate::executor::wake::doorbell::{Doorbell, Line};
-use crate::executor::wake::run_queue::Agenda;
+use crate::executor::wake::run_queue::RunQueue;
 use crate::middleware::MAX_READERS;
 use crate::platform::{Kept, kept};
 use crate::sync::Arc;
@@ -48,7 +48,7 @@ pub(crate) fn assemble(
     }
     let (mut posts, mut limits) = (Vec::with_capacity(specs.len()), 0);
     let mut workers = Vec::with_capacity(specs.len());
-    let mut handles: Vec<(Arc<str>, Arc<Shared>)> = Vec::new();
+    let mut handles: Vec<(Arc<str>, Arc<HandleState>)> = Vec::new();
     for mut spec in specs {
         let limit = spec.limit();
         let bell = Arc::new(Doorbell::new(limit));
@@ -68,7 +68,7 @@ pub(crate) fn assemble(
             mailbox,
             live: None,
             bell,
-            agenda: Agenda::new(limit),
+            run_queue: RunQueue::new(limit),
             looks_at_all: false,
             outbox: rounds.and_then(|rounds| (rounds.outbox)(&spec.rules)),
             spec,
@@ -89,7 +89,7 @@ pub(crate) fn assemble(
 }
 
 impl Dispatcher {
-    fn route_to(&mut self, shared: &Arc<Shared>, line: Line) {
+    fn route_to(&mut self, shared: &Arc<HandleState>, line: Line) {
         let Some((reader, _)) = shared.input else {
             return;
         };

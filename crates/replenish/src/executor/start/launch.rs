@@ -3,8 +3,8 @@
 use super::assembly::{Assembly, assemble};
 use super::plan::{URGENT, check, plan, rank};
 use super::planning;
-use super::running::{Crew, Enforcers, RunningExecutor};
-use super::threads::{Body, Funding, Launch, Seat};
+use super::running::{Enforcers, RunningExecutor, StartedThread};
+use super::threads::{BudgetBinding, Launch, Role, ThreadPlan};
 use crate::error::Error;
 use crate::event::Event;
 use crate::executor::describe::builder::WorkerSpec;
@@ -70,20 +70,22 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         live,
     } = assemble(&context, workers, &stop, &options.events);
     let counters = Arc::clone(&dispatcher.counters);
-    let seats = starter.seats(dispatcher, workers);
-    starter.enforcers(&seats)?;
-    let mut crew = Vec::with_capacity(seats.len());
-    if let Err(e) = starter.launch(seats, &mut crew) {
-        return Err(abort(&mut crew, e));
+    let plans = starter.plans(dispatcher, workers);
+    starter.enforcers(&plans)?;
+    let mut threads = Vec::with_capacity(plans.len());
+    if let Err(e) = starter.launch(plans, &mut threads) {
+        return Err(abort(&mut threads, e));
     }
     let fallbacks = starter.declare(admission.fallback.take());
     let enforcers = core::mem::take(&mut starter.enforcers);
     let start = clock::monotonic();
-    crew.iter().for_each(|c| c.seat.launch(Launch::Go(start)));
+    threads
+        .iter()
+        .for_each(|c| c.plan.launch(Launch::Go(start)));
     Ok(RunningExecutor {
         stop,
         owner,
-        crew,
+        threads,
         enforcers,
         live,
         counters,
@@ -113,20 +115,20 @@ pub(crate) fn check_names(workers: &[Kept<WorkerSpec>]) -> Result<(), Error> {
     Ok(())
 }
 
-fn abort(crew: &mut Vec<Crew>, error: Error) -> Error {
-    for c in crew.iter() {
-        c.seat.launch(Launch::Abort);
+fn abort(threads: &mut Vec<StartedThread>, error: Error) -> Error {
+    for c in threads.iter() {
+        c.plan.launch(Launch::Abort);
     }
     // Where they are not joined, they end by themselves: nothing holds them up.
     if cfg!(not(target_os = "none")) {
-        crew.drain(..).for_each(Crew::join);
+        threads.drain(..).for_each(StartedThread::join);
     }
     error
 }
 
-fn thread_error(seat: &Seat, reason: Words) -> Error {
+fn thread_error(plan: &ThreadPlan, reason: Words) -> Error {
     Error::Thread {
-        name: Words::from(&*seat.name),
+        name: Words::from(&*plan.name),
         reason,
     }
 }
@@ -155,23 +157,27 @@ struct Refused {
 impl Starter<'_> {
     /// The places of all threads: the dispatcher's, which rings the most urgent worker first, then the
     /// workers'.
-    fn seats(&self, mut dispatcher: Dispatcher, workers: Vec<Kept<Box<Worker>>>) -> Vec<Arc<Seat>> {
+    fn plans(
+        &self,
+        mut dispatcher: Dispatcher,
+        workers: Vec<Kept<Box<Worker>>>,
+    ) -> Vec<Arc<ThreadPlan>> {
         for urgency in (0..=URGENT).rev() {
             let those = workers.iter().filter(|w| rank(&w.spec.policy) == urgency);
             dispatcher.bells.extend(those.map(|w| Arc::clone(&w.bell)));
         }
-        let mut seats = Vec::with_capacity(workers.len() + 1);
-        seats.push(self.seat(Body::Dispatcher(kept(dispatcher))));
+        let mut plans = Vec::with_capacity(workers.len() + 1);
+        plans.push(self.plan(Role::Dispatcher(kept(dispatcher))));
         for worker in workers {
-            seats.push(self.seat(Body::Worker(worker)));
+            plans.push(self.plan(Role::Worker(worker)));
         }
-        seats
+        plans
     }
 
     #[inline(never)]
-    fn seat(&self, body: Body) -> Arc<Seat> {
-        let (name, policy, cpu, stack_size, bell) = match &body {
-            Body::Dispatcher(_) => {
+    fn plan(&self, role: Role) -> Arc<ThreadPlan> {
+        let (name, policy, cpu, stack_size, bell) = match &role {
+            Role::Dispatcher(_) => {
                 let bell = Arc::new(Signal::new());
                 let Options {
                     dispatcher: policy,
@@ -181,13 +187,13 @@ impl Starter<'_> {
                 let policy = policy.unwrap_or_default();
                 ("dispatcher".into(), policy, *cpu, None, bell)
             }
-            Body::Worker(worker) => {
+            Role::Worker(worker) => {
                 let (asked, bell) = (&worker.spec.request, worker.bell.signal());
                 let (name, bell) = (Arc::clone(&asked.name), Arc::clone(bell));
                 (name, worker.spec.policy, asked.cpu, asked.stack_size, bell)
             }
         };
-        Arc::new(Seat {
+        Arc::new(ThreadPlan {
             name,
             policy,
             cpu,
@@ -197,7 +203,7 @@ impl Starter<'_> {
             owner: Arc::clone(self.owner),
             stop: self.stop.clone(),
             events: Arc::clone(&self.options.events),
-            body: Mutex::new(Some(body)),
+            role: Mutex::new(Some(role)),
             budget: Mutex::new(None),
             ready: Mutex::new(None),
             launch: Mutex::new(None),
@@ -207,19 +213,23 @@ impl Starter<'_> {
 
     /// Starts the threads, and waits until every one has what it needs; the first that has not is
     /// the error.
-    fn launch(&mut self, seats: Vec<Arc<Seat>>, crew: &mut Vec<Crew>) -> Result<(), Error> {
-        for seat in seats {
-            let thread = self.spawn(&seat)?;
-            crew.push(Crew::new(seat, thread));
+    fn launch(
+        &mut self,
+        plans: Vec<Arc<ThreadPlan>>,
+        threads: &mut Vec<StartedThread>,
+    ) -> Result<(), Error> {
+        for plan in plans {
+            let thread = self.spawn(&plan)?;
+            threads.push(StartedThread::new(plan, thread));
         }
-        for c in crew {
-            let seat = &c.seat;
+        for c in threads {
+            let plan = &c.plan;
             loop {
-                match &*seat.ready.lock() {
+                match &*plan.ready.lock() {
                     Some(Ok(_)) => break,
-                    Some(Err(reason)) => return Err(thread_error(seat, reason.clone())),
-                    None if seat.is_finished() => {
-                        return Err(thread_error(seat, "it ended while it was set up".into()));
+                    Some(Err(reason)) => return Err(thread_error(plan, reason.clone())),
+                    None if plan.is_finished() => {
+                        return Err(thread_error(plan, "it ended while it was set up".into()));
                     }
                     None => {}
                 }
@@ -245,27 +255,27 @@ impl Starter<'_> {
 
     /// Starts one enforcer per CPU with budgets and tells every budgeted thread its own.
     #[inline(never)]
-    fn enforcers(&mut self, seats: &[Arc<Seat>]) -> Result<(), Error> {
-        for seat in seats {
-            let Policy::Sporadic(params) = &seat.policy else {
+    fn enforcers(&mut self, plans: &[Arc<ThreadPlan>]) -> Result<(), Error> {
+        for plan in plans {
+            let Policy::Sporadic(params) = &plan.policy else {
                 continue;
             };
             let mut known = self.enforcers.iter();
-            let known = match known.find(|(cpu, _)| *cpu == seat.cpu) {
+            let known = match known.find(|(cpu, _)| *cpu == plan.cpu) {
                 Some((_, known)) => known.clone(),
                 None => {
-                    let budgeted = |s: &Seat| matches!(s.policy, Policy::Sporadic(_));
-                    let here = seats.iter();
-                    let here = here.filter(|s| s.cpu == seat.cpu && budgeted(s));
-                    let enforcer = self.enforcer(seat, here.count())?;
-                    self.enforcers.push((seat.cpu, enforcer.clone()));
+                    let budgeted = |s: &ThreadPlan| matches!(s.policy, Policy::Sporadic(_));
+                    let here = plans.iter();
+                    let here = here.filter(|s| s.cpu == plan.cpu && budgeted(s));
+                    let enforcer = self.enforcer(plan, here.count())?;
+                    self.enforcers.push((plan.cpu, enforcer.clone()));
                     enforcer
                 }
             };
-            let Some(enforcer) = known.or_else(|| self.deferred(seat)) else {
+            let Some(enforcer) = known.or_else(|| self.deferred(plan)) else {
                 continue;
             };
-            *seat.budget.lock() = Some(Funding {
+            *plan.budget.lock() = Some(BudgetBinding {
                 enforcer,
                 params: *params,
                 kind: self.options.server,
@@ -276,21 +286,25 @@ impl Starter<'_> {
 
     /// For a thread whose enforcer was refused.
     #[cfg(not(target_os = "none"))]
-    fn deferred(&mut self, seat: &Seat) -> Option<Arc<Enforcer>> {
-        self.refused.budgets.push(Words::from(&*seat.name));
+    fn deferred(&mut self, plan: &ThreadPlan) -> Option<Arc<Enforcer>> {
+        self.refused.budgets.push(Words::from(&*plan.name));
         Some(Enforcer::deferred())
     }
 
     /// No kernel without an operating system refuses one.
     #[cfg(target_os = "none")]
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
-    const fn deferred(&self, _: &Seat) -> Option<Arc<Enforcer>> {
+    const fn deferred(&self, _: &ThreadPlan) -> Option<Arc<Enforcer>> {
         None
     }
 
-    /// An enforcer for the CPU of `seat`; none if its priority is refused and need not be granted.
-    fn enforcer(&mut self, seat: &Seat, capacity: usize) -> Result<Option<Arc<Enforcer>>, Error> {
-        let defaults = match seat.cpu {
+    /// An enforcer for the CPU of `plan`; none if its priority is refused and need not be granted.
+    fn enforcer(
+        &mut self,
+        plan: &ThreadPlan,
+        capacity: usize,
+    ) -> Result<Option<Arc<Enforcer>>, Error> {
+        let defaults = match plan.cpu {
             Some(cpu) => EnforcerConfig::on_cpu(cpu),
             None => EnforcerConfig::unpinned(),
         };
@@ -302,35 +316,35 @@ impl Starter<'_> {
         };
         match Enforcer::start(config) {
             Ok(enforcer) => Ok(Some(enforcer)),
-            Err(e) => self.refuse(seat, &e).map(|()| None),
+            Err(e) => self.refuse(plan, &e).map(|()| None),
         }
     }
 
     /// Starts the thread, without its policy if that is not granted and need not be.
-    fn spawn(&mut self, seat: &Arc<Seat>) -> Result<os::Thread<()>, Error> {
-        let refused = match Seat::spawn(seat, seat.class()) {
+    fn spawn(&mut self, plan: &Arc<ThreadPlan>) -> Result<os::Thread<()>, Error> {
+        let refused = match ThreadPlan::spawn(plan, plan.class()) {
             Ok(thread) => return Ok(thread),
             Err(e) => e,
         };
-        self.refuse(seat, &refused)?;
-        self.refused.policies.push(Words::from(&*seat.name));
-        if let Some(funding) = &mut *seat.budget.lock()
-            && funding.enforcer.enforcement() != Enforcement::Deferred
-            && let Some(deferred) = self.deferred(seat)
+        self.refuse(plan, &refused)?;
+        self.refused.policies.push(Words::from(&*plan.name));
+        if let Some(binding) = &mut *plan.budget.lock()
+            && binding.enforcer.enforcement() != Enforcement::Deferred
+            && let Some(deferred) = self.deferred(plan)
         {
-            funding.enforcer = deferred;
+            binding.enforcer = deferred;
         }
-        Seat::spawn(seat, Policy::Other).map_err(|e| thread_error(seat, text!("{e}")))
+        ThreadPlan::spawn(plan, Policy::Other).map_err(|e| thread_error(plan, text!("{e}")))
     }
 
     /// Takes note of a refusal that may be lived with; otherwise it is the error.
-    fn refuse(&mut self, seat: &Seat, e: &os::SpawnError) -> Result<(), Error> {
+    fn refuse(&mut self, plan: &ThreadPlan, e: &os::SpawnError) -> Result<(), Error> {
         if !e.is_permission() {
-            return Err(thread_error(seat, text!("{e}")));
+            return Err(thread_error(plan, text!("{e}")));
         }
         if self.options.strict {
             return Err(Error::NotGranted {
-                what: text!("{} for {:?}", seat.policy, &*seat.name),
+                what: text!("{} for {:?}", plan.policy, &*plan.name),
                 reason: text!("{e}"),
             });
         }

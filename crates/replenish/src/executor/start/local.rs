@@ -11,7 +11,7 @@
 //! nanoseconds: a limit of 200 us is 200 us, and no limit, however short, becomes a busy loop.
 
 use super::assembly::{Assembly, assemble};
-use super::plan::Request;
+use super::plan::WorkerRequest;
 use super::report::{DispatcherReport, Report};
 use super::running::{handle_report, handle_stats};
 use super::{launch, planning};
@@ -22,10 +22,10 @@ use crate::executor::Executor;
 #[cfg(feature = "live")]
 use crate::executor::change::live::ExecutorHandle;
 use crate::executor::change::live::Live;
-use crate::executor::run::accounting::Tally;
+use crate::executor::run::accounting::CpuAccounting;
 use crate::executor::run::dispatcher::{Dispatcher, Watch};
 #[cfg(feature = "texts")]
-use crate::executor::run::round_stats::{self, Beating, RoundStats};
+use crate::executor::run::round_stats::{self, RoundStats, WorkerRounds};
 use crate::executor::run::worker::Worker;
 use crate::executor::wake::schedule::{Every, Schedule, nanos};
 use crate::executor::wake::stop::StopHandle;
@@ -53,7 +53,7 @@ pub enum SpinEnd {
 /// What a spin has done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Spun {
+pub struct SpinResult {
     /// Callbacks that ran.
     pub callbacks: u64,
     /// Releases of [`spin_period`](LocalExecutor::spin_period) that were left out because they were
@@ -140,7 +140,7 @@ pub(crate) fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
 }
 
 /// Nothing may be asked for that only a thread of its own could have.
-fn threadless(request: &Request) -> Result<(), Error> {
+fn threadless(request: &WorkerRequest) -> Result<(), Error> {
     let asked = [
         ("policy", request.policy.is_some()),
         ("budget", request.budget.is_some()),
@@ -160,7 +160,7 @@ fn threadless(request: &Request) -> Result<(), Error> {
 impl LocalExecutor {
     /// Runs callbacks until somebody stops it. Each spin after that returns `Stopped` at once, until
     /// [`restart`](Self::restart).
-    pub fn spin(&mut self) -> Spun {
+    pub fn spin(&mut self) -> SpinResult {
         self.turn(Nanos::MAX, &mut || true, false)
     }
 
@@ -168,26 +168,30 @@ impl LocalExecutor {
     /// callback runs at most once (or as often as
     /// [`messages_per_round`](crate::WorkerBuilder::messages_per_round) says). With a limit of 0 it
     /// does what is there and does not wait.
-    pub fn spin_some(&mut self, limit: Duration) -> Spun {
+    pub fn spin_some(&mut self, limit: Duration) -> SpinResult {
         let deadline = clock::monotonic().saturating_add(nanos(limit));
         self.turn(deadline, &mut || true, true)
     }
 
     /// Runs callbacks for this long. The callback that runs at the end is finished, so what it
     /// takes comes on top.
-    pub fn spin_for(&mut self, time: Duration) -> Spun {
+    pub fn spin_for(&mut self, time: Duration) -> SpinResult {
         self.spin_until(clock::monotonic().saturating_add(nanos(time)))
     }
 
     /// Runs callbacks until this instant of `CLOCK_MONOTONIC`, as
     /// [`spin_for`](Self::spin_for) does.
-    pub fn spin_until(&mut self, instant: Nanos) -> Spun {
+    pub fn spin_until(&mut self, instant: Nanos) -> SpinResult {
         self.turn(instant, &mut || true, false)
     }
 
     /// Runs callbacks while `condition` holds, for up to `limit`. The condition is looked at after
     /// each round and whenever a wait has ended. `Worked`: it does not hold any more.
-    pub fn spin_while(&mut self, limit: Duration, mut condition: impl FnMut() -> bool) -> Spun {
+    pub fn spin_while(
+        &mut self,
+        limit: Duration,
+        mut condition: impl FnMut() -> bool,
+    ) -> SpinResult {
         let deadline = clock::monotonic().saturating_add(nanos(limit));
         self.turn(deadline, &mut condition, false)
     }
@@ -196,12 +200,12 @@ impl LocalExecutor {
     /// stops it. Rounds that are overrun follow the rule of `every`: skipped (default), caught up
     /// one after another, or delayed, which moves the grid. Of [`Every::once`] it does one round; a
     /// period of 0 counts as 1 ns.
-    pub fn spin_period(&mut self, every: impl Into<Every>) -> Spun {
+    pub fn spin_period(&mut self, every: impl Into<Every>) -> SpinResult {
         let every = every.into();
         let mut total = self.spin_one_period(every);
         while total.end == SpinEnd::Worked && !every.once {
             let one = self.spin_one_period(every);
-            total = Spun {
+            total = SpinResult {
                 callbacks: total.callbacks + one.callbacks,
                 skipped: total.skipped + one.skipped,
                 end: one.end,
@@ -212,7 +216,7 @@ impl LocalExecutor {
 
     /// Waits for the next release of the grid that [`spin_period`](Self::spin_period) describes, and
     /// does one round over what has come. Another `every` begins another grid.
-    pub fn spin_one_period(&mut self, every: impl Into<Every>) -> Spun {
+    pub fn spin_one_period(&mut self, every: impl Into<Every>) -> SpinResult {
         let every = every.into();
         let began = clock::monotonic();
         let mut grid = match self.period {
@@ -223,20 +227,20 @@ impl LocalExecutor {
             }
         };
         self.account.activate(began);
-        let tally = Tally::new(self.account.meter());
+        let accounting = CpuAccounting::new(self.account.meter());
         let before = self.ran();
         self.bring(0);
         let mut released = None;
         while released.is_none() && !self.stop.is_stopping() {
             released = grid.serve(clock::monotonic());
             match released {
-                Some(_) => drop(self.pass(&tally)),
+                Some(_) => drop(self.pass(&accounting)),
                 None => self.bring(grid.next()),
             }
         }
         self.account.block();
         self.period = Some((every, grid));
-        Spun {
+        SpinResult {
             callbacks: self.ran() - before,
             skipped: released.map_or(0, |r| r.skipped),
             end: match self.stop.is_stopping() {
@@ -263,7 +267,7 @@ impl LocalExecutor {
     /// the next.
     #[cfg(feature = "live")]
     #[must_use]
-    pub fn executor(&self) -> ExecutorHandle {
+    pub fn handle(&self) -> ExecutorHandle {
         ExecutorHandle {
             live: Arc::clone(&self.live),
         }
@@ -286,7 +290,7 @@ impl LocalExecutor {
     }
 
     #[cfg(feature = "texts")]
-    fn beats(&self) -> impl Iterator<Item = Beating> {
+    fn beats(&self) -> impl Iterator<Item = WorkerRounds> {
         let specs = self.workers.iter().map(|w| &w.spec);
         specs.filter_map(|spec| round_stats::of(&spec.request, &spec.rules))
     }
@@ -335,28 +339,33 @@ impl LocalExecutor {
     }
 
     /// Every worker in its turn; whether there may be more to do without new input.
-    fn pass(&mut self, tally: &Tally) -> bool {
+    fn pass(&mut self, accounting: &CpuAccounting) -> bool {
         let mut any = false;
         for worker in &mut self.workers {
             if self.stop.is_stopping() {
                 break;
             }
             worker.empty_mailbox();
-            any |= worker.step(&mut self.account, tally) && worker.may_go_on();
+            any |= worker.step(&mut self.account, accounting) && worker.may_go_on();
         }
         any
     }
 
-    fn turn(&mut self, deadline: Nanos, condition: &mut dyn FnMut() -> bool, one: bool) -> Spun {
+    fn turn(
+        &mut self,
+        deadline: Nanos,
+        condition: &mut dyn FnMut() -> bool,
+        one: bool,
+    ) -> SpinResult {
         self.account.activate(clock::monotonic());
-        let tally = Tally::new(self.account.meter());
+        let accounting = CpuAccounting::new(self.account.meter());
         let before = self.ran();
         self.bring(0);
         let end = loop {
             if self.stop.is_stopping() {
                 break SpinEnd::Stopped;
             }
-            let any = self.pass(&tally);
+            let any = self.pass(&accounting);
             if self.stop.is_stopping() {
                 break SpinEnd::Stopped;
             }
@@ -376,7 +385,7 @@ impl LocalExecutor {
             self.bring(wake);
         };
         self.account.block();
-        Spun {
+        SpinResult {
             callbacks: self.ran() - before,
             skipped: 0,
             end,

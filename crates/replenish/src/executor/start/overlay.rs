@@ -8,11 +8,11 @@
 //! And the other way round: the file that describes the program as it is.
 
 use super::admission::policy_of;
-use super::plan::Request;
+use super::plan::WorkerRequest;
 use crate::error::Error;
 use crate::executor::Executor;
 use crate::executor::describe::builder::WorkerSpec;
-use crate::executor::handles::entry::Entry;
+use crate::executor::handles::entry::HandleEntry;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use replenish_os::Policy;
@@ -97,7 +97,7 @@ fn apply(executor: &mut Executor, path: &Path) -> Result<(), Error> {
     Ok(())
 }
 
-fn schedule(request: &mut Request, described: &Described) {
+fn schedule(request: &mut WorkerRequest, described: &Described) {
     match &described.wish {
         None => {}
         Some(Wish::Guarantee(guarantee)) => {
@@ -114,14 +114,14 @@ fn schedule(request: &mut Request, described: &Described) {
     request.cpu = described.cpu.or(request.cpu);
 }
 
-fn take(workers: &mut [WorkerSpec], id: &str) -> Option<Entry> {
+fn take(workers: &mut [WorkerSpec], id: &str) -> Option<HandleEntry> {
     workers.iter_mut().find_map(|worker| {
         let at = worker.entries.iter().position(|e| e.shared.id == id)?;
         Some(worker.entries.remove(at))
     })
 }
 
-fn ids(workers: &[WorkerSpec], moved: &[Entry]) -> String {
+fn ids(workers: &[WorkerSpec], moved: &[HandleEntry]) -> String {
     let entries = workers.iter().flat_map(|w| &w.entries).chain(moved);
     let ids: Vec<&str> = entries.map(|e| &*e.shared.id).collect();
     if ids.is_empty() {

@@ -38,7 +38,7 @@ const MIN_STACK: usize = if cfg!(feature = "std") {
 
 /// What was asked for a worker.
 #[derive(Debug, Clone)]
-pub(crate) struct Request {
+pub(crate) struct WorkerRequest {
     pub(crate) name: Arc<str>,
     pub(crate) policy: Option<Policy>,
     pub(crate) budget: Option<Budget>,
@@ -47,7 +47,7 @@ pub(crate) struct Request {
     pub(crate) stack_size: Option<usize>,
 }
 
-impl Request {
+impl WorkerRequest {
     /// Nothing but the name.
     pub(crate) fn named(name: &str) -> Self {
         Self {
@@ -121,7 +121,7 @@ pub(crate) fn rank(policy: &Policy) -> u16 {
     }
 }
 
-pub(crate) fn check(w: &Request) -> Result<(), Error> {
+pub(crate) fn check(w: &WorkerRequest) -> Result<(), Error> {
     crate::name::worker(&w.name)?;
     if let Some(bytes) = w.stack_size.filter(|s| *s < MIN_STACK) {
         let allowed = text!("{MIN_STACK} bytes or more");
@@ -145,7 +145,7 @@ pub(crate) fn check(w: &Request) -> Result<(), Error> {
 }
 
 /// `steps`: how many periods are shorter than its own.
-fn policy(w: &Request, steps: u8) -> Result<Policy, Error> {
+fn policy(w: &WorkerRequest, steps: u8) -> Result<Policy, Error> {
     // Guarantees get here only where admission is turned off.
     let guaranteed = w.guarantee.map(|g| Budget::from_guarantee(&g));
     let Some(budget) = w.budget.or(guaranteed) else {
@@ -198,7 +198,7 @@ fn shorter(mut period: Nanos, workers: &[Kept<WorkerSpec>]) -> u8 {
 
 /// The period whose rank is the priority of a worker that has none; 0 if it has one or needs none.
 #[inline(never)]
-fn wished(w: &Request) -> Nanos {
+fn wished(w: &WorkerRequest) -> Nanos {
     match (w.policy, w.budget) {
         (None, Some(budget)) => nanos(budget.period),
         _ => 0,
@@ -236,18 +236,18 @@ mod tests {
         Duration::from_millis(n)
     }
 
-    fn request(name: &str, policy: Option<Policy>, budget: Option<Budget>) -> Request {
-        Request {
+    fn request(name: &str, policy: Option<Policy>, budget: Option<Budget>) -> WorkerRequest {
+        WorkerRequest {
             policy,
             budget,
-            ..Request::named(name)
+            ..WorkerRequest::named(name)
         }
     }
 
     /// The workers' policies, and the dispatcher's.
-    fn plan_all(requests: &[Request]) -> Result<(Vec<Policy>, Policy), Error> {
+    fn plan_all(requests: &[WorkerRequest]) -> Result<(Vec<Policy>, Policy), Error> {
         requests.iter().try_for_each(check)?;
-        let spec = |request: &Request| WorkerSpec {
+        let spec = |request: &WorkerRequest| WorkerSpec {
             request: request.clone(),
             ..WorkerSpec::new("")
         };
@@ -258,7 +258,7 @@ mod tests {
         Ok((workers.collect(), dispatcher.unwrap_or_default()))
     }
 
-    fn planned(requests: &[Request]) -> Result<Vec<Policy>, Error> {
+    fn planned(requests: &[WorkerRequest]) -> Result<Vec<Policy>, Error> {
         plan_all(requests).map(|(workers, _)| workers)
     }
 
@@ -314,7 +314,7 @@ mod tests {
 
     #[test]
     fn bad_requests_name_the_worker_the_field_and_the_range() {
-        let says = |r: Request| planned(&[r]).unwrap_err().to_string();
+        let says = |r: WorkerRequest| planned(&[r]).unwrap_err().to_string();
         let budget = |b, t| Some(Budget::of(ms(b)).every(ms(t)));
         let over = says(request("w", None, budget(20, 10)));
         assert!(
@@ -335,7 +335,7 @@ mod tests {
             low.contains("policy.priority = 1 is not allowed: 2..=98"),
             "{low}"
         );
-        let stack = Request {
+        let stack = WorkerRequest {
             stack_size: Some(100),
             ..request("w", None, None)
         };

@@ -2,7 +2,7 @@
 //! `plan`; what stands in for it otherwise is in `unplanned`.
 
 use super::overlay;
-use super::plan::Request;
+use super::plan::WorkerRequest;
 use crate::budget::Budget;
 use crate::error::Error;
 use crate::executor::Executor;
@@ -79,7 +79,7 @@ impl From<Budget> for Guarantee {
 
 pub(crate) use super::admission::admit;
 
-impl Request {
+impl WorkerRequest {
     /// What is to be planned for it; `None`: it has a policy, or nothing.
     pub(crate) fn wants(&self) -> Option<Guarantee> {
         match self.policy {

@@ -10,17 +10,17 @@
 
 use super::planning::Admission;
 use super::report::{DispatcherReport, HandleReport, Report, ThreadReport};
-use super::threads::{Ready, Seat};
+use super::threads::{Ready, ThreadPlan};
 use crate::Nanos;
 use crate::context::Claim;
 use crate::event::{Event, Events};
 #[cfg(feature = "live")]
 use crate::executor::change::live::ExecutorHandle;
 use crate::executor::change::live::Live;
-use crate::executor::handles::handle::Shared;
+use crate::executor::handles::handle::HandleState;
 use crate::executor::run::dispatcher::DispatcherCounters;
 #[cfg(feature = "texts")]
-use crate::executor::run::round_stats::{self, Beating, RoundStats};
+use crate::executor::run::round_stats::{self, RoundStats, WorkerRounds};
 use crate::executor::wake::schedule::nanos;
 use crate::executor::wake::stop::StopHandle;
 use crate::platform::Kept;
@@ -38,14 +38,14 @@ use replenish_os::{self as os, Enforcer, SchedClass, Thread, Usage};
 const EPILOGUE: Nanos = 20_000_000;
 
 /// A thread and its place.
-pub(crate) struct Crew {
-    pub(crate) seat: Arc<Seat>,
+pub(crate) struct StartedThread {
+    pub(crate) plan: Arc<ThreadPlan>,
     thread: Thread<()>,
 }
 
-impl Crew {
-    pub(crate) fn new(seat: Arc<Seat>, thread: Thread<()>) -> Self {
-        Self { seat, thread }
+impl StartedThread {
+    pub(crate) fn new(plan: Arc<ThreadPlan>, thread: Thread<()>) -> Self {
+        Self { plan, thread }
     }
 
     /// Waits for the end of a thread that has finished its work; its panics are events already.
@@ -62,7 +62,7 @@ pub(crate) type Enforcers = Vec<(Option<usize>, Option<Arc<Enforcer>>)>;
 pub struct RunningExecutor {
     pub(crate) stop: StopHandle,
     pub(crate) owner: Arc<Signal>,
-    pub(crate) crew: Vec<Crew>,
+    pub(crate) threads: Vec<StartedThread>,
     pub(crate) enforcers: Enforcers,
     pub(crate) live: Arc<Live>,
     pub(crate) counters: Arc<DispatcherCounters>,
@@ -73,7 +73,7 @@ pub struct RunningExecutor {
     pub(crate) claim: Option<Claim>,
     pub(crate) admission: Kept<Admission>,
     #[cfg(feature = "texts")]
-    pub(crate) beats: Vec<Beating>,
+    pub(crate) beats: Vec<WorkerRounds>,
     pub(crate) template: Kept<String>,
     pub(crate) start: Nanos,
     pub(crate) end: Option<Report>,
@@ -89,7 +89,7 @@ impl RunningExecutor {
     /// Adds and removes handles while it runs.
     #[cfg(feature = "live")]
     #[must_use]
-    pub fn executor(&self) -> ExecutorHandle {
+    pub fn handle(&self) -> ExecutorHandle {
         ExecutorHandle {
             live: Arc::clone(&self.live),
         }
@@ -114,7 +114,7 @@ impl RunningExecutor {
     /// The numbers at this moment. Allocates; takes no lock that a callback could wait for long.
     #[must_use]
     pub fn report(&self) -> Report {
-        let threads = self.crew.iter().map(|c| thread_report(&c.seat));
+        let threads = self.threads.iter().map(|c| thread_report(&c.plan));
         let handles = self.live.registry.all();
         Report {
             elapsed: clock::monotonic().saturating_sub(self.start),
@@ -157,8 +157,8 @@ impl RunningExecutor {
     /// What one worker, or the `dispatcher`, has used. Does not allocate.
     #[must_use]
     pub fn usage(&self, thread: &str) -> Option<Usage> {
-        let crew = self.crew.iter().find(|c| &*c.seat.name == thread)?;
-        Some(crew.seat.meter()?.usage())
+        let threads = self.threads.iter().find(|c| &*c.plan.name == thread)?;
+        Some(threads.plan.meter()?.usage())
     }
 
     /// The deployment file that describes the program as it runs: a start for one's own, which
@@ -186,31 +186,31 @@ impl RunningExecutor {
             return report.clone();
         }
         let deadline = clock::monotonic().saturating_add(nanos(self.grace));
-        for meter in self.crew.iter().filter_map(|c| c.seat.meter()) {
+        for meter in self.threads.iter().filter_map(|c| c.plan.meter()) {
             meter.cancel();
         }
         let me = os::current_tid();
-        let awaited = |c: &Crew| !c.seat.is_finished() && c.thread.tid() != me;
-        while self.crew.iter().any(awaited) {
+        let awaited = |c: &StartedThread| !c.plan.is_finished() && c.thread.tid() != me;
+        while self.threads.iter().any(awaited) {
             if !self.owner.wait_until(deadline) && clock::monotonic() >= deadline {
                 break;
             }
         }
         // Stuck ones first: one that spins at high priority would keep the others from ending.
-        for c in self.crew.iter().filter(|c| !c.seat.is_finished()) {
-            self.stuck.push(String::from(&*c.seat.name));
-            if let Some(meter) = c.seat.meter() {
+        for c in self.threads.iter().filter(|c| !c.plan.is_finished()) {
+            self.stuck.push(String::from(&*c.plan.name));
+            if let Some(meter) = c.plan.meter() {
                 meter.abandon();
             }
             os::set_priority(c.thread.tid(), SchedClass::Other).ok();
-            let thread = &c.seat.name;
+            let thread = &c.plan.name;
             self.events.emit(&Event::Stuck { thread });
         }
         let mut report = self.report();
         let patience = clock::monotonic().saturating_add(EPILOGUE);
-        for c in self.crew.drain(..) {
-            let name = &c.seat.name;
-            if c.seat.is_finished() && c.thread.join_until(patience).is_err() {
+        for c in self.threads.drain(..) {
+            let name = &c.plan.name;
+            if c.plan.is_finished() && c.thread.join_until(patience).is_err() {
                 // Done, but something above it on its CPU keeps it from ending.
                 self.stuck.push(String::from(&**name));
                 self.events.emit(&Event::Stuck { thread: name });
@@ -248,13 +248,13 @@ impl fmt::Debug for RunningExecutor {
 }
 
 /// The counters of one handle.
-pub(crate) fn handle_stats(handle: &Shared, stop: &StopHandle) -> HandleStats {
+pub(crate) fn handle_stats(handle: &HandleState, stop: &StopHandle) -> HandleStats {
     let lost = handle.input.as_ref();
     let lost = lost.map_or(0, |(reader, _)| stop.middleware.lost(*reader));
     handle.counters.snapshot(handle.waiting(), lost)
 }
 
-pub(crate) fn handle_report(worker: &str, handle: &Shared, stop: &StopHandle) -> HandleReport {
+pub(crate) fn handle_report(worker: &str, handle: &HandleState, stop: &StopHandle) -> HandleReport {
     let error = String::from(handle.last_error.lock().as_str());
     HandleReport {
         id: handle.id.clone(),
@@ -266,17 +266,17 @@ pub(crate) fn handle_report(worker: &str, handle: &Shared, stop: &StopHandle) ->
     }
 }
 
-fn thread_report(seat: &Seat) -> ThreadReport {
-    let ready = match &*seat.ready.lock() {
+fn thread_report(plan: &ThreadPlan) -> ThreadReport {
+    let ready = match &*plan.ready.lock() {
         Some(Ok(ready)) => Some(ready.clone()),
         _ => None,
     };
     let meter = ready.as_ref().map(|r: &Ready| &r.meter);
     ThreadReport {
-        name: String::from(&*seat.name),
-        requested: text!("{}", seat.policy),
+        name: String::from(&*plan.name),
+        requested: text!("{}", plan.policy),
         granted: ready.as_ref().map_or("-".into(), |r| r.granted.clone()),
-        cpu: seat.cpu,
+        cpu: plan.cpu,
         enforcement: meter.and_then(os::Meter::enforcement),
         usage: meter.map(os::Meter::usage).unwrap_or_default(),
         overruns: meter.map(os::Meter::overruns).unwrap_or_default(),

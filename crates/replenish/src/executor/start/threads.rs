@@ -4,7 +4,7 @@
 //!   starter                                 thread
 //!   spawn ────────────────────────────────► enroll with the enforcer
 //!   wait until all are ready ◄── owner bell ── ready (or why not)
-//!   launch: Go(start) or Abort ── own bell ──► body … end
+//!   launch: Go(start) or Abort ── own bell ──► role … end
 //!   finish: wait until all ended ◄ owner bell ─ finished
 //! ```
 //!
@@ -23,12 +23,12 @@ use replenish_os::{self as os, Account, Enforcer, Meter, Params, Policy, Thread}
 use sporadic::Kind;
 
 /// What a thread does between launch and stop.
-pub(crate) enum Body {
+pub(crate) enum Role {
     Dispatcher(Kept<Dispatcher>),
     Worker(Kept<Box<Worker>>),
 }
 
-impl Body {
+impl Role {
     fn run(self, account: &mut Account, start: Nanos) {
         match self {
             Self::Dispatcher(mut dispatcher) => dispatcher.run(account),
@@ -38,7 +38,7 @@ impl Body {
 }
 
 /// What a thread of this executor is to be.
-pub(crate) struct Seat {
+pub(crate) struct ThreadPlan {
     pub(crate) name: Arc<str>,
     pub(crate) policy: Policy,
     pub(crate) cpu: Option<usize>,
@@ -49,8 +49,8 @@ pub(crate) struct Seat {
     pub(crate) owner: Arc<Signal>,
     pub(crate) stop: StopHandle,
     pub(crate) events: Arc<Events>,
-    pub(crate) body: Mutex<Option<Body>>,
-    pub(crate) budget: Mutex<Option<Funding>>,
+    pub(crate) role: Mutex<Option<Role>>,
+    pub(crate) budget: Mutex<Option<BudgetBinding>>,
     pub(crate) ready: Mutex<Option<Result<Ready, Words>>>,
     pub(crate) launch: Mutex<Option<Launch>>,
     pub(crate) finished: AtomicBool,
@@ -58,7 +58,7 @@ pub(crate) struct Seat {
 
 /// Who enforces a thread's budget.
 #[derive(Clone)]
-pub(crate) struct Funding {
+pub(crate) struct BudgetBinding {
     pub(crate) enforcer: Arc<Enforcer>,
     pub(crate) params: Params,
     pub(crate) kind: Kind,
@@ -79,17 +79,17 @@ pub(crate) enum Launch {
     Abort,
 }
 
-impl Seat {
+impl ThreadPlan {
     /// Starts the thread under `policy`, which may be a fallback for the one asked for.
-    pub(crate) fn spawn(seat: &Arc<Self>, policy: Policy) -> Result<Thread<()>, os::SpawnError> {
-        let mut spec = os::ThreadSpec::new(&*seat.name)
+    pub(crate) fn spawn(plan: &Arc<Self>, policy: Policy) -> Result<Thread<()>, os::SpawnError> {
+        let mut spec = os::ThreadSpec::new(&*plan.name)
             .policy(policy)
-            .stack_size(seat.stack_size);
-        if let Some(cpu) = seat.cpu {
+            .stack_size(plan.stack_size);
+        if let Some(cpu) = plan.cpu {
             spec = spec.cpu(cpu);
         }
-        let seat = Arc::clone(seat);
-        os::spawn(spec, move || seat.main())
+        let plan = Arc::clone(plan);
+        os::spawn(spec, move || plan.main())
     }
 
     /// The policy the thread is created with: an enforcer makes it sporadic.
@@ -139,8 +139,8 @@ impl Seat {
                 None => {}
             }
         };
-        let body = self.body.lock().take();
-        let (Some(account), Some(body)) = (&mut account, body) else {
+        let role = self.role.lock().take();
+        let (Some(account), Some(role)) = (&mut account, role) else {
             return;
         };
         // Callbacks are caught one by one in the worker: what arrives here is our own mistake, or
@@ -150,7 +150,7 @@ impl Seat {
             let thread = &self.name;
             self.events.emit(&Event::ThreadPanicked { thread });
         };
-        platform::guard(account, |account| body.run(account, start), panicked);
+        platform::guard(account, |account| role.run(account, start), panicked);
     }
 
     fn enroll(&self) -> Result<(Account, Ready), Words> {
@@ -176,7 +176,7 @@ fn granted(meter: &Meter) -> Words {
     }
 }
 
-struct Finished<'a>(&'a Seat);
+struct Finished<'a>(&'a ThreadPlan);
 
 impl Drop for Finished<'_> {
     fn drop(&mut self) {

@@ -6,9 +6,9 @@ use replenish_os::clock;
 
 /// One instant of `CLOCK_MONOTONIC`, the same for all who ask.
 #[derive(Default)]
-pub(crate) struct Moment(Cell<Option<Nanos>>);
+pub(crate) struct LazyNow(Cell<Option<Nanos>>);
 
-impl Moment {
+impl LazyNow {
     #[cfg(test)]
     pub(crate) fn at(now: Nanos) -> Self {
         Self(Cell::new(Some(now)))

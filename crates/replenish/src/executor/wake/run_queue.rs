@@ -9,9 +9,9 @@
 //!
 //! A *slot* is a handle's for as long as it lives; its *position* changes when others come and go.
 
-use super::lazy_now::Moment;
+use super::lazy_now::LazyNow;
 use crate::Nanos;
-use crate::executor::handles::entry::Entry;
+use crate::executor::handles::entry::HandleEntry;
 use crate::handoff::ReadySet;
 use alloc::vec::Vec;
 
@@ -19,7 +19,7 @@ use alloc::vec::Vec;
 const BITS: usize = usize::BITS as usize;
 
 /// One worker's; lives on its thread. Allocates when it is made only.
-pub(crate) struct Agenda {
+pub(crate) struct RunQueue {
     /// By slot.
     positions: Vec<usize>,
     /// A bit per position.
@@ -30,26 +30,26 @@ pub(crate) struct Agenda {
     earliest: Nanos,
     /// How releases become due; set with the first one, so that programs without any do not carry
     /// the code.
-    by_time: Option<fn(&mut Self, &Moment)>,
+    by_time: Option<fn(&mut Self, &LazyNow)>,
 }
 
-impl Agenda {
+impl RunQueue {
     /// For a worker that has up to `limit` handles, in slots below that.
     pub(crate) fn new(limit: usize) -> Self {
         // Zeros, which take less code, until they are put in order.
-        let mut agenda = Self {
+        let mut run_queue = Self {
             positions: alloc::vec![0; limit],
             due: alloc::vec![0; limit.div_ceil(BITS)],
             releases: alloc::vec![0; limit],
             earliest: 0,
             by_time: None,
         };
-        agenda.reorder(&[]);
-        agenda
+        run_queue.reorder(&[]);
+        run_queue
     }
 
     /// Handles have come or gone, or the worker begins: everything is looked at once.
-    pub(crate) fn reorder(&mut self, entries: &[Entry]) {
+    pub(crate) fn reorder(&mut self, entries: &[HandleEntry]) {
         self.positions.fill(usize::MAX);
         self.releases.fill(Nanos::MAX);
         self.earliest = Nanos::MAX;
@@ -63,13 +63,13 @@ impl Agenda {
     }
 
     /// Releases up to `now` are due.
-    pub(crate) fn release(&mut self, now: &Moment) {
+    pub(crate) fn release(&mut self, now: &LazyNow) {
         if let Some(by_time) = self.by_time {
             by_time(self, now);
         }
     }
 
-    fn by_time(&mut self, now: &Moment) {
+    fn by_time(&mut self, now: &LazyNow) {
         if self.earliest == Nanos::MAX || self.earliest > now.get() {
             return;
         }
@@ -143,49 +143,49 @@ fn set(bits: &mut [usize], at: usize) {
 mod tests {
     use super::*;
 
-    fn agenda(limit: usize) -> (Agenda, ReadySet) {
-        let mut agenda = Agenda::new(limit);
+    fn run_queue(limit: usize) -> (RunQueue, ReadySet) {
+        let mut run_queue = RunQueue::new(limit);
         // Slots in reverse order of positions.
-        for (slot, position) in agenda.positions.iter_mut().enumerate() {
+        for (slot, position) in run_queue.positions.iter_mut().enumerate() {
             *position = limit - 1 - slot;
         }
-        (agenda, ReadySet::new(limit))
+        (run_queue, ReadySet::new(limit))
     }
 
     #[test]
     fn marks_come_in_the_order_of_positions_and_earlier_ones_in_the_next_round() {
-        let (mut agenda, marks) = agenda(200);
+        let (mut run_queue, marks) = run_queue(200);
         for slot in [0, 70, 199, 200, 9999] {
             marks.mark(slot);
         }
-        assert_eq!(agenda.next_from(0, &marks), Some(0));
+        assert_eq!(run_queue.next_from(0, &marks), Some(0));
         marks.mark(198); // position 1: ahead of the round
-        assert_eq!(agenda.next_from(1, &marks), Some(1));
-        assert_eq!(agenda.next_from(2, &marks), Some(129));
+        assert_eq!(run_queue.next_from(1, &marks), Some(1));
+        assert_eq!(run_queue.next_from(2, &marks), Some(129));
         marks.mark(199); // position 0: behind it
-        assert_eq!(agenda.next_from(130, &marks), Some(199));
-        assert_eq!(agenda.next_from(200, &marks), None);
-        assert!(agenda.is_due());
-        assert_eq!(agenda.next_from(0, &marks), Some(0));
-        assert_eq!(agenda.next_from(1, &marks), None);
-        assert!(!agenda.is_due());
+        assert_eq!(run_queue.next_from(130, &marks), Some(199));
+        assert_eq!(run_queue.next_from(200, &marks), None);
+        assert!(run_queue.is_due());
+        assert_eq!(run_queue.next_from(0, &marks), Some(0));
+        assert_eq!(run_queue.next_from(1, &marks), None);
+        assert!(!run_queue.is_due());
     }
 
     #[test]
     fn releases_are_due_at_their_time_and_the_earliest_is_known() {
-        let (mut agenda, marks) = agenda(3);
-        assert_eq!(agenda.earliest(), None);
-        agenda.next_release_of(1, Some(20));
-        agenda.next_release_of(2, Some(10));
-        agenda.release(&Moment::at(9));
-        assert_eq!(agenda.next_from(0, &marks), None);
-        agenda.release(&Moment::at(10));
-        assert_eq!(agenda.next_from(0, &marks), Some(2));
-        agenda.next_release_of(2, Some(30));
-        assert_eq!(agenda.earliest(), Some(20));
-        agenda.next_release_of(1, None);
-        assert_eq!(agenda.earliest(), Some(30));
-        agenda.next_release_of(7, Some(1)); // no such position
-        assert_eq!(agenda.earliest(), Some(30));
+        let (mut run_queue, marks) = run_queue(3);
+        assert_eq!(run_queue.earliest(), None);
+        run_queue.next_release_of(1, Some(20));
+        run_queue.next_release_of(2, Some(10));
+        run_queue.release(&LazyNow::at(9));
+        assert_eq!(run_queue.next_from(0, &marks), None);
+        run_queue.release(&LazyNow::at(10));
+        assert_eq!(run_queue.next_from(0, &marks), Some(2));
+        run_queue.next_release_of(2, Some(30));
+        assert_eq!(run_queue.earliest(), Some(20));
+        run_queue.next_release_of(1, None);
+        assert_eq!(run_queue.earliest(), Some(30));
+        run_queue.next_release_of(7, Some(1)); // no such position
+        assert_eq!(run_queue.earliest(), Some(30));
     }
 }
