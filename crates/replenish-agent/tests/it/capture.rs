@@ -4,12 +4,6 @@
 //! the captured agent sent to the same client. Repetitions count once. Heartbeats are left out:
 //! they depend on how slow an agent was. Of DATA, the sequence number is: the captured agents lose
 //! the first samples while DDS finds out who reads them, ours does not.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use crate::common::{Datagram, scenario};
 use replenish_agent::{AgentCore, Limits, Now};

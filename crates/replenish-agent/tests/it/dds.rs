@@ -1,11 +1,5 @@
 //! XRCE clients, the agent and DDS: another program of `replenish-dds` in the place of a ROS 2
 //! node, over loopback. The foreign peers are in `dds_peers.rs`.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use crate::bridged::{agent, dds_program, domain, service_client, topic_client};
 use replenish_agent::RunningAgent;

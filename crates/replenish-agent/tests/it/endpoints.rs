@@ -1,10 +1,4 @@
 //! Entities and samples: who gets what, how much is kept, in which order it is sent.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use crate::support::{Client, Got, MTU, World, data, payloads, reader};
 use replenish_agent::Limits;

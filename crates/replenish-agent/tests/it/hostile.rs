@@ -1,11 +1,5 @@
 //! Whatever arrives, from whomever, in whatever order: the agent goes on, keeps its bounds, and
 //! serves the next client as if nothing had been.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use crate::support::{Client, Got, MS, World, data};
 use proptest::collection::vec;

@@ -1,10 +1,4 @@
 //! Our client against our agent over links that lose, repeat, delay and overtake, in virtual time.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use crate::session::MS;
 use crate::sim::{Faults, Sim};

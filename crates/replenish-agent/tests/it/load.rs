@@ -1,10 +1,4 @@
 //! Many clients, and long times: in virtual time.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use crate::support::{Client, MS, World, data, payloads};
 use replenish_agent::{AgentConfig, Limits};

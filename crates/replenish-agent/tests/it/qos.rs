@@ -1,10 +1,4 @@
 //! QoS between writers and readers, and how much of its samples a client wants how fast.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use crate::support::{Client, Got, MS, World, data, payloads};
 use replenish_agent::{AgentConfig, Limits, TopicRule};

@@ -1,11 +1,5 @@
 //! A client on a serial line of 115 200 baud that damages bytes, in virtual time: what it writes
 //! goes up to the agent, and comes back down to its own reader.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use crate::session::{MS, WRITER, endpoints_of};
 use replenish_agent::{AgentCore, Limits, Now};
@@ -255,19 +249,11 @@ impl World {
     /// that took, and the longest time without one.
     fn all_come_back(&mut self, count: u32, len: usize) -> (u64, u64) {
         let start = self.now;
-        let (mut next, mut longest, mut last, mut had) = (0_u32, 0, self.now, 0);
+        let (mut longest, mut last, mut had) = (0, self.now, 0);
+        let mut samples = (0..count).map(|number| sample(number, len)).peekable();
         while self.got.len() < count as usize {
-            while next < count {
-                let sample = sample(next, len);
-                if self
-                    .client
-                    .write(WRITER, StreamId::RELIABLE, &sample)
-                    .is_err()
-                {
-                    break;
-                }
-                next += 1;
-            }
+            let mut write = |sample: &_| self.client.write(WRITER, StreamId::RELIABLE, sample);
+            while samples.next_if(|sample| write(sample).is_ok()).is_some() {}
             self.step();
             if self.got.len() > had {
                 longest = longest.max(self.now - last);

@@ -1,10 +1,4 @@
 //! Requesters and repliers: who gets which request, and who gets the reply.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use crate::support::{Client, Got, World};
 use replenish_agent::{AgentConfig, Limits, Profiles};

@@ -1,10 +1,4 @@
 //! Sessions: who is served, who is replaced, who is forgotten.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use crate::support::{Client, Got, MS, World, data, payloads};
 use replenish_agent::Limits;

@@ -1,11 +1,5 @@
 //! What is acknowledged has arrived: agents that are killed at any moment take nothing along, and a
 //! reader that is stuck does not hold up its writer.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use crate::session::{MS, endpoints, session_with};
 use crate::sim::{Faults, Sim};

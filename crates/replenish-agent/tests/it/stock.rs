@@ -1,11 +1,5 @@
 //! Odd things that eProsima's client 3.0.1 does, seen when it was run against this agent
 //! (`docs/peers.md`), in bytes of our own.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use crate::support::{Client, Got, World, data};
 use replenish_agent::Limits;

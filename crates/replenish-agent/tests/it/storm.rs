@@ -1,11 +1,5 @@
 //! Clients that ask for anything that can be asked for, in any order, over transports that stall
 //! and break: nothing leaks, nothing spins, and limits hold.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use crate::support::{Client, MS, World};
 use proptest::collection::vec;

@@ -1,10 +1,4 @@
 //! The agent on TCP and on serial lines: real sockets, pseudo-terminals, noise.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use crate::wire::{Carrier, Live};
 use replenish_agent::{Agent, AgentConfig, AgentError, Limits, RunningAgent, SerialConfig};

@@ -1,10 +1,4 @@
 //! The agent on a real socket: two clients on loopback, the address, stopping.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use replenish_agent::{
     Agent, AgentConfig, AgentError, Limits, RunningAgent, StopHandle, TopicRule,

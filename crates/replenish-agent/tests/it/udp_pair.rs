@@ -1,10 +1,4 @@
 //! Two of our clients and the agent over real UDP on loopback.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use crate::session::{Client, MS, WRITER, endpoints, session};
 use replenish_agent::{Agent, AgentConfig, RunningAgent};

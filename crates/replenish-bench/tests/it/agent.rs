@@ -1,10 +1,4 @@
 //! The agent as a process: where it listens, what it shows, what it refuses, how it ends.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests"
-)]
 
 use crate::common::{BIN, Running, Scratch, json, run, start, stderr};
 use replenish_os::tty::Pty;

@@ -1,10 +1,4 @@
 //! The benchmarks of agent, protocol and dispatching: what they count, not how fast they are.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests"
-)]
 
 use crate::common::{Scratch, json, run, stderr, stdout};
 use serde_json::Value;

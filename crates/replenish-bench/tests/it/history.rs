@@ -1,5 +1,4 @@
 //! The paper's open question as a command: the contract of its JSON, and the other files.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use crate::common::{Scratch, json, run, stderr, stdout};
 

@@ -1,5 +1,4 @@
 //! `suggest` on real processes: the numbers, the file it writes, and what it refuses.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use crate::common::{Scratch, json, run, start, stderr, stdout};
 use std::time::Duration;

@@ -1,6 +1,5 @@
 //! `plan` and `simulate` as a user runs them: the robot of `examples/`, one that does not fit, and
 //! files that make no sense.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use crate::common::{Scratch, json, run, stderr, stdout};
 use replenish_plan::ledger::Ledger;

@@ -1,10 +1,4 @@
 //! Two programs of this crate on one DDS domain: samples, late readers, services, what is dropped.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use crate::support::{Program, domain};
 use replenish_dds::{

@@ -1,11 +1,5 @@
 //! With a program of another library, ros2-client: topics and services in both directions, and what
 //! it learns of our nodes.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use crate::support::{Program, domain};
 use replenish_dds::{Endpoint, EndpointKind, Node, Outgoing, Qos, RequestId, Topic};

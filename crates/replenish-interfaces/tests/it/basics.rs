@@ -1,10 +1,4 @@
 //! The types one writes most: values, views, hashes, errors with the field's path.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use replenish_interfaces::action_msgs;
 use replenish_interfaces::example_interfaces::action::FibonacciResult;

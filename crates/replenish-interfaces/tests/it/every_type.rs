@@ -1,11 +1,5 @@
 //! What holds for every type: whatever the bytes, nothing panics, owned value and view agree, and an
 //! error is found at the same place; what was decoded survives a round trip.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use proptest::collection::vec;
 use proptest::prelude::*;

@@ -1,5 +1,4 @@
 //! The types that an action brings along: their names, their bytes and their bounds.
-#![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use replenish_msg::action::{
     FeedbackMessage, GetResult, GetResultRequest, GetResultResponse, SendGoal, SendGoalRequest,

@@ -1,11 +1,5 @@
 //! Sizes and errors: `MAX_SIZE` is exactly what the largest value takes, and every way in which
 //! bytes can be wrong is named.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use replenish_msg::builtin_interfaces::Time;
 use replenish_msg::std_msgs::{

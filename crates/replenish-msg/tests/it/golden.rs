@@ -2,12 +2,6 @@
 //!
 //! Every line of the file is decoded and compared with the value it was made from; the
 //! little-endian ones are also encoded and compared byte for byte.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use replenish_msg::builtin_interfaces::Time;
 use replenish_msg::std_msgs::{

@@ -1,10 +1,4 @@
 //! Random values survive a round trip; random bytes never panic and never read past their end.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 
 use proptest::collection::vec;
 use proptest::prelude::*;

@@ -1,5 +1,4 @@
 //! Clocks tell time, and a thread's CPU clock counts that thread alone.
-#![allow(clippy::unwrap_used, reason = "test code")]
 
 use replenish_os::clock::{self, ThreadCpuClock};
 use replenish_os::{current_tid, timer::TimerFd};

@@ -1,5 +1,4 @@
 //! Waiting on descriptors with a deadline, and waking that wait.
-#![allow(clippy::unwrap_used, reason = "test code")]
 
 use replenish_os::timer::TimerFd;
 use replenish_os::{PollFd, WakeFd, clock, poll};

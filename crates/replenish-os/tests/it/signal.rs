@@ -1,5 +1,4 @@
 //! The hand-off cell over the real futex; its interleavings are in `loom_signal.rs`.
-#![allow(clippy::unwrap_used, reason = "test code")]
 
 use replenish_os::{Signal, clock};
 use replenish_testkit::watchdog::watchdog;

@@ -1,5 +1,4 @@
 //! Serial lines over a pair of pseudo-terminals.
-#![allow(clippy::unwrap_used, reason = "test code")]
 
 use replenish_os::tty::{Pty, Tty, baud_rates};
 use replenish_os::{PollFd, clock, poll};

@@ -1,11 +1,5 @@
 //! Budgets held on real threads: shares by the CPU clocks, in windows that stay clear of the
 //! kernel's real-time throttle, a window repeated when the machine stood still.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test fails by panicking"
-)]
 
 use crate::common::{cpu, pin};
 use replenish_os::{

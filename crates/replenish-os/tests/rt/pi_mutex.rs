@@ -1,5 +1,4 @@
 //! The lock excludes, hands over, refuses to hang, and inherits priority.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "test code")]
 
 use crate::common::{MS, become_fifo, burn, cpu};
 use replenish_os::{PiMutex, clock};

@@ -1,5 +1,4 @@
 //! Where a thread lands in the FIFO list when its priority changes, seen by who runs next.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "test code")]
 
 use crate::common::{MS, become_fifo, cpu, spin};
 use replenish_os::clock::{self, ThreadCpuClock};

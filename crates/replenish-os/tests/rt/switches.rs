@@ -1,9 +1,4 @@
 //! The kernel's switch records, and the cheap counter that stands in for them.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "a test fails by panicking"
-)]
 
 use replenish_os::{
     CpuSet, SchedClass, Switch, SwitchKind, SwitchLog, clock, current_tid, set_affinity,

@@ -1,5 +1,4 @@
 //! Threads have what was asked from their first instruction on, and refusals say why.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "test code")]
 
 use crate::common::{MS, cpu};
 use replenish_os::{

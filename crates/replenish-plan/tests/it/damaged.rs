@@ -1,11 +1,5 @@
 //! Damaged deployment files: an error or a plan, never a panic, and never for long. 6000 of
 //! them; `REPLENISH_SETS` sets another number.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use replenish_plan::Deployment;
 use replenish_sim::{Options, Random, simulate};

@@ -1,10 +1,4 @@
 //! `replenish.toml`: what is read, and what is refused, where.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use replenish_plan::{Deployment, Guarantee, Machine, Template, TemplateWorker};
 use replenish_sim::{Options, Policy, Releases, Span, Step, simulate};

@@ -1,10 +1,4 @@
 //! Plans worked out by hand: what is chosen, what is refused, and with which words.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use replenish_plan::{ExecutorRequest, Guarantee, Machine, Promise, Request, Worker, plan};
 use replenish_sim::Policy;

@@ -3,12 +3,6 @@
 //!
 //! 10 000 sets; `REPLENISH_SETS` sets another number (nightly: 1000000), `REPLENISH_SEED` the first
 //! seed.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use replenish_plan::{
     ExecutorRequest, Guarantee, Machine, Nanos, Overheads, Plan, Promise, Request, Wish, Worker,

@@ -1,10 +1,4 @@
 //! The example files of a mobile robot do what their comments say.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use replenish_plan::{Deployment, plan};
 use replenish_sim::{Options, simulate};

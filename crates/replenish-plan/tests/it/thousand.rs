@@ -1,11 +1,5 @@
 //! A thousand workers, admitted and refused: the time is printed by `-- --nocapture`
 //! (`cargo test --release -p replenish-plan --test it thousand -- --nocapture`).
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use replenish_plan::{ExecutorRequest, Guarantee, Machine, Refusal, Request, Worker, plan};
 use std::time::{Duration, Instant};

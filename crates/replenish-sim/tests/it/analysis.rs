@@ -1,5 +1,4 @@
 //! The bounds against worst cases that are known, where they must be exact, and against time.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests")]
 
 use replenish_sim::analysis::chain::{Stage, end_to_end};
 use replenish_sim::analysis::{Costs, Demand, Section, Supply, Task, bounds, utilisation};

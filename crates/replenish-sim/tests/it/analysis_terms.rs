@@ -1,6 +1,5 @@
 //! Terms of the bounds that random systems hardly ever need, each with a run that does: the run
 //! stays within the bound, and would not without the term.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests")]
 
 use replenish_sim::analysis::{Bounds, Costs, Demand, Section, Task, bounds, describe};
 use replenish_sim::{

@@ -1,6 +1,5 @@
 //! No simulated response exceeds its bound, in 10 000 random systems; `REPLENISH_SETS` sets
 //! another number (nightly: 1000000), `REPLENISH_SEED` the first seed.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests")]
 
 use crate::common::{Case, random_case};
 use replenish_sim::analysis::{Bounds, Costs, Limit, Scheduling, Supply, bounds, describe, within};

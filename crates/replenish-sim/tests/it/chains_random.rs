@@ -1,6 +1,5 @@
 //! Chains of three stages over two CPUs with other load: no run takes longer than the bound, in
 //! 10 000 random systems; `REPLENISH_SETS` sets another number, `REPLENISH_SEED` the first seed.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests")]
 
 use replenish_sim::analysis::chain::{Place, by_events};
 use replenish_sim::analysis::{Costs, Demand, Task};

@@ -1,5 +1,4 @@
 //! Priority inheritance, with and without budgets, and systems that cannot go on.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests")]
 
 use replenish_sim::{
     Nanos, Options, Outcome, Policy, Releases, SimError, Step, System, Thread, simulate,

@@ -1,7 +1,6 @@
 //! `docs/nuttx-qemu.md` shows what the emulation gives, row by row.
 //!
 //! `REPLENISH_UPDATE=1 cargo test -p replenish-sim --test it nuttx_page` writes the tables anew.
-#![allow(clippy::unwrap_used, reason = "tests")]
 
 use replenish_sim::nuttx::emulated::{Row, experiment_1, experiment_2, two_threads};
 use std::path::Path;

@@ -1,5 +1,4 @@
 //! Policies against schedules worked out by hand.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests")]
 
 use replenish_sim::{
     End, Enforcement, Nanos, Options, Outcome, Overflow, Platform, Policy, Random, Releases, Span,

@@ -1,5 +1,4 @@
 //! What the trace says of CPUs and budgets, for drawing schedules.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "tests")]
 
 use replenish_sim::{Options, Policy, Releases, System, Thread, What, simulate};
 use sporadic::{Kind, Low, Params};

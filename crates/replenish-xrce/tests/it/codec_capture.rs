@@ -1,12 +1,5 @@
 //! Every datagram of the capture is decoded, and encoding what was decoded gives its bytes again.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
-
 use crate::common::{assert_same, capture};
 use replenish_xrce::wire::{Body, Info, Message, MessageWriter};
 

@@ -1,12 +1,6 @@
 //! A scripted agent without I/O: accepts sessions and objects, answers pings and time requests,
 //! keeps what was written, and hands out samples when told.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 #![allow(dead_code, reason = "every test binary uses its own part")]
 
 use std::collections::BTreeMap;

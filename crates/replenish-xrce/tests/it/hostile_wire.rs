@@ -1,13 +1,6 @@
 //! Whatever bytes arrive, decoding ends with a value or an error, and what was decoded from
 //! anything can be encoded and decoded again to the same value.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
-
 use std::sync::OnceLock;
 
 use proptest::prelude::*;

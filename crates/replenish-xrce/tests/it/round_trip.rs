@@ -1,13 +1,6 @@
 //! Every submessage with every kind of content: what is encoded is decoded to the same, alone, in a
 //! message with others, and when it is written in pieces.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
-
 use proptest::collection::vec;
 use proptest::option::of;
 use proptest::prelude::*;

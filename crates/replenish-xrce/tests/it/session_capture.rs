@@ -5,13 +5,6 @@
 //! sample that was not sent before a call of `write`, ...); ids, numbers, packing, fragments,
 //! acknowledgements, heartbeats, retransmissions and log-in are the session's own doing.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
-
 use std::collections::{BTreeMap, VecDeque};
 
 use crate::common::{Datagram, assert_same, scenario};

@@ -1,13 +1,6 @@
 //! A session and its agent's presence, in virtual time: log-in, loss, return, refusals, and
 //! whatever else a peer may send.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
-
 use crate::fake_agent::FakeAgent;
 use proptest::prelude::*;
 use replenish_xrce::Nanos;

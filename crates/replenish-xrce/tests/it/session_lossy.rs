@@ -1,13 +1,6 @@
 //! A session over a bad link, in virtual time and with every set of features: what is reliable arrives
 //! once and in order in both directions, and the agent's restart is survived.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
-
 use crate::fake_agent::FakeAgent;
 use replenish_xrce::Nanos;
 use replenish_xrce::client::{

@@ -1,13 +1,6 @@
 //! Several streams of a session, samples that outlive the loss of the agent, services, and what a
 //! log-in carries; in virtual time, against a scripted agent.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
-
 use crate::fake_agent::FakeAgent;
 use replenish_xrce::Nanos;
 use replenish_xrce::client::{

@@ -1,13 +1,6 @@
 //! The two reliable stream machines against each other over a link that loses, duplicates, delays
 //! and reorders, in virtual time: everything arrives exactly once, in order, for every seed.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
-
 use replenish_xrce::Nanos;
 use replenish_xrce::lossy::{Direction, Link, Load, Outcome, Repair, SAMPLES, point, transfer};
 

@@ -1,12 +1,5 @@
 //! Output streams one step at a time: packing, limits, windows, repair, heartbeats.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
-
 use proptest::prelude::*;
 use replenish_xrce::SeqNum;
 use replenish_xrce::stream::{

@@ -1,10 +1,4 @@
 //! After the start an action allocates nothing, whatever becomes of its goals.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::ALLOC;
 use crate::common::fibonacci::{Fibonacci, Numbers, Order};

@@ -1,11 +1,5 @@
 //! After the start nothing allocates, whatever a worker runs: every kind of handle, its hooks, its
 //! errors and missed deadlines; triggers, Logical Execution Time and the output barrier.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::ALLOC;
 use crate::common::eventually;

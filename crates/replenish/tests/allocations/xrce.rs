@@ -1,11 +1,5 @@
 //! After the start nothing allocates over XRCE either: not the dispatchers, not the workers, not who
 //! publishes.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::ALLOC;
 use crate::common::agent::TestAgent;

@@ -1,11 +1,5 @@
 //! Actions: goals from acceptance to result, in one process and through the agent; cancelling,
 //! limits, expiry; and the defects of rclc's actions (its busy loops, its single buffers).
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::fibonacci::{Fibonacci, Numbers, Order};
 use crate::common::{eventually, executor, quiet};

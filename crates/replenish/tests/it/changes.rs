@@ -1,10 +1,4 @@
 //! Handles that come and go while the executor runs.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::{Gate, eventually, executor};
 use replenish::msg::std_msgs::Int32;

@@ -1,10 +1,4 @@
 //! Callbacks that change their own worker: while they run, again and again, with threads and without.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::{eventually, executor};
 use replenish::msg::std_msgs::Int32;

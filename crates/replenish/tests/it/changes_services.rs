@@ -1,11 +1,5 @@
 //! Services, clients and actions that come and go while the executor runs; and what is left of a
 //! removed handle at the agent: nothing.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::fibonacci::{Fibonacci, Numbers, Order};
 use crate::common::{eventually, executor};

@@ -1,10 +1,4 @@
 //! From middleware to callback: the paper's flaws D1, D3, D4 and D7, order, and bad samples.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::scripted::Scripted;
 use crate::common::{Gate, eventually, executor, quiet};

@@ -1,11 +1,5 @@
 //! Transient local: a subscription that comes late gets what was published before, if both sides want
 //! that; in one process and through the agent.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::{eventually, executor};
 use replenish::msg::std_msgs::Int32;

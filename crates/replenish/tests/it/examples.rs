@@ -1,10 +1,4 @@
 //! The examples do what they say, as processes: through an agent, and in one process without any.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::agent::TestAgent;
 use std::path::{Path, PathBuf};

@@ -1,11 +1,5 @@
 //! Mutual exclusion across workers: one at a time within a group, side by side between groups, free
 //! again after a panic, and no deadlock when callbacks call services of their own group.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::fibonacci::{Fibonacci, Numbers, Order};
 use crate::common::{Echo, eventually, executor};

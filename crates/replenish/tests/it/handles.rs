@@ -1,10 +1,4 @@
 //! Guard conditions, timers that are changed while they run, raw bytes, the callback's context.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::{Gate, eventually, executor};
 use replenish::msg::std_msgs::{Int32, String as Text};

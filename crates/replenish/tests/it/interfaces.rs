@@ -1,11 +1,5 @@
 //! Generated messages with unbounded fields through an executor: large ones, views of raw bytes,
 //! publishing from a view, and errors that name the field.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::{eventually, executor};
 use replenish::msg::{CdrError, CdrReader, CdrWriter, Message, View};

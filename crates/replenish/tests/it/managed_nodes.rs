@@ -1,11 +1,5 @@
 //! Managed nodes: what their callbacks' outcomes lead to, what others see and may ask for, and
 //! publishers that are silent unless the node is active.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::executor;
 use replenish::middleware::InProcessBus;

@@ -1,11 +1,5 @@
 //! Endpoints that do not fit together say so, and which policy clashes; clients know whether their
 //! service has a server. In one process and through an agent.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::agent::TestAgent;
 use crate::common::{Log, eventually, executor};

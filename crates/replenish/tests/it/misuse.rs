@@ -1,12 +1,6 @@
 //! What callbacks should not do: wait. Each call of this crate that can wait, made in a callback, ends:
 //! at its limit, with an error that says so, or with what it waited for. (Groups and removals are in
 //! `groups.rs`, nested transitions and parameters in `managed_nodes.rs` and `node_parameters.rs`.)
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::agent::TestAgent;
 use crate::common::{Echo, eventually, executor};

@@ -1,11 +1,5 @@
 //! Parameters of nodes: types, ranges, callbacks, bounds; and the services and events of ROS 2, as a
 //! client in another context sees them.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::executor;
 use replenish::middleware::InProcessBus;

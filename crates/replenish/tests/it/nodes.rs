@@ -1,10 +1,4 @@
 //! What a node may be told besides its name: a namespace, and the domain of its context.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::agent::TestAgent;
 use crate::common::{eventually, executor};

@@ -1,10 +1,4 @@
 //! Bad input gives an error that names the field and what is allowed; nothing runs.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::executor;
 use replenish::middleware::InProcessBus;

@@ -1,10 +1,4 @@
 //! What `docs/rclc-parity.md` says is proven is: every row names tests, and each of them exists.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use std::collections::BTreeMap;
 use std::path::Path;

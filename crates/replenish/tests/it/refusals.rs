@@ -1,11 +1,5 @@
 //! What is described wrongly is an error that names the field and what is allowed, when the executor
 //! starts or at once, and never something else in silence.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::{Echo, executor};
 use replenish::msg::std_msgs::Int32;

@@ -1,10 +1,4 @@
 //! What starts a round, in which order its callbacks run, and what they see.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::{eventually, executor};
 use replenish::msg::std_msgs::Int32;

@@ -1,11 +1,5 @@
 //! Services: request ids, replies now and later, time limits, and what goes wrong; in one process
 //! and through an agent.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::{eventually, executor};
 use replenish::msg::Service;

@@ -1,11 +1,5 @@
 //! Executors without threads: what each way of spinning runs, how long it takes at least, what it
 //! says about it, and that waiting costs nothing.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use replenish::msg::std_msgs::Int32;
 use replenish::{

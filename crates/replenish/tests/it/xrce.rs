@@ -1,13 +1,6 @@
 //! The XRCE adapter against a real agent on loopback: samples both ways, limits, loss and return of
 //! the agent, and that publishers never wait for the dispatcher.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
-
 use replenish::middleware::xrce::{ConnectError, Xrce, XrceConfig};
 use replenish::middleware::{
     EndpointSpec, Interest, LinkState, Middleware, MiddlewareError, PublishError, ReaderId, Room,

@@ -1,11 +1,5 @@
 //! Flow over XRCE: topics that do not wait for each other, subscriptions that hold their agent
 //! back, and limits on what the agent may send.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::agent::TestAgent;
 use crate::common::{eventually, executor};

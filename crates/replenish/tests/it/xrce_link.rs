@@ -1,10 +1,4 @@
 //! The XRCE adapter over a bad link: a relay between it and the agent loses datagrams.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::agent::TestAgent;
 use crate::common::relay::Relay;

@@ -3,12 +3,6 @@
 //!
 //! What the client knew to be acknowledged came once; what was not acknowledged is sent again, and
 //! may come twice. Nothing is missing.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::eventually;
 use replenish::Qos;

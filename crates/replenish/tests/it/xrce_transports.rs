@@ -1,10 +1,4 @@
 //! The XRCE adapter over TCP, over a pseudo-terminal, and over a transport of the user's own.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::agent::TestAgent;
 use crate::common::bridge::Bridge;

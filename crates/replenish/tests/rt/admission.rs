@@ -3,12 +3,6 @@
 //! [`CHILD`] what to be.
 //!
 //! `REPLENISH_CHURN_SECONDS=60` makes the last trial as long as the nightly run wants it (3 s).
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::{burn, cpu, eventually, executor};
 use replenish::msg::std_msgs::Int32;

@@ -1,10 +1,5 @@
 //! An executor that has nothing to do but its timers wakes once for each release, and for nothing
 //! else. `cargo test -p replenish --test rt idle -- --nocapture` prints what that costs.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    reason = "helper code of tests may panic"
-)]
 
 use replenish::{Context, Every, Executor, Report};
 use replenish_testkit::harness::{Trial, trial};

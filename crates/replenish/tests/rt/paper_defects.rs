@@ -1,12 +1,6 @@
 //! The flaws D1 to D13 of the executor behind the RTAS paper ("budget-based real-time executor for
 //! micro-ROS", branch `feature/rbs-nuttx` of micro-ROS/rclc): one test each, that fails where the
 //! flaw is and passes here. Each says what the original did.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::scripted::Scripted;
 use crate::common::{Gate, burn, cpu, eventually, executor, quiet};

@@ -1,11 +1,5 @@
 //! What needs real-time priority: budgets, policies, and the stop of threads that loop at high
 //! priority. (Inheritance, wake-up order and floods are among the paper's flaws, `paper_defects`.)
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::{burn, cpu, eventually, executor};
 use replenish::msg::std_msgs::Int32;

@@ -1,11 +1,5 @@
 //! An ordinary user: budgets fall back to callback boundaries, told once and reported; `strict`
 //! refuses with the reason. One trial runs this very program again as such a user.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::{burn, cpu, eventually, executor};
 use replenish::{Budget, Context, Enforcement, Error, Every};

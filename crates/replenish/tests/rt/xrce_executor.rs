@@ -1,11 +1,5 @@
 //! The executor over a real XRCE agent: a background worker in the session lock inherits, and a lost
 //! agent neither hangs nor ends anything.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
 
 use crate::common::agent::TestAgent;
 use crate::common::{cpu, eventually, executor};

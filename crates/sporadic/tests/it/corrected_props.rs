@@ -1,6 +1,5 @@
 //! Random traces of the corrected server: its invariants, the effective-activation theorem, and
 //! agreement with a model that keeps each unit of budget by itself.
-#![allow(clippy::unwrap_used, reason = "test helpers")]
 
 use crate::common::checked::CheckedCorrected as Checked;
 use crate::common::simulator::{Machine, Step, budget_and_period, config, play, script};

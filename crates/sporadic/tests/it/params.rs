@@ -1,5 +1,4 @@
 //! Parameters: what is refused, and that the message names the field, its value and the range.
-#![allow(clippy::unwrap_used, reason = "test helpers")]
 
 use sporadic::{BudgetServer, Corrected, Kind, Low, ParamError, Params, Posix, Server};
 

@@ -1,6 +1,5 @@
 //! A supervised thread in virtual time: the enforcer comes late, preemption and blocking happen
 //! unseen, and still no CPU time escapes the account and no check comes later than promised.
-#![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 use proptest::prelude::*;
 use sporadic::{Corrected, Gap, Level, Low, Nanos, Params, Reservation, Tuning, Verdict};

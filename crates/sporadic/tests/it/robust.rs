@@ -1,6 +1,5 @@
 //! What must hold for any input: no panic, no overflow, bounded time, a clock that may jitter, and
 //! the largest queues.
-#![allow(clippy::unwrap_used, reason = "test helpers")]
 
 use crate::common::{check_chunks, corrected, pairs, posix};
 use proptest::prelude::*;

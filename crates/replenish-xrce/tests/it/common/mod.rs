@@ -1,12 +1,6 @@
 //! Reads `data/xrce-capture.txt`: annotated hex of real traffic between eProsima's client (2.4.3)
 //! and agents (2.3.0, 3.0.1).
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "test code"
-)]
 #![allow(dead_code, reason = "every test binary uses its own part")]
 
 use std::fmt;

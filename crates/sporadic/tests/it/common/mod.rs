@@ -1,7 +1,6 @@
 //! Slow and obvious models the servers are compared with, and the checks that hold in every state.
-#![allow(dead_code, unreachable_pub, reason = "each test binary uses its part")]
-#![allow(clippy::unwrap_used, clippy::panic, reason = "test helpers")]
 
+#![allow(dead_code, unreachable_pub, reason = "each test binary uses its part")]
 pub mod checked;
 pub mod posix_model;
 pub mod simulator;
