@@ -47,6 +47,8 @@ pub mod freertos;
 mod linux;
 #[cfg(any(all(target_os = "nuttx", feature = "nuttx"), nuttx_host))]
 pub mod nuttx;
+#[cfg(any(not(target_os = "linux"), nuttx_host))]
+mod rtos;
 
 #[cfg(all(target_os = "none", feature = "freertos"))]
 pub(crate) use freertos as backend;
@@ -55,36 +57,22 @@ pub(crate) use linux as backend;
 #[cfg(any(all(target_os = "nuttx", feature = "nuttx"), nuttx_host))]
 pub(crate) use nuttx as backend;
 
+#[cfg(not(any(target_os = "linux", feature = "freertos", feature = "nuttx")))]
+compile_error!(
+    "replenish-os has no back end here: use Linux, feature `freertos` on a target without an \
+     operating system, or feature `nuttx` on a NuttX target"
+);
+
 mod arc;
-#[cfg(any(
-    target_os = "linux",
-    all(target_os = "none", feature = "freertos"),
-    all(target_os = "nuttx", feature = "nuttx")
-))]
 mod enforcer;
-#[cfg(any(
-    target_os = "linux",
-    all(target_os = "none", feature = "freertos"),
-    all(target_os = "nuttx", feature = "nuttx")
-))]
 mod notify;
-#[cfg(any(
-    target_os = "linux",
-    all(target_os = "none", feature = "freertos"),
-    all(target_os = "nuttx", feature = "nuttx")
-))]
 mod pi_mutex;
 mod spec;
-#[cfg(any(
-    target_os = "linux",
-    all(target_os = "none", feature = "freertos"),
-    all(target_os = "nuttx", feature = "nuttx")
-))]
 mod sync_shim;
 mod tid;
 
-#[cfg(not(all(target_os = "linux", not(nuttx_host))))]
-#[cfg(any(nuttx_host, feature = "freertos", feature = "nuttx"))]
+pub use arc::Shared;
+#[cfg(any(not(target_os = "linux"), nuttx_host))]
 pub use backend::AtomicU64;
 #[cfg(all(target_os = "linux", not(nuttx_host)))]
 pub use backend::{
@@ -98,11 +86,6 @@ pub use backend::{
     tty,
     wait_set::WaitSet,
 };
-#[cfg(any(
-    target_os = "linux",
-    all(target_os = "none", feature = "freertos"),
-    all(target_os = "nuttx", feature = "nuttx")
-))]
 pub use backend::{
     clock,
     granted::{Granted, GrantedPolicy, granted},
@@ -115,36 +98,21 @@ pub use backend::{
     tid::current_tid,
     timer, voluntary_switches,
 };
-#[cfg(any(
-    target_os = "linux",
-    all(target_os = "none", feature = "freertos"),
-    all(target_os = "nuttx", feature = "nuttx")
-))]
 pub use enforcer::{
     Account, Enforcement, Enforcer, EnforcerConfig, EnforcerStats, EnrollError, MAX_REPL, Meter,
     OverrunSamples, OverrunSummary, STALL, Stall, Stopped, Usage,
 };
-/// What others build on: here to be measured against, not to be used.
-#[cfg(all(target_os = "linux", not(nuttx_host)))]
-pub mod baseline {
-    pub use crate::linux::bare_futex::BareFutex;
-    pub use crate::linux::cpu_timer::CpuTimer;
-}
-pub use arc::Shared;
-#[cfg(any(
-    target_os = "linux",
-    all(target_os = "none", feature = "freertos"),
-    all(target_os = "nuttx", feature = "nuttx")
-))]
 pub use notify::Signal;
-#[cfg(any(
-    target_os = "linux",
-    all(target_os = "none", feature = "freertos"),
-    all(target_os = "nuttx", feature = "nuttx")
-))]
 pub use pi_mutex::{PiMutex, PiMutexGuard};
 pub use spec::ThreadSpec;
 pub use sporadic::{
     Level, Low, MAX_PRIORITY, MIN_RUNTIME, Nanos, ParamError, Params, Policy, PolicyError,
 };
 pub use tid::Tid;
+
+/// Other ways to wake a thread and to end a budget: for measurements against them, not for use.
+#[cfg(all(target_os = "linux", not(nuttx_host)))]
+pub mod baseline {
+    pub use crate::linux::bare_futex::BareFutex;
+    pub use crate::linux::cpu_timer::CpuTimer;
+}

@@ -11,7 +11,7 @@ use crate::Shared as Arc;
 use crate::Signal;
 use crate::Tid;
 use crate::backend;
-use crate::backend::blocking_detector::Watch;
+use crate::backend::blocking_detector::BlockingDetector;
 use crate::backend::clock::{self, ThreadCpuClock};
 use crate::backend::suspend::SuspendCell;
 use crate::backend::tid::current_tid;
@@ -108,8 +108,8 @@ impl Account {
             .map_err(EnrollError::Params)?;
         let cpu = clock::thread_cpu();
         // Without the records the voluntary-switch counter stands in: see callback_end().
-        let watch = Watch::new(tid, config.switch_log);
-        let has_switch_log = watch.is_exact();
+        let detector = BlockingDetector::new(tid, config.switch_log);
+        let has_switch_log = detector.is_exact();
         let suspends = params.low() == Low::Suspend && !shared.is_deferred();
         let suspend = Arc::new(SuspendCell::new());
         if suspends {
@@ -126,7 +126,7 @@ impl Account {
             let server = AnyServer::clamped(kind, *params, now).with_min_chunk(config.tuning.slack);
             let reservation = Reservation::new(server, config.tuning, now, cpu);
             let cell = Arc::clone(&suspend);
-            let entry = Entry::new(reservation, tid, watch, cell, overruns);
+            let entry = Entry::new(reservation, tid, detector, cell, overruns);
             state.entries.push(entry);
             index
         };
@@ -368,7 +368,7 @@ impl Budgeted {
         if self.shared.is_deferred() {
             self.wait_for_budget()?;
         }
-        if !backend::ALWAYS_EXACT && !self.has_switch_log {
+        if !backend::config::ALWAYS_EXACT && !self.has_switch_log {
             *switches = voluntary_switches();
         }
         match self.cancelled.load(Ordering::Acquire) {
@@ -379,7 +379,10 @@ impl Budgeted {
 
     /// [`Account::callback_end`].
     fn end(&self, switches: u64) {
-        if !backend::ALWAYS_EXACT && !self.has_switch_log && voluntary_switches() != switches {
+        if !backend::config::ALWAYS_EXACT
+            && !self.has_switch_log
+            && voluntary_switches() != switches
+        {
             self.with(|entry| entry.blocked_inside(clock::monotonic()));
         }
     }

@@ -5,7 +5,7 @@ use super::{AnyServer, Enforcement, NEVER};
 use crate::Nanos;
 use crate::Shared as Arc;
 use crate::Tid;
-use crate::backend::blocking_detector::Watch;
+use crate::backend::blocking_detector::BlockingDetector;
 use crate::backend::clock::{self, ThreadCpuClock};
 use crate::backend::sched::{demote_to_tail, promote};
 use crate::backend::suspend::SuspendCell;
@@ -30,14 +30,14 @@ pub(super) struct Entry {
     pub(super) overruns: Box<Overruns>,
     pub(super) suspend: Arc<SuspendCell>,
     pub(super) live: bool,
-    watch: Watch,
+    detector: BlockingDetector,
 }
 
 impl Entry {
     pub(super) fn new(
         reservation: Reservation<AnyServer>,
         tid: Tid,
-        watch: Watch,
+        detector: BlockingDetector,
         suspend: Arc<SuspendCell>,
         overruns: Box<Overruns>,
     ) -> Self {
@@ -48,7 +48,7 @@ impl Entry {
             overruns,
             suspend,
             live: true,
-            watch,
+            detector,
         }
     }
 
@@ -66,7 +66,7 @@ impl Entry {
         if at == NEVER {
             return false;
         }
-        let by_clock = self.watch.is_at_limit(now, slack);
+        let by_clock = self.detector.is_at_limit(now, slack);
         by_clock.unwrap_or(at <= now.saturating_add(slack))
     }
 
@@ -78,7 +78,7 @@ impl Entry {
             NEVER => None,
             _ => self.reservation.limit(),
         };
-        let by_clock = self.watch.limit(timer, limit.unwrap_or(NEVER));
+        let by_clock = self.detector.limit(timer, limit.unwrap_or(NEVER));
         // One that waits has a check that is as good when it goes on.
         match by_clock && self.reservation.level() == Level::High {
             true => NEVER,
@@ -110,7 +110,7 @@ impl Entry {
     /// The same with the switch records up to `now`.
     fn read(&mut self, now: Nanos) -> Nanos {
         let (_, since) = self.reservation.last_reading();
-        let read = self.watch.read(&self.clock, since, now);
+        let read = self.detector.read(&self.clock, since, now);
         self.kept(read)
     }
 
@@ -124,7 +124,7 @@ impl Entry {
 
     /// The worker leaves its wait; it was woken at `woken`.
     pub(super) fn activate(&mut self, woken: Nanos, now: Nanos) {
-        let read = self.watch.restart(&self.clock, now);
+        let read = self.detector.restart(&self.clock, now);
         let cpu = self.kept(read);
         self.reservation.activate(woken, now, cpu);
     }
@@ -132,19 +132,19 @@ impl Entry {
     /// The worker is about to wait.
     pub(super) fn block(&mut self, now: Nanos) {
         let cpu = self.read(now);
-        self.reservation.block(now, cpu, self.watch.gaps());
+        self.reservation.block(now, cpu, self.detector.gaps());
     }
 
     /// Decides by the CPU clock, and carries the decision out.
     pub(super) fn judge(&mut self, now: Nanos, rung: Enforcement) -> Outcome {
         let late = now.saturating_sub(self.check_at());
-        let cpu = if self.watch.has_not_run() {
-            self.watch.skip_reading(now);
+        let cpu = if self.detector.has_not_run() {
+            self.detector.skip_reading(now);
             self.reservation.last_reading().0
         } else {
             self.read(now)
         };
-        let verdict = self.reservation.judge(now, cpu, self.watch.gaps());
+        let verdict = self.reservation.judge(now, cpu, self.detector.gaps());
         self.obey(verdict, now, late, rung)
     }
 
@@ -153,14 +153,14 @@ impl Entry {
     pub(super) fn blocked_inside(&mut self, now: Nanos) {
         let cpu = self.cpu(now);
         let (_, since) = self.reservation.last_reading();
-        self.watch.lost(since, now);
-        self.reservation.observe(now, cpu, self.watch.gaps());
+        self.detector.lost(since, now);
+        self.reservation.observe(now, cpu, self.detector.gaps());
     }
 
     /// Brings the counters up to date without deciding anything.
     pub(super) fn observe(&mut self, now: Nanos) {
         let cpu = self.read(now);
-        self.reservation.observe(now, cpu, self.watch.gaps());
+        self.reservation.observe(now, cpu, self.detector.gaps());
     }
 
     /// Where the thread is at the low level, it may run at the high one again for good.
@@ -186,7 +186,7 @@ impl Entry {
             }
             (_, Level::High, Low::Suspend) => {
                 self.suspend.resume();
-                self.watch.forget_block();
+                self.detector.forget_block();
                 Ok(())
             }
         };

@@ -23,7 +23,7 @@
 //! - [`account`]: the worker's side, and [`Meter`], the reader's.
 //!
 //! The same code runs on every back end. What differs comes from `crate::backend`: the timer, CPU
-//! clocks, changes of priority, `Watch` (who blocked inside a callback?) and `SuspendCell` (the
+//! clocks, changes of priority, `BlockingDetector` (who blocked inside a callback?) and `SuspendCell` (the
 //! low mode that stops a thread altogether).
 //!
 //! Why it is built like this, with figures: `docs/enforcement.md`.
@@ -38,6 +38,7 @@ pub use overruns::{OverrunSamples, OverrunSummary, STALL, Stall};
 use crate::PiMutex;
 use crate::Shared as Arc;
 use crate::backend::clock::{self, ThreadCpuClock};
+use crate::backend::console::complain;
 use crate::backend::spawn_error::SpawnError;
 use crate::backend::thread::{Thread, spawn};
 use crate::backend::timer::TimerFd;
@@ -55,7 +56,7 @@ use sporadic::{Kind, Params, Server, Tuning};
 const NEVER: Nanos = Nanos::MAX;
 
 /// How many pending replenishments a budget may have at most on this system.
-pub const MAX_REPL: usize = backend::MAX_REPL;
+pub const MAX_REPL: usize = backend::config::MAX_REPL;
 
 /// The server type that is enforced here.
 pub(crate) type AnyServer = Server<MAX_REPL>;
@@ -117,7 +118,7 @@ impl EnforcerConfig {
         Self {
             cpu: None,
             priority: 99,
-            capacity: backend::ENFORCER_CAPACITY,
+            capacity: backend::config::ENFORCER_CAPACITY,
             tuning: Tuning::LINUX,
             switch_log: true,
         }
@@ -228,7 +229,7 @@ impl Enforcer {
             .policy(Policy::Fifo {
                 priority: config.priority,
             }) // checked by `spawn`
-            .stack_size(backend::ENFORCER_STACK);
+            .stack_size(backend::config::ENFORCER_STACK);
         if let Some(cpu) = config.cpu {
             spec = spec.cpu(cpu);
         }
@@ -291,7 +292,7 @@ impl Enforcer {
         if let Some(timer) = &self.shared.timer {
             // An arming in the past fires at once; the thread sees the flag and ends.
             if let Err(e) = timer.arm(1) {
-                backend::complain(format_args!("enforcer: cannot arm its timer to stop: {e}"));
+                complain(format_args!("enforcer: cannot arm its timer to stop: {e}"));
                 return;
             }
         }
@@ -299,7 +300,7 @@ impl Enforcer {
         if let Some(thread) = thread
             && thread.join().is_err()
         {
-            backend::complain(format_args!("the enforcer thread panicked"));
+            complain(format_args!("the enforcer thread panicked"));
         }
     }
 }

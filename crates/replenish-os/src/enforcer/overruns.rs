@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 /// How many of the newest overruns of a worker are kept.
-const KEPT: usize = crate::backend::OVERRUNS_KEPT;
+const KEPT: usize = crate::backend::config::OVERRUNS_KEPT;
 
 /// How many of the newest stalls of a worker are kept.
 const STALLS_KEPT: usize = if KEPT < 1024 { 2 } else { 16 };

@@ -4,13 +4,12 @@
     reason = "C functions of the kernel's shim and of the image"
 )]
 
-use super::critical_section::Quiet;
-use super::error::OsError;
-use super::inherit::Place;
-use super::name::Name;
 use crate::Nanos;
+use crate::rtos::cs_token::CsToken;
+use crate::rtos::error::OsError;
+use crate::rtos::name::Name;
+use crate::rtos::ready_position::ReadyPosition;
 use core::ffi::{CStr, c_void};
-use core::fmt::{self, Write as _};
 use core::ptr::NonNull;
 
 mod c {
@@ -175,9 +174,14 @@ pub(crate) fn wake(task: Task) {
     clippy::unnecessary_wraps,
     reason = "the other back end's kernel may refuse"
 )]
-pub(crate) fn place(task: Task, priority: u8, place: Place, _: Quiet<'_>) -> Result<(), OsError> {
+pub(crate) fn place(
+    task: Task,
+    priority: u8,
+    place: ReadyPosition,
+    _: CsToken<'_>,
+) -> Result<(), OsError> {
     // At 0 the idle task stays first: a suspended task is not to run.
-    let head = place == Place::Head && priority > 0;
+    let head = place == ReadyPosition::Head && priority > 0;
     // SAFETY: the handle is good, the priority is below configMAX_PRIORITIES, and the mask protects
     // the kernel's lists.
     unsafe { c::rp_place(task.0.as_ptr(), priority.into(), head.into()) };
@@ -248,7 +252,7 @@ pub(crate) fn board_now() -> Nanos {
 }
 
 /// The image's one-shot timer.
-pub(crate) fn board_arm(at: Nanos, _: Quiet<'_>) {
+pub(crate) fn board_arm(at: Nanos, _: CsToken<'_>) {
     // SAFETY: the image's function; called masked.
     unsafe { c::rp_board_arm(at) };
 }
@@ -257,28 +261,4 @@ pub(crate) fn board_arm(at: Nanos, _: Quiet<'_>) {
 pub(crate) fn print(bytes: &[u8]) {
     // SAFETY: the bytes are readable for the call.
     unsafe { c::rp_board_print(bytes.as_ptr(), bytes.len()) };
-}
-
-/// A line to the image's console, formatted: for those that bring the kilobytes anyway.
-pub(crate) fn complain(what: fmt::Arguments<'_>) {
-    struct Out;
-    impl fmt::Write for Out {
-        fn write_str(&mut self, s: &str) -> fmt::Result {
-            print(s.as_bytes());
-            Ok(())
-        }
-    }
-    // The console has no error to report.
-    writeln!(Out, "replenish: {what}").ok();
-}
-
-/// What every line on the image's console begins with.
-pub(crate) const PREFIX: &[u8] = b"replenish: ";
-
-/// A number to the image's console, for images that have no room for formatting.
-pub(crate) fn print_decimal(number: usize) {
-    if number >= 10 {
-        print_decimal(number / 10);
-    }
-    print(&[b'0' + u8::try_from(number % 10).unwrap_or(0)]);
 }

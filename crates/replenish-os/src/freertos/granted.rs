@@ -1,8 +1,8 @@
 //! What a task really has.
 
-use super::error::OsError;
 use super::task_slot;
 use crate::Tid;
+use crate::rtos::error::OsError;
 use core::fmt;
 
 /// The scheduling of a task. Under an enforcer the priority is that of the moment; a boost by

@@ -9,8 +9,8 @@
 //! Freed blocks are cut to what is asked for and not joined; set-up frees little.
 #![expect(unsafe_code, reason = "a global allocator")]
 
-use super::critical_section::Masked;
 use super::panics::Who;
+use crate::rtos::critical_section::Guarded;
 use core::alloc::{GlobalAlloc, Layout};
 use core::cell::UnsafeCell;
 use core::ptr;
@@ -31,7 +31,7 @@ pub struct HeapUse {
 /// A heap of `N` bytes in static memory; the image's `#[global_allocator]`.
 pub struct SealedHeap<const N: usize> {
     region: Region<N>,
-    state: Masked<State>,
+    state: Guarded<HeapState>,
 }
 
 #[repr(C, align(8))]
@@ -40,7 +40,7 @@ struct Region<const N: usize>(UnsafeCell<[u8; N]>);
 // SAFETY: the bytes are only reached through blocks, which the state hands out once.
 unsafe impl<const N: usize> Sync for Region<N> {}
 
-struct State {
+struct HeapState {
     top: usize,
     free: *mut Free,
     sealed: bool,
@@ -48,7 +48,7 @@ struct State {
 }
 
 // SAFETY: the pointer leads into the region of the same value.
-unsafe impl Send for State {}
+unsafe impl Send for HeapState {}
 
 /// The head of a freed block.
 struct Free {
@@ -62,7 +62,7 @@ impl<const N: usize> SealedHeap<N> {
     pub const fn new() -> Self {
         Self {
             region: Region(UnsafeCell::new([0; N])),
-            state: Masked::new(State {
+            state: Guarded::new(HeapState {
                 top: 0,
                 free: ptr::null_mut(),
                 sealed: false,
@@ -86,7 +86,7 @@ impl<const N: usize> SealedHeap<N> {
         })
     }
 
-    fn take(&self, state: &mut State, bytes: usize) -> *mut u8 {
+    fn take(&self, state: &mut HeapState, bytes: usize) -> *mut u8 {
         let mut link = &raw mut state.free;
         loop {
             // SAFETY: `link` is the list's head or the `next` of a freed block.

@@ -4,25 +4,24 @@
     reason = "the closure goes through the kernel as a pointer"
 )]
 
-use super::error::OsError;
 use super::ffi::{self, Creation};
-use super::name::Name;
-use super::spawn_error::SpawnError;
-use super::task_slot::{self, Slot};
-use super::thread::Thread;
+use super::task_slot::{self, TaskSlot};
 use crate::Policy;
+use crate::rtos::error::OsError;
+use crate::rtos::name::Name;
+use crate::rtos::spawn_error::SpawnError;
 use alloc::boxed::Box;
 use alloc::vec;
 use core::ffi::c_void;
 
 /// The stack in bytes unless said otherwise.
-pub(super) const DEFAULT_STACK: usize = 2048;
+pub(crate) const DEFAULT_STACK: usize = 2048;
 
 /// What a task does first, with its slot.
-pub(super) type Body = Box<dyn FnOnce(&'static Slot) + Send>;
+pub(crate) type TaskBody = Box<dyn FnOnce(&'static TaskSlot) + Send>;
 
 /// The priority a policy starts with.
-pub(super) fn how(policy: &Policy) -> Result<u8, SpawnError> {
+pub(crate) fn how(policy: &Policy) -> Result<u8, SpawnError> {
     match policy {
         Policy::Other => Ok(1),
         Policy::Fifo { priority } => Ok(*priority),
@@ -34,12 +33,12 @@ pub(super) fn how(policy: &Policy) -> Result<u8, SpawnError> {
 }
 
 /// Hands memory and closure to the kernel.
-pub(super) fn start(
+pub(crate) fn start(
     priority: u8,
     name: &Name,
     stack_bytes: usize,
-    body: Body,
-) -> Result<&'static Slot, SpawnError> {
+    body: TaskBody,
+) -> Result<&'static TaskSlot, SpawnError> {
     let slot = task_slot::make(priority, stack_bytes);
     let stack = vec![0_u64; stack_bytes.div_ceil(8)].leak();
     let tcb = vec![0_u64; ffi::tcb_bytes().div_ceil(8)].leak();
@@ -63,7 +62,7 @@ pub(super) fn start(
 
 /// Every task's first function; the kernel's tasks never return.
 unsafe extern "C" fn entry(argument: *mut c_void) {
-    let argument = argument.cast::<(&'static Slot, Body)>();
+    let argument = argument.cast::<(&'static TaskSlot, TaskBody)>();
     // SAFETY: the box that `start` gave away, taken back once.
     let (slot, body) = *unsafe { Box::from_raw(argument) };
     // A task of higher priority runs before its creator has noted the handle.
@@ -71,15 +70,4 @@ unsafe extern "C" fn entry(argument: *mut c_void) {
         .with(|s| s.task = s.task.or_else(ffi::current_task));
     body(slot);
     ffi::halt()
-}
-
-impl<T> Thread<T> {
-    /// Bytes of its stack that were never used so far.
-    #[must_use]
-    pub fn stack_unused(&self) -> usize {
-        self.slot
-            .state
-            .with(|s| s.task)
-            .map_or(0, ffi::stack_unused)
-    }
 }

@@ -2,7 +2,8 @@
 
 #![expect(unsafe_code, reason = "functions the kernel calls, with C strings")]
 
-use super::{ffi, panicked};
+use super::{console, ffi};
+use crate::rtos::panicked;
 use core::ffi::{CStr, c_char};
 use core::fmt;
 use core::panic::PanicInfo;
@@ -21,11 +22,11 @@ impl Who {
 impl Who {
     /// Reports what it did or met, with a number: a line without formatting, which takes kilobytes.
     pub(super) fn says(&self, what: &[u8], number: usize, of: &[u8]) {
-        ffi::print(ffi::PREFIX);
+        ffi::print(console::PREFIX);
         match &self.0 {
             Some(task) => {
                 ffi::print(b"task ");
-                ffi::print_decimal(usize::try_from(task.id).unwrap_or(0));
+                console::print_decimal(usize::try_from(task.id).unwrap_or(0));
                 ffi::print(b" (");
                 ffi::print(task.name.to_bytes()); // as it is: checking it takes room
                 ffi::print(b")");
@@ -33,7 +34,7 @@ impl Who {
             None => ffi::print(b"outside of tasks"),
         }
         ffi::print(what);
-        ffi::print_decimal(number);
+        console::print_decimal(number);
         ffi::print(of);
     }
 }
@@ -63,7 +64,7 @@ pub fn on_stop(hook: fn()) {
 /// For the image's `#[panic_handler]`: reports on the console and halts the task. Locks it holds
 /// stay locked. Outside of tasks the board stops.
 pub fn halt(info: &PanicInfo<'_>) -> ! {
-    ffi::complain(format_args!("{} halted: {info}", Who::running()));
+    console::print_formatted(format_args!("{} halted: {info}", Who::running()));
     let id = ffi::running().map_or(0, |task| task.id);
     panicked::count(id);
     if id == 0 {
@@ -78,7 +79,7 @@ pub fn fault(what: fmt::Arguments<'_>) -> ! {
     match ffi::running().filter(is_over) {
         Some(_) => rp_stack_overflow(),
         None => {
-            ffi::complain(format_args!("{}: {what}", Who::running()));
+            console::print_formatted(format_args!("{}: {what}", Who::running()));
             stop()
         }
     }
@@ -109,14 +110,14 @@ extern "C" fn rp_assert_failed(file: *const c_char, line: u32) -> ! {
     // SAFETY: `__FILE__` of the kernel's sources.
     let file = unsafe { CStr::from_ptr(file) };
     for part in [
-        ffi::PREFIX,
+        console::PREFIX,
         b"assertion of the kernel failed: ",
         file.to_bytes(),
         b":",
     ] {
         ffi::print(part);
     }
-    ffi::print_decimal(usize::try_from(line).unwrap_or(0));
+    console::print_decimal(usize::try_from(line).unwrap_or(0));
     ffi::print(b"\n");
     stop()
 }

@@ -1,11 +1,11 @@
 //! Changing priorities of tasks. The kernel puts a task that was raised or lowered at the tail of
 //! its new list, as POSIX wants it for both ends of a budget.
 
-use super::error::OsError;
-use super::inherit;
 use super::task_slot;
 use crate::MAX_PRIORITY;
 use crate::Tid;
+use crate::rtos::error::OsError;
+use crate::rtos::inherit;
 
 /// A scheduling class with its priority, 1 (lowest) to 99.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -3,8 +3,8 @@
 use super::alarm;
 use super::ffi;
 use super::launch;
-use super::name::Name;
-use super::spawn_error::SpawnError;
+use crate::rtos::name::Name;
+use crate::rtos::spawn_error::SpawnError;
 use alloc::boxed::Box;
 use core::sync::atomic::{AtomicU32, Ordering};
 

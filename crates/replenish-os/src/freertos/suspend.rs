@@ -1,20 +1,20 @@
 //! The low mode that stops an exhausted worker altogether (`Low::Suspend`): priority 0, behind the
 //! idle task, where it only ever runs to give back a lock that somebody waits for.
 
-use super::critical_section::Masked;
-use super::error::OsError;
 use super::sched::{demote_to_tail, promote};
 use super::task_slot;
-use super::tid;
 use crate::Tid;
+use crate::rtos::critical_section::Guarded;
+use crate::rtos::error::OsError;
+use crate::rtos::tid;
 
 /// Tells one worker whether it is suspended.
 #[derive(Debug)]
-pub(crate) struct SuspendCell(Masked<Option<(Tid, u8, bool)>>);
+pub(crate) struct SuspendCell(Guarded<Option<(Tid, u8, bool)>>);
 
 impl SuspendCell {
     pub(crate) const fn new() -> Self {
-        Self(Masked::new(None))
+        Self(Guarded::new(None))
     }
 
     /// Makes the calling task one that can be suspended through this cell.

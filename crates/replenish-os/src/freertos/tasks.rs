@@ -2,10 +2,11 @@
 
 use super::ffi;
 use super::start;
-use super::task_slot::{self, Slot};
-use super::tid;
+use super::task_slot::{self, TaskSlot};
 use crate::Nanos;
 use crate::Tid;
+use crate::rtos::thread::Thread;
+use crate::rtos::tid;
 
 /// One task at this moment.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -35,7 +36,7 @@ pub fn tasks() -> impl Iterator<Item = TaskUse> {
     task_slot::all().filter_map(of)
 }
 
-fn of(slot: &'static Slot) -> Option<TaskUse> {
+fn of(slot: &'static TaskSlot) -> Option<TaskUse> {
     let now = ffi::board_now();
     let (task, cpu, blocks, preemptions) = slot
         .state
@@ -69,5 +70,16 @@ pub fn kernel() -> KernelUse {
     KernelUse {
         idle_waits: ffi::idle_waits(),
         alarms: start::alarms(),
+    }
+}
+
+impl<T> Thread<T> {
+    /// Bytes of its stack that were never used so far.
+    #[must_use]
+    pub fn stack_unused(&self) -> usize {
+        self.slot
+            .state
+            .with(|s| s.task)
+            .map_or(0, ffi::stack_unused)
     }
 }

@@ -11,12 +11,12 @@ use sporadic::Gap;
 
 /// The record of one supervised thread, read by its enforcer.
 #[derive(Debug)]
-pub(crate) struct Watch {
+pub(crate) struct BlockingDetector {
     switches: Option<SwitchLog>,
     gaps: GapTracker,
 }
 
-impl Watch {
+impl BlockingDetector {
     /// Watches `tid`; without `exact`, or where the kernel refuses, only what
     /// [`lost`](Self::lost) tells is known.
     pub(crate) fn new(tid: Tid, exact: bool) -> Self {

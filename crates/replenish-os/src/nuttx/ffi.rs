@@ -1,21 +1,17 @@
 //! The functions of `nuttx/shim.c`, each behind a safe name.
 #![expect(unsafe_code, reason = "C functions of the shim")]
 
-use super::critical_section::Quiet;
-use super::error::OsError;
-use super::inherit::Place;
-use super::name::Name;
-use super::report::Report;
-use super::task_slot::{self, NEVER, Slot};
 use crate::Nanos;
+use crate::rtos::error::OsError;
+use crate::rtos::name::Name;
 use core::cell::UnsafeCell;
 use core::ffi::{c_char, c_void};
-use core::fmt::{self, Write as _};
+use core::fmt;
 
 type Entry = unsafe extern "C" fn(*mut c_void) -> *mut c_void;
 
 unsafe extern "C" {
-    fn rp_start_up(report: *mut Report);
+    fn rp_start_up(report: *mut ShimReport);
     fn rp_current() -> *const c_void;
     fn rp_mask() -> u32;
     fn rp_unmask(before: u32);
@@ -26,7 +22,7 @@ unsafe extern "C" {
         entry: Entry,
         argument: *mut c_void,
         stack: usize,
-        how: *const How,
+        how: *const ShimPolicy,
         id: *mut u64,
     ) -> i32;
     fn rp_thread_note(thread: *mut c_void, id: u64, priority: i32);
@@ -35,7 +31,7 @@ unsafe extern "C" {
     fn rp_unpark(thread: *mut c_void);
     fn rp_set_priority(thread: *mut c_void, priority: i32) -> i32;
     fn rp_set_round_robin(thread: *mut c_void, priority: i32) -> i32;
-    fn rp_policy_of(thread: *mut c_void, how: *mut How) -> i32;
+    fn rp_policy_of(thread: *mut c_void, how: *mut ShimPolicy) -> i32;
     fn rp_yield();
     fn rp_board_now() -> u64;
     fn rp_cpu_time(thread: *mut c_void) -> u64;
@@ -45,10 +41,32 @@ unsafe extern "C" {
     fn rp_print(text: *const u8, bytes: usize);
 }
 
+/// `struct rp_report` of the shim.
+#[repr(C)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub(super) struct ShimReport {
+    pub(super) bytes: u32,
+    pub(super) version: u32,
+    pub(super) thread_bytes: u32,
+    pub(super) thread_align: u32,
+    pub(super) attr_bytes: u32,
+    pub(super) param_bytes: u32,
+    pub(super) mutex_bytes: u32,
+    pub(super) time_bytes: u32,
+    pub(super) misfits: u32,
+    pub(super) features: u32,
+    pub(super) max_repl: u32,
+    pub(super) lowest: i32,
+    pub(super) started: i32,
+    pub(super) unused: u32,
+    pub(super) resolution: u64,
+    pub(super) step: u64,
+}
+
 /// A policy in the shim's words.
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub(crate) struct How {
+pub(crate) struct ShimPolicy {
     /// 0 the lowest, 1 FIFO, 2 round-robin, 3 `SCHED_SPORADIC`.
     pub(crate) kind: i32,
     pub(crate) priority: i32,
@@ -113,8 +131,8 @@ impl ThreadMemory {
     }
 
     /// As [`set_priority`](Self::set_priority).
-    pub(crate) fn policy(&self) -> Result<How, OsError> {
-        let mut how = How::default();
+    pub(crate) fn policy(&self) -> Result<ShimPolicy, OsError> {
+        let mut how = ShimPolicy::default();
         // SAFETY: a thread that has not ended, and memory for the answer.
         let answer = unsafe { rp_policy_of(self.get(), &raw mut how) };
         done("pthread_getschedparam", answer).map(|()| how)
@@ -133,10 +151,6 @@ impl fmt::Debug for ThreadMemory {
     }
 }
 
-/// A thread that can be woken, raised and lowered.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Task(pub(super) &'static Slot);
-
 fn done(what: &'static str, answer: i32) -> Result<(), OsError> {
     match answer {
         0 => Ok(()),
@@ -145,8 +159,8 @@ fn done(what: &'static str, answer: i32) -> Result<(), OsError> {
 }
 
 /// Sets the shim up, once, and asks what it knows.
-pub(crate) fn start_up() -> Report {
-    let mut report = Report::default();
+pub(crate) fn start_up() -> ShimReport {
+    let mut report = ShimReport::default();
     // SAFETY: writes a report; its size is the first thing that is compared.
     unsafe { rp_start_up(&raw mut report) };
     report
@@ -177,7 +191,7 @@ pub(crate) fn create(
     entry: Entry,
     argument: *mut c_void,
     stack: usize,
-    how: &How,
+    how: &ShimPolicy,
 ) -> Result<u64, OsError> {
     let mut id = 0;
     // SAFETY: the entry takes the argument back; policy and number are used during the call.
@@ -201,33 +215,6 @@ pub(crate) fn mask() -> u32 {
 pub(crate) fn unmask(before: u32) {
     // SAFETY: `before` came from `mask`.
     unsafe { rp_unmask(before) };
-}
-
-/// The calling thread waits until it is woken or its slot's deadline has come; not while masked.
-pub(crate) fn block() {
-    let Some(me) = task_slot::current() else {
-        return;
-    };
-    let until = me.state.with(|s| {
-        s.parked_until = s.deadline;
-        s.deadline
-    });
-    me.thread.park(until);
-    me.state.with(|s| {
-        s.parked_until = 0;
-        s.deadline = NEVER;
-    });
-}
-
-/// Wakes a thread.
-pub(crate) fn wake(task: Task) {
-    task.0.thread.unpark();
-}
-
-/// Tells the system the priority that the thread has from now on. Where it goes in that priority's
-/// list is the system's to say.
-pub(crate) fn place(task: Task, priority: u8, _: Place, _: Quiet<'_>) -> Result<(), OsError> {
-    task.0.thread.set_priority(priority)
 }
 
 /// To the end of the list of the same priority.
@@ -263,16 +250,8 @@ pub(crate) unsafe fn free(block: *mut u8) {
     unsafe { rp_free(block) };
 }
 
-/// A line to the console.
-pub(crate) fn complain(what: fmt::Arguments<'_>) {
-    struct Out;
-    impl fmt::Write for Out {
-        fn write_str(&mut self, s: &str) -> fmt::Result {
-            // SAFETY: the text is readable for the call.
-            unsafe { rp_print(s.as_ptr(), s.len()) };
-            Ok(())
-        }
-    }
-    // The console has no error to report.
-    writeln!(Out, "replenish: {what}").ok();
+/// Writes to standard error.
+pub(crate) fn print(text: &str) {
+    // SAFETY: the text is readable for the call.
+    unsafe { rp_print(text.as_ptr(), text.len()) };
 }

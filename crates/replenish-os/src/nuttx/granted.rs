@@ -1,9 +1,9 @@
 //! What a thread really has, read back from the system.
 
-use super::error::OsError;
 use super::task_slot;
 use crate::Nanos;
 use crate::Tid;
+use crate::rtos::error::OsError;
 use core::fmt;
 use sporadic::WholeUnits;
 

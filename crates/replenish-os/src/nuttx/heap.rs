@@ -1,6 +1,7 @@
 //! The system's heap as Rust's, which can be sealed when everything is made.
 #![expect(unsafe_code, reason = "a global allocator")]
 
+use super::console::complain;
 use super::ffi;
 use core::alloc::{GlobalAlloc, Layout};
 use core::ptr;
@@ -42,7 +43,7 @@ unsafe impl GlobalAlloc for SystemHeap {
         if self.sealed.load(Ordering::Acquire) {
             self.refused.fetch_add(1, Ordering::AcqRel);
             let bytes = layout.size();
-            ffi::complain(format_args!("the heap is sealed: {bytes} bytes refused"));
+            complain(format_args!("the heap is sealed: {bytes} bytes refused"));
             return ptr::null_mut();
         }
         ffi::malloc(layout.align(), layout.size())

@@ -4,38 +4,39 @@
     reason = "the closure goes through the system as a pointer"
 )]
 
-use super::error::OsError;
-use super::ffi::{self, How, Task};
-use super::name::Name;
-use super::report::Facts;
-use super::spawn_error::SpawnError;
-use super::task_slot::{self, Slot};
+use super::console::complain;
+use super::ffi::{self, ShimPolicy};
+use super::report::{self, SystemInfo};
+use super::task_slot::{self, Task, TaskSlot};
+use crate::rtos::error::OsError;
+use crate::rtos::name::Name;
+use crate::rtos::spawn_error::SpawnError;
 use crate::{Low, Params, Policy};
 use alloc::boxed::Box;
 use core::ffi::c_void;
 use core::ptr;
 
 /// The stack in bytes unless said otherwise.
-pub(super) const DEFAULT_STACK: usize = if cfg!(nuttx_host) { 256 << 10 } else { 4096 };
+pub(crate) const DEFAULT_STACK: usize = if cfg!(nuttx_host) { 256 << 10 } else { 4096 };
 
 /// What a thread does first, with its slot.
-pub(super) type Body = Box<dyn FnOnce(&'static Slot) + Send>;
+pub(crate) type TaskBody = Box<dyn FnOnce(&'static TaskSlot) + Send>;
 
 /// A policy in the shim's words.
-pub(super) fn how(policy: &Policy) -> Result<How, SpawnError> {
-    let facts = super::check()
+pub(crate) fn how(policy: &Policy) -> Result<ShimPolicy, SpawnError> {
+    let info = report::check()
         .map_err(|_| SpawnError::Create(OsError::new("nuttx::check() says what does not fit")))?;
-    let at = |kind, priority: u8| How {
+    let at = |kind, priority: u8| ShimPolicy {
         kind,
         priority: priority.into(),
-        ..How::default()
+        ..ShimPolicy::default()
     };
     match *policy {
-        Policy::Other => Ok(at(0, facts.lowest)),
+        Policy::Other => Ok(at(0, info.lowest)),
         Policy::Fifo { priority } => Ok(at(1, priority)),
-        Policy::RoundRobin { priority } if facts.round_robin => Ok(at(2, priority)),
+        Policy::RoundRobin { priority } if info.round_robin => Ok(at(2, priority)),
         Policy::Sporadic(params) => Ok(at(1, params.priority())),
-        Policy::KernelSporadic(params) if facts.native_repl > 0 => Ok(native(&params, &facts)),
+        Policy::KernelSporadic(params) if info.native_repl > 0 => Ok(native(&params, &info)),
         Policy::RoundRobin { .. } | Policy::KernelSporadic(_) | Policy::Deadline { .. } => {
             Err(SpawnError::Unsupported(*policy))
         }
@@ -43,13 +44,13 @@ pub(super) fn how(policy: &Policy) -> Result<How, SpawnError> {
 }
 
 /// The system's own; it takes no more replenishments than it was configured with.
-fn native(params: &Params, facts: &Facts) -> How {
+fn native(params: &Params, info: &SystemInfo) -> ShimPolicy {
     let low = match params.low() {
-        Low::Background(low) => low.max(facts.lowest),
-        Low::Suspend => facts.lowest,
+        Low::Background(low) => low.max(info.lowest),
+        Low::Suspend => info.lowest,
     };
-    let most = i32::try_from(facts.native_repl).unwrap_or(i32::MAX);
-    How {
+    let most = i32::try_from(info.native_repl).unwrap_or(i32::MAX);
+    ShimPolicy {
         kind: 3,
         priority: params.priority().into(),
         low: low.into(),
@@ -59,15 +60,15 @@ fn native(params: &Params, facts: &Facts) -> How {
     }
 }
 
-struct Start(&'static Slot, Name, Body);
+struct Start(&'static TaskSlot, Name, TaskBody);
 
 /// Hands the closure to the system.
-pub(super) fn start(
-    how: How,
+pub(crate) fn start(
+    how: ShimPolicy,
     name: &Name,
     stack_bytes: usize,
-    body: Body,
-) -> Result<&'static Slot, SpawnError> {
+    body: TaskBody,
+) -> Result<&'static TaskSlot, SpawnError> {
     let priority = u8::try_from(how.priority).unwrap_or(u8::MAX);
     let slot = task_slot::make(priority, stack_bytes)
         .ok_or(SpawnError::Create(OsError::new("no slot for a thread")))?;
@@ -101,7 +102,7 @@ unsafe extern "C" fn entry(argument: *mut c_void) -> *mut c_void {
         ffi::set_name(&name);
         body(slot);
     } else {
-        super::complain(format_args!("a new thread was not given its slot"));
+        complain(format_args!("a new thread was not given its slot"));
     }
     task_slot::release(slot);
     ptr::null_mut()

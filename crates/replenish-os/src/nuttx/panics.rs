@@ -1,6 +1,8 @@
 //! A panic halts its thread and is reported; the others go on.
 
-use super::{ffi, panicked, task_slot};
+use super::console::complain;
+use super::task_slot;
+use crate::rtos::panicked;
 use core::panic::PanicInfo;
 
 /// For the library's `#[panic_handler]`: reports on standard error and halts the thread. Locks it
@@ -8,7 +10,7 @@ use core::panic::PanicInfo;
 pub fn halt(info: &PanicInfo<'_>) -> ! {
     let slot = task_slot::current();
     let id = slot.map_or(0, |slot| slot.id);
-    ffi::complain(format_args!("thread {id} halted: {info}"));
+    complain(format_args!("thread {id} halted: {info}"));
     panicked::count(id);
     loop {
         match slot {

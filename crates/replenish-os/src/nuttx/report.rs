@@ -1,6 +1,6 @@
 //! What shim, image and this crate must agree on, checked before the first thread is made.
 
-use super::ffi::{self, ThreadMemory};
+use super::ffi::{self, ShimReport, ThreadMemory};
 use crate::Nanos;
 use core::fmt;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -13,31 +13,9 @@ const ROUND_ROBIN: u32 = 8;
 /// A clock or tick coarser than this holds no budget worth the name.
 const COARSEST: Nanos = 1_000_000;
 
-/// `struct rp_report` of the shim.
-#[repr(C)]
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub(super) struct Report {
-    bytes: u32,
-    version: u32,
-    thread_bytes: u32,
-    thread_align: u32,
-    attr_bytes: u32,
-    param_bytes: u32,
-    mutex_bytes: u32,
-    time_bytes: u32,
-    misfits: u32,
-    features: u32,
-    max_repl: u32,
-    lowest: i32,
-    started: i32,
-    unused: u32,
-    resolution: u64,
-    step: u64,
-}
-
 /// What the system has, as the shim found it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Facts {
+pub struct SystemInfo {
     /// `sizeof(pthread_attr_t)`.
     pub attr_bytes: u32,
     /// `sizeof(struct sched_param)`.
@@ -62,7 +40,7 @@ pub struct Facts {
 }
 
 /// `clock 250 ns, tick 100000 ns, switch hooks, pthread_attr_t 56 B, ...`
-impl fmt::Display for Facts {
+impl fmt::Display for SystemInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let hooks = if self.switch_hooks { "" } else { "no " };
         write!(
@@ -126,7 +104,7 @@ impl fmt::Display for CheckError {
                 f,
                 "nuttx/shim.c is version {v} with a report of {bytes} bytes, this library needs \
                  version {VERSION} and {} bytes: compile the shim of the same release",
-                size_of::<Report>()
+                size_of::<ShimReport>()
             ),
             Self::ThreadSize {
                 shim: (bytes, align),
@@ -160,13 +138,13 @@ impl fmt::Display for CheckError {
 
 impl core::error::Error for CheckError {}
 
-impl Report {
+impl ShimReport {
     fn has(&self, feature: u32) -> bool {
         self.features & feature != 0
     }
 
-    /// The facts, if everything that is needed is there. `host`: where tests run.
-    fn judge(&self, host: bool) -> Result<Facts, CheckError> {
+    /// The info, if everything that is needed is there. `host`: where tests run.
+    fn judge(&self, host: bool) -> Result<SystemInfo, CheckError> {
         let report = u32::try_from(size_of::<Self>()).unwrap_or(0);
         if (self.version, self.bytes) != (VERSION, report) {
             return Err(CheckError::Version {
@@ -210,7 +188,7 @@ impl Report {
         if self.resolution == 0 || self.step == 0 || coarser > COARSEST {
             return Err(CheckError::Resolution { ns: coarser });
         }
-        Ok(Facts {
+        Ok(SystemInfo {
             attr_bytes: self.attr_bytes,
             param_bytes: self.param_bytes,
             mutex_bytes: self.mutex_bytes,
@@ -235,11 +213,11 @@ static CHECKED: AtomicU32 = AtomicU32::new(UNKNOWN);
 ///
 /// # Errors
 /// [`CheckError`] names what does not fit, and what would.
-pub fn check() -> Result<Facts, CheckError> {
-    let facts = ffi::start_up().judge(cfg!(nuttx_host));
-    let state = if facts.is_ok() { GOOD } else { BAD };
+pub fn check() -> Result<SystemInfo, CheckError> {
+    let info = ffi::start_up().judge(cfg!(nuttx_host));
+    let state = if info.is_ok() { GOOD } else { BAD };
     CHECKED.store(state, Ordering::Release);
-    facts
+    info
 }
 
 /// Whether everything fits; looks once.

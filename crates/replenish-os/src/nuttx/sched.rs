@@ -1,12 +1,12 @@
 //! Changing priorities of threads. The system puts a thread that was raised or lowered at the tail
 //! of its new list, as POSIX wants it for both ends of a budget.
 
-use super::error::OsError;
-use super::inherit;
 use super::task_slot;
-use super::tid::current_tid;
 use crate::MAX_PRIORITY;
 use crate::Tid;
+use crate::rtos::error::OsError;
+use crate::rtos::inherit;
+use crate::rtos::tid::current_tid;
 
 /// A scheduling class with its priority, 1 (lowest) to 99.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -2,8 +2,8 @@
 //! No priority of `NuttX` is below that of its idle task's, and a thread that was stopped by a
 //! signal could not give back a lock that somebody waits for.
 
-use super::error::OsError;
 use crate::Tid;
+use crate::rtos::error::OsError;
 
 /// Tells one worker whether it is suspended: never.
 #[derive(Debug)]

@@ -13,30 +13,33 @@
     reason = "hooks get slots as pointers; the list's end is one"
 )]
 
-use super::blocked_intervals::Gaps;
-use super::critical_section::{Mask, Masked};
-use super::ffi::{self, Task, ThreadMemory};
+use super::ffi::{self, ThreadMemory};
 use super::report;
 use crate::Nanos;
+use crate::rtos::blocked_intervals::BlockedIntervals;
+use crate::rtos::critical_section::{CriticalSection, Guarded};
 use alloc::boxed::Box;
-use core::ffi::c_void;
 use core::ptr;
 use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
 
 /// No deadline.
 pub(crate) const NEVER: Nanos = Nanos::MAX;
 
+/// A thread that can be woken, raised and lowered.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Task(pub(super) &'static TaskSlot);
+
 /// One thread.
 #[derive(Debug)]
-pub(crate) struct Slot {
+pub(crate) struct TaskSlot {
     pub(crate) id: i32,
     pub(crate) thread: ThreadMemory,
-    pub(crate) state: Masked<State>,
-    next: AtomicPtr<Slot>,
+    pub(crate) state: Guarded<TaskState>,
+    next: AtomicPtr<TaskSlot>,
 }
 
 /// The changing part of a slot.
-pub(crate) struct State {
+pub(crate) struct TaskState {
     /// `None` before the thread runs and after it has ended.
     pub(crate) task: Option<Task>,
     pub(crate) stack_bytes: usize,
@@ -53,7 +56,7 @@ pub(crate) struct State {
     /// The word is a lock's, and this thread lends its owner its priority.
     pub(crate) lends: bool,
     pub(crate) ended: bool,
-    pub(crate) gaps: Gaps,
+    pub(crate) blocked: BlockedIntervals,
     /// Which of the slot's threads this is.
     pub(crate) generation: u32,
     free: bool,
@@ -64,9 +67,9 @@ pub(crate) struct State {
 }
 
 // SAFETY: the pointer leads to a word that the waiting thread borrows; it is followed masked.
-unsafe impl Send for State {}
+unsafe impl Send for TaskState {}
 
-impl State {
+impl TaskState {
     fn new(stack_bytes: usize, priority: u8) -> Self {
         Self {
             task: None,
@@ -78,7 +81,7 @@ impl State {
             waits_on: ptr::null(),
             lends: false,
             ended: false,
-            gaps: Gaps::new(),
+            blocked: BlockedIntervals::new(),
             generation: 0,
             free: false,
             cpu: 0,
@@ -103,15 +106,26 @@ impl State {
         false
     }
 
-    fn switched_in(&mut self, now: Nanos) {
+    /// The thread loses the CPU: `preempted`, or because it blocks.
+    pub(super) fn switched_out(&mut self, now: Nanos, preempted: bool) {
+        self.cpu += now.saturating_sub(self.in_at);
+        self.on_cpu = false;
+        if !preempted {
+            self.blocks = self.blocks.wrapping_add(1);
+            self.blocked.open(now);
+        }
+    }
+
+    /// The thread gets the CPU.
+    pub(super) fn switched_in(&mut self, now: Nanos) {
         self.in_at = now;
         self.on_cpu = true;
         let cpu = self.cpu;
-        self.gaps.close(now, cpu);
+        self.blocked.close(now, cpu);
     }
 }
 
-static SLOTS: AtomicPtr<Slot> = AtomicPtr::new(ptr::null_mut());
+static SLOTS: AtomicPtr<TaskSlot> = AtomicPtr::new(ptr::null_mut());
 static COUNT: AtomicU32 = AtomicU32::new(0);
 
 /// Whether CPU time and blocking come from the switch hooks.
@@ -120,17 +134,17 @@ pub(crate) const fn sees_switches() -> bool {
 }
 
 /// A slot for a new thread; `None` where nothing can run.
-pub(crate) fn make(priority: u8, stack_bytes: usize) -> Option<&'static Slot> {
+pub(crate) fn make(priority: u8, stack_bytes: usize) -> Option<&'static TaskSlot> {
     if !report::is_good() {
         return None;
     }
-    let fresh = || State::new(stack_bytes, priority);
+    let fresh = || TaskState::new(stack_bytes, priority);
     let used = all().find(|slot| {
         slot.state.with(|s| {
             let free = s.free;
             if free {
                 let generation = s.generation.wrapping_add(1);
-                *s = State {
+                *s = TaskState {
                     generation,
                     ..fresh()
                 };
@@ -142,14 +156,14 @@ pub(crate) fn make(priority: u8, stack_bytes: usize) -> Option<&'static Slot> {
         return used;
     }
     let id = COUNT.fetch_add(1, Ordering::Relaxed) + 1;
-    let slot = Box::leak(Box::new(Slot {
+    let slot = Box::leak(Box::new(TaskSlot {
         id: i32::try_from(id).unwrap_or(i32::MAX),
         thread: ThreadMemory::new(),
-        state: Masked::new(fresh()),
+        state: Guarded::new(fresh()),
         next: AtomicPtr::new(ptr::null_mut()),
     }));
     slot.thread.init().ok()?;
-    let _mask = Mask::set();
+    let _section = CriticalSection::enter();
     slot.next
         .store(SLOTS.load(Ordering::Acquire), Ordering::Release);
     SLOTS.store(ptr::from_mut(slot), Ordering::Release);
@@ -157,7 +171,7 @@ pub(crate) fn make(priority: u8, stack_bytes: usize) -> Option<&'static Slot> {
 }
 
 /// All slots, newest first.
-pub(crate) fn all() -> impl Iterator<Item = &'static Slot> {
+pub(crate) fn all() -> impl Iterator<Item = &'static TaskSlot> {
     let mut at = SLOTS.load(Ordering::Acquire);
     core::iter::from_fn(move || {
         // SAFETY: slots are leaked boxes, published whole.
@@ -168,14 +182,14 @@ pub(crate) fn all() -> impl Iterator<Item = &'static Slot> {
 }
 
 /// The calling thread's; `None` where nothing can run.
-pub(crate) fn current() -> Option<&'static Slot> {
+pub(crate) fn current() -> Option<&'static TaskSlot> {
     // SAFETY: the shim keeps what `adopt` was given: a leaked box, or null.
-    unsafe { ffi::current().cast::<Slot>().as_ref() }.or_else(attach)
+    unsafe { ffi::current().cast::<TaskSlot>().as_ref() }.or_else(attach)
 }
 
 /// A slot for a calling thread that this crate did not make.
 #[cold]
-fn attach() -> Option<&'static Slot> {
+fn attach() -> Option<&'static TaskSlot> {
     let slot = make(1, 0)?;
     if !begin(slot) {
         discard(slot);
@@ -189,7 +203,7 @@ fn attach() -> Option<&'static Slot> {
 }
 
 /// The calling thread is the slot's from now on.
-pub(crate) fn begin(slot: &'static Slot) -> bool {
+pub(crate) fn begin(slot: &'static TaskSlot) -> bool {
     let adopted = ffi::adopt(&slot.thread, ptr::from_ref(slot).cast()).is_ok();
     if adopted {
         let now = ffi::board_now();
@@ -202,17 +216,17 @@ pub(crate) fn begin(slot: &'static Slot) -> bool {
 }
 
 /// The slot was made for a thread that never came to be.
-pub(crate) fn discard(slot: &Slot) {
+pub(crate) fn discard(slot: &TaskSlot) {
     slot.state.with(|s| (s.ended, s.free) = (true, true));
 }
 
 /// The thread's function has returned; what it has to say was said.
-pub(crate) fn end(slot: &Slot) {
+pub(crate) fn end(slot: &TaskSlot) {
     slot.state.with(|s| s.ended = true);
 }
 
 /// The calling thread gives its slot back; it does nothing with this crate any more.
-pub(crate) fn release(slot: &'static Slot) {
+pub(crate) fn release(slot: &'static TaskSlot) {
     ffi::forget();
     slot.state.with(|s| {
         s.ended = true;
@@ -222,18 +236,8 @@ pub(crate) fn release(slot: &'static Slot) {
     });
 }
 
-/// There are no limits of CPU clocks: who supervises looks at times.
-pub(crate) const fn limit(_: &Slot, _: Option<&'static Slot>, _: Nanos) -> bool {
-    false
-}
-
-/// See [`limit`].
-pub(crate) const fn is_at_limit(_: &Slot, _: Nanos, _: Nanos) -> Option<bool> {
-    None
-}
-
 /// The slot with this number.
-pub(crate) fn find(id: i32) -> Option<&'static Slot> {
+pub(crate) fn find(id: i32) -> Option<&'static TaskSlot> {
     all().find(|slot| slot.id == id)
 }
 
@@ -245,42 +249,4 @@ pub fn voluntary_switches() -> u64 {
     } else {
         ffi::blocks()
     }
-}
-
-/// The shim's: a thread that this crate did not make is about to end.
-#[unsafe(no_mangle)]
-extern "C" fn rp_thread_gone(slot: *const c_void) {
-    // SAFETY: what `adopt` was given: a leaked box.
-    if let Some(slot) = unsafe { slot.cast::<Slot>().as_ref() } {
-        release(slot);
-    }
-}
-
-/// The system's hook: the running thread is about to lose the CPU.
-#[unsafe(no_mangle)]
-extern "C" fn rp_switched_out(slot: *const c_void, preempted: u32) {
-    // SAFETY: what `adopt` was given: a leaked box, or null.
-    let Some(slot) = (unsafe { slot.cast::<Slot>().as_ref() }) else {
-        return;
-    };
-    let now = ffi::board_now();
-    slot.state.with(|s| {
-        s.cpu += now.saturating_sub(s.in_at);
-        s.on_cpu = false;
-        if preempted == 0 {
-            s.blocks = s.blocks.wrapping_add(1);
-            s.gaps.open(now);
-        }
-    });
-}
-
-/// The system's hook: the chosen thread is about to run.
-#[unsafe(no_mangle)]
-extern "C" fn rp_switched_in(slot: *const c_void) {
-    // SAFETY: what `adopt` was given: a leaked box, or null.
-    let Some(slot) = (unsafe { slot.cast::<Slot>().as_ref() }) else {
-        return;
-    };
-    let now = ffi::board_now();
-    slot.state.with(|s| s.switched_in(now));
 }

@@ -1,19 +1,19 @@
 //! Numbers of 64 bits that tasks share, on a processor of 32: reached with interrupts masked. A
 //! lock that spins, as libraries bring it, would hang where a higher task waits for a lower one.
 
-use super::critical_section::Masked;
+use super::critical_section::Guarded;
 use core::sync::atomic::Ordering;
 
 /// As `core::sync::atomic::AtomicU64`, where the processor has none. Whatever order is asked for,
 /// it is sequentially consistent: one core, and the mask keeps the compiler from moving accesses.
 #[derive(Debug)]
-pub struct AtomicU64(Masked<u64>);
+pub struct AtomicU64(Guarded<u64>);
 
 impl AtomicU64 {
     /// A number.
     #[must_use]
     pub const fn new(value: u64) -> Self {
-        Self(Masked::new(value))
+        Self(Guarded::new(value))
     }
 
     /// Its value.

@@ -3,13 +3,13 @@
 use crate::Nanos;
 use sporadic::Gap;
 
-/// Gaps kept between two readings; more are joined to the last one, which is safe (a later
+/// Intervals kept between two readings; more are joined to the last one, which is safe (a later
 /// activation delays a replenishment).
 const MAX_GAPS: usize = 4;
 
 /// The blocking stretches since they were last taken.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Gaps {
+pub(crate) struct BlockedIntervals {
     pub(crate) list: [Gap; MAX_GAPS],
     pub(crate) len: usize,
     /// CPU clock up to which gaps have counted.
@@ -17,7 +17,7 @@ pub(crate) struct Gaps {
     open: Option<Nanos>,
 }
 
-impl Gaps {
+impl BlockedIntervals {
     pub(crate) const fn new() -> Self {
         const NONE: [Gap; MAX_GAPS] = [Gap {
             ran: 0,

@@ -1,25 +1,26 @@
 //! Which stretches of a callback its task spent blocked, from the switch hooks.
 
-use super::blocked_intervals::Gaps;
+use super::blocked_intervals::BlockedIntervals;
 use super::clock::ThreadCpuClock;
-use super::task_slot::{self, Slot, State};
 use super::timer::TimerFd;
 use crate::Nanos;
 use crate::Tid;
+use crate::backend::port::alarm;
+use crate::backend::port::task_slot::{self, TaskSlot, TaskState};
 use sporadic::Gap;
 
 /// The record of one supervised task, read by its enforcer.
 #[derive(Debug)]
-pub(crate) struct Watch {
-    slot: Option<&'static Slot>,
-    read: Gaps,
+pub(crate) struct BlockingDetector {
+    slot: Option<&'static TaskSlot>,
+    read: BlockedIntervals,
 }
 
-impl Watch {
+impl BlockingDetector {
     pub(crate) fn new(tid: Tid, _exact: bool) -> Self {
         Self {
             slot: task_slot::find(tid.get()),
-            read: Gaps::new(),
+            read: BlockedIntervals::new(),
         }
     }
 
@@ -42,8 +43,8 @@ impl Watch {
     pub(crate) fn read(&mut self, _: &ThreadCpuClock, _since: Nanos, now: Nanos) -> Option<Nanos> {
         let read = &mut self.read;
         self.slot?.state.with(|s| {
-            if s.gaps.len > 0 {
-                *read = s.gaps;
+            if s.blocked.len > 0 {
+                *read = s.blocked;
             } else {
                 read.len = 0; // mostly, and cheaper than to copy
             }
@@ -59,7 +60,7 @@ impl Watch {
 
     /// It is not known when the task blocked: all since the last reading counts from `now`.
     pub(crate) fn lost(&mut self, since: Nanos, now: Nanos) {
-        self.read = Gaps::new();
+        self.read = BlockedIntervals::new();
         self.read.len = 1;
         if let Some(first) = self.read.list.first_mut() {
             *first = Gap {
@@ -74,18 +75,18 @@ impl Watch {
     /// must be set instead.
     pub(crate) fn limit(&self, timer: Option<&TimerFd>, at: Nanos) -> bool {
         let by = timer.and_then(TimerFd::owner);
-        self.slot.is_some_and(|slot| task_slot::limit(slot, by, at))
+        self.slot.is_some_and(|slot| alarm::limit(slot, by, at))
     }
 
     /// Whether the task is there, within `slack`; `None` if nothing was to be told.
     pub(crate) fn is_at_limit(&self, now: Nanos, slack: Nanos) -> Option<bool> {
-        task_slot::is_at_limit(self.slot?, now, slack)
+        alarm::is_at_limit(self.slot?, now, slack)
     }
 
     /// A suspension here is a change of priority, no block.
     pub(crate) fn forget_block(&mut self) {
         if let Some(slot) = self.slot {
-            slot.state.with(|s| s.gaps.forget_open());
+            slot.state.with(|s| s.blocked.forget_open());
         }
     }
 
@@ -95,8 +96,8 @@ impl Watch {
 }
 
 /// From here on records are new.
-fn begin(s: &mut State, now: Nanos) -> Option<Nanos> {
+fn begin(s: &mut TaskState, now: Nanos) -> Option<Nanos> {
     let cpu = s.cpu(now);
-    s.gaps.clear(cpu);
+    s.blocked.clear(cpu);
     (!s.ended).then_some(cpu)
 }

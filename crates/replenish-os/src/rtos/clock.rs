@@ -1,23 +1,23 @@
 //! Clocks: the board's monotonic time, and CPU time of tasks, exact to the switch.
 
-use super::ffi;
 use super::futex;
-use super::task_slot::{self, Slot};
 use super::tid::current_tid;
 use crate::Nanos;
 use crate::Tid;
+use crate::backend::port;
+use crate::backend::port::task_slot::{self, TaskSlot};
 
 /// Nanoseconds since the board started, by a hardware timer of the image. Any task or interrupt;
 /// never goes back.
 #[must_use]
 pub fn monotonic() -> Nanos {
-    ffi::board_now()
+    port::board_now()
 }
 
 /// CPU time of the calling task in nanoseconds, interrupts that came meanwhile included.
 #[must_use]
 pub fn thread_cpu() -> Nanos {
-    let now = ffi::board_now();
+    let now = port::board_now();
     task_slot::current().map_or(0, |slot| slot.state.with(|s| s.cpu(now)))
 }
 
@@ -41,12 +41,12 @@ impl ThreadCpuClock {
     /// CPU time consumed by the task so far; `None` once its function has returned.
     #[must_use]
     pub fn read(&self) -> Option<Nanos> {
-        self.read_at(ffi::board_now())
+        self.read_at(port::board_now())
     }
 
     /// The same for who has the time at hand.
     pub(crate) fn read_at(&self, now: Nanos) -> Option<Nanos> {
-        let slot: &Slot = task_slot::find(self.0.get())?;
+        let slot: &TaskSlot = task_slot::find(self.0.get())?;
         slot.state.with(|s| (!s.ended).then(|| s.cpu(now)))
     }
 }

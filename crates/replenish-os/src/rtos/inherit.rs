@@ -10,10 +10,12 @@
 //! the owner is changed, as the end of a budget does.
 #![expect(unsafe_code, reason = "reads the words that threads wait on")]
 
-use super::critical_section::{Mask, Quiet};
+use super::critical_section::CriticalSection;
+use super::cs_token::CsToken;
 use super::error::OsError;
-use super::ffi;
-use super::task_slot::{self, Slot};
+use super::ready_position::ReadyPosition;
+use crate::backend::port;
+use crate::backend::port::task_slot::{self, TaskSlot};
 use core::sync::atomic::{AtomicU32, Ordering};
 
 const WAITERS: u32 = 1 << 31;
@@ -21,8 +23,8 @@ const WAITERS: u32 = 1 << 31;
 const LONGEST_CHAIN: usize = 8;
 
 /// Who holds the lock that `slot` waits for.
-fn lender_to(slot: &Slot, quiet: Quiet<'_>) -> Option<i32> {
-    let word: *const AtomicU32 = slot.state.within(quiet, |s| {
+fn lender_to(slot: &TaskSlot, cs: CsToken<'_>) -> Option<i32> {
+    let word: *const AtomicU32 = slot.state.within(cs, |s| {
         if s.lends {
             s.waits_on
         } else {
@@ -35,104 +37,99 @@ fn lender_to(slot: &Slot, quiet: Quiet<'_>) -> Option<i32> {
     Some((word.load(Ordering::Relaxed) & !WAITERS).cast_signed())
 }
 
-fn effective(of: &Slot, chain: usize, quiet: Quiet<'_>) -> u8 {
-    let own = of.state.within(quiet, |s| s.priority);
+fn effective(of: &TaskSlot, chain: usize, cs: CsToken<'_>) -> u8 {
+    let own = of.state.within(cs, |s| s.priority);
     if chain == 0 {
         return own;
     }
     task_slot::all()
-        .filter(|waiter| lender_to(waiter, quiet) == Some(of.id))
-        .map(|waiter| effective(waiter, chain - 1, quiet))
+        .filter(|waiter| lender_to(waiter, cs) == Some(of.id))
+        .map(|waiter| effective(waiter, chain - 1, cs))
         .fold(own, u8::max)
 }
 
-/// Where a thread goes in the list of its new priority.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum Place {
-    /// Before its equals: it only loses what it had inherited, and ran already (POSIX: a thread
-    /// that unlocks is not moved to the tail).
-    Head,
-    /// Behind its equals.
-    Tail,
-}
-
 /// Tells the system the thread's effective priority if it is another one.
-fn refresh(slot: &'static Slot, place: Place, quiet: Quiet<'_>) {
-    let wanted = effective(slot, LONGEST_CHAIN, quiet);
-    let now = slot.state.within(quiet, |s| s.effective);
+fn refresh(slot: &'static TaskSlot, place: ReadyPosition, cs: CsToken<'_>) {
+    let wanted = effective(slot, LONGEST_CHAIN, cs);
+    let now = slot.state.within(cs, |s| s.effective);
     if wanted != now {
-        tell(slot, wanted, place, quiet).ok(); // as in `lend`
+        tell(slot, wanted, place, cs).ok(); // as in `lend`
     }
 }
 
-fn tell(slot: &Slot, priority: u8, place: Place, quiet: Quiet<'_>) -> Result<(), OsError> {
-    let task = slot.state.within(quiet, |s| {
+fn tell(
+    slot: &TaskSlot,
+    priority: u8,
+    place: ReadyPosition,
+    cs: CsToken<'_>,
+) -> Result<(), OsError> {
+    let task = slot.state.within(cs, |s| {
         s.effective = priority;
         s.task
     });
-    task.map_or(Ok(()), |task| ffi::place(task, priority, place, quiet))
+    task.map_or(Ok(()), |task| port::place(task, priority, place, cs))
 }
 
 /// Gives the thread another priority of its own, at the tail of that priority's list.
-pub(crate) fn set_base(slot: &'static Slot, priority: u8) -> Result<(), OsError> {
-    let mask = Mask::set();
-    let quiet = mask.quiet();
-    let effective_now = slot.state.within(quiet, |s| {
+pub(crate) fn set_base(slot: &'static TaskSlot, priority: u8) -> Result<(), OsError> {
+    let section = CriticalSection::enter();
+    let cs = section.token();
+    let effective_now = slot.state.within(cs, |s| {
         s.priority = priority;
         s.effective
     });
-    let wanted = effective(slot, LONGEST_CHAIN, quiet);
+    let wanted = effective(slot, LONGEST_CHAIN, cs);
     let boosted = wanted != priority && effective_now == wanted;
     let done = if boosted {
         Ok(())
     } else {
-        tell(slot, wanted, Place::Tail, quiet)
+        tell(slot, wanted, ReadyPosition::Tail, cs)
     };
-    raise_owners(slot, quiet);
+    raise_owners(slot, cs);
     done
 }
 
 /// Whoever holds what `slot` waits for, and so on along the chain.
-fn raise_owners(slot: &Slot, quiet: Quiet<'_>) {
-    let mut next = lender_to(slot, quiet);
+fn raise_owners(slot: &TaskSlot, cs: CsToken<'_>) {
+    let mut next = lender_to(slot, cs);
     for _ in 0..LONGEST_CHAIN {
         let Some(owner) = next.and_then(task_slot::find) else {
             return;
         };
-        refresh(owner, Place::Tail, quiet);
-        next = lender_to(owner, quiet);
+        refresh(owner, ReadyPosition::Tail, cs);
+        next = lender_to(owner, cs);
     }
 }
 
 /// The running thread is about to wait for a lock of `owner`'s. It is not noted at the lock's word
 /// yet, so the priority is handed along the chain here.
-pub(crate) fn lend(owner: &'static Slot, quiet: Quiet<'_>) {
+pub(crate) fn lend(owner: &'static TaskSlot, cs: CsToken<'_>) {
     let Some(me) = task_slot::current() else {
         return;
     };
-    let mine = effective(me, LONGEST_CHAIN, quiet);
-    me.state.within(quiet, |s| s.lends = true);
+    let mine = effective(me, LONGEST_CHAIN, cs);
+    me.state.within(cs, |s| s.lends = true);
     let mut next = Some(owner);
     for _ in 0..LONGEST_CHAIN {
         let Some(owner) = next else { return };
-        if owner.state.within(quiet, |s| s.effective) < mine {
+        if owner.state.within(cs, |s| s.effective) < mine {
             // Without the privilege (on a host) there is no inheritance.
-            tell(owner, mine, Place::Tail, quiet).ok();
+            tell(owner, mine, ReadyPosition::Tail, cs).ok();
         }
-        next = lender_to(owner, quiet).and_then(task_slot::find);
+        next = lender_to(owner, cs).and_then(task_slot::find);
     }
 }
 
 /// The running thread no longer waits for a lock of `owner`'s, without having got it.
-pub(crate) fn withdraw(owner: &'static Slot, quiet: Quiet<'_>) {
-    refresh(owner, Place::Tail, quiet);
-    raise_owners(owner, quiet);
+pub(crate) fn withdraw(owner: &'static TaskSlot, cs: CsToken<'_>) {
+    refresh(owner, ReadyPosition::Tail, cs);
+    raise_owners(owner, cs);
 }
 
 /// The running thread has given a lock back. Whether it may lose an inherited priority, which
 /// [`give_back`] carries out when the next owner has been woken.
-pub(crate) fn is_boosted(quiet: Quiet<'_>) -> bool {
-    task_slot::current().is_some_and(|me| me.state.within(quiet, |s| s.effective != s.priority))
+pub(crate) fn is_boosted(cs: CsToken<'_>) -> bool {
+    task_slot::current().is_some_and(|me| me.state.within(cs, |s| s.effective != s.priority))
 }
 
 /// The running thread gets the priority it now has a right to.
@@ -140,6 +137,6 @@ pub(crate) fn give_back() {
     let Some(me) = task_slot::current() else {
         return;
     };
-    let mask = Mask::set();
-    refresh(me, Place::Head, mask.quiet());
+    let section = CriticalSection::enter();
+    refresh(me, ReadyPosition::Head, section.token());
 }

@@ -25,7 +25,7 @@ pub fn panicked() -> Panicked {
 }
 
 /// Thread `id` has panicked; 0 is none of ours.
-pub(super) fn count(id: i32) {
+pub(crate) fn count(id: i32) {
     COUNT.fetch_add(1, Ordering::AcqRel);
     LAST.store(id.cast_unsigned(), Ordering::Release);
 }

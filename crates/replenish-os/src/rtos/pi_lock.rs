@@ -10,13 +10,13 @@
 //! A waiter lends the owner its priority (`inherit`), through chains of locks, until the owner has
 //! given the lock back.
 
-use super::critical_section::Mask;
-use super::ffi;
+use super::critical_section::CriticalSection;
 use super::futex;
 use super::inherit;
-use super::task_slot;
 use super::tid::current_tid;
 use crate::Nanos;
+use crate::backend::port;
+use crate::backend::port::task_slot;
 use core::sync::atomic::{AtomicU32, Ordering, compiler_fence};
 
 const WAITERS: u32 = 1 << 31;
@@ -55,7 +55,7 @@ fn me() -> u32 {
 fn lock_slow(lock: &AtomicU32, me: u32, deadline: Option<Nanos>) -> bool {
     let mut waits = false;
     loop {
-        let mask = Mask::set();
+        let section = CriticalSection::enter();
         let word = lock.load(Ordering::Acquire);
         let owner = word & !WAITERS;
         let mine = if owner == 0 {
@@ -65,17 +65,17 @@ fn lock_slow(lock: &AtomicU32, me: u32, deadline: Option<Nanos>) -> bool {
             waits && owner == me
         };
         let holder = task_slot::find(owner.cast_signed());
-        let ended = holder.is_some_and(|s| s.state.within(mask.quiet(), |s| s.ended));
+        let ended = holder.is_some_and(|s| s.state.within(section.token(), |s| s.ended));
         if mine || owner == me || ended {
-            drop(mask);
+            drop(section);
             assert!(!ended, "PiMutex: the task that holds the lock has ended");
             assert!(mine, "PiMutex: this task holds the lock already");
             return true;
         }
         // The mark for waiters may stay: the unlock finds that there is none.
-        if deadline.is_some_and(|t| ffi::board_now() >= t) {
+        if deadline.is_some_and(|t| port::board_now() >= t) {
             if let Some(holder) = holder {
-                inherit::withdraw(holder, mask.quiet());
+                inherit::withdraw(holder, section.token());
             }
             return false;
         }
@@ -85,11 +85,11 @@ fn lock_slow(lock: &AtomicU32, me: u32, deadline: Option<Nanos>) -> bool {
             continue;
         }
         if let Some(holder) = holder {
-            inherit::lend(holder, mask.quiet());
+            inherit::lend(holder, section.token());
         }
         waits = true;
         // Still masked: the owner cannot give it back before this task is on the list.
-        futex::wait_masked(lock, expected, deadline, mask);
+        futex::wait_and_leave(lock, expected, deadline, section);
     }
 }
 
@@ -118,20 +118,20 @@ pub(crate) fn unlock(lock: &AtomicU32) {
 #[cold]
 #[inline(never)]
 fn unlock_slow(lock: &AtomicU32) {
-    let mask = Mask::set();
-    let next = futex::take_waiter(lock, mask.quiet());
+    let section = CriticalSection::enter();
+    let next = futex::take_waiter(lock, section.token());
     let word = next.map_or(0, |(slot, _)| {
-        let more = match futex::has_waiter(lock, mask.quiet()) {
+        let more = match futex::has_waiter(lock, section.token()) {
             true => WAITERS,
             false => 0,
         };
         slot.id.cast_unsigned() | more
     });
     lock.store(word, Ordering::Release);
-    let boosted = inherit::is_boosted(mask.quiet());
-    drop(mask);
+    let boosted = inherit::is_boosted(section.token());
+    drop(section);
     if let Some((_, Some(task))) = next {
-        ffi::wake(task);
+        port::wake(task);
     }
     if boosted {
         inherit::give_back();

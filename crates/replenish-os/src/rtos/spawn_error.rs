@@ -44,7 +44,7 @@ impl fmt::Display for SpawnError {
             Self::Name => f.write_str("thread name contains a NUL byte"),
             Self::Create(e) => write!(f, "the kernel makes no task: {e}"),
             Self::Unsupported(policy) => {
-                write!(f, "policy {policy}: {}", super::POLICIES)
+                write!(f, "policy {policy}: {}", crate::backend::port::POLICIES)
             }
             Self::Cpu { cpu } => write!(f, "CPU {cpu} was asked for: allowed 0, there is one"),
         }

@@ -3,14 +3,14 @@
 //! ```text
 //!   spawn: slot ─ launch (the back end) at its priority ──► closure ─ result ─ done
 //! ```
-use super::launch;
 use super::name::Name;
 use super::spawn_error::SpawnError;
-use super::task_slot::{self, Slot};
 use super::tid;
 use crate::PiMutex;
 use crate::Shared as Arc;
 use crate::Tid;
+use crate::backend::port::launch;
+use crate::backend::port::task_slot::{self, TaskSlot};
 use crate::{Nanos, Signal, ThreadSpec};
 use alloc::boxed::Box;
 use core::any::Any;
@@ -26,7 +26,7 @@ struct End<T> {
 /// A task. Dropping this lets it go on by itself.
 #[derive(Debug)]
 pub struct Thread<T> {
-    pub(super) slot: &'static Slot,
+    pub(crate) slot: &'static TaskSlot,
     end: Arc<End<T>>,
 }
 
@@ -103,7 +103,7 @@ where
 }
 
 /// The part of [`spawn`] that is the same for all of them.
-fn boxed(spec: &ThreadSpec, body: launch::Body) -> Result<&'static Slot, SpawnError> {
+fn boxed(spec: &ThreadSpec, body: launch::TaskBody) -> Result<&'static TaskSlot, SpawnError> {
     spec.policy.check()?;
     let how = launch::how(&spec.policy)?;
     if let Some(cpu) = spec.cpu.filter(|&cpu| cpu != 0) {

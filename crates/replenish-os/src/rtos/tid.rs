@@ -1,10 +1,10 @@
 //! Which task is it?
 
-use super::task_slot::{self, Slot};
 use crate::Tid;
+use crate::backend::port::task_slot::{self, TaskSlot};
 
 /// The number of the slot's task.
-pub(crate) const fn of(slot: &Slot) -> Tid {
+pub(crate) const fn of(slot: &TaskSlot) -> Tid {
     Tid::known(slot.id)
 }
 

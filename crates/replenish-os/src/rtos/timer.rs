@@ -1,22 +1,22 @@
 //! One-shot timers: one task blocks in [`TimerFd::read`], any task arms.
 
-use super::alarm;
-use super::critical_section::{Mask, Masked};
+use super::critical_section::{CriticalSection, Guarded};
 use super::error::OsError;
-use super::ffi;
-use super::task_slot::{self, NEVER, Slot};
 use crate::Nanos;
+use crate::backend::port;
+use crate::backend::port::alarm;
+use crate::backend::port::task_slot::{self, NEVER, TaskSlot};
 
 /// A one-shot timer on [`monotonic`](super::clock::monotonic) time. The name is that of Linux; there
 /// is no descriptor. Arming it while a task reads moves that task's deadline and switches nothing.
 #[derive(Debug)]
-pub struct TimerFd(Masked<Inner>);
+pub struct TimerFd(Guarded<TimerState>);
 
-struct Inner {
+struct TimerState {
     at: Nanos,
-    reader: Option<&'static Slot>,
+    reader: Option<&'static TaskSlot>,
     /// Who read last.
-    owner: Option<&'static Slot>,
+    owner: Option<&'static TaskSlot>,
 }
 
 impl TimerFd {
@@ -25,7 +25,7 @@ impl TimerFd {
     /// # Errors
     /// None; as on Linux.
     pub fn new() -> Result<Self, OsError> {
-        Ok(Self(Masked::new(Inner {
+        Ok(Self(Guarded::new(TimerState {
             at: NEVER,
             reader: None,
             owner: None,
@@ -57,43 +57,43 @@ impl TimerFd {
     pub fn read(&self) -> Result<(), OsError> {
         let me = task_slot::current().ok_or(OsError::new("a timer was read outside of a task"))?;
         loop {
-            let mask = Mask::set();
-            let quiet = mask.quiet();
-            let fired = self.0.within(quiet, |inner| {
-                inner.owner = Some(me);
-                let fired = me.state.within(quiet, task_slot::State::take_reached);
-                let fired = fired || inner.at <= ffi::board_now();
+            let section = CriticalSection::enter();
+            let cs = section.token();
+            let fired = self.0.within(cs, |timer| {
+                timer.owner = Some(me);
+                let fired = me.state.within(cs, task_slot::TaskState::take_reached);
+                let fired = fired || timer.at <= port::board_now();
                 if fired {
-                    inner.at = NEVER;
-                    inner.reader = None;
+                    timer.at = NEVER;
+                    timer.reader = None;
                 } else {
-                    inner.reader = Some(me);
-                    me.state.within(quiet, |s| s.deadline = inner.at);
-                    alarm::program(inner.at, quiet);
+                    timer.reader = Some(me);
+                    me.state.within(cs, |s| s.deadline = timer.at);
+                    alarm::program(timer.at, cs);
                 }
                 fired
             });
-            drop(mask);
+            drop(section);
             if fired {
                 return Ok(());
             }
-            ffi::block();
+            port::block();
         }
     }
 
     /// The task that reads.
-    pub(crate) fn owner(&self) -> Option<&'static Slot> {
-        self.0.with(|inner| inner.owner)
+    pub(crate) fn owner(&self) -> Option<&'static TaskSlot> {
+        self.0.with(|timer| timer.owner)
     }
 
     fn set(&self, at: Nanos) {
-        let mask = Mask::set();
-        let quiet = mask.quiet();
-        self.0.within(quiet, |inner| {
-            inner.at = at;
-            if let Some(reader) = inner.reader {
-                reader.state.within(quiet, |s| s.deadline = at);
-                alarm::program(at, quiet);
+        let section = CriticalSection::enter();
+        let cs = section.token();
+        self.0.within(cs, |timer| {
+            timer.at = at;
+            if let Some(reader) = timer.reader {
+                reader.state.within(cs, |s| s.deadline = at);
+                alarm::program(at, cs);
             }
         });
     }

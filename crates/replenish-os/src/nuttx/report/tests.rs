@@ -2,9 +2,9 @@
 
 use super::*;
 
-fn good() -> Report {
-    Report {
-        bytes: u32::try_from(size_of::<Report>()).unwrap(),
+fn good() -> ShimReport {
+    ShimReport {
+        bytes: u32::try_from(size_of::<ShimReport>()).unwrap(),
         version: VERSION,
         thread_bytes: 40,
         thread_align: 8,
@@ -23,7 +23,7 @@ fn good() -> Report {
     }
 }
 
-fn refused(change: impl FnOnce(&mut Report)) -> String {
+fn refused(change: impl FnOnce(&mut ShimReport)) -> String {
     let mut report = good();
     change(&mut report);
     report.judge(false).unwrap_err().to_string()
@@ -31,10 +31,10 @@ fn refused(change: impl FnOnce(&mut Report)) -> String {
 
 #[test]
 fn a_fitting_image_is_described() {
-    let facts = good().judge(false).unwrap();
-    assert_eq!((facts.native_repl, facts.lowest), (100, 1));
-    assert!(facts.switch_hooks && !facts.round_robin);
-    let text = facts.to_string();
+    let info = good().judge(false).unwrap();
+    assert_eq!((info.native_repl, info.lowest), (100, 1));
+    assert!(info.switch_hooks && !info.round_robin);
+    let text = info.to_string();
     assert!(
         text.contains("clock 250 ns, tick 100000 ns, switch hooks"),
         "{text}"
@@ -78,8 +78,8 @@ fn each_misfit_is_named() {
 
 #[test]
 fn this_host_fits() {
-    let facts = check().unwrap();
-    assert!(!facts.switch_hooks && facts.round_robin, "{facts}");
-    assert_eq!(facts.lowest, 0);
+    let info = check().unwrap();
+    assert!(!info.switch_hooks && info.round_robin, "{info}");
+    assert_eq!(info.lowest, 0);
     assert!(is_good());
 }
