@@ -12,7 +12,8 @@ pub(crate) fn write(path: Option<&Path>, value: &Value) -> Outcome {
     std::fs::write(path, format!("{value:#}\n")).map_err(|e| format!("{}: {e}", path.display()))
 }
 
-/// Fails early on a file that cannot be written: makes it where it is not there, and leaves what is in it.
+/// Fails early if a file cannot be written. A missing file is created; an existing one keeps its
+/// content.
 pub(crate) fn writable(path: Option<&Path>) -> Outcome {
     let Some(path) = path else { return Ok(()) };
     let opened = std::fs::OpenOptions::new()

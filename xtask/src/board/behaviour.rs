@@ -1,5 +1,5 @@
 //! `cargo xtask board test`: every case of the image `behaviour` on a fresh boot, reported like a
-//! test runner does. Some cases are to end badly, and then loudly: what they say is looked at.
+//! test runner does. Some cases must end with a message; the message is checked.
 
 use super::qemu;
 use crate::output::{Outcome, write};
@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 /// How long a case may take on the host.
 const LIMIT: Duration = Duration::from_secs(60);
 
-/// One case: its name, and what has to be among what it prints.
+/// One case: its name, and the words that its output must contain.
 struct Case {
     name: &'static str,
     says: &'static [&'static str],

@@ -26,7 +26,8 @@ pub(crate) enum Name {
     Flood,
     /// The agent is killed while the board answers, and another one started
     Restart,
-    /// Damaged bits on the line: what is sent reliably arrives once, the rest is counted
+    /// Damaged bits on the line: each reliable sample arrives once, losses of the others are
+    /// counted
     Noise,
 }
 
@@ -86,7 +87,7 @@ impl Worker {
     }
 }
 
-/// A worker that takes what is left.
+/// A worker that uses the CPU time that the others leave.
 const REST: Worker = Worker {
     priority: 10,
     budget: 0,

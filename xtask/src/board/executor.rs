@@ -2,10 +2,10 @@
 //!
 //! An answer takes 10 ms of its worker's CPU time, handling included. Held to:
 //! - high answers what its budget allows, within one burst, and its CPU time says the same;
-//! - low gets what nobody above it has used, within two bursts: dispatcher, ping worker and
-//!   enforcer take their part of the processor, and the report says how much;
-//! - CPU times of all tasks, switches included, and the time before the first ping are the time that
-//!   passed;
+//! - low gets the time that nobody above it has used, within two bursts: dispatcher, ping worker
+//!   and enforcer take their part of the processor, and the report says how much;
+//! - CPU times of all tasks, switches included, and the time before the first ping are the time
+//!   that passed;
 //! - nothing was allocated after the start.
 
 use super::case::{BURST_MS, LENGTH_MS};
@@ -19,7 +19,7 @@ use std::path::Path;
 const FIRST_PING_NS: f64 = 10e6;
 const BURST_NS: f64 = BURST_MS as f64 * 1e6;
 
-/// What the tasks have used before the first ping, at most: until then it is not looked who sleeps.
+/// The most CPU time that tasks use before the first ping; sleeps are not recorded until then.
 const START_NS: f64 = 0.5e6;
 
 /// Runs the sweep, prints a table, writes JSON.
@@ -75,7 +75,7 @@ fn judge(budget: u64, result: &Value, wrong: &mut Vec<String>) -> Outcome<Value>
     let (high_cpu, low_cpu) = (cpu("high")?, cpu("low")?);
     let others = cpu("dispatcher")? + cpu("ping")? + cpu("enforcer")?;
     let theory = (budget * LENGTH_MS / 100 / BURST_MS) as f64;
-    // Every instant is some task's after the wait for the first ping, and what is used in it is more.
+    // After the wait for the first ping, every instant belongs to a task.
     let nobodys = elapsed - FIRST_PING_NS - high_cpu - low_cpu - others;
     let left = (elapsed - FIRST_PING_NS - high_cpu - others - nobodys) / BURST_NS;
     println!(

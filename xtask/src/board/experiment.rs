@@ -34,7 +34,7 @@ pub(crate) fn run(name: Name, path: Option<&Path>) -> Outcome {
     conclude(&case::label(name), &points, &wrong, right, path)
 }
 
-/// Writes the JSON of an experiment; prints what held, or fails with what did not.
+/// Writes the JSON of an experiment; prints `right`, or fails with the violations.
 pub(crate) fn conclude(
     name: &str,
     points: &[Value],
@@ -84,7 +84,7 @@ fn judge(
         let number = |key: &str| got.get(key).and_then(Value::as_f64).unwrap_or(0.0);
         let cpu = (number("cpu_high_ns") + number("cpu_low_ns")) / 1e6;
         let theory = ms / BURST_MS as f64;
-        // One that never ends a burst is told by its CPU time.
+        // A worker that never ends a burst is judged by its CPU time.
         let consumed = cpu / BURST_MS as f64;
         let bursts = if worker.endless {
             consumed
@@ -103,7 +103,7 @@ fn judge(
             set(&mut point, percent, json!(cpu * 100.0 / LENGTH_MS as f64));
         }
         // A budget is judged by CPU time, so that a burst that is cut by the end counts as far as
-        // it went. What is left for the lowest worker also pays for the switches.
+        // it went. The switches are paid from the lowest worker's share.
         let (value, allowed) = match worker.budget {
             0 if sweep => (bursts, 2.0),
             0 => continue,

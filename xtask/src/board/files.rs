@@ -1,5 +1,5 @@
-//! Where the results of the experiments with messages go. The paper's two are reported by the program
-//! `replenish` itself, so that names, keys, CSV, figure and page are those of Linux.
+//! Where the results of the experiments with messages go. The paper's two are reported by the
+//! program `replenish` itself, so that names, keys, CSV, figure and page are those of Linux.
 
 use super::case::{self, BURST_MS, Name};
 use super::report;
@@ -97,8 +97,8 @@ impl Files {
     }
 }
 
-/// A point as `replenish` takes it: one window, as pong and ping saw it. What ping received after the
-/// end of the window does not count.
+/// A point as `replenish` takes it: one window, as pong and ping saw it. Answers that ping received
+/// after the end of the window do not count.
 fn window(point: &Value) -> Value {
     let worker = |i: usize| {
         let of = report::workers(point).nth(i);

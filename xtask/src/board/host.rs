@@ -1,4 +1,4 @@
-//! What the host must have. Nothing is installed; the commands that would are printed.
+//! Requirements of the host. Nothing is installed; the commands that would install it are printed.
 
 use crate::output::Outcome;
 use std::path::{Path, PathBuf};
@@ -59,7 +59,7 @@ pub(crate) fn replenish() -> Outcome<PathBuf> {
     Ok(target().join("debug/replenish-bench"))
 }
 
-/// Where cargo puts what it builds for the host.
+/// The directory of cargo's builds for the host.
 pub(crate) fn target() -> PathBuf {
     let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target");
     std::env::var_os("CARGO_TARGET_DIR").map_or(here, PathBuf::from)

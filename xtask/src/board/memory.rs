@@ -1,4 +1,4 @@
-//! What pong takes of the heap at set-up: the image `memory` says it step by step, with two and three
+//! Heap that pong takes at set-up: the image `memory` prints it step by step, with two and three
 //! workers, with budgets and without; the differences are what one of each takes.
 
 use super::qemu;
@@ -39,7 +39,7 @@ pub(crate) fn measure() -> Outcome<Memory> {
     Ok(Memory {
         client,
         executor: two.sum()? - client - stacks,
-        // Those of the second worker: by then the lists have room.
+        // The second worker's figures: by then the lists have room.
         publisher: two.number("publisher second")?,
         subscription: two.number("subscription second")?,
         worker: two.number("worker second")? + plain,
@@ -48,7 +48,7 @@ pub(crate) fn measure() -> Outcome<Memory> {
     })
 }
 
-/// What the image said.
+/// The image's figures.
 struct Run(Value);
 
 impl Run {

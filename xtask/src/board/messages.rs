@@ -1,5 +1,5 @@
 //! The experiments with everything in place: executor, XRCE client and serial line on the board,
-//! agent and ping on the host. What theory says is what [`case`] says of tasks alone; of the rest,
+//! agent and ping on the host. [`case`] has the theory for tasks alone;
 //! the executor's own threads take theirs first.
 
 use super::case::{self, BURST_MS, Name, Worker};
@@ -12,14 +12,14 @@ use serde_json::{Value, json};
 /// How far high's share may be from 30 + 70 x in Experiment 2, in points.
 const POINTS: f64 = 1.0;
 
-/// Up to this length a sweep is held to the paper's theory, which knows of no executor: 0.2 % of the CPU are
-/// two bursts of 10 ms in 10 s. In longer runs what the executor's threads take comes off.
+/// Up to this length a sweep is held to the paper's theory, which knows of no executor: 0.2 % of
+/// the CPU are two bursts of 10 ms in 10 s. In longer runs the executor's share is subtracted.
 const PAPER_MS: u64 = 10_000;
 
 /// One run of an experiment.
 struct Point {
     workers: Vec<Worker>,
-    /// What the low callback sleeps, in percent.
+    /// The low callback's sleeping time, in percent.
     sleep: u64,
     flood: u32,
 }
@@ -101,7 +101,8 @@ struct Judge {
     name: Name,
     length_ms: u64,
     wrong: Vec<String>,
-    /// The largest distances from the paper's theory: of the workers above, and of the one for the rest.
+    /// The largest distances from the paper's theory: of the workers above, and of the one for the
+    /// rest.
     furthest: [f64; 2],
 }
 
@@ -140,9 +141,9 @@ impl Judge {
         words
     }
 
-    /// Two runs of the same point must give the same counts. What is left varies by some bursts: how
-    /// often a budget is cut into pieces, and with that the enforcer's work, depends on the instant at
-    /// which the host was ready.
+    /// Two runs of the same point must give the same counts. The remainder varies by some bursts:
+    /// how often a budget is cut into pieces, and with that the enforcer's work, depends on the
+    /// instant at which the host was ready.
     fn repeats(&mut self, run: &Run, again: &Run) {
         let counts = |run: &Run| {
             workers(&run.board)
@@ -215,7 +216,7 @@ impl Judge {
             }
             let left = (self.length_ms as f64 - support) / BURST_MS as f64;
             let (value, theory, allowed) = if !last {
-                // A budget as long as its period is what the executor's threads leave of it.
+                // A budget as long as its period gets the time that the executor's threads leave.
                 (shown, theory.min(left).floor(), 1.0)
             } else if self.name == Name::BudgetSweep {
                 let executor = if self.length_ms > PAPER_MS {
@@ -286,8 +287,8 @@ impl Judge {
             map.insert("high_cpu_percent".into(), json!(high));
             map.insert("theory_percent".into(), json!(theory));
         }
-        // In the background high has what nobody else wants, and the executor's threads come first: they
-        // are part of what is allowed.
+        // In the background high has what nobody else wants, and the executor's threads come first:
+        // they are part of what is allowed.
         if (high - theory).abs() > POINTS {
             self.wrong.push(format!(
                 "low sleeps {} %: high had {high:.2} % of the CPU, theory says {theory:.1} %, the executor took {support:.2} %",

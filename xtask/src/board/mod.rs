@@ -4,7 +4,7 @@
 //!   command ─► options ─► behaviour · bench · executor · experiment   images that report by themselves
 //!      │                        └──────► case: cases and theory ◄──────┐
 //!      ├─► messages · demo · noise · restart · round_trip ─► testbench ─► qemu ─► host
-//!      │         └─► report: what the board printed      agent and ping beside the board
+//!      │         └─► report: the board's JSON            agent and ping beside the board
 //!      │         └─► files: JSON, CSV, SVG, HTML
 //!      └─► size ─► memory: flash and RAM of pong
 //! ```

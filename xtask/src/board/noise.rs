@@ -1,5 +1,5 @@
-//! `cargo xtask board experiment noise`: one bit of every so manieth byte of the line is damaged. What is sent
-//! reliably arrives once and in order on both sides; of the rest what is lost is counted.
+//! `cargo xtask board experiment noise`: flips one bit in every Nth byte of the line. Reliable
+//! samples arrive once and in order on both sides; losses of the others are counted.
 
 use super::report;
 use super::testbench::{Bench, Host};

@@ -29,7 +29,7 @@ impl Asked {
         self.seconds.unwrap_or(SECONDS)
     }
 
-    /// Refuses what the experiment does not have, and files that cannot be written.
+    /// Refuses options that the experiment does not have, and files that cannot be written.
     pub(crate) fn check(&self) -> Outcome {
         let name = self.name;
         let refuse = |option: &str, why: &str| {

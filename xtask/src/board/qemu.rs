@@ -7,7 +7,7 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What the images that are to be fast are compiled with: for the chip's core, and with functions
+/// Compiler flags of fast images: for the chip's core, and with functions
 /// repeated where they are called rather than called.
 const SPEED: &str =
     "-Ctarget-cpu=cortex-m4 -Cllvm-args=-inline-threshold=1000 -Cllvm-args=-unroll-threshold=30";
@@ -35,7 +35,7 @@ fn build_with(name: &str, profile: &str, options: &[&str]) -> Outcome<PathBuf> {
         None => std::path::absolute(firmware.join("target")),
     }
     .map_err(|e| e.to_string())?;
-    // Beside what firmware/.cargo/config.toml says.
+    // In addition to firmware/.cargo/config.toml.
     let flags = if profile == "speed" { SPEED } else { "" };
     let status = Command::new("cargo")
         .args(["build", "--quiet", "--profile", profile, "--bin", name])
@@ -70,7 +70,7 @@ pub(crate) fn command(image: &Path, words: &[String]) -> Command {
     command
 }
 
-/// Boots the image with `words` as its command line; what it printed.
+/// Boots the image with `words` as its command line; returns its output.
 pub(crate) fn boot(image: &Path, words: &[String]) -> Outcome<String> {
     let output = command(image, words)
         .output()

@@ -6,7 +6,7 @@ use serde_json::Value;
 /// Between two messages of a topic, in ms.
 pub(crate) const INTERVAL_MS: u64 = 10;
 
-/// What a run must not have lost, and did.
+/// Losses that a run must not have.
 pub(crate) fn losses(run: &Run) -> Vec<String> {
     let mut wrong = Vec::new();
     let of = |path: &str| run.board.pointer(path).and_then(Value::as_f64);
@@ -38,7 +38,7 @@ pub(crate) fn losses(run: &Run) -> Vec<String> {
     wrong
 }
 
-/// The workers in what the board printed.
+/// The workers in the board's JSON.
 pub(crate) fn workers(board: &Value) -> impl Iterator<Item = &Value> {
     board
         .get("workers")

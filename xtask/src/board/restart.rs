@@ -1,13 +1,14 @@
-//! `cargo xtask board experiment restart`: the agent is killed while the board answers. When the board
-//! has noticed, another one is started on the same line and the same UDP address. Neither the board
-//! nor ping is told: both have to log in again and create their endpoints anew.
+//! `cargo xtask board experiment restart`: the agent is killed while the board answers. When the
+//! board has noticed, another one is started on the same line and the same UDP address. Neither the
+//! board nor ping gets a notice: both have to log in again and create their endpoints anew.
 //!
 //! ```text
 //!   answers ── "end the agent" ── silence ── link lost ── new agent ── link back ── answers
 //! ```
 //!
-//! From the kill until its link is back the board's clock waits for nobody, so how long the gap is in
-//! its time depends on how fast the host emulates; the measurement is longer by the gap. What is asserted does not: see [`judge`].
+//! From the kill until its link is back the board's clock waits for nobody, so how long the gap is
+//! in its time depends on how fast the host emulates; the measurement is longer by the gap.
+//! The assertions do not depend on it: see [`judge`].
 
 use super::case::{self, Worker};
 use super::report;
@@ -77,7 +78,7 @@ pub(crate) fn run(seconds: u64, path: Option<&Path>) -> Outcome {
     }
 }
 
-/// What must be the same however fast the host is.
+/// Checks the counts that do not depend on the host's speed.
 fn judge(run: &Run) -> Vec<String> {
     let mut wrong = Vec::new();
     let mut hold = |what: bool, why: String| {

@@ -1,5 +1,5 @@
-//! `cargo xtask board round-trip`: a message from the board to the host and back, in the board's time,
-//! next to the time that its bytes take on the wire.
+//! `cargo xtask board round-trip`: a message from the board to the host and back, in the board's
+//! time, next to the time that its bytes take on the wire.
 
 use super::testbench::{Bench, Host};
 use crate::output::{Outcome, write};
@@ -89,7 +89,7 @@ pub(crate) fn run(rates: &[u32], path: Option<&Path>) -> Outcome {
     }
 }
 
-/// What the board measured.
+/// The board's measurements.
 fn trips(board: &Value) -> Vec<Trip> {
     let all = board.get("trips").and_then(Value::as_array);
     let number = |trip: &Value, i: usize| trip.get(i).and_then(Value::as_u64);

@@ -76,7 +76,8 @@ pub(crate) fn run(path: Option<&Path>) -> Outcome {
     )
 }
 
-/// Links pong without a kernel, with the flags of the program's own `.cargo/config.toml`; its ELF file.
+/// Links pong without a kernel, with the flags of the program's own `.cargo/config.toml`; its ELF
+/// file.
 fn build() -> Outcome<PathBuf> {
     host::check()?;
     let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tools/executor-size");

@@ -17,34 +17,34 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-/// What runs on the bench.
+/// The programs on the test bench.
 pub(crate) struct Bench {
     image: PathBuf,
     replenish: PathBuf,
 }
 
-/// What a run gave.
+/// The result of a run.
 pub(crate) struct Run {
-    /// What the board printed.
+    /// The board's JSON.
     pub(crate) board: Value,
     /// Ping's totals: `sent`, `answered`, each of high and low.
     pub(crate) ping: Value,
 }
 
-/// What the host does besides.
+/// The host's additional tasks.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Host {
     /// Messages of the low topic on top of each pair.
     pub(crate) flood: u32,
-    /// Ping sends back what comes on topics `sure` and `loose`.
+    /// Ping echoes the samples of the topics `sure` and `loose`.
     pub(crate) echo: bool,
 }
 
-/// What the board says when it wants its agent ended, and when it has noticed.
+/// The board's requests to end its agent, and its notice that the link is down.
 const END_AGENT: &str = "# end the agent";
 const LINK_DOWN: &str = "# link is down";
 
-/// What is said of a run that was ended.
+/// The end of the message about a run that was ended.
 const NO_END: &str = "did not end";
 
 /// A run that takes longer on the host than this is ended.
@@ -64,9 +64,10 @@ impl Bench {
         Command::new(&self.replenish)
     }
 
-    /// As [`once`](Self::once), and a second time if the first did not end: the board's clock stands
-    /// still while it waits for the host, so a sample that a loaded host loses, or a host that is too
-    /// slow, costs no time of the board's but all of ours. It is told; a second time is an error.
+    /// As [`once`](Self::once), and a second time if the first did not end: the board's clock
+    /// stands still while it waits for the host, so a sample that a loaded host loses, or a host
+    /// that is too slow, costs no time of the board's but all of ours. The repetition is printed; a
+    /// second failure is an error.
     pub(crate) fn run(&self, words: &[String], host: Host) -> Outcome<Run> {
         match self.once(words, host) {
             Err(what) if what.contains(NO_END) => {
@@ -196,7 +197,7 @@ impl Bench {
     }
 }
 
-/// A process of ours: it is told to end by the end of its input, then ended.
+/// A child process: it should end when its input closes, and is killed otherwise.
 struct Part {
     name: &'static str,
     child: Child,

@@ -46,8 +46,8 @@ pub(crate) fn run(stages: &[Stage]) -> Outcome {
     outcome
 }
 
-/// The emulated boards keep one CPU busy and their clock does not see the other, so that what has no
-/// clock runs beside them. The tests have the machine to themselves.
+/// The emulated boards keep one CPU busy and their clock does not see the other, so that what has
+/// no clock runs beside them. The tests have the machine to themselves.
 fn all(tally: &mut Tally) -> Outcome {
     foreground(&[Stage::Lint], tally)?;
     let beside = Beside::start(&[Stage::Supply, Stage::Fuzz, Stage::Loom])?;

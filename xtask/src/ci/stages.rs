@@ -7,7 +7,8 @@ use std::process::Command;
 /// The microcontroller that everything without an operating system is built for.
 const BOARD: &str = "thumbv7em-none-eabihf";
 
-/// Features of `replenish` that a host builds apart: each set must do without those it does not name.
+/// Features of `replenish` that a host builds apart: each set must do without those it does not
+/// name.
 const HOST_FEATURES: [&str; 3] = ["std,xrce", "std,xrce,dynamic", "std,plan"];
 /// The sets of a board.
 const BOARD_FEATURES: [&str; 2] = ["xrce,freertos,texts", "xrce,freertos"];
