@@ -10,7 +10,7 @@
 //! side's. Between clients samples go through the agent as ever: a bridge must not give back what
 //! it got from here, and what comes from it goes to clients only. So nothing goes in circles.
 
-use crate::entities::{Address, Plan, Qos, Record, TopicKey};
+use crate::entities::{Address, EntityRecord, Plan, Qos, TopicKey};
 use crate::flow::{Identity, Sample};
 use replenish_xrce::Nanos;
 use replenish_xrce::wire::{Entity, ObjectId};
@@ -145,7 +145,7 @@ pub(crate) struct Bridge {
 
 impl Bridge {
     /// An entity has been created.
-    pub(crate) fn created(&mut self, address: Address, entity: &Entity<'_>, record: &Record) {
+    pub(crate) fn created(&mut self, address: Address, entity: &Entity<'_>, record: &EntityRecord) {
         let at = |object| Address { object, ..address };
         let of_group = |group| self.groups.get(&at(group)).copied();
         let participant = match *entity {
@@ -246,8 +246,8 @@ impl Bridge {
             return false;
         }
         self.samples += 1;
-        let about = sample.about();
-        let request = about.request.or(about.reply_to).map(pair);
+        let info = sample.info();
+        let request = info.request.or(info.reply_to).map(pair);
         let payload = Bytes::Inner(sample.clone());
         let sample = BridgeSample { payload, request };
         self.events.push_back(BridgeEvent::Sample { id, sample });

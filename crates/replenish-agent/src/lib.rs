@@ -60,7 +60,7 @@ pub use error::{AgentError, ConfigError};
 pub use replenish_dds as dds;
 pub use replenish_xrce::Nanos;
 pub use report::{
-    BridgeSnapshot, ClientSnapshot, EntitySnapshot, Incident, Incidents, ReaderSnapshot, Reason,
-    Refusal, Snapshot, Stats, StreamSnapshot, WriterSnapshot,
+    BridgeSnapshot, ClientSnapshot, EntitySnapshot, ReaderSnapshot, Reason, Refusal, Rejection,
+    Rejections, Snapshot, Stats, StreamSnapshot, WriterSnapshot,
 };
 pub use server::{Agent, Inspector, RunningAgent, StopHandle};

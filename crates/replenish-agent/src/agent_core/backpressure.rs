@@ -7,7 +7,7 @@
 //!                                ACKNACK names what was not taken; the client sends it again
 //! ```
 
-use super::state::{AgentCore, Pressed};
+use super::state::{AgentCore, BlockedStream};
 use crate::entities::Address;
 use replenish_xrce::Nanos;
 use replenish_xrce::SeqNum;
@@ -16,12 +16,12 @@ use std::hash::Hash;
 
 impl<P: Copy + Eq + Hash> AgentCore<P> {
     /// Lets a stream from a client wait for `reader`.
-    pub(super) fn press(&mut self, now: Nanos, client: usize, stream: StreamId, reader: Address) {
-        let same = |p: &Pressed| (p.client, p.stream, p.reader) == (client, stream, reader);
-        if stream.is_reliable() && !self.pressed.iter().any(same) {
-            self.pressed.push(Pressed {
+    pub(super) fn block(&mut self, now: Nanos, client: usize, stream: StreamId, reader: Address) {
+        let same = |p: &BlockedStream| (p.client, p.stream, p.reader) == (client, stream, reader);
+        if stream.is_reliable() && !self.blocked_streams.iter().any(same) {
+            self.blocked_streams.push(BlockedStream {
                 client,
-                until: now.saturating_add(self.limits.patience),
+                until: now.saturating_add(self.limits.writer_block_limit),
                 stream,
                 reader,
             });
@@ -29,45 +29,45 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     }
 
     /// Whether a message cannot be taken now; it is then noted for later.
-    pub(super) fn is_held_up(
+    pub(super) fn is_blocked(
         &mut self,
         now: Nanos,
         client: usize,
         stream: StreamId,
         seq: SeqNum,
     ) -> bool {
-        self.relieve(now);
-        let of_this = |p: &Pressed| (p.client, p.stream) == (client, stream);
-        self.pressed.iter().any(of_this)
+        self.unblock(now);
+        let of_this = |p: &BlockedStream| (p.client, p.stream) == (client, stream);
+        self.blocked_streams.iter().any(of_this)
             && self
                 .clients
                 .get_mut(client)
-                .and_then(|client| client.inlet(stream))
-                .is_some_and(|inlet| inlet.postpone(seq))
+                .and_then(|client| client.input(stream))
+                .is_some_and(|input| input.postpone(seq))
     }
 
     /// Lets those go on whose readers have room again.
-    pub(super) fn relieve(&mut self, now: Nanos) {
+    pub(super) fn unblock(&mut self, now: Nanos) {
         let mut at = 0;
-        while let Some(pressed) = self.pressed.get(at) {
-            let Address { client, object } = pressed.reader;
-            let patience = self.limits.patience;
+        while let Some(blocked) = self.blocked_streams.get(at) {
+            let Address { client, object } = blocked.reader;
+            let patience = self.limits.writer_block_limit;
             let reader = self
                 .clients
                 .get_mut(client)
                 .and_then(|client| client.entities.reader(object));
-            let waiting = reader.is_some_and(|reader| reader.is_pressed(now, patience));
-            if waiting && now < pressed.until {
+            let waiting = reader.is_some_and(|reader| reader.blocks_writers(now, patience));
+            if waiting && now < blocked.until {
                 at += 1;
                 continue;
             }
-            let Pressed { client, stream, .. } = self.pressed.swap_remove(at);
-            let others = |p: &Pressed| (p.client, p.stream) == (client, stream);
-            if self.pressed.iter().any(others) {
+            let BlockedStream { client, stream, .. } = self.blocked_streams.swap_remove(at);
+            let others = |p: &BlockedStream| (p.client, p.stream) == (client, stream);
+            if self.blocked_streams.iter().any(others) {
                 continue;
             }
-            if let Some(inlet) = self.clients.get_mut(client).and_then(|c| c.inlet(stream)) {
-                inlet.resume();
+            if let Some(input) = self.clients.get_mut(client).and_then(|c| c.input(stream)) {
+                input.resume();
             }
             self.serve(now, client);
         }

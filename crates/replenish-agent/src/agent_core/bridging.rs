@@ -3,7 +3,7 @@
 use super::state::{AgentCore, Now};
 use crate::bridge::{Bridge, BridgeEvent, BridgeId, BridgeSample};
 use crate::entities::{Address, Role};
-use crate::flow::{About, Guid, Identity, Sample};
+use crate::flow::{Guid, Identity, Sample, SampleInfo};
 use replenish_xrce::wire::{Create, ObjectId};
 use std::hash::Hash;
 
@@ -43,22 +43,22 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             guid: Guid(guid),
             seq: seq.cast_unsigned(),
         });
-        let mut about = About::default();
+        let mut info = SampleInfo::default();
         match reader.role {
             Role::Data => {}
-            Role::Replier => about.request = identity,
-            Role::Requester(_) => about.reply_to = identity,
+            Role::Replier => info.request = identity,
+            Role::Requester(_) => info.reply_to = identity,
         }
         let payload = sample.payload();
         let fits = payload.len() <= self.limits.sample;
-        let sample = fits.then(|| Sample::new(payload, about, &self.pool));
+        let sample = fits.then(|| Sample::new(payload, info, &self.pool));
         let Some(sample) = sample.flatten() else {
             self.counters.samples_refused.hit();
             return;
         };
         if reader.offer(&sample, None, at, &target.ledger, &self.counters) {
             self.counters.samples_routed.hit();
-        } else if about.reply_to.is_some() {
+        } else if info.reply_to.is_some() {
             self.counters.replies_unwanted.hit();
         }
         target.queue(object, at, &self.counters);
@@ -66,7 +66,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     }
 
     /// Tells the bridge about an entity that was just created.
-    pub(super) fn tell_created(&mut self, client: usize, create: &Create<'_>) {
+    pub(super) fn bridge_created(&mut self, client: usize, create: &Create<'_>) {
         let object = create.base.object;
         let (Some(bridge), Some(of)) = (&mut self.bridge, self.clients.get_mut(client)) else {
             return;
@@ -77,7 +77,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     }
 
     /// Tells the bridge about an entity that was just deleted.
-    pub(super) fn tell_deleted(&mut self, client: usize, object: ObjectId) {
+    pub(super) fn bridge_deleted(&mut self, client: usize, object: ObjectId) {
         if let Some(bridge) = &mut self.bridge {
             bridge.deleted(Address { client, object });
         }

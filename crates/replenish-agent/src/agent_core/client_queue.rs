@@ -5,11 +5,11 @@ use std::collections::VecDeque;
 
 /// Clients that can be sent something, each once.
 #[derive(Debug, Default)]
-pub(super) struct Line {
+pub(super) struct ClientQueue {
     levels: [VecDeque<usize>; LEVELS],
 }
 
-impl Line {
+impl ClientQueue {
     pub(super) fn join(&mut self, level: u8, index: usize) {
         if let Some(clients) = self.levels.get_mut(usize::from(level)) {
             clients.push_back(index);

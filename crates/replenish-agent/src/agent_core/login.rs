@@ -1,7 +1,7 @@
 //! What clients may ask for without a session: to open one, and whether the agent is there.
 
 use super::state::{AgentCore, Now};
-use crate::clients::{Client, Promise};
+use crate::clients::{Client, ClientOrigin};
 use crate::report::Reason;
 use replenish_xrce::Nanos;
 use replenish_xrce::wire::{
@@ -78,7 +78,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             implementation: 0,
             version: VERSION,
             vendor: VENDOR,
-            properties: match promise(&create.properties) {
+            properties: match client_origin(&create.properties) {
                 Some(_) => Properties::List(&[(DELIVERY, DELIVERY_CONFIRMED)]),
                 None => Properties::None,
             },
@@ -134,7 +134,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         let mut client = Client::new(index, peer, (key, session), mtu, now, &self.limits);
         client.before = before;
         client.arrived = arrived;
-        client.delivery = promise(&create.properties);
+        client.origin = client_origin(&create.properties);
         self.clients.insert(index, client);
         self.count_companions();
         self.serve(now, index);
@@ -145,18 +145,18 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
 }
 
 /// What the client says about itself, if it does.
-fn promise(properties: &Properties<'_>) -> Option<Promise> {
-    let mut promise = None;
+fn client_origin(properties: &Properties<'_>) -> Option<ClientOrigin> {
+    let mut origin = None;
     properties.for_each(|name, value| match (name, value) {
-        (DELIVERY, DELIVERY_NEW) => promise = Some(Promise::New),
+        (DELIVERY, DELIVERY_NEW) => origin = Some(ClientOrigin::New),
         (DELIVERY, value) => {
             let companions = value.strip_prefix(DELIVERY_BACK);
             let companions = companions.map(|digits| u8::from_str_radix(digits, 16));
-            promise = companions.map(|n| Promise::Back(n.unwrap_or(0)));
+            origin = companions.map(|n| ClientOrigin::Returned(n.unwrap_or(0)));
         }
         _ => {}
     });
-    promise
+    origin
 }
 
 /// Why a log-in cannot be accepted from anybody, if so: the answer, and which part of it is wrong.

@@ -4,10 +4,10 @@
 //!   receive ──► session? ──no──► login: CREATE_CLIENT, ping ──────────► replies ─┐
 //!                  │ yes                                                         │ first
 //!                  ▼                                                             ▼
-//!               inlet (order, fragments) ──► requests: CREATE, READ_DATA, ..    pump ──► datagrams
+//!               input (order, fragments) ──► requests: CREATE, READ_DATA, ..    pump ──► datagrams
 //!                                               │ WRITE_DATA                     ▲
 //!                                               ▼                                │ the most urgent
-//!                              route: topics ──► queues of readers ──► outlets ──┘ client, in turns
+//!                              route: topics ──► queues of readers ──► outputs ──┘ client, in turns
 //! ```
 //!
 //! Nothing here can fail: what is wrong is dropped, refused or answered with a status, and counted.

@@ -9,7 +9,7 @@ use std::hash::Hash;
 
 impl<P: Copy + Eq + Hash> AgentCore<P> {
     /// An entity was created: tells it and those it clashes with, and those it serves.
-    pub(super) fn tell_matches(&mut self, client: usize, object: ObjectId) {
+    pub(super) fn notify_incompatible(&mut self, client: usize, object: ObjectId) {
         let me = Address { client, object };
         let of_client = self.clients.get_mut(client);
         let Some(record) = of_client.and_then(|c| c.entities.record(object)) else {
@@ -19,30 +19,34 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         let clashes: Vec<(Address, u8)> = match (&record.plan, ends) {
             (Plan::Writer { qos, .. }, (Some(writer), _)) => {
                 let others = self.topics.readers(writer.topic).iter();
-                others.map(|o| (o.address, qos.clash(&o.qos))).collect()
+                others
+                    .map(|o| (o.address, qos.incompatibilities(&o.qos)))
+                    .collect()
             }
             (Plan::Reader { qos, .. }, (_, Some(reader))) => {
                 let others = self.topics.writers(reader.topic).iter();
-                others.map(|o| (o.address, o.qos.clash(qos))).collect()
+                others
+                    .map(|o| (o.address, o.qos.incompatibilities(qos)))
+                    .collect()
             }
             (Plan::Requester { .. }, (Some(writer), _)) => {
                 let topic = writer.topic;
-                return self.tell_served(topic);
+                return self.notify_served(topic);
             }
             (Plan::Replier { .. }, (_, Some(reader))) => {
                 let topic = reader.topic;
-                return self.tell_served(topic);
+                return self.notify_served(topic);
             }
             _ => return,
         };
         for (other, policies) in clashes.into_iter().filter(|(_, policies)| *policies != 0) {
-            self.notice(me, Notice::Clash(policies));
-            self.notice(other, Notice::Clash(policies));
+            self.notice(me, Notice::IncompatibleQos(policies));
+            self.notice(other, Notice::IncompatibleQos(policies));
         }
     }
 
     /// Servers of the requests on `topic` may have come or gone: tells the requesters.
-    pub(super) fn tell_served(&mut self, topic: TopicId) {
+    pub(super) fn notify_served(&mut self, topic: TopicId) {
         let here = !self.topics.readers(topic).is_empty();
         let requesters = self.topics.writers(topic).iter();
         let requesters: Vec<Address> = requesters.map(|w| w.address).collect();
@@ -54,7 +58,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             };
             let served = here || record.served_beyond;
             if matches!(record.plan, Plan::Requester { .. })
-                && std::mem::replace(&mut record.told_served, served) != served
+                && std::mem::replace(&mut record.notified_served, served) != served
             {
                 self.notice(address, Notice::Served(served));
             }
@@ -74,16 +78,16 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         };
         record.served_beyond = served;
         if let Some(topic) = record.writer.as_deref().map(|writer| writer.topic) {
-            self.tell_served(topic);
+            self.notify_served(topic);
         }
     }
 
     /// Beyond the bridge there is who would talk with an endpoint, were it not for these policies, as
     /// [`Notice`]'s bits.
-    pub fn clash_beyond(&mut self, id: BridgeId, policies: u8) {
+    pub fn incompatible_beyond(&mut self, id: BridgeId, policies: u8) {
         let address = self.bridge.as_ref().and_then(|bridge| bridge.address(id));
         if let Some(address) = address.filter(|_| policies != 0) {
-            self.notice(address, Notice::Clash(policies));
+            self.notice(address, Notice::IncompatibleQos(policies));
         }
     }
 

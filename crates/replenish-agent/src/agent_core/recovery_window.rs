@@ -1,6 +1,6 @@
 //! Which clients have returned from the agent before this one.
 
-use crate::clients::Promise;
+use crate::clients::ClientOrigin;
 use replenish_xrce::Nanos;
 
 /// So long after a returned client's last request it has created all its readers.
@@ -8,7 +8,7 @@ const MOMENT: Nanos = 300_000_000;
 
 /// Who has returned from the agent before this one.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Comeback {
+pub(super) struct RecoveryWindow {
     /// Until when clients may return; counted from the agent's first moment.
     pub(super) until: Option<Nanos>,
     /// How many have.
@@ -21,10 +21,10 @@ pub(super) struct Comeback {
     pub(super) equipped: Option<Nanos>,
 }
 
-impl Comeback {
+impl RecoveryWindow {
     /// A client has sent something in its session: it will create its readers now.
-    pub(super) fn arrived(&mut self, now: Nanos, delivery: Option<Promise>) {
-        if let Some(Promise::Back(companions)) = delivery {
+    pub(super) fn arrived(&mut self, now: Nanos, origin: Option<ClientOrigin>) {
+        if let Some(ClientOrigin::Returned(companions)) = origin {
             self.returned += 1;
             self.expected = self.expected.max(companions);
             self.equips(now);

@@ -1,8 +1,8 @@
 //! What clients ask for in a session, submessage by submessage.
 
 use super::state::{AgentCore, Now};
-use crate::clients::Promise;
-use crate::entities::{Delivery, MAX_DEFINITION, Surroundings};
+use crate::clients::ClientOrigin;
+use crate::entities::{CreationContext, Delivery, MAX_DEFINITION};
 use crate::flow::Guid;
 use crate::report::Reason;
 use replenish_xrce::SeqNum;
@@ -60,7 +60,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             Ok(Body::Delete(delete)) => self.delete(index, stream, delete),
             Ok(Body::Timestamp(timestamp)) => self.timestamp(now, index, timestamp),
             Ok(Body::GetInfo(get)) => {
-                if let Some((peer, header)) = self.origin(index) {
+                if let Some((peer, header)) = self.peer_of(index) {
                     self.info(peer, &header, &get);
                 }
             }
@@ -84,7 +84,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             Status::INCOMPATIBLE
         } else if delivery.is_some() && read.stream == StreamId::NONE {
             Status::INVALID_DATA
-        } else if delivery.is_some() && client.outlet(read.stream, &self.limits).is_none() {
+        } else if delivery.is_some() && client.output(read.stream, &self.limits).is_none() {
             Status::RESOURCES
         } else {
             if let Some(reader) = client.entities.reader(read.base.object) {
@@ -94,7 +94,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             return; // granted: the samples are the answer
         };
         let client = self.clients.get_mut(index);
-        let streams = client.map_or(0, |client| client.outlets().len());
+        let streams = client.map_or(0, |client| client.outputs().len());
         let limit = match status {
             Status::RESOURCES if streams >= self.limits.streams => {
                 Some(("limits.streams", self.limits.streams))
@@ -114,10 +114,10 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         let Some(client) = self.clients.get_mut(index) else {
             return;
         };
-        match client.take_inlet(heartbeat.stream, &self.limits) {
-            Some(mut inlet) => {
-                inlet.heartbeat(heartbeat.last);
-                client.put_back(inlet);
+        match client.take_input(heartbeat.stream, &self.limits) {
+            Some(mut input) => {
+                input.heartbeat(heartbeat.last);
+                client.put_back(input);
             }
             None => self.counters.unsupported.hit(),
         }
@@ -135,11 +135,11 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             return;
         };
         let id = create.base.object;
-        if matches!(client.delivery, Some(Promise::Back(_))) {
-            self.comeback.equips(now.monotonic);
+        if matches!(client.origin, Some(ClientOrigin::Returned(_))) {
+            self.recovery_window.equips(now.monotonic);
         }
         self.requesters = self.requesters.wrapping_add(1);
-        let mut around = Surroundings {
+        let mut context = CreationContext {
             limits: &self.limits,
             profiles: &self.profiles,
             rules: &self.rules,
@@ -147,19 +147,19 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             guid: Guid::new(client.key, id, self.requesters, self.instance),
         };
         let served = client.entities.answers(id);
-        let created = client.entities.create(create, size, &mut around);
+        let created = client.entities.create(create, size, &mut context);
         if created.deleted {
             client.forget(id);
         }
         self.counters.qos_mismatches.add(created.mismatches as u64);
         if created.deleted {
-            self.tell_deleted(index, id);
-            served.iter().for_each(|topic| self.tell_served(*topic));
+            self.bridge_deleted(index, id);
+            served.iter().for_each(|topic| self.notify_served(*topic));
         }
         if created.status == Status::OK {
-            self.tell_created(index, create);
+            self.bridge_created(index, create);
             self.catch_up(now, index, id);
-            self.tell_matches(index, id);
+            self.notify_incompatible(index, id);
         }
         let limit = match created.status {
             Status::RESOURCES if size > MAX_DEFINITION => {
@@ -174,7 +174,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     fn delete(&mut self, index: usize, stream: StreamId, delete: Delete) {
         let id = delete.base.object;
         if id == ObjectId::CLIENT {
-            let Some((peer, header)) = self.origin(index) else {
+            let Some((peer, header)) = self.peer_of(index) else {
                 return;
             };
             let key = self.clients.get_mut(index).map(|client| client.key);
@@ -198,8 +198,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         let deleted = client.entities.delete(id, &mut self.topics);
         client.forget(id);
         let status = if deleted {
-            self.tell_deleted(index, id);
-            served.iter().for_each(|topic| self.tell_served(*topic));
+            self.bridge_deleted(index, id);
+            served.iter().for_each(|topic| self.notify_served(*topic));
             Status::OK
         } else {
             Status::UNKNOWN_REFERENCE
@@ -208,7 +208,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     }
 
     fn timestamp(&mut self, now: Now, index: usize, timestamp: Timestamp) {
-        let Some((peer, header)) = self.origin(index) else {
+        let Some((peer, header)) = self.peer_of(index) else {
             return;
         };
         let at = WireTime::from_nanos(now.unix);
@@ -306,7 +306,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     }
 
     /// Where a client is, and the header its messages outside of streams have.
-    fn origin(&mut self, index: usize) -> Option<(P, Header)> {
+    fn peer_of(&mut self, index: usize) -> Option<(P, Header)> {
         let client = self.clients.get_mut(index)?;
         let header = Header::new(client.session, StreamId::NONE, SeqNum(0), client.key);
         Some((client.peer, header))

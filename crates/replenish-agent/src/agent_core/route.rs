@@ -2,7 +2,7 @@
 
 use super::state::{AgentCore, Now};
 use crate::entities::Address;
-use crate::flow::{About, Identity, Receipt, Sample};
+use crate::flow::{Identity, Sample, SampleInfo, TrackerHandle};
 use crate::report::Reason;
 use replenish_xrce::wire::{ObjectId, ObjectKind, Status, StreamId, WriteData};
 use std::hash::Hash;
@@ -28,15 +28,15 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         self.counters.samples_in.hit();
         writer.wrote(at, write.payload.len(), &self.counters);
         let (topic, qos, keeps) = (writer.topic, writer.qos, writer.keeps());
-        let mut about = About {
+        let mut info = SampleInfo {
             expires: qos.lifespan.map(|lifespan| at.saturating_add(lifespan)),
-            ..About::default()
+            ..SampleInfo::default()
         };
         let mut payload = write.payload;
         match id.kind() {
             Ok(ObjectKind::Requester) => {
                 if let Some((identity, forgot)) = client.entities.call(id, write.base.request) {
-                    about.request = Some(identity);
+                    info.request = Some(identity);
                     self.counters.calls_forgotten.add(forgot.into());
                 }
             }
@@ -45,22 +45,22 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
                     self.counters.malformed.hit();
                     return;
                 };
-                (about.reply_to, payload) = (Some(identity), reply);
+                (info.reply_to, payload) = (Some(identity), reply);
             }
             _ => {}
         }
         let beyond = self.beyond(index, id);
-        let repeats = stream.is_reliable() && qos.reliable && self.limits.settle > 0;
+        let repeats = stream.is_reliable() && qos.reliable && self.limits.confirm_timeout > 0;
         let returns = repeats && self.returns(at, index);
         let readers = self.topics.readers(topic);
         if readers.is_empty() && !keeps && !returns && beyond.is_none() {
             self.counters
                 .replies_unwanted
-                .add(about.reply_to.is_some().into());
+                .add(info.reply_to.is_some().into());
             return;
         }
         let sample = if payload.len() <= self.limits.sample {
-            Sample::new(payload, about, &self.pool)
+            Sample::new(payload, info, &self.pool)
         } else {
             None
         };
@@ -76,7 +76,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             self.note_of(index, reason);
             return;
         };
-        let mint = || self.settled.receipt((index, stream), at);
+        let mint = || self.confirmed.track((index, stream), at);
         if let Some(client) = self.clients.get_mut(index)
             && let Some(writer) = client.entities.writer(id)
         {
@@ -84,8 +84,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
                 writer.keep(&sample, &client.ledger);
             }
             if returns {
-                let receipt = self.receipt.get_or_insert_with(mint);
-                writer.stash(&sample, receipt, self.limits.max_depth, &client.ledger);
+                let tracker = self.tracker.get_or_insert_with(mint);
+                writer.stash(&sample, tracker, self.limits.max_depth, &client.ledger);
                 self.stashed = true;
             }
         }
@@ -98,24 +98,24 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
                 continue;
             };
             let awaited = repeats
-                && (returns || target.is_awaited(object, at, self.limits.settle))
+                && (returns || target.is_awaited(object, at, self.limits.confirm_timeout))
                 && reader.qos.reliable;
-            let receipt = awaited.then(|| &*self.receipt.get_or_insert_with(mint));
+            let tracker = awaited.then(|| &*self.tracker.get_or_insert_with(mint));
             let Some(endpoint) = target.entities.reader(object) else {
                 continue;
             };
-            if endpoint.offer(&sample, receipt, at, &target.ledger, &self.counters) {
+            if endpoint.offer(&sample, tracker, at, &target.ledger, &self.counters) {
                 taken += 1;
             }
             let presses = qos.keep_all && qos.reliable && reader.qos.reliable;
-            if presses && endpoint.is_pressed(at, self.limits.patience) {
+            if presses && endpoint.blocks_writers(at, self.limits.writer_block_limit) {
                 full = Some(reader.address);
             }
             target.queue(object, at, &self.counters);
             served.push(client);
         }
         self.counters.samples_routed.add(taken);
-        let is_reply = about.reply_to.is_some();
+        let is_reply = info.reply_to.is_some();
         match beyond {
             // A reply is for one only.
             Some(beyond) if taken == 0 || !is_reply => self.cross(beyond, &sample),
@@ -127,7 +127,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
         self.served = served;
         if let Some(reader) = full {
-            self.press(at, index, stream, reader);
+            self.block(at, index, stream, reader);
         }
     }
 
@@ -157,16 +157,16 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
                 .get_mut(client)
                 .and_then(|client| client.entities.writer(object));
             let history = writer.map(|writer| writer.for_late(at, qos.is_durable(), returns));
-            let history: Vec<(Sample, Option<Receipt>)> = history.unwrap_or_default();
+            let history: Vec<(Sample, Option<TrackerHandle>)> = history.unwrap_or_default();
             let Some(target) = self.clients.get_mut(index) else {
                 return;
             };
             let Some(reader) = target.entities.reader(id) else {
                 return;
             };
-            for (sample, receipt) in history {
-                let receipt = receipt.as_ref();
-                if reader.offer(&sample, receipt, at, &target.ledger, &self.counters) {
+            for (sample, tracker) in history {
+                let tracker = tracker.as_ref();
+                if reader.offer(&sample, tracker, at, &target.ledger, &self.counters) {
                     self.counters.samples_routed.hit();
                 }
             }

@@ -1,7 +1,7 @@
 //! Which client is served next, and when which client needs attention by itself.
 //!
 //! A client stands in line at the level of the most urgent thing that it can be sent; within a
-//! level clients take turns, one datagram each. Its place in the agenda may be too early, never too
+//! level clients take turns, one datagram each. Its place in the timers may be too early, never too
 //! late: what only moves its deadline away does not move it there.
 
 use super::state::AgentCore;
@@ -13,14 +13,22 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     /// When [`pump`](Self::pump) must be called at the latest although nothing was received.
     #[must_use]
     pub fn next_deadline(&self) -> Option<Nanos> {
-        let client = self.agenda.first().map(|(at, _)| *at);
-        let pressed = self.pressed.iter().map(|pressed| pressed.until).min();
-        let comeback = self.comeback.deadline().filter(|_| self.stashed);
-        client.into_iter().chain(pressed).chain(comeback).min()
+        let client = self.timers.first().map(|(at, _)| *at);
+        let blocked = self
+            .blocked_streams
+            .iter()
+            .map(|blocked| blocked.until)
+            .min();
+        let recovery_window = self.recovery_window.deadline().filter(|_| self.stashed);
+        client
+            .into_iter()
+            .chain(blocked)
+            .chain(recovery_window)
+            .min()
     }
 
-    pub(super) fn next_in_line(&mut self) -> Option<usize> {
-        let index = self.line.next()?;
+    pub(super) fn next_client(&mut self) -> Option<usize> {
+        let index = self.client_queue.next()?;
         if let Some(client) = self.clients.get_mut(index) {
             client.queued = None;
         }
@@ -37,43 +45,40 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             && client.queued.is_none_or(|queued| queued < level)
         {
             if let Some(queued) = client.queued.replace(level) {
-                self.line.leave(queued, index);
+                self.client_queue.leave(queued, index);
             }
-            self.line.join(level, index);
+            self.client_queue.join(level, index);
         }
-        self.make_appointment(now, index);
+        self.set_timer(now, index);
     }
 
     /// Notes when a client needs attention by itself.
-    pub(super) fn make_appointment(&mut self, now: Nanos, index: usize) {
+    pub(super) fn set_timer(&mut self, now: Nanos, index: usize) {
         let Some(client) = self.clients.get_mut(index) else {
             return;
         };
         let deadline = client.deadline(&self.limits);
-        if client
-            .appointment
-            .is_none_or(|at| at <= now || deadline < at)
-        {
-            if let Some(at) = client.appointment.replace(deadline) {
-                self.agenda.remove(&(at, index));
+        if client.timer.is_none_or(|at| at <= now || deadline < at) {
+            if let Some(at) = client.timer.replace(deadline) {
+                self.timers.remove(&(at, index));
             }
-            self.agenda.insert((deadline, index));
+            self.timers.insert((deadline, index));
         }
     }
 
     /// Forgets clients that were silent for too long; serves those whose time has come.
     pub(super) fn attend(&mut self, now: Nanos) {
         while let Some((_, index)) = self
-            .agenda
+            .timers
             .first()
             .copied()
             .filter(|(deadline, _)| *deadline <= now)
         {
-            self.agenda.pop_first();
+            self.timers.pop_first();
             let Some(client) = self.clients.get_mut(index) else {
                 continue;
             };
-            client.appointment = None;
+            client.timer = None;
             if client.dies_at(&self.limits) <= now {
                 self.counters.clients_reaped.hit();
                 let limit = self.limits.silence;
@@ -82,15 +87,15 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
                 continue;
             }
             client.wake(now, &self.counters);
-            // What is due now goes out with this pump, which looks at the agenda again after it.
+            // What is due now goes out with this pump, which looks at the timers again after it.
             let due = client.urgency(now).is_some();
             if due && client.queued.is_none() {
                 client.queued = client.urgency(now);
-                self.line.join(client.queued.unwrap_or(0), index);
+                self.client_queue.join(client.queued.unwrap_or(0), index);
             } else if !due {
                 self.serve(now, index);
             }
         }
-        self.relieve(now);
+        self.unblock(now);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::state::{AgentCore, Now};
 use crate::clients::Client;
-use crate::entities::{Plan, Qos, Reader, Record, Writer};
+use crate::entities::{EntityRecord, Plan, Qos, Reader, Writer};
 use crate::report::{
     ClientSnapshot, EntitySnapshot, ReaderSnapshot, Snapshot, StreamSnapshot, WriterSnapshot, hex,
 };
@@ -26,14 +26,14 @@ impl<P: Copy + Eq + Hash + Display> AgentCore<P> {
             topics: self.topics.len(),
             queued_bytes: self.pool.used(),
             clients,
-            refusals: self.refusals.tell(),
+            refusals: self.refusals.snapshot(),
             bridge: None,
         }
     }
 
     fn client(&self, now: Now, client: &Client<P>) -> ClientSnapshot {
         let counts = client.counts;
-        let outlets = client.outlets().iter();
+        let outputs = client.outputs().iter();
         let entities = client.entities.iter();
         let mut entities: Vec<EntitySnapshot> = entities
             .map(|(id, record)| self.entity(id, record))
@@ -52,18 +52,18 @@ impl<P: Copy + Eq + Hash + Display> AgentCore<P> {
             bytes_in: counts.bytes_in,
             bytes_out: counts.bytes_out,
             rate_limited: counts.rate_limited,
-            streams: outlets
-                .map(|outlet| StreamSnapshot {
-                    stream: outlet.stream().0,
-                    unacknowledged: outlet.unacknowledged(),
-                    resent: outlet.resent(),
+            streams: outputs
+                .map(|output| StreamSnapshot {
+                    stream: output.stream().0,
+                    unacknowledged: output.unacknowledged(),
+                    resent: output.resent(),
                 })
                 .collect(),
             entities,
         }
     }
 
-    fn entity(&self, id: ObjectId, record: &Record) -> EntitySnapshot {
+    fn entity(&self, id: ObjectId, record: &EntityRecord) -> EntitySnapshot {
         let (domain, name, type_name) = match &record.plan {
             Plan::Participant { domain, name } => (*domain, &**name, ""),
             Plan::Group { domain } => (*domain, "", ""),

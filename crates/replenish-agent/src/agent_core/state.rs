@@ -1,13 +1,13 @@
 //! The core itself: its state, and the way of a datagram in and out.
 
-use super::client_queue::Line;
-use super::recovery_window::Comeback;
+use super::client_queue::ClientQueue;
+use super::recovery_window::RecoveryWindow;
 use crate::bridge::Bridge;
-use crate::clients::{Clients, Inlet, Replies};
+use crate::clients::{Clients, InputStream, Replies};
 use crate::config::{AgentConfig, Limits, Profiles, TopicRule};
 use crate::entities::{Address, Topics};
-use crate::flow::{Ledger, Pace, Receipt, Settled};
-use crate::report::{Counters, Log, Reason, Refusals, Stats};
+use crate::flow::{ConfirmedStreams, Ledger, RateLimiter, TrackerHandle};
+use crate::report::{Counters, Reason, Refusals, RejectionLog, Stats};
 use replenish_xrce::Nanos;
 use replenish_xrce::wire::{ClientKey, Message, StreamId};
 use std::collections::BTreeSet;
@@ -25,7 +25,7 @@ pub struct Now {
 
 /// A stream from a client that waits for a reader.
 #[derive(Debug)]
-pub(super) struct Pressed {
+pub(super) struct BlockedStream {
     pub(super) client: usize,
     pub(super) until: Nanos,
     pub(super) stream: StreamId,
@@ -52,27 +52,27 @@ pub struct AgentCore<P> {
     pub(super) pool: Ledger,
     pub(super) replies: Replies<P>,
     /// Datagrams that may come from outside of sessions.
-    pub(super) strangers: Option<Pace>,
+    pub(super) unauthenticated: Option<RateLimiter>,
     /// The clients that may have something to send.
-    pub(super) line: Line,
+    pub(super) client_queue: ClientQueue,
     /// When which client needs attention, at the latest.
-    pub(super) agenda: BTreeSet<(Nanos, usize)>,
-    pub(super) pressed: Vec<Pressed>,
+    pub(super) timers: BTreeSet<(Nanos, usize)>,
+    pub(super) blocked_streams: Vec<BlockedStream>,
     /// Clients that a sample has just been routed to; kept for its memory.
     pub(super) served: Vec<usize>,
     /// The seam to another middleware.
     pub(super) bridge: Option<Bridge>,
     pub(super) refusals: Refusals,
     /// What has been settled lately.
-    pub(super) settled: Settled,
+    pub(super) confirmed: ConfirmedStreams,
     /// For the message that is being taken in, once somebody has to be waited for.
-    pub(super) receipt: Option<Receipt>,
-    pub(super) comeback: Comeback,
+    pub(super) tracker: Option<TrackerHandle>,
+    pub(super) recovery_window: RecoveryWindow,
     /// Something is kept for them.
     pub(super) stashed: bool,
-    pub(super) log: Arc<Log<P>>,
-    /// Incidents so far.
-    pub(super) incidents: u64,
+    pub(super) log: Arc<RejectionLog<P>>,
+    /// Rejections so far.
+    pub(super) rejections: u64,
     /// The time of the last event.
     pub(super) time: Nanos,
     pub(super) counters: Arc<Counters>,
@@ -102,19 +102,19 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             topics: Topics::new(),
             pool: Ledger::new(limits.queued_bytes),
             replies: Replies::new(),
-            strangers: Pace::new(limits.strangers_per_second),
-            line: Line::default(),
-            agenda: BTreeSet::new(),
-            pressed: Vec::new(),
+            unauthenticated: RateLimiter::new(limits.unauthenticated_per_second),
+            client_queue: ClientQueue::default(),
+            timers: BTreeSet::new(),
+            blocked_streams: Vec::new(),
             served: Vec::new(),
             bridge: None,
             refusals: Refusals::default(),
-            settled: Settled::default(),
-            receipt: None,
-            comeback: Comeback::default(),
+            confirmed: ConfirmedStreams::default(),
+            tracker: None,
+            recovery_window: RecoveryWindow::default(),
             stashed: false,
-            log: Arc::new(Log::new()),
-            incidents: 0,
+            log: Arc::new(RejectionLog::new()),
+            rejections: 0,
             time: 0,
             counters: Arc::default(),
         }
@@ -142,8 +142,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         let route = self.clients.by_route(peer, header.session);
         let client = route.and_then(|index| self.clients.get_mut(index));
         let (Some(index), Some(client)) = (route, client) else {
-            if self.admit_stranger(now.monotonic, peer) {
-                self.stranger(now, peer, &message);
+            if self.admit_unauthenticated(now.monotonic, peer) {
+                self.receive_unauthenticated(now, peer, &message);
             }
             return;
         };
@@ -154,8 +154,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
         client.counts.datagrams_in += 1;
         client.counts.bytes_in += datagram.len() as u64;
-        if let Some(pace) = &mut client.pace
-            && !pace.admit(now.monotonic, 1)
+        if let Some(rate_limiter) = &mut client.rate_limiter
+            && !rate_limiter.admit(now.monotonic, 1)
         {
             client.counts.rate_limited += 1;
             let key = client.key;
@@ -166,32 +166,32 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
         client.heard(now.monotonic, &self.limits);
         if !std::mem::replace(&mut client.arrived, true) {
-            let delivery = client.delivery;
-            self.comeback.arrived(now.monotonic, delivery);
+            let origin = client.origin;
+            self.recovery_window.arrived(now.monotonic, origin);
         }
         if header.stream == StreamId::NONE {
             self.requests(now, index, StreamId::NONE, &message);
-        } else if self.is_held_up(now.monotonic, index, header.stream, header.seq) {
+        } else if self.is_blocked(now.monotonic, index, header.stream, header.seq) {
             self.counters.held_back.hit();
-        } else if let Some(inlet) = self
+        } else if let Some(input) = self
             .clients
             .get_mut(index)
-            .and_then(|client| client.take_inlet(header.stream, &self.limits))
+            .and_then(|client| client.take_input(header.stream, &self.limits))
         {
-            self.receive_on(now, index, inlet, &message);
+            self.receive_on(now, index, input, &message);
         } else {
             self.counters.unsupported.hit();
             let limit = self.limits.streams;
             self.note_of(index, Reason::Streams { limit });
         }
         self.serve(now.monotonic, index);
-        self.settle(now.monotonic);
+        self.confirm(now.monotonic);
     }
 
     /// Takes down what was refused to whom.
     pub(crate) fn note(&mut self, peer: P, key: Option<ClientKey>, reason: Reason) {
-        self.incidents += 1;
-        let (at, number) = (self.time, self.incidents);
+        self.rejections += 1;
+        let (at, number) = (self.time, self.rejections);
         self.log.note(at, number, peer, key, reason);
     }
 
@@ -203,17 +203,20 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    fn admit_stranger(&mut self, now: Nanos, peer: P) -> bool {
-        let admitted = self.strangers.as_mut().is_none_or(|p| p.admit(now, 1));
+    fn admit_unauthenticated(&mut self, now: Nanos, peer: P) -> bool {
+        let admitted = self
+            .unauthenticated
+            .as_mut()
+            .is_none_or(|p| p.admit(now, 1));
         if !admitted {
             self.counters.rate_limited.hit();
-            let limit = self.limits.strangers_per_second;
-            self.note(peer, None, Reason::Strangers { limit });
+            let limit = self.limits.unauthenticated_per_second;
+            self.note(peer, None, Reason::Unauthenticated { limit });
         }
         admitted
     }
 
-    fn stranger(&mut self, now: Now, peer: P, message: &Message<'_>) {
+    fn receive_unauthenticated(&mut self, now: Now, peer: P, message: &Message<'_>) {
         if message.header.session.is_none() {
             self.outside(now, peer, message);
         } else {
@@ -223,10 +226,16 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    fn receive_on(&mut self, now: Now, index: usize, mut inlet: Inlet, message: &Message<'_>) {
-        let stream = inlet.stream();
-        let from = inlet.next();
-        let received = inlet.receive(message.header.seq, message.body, |submessage| {
+    fn receive_on(
+        &mut self,
+        now: Now,
+        index: usize,
+        mut input: InputStream,
+        message: &Message<'_>,
+    ) {
+        let stream = input.stream();
+        let from = input.next();
+        let received = input.receive(message.header.seq, message.body, |submessage| {
             self.request(now, index, stream, submessage);
         });
         if received.is_err() {
@@ -234,12 +243,12 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             let bytes = message.body.len();
             self.note_of(index, Reason::Malformed { bytes });
         }
-        if let Some(receipt) = self.receipt.take() {
-            let until = self.settles_at(now.monotonic, index);
-            inlet.withhold(from, &receipt, until);
+        if let Some(tracker) = self.tracker.take() {
+            let until = self.confirmed_at(now.monotonic, index);
+            input.withhold(from, &tracker, until);
         }
         if let Some(client) = self.clients.get_mut(index) {
-            client.put_back(inlet);
+            client.put_back(input);
         }
     }
 
@@ -249,29 +258,29 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         self.begin(now.monotonic);
         self.time = now.monotonic;
         self.attend(now.monotonic);
-        self.settle(now.monotonic);
+        self.confirm(now.monotonic);
         for _ in 0..max {
             if self.replies.send_one(send) {
                 self.counters.datagrams_out.hit();
                 continue;
             }
-            let Some(index) = self.next_in_line() else {
+            let Some(index) = self.next_client() else {
                 return false;
             };
             let Some(client) = self.clients.get_mut(index) else {
                 continue;
             };
-            let about = (&self.limits, self.comeback.companions(now.monotonic));
+            let about = (&self.limits, self.recovery_window.companions(now.monotonic));
             if client.send_one(now.monotonic, about, &self.counters, send) {
                 self.counters.datagrams_out.hit();
                 self.serve(now.monotonic, index);
             } else {
-                self.make_appointment(now.monotonic, index);
+                self.set_timer(now.monotonic, index);
             }
-            self.relieve(now.monotonic);
-            self.settle(now.monotonic);
+            self.unblock(now.monotonic);
+            self.confirm(now.monotonic);
         }
-        !(self.replies.is_empty() && self.line.is_empty())
+        !(self.replies.is_empty() && self.client_queue.is_empty())
     }
 
     /// These peers take nothing until they are [released](Self::release): what is for them waits
@@ -310,8 +319,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         self.counters.snapshot()
     }
 
-    /// What was refused, for whoever asks; see [`Log`].
-    pub(crate) fn log(&self) -> &Arc<Log<P>> {
+    /// What was refused, for whoever asks; see [`RejectionLog`].
+    pub(crate) fn log(&self) -> &Arc<RejectionLog<P>> {
         &self.log
     }
 
@@ -332,17 +341,18 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         let served = ids.iter().filter_map(|id| client.entities.answers(*id));
         let served: Vec<_> = served.collect();
         client.entities.clear(&mut self.topics);
-        served.iter().for_each(|topic| self.tell_served(*topic));
+        served.iter().for_each(|topic| self.notify_served(*topic));
         if let Some(bridge) = &mut self.bridge {
             bridge.removed(index);
         }
         if let Some(level) = client.queued {
-            self.line.leave(level, index);
+            self.client_queue.leave(level, index);
         }
-        if let Some(at) = client.appointment {
-            self.agenda.remove(&(at, index));
+        if let Some(at) = client.timer {
+            self.timers.remove(&(at, index));
         }
-        self.pressed.retain(|pressed| pressed.client != index);
+        self.blocked_streams
+            .retain(|blocked| blocked.client != index);
         self.counters.clients.set(self.clients.len());
         self.count_companions();
     }

@@ -1,10 +1,10 @@
 //! One client: its session, its entities, its streams.
 
-use super::input_stream::Inlet;
-use super::output_stream::{Outlet, TOP, Throttled};
+use super::input_stream::InputStream;
+use super::output_stream::{OutputStream, TOP, Throttled};
 use crate::config::Limits;
 use crate::entities::{Entities, Readiness};
-use crate::flow::{Ledger, Pace};
+use crate::flow::{Ledger, RateLimiter};
 use crate::report::Counters;
 use replenish_xrce::stream::StreamHeader;
 use replenish_xrce::wire::{
@@ -27,38 +27,38 @@ pub(crate) struct Client<P> {
     pub(crate) created: Nanos,
     /// The session of this client that this one replaced.
     pub(crate) before: Option<SessionId>,
-    pub(crate) delivery: Option<Promise>,
+    pub(crate) origin: Option<ClientOrigin>,
     /// It has sent something in a session: it knows that it has one.
     pub(crate) arrived: bool,
     pub(crate) entities: Entities,
     /// What it makes the agent keep.
     pub(crate) ledger: Ledger,
     /// Datagrams it may send.
-    pub(crate) pace: Option<Pace>,
+    pub(crate) rate_limiter: Option<RateLimiter>,
     /// It stands in the agent's line of clients to be served, at this level.
     pub(crate) queued: Option<u8>,
-    /// It is in the agent's agenda for this time.
-    pub(crate) appointment: Option<Nanos>,
+    /// It is in the agent's timers for this time.
+    pub(crate) timer: Option<Nanos>,
     /// Its transport takes nothing now.
     pub(crate) held: bool,
     pub(crate) counts: ClientCounts,
     pub(crate) heard: Nanos,
     probe_at: Nanos,
-    inlets: Vec<Inlet>,
-    outlets: Vec<Outlet>,
+    inputs: Vec<InputStream>,
+    outputs: Vec<OutputStream>,
     throttled: Throttled,
-    /// The outlet whose turn it is among equals.
-    turn: usize,
+    /// The output whose turn it is among equals.
+    next_output: usize,
 }
 
 /// What a client that asks for [`DELIVERY`](replenish_xrce::wire::DELIVERY) has said about itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Promise {
+pub(crate) enum ClientOrigin {
     /// It has just begun.
     New,
     /// It had a session before, with an agent that was lost; so many clients had, itself included,
     /// if it knows.
-    Back(u8),
+    Returned(u8),
 }
 
 /// What is counted for each client.
@@ -88,21 +88,21 @@ impl<P> Client<P> {
             mtu,
             created: now,
             before: None,
-            delivery: None,
+            origin: None,
             arrived: false,
             entities: Entities::new(index),
             ledger: Ledger::new(limits.client_bytes),
-            pace: Pace::new(limits.datagrams_per_second),
+            rate_limiter: RateLimiter::new(limits.datagrams_per_second),
             queued: None,
-            appointment: None,
+            timer: None,
             held: false,
             counts: ClientCounts::default(),
             heard: now,
             probe_at: now.saturating_add(limits.silence / 3),
-            inlets: Vec::new(),
-            outlets: Vec::new(),
+            inputs: Vec::new(),
+            outputs: Vec::new(),
             throttled: Vec::new(),
-            turn: 0,
+            next_output: 0,
         }
     }
 
@@ -118,33 +118,37 @@ impl<P> Client<P> {
     }
 
     /// A stream from the client.
-    pub(crate) fn inlet(&mut self, stream: StreamId) -> Option<&mut Inlet> {
-        self.inlets.iter_mut().find(|i| i.stream() == stream)
+    pub(crate) fn input(&mut self, stream: StreamId) -> Option<&mut InputStream> {
+        self.inputs.iter_mut().find(|i| i.stream() == stream)
     }
 
     /// Takes a stream out to work with it, new if need be; `None` above the limit.
     /// [`put_back`](Self::put_back) it.
-    pub(crate) fn take_inlet(&mut self, stream: StreamId, limits: &Limits) -> Option<Inlet> {
-        match self.inlets.iter().position(|i| i.stream() == stream) {
-            Some(at) => Some(self.inlets.swap_remove(at)),
-            None if self.inlets.len() < limits.streams => {
-                let both = self.delivery.is_some();
-                Inlet::new(stream, self.mtu, both, limits, &self.ledger)
+    pub(crate) fn take_input(&mut self, stream: StreamId, limits: &Limits) -> Option<InputStream> {
+        match self.inputs.iter().position(|i| i.stream() == stream) {
+            Some(at) => Some(self.inputs.swap_remove(at)),
+            None if self.inputs.len() < limits.streams => {
+                let both = self.origin.is_some();
+                InputStream::new(stream, self.mtu, both, limits, &self.ledger)
             }
             None => None,
         }
     }
 
-    /// Puts back what [`take_inlet`](Self::take_inlet) took out.
-    pub(crate) fn put_back(&mut self, inlet: Inlet) {
-        self.inlets.push(inlet);
+    /// Puts back what [`take_input`](Self::take_input) took out.
+    pub(crate) fn put_back(&mut self, input: InputStream) {
+        self.inputs.push(input);
     }
 
     /// A stream to the client, new if need be; `None` above the limit or for "no stream".
-    pub(crate) fn outlet(&mut self, stream: StreamId, limits: &Limits) -> Option<&mut Outlet> {
-        let at = match self.outlets.iter().position(|o| o.stream() == stream) {
+    pub(crate) fn output(
+        &mut self,
+        stream: StreamId,
+        limits: &Limits,
+    ) -> Option<&mut OutputStream> {
+        let at = match self.outputs.iter().position(|o| o.stream() == stream) {
             Some(at) => at,
-            None if stream == StreamId::NONE || self.outlets.len() >= limits.streams => {
+            None if stream == StreamId::NONE || self.outputs.len() >= limits.streams => {
                 return None;
             }
             None => {
@@ -153,17 +157,17 @@ impl<P> Client<P> {
                     stream,
                     key: self.key,
                 };
-                let outlet = Outlet::new(header, self.mtu, limits, &self.ledger)?;
-                self.outlets.push(outlet);
-                self.outlets.len() - 1
+                let output = OutputStream::new(header, self.mtu, limits, &self.ledger)?;
+                self.outputs.push(output);
+                self.outputs.len() - 1
             }
         };
-        self.outlets.get_mut(at)
+        self.outputs.get_mut(at)
     }
 
     /// The streams to the client.
-    pub(crate) fn outlets(&self) -> &[Outlet] {
-        &self.outlets
+    pub(crate) fn outputs(&self) -> &[OutputStream] {
+        &self.outputs
     }
 
     /// Queues the answer to a request that came on `stream`; returns whether there was room.
@@ -173,16 +177,16 @@ impl<P> Client<P> {
         status: StatusReply,
         limits: &Limits,
     ) -> bool {
-        self.outlet(stream, limits)
-            .is_some_and(|outlet| outlet.status(status))
+        self.output(stream, limits)
+            .is_some_and(|output| output.status(status))
     }
 
     /// Queues what the client is told unasked, if it is one that understands it.
     pub(crate) fn notice(&mut self, object: ObjectId, notice: Notice, limits: &Limits) {
-        if self.delivery.is_some()
-            && let Some(outlet) = self.outlet(StreamId::RELIABLE, limits)
+        if self.origin.is_some()
+            && let Some(output) = self.output(StreamId::RELIABLE, limits)
         {
-            outlet.notice(object, notice);
+            output.notice(object, notice);
         }
     }
 
@@ -195,9 +199,9 @@ impl<P> Client<P> {
             Readiness::Idle => {}
             Readiness::Now(stream) => {
                 let service = endpoint.service;
-                let outlet = self.outlets.iter_mut().find(|o| o.stream() == stream);
-                if let Some(outlet) = outlet {
-                    outlet.queue(reader, service);
+                let output = self.outputs.iter_mut().find(|o| o.stream() == stream);
+                if let Some(output) = output {
+                    output.queue(reader, service);
                 }
             }
             Readiness::At(at) => {
@@ -208,29 +212,30 @@ impl<P> Client<P> {
     }
 
     /// Whether what is written for `reader` now must reach this client before it counts as settled.
-    pub(crate) fn is_awaited(&mut self, reader: ObjectId, now: Nanos, patience: Nanos) -> bool {
+    pub(crate) fn is_awaited(&mut self, reader: ObjectId, now: Nanos, limit: Nanos) -> bool {
         let Some(endpoint) = self.entities.reader(reader) else {
             return false;
         };
         let stream = endpoint.stream();
         // One that has got all it asked for is waited for if its client is known to ask for more.
-        if stream.is_none() && self.delivery.is_none() {
+        if stream.is_none() && self.origin.is_none() {
             return false;
         }
-        let lags = |outlet: &Outlet| Some(outlet.stream()) == stream && outlet.lags(now, patience);
-        endpoint.is_awaited(now, patience) && !self.outlets.iter().any(lags)
+        let lags =
+            |output: &OutputStream| Some(output.stream()) == stream && output.lags(now, limit);
+        endpoint.is_awaited(now, limit) && !self.outputs.iter().any(lags)
     }
 
     /// Notes what of the client's messages is settled by now.
-    pub(crate) fn settle(&mut self, now: Nanos, counters: &Counters) {
-        for inlet in &mut self.inlets {
-            counters.settled_late.add(inlet.settle(now));
+    pub(crate) fn confirm(&mut self, now: Nanos, counters: &Counters) {
+        for input in &mut self.inputs {
+            counters.confirmed_late.add(input.confirm(now));
         }
     }
 
     /// Gives those their turns whose waiting time is over.
     pub(crate) fn wake(&mut self, now: Nanos, counters: &Counters) {
-        self.settle(now, counters);
+        self.confirm(now, counters);
         while let Some(due) = self.throttled.iter().position(|(at, _)| *at <= now) {
             let (_, reader) = self.throttled.swap_remove(due);
             self.queue(reader, now, counters);
@@ -240,16 +245,16 @@ impl<P> Client<P> {
     /// Takes the turns of a deleted entity away.
     pub(crate) fn forget(&mut self, deleted: ObjectId) {
         self.throttled.retain(|(_, id)| *id != deleted);
-        for outlet in &mut self.outlets {
-            outlet.forget(deleted);
+        for output in &mut self.outputs {
+            output.forget(deleted);
         }
     }
 
     /// An ACKNACK.
     pub(crate) fn acknowledge(&mut self, now: Nanos, acknack: &AckNack) {
         let stream = acknack.stream;
-        if let Some(outlet) = self.outlets.iter_mut().find(|o| o.stream() == stream) {
-            outlet.acknowledge(now, acknack);
+        if let Some(output) = self.outputs.iter_mut().find(|o| o.stream() == stream) {
+            output.acknowledge(now, acknack);
         }
     }
 
@@ -259,10 +264,10 @@ impl<P> Client<P> {
         if self.held {
             return dies;
         }
-        let heartbeats = self.outlets.iter().filter_map(Outlet::deadline);
+        let heartbeats = self.outputs.iter().filter_map(OutputStream::deadline);
         let throttled = self.throttled.iter().map(|(at, _)| *at);
-        let unsettled = self.inlets.iter().filter_map(Inlet::deadline);
-        let timers = heartbeats.chain(throttled).chain(unsettled);
+        let unconfirmed = self.inputs.iter().filter_map(InputStream::deadline);
+        let timers = heartbeats.chain(throttled).chain(unconfirmed);
         let first = timers.chain([self.probe_at]).min();
         first.map_or(dies, |first| first.min(dies))
     }
@@ -272,14 +277,14 @@ impl<P> Client<P> {
         if self.held {
             return None;
         }
-        let heartbeat = |outlet: &Outlet| outlet.deadline().is_some_and(|at| at <= now);
-        let control = self.inlets.iter().any(Inlet::ack_due)
-            || self.outlets.iter().any(heartbeat)
+        let heartbeat = |output: &OutputStream| output.deadline().is_some_and(|at| at <= now);
+        let control = self.inputs.iter().any(InputStream::ack_due)
+            || self.outputs.iter().any(heartbeat)
             || self.probe_at <= now;
         if control {
             return Some(TOP);
         }
-        self.outlets.iter().filter_map(|o| o.urgency(now)).max()
+        self.outputs.iter().filter_map(|o| o.urgency(now)).max()
     }
 
     /// Hands the next datagram for this client to `send`; returns whether there was one.
@@ -292,8 +297,8 @@ impl<P> Client<P> {
     ) -> bool {
         let Self {
             peer,
-            inlets,
-            outlets,
+            inputs,
+            outputs,
             entities,
             throttled,
             counts,
@@ -305,19 +310,19 @@ impl<P> Client<P> {
             send(peer, bytes);
         };
         let header = Header::new(self.session, StreamId::NONE, SeqNum(0), self.key);
-        if let Some(ack) = inlets.iter_mut().find_map(|i| i.take_ack(companions)) {
+        if let Some(ack) = inputs.iter_mut().find_map(|i| i.take_ack(companions)) {
             return control(&header, &ack, &mut send);
         }
-        if let Some(heartbeat) = outlets.iter_mut().find_map(|o| o.take_heartbeat(now)) {
+        if let Some(heartbeat) = outputs.iter_mut().find_map(|o| o.take_heartbeat(now)) {
             return control(&header, &heartbeat, &mut send);
         }
-        // The most urgent outlet; among equals the one after the last that had its turn.
-        let count = outlets.len();
+        // The most urgent output; among equals the one after the last that had its turn.
+        let count = outputs.len();
         let mut tried = 0_u32;
         for _ in 0..count {
-            let order = (0..count).map(|i| (self.turn + i) % count);
+            let order = (0..count).map(|i| (self.next_output + i) % count);
             let untried = order.filter(|at| tried & (1 << at) == 0);
-            let level = |at: usize| outlets.get(at).and_then(|o| o.urgency(now));
+            let level = |at: usize| outputs.get(at).and_then(|o| o.urgency(now));
             let Some((at, _)) = untried
                 .filter_map(|at| Some((at, level(at)?)))
                 .reduce(|best, next| if next.1 > best.1 { next } else { best })
@@ -325,10 +330,10 @@ impl<P> Client<P> {
                 break;
             };
             tried |= 1 << at;
-            if let Some(outlet) = outlets.get_mut(at)
-                && outlet.send_one(now, entities, throttled, counters, &mut send)
+            if let Some(output) = outputs.get_mut(at)
+                && output.send_one(now, entities, throttled, counters, &mut send)
             {
-                self.turn = at + 1;
+                self.next_output = at + 1;
                 return true;
             }
         }
@@ -337,7 +342,7 @@ impl<P> Client<P> {
         }
         // Asks for a sign of life: every receiver answers a HEARTBEAT, also one about nothing.
         self.probe_at = now.saturating_add(limits.silence / 3);
-        let probe: Option<Heartbeat> = outlets.iter().find_map(Outlet::probe);
+        let probe: Option<Heartbeat> = outputs.iter().find_map(OutputStream::probe);
         probe.is_some_and(|probe| control(&header, &probe, &mut send))
     }
 }

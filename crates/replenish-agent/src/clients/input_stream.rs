@@ -1,7 +1,7 @@
 //! One stream from a client to the agent.
 
 use crate::config::Limits;
-use crate::flow::{Charge, Ledger, Receipt, Token};
+use crate::flow::{Charge, DeliveryTracker, Ledger, TrackerHandle};
 use replenish_xrce::Nanos;
 use replenish_xrce::SeqNum;
 use replenish_xrce::stream::{InputBestEffort, InputReliable};
@@ -12,9 +12,9 @@ use std::sync::{Arc, Weak};
 /// Messages that may wait for a missing one: what the bitmap of an ACKNACK can name.
 const SLOTS: usize = 16;
 
-/// Newly settled messages of which a client that is told both is told at once; fewer wait for more,
+/// Newly confirmed messages of which a client that is reported both is reported at once; fewer wait for more,
 /// or until all are.
-const SETTLED_AT_ONCE: i16 = 8;
+const CONFIRM_BATCH: i16 = 8;
 
 type Reliable = InputReliable<Box<[u8]>, Box<[u8]>, SLOTS>;
 
@@ -24,43 +24,43 @@ pub(crate) struct Malformed;
 
 /// A stream's receiving end.
 #[derive(Debug)]
-pub(crate) struct Inlet {
+pub(crate) struct InputStream {
     stream: StreamId,
-    machine: Machine,
+    receiver: Receiver,
     /// The last message that was not taken because there is no room for what it brings.
     postponed: Option<SeqNum>,
-    /// Messages that are not settled, the oldest first.
-    unsettled: VecDeque<Unsettled>,
-    /// The first message that the client does not know to be settled.
-    told: SeqNum,
-    /// The client is told what has come as well as what is settled; else only the latter.
-    tells_both: bool,
+    /// Messages that are not confirmed, the oldest first.
+    unconfirmed: VecDeque<Unconfirmed>,
+    /// The first message that the client does not know to be confirmed.
+    reported: SeqNum,
+    /// The client is reported what has come as well as what is confirmed; else only the latter.
+    reports_both: bool,
     _charge: Charge,
 }
 
-/// Messages from one on that wait for a receipt.
+/// Messages from one on that wait for a tracker.
 #[derive(Debug)]
-struct Unsettled {
+struct Unconfirmed {
     from: SeqNum,
-    receipt: Weak<Token>,
-    /// They count as settled from then on.
+    tracker: Weak<DeliveryTracker>,
+    /// They count as confirmed from then on.
     until: Nanos,
 }
 
 #[derive(Debug)]
-enum Machine {
+enum Receiver {
     BestEffort(InputBestEffort),
     Reliable(Box<Reliable>),
 }
 
-impl Inlet {
+impl InputStream {
     /// A stream at its beginning, for messages of up to `mtu` bytes. Longer ones are understood
     /// too, but on a reliable stream only when they come in order. `None` if the client may not
     /// have so much memory.
     pub(crate) fn new(
         stream: StreamId,
         mtu: usize,
-        tells_both: bool,
+        reports_both: bool,
         limits: &Limits,
         ledger: &Ledger,
     ) -> Option<Self> {
@@ -70,20 +70,20 @@ impl Inlet {
             0
         };
         let charge = ledger.charge(bytes)?;
-        let machine = if stream.is_reliable() {
+        let receiver = if stream.is_reliable() {
             let slots = vec![0; SLOTS * mtu].into_boxed_slice();
             let fragments = vec![0; limits.longest_submessage()].into_boxed_slice();
-            Machine::Reliable(Box::new(InputReliable::new(stream, slots, mtu, fragments)))
+            Receiver::Reliable(Box::new(InputReliable::new(stream, slots, mtu, fragments)))
         } else {
-            Machine::BestEffort(InputBestEffort::new())
+            Receiver::BestEffort(InputBestEffort::new())
         };
         Some(Self {
             stream,
-            machine,
+            receiver,
             postponed: None,
-            unsettled: VecDeque::new(),
-            told: SeqNum(0),
-            tells_both,
+            unconfirmed: VecDeque::new(),
+            reported: SeqNum(0),
+            reports_both,
             _charge: charge,
         })
     }
@@ -102,23 +102,23 @@ impl Inlet {
         body: &[u8],
         mut deliver: impl FnMut(&Submessage<'_>),
     ) -> Result<(), Malformed> {
-        match &mut self.machine {
-            Machine::BestEffort(machine) => {
-                if machine.accept(seq) {
+        match &mut self.receiver {
+            Receiver::BestEffort(receiver) => {
+                if receiver.accept(seq) {
                     let mut submessages = Submessages::new(body);
                     return submessages
                         .try_for_each(|s| s.map(|s| deliver(&s)))
                         .map_err(|_| Malformed);
                 }
             }
-            Machine::Reliable(machine) => {
-                let damage = |machine: &Reliable| {
-                    let stats = machine.stats();
+            Receiver::Reliable(receiver) => {
+                let damage = |receiver: &Reliable| {
+                    let stats = receiver.stats();
                     stats.malformed.saturating_add(stats.too_long)
                 };
-                let before = damage(machine);
-                machine.receive(seq, body, deliver);
-                if damage(machine) != before {
+                let before = damage(receiver);
+                receiver.receive(seq, body, deliver);
+                if damage(receiver) != before {
                     return Err(Malformed);
                 }
             }
@@ -128,18 +128,18 @@ impl Inlet {
 
     /// A HEARTBEAT of this stream.
     pub(crate) fn heartbeat(&mut self, last: SeqNum) {
-        if let Machine::Reliable(machine) = &mut self.machine {
-            machine.heartbeat(last);
+        if let Receiver::Reliable(receiver) = &mut self.receiver {
+            receiver.heartbeat(last);
         }
     }
 
     /// Message `seq` has come, but is not taken now; whether that can be. What was taken before is
     /// acknowledged again, and on a best-effort stream there is nothing to come back to.
     pub(crate) fn postpone(&mut self, seq: SeqNum) -> bool {
-        let Machine::Reliable(machine) = &self.machine else {
+        let Receiver::Reliable(receiver) = &self.receiver else {
             return false;
         };
-        if machine.next_expected().is_after(seq) {
+        if receiver.next_expected().is_after(seq) {
             return false;
         }
         if self.postponed.is_none_or(|last| seq.is_after(last)) {
@@ -157,60 +157,60 @@ impl Inlet {
 
     /// The first message that has not been taken in, on a reliable stream.
     pub(crate) fn next(&self) -> SeqNum {
-        match &self.machine {
-            Machine::BestEffort(_) => SeqNum(0),
-            Machine::Reliable(machine) => machine.next_expected(),
+        match &self.receiver {
+            Receiver::BestEffort(_) => SeqNum(0),
+            Receiver::Reliable(receiver) => receiver.next_expected(),
         }
     }
 
-    /// The messages from `from` on that have just come are not settled before nobody holds
-    /// `receipt` any more, or `until` has come.
-    pub(crate) fn withhold(&mut self, from: SeqNum, receipt: &Receipt, until: Nanos) {
-        self.unsettled.push_back(Unsettled {
+    /// The messages from `from` on that have just come are not confirmed before nobody holds
+    /// `tracker` any more, or `until` has come.
+    pub(crate) fn withhold(&mut self, from: SeqNum, tracker: &TrackerHandle, until: Nanos) {
+        self.unconfirmed.push_back(Unconfirmed {
             from,
-            receipt: Arc::downgrade(receipt),
+            tracker: Arc::downgrade(tracker),
             until,
         });
     }
 
-    /// Notes what is settled by now; returns how many were not in time.
-    pub(crate) fn settle(&mut self, now: Nanos) -> u64 {
+    /// Notes what is confirmed by now; returns how many were not in time.
+    pub(crate) fn confirm(&mut self, now: Nanos) -> u64 {
         let mut late = 0;
-        while let Some(oldest) = self.unsettled.front() {
-            let held = oldest.receipt.strong_count() > 0;
+        while let Some(oldest) = self.unconfirmed.front() {
+            let held = oldest.tracker.strong_count() > 0;
             if held && now < oldest.until {
                 break;
             }
             late += u64::from(held);
-            self.unsettled.pop_front();
+            self.unconfirmed.pop_front();
         }
         late
     }
 
-    /// When something counts as settled at the latest.
+    /// When something counts as confirmed at the latest.
     pub(crate) fn deadline(&self) -> Option<Nanos> {
-        self.unsettled.front().map(|oldest| oldest.until)
+        self.unconfirmed.front().map(|oldest| oldest.until)
     }
 
-    /// The first message that is not settled.
-    fn first_unsettled(&self) -> SeqNum {
-        let oldest = self.unsettled.front();
+    /// The first message that is not confirmed.
+    fn first_unconfirmed(&self) -> SeqNum {
+        let oldest = self.unconfirmed.front();
         oldest.map_or_else(|| self.next(), |oldest| oldest.from)
     }
 
-    /// Whether an ACKNACK is due. What has come and is not settled is no reason for one to a client
-    /// that is told nothing else.
+    /// Whether an ACKNACK is due. What has come and is not confirmed is no reason for one to a client
+    /// that is reported nothing else.
     pub(crate) fn ack_due(&self) -> bool {
-        let Machine::Reliable(machine) = &self.machine else {
+        let Receiver::Reliable(receiver) = &self.receiver else {
             return false;
         };
-        let settled = self.first_unsettled();
-        let progress = settled.since(self.told);
-        if self.tells_both {
-            let enough = settled == self.next() || progress >= SETTLED_AT_ONCE;
-            machine.ack_due() || (progress > 0 && enough)
+        let confirmed = self.first_unconfirmed();
+        let progress = confirmed.since(self.reported);
+        if self.reports_both {
+            let enough = confirmed == self.next() || progress >= CONFIRM_BATCH;
+            receiver.ack_due() || (progress > 0 && enough)
         } else {
-            machine.is_urgent() || progress > 0
+            receiver.is_urgent() || progress > 0
         }
     }
 
@@ -220,25 +220,25 @@ impl Inlet {
         if !self.ack_due() {
             return None;
         }
-        let settled = self.first_unsettled();
-        let Machine::Reliable(machine) = &mut self.machine else {
+        let confirmed = self.first_unconfirmed();
+        let Receiver::Reliable(receiver) = &mut self.receiver else {
             return None;
         };
-        let mut ack = machine.take_ack().unwrap_or_else(|| machine.ack());
-        self.told = settled;
+        let mut ack = receiver.take_ack().unwrap_or_else(|| receiver.ack());
+        self.reported = confirmed;
         if self.postponed.is_some() {
             ack.missing = 0;
         }
-        if self.tells_both {
+        if self.reports_both {
             let confirmed = Some(Confirmed {
-                first_unconfirmed: settled,
+                first_unconfirmed: confirmed,
                 companions,
             });
             return Some(Confirmation { ack, confirmed });
         }
-        let ahead = u32::try_from(ack.first_unacked.since(settled)).unwrap_or(0);
+        let ahead = u32::try_from(ack.first_unacked.since(confirmed)).unwrap_or(0);
         let ack = AckNack {
-            first_unacked: settled,
+            first_unacked: confirmed,
             missing: ack.missing.checked_shl(ahead).unwrap_or(0),
             ..ack
         };

@@ -6,7 +6,7 @@ mod output_stream;
 mod replies;
 mod table;
 
-pub(crate) use client::{Client, Promise};
-pub(crate) use input_stream::Inlet;
+pub(crate) use client::{Client, ClientOrigin};
+pub(crate) use input_stream::InputStream;
 pub(crate) use replies::Replies;
 pub(crate) use table::Clients;

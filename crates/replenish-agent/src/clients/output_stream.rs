@@ -16,7 +16,7 @@
 
 use crate::config::{Limits, Service, TopicRule};
 use crate::entities::{Entities, Readiness};
-use crate::flow::{Charge, Ledger, Receipt, Turns};
+use crate::flow::{Charge, Ledger, TrackerHandle, WeightedRoundRobin};
 use crate::report::Counters;
 use replenish_xrce::stream::{
     OutputBestEffort, OutputReliable, PushError, Reliability, StreamHeader, Tail,
@@ -46,31 +46,31 @@ pub(crate) type Throttled = Vec<(Nanos, ObjectId)>;
 
 /// A stream's sending end.
 #[derive(Debug)]
-pub(crate) struct Outlet {
-    machine: Machine,
+pub(crate) struct OutputStream {
+    sender: Sender,
     statuses: VecDeque<StatusReply>,
     /// What the client is told unasked; one of a kind for each object.
     notices: VecDeque<StatusReply>,
-    turns: Turns,
-    /// How urgent what was handed to the machine last is.
+    round_robin: WeightedRoundRobin,
+    /// How urgent what was handed to the sender last is.
     level: u8,
     /// Somebody more urgent than the rest sends on this stream.
     reserve: bool,
     /// What to let go of when the message with that number has arrived; the oldest first.
-    receipts: VecDeque<(SeqNum, Receipt)>,
+    trackers: VecDeque<(SeqNum, TrackerHandle)>,
     _charge: Charge,
 }
 
 #[derive(Debug)]
-enum Machine {
+enum Sender {
     BestEffort(OutputBestEffort<Box<[u8]>>),
     Reliable {
-        machine: Box<OutputReliable<Box<[u8]>, SLOTS>>,
+        sender: Box<OutputReliable<Box<[u8]>, SLOTS>>,
         capacity: usize,
     },
 }
 
-impl Outlet {
+impl OutputStream {
     /// A stream at its beginning, for a client that takes messages of up to `mtu` bytes.
     /// `None` if the client may not have so much memory.
     pub(crate) fn new(
@@ -88,33 +88,33 @@ impl Outlet {
         let bytes = slots.min(SLOTS) * mtu;
         let charge = ledger.charge(bytes)?;
         let buf = vec![0; bytes].into_boxed_slice();
-        let machine = if header.stream.is_reliable() {
+        let sender = if header.stream.is_reliable() {
             let config = Reliability {
                 in_flight: IN_FLIGHT,
                 ..Reliability::default()
             };
-            let machine = Box::new(OutputReliable::new(buf, mtu, header, Tail::Exact, config));
-            let capacity = machine.free();
-            Machine::Reliable { machine, capacity }
+            let sender = Box::new(OutputReliable::new(buf, mtu, header, Tail::Exact, config));
+            let capacity = sender.free();
+            Sender::Reliable { sender, capacity }
         } else {
-            Machine::BestEffort(OutputBestEffort::new(buf, header, Tail::Exact))
+            Sender::BestEffort(OutputBestEffort::new(buf, header, Tail::Exact))
         };
         Some(Self {
-            machine,
+            sender,
             statuses: VecDeque::new(),
             notices: VecDeque::new(),
-            turns: Turns::default(),
+            round_robin: WeightedRoundRobin::default(),
             level: TOP,
             reserve: false,
-            receipts: VecDeque::new(),
+            trackers: VecDeque::new(),
             _charge: charge,
         })
     }
 
     pub(crate) fn stream(&self) -> StreamId {
-        match &self.machine {
-            Machine::BestEffort(machine) => machine.header().stream,
-            Machine::Reliable { machine, .. } => machine.header().stream,
+        match &self.sender {
+            Sender::BestEffort(sender) => sender.header().stream,
+            Sender::Reliable { sender, .. } => sender.header().stream,
         }
     }
 
@@ -134,7 +134,7 @@ impl Outlet {
         let same = |n: &&mut StatusReply| (n.base, n.status) == (kind.base, kind.status);
         match (self.notices.iter_mut().find(same), notice) {
             (None, _) => self.notices.push_back(kind),
-            (Some(before), Notice::Clash(policies)) => before.implementation |= policies,
+            (Some(before), Notice::IncompatibleQos(policies)) => before.implementation |= policies,
             (Some(before), Notice::Served(_)) => *before = kind,
         }
     }
@@ -142,18 +142,18 @@ impl Outlet {
     /// Gives `reader` a turn, because it has a sample for this stream.
     pub(crate) fn queue(&mut self, reader: ObjectId, service: Service) {
         self.reserve |= service.priority > TopicRule::DEFAULT_PRIORITY;
-        self.turns.queue(reader, service);
+        self.round_robin.queue(reader, service);
     }
 
     /// Takes the turns of `reader` away.
     pub(crate) fn forget(&mut self, reader: ObjectId) {
-        self.turns.forget(reader);
+        self.round_robin.forget(reader);
         self.notices.retain(|notice| notice.base.object != reader);
     }
 
     /// How urgent what can be sent now is; `None` if there is nothing.
     pub(crate) fn urgency(&self, now: Nanos) -> Option<u8> {
-        if self.machine.has_message(now) {
+        if self.sender.has_message(now) {
             return Some(self.level);
         }
         let level = self.next_level()?;
@@ -163,7 +163,7 @@ impl Outlet {
     /// How urgent the next submessage is.
     fn next_level(&self) -> Option<u8> {
         if self.statuses.is_empty() && self.notices.is_empty() {
-            self.turns.top()
+            self.round_robin.top()
         } else {
             Some(TOP)
         }
@@ -177,51 +177,51 @@ impl Outlet {
         } else {
             0
         };
-        self.machine.has_room(now, IN_FLIGHT - reserved)
+        self.sender.has_room(now, IN_FLIGHT - reserved)
     }
 
     /// An ACKNACK of this stream.
     pub(crate) fn acknowledge(&mut self, now: Nanos, acknack: &AckNack) {
-        if let Machine::Reliable { machine, .. } = &mut self.machine {
-            machine.acknowledge(now, acknack.first_unacked, acknack.missing);
-            let first = machine.first_unacknowledged();
+        if let Sender::Reliable { sender, .. } = &mut self.sender {
+            sender.acknowledge(now, acknack.first_unacked, acknack.missing);
+            let first = sender.first_unacknowledged();
             while self
-                .receipts
+                .trackers
                 .front()
                 .is_some_and(|(last, _)| first.is_after(*last))
             {
-                self.receipts.pop_front();
+                self.trackers.pop_front();
             }
         }
     }
 
-    /// Whether a sample has been under way for longer than `patience`.
-    pub(crate) fn lags(&self, now: Nanos, patience: Nanos) -> bool {
-        let oldest = self.receipts.front();
-        oldest.is_some_and(|(_, receipt)| receipt.since.saturating_add(patience) <= now)
+    /// Whether a sample has been under way for longer than `limit`.
+    pub(crate) fn lags(&self, now: Nanos, limit: Nanos) -> bool {
+        let oldest = self.trackers.front();
+        oldest.is_some_and(|(_, tracker)| tracker.since.saturating_add(limit) <= now)
     }
 
     /// The HEARTBEAT to send, if its time has come.
     pub(crate) fn take_heartbeat(&mut self, now: Nanos) -> Option<Heartbeat> {
-        match &mut self.machine {
-            Machine::BestEffort(_) => None,
-            Machine::Reliable { machine, .. } => machine.take_heartbeat(now),
+        match &mut self.sender {
+            Sender::BestEffort(_) => None,
+            Sender::Reliable { sender, .. } => sender.take_heartbeat(now),
         }
     }
 
     /// When the next HEARTBEAT is due.
     pub(crate) fn deadline(&self) -> Option<Nanos> {
-        match &self.machine {
-            Machine::BestEffort(_) => None,
-            Machine::Reliable { machine, .. } => machine.next_deadline(),
+        match &self.sender {
+            Sender::BestEffort(_) => None,
+            Sender::Reliable { sender, .. } => sender.next_deadline(),
         }
     }
 
     /// A HEARTBEAT that is only to be answered, on a reliable stream where all is acknowledged.
     pub(crate) fn probe(&self) -> Option<Heartbeat> {
-        match &self.machine {
-            Machine::Reliable { machine, .. } if machine.is_idle() => {
-                let first: SeqNum = machine.first_unacknowledged();
+        match &self.sender {
+            Sender::Reliable { sender, .. } if sender.is_idle() => {
+                let first: SeqNum = sender.first_unacknowledged();
                 Some(Heartbeat {
                     first,
                     last: first.previous(),
@@ -234,17 +234,17 @@ impl Outlet {
 
     /// Messages that were sent again.
     pub(crate) fn resent(&self) -> u64 {
-        match &self.machine {
-            Machine::BestEffort(_) => 0,
-            Machine::Reliable { machine, .. } => machine.stats().resent,
+        match &self.sender {
+            Sender::BestEffort(_) => 0,
+            Sender::Reliable { sender, .. } => sender.stats().resent,
         }
     }
 
     /// Messages that are not acknowledged.
     pub(crate) fn unacknowledged(&self) -> usize {
-        match &self.machine {
-            Machine::BestEffort(_) => 0,
-            Machine::Reliable { machine, .. } => machine.unacknowledged(),
+        match &self.sender {
+            Sender::BestEffort(_) => 0,
+            Sender::Reliable { sender, .. } => sender.unacknowledged(),
         }
     }
 
@@ -258,7 +258,7 @@ impl Outlet {
         send: &mut dyn FnMut(&[u8]),
     ) -> bool {
         loop {
-            if self.machine.send_one(now, counters, send) {
+            if self.sender.send_one(now, counters, send) {
                 return true;
             }
             let room = self
@@ -280,7 +280,7 @@ impl Outlet {
     ) -> bool {
         if let Some(status) = self.statuses.pop_front() {
             self.level = TOP;
-            if self.machine.push(&status).is_err() {
+            if self.sender.push(&status).is_err() {
                 counters.replies_dropped.hit();
             }
             return true;
@@ -288,14 +288,14 @@ impl Outlet {
         if let Some(notice) = self.notices.front() {
             self.level = TOP;
             // One that does not fit is not worth more than the samples behind it.
-            let _lost = self.machine.push(notice).is_err();
+            let _lost = self.sender.push(notice).is_err();
             self.notices.pop_front();
             return true;
         }
         let stream = self.stream();
-        while let Some(id) = self.turns.front() {
+        while let Some(id) = self.round_robin.front() {
             let Some(reader) = entities.reader(id) else {
-                self.turns.served(false);
+                self.round_robin.served(false);
                 continue;
             };
             let mut is_ready = |readiness| match readiness {
@@ -307,19 +307,19 @@ impl Outlet {
                 }
             };
             if !is_ready(reader.readiness(now, counters)) {
-                self.turns.served(false);
+                self.round_robin.served(false);
                 continue;
             }
-            let Some(pushed) = reader.next().map(|data| self.machine.push(&data)) else {
-                self.turns.served(false);
+            let Some(pushed) = reader.next().map(|data| self.sender.push(&data)) else {
+                self.round_robin.served(false);
                 continue;
             };
             match pushed {
                 Ok(()) => {
                     self.level = reader.service.priority;
-                    let receipt = reader.delivered(now);
-                    let last = self.machine.newest();
-                    self.receipts.extend(last.zip(receipt));
+                    let tracker = reader.delivered(now);
+                    let last = self.sender.newest();
+                    self.trackers.extend(last.zip(tracker));
                     counters.samples_out.hit();
                 }
                 Err(PushError::WouldBlock) => return false,
@@ -329,28 +329,28 @@ impl Outlet {
                 }
             }
             let more = is_ready(reader.readiness(now, counters));
-            self.turns.served(more);
+            self.round_robin.served(more);
             return true;
         }
         false
     }
 }
 
-impl Machine {
+impl Sender {
     /// Whether there is something to send without being pushed anything.
     fn has_message(&self, now: Nanos) -> bool {
         match self {
-            Self::BestEffort(machine) => machine.has_message(),
-            Self::Reliable { machine, .. } => machine.has_message(now),
+            Self::BestEffort(sender) => sender.has_message(),
+            Self::Reliable { sender, .. } => sender.has_message(now),
         }
     }
 
     /// Whether a submessage pushed now goes out now, with `window` messages in flight.
     fn has_room(&self, now: Nanos, window: u16) -> bool {
         match self {
-            Self::BestEffort(machine) => !machine.has_message(),
-            Self::Reliable { machine, capacity } => {
-                capacity - machine.free() < usize::from(window) && !machine.has_message(now)
+            Self::BestEffort(sender) => !sender.has_message(),
+            Self::Reliable { sender, capacity } => {
+                capacity - sender.free() < usize::from(window) && !sender.has_message(now)
             }
         }
     }
@@ -359,24 +359,24 @@ impl Machine {
     fn newest(&self) -> Option<SeqNum> {
         match self {
             Self::BestEffort(_) => None,
-            Self::Reliable { machine, .. } => Some(machine.newest()),
+            Self::Reliable { sender, .. } => Some(sender.newest()),
         }
     }
 
     fn push(&mut self, body: &impl Encode) -> Result<(), PushError> {
         match self {
-            Self::BestEffort(machine) => machine.push(body),
-            Self::Reliable { machine, .. } => machine.push(body),
+            Self::BestEffort(sender) => sender.push(body),
+            Self::Reliable { sender, .. } => sender.push(body),
         }
     }
 
     fn send_one(&mut self, now: Nanos, counters: &Counters, send: &mut dyn FnMut(&[u8])) -> bool {
         match self {
-            Self::BestEffort(machine) => machine.take().map(send).is_some(),
-            Self::Reliable { machine, .. } => {
-                let resent = machine.stats().resent;
-                let sent = machine.next_datagram(now).map(send).is_some();
-                if machine.stats().resent != resent {
+            Self::BestEffort(sender) => sender.take().map(send).is_some(),
+            Self::Reliable { sender, .. } => {
+                let resent = sender.stats().resent;
+                let sent = sender.next_datagram(now).map(send).is_some();
+                if sender.stats().resent != resent {
                     counters.retransmitted.hit();
                 }
                 sent

@@ -44,18 +44,18 @@ pub struct Limits {
     pub datagrams_per_second: u32,
     /// Datagrams per second taken from all who have no session, together; 0 for no limit, at most
     /// 10 000 000.
-    pub strangers_per_second: u32,
+    pub unauthenticated_per_second: u32,
     /// How long a keep-all reader that is full may hold up reliable keep-all writers before its
     /// samples are dropped; 0 to 60 s.
-    pub patience: Nanos,
+    pub writer_block_limit: Nanos,
     /// How long the acknowledgement of a reliable message waits until its samples have reached all
     /// their reliable readers, which are not waited for while they lag behind by more; 0 to 60 s.
     /// With 0 it does not wait: then what the agent has queued is lost with it. Should be below the
     /// time that clients wait for an acknowledgement, which is 1 s with micro-ROS.
-    pub settle: Nanos,
+    pub confirm_timeout: Nanos,
     /// How long after its own start the agent keeps what returning clients write for readers whose
     /// clients return later; 0 to 60 s. Until then none of that is acknowledged as settled.
-    pub comeback: Nanos,
+    pub recovery_window: Nanos,
     /// How long a client may be silent before it is forgotten, 10 ms to 24 h. Before that, at a
     /// third of it, it is asked for a sign of life.
     pub silence: Nanos,
@@ -75,10 +75,10 @@ impl Limits {
         max_depth: 256,
         calls: 64,
         datagrams_per_second: 50_000,
-        strangers_per_second: 1_000,
-        patience: SECOND,
-        settle: SECOND / 2,
-        comeback: SECOND * 5 / 2,
+        unauthenticated_per_second: 1_000,
+        writer_block_limit: SECOND,
+        confirm_timeout: SECOND / 2,
+        recovery_window: SECOND * 5 / 2,
         silence: 30 * SECOND,
     };
 
@@ -111,13 +111,25 @@ impl Limits {
             rate.clone(),
         )?;
         within(
-            "limits.strangers_per_second",
-            self.strangers_per_second,
+            "limits.unauthenticated_per_second",
+            self.unauthenticated_per_second,
             rate,
         )?;
-        within("limits.patience", self.patience, 0..=60 * SECOND)?;
-        within("limits.settle", self.settle, 0..=60 * SECOND)?;
-        within("limits.comeback", self.comeback, 0..=60 * SECOND)?;
+        within(
+            "limits.writer_block_limit",
+            self.writer_block_limit,
+            0..=60 * SECOND,
+        )?;
+        within(
+            "limits.confirm_timeout",
+            self.confirm_timeout,
+            0..=60 * SECOND,
+        )?;
+        within(
+            "limits.recovery_window",
+            self.recovery_window,
+            0..=60 * SECOND,
+        )?;
         let silence = SECOND / 100..=24 * 3600 * SECOND;
         within("limits.silence", self.silence, silence)
     }

@@ -4,8 +4,8 @@ use super::calls::Calls;
 use super::plan::Plan;
 use super::qos::Qos;
 use super::reader::{Reader, Role};
-use super::records::{Address, Entities, Record};
-use super::topics::{Attached, End, TopicKey, Topics};
+use super::records::{Address, Entities, EntityRecord};
+use super::topics::{End, TopicEndpoint, TopicKey, Topics};
 use super::writer::Writer;
 use crate::config::{Limits, Profiles, TopicRule, service};
 use crate::flow::Guid;
@@ -15,7 +15,7 @@ use replenish_xrce::wire::{Create, CreationMode, ObjectId, Status};
 pub(crate) const MAX_DEFINITION: usize = 2048;
 
 /// What the creation of entities depends on besides the client.
-pub(crate) struct Surroundings<'a> {
+pub(crate) struct CreationContext<'a> {
     pub(crate) limits: &'a Limits,
     pub(crate) profiles: &'a Profiles,
     pub(crate) rules: &'a [TopicRule],
@@ -40,9 +40,9 @@ impl Entities {
         &mut self,
         create: &Create<'_>,
         size: usize,
-        around: &mut Surroundings<'_>,
+        context: &mut CreationContext<'_>,
     ) -> Created {
-        let done = self.try_create(create, size, around);
+        let done = self.try_create(create, size, context);
         done.unwrap_or_else(|status| Created {
             status,
             deleted: false,
@@ -55,7 +55,7 @@ impl Entities {
         &mut self,
         create: &Create<'_>,
         size: usize,
-        around: &mut Surroundings<'_>,
+        context: &mut CreationContext<'_>,
     ) -> Result<Created, Status> {
         let id = create.base.object;
         if id.kind() != Ok(create.entity.kind()) {
@@ -69,7 +69,7 @@ impl Entities {
         if size > MAX_DEFINITION {
             return Err(Status::RESOURCES);
         }
-        let plan = self.plan(&create.entity, around.profiles, around.limits);
+        let plan = self.plan(&create.entity, context.profiles, context.limits);
         if let Some(record) = existing.filter(|_| reuse) {
             if plan.as_ref() == Ok(&record.plan) {
                 return Ok(Created {
@@ -81,12 +81,12 @@ impl Entities {
             if !replace {
                 return Err(Status::MISMATCH);
             }
-        } else if existing.is_none() && self.records.len() >= around.limits.entities {
+        } else if existing.is_none() && self.records.len() >= context.limits.entities {
             return Err(Status::RESOURCES);
         }
         let plan = plan?;
-        let deleted = self.delete(id, around.topics);
-        let mismatches = self.realize(id, plan, around);
+        let deleted = self.delete(id, context.topics);
+        let mismatches = self.realize(id, plan, context);
         Ok(Created {
             status: Status::OK,
             deleted,
@@ -94,15 +94,15 @@ impl Entities {
         })
     }
 
-    fn realize(&mut self, id: ObjectId, plan: Plan, around: &mut Surroundings<'_>) -> usize {
-        let limits = around.limits;
+    fn realize(&mut self, id: ObjectId, plan: Plan, context: &mut CreationContext<'_>) -> usize {
+        let limits = context.limits;
         let for_services = Qos::service(limits);
         let (writes, reads) = match &plan {
             Plan::Participant { .. } | Plan::Topic { .. } | Plan::Group { .. } => (None, None),
             Plan::Writer { key, qos } => (Some((key, *qos)), None),
             Plan::Reader { key, qos } => (None, Some((key, *qos, Role::Data))),
             Plan::Requester { request, reply } => {
-                let role = Role::Requester(Calls::new(around.guid, id, limits.calls));
+                let role = Role::Requester(Calls::new(context.guid, id, limits.calls));
                 (
                     Some((request, for_services)),
                     Some((reply, for_services, role)),
@@ -118,7 +118,9 @@ impl Entities {
         let mut attach = |key: &TopicKey, end, qos| {
             let object = id;
             let address = Address { client, object };
-            let (topic, n) = around.topics.attach(key, end, Attached { address, qos });
+            let (topic, n) = context
+                .topics
+                .attach(key, end, TopicEndpoint { address, qos });
             mismatches += n;
             topic
         };
@@ -128,17 +130,17 @@ impl Entities {
         });
         let reader = reads.map(|(key, qos, role)| {
             let topic = attach(key, End::Reader, qos);
-            let service = service(around.rules, &key.name);
+            let service = service(context.rules, &key.name);
             Box::new(Reader::new(topic, qos, service, role))
         });
         self.records.insert(
             id,
-            Record {
+            EntityRecord {
                 plan,
                 writer,
                 reader,
                 served_beyond: false,
-                told_served: false,
+                notified_served: false,
             },
         );
         mismatches

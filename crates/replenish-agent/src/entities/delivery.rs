@@ -1,6 +1,6 @@
 //! `READ_DATA`: how much of a reader's samples the client wants, how fast, and on which stream.
 
-use crate::flow::Pace;
+use crate::flow::RateLimiter;
 use replenish_xrce::Nanos;
 use replenish_xrce::wire::{BaseRequest, DeliveryControl, StreamId};
 
@@ -18,7 +18,7 @@ pub(crate) struct Delivery {
     left: Option<u16>,
     /// When it ends.
     until: Option<Nanos>,
-    pace: Option<Pace>,
+    rate_limiter: Option<RateLimiter>,
     /// Shortest time between two samples.
     gap: Nanos,
     /// When the next sample may go because of `gap`.
@@ -48,7 +48,7 @@ impl Delivery {
             stream,
             left,
             until: (elapsed > 0).then(|| now.saturating_add(elapsed)),
-            pace: Pace::new(control.max_bytes_per_second.into()),
+            rate_limiter: RateLimiter::new(control.max_bytes_per_second.into()),
             gap: Nanos::from(control.min_pace_ms) * MS,
             next_at: 0,
         })
@@ -66,7 +66,9 @@ impl Delivery {
 
     /// When a sample of `bytes` may go.
     pub(crate) fn earliest(&self, bytes: usize) -> Nanos {
-        let paced = self.pace.map_or(0, |pace| pace.earliest(bytes));
+        let paced = self
+            .rate_limiter
+            .map_or(0, |limiter| limiter.earliest(bytes));
         paced.max(self.next_at)
     }
 
@@ -74,8 +76,8 @@ impl Delivery {
     pub(crate) fn spend(&mut self, now: Nanos, bytes: usize) {
         self.left = self.left.map(|left| left.saturating_sub(1));
         self.next_at = now.saturating_add(self.gap);
-        if let Some(pace) = &mut self.pace {
-            pace.spend(now, bytes);
+        if let Some(limiter) = &mut self.rate_limiter {
+            limiter.spend(now, bytes);
         }
     }
 }

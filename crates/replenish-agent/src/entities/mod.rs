@@ -23,11 +23,11 @@ mod records;
 mod topics;
 mod writer;
 
-pub(crate) use create::{MAX_DEFINITION, Surroundings};
+pub(crate) use create::{CreationContext, MAX_DEFINITION};
 pub(crate) use delivery::Delivery;
 pub(crate) use plan::Plan;
 pub(crate) use qos::Qos;
 pub(crate) use reader::{Reader, Readiness, Role};
-pub(crate) use records::{Address, Entities, Record};
+pub(crate) use records::{Address, Entities, EntityRecord};
 pub(crate) use topics::{TopicId, TopicKey, Topics};
 pub(crate) use writer::Writer;

@@ -136,11 +136,11 @@ impl Qos {
 
     /// Whether what this writer offers is what `reader` asks for, or better (DDS 1.4, 2.2.3).
     pub(crate) fn serves(&self, reader: &Qos) -> bool {
-        self.clash(reader) == 0
+        self.incompatibilities(reader) == 0
     }
 
     /// The policies of which this writer offers less than `reader` asks for, as [`Notice`]'s bits.
-    pub(crate) fn clash(&self, reader: &Qos) -> u8 {
+    pub(crate) fn incompatibilities(&self, reader: &Qos) -> u8 {
         let deadline = match (self.deadline, reader.deadline) {
             (_, None) => true,
             (None, Some(_)) => false,

@@ -14,18 +14,18 @@ use super::delivery::Delivery;
 use super::qos::Qos;
 use super::topics::TopicId;
 use crate::config::Service;
-use crate::flow::{Charge, Identity, Ledger, Receipt, Sample};
+use crate::flow::{Charge, Identity, Ledger, Sample, TrackerHandle};
 use crate::report::Counters;
 use replenish_xrce::Nanos;
 use replenish_xrce::wire::{BaseRequest, StreamId};
 use std::collections::VecDeque;
 
-/// Bytes that a place in a queue is counted with besides the sample's own.
-const PLACE: usize = 64;
+/// Bytes that a queued in a queue is counted with besides the sample's own.
+const QUEUE_OVERHEAD: usize = 64;
 
 /// How many samples a keep-all queue takes above its depth: those that are acknowledged already
 /// when it gets full.
-const OVERTIME: usize = 64;
+const KEEP_ALL_SLACK: usize = 64;
 
 /// Who reads.
 #[derive(Debug)]
@@ -53,7 +53,7 @@ pub(crate) struct Reader {
     pub(crate) qos: Qos,
     pub(crate) service: Service,
     pub(crate) role: Role,
-    queue: VecDeque<Place>,
+    queue: VecDeque<QueuedSample>,
     delivery: Option<Delivery>,
     /// The client has asked for samples on a reliable stream, and may ask for more.
     waits: bool,
@@ -65,10 +65,10 @@ pub(crate) struct Reader {
 }
 
 #[derive(Debug)]
-struct Place {
+struct QueuedSample {
     sample: Sample,
     prefix: Prefix,
-    receipt: Option<Receipt>,
+    tracker: Option<TrackerHandle>,
     _charge: Charge,
 }
 
@@ -110,10 +110,10 @@ impl Reader {
     }
 
     /// Whether what is offered on `now` must reach the client before it counts as settled: it is
-    /// wanted on a reliable stream, and the queue does not lag behind by `patience`.
-    pub(crate) fn is_awaited(&self, now: Nanos, patience: Nanos) -> bool {
-        let oldest = self.queue.iter().find_map(|place| place.receipt.as_ref());
-        let lags = oldest.is_some_and(|receipt| receipt.since.saturating_add(patience) <= now);
+    /// wanted on a reliable stream, and the queue does not lag behind by `limit`.
+    pub(crate) fn is_awaited(&self, now: Nanos, limit: Nanos) -> bool {
+        let oldest = self.queue.iter().find_map(|queued| queued.tracker.as_ref());
+        let lags = oldest.is_some_and(|tracker| tracker.since.saturating_add(limit) <= now);
         self.waits && self.qos.reliable && !lags
     }
 
@@ -122,23 +122,23 @@ impl Reader {
         self.delivery.as_ref().map(|delivery| delivery.stream)
     }
 
-    /// Keeps a sample, and `receipt` with it, if it is for this reader and there is room; returns
+    /// Keeps a sample, and `tracker` with it, if it is for this reader and there is room; returns
     /// whether it did.
     pub(crate) fn offer(
         &mut self,
         sample: &Sample,
-        receipt: Option<&Receipt>,
+        tracker: Option<&TrackerHandle>,
         now: Nanos,
         ledger: &Ledger,
         counters: &Counters,
     ) -> bool {
         let prefix = match &mut self.role {
             Role::Data => Prefix::None,
-            Role::Replier => match sample.about().request {
+            Role::Replier => match sample.info().request {
                 Some(identity) => Prefix::Request(identity),
                 None => return false,
             },
-            Role::Requester(calls) => match sample.about().reply_to.map(|to| calls.answer(to)) {
+            Role::Requester(calls) => match sample.info().reply_to.map(|to| calls.answer(to)) {
                 Some(Some(base)) => Prefix::Reply(base),
                 _ => return false,
             },
@@ -151,17 +151,17 @@ impl Reader {
             return false;
         }
         self.expire(now, counters);
-        let charge = self.make_room(sample.len() + PLACE, ledger, counters);
+        let charge = self.make_room(sample.len() + QUEUE_OVERHEAD, ledger, counters);
         let Some(charge) = charge else {
             self.count_dropped(counters);
             return false;
         };
         self.last = Some(now);
         self.counts.kept += 1;
-        self.queue.push_back(Place {
+        self.queue.push_back(QueuedSample {
             sample: sample.clone(),
             prefix,
-            receipt: receipt.cloned(),
+            tracker: tracker.cloned(),
             _charge: charge,
         });
         if self.is_full() && self.full_since.is_none() {
@@ -172,7 +172,7 @@ impl Reader {
 
     fn make_room(&mut self, bytes: usize, ledger: &Ledger, counters: &Counters) -> Option<Charge> {
         if self.qos.keep_all {
-            let hopeless = self.queue.len() >= self.qos.depth + OVERTIME;
+            let hopeless = self.queue.len() >= self.qos.depth + KEEP_ALL_SLACK;
             return if hopeless { None } else { ledger.charge(bytes) };
         }
         while self.queue.len() >= self.qos.depth.max(1) {
@@ -208,8 +208,8 @@ impl Reader {
     }
 
     /// Whether a writer should wait for this reader: it is full, and not for too long.
-    pub(crate) fn is_pressed(&self, now: Nanos, patience: Nanos) -> bool {
-        let short = |since: Nanos| now < since.saturating_add(patience);
+    pub(crate) fn blocks_writers(&self, now: Nanos, limit: Nanos) -> bool {
+        let short = |since: Nanos| now < since.saturating_add(limit);
         self.is_full() && self.full_since.is_some_and(short)
     }
 
@@ -236,10 +236,10 @@ impl Reader {
             self.waits &= delivery.is_used_up(); // then the client may grant more
             self.delivery = None;
         }
-        let (Some(delivery), Some(place)) = (&self.delivery, self.queue.front()) else {
+        let (Some(delivery), Some(queued)) = (&self.delivery, self.queue.front()) else {
             return Readiness::Idle;
         };
-        match delivery.earliest(place.len()) {
+        match delivery.earliest(queued.len()) {
             at if at > now => Readiness::At(at),
             _ => Readiness::Now(delivery.stream),
         }
@@ -248,8 +248,8 @@ impl Reader {
     /// The next DATA. Only right after [`readiness`](Self::readiness) said so.
     pub(crate) fn next(&self) -> Option<Outgoing<'_>> {
         let base = self.delivery.as_ref()?.base;
-        let place = self.queue.front()?;
-        let prefix = match place.prefix {
+        let queued = self.queue.front()?;
+        let prefix = match queued.prefix {
             Prefix::None => PrefixBytes::None,
             Prefix::Request(identity) => PrefixBytes::Request(identity.to_bytes()),
             Prefix::Reply(base) => {
@@ -261,20 +261,20 @@ impl Reader {
         Some(Outgoing {
             base,
             prefix,
-            payload: &place.sample,
+            payload: &queued.sample,
         })
     }
 
-    /// The next sample is on its way; gives the receipt to keep until it has arrived.
-    pub(crate) fn delivered(&mut self, now: Nanos) -> Option<Receipt> {
+    /// The next sample is on its way; gives the tracker to keep until it has arrived.
+    pub(crate) fn delivered(&mut self, now: Nanos) -> Option<TrackerHandle> {
         self.full_since = None;
-        let place = self.queue.pop_front()?;
+        let queued = self.queue.pop_front()?;
         self.counts.delivered += 1;
-        self.counts.delivered_bytes += place.sample.len() as u64;
+        self.counts.delivered_bytes += queued.sample.len() as u64;
         if let Some(delivery) = &mut self.delivery {
-            delivery.spend(now, place.len());
+            delivery.spend(now, queued.len());
         }
-        place.receipt
+        queued.tracker
     }
 
     /// The next sample cannot be delivered.
@@ -284,7 +284,7 @@ impl Reader {
     }
 }
 
-impl Place {
+impl QueuedSample {
     /// Bytes it takes in DATA.
     fn len(&self) -> usize {
         let prefix = match self.prefix {

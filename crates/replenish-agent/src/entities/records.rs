@@ -19,18 +19,18 @@ pub(crate) struct Address {
 #[derive(Debug)]
 pub(crate) struct Entities {
     pub(super) client: usize,
-    pub(super) records: HashMap<ObjectId, Record>,
+    pub(super) records: HashMap<ObjectId, EntityRecord>,
 }
 
 #[derive(Debug)]
-pub(crate) struct Record {
+pub(crate) struct EntityRecord {
     pub(crate) plan: Plan,
     pub(crate) writer: Option<Box<Writer>>,
     pub(crate) reader: Option<Box<Reader>>,
     /// A requester: servers beyond the bridge.
     pub(crate) served_beyond: bool,
     /// What its client was told last: whether it is served.
-    pub(crate) told_served: bool,
+    pub(crate) notified_served: bool,
 }
 
 impl Entities {
@@ -93,12 +93,12 @@ impl Entities {
     }
 
     /// An entity.
-    pub(crate) fn record(&self, id: ObjectId) -> Option<&Record> {
+    pub(crate) fn record(&self, id: ObjectId) -> Option<&EntityRecord> {
         self.records.get(&id)
     }
 
     /// An entity, to be changed.
-    pub(crate) fn record_mut(&mut self, id: ObjectId) -> Option<&mut Record> {
+    pub(crate) fn record_mut(&mut self, id: ObjectId) -> Option<&mut EntityRecord> {
         self.records.get_mut(&id)
     }
 
@@ -110,7 +110,7 @@ impl Entities {
     }
 
     /// All entities.
-    pub(crate) fn iter(&self) -> impl Iterator<Item = (ObjectId, &Record)> {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (ObjectId, &EntityRecord)> {
         self.records.iter().map(|(id, record)| (*id, record))
     }
 

@@ -24,7 +24,7 @@ pub(crate) enum End {
 
 /// An endpoint of a topic; `A` is its address.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Attached<A> {
+pub(crate) struct TopicEndpoint<A> {
     pub(crate) address: A,
     pub(crate) qos: Qos,
 }
@@ -33,16 +33,16 @@ pub(crate) struct Attached<A> {
 #[derive(Debug)]
 pub(crate) struct Topics<A> {
     ids: HashMap<TopicKey, usize>,
-    slots: Vec<Slot<A>>,
+    slots: Vec<TopicSlot<A>>,
     free: Vec<usize>,
 }
 
 #[derive(Debug)]
-struct Slot<A> {
+struct TopicSlot<A> {
     /// `None` while the slot is free.
     key: Option<TopicKey>,
-    writers: Vec<Attached<A>>,
-    readers: Vec<Attached<A>>,
+    writers: Vec<TopicEndpoint<A>>,
+    readers: Vec<TopicEndpoint<A>>,
 }
 
 impl<A: Copy + PartialEq> Topics<A> {
@@ -60,7 +60,7 @@ impl<A: Copy + PartialEq> Topics<A> {
         &mut self,
         key: &TopicKey,
         end: End,
-        endpoint: Attached<A>,
+        endpoint: TopicEndpoint<A>,
     ) -> (TopicId, usize) {
         let id = match self.ids.get(key) {
             Some(&id) => id,
@@ -104,12 +104,12 @@ impl<A: Copy + PartialEq> Topics<A> {
     }
 
     /// The readers of a topic, in the order in which they came.
-    pub(crate) fn readers(&self, TopicId(id): TopicId) -> &[Attached<A>] {
+    pub(crate) fn readers(&self, TopicId(id): TopicId) -> &[TopicEndpoint<A>] {
         self.slots.get(id).map_or(&[], |slot| &slot.readers)
     }
 
     /// The writers of a topic, in the order in which they came.
-    pub(crate) fn writers(&self, TopicId(id): TopicId) -> &[Attached<A>] {
+    pub(crate) fn writers(&self, TopicId(id): TopicId) -> &[TopicEndpoint<A>] {
         self.slots.get(id).map_or(&[], |slot| &slot.writers)
     }
 
@@ -119,7 +119,7 @@ impl<A: Copy + PartialEq> Topics<A> {
     }
 
     fn insert(&mut self, key: TopicKey) -> usize {
-        let slot = Slot {
+        let slot = TopicSlot {
             key: Some(key.clone()),
             writers: Vec::new(),
             readers: Vec::new(),
@@ -150,12 +150,12 @@ mod tests {
         }
     }
 
-    fn at(address: i32) -> Attached<i32> {
+    fn at(address: i32) -> TopicEndpoint<i32> {
         let qos = Qos::reader(&Limits::DEFAULT);
-        Attached { address, qos }
+        TopicEndpoint { address, qos }
     }
 
-    fn addresses(list: &[Attached<i32>]) -> Vec<i32> {
+    fn addresses(list: &[TopicEndpoint<i32>]) -> Vec<i32> {
         list.iter().map(|endpoint| endpoint.address).collect()
     }
 
@@ -195,7 +195,7 @@ mod tests {
     #[test]
     fn mismatches_are_told_to_the_second_of_a_pair() {
         let mut topics = Topics::new();
-        let reliable = |address| Attached {
+        let reliable = |address| TopicEndpoint {
             address,
             qos: Qos::writer(),
         };

@@ -2,7 +2,7 @@
 
 use super::qos::Qos;
 use super::topics::TopicId;
-use crate::flow::{Charge, Ledger, Receipt, Sample};
+use crate::flow::{Charge, Ledger, Sample, TrackerHandle};
 use crate::report::Counters;
 use replenish_xrce::Nanos;
 use std::collections::VecDeque;
@@ -15,7 +15,7 @@ pub(crate) struct Writer {
     /// The last samples, for readers that come later; the oldest first.
     history: VecDeque<(Sample, Charge)>,
     /// What readers on their way back have not seen; the oldest first.
-    stash: VecDeque<(Sample, Receipt, Charge)>,
+    stash: VecDeque<(Sample, TrackerHandle, Charge)>,
     last: Option<Nanos>,
     pub(crate) written: u64,
     pub(crate) written_bytes: u64,
@@ -69,7 +69,7 @@ impl Writer {
     pub(crate) fn stash(
         &mut self,
         sample: &Sample,
-        receipt: &Receipt,
+        tracker: &TrackerHandle,
         most: usize,
         ledger: &Ledger,
     ) {
@@ -77,7 +77,7 @@ impl Writer {
             && let Some(charge) = ledger.charge(sample.len())
         {
             self.stash
-                .push_back((sample.clone(), receipt.clone(), charge));
+                .push_back((sample.clone(), tracker.clone(), charge));
         }
     }
 
@@ -98,9 +98,9 @@ impl Writer {
         now: Nanos,
         durable: bool,
         returns: bool,
-    ) -> Vec<(Sample, Option<Receipt>)> {
+    ) -> Vec<(Sample, Option<TrackerHandle>)> {
         let stash = self.stash.iter().filter(|_| returns);
-        let stash = stash.map(|(sample, receipt, _)| (sample, Some(receipt)));
+        let stash = stash.map(|(sample, tracker, _)| (sample, Some(tracker)));
         let all_stashed = returns && self.has_stash();
         let kept = durable && self.keeps() && !all_stashed;
         let history = self.history.iter().filter(|_| kept);
@@ -108,7 +108,7 @@ impl Writer {
         let alive = history.chain(stash);
         let alive = alive.filter(|(sample, _)| !sample.is_expired(now));
         alive
-            .map(|(sample, receipt)| (sample.clone(), receipt.cloned()))
+            .map(|(sample, tracker)| (sample.clone(), tracker.cloned()))
             .collect()
     }
 }

@@ -1,15 +1,15 @@
 //! Receipts: what a client wrote is acknowledged when it has reached everybody it is for.
 //!
 //! ```text
-//!   message ──► receipt ──┬── place in a reader's queue ──► stream to its client ──► ACKNACK ──┐
+//!   message ──► track ──┬── place in a reader's queue ──► stream to its client ──► ACKNACK ──┐
 //!                         ├── place in a reader's queue ──► dropped as its QoS says, counted ──┤
 //!                         └── stash for readers that are on their way back ──► time is over ───┤
 //!                                                                                              ▼
-//!                                  the last one lets go of it: the message is settled
+//!                                  the last one lets go of it: the message is confirmed
 //! ```
 //!
 //! So an agent that dies takes nothing along that its writer could not repeat. Nobody waits for
-//! ever: after [`Limits::settle`](crate::Limits::settle) a message counts as settled all the same,
+//! ever: after [`Limits::confirm_timeout`](crate::Limits::confirm_timeout) a message counts as confirmed all the same,
 //! and a reader that lags behind that far is not waited for until it has caught up.
 
 use replenish_xrce::Nanos;
@@ -20,28 +20,28 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub(crate) type Source = (usize, StreamId);
 
 /// Held by all who have not yet done what they must with a message.
-pub(crate) type Receipt = Arc<Token>;
+pub(crate) type TrackerHandle = Arc<DeliveryTracker>;
 
-/// What a receipt is made of; tells when the last one who held it has let go of it.
+/// What a track is made of; tells when the last one who held it has let go of it.
 #[derive(Debug)]
-pub(crate) struct Token {
+pub(crate) struct DeliveryTracker {
     /// When its message came.
     pub(crate) since: Nanos,
     source: Source,
-    settled: Settled,
+    confirmed: ConfirmedStreams,
 }
 
-/// The streams from clients on which something has been settled lately.
+/// The streams from clients on which something has been confirmed lately.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Settled(Arc<Mutex<Vec<Source>>>);
+pub(crate) struct ConfirmedStreams(Arc<Mutex<Vec<Source>>>);
 
-impl Settled {
-    /// A receipt for what `source` has just sent.
-    pub(crate) fn receipt(&self, source: Source, now: Nanos) -> Receipt {
-        Arc::new(Token {
+impl ConfirmedStreams {
+    /// A track for what `source` has just sent.
+    pub(crate) fn track(&self, source: Source, now: Nanos) -> TrackerHandle {
+        Arc::new(DeliveryTracker {
             since: now,
             source,
-            settled: self.clone(),
+            confirmed: self.clone(),
         })
     }
 
@@ -51,9 +51,9 @@ impl Settled {
     }
 }
 
-impl Drop for Token {
+impl Drop for DeliveryTracker {
     fn drop(&mut self) {
-        let Settled(sources) = &self.settled;
+        let ConfirmedStreams(sources) = &self.confirmed;
         let mut sources = sources.lock().unwrap_or_else(PoisonError::into_inner);
         if !sources.contains(&self.source) {
             sources.push(self.source);

@@ -6,8 +6,8 @@ mod rate_limiter;
 mod sample;
 mod weighted_round_robin;
 
-pub(crate) use delivery_tracker::{Receipt, Settled, Token};
+pub(crate) use delivery_tracker::{ConfirmedStreams, DeliveryTracker, TrackerHandle};
 pub(crate) use identity::{Guid, Identity};
-pub(crate) use rate_limiter::Pace;
-pub(crate) use sample::{About, Charge, Ledger, Sample};
-pub(crate) use weighted_round_robin::Turns;
+pub(crate) use rate_limiter::RateLimiter;
+pub(crate) use sample::{Charge, Ledger, Sample, SampleInfo};
+pub(crate) use weighted_round_robin::WeightedRoundRobin;

@@ -8,13 +8,13 @@ const SECOND: Nanos = 1_000_000_000;
 /// again (the generic cell rate algorithm of ITU-T I.371). What is larger than a second's worth
 /// goes when the bucket is full, and the next waits accordingly longer.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Pace {
+pub(crate) struct RateLimiter {
     /// Units per second, at least 1.
     rate: u64,
     full_at: Nanos,
 }
 
-impl Pace {
+impl RateLimiter {
     /// `rate` units per second, or `None` for 0, which means no limit.
     pub(crate) fn new(rate: u32) -> Option<Self> {
         (rate > 0).then_some(Self {
@@ -54,21 +54,21 @@ mod tests {
 
     #[test]
     fn a_second_s_worth_at_once_and_then_the_rate() {
-        let mut pace = Pace::new(10).unwrap();
+        let mut limiter = RateLimiter::new(10).unwrap();
         let start = 5 * SECOND;
-        assert_eq!((0..20).filter(|_| pace.admit(start, 1)).count(), 10);
-        assert_eq!(pace.earliest(1), start + SECOND / 10);
-        let later = (1..=100).filter(|i| pace.admit(start + i * SECOND / 20, 1));
+        assert_eq!((0..20).filter(|_| limiter.admit(start, 1)).count(), 10);
+        assert_eq!(limiter.earliest(1), start + SECOND / 10);
+        let later = (1..=100).filter(|i| limiter.admit(start + i * SECOND / 20, 1));
         assert_eq!(later.count(), 50);
-        assert!(Pace::new(0).is_none());
+        assert!(RateLimiter::new(0).is_none());
     }
 
     #[test]
     fn what_is_larger_than_a_second_s_worth_goes_and_is_paid_for() {
-        let mut pace = Pace::new(100).unwrap();
-        assert!(pace.admit(SECOND, 1000));
-        assert_eq!(pace.earliest(1), 10 * SECOND + SECOND / 100);
-        let mut slow = Pace::new(1).unwrap();
+        let mut limiter = RateLimiter::new(100).unwrap();
+        assert!(limiter.admit(SECOND, 1000));
+        assert_eq!(limiter.earliest(1), 10 * SECOND + SECOND / 100);
+        let mut slow = RateLimiter::new(1).unwrap();
         slow.spend(u64::MAX - 1, usize::MAX);
         assert_eq!(slow.earliest(1), u64::MAX - SECOND);
     }

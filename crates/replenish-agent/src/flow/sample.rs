@@ -62,13 +62,13 @@ pub(crate) struct Sample(Arc<Payload>);
 #[derive(Debug)]
 struct Payload {
     bytes: Box<[u8]>,
-    about: About,
+    info: SampleInfo,
     _charge: Charge,
 }
 
 /// What goes with a sample's bytes.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct About {
+pub(crate) struct SampleInfo {
     /// Which request this is.
     pub(crate) request: Option<Identity>,
     /// Which request this is the reply to.
@@ -79,21 +79,21 @@ pub(crate) struct About {
 
 impl Sample {
     /// Copies `bytes`, or `None` when the ledger's limit would be exceeded.
-    pub(crate) fn new(bytes: &[u8], about: About, ledger: &Ledger) -> Option<Self> {
+    pub(crate) fn new(bytes: &[u8], info: SampleInfo, ledger: &Ledger) -> Option<Self> {
         let payload = Payload {
             _charge: ledger.charge(bytes.len())?,
             bytes: bytes.into(),
-            about,
+            info,
         };
         Some(Self(Arc::new(payload)))
     }
 
-    pub(crate) fn about(&self) -> &About {
-        &self.0.about
+    pub(crate) fn info(&self) -> &SampleInfo {
+        &self.0.info
     }
 
     pub(crate) fn is_expired(&self, now: Nanos) -> bool {
-        self.0.about.expires.is_some_and(|at| at <= now)
+        self.0.info.expires.is_some_and(|at| at <= now)
     }
 }
 
@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn a_shared_sample_counts_once_and_until_its_last_user_lets_go() {
         let ledger = Ledger::new(10);
-        let sample = |len| Sample::new(&vec![0; len], About::default(), &ledger);
+        let sample = |len| Sample::new(&vec![0; len], SampleInfo::default(), &ledger);
         let first = sample(8).unwrap();
         let second = first.clone();
         assert_eq!(ledger.used(), 8);

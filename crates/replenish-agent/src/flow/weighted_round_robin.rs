@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 
 /// The readers that have samples for a stream, each once.
 #[derive(Debug, Default)]
-pub(crate) struct Turns {
+pub(crate) struct WeightedRoundRobin {
     levels: [VecDeque<Turn>; LEVELS],
     /// Bit `n` is set iff level `n` is not empty.
     occupied: u8,
@@ -20,7 +20,7 @@ struct Turn {
     left: u16,
 }
 
-impl Turns {
+impl WeightedRoundRobin {
     /// Gives `reader` a turn.
     pub(crate) fn queue(&mut self, reader: ObjectId, service: Service) {
         let level = service.priority;
@@ -98,7 +98,7 @@ mod tests {
         Service { priority, weight }
     }
 
-    fn order(turns: &mut Turns, count: usize) -> Vec<u8> {
+    fn order(turns: &mut WeightedRoundRobin, count: usize) -> Vec<u8> {
         let next = |_| {
             let [number, _] = turns.front().unwrap().to_bytes();
             turns.served(true);
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn equals_take_turns_by_weight() {
-        let mut turns = Turns::default();
+        let mut turns = WeightedRoundRobin::default();
         turns.queue(reader(1), at(4, 1));
         turns.queue(reader(2), at(4, 3));
         turns.queue(reader(2), at(4, 3));
@@ -118,7 +118,7 @@ mod tests {
 
     #[test]
     fn the_more_urgent_goes_first_until_it_has_nothing_left() {
-        let mut turns = Turns::default();
+        let mut turns = WeightedRoundRobin::default();
         assert_eq!(turns.top(), None);
         turns.queue(reader(1), at(0, 1));
         turns.queue(reader(2), at(7, 1));

@@ -4,8 +4,8 @@ mod rejection;
 mod snapshot;
 mod stats;
 
-pub(crate) use rejection::Log;
-pub use rejection::{Incident, Incidents, Reason};
+pub(crate) use rejection::RejectionLog;
+pub use rejection::{Reason, Rejection, Rejections};
 pub use snapshot::{
     BridgeSnapshot, ClientSnapshot, EntitySnapshot, ReaderSnapshot, Refusal, Snapshot,
     StreamSnapshot, WriterSnapshot,

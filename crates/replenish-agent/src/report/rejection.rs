@@ -15,12 +15,12 @@ use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// Incidents of one kind that are kept until they are drained.
+/// Rejections of one kind that are kept until they are drained.
 const KEPT: usize = 32;
 
 /// Something that was refused or dropped, or an end that a client did not ask for.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Incident {
+pub struct Rejection {
     /// When, in nanoseconds on the agent's monotonic clock.
     pub at: Nanos,
     /// Where it came from, as in [`ClientSnapshot::peer`](crate::ClientSnapshot::peer).
@@ -31,7 +31,7 @@ pub struct Incident {
     pub reason: Reason,
 }
 
-impl fmt::Display for Incident {
+impl fmt::Display for Rejection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(key) = &self.key {
             write!(f, "client {key} at ")?;
@@ -64,8 +64,8 @@ pub enum Reason {
         limit: u32,
     },
     /// More datagrams a second than all without a session may send.
-    Strangers {
-        /// `limits.strangers_per_second`
+    Unauthenticated {
+        /// `limits.unauthenticated_per_second`
         limit: u32,
     },
     /// A log-in that makes no sense.
@@ -138,7 +138,7 @@ impl Reason {
             Self::WrongKey => "wrong_key",
             Self::Unsupported => "unsupported",
             Self::Rate { .. } => "rate",
-            Self::Strangers { .. } => "strangers",
+            Self::Unauthenticated { .. } => "strangers",
             Self::LogIn { .. } => "log_in",
             Self::Clients { .. } => "clients",
             Self::Streams { .. } => "streams",
@@ -159,7 +159,7 @@ impl Reason {
             Self::WrongKey => 2,
             Self::Unsupported => 3,
             Self::Rate { .. } => 4,
-            Self::Strangers { .. } => 5,
+            Self::Unauthenticated { .. } => 5,
             Self::LogIn { .. } => 6,
             Self::Clients { .. } => 7,
             Self::Streams { .. } => 8,
@@ -192,9 +192,9 @@ impl fmt::Display for Reason {
                 f,
                 "dropped a datagram: more than limits.datagrams_per_second = {limit}"
             ),
-            Self::Strangers { limit } => write!(
+            Self::Unauthenticated { limit } => write!(
                 f,
-                "dropped a datagram without session: more than limits.strangers_per_second = {limit}"
+                "dropped a datagram without session: more than limits.unauthenticated_per_second = {limit}"
             ),
             Self::LogIn { field, status } => {
                 write!(f, "refused a log-in with {status}: {field}")
@@ -253,23 +253,23 @@ impl fmt::Display for Reason {
 
 /// What has been refused since the last look.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Incidents {
+pub struct Rejections {
     /// The last of each kind, all in the order in which they happened.
-    pub list: Vec<Incident>,
+    pub list: Vec<Rejection>,
     /// How many more there were, by [kind](Reason::kind); only kinds with some.
     pub omitted: Vec<(&'static str, u64)>,
 }
 
 /// The memory. `P` is where things come from.
 #[derive(Debug)]
-pub(crate) struct Log<P> {
-    rings: Mutex<Vec<VecDeque<Entry<P>>>>,
+pub(crate) struct RejectionLog<P> {
+    rings: Mutex<Vec<VecDeque<RejectionRecord<P>>>>,
     /// Of each kind: name, and how many were not kept.
     omitted: [AtomicU64; KINDS],
 }
 
 #[derive(Debug)]
-struct Entry<P> {
+struct RejectionRecord<P> {
     at: Nanos,
     /// Puts entries of different kinds in order.
     number: u64,
@@ -278,7 +278,7 @@ struct Entry<P> {
     reason: Reason,
 }
 
-impl<P> Log<P> {
+impl<P> RejectionLog<P> {
     pub(crate) fn new() -> Self {
         let ring = || VecDeque::with_capacity(KEPT);
         Self {
@@ -312,7 +312,7 @@ impl<P> Log<P> {
             ring.pop_front();
             omit();
         }
-        ring.push_back(Entry {
+        ring.push_back(RejectionRecord {
             at,
             number,
             peer,
@@ -322,12 +322,12 @@ impl<P> Log<P> {
     }
 }
 
-impl<P: fmt::Display> Log<P> {
+impl<P: fmt::Display> RejectionLog<P> {
     /// Takes everything out.
-    pub(crate) fn drain(&self) -> Incidents {
+    pub(crate) fn drain(&self) -> Rejections {
         let rings = self.rings.lock();
         let mut rings = rings.unwrap_or_else(PoisonError::into_inner);
-        let mut entries: Vec<Entry<P>> = Vec::with_capacity(KEPT);
+        let mut entries: Vec<RejectionRecord<P>> = Vec::with_capacity(KEPT);
         let mut omitted = Vec::new();
         for (ring, count) in rings.iter_mut().zip(&self.omitted) {
             // A count without an entry stays for later, when there is one to name the kind.
@@ -338,14 +338,14 @@ impl<P: fmt::Display> Log<P> {
         }
         drop(rings);
         entries.sort_by_key(|entry| entry.number);
-        let tell = |entry: Entry<P>| Incident {
+        let rejection = |entry: RejectionRecord<P>| Rejection {
             at: entry.at,
             peer: entry.peer.to_string(),
             key: entry.key.map(|key| key.to_string()),
             reason: entry.reason,
         };
-        Incidents {
-            list: entries.into_iter().map(tell).collect(),
+        Rejections {
+            list: entries.into_iter().map(rejection).collect(),
             omitted,
         }
     }
@@ -357,7 +357,7 @@ mod tests {
 
     #[test]
     fn a_flood_of_one_kind_leaves_the_others_alone_and_is_counted() {
-        let log = Log::new();
+        let log = RejectionLog::new();
         log.note(1, 1, "a", None, Reason::Clients { limit: 3 });
         for i in 2..1000 {
             log.note(
@@ -368,10 +368,10 @@ mod tests {
                 Reason::Malformed { bytes: 7 },
             );
         }
-        let incidents = log.drain();
-        assert_eq!(incidents.list.len(), 1 + KEPT);
-        assert_eq!(incidents.omitted, [("malformed", 998 - KEPT as u64)]);
-        let texts: Vec<String> = incidents.list.iter().map(ToString::to_string).collect();
+        let rejections = log.drain();
+        assert_eq!(rejections.list.len(), 1 + KEPT);
+        assert_eq!(rejections.omitted, [("malformed", 998 - KEPT as u64)]);
+        let texts: Vec<String> = rejections.list.iter().map(ToString::to_string).collect();
         assert_eq!(
             texts.first().map(String::as_str),
             Some("a: refused a log-in: limits.clients = 3 are there")
@@ -380,16 +380,16 @@ mod tests {
             texts.last().map(String::as_str),
             Some("client 09090909 at b: dropped 7 bytes that are no DDS-XRCE message")
         );
-        assert_eq!(log.drain(), Incidents::default());
+        assert_eq!(log.drain(), Rejections::default());
     }
 
     #[test]
     fn it_never_waits_for_whoever_drains() {
-        let log = Log::new();
+        let log = RejectionLog::new();
         let held = log.rings.lock().unwrap();
         log.note(1, 1, 'p', None, Reason::WrongKey);
         drop(held);
-        assert_eq!(log.drain(), Incidents::default());
+        assert_eq!(log.drain(), Rejections::default());
         log.note(2, 2, 'p', None, Reason::WrongKey);
         assert_eq!(log.drain().omitted, [("wrong_key", 1)]);
     }

@@ -208,13 +208,13 @@ impl Refusals {
         self.list.push_back((key, object, status));
     }
 
-    pub(crate) fn tell(&self) -> Vec<Refusal> {
-        let tell = |(key, object, status): &(ClientKey, ObjectId, Status)| Refusal {
+    pub(crate) fn snapshot(&self) -> Vec<Refusal> {
+        let refusal = |(key, object, status): &(ClientKey, ObjectId, Status)| Refusal {
             key: key.to_string(),
             id: hex(*object),
             status: status.to_string(),
         };
-        self.list.iter().map(tell).collect()
+        self.list.iter().map(refusal).collect()
     }
 }
 

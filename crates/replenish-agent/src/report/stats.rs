@@ -3,13 +3,13 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 macro_rules! counters {
-    ($($(#[doc = $doc:literal])+ $name:ident,)*) => {
+    ($($(#[$meta:meta])+ $name:ident,)*) => {
         /// A snapshot of an agent's counters. All but `clients` only grow.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         #[cfg_attr(feature = "serde", derive(serde::Serialize))]
         #[non_exhaustive]
         pub struct Stats {
-            $($(#[doc = $doc])+ pub $name: u64,)*
+            $($(#[$meta])+ pub $name: u64,)*
         }
 
         /// The counters themselves: one writer (the agent), any number of readers.
@@ -89,7 +89,8 @@ counters! {
     bridge_dropped,
     /// Reliable messages acknowledged before they had reached all their readers, because one of
     /// those took too long.
-    settled_late,
+    #[cfg_attr(feature = "serde", serde(rename = "settled_late"))]
+    confirmed_late,
     /// Samples that waited for a reader when it was deleted or its client's session ended.
     samples_orphaned,
     /// Messages not taken because a keep-all reader has no room; the client sends them again.

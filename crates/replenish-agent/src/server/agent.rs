@@ -3,7 +3,7 @@
 use super::clock::{instance, now};
 #[cfg(feature = "dds")]
 use super::dds::DdsPort;
-use super::inspector::{Asked, Inspector};
+use super::inspector::{Inspector, SnapshotRequests};
 use super::peer::Peer;
 use super::ports::{Ports, Ready};
 use super::running::RunningAgent;
@@ -26,7 +26,7 @@ pub struct Agent {
     ports: Ports,
     core: AgentCore<Peer>,
     wake: Arc<WakeFd>,
-    asked: Arc<Asked>,
+    requests: Arc<SnapshotRequests>,
     #[cfg(feature = "dds")]
     dds: Option<DdsPort>,
 }
@@ -54,13 +54,13 @@ impl Agent {
             ports,
             core,
             wake,
-            asked: Arc::default(),
+            requests: Arc::default(),
             #[cfg(feature = "dds")]
             dds,
         })
     }
 
-    /// Where it listens for UDP, with the port that the operating system chose if 0 was asked for:
+    /// Where it listens for UDP, with the port that the operating system chose if 0 was requests for:
     /// the first address, [`AgentConfig::addr`]. `0.0.0.0:0` if it does not listen for UDP.
     #[must_use]
     pub fn local_addr(&self) -> SocketAddr {
@@ -84,7 +84,7 @@ impl Agent {
     #[must_use]
     pub fn inspector(&self) -> Inspector {
         let log = Arc::clone(self.core.log());
-        Inspector::new(Arc::clone(&self.wake), Arc::clone(&self.asked), log)
+        Inspector::new(Arc::clone(&self.wake), Arc::clone(&self.requests), log)
     }
 
     /// Runs in the calling thread until `stop` says so.
@@ -123,7 +123,7 @@ impl Agent {
             if let Some(dds) = &mut self.dds {
                 dds.tell(core);
             }
-            self.asked.answer(|| Snapshot {
+            self.requests.answer(|| Snapshot {
                 #[cfg(feature = "dds")]
                 bridge: self.dds.as_ref().map(DdsPort::snapshot),
                 ..core.snapshot(now())
@@ -170,7 +170,7 @@ fn send_all(ports: &mut Ports, core: &mut AgentCore<Peer>) {
     let counters = Arc::clone(core.counters());
     loop {
         if ports.has_links() {
-            ports.settle(core, now());
+            ports.update_held_links(core, now());
         }
         let max = if ports.has_links() { 1 } else { BATCH };
         let more = core.pump(now(), max, &mut |to, bytes| {

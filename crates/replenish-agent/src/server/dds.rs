@@ -25,15 +25,15 @@ pub(super) struct DdsPort {
     /// The DDS domain of clients that say 0.
     domain: u16,
     kinds: BTreeMap<BridgeId, &'static str>,
-    /// What there was no room for; tried again when there is.
-    waiting: BTreeMap<BridgeId, What>,
-    /// What DDS cannot have.
+    /// Entities that wait until DDS has room for them.
+    waiting: BTreeMap<BridgeId, DdsEntity>,
+    /// Entities that DDS refused, and the reasons.
     refused: BTreeMap<BridgeId, (String, OpenError)>,
     wake: Arc<WakeFd>,
 }
 
 #[derive(Clone, Debug)]
-enum What {
+enum DdsEntity {
     Node(Node),
     Endpoint(Endpoint),
 }
@@ -46,7 +46,7 @@ fn policies(mismatch: Mismatch) -> u8 {
         | bit(mismatch.deadline, Notice::DEADLINE)
 }
 
-impl What {
+impl DdsEntity {
     fn name(&self) -> &str {
         match self {
             Self::Node(node) => &node.name,
@@ -78,7 +78,7 @@ impl DdsPort {
                     } else {
                         name
                     };
-                    self.open(id, "participant", What::Node(Node { domain, name }));
+                    self.open(id, "participant", DdsEntity::Node(Node { domain, name }));
                 }
                 BridgeEvent::Endpoint {
                     id,
@@ -89,7 +89,7 @@ impl DdsPort {
                     let domain = self.domain(domain);
                     let (name, kind) = kind.into_dds();
                     let endpoint = Endpoint { domain, node, kind };
-                    self.open(id, name, What::Endpoint(endpoint));
+                    self.open(id, name, DdsEntity::Endpoint(endpoint));
                 }
                 BridgeEvent::Close { id } => self.close(id),
                 BridgeEvent::Sample { id, sample } => {
@@ -109,7 +109,7 @@ impl DdsPort {
             core.served_beyond(id, served);
         }
         while let Some((id, mismatch)) = self.dds.take_mismatch() {
-            core.clash_beyond(id, policies(mismatch));
+            core.incompatible_beyond(id, policies(mismatch));
         }
         for _ in 0..BATCH {
             let Some((id, incoming)) = self.dds.take() else {
@@ -121,7 +121,7 @@ impl DdsPort {
         self.wake.wake();
     }
 
-    /// What DDS does with the clients' entities.
+    /// The state of the clients' entities in DDS.
     pub(super) fn snapshot(&self) -> Vec<BridgeSnapshot> {
         let report = self.dds.report();
         let kind = |id| self.kinds.get(&id).copied().unwrap_or_default();
@@ -151,7 +151,7 @@ impl DdsPort {
             ..BridgeSnapshot::default()
         };
         let waiting = self.waiting.iter();
-        let waiting = waiting.map(|(id, what)| not_open(*id, what.name(), OpenError::Full));
+        let waiting = waiting.map(|(id, entity)| not_open(*id, entity.name(), OpenError::Full));
         let refused = self.refused.iter();
         let refused = refused.map(|(id, (name, why))| not_open(*id, name, *why));
         open.chain(waiting).chain(refused).collect()
@@ -165,23 +165,23 @@ impl DdsPort {
         }
     }
 
-    fn open(&mut self, id: BridgeId, kind: &'static str, what: What) {
+    fn open(&mut self, id: BridgeId, kind: &'static str, entity: DdsEntity) {
         self.kinds.insert(id, kind);
-        self.try_open(id, what);
+        self.try_open(id, entity);
     }
 
-    fn try_open(&mut self, id: BridgeId, what: What) {
-        let opened = match what.clone() {
-            What::Node(node) => self.dds.open_node(id, node),
-            What::Endpoint(endpoint) => self.dds.open(id, endpoint),
+    fn try_open(&mut self, id: BridgeId, entity: DdsEntity) {
+        let opened = match entity.clone() {
+            DdsEntity::Node(node) => self.dds.open_node(id, node),
+            DdsEntity::Endpoint(endpoint) => self.dds.open(id, endpoint),
         };
         match opened {
             Ok(()) => {}
             Err(OpenError::Full) => {
-                self.waiting.insert(id, what);
+                self.waiting.insert(id, entity);
             }
             Err(why) => {
-                self.refused.insert(id, (what.name().into(), why));
+                self.refused.insert(id, (entity.name().into(), why));
             }
         }
     }
@@ -193,8 +193,8 @@ impl DdsPort {
             return;
         }
         self.dds.close(id);
-        if let Some((id, what)) = self.waiting.pop_first() {
-            self.try_open(id, what);
+        if let Some((id, entity)) = self.waiting.pop_first() {
+            self.try_open(id, entity);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Asking a running agent what it is doing.
 
 use super::peer::Peer;
-use crate::report::{Incidents, Log, Snapshot};
+use crate::report::{RejectionLog, Rejections, Snapshot};
 use replenish_os::WakeFd;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
@@ -12,58 +12,66 @@ use std::time::Duration;
 #[derive(Clone, Debug)]
 pub struct Inspector {
     wake: Arc<WakeFd>,
-    asked: Arc<Asked>,
-    log: Arc<Log<Peer>>,
+    requests: Arc<SnapshotRequests>,
+    log: Arc<RejectionLog<Peer>>,
 }
 
 /// Who wants a snapshot.
 #[derive(Debug, Default)]
-pub(super) struct Asked {
-    any: AtomicBool,
-    who: Mutex<Vec<SyncSender<Snapshot>>>,
+pub(super) struct SnapshotRequests {
+    pending: AtomicBool,
+    senders: Mutex<Vec<SyncSender<Snapshot>>>,
 }
 
 impl Inspector {
-    pub(super) fn new(wake: Arc<WakeFd>, asked: Arc<Asked>, log: Arc<Log<Peer>>) -> Self {
-        Self { wake, asked, log }
+    pub(super) fn new(
+        wake: Arc<WakeFd>,
+        requests: Arc<SnapshotRequests>,
+        log: Arc<RejectionLog<Peer>>,
+    ) -> Self {
+        Self {
+            wake,
+            requests,
+            log,
+        }
     }
 
-    /// What was refused since the last look, by whichever of the clones. The last 32 incidents of
+    /// What was refused since the last look, by whichever of the clones. The last 32 rejections of
     /// each kind are kept; what there was besides is counted.
     #[must_use]
-    pub fn incidents(&self) -> Incidents {
+    pub fn rejections(&self) -> Rejections {
         self.log.drain()
     }
 
-    /// What the agent is doing, or `None` if it does not say within `patience`, because it does not
+    /// What the agent is doing, or `None` if it does not say within `timeout`, because it does not
     /// run.
     #[must_use]
-    pub fn snapshot(&self, patience: Duration) -> Option<Snapshot> {
+    pub fn snapshot(&self, timeout: Duration) -> Option<Snapshot> {
         let (sender, receiver) = sync_channel(1);
-        let who = self.asked.who.lock();
-        who.unwrap_or_else(PoisonError::into_inner).push(sender);
-        self.asked.any.store(true, Ordering::Release);
+        let senders = self.requests.senders.lock();
+        senders.unwrap_or_else(PoisonError::into_inner).push(sender);
+        self.requests.pending.store(true, Ordering::Release);
         self.wake.wake();
-        receiver.recv_timeout(patience).ok()
+        receiver.recv_timeout(timeout).ok()
     }
 }
 
-impl Asked {
-    /// Gives everyone who has asked what `take` gives. If somebody is just asking, the next time.
+impl SnapshotRequests {
+    /// Gives everyone who has requests what `take` gives. If somebody is just asking, the next time.
     pub(super) fn answer(&self, take: impl FnOnce() -> Snapshot) {
-        if !self.any.load(Ordering::Acquire) {
+        if !self.pending.load(Ordering::Acquire) {
             return;
         }
-        let Ok(mut who) = self.who.try_lock() else {
+        let Ok(mut senders) = self.senders.try_lock() else {
             return; // who holds it sets the flag and wakes us after that
         };
-        self.any.store(false, Ordering::Relaxed);
-        if who.is_empty() {
+        self.pending.store(false, Ordering::Relaxed);
+        if senders.is_empty() {
             return;
         }
         let snapshot = take();
-        for sender in who.drain(..) {
-            // Whoever has lost patience does not listen any more.
+        for sender in senders.drain(..) {
+            // Whoever has lost timeout does not listen any more.
             drop(sender.try_send(snapshot.clone()));
         }
     }

@@ -38,7 +38,7 @@ pub(super) struct Ports {
     listener: Option<TcpListener>,
     tcp_addr: Option<SocketAddr>,
     /// Connections could not be taken; nobody listens until the next upkeep.
-    deaf: bool,
+    accept_paused: bool,
     lines: Vec<SerialConfig>,
     links: Vec<Option<Link>>,
     /// Connections there were.
@@ -76,7 +76,7 @@ impl Ports {
             udp,
             listener,
             tcp_addr,
-            deaf: false,
+            accept_paused: false,
             max_links: links.len() + config.limits.clients,
             lines: config.serial.clone(),
             links,
@@ -107,7 +107,7 @@ impl Ports {
         deadline: Option<Nanos>,
         ready: &mut Vec<Ready>,
     ) -> std::io::Result<()> {
-        let upkeep = (self.has_links() || self.deaf).then_some(self.upkeep_at);
+        let upkeep = (self.has_links() || self.accept_paused).then_some(self.upkeep_at);
         let deadline = deadline.into_iter().chain(upkeep).min();
         let mut fds = Vec::with_capacity(2 + self.udp.len() + 2 * self.links.len());
         ready.clear();
@@ -117,7 +117,7 @@ impl Ports {
             fds.push(PollFd::readable(udp));
             ready.push(Ready::Udp(at));
         }
-        if let Some(listener) = self.listener.as_ref().filter(|_| !self.deaf) {
+        if let Some(listener) = self.listener.as_ref().filter(|_| !self.accept_paused) {
             fds.push(PollFd::readable(listener));
             ready.push(Ready::Listener);
         }
@@ -152,7 +152,7 @@ impl Ports {
             };
             match udp.receive()? {
                 Arrival::Nothing => return Ok(()),
-                Arrival::Void => {}
+                Arrival::Ignored => {}
                 Arrival::Datagram(addr, bytes) => {
                     core.receive(clock(), Peer::Udp { port, addr }, bytes);
                     after(self, core);
@@ -170,7 +170,7 @@ impl Ports {
                 Some(Err(error)) if error.kind() == ErrorKind::WouldBlock => return,
                 _ => {
                     // Perhaps there are no descriptors: asking again at once would not help.
-                    self.deaf = true;
+                    self.accept_paused = true;
                     return;
                 }
             };
@@ -239,7 +239,7 @@ impl Ports {
     }
 
     /// Tells the agent which links take nothing now, and which do again.
-    pub(super) fn settle(&mut self, core: &mut AgentCore<Peer>, now: Now) {
+    pub(super) fn update_held_links(&mut self, core: &mut AgentCore<Peer>, now: Now) {
         for link in self.links.iter_mut().flatten() {
             if link.is_busy() {
                 link.held = true;
@@ -256,7 +256,7 @@ impl Ports {
         if now < self.upkeep_at {
             return;
         }
-        self.deaf = false;
+        self.accept_paused = false;
         self.upkeep_at = now.saturating_add(UPKEEP);
         for (line, serial) in self.lines.iter().enumerate() {
             if let Some(slot) = self.links.get_mut(line).filter(|slot| slot.is_none()) {

@@ -8,11 +8,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// handle.
 #[derive(Clone, Debug, Default)]
 pub struct StopHandle {
-    shared: Arc<Shared>,
+    state: Arc<StopState>,
 }
 
 #[derive(Debug, Default)]
-struct Shared {
+struct StopState {
     stopped: AtomicBool,
     /// The agents that run with this handle.
     running: Mutex<Vec<Arc<WakeFd>>>,
@@ -28,7 +28,7 @@ impl StopHandle {
     /// Stops the agents that run with this handle, and those that are going to, for good. Does not
     /// wait for them.
     pub fn stop(&self) {
-        self.shared.stopped.store(true, Ordering::SeqCst);
+        self.state.stopped.store(true, Ordering::SeqCst);
         for agent in self.running().iter() {
             agent.wake();
         }
@@ -37,7 +37,7 @@ impl StopHandle {
     /// Whether [`stop`](Self::stop) was called.
     #[must_use]
     pub fn is_stopped(&self) -> bool {
-        self.shared.stopped.load(Ordering::SeqCst)
+        self.state.stopped.load(Ordering::SeqCst)
     }
 
     /// Says that an agent runs that is woken with `wake`, until the result is dropped. The agent
@@ -51,7 +51,7 @@ impl StopHandle {
     }
 
     fn running(&self) -> MutexGuard<'_, Vec<Arc<WakeFd>>> {
-        let running = self.shared.running.lock();
+        let running = self.state.running.lock();
         running.unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -26,7 +26,7 @@ pub(super) enum Arrival<'a> {
     /// Nothing, for now.
     Nothing,
     /// Something that concerns nobody; there may be more.
-    Void,
+    Ignored,
     /// A datagram and its sender; there may be more.
     Datagram(SocketAddr, &'a [u8]),
 }
@@ -48,13 +48,13 @@ impl UdpPort {
     /// Takes a datagram if there is one.
     pub(super) fn receive(&mut self) -> Result<Arrival<'_>, AgentError> {
         match self.socket.recv_from(&mut self.buf) {
-            Ok((0, _)) => Ok(Arrival::Void),
+            Ok((0, _)) => Ok(Arrival::Ignored),
             Ok((len, from)) => {
                 let bytes = self.buf.get(..len).unwrap_or_default();
                 Ok(Arrival::Datagram(from, bytes))
             }
             Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(Arrival::Nothing),
-            Err(error) if is_passing(&error) => Ok(Arrival::Void),
+            Err(error) if is_passing(&error) => Ok(Arrival::Ignored),
             Err(error) => Err(AgentError::new("receive at", self.addr, error)),
         }
     }

@@ -19,7 +19,7 @@ const LIMITS: Limits = Limits {
     default_depth: 4,
     max_depth: 8,
     datagrams_per_second: 0,
-    strangers_per_second: 0,
+    unauthenticated_per_second: 0,
     silence: 30_000 * MS,
     ..Limits::DEFAULT
 };

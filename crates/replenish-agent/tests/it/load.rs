@@ -10,7 +10,7 @@ const SECOND: u64 = 1000 * MS;
 fn roomy() -> World {
     World::with(&AgentConfig {
         limits: Limits {
-            strangers_per_second: 0,
+            unauthenticated_per_second: 0,
             ..Limits::default()
         },
         ..AgentConfig::default()

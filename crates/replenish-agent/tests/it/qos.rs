@@ -186,7 +186,7 @@ fn keep_all_writers_wait_for_keep_all_readers() {
 fn patience_with_a_keep_all_reader_ends() {
     let limits = Limits {
         max_depth: 4,
-        patience: 500 * MS,
+        writer_block_limit: 500 * MS,
         ..Limits::default()
     };
     let world = &mut World::new(limits);

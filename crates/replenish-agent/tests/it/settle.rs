@@ -175,7 +175,7 @@ fn a_reader_that_is_stuck_holds_up_its_writer_once_and_briefly() {
     assert_eq!(talker.acknowledged(world), None);
     world.pass(MS);
     let one = talker.acknowledged(world).expect("half a second is enough");
-    assert_eq!(world.agent.stats().settled_late, 1);
+    assert_eq!(world.agent.stats().confirmed_late, 1);
     for i in 1..100 {
         talker.write(world, 1, &[i; 4]);
         assert_eq!(
@@ -184,7 +184,7 @@ fn a_reader_that_is_stuck_holds_up_its_writer_once_and_briefly() {
             "at once"
         );
     }
-    assert_eq!(world.agent.stats().settled_late, 1);
+    assert_eq!(world.agent.stats().confirmed_late, 1);
     // It is waited for again once it has caught up.
     listener.acknowledging = true;
     let got: Vec<Got> = listener.acknowledge(world);

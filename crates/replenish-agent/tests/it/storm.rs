@@ -23,8 +23,8 @@ const LIMITS: Limits = Limits {
     max_depth: 8,
     calls: 3,
     datagrams_per_second: 0,
-    strangers_per_second: 0,
-    patience: 300 * MS,
+    unauthenticated_per_second: 0,
+    writer_block_limit: 300 * MS,
     silence: 10_000 * MS,
     ..Limits::DEFAULT
 };

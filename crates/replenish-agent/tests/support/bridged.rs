@@ -257,7 +257,7 @@ impl Client {
             } => *is_served = served,
             Event::Notice {
                 object,
-                notice: Notice::Clash(policies),
+                notice: Notice::IncompatibleQos(policies),
             } => clashes.push((object, policies)),
             Event::Status { status, .. } => assert!(status.is_ok(), "{status}"),
             _ => {}

@@ -14,7 +14,7 @@ pub enum Notice {
     /// A data writer offers less than a reader of its topic asks for, or a data reader asks for
     /// more than a writer offers. The policies as bits: [`Notice::RELIABILITY`],
     /// [`Notice::DURABILITY`], [`Notice::DEADLINE`].
-    Clash(u8),
+    IncompatibleQos(u8),
     /// Whether the service of a requester has a server.
     Served(bool),
 }
@@ -31,7 +31,7 @@ impl Notice {
     #[must_use]
     pub const fn about(self, object: ObjectId) -> StatusReply {
         let (status, implementation) = match self {
-            Self::Clash(policies) => (Status::INCOMPATIBLE, policies),
+            Self::IncompatibleQos(policies) => (Status::INCOMPATIBLE, policies),
             Self::Served(served) => (Status::OK, served as u8),
         };
         StatusReply {
@@ -51,7 +51,7 @@ impl Notice {
             return None;
         }
         match status.status {
-            Status::INCOMPATIBLE => Some(Self::Clash(status.implementation)),
+            Status::INCOMPATIBLE => Some(Self::IncompatibleQos(status.implementation)),
             Status::OK => Some(Self::Served(status.implementation != 0)),
             _ => None,
         }
@@ -67,7 +67,7 @@ mod tests {
     fn what_is_said_is_understood_and_answers_are_no_notices() {
         let object = ObjectId::new(3, ObjectKind::Requester);
         let said = [
-            Notice::Clash(Notice::RELIABILITY | Notice::DEADLINE),
+            Notice::IncompatibleQos(Notice::RELIABILITY | Notice::DEADLINE),
             Notice::Served(true),
             Notice::Served(false),
         ];

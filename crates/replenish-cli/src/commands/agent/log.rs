@@ -9,7 +9,7 @@
 //! So a flood that goes on costs six lines of its kind in 20 minutes.
 
 use crate::time::{Nanos, SEC};
-use replenish_agent::Incidents;
+use replenish_agent::Rejections;
 use std::collections::BTreeMap;
 
 /// Lines of one kind in a window.
@@ -23,7 +23,7 @@ const LONGEST: Nanos = 1200 * SEC;
 #[derive(Debug, Default)]
 pub(super) struct Log {
     kinds: BTreeMap<&'static str, Kind>,
-    /// Incidents of each kind so far.
+    /// Rejections of each kind so far.
     totals: BTreeMap<&'static str, u64>,
 }
 
@@ -36,14 +36,14 @@ struct Kind {
 }
 
 impl Log {
-    /// The lines that `incidents` are worth at `now`.
-    pub(super) fn lines(&mut self, incidents: &Incidents, now: Nanos) -> Vec<String> {
+    /// The lines that `rejections` are worth at `now`.
+    pub(super) fn lines(&mut self, rejections: &Rejections, now: Nanos) -> Vec<String> {
         let mut lines = Vec::new();
-        for (name, count) in &incidents.omitted {
+        for (name, count) in &rejections.omitted {
             *self.totals.entry(name).or_default() += count;
         }
-        for incident in &incidents.list {
-            let name = incident.reason.kind();
+        for rejection in &rejections.list {
+            let name = rejection.reason.kind();
             *self.totals.entry(name).or_default() += 1;
             let kind = self.kinds.entry(name).or_insert(Kind {
                 ends: now.saturating_add(WINDOW),
@@ -53,12 +53,12 @@ impl Log {
             });
             if kind.shown < LINES {
                 kind.shown += 1;
-                lines.push(incident.to_string());
+                lines.push(rejection.to_string());
             } else {
                 kind.hidden += 1;
             }
         }
-        for (name, count) in &incidents.omitted {
+        for (name, count) in &rejections.omitted {
             if let Some(kind) = self.kinds.get_mut(name) {
                 kind.hidden += count;
             }
@@ -93,7 +93,7 @@ impl Log {
         hidden.map(|(name, kind)| kind.summary(name)).collect()
     }
 
-    /// How many incidents there were, by kind.
+    /// How many rejections there were, by kind.
     pub(super) fn totals(&self) -> &BTreeMap<&'static str, u64> {
         &self.totals
     }
@@ -108,17 +108,17 @@ impl Kind {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use replenish_agent::{Incident, Reason};
+    use replenish_agent::{Reason, Rejection};
 
-    fn flood(count: u64) -> Incidents {
-        let incident = Incident {
+    fn flood(count: u64) -> Rejections {
+        let rejection = Rejection {
             at: 0,
             peer: "udp 127.0.0.1:1".into(),
             key: None,
             reason: Reason::Malformed { bytes: 3 },
         };
-        Incidents {
-            list: vec![incident; 32],
+        Rejections {
+            list: vec![rejection; 32],
             omitted: vec![("malformed", count - 32)],
         }
     }
@@ -140,9 +140,9 @@ mod tests {
     fn what_is_hidden_is_told_and_a_quiet_window_forgets() {
         let mut log = Log::default();
         assert_eq!(log.lines(&flood(100), 0).len(), 5);
-        let over = log.lines(&Incidents::default(), WINDOW);
+        let over = log.lines(&Rejections::default(), WINDOW);
         assert_eq!(over, ["95 more of kind malformed were not logged"]);
-        assert_eq!(log.lines(&Incidents::default(), 3 * WINDOW), [""; 0]);
+        assert_eq!(log.lines(&Rejections::default(), 3 * WINDOW), [""; 0]);
         assert!(log.kinds.is_empty());
         assert_eq!(log.lines(&flood(32), 4 * WINDOW).len(), 5);
     }

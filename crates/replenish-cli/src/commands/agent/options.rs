@@ -85,7 +85,7 @@ pub(crate) struct Bounds {
     rate: u32,
 
     /// Datagrams per second taken from all who have no session, together; 0 for no limit
-    #[arg(long, value_name = "N", default_value_t = Limits::DEFAULT.strangers_per_second,
+    #[arg(long, value_name = "N", default_value_t = Limits::DEFAULT.unauthenticated_per_second,
           value_parser = rate())]
     strangers_rate: u32,
 
@@ -158,7 +158,7 @@ impl Bounds {
             default_depth: Limits::DEFAULT.default_depth.min(max_depth),
             max_depth,
             datagrams_per_second: self.rate,
-            strangers_per_second: self.strangers_rate,
+            unauthenticated_per_second: self.strangers_rate,
             silence: self.silence.saturating_mul(SECOND),
             ..Limits::DEFAULT
         }

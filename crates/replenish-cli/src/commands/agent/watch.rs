@@ -109,8 +109,8 @@ impl Seen {
 
     /// The lines that are due.
     fn write_log(&mut self) {
-        let incidents = self.watcher.inspector.incidents();
-        let lines = self.log.lines(&incidents, clock::monotonic());
+        let rejections = self.watcher.inspector.rejections();
+        let lines = self.log.lines(&rejections, clock::monotonic());
         self.say(&lines);
     }
 
@@ -173,7 +173,7 @@ impl Seen {
                 "client_memory": limits.client_bytes,
                 "depth": limits.max_depth,
                 "rate": limits.datagrams_per_second,
-                "strangers_rate": limits.strangers_per_second,
+                "strangers_rate": limits.unauthenticated_per_second,
                 "silence_seconds": limits.silence as f64 / SEC as f64,
             },
         })

@@ -229,11 +229,11 @@ impl Ends {
                 let requester = self.writers.iter_mut().find(|w| w.object == object);
                 requester.into_iter().for_each(|w| w.served = served);
             }
-            Notice::Clash(policies) if self.clashes.len() != CLASHES => {
+            Notice::IncompatibleQos(policies) if self.clashes.len() != CLASHES => {
                 self.clashes.push((object, policies));
                 self.glance.show_clash(true);
             }
-            Notice::Clash(_) | Notice::Served(_) => {}
+            Notice::IncompatibleQos(_) | Notice::Served(_) => {}
         }
     }
 }
