@@ -3,12 +3,12 @@
 //! clone and every drop, and code that frees what is never freed.
 
 /// `Arc`, where things that are no longer used are given back.
-#[cfg(any(not(target_os = "none"), feature = "live"))]
+#[cfg(any(not(target_os = "none"), feature = "dynamic"))]
 pub use alloc::sync::Arc as Shared;
-#[cfg(not(any(not(target_os = "none"), feature = "live")))]
+#[cfg(not(any(not(target_os = "none"), feature = "dynamic")))]
 pub use leaked::Shared;
 
-#[cfg(not(any(not(target_os = "none"), feature = "live")))]
+#[cfg(not(any(not(target_os = "none"), feature = "dynamic")))]
 mod leaked {
     #![expect(
         unsafe_code,
@@ -20,7 +20,7 @@ mod leaked {
     use core::ops::Deref;
     use core::ptr::NonNull;
 
-    /// In the place of `Arc`, without feature `live` on targets without an operating system: what
+    /// In the place of `Arc`, without feature `dynamic` on targets without an operating system: what
     /// is shared lives as long as the image, is never dropped, and its memory is never given back.
     pub struct Shared<T: ?Sized>(NonNull<T>);
 

@@ -3,7 +3,7 @@
 
 use crate::context::Node;
 use crate::error::Error;
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 use crate::executor::HandleGroup;
 use crate::executor::{CallbackContext, Responder, Topic, WorkerBuilder, sized};
 use crate::middleware::PublishError;
@@ -181,7 +181,7 @@ impl Serves for WorkerBuilder<'_> {
     }
 }
 
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 impl Serves for HandleGroup<'_> {
     fn serve_bytes<S: Service>(
         mut self,

@@ -11,14 +11,11 @@
 //! # Features
 //! | feature | default | what it brings |
 //! |---|---|---|
-//! | `std` | yes | UDP, TCP and serial lines of Linux; panics caught callback by callback |
-//! | `plan` | yes | guarantees, admission, deployment files; brings `std` and `texts` |
+//! | `std` | yes | UDP, TCP and serial lines of Linux; panics caught callback by callback; brings `full` and `texts` |
+//! | `plan` | yes | guarantees, admission, deployment files; brings `std` |
 //! | `xrce` | yes | the micro-ROS middleware |
-//! | `services` | yes | services and actions over `xrce` |
-//! | `histograms` | yes | latency histograms |
-//! | `texts` | yes | errors and reports in words, [`Event::Incompatible`] |
-//! | `live` | yes | handles that come and go while the executor runs |
-//! | `posix` | yes | the server of POSIX beside the corrected one |
+//! | `full` | with `std` | services, actions, handles that come and go, histograms, long samples, the server of POSIX |
+//! | `texts` | with `std` | errors and reports in words, [`Event::Incompatible`] |
 //! | `log` | no | events go to the program's logger |
 //! | `freertos`, `nuttx` | no | the back end of that system, on its targets |
 //!
@@ -76,7 +73,7 @@ pub use executor::{
     RunningExecutor, Semantics, SpinEnd, SpinResult, StopHandle, ThreadReport, TimerHandle, Topic,
     Trigger, WorkerBuilder,
 };
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 pub use executor::{ExecutorHandle, Removal, WorkerHandle};
 #[cfg(feature = "texts")]
 pub use executor::{RoundReport, RoundStats};

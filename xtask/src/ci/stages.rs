@@ -9,9 +9,9 @@ const BOARD: &str = "thumbv7em-none-eabihf";
 
 /// Features of `replenish` that a host builds apart: each set must do without those it does not
 /// name.
-const HOST_FEATURES: [&str; 3] = ["std,xrce", "std,xrce,dynamic", "std,plan"];
+const HOST_FEATURES: [&str; 3] = ["std", "std,xrce", "std,plan"];
 /// The sets of a board.
-const BOARD_FEATURES: [&str; 2] = ["xrce,freertos,texts", "xrce,freertos"];
+const BOARD_FEATURES: [&str; 3] = ["xrce,freertos", "xrce,freertos,texts,log", "xrce,freertos,full"];
 /// The workspaces beside the main one.
 const WORKSPACES: [&str; 6] = [
     "firmware",

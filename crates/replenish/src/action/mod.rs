@@ -23,7 +23,7 @@ mod client;
 mod follow;
 mod goal;
 mod ids;
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 mod live;
 mod serve;
 mod server;

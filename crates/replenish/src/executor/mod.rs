@@ -24,9 +24,9 @@ mod run;
 mod start;
 mod wake;
 
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 pub(crate) use change::handle_group::HandleGroup;
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 pub use change::live::{ExecutorHandle, Removal, WorkerHandle};
 pub use describe::builder::WorkerBuilder;
 pub use describe::executor::Executor;

@@ -5,11 +5,11 @@ use super::machine::{self, Arrow, GRAPH, State};
 use super::{Lifecycle, described, transition};
 use crate::bare::{Serves, Unanswered};
 use crate::error::Error;
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 use crate::executor::{HandleGroup, WorkerHandle};
 use crate::executor::{Topic, WorkerBuilder};
 use crate::sync::Arc;
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 use alloc::{string::String, vec::Vec};
 use replenish_interfaces::lifecycle_msgs::msg::{StateView, TransitionDescriptionView};
 use replenish_interfaces::lifecycle_msgs::srv;
@@ -27,7 +27,7 @@ impl WorkerBuilder<'_> {
     }
 }
 
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 impl WorkerHandle<'_> {
     /// Lets others ask for transitions, as
     /// [`WorkerBuilder::lifecycle`](crate::WorkerBuilder::lifecycle) does; the ids of the five

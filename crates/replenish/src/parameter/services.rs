@@ -9,11 +9,11 @@ use super::store::Slot;
 use super::value::ParameterValue;
 use crate::bare::{Serves, Unanswered};
 use crate::error::Error;
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 use crate::executor::{HandleGroup, WorkerHandle};
 use crate::executor::{Topic, WorkerBuilder};
 use crate::sync::Arc;
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 use alloc::{string::String, vec::Vec};
 use replenish_interfaces::rcl_interfaces::msg::{
     ParameterDescriptorView, ParameterValueView, ParameterView, SetParametersResultView,
@@ -35,7 +35,7 @@ impl WorkerBuilder<'_> {
     }
 }
 
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 impl WorkerHandle<'_> {
     /// Serves a node's parameters, as
     /// [`WorkerBuilder::parameters`](crate::WorkerBuilder::parameters) does; the ids of the six

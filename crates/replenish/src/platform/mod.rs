@@ -19,19 +19,19 @@ pub(crate) fn zeroed(len: usize) -> alloc::boxed::Box<[u8]> {
 }
 
 /// A value that is dropped in its time where things are given back, which is on targets without an
-/// operating system with feature `live` only; else it stays as long as the image.
-#[cfg(any(not(target_os = "none"), feature = "live"))]
+/// operating system with feature `full` only; else it stays as long as the image.
+#[cfg(any(not(target_os = "none"), feature = "full"))]
 pub(crate) type Kept<T> = T;
-#[cfg(not(any(not(target_os = "none"), feature = "live")))]
+#[cfg(not(any(not(target_os = "none"), feature = "full")))]
 pub(crate) type Kept<T> = core::mem::ManuallyDrop<T>;
 
 /// Keeps `value`.
-#[cfg(any(not(target_os = "none"), feature = "live"))]
+#[cfg(any(not(target_os = "none"), feature = "full"))]
 pub(crate) const fn kept<T>(value: T) -> Kept<T> {
     value
 }
 
-#[cfg(not(any(not(target_os = "none"), feature = "live")))]
+#[cfg(not(any(not(target_os = "none"), feature = "full")))]
 pub(crate) const fn kept<T>(value: T) -> Kept<T> {
     core::mem::ManuallyDrop::new(value)
 }

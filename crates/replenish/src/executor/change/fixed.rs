@@ -1,4 +1,4 @@
-//! In the place of [`live`](super), `mailbox` and `desk` in builds without feature `live`: the handles
+//! In the place of [`live`](super), `mailbox` and `desk` in builds without feature `full`: the handles
 //! that were described are there until the end.
 
 use crate::context::Context;

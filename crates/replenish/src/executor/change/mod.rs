@@ -1,13 +1,13 @@
 //! Handles that come and go while the executor runs.
 
-#[cfg(not(feature = "live"))]
+#[cfg(not(feature = "full"))]
 pub(crate) mod fixed;
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 pub(crate) mod handle_group;
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 pub(crate) mod live;
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 mod live_handles;
 
-#[cfg(not(feature = "live"))]
+#[cfg(not(feature = "full"))]
 pub(crate) use fixed as live;

@@ -2,14 +2,14 @@
 
 use super::handle::{Env, HandleState};
 use crate::Nanos;
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 use crate::executor::change::live::ExecutorHandle;
 use crate::executor::wake::stop::StopHandle;
 use crate::handoff::{RequestIdentity, SampleInfo};
 use crate::middleware::PublishError;
 use crate::middleware::encoding::{BARRIER, Encoding};
 use crate::publisher::Publisher;
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 use crate::sync::Arc;
 use crate::sync::Ordering;
 use crate::text::shown;
@@ -180,7 +180,7 @@ impl CallbackContext<'_> {
 
     /// Adds and removes handles, of this worker and others; what this worker is asked for happens
     /// when the callback has ended. `Some` in every executor that runs, with threads or without.
-    #[cfg(feature = "live")]
+    #[cfg(feature = "full")]
     #[must_use]
     pub fn handle(&self) -> Option<ExecutorHandle> {
         let live = Arc::clone(self.env.live?);

@@ -10,7 +10,7 @@ use crate::platform;
 use crate::stats::Text;
 use crate::sync::{Arc, Ordering};
 use alloc::boxed::Box;
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 use alloc::vec::Vec;
 use replenish_os::clock;
 
@@ -192,7 +192,7 @@ impl HandleEntry {
 }
 
 /// Inserts behind the entries of the same or a higher priority.
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 pub(crate) fn insert(entries: &mut Vec<HandleEntry>, entry: HandleEntry) {
     let priority = entry.handling.priority;
     let mut others = entries.iter();

@@ -137,7 +137,7 @@ impl Group {
     }
 
     /// Whether the caller is inside a callback of the group.
-    #[cfg(feature = "live")]
+    #[cfg(feature = "full")]
     pub(crate) fn is_mine(&self) -> bool {
         let me = current_tid();
         let holder = self.inner.holder.lock();
@@ -163,11 +163,11 @@ impl Group {
 }
 
 /// The groups of an executor's handles.
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 #[derive(Default)]
 pub(crate) struct Groups(Mutex<alloc::vec::Vec<Group>>);
 
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 impl Groups {
     /// A handle of it is about to come. Groups that nobody else has any more are forgotten. Allocates.
     pub(crate) fn note(&self, group: &Group) {

@@ -15,7 +15,7 @@ use crate::histogram::LiveHistogram;
 use crate::middleware::ReaderId;
 use crate::platform::{self, Once};
 use crate::stats::{Counters, Text};
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 use crate::sync::Signal;
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
 use crate::text::decode;
@@ -32,7 +32,7 @@ pub(crate) struct Env<'a> {
     pub(crate) events: &'a Events,
     pub(crate) meter: &'a Meter,
     /// The executor, if handles can be added to it.
-    #[cfg_attr(not(feature = "live"), expect(dead_code, reason = "none can"))]
+    #[cfg_attr(not(feature = "full"), expect(dead_code, reason = "none can"))]
     pub(crate) live: Option<&'a Arc<Live>>,
     /// Where publications wait for the end of the round.
     pub(crate) outbox: Option<&'a RefCell<Outbox>>,
@@ -147,10 +147,10 @@ pub(crate) struct HandleState {
     pub(crate) hook: Once<ErrorHook>,
     pub(crate) group: Once<Group>,
     /// Set when the worker has let go of it.
-    #[cfg(feature = "live")]
+    #[cfg(feature = "full")]
     pub(crate) gone: Signal,
     /// The dispatcher brings it nothing any more.
-    #[cfg(feature = "live")]
+    #[cfg(feature = "full")]
     pub(crate) unrouted: AtomicBool,
 }
 
@@ -167,9 +167,9 @@ impl HandleState {
             group: Once::new(),
             removed: AtomicBool::new(false),
             cancelled: AtomicBool::new(false),
-            #[cfg(feature = "live")]
+            #[cfg(feature = "full")]
             gone: Signal::new(),
-            #[cfg(feature = "live")]
+            #[cfg(feature = "full")]
             unrouted: AtomicBool::new(false),
         })
     }

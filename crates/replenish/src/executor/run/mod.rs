@@ -1,10 +1,10 @@
 //! The two loops, dispatcher and worker, and the rules of a worker's rounds.
 
 pub(crate) mod accounting;
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 pub(crate) mod desk;
 pub(crate) mod dispatcher;
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 pub(crate) mod mailbox;
 #[cfg(feature = "texts")]
 pub(crate) mod round_stats;
@@ -13,5 +13,5 @@ pub(crate) mod routes;
 pub(crate) mod rules;
 pub(crate) mod worker;
 
-#[cfg(not(feature = "live"))]
+#[cfg(not(feature = "full"))]
 pub(crate) use crate::executor::change::fixed::{self as mailbox, self as desk};

@@ -70,7 +70,7 @@ impl Worker {
 
     /// Handles have come or gone.
     pub(crate) fn reordered(&mut self) {
-        if cfg!(feature = "live") && self.spec.rules.rounds.is_none() {
+        if cfg!(feature = "full") && self.spec.rules.rounds.is_none() {
             // One that wants to run in every round may have come.
             self.spec.rules.rounds = self.spec.entries.iter().find_map(|e| e.handling.always);
         }

@@ -43,7 +43,7 @@ pub(crate) fn assemble(
         desk: Desk::new(),
         bells: Vec::with_capacity(specs.len()),
     };
-    if cfg!(feature = "live") {
+    if cfg!(feature = "full") {
         dispatcher.routes.resize_with(MAX_READERS, || None); // readers come without allocation
     }
     let (mut posts, mut limits) = (Vec::with_capacity(specs.len()), 0);

@@ -19,7 +19,7 @@ use crate::Nanos;
 use crate::context::Claim;
 use crate::error::Error;
 use crate::executor::Executor;
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 use crate::executor::change::live::ExecutorHandle;
 use crate::executor::change::live::Live;
 use crate::executor::run::accounting::CpuAccounting;
@@ -265,7 +265,7 @@ impl LocalExecutor {
 
     /// Adds and removes handles, from any thread; what was asked for between two spins happens at
     /// the next.
-    #[cfg(feature = "live")]
+    #[cfg(feature = "full")]
     #[must_use]
     pub fn handle(&self) -> ExecutorHandle {
         ExecutorHandle {

@@ -14,7 +14,7 @@ use super::threads::{Ready, ThreadPlan};
 use crate::Nanos;
 use crate::context::Claim;
 use crate::event::{Event, Events};
-#[cfg(feature = "live")]
+#[cfg(feature = "full")]
 use crate::executor::change::live::ExecutorHandle;
 use crate::executor::change::live::Live;
 use crate::executor::handles::handle::HandleState;
@@ -87,7 +87,7 @@ impl RunningExecutor {
     }
 
     /// Adds and removes handles while it runs.
-    #[cfg(feature = "live")]
+    #[cfg(feature = "full")]
     #[must_use]
     pub fn handle(&self) -> ExecutorHandle {
         ExecutorHandle {

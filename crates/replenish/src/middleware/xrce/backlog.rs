@@ -8,9 +8,9 @@ use alloc::vec::Vec;
 
 /// What is known about a kept sample: of a topic's, where there are no services and nobody who stamps
 /// samples, when it arrived.
-#[cfg(any(feature = "std", feature = "services"))]
+#[cfg(feature = "full")]
 type Note = SampleInfo;
-#[cfg(not(any(feature = "std", feature = "services")))]
+#[cfg(not(feature = "full"))]
 type Note = crate::Nanos;
 
 /// A ring of preallocated slots, oldest first.
@@ -96,20 +96,20 @@ impl Backlog {
     }
 }
 
-#[cfg(any(feature = "std", feature = "services"))]
+#[cfg(feature = "full")]
 const fn note(info: &SampleInfo) -> Note {
     *info
 }
-#[cfg(any(feature = "std", feature = "services"))]
+#[cfg(feature = "full")]
 const fn noted(note: &Note) -> SampleInfo {
     *note
 }
 
-#[cfg(not(any(feature = "std", feature = "services")))]
+#[cfg(not(feature = "full"))]
 const fn note(info: &SampleInfo) -> Note {
     info.arrival
 }
-#[cfg(not(any(feature = "std", feature = "services")))]
+#[cfg(not(feature = "full"))]
 const fn noted(note: &Note) -> SampleInfo {
     SampleInfo::at(*note)
 }

@@ -21,7 +21,7 @@ pub struct XrceConfig {
     /// Reliable datagrams that are kept until they are acknowledged, 1..=64; without `std` up to 4.
     pub window: u16,
     /// The largest sample that can be sent and received on a reliable topic, in bytes, up to 65528.
-    /// What the window can hold besides can be sent, too. Without the feature `fragments` (which `std`
+    /// What the window can hold besides can be sent, too. Without the feature `full` (which `std`
     /// brings) it is `mtu` - 12 at most.
     pub max_sample: usize,
     /// Bytes for the descriptions of what was created, from which it is created anew at the next
@@ -126,7 +126,7 @@ impl XrceConfig {
             return setting("max_sample", "from 1 to 65528 bytes");
         }
         if !FRAGMENTS && self.max_sample > usize::from(self.mtu).saturating_sub(OVERHEAD) {
-            return setting("max_sample", "at most mtu - 12 without feature `fragments`");
+            return setting("max_sample", "at most mtu - 12 without feature `full`");
         }
         if self.journal < 64 {
             return setting("journal", "64 bytes or more");

@@ -16,7 +16,7 @@ use alloc::string::{String, ToString};
 use core::time::Duration;
 use replenish_xrce::client::{RequestError, RequestState};
 use replenish_xrce::stream::PushError;
-#[cfg(feature = "services")]
+#[cfg(feature = "full")]
 use replenish_xrce::wire::{CreationMode, Entity};
 use replenish_xrce::wire::{DeliveryControl, ObjectId, ObjectKind, StreamId};
 
@@ -24,9 +24,9 @@ use replenish_xrce::wire::{DeliveryControl, ObjectId, ObjectKind, StreamId};
 pub(super) const MAX_NUMBER: usize = 0xffe;
 
 /// Topic objects are known by name: to be shared, to go with their last user, to be told of.
-const KNOWN_TOPICS: bool = cfg!(any(feature = "live", feature = "texts"));
+const KNOWN_TOPICS: bool = cfg!(any(feature = "full", feature = "texts"));
 
-#[cfg_attr(not(feature = "live"), expect(dead_code, reason = "for those that go"))]
+#[cfg_attr(not(feature = "full"), expect(dead_code, reason = "for those that go"))]
 pub(super) struct Reader {
     pub(super) object: ObjectId,
     /// Its topic object; services have none.
@@ -50,7 +50,7 @@ pub(super) struct Flow {
     pub(super) granted: u16,
 }
 
-#[cfg_attr(not(feature = "live"), expect(dead_code, reason = "for those that go"))]
+#[cfg_attr(not(feature = "full"), expect(dead_code, reason = "for those that go"))]
 pub(super) struct Writer {
     pub(super) object: ObjectId,
     /// Its topic object; services have none.
@@ -281,7 +281,7 @@ impl State {
             .map_err(|error| request_error(&error))
     }
 
-    #[cfg(feature = "services")]
+    #[cfg(feature = "full")]
     pub(super) fn create(
         &mut self,
         object: ObjectId,
@@ -338,7 +338,7 @@ pub(super) fn request_error(error: &RequestError) -> MiddlewareError {
         },
         RequestError::Down => MiddlewareError::LinkDown,
         RequestError::Unsupported => {
-            MiddlewareError::Unsupported(said("a question to the agent without feature `queries`"))
+            MiddlewareError::Unsupported(said("a question to the agent without feature `full`"))
         }
         _ => MiddlewareError::Unsupported(said("a name with a NUL inside")),
     }

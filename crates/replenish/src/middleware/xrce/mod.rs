@@ -21,9 +21,9 @@ mod describe;
 mod endpoints;
 mod limits;
 mod notices;
-#[cfg_attr(not(feature = "live"), path = "removal_fixed.rs")]
+#[cfg_attr(not(feature = "full"), path = "removal_fixed.rs")]
 mod removal;
-#[cfg(feature = "services")]
+#[cfg(feature = "full")]
 mod services;
 mod setup;
 mod state;
@@ -47,7 +47,7 @@ use super::{
     EndpointSpec, Interest, LinkState, Middleware, MiddlewareError, PublishError, ReaderId, Room,
     SampleInfo, WriterId,
 };
-#[cfg(feature = "services")]
+#[cfg(feature = "full")]
 use super::{RequestIdentity, ServiceSpec};
 use crate::Nanos;
 use crate::platform::Kept;
@@ -59,7 +59,7 @@ use core::fmt;
 use replenish_os::{PiMutex, clock};
 use replenish_xrce::client::LinkStats;
 use replenish_xrce::stream::{BestEffortStats, InputStats, OutputStats};
-#[cfg(feature = "services")]
+#[cfg(feature = "full")]
 use replenish_xrce::wire::ObjectKind;
 use state::{Glance, Round, State};
 use waiting::Waiting;
@@ -79,7 +79,7 @@ const BATCH: usize = 16;
 /// [`PublishError::LinkDown`], and the session and everything in it come back with the agent.
 /// Reliable samples that were taken and not acknowledged are then sent again; the agent may have
 /// had some of them. [`XrceStats::link`] counts them.
-/// Dropping it ends the session; on targets without an operating system, with feature `live` only.
+/// Dropping it ends the session; on targets without an operating system, with feature `full` only.
 ///
 /// Something must call [`wait`](Middleware::wait) and [`take`](Middleware::take), as an executor
 /// does: acknowledgements, heartbeats and pings happen there. Without that, best-effort samples
@@ -192,7 +192,7 @@ impl Middleware for Xrce {
         self.set_up(spec, false).map(ReaderId)
     }
 
-    #[cfg(feature = "live")]
+    #[cfg(feature = "full")]
     fn delete_reader(&self, reader: ReaderId) -> Result<(), MiddlewareError> {
         let mut state = self.state.lock();
         state.delete_reader(reader);
@@ -203,7 +203,7 @@ impl Middleware for Xrce {
         Ok(())
     }
 
-    #[cfg(feature = "live")]
+    #[cfg(feature = "full")]
     fn delete_writer(&self, writer: WriterId) {
         let mut state = self.state.lock();
         state.delete_writer(writer);
@@ -223,7 +223,7 @@ impl Middleware for Xrce {
         sent
     }
 
-    #[cfg(feature = "services")]
+    #[cfg(feature = "full")]
     fn create_server(
         &self,
         spec: &ServiceSpec<'_>,
@@ -231,7 +231,7 @@ impl Middleware for Xrce {
         self.set_up_service(spec, ObjectKind::Replier)
     }
 
-    #[cfg(feature = "services")]
+    #[cfg(feature = "full")]
     fn create_client(
         &self,
         spec: &ServiceSpec<'_>,
@@ -239,12 +239,12 @@ impl Middleware for Xrce {
         self.set_up_service(spec, ObjectKind::Requester)
     }
 
-    #[cfg(feature = "services")]
+    #[cfg(feature = "full")]
     fn request(&self, client: WriterId, payload: &[u8]) -> Result<u64, PublishError> {
         self.send_service(clock::monotonic(), |state| state.request(client, payload))
     }
 
-    #[cfg(feature = "services")]
+    #[cfg(feature = "full")]
     fn reply(
         &self,
         server: WriterId,
@@ -254,7 +254,7 @@ impl Middleware for Xrce {
         self.send_service(clock::monotonic(), |state| state.reply(server, to, payload))
     }
 
-    #[cfg(feature = "services")]
+    #[cfg(feature = "full")]
     fn has_server(&self, client: WriterId) -> Option<bool> {
         // Who waits for a server may be the only one who listens to the agent.
         let now = clock::monotonic();
@@ -333,7 +333,7 @@ impl Middleware for Xrce {
     }
 }
 
-#[cfg(any(not(target_os = "none"), feature = "live"))]
+#[cfg(any(not(target_os = "none"), feature = "full"))]
 impl Drop for Xrce {
     fn drop(&mut self) {
         // The agent forgets the session at once; if this is lost, after a while.

@@ -2,7 +2,7 @@
 //! and go. Agents of replenish do; from others nothing is known.
 
 use super::state::State;
-#[cfg(feature = "services")]
+#[cfg(feature = "full")]
 use crate::middleware::WriterId;
 #[cfg(feature = "texts")]
 use crate::middleware::{Clash, ReaderId};
@@ -11,7 +11,7 @@ use replenish_xrce::wire::ObjectKind;
 
 impl State {
     /// Whether a client's service has a server, if the agent is one that tells.
-    #[cfg(feature = "services")]
+    #[cfg(feature = "full")]
     pub(super) fn is_served(&self, client: WriterId) -> Option<bool> {
         if !self.is_up() {
             return Some(false);

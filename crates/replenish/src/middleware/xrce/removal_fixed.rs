@@ -1,4 +1,4 @@
-//! In the place of `removal` in builds without feature `live`: endpoints stay until the end.
+//! In the place of `removal` in builds without feature `full`: endpoints stay until the end.
 
 use super::endpoints::{MAX_NUMBER, Reader, Writer, number};
 use super::state::State;

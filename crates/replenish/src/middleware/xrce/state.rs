@@ -101,7 +101,7 @@ impl Glance {
     }
 }
 
-#[cfg_attr(not(feature = "live"), expect(dead_code, reason = "for those that go"))]
+#[cfg_attr(not(feature = "full"), expect(dead_code, reason = "for those that go"))]
 pub(super) struct State {
     pub(super) session: Box<XrceSession>,
     pub(super) ends: Ends,
@@ -177,7 +177,7 @@ impl Ends {
                 replier,
                 identity,
                 payload,
-            } if cfg!(feature = "services") => {
+            } if cfg!(feature = "full") => {
                 info.request = RequestIdentity(identity.0);
                 (replier, payload)
             }
@@ -185,7 +185,7 @@ impl Ends {
                 requester,
                 request,
                 payload,
-            } if cfg!(feature = "services") => {
+            } if cfg!(feature = "full") => {
                 info.request = RequestIdentity::reply(request.0.into());
                 (requester, payload)
             }
@@ -225,7 +225,7 @@ impl Ends {
 
     fn notice(&mut self, object: ObjectId, notice: Notice) {
         match notice {
-            Notice::Served(served) if cfg!(feature = "services") => {
+            Notice::Served(served) if cfg!(feature = "full") => {
                 let requester = self.writers.iter_mut().find(|w| w.object == object);
                 requester.into_iter().for_each(|w| w.served = served);
             }
@@ -264,7 +264,7 @@ impl State {
     }
 
     /// Nothing waits for this reader any more.
-    #[cfg(feature = "live")]
+    #[cfg(feature = "full")]
     pub(super) fn forget(&mut self, id: ReaderId) {
         self.ends.pending.remove(id);
         self.ends.show_backlog();
