@@ -2,7 +2,7 @@
 
 use crate::middleware::MiddlewareError;
 use crate::name::NameError;
-use crate::text::{Words, text};
+use crate::platform::{Text, text};
 use core::fmt;
 use replenish_os::{ParamError, PolicyError};
 
@@ -15,85 +15,85 @@ pub enum Error {
     /// A parameter outside its range.
     Parameter {
         /// Whose parameter: `worker "high"`, `topic /scan`, `executor`.
-        owner: Words,
+        owner: Text,
         /// Its name, as in the API.
         field: &'static str,
         /// The value it was given.
-        value: Words,
+        value: Text,
         /// What is allowed.
-        allowed: Words,
+        allowed: Text,
     },
     /// A policy's parameter out of its range, from [`Policy`](crate::Policy)'s constructors.
     Policy(PolicyError),
     /// Two workers have the same name.
-    DuplicateWorker(Words),
+    DuplicateWorker(Text),
     /// No worker has this name.
-    UnknownWorker(Words),
+    UnknownWorker(Text),
     /// No handle has this id.
-    UnknownHandle(Words),
+    UnknownHandle(Text),
     /// A limit that was fixed at set-up is reached.
     Capacity {
         /// Of what there may be no more.
-        what: Words,
+        what: Text,
         /// How many there may be.
         limit: usize,
     },
     /// The callback has not ended in time; its handle goes when it has. Its removal can be asked for again,
     /// as often as one likes, until it has gone ([`UnknownHandle`](Self::UnknownHandle) then, and while
     /// another thread waits for it).
-    StillRunning(Words),
+    StillRunning(Text),
     /// The executor has stopped.
     Stopped,
     /// A worker without any handle.
-    IdleWorker(Words),
+    IdleWorker(Text),
     /// A node of another context than the executor's.
-    ForeignNode(Words),
+    ForeignNode(Text),
     /// Another executor spins this context.
     ContextBusy,
     /// No connection to the middleware's peer.
     Connect {
         /// Why.
-        reason: Words,
+        reason: Text,
     },
     /// The middleware could not create an endpoint.
     Middleware {
         /// Which one.
-        endpoint: Words,
+        endpoint: Text,
         /// Why.
         source: MiddlewareError,
     },
     /// A thread could not be started.
     Thread {
         /// Its name.
-        name: Words,
+        name: Text,
         /// Why.
-        reason: Words,
+        reason: Text,
     },
     /// A guarantee does not fit on this host, or would break what another program was promised.
     NotAdmitted {
         /// One sentence: who does not fit, where and why, and what would fit.
-        reason: Words,
+        reason: Text,
     },
     /// A deployment file that cannot be applied.
     Overlay {
         /// The place, the field, and what is allowed.
-        reason: Words,
+        reason: Text,
     },
     /// `strict` is set and a guarantee cannot be given.
     NotGranted {
         /// What was asked for.
-        what: Words,
+        what: Text,
         /// Why it is refused, and how to get it.
-        reason: Words,
+        reason: Text,
     },
 }
 
 impl Error {
     pub(crate) fn parameter(
-        owner: impl Into<Words>,
+        owner: impl Into<Text>,
         field: &'static str,
         value: &dyn fmt::Display,
-        allowed: impl Into<Words>,
+        allowed: impl Into<Text>,
     ) -> Self {
         Self::Parameter {
             owner: owner.into(),

@@ -4,6 +4,7 @@
 //! sample is told the first time and then whenever its count doubles.
 
 use crate::middleware::{Clash, MiddlewareError};
+use crate::platform::LOG;
 use alloc::boxed::Box;
 use core::fmt;
 use replenish_msg::DecodeError;
@@ -195,10 +196,11 @@ impl Default for Events {
     /// With feature `log` to the program's logger; else one line on standard error each, where there
     /// is one.
     fn default() -> Self {
-        #[cfg(feature = "log")]
-        return Self::new(crate::logged::tell);
-        #[cfg(not(feature = "log"))]
-        Self::new(crate::platform::tell)
+        if LOG {
+            Self::new(crate::logged::tell)
+        } else {
+            Self::new(crate::platform::tell)
+        }
     }
 }
 

@@ -4,10 +4,11 @@
 //! most a quarter above the true value. 102 words, allocated with the handle, never more.
 
 use crate::Nanos;
+use crate::platform::FULL;
 use crate::sync::{AtomicU64, Ordering};
 
 /// Buckets of a histogram; none in builds that have no room for them.
-const BUCKETS: usize = if cfg!(feature = "full") { 102 } else { 0 };
+const BUCKETS: usize = if FULL { 102 } else { 0 };
 /// Values below 2^10 ns share the first bucket.
 const FIRST: u32 = 10;
 

@@ -38,14 +38,13 @@ mod event;
 mod executor;
 mod histogram;
 mod lifecycle;
-#[cfg(any(test, feature = "log"))]
+#[cfg_attr(not(any(test, feature = "log")), path = "logged_disabled.rs")]
 mod logged;
 mod name;
 mod parameter;
 mod platform;
 mod publisher;
 mod stats;
-mod text;
 
 /// The README's example compiles.
 #[cfg(doctest)]
@@ -85,6 +84,7 @@ pub use parameter::{
     Descriptor, FromParameter, ParameterChange, ParameterError, ParameterErrorKind,
     ParameterOptions, ParameterValue, Parameters,
 };
+pub use platform::{StaticText, Text};
 pub use publisher::Publisher;
 pub use qos::{Criticality, IngressLimit, Qos};
 pub use replenish_msg as msg;
@@ -99,7 +99,6 @@ pub use replenish_plan as planning;
 pub use replenish_plan::Guarantee;
 pub use sporadic::Kind as ServerKind;
 pub use stats::HandleStats;
-pub use text::{Label, Words};
 
 /// Nanoseconds; of `CLOCK_MONOTONIC` where it is an instant.
 pub type Nanos = u64;

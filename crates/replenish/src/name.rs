@@ -4,7 +4,7 @@
 //! `rmw_validate_node_name`): tokens of letters, digits and underscores separated by single
 //! slashes, none starting with a digit. Substitutions in braces are not supported.
 
-use crate::text::{Label, Words, joined, said};
+use crate::platform::{StaticText, Text, label};
 use alloc::string::String;
 use core::fmt;
 
@@ -17,11 +17,11 @@ const MAX_NODE: usize = 255;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NameError {
     /// What the name was for.
-    pub what: Label,
+    pub what: StaticText,
     /// The name as it was given.
-    pub name: Words,
+    pub name: Text,
     /// What is wrong with it.
-    pub problem: Label,
+    pub problem: StaticText,
 }
 
 impl fmt::Display for NameError {
@@ -34,24 +34,24 @@ impl core::error::Error for NameError {}
 
 /// The fully qualified name of a node given as `pong`, `robot/pong` or `/robot/pong`.
 pub(crate) fn node(name: &str) -> Result<String, NameError> {
-    let full = joined(&["/", name.strip_prefix('/').unwrap_or(name)]);
+    let full = concat(&["/", name.strip_prefix('/').unwrap_or(name)]);
     check(&full, MAX_NODE)
         .map(|()| full)
-        .map_err(|problem| error(said("node name"), name, problem))
+        .map_err(|problem| error(label("node name"), name, problem))
 }
 
 /// The fully qualified name of a topic that node `node` (itself fully qualified) calls `name`:
 /// absolute, relative to the node's namespace, or below the node (`~/name`).
 pub(crate) fn topic(name: &str, node: &str) -> Result<String, NameError> {
-    let fail = |problem| error(said("topic name"), name, problem);
+    let fail = |problem| error(label("topic name"), name, problem);
     let (before, rest) = match name.as_bytes() {
-        [] => return Err(fail(said("it is empty"))),
+        [] => return Err(fail(label("it is empty"))),
         [b'~'] | [b'~', b'/', ..] => (node, name.get(1..).unwrap_or_default()),
-        [b'~', ..] => return Err(fail(said("~ must be followed by /"))),
+        [b'~', ..] => return Err(fail(label("~ must be followed by /"))),
         [b'/', ..] => ("", name),
         _ => (namespace(node), name),
     };
-    let full = joined(&[before, rest]);
+    let full = concat(&[before, rest]);
     check(&full, MAX_TOPIC).map(|()| full).map_err(fail)
 }
 
@@ -61,7 +61,7 @@ fn namespace(node: &str) -> &str {
     node.get(..last.map_or(0, |at| at + 1)).unwrap_or_default()
 }
 
-fn error(what: Label, name: &str, problem: Label) -> NameError {
+fn error(what: StaticText, name: &str, problem: StaticText) -> NameError {
     NameError {
         what,
         name: name.into(),
@@ -72,15 +72,15 @@ fn error(what: Label, name: &str, problem: Label) -> NameError {
 /// A worker's name: what shows up in reports and as the thread's name.
 pub(crate) fn worker(name: &str) -> Result<(), NameError> {
     let problem = if name.is_empty() {
-        said("it is empty")
+        label("it is empty")
     } else if name.len() > 63 {
-        said("it is longer than 63 bytes")
+        label("it is longer than 63 bytes")
     } else if !is_plain(name) {
-        said("control characters and / are not allowed")
+        label("control characters and / are not allowed")
     } else {
         return Ok(());
     };
-    Err(error(said("worker name"), name, problem))
+    Err(error(label("worker name"), name, problem))
 }
 
 /// Whether there is no slash in it and no control character: by bytes, C0, DEL and C1.
@@ -94,27 +94,45 @@ fn is_plain(name: &str) -> bool {
 }
 
 /// Whether `full`, which begins with a slash, is a name.
-fn check(full: &str, longest: usize) -> Result<(), Label> {
+fn check(full: &str, longest: usize) -> Result<(), StaticText> {
     let mut before = b'/';
     for &byte in full.as_bytes().get(1..).unwrap_or_default() {
         match (before, byte) {
-            (b'/', b'/') => return Err(said("it has two / in a row")),
-            (b'/', b'0'..=b'9') => return Err(said("a part of it starts with a digit")),
+            (b'/', b'/') => return Err(label("it has two / in a row")),
+            (b'/', b'0'..=b'9') => return Err(label("a part of it starts with a digit")),
             (_, b'/' | b'_' | b'0'..=b'9' | b'A'..=b'Z' | b'a'..=b'z') => before = byte,
-            (_, b'{' | b'}') => return Err(said("substitutions in braces are not supported")),
-            _ => return Err(said("only letters, digits, _ and / are allowed")),
+            (_, b'{' | b'}') => return Err(label("substitutions in braces are not supported")),
+            _ => return Err(label("only letters, digits, _ and / are allowed")),
         }
     }
     if full.len() > longest {
-        return Err(said(
+        return Err(label(
             "it is too long (topics 247, nodes 255 characters, fully qualified)",
         ));
     }
     match before {
-        b'/' if full.len() == 1 => Err(said("it is empty")),
-        b'/' => Err(said("it ends with /")),
+        b'/' if full.len() == 1 => Err(label("it is empty")),
+        b'/' => Err(label("it ends with /")),
         _ => Ok(()),
     }
+}
+
+/// The parts, one after another; without the formatting that would bring kilobytes of code.
+pub(crate) fn concat(parts: &[&str]) -> String {
+    let mut all = String::with_capacity(parts.iter().map(|part| part.len()).sum());
+    parts.iter().for_each(|part| all.push_str(part));
+    all
+}
+
+/// `stem` and a number in decimal.
+pub(crate) fn with_number(stem: &str, number: usize) -> String {
+    let mut all = match number / 10 {
+        0 => concat(&[stem]),
+        before => with_number(stem, before),
+    };
+    let digit = u8::try_from(number % 10).unwrap_or(0);
+    all.push(char::from(b'0' + digit));
+    all
 }
 
 #[cfg(test)]
@@ -160,5 +178,13 @@ mod tests {
         for c in ['/', '\0', '\u{1f}', '\u{7f}', '\u{80}', '\u{9f}'] {
             assert!(worker(&format!("w{c}")).is_err(), "{c:?}");
         }
+    }
+
+    #[test]
+    fn numbers_are_decimal() {
+        for n in [0, 7, 10, 4096, usize::MAX] {
+            assert_eq!(with_number("a#", n), format!("a#{n}"));
+        }
+        assert_eq!(concat(&["/n", "/sub:", "/t"]), "/n/sub:/t");
     }
 }

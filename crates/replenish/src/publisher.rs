@@ -1,6 +1,7 @@
 //! Publishing from any thread.
 
-use crate::middleware::encoding::{Encoding, PUBLISHER};
+use crate::middleware::encoding::Encoding;
+use crate::middleware::remedy::PUBLISHER;
 use crate::middleware::{Middleware, PublishError, WriterId};
 use crate::platform::zeroed;
 use crate::sync::{Arc, Mutex};

@@ -6,7 +6,6 @@
 
 use crate::Nanos;
 use crate::sync::{AtomicBool, AtomicU64, Ordering};
-use core::fmt;
 
 /// A number that only its writers change and anybody may read.
 #[derive(Debug, Default)]
@@ -134,65 +133,5 @@ impl Counters {
             worst_execution: self.worst_execution.get(),
             worst_lateness: self.worst_lateness.get(),
         }
-    }
-}
-
-/// The longest [`Text`] in bytes; none in builds without texts.
-const LONGEST: usize = if cfg!(feature = "texts") { 120 } else { 0 };
-
-/// A short text written without allocation; what does not fit is cut off.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Text {
-    bytes: [u8; LONGEST],
-    len: u8,
-}
-
-impl Text {
-    pub(crate) const EMPTY: Self = Self {
-        bytes: [0; LONGEST],
-        len: 0,
-    };
-
-    pub(crate) fn of(value: &dyn fmt::Display) -> Self {
-        let mut text = Self::EMPTY;
-        if LONGEST == 0 {
-            return text;
-        }
-        // Truncation ends the writing with an error, which is what is wanted.
-        let _truncated = fmt::Write::write_fmt(&mut text, format_args!("{value}")).is_err();
-        text
-    }
-
-    pub(crate) fn as_str(&self) -> &str {
-        let bytes = self.bytes.get(..self.len.into()).unwrap_or_default();
-        core::str::from_utf8(bytes).unwrap_or_default()
-    }
-}
-
-impl fmt::Write for Text {
-    fn write_str(&mut self, s: &str) -> fmt::Result {
-        let room = self.bytes.get_mut(self.len.into()..).unwrap_or_default();
-        let mut n = s.len().min(room.len());
-        while !s.is_char_boundary(n) {
-            n -= 1;
-        }
-        for (to, from) in room.iter_mut().zip(s.bytes().take(n)) {
-            *to = from;
-        }
-        self.len += u8::try_from(n).unwrap_or(0); // at most 120
-        if n < s.len() { Err(fmt::Error) } else { Ok(()) }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn text_is_cut_at_a_character() {
-        assert_eq!(Text::of(&"short").as_str(), "short");
-        assert_eq!(Text::of(&"x".repeat(200)).as_str().len(), 120);
-        let wide = "ä".repeat(59) + "xä!"; // the 120th byte is in the middle of the last ä
-        assert_eq!(Text::of(&wide).as_str(), "ä".repeat(59) + "x");
     }
 }

@@ -11,7 +11,11 @@ const BOARD: &str = "thumbv7em-none-eabihf";
 /// name.
 const HOST_FEATURES: [&str; 3] = ["std", "std,xrce", "std,plan"];
 /// The sets of a board.
-const BOARD_FEATURES: [&str; 3] = ["xrce,freertos", "xrce,freertos,texts,log", "xrce,freertos,full"];
+const BOARD_FEATURES: [&str; 3] = [
+    "xrce,freertos",
+    "xrce,freertos,texts,log",
+    "xrce,freertos,full",
+];
 /// The workspaces beside the main one.
 const WORKSPACES: [&str; 6] = [
     "firmware",

@@ -15,7 +15,7 @@ use super::state::GoalState;
 use crate::context::Node;
 use crate::error::Error;
 use crate::executor::{CallError, CallbackResult, Client, NoReply};
-use crate::middleware::encoding::ACTION;
+use crate::middleware::remedy::ACTION;
 use crate::sync::{Arc, Mutex};
 use alloc::string::String;
 use alloc::vec::Vec;

@@ -2,14 +2,14 @@
 
 use super::ReaderId;
 use crate::compatibility::{DEADLINE, DURABILITY, QosClash, RELIABILITY, names};
-use crate::stats::Text;
+use crate::platform::ShortText;
 use core::fmt;
 
 /// An endpoint of ours and one of somebody else's that would talk with each other, were it not for
 /// the quality of service of both.
 #[derive(Debug, Clone, Copy)]
 pub struct Clash {
-    topic: Text,
+    topic: ShortText,
     reader: Option<ReaderId>,
     policies: u8,
     values: Option<QosClash>,
@@ -31,7 +31,7 @@ impl Clash {
     #[must_use]
     pub fn known_by_policy(topic: &str, reader: Option<ReaderId>, policies: u8) -> Self {
         Self {
-            topic: Text::of(&topic),
+            topic: ShortText::of(&topic),
             reader,
             policies,
             values: None,
@@ -56,12 +56,12 @@ impl Clash {
     }
 
     /// Our end, for people, if it is a writer.
-    pub(crate) fn writer(&self) -> Text {
+    pub(crate) fn writer(&self) -> ShortText {
         let topic = self.topic();
         match (topic.strip_prefix("rq"), topic.strip_prefix("rr")) {
-            (Some(service), _) => Text::of(&format_args!("client {service}")),
-            (None, Some(service)) => Text::of(&format_args!("server {service}")),
-            (None, None) => Text::of(&format_args!("publisher {topic}")),
+            (Some(service), _) => ShortText::of(&format_args!("client {service}")),
+            (None, Some(service)) => ShortText::of(&format_args!("server {service}")),
+            (None, None) => ShortText::of(&format_args!("publisher {topic}")),
         }
     }
 }

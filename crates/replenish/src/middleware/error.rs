@@ -1,6 +1,6 @@
 //! What can go wrong between the executor and the bytes.
 
-use crate::text::{Label, Words};
+use crate::platform::{StaticText, TEXTS, Text};
 use core::fmt;
 use replenish_msg::CdrError;
 
@@ -11,7 +11,7 @@ pub enum MiddlewareError {
     /// A bound was reached.
     Capacity {
         /// Of what there are too many.
-        what: Label,
+        what: StaticText,
         /// How many there may be.
         limit: usize,
     },
@@ -22,24 +22,24 @@ pub enum MiddlewareError {
         /// Bytes there is room for.
         limit: usize,
         /// What sets the limit, and its range.
-        setting: Label,
+        setting: StaticText,
     },
     /// The middleware cannot do this.
-    Unsupported(Label),
+    Unsupported(StaticText),
     /// The topic exists with another type.
     TypeMismatch {
         /// The type it has.
-        existing: Words,
+        existing: Text,
     },
     /// The peer did not answer in time.
     NoAnswer {
         /// The request that was not answered.
-        what: Label,
+        what: StaticText,
     },
     /// The peer said no.
     Refused {
         /// What was asked for.
-        what: Label,
+        what: StaticText,
         /// The peer's own code (XRCE: `StatusValue`).
         status: u8,
     },
@@ -48,7 +48,7 @@ pub enum MiddlewareError {
     /// The operating system refused.
     Io {
         /// What was tried.
-        what: Label,
+        what: StaticText,
         /// Its error number.
         errno: i32,
     },
@@ -90,7 +90,7 @@ impl core::error::Error for MiddlewareError {}
 /// What a status means (XRCE 7.3.4, `StatusValue`), and what one can do about it.
 fn why(status: u8) -> &'static str {
     match status {
-        _ if !cfg!(feature = "texts") => "",
+        _ if !TEXTS => "",
         0x80 => " (an error of its DDS)",
         0x81 => " (it exists in another way)",
         0x82 => " (it exists already)",
@@ -109,12 +109,11 @@ fn why(status: u8) -> &'static str {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PublishError {
-    /// The message could not be encoded: a field is longer than its bound. (Without feature `texts`, also
-    /// what is [`TooLong`](Self::TooLong) with it.)
+    /// The message could not be encoded: a field is longer than its bound. Without
+    /// feature `texts` also a message that is [`TooLong`](Self::TooLong) for its buffer.
     Encode(CdrError),
     /// The message is longer than the buffer it is encoded into, which is
     /// [`Message::MAX_SIZE`](replenish_msg::Message::MAX_SIZE) bytes unless one asks for another size.
-    #[cfg(feature = "texts")]
     TooLong {
         /// The field that was not written to its end; empty where that is not known.
         field: &'static str,
@@ -146,7 +145,6 @@ impl fmt::Display for PublishError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Encode(e) => write!(f, "the message cannot be encoded: {e}"),
-            #[cfg(feature = "texts")]
             Self::TooLong {
                 field,
                 size,
@@ -177,6 +175,16 @@ impl fmt::Display for PublishError {
 
 impl core::error::Error for PublishError {}
 
+impl PublishError {
+    /// The same with another call that makes a longer buffer.
+    pub(crate) const fn remedied_by(mut self, by: &'static str) -> Self {
+        if let Self::TooLong { remedy, .. } = &mut self {
+            *remedy = by;
+        }
+        self
+    }
+}
+
 fn os_error(errno: i32) -> impl fmt::Display {
     crate::platform::io::Error::from_raw_os_error(errno)
 }
@@ -184,12 +192,12 @@ fn os_error(errno: i32) -> impl fmt::Display {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::text::said;
+    use crate::platform::label;
 
     #[test]
     fn a_refusal_says_what_its_status_means() {
         let refused = |status| {
-            let what = said("create a topic");
+            let what = label("create a topic");
             MiddlewareError::Refused { what, status }.to_string()
         };
         assert_eq!(

@@ -15,9 +15,9 @@ use super::{
 use crate::Nanos;
 use crate::handoff::Ring;
 use crate::platform;
+use crate::platform::label;
 use crate::qos::{Durability, History, IngressLimit, Reliability};
 use crate::sync::{Arc, Mutex, Signal};
-use crate::text::said;
 use alloc::vec::Vec;
 use bus::{Bus, Participant, Reader, Writer, id};
 use clashes::{Clashes, Oversizes};
@@ -150,7 +150,7 @@ impl Middleware for InProcess {
 
     fn create_reader(&self, spec: &EndpointSpec<'_>) -> Result<ReaderId, MiddlewareError> {
         if spec.ingress != IngressLimit::none() {
-            return Err(MiddlewareError::Unsupported(said(
+            return Err(MiddlewareError::Unsupported(label(
                 "limits on what peers send",
             )));
         }
@@ -349,7 +349,6 @@ impl Middleware for InProcess {
         self.clashes.next()
     }
 
-    #[cfg(feature = "texts")]
     fn next_oversize(&self) -> Option<(ReaderId, usize)> {
         self.oversizes.next()
     }
@@ -367,7 +366,7 @@ impl InProcess {
 }
 
 fn bounded(index: usize, what: &'static str) -> Result<u16, MiddlewareError> {
-    let (limit, what) = (MAX_READERS, said(what));
+    let (limit, what) = (MAX_READERS, label(what));
     let id = u16::try_from(index).ok().filter(|_| index < limit);
     id.ok_or(MiddlewareError::Capacity { what, limit })
 }

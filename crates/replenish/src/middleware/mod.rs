@@ -18,10 +18,12 @@
 //! reader *outside* the set never ends a wait, so that nothing is missed and nothing is spun on.
 
 mod clash;
+#[cfg_attr(not(feature = "texts"), path = "encoding_disabled.rs")]
 pub(crate) mod encoding;
 mod error;
 mod in_process;
 mod interest;
+pub(crate) mod remedy;
 #[cfg(feature = "xrce")]
 pub mod xrce;
 
@@ -33,8 +35,8 @@ pub use interest::{Interest, MAX_READERS};
 pub use crate::handoff::{RequestIdentity, SampleInfo};
 
 use crate::Nanos;
+use crate::platform::label;
 use crate::qos::{IngressLimit, Qos};
-use crate::text::said;
 
 /// A reader of one middleware: small, dense, given out from 0 upwards.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -136,7 +138,7 @@ pub trait Middleware: Send + Sync + 'static {
     /// [`MiddlewareError::Unsupported`] where readers stay until the end.
     fn delete_reader(&self, reader: ReaderId) -> Result<(), MiddlewareError> {
         let _ = reader;
-        Err(MiddlewareError::Unsupported(said("deleting readers")))
+        Err(MiddlewareError::Unsupported(label("deleting readers")))
     }
 
     /// Nobody uses a writer any more: its id may be given out again. That of a service or client
@@ -165,7 +167,7 @@ pub trait Middleware: Send + Sync + 'static {
         spec: &ServiceSpec<'_>,
     ) -> Result<(ReaderId, WriterId), MiddlewareError> {
         let _ = spec;
-        Err(MiddlewareError::Unsupported(said("services")))
+        Err(MiddlewareError::Unsupported(label("services")))
     }
 
     /// Creates a service's client: the reader of its replies, which come with the
@@ -178,7 +180,7 @@ pub trait Middleware: Send + Sync + 'static {
         spec: &ServiceSpec<'_>,
     ) -> Result<(ReaderId, WriterId), MiddlewareError> {
         let _ = spec;
-        Err(MiddlewareError::Unsupported(said("services")))
+        Err(MiddlewareError::Unsupported(label("services")))
     }
 
     /// Sends a request; its number. Waits for nothing, like [`publish`](Self::publish).
@@ -219,9 +221,7 @@ pub trait Middleware: Send + Sync + 'static {
 
     /// The next sample for one of its readers that was longer than the reader takes, and how long it was;
     /// each is told once. For a middleware that does not hand such samples to [`take`](Self::take)'s
-    /// `sink`, which is to refuse them. Called by the dispatcher when there are [news](Self::news); there
-    /// only with feature `texts`. What is told here is not among those [lost](Self::lost).
-    #[cfg(feature = "texts")]
+    /// `sink`, which is to refuse them. Called by the dispatcher when there are [news](Self::news); without feature `texts` it is not called. What is told here is not among those [lost](Self::lost).
     fn next_oversize(&self) -> Option<(ReaderId, usize)> {
         None
     }

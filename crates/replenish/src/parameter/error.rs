@@ -1,6 +1,6 @@
 //! Why a parameter was not declared, read or set.
 
-use crate::stats::Text;
+use crate::platform::ShortText;
 use core::fmt;
 
 /// What is wrong.
@@ -34,12 +34,12 @@ pub enum ParameterErrorKind {
 #[derive(Clone, Copy)]
 pub struct ParameterError {
     kind: ParameterErrorKind,
-    text: Text,
+    text: ShortText,
 }
 
 impl ParameterError {
     pub(crate) fn new(kind: ParameterErrorKind, text: fmt::Arguments<'_>) -> Self {
-        let text = Text::of(&text);
+        let text = ShortText::of(&text);
         Self { kind, text }
     }
 

@@ -6,9 +6,9 @@ use super::store::{Bounds, Buffer, Mark, Table};
 use super::value::{FromParameter, ParameterValue, type_name};
 use crate::context::Node;
 use crate::error::Error;
+use crate::platform::ShortText;
 use crate::publisher::Publisher;
 use crate::qos::Qos;
-use crate::stats::Text;
 use crate::sync::{Arc, AtomicU64, Mutex, Ordering};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -108,7 +108,7 @@ pub struct ParameterChange<'a> {
     pub new: ParameterValue<'a>,
 }
 
-type Veto = Box<dyn FnMut(&ParameterChange<'_>) -> Result<(), Text> + Send>;
+type Veto = Box<dyn FnMut(&ParameterChange<'_>) -> Result<(), ShortText> + Send>;
 type After = Box<dyn FnMut(&ParameterChange<'_>) + Send>;
 
 /// The parameters of one node. Clones are the same parameters; any thread may use them.
@@ -311,7 +311,8 @@ impl Parameters {
         &self,
         mut callback: impl FnMut(&ParameterChange<'_>) -> Result<(), E> + Send + 'static,
     ) {
-        let veto = move |change: &ParameterChange<'_>| callback(change).map_err(|e| Text::of(&e));
+        let veto =
+            move |change: &ParameterChange<'_>| callback(change).map_err(|e| ShortText::of(&e));
         match self.inner.is_mine() {
             true => self.inner.late.lock().0.push(Box::new(veto)),
             false => self.inner.setters.lock().vetoes.push(Box::new(veto)),

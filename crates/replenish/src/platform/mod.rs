@@ -1,37 +1,37 @@
-//! What the standard library gives where there is one, and what stands in for it where not.
+//! Everything that differs between a computer and a small board, in one place.
+//!
+//! A part that a build leaves out is a file `*_disabled.rs` beside the part's file, with the same
+//! names, behind one `cfg_attr(…, path = …)` at the `mod` line. Bodies of functions ask a constant
+//! (`if FULL { … }`) instead of `cfg`.
+//!
+//! ```text
+//!   features ── STD · FULL · TEXTS · LOG · DROPS, as constants
+//!   std ─────── once cells, wall clock, random bits, panics, standard error, io    │ std_disabled
+//!   │                                                                   io::Error  │ io (without std)
+//!   text ────── Text · StaticText · text! · label · displayed · join               │ text_disabled
+//!   short_text ─ ShortText: no allocation
+//!   static_value ─ Static · make_static: never dropped  │ static_value_disabled: dropped like others
+//!   buffer ──── zeroed bytes
+//! ```
 
-#[cfg(not(feature = "std"))]
-mod bare;
-#[cfg(not(feature = "std"))]
-pub mod io;
-#[cfg(feature = "std")]
+mod buffer;
+mod features;
+mod short_text;
+#[cfg_attr(
+    any(not(target_os = "none"), feature = "full"),
+    path = "static_value_disabled.rs"
+)]
+mod static_value;
+#[cfg_attr(not(feature = "std"), path = "std_disabled.rs")]
 mod std;
+#[cfg_attr(not(feature = "texts"), path = "text_disabled.rs")]
+mod text;
 
-#[cfg(not(feature = "std"))]
-pub(crate) use bare::*;
-#[cfg(feature = "std")]
-pub(crate) use std::*;
-
-/// A buffer of `len` bytes. (One body for all of them.)
-#[inline(never)]
-pub(crate) fn zeroed(len: usize) -> alloc::boxed::Box<[u8]> {
-    alloc::vec![0; len].into_boxed_slice()
-}
-
-/// A value that is dropped in its time where things are given back, which is on targets without an
-/// operating system with feature `full` only; else it stays as long as the image.
-#[cfg(any(not(target_os = "none"), feature = "full"))]
-pub(crate) type Kept<T> = T;
-#[cfg(not(any(not(target_os = "none"), feature = "full")))]
-pub(crate) type Kept<T> = core::mem::ManuallyDrop<T>;
-
-/// Keeps `value`.
-#[cfg(any(not(target_os = "none"), feature = "full"))]
-pub(crate) const fn kept<T>(value: T) -> Kept<T> {
-    value
-}
-
-#[cfg(not(any(not(target_os = "none"), feature = "full")))]
-pub(crate) const fn kept<T>(value: T) -> Kept<T> {
-    core::mem::ManuallyDrop::new(value)
-}
+pub use self::std::io;
+pub(crate) use self::std::{Once, guard, random, tell, wall_clock};
+pub(crate) use buffer::zeroed;
+pub(crate) use features::{DROPS, FULL, LOG, STD, TEXTS};
+pub(crate) use short_text::ShortText;
+pub(crate) use static_value::{Static, make_static};
+pub use text::{StaticText, Text};
+pub(crate) use text::{displayed, join, label, text};

@@ -1,4 +1,4 @@
-//! What comes from the standard library, behind names that `platform_bare.rs` has, too.
+//! Parts of the standard library. `std_disabled.rs` takes this file's place without feature `std`.
 
 use core::any::Any;
 use core::time::Duration;
@@ -8,7 +8,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::string::String;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-pub(crate) use std::io;
+pub use std::io;
 /// Set once, read by anybody.
 pub(crate) use std::sync::OnceLock as Once;
 
@@ -48,7 +48,6 @@ fn recover<T>(panic: Box<dyn Any + Send>, panicked: impl FnOnce(&str) -> T) -> T
 }
 
 /// Where events go if nobody has said otherwise: one line on standard error each.
-#[cfg(not(feature = "log"))]
 pub(crate) fn tell(event: &crate::Event<'_>) {
     // Where standard error is a pipe that nobody reads any more, it is not said.
     io::Write::write_fmt(&mut io::stderr(), format_args!("replenish: {event}\n")).ok();

@@ -12,9 +12,9 @@ pub(crate) mod platform {
     use std::sync::OnceLock;
 
     /// Everything is given back in its time.
-    pub(crate) type Kept<T> = T;
+    pub(crate) type Static<T> = T;
 
-    pub(crate) fn kept<T>(value: T) -> Kept<T> {
+    pub(crate) fn make_static<T>(value: T) -> Static<T> {
         value
     }
 

@@ -13,9 +13,10 @@ use crate::executor::run::routes::Route;
 use crate::executor::run::rules::HandleOptions;
 use crate::executor::wake::schedule::nanos;
 use crate::executor::wake::stop::StopHandle;
+use crate::name::{concat, with_number};
+use crate::platform::text;
 use crate::stats::HandleStats;
 use crate::sync::{Arc, AtomicU64, Mutex, Ordering};
-use crate::text::{joined, numbered, text};
 use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -134,7 +135,7 @@ impl Claims<'_> {
     /// This id, or the first free one of `id#2`, `id#3`, ...
     fn unique(&self, id: String) -> String {
         let mut known = self.registry.0.lock();
-        let numbered = (2..usize::MAX).map(|n| numbered(&joined(&[&id, "#"]), n));
+        let numbered = (2..usize::MAX).map(|n| with_number(&concat(&[&id, "#"]), n));
         let mut all = core::iter::once(id.clone()).chain(numbered);
         let free = all.find(|id| !known.is_taken(id)).unwrap_or(id);
         known.claimed.push(free.clone());

@@ -10,8 +10,7 @@ use crate::executor::run::rounds::BY_RULES;
 use crate::executor::run::rules::{HandleOptions, Rules, Semantics, Trigger};
 use crate::executor::start::plan::WorkerRequest;
 use crate::executor::wake::schedule::Every;
-use crate::platform::{Kept, kept};
-use crate::text::text;
+use crate::platform::{Static, make_static, text};
 use alloc::vec::Vec;
 use replenish_msg::Service;
 use replenish_os::Policy;
@@ -30,8 +29,8 @@ pub(crate) struct WorkerSpec {
 }
 
 impl WorkerSpec {
-    pub(crate) fn new(name: &str) -> Kept<Self> {
-        kept(Self {
+    pub(crate) fn new(name: &str) -> Static<Self> {
+        make_static(Self {
             request: WorkerRequest::named(name),
             policy: Policy::Other,
             rules: Rules::default(),
@@ -221,7 +220,7 @@ impl WorkerBuilder<'_> {
         self
     }
 
-    pub(crate) fn spec(&mut self) -> Option<&mut Kept<WorkerSpec>> {
+    pub(crate) fn spec(&mut self) -> Option<&mut Static<WorkerSpec>> {
         self.executor.workers.get_mut(self.index)
     }
 

@@ -11,9 +11,9 @@ use crate::executor::start::report::Report;
 use crate::executor::start::running::RunningExecutor;
 use crate::executor::wake::stop::StopHandle;
 use crate::handoff::Stop;
-use crate::platform::Kept;
+use crate::name::{concat, with_number};
+use crate::platform::Static;
 use crate::sync::Arc;
-use crate::text::{joined, numbered};
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
@@ -51,7 +51,7 @@ use sporadic::Kind;
 #[must_use = "an executor does nothing until it spins"]
 pub struct Executor {
     pub(crate) context: Context,
-    pub(crate) workers: Vec<Kept<WorkerSpec>>,
+    pub(crate) workers: Vec<Static<WorkerSpec>>,
     pub(crate) stop: StopHandle,
     pub(crate) options: Options,
 }
@@ -222,7 +222,7 @@ impl Executor {
     pub(crate) fn unique(&self, id: String) -> String {
         let (mut other, mut number) = (None::<String>, 2);
         while self.is_taken(other.as_deref().unwrap_or(&id)) {
-            other = Some(numbered(&joined(&[&id, "#"]), number));
+            other = Some(with_number(&concat(&[&id, "#"]), number));
             number += 1;
         }
         other.unwrap_or(id)

@@ -15,9 +15,10 @@ use crate::executor::run::rules::HandleOptions;
 use crate::executor::wake::schedule::Every;
 use crate::handoff::{Inbox, Keep};
 use crate::middleware::{EndpointSpec, ReaderId};
+use crate::name::{concat, with_number};
+use crate::platform::text;
 use crate::qos::{History, Qos};
 use crate::sync::{Arc, Mutex};
-use crate::text::{joined, numbered, text};
 use alloc::boxed::Box;
 use alloc::string::String;
 use core::time::Duration;
@@ -128,7 +129,7 @@ impl HandleFactory<'_> {
             .create_reader(&spec)
             .map_err(|e| Error::endpoint("subscription", &name, e))?;
         let inbox = Arc::new(Inbox::new(qos.depth.into(), size, keep));
-        let id = (self.unique)(joined(&[node.name(), "/sub:", &name]));
+        let id = (self.unique)(concat(&[node.name(), "/sub:", &name]));
         Ok((id, reader, inbox))
     }
 
@@ -279,7 +280,7 @@ impl HandleFactory<'_> {
             History::KeepLast => Keep::Newest,
         };
         let inbox = Arc::new(Inbox::new(qos.depth.into(), spec.max_request, keep));
-        let id = (self.unique)(joined(&[node.name(), "/srv:", &name]));
+        let id = (self.unique)(concat(&[node.name(), "/srv:", &name]));
         let shared = HandleState::new(id, Some((reader, Arc::clone(&inbox))));
         let line = ReplyLine {
             middleware: Arc::clone(middleware),
@@ -309,7 +310,7 @@ impl HandleFactory<'_> {
         if !client.is_of(self.context.middleware()) {
             return Err(Error::ForeignNode(inner.node.as_str().into()));
         }
-        let id = (self.unique)(joined(&[&inner.node, "/cli:", &inner.name]));
+        let id = (self.unique)(concat(&[&inner.node, "/cli:", &inner.name]));
         let shared = HandleState::new(id, Some((inner.reader, Arc::clone(&inner.inbox))));
         self.bound(client.claim(), &shared)?;
         let handle = Replies::<S, F>::new(Arc::clone(&shared), Arc::clone(inner), callback);
@@ -317,7 +318,7 @@ impl HandleFactory<'_> {
     }
 
     fn nameless(&self, kind: &str) -> Arc<HandleState> {
-        let id = numbered(&joined(&[self.worker, "/", kind, ":"]), self.number);
+        let id = with_number(&concat(&[self.worker, "/", kind, ":"]), self.number);
         HandleState::new((self.unique)(id), None)
     }
 

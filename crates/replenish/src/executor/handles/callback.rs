@@ -7,12 +7,13 @@ use crate::executor::change::live::ExecutorHandle;
 use crate::executor::wake::stop::StopHandle;
 use crate::handoff::{RequestIdentity, SampleInfo};
 use crate::middleware::PublishError;
-use crate::middleware::encoding::{BARRIER, Encoding};
+use crate::middleware::encoding::Encoding;
+use crate::middleware::remedy::BARRIER;
+use crate::platform::displayed;
 use crate::publisher::Publisher;
 #[cfg(feature = "full")]
 use crate::sync::Arc;
 use crate::sync::Ordering;
-use crate::text::shown;
 use core::fmt;
 use replenish_msg::Message;
 use replenish_os::clock;
@@ -214,7 +215,7 @@ impl CallbackResult for () {
 impl<E: fmt::Display> CallbackResult for Result<(), E> {
     fn inspect(self, report: &mut dyn FnMut(&dyn fmt::Display)) {
         if let Err(e) = self {
-            report(shown(&e));
+            report(displayed(&e));
         }
     }
 }

@@ -16,12 +16,12 @@ use crate::executor::wake::lazy_now::LazyNow;
 use crate::executor::wake::run_queue::RunQueue;
 use crate::executor::wake::schedule::nanos;
 use crate::handoff::{Inbox, RequestIdentity, SampleInfo, Slot};
-use crate::middleware::encoding::{Encoding, SERVICE};
+use crate::middleware::encoding::Encoding;
+use crate::middleware::encoding::decode;
+use crate::middleware::remedy::SERVICE;
 use crate::middleware::{Middleware, PublishError, ReaderId, WriterId};
-use crate::platform::Once;
+use crate::platform::{Once, label};
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
-use crate::text::decode;
-use crate::text::said;
 use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -220,7 +220,7 @@ impl<S: Service> Client<S> {
         loop {
             match self.inner.middleware.has_server(self.inner.writer) {
                 None => {
-                    let unknown = crate::middleware::MiddlewareError::Unsupported(said(
+                    let unknown = crate::middleware::MiddlewareError::Unsupported(label(
                         "to know of servers, which this agent does not tell",
                     ));
                     return Err(Error::endpoint("client", &self.inner.name, unknown));

@@ -7,7 +7,7 @@ use crate::event::Event;
 use crate::executor::run::rules::{DeadlineMiss, HandleOptions, OnMiss};
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::platform;
-use crate::stats::Text;
+use crate::platform::ShortText;
 use crate::sync::{Arc, Ordering};
 use alloc::boxed::Box;
 #[cfg(feature = "full")]
@@ -183,7 +183,7 @@ impl HandleEntry {
     fn panicked(&mut self, message: &str, env: &Env<'_>) {
         self.stopped = true;
         self.shared.counters.panicked.store(true, Ordering::Relaxed);
-        *self.shared.last_error.lock() = Text::of(&message);
+        *self.shared.last_error.lock() = ShortText::of(&message);
         let handle = &self.shared.id;
         self.shared
             .report(1, &Event::CallbackPanicked { handle, message }, env.events);

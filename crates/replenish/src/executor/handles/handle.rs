@@ -13,12 +13,12 @@ use crate::executor::wake::stop::StopHandle;
 use crate::handoff::{Inbox, Slot};
 use crate::histogram::LiveHistogram;
 use crate::middleware::ReaderId;
-use crate::platform::{self, Once};
-use crate::stats::{Counters, Text};
+use crate::middleware::encoding::decode;
+use crate::platform::{self, Once, ShortText};
+use crate::stats::Counters;
 #[cfg(feature = "full")]
 use crate::sync::Signal;
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
-use crate::text::decode;
 use alloc::string::String;
 use core::cell::RefCell;
 use core::fmt;
@@ -143,7 +143,7 @@ pub(crate) struct HandleState {
     /// From release to end.
     pub(crate) response: LiveHistogram,
     pub(crate) id: String,
-    pub(crate) last_error: Mutex<Text>,
+    pub(crate) last_error: Mutex<ShortText>,
     pub(crate) hook: Once<ErrorHook>,
     pub(crate) group: Once<Group>,
     /// Set when the worker has let go of it.
@@ -161,7 +161,7 @@ impl HandleState {
             counters: Counters::default(),
             latency: LiveHistogram::default(),
             response: LiveHistogram::default(),
-            last_error: Mutex::new(Text::EMPTY),
+            last_error: Mutex::new(ShortText::EMPTY),
             input,
             hook: Once::new(),
             group: Once::new(),
@@ -191,7 +191,7 @@ impl HandleState {
     /// A callback returned an error.
     pub(crate) fn failed(&self, error: &dyn fmt::Display, events: &Events) {
         let count = self.counters.errors.add(1);
-        *self.last_error.lock() = Text::of(error);
+        *self.last_error.lock() = ShortText::of(error);
         let handle = &self.id;
         let event = Event::CallbackFailed {
             handle,

@@ -15,8 +15,9 @@ use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::outbox::Outbox;
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::executor::wake::schedule::{Release, Schedule, nanos};
+use crate::name::concat;
 use crate::platform;
-use crate::text::{joined, shown};
+use crate::platform::displayed;
 use alloc::string::String;
 use core::cell::RefCell;
 use replenish_os::{Account, clock};
@@ -98,7 +99,7 @@ fn check_trigger(worker: &WorkerSpec) -> Result<(), Error> {
     }
     let mut allowed = String::from("a handle of this worker:");
     for entry in &worker.entries {
-        allowed = joined(&[&allowed, " ", &entry.shared.id]);
+        allowed = concat(&[&allowed, " ", &entry.shared.id]);
     }
     Err(Error::parameter(
         worker.request.owner(),
@@ -185,7 +186,7 @@ fn round(worker: &mut Worker, account: &mut Account, accounting: &CpuAccounting)
         let to_blame = last.and_then(|at| worker.spec.entries.get(at));
         outbox.borrow_mut().release(|e| {
             if let Some(entry) = to_blame {
-                entry.shared.failed(shown(&e), &worker.events);
+                entry.shared.failed(displayed(&e), &worker.events);
             }
         });
     }
@@ -214,7 +215,7 @@ fn is_triggered(worker: &mut Worker) -> bool {
                 condition,
                 |condition| condition(&states),
                 |_, message| {
-                    let handle = &joined(&[&spec.request.name, "/trigger"]);
+                    let handle = &concat(&[&spec.request.name, "/trigger"]);
                     events.emit(&Event::CallbackPanicked { handle, message });
                     panicked = true;
                     false

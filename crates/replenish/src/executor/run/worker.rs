@@ -30,7 +30,7 @@ use crate::executor::wake::lazy_now::LazyNow;
 use crate::executor::wake::run_queue::RunQueue;
 use crate::executor::wake::schedule::Schedule;
 use crate::executor::wake::stop::StopHandle;
-use crate::platform::Kept;
+use crate::platform::Static;
 use crate::sync::Arc;
 use core::cell::RefCell;
 use replenish_os::Account;
@@ -38,7 +38,7 @@ use replenish_os::Account;
 /// A worker's state; lives on its thread.
 pub(crate) struct Worker {
     /// As it was described.
-    pub(crate) spec: Kept<WorkerSpec>,
+    pub(crate) spec: Static<WorkerSpec>,
     pub(crate) bell: Arc<Doorbell>,
     pub(crate) stop: StopHandle,
     pub(crate) events: Arc<Events>,

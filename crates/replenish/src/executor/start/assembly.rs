@@ -15,7 +15,7 @@ use crate::executor::run::worker::Worker;
 use crate::executor::wake::doorbell::{Doorbell, Line};
 use crate::executor::wake::run_queue::RunQueue;
 use crate::middleware::MAX_READERS;
-use crate::platform::{Kept, kept};
+use crate::platform::{Static, make_static};
 use crate::sync::Arc;
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -23,7 +23,7 @@ use alloc::vec::Vec;
 /// The parts of an executor.
 pub(crate) struct Assembly {
     pub(crate) dispatcher: Dispatcher,
-    pub(crate) workers: Vec<Kept<Box<Worker>>>,
+    pub(crate) workers: Vec<Static<Box<Worker>>>,
     pub(crate) live: Arc<Live>,
 }
 
@@ -31,7 +31,7 @@ pub(crate) struct Assembly {
 #[inline(never)]
 pub(crate) fn assemble(
     context: &Context,
-    specs: Vec<Kept<WorkerSpec>>,
+    specs: Vec<Static<WorkerSpec>>,
     stop: &StopHandle,
     events: &Arc<Events>,
 ) -> Assembly {
@@ -62,7 +62,7 @@ pub(crate) fn assemble(
         limits += limit;
         posts.push(Post::new(&spec.request.name, &mailbox, spec.numbers()));
         let rounds = spec.rules.rounds;
-        workers.push(kept(Box::new(Worker {
+        workers.push(make_static(Box::new(Worker {
             stop: stop.clone(),
             events: Arc::clone(events),
             mailbox,

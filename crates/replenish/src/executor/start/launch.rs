@@ -13,9 +13,8 @@ use crate::executor::run::dispatcher::Dispatcher;
 use crate::executor::run::round_stats;
 use crate::executor::run::worker::Worker;
 use crate::executor::{Executor, Options, StopHandle};
-use crate::platform::{Kept, kept};
+use crate::platform::{Static, Text, join, make_static, text};
 use crate::sync::{Arc, AtomicBool, Mutex, Signal};
-use crate::text::{Words, list, text};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use replenish_os::clock;
@@ -26,7 +25,7 @@ const STACK: usize = if cfg!(feature = "std") { 1 << 20 } else { 4096 };
 
 #[inline(never)]
 pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
-    let template = kept(planning::prepare(&mut executor)?);
+    let template = make_static(planning::prepare(&mut executor)?);
     let Executor {
         context,
         mut workers,
@@ -36,19 +35,19 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     check_names(&workers)?;
     for w in &workers {
         if w.entries.is_empty() && w.rules.capacity.is_none() {
-            return Err(Error::IdleWorker(Words::from(&*w.request.name)));
+            return Err(Error::IdleWorker(Text::from(&*w.request.name)));
         }
         check(&w.request)?;
         w.check_rules()?;
     }
-    let mut admission = kept(planning::admit(&mut workers, &mut options)?);
+    let mut admission = make_static(planning::admit(&mut workers, &mut options)?);
     let priority = options.enforcer_priority;
     plan(&mut workers, &mut options.dispatcher, priority)?;
     let claim = context.claim().ok_or(Error::ContextBusy)?;
 
     let owner = Arc::new(Signal::new());
     stop.stop.join(Arc::clone(&owner));
-    let mut starter = kept(Starter {
+    let mut starter = make_static(Starter {
         options: &options,
         stop: &stop,
         owner: &owner,
@@ -103,7 +102,7 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     })
 }
 
-pub(crate) fn check_names(workers: &[Kept<WorkerSpec>]) -> Result<(), Error> {
+pub(crate) fn check_names(workers: &[Static<WorkerSpec>]) -> Result<(), Error> {
     let mut rest = workers;
     while let Some((w, others)) = rest.split_last() {
         let name = &*w.request.name;
@@ -126,9 +125,9 @@ fn abort(threads: &mut Vec<StartedThread>, error: Error) -> Error {
     error
 }
 
-fn thread_error(plan: &ThreadPlan, reason: Words) -> Error {
+fn thread_error(plan: &ThreadPlan, reason: Text) -> Error {
     Error::Thread {
-        name: Words::from(&*plan.name),
+        name: Text::from(&*plan.name),
         reason,
     }
 }
@@ -145,13 +144,13 @@ struct Starter<'a> {
 /// What was asked for and is not in force.
 #[derive(Default)]
 struct Refused {
-    memory: Option<Words>,
+    memory: Option<Text>,
     /// Threads without their policy.
-    policies: Vec<Words>,
+    policies: Vec<Text>,
     /// Threads whose budget has no enforcer.
-    budgets: Vec<Words>,
+    budgets: Vec<Text>,
     /// What the kernel said first, with what would grant it.
-    why: Option<Words>,
+    why: Option<Text>,
 }
 
 impl Starter<'_> {
@@ -160,14 +159,14 @@ impl Starter<'_> {
     fn plans(
         &self,
         mut dispatcher: Dispatcher,
-        workers: Vec<Kept<Box<Worker>>>,
+        workers: Vec<Static<Box<Worker>>>,
     ) -> Vec<Arc<ThreadPlan>> {
         for urgency in (0..=URGENT).rev() {
             let those = workers.iter().filter(|w| rank(&w.spec.policy) == urgency);
             dispatcher.bells.extend(those.map(|w| Arc::clone(&w.bell)));
         }
         let mut plans = Vec::with_capacity(workers.len() + 1);
-        plans.push(self.plan(Role::Dispatcher(kept(dispatcher))));
+        plans.push(self.plan(Role::Dispatcher(make_static(dispatcher))));
         for worker in workers {
             plans.push(self.plan(Role::Worker(worker)));
         }
@@ -287,7 +286,7 @@ impl Starter<'_> {
     /// For a thread whose enforcer was refused.
     #[cfg(not(target_os = "none"))]
     fn deferred(&mut self, plan: &ThreadPlan) -> Option<Arc<Enforcer>> {
-        self.refused.budgets.push(Words::from(&*plan.name));
+        self.refused.budgets.push(Text::from(&*plan.name));
         Some(Enforcer::deferred())
     }
 
@@ -327,7 +326,7 @@ impl Starter<'_> {
             Err(e) => e,
         };
         self.refuse(plan, &refused)?;
-        self.refused.policies.push(Words::from(&*plan.name));
+        self.refused.policies.push(Text::from(&*plan.name));
         if let Some(binding) = &mut *plan.budget.lock()
             && binding.enforcer.enforcement() != Enforcement::Deferred
             && let Some(deferred) = self.deferred(plan)
@@ -353,23 +352,23 @@ impl Starter<'_> {
     }
 
     /// Says once what is not in force.
-    fn declare(&mut self, unseen: Option<Words>) -> Vec<Words> {
+    fn declare(&mut self, unseen: Option<Text>) -> Vec<Text> {
         if cfg!(target_os = "none") {
             return Vec::new(); // nothing was refused
         }
         let refused = core::mem::take(&mut self.refused);
-        let mut fallbacks: Vec<Words> = refused.memory.into_iter().chain(unseen).collect();
+        let mut fallbacks: Vec<Text> = refused.memory.into_iter().chain(unseen).collect();
         if let Some(why) = refused.why {
             let mut parts = Vec::new();
             if !refused.policies.is_empty() {
-                let who = list(&refused.policies, ", ");
+                let who = join(&refused.policies, ", ");
                 parts.push(text!("time-shared instead of real-time: {who}"));
             }
             if !refused.budgets.is_empty() {
-                let who = list(&refused.budgets, ", ");
+                let who = join(&refused.budgets, ", ");
                 parts.push(text!("budgets held at callback boundaries only: {who}"));
             }
-            fallbacks.push(text!("{}. {why}", list(&parts, "; ")));
+            fallbacks.push(text!("{}. {why}", join(&parts, "; ")));
         }
         for message in &fallbacks {
             self.options.events.emit(&Event::Fallback { message });

@@ -29,7 +29,7 @@ use crate::executor::run::round_stats::{self, RoundStats, WorkerRounds};
 use crate::executor::run::worker::Worker;
 use crate::executor::wake::schedule::{Every, Schedule, nanos};
 use crate::executor::wake::stop::StopHandle;
-use crate::platform::Kept;
+use crate::platform::Static;
 use crate::stats::HandleStats;
 use crate::sync::Arc;
 use alloc::boxed::Box;
@@ -89,7 +89,7 @@ pub struct LocalExecutor {
     account: Account,
     dispatcher: Dispatcher,
     watch: Watch,
-    workers: Vec<Kept<Box<Worker>>>,
+    workers: Vec<Static<Box<Worker>>>,
     live: Arc<Live>,
     stop: StopHandle,
     period: Option<(Every, Schedule)>,

@@ -15,9 +15,8 @@ use crate::budget::Budget;
 use crate::error::Error;
 use crate::executor::describe::builder::WorkerSpec;
 use crate::executor::wake::schedule::nanos;
-use crate::platform::Kept;
+use crate::platform::{Static, Text, text};
 use crate::sync::Arc;
-use crate::text::{Words, text};
 use replenish_os::{Low, MAX_REPL, Params, Policy};
 
 /// Priority of the budgeted worker with the shortest period, where none was given.
@@ -60,7 +59,7 @@ impl WorkerRequest {
         }
     }
 
-    pub(crate) fn owner(&self) -> Words {
+    pub(crate) fn owner(&self) -> Text {
         text!("worker {:?}", self.name)
     }
 }
@@ -69,7 +68,7 @@ impl WorkerRequest {
 /// been [checked](check).
 #[inline(never)]
 pub(crate) fn plan(
-    workers: &mut [Kept<WorkerSpec>],
+    workers: &mut [Static<WorkerSpec>],
     dispatcher: &mut Option<Policy>,
     enforcer_priority: u8,
 ) -> Result<(), Error> {
@@ -177,7 +176,7 @@ fn policy(w: &WorkerRequest, steps: u8) -> Result<Policy, Error> {
 
 /// How many periods are shorter than this one among the budgets of workers without a policy, each
 /// counted once. (Neither sorted nor collected: both bring code that small images have no room for.)
-fn shorter(mut period: Nanos, workers: &[Kept<WorkerSpec>]) -> u8 {
+fn shorter(mut period: Nanos, workers: &[Static<WorkerSpec>]) -> u8 {
     let mut count = 0_u8;
     loop {
         // Down from one to the next shorter, until there is none.
@@ -215,7 +214,7 @@ pub(crate) fn background(budget: &Budget, priority: u8) -> Option<Low> {
 }
 
 fn below_enforcer(
-    owner: impl FnOnce() -> Words,
+    owner: impl FnOnce() -> Text,
     policy: &Policy,
     enforcer: u8,
 ) -> Result<(), Error> {

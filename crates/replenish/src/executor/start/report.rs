@@ -6,8 +6,8 @@ use crate::Nanos;
 #[cfg(feature = "texts")]
 use crate::executor::run::round_stats::RoundStats;
 use crate::histogram::Histogram;
+use crate::platform::Text;
 use crate::stats::HandleStats;
-use crate::text::Words;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::fmt;
@@ -31,7 +31,7 @@ pub struct Report {
     /// One per CPU with budgeted workers.
     pub enforcers: Vec<EnforcerStats>,
     /// Guarantees that were asked for and are not in force, in words.
-    pub fallbacks: Vec<Words>,
+    pub fallbacks: Vec<Text>,
     /// Whether and how guarantees were tested.
     pub admission: AdmissionReport,
     /// Threads that did not end in time; they were demoted and left behind.
@@ -57,9 +57,9 @@ pub struct ThreadReport {
     /// `dispatcher`, or the worker's name.
     pub name: String,
     /// The policy that was asked for.
-    pub requested: Words,
+    pub requested: Text,
     /// The policy the kernel gave, read back from it before the first callback.
-    pub granted: Words,
+    pub granted: Text,
     /// The CPU it was pinned to.
     pub cpu: Option<usize>,
     /// How its budget is held; `None` without a budget.

@@ -23,10 +23,9 @@ use crate::executor::run::dispatcher::DispatcherCounters;
 use crate::executor::run::round_stats::{self, RoundStats, WorkerRounds};
 use crate::executor::wake::schedule::nanos;
 use crate::executor::wake::stop::StopHandle;
-use crate::platform::Kept;
+use crate::platform::{Static, Text, text};
 use crate::stats::HandleStats;
 use crate::sync::{Arc, Signal};
-use crate::text::{Words, text};
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
@@ -66,15 +65,15 @@ pub struct RunningExecutor {
     pub(crate) enforcers: Enforcers,
     pub(crate) live: Arc<Live>,
     pub(crate) counters: Arc<DispatcherCounters>,
-    pub(crate) fallbacks: Vec<Words>,
+    pub(crate) fallbacks: Vec<Text>,
     pub(crate) stuck: Vec<String>,
     pub(crate) events: Arc<Events>,
     pub(crate) grace: Duration,
     pub(crate) claim: Option<Claim>,
-    pub(crate) admission: Kept<Admission>,
+    pub(crate) admission: Static<Admission>,
     #[cfg(feature = "texts")]
     pub(crate) beats: Vec<WorkerRounds>,
-    pub(crate) template: Kept<String>,
+    pub(crate) template: Static<String>,
     pub(crate) start: Nanos,
     pub(crate) end: Option<Report>,
 }

@@ -15,17 +15,16 @@ use crate::event::{Event, Events};
 use crate::executor::run::dispatcher::Dispatcher;
 use crate::executor::run::worker::Worker;
 use crate::executor::wake::stop::StopHandle;
-use crate::platform::{self, Kept};
+use crate::platform::{self, Static, Text, text};
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
-use crate::text::{Words, text};
 use alloc::boxed::Box;
 use replenish_os::{self as os, Account, Enforcer, Meter, Params, Policy, Thread};
 use sporadic::Kind;
 
 /// What a thread does between launch and stop.
 pub(crate) enum Role {
-    Dispatcher(Kept<Dispatcher>),
-    Worker(Kept<Box<Worker>>),
+    Dispatcher(Static<Dispatcher>),
+    Worker(Static<Box<Worker>>),
 }
 
 impl Role {
@@ -51,7 +50,7 @@ pub(crate) struct ThreadPlan {
     pub(crate) events: Arc<Events>,
     pub(crate) role: Mutex<Option<Role>>,
     pub(crate) budget: Mutex<Option<BudgetBinding>>,
-    pub(crate) ready: Mutex<Option<Result<Ready, Words>>>,
+    pub(crate) ready: Mutex<Option<Result<Ready, Text>>>,
     pub(crate) launch: Mutex<Option<Launch>>,
     pub(crate) finished: AtomicBool,
 }
@@ -68,7 +67,7 @@ pub(crate) struct BudgetBinding {
 #[derive(Clone)]
 pub(crate) struct Ready {
     pub(crate) meter: Meter,
-    pub(crate) granted: Words,
+    pub(crate) granted: Text,
 }
 
 #[derive(Clone, Copy)]
@@ -153,7 +152,7 @@ impl ThreadPlan {
         platform::guard(account, |account| role.run(account, start), panicked);
     }
 
-    fn enroll(&self) -> Result<(Account, Ready), Words> {
+    fn enroll(&self) -> Result<(Account, Ready), Text> {
         let account = match &*self.budget.lock() {
             None => Account::unbudgeted(),
             Some(f) => f
@@ -168,7 +167,7 @@ impl ThreadPlan {
 }
 
 /// What the kernel gave the thread, in words; it is not asked where there are none.
-fn granted(meter: &Meter) -> Words {
+fn granted(meter: &Meter) -> Text {
     match cfg!(feature = "texts").then(|| os::granted(meter.tid())) {
         Some(Ok(granted)) => text!("{granted}"),
         Some(Err(e)) => text!("unknown: {e}"),

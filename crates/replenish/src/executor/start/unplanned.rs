@@ -5,8 +5,7 @@ use crate::Nanos;
 use crate::error::Error;
 use crate::executor::describe::builder::WorkerSpec;
 use crate::executor::{Executor, Options};
-use crate::platform::Kept;
-use crate::text::Words;
+use crate::platform::{Static, Text};
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
@@ -51,7 +50,7 @@ pub struct AdmissionReport {
 #[derive(Debug, Default)]
 pub(crate) struct Admission {
     pub(crate) report: AdmissionReport,
-    pub(crate) fallback: Option<Words>,
+    pub(crate) fallback: Option<Text>,
     pub(crate) place: Option<()>,
 }
 
@@ -60,7 +59,7 @@ pub(crate) struct Admission {
     clippy::unnecessary_wraps,
     reason = "the signature of what it stands in for"
 )]
-pub(crate) fn admit(_: &mut [Kept<WorkerSpec>], _: &mut Options) -> Result<Admission, Error> {
+pub(crate) fn admit(_: &mut [Static<WorkerSpec>], _: &mut Options) -> Result<Admission, Error> {
     Ok(Admission::default())
 }
 

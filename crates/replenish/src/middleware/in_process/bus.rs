@@ -4,9 +4,9 @@
 use super::clashes::{Clashes, Oversizes};
 use crate::handoff::{Ring, SampleInfo};
 use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId};
+use crate::platform::{TEXTS, label};
 use crate::qos::Qos;
 use crate::sync::{Arc, Signal};
-use crate::text::said;
 use alloc::string::String;
 use alloc::vec::Vec;
 use replenish_os::clock;
@@ -95,7 +95,7 @@ impl Bus {
 
     pub(super) fn me(&mut self, me: usize) -> Result<&mut Participant, MiddlewareError> {
         let too_many = MiddlewareError::Capacity {
-            what: said("participants of one in-process bus"),
+            what: label("participants of one in-process bus"),
             limit: MAX_PARTICIPANTS,
         };
         let known = self.participants.get_mut(me);
@@ -170,7 +170,7 @@ impl Reader {
     pub(super) fn store(&mut self, payload: &[u8], info: &SampleInfo) -> Stored {
         if payload.len() > self.limit {
             // Without texts nobody asks.
-            if cfg!(feature = "texts") && self.oversizes.add((self.id, payload.len())) {
+            if TEXTS && self.oversizes.add((self.id, payload.len())) {
                 return Stored::TooLong;
             }
             self.lost += 1;

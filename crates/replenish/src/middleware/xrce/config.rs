@@ -3,8 +3,7 @@
 use super::endpoints::OVERHEAD;
 use super::limits::{JOURNAL, WINDOW};
 use crate::Nanos;
-use crate::platform::io;
-use crate::text::{Label, Words, said};
+use crate::platform::{STD, StaticText, Text, io, label};
 use core::fmt;
 use replenish_xrce::client::PingPolicy;
 use replenish_xrce::features::FRAGMENTS;
@@ -106,7 +105,7 @@ impl XrceConfig {
 
     pub(super) fn check(&self) -> Result<(), ConnectError> {
         let setting = |field, allowed| {
-            let allowed = said(allowed);
+            let allowed = label(allowed);
             Err(ConnectError::Setting { field, allowed })
         };
         if !(64..=65_507).contains(&self.mtu) {
@@ -115,7 +114,7 @@ impl XrceConfig {
         if !(1..=WINDOW).contains(&usize::from(self.window)) {
             return setting(
                 "window",
-                if cfg!(feature = "std") {
+                if STD {
                     "from 1 to 64 datagrams"
                 } else {
                     "from 1 to 4 datagrams"
@@ -131,7 +130,7 @@ impl XrceConfig {
         if self.journal < 64 {
             return setting("journal", "64 bytes or more");
         }
-        if self.key.is_none() && cfg!(not(feature = "std")) {
+        if self.key.is_none() && !STD {
             return setting("key", "set, without feature `std`");
         }
         if self.key == Some([0; 4]) {
@@ -167,7 +166,7 @@ pub enum ConnectError {
     /// The address cannot be resolved or used.
     Address {
         /// As it was given.
-        agent: Words,
+        agent: Text,
         /// What the system says.
         source: io::Error,
     },
@@ -176,26 +175,26 @@ pub enum ConnectError {
         /// Which one.
         field: &'static str,
         /// What is allowed.
-        allowed: Label,
+        allowed: StaticText,
     },
     /// No agent answered in time.
     NoAgent {
         /// Its address.
-        agent: Words,
+        agent: Text,
         /// How long it had, in nanoseconds.
         waited: Nanos,
     },
     /// The agent refused the session.
     Refused {
         /// Its address.
-        agent: Words,
+        agent: Text,
         /// Its reason.
         status: Status,
     },
     /// The operating system refused something else.
     Io {
         /// What was tried.
-        what: Label,
+        what: StaticText,
         /// What it says.
         source: io::Error,
     },

@@ -9,8 +9,9 @@ use super::describe::{Description, milliseconds};
 use super::limits::REQUESTS;
 use super::state::{State, stream};
 use crate::middleware::{EndpointSpec, MiddlewareError};
+use crate::name::concat;
+use crate::platform::{FULL, StaticText, TEXTS, label};
 use crate::qos::{History, IngressLimit, Qos, Reliability};
-use crate::text::{Label, joined, said};
 use alloc::boxed::Box;
 use alloc::string::{String, ToString};
 use core::time::Duration;
@@ -24,7 +25,7 @@ use replenish_xrce::wire::{DeliveryControl, ObjectId, ObjectKind, StreamId};
 pub(super) const MAX_NUMBER: usize = 0xffe;
 
 /// Topic objects are known by name: to be shared, to go with their last user, to be told of.
-const KNOWN_TOPICS: bool = cfg!(any(feature = "full", feature = "texts"));
+const KNOWN_TOPICS: bool = FULL || TEXTS;
 
 #[cfg_attr(not(feature = "full"), expect(dead_code, reason = "for those that go"))]
 pub(super) struct Reader {
@@ -168,7 +169,11 @@ impl State {
     }
 
     /// What the agent said to the creation of `object`.
-    pub(super) fn outcome(&self, object: ObjectId, what: Label) -> Result<(), MiddlewareError> {
+    pub(super) fn outcome(
+        &self,
+        object: ObjectId,
+        what: StaticText,
+    ) -> Result<(), MiddlewareError> {
         match self.session.creation(object) {
             Some(RequestState::Done) => Ok(()),
             Some(RequestState::Refused(status)) => {
@@ -184,7 +189,7 @@ impl State {
         &self,
         size: usize,
         limit: usize,
-        setting: Label,
+        setting: StaticText,
     ) -> Result<(), MiddlewareError> {
         if !self.is_up() {
             return Err(MiddlewareError::LinkDown);
@@ -206,7 +211,7 @@ impl State {
     ) -> Result<ObjectId, MiddlewareError> {
         let known = self.participants.iter().position(|name| *name == node);
         let at = known.unwrap_or(self.participants.len());
-        let number = number(at, MAX_NUMBER, said("nodes"))?;
+        let number = number(at, MAX_NUMBER, label("nodes"))?;
         let object = ObjectId::new(number, ObjectKind::Participant);
         if known.is_none() {
             self.ask_for(&Description {
@@ -217,7 +222,7 @@ impl State {
                 topic: object,
                 qos: const { &Qos::reliable() },
             })?;
-            self.participants.push(joined(&[node]));
+            self.participants.push(concat(&[node]));
         }
         Ok(object)
     }
@@ -240,7 +245,7 @@ impl State {
         }
         let topics = &self.topics;
         let taken = |number| topics.iter().any(|t| t.object.number() == number);
-        let (what, limit) = (said("topics"), MAX_NUMBER);
+        let (what, limit) = (label("topics"), MAX_NUMBER);
         let full = MiddlewareError::Capacity { what, limit };
         let number = self.topic_numbers.next(taken).ok_or(full)?;
         let object = ObjectId::new(number, ObjectKind::Topic);
@@ -297,7 +302,7 @@ impl State {
 pub(super) const OVERHEAD: usize = 12;
 
 /// The number of the next object, from 1 on. (Where a session keeps few objects, it is full before.)
-pub(super) fn number(count: usize, limit: usize, what: Label) -> Result<u16, MiddlewareError> {
+pub(super) fn number(count: usize, limit: usize, what: StaticText) -> Result<u16, MiddlewareError> {
     let next = u16::try_from((count + 1) & 0xfff).unwrap_or_default();
     Some(next)
         .filter(|_| count < limit || REQUESTS < limit)
@@ -318,28 +323,28 @@ fn control(limit: IngressLimit) -> DeliveryControl {
 }
 
 /// What limits samples: the window of a reliable stream holds at least the largest one.
-pub(super) const fn setting(reliable: bool) -> Label {
+pub(super) const fn setting(reliable: bool) -> StaticText {
     match reliable {
-        true => said("of reliable ones it is XrceConfig::max_sample, 1..=65528"),
-        false => said("of best-effort ones it is XrceConfig::mtu - 12, with an mtu of 64..=65507"),
+        true => label("of reliable ones it is XrceConfig::max_sample, 1..=65528"),
+        false => label("of best-effort ones it is XrceConfig::mtu - 12, with an mtu of 64..=65507"),
     }
 }
 
 pub(super) fn request_error(error: &RequestError) -> MiddlewareError {
     match *error {
         RequestError::JournalFull => MiddlewareError::Capacity {
-            what: said("objects of the session"),
+            what: label("objects of the session"),
             limit: REQUESTS,
         },
         RequestError::Stream(PushError::TooLarge { size, limit }) => MiddlewareError::TooLarge {
             size,
             limit,
-            setting: said("that of a request with names this long is XrceConfig::mtu, 64..=65507"),
+            setting: label("that of a request with names this long is XrceConfig::mtu, 64..=65507"),
         },
         RequestError::Down => MiddlewareError::LinkDown,
         RequestError::Unsupported => {
-            MiddlewareError::Unsupported(said("a question to the agent without feature `full`"))
+            MiddlewareError::Unsupported(label("a question to the agent without feature `full`"))
         }
-        _ => MiddlewareError::Unsupported(said("a name with a NUL inside")),
+        _ => MiddlewareError::Unsupported(label("a name with a NUL inside")),
     }
 }

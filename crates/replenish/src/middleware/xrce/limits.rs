@@ -1,10 +1,11 @@
 //! How much a session keeps: what a computer can spare, and what a microcontroller can.
 
+use crate::platform::STD;
 use replenish_xrce::features::DELIVERY;
 
 /// What a limit is with the standard library, and what without.
 const fn limit(std: usize, bare: usize) -> usize {
-    if cfg!(feature = "std") { std } else { bare }
+    if STD { std } else { bare }
 }
 
 /// Reliable datagrams kept per direction at most.

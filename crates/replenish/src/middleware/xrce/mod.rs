@@ -31,7 +31,6 @@ mod transport;
 #[cfg_attr(not(feature = "std"), path = "waiting_bare.rs")]
 mod waiting;
 
-#[cfg(not(feature = "std"))]
 pub use crate::platform::io;
 pub use config::{ConnectError, XrceConfig};
 pub use state::SocketStats;
@@ -50,11 +49,8 @@ use super::{
 #[cfg(feature = "full")]
 use super::{RequestIdentity, ServiceSpec};
 use crate::Nanos;
-use crate::platform::Kept;
-#[cfg(feature = "std")]
-use crate::platform::io;
+use crate::platform::{DROPS, Static, StaticText, label};
 use crate::sync::Arc;
-use crate::text::{Label, said};
 use core::fmt;
 use replenish_os::{PiMutex, clock};
 use replenish_xrce::client::LinkStats;
@@ -89,7 +85,7 @@ pub struct Xrce {
     settings: Settings,
     transport: Arc<dyn Transport>,
     waiting: Waiting,
-    state: PiMutex<Kept<State>>,
+    state: PiMutex<Static<State>>,
     glance: Arc<Glance>,
 }
 
@@ -280,7 +276,7 @@ impl Middleware for Xrce {
         }
         self.waiting
             .dispatcher(&*self.transport, deadline)
-            .map_err(|error| io_error(said("wait for the agent"), &error))
+            .map_err(|error| io_error(label("wait for the agent"), &error))
     }
 
     fn take(
@@ -302,7 +298,7 @@ impl Middleware for Xrce {
         }
         received
             .map(|_| round.taken)
-            .map_err(|error| io_error(said("receive"), &error))
+            .map_err(|error| io_error(label("receive"), &error))
     }
 
     fn wake(&self) {
@@ -333,12 +329,13 @@ impl Middleware for Xrce {
     }
 }
 
-#[cfg(any(not(target_os = "none"), feature = "full"))]
 impl Drop for Xrce {
     fn drop(&mut self) {
-        // The agent forgets the session at once; if this is lost, after a while.
-        self.state.lock().session.close(clock::monotonic());
-        self.housekeep();
+        if DROPS {
+            // The agent forgets the session at once; if this is lost, after a while.
+            self.state.lock().session.close(clock::monotonic());
+            self.housekeep();
+        }
     }
 }
 
@@ -351,7 +348,7 @@ impl fmt::Debug for Xrce {
     }
 }
 
-fn io_error(what: Label, error: &io::Error) -> MiddlewareError {
+fn io_error(what: StaticText, error: &io::Error) -> MiddlewareError {
     MiddlewareError::Io {
         what,
         errno: error.raw_os_error().unwrap_or(0),

@@ -12,7 +12,7 @@
 use super::endpoints::{MAX_NUMBER, Reader, Writer};
 use super::state::State;
 use crate::middleware::{MAX_READERS, MiddlewareError, ReaderId, WriterId};
-use crate::text::said;
+use crate::platform::label;
 use alloc::vec::Vec;
 use replenish_xrce::wire::{ObjectId, ObjectKind, StreamId};
 
@@ -77,7 +77,7 @@ impl Doomed {
 impl State {
     /// An object number for a writer.
     pub(super) fn writer_number(&mut self) -> Result<u16, MiddlewareError> {
-        let (what, limit) = (said("writers"), MAX_NUMBER);
+        let (what, limit) = (label("writers"), MAX_NUMBER);
         let full = MiddlewareError::Capacity { what, limit };
         let writers = &self.ends.writers;
         let taken = |number| {
@@ -90,7 +90,7 @@ impl State {
 
     /// A free slot for a reader, and an object number.
     pub(super) fn reader_place(&mut self) -> Result<(usize, u16), MiddlewareError> {
-        let (what, limit) = (said("readers"), MAX_READERS);
+        let (what, limit) = (label("readers"), MAX_READERS);
         let full = MiddlewareError::Capacity { what, limit };
         let free = self.ends.readers.iter().position(|r| r.deleted);
         let slot = free.unwrap_or(self.ends.readers.len());

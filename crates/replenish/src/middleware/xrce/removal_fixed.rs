@@ -3,7 +3,7 @@
 use super::endpoints::{MAX_NUMBER, Reader, Writer, number};
 use super::state::State;
 use crate::middleware::{MAX_READERS, MiddlewareError, ReaderId, WriterId};
-use crate::text::said;
+use crate::platform::label;
 
 /// Object numbers of one kind, given out in turn.
 #[derive(Debug, Default)]
@@ -47,13 +47,13 @@ impl Doomed {
 impl State {
     /// An object number for a writer.
     pub(super) fn writer_number(&self) -> Result<u16, MiddlewareError> {
-        number(self.ends.writers.len(), MAX_NUMBER, said("writers"))
+        number(self.ends.writers.len(), MAX_NUMBER, label("writers"))
     }
 
     /// A slot for a reader, and an object number.
     pub(super) fn reader_place(&self) -> Result<(usize, u16), MiddlewareError> {
         let slot = self.ends.readers.len();
-        Ok((slot, number(slot, MAX_READERS, said("readers"))?))
+        Ok((slot, number(slot, MAX_READERS, label("readers"))?))
     }
 
     /// Puts a reader into its slot.

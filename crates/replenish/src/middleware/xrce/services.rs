@@ -10,8 +10,9 @@ use crate::Nanos;
 use crate::middleware::{
     MiddlewareError, PublishError, ReaderId, RequestIdentity, ServiceSpec, WriterId,
 };
+use crate::name::concat;
+use crate::platform::label;
 use crate::qos::History;
-use crate::text::{joined, said};
 use replenish_xrce::client::WriteError;
 use replenish_xrce::wire::{
     DeliveryControl, Entity, ObjectId, ObjectKind, Representation, SampleIdentity, ServiceBinary,
@@ -26,7 +27,7 @@ impl Xrce {
         let (domain, most) = (self.settings.domain, self.settings.max_sample);
         let added = self.state.lock().add_service(spec, kind, domain, most);
         let (reader, writer, object) = added?;
-        let confirmed = self.confirm(object, said("create a requester or replier"));
+        let confirmed = self.confirm(object, label("create a requester or replier"));
         if confirmed.is_err() {
             let state = &mut *self.state.lock();
             state.delete_reader(reader);
@@ -83,8 +84,8 @@ impl State {
         let (slot, number) = self.reader_place()?;
         let object = ObjectId::new(number, kind);
         let participant = self.participant(spec.node, domain)?;
-        let request_topic = joined(&["rq", spec.service, "Request"]);
-        let reply_topic = joined(&["rr", spec.service, "Reply"]);
+        let request_topic = concat(&["rq", spec.service, "Request"]);
+        let reply_topic = concat(&["rr", spec.service, "Reply"]);
         let repr = Representation::Binary(ServiceBinary {
             service: spec.service.trim_start_matches('/'),
             request_type: spec.request_type,

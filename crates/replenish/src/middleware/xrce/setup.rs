@@ -7,10 +7,9 @@ use super::waiting::Waiting;
 use super::{ConnectError, Settings, Transport, Xrce, XrceConfig, io_error};
 use crate::Nanos;
 use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId, Room, WriterId};
-use crate::platform::{self, io, kept, zeroed};
+use crate::platform::{self, StaticText, io, label, make_static, zeroed};
 use crate::qos::Criticality;
 use crate::sync::Arc;
-use crate::text::{Label, said};
 use alloc::boxed::Box;
 use replenish_os::{PiMutex, clock};
 use replenish_xrce::client::{Config, ReliableBuffers, Session};
@@ -40,7 +39,7 @@ impl Xrce {
     ) -> Result<Self, ConnectError> {
         config.check()?;
         let io = |what| move |source| ConnectError::Io { what, source };
-        let waiting = Waiting::new(&*transport).map_err(io(said("create what is waited on")))?;
+        let waiting = Waiting::new(&*transport).map_err(io(label("create what is waited on")))?;
         let state = State::new(session(&config));
         let this = Self {
             settings: Settings {
@@ -52,7 +51,7 @@ impl Xrce {
             waiting,
             transport: transport.into(),
             glance: Arc::clone(&state.ends.glance),
-            state: PiMutex::new(kept(state)),
+            state: PiMutex::new(make_static(state)),
         };
         let start = clock::monotonic();
         this.state.lock().session.connect(start);
@@ -60,7 +59,7 @@ impl Xrce {
         let waited = this.until(deadline, &mut |state| {
             state.ends.refused.is_some() || state.is_up()
         });
-        waited.map_err(io(said("wait for the agent")))?;
+        waited.map_err(io(label("wait for the agent")))?;
         let (up, refused) = {
             let state = this.state.lock();
             (state.is_up(), state.ends.refused)
@@ -84,8 +83,8 @@ impl Xrce {
     ) -> Result<u16, MiddlewareError> {
         let (id, object) = self.state.lock().add(spec, &self.settings, writes)?;
         let what = match writes {
-            true => said("create a data writer"),
-            false => said("create a data reader"),
+            true => label("create a data writer"),
+            false => label("create a data reader"),
         };
         let confirmed = self.confirm(object, what);
         if confirmed.is_err() {
@@ -99,10 +98,14 @@ impl Xrce {
     }
 
     /// Waits until the agent has answered the creation of `object`.
-    pub(super) fn confirm(&self, object: ObjectId, what: Label) -> Result<(), MiddlewareError> {
+    pub(super) fn confirm(
+        &self,
+        object: ObjectId,
+        what: StaticText,
+    ) -> Result<(), MiddlewareError> {
         let deadline = clock::monotonic().saturating_add(self.settings.request_timeout);
         self.until(deadline, &mut |state| state.is_answered(object))
-            .map_err(|error| io_error(said("wait for the agent"), &error))?;
+            .map_err(|error| io_error(label("wait for the agent"), &error))?;
         self.state.lock().outcome(object, what)
     }
 
@@ -151,13 +154,13 @@ impl Xrce {
         };
         sent.map_err(|error| request_error(&error))?;
         let deadline = clock::monotonic().saturating_add(self.settings.request_timeout);
-        let what = said("the time");
+        let what = label("the time");
         let mut ahead = None;
         self.until(deadline, &mut |state| {
             ahead = state.ends.agent_time;
             ahead.is_some()
         })
-        .map_err(|error| io_error(said("wait for the agent"), &error))?;
+        .map_err(|error| io_error(label("wait for the agent"), &error))?;
         ahead.ok_or(MiddlewareError::NoAnswer { what })
     }
 }

@@ -10,7 +10,7 @@ use crate::Nanos;
 use crate::middleware::{
     Interest, PublishError, ReaderId, RequestIdentity, Room, SampleInfo, WriterId,
 };
-use crate::platform::io;
+use crate::platform::{FULL, TEXTS, io};
 use crate::qos::Criticality;
 use crate::sync::{Arc, AtomicBool, AtomicUsize, Ordering};
 use alloc::boxed::Box;
@@ -23,7 +23,7 @@ use replenish_xrce::wire::{DeliveryControl, Notice, ObjectId, Status, StreamId};
 pub(super) type XrceSession = Session<Box<[u8]>, WINDOW, REQUESTS, STREAMS, STREAMS>;
 
 /// Clashes that wait to be told; more are left out.
-const CLASHES: usize = if cfg!(feature = "texts") { 64 } else { 0 };
+const CLASHES: usize = if TEXTS { 64 } else { 0 };
 
 /// How often the session is looked after at most while the transport takes nothing.
 const BLOCKED: Nanos = 5_000_000;
@@ -177,7 +177,7 @@ impl Ends {
                 replier,
                 identity,
                 payload,
-            } if cfg!(feature = "full") => {
+            } if FULL => {
                 info.request = RequestIdentity(identity.0);
                 (replier, payload)
             }
@@ -185,7 +185,7 @@ impl Ends {
                 requester,
                 request,
                 payload,
-            } if cfg!(feature = "full") => {
+            } if FULL => {
                 info.request = RequestIdentity::reply(request.0.into());
                 (requester, payload)
             }
@@ -225,7 +225,7 @@ impl Ends {
 
     fn notice(&mut self, object: ObjectId, notice: Notice) {
         match notice {
-            Notice::Served(served) if cfg!(feature = "full") => {
+            Notice::Served(served) if FULL => {
                 let requester = self.writers.iter_mut().find(|w| w.object == object);
                 requester.into_iter().for_each(|w| w.served = served);
             }

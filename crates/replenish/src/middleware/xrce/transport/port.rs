@@ -3,7 +3,7 @@
 use super::{Received, Sent, Transport};
 use crate::Nanos;
 use crate::platform::io::{self, ErrorKind};
-use crate::platform::{Kept, kept, zeroed};
+use crate::platform::{Static, make_static, zeroed};
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
 use alloc::boxed::Box;
 use core::fmt;
@@ -46,10 +46,10 @@ pub trait Port: Send + Sync + 'static {
 /// The stock serial framing over a [`Port`].
 pub struct PortTransport<P> {
     port: P,
-    outbox: Mutex<Kept<Outbox>>,
+    outbox: Mutex<Static<Outbox>>,
     /// The port has not taken all of it; written under the lock.
     waits: AtomicBool,
-    inbox: Mutex<Kept<Inbox>>,
+    inbox: Mutex<Static<Inbox>>,
     /// ns for ten bits: a division that is not made for every message.
     byte: Nanos,
 }
@@ -93,13 +93,13 @@ impl<P: Port> PortTransport<P> {
             port,
             byte,
             waits: AtomicBool::new(false),
-            outbox: Mutex::new(kept(Outbox {
+            outbox: Mutex::new(make_static(Outbox {
                 buf: zeroed(serial_frame_len(mtu)),
                 start: 0,
                 end: 0,
                 busy_until: 0,
             })),
-            inbox: Mutex::new(kept(Inbox {
+            inbox: Mutex::new(make_static(Inbox {
                 decoder: Serial::new(SERIAL_CLIENT, zeroed(mtu)),
                 piece: [0; 64],
             })),

@@ -5,6 +5,8 @@
 //! - There is no wall clock; who needs stamps takes them from the agent's clock.
 //! - Events go where [`Executor::on_event`](crate::Executor::on_event) says, and nowhere without.
 
+pub mod io;
+
 use crate::sync::{AtomicU64, Ordering};
 use alloc::boxed::Box;
 use core::time::Duration;
@@ -62,5 +64,4 @@ pub(crate) fn guard<S: ?Sized, T>(
 }
 
 /// Events go nowhere if nobody has said where.
-#[cfg(not(feature = "log"))]
 pub(crate) const fn tell(_event: &crate::Event<'_>) {}

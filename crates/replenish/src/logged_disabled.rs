@@ -1,0 +1,3 @@
+//! In the place of `logged` without feature `log`.
+
+pub(crate) use crate::platform::tell;
