@@ -11,7 +11,7 @@ use replenish_cli::outcome::Outcome;
 #[command(name = "replenish", version, arg_required_else_help = true)]
 #[command(after_help = "Start with: replenish demo\n\
     Exit codes: 0 done, 1 could not be done (the reason is printed), 2 wrong command line.")]
-pub(crate) struct Cli {
+pub struct Cli {
     #[command(subcommand)]
     command: Command,
 }
@@ -36,7 +36,10 @@ enum Command {
 
 impl Cli {
     /// Runs the command.
-    pub(crate) fn run(self) -> Outcome {
+    ///
+    /// # Errors
+    /// Why it did not do what was asked.
+    pub fn run(self) -> Outcome {
         match self.command {
             Command::Demo(args) => demo::run(&args),
             Command::Experiment(which) => experiment::run(which),

@@ -6,8 +6,6 @@
 //!   threads, overheads, late enforcement, `SCHED_DEADLINE`. The same seed gives the same run.
 //! - **Analysis** ([`analysis`]): bounds on response times that no run exceeds, for the same
 //!   systems.
-//! - **History** ([`nuttx`]): an emulation of NuttX's `SCHED_SPORADIC`, which explains what the
-//!   paper measured.
 //!
 //! No I/O, no clock, no thread, no `unsafe`. Nothing panics on any input: [`System::check`] names
 //! what is wrong with a system, and [`simulate`] calls it first.
@@ -37,9 +35,7 @@
 pub mod analysis;
 mod check;
 mod engine;
-pub mod nuttx;
 mod outcome;
-pub mod paper;
 mod platform;
 mod random;
 mod spec;

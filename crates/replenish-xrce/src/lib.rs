@@ -5,7 +5,6 @@
 //!   stream   best-effort and reliable streams, both directions, fragments; used by client and agent
 //!   framing  messages on serial lines and TCP
 //!   client   the client's session: log-in, objects, samples, loss of the agent
-//!   lossy    streams over a bad link in virtual time, for tests and measurements (feature `std`)
 //!   udp      a socket to the agent (feature `std`)
 //! ```
 //!
@@ -28,8 +27,6 @@ pub mod client;
 mod counter;
 pub mod features;
 pub mod framing;
-#[cfg(feature = "std")]
-pub mod lossy;
 mod sent;
 pub mod seq;
 pub mod stream;

@@ -12,9 +12,7 @@
 //! - `Posix`: the rules of POSIX (XSH 2.8.4, `SCHED_SPORADIC`) to the letter, defects included,
 //!   for conformance and for explaining what another system does.
 //!
-//! `nuttx` emulates a third that is no budget server, to explain what was measured on it.
-//!
-//! Both, `Posix` and `nuttx`, come with feature `posix` (default).
+//! `Posix` comes with feature `posix` (default).
 //!
 //! [`Reservation`] adds to a server what supervising a real thread takes: charging CPU-clock
 //! readings to the level in force, and the lazy check timer. [`Server`] is one or the other, chosen at run time. All are `Send + Sync` plain data without
@@ -41,8 +39,6 @@
 #![forbid(unsafe_code)]
 
 mod corrected;
-#[cfg(feature = "posix")]
-pub mod nuttx;
 mod params;
 mod policy;
 #[cfg(feature = "posix")]

@@ -4,11 +4,11 @@
 //! link that loses, duplicates and delays. Next to it: the same sender, but answering each gap with
 //! everything unacknowledged, as the stock client does.
 
+use crate::lossy;
 use replenish_cli::options::JsonOption;
 use replenish_cli::outcome::{Failure, Outcome};
 use replenish_cli::report::files;
 use replenish_cli::report::table::Table;
-use replenish_xrce::lossy;
 
 /// Options of `bench xrce`.
 #[derive(Debug, clap::Args)]

@@ -1,15 +1,15 @@
 //! `replenish experiment nuttx-history`: why the paper's budgets held for one thread only.
 //!
 //! No real time here: the measurements that the paper's authors published are replayed by
-//! [`replenish_sim::nuttx::history`], once with the two bugs that their kernel had and once without.
+//! [`crate::nuttx::history`], once with the two bugs that their kernel had and once without.
 
 use super::Files;
 use super::history_figure;
+use crate::nuttx::history::{self, Bugs, Row};
 use replenish_cli::outcome::Outcome;
 use replenish_cli::report::files;
 use replenish_cli::report::html::Page;
 use replenish_cli::report::table::Table;
-use replenish_sim::nuttx::history::{self, Bugs, Row};
 
 /// A row counts as reproduced if no thread differs by more, in ms of 10 000.
 const CLOSE: u64 = 10;

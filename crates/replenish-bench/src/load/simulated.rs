@@ -10,8 +10,8 @@
 use super::Nanos;
 use super::grid::Grid;
 use super::spec::{High, Spec};
+use crate::paper::Point;
 use replenish_cli::outcome::Failure;
-use replenish_sim::paper::Point;
 use replenish_sim::{Platform, Releases};
 
 /// What this machine adds to the work that callbacks are asked to do, in ns of CPU time on average.

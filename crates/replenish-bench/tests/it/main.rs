@@ -1,4 +1,4 @@
-//! The whole command as a user runs it, in one binary.
+//! The laboratory, and the whole command as a user runs it, in one binary.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -12,5 +12,10 @@ mod common;
 mod agent;
 mod bench;
 mod history;
+mod nuttx;
+mod nuttx_page;
+mod nuttx_policy;
+mod paper;
 mod roles;
+mod stream_lossy;
 mod suggest;

@@ -13,8 +13,5 @@ mod analysis_terms;
 mod bounds_random;
 mod chains_random;
 mod locks;
-mod nuttx;
-mod nuttx_page;
-mod paper;
 mod policies;
 mod trace;

@@ -16,6 +16,4 @@ mod session_capture;
 mod session_link;
 mod session_lossy;
 mod session_streams;
-#[cfg(feature = "std")]
-mod stream_lossy;
 mod stream_output;

@@ -12,7 +12,6 @@ mod corrected_props;
 mod corrected_rules;
 mod defects;
 mod exhaustive;
-mod nuttx;
 mod params;
 mod posix_props;
 mod posix_rules;

@@ -1,6 +1,6 @@
 //! Prints the replay of the measurements of NuttX under QEMU; an argument sets the tolerance in
 //! ticks for the phase of the second thread (default 2).
-use replenish_sim::nuttx::emulated::{Row, experiment_1, experiment_2, two_threads};
+use replenish_bench::nuttx::emulated::{Row, experiment_1, experiment_2, two_threads};
 
 fn show(name: &str, rows: &[Row]) {
     let good = rows

@@ -1,17 +1,14 @@
 //! One run: a load of samples from a sender to a receiver.
 
-use std::vec;
-use std::vec::Vec;
-
 use super::link::{Air, Direction, Link};
-use crate::stream::{
+use replenish_xrce::stream::{
     InputReliable, OutputReliable, OutputStats, PushError, Reliability, StreamHeader, Tail,
 };
-use crate::wire::{
+use replenish_xrce::wire::{
     BaseRequest, Body, ClientKey, Encode, Message, MessageWriter, ObjectId, ObjectKind, RequestId,
     SessionId, StreamId, WriteData,
 };
-use crate::{Nanos, SeqNum};
+use replenish_xrce::{Nanos, SeqNum};
 
 const MTU: usize = 512;
 const RING: usize = 128;

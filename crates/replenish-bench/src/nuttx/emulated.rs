@@ -8,7 +8,7 @@
 //! NuttX 10.0 has the reversed subtraction, "master" (2026-08) neither historic bug.
 
 use super::{Kernel, NuttxPolicy, NuttxThread, Program};
-use crate::Nanos;
+use sporadic::Nanos;
 
 const EXPERIMENT_1: &str = include_str!("../../data/nuttx-qemu-experiment1.csv");
 const EXPERIMENT_2: &str = include_str!("../../data/nuttx-qemu-experiment2.csv");

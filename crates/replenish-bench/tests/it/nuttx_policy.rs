@@ -1,7 +1,7 @@
 //! The emulation of NuttX's policy, event by event as its description says.
 
+use replenish_bench::nuttx::policy::{Arm, Effects, Nuttx};
 use sporadic::Level;
-use sporadic::nuttx::{Arm, Effects, Nuttx};
 
 fn arm(slot: usize, delay: i32) -> Option<Arm> {
     Some(Arm { slot, delay })

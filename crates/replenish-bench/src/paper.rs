@@ -4,7 +4,7 @@
 //! reservation (or FIFO), the low one FIFO between its high and its background priority. A
 //! dispatcher above both takes the messages.
 
-use crate::{
+use replenish_sim::{
     Nanos, Options, Platform, Policy, Releases, SimError, Span, Step, System, Thread, simulate,
 };
 use sporadic::{Kind, Low, ParamError, Params};
@@ -100,7 +100,7 @@ impl Point {
     /// # Errors
     /// The budget is not one.
     pub fn system(&self) -> Result<System, SimError> {
-        let wrong = |message: String| crate::SpecError {
+        let wrong = |message: String| replenish_sim::SpecError {
             thread: None,
             message,
         };

@@ -14,19 +14,19 @@
 //!   u: how long the thread did not have the CPU; given again when it resumes with budget left
 //! ```
 //!
-//! It is no [`BudgetServer`](crate::BudgetServer), because it is driven by other events: timer
+//! It is no [`BudgetServer`](sporadic::BudgetServer), because it is driven by other events: timer
 //! ticks of the running thread and context switches in, out and by preemption, where a budget
 //! server knows activations, consumption and waits. Nobody can ask it what is available: it does
 //! not know. So it has an interface of its own, in ticks: each event returns [`Effects`], the
 //! timers to start and the level to set, in that order. Timers, ready list and context switches
-//! belong to the kernel around it (`replenish-sim` has one).
+//! belong to the kernel around it ([`Kernel`](super::Kernel)).
 //!
 //! Written from a description of the state machine of `sched/sched/sched_sporadic.c`; the parts
 //! for a locked scheduler are left out. How it deviates from a sporadic server: budget is wall
 //! time, it is credited for what was *not* executed, half a period later, and being preempted
 //! counts as waiting. `docs/nuttx-history.md` tells the consequences.
 
-use crate::Level;
+use sporadic::Level;
 
 /// The states of a timer of the pool.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

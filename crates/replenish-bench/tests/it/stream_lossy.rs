@@ -1,8 +1,8 @@
 //! The two reliable stream machines against each other over a link that loses, duplicates, delays
 //! and reorders, in virtual time: everything arrives exactly once, in order, for every seed.
 
+use replenish_bench::lossy::{Direction, Link, Load, Outcome, Repair, SAMPLES, point, transfer};
 use replenish_xrce::Nanos;
-use replenish_xrce::lossy::{Direction, Link, Load, Outcome, Repair, SAMPLES, point, transfer};
 
 const MILLI: Nanos = 1_000_000;
 

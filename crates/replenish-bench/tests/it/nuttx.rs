@@ -1,7 +1,7 @@
 //! What was measured on NuttX, on the board and under QEMU, against the emulation.
 
-use replenish_sim::nuttx::emulated::{Row, experiment_1, experiment_2, two_threads};
-use replenish_sim::nuttx::history::{Bugs, after_the_fixes, replay};
+use replenish_bench::nuttx::emulated::{Row, experiment_1, experiment_2, two_threads};
+use replenish_bench::nuttx::history::{Bugs, after_the_fixes, replay};
 
 fn rows_within(bugs: Bugs, ms: u64) -> usize {
     let rows = replay(bugs);

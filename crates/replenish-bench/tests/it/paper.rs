@@ -1,6 +1,6 @@
 //! The paper's experiments, simulated, against the theory of its text.
 
-use replenish_sim::paper::Point;
+use replenish_bench::paper::Point;
 
 const MS: u64 = 1_000_000;
 

@@ -1,6 +1,6 @@
 //! NuttX as the paper's authors had it, and as it is today: what its `SCHED_SPORADIC` delivers.
 //!
-//! The policy of one thread is [`sporadic::nuttx::Nuttx`]. Here is the kernel around it
+//! The policy of one thread is [`policy::Nuttx`]. Here is the kernel around it
 //! ([`Kernel`]): timer tick, watchdog list, and the ready list with the historic bug that lives in
 //! it. That bug is no matter of the policy, hence it is switched here and not there.
 //!
@@ -10,5 +10,6 @@
 pub mod emulated;
 pub mod history;
 mod kernel;
+pub mod policy;
 
 pub use kernel::{Kernel, NuttxPolicy, NuttxThread, Program};

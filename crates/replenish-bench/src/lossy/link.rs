@@ -2,9 +2,8 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
-use std::vec::Vec;
 
-use crate::Nanos;
+use replenish_xrce::Nanos;
 
 /// How bad a link is. Datagrams overtake each other if the delays differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

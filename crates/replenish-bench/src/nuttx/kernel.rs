@@ -15,9 +15,8 @@
 //!   [`Kernel::with_stale_ready_list`] it only writes the field, as in builds without assertions
 //!   from 2018-08 (e1202d2ed33) to NuttX 9.0 (554d56b8752).
 
-use crate::Nanos;
-use sporadic::Level;
-use sporadic::nuttx::{Arm, Effects, Nuttx};
+use super::policy::{Arm, Effects, Nuttx};
+use sporadic::{Level, Nanos};
 
 /// Timers per thread: the paper's `CONFIG_SCHED_SPORADIC_MAXREPL`.
 const POOL: usize = 100;

@@ -1,5 +1,5 @@
 //! Prints the replay of the paper authors' measurements, for each combination of the two bugs.
-use replenish_sim::nuttx::history::{Bugs, Row, after_the_fixes, replay};
+use replenish_bench::nuttx::history::{Bugs, Row, after_the_fixes, replay};
 
 fn main() {
     for (name, stale_ready_list, reversed_subtraction) in [

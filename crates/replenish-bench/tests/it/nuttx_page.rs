@@ -1,8 +1,8 @@
 //! `docs/nuttx-qemu.md` shows what the emulation gives, row by row.
 //!
-//! `REPLENISH_UPDATE=1 cargo test -p replenish-sim --test it nuttx_page` writes the tables anew.
+//! `REPLENISH_UPDATE=1 cargo test -p replenish-bench --test it nuttx_page` writes the tables anew.
 
-use replenish_sim::nuttx::emulated::{Row, experiment_1, experiment_2, two_threads};
+use replenish_bench::nuttx::emulated::{Row, experiment_1, experiment_2, two_threads};
 use std::path::Path;
 
 const FROM: &str = "<!-- from here on written by tests/it/nuttx_page.rs -->";

@@ -16,7 +16,7 @@ mod transfer;
 pub use link::{Direction, Fate, Link};
 pub use transfer::{Load, Outcome, Repair, transfer};
 
-use crate::Nanos;
+use replenish_xrce::Nanos;
 
 /// One measured point: a load over a link with so much loss.
 #[derive(Clone, Copy, Debug, PartialEq)]
