@@ -15,7 +15,6 @@
 //! - [`Tid`], [`current_tid`], [`set_affinity`], [`affinity`]: naming and placing threads.
 //! - [`SchedClass`], [`set_priority`], [`promote`], [`demote_to_tail`]: what an enforcer does to
 //!   the threads it watches.
-//! - [`baseline`]: what the hand-off and the enforcer are measured against.
 //! - [`privilege`], [`machine`]: what this process may do, the commands that grant what is missing,
 //!   and what kind of machine this is.
 //!
@@ -31,7 +30,7 @@
 //! | `Low::Suspend` | yes | yes | refused at enrolment |
 //! | `memory`, `privilege::may_be_real_time` | yes | yes, nothing to do | the same |
 //! | `poll`, `PollFd` | descriptors | no: `WakeFd::wait_until` waits for a wake-up alone | the same |
-//! | `SwitchLog`, `baseline`, `machine`, `stolen`, affinity, `tty`, `connect_tcp` | yes | no | no |
+//! | `SwitchLog`, `machine`, `stolen`, affinity, `tty`, `connect_tcp` | yes | no | no |
 //! | heap that can be sealed, panics | no | `freertos` (also start, interrupts) | `nuttx` (also the check at start) |
 //!
 //! Feature `posix` (default) brings budgets held by the server of POSIX, `compact` small memory
@@ -110,8 +109,10 @@ pub use sporadic::{
 };
 pub use tid::Tid;
 
-/// Other ways to wake a thread and to end a budget: for measurements against them, not for use.
-#[cfg(all(target_os = "linux", not(nuttx_host)))]
+/// A bare futex and a POSIX CPU timer: `replenish-bench` measures against them. They stay in this
+/// crate because they need `unsafe`.
+#[cfg(all(target_os = "linux", not(nuttx_host), feature = "baseline"))]
+#[doc(hidden)]
 pub mod baseline {
     pub use crate::linux::bare_futex::BareFutex;
     pub use crate::linux::cpu_timer::CpuTimer;

@@ -1,4 +1,4 @@
-//! The least that can wake a thread: what [`Signal`](crate::Signal) is measured against.
+//! The least that can wake a thread; `replenish bench handoff` measures against it.
 
 use super::futex;
 use std::sync::atomic::{AtomicU32, Ordering};

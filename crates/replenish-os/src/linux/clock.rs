@@ -44,6 +44,7 @@ impl ThreadCpuClock {
     }
 
     /// The number that other system calls know the clock by.
+    #[cfg(feature = "baseline")]
     pub(super) const fn id(&self) -> libc::clockid_t {
         self.0
     }

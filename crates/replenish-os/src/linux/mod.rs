@@ -1,6 +1,7 @@
 //! The Linux back end: one topic per file, each a thin safe wrapper around a few system calls.
 
 pub(crate) mod affinity;
+#[cfg(feature = "baseline")]
 pub(crate) mod bare_futex;
 mod blocked_intervals;
 pub(crate) mod blocking_detector;
@@ -8,6 +9,7 @@ pub mod clock;
 pub(crate) mod config;
 pub(crate) mod console;
 pub(crate) mod context_switches;
+#[cfg(feature = "baseline")]
 pub(crate) mod cpu_timer;
 pub(crate) mod datagram;
 pub(crate) mod futex;
