@@ -5,7 +5,7 @@ use crate::endpoint::{Endpoint, Id, Incoming, Node, Outgoing};
 use crate::error::{DdsError, OpenError};
 use crate::qos::Mismatch;
 use crate::report::DdsReport;
-use crate::state::{State, What};
+use crate::state::{DdsEntity, EndpointTable, SharedState};
 use crate::thread::{Engine, WAKE};
 use replenish_os::{PiMutex, Policy, Thread, ThreadSpec, WakeFd, spawn};
 use rustdds::mio1::{Poll, Waker};
@@ -13,21 +13,13 @@ use std::io;
 use std::net::{IpAddr, UdpSocket};
 use std::sync::Arc;
 
-/// What both ends hold.
-#[derive(Debug)]
-pub(crate) struct Common {
-    pub(crate) state: PiMutex<State>,
-    /// Wakes the program.
-    pub(crate) program: Arc<WakeFd>,
-}
-
 /// DDS on a thread of its own. It ends when this is dropped.
 ///
 /// Every call takes a lock with priority inheritance for some hundred nanoseconds and allocates;
 /// none waits for DDS. Any thread may call.
 #[derive(Debug)]
 pub struct Dds {
-    common: Arc<Common>,
+    shared: Arc<SharedState>,
     waker: Waker,
     thread: Option<Thread<()>>,
 }
@@ -44,19 +36,19 @@ impl Dds {
         if let Interfaces::Only(addresses) = &config.interfaces {
             addresses.iter().try_for_each(|address| is_here(*address))?;
         }
-        let io = |what| move |source: io::Error| DdsError::Io { what, source };
+        let io = |what| move |source: io::Error| DdsError::Io { entity, source };
         let poll = Poll::new().map_err(io("make a poll for DDS"))?;
         let waker = Waker::new(poll.registry(), WAKE).map_err(io("make a wake-up for DDS"))?;
-        let common = Arc::new(Common {
-            state: PiMutex::new(State::new(config.limits)),
+        let shared = Arc::new(SharedState {
+            table: PiMutex::new(EndpointTable::new(config.limits)),
             program: wake,
         });
-        let engine = Engine::new(config.clone(), Arc::clone(&common), poll);
+        let engine = Engine::new(config.clone(), Arc::clone(&shared), poll);
         let spec = ThreadSpec::new("dds").policy(Policy::Other);
         let thread = spawn(spec, move || engine.run())
             .map_err(|error| io("start the thread of DDS")(io::Error::other(error)))?;
         Ok(Self {
-            common,
+            shared,
             waker,
             thread: Some(thread),
         })
@@ -67,7 +59,7 @@ impl Dds {
     /// # Errors
     /// See [`OpenError`].
     pub fn open_node(&self, id: Id, node: Node) -> Result<(), OpenError> {
-        self.open_what(id, What::Node(node))
+        self.open_entity(id, DdsEntity::Node(node))
     }
 
     /// Opens an endpoint under an `id` that was not used before. Whether DDS takes it is told by
@@ -76,25 +68,25 @@ impl Dds {
     /// # Errors
     /// See [`OpenError`].
     pub fn open(&self, id: Id, endpoint: Endpoint) -> Result<(), OpenError> {
-        self.open_what(id, What::Endpoint(endpoint))
+        self.open_entity(id, DdsEntity::Endpoint(endpoint))
     }
 
-    fn open_what(&self, id: Id, what: What) -> Result<(), OpenError> {
-        self.common.state.lock().open(id, what)?;
+    fn open_entity(&self, id: Id, entity: DdsEntity) -> Result<(), OpenError> {
+        self.shared.table.lock().open(id, entity)?;
         self.wake();
         Ok(())
     }
 
     /// Closes an endpoint or node, with what waits for it in both directions.
     pub fn close(&self, id: Id) {
-        self.common.state.lock().close(id);
+        self.shared.table.lock().close(id);
         self.wake();
     }
 
     /// Queues a sample for DDS. What there is no room for is dropped, the oldest of the endpoint
     /// first, and counted.
     pub fn write(&self, id: Id, outgoing: Outgoing) {
-        let wake = self.common.state.lock().write(id, outgoing);
+        let wake = self.shared.table.lock().write(id, outgoing);
         if wake {
             self.wake();
         }
@@ -103,25 +95,25 @@ impl Dds {
     /// The next sample from DDS, the endpoints in turn. To be called until there is none: the
     /// wake-up comes only for the first.
     pub fn take(&self) -> Option<(Id, Incoming)> {
-        self.common.state.lock().incoming.pop()
+        self.shared.table.lock().incoming.pop()
     }
 
     /// The next requester whose service has servers now (`true`), or none any more. To be called
     /// until there is none, after each wake-up.
     pub fn take_served(&self) -> Option<(Id, bool)> {
-        self.common.state.lock().take_served()
+        self.shared.table.lock().take_served()
     }
 
     /// The next endpoint that does not talk with others because of its quality of service, and all
     /// policies known so far. To be called until there is none, after each wake-up.
     pub fn take_mismatch(&self) -> Option<(Id, Mismatch)> {
-        self.common.state.lock().take_mismatch()
+        self.shared.table.lock().take_mismatch()
     }
 
     /// What it is doing.
     #[must_use]
     pub fn report(&self) -> DdsReport {
-        self.common.state.lock().report()
+        self.shared.table.lock().report()
     }
 
     fn wake(&self) {
@@ -133,7 +125,7 @@ impl Dds {
 impl Drop for Dds {
     /// Ends the thread and waits for it: participants say good-bye.
     fn drop(&mut self) {
-        self.common.state.lock().stop();
+        self.shared.table.lock().stop();
         self.wake();
         if let Some(thread) = self.thread.take() {
             drop(thread.join());

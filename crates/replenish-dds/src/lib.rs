@@ -51,7 +51,7 @@ mod error;
 mod graph;
 mod handle;
 mod header;
-mod live;
+mod open_endpoint;
 mod qos;
 mod queues;
 mod raw;
@@ -64,7 +64,5 @@ pub use endpoint::{Endpoint, EndpointKind, Id, Incoming, Node, Outgoing, Request
 pub use error::{ConfigError, DdsError, OpenError};
 pub use handle::Dds;
 pub use qos::{Durability, History, Mismatch, Qos};
+pub use replenish_os::Nanos;
 pub use report::{DdsReport, EndpointReport, EndpointState};
-
-/// Nanoseconds.
-pub type Nanos = u64;

@@ -9,7 +9,7 @@
 //! | lifespan | LIFESPAN of writers |
 //! | liveliness | automatic, without end: the default, as in ROS 2 |
 
-use crate::Nanos;
+use replenish_os::Nanos;
 use rustdds::policy::{Deadline, Durability as DdsDurability, Lifespan, ResourceLimits};
 use rustdds::{Duration, QosPolicies, QosPolicyBuilder, policy};
 

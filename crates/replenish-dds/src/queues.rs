@@ -53,10 +53,10 @@ impl<T: Weight> Queues<T> {
         }
     }
 
-    /// Adds something to the end of its queue; returns how many were dropped for it, the thing
+    /// Adds something to the end of its queue; returns how many were dropped for it, the item
     /// itself included.
-    pub(crate) fn push(&mut self, id: u64, thing: T) -> u64 {
-        let weight = thing.weight();
+    pub(crate) fn push(&mut self, id: u64, item: T) -> u64 {
+        let weight = item.weight();
         let queue = self.queues.entry(id).or_insert_with(Queue::new);
         let mut dropped = 0;
         while queue.waiting.len() >= self.depth || self.bytes + weight > self.room {
@@ -67,7 +67,7 @@ impl<T: Weight> Queues<T> {
             dropped += 1;
         }
         self.bytes += weight;
-        queue.waiting.push_back(thing);
+        queue.waiting.push_back(item);
         if !queue.queued && !queue.paused {
             queue.queued = true;
             self.turns.push_back(id);
@@ -85,24 +85,24 @@ impl<T: Weight> Queues<T> {
             if queue.paused {
                 continue;
             }
-            let Some(thing) = queue.waiting.pop_front() else {
+            let Some(item) = queue.waiting.pop_front() else {
                 continue;
             };
-            self.bytes -= thing.weight();
+            self.bytes -= item.weight();
             if !queue.waiting.is_empty() {
                 queue.queued = true;
                 self.turns.push_back(id);
             }
-            return Some((id, thing));
+            return Some((id, item));
         }
         None
     }
 
     /// Puts back what was just popped.
-    pub(crate) fn push_front(&mut self, id: u64, thing: T) {
+    pub(crate) fn push_front(&mut self, id: u64, item: T) {
         if let Some(queue) = self.queues.get_mut(&id) {
-            self.bytes += thing.weight();
-            queue.waiting.push_front(thing);
+            self.bytes += item.weight();
+            queue.waiting.push_front(item);
             if !queue.queued && !queue.paused {
                 queue.queued = true;
                 self.turns.push_back(id);
@@ -165,8 +165,8 @@ mod tests {
     #[test]
     fn queues_take_turns_and_each_keeps_its_order() {
         let mut queues = Queues::new(8, 100);
-        for (id, thing) in [(1, "a"), (1, "b"), (1, "c"), (2, "x"), (3, "y"), (2, "z")] {
-            assert_eq!(queues.push(id, thing), 0);
+        for (id, item) in [(1, "a"), (1, "b"), (1, "c"), (2, "x"), (3, "y"), (2, "z")] {
+            assert_eq!(queues.push(id, item), 0);
         }
         let expected = [(1, "a"), (2, "x"), (3, "y"), (1, "b"), (2, "z"), (1, "c")];
         assert_eq!(all(&mut queues), expected);

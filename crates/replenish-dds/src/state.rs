@@ -16,31 +16,33 @@ use crate::error::OpenError;
 use crate::qos::Mismatch;
 use crate::queues::{Queues, Weight};
 use crate::report::{DdsReport, EndpointReport, EndpointState};
+use replenish_os::{PiMutex, WakeFd};
 use std::collections::{HashMap, VecDeque};
+use std::sync::Arc;
 
 /// Bytes that a waiting sample is counted with besides its own.
-const PLACE: usize = 64;
+const QUEUE_OVERHEAD: usize = 64;
 
 impl Weight for Outgoing {
     fn weight(&self) -> usize {
-        self.payload.len() + PLACE
+        self.payload.len() + QUEUE_OVERHEAD
     }
 }
 
 impl Weight for Incoming {
     fn weight(&self) -> usize {
-        self.payload.len() + PLACE
+        self.payload.len() + QUEUE_OVERHEAD
     }
 }
 
 /// Something in the table.
 #[derive(Clone, Debug)]
-pub(crate) enum What {
+pub(crate) enum DdsEntity {
     Node(Node),
     Endpoint(Endpoint),
 }
 
-impl What {
+impl DdsEntity {
     pub(crate) fn domain(&self) -> u16 {
         match self {
             Self::Node(node) => node.domain,
@@ -71,8 +73,8 @@ pub(crate) struct Counts {
 }
 
 #[derive(Debug)]
-struct Slot {
-    what: What,
+struct EndpointSlot {
+    entity: DdsEntity,
     seen: bool,
     state: EndpointState,
     matched: usize,
@@ -86,14 +88,22 @@ struct Slot {
 pub(crate) struct Work {
     pub(crate) stop: bool,
     pub(crate) closes: Vec<Id>,
-    pub(crate) opens: Vec<(Id, What)>,
+    pub(crate) opens: Vec<(Id, DdsEntity)>,
 }
 
-/// The shared state.
+/// The state that the program and the thread share.
 #[derive(Debug)]
-pub(crate) struct State {
+pub(crate) struct SharedState {
+    pub(crate) table: PiMutex<EndpointTable>,
+    /// Wakes the program.
+    pub(crate) program: Arc<WakeFd>,
+}
+
+/// The table of endpoints and nodes, with the samples that wait for them.
+#[derive(Debug)]
+pub(crate) struct EndpointTable {
     limits: DdsLimits,
-    table: HashMap<Id, Slot>,
+    table: HashMap<Id, EndpointSlot>,
     wanted: VecDeque<Id>,
     closing: Vec<Id>,
     stop: bool,
@@ -103,12 +113,12 @@ pub(crate) struct State {
     /// From DDS.
     pub(crate) incoming: Queues<Incoming>,
     /// Endpoints that are served now, or are not any more; the program is to be told.
-    changed: VecDeque<Id>,
+    served_changed: VecDeque<Id>,
     /// Endpoints of which more policies do not fit than before; the program is to be told.
     mismatched: VecDeque<Id>,
 }
 
-impl State {
+impl EndpointTable {
     pub(crate) fn new(limits: DdsLimits) -> Self {
         Self {
             limits,
@@ -119,17 +129,17 @@ impl State {
             ended: None,
             outgoing: Queues::new(limits.queue, limits.queued_bytes),
             incoming: Queues::new(limits.queue, limits.queued_bytes),
-            changed: VecDeque::new(),
+            served_changed: VecDeque::new(),
             mismatched: VecDeque::new(),
         }
     }
 
-    pub(crate) fn open(&mut self, id: Id, what: What) -> Result<(), OpenError> {
+    pub(crate) fn open(&mut self, id: Id, entity: DdsEntity) -> Result<(), OpenError> {
         if self.ended.is_some() {
             return Err(OpenError::Ended);
         }
-        if what.domain() > MAX_DOMAIN {
-            return Err(OpenError::Domain(what.domain()));
+        if entity.domain() > MAX_DOMAIN {
+            return Err(OpenError::Domain(entity.domain()));
         }
         if self.table.contains_key(&id) || self.closing.contains(&id) {
             return Err(OpenError::Exists);
@@ -137,8 +147,8 @@ impl State {
         if self.table.len() >= self.limits.endpoints {
             return Err(OpenError::Full);
         }
-        let slot = Slot {
-            what,
+        let slot = EndpointSlot {
+            entity,
             seen: false,
             state: EndpointState::Opening,
             matched: 0,
@@ -209,7 +219,7 @@ impl State {
         let mut take = |id: Id| {
             let slot = self.table.get_mut(&id)?;
             slot.seen = true;
-            Some((id, slot.what.clone()))
+            Some((id, slot.entity.clone()))
         };
         Work {
             stop: self.stop,
@@ -236,7 +246,7 @@ impl State {
     /// The next endpoint that is served now, or not any more.
     pub(crate) fn take_served(&mut self) -> Option<(Id, bool)> {
         loop {
-            let id = self.changed.pop_front()?;
+            let id = self.served_changed.pop_front()?;
             if let Some(slot) = self.table.get(&id) {
                 return Some((id, slot.served));
             }
@@ -253,16 +263,16 @@ impl State {
         }
     }
 
-    /// Adds what the thread has counted; whether there is news for the program.
+    /// Adds what the thread has counted; whether there is changed for the program.
     pub(crate) fn account(&mut self, id: Id, counts: Counts, live: (usize, bool)) -> bool {
         let Some(slot) = self.table.get_mut(&id) else {
             return false;
         };
         let (matched, served) = live;
         slot.matched = matched;
-        let mut news = std::mem::replace(&mut slot.served, served) != served;
-        if news && !self.changed.contains(&id) {
-            self.changed.push_back(id);
+        let mut changed = std::mem::replace(&mut slot.served, served) != served;
+        if changed && !self.served_changed.contains(&id) {
+            self.served_changed.push_back(id);
         }
         let total = &mut slot.counts;
         total.sent += counts.sent;
@@ -274,19 +284,19 @@ impl State {
         total.mismatched += counts.mismatched;
         let mismatch = total.mismatch.and(counts.mismatch);
         if std::mem::replace(&mut total.mismatch, mismatch) != mismatch {
-            news = true;
+            changed = true;
             if !self.mismatched.contains(&id) {
                 self.mismatched.push_back(id);
             }
         }
-        news
+        changed
     }
 
     pub(crate) fn report(&self) -> DdsReport {
-        let report = |(id, slot): (&Id, &Slot)| EndpointReport {
+        let report = |(id, slot): (&Id, &EndpointSlot)| EndpointReport {
             id: *id,
-            domain: slot.what.domain(),
-            name: slot.what.name().to_string(),
+            domain: slot.entity.domain(),
+            name: slot.entity.name().to_string(),
             state: slot.state.clone(),
             matched: slot.matched,
             mismatched: slot.counts.mismatched,
@@ -313,14 +323,14 @@ mod tests {
     use super::*;
 
     fn node() -> What {
-        What::Node(Node {
+        DdsEntity::Node(Node {
             domain: 0,
             name: "n".into(),
         })
     }
 
-    fn state(endpoints: usize) -> State {
-        State::new(DdsLimits {
+    fn state(endpoints: usize) -> EndpointTable {
+        EndpointTable::new(DdsLimits {
             endpoints,
             queue: 2,
             sample: 8,
@@ -351,7 +361,7 @@ mod tests {
         assert_eq!(state.open(2, node()), Ok(()));
         let work = state.take_work();
         assert_eq!((work.closes, work.opens.len()), (vec![1], 1));
-        let far = What::Node(Node {
+        let far = DdsEntity::Node(Node {
             domain: 233,
             name: String::new(),
         });

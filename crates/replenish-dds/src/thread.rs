@@ -10,10 +10,9 @@ use crate::config::DdsConfig;
 use crate::domain::Domain;
 use crate::endpoint::{Id, Node};
 use crate::graph::NodeInfo;
-use crate::handle::Common;
-use crate::live::{Live, Prepared};
+use crate::open_endpoint::{OpenEndpoint, Prepared};
 use crate::qos::Mismatch;
-use crate::state::{Counts, What};
+use crate::state::{Counts, DdsEntity, SharedState};
 use rustdds::mio1::{Events, Interest, Poll, Token};
 use rustdds::{DomainParticipantStatusEvent as Status, GUID, RTPSEntity, StatusEvented};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -36,11 +35,11 @@ const AGAIN: Duration = Duration::from_millis(5);
 /// The thread's own state.
 pub(crate) struct Engine {
     config: DdsConfig,
-    common: Arc<Common>,
+    shared: Arc<SharedState>,
     poll: Poll,
     domains: BTreeMap<u16, Domain>,
     nodes: BTreeMap<Id, Node>,
-    live: BTreeMap<Id, Live>,
+    live: BTreeMap<Id, OpenEndpoint>,
     /// Whose GUID a writer's or reader's is.
     owners: HashMap<GUID, Id>,
     tokens: HashMap<usize, Id>,
@@ -52,7 +51,7 @@ pub(crate) struct Engine {
 }
 
 /// Tells the program when the thread ends, however it does.
-struct Ending(Arc<Common>);
+struct Ending(Arc<SharedState>);
 
 impl Drop for Ending {
     fn drop(&mut self) {
@@ -65,10 +64,10 @@ impl Drop for Ending {
 }
 
 impl Engine {
-    pub(crate) fn new(config: DdsConfig, common: Arc<Common>, poll: Poll) -> Self {
+    pub(crate) fn new(config: DdsConfig, shared: Arc<SharedState>, poll: Poll) -> Self {
         Self {
             config,
-            common,
+            shared,
             poll,
             domains: BTreeMap::new(),
             nodes: BTreeMap::new(),
@@ -82,14 +81,14 @@ impl Engine {
     }
 
     pub(crate) fn run(mut self) {
-        let _ending = Ending(Arc::clone(&self.common));
+        let _ending = Ending(Arc::clone(&self.shared));
         let mut events = Events::with_capacity(256);
         while self.turn(&mut events) {}
     }
 
     /// One round; returns whether there is another.
     fn turn(&mut self, events: &mut Events) -> bool {
-        let idle = self.readable.is_empty() && self.common.state.lock().outgoing.is_empty();
+        let idle = self.readable.is_empty() && self.shared.table.lock().outgoing.is_empty();
         let timeout = match (idle, self.blocked.is_empty()) {
             (false, _) => Some(Duration::ZERO),
             (true, false) => Some(AGAIN),
@@ -105,14 +104,14 @@ impl Engine {
                 self.readable.insert(*id);
             }
         }
-        let work = self.common.state.lock().take_work();
+        let work = self.shared.table.lock().take_work();
         if work.stop {
             return false;
         }
         work.closes.into_iter().for_each(|id| self.close(id));
-        for (id, what) in work.opens {
-            let opened = self.open(id, what);
-            self.common.state.lock().opened(id, opened);
+        for (id, entity) in work.opens {
+            let opened = self.open(id, entity);
+            self.shared.table.lock().opened(id, opened);
         }
         self.statuses();
         self.receive();
@@ -122,22 +121,22 @@ impl Engine {
         true
     }
 
-    fn open(&mut self, id: Id, what: What) -> Result<(), String> {
-        let number = what.domain();
+    fn open(&mut self, id: Id, entity: DdsEntity) -> Result<(), String> {
+        let number = entity.domain();
         self.join(number)?;
         let Some(domain) = self.domains.get_mut(&number) else {
             return Err("no participant".into());
         };
         domain.changed = true;
         let endpoint = match what {
-            What::Node(node) => {
+            DdsEntity::Node(node) => {
                 self.nodes.insert(id, node);
                 return Ok(());
             }
-            What::Endpoint(endpoint) => endpoint,
+            DdsEntity::Endpoint(endpoint) => endpoint,
         };
         let how = (self.config.services, &self.config.limits);
-        let mut live = Live::open(domain, number, endpoint.node, &endpoint.kind, how)?;
+        let mut live = OpenEndpoint::open(domain, number, endpoint.node, &endpoint.kind, how)?;
         if let Some(reader) = &mut live.reader {
             let token = Token(self.next_token);
             self.next_token += 1;
@@ -280,14 +279,14 @@ impl Engine {
                 && let Some(incoming) = live.take()
             {
                 taken += 1;
-                wake |= self.common.state.lock().deliver(id, incoming);
+                wake |= self.shared.table.lock().deliver(id, incoming);
             }
             if taken == BATCH {
                 self.readable.insert(id);
             }
         }
         if wake {
-            self.common.program.wake();
+            self.shared.program.wake();
         }
     }
 
@@ -305,12 +304,12 @@ impl Engine {
                 Some(still) => {
                     self.blocked.insert(id, still);
                 }
-                None => self.common.state.lock().outgoing.resume(id),
+                None => self.shared.table.lock().outgoing.resume(id),
             }
         }
         for _ in 0..BATCH {
-            let mut state = self.common.state.lock();
-            let Some((id, outgoing)) = state.outgoing.pop() else {
+            let mut table = self.shared.table.lock();
+            let Some((id, outgoing)) = table.outgoing.pop() else {
                 return;
             };
             let Some(live) = self.live.get_mut(&id) else {
@@ -318,17 +317,17 @@ impl Engine {
             };
             if live.is_early() {
                 // It goes back to where it was.
-                state.outgoing.push_front(id, outgoing);
-                state.outgoing.pause(id);
+                table.outgoing.push_front(id, outgoing);
+                table.outgoing.pause(id);
                 self.blocked.insert(id, None);
                 continue;
             }
-            drop(state);
+            drop(table);
             let Some(prepared) = live.prepare(outgoing) else {
                 continue;
             };
             if let Err(prepared) = live.submit(prepared) {
-                self.common.state.lock().outgoing.pause(id);
+                self.shared.table.lock().outgoing.pause(id);
                 self.blocked.insert(id, Some(prepared));
             }
         }
@@ -336,16 +335,16 @@ impl Engine {
 
     /// Hands over what was counted.
     fn account(&mut self) {
-        let mut news = false;
-        let mut state = self.common.state.lock();
+        let mut changed = false;
+        let mut table = self.shared.table.lock();
         for (id, live) in &mut self.live {
             let counts: Counts = std::mem::take(&mut live.counts);
             let matched = (live.matched(), live.is_served());
-            news |= state.account(*id, counts, matched);
+            changed |= table.account(*id, counts, matched);
         }
-        drop(state);
-        if news {
-            self.common.program.wake();
+        drop(table);
+        if changed {
+            self.shared.program.wake();
         }
     }
 
@@ -357,8 +356,8 @@ impl Engine {
             }
             let here = self.nodes.iter().filter(|(_, node)| node.domain == *number);
             let info = |(id, node): (&Id, &Node)| {
-                let of_node = |live: &&Live| live.node == Some(*id);
-                let all: Vec<&Live> = self.live.values().filter(of_node).collect();
+                let of_node = |live: &&OpenEndpoint| live.node == Some(*id);
+                let all: Vec<&OpenEndpoint> = self.live.values().filter(of_node).collect();
                 let gid = |guid: GUID| guid.to_bytes();
                 let readers = all.iter().filter_map(|live| live.reader.as_ref());
                 let writers = all.iter().filter_map(|live| live.writer.as_ref());

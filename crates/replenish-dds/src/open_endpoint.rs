@@ -21,11 +21,11 @@ use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
 /// How long a new requester waits for a server to be found before it sends.
-const PATIENCE: Duration = Duration::from_secs(2);
+const SERVER_WAIT: Duration = Duration::from_secs(2);
 
 /// How long it waits after that for the server to find it, too: a reply to somebody who is not
 /// known yet is lost, and nothing tells the client when it is known.
-const SETTLE: Duration = Duration::from_millis(100);
+const DISCOVERY_TIME: Duration = Duration::from_millis(100);
 
 /// Writers and readers of others that are remembered per endpoint.
 const MAX_MATCHED: usize = 1024;
@@ -50,7 +50,7 @@ enum Role {
 }
 
 /// An open endpoint.
-pub(crate) struct Live {
+pub(crate) struct OpenEndpoint {
     pub(crate) domain: u16,
     pub(crate) node: Option<Id>,
     pub(crate) writer: Option<Writer>,
@@ -77,7 +77,7 @@ pub(crate) struct Prepared {
     call: Option<(RequestId, Form, i64)>,
 }
 
-impl Live {
+impl OpenEndpoint {
     pub(crate) fn open(
         domain: &mut Domain,
         number: u16,
@@ -114,7 +114,7 @@ impl Live {
             }
         };
         let calls = matches!(role, Role::Requester { .. });
-        let early = calls.then(|| Instant::now() + PATIENCE);
+        let early = calls.then(|| Instant::now() + SERVER_WAIT);
         Ok(Self {
             domain: number,
             node,
@@ -155,7 +155,7 @@ impl Live {
         }
         let found = !self.readers.is_empty() && !self.writers.is_empty();
         if let (true, Some(early)) = (found, &mut self.early) {
-            *early = (*early).min(Instant::now() + SETTLE);
+            *early = (*early).min(Instant::now() + DISCOVERY_TIME);
         }
     }
 
@@ -367,7 +367,7 @@ impl Live {
     }
 }
 
-impl Live {
+impl OpenEndpoint {
     fn notice_gap(&mut self, from: GUID, sequence: i64) {
         if let Some(last) = self.last.get_mut(&from) {
             let gap = sequence.saturating_sub(*last).saturating_sub(1);
