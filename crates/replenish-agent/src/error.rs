@@ -1,33 +1,10 @@
 //! Why an agent cannot start or go on.
 
+use replenish_os::config::ConfigError;
 use std::fmt;
 use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
-
-/// A setting is out of its range.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ConfigError {
-    /// The setting, as in the code: `limits.clients`.
-    pub field: &'static str,
-    /// What it was set to.
-    pub value: String,
-    /// What it can be set to.
-    pub allowed: String,
-}
-
-impl fmt::Display for ConfigError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            field,
-            value,
-            allowed,
-        } = self;
-        write!(f, "{field} is {value}, allowed is {allowed}")
-    }
-}
-
-impl std::error::Error for ConfigError {}
 
 /// An agent could not be started, or its socket failed.
 #[derive(Debug)]

@@ -55,9 +55,10 @@ pub use bridge::{BridgeEvent, BridgeId, BridgeKind, BridgeQos, BridgeSample, Bri
 #[cfg(feature = "dds")]
 pub use config::DdsBridge;
 pub use config::{AgentConfig, Limits, Profiles, SerialConfig, TopicRule};
-pub use error::{AgentError, ConfigError};
+pub use error::AgentError;
 #[cfg(feature = "dds")]
 pub use replenish_dds as dds;
+pub use replenish_os::config::ConfigError;
 pub use replenish_xrce::Nanos;
 pub use report::{
     BridgeSnapshot, ClientSnapshot, EntitySnapshot, ReaderSnapshot, Reason, Refusal, Rejection,

@@ -1,9 +1,7 @@
 //! Where a [`Dds`](crate::Dds) is on the network, how it maps services, and what it may hold.
 
-use crate::error::ConfigError;
-use std::fmt::Display;
+use replenish_os::config::{ConfigError, within};
 use std::net::{IpAddr, Ipv4Addr};
-use std::ops::RangeInclusive;
 
 /// The highest DDS domain whose ports exist with the default port mapping (DDSI-RTPS 2.5, 9.6.2).
 pub const MAX_DOMAIN: u16 = 232;
@@ -133,21 +131,6 @@ impl DdsConfig {
         within("dds.limits.calls", limits.calls, 1..=65_536)?;
         within("dds.limits.sample", limits.sample, 1..=1 << 26)
     }
-}
-
-fn within<T: PartialOrd + Display + Copy>(
-    field: &'static str,
-    value: T,
-    range: RangeInclusive<T>,
-) -> Result<(), ConfigError> {
-    if range.contains(&value) {
-        return Ok(());
-    }
-    Err(ConfigError {
-        field,
-        value: value.to_string(),
-        allowed: format!("{} to {}", range.start(), range.end()),
-    })
 }
 
 #[cfg(test)]

@@ -1,32 +1,10 @@
 //! Why DDS cannot start, or an endpoint cannot be opened.
 
+use crate::config::MAX_DOMAIN;
+use replenish_os::config::ConfigError;
 use std::fmt;
 use std::io;
 use std::net::IpAddr;
-
-/// A setting is out of its range.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ConfigError {
-    /// The setting, as in the code: `dds.limits.queue`.
-    pub field: &'static str,
-    /// What it was set to.
-    pub value: String,
-    /// What it can be set to.
-    pub allowed: String,
-}
-
-impl fmt::Display for ConfigError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            field,
-            value,
-            allowed,
-        } = self;
-        write!(f, "{field} is {value}, allowed is {allowed}")
-    }
-}
-
-impl std::error::Error for ConfigError {}
 
 /// DDS could not be started.
 #[derive(Debug)]
@@ -96,11 +74,7 @@ impl fmt::Display for OpenError {
             Self::Full => f.write_str("there are too many endpoints in DDS"),
             Self::Exists => f.write_str("an endpoint with this id exists"),
             Self::Domain(domain) => {
-                write!(
-                    f,
-                    "the domain is {domain}, allowed is 0 to {}",
-                    crate::MAX_DOMAIN
-                )
+                write!(f, "the domain is {domain}, allowed is 0 to {MAX_DOMAIN}")
             }
             Self::Ended => f.write_str("the thread of DDS has ended"),
         }

@@ -36,7 +36,7 @@ impl Dds {
         if let Interfaces::Only(addresses) = &config.interfaces {
             addresses.iter().try_for_each(|address| is_here(*address))?;
         }
-        let io = |what| move |source: io::Error| DdsError::Io { entity, source };
+        let io = |what| move |source: io::Error| DdsError::Io { what, source };
         let poll = Poll::new().map_err(io("make a poll for DDS"))?;
         let waker = Waker::new(poll.registry(), WAKE).map_err(io("make a wake-up for DDS"))?;
         let shared = Arc::new(SharedState {

@@ -61,8 +61,9 @@ mod thread;
 
 pub use config::{DdsConfig, DdsLimits, GidSize, Interfaces, MAX_DOMAIN, ServiceMapping};
 pub use endpoint::{Endpoint, EndpointKind, Id, Incoming, Node, Outgoing, RequestId, Topic};
-pub use error::{ConfigError, DdsError, OpenError};
+pub use error::{DdsError, OpenError};
 pub use handle::Dds;
 pub use qos::{Durability, History, Mismatch, Qos};
 pub use replenish_os::Nanos;
+pub use replenish_os::config::ConfigError;
 pub use report::{DdsReport, EndpointReport, EndpointState};

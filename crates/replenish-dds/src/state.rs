@@ -263,7 +263,7 @@ impl EndpointTable {
         }
     }
 
-    /// Adds what the thread has counted; whether there is changed for the program.
+    /// Adds what the thread has counted; returns whether the program must be woken.
     pub(crate) fn account(&mut self, id: Id, counts: Counts, live: (usize, bool)) -> bool {
         let Some(slot) = self.table.get_mut(&id) else {
             return false;
@@ -322,7 +322,7 @@ impl EndpointTable {
 mod tests {
     use super::*;
 
-    fn node() -> What {
+    fn node() -> DdsEntity {
         DdsEntity::Node(Node {
             domain: 0,
             name: "n".into(),

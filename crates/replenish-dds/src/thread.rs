@@ -56,7 +56,7 @@ struct Ending(Arc<SharedState>);
 impl Drop for Ending {
     fn drop(&mut self) {
         self.0
-            .state
+            .table
             .lock()
             .end("the thread of DDS panicked or its poll failed".into());
         self.0.program.wake();
@@ -128,7 +128,7 @@ impl Engine {
             return Err("no participant".into());
         };
         domain.changed = true;
-        let endpoint = match what {
+        let endpoint = match entity {
             DdsEntity::Node(node) => {
                 self.nodes.insert(id, node);
                 return Ok(());

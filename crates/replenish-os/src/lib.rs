@@ -11,6 +11,7 @@
 //! - [`poll`], [`WakeFd`]: waiting on descriptors, and waking such a wait.
 //! - [`connect_tcp`]: TCP without waiting for the other side.
 //! - [`tty`]: serial lines and pseudo-terminals.
+//! - [`config`]: the error of a setting that is out of its range.
 //! - [`memory`]: locking memory and touching stacks, so that page faults stay out.
 //! - [`Tid`], [`current_tid`], [`set_affinity`], [`affinity`]: naming and placing threads.
 //! - [`SchedClass`], [`set_priority`], [`promote`], [`demote_to_tail`]: what an enforcer does to
@@ -63,6 +64,8 @@ compile_error!(
 );
 
 mod arc;
+#[cfg(all(target_os = "linux", not(nuttx_host)))]
+pub mod config;
 mod enforcer;
 mod notify;
 mod pi_mutex;

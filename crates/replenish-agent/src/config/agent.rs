@@ -1,9 +1,9 @@
 //! What an agent listens on, what it may hold, and what it knows beforehand.
 
-use super::limits::{Limits, within};
+use super::limits::Limits;
 use super::profiles::Profiles;
 use super::rules::TopicRule;
-use crate::error::ConfigError;
+use replenish_os::config::{ConfigError, within};
 use replenish_os::tty;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;

@@ -1,9 +1,7 @@
 //! How much clients can make an agent hold, and the ranges in which that can be set.
 
-use crate::error::ConfigError;
+use replenish_os::config::{ConfigError, within};
 use replenish_xrce::Nanos;
-use std::fmt::Display;
-use std::ops::RangeInclusive;
 
 const SECOND: Nanos = 1_000_000_000;
 
@@ -139,22 +137,6 @@ impl Default for Limits {
     fn default() -> Self {
         Self::DEFAULT
     }
-}
-
-/// Whether `value` is in `range`; the error names both and the field.
-pub(crate) fn within<T: PartialOrd + Display + Copy>(
-    field: &'static str,
-    value: T,
-    range: RangeInclusive<T>,
-) -> Result<(), ConfigError> {
-    if range.contains(&value) {
-        return Ok(());
-    }
-    Err(ConfigError {
-        field,
-        value: value.to_string(),
-        allowed: format!("{} to {}", range.start(), range.end()),
-    })
 }
 
 #[cfg(test)]

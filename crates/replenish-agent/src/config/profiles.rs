@@ -3,7 +3,7 @@
 //! The file format is that of eProsima's `agent.refs`: each profile is the XML that a client could
 //! have sent itself, with the name as an attribute.
 
-use crate::error::ConfigError;
+use replenish_os::config::ConfigError;
 use replenish_xrce::wire::ObjectKind;
 use std::collections::HashMap;
 

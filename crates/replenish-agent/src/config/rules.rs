@@ -1,7 +1,6 @@
 //! Which topics are more urgent than others on the way to a client.
 
-use super::limits::within;
-use crate::error::ConfigError;
+use replenish_os::config::{ConfigError, within};
 
 /// Priorities there are: 0 to `LEVELS - 1`.
 pub(crate) const LEVELS: usize = 8;
