@@ -8,7 +8,7 @@ use replenish::Publisher;
 use replenish::middleware::PublishError;
 use replenish::msg::std_msgs::Int32;
 use replenish_os::freertos::AtomicU64;
-use replenish_os::{Signal, clock};
+use replenish_os::{Notify, clock};
 
 /// What all workers and the main task share.
 #[derive(Debug, Default)]
@@ -16,7 +16,7 @@ pub struct Scene {
     /// When the first message of the run reached a callback, in ns; 0: none has.
     pub begun: AtomicU64,
     /// Rings at that moment.
-    pub begin: Signal,
+    pub begin: Notify,
 }
 
 /// What a worker has done.

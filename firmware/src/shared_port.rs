@@ -2,8 +2,8 @@
 
 use crate::uart::Usart2;
 use replenish::middleware::xrce::{PortTransport, Received, Sent, Transport, io};
-use replenish_os::Shared as Arc;
-use replenish_os::Signal;
+use replenish_os::Arc;
+use replenish_os::Notify;
 
 /// USART2 with the stock framing; clones are the same port.
 #[derive(Clone, Debug)]
@@ -51,7 +51,7 @@ impl Transport for SharedPort {
         self.0.receive(deliver)
     }
 
-    fn attach(&self, bell: &Arc<Signal>) {
+    fn attach(&self, bell: &Arc<Notify>) {
         self.0.attach(bell);
     }
 }

@@ -15,8 +15,8 @@ use crate::ring::Ring;
 use core::ptr;
 use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
 use replenish::middleware::xrce::{Port, Received};
-use replenish_os::Shared as Arc;
-use replenish_os::Signal;
+use replenish_os::Arc;
+use replenish_os::Notify;
 
 const BASE: usize = 0x4000_4400;
 const STATUS: Reg = Reg(BASE);
@@ -39,7 +39,7 @@ const CLOCK_HZ: u32 = 42_000_000;
 pub(crate) static RX: Ring<1024> = Ring::new();
 pub(crate) static TX: Ring<1024> = Ring::new();
 
-static BELL: AtomicPtr<Signal> = AtomicPtr::new(ptr::null_mut());
+static BELL: AtomicPtr<Notify> = AtomicPtr::new(ptr::null_mut());
 /// 1 after a `write` that took less than it was given.
 static WANTS_ROOM: AtomicU32 = AtomicU32::new(0);
 
@@ -128,11 +128,11 @@ impl Port for Usart2 {
         len
     }
 
-    fn attach(&self, bell: &Arc<Signal>) {
+    fn attach(&self, bell: &Arc<Notify>) {
         // For ever: the interrupt may ring it at any time.
         let bell = core::mem::ManuallyDrop::new(Arc::clone(bell));
         BELL.store(
-            core::ptr::from_ref::<Signal>(&bell).cast_mut(),
+            core::ptr::from_ref::<Notify>(&bell).cast_mut(),
             Ordering::Release,
         );
     }

@@ -11,7 +11,7 @@
 use crate::machine::{self, stats::Sorted};
 use crate::outcome::Failure;
 use crate::time::{Nanos, SEC};
-use replenish_os::{Policy, Signal, ThreadSpec, clock, current_tid, granted, spawn};
+use replenish_os::{Notify, Policy, ThreadSpec, clock, current_tid, granted, spawn};
 use std::fmt::Display;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -30,13 +30,13 @@ pub trait Cell: Send + Sync + 'static {
     fn wait(&self);
 }
 
-impl Cell for Signal {
+impl Cell for Notify {
     fn set(&self) {
-        Signal::set(self);
+        Notify::set(self);
     }
 
     fn wait(&self) {
-        Signal::wait(self);
+        Notify::wait(self);
     }
 }
 
@@ -140,7 +140,7 @@ pub fn measure<const N: usize>(
 /// # Errors
 /// As of [`measure`].
 pub fn estimate(cpu: usize) -> Result<(Nanos, Nanos), Failure> {
-    let echo = Echo::start("echo/signal", cpu, Signal::new(), Signal::new())?;
+    let echo = Echo::start("echo/signal", cpu, Notify::new(), Notify::new())?;
     let ([signal], _) = measure(cpu, ESTIMATE, [echo])?;
     let ns = |sorted: &Sorted| Nanos::try_from(sorted.percentile(99)).unwrap_or(0);
     Ok((ns(&signal.one_way), ns(&signal.round_trip)))

@@ -9,14 +9,14 @@
 //! that thread's critical section, and it sees the flag before it waits. If after, its bell rings,
 //! and a bell is sticky.
 
-use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
+use crate::sync::{Arc, AtomicBool, Mutex, Notify, Ordering};
 use alloc::vec::Vec;
 
 /// Tells threads to end. Requesting is possible from any thread, any number of times.
 #[derive(Default)]
 pub struct Stop {
     requested: AtomicBool,
-    bells: Mutex<Vec<Arc<Signal>>>,
+    bells: Mutex<Vec<Arc<Notify>>>,
 }
 
 impl Stop {
@@ -27,7 +27,7 @@ impl Stop {
     }
 
     /// From now on `bell` rings when a stop is requested. Set-up only: may allocate.
-    pub fn join(&self, bell: Arc<Signal>) {
+    pub fn join(&self, bell: Arc<Notify>) {
         self.bells.lock().push(bell);
     }
 

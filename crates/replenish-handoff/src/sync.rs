@@ -10,7 +10,7 @@ pub use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering, fence};
 #[cfg(all(not(loom), not(target_has_atomic = "64")))]
 pub use replenish_os::AtomicU64;
 #[cfg(not(loom))]
-pub use replenish_os::{PiMutex as Mutex, Shared as Arc, Signal};
+pub use replenish_os::{Arc, Notify, PiMutex as Mutex};
 
 #[cfg(loom)]
 pub use loom::sync::{
@@ -18,7 +18,7 @@ pub use loom::sync::{
     atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering, fence},
 };
 #[cfg(loom)]
-pub use model::{Mutex, Signal};
+pub use model::{Mutex, Notify};
 
 #[cfg(loom)]
 mod model {
@@ -55,20 +55,20 @@ mod model {
         }
     }
 
-    /// The contract of `replenish_os::Signal`: sticky, one waiter. (Its own futex protocol has its
+    /// The contract of `replenish_os::Notify`: sticky, one waiter. (Its own futex protocol has its
     /// own models in that crate.)
-    pub struct Signal {
+    pub struct Notify {
         set: loom::sync::Mutex<bool>,
         changed: Condvar,
     }
 
-    impl Default for Signal {
+    impl Default for Notify {
         fn default() -> Self {
             Self::new()
         }
     }
 
-    impl Signal {
+    impl Notify {
         pub fn new() -> Self {
             Self {
                 set: loom::sync::Mutex::new(false),

@@ -5,11 +5,11 @@
 #![allow(clippy::unwrap_used, reason = "a model may panic")]
 
 use loom::thread;
-use replenish_handoff::sync::{Arc, Signal};
+use replenish_handoff::sync::{Arc, Notify};
 use replenish_handoff::{Flag, Stop};
 
 /// The worker's loop: look, serve, sleep. Until it has served `all` triggers.
-fn serve(flag: &Flag, bell: &Signal, all: u64) {
+fn serve(flag: &Flag, bell: &Notify, all: u64) {
     let mut served = 0;
     while served < all {
         match flag.is_raised() {
@@ -24,7 +24,7 @@ fn serve(flag: &Flag, bell: &Signal, all: u64) {
 fn no_trigger_is_lost_or_counted_twice() {
     loom::model(|| {
         let flag = Arc::new(Flag::new());
-        let bell = Arc::new(Signal::new());
+        let bell = Arc::new(Notify::new());
         let threads: Vec<_> = (0..2)
             .map(|_| {
                 let (flag, bell) = (Arc::clone(&flag), Arc::clone(&bell));
@@ -40,7 +40,7 @@ fn no_trigger_is_lost_or_counted_twice() {
 fn a_trigger_and_a_stop_at_once_end_the_worker() {
     loom::model(|| {
         let (flag, stop) = (Arc::new(Flag::new()), Arc::new(Stop::new()));
-        let bell = Arc::new(Signal::new());
+        let bell = Arc::new(Notify::new());
         stop.join(Arc::clone(&bell));
         let trigger = {
             let (flag, bell) = (Arc::clone(&flag), Arc::clone(&bell));

@@ -6,20 +6,20 @@
 #![allow(clippy::unwrap_used, reason = "a model may panic")]
 
 use loom::thread;
-use replenish_handoff::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
+use replenish_handoff::sync::{Arc, AtomicBool, Mutex, Notify, Ordering};
 use replenish_handoff::{Inbox, Keep, Outcome, SampleInfo, Slot};
 
 /// What the dispatcher needs of a middleware: buffered samples, and a sticky wake-up.
 struct Middleware {
     buffered: Mutex<Vec<u8>>,
-    bell: Signal,
+    bell: Notify,
 }
 
 impl Middleware {
     fn holding(samples: &[u8]) -> Arc<Self> {
         Arc::new(Self {
             buffered: Mutex::new(samples.to_vec()),
-            bell: Signal::new(),
+            bell: Notify::new(),
         })
     }
 
@@ -33,7 +33,7 @@ impl Middleware {
 }
 
 /// The dispatcher's loop for one keep-all reader, as in `executor/dispatcher.rs`.
-fn dispatch(middleware: &Middleware, inbox: &Inbox, bell: &Signal, done: &AtomicBool) {
+fn dispatch(middleware: &Middleware, inbox: &Inbox, bell: &Notify, done: &AtomicBool) {
     let (mut parked, mut hand) = (false, None);
     while !done.load(Ordering::Acquire) {
         if parked {
@@ -68,7 +68,7 @@ fn a_full_inbox_rejoins_the_interest_set_as_soon_as_there_is_room() {
     loom::model(|| {
         let middleware = Middleware::holding(&[1, 2, 3]);
         let inbox = Arc::new(Inbox::new(1, 1, Keep::All));
-        let bell = Arc::new(Signal::new());
+        let bell = Arc::new(Notify::new());
         let done = Arc::new(AtomicBool::new(false));
         let dispatcher = {
             let (middleware, inbox) = (Arc::clone(&middleware), Arc::clone(&inbox));
@@ -93,7 +93,7 @@ fn a_full_inbox_rejoins_the_interest_set_as_soon_as_there_is_room() {
 fn keep_last_hands_over_the_newest_and_counts_every_other() {
     loom::model(|| {
         let inbox = Arc::new(Inbox::new(1, 1, Keep::Newest));
-        let bell = Arc::new(Signal::new());
+        let bell = Arc::new(Notify::new());
         let dispatcher = {
             let (inbox, bell) = (Arc::clone(&inbox), Arc::clone(&bell));
             thread::spawn(move || {

@@ -5,7 +5,7 @@
 #![allow(clippy::unwrap_used, reason = "a model may panic")]
 
 use loom::thread;
-use replenish_handoff::sync::{Arc, Signal};
+use replenish_handoff::sync::{Arc, Notify};
 use replenish_handoff::{Flag, ReadySet};
 
 /// Two handles, in different words of the set, each brought something by a thread of its own: the
@@ -14,7 +14,7 @@ use replenish_handoff::{Flag, ReadySet};
 fn input_that_was_marked_is_found_without_looking_elsewhere() {
     loom::model(|| {
         let marks = Arc::new(ReadySet::new(65));
-        let bell = Arc::new(Signal::new());
+        let bell = Arc::new(Notify::new());
         let input: [Arc<Flag>; 2] = [Arc::new(Flag::new()), Arc::new(Flag::new())];
         let slots = [3, 64];
         let threads: Vec<_> = (0..2)

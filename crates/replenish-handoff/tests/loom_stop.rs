@@ -6,13 +6,13 @@
 
 use loom::thread;
 use replenish_handoff::Stop;
-use replenish_handoff::sync::{Arc, Signal};
+use replenish_handoff::sync::{Arc, Notify};
 
 /// A worker without work: it sleeps on its bell until it is told to stop.
 fn sleeper(stop: &Arc<Stop>) -> thread::JoinHandle<()> {
     let stop = Arc::clone(stop);
     thread::spawn(move || {
-        let bell = Arc::new(Signal::new());
+        let bell = Arc::new(Notify::new());
         stop.join(Arc::clone(&bell));
         while !stop.is_requested() {
             bell.wait();
@@ -49,7 +49,7 @@ fn two_requests_at_once_end_two_threads() {
 fn a_wake_up_for_work_does_not_swallow_the_stop() {
     loom::model(|| {
         let stop = Arc::new(Stop::new());
-        let bell = Arc::new(Signal::new());
+        let bell = Arc::new(Notify::new());
         stop.join(Arc::clone(&bell));
         let worker = {
             let (stop, bell) = (Arc::clone(&stop), Arc::clone(&bell));

@@ -2,9 +2,9 @@
 //!
 //! - [`Policy`], [`ThreadSpec`], [`spawn`], [`granted`]: threads that have what was asked before
 //!   they run user code, and what the kernel says they have.
-//! - [`Signal`]: the hand-off cell that one thread waits on.
+//! - [`Notify`]: the hand-off cell that one thread waits on.
 //! - [`Enforcer`], [`Account`], [`Meter`]: budgets held by lowering and raising priorities.
-//! - [`SwitchLog`], [`voluntary_switches`]: was a thread preempted, or did it block?
+//! - [`ContextSwitchLog`], [`voluntary_switches`]: was a thread preempted, or did it block?
 //! - [`PiMutex`]: a lock with priority inheritance.
 //! - [`clock`], [`timer`]: monotonic time, CPU clocks of this and other threads, absolute sleep,
 //!   one-shot timers.
@@ -16,7 +16,7 @@
 //! - [`Tid`], [`current_tid`], [`set_affinity`], [`affinity`]: naming and placing threads.
 //! - [`SchedClass`], [`set_priority`], [`promote`], [`demote_to_tail`]: what an enforcer does to
 //!   the threads it watches.
-//! - [`privilege`], [`machine`]: what this process may do, the commands that grant what is missing,
+//! - [`privilege`], [`machine_info`]: what this process may do, the commands that grant what is missing,
 //!   and what kind of machine this is.
 //!
 //! Time is `u64` nanoseconds of `CLOCK_MONOTONIC` ([`Nanos`]) unless said otherwise.
@@ -27,11 +27,11 @@
 //! |---|---|---|---|
 //! | chosen by | target | feature, on targets without an operating system | feature, on `NuttX` targets |
 //! | policies, `spawn`, `Thread`, `granted`, `set_priority`, `promote`, `demote_to_tail` | all | FIFO and sporadic | FIFO, RR and sporadic |
-//! | `Signal`, `PiMutex`, `clock`, `timer`, `Enforcer`, `Account`, `Meter`, `voluntary_switches` | yes | yes | yes |
+//! | `Notify`, `PiMutex`, `clock`, `timer`, `Enforcer`, `Account`, `Meter`, `voluntary_switches` | yes | yes | yes |
 //! | `Low::Suspend` | yes | yes | refused at enrolment |
 //! | `memory`, `privilege::may_be_real_time` | yes | yes, nothing to do | the same |
 //! | `poll`, `PollFd` | descriptors | no: `WakeFd::wait_until` waits for a wake-up alone | the same |
-//! | `SwitchLog`, `machine`, `stolen`, affinity, `tty`, `connect_tcp` | yes | no | no |
+//! | `ContextSwitchLog`, `machine_info`, `steal_time`, affinity, `tty`, `connect_tcp` | yes | no | no |
 //! | heap that can be sealed, panics | no | `freertos` (also start, interrupts) | `nuttx` (also the check at start) |
 //!
 //! Feature `posix` (default) brings budgets held by the server of POSIX, `compact` small memory
@@ -73,17 +73,17 @@ mod spec;
 mod sync_shim;
 mod tid;
 
-pub use arc::Shared;
+pub use arc::Arc;
 #[cfg(any(not(target_os = "linux"), nuttx_host))]
 pub use backend::AtomicU64;
 #[cfg(all(target_os = "linux", not(nuttx_host)))]
 pub use backend::{
     affinity::{CpuSet, affinity, set_affinity},
-    context_switches::{Drained, Switch, SwitchKind, SwitchLog},
+    context_switches::{ContextSwitch, ContextSwitchLog, Drained, SwitchDirection},
     datagram::receive,
-    machine::{Machine, Preemption, machine},
+    machine_info::{MachineInfo, Preemption, machine_info},
     poll::{PollFd, poll},
-    steal_time::stolen,
+    steal_time::steal_time,
     tcp::connect_tcp,
     tty,
     wait_set::WaitSet,
@@ -104,7 +104,7 @@ pub use enforcer::{
     Account, Enforcement, Enforcer, EnforcerConfig, EnforcerStats, EnrollError, MAX_REPL, Meter,
     OverrunSamples, OverrunSummary, STALL, Stall, Stopped, Usage,
 };
-pub use notify::Signal;
+pub use notify::Notify;
 pub use pi_mutex::{PiMutex, PiMutexGuard};
 pub use spec::ThreadSpec;
 pub use sporadic::{

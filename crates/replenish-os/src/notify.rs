@@ -19,7 +19,7 @@
 //! announcement, the waiter finds SET and does not sleep. `tests/loom_signal.rs` checks this code
 //! in every interleaving.
 //!
-//! The path from [`set`](Signal::set) to the waiter costs one swap and, if somebody waits, one
+//! The path from [`set`](Notify::set) to the waiter costs one swap and, if somebody waits, one
 //! `FUTEX_WAKE`. Nothing allocates. Signal outside of locks: a waiter of higher priority runs at
 //! once and would run into the lock.
 
@@ -37,17 +37,17 @@ const WAITING: u32 = 2;
 /// also if several sets coalesced. At most one thread may wait at a time: with two, a set wakes
 /// one of them and the other can sleep on until its deadline (a hang, not a data race).
 #[derive(Debug)]
-pub struct Signal {
+pub struct Notify {
     word: FutexWord,
 }
 
-impl Default for Signal {
+impl Default for Notify {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Signal {
+impl Notify {
     /// A cell that is not set.
     #[cfg(not(loom))]
     #[must_use]

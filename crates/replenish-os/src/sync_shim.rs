@@ -1,4 +1,4 @@
-//! The atomics and the futex of [`crate::Signal`], or their `loom` models under `--cfg loom`.
+//! The atomics and the futex of [`crate::Notify`], or their `loom` models under `--cfg loom`.
 //!
 //! `loom` explores every interleaving of the *real* protocol code over these types; only the
 //! futex itself is a model: a mutex makes "compare, then sleep" one step, as the kernel does.

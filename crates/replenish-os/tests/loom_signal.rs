@@ -11,7 +11,7 @@ use loom::cell::UnsafeCell;
 use loom::sync::Arc;
 use loom::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use loom::thread;
-use replenish_os::Signal;
+use replenish_os::Notify;
 
 /// All interleavings with up to three preemptions, which is where bugs of such small protocols
 /// are; without a bound the models with three threads take minutes. `LOOM_MAX_PREEMPTIONS`
@@ -26,7 +26,7 @@ fn model(f: impl Fn() + Send + Sync + 'static) {
 #[test]
 fn a_set_always_ends_the_wait() {
     model(|| {
-        let signal = Arc::new(Signal::new());
+        let signal = Arc::new(Notify::new());
         let setter = thread::spawn({
             let signal = Arc::clone(&signal);
             move || signal.set()
@@ -40,7 +40,7 @@ fn a_set_always_ends_the_wait() {
 #[test]
 fn a_set_before_the_wait_returns_at_once() {
     model(|| {
-        let signal = Signal::new();
+        let signal = Notify::new();
         signal.set();
         signal.set();
         signal.wait(); // nobody else is there to wake this thread
@@ -55,7 +55,7 @@ fn a_set_before_the_wait_returns_at_once() {
 #[test]
 fn what_setters_wrote_is_visible_also_when_sets_coalesce() {
     model(|| {
-        let signal = Arc::new(Signal::new());
+        let signal = Arc::new(Notify::new());
         let flags = Arc::new([AtomicBool::new(false), AtomicBool::new(false)]);
         let setters: Vec<_> = (0..2)
             .map(|i| {
@@ -79,7 +79,7 @@ fn what_setters_wrote_is_visible_also_when_sets_coalesce() {
 #[test]
 fn plain_memory_is_handed_over() {
     model(|| {
-        let signal = Arc::new(Signal::new());
+        let signal = Arc::new(Notify::new());
         let slot = Arc::new(UnsafeCell::new(0));
         let setter = thread::spawn({
             let (signal, slot) = (signal.clone(), slot.clone());
@@ -100,7 +100,7 @@ fn plain_memory_is_handed_over() {
 #[test]
 fn a_timeout_never_swallows_a_set() {
     model(|| {
-        let signal = Arc::new(Signal::new());
+        let signal = Arc::new(Notify::new());
         let setter = thread::spawn({
             let signal = Arc::clone(&signal);
             move || signal.set()
@@ -118,7 +118,7 @@ fn a_timeout_never_swallows_a_set() {
 #[test]
 fn the_stop_protocol_ends_the_worker_after_its_last_item() {
     model(|| {
-        let signal = Arc::new(Signal::new());
+        let signal = Arc::new(Notify::new());
         let item = Arc::new(AtomicBool::new(false));
         let stop = Arc::new(AtomicBool::new(false));
         let worker = thread::spawn({
@@ -149,7 +149,7 @@ fn the_stop_protocol_ends_the_worker_after_its_last_item() {
 #[test]
 fn no_item_is_left_behind_by_coalescing() {
     model(|| {
-        let signal = Arc::new(Signal::new());
+        let signal = Arc::new(Notify::new());
         let items = Arc::new(AtomicU32::new(0));
         let producers: Vec<_> = (0..2)
             .map(|_| {

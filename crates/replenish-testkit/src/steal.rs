@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 /// What was stolen of a CPU: the product's own reader.
 #[path = "../../replenish-os/src/linux/steal_time.rs"]
-pub mod stolen;
+pub mod steal_time;
 
 /// A trial runs so often at most.
 const RUNS: u32 = 4;
@@ -26,7 +26,7 @@ const STOLEN: u64 = 20_000_000;
 
 /// Time that was stolen from the CPUs since boot, in ns.
 fn total() -> u64 {
-    (0..).map_while(stolen::stolen).sum()
+    (0..).map_while(steal_time::steal_time).sum()
 }
 
 /// A hypervisor takes CPU time for seconds on end: so long is waited for it to stop before the next run.

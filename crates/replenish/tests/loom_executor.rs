@@ -44,7 +44,7 @@ use replenish_handoff::{self as handoff, sync};
 use routes::Route;
 use stop::StopHandle;
 use stubs::{clock, event, handle, middleware, stats};
-use sync::{Arc, AtomicBool, Ordering, Signal};
+use sync::{Arc, AtomicBool, Notify, Ordering};
 use worker::Worker;
 
 /// The rooms of the executor, as the included files name them.
@@ -350,7 +350,7 @@ mod stop {
 
 mod doorbell {
     use crate::handoff::ReadySet;
-    use crate::sync::{Arc, Signal};
+    use crate::sync::{Arc, Notify};
     use std::sync::atomic::Ordering;
 
     pub(crate) struct Line {
@@ -365,7 +365,7 @@ mod doorbell {
     }
 
     pub(crate) struct Doorbell {
-        signal: Signal,
+        signal: Notify,
         marks: ReadySet,
         /// The dispatcher's alone: not seen by the model.
         due: std::sync::atomic::AtomicBool,
@@ -374,7 +374,7 @@ mod doorbell {
     impl Default for Doorbell {
         fn default() -> Self {
             Self {
-                signal: Signal::new(),
+                signal: Notify::new(),
                 marks: ReadySet::new(1),
                 due: false.into(),
             }

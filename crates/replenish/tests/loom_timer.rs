@@ -30,7 +30,7 @@ use replenish_handoff::sync;
 use schedule::Every;
 use std::time::Duration;
 use stubs::{callback, clock, doorbell, handle, lazy_now, platform, run_queue};
-use sync::{Arc, Signal};
+use sync::{Arc, Notify};
 use timer::{Timer, TimerHandle};
 
 /// The rooms of the executor, as the included files name them.
@@ -56,7 +56,7 @@ fn period(nanos: u64) -> Every {
 /// its next release is as `expected`; then whether it stays that.
 fn work(handle: &TimerHandle, every: Every, expected: Option<Nanos>) {
     let shared = Arc::new(HandleState::default());
-    let line = Line(Arc::new(Signal::new()));
+    let line = Line(Arc::new(Notify::new()));
     let nothing = |_: &CallbackContext<'_>| ();
     let mut timer = Timer::new(shared, every, Some(handle.control()), nothing);
     timer.begin(NOW, &line);

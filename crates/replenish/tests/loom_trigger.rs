@@ -27,7 +27,7 @@ use lazy_now::LazyNow;
 use loom::thread;
 use replenish_handoff::{self as handoff, sync};
 use stubs::{callback, clock, doorbell, handle, lazy_now, platform};
-use sync::{Arc, Signal};
+use sync::{Arc, Notify};
 
 /// The rooms of the executor, as the included files name them.
 mod executor {
@@ -44,7 +44,7 @@ type Nanos = u64;
 /// The worker's loop as far as one handle goes: begin, then look, serve, sleep.
 fn serve(condition: &GuardCondition, all: u64) -> u64 {
     let shared = Arc::new(HandleState::default());
-    let line = Line(Arc::new(Signal::new()));
+    let line = Line(Arc::new(Notify::new()));
     let nothing = |_: &CallbackContext<'_>| ();
     let mut guard = Guard::new(Arc::clone(&shared), condition.clone(), nothing);
     guard.begin(0, &line);

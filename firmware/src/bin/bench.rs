@@ -11,7 +11,7 @@ use firmware::regs::{IRQ_USART2, Reg, enable_interrupt};
 use firmware::{console, say};
 use replenish_os::freertos::{SealedHeap, start};
 use replenish_os::{
-    Enforcer, EnforcerConfig, Low, Nanos, Params, PiMutex, Policy, Signal, ThreadSpec, clock, spawn,
+    Enforcer, EnforcerConfig, Low, Nanos, Notify, Params, PiMutex, Policy, ThreadSpec, clock, spawn,
 };
 use sporadic::Kind;
 
@@ -89,7 +89,7 @@ fn context_switch() -> u32 {
 
 /// From `set` in one task to the return of `wait` in another above it: half of a round trip.
 fn hand_off() -> u32 {
-    let there = Arc::new((Signal::new(), Signal::new()));
+    let there = Arc::new((Notify::new(), Notify::new()));
     let theirs = Arc::clone(&there);
     let spec = ThreadSpec::new("other").policy(Policy::Fifo { priority: 51 });
     let other = spawn(spec.stack_size(2048), move || {
@@ -107,7 +107,7 @@ fn hand_off() -> u32 {
     }) / 2
 }
 
-static BELL: Signal = Signal::new();
+static BELL: Notify = Notify::new();
 static RAISED: AtomicU32 = AtomicU32::new(0);
 static TOOK: AtomicU32 = AtomicU32::new(0);
 
@@ -141,7 +141,7 @@ fn interrupt_to_task() -> u32 {
 }
 
 fn set_without_waiter() -> u32 {
-    let signal = Signal::new();
+    let signal = Notify::new();
     each(|| {
         signal.set();
         signal.take();

@@ -14,7 +14,7 @@ use firmware::case::{self, Worker};
 use firmware::console;
 use firmware::say;
 use firmware::work::Burst;
-use replenish_os::Shared as Arc;
+use replenish_os::Arc;
 use replenish_os::freertos::{SealedHeap, panicked, start};
 use replenish_os::{Enforcer, EnforcerConfig, Policy, ThreadSpec, clock, spawn};
 
@@ -112,7 +112,7 @@ fn launch(worker: Worker, burst: Burst, begin: u64, enforcer: &Arc<Enforcer>) ->
     });
     let theirs = Arc::clone(&count);
     let enforcer = Arc::clone(enforcer);
-    let ready = Arc::new(replenish_os::Signal::new());
+    let ready = Arc::new(replenish_os::Notify::new());
     let tell = Arc::clone(&ready);
     let policy = Policy::Fifo {
         priority: worker.priority,

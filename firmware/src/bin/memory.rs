@@ -16,9 +16,9 @@ use firmware::{console, say};
 use replenish::middleware::xrce::{Port, PortTransport, Xrce, XrceConfig};
 use replenish::msg::std_msgs::Int32;
 use replenish::{Budget, Context, Error, Executor, Policy, Qos};
-use replenish_os::Shared as Arc;
+use replenish_os::Arc;
 use replenish_os::freertos::{SealedHeap, start};
-use replenish_os::{PiMutex, Signal};
+use replenish_os::{Notify, PiMutex};
 use replenish_xrce::framing::{SERIAL_AGENT, SERIAL_CLIENT, Serial, serial_frame};
 
 #[global_allocator]
@@ -151,7 +151,7 @@ impl Port for Agent {
         bytes.len()
     }
 
-    fn attach(&self, bell: &Arc<Signal>) {
+    fn attach(&self, bell: &Arc<Notify>) {
         bell.set();
     }
 

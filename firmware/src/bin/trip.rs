@@ -17,7 +17,7 @@ use replenish::middleware::xrce::{PortTransport, Xrce, XrceConfig};
 use replenish::msg::std_msgs::Int32;
 use replenish::{Context, Error, Executor, Policy, Publisher, Qos};
 use replenish_os::freertos::{AtomicU64, SealedHeap, panicked, start};
-use replenish_os::{Signal, ThreadSpec, clock, spawn};
+use replenish_os::{Notify, ThreadSpec, clock, spawn};
 
 #[global_allocator]
 static HEAP: SealedHeap<{ 100 * 1024 }> = SealedHeap::new();
@@ -34,7 +34,7 @@ static AWAKE: AtomicBool = AtomicBool::new(true);
 struct Back {
     number: AtomicI32,
     at: AtomicU64,
-    bell: Signal,
+    bell: Notify,
 }
 
 #[unsafe(no_mangle)]

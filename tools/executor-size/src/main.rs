@@ -40,7 +40,7 @@ mod pong {
     use replenish::middleware::xrce::{Port, PortTransport, Xrce, XrceConfig};
     use replenish::msg::std_msgs::Int32;
     use replenish::{Budget, Context, Error, Executor, Policy, Qos};
-    use replenish_os::{Shared, Signal};
+    use replenish_os::{Arc, Notify};
 
     struct Registers;
 
@@ -60,7 +60,7 @@ mod pong {
             bytes.len()
         }
 
-        fn attach(&self, bell: &Shared<Signal>) {
+        fn attach(&self, bell: &Arc<Notify>) {
             bell.set();
         }
 

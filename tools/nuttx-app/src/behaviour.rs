@@ -6,7 +6,7 @@ use alloc::sync::Arc;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use replenish_os::timer::TimerFd;
 use replenish_os::{
-    Enforcer, EnforcerConfig, Low, Params, PiMutex, Policy, Signal, Thread, ThreadSpec, clock,
+    Enforcer, EnforcerConfig, Low, Notify, Params, PiMutex, Policy, Thread, ThreadSpec, clock,
     current_tid, demote_to_tail, granted, nuttx, spawn,
 };
 
@@ -60,7 +60,7 @@ fn priority() -> u8 {
 
 fn hand_off() -> bool {
     const ROUNDS: u32 = 1000;
-    let [ping, pong] = [(); 2].map(|()| Arc::new(Signal::new()));
+    let [ping, pong] = [(); 2].map(|()| Arc::new(Notify::new()));
     let (theirs, back) = (Arc::clone(&ping), Arc::clone(&pong));
     let other = at(80, move || {
         for _ in 0..ROUNDS {
@@ -117,7 +117,7 @@ fn limited() -> bool {
 fn inversion() -> bool {
     let lock = Arc::new(PiMutex::new(()));
     let [hog_ended, overtook] = [(); 2].map(|()| Arc::new(AtomicBool::new(false)));
-    let [wake_high, wake_middle] = [(); 2].map(|()| Arc::new(Signal::new()));
+    let [wake_high, wake_middle] = [(); 2].map(|()| Arc::new(Notify::new()));
     let high = {
         let (lock, ended, bell) = (lock.clone(), hog_ended.clone(), wake_high.clone());
         let overtook = overtook.clone();
@@ -178,7 +178,7 @@ fn chain() -> bool {
 
 /// An owner at 30 is raised to 70 by `wait`, is lowered to 5, keeps 70, and has 5 when it unlocks.
 fn owner_at_30(lock: &Arc<PiMutex<()>>, wait: impl FnOnce() + Send + 'static) -> bool {
-    let (theirs, locked) = (Arc::clone(lock), Arc::new(Signal::new()));
+    let (theirs, locked) = (Arc::clone(lock), Arc::new(Notify::new()));
     let tell = Arc::clone(&locked);
     let owner = at(30, move || {
         let guard = theirs.lock();

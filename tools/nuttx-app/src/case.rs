@@ -6,7 +6,7 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use replenish_os::{
-    Account, Enforcer, EnforcerConfig, Low, Meter, Params, PiMutex, Policy, Signal, Thread,
+    Account, Enforcer, EnforcerConfig, Low, Meter, Notify, Params, PiMutex, Policy, Thread,
     ThreadSpec, Usage, clock, granted, spawn,
 };
 use sporadic::Kind;
@@ -81,7 +81,7 @@ struct Shared {
     bursts: AtomicU32,
     stop: AtomicBool,
     meter: PiMutex<Option<Meter>>,
-    ready: Signal,
+    ready: Notify,
 }
 
 impl Shared {

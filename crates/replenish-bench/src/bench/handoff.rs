@@ -1,4 +1,4 @@
-//! `replenish bench handoff`: waking a worker through `replenish_os::Signal`, against a bare futex.
+//! `replenish bench handoff`: waking a worker through `replenish_os::Notify`, against a bare futex.
 //!
 //! Two FIFO threads on one CPU, as dispatcher and worker are: the upper one signals the lower one
 //! and waits for its answer. Both primitives take turns in blocks, so that both see the same
@@ -12,7 +12,7 @@ use replenish_cli::options::JsonOption;
 use replenish_cli::outcome::Outcome;
 use replenish_cli::report::files;
 use replenish_cli::report::table::Table;
-use replenish_os::Signal;
+use replenish_os::Notify;
 use replenish_os::baseline::BareFutex;
 
 /// Options of `bench handoff`.
@@ -61,7 +61,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         .unwrap_or(usize::MAX)
         .div_ceil(BLOCK);
     let echoes = [
-        Echo::start("echo/signal", cpu, Signal::new(), Signal::new())?,
+        Echo::start("echo/signal", cpu, Notify::new(), Notify::new())?,
         Echo::start("echo/futex", cpu, bare(), bare())?,
     ];
     let ([signal, bare], granted) = handoff::measure(cpu, blocks, echoes)?;

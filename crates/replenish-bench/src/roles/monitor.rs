@@ -11,7 +11,7 @@ use crate::load::spec::MONITOR_PRIORITY;
 use crate::load::{MS, Nanos};
 use replenish_cli::outcome::Failure;
 use replenish_cli::signals::Stop;
-use replenish_os::{ThreadSpec, clock, spawn, stolen};
+use replenish_os::{ThreadSpec, clock, spawn, steal_time};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -127,7 +127,7 @@ impl Snapshot {
             low,
             support: dispatcher.cpu_high + dispatcher.cpu_low + enforcers,
             late,
-            stolen: cpu.and_then(stolen).unwrap_or(0),
+            stolen: cpu.and_then(steal_time).unwrap_or(0),
         }
     }
 }

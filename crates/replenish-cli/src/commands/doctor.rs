@@ -280,7 +280,7 @@ fn memory_locking(privilege: &Privilege) -> Finding {
 
 fn perf() -> Finding {
     let paranoid = facts::number("/proc/sys/kernel/perf_event_paranoid");
-    match replenish_os::SwitchLog::open(replenish_os::current_tid()) {
+    match replenish_os::ContextSwitchLog::open(replenish_os::current_tid()) {
         Ok(_) => Finding::good(
             "context switches",
             "recorded: blocking inside a callback is accounted exactly",

@@ -5,10 +5,10 @@ use super::overruns::summarise;
 use super::{
     AnyServer, Enforcement, EnrollError, MAX_REPL, OverrunSamples, OverrunSummary, Shared, State,
 };
+use crate::Arc;
 use crate::Nanos;
+use crate::Notify;
 use crate::PiMutex;
-use crate::Shared as Arc;
-use crate::Signal;
 use crate::Tid;
 use crate::backend;
 use crate::backend::blocking_detector::BlockingDetector;
@@ -55,7 +55,7 @@ struct Inner {
 struct Budgeted {
     shared: Arc<Shared>,
     index: usize,
-    wake: Signal,
+    wake: Notify,
     suspend: Arc<SuspendCell>,
     cancelled: AtomicBool,
     has_switch_log: bool,
@@ -130,7 +130,7 @@ impl Account {
             state.entries.push(entry);
             index
         };
-        let wake = Signal::new();
+        let wake = Notify::new();
         let cancelled = AtomicBool::new(false);
         let shared = Arc::clone(shared);
         let budget = Budgeted {

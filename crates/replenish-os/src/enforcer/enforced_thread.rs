@@ -2,8 +2,8 @@
 
 use super::overruns::Overruns;
 use super::{AnyServer, Enforcement, NEVER};
+use crate::Arc;
 use crate::Nanos;
-use crate::Shared as Arc;
 use crate::Tid;
 use crate::backend::blocking_detector::BlockingDetector;
 use crate::backend::clock::{self, ThreadCpuClock};

@@ -35,8 +35,8 @@ mod overruns;
 pub use account::{Account, Meter, Stopped, Usage};
 pub use overruns::{OverrunSamples, OverrunSummary, STALL, Stall};
 
+use crate::Arc;
 use crate::PiMutex;
-use crate::Shared as Arc;
 use crate::backend::clock::{self, ThreadCpuClock};
 use crate::backend::console::complain;
 use crate::backend::spawn_error::SpawnError;

@@ -4,7 +4,7 @@
 //! *blocked* inside its callback (it is activated anew when it wakes, POSIX XSH 2.8.4 rule R2).
 
 use crate::Nanos;
-use crate::linux::context_switches::{Switch, SwitchKind};
+use crate::linux::context_switches::{ContextSwitch, SwitchDirection};
 use sporadic::Gap;
 
 /// More gaps than this in one reading are joined to the last one; joining is safe (a later
@@ -57,9 +57,9 @@ impl GapTracker {
         self.blocked_at = None;
     }
 
-    pub(crate) fn feed(&mut self, switch: Switch) {
+    pub(crate) fn feed(&mut self, switch: ContextSwitch) {
         match switch.kind {
-            SwitchKind::Out { preempted } => {
+            SwitchDirection::Out { preempted } => {
                 if self.on_cpu {
                     self.ran += switch.time.saturating_sub(self.in_at);
                 }
@@ -68,7 +68,7 @@ impl GapTracker {
                     self.blocked_at = Some(switch.time);
                 }
             }
-            SwitchKind::In => {
+            SwitchDirection::In => {
                 self.on_cpu = true;
                 self.in_at = switch.time;
                 if let Some(out_at) = self.blocked_at.take() {
@@ -116,16 +116,16 @@ impl GapTracker {
 mod tests {
     use super::*;
 
-    fn out(time: Nanos, preempted: bool) -> Switch {
-        Switch {
+    fn out(time: Nanos, preempted: bool) -> ContextSwitch {
+        ContextSwitch {
             time,
-            kind: SwitchKind::Out { preempted },
+            kind: SwitchDirection::Out { preempted },
         }
     }
-    fn inn(time: Nanos) -> Switch {
-        Switch {
+    fn inn(time: Nanos) -> ContextSwitch {
+        ContextSwitch {
             time,
-            kind: SwitchKind::In,
+            kind: SwitchDirection::In,
         }
     }
 

@@ -1,9 +1,9 @@
 //! Which stretches of a callback its thread spent blocked: from the kernel's records where it
-//! keeps them ([`SwitchLog`]).
+//! keeps them ([`ContextSwitchLog`]).
 
 use super::blocked_intervals::GapTracker;
 use super::clock::ThreadCpuClock;
-use super::context_switches::SwitchLog;
+use super::context_switches::ContextSwitchLog;
 use super::timer::TimerFd;
 use crate::Nanos;
 use crate::Tid;
@@ -12,7 +12,7 @@ use sporadic::Gap;
 /// The record of one supervised thread, read by its enforcer.
 #[derive(Debug)]
 pub(crate) struct BlockingDetector {
-    switches: Option<SwitchLog>,
+    switches: Option<ContextSwitchLog>,
     gaps: GapTracker,
 }
 
@@ -21,7 +21,7 @@ impl BlockingDetector {
     /// [`lost`](Self::lost) tells is known.
     pub(crate) fn new(tid: Tid, exact: bool) -> Self {
         let switches = if exact {
-            SwitchLog::open(tid).ok()
+            ContextSwitchLog::open(tid).ok()
         } else {
             None
         };
@@ -39,7 +39,11 @@ impl BlockingDetector {
     /// Whether the records show that the thread has not had the CPU since the last reading; saves
     /// a system call per preempted worker and check.
     pub(crate) fn has_not_run(&self) -> bool {
-        self.gaps.is_off_cpu() && self.switches.as_ref().is_some_and(SwitchLog::is_empty)
+        self.gaps.is_off_cpu()
+            && self
+                .switches
+                .as_ref()
+                .is_some_and(ContextSwitchLog::is_empty)
     }
 
     /// A reading without records in it.

@@ -26,16 +26,16 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// One switch of the thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Switch {
+pub struct ContextSwitch {
     /// When, on `CLOCK_MONOTONIC`, in nanoseconds.
     pub time: Nanos,
     /// Which way.
-    pub kind: SwitchKind,
+    pub kind: SwitchDirection,
 }
 
 /// Which way a switch went.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SwitchKind {
+pub enum SwitchDirection {
     /// The thread left the CPU.
     Out {
         /// It was still runnable (preempted, or it yielded); otherwise it blocked.
@@ -45,7 +45,7 @@ pub enum SwitchKind {
     In,
 }
 
-/// What a [`SwitchLog::drain`] missed.
+/// What a [`ContextSwitchLog::drain`] missed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Drained {
     /// The ring was full at some time since the last drain: switches are missing.
@@ -69,16 +69,16 @@ const MISC_SWITCH_OUT_PREEMPT: u16 = 1 << 14;
 
 /// The record of one thread's context switches. It may be read from any thread, one at a time.
 #[derive(Debug)]
-pub struct SwitchLog {
+pub struct ContextSwitchLog {
     map: *mut u8,
     page: usize,
     _event: OwnedFd,
 }
 
 // SAFETY: the mapping is owned by this value and not tied to a thread.
-unsafe impl Send for SwitchLog {}
+unsafe impl Send for ContextSwitchLog {}
 
-impl SwitchLog {
+impl ContextSwitchLog {
     /// Starts to record the switches of thread `tid` of this process.
     ///
     /// # Errors
@@ -120,7 +120,7 @@ impl SwitchLog {
     }
 
     /// Hands every switch since the last drain to `each`, oldest first.
-    pub fn drain(&mut self, each: &mut dyn FnMut(Switch)) -> Drained {
+    pub fn drain(&mut self, each: &mut dyn FnMut(ContextSwitch)) -> Drained {
         let head = self.counter(HEAD).load(Ordering::Acquire);
         let mut tail = self.counter(TAIL).load(Ordering::Relaxed);
         let mut lost = false;
@@ -136,11 +136,11 @@ impl SwitchLog {
                 let preempted = misc & MISC_SWITCH_OUT_PREEMPT != 0;
                 let out = misc & MISC_SWITCH_OUT != 0;
                 let kind = if out {
-                    SwitchKind::Out { preempted }
+                    SwitchDirection::Out { preempted }
                 } else {
-                    SwitchKind::In
+                    SwitchDirection::In
                 };
-                each(Switch { time, kind });
+                each(ContextSwitch { time, kind });
             } else if kind == RECORD_LOST {
                 lost = true;
             }
@@ -181,7 +181,7 @@ impl SwitchLog {
     }
 }
 
-impl Drop for SwitchLog {
+impl Drop for ContextSwitchLog {
     fn drop(&mut self) {
         // SAFETY: exactly the mapping made by `open`; nothing refers into it any more.
         unsafe { libc::munmap(self.map.cast(), self.page * (1 + DATA_PAGES)) };

@@ -14,7 +14,7 @@ pub(crate) mod cpu_timer;
 pub(crate) mod datagram;
 pub(crate) mod futex;
 pub(crate) mod granted;
-pub(crate) mod machine;
+pub(crate) mod machine_info;
 pub mod memory;
 pub(crate) mod pi_lock;
 pub(crate) mod poll;

@@ -14,7 +14,7 @@ const TICK: u64 = 10_000_000;
 ///
 /// Reads a file: some 50 µs, not for hot paths. Callable from any thread.
 #[must_use]
-pub fn stolen(cpu: usize) -> Option<u64> {
+pub fn steal_time(cpu: usize) -> Option<u64> {
     of(&fs::read_to_string("/proc/stat").ok()?, cpu)
 }
 
@@ -50,7 +50,7 @@ mod tests {
 
     #[test]
     fn it_never_goes_back() {
-        let before = stolen(0);
-        assert!(stolen(0) >= before);
+        let before = steal_time(0);
+        assert!(steal_time(0) >= before);
     }
 }

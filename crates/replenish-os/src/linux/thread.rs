@@ -21,7 +21,7 @@ use crate::Nanos;
 use crate::Policy;
 use crate::ThreadSpec;
 use crate::Tid;
-use crate::notify::Signal;
+use crate::notify::Notify;
 use std::any::Any;
 use std::io;
 use std::sync::{Arc, mpsc};
@@ -31,7 +31,7 @@ use std::thread::JoinHandle;
 #[derive(Debug)]
 pub struct Thread<T> {
     tid: Tid,
-    done: Arc<Signal>,
+    done: Arc<Notify>,
     handle: JoinHandle<Option<T>>,
 }
 
@@ -113,7 +113,7 @@ where
     if let Some(bytes) = stack_size {
         builder = builder.stack_size(bytes);
     }
-    let done = Arc::new(Signal::new());
+    let done = Arc::new(Notify::new());
     let at_end = SetOnDrop(Arc::clone(&done));
     let (report, outcome) = mpsc::sync_channel(1);
     let (go, wait_for_go) = mpsc::sync_channel::<()>(1);
@@ -196,7 +196,7 @@ fn flag(flag: libc::c_int) -> u64 {
 }
 
 /// Reports the end of the thread's function, also when it unwinds.
-struct SetOnDrop(Arc<Signal>);
+struct SetOnDrop(Arc<Notify>);
 
 impl Drop for SetOnDrop {
     fn drop(&mut self) {

@@ -1,12 +1,12 @@
 //! Waking the task that waits for the middleware: a flag in place of descriptors.
 
 use super::error::OsError;
-use crate::{Nanos, Signal};
+use crate::{Nanos, Notify};
 
 /// Wakes the one task that waits in [`wait_until`](Self::wait_until). Any task or interrupt, any
 /// number of times; several wake-ups before a wait count once.
 #[derive(Debug)]
-pub struct WakeFd(Signal);
+pub struct WakeFd(Notify);
 
 impl WakeFd {
     /// One that is not set.
@@ -14,13 +14,13 @@ impl WakeFd {
     /// # Errors
     /// None; as on Linux.
     pub fn new() -> Result<Self, OsError> {
-        Ok(Self(Signal::new()))
+        Ok(Self(Notify::new()))
     }
 
     /// One that is not set, for statics.
     #[must_use]
     pub const fn constant() -> Self {
-        Self(Signal::new())
+        Self(Notify::new())
     }
 
     /// Ends the wait, now or the next one. Never waits; allowed in interrupts.

@@ -6,12 +6,12 @@
 use super::name::Name;
 use super::spawn_error::SpawnError;
 use super::tid;
+use crate::Arc;
 use crate::PiMutex;
-use crate::Shared as Arc;
 use crate::Tid;
 use crate::backend::port::launch;
 use crate::backend::port::task_slot::{self, TaskSlot};
-use crate::{Nanos, Signal, ThreadSpec};
+use crate::{Nanos, Notify, ThreadSpec};
 use alloc::boxed::Box;
 use core::any::Any;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -19,7 +19,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 #[derive(Debug)]
 struct End<T> {
     finished: AtomicBool,
-    done: Signal,
+    done: Notify,
     result: PiMutex<Option<T>>,
 }
 
@@ -85,7 +85,7 @@ where
 {
     let end = Arc::new(End {
         finished: AtomicBool::new(false),
-        done: Signal::new(),
+        done: Notify::new(),
         result: PiMutex::new(None),
     });
     let theirs = Arc::clone(&end);

@@ -8,8 +8,8 @@
 )]
 
 mod clock;
+mod notify;
 #[cfg(not(nuttx_host))]
 mod poll;
-mod signal;
 #[cfg(not(nuttx_host))]
 mod tty;

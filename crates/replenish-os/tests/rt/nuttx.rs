@@ -3,7 +3,7 @@
 use crate::common::{MS, become_fifo, burn};
 use replenish_os::clock::{self, ThreadCpuClock};
 use replenish_os::{
-    Enforcer, EnforcerConfig, GrantedPolicy, Low, Params, PiMutex, Policy, SchedClass, Signal,
+    Enforcer, EnforcerConfig, GrantedPolicy, Low, Notify, Params, PiMutex, Policy, SchedClass,
     SpawnError, ThreadSpec, WakeFd, current_tid, demote_to_tail, granted, nuttx, promote,
     set_priority, spawn,
 };
@@ -67,7 +67,7 @@ fn slots_are_used_again() {
 }
 
 fn ends() {
-    let release = Arc::new(Signal::new());
+    let release = Arc::new(Notify::new());
     let theirs = Arc::clone(&release);
     let thread = spawn(ThreadSpec::new("waits"), move || {
         theirs.wait();
@@ -214,7 +214,7 @@ fn chain() {
 /// owner to 5, as an enforcer does; at last the owner unlocks.
 fn owner_with(mutex: &Arc<PiMutex<()>>, wait: impl FnOnce() + Send + 'static) -> Seen {
     let priority = || granted(current_tid()).unwrap().priority;
-    let locked = Arc::new(Signal::new());
+    let locked = Arc::new(Notify::new());
     let owner = std::thread::spawn({
         let (mutex, locked) = (Arc::clone(mutex), Arc::clone(&locked));
         move || {

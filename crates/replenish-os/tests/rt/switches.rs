@@ -1,21 +1,21 @@
 //! The kernel's switch records, and the cheap counter that stands in for them.
 
 use replenish_os::{
-    CpuSet, SchedClass, Switch, SwitchKind, SwitchLog, clock, current_tid, set_affinity,
-    set_priority, voluntary_switches,
+    ContextSwitch, ContextSwitchLog, CpuSet, SchedClass, SwitchDirection, clock, current_tid,
+    set_affinity, set_priority, voluntary_switches,
 };
 use replenish_testkit::harness::{Trial, rt_trial, trial};
 
 const MS: u64 = 1_000_000;
 
-fn drain(log: &mut SwitchLog) -> Vec<Switch> {
+fn drain(log: &mut ContextSwitchLog) -> Vec<ContextSwitch> {
     let mut all = Vec::new();
     assert!(!log.drain(&mut |s| all.push(s)).lost);
     all
 }
 
 fn sleeps_are_voluntary_and_timed() {
-    let Ok(mut log) = SwitchLog::open(current_tid()) else {
+    let Ok(mut log) = ContextSwitchLog::open(current_tid()) else {
         eprintln!("skipped: no switch records here (kernel.perf_event_paranoid)");
         return;
     };
@@ -27,7 +27,7 @@ fn sleeps_are_voluntary_and_timed() {
     let switches = drain(&mut log);
     let outs: Vec<_> = switches
         .iter()
-        .filter(|s| s.kind == SwitchKind::Out { preempted: false })
+        .filter(|s| s.kind == SwitchDirection::Out { preempted: false })
         .collect();
     assert_eq!(outs.len(), 3, "{switches:?}");
     assert!(
@@ -38,16 +38,16 @@ fn sleeps_are_voluntary_and_timed() {
     // Every way out is followed by a way in, at least the sleep later.
     let pairs = switches
         .windows(2)
-        .filter(|p| p[0].kind == SwitchKind::Out { preempted: false });
+        .filter(|p| p[0].kind == SwitchDirection::Out { preempted: false });
     for pair in pairs {
-        assert_eq!(pair[1].kind, SwitchKind::In);
+        assert_eq!(pair[1].kind, SwitchDirection::In);
         assert!(pair[1].time - pair[0].time >= MS, "{pair:?}");
     }
     assert_eq!(drain(&mut log), [], "a second reading finds nothing old");
 }
 
 fn a_full_ring_says_that_it_lost_something() {
-    let Ok(mut log) = SwitchLog::open(current_tid()) else {
+    let Ok(mut log) = ContextSwitchLog::open(current_tid()) else {
         return;
     };
     for _ in 0..3000 {
@@ -69,7 +69,7 @@ fn preemption_is_told_from_blocking() {
     };
     let worker = std::thread::spawn(move || {
         place(10);
-        let mut log = SwitchLog::open(current_tid()).unwrap();
+        let mut log = ContextSwitchLog::open(current_tid()).unwrap();
         let high = std::thread::spawn(move || {
             place(20);
             for _ in 0..9 {
@@ -87,7 +87,7 @@ fn preemption_is_told_from_blocking() {
     let switches = worker.join().unwrap();
     let preempted = switches
         .iter()
-        .filter(|s| s.kind == SwitchKind::Out { preempted: true })
+        .filter(|s| s.kind == SwitchDirection::Out { preempted: true })
         .count();
     assert!(preempted >= 5, "{switches:?}");
 }

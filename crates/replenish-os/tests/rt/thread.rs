@@ -2,7 +2,7 @@
 
 use crate::common::{MS, cpu};
 use replenish_os::{
-    GrantedPolicy, Low, Params, Policy, Signal, SpawnError, ThreadSpec, affinity, clock,
+    GrantedPolicy, Low, Notify, Params, Policy, SpawnError, ThreadSpec, affinity, clock,
     current_tid, granted, spawn,
 };
 use replenish_testkit::harness::{Trial, rt_trial, trial};
@@ -113,7 +113,7 @@ fn refusals() {
 }
 
 fn stuck_thread() {
-    let release = Arc::new(Signal::new());
+    let release = Arc::new(Notify::new());
     let theirs = Arc::clone(&release);
     let spec = ThreadSpec::new("stuck");
     let thread = spawn(spec, move || theirs.wait()).unwrap();

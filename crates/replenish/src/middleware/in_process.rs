@@ -17,7 +17,7 @@ use crate::handoff::Ring;
 use crate::platform;
 use crate::platform::label;
 use crate::qos::{Durability, History, IngressLimit, Reliability};
-use crate::sync::{Arc, Mutex, Signal};
+use crate::sync::{Arc, Mutex, Notify};
 use alloc::vec::Vec;
 use bus::{Bus, Participant, Reader, Writer, id};
 use clashes::{Clashes, Oversizes};
@@ -52,7 +52,7 @@ impl InProcessBus {
     /// One end of the bus, for one context. At most 64; a further one cannot create endpoints.
     #[must_use]
     pub fn participant(&self) -> InProcess {
-        let bell = Arc::new(Signal::new());
+        let bell = Arc::new(Notify::new());
         let clashes = Clashes::new(false);
         let oversizes = Oversizes::new(true);
         let mut bus = self.state.lock();
@@ -82,7 +82,7 @@ impl InProcessBus {
         }
     }
 
-    fn bell(&self, participant: usize) -> Option<Arc<Signal>> {
+    fn bell(&self, participant: usize) -> Option<Arc<Notify>> {
         let bus = self.state.lock();
         bus.participants
             .get(participant)
@@ -105,7 +105,7 @@ impl fmt::Debug for InProcessBus {
 /// One end of an [`InProcessBus`].
 pub struct InProcess {
     bus: InProcessBus,
-    bell: Arc<Signal>,
+    bell: Arc<Notify>,
     clashes: Arc<Clashes>,
     oversizes: Arc<Oversizes>,
     me: usize,

@@ -24,7 +24,7 @@ pub(crate) mod handle {
     use crate::handoff::Inbox;
     use crate::middleware::ReaderId;
     use crate::stats::Counter;
-    use crate::sync::{Arc, AtomicBool, Signal};
+    use crate::sync::{Arc, AtomicBool, Notify};
 
     #[derive(Default)]
     pub(crate) struct Counters {
@@ -41,7 +41,7 @@ pub(crate) mod handle {
         pub(crate) counters: Counters,
         pub(crate) removed: AtomicBool,
         pub(crate) unrouted: AtomicBool,
-        pub(crate) gone: Signal,
+        pub(crate) gone: Notify,
     }
 
     impl HandleState {
@@ -52,7 +52,7 @@ pub(crate) mod handle {
                 counters: Counters::default(),
                 removed: AtomicBool::new(false),
                 unrouted: AtomicBool::new(false),
-                gone: Signal::new(),
+                gone: Notify::new(),
             })
         }
         pub(crate) fn report(&self, _: u64, _: &Event<'_>, _: &Events) {}

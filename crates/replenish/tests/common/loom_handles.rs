@@ -52,10 +52,10 @@ pub(crate) mod platform {
 }
 
 pub(crate) mod doorbell {
-    use crate::sync::{Arc, Signal};
+    use crate::sync::{Arc, Notify};
 
     #[derive(Clone)]
-    pub(crate) struct Line(pub(crate) Arc<Signal>);
+    pub(crate) struct Line(pub(crate) Arc<Notify>);
 
     impl Line {
         pub(crate) fn call(&self) {

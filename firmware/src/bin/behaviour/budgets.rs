@@ -2,9 +2,9 @@
 
 use crate::check::{MS, US, hold, join, task};
 use firmware::work::Burst;
-use replenish_os::Shared as Arc;
+use replenish_os::Arc;
 use replenish_os::freertos::{kernel, tasks};
-use replenish_os::{Enforcer, EnforcerConfig, Low, Nanos, Params, Signal, clock, current_tid};
+use replenish_os::{Enforcer, EnforcerConfig, Low, Nanos, Notify, Params, clock, current_tid};
 use sporadic::Kind;
 
 fn enforcer() -> Arc<Enforcer> {
@@ -121,7 +121,7 @@ pub fn cpu_time_exact(burst: Burst) {
     hold!(blocked == 0, "{blocked} blocks of a loop alone");
     let undisturbed = preempted;
     let begin = clock::monotonic() + MS;
-    let passes = Arc::new(Signal::new());
+    let passes = Arc::new(Notify::new());
     let other = task("other", 30, move || {
         for i in 0..50 {
             clock::sleep_until(begin + i * 2 * MS);

@@ -21,7 +21,7 @@ pub fn panic_halts_one(burst: Burst) {
     let begin = clock::monotonic() + 5 * MS;
     let counts = [("mad", 60), ("good", 50), ("rest", 10)].map(|(name, priority)| {
         let count = Arc::new(AtomicU32::new(0));
-        let (theirs, its) = (Arc::clone(&count), replenish_os::Shared::clone(&enforcer));
+        let (theirs, its) = (Arc::clone(&count), replenish_os::Arc::clone(&enforcer));
         task(name, priority, move || {
             let params = Params::new(priority, Low::Background(6), 30 * MS, 100 * MS, 10);
             let account = params.map(|p| its.enroll(&p, Kind::Corrected));

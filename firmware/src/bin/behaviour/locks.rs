@@ -189,7 +189,7 @@ fn exhausted_owner(burst: Burst, low: Low, waits_at: Nanos) {
     };
     let lock = Arc::new(PiMutex::new(()));
     let begin = clock::monotonic() + 5 * MS;
-    let (theirs, its) = (Arc::clone(&lock), replenish_os::Shared::clone(&enforcer));
+    let (theirs, its) = (Arc::clone(&lock), replenish_os::Arc::clone(&enforcer));
     let worker = task("worker", 60, move || {
         let Ok(mut account) = its.enroll(&params, Kind::Corrected) else {
             return (0, 0, 0);

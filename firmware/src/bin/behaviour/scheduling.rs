@@ -83,7 +83,7 @@ pub fn refused(_: Burst) {
     };
     let enroll = move |priority| {
         let params = Params::new(priority, Low::Background(6), MS, 10 * MS, 10).ok()?;
-        let its = replenish_os::Shared::clone(&enforcer);
+        let its = replenish_os::Arc::clone(&enforcer);
         Some(join(task("worker", priority, move || {
             its.enroll(&params, Kind::Corrected).map(drop)
         })))

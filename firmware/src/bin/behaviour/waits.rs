@@ -5,13 +5,13 @@ use alloc::sync::Arc;
 use core::sync::atomic::{AtomicU32, Ordering};
 use firmware::regs::{IRQ_USART2, Reg, enable_interrupt};
 use firmware::work::Burst;
-use replenish_os::{Nanos, Signal, WakeFd, clock, timer::TimerFd};
+use replenish_os::{Nanos, Notify, WakeFd, clock, timer::TimerFd};
 
 /// Every set wakes the waiter: one above the caller before the caller goes on, one below it when
 /// the caller waits; nothing is lost in 1000 rounds.
 pub fn hand_off(_: Burst) {
     const ROUNDS: u32 = 1000;
-    let there = Arc::new((Signal::new(), Signal::new(), AtomicU32::new(0)));
+    let there = Arc::new((Notify::new(), Notify::new(), AtomicU32::new(0)));
     let theirs = Arc::clone(&there);
     let above = task("above", 50, move || {
         for _ in 0..ROUNDS {
@@ -38,7 +38,7 @@ pub fn hand_off(_: Burst) {
     );
 
     let order = Order::new();
-    let signal = Arc::new(Signal::new());
+    let signal = Arc::new(Notify::new());
     let (theirs, noted) = (Arc::clone(&signal), order.clone());
     let waiter = task("waiter", 20, move || {
         theirs.wait();
@@ -59,7 +59,7 @@ pub fn hand_off(_: Burst) {
     );
 }
 
-static FROM_INTERRUPT: Signal = Signal::new();
+static FROM_INTERRUPT: Notify = Notify::new();
 
 /// A signal set by an interrupt handler.
 pub fn hand_off_interrupt(burst: Burst) {
@@ -146,7 +146,7 @@ pub fn timers_ordered(_: Burst) {
 
 /// A wait with an end ends then, not before; a set that came is taken also after it.
 pub fn timeouts(_: Burst) {
-    let signal = Arc::new(Signal::new());
+    let signal = Arc::new(Notify::new());
     let begin = clock::monotonic();
     for i in 1..=20 {
         let end = begin + i * MS + i * 137;
@@ -179,7 +179,7 @@ pub fn timeouts(_: Burst) {
     } else {
         hold!(false, "no wake-up");
     }
-    let endless = task("endless", 10, || Signal::new().wait());
+    let endless = task("endless", 10, || Notify::new().wait());
     let left = endless.join_until(clock::monotonic() + 2 * MS);
     hold!(left.is_err(), "a task that waits for ever was joined");
 }

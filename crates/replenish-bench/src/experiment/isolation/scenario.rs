@@ -138,7 +138,7 @@ pub(super) fn run(
     let context = Context::in_process();
     let running = start(&context, &shared, budgets, cpu)?;
     let probe = probe::start(cpu)?;
-    let taken = || replenish_os::stolen(cpu).unwrap_or(0);
+    let taken = || replenish_os::steal_time(cpu).unwrap_or(0);
     let before = taken();
     let epoch = clock::monotonic() + 20 * MS;
     let end = epoch + WINDOW;

@@ -10,7 +10,7 @@ pub(super) mod probes;
 pub(super) use advice::setcap_line;
 pub use probes::{CgroupRt, Limit};
 
-use super::context_switches::SwitchLog;
+use super::context_switches::ContextSwitchLog;
 use super::sched::{SchedClass, set_priority};
 use super::sched_attr;
 use super::tid::current_tid;
@@ -26,7 +26,7 @@ pub struct Privilege {
     pub deadline: Result<(), io::Error>,
     /// Whether the memory this process has now may be locked; the error names the limit.
     pub memory_lock: Result<(), String>,
-    /// Whether context-switch records of own threads can be had ([`SwitchLog`]); without them
+    /// Whether context-switch records of own threads can be had ([`ContextSwitchLog`]); without them
     /// blocking inside a callback is told from the coarser [`crate::voluntary_switches`].
     pub switch_records: Result<(), io::Error>,
     /// `CAP_SYS_NICE` is effective.
@@ -63,7 +63,7 @@ pub fn probe() -> Privilege {
         fifo: on_a_thread(move || highest_fifo(rtprio)),
         deadline: on_a_thread(small_reservation),
         memory_lock: probes::memory_lock(cap_ipc_lock, memlock),
-        switch_records: SwitchLog::open(current_tid()).map(drop),
+        switch_records: ContextSwitchLog::open(current_tid()).map(drop),
         cap_sys_nice: caps.contains(probes::CAP_SYS_NICE),
         cap_ipc_lock,
         rtprio,

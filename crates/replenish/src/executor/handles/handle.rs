@@ -17,7 +17,7 @@ use crate::middleware::encoding::decode;
 use crate::platform::{self, Once, ShortText};
 use crate::stats::Counters;
 #[cfg(feature = "full")]
-use crate::sync::Signal;
+use crate::sync::Notify;
 use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
 use alloc::string::String;
 use core::cell::RefCell;
@@ -148,7 +148,7 @@ pub(crate) struct HandleState {
     pub(crate) group: Once<Group>,
     /// Set when the worker has let go of it.
     #[cfg(feature = "full")]
-    pub(crate) gone: Signal,
+    pub(crate) gone: Notify,
     /// The dispatcher brings it nothing any more.
     #[cfg(feature = "full")]
     pub(crate) unrouted: AtomicBool,
@@ -168,7 +168,7 @@ impl HandleState {
             removed: AtomicBool::new(false),
             cancelled: AtomicBool::new(false),
             #[cfg(feature = "full")]
-            gone: Signal::new(),
+            gone: Notify::new(),
             #[cfg(feature = "full")]
             unrouted: AtomicBool::new(false),
         })

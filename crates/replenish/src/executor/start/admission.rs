@@ -128,7 +128,7 @@ fn program() -> String {
 
 fn request(workers: &[WorkerSpec], options: &Options, guaranteed: bool) -> Result<Request, Error> {
     let mut machine = Machine::on_cpus(cpus());
-    let facts = os::machine();
+    let facts = os::machine_info();
     machine.real_time_share = facts.real_time_share().unwrap_or(0.95).clamp(0.01, 1.0);
     machine.enforcer_priority = options.enforcer_priority;
     let top = options.enforcer_priority.saturating_sub(2).min(89);
@@ -203,7 +203,7 @@ fn out_of_range(asked: &super::plan::WorkerRequest, e: &GuaranteeError) -> Error
 
 /// The CPUs this process may use.
 fn cpus() -> Vec<usize> {
-    let facts = os::machine();
+    let facts = os::machine_info();
     let mut cpus: Vec<usize> = facts.allowed.iter().collect();
     if cpus.is_empty() {
         cpus.push(0);

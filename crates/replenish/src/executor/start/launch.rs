@@ -14,7 +14,7 @@ use crate::executor::run::round_stats;
 use crate::executor::run::worker::Worker;
 use crate::executor::{Executor, Options, StopHandle};
 use crate::platform::{Static, Text, join, make_static, text};
-use crate::sync::{Arc, AtomicBool, Mutex, Signal};
+use crate::sync::{Arc, AtomicBool, Mutex, Notify};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use replenish_os::clock;
@@ -45,7 +45,7 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     plan(&mut workers, &mut options.dispatcher, priority)?;
     let claim = context.claim().ok_or(Error::ContextBusy)?;
 
-    let owner = Arc::new(Signal::new());
+    let owner = Arc::new(Notify::new());
     stop.stop.join(Arc::clone(&owner));
     let mut starter = make_static(Starter {
         options: &options,
@@ -136,7 +136,7 @@ fn thread_error(plan: &ThreadPlan, reason: Text) -> Error {
 struct Starter<'a> {
     options: &'a Options,
     stop: &'a StopHandle,
-    owner: &'a Arc<Signal>,
+    owner: &'a Arc<Notify>,
     enforcers: Enforcers,
     refused: Refused,
 }
@@ -177,7 +177,7 @@ impl Starter<'_> {
     fn plan(&self, role: Role) -> Arc<ThreadPlan> {
         let (name, policy, cpu, stack_size, bell) = match &role {
             Role::Dispatcher(_) => {
-                let bell = Arc::new(Signal::new());
+                let bell = Arc::new(Notify::new());
                 let Options {
                     dispatcher: policy,
                     dispatcher_cpu: cpu,

@@ -25,7 +25,7 @@ use crate::executor::wake::schedule::nanos;
 use crate::executor::wake::stop::StopHandle;
 use crate::platform::{Static, Text, text};
 use crate::stats::HandleStats;
-use crate::sync::{Arc, Signal};
+use crate::sync::{Arc, Notify};
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
@@ -60,7 +60,7 @@ pub(crate) type Enforcers = Vec<(Option<usize>, Option<Arc<Enforcer>>)>;
 #[must_use = "dropping it stops the executor"]
 pub struct RunningExecutor {
     pub(crate) stop: StopHandle,
-    pub(crate) owner: Arc<Signal>,
+    pub(crate) owner: Arc<Notify>,
     pub(crate) threads: Vec<StartedThread>,
     pub(crate) enforcers: Enforcers,
     pub(crate) live: Arc<Live>,

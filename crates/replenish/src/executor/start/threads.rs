@@ -16,7 +16,7 @@ use crate::executor::run::dispatcher::Dispatcher;
 use crate::executor::run::worker::Worker;
 use crate::executor::wake::stop::StopHandle;
 use crate::platform::{self, Static, Text, text};
-use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
+use crate::sync::{Arc, AtomicBool, Mutex, Notify, Ordering};
 use alloc::boxed::Box;
 use replenish_os::{self as os, Account, Enforcer, Meter, Params, Policy, Thread};
 use sporadic::Kind;
@@ -44,8 +44,8 @@ pub(crate) struct ThreadPlan {
     pub(crate) stack_size: usize,
     /// Touch the stack before the first callback.
     pub(crate) prefault: bool,
-    pub(crate) bell: Arc<Signal>,
-    pub(crate) owner: Arc<Signal>,
+    pub(crate) bell: Arc<Notify>,
+    pub(crate) owner: Arc<Notify>,
     pub(crate) stop: StopHandle,
     pub(crate) events: Arc<Events>,
     pub(crate) role: Mutex<Option<Role>>,

@@ -14,7 +14,7 @@ use crate::Nanos;
 use crate::handoff::ReadySet;
 use crate::middleware::Middleware;
 use crate::platform::Once;
-use crate::sync::{Arc, AtomicBool, AtomicU64, Ordering, Signal};
+use crate::sync::{Arc, AtomicBool, AtomicU64, Notify, Ordering};
 use replenish_os::clock;
 
 /// The way of one handle's input to its worker: the bell, and the mark that says which handle.
@@ -45,7 +45,7 @@ impl Line {
 
 /// Rung by the dispatcher or by a stop; one worker sleeps on it.
 pub(crate) struct Doorbell {
-    signal: Arc<Signal>,
+    signal: Arc<Notify>,
     rung_at: AtomicU64,
     muted: AtomicBool,
     /// The dispatcher has brought something and is yet to ring.
@@ -60,7 +60,7 @@ impl Doorbell {
     /// For a worker with handles in slots below `slots`.
     pub(crate) fn new(slots: usize) -> Self {
         Self {
-            signal: Arc::new(Signal::new()),
+            signal: Arc::new(Notify::new()),
             rung_at: AtomicU64::new(0),
             muted: AtomicBool::new(false),
             due: AtomicBool::new(false),
@@ -70,7 +70,7 @@ impl Doorbell {
     }
 
     /// The signal alone, for those who do not bring work.
-    pub(crate) fn signal(&self) -> &Arc<Signal> {
+    pub(crate) fn signal(&self) -> &Arc<Notify> {
         &self.signal
     }
 

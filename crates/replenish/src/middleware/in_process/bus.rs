@@ -6,7 +6,7 @@ use crate::handoff::{Ring, SampleInfo};
 use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId};
 use crate::platform::{TEXTS, label};
 use crate::qos::Qos;
-use crate::sync::{Arc, Signal};
+use crate::sync::{Arc, Notify};
 use alloc::string::String;
 use alloc::vec::Vec;
 use replenish_os::clock;
@@ -30,7 +30,7 @@ pub(super) struct Topic {
 }
 
 pub(super) struct Participant {
-    pub(super) bell: Arc<Signal>,
+    pub(super) bell: Arc<Notify>,
     /// What its dispatcher waits for at this moment.
     pub(super) waits_for: Option<Interest>,
     /// Where the next `take` starts to look, so that no reader starves the others.

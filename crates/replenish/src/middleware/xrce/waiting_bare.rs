@@ -12,7 +12,7 @@
 use super::Transport;
 use crate::Nanos;
 use crate::platform::io;
-use crate::sync::{Arc, AtomicU64, Ordering, Signal};
+use crate::sync::{Arc, AtomicU64, Notify, Ordering};
 use replenish_os::clock;
 
 /// How often those look who cannot wait for the signal, in ns.
@@ -25,7 +25,7 @@ pub(super) struct Waiting {
 
 /// The session's next deadline. A publisher that makes it earlier sets it itself.
 pub(super) struct Alarm {
-    bell: Arc<Signal>,
+    bell: Arc<Notify>,
     at: AtomicU64,
     /// Until when the dispatcher waits; 0 while it does not.
     waits_until: AtomicU64,
@@ -37,7 +37,7 @@ impl Waiting {
         reason = "the signature of what it stands in for"
     )]
     pub(super) fn new(transport: &dyn Transport) -> io::Result<Self> {
-        let bell = Arc::new(Signal::new());
+        let bell = Arc::new(Notify::new());
         transport.attach(&bell);
         Ok(Self {
             alarm: Alarm {

@@ -89,5 +89,5 @@ pub trait Transport: Send + Sync + Debug + 'static {
     /// What to set, from then on, when there is something to receive and when messages can be sent
     /// again after [`wants_write`](Self::wants_write). Called once, at set-up.
     #[cfg(not(feature = "std"))]
-    fn attach(&self, bell: &crate::sync::Arc<crate::sync::Signal>);
+    fn attach(&self, bell: &crate::sync::Arc<crate::sync::Notify>);
 }

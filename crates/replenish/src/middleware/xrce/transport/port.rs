@@ -4,7 +4,7 @@ use super::{Received, Sent, Transport};
 use crate::Nanos;
 use crate::platform::io::{self, ErrorKind};
 use crate::platform::{Static, make_static, zeroed};
-use crate::sync::{Arc, AtomicBool, Mutex, Ordering, Signal};
+use crate::sync::{Arc, AtomicBool, Mutex, Notify, Ordering};
 use alloc::boxed::Box;
 use core::fmt;
 use replenish_xrce::framing::{
@@ -37,7 +37,7 @@ pub trait Port: Send + Sync + 'static {
 
     /// What to ring when bytes have come, and when there is room again after a `write` that took
     /// less than it was given: from an interrupt, or from a task. Called once, at set-up.
-    fn attach(&self, bell: &Arc<Signal>);
+    fn attach(&self, bell: &Arc<Notify>);
 
     /// Bits per second.
     fn baud(&self) -> u32;
@@ -165,7 +165,7 @@ impl<P: Port> Transport for PortTransport<P> {
         })
     }
 
-    fn attach(&self, bell: &Arc<Signal>) {
+    fn attach(&self, bell: &Arc<Notify>) {
         self.port.attach(bell);
     }
 }

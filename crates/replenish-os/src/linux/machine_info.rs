@@ -8,7 +8,7 @@ use std::fs;
 
 /// Facts about the kernel and the CPUs; what cannot be read is `None` or empty.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Machine {
+pub struct MachineInfo {
     /// The kernel's release, as `uname -r` prints it.
     pub kernel: String,
     /// When the kernel may be preempted.
@@ -57,7 +57,7 @@ impl fmt::Display for Preemption {
     }
 }
 
-impl Machine {
+impl MachineInfo {
     /// The share of a CPU that real-time threads may use, 0 to 1; `None` if unknown.
     #[must_use]
     pub fn real_time_share(&self) -> Option<f64> {
@@ -71,7 +71,7 @@ impl Machine {
 
 /// Reads the facts.
 #[must_use]
-pub fn machine() -> Machine {
+pub fn machine_info() -> MachineInfo {
     let kernel = line("/proc/sys/kernel/osrelease").unwrap_or_default();
     let cpus = |file| {
         let list = line(format!("/sys/devices/system/cpu/{file}")).unwrap_or_default();
@@ -79,7 +79,7 @@ pub fn machine() -> Machine {
     };
     let real_time = read_number("/sys/kernel/realtime") == Some(1);
     let version = line("/proc/sys/kernel/version").unwrap_or_default();
-    Machine {
+    MachineInfo {
         preemption: preemption(real_time, &version, line("/sys/kernel/debug/sched/preempt")),
         hz: fs::read_to_string(format!("/boot/config-{kernel}"))
             .ok()
@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn the_share_of_real_time_threads_follows_the_throttle() {
-        let mut here = machine();
+        let mut here = machine_info();
         assert!(!here.kernel.is_empty() && !here.online.is_empty() && !here.allowed.is_empty());
         (here.rt_runtime_us, here.rt_period_us) = (Some(950_000), Some(1_000_000));
         assert_eq!(here.real_time_share(), Some(0.95));

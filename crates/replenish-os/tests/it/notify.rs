@@ -1,6 +1,6 @@
 //! The hand-off cell over the real futex; its interleavings are in `loom_signal.rs`.
 
-use replenish_os::{Signal, clock};
+use replenish_os::{Notify, clock};
 use replenish_testkit::watchdog::watchdog;
 use std::sync::Arc;
 use std::time::Duration;
@@ -9,7 +9,7 @@ const MS: u64 = 1_000_000;
 
 #[test]
 fn sets_coalesce_and_are_consumed_once() {
-    let signal = Signal::new();
+    let signal = Notify::new();
     assert!(!signal.take());
     signal.set();
     signal.set();
@@ -22,7 +22,7 @@ fn sets_coalesce_and_are_consumed_once() {
 
 #[test]
 fn a_deadline_ends_the_wait_not_before_its_time() {
-    let signal = Signal::new();
+    let signal = Notify::new();
     let deadline = clock::monotonic() + 5 * MS;
     assert!(!signal.wait_until(deadline));
     assert!(clock::monotonic() >= deadline);
@@ -36,7 +36,7 @@ fn a_deadline_ends_the_wait_not_before_its_time() {
 
 #[test]
 fn a_timed_out_wait_leaves_nothing_behind() {
-    let signal = Signal::new();
+    let signal = Notify::new();
     assert!(!signal.wait_until(clock::monotonic() + MS));
     signal.set();
     signal.wait();
@@ -47,7 +47,7 @@ fn a_timed_out_wait_leaves_nothing_behind() {
 fn two_threads_play_ping_pong() {
     let _dog = watchdog("ping-pong over signals", Duration::from_secs(60));
     const ROUNDS: u32 = 10_000;
-    let [ping, pong] = [(); 2].map(|()| Arc::new(Signal::new()));
+    let [ping, pong] = [(); 2].map(|()| Arc::new(Notify::new()));
     let there = std::thread::spawn({
         let (ping, pong) = (Arc::clone(&ping), Arc::clone(&pong));
         move || {
