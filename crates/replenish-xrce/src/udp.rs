@@ -70,21 +70,8 @@ impl UdpTransport {
     /// # Errors
     /// What the system says, except for "nothing there" and "no way to the agent".
     pub fn recv(&self, buf: &mut [u8]) -> io::Result<Option<usize>> {
-        self.recv_by(buf, UdpSocket::recv)
-    }
-
-    /// The same by a system call of the caller's.
-    ///
-    /// # Errors
-    /// As [`recv`](Self::recv).
-    #[inline]
-    pub fn recv_by(
-        &self,
-        buf: &mut [u8],
-        mut receive: impl FnMut(&UdpSocket, &mut [u8]) -> io::Result<usize>,
-    ) -> io::Result<Option<usize>> {
         loop {
-            match receive(&self.socket, buf) {
+            match self.socket.recv(buf) {
                 Ok(len) => return Ok(Some(len)),
                 Err(error) => match error.kind() {
                     ErrorKind::WouldBlock => return Ok(None),

@@ -1,7 +1,6 @@
 //! Settings of the XRCE adapter, and what can go wrong when it connects.
 
-use super::endpoints::OVERHEAD;
-use super::limits::{JOURNAL, WINDOW};
+use super::limits::{JOURNAL, OVERHEAD, WINDOW};
 use crate::Nanos;
 use crate::platform::{STD, StaticText, Text, io, label};
 use core::fmt;
@@ -41,6 +40,14 @@ pub struct XrceConfig {
     pub reliability: Reliability,
     /// When what is received on reliable topics is acknowledged.
     pub acks: AckPolicy,
+}
+
+/// The part of the configuration that outlives connecting.
+pub(super) struct Settings {
+    pub(super) mtu: u16,
+    pub(super) domain: i16,
+    pub(super) max_sample: usize,
+    pub(super) request_timeout: Nanos,
 }
 
 impl Default for XrceConfig {

@@ -1,7 +1,8 @@
 //! Connecting over the transports that come with the standard library.
 
-use super::transport::udp::Udp;
-use super::{ConnectError, SerialTransport, TcpTransport, Xrce, XrceConfig};
+use super::adapter::Xrce;
+use super::config::{ConnectError, XrceConfig};
+use super::transport::{SerialTransport, TcpTransport, Udp};
 use alloc::string::ToString;
 use replenish_xrce::udp::UdpTransport;
 use std::io::{self, ErrorKind};

@@ -3,96 +3,25 @@
 //! A node is a participant; a topic of a node a topic object, named as ROS 2 names topics on DDS;
 //! every writer has a publisher of its own and every reader a subscriber, as in micro-ROS.
 
-use super::Settings;
 use super::backlog::Backlog;
+use super::config::Settings;
 use super::describe::{Description, milliseconds};
-use super::limits::REQUESTS;
-use super::state::{State, stream};
+use super::errors::{request_error, setting};
+use super::limits::{MAX_NUMBER, OVERHEAD, number};
+use super::objects::{Flow, Reader, State, Topic, Writer};
+use super::state::stream;
 use crate::middleware::{EndpointSpec, MiddlewareError};
 use crate::name::concat;
 use crate::platform::{FULL, StaticText, TEXTS, label};
 use crate::qos::{History, IngressLimit, Qos, Reliability};
 use alloc::boxed::Box;
-use alloc::string::{String, ToString};
+use alloc::string::ToString;
 use core::time::Duration;
-use replenish_xrce::client::{RequestError, RequestState};
-use replenish_xrce::stream::PushError;
-#[cfg(feature = "full")]
-use replenish_xrce::wire::{CreationMode, Entity};
-use replenish_xrce::wire::{DeliveryControl, ObjectId, ObjectKind, StreamId};
-
-/// The most objects of one kind: ids have twelve bits.
-pub(super) const MAX_NUMBER: usize = 0xffe;
+use replenish_xrce::client::RequestState;
+use replenish_xrce::wire::{CreationMode, DeliveryControl, Entity, ObjectId, ObjectKind};
 
 /// Topic objects are known by name: to be shared, to go with their last user, to be told of.
 const KNOWN_TOPICS: bool = FULL || TEXTS;
-
-#[cfg_attr(not(feature = "full"), expect(dead_code, reason = "for those that go"))]
-pub(super) struct Reader {
-    pub(super) object: ObjectId,
-    /// Its topic object; services have none.
-    pub(super) topic: Option<ObjectId>,
-    pub(super) max_size: usize,
-    pub(super) backlog: Backlog,
-    pub(super) lost: u64,
-    /// How a keep-all reader holds the agent back.
-    pub(super) flow: Option<Box<Flow>>,
-    /// It was deleted; its slot is free.
-    pub(super) deleted: bool,
-}
-
-/// What a keep-all reader has asked its agent for: never more than it has room for.
-pub(super) struct Flow {
-    pub(super) stream: StreamId,
-    pub(super) control: DeliveryControl,
-    /// Samples it can keep.
-    pub(super) depth: usize,
-    /// Samples that may still come.
-    pub(super) granted: u16,
-}
-
-#[cfg_attr(not(feature = "full"), expect(dead_code, reason = "for those that go"))]
-pub(super) struct Writer {
-    pub(super) object: ObjectId,
-    /// Its topic object; services have none.
-    pub(super) topic: Option<ObjectId>,
-    pub(super) stream: StreamId,
-    pub(super) max_size: usize,
-    /// Its object was deleted.
-    pub(super) closed: bool,
-    /// And nobody uses it any more: its slot is free.
-    pub(super) free: bool,
-    /// A requester: the agent knows a server.
-    pub(super) served: bool,
-}
-
-impl Writer {
-    pub(super) const fn new(
-        object: ObjectId,
-        topic: Option<ObjectId>,
-        stream: StreamId,
-        max_size: usize,
-    ) -> Self {
-        Self {
-            object,
-            topic,
-            stream,
-            max_size,
-            closed: false,
-            free: false,
-            served: false,
-        }
-    }
-}
-
-pub(super) struct Topic {
-    participant: ObjectId,
-    pub(super) name: String,
-    type_name: String,
-    pub(super) object: ObjectId,
-    /// Readers and writers.
-    pub(super) users: usize,
-}
 
 impl State {
     /// Asks for everything a writer needs, or a reader, and then for its samples. Its id and its
@@ -286,7 +215,6 @@ impl State {
             .map_err(|error| request_error(&error))
     }
 
-    #[cfg(feature = "full")]
     pub(super) fn create(
         &mut self,
         object: ObjectId,
@@ -296,17 +224,6 @@ impl State {
             .create(object, CreationMode::REUSE_OR_REPLACE, entity)
             .map_err(|error| request_error(&error))
     }
-}
-
-/// Bytes of a datagram besides the one sample in it.
-pub(super) const OVERHEAD: usize = 12;
-
-/// The number of the next object, from 1 on. (Where a session keeps few objects, it is full before.)
-pub(super) fn number(count: usize, limit: usize, what: StaticText) -> Result<u16, MiddlewareError> {
-    let next = u16::try_from((count + 1) & 0xfff).unwrap_or_default();
-    Some(next)
-        .filter(|_| count < limit || REQUESTS < limit)
-        .ok_or(MiddlewareError::Capacity { what, limit })
 }
 
 fn control(limit: IngressLimit) -> DeliveryControl {
@@ -319,32 +236,5 @@ fn control(limit: IngressLimit) -> DeliveryControl {
         max_elapsed_s: limit.duration.map_or(0, seconds),
         max_bytes_per_second: limit.bytes_per_second.unwrap_or(0),
         min_pace_ms: pace,
-    }
-}
-
-/// What limits samples: the window of a reliable stream holds at least the largest one.
-pub(super) const fn setting(reliable: bool) -> StaticText {
-    match reliable {
-        true => label("of reliable ones it is XrceConfig::max_sample, 1..=65528"),
-        false => label("of best-effort ones it is XrceConfig::mtu - 12, with an mtu of 64..=65507"),
-    }
-}
-
-pub(super) fn request_error(error: &RequestError) -> MiddlewareError {
-    match *error {
-        RequestError::JournalFull => MiddlewareError::Capacity {
-            what: label("objects of the session"),
-            limit: REQUESTS,
-        },
-        RequestError::Stream(PushError::TooLarge { size, limit }) => MiddlewareError::TooLarge {
-            size,
-            limit,
-            setting: label("that of a request with names this long is XrceConfig::mtu, 64..=65507"),
-        },
-        RequestError::Down => MiddlewareError::LinkDown,
-        RequestError::Unsupported => {
-            MiddlewareError::Unsupported(label("a question to the agent without feature `full`"))
-        }
-        _ => MiddlewareError::Unsupported(label("a name with a NUL inside")),
     }
 }

@@ -1,6 +1,7 @@
 //! How much a session keeps: what a computer can spare, and what a microcontroller can.
 
-use crate::platform::STD;
+use crate::middleware::MiddlewareError;
+use crate::platform::{STD, StaticText, TEXTS};
 use replenish_xrce::features::DELIVERY;
 
 /// What a limit is with the standard library, and what without.
@@ -24,3 +25,17 @@ pub(super) const fn reorder(window: usize) -> usize {
 pub(super) const RESTORE: usize = if DELIVERY { limit(16, 1) } else { 0 };
 /// Bytes of journal: what `REQUESTS` descriptions with names of usual length need.
 pub(super) const JOURNAL: usize = limit(512 * 1024, 1024);
+/// The most objects of one kind: ids have twelve bits.
+pub(super) const MAX_NUMBER: usize = 0xffe;
+/// Bytes of a datagram besides the one sample in it.
+pub(super) const OVERHEAD: usize = 12;
+/// Clashes that wait to be told; more are left out.
+pub(super) const CLASHES: usize = if TEXTS { 64 } else { 0 };
+
+/// The number of the next object, from 1 on. (Where a session keeps few objects, it is full before.)
+pub(super) fn number(count: usize, limit: usize, what: StaticText) -> Result<u16, MiddlewareError> {
+    let next = u16::try_from((count + 1) & 0xfff).unwrap_or_default();
+    Some(next)
+        .filter(|_| count < limit || REQUESTS < limit)
+        .ok_or(MiddlewareError::Capacity { what, limit })
+}

@@ -2,10 +2,11 @@
 //!
 //! Names on DDS are those of ROS 2: requests of `/add` on `rq/addRequest`, replies on `rr/addReply`.
 
-use super::Xrce;
+use super::adapter::Xrce;
 use super::backlog::Backlog;
-use super::endpoints::{Reader, Writer, request_error, setting};
-use super::state::{State, stream};
+use super::errors::{request_error, setting};
+use super::objects::{Reader, State, Writer};
+use super::state::stream;
 use crate::Nanos;
 use crate::middleware::{
     MiddlewareError, PublishError, ReaderId, RequestIdentity, ServiceSpec, WriterId,
@@ -122,7 +123,7 @@ impl State {
         kind: ObjectKind,
         size: usize,
     ) -> Result<&Writer, PublishError> {
-        let writer = self.ends.writers.get(usize::from(end.0));
+        let writer = self.endpoints.writers.get(usize::from(end.0));
         let writer = writer.filter(|w| w.object.kind() == Ok(kind) && !w.closed);
         let writer = writer.ok_or(PublishError::UnknownWriter)?;
         let limit = writer.max_size;

@@ -1,23 +1,27 @@
 //! Connecting, and creating readers and writers: the only code here that waits for the agent.
 
-use super::endpoints::{OVERHEAD, request_error};
-use super::limits::{RESTORE, reorder};
-use super::state::{Round, State, stream};
+use super::adapter::Xrce;
+use super::config::{ConnectError, Settings, XrceConfig};
+use super::errors::{io_error, request_error};
+use super::limits::{OVERHEAD, RESTORE, reorder};
+use super::objects::{Round, State, XrceSession};
+use super::state::stream;
+use super::time::wall_clock;
+use super::transport::Transport;
 use super::waiting::Waiting;
-use super::{ConnectError, Settings, Transport, Xrce, XrceConfig, io_error};
 use crate::Nanos;
 use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId, Room, WriterId};
-use crate::platform::{self, StaticText, io, label, make_static, zeroed};
+use crate::platform::{StaticText, io, label, make_static, zeroed};
 use crate::qos::Criticality;
 use crate::sync::Arc;
 use alloc::boxed::Box;
 use replenish_os::{PiMutex, clock};
 use replenish_xrce::client::{Config, ReliableBuffers, Session};
 use replenish_xrce::features::FRAGMENTS;
-use replenish_xrce::wire::{ClientKey, ObjectId, WireTime};
+use replenish_xrce::wire::{ClientKey, ObjectId};
 
 /// The longest wait without a look at the session: a dispatcher may have received the answer.
-const GLANCE: Nanos = 5_000_000;
+const LOOK: Nanos = 5_000_000;
 
 impl Xrce {
     /// Connects over a transport of your own to what you call `agent`.
@@ -50,19 +54,19 @@ impl Xrce {
             },
             waiting,
             transport: transport.into(),
-            glance: Arc::clone(&state.ends.glance),
+            flags: Arc::clone(&state.endpoints.flags),
             state: PiMutex::new(make_static(state)),
         };
         let start = clock::monotonic();
         this.state.lock().session.connect(start);
         let deadline = start.saturating_add(config.connect_timeout);
         let waited = this.until(deadline, &mut |state| {
-            state.ends.refused.is_some() || state.is_up()
+            state.endpoints.refused.is_some() || state.is_up()
         });
         waited.map_err(io(label("wait for the agent")))?;
         let (up, refused) = {
             let state = this.state.lock();
-            (state.is_up(), state.ends.refused)
+            (state.is_up(), state.endpoints.refused)
         };
         let agent = agent.into();
         match refused {
@@ -134,7 +138,7 @@ impl Xrce {
             if done || now >= deadline {
                 return Ok(());
             }
-            let glance = deadline.min(now.saturating_add(GLANCE));
+            let glance = deadline.min(now.saturating_add(LOOK));
             self.waiting.other(&*self.transport, glance)?;
         }
     }
@@ -149,7 +153,7 @@ impl Xrce {
     pub fn agent_clock_offset(&self) -> Result<i64, MiddlewareError> {
         let sent = {
             let mut state = self.state.lock();
-            state.ends.agent_time = None;
+            state.endpoints.agent_time = None;
             state.session.request_time(wall_clock())
         };
         sent.map_err(|error| request_error(&error))?;
@@ -157,7 +161,7 @@ impl Xrce {
         let what = label("the time");
         let mut ahead = None;
         self.until(deadline, &mut |state| {
-            ahead = state.ends.agent_time;
+            ahead = state.endpoints.agent_time;
             ahead.is_some()
         })
         .map_err(|error| io_error(label("wait for the agent"), &error))?;
@@ -165,17 +169,9 @@ impl Xrce {
     }
 }
 
-pub(super) fn wall_clock() -> WireTime {
-    let since = platform::wall_clock().unwrap_or_default();
-    WireTime {
-        seconds: i32::try_from(since.as_secs()).unwrap_or(i32::MAX),
-        nanoseconds: since.subsec_nanos(),
-    }
-}
-
 /// A session with its storage. (On its own: it is large, and is made on this function's stack.)
 #[inline(never)]
-fn session(config: &XrceConfig) -> Box<super::state::XrceSession> {
+fn session(config: &XrceConfig) -> Box<XrceSession> {
     let mtu = usize::from(config.mtu);
     // What fits a message needs no room to be taken apart and put together.
     let sample = match FRAGMENTS && config.max_sample + OVERHEAD > mtu {

@@ -1,7 +1,7 @@
 //! What the dispatcher's wait ends with: the transport's descriptor, the alarm, and the waker.
-//! With descriptors; the same without any is in `waiting_bare.rs`.
+//! With descriptors; the same without any is in `waiting_disabled.rs`.
 
-use super::Transport;
+use super::transport::Transport;
 use crate::Nanos;
 use crate::platform::io;
 use crate::sync::{AtomicBool, AtomicU64, Ordering};

@@ -1,6 +1,6 @@
 //! A serial port that you drive yourself, with the stock framing: for builds without descriptors.
 
-use super::{Received, Sent, Transport};
+use super::super::contract::{Received, Sent, Transport};
 use crate::Nanos;
 use crate::platform::io::{self, ErrorKind};
 use crate::platform::{Static, make_static, zeroed};

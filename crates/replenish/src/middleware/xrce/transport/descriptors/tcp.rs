@@ -1,8 +1,8 @@
 //! TCP: every message after its length. Connects by itself, again and again.
 
 use super::outbox::Outbox;
-use super::{Received, Sent, Transport};
 use crate::Nanos;
+use crate::middleware::xrce::transport::contract::{Received, Sent, Transport};
 use crate::sync::Arc;
 use alloc::boxed::Box;
 use alloc::vec;

@@ -1,4 +1,4 @@
-//! What the dispatcher's wait ends with, without descriptors: one signal, which the transport's
+//! What the dispatcher's wait endpoints with, without descriptors: one signal, which the transport's
 //! interrupt, the waker and an alarm that became earlier set.
 //!
 //! ```text
@@ -9,14 +9,14 @@
 //!   wait for the signal, or until
 //! ```
 
-use super::Transport;
+use super::transport::Transport;
 use crate::Nanos;
 use crate::platform::io;
 use crate::sync::{Arc, AtomicU64, Notify, Ordering};
 use replenish_os::clock;
 
 /// How often those look who cannot wait for the signal, in ns.
-const GLANCE: Nanos = 1_000_000;
+const LOOK: Nanos = 1_000_000;
 
 /// What a session waits on.
 pub(super) struct Waiting {
@@ -60,7 +60,7 @@ impl Waiting {
         true
     }
 
-    /// Ends the dispatcher's wait, or its next one.
+    /// Endpoints the dispatcher's wait, or its next one.
     pub(super) fn wake(&self) {
         self.alarm.bell.set();
     }
@@ -108,7 +108,7 @@ impl Waiting {
         reason = "the signature of what it stands in for"
     )]
     pub(super) fn other(&self, _transport: &dyn Transport, deadline: Nanos) -> io::Result<()> {
-        let glance = clock::monotonic().saturating_add(GLANCE);
+        let glance = clock::monotonic().saturating_add(LOOK);
         clock::sleep_until(glance.min(deadline));
         Ok(())
     }

@@ -1,12 +1,12 @@
 //! Datagrams: one message each.
 
-use super::{Received, Sent, Transport};
 use crate::Nanos;
+use crate::middleware::xrce::transport::contract::{Received, Sent, Transport};
 use alloc::boxed::Box;
 use alloc::vec;
 use replenish_os::PiMutex;
 use replenish_xrce::udp::UdpTransport;
-use std::io;
+use std::io::{self, ErrorKind};
 use std::os::fd::{AsFd, BorrowedFd};
 
 /// UDP to one agent.
@@ -36,8 +36,19 @@ impl Transport for Udp {
 
     fn receive(&self, deliver: &mut dyn FnMut(&[u8])) -> io::Result<Received> {
         let mut inbox = self.inbox.lock();
-        let Some(len) = self.socket.recv_by(&mut inbox, replenish_os::receive)? else {
-            return Ok(Received::Nothing);
+        let len = loop {
+            match replenish_os::receive(&self.socket, &mut inbox) {
+                Ok(len) => break len,
+                Err(error) => match error.kind() {
+                    ErrorKind::WouldBlock => return Ok(Received::Nothing),
+                    // Fates of datagrams sent earlier; each is reported once, so that this ends.
+                    ErrorKind::ConnectionRefused
+                    | ErrorKind::HostUnreachable
+                    | ErrorKind::NetworkUnreachable
+                    | ErrorKind::Interrupted => {}
+                    _ => return Err(error),
+                },
+            }
         };
         deliver(inbox.get(..len).unwrap_or(&[]));
         Ok(Received::Something)

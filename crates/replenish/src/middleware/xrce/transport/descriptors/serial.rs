@@ -4,8 +4,8 @@
 //! kilobytes, and what is in its buffer cannot be overtaken any more.
 
 use super::outbox::Outbox;
-use super::{Received, Sent, Transport};
 use crate::Nanos;
+use crate::middleware::xrce::transport::contract::{Received, Sent, Transport};
 use crate::sync::Arc;
 use alloc::boxed::Box;
 use alloc::vec;
