@@ -1,4 +1,5 @@
-//! Generated messages, and the generator's parser: the first byte says which, the rest is the input.
+//! Generated messages, and the generator's parser: the first byte says which, the rest is the
+//! input.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! The seam to another middleware: what the agent's core tells it, and what it takes from it.
+//! The seam to another middleware: events from the agent's core, samples to it.
 //!
 //! ```text
 //!   CREATE, DELETE, WRITE_DATA ──► AgentCore ── BridgeEvent ──► bridge ──► DDS
@@ -19,15 +19,15 @@ use std::collections::{HashMap, VecDeque};
 /// Samples that may wait for the bridge to ask for them.
 const MAX_SAMPLES: usize = 1024;
 
-/// Names a node or endpoint at the seam; never used twice.
+/// Identifies a node or endpoint at the seam; never used twice.
 pub type BridgeId = u64;
 
-/// What has happened among the clients.
+/// An event among the clients.
 #[derive(Clone, Debug)]
 pub enum BridgeEvent {
     /// A participant: a ROS 2 node.
     Node {
-        /// Its name at the seam.
+        /// Its id at the seam.
         id: BridgeId,
         /// The domain, as the client says.
         domain: i16,
@@ -36,7 +36,7 @@ pub enum BridgeEvent {
     },
     /// Something that sends or receives.
     Endpoint {
-        /// Its name at the seam.
+        /// Its id at the seam.
         id: BridgeId,
         /// The domain, as the client says.
         domain: i16,
@@ -47,19 +47,19 @@ pub enum BridgeEvent {
     },
     /// A node or endpoint is gone.
     Close {
-        /// Its name at the seam.
+        /// Its id at the seam.
         id: BridgeId,
     },
     /// A client has written.
     Sample {
         /// The endpoint it has written with.
         id: BridgeId,
-        /// What.
+        /// The sample.
         sample: BridgeSample,
     },
 }
 
-/// What an endpoint of a client does.
+/// The kind of a client's endpoint.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BridgeKind {
     /// A data writer.
@@ -81,7 +81,7 @@ pub struct BridgeTopic {
     pub type_name: String,
 }
 
-/// What a client asks of a writer or reader.
+/// The QoS that a client wants of a writer or reader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BridgeQos {
     /// Reliable or best effort.
@@ -101,7 +101,7 @@ pub struct BridgeQos {
 pub struct BridgeSample {
     payload: Bytes,
     /// Of a request or reply: which one, as a GUID and a number. At a requester the bridge gives
-    /// back with the reply what it got with the request; at a replier the agent does.
+    /// back with the reply the identity it got with the request; at a replier the agent does.
     pub request: Option<([u8; 16], i64)>,
 }
 
@@ -197,7 +197,7 @@ impl Bridge {
         self.last
     }
 
-    /// An entity is gone. What the bridge has not heard of yet it never hears of.
+    /// Notes a deleted entity. Events about it that the bridge has not taken are removed.
     pub(crate) fn deleted(&mut self, address: Address) {
         self.groups.remove(&address);
         let Some(gone) = self.ids.remove(&address) else {

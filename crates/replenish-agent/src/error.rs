@@ -26,9 +26,9 @@ pub enum AgentError {
     Dds(replenish_dds::DdsError),
     /// The operating system refused.
     Io {
-        /// What was tried.
+        /// The operation.
         what: &'static str,
-        /// The address it was tried with.
+        /// Its address.
         addr: SocketAddr,
         /// Its reason.
         source: io::Error,

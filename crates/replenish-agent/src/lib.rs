@@ -22,12 +22,11 @@
 //!   lifespan, deadline (missed ones are counted), time filter.
 //! - Delivery control: number of samples, time, bytes per second, pace.
 //! - Best-effort and reliable streams both ways, fragments on reliable ones; ping; time.
-//! - What is urgent goes first ([`TopicRule`]); among equals readers and clients take turns: a
+//! - Urgent topics go first ([`TopicRule`]); among equals readers and clients take turns: a
 //!   backlog on one topic delays another topic by one sample, not by the backlog.
-//! - Everything a client can make it hold is bounded by [`Limits`]; everything it drops is counted
-//!   in [`Stats`] and told with its [`Reason`]; [`AgentCore::snapshot`] tells who does what. No
-//!   bytes end it.
-//!
+//! - All resources that clients can take are bounded by [`Limits`]; dropped input is counted in
+//!   [`Stats`] and logged with its [`Reason`]; [`AgentCore::snapshot`] shows clients and their
+//!   traffic. No input ends it.
 //! - With the feature `dds` every writer, reader, requester and replier of a client is one of DDS
 //!   too, and every participant a ROS 2 node ([`BridgeEvent`] is the seam; `AgentConfig::dds`).
 //!
@@ -35,7 +34,16 @@
 //! Content filters (refused with `INCOMPATIBLE`).
 //!
 //! # Structure
-//! [`AgentCore`] is the whole agent without sockets and clocks. [`Agent`] puts it on its transports.
+//! [`AgentCore`] is the whole agent without sockets and clocks. [`Agent`] puts it on its
+//! transports.
+//!
+//! ```text
+//!   server      transports and threads        agent_core  the state machine
+//!   bridge      the seam to DDS               clients     sessions and streams
+//!   entities    what clients create           flow        samples, rates, turns
+//!   config      settings                      report      counters, snapshots, rejections
+//!   error       failures to start or go on    xml         the XML of stock clients
+//! ```
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
 

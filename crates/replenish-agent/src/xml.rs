@@ -27,7 +27,7 @@ pub(crate) fn attribute<'a>(xml: &'a str, tag: &str, name: &str) -> Option<&'a s
     }
 }
 
-/// The attributes of the first element `tag`, and what follows its opening.
+/// The attributes of the first element `tag`, and the text after its opening.
 fn open<'a>(xml: &'a str, tag: &str) -> Option<(&'a str, &'a str)> {
     let mut rest = xml;
     loop {

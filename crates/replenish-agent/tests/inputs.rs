@@ -201,7 +201,8 @@ fn millions_of_inputs() {
     );
 }
 
-/// Writes what the fuzz targets begin with: `cargo test -p replenish-agent --test inputs -- --ignored`.
+/// Writes what the fuzz targets begin with: `cargo test -p replenish-agent --test inputs --
+/// --ignored`.
 #[test]
 #[ignore = "writes fuzz/corpus"]
 fn seeds() {

@@ -55,7 +55,8 @@ pub struct Qos {
     pub lifespan: Option<Nanos>,
 }
 
-/// The policies of which a writer offers less than a reader asks for; of others nothing is known here.
+/// The policies of which a writer offers less than a reader asks for; of others nothing is known
+/// here.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Mismatch {
     /// Best effort is offered, reliable is asked for.

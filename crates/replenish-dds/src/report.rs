@@ -41,8 +41,8 @@ pub struct EndpointReport {
     /// Samples from DDS dropped because too many waited, because they are too long or because
     /// their encoding is not little-endian XCDR1.
     pub dropped_in: u64,
-    /// Samples that a reader never got, by the gaps in their writers' numbers: lost by a best-effort
-    /// writer or the network, or overwritten before they were taken.
+    /// Samples that a reader never got, by the gaps in their writers' numbers: lost by a
+    /// best-effort writer or the network, or overwritten before they were taken.
     pub missed: u64,
     /// Requests forgotten without a reply, and replies that nobody waits for.
     pub calls_lost: u64,

@@ -8,14 +8,14 @@
 //!   udp      a socket to the agent (feature `std`)
 //! ```
 //!
-//! Sums of lengths wrap where they are positions in a buffer: no buffer is so long that a sum of a few
-//! lengths would, and every position is checked where it is used. Counters and times end at their
-//! greatest value.
+//! Sums of lengths wrap where they are positions in a buffer: no buffer is so long that a sum of a
+//! few lengths would, and every position is checked where it is used. Counters and times end at
+//! their greatest value.
 //!
 //! Nothing but those two allocates, reads a clock or touches a socket; storage is the caller's. The
-//! specification is OMG DDS-XRCE 1.0 (formal/20-02-01); where the text and eProsima's implementation
-//! differ, the implementation's wire form is what is written here, because that is what micro-ROS
-//! speaks.
+//! specification is OMG DDS-XRCE 1.0 (formal/20-02-01); where the text and eProsima's
+//! implementation differ, the implementation's wire form is what is written here, because that is
+//! what micro-ROS speaks.
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing, clippy::arithmetic_side_effects)]

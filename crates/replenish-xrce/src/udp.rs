@@ -75,7 +75,8 @@ impl UdpTransport {
                 Ok(len) => return Ok(Some(len)),
                 Err(error) => match error.kind() {
                     ErrorKind::WouldBlock => return Ok(None),
-                    // News of datagrams sent earlier; the system reports each once, so that this ends.
+                    // News of datagrams sent earlier; the system reports each once, so that this
+                    // ends.
                     ErrorKind::ConnectionRefused
                     | ErrorKind::HostUnreachable
                     | ErrorKind::NetworkUnreachable

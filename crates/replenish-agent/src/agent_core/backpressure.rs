@@ -1,10 +1,10 @@
 //! Back-pressure: a reliable keep-all writer waits for a keep-all reader that has no room.
 //!
 //! ```text
-//!   sample for a full reader ──► PRESSED: messages of that stream are not taken, not acknowledged
-//!                                   │ the reader has room, is gone, or patience is over
+//!   sample for a full reader ──► BLOCKED: messages of that stream are not taken, not acknowledged
+//!                                   │ the reader has room, is gone, or the time limit is over
 //!                                   ▼
-//!                                ACKNACK names what was not taken; the client sends it again
+//!                                ACKNACK names the missing messages; the client repeats them
 //! ```
 
 use super::state::{AgentCore, BlockedStream};
@@ -46,7 +46,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
                 .is_some_and(|input| input.postpone(seq))
     }
 
-    /// Lets those go on whose readers have room again.
+    /// Unblocks the streams whose readers have room again.
     pub(super) fn unblock(&mut self, now: Nanos) {
         let mut at = 0;
         while let Some(blocked) = self.blocked_streams.get(at) {

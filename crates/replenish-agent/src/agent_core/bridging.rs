@@ -8,7 +8,7 @@ use replenish_xrce::wire::{Create, ObjectId};
 use std::hash::Hash;
 
 impl<P: Copy + Eq + Hash> AgentCore<P> {
-    /// From now on entities and samples are told to a bridge, which must
+    /// Reports entities and samples to a bridge from now on, which must
     /// [ask](Self::poll_bridge) for them. To be called before there are clients.
     #[must_use]
     pub fn bridged(self) -> Self {
@@ -18,8 +18,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// What the bridge has not heard of yet, in the order in which it happened. To be called until
-    /// there is nothing after every [`receive`](Self::receive) and [`pump`](Self::pump): samples
+    /// The next event for the bridge, in order. Call it until
+    /// there is none after every [`receive`](Self::receive) and [`pump`](Self::pump): samples
     /// beyond 1024 are dropped and counted.
     pub fn poll_bridge(&mut self) -> Option<BridgeEvent> {
         self.bridge.as_mut()?.poll()
@@ -65,7 +65,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         self.serve(at, client);
     }
 
-    /// Tells the bridge about an entity that was just created.
+    /// Reports a new entity to the bridge.
     pub(super) fn bridge_created(&mut self, client: usize, create: &Create<'_>) {
         let object = create.base.object;
         let (Some(bridge), Some(of)) = (&mut self.bridge, self.clients.get_mut(client)) else {
@@ -76,7 +76,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// Tells the bridge about an entity that was just deleted.
+    /// Reports a deleted entity to the bridge.
     pub(super) fn bridge_deleted(&mut self, client: usize, object: ObjectId) {
         if let Some(bridge) = &mut self.bridge {
             bridge.deleted(Address { client, object });

@@ -1,10 +1,10 @@
-//! When what clients write counts as settled (see [`DeliveryTracker`](crate::flow::DeliveryTracker)), and what is kept for
-//! readers whose clients have lost the agent before this one and are on their way back.
+//! The confirmation of messages (see [`DeliveryTracker`](crate::flow::DeliveryTracker)), and the
+//! samples that are kept for readers of returning clients.
 //!
-//! After an agent's end its clients return within a second or two, in any order, and those with
-//! something to repeat do so at once. What a client writes that has returned is kept for readers
-//! that come after it, and does not count as settled, until as many have returned as it says there
-//! were, or until [`Limits::recovery_window`](crate::Limits::recovery_window) is over.
+//! After an agent's end its clients return within a second or two, in any order, and writers with
+//! unconfirmed samples repeat them at once. Samples of a returned client are kept for readers that
+//! come later, and are not confirmed, until as many clients have returned as the client expects, or
+//! until [`Limits::recovery_window`](crate::Limits::recovery_window) is over.
 
 use super::state::AgentCore;
 use crate::clients::ClientOrigin;
@@ -13,14 +13,14 @@ use replenish_xrce::Nanos;
 use std::hash::Hash;
 
 impl<P: Copy + Eq + Hash> AgentCore<P> {
-    /// The agent's first moment has come, if it has not yet.
+    /// Begins the recovery window with the agent's first event.
     pub(super) fn begin(&mut self, now: Nanos) {
         let recovery_window = self.limits.recovery_window;
         let until = &mut self.recovery_window.until;
         until.get_or_insert(now.saturating_add(recovery_window));
     }
 
-    /// Lets go of what waits for nobody any more, and tells those who have written it.
+    /// Drops samples that no returning reader can need, and confirms messages to their writers.
     pub(super) fn confirm(&mut self, now: Nanos) {
         if self.stashed && self.recovery_window.deadline().is_some_and(|at| at <= now) {
             self.stashed = false;
@@ -46,7 +46,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// When the message that is being taken in counts as settled at the latest.
+    /// The latest time at which the message that is being received counts as confirmed.
     pub(super) fn confirmed_at(&mut self, now: Nanos, index: usize) -> Nanos {
         let usual = now.saturating_add(self.limits.confirm_timeout);
         let until = self.recovery_window.until;
@@ -65,7 +65,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// Counts those who are told what is settled.
+    /// Counts the clients that ask for confirmations.
     pub(super) fn count_companions(&mut self) {
         let all = self.clients.iter().filter(|client| client.origin.is_some());
         self.recovery_window.here = u8::try_from(all.count()).unwrap_or(u8::MAX);

@@ -1,4 +1,4 @@
-//! What clients may ask for without a session: to open one, and whether the agent is there.
+//! Requests without a session: to open one, and to ask whether the agent is there.
 
 use super::state::{AgentCore, Now};
 use crate::clients::{Client, ClientOrigin};
@@ -52,7 +52,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             } else {
                 Status::UNKNOWN_REFERENCE
             },
-            // What eProsima's agents send: 1 in a session, 0 outside.
+            // eProsima's agents send 1 in a session, 0 outside.
             implementation: u8::from(!header.session.is_none()),
             agent: known.then_some(AgentInfo {
                 version: VERSION,
@@ -144,7 +144,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     }
 }
 
-/// What the client says about itself, if it does.
+/// The client's origin, if it asks for confirmations.
 fn client_origin(properties: &Properties<'_>) -> Option<ClientOrigin> {
     let mut origin = None;
     properties.for_each(|name, value| match (name, value) {
@@ -159,7 +159,7 @@ fn client_origin(properties: &Properties<'_>) -> Option<ClientOrigin> {
     origin
 }
 
-/// Why a log-in cannot be accepted from anybody, if so: the answer, and which part of it is wrong.
+/// The status that refuses a malformed log-in, and its wrong part.
 fn refusal(header: &Header, create: &CreateClient<'_>) -> Option<(Status, &'static str)> {
     let (key, session) = (create.key, create.session);
     let other_form = session.has_key() != header.session.has_key();

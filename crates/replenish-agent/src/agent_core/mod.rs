@@ -1,16 +1,23 @@
 //! The agent without sockets and clocks: datagrams and time in, datagrams out.
 //!
 //! ```text
-//!   receive ──► session? ──no──► login: CREATE_CLIENT, ping ──────────► replies ─┐
-//!                  │ yes                                                         │ first
-//!                  ▼                                                             ▼
-//!               input (order, fragments) ──► requests: CREATE, READ_DATA, ..    pump ──► datagrams
-//!                                               │ WRITE_DATA                     ▲
-//!                                               ▼                                │ the most urgent
-//!                              route: topics ──► queues of readers ──► outputs ──┘ client, in turns
+//!   receive ──► session? ──no──► login ───────────────────────► replies ─┐ first
+//!   (state)        │ yes                                                  ▼
+//!                  ▼                                                 pump (state) ──► datagrams
+//!             input stream ──► requests: CREATE, READ_DATA, ..            ▲ the most urgent client,
+//!                                 │ WRITE_DATA                            │ in turns
+//!                                 ▼                                       │
+//!                             route ──► queues of readers ──► schedule, client_queue
+//!
+//!   backpressure     blocks a stream while a keep-all reader is full
+//!   confirm          reports messages that have reached all their readers
+//!   recovery_window  the clients that return from the previous agent
+//!   notices          incompatible QoS, and services that gain or lose their server
+//!   bridging         events to, and samples from, another middleware
+//!   snapshot         the state as plain data
 //! ```
 //!
-//! Nothing here can fail: what is wrong is dropped, refused or answered with a status, and counted.
+//! Nothing here can fail: bad input is dropped, refused or answered with a status, and counted.
 
 mod backpressure;
 mod bridging;

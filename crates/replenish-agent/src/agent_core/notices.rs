@@ -1,5 +1,5 @@
-//! What clients are told unasked: which of their endpoints do not talk with others because of their
-//! QoS, and whether the services of their requesters have servers. See [`Notice`].
+//! Notices to clients: endpoints with incompatible QoS, and requesters whose service has a server
+//! now or has none any more. See [`Notice`].
 
 use super::state::AgentCore;
 use crate::bridge::BridgeId;
@@ -8,7 +8,7 @@ use replenish_xrce::wire::{Notice, ObjectId};
 use std::hash::Hash;
 
 impl<P: Copy + Eq + Hash> AgentCore<P> {
-    /// An entity was created: tells it and those it clashes with, and those it serves.
+    /// Notifies a new entity and the endpoints that it is incompatible with, or that it serves.
     pub(super) fn notify_incompatible(&mut self, client: usize, object: ObjectId) {
         let me = Address { client, object };
         let of_client = self.clients.get_mut(client);
@@ -45,7 +45,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// Servers of the requests on `topic` may have come or gone: tells the requesters.
+    /// Notifies the requesters of `topic` if their service has a server now, or has none any more.
     pub(super) fn notify_served(&mut self, topic: TopicId) {
         let here = !self.topics.readers(topic).is_empty();
         let requesters = self.topics.writers(topic).iter();
@@ -65,7 +65,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// Beyond the bridge, a requester has servers from now on, or none.
+    /// Notes whether a requester has servers beyond the bridge.
     pub fn served_beyond(&mut self, id: BridgeId, served: bool) {
         let address = self.bridge.as_ref().and_then(|bridge| bridge.address(id));
         let Some(address) = address else {
@@ -82,8 +82,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// Beyond the bridge there is who would talk with an endpoint, were it not for these policies, as
-    /// [`Notice`]'s bits.
+    /// Notifies an endpoint that it is incompatible with an endpoint beyond the bridge in these
+    /// policies, as [`Notice`]'s bits.
     pub fn incompatible_beyond(&mut self, id: BridgeId, policies: u8) {
         let address = self.bridge.as_ref().and_then(|bridge| bridge.address(id));
         if let Some(address) = address.filter(|_| policies != 0) {

@@ -1,4 +1,4 @@
-//! What clients ask for in a session, submessage by submessage.
+//! The requests of clients in a session, submessage by submessage.
 
 use super::state::{AgentCore, Now};
 use crate::clients::ClientOrigin;
@@ -106,7 +106,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     }
 
     fn heartbeat(&mut self, index: usize, stream: StreamId, heartbeat: &Heartbeat) {
-        // Inside of a stream the named stream may be the one being read from; nobody does that.
+        // Inside of a stream the named stream may be the one being read from; no client does that.
         if stream != StreamId::NONE || !heartbeat.stream.is_reliable() {
             self.counters.unsupported.hit();
             return;
@@ -136,7 +136,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         };
         let id = create.base.object;
         if matches!(client.origin, Some(ClientOrigin::Returned(_))) {
-            self.recovery_window.equips(now.monotonic);
+            self.recovery_window.note_creation(now.monotonic);
         }
         self.requesters = self.requesters.wrapping_add(1);
         let mut context = CreationContext {
@@ -225,7 +225,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// A submessage whose body makes no sense. A request is answered if it says which one it is.
+    /// Handles a submessage with a malformed body. A request is answered if its ids are readable.
     fn unreadable(
         &mut self,
         index: usize,
@@ -305,7 +305,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// Where a client is, and the header its messages outside of streams have.
+    /// A client's address, and the header of its messages outside of streams.
     fn peer_of(&mut self, index: usize) -> Option<(P, Header)> {
         let client = self.clients.get_mut(index)?;
         let header = Header::new(client.session, StreamId::NONE, SeqNum(0), client.key);

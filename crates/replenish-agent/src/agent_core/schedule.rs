@@ -1,8 +1,8 @@
-//! Which client is served next, and when which client needs attention by itself.
+//! The order in which clients are served, and their timers.
 //!
-//! A client stands in line at the level of the most urgent thing that it can be sent; within a
-//! level clients take turns, one datagram each. Its place in the timers may be too early, never too
-//! late: what only moves its deadline away does not move it there.
+//! A client is queued at the level of its most urgent datagram; within a level clients take turns,
+//! one datagram each. A timer may be too early, never too late: a deadline that moves away does not
+//! move it.
 
 use super::state::AgentCore;
 use crate::report::Reason;
@@ -52,7 +52,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         self.set_timer(now, index);
     }
 
-    /// Notes when a client needs attention by itself.
+    /// Sets the timer of a client.
     pub(super) fn set_timer(&mut self, now: Nanos, index: usize) {
         let Some(client) = self.clients.get_mut(index) else {
             return;
@@ -66,7 +66,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// Forgets clients that were silent for too long; serves those whose time has come.
+    /// Removes clients that were silent for too long; serves clients whose timer is due.
     pub(super) fn attend(&mut self, now: Nanos) {
         while let Some((_, index)) = self
             .timers
@@ -87,7 +87,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
                 continue;
             }
             client.wake(now, &self.counters);
-            // What is due now goes out with this pump, which looks at the timers again after it.
+            // Datagrams that are due now go out with this pump, which looks at the timers again
+            // after it.
             let due = client.urgency(now).is_some();
             if due && client.queued.is_none() {
                 client.queued = client.urgency(now);

@@ -11,7 +11,7 @@ use std::fmt::Display;
 use std::hash::Hash;
 
 impl<P: Copy + Eq + Hash + Display> AgentCore<P> {
-    /// What it is doing.
+    /// The agent's state.
     #[must_use]
     pub fn snapshot(&self, now: Now) -> Snapshot {
         let mut clients: Vec<ClientSnapshot> = self
@@ -120,7 +120,7 @@ impl<P: Copy + Eq + Hash + Display> AgentCore<P> {
     }
 }
 
-/// What a QoS says about history.
+/// The depth of the history, unless all is kept.
 fn depth(qos: &Qos) -> Option<usize> {
     (!qos.keep_all).then_some(qos.depth)
 }

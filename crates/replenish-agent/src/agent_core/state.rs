@@ -19,7 +19,7 @@ use std::sync::Arc;
 pub struct Now {
     /// Nanoseconds on a monotonic clock; the agent's timers go by it.
     pub monotonic: Nanos,
-    /// Nanoseconds since the Unix epoch; what clients that synchronise their clocks are told.
+    /// Nanoseconds since the Unix epoch, for clients that synchronise their clocks.
     pub unix: i64,
 }
 
@@ -42,9 +42,9 @@ pub struct AgentCore<P> {
     pub(super) limits: Limits,
     pub(super) rules: Vec<TopicRule>,
     pub(super) profiles: Profiles,
-    /// Tells this agent from the one that was here before.
+    /// Distinguishes this agent from its predecessor.
     pub(super) instance: u16,
-    /// Requesters there were.
+    /// Requesters so far.
     pub(super) requesters: u32,
     pub(super) clients: Clients<P>,
     pub(super) topics: Topics<Address>,
@@ -55,20 +55,20 @@ pub struct AgentCore<P> {
     pub(super) unauthenticated: Option<RateLimiter>,
     /// The clients that may have something to send.
     pub(super) client_queue: ClientQueue,
-    /// When which client needs attention, at the latest.
+    /// The times at which clients need attention at the latest.
     pub(super) timers: BTreeSet<(Nanos, usize)>,
     pub(super) blocked_streams: Vec<BlockedStream>,
-    /// Clients that a sample has just been routed to; kept for its memory.
+    /// The clients that a sample was just routed to; kept for its memory.
     pub(super) served: Vec<usize>,
     /// The seam to another middleware.
     pub(super) bridge: Option<Bridge>,
     pub(super) refusals: Refusals,
-    /// What has been settled lately.
+    /// The streams on which messages were confirmed lately.
     pub(super) confirmed: ConfirmedStreams,
-    /// For the message that is being taken in, once somebody has to be waited for.
+    /// The tracker of the message that is being received, once it has a reader to wait for.
     pub(super) tracker: Option<TrackerHandle>,
     pub(super) recovery_window: RecoveryWindow,
-    /// Something is kept for them.
+    /// Writers keep samples for returning readers.
     pub(super) stashed: bool,
     pub(super) log: Arc<RejectionLog<P>>,
     /// Rejections so far.
@@ -188,7 +188,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         self.confirm(now.monotonic);
     }
 
-    /// Takes down what was refused to whom.
+    /// Logs a rejection.
     pub(crate) fn note(&mut self, peer: P, key: Option<ClientKey>, reason: Reason) {
         self.rejections += 1;
         let (at, number) = (self.time, self.rejections);
@@ -252,8 +252,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// Does what is due at `now` and hands up to `max` datagrams to `send`, the most urgent first
-    /// and to equals in turn. Returns whether there may be more to send.
+    /// Handles all timers that are due at `now` and hands up to `max` datagrams to `send`, the most
+    /// urgent first and to equals in turn. Returns whether there may be more to send.
     pub fn pump(&mut self, now: Now, max: usize, send: &mut dyn FnMut(&P, &[u8])) -> bool {
         self.begin(now.monotonic);
         self.time = now.monotonic;
@@ -283,7 +283,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         !(self.replies.is_empty() && self.client_queue.is_empty())
     }
 
-    /// These peers take nothing until they are [released](Self::release): what is for them waits
+    /// Holds peers until they are [released](Self::release): datagrams for them wait
     /// where its order can still change.
     pub fn hold(&mut self, which: impl Fn(&P) -> bool) {
         for index in self.clients.at(which) {
@@ -293,7 +293,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// These peers take datagrams again.
+    /// Releases peers that take datagrams again.
     pub fn release(&mut self, now: Now, which: impl Fn(&P) -> bool) {
         for index in self.clients.at(which) {
             if let Some(client) = self.clients.get_mut(index) {
@@ -303,7 +303,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// These peers are gone for good: their sessions end.
+    /// Ends the sessions of peers that are gone for good.
     pub fn gone(&mut self, which: impl Fn(&P) -> bool) {
         for index in self.clients.at(&which) {
             self.counters.clients_lost.hit();
@@ -313,13 +313,13 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         self.replies.forget(which);
     }
 
-    /// What was counted so far.
+    /// The counters so far.
     #[must_use]
     pub fn stats(&self) -> Stats {
         self.counters.snapshot()
     }
 
-    /// What was refused, for whoever asks; see [`RejectionLog`].
+    /// The log of rejections.
     pub(crate) fn log(&self) -> &Arc<RejectionLog<P>> {
         &self.log
     }

@@ -28,18 +28,18 @@ pub(crate) struct Client<P> {
     /// The session of this client that this one replaced.
     pub(crate) before: Option<SessionId>,
     pub(crate) origin: Option<ClientOrigin>,
-    /// It has sent something in a session: it knows that it has one.
+    /// It has sent a message in a session: it knows that it has one.
     pub(crate) arrived: bool,
     pub(crate) entities: Entities,
-    /// What it makes the agent keep.
+    /// The account of the memory that it takes.
     pub(crate) ledger: Ledger,
     /// Datagrams it may send.
     pub(crate) rate_limiter: Option<RateLimiter>,
-    /// It stands in the agent's line of clients to be served, at this level.
+    /// Its level in the agent's client queue.
     pub(crate) queued: Option<u8>,
-    /// It is in the agent's timers for this time.
+    /// Its time in the agent's timers.
     pub(crate) timer: Option<Nanos>,
-    /// Its transport takes nothing now.
+    /// Its transport is full.
     pub(crate) held: bool,
     pub(crate) counts: ClientCounts,
     pub(crate) heard: Nanos,
@@ -47,21 +47,21 @@ pub(crate) struct Client<P> {
     inputs: Vec<InputStream>,
     outputs: Vec<OutputStream>,
     throttled: Throttled,
-    /// The output whose turn it is among equals.
+    /// The output stream that is next among equals.
     next_output: usize,
 }
 
-/// What a client that asks for [`DELIVERY`](replenish_xrce::wire::DELIVERY) has said about itself.
+/// The origin that a client states when it asks for [`DELIVERY`](replenish_xrce::wire::DELIVERY).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum ClientOrigin {
-    /// It has just begun.
+    /// A client without samples from before.
     New,
-    /// It had a session before, with an agent that was lost; so many clients had, itself included,
-    /// if it knows.
+    /// A client of an agent that was lost, with the number of clients that agent had, this one
+    /// included; 0 if it does not know.
     Returned(u8),
 }
 
-/// What is counted for each client.
+/// The counters of a client.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ClientCounts {
     pub(crate) datagrams_in: u64,
@@ -181,7 +181,7 @@ impl<P> Client<P> {
             .is_some_and(|output| output.status(status))
     }
 
-    /// Queues what the client is told unasked, if it is one that understands it.
+    /// Queues a notice, if the client understands it.
     pub(crate) fn notice(&mut self, object: ObjectId, notice: Notice, limits: &Limits) {
         if self.origin.is_some()
             && let Some(output) = self.output(StreamId::RELIABLE, limits)
@@ -190,7 +190,7 @@ impl<P> Client<P> {
         }
     }
 
-    /// Gives `reader` its turn on the stream it has something to say on, now or later.
+    /// Gives `reader` a turn on the stream that it has a sample for, now or later.
     pub(crate) fn queue(&mut self, reader: ObjectId, now: Nanos, counters: &Counters) {
         let Some(endpoint) = self.entities.reader(reader) else {
             return;
@@ -211,7 +211,7 @@ impl<P> Client<P> {
         }
     }
 
-    /// Whether what is written for `reader` now must reach this client before it counts as settled.
+    /// Whether a sample for `reader` must reach this client before it counts as confirmed.
     pub(crate) fn is_awaited(&mut self, reader: ObjectId, now: Nanos, limit: Nanos) -> bool {
         let Some(endpoint) = self.entities.reader(reader) else {
             return false;
@@ -226,14 +226,14 @@ impl<P> Client<P> {
         endpoint.is_awaited(now, limit) && !self.outputs.iter().any(lags)
     }
 
-    /// Notes what of the client's messages is settled by now.
+    /// Removes the client's confirmed messages.
     pub(crate) fn confirm(&mut self, now: Nanos, counters: &Counters) {
         for input in &mut self.inputs {
             counters.confirmed_late.add(input.confirm(now));
         }
     }
 
-    /// Gives those their turns whose waiting time is over.
+    /// Gives a turn to the readers whose waiting time is over.
     pub(crate) fn wake(&mut self, now: Nanos, counters: &Counters) {
         self.confirm(now, counters);
         while let Some(due) = self.throttled.iter().position(|(at, _)| *at <= now) {
@@ -242,7 +242,7 @@ impl<P> Client<P> {
         }
     }
 
-    /// Takes the turns of a deleted entity away.
+    /// Removes a deleted entity from all streams.
     pub(crate) fn forget(&mut self, deleted: ObjectId) {
         self.throttled.retain(|(_, id)| *id != deleted);
         for output in &mut self.outputs {
@@ -272,7 +272,7 @@ impl<P> Client<P> {
         first.map_or(dies, |first| first.min(dies))
     }
 
-    /// How urgent what it can be sent now is; `None` if there is nothing.
+    /// The urgency of the next datagram; `None` if there is none now.
     pub(crate) fn urgency(&self, now: Nanos) -> Option<u8> {
         if self.held {
             return None;

@@ -9,16 +9,16 @@ use replenish_xrce::wire::{AckNack, Confirmation, Confirmed, StreamId, Submessag
 use std::collections::VecDeque;
 use std::sync::{Arc, Weak};
 
-/// Messages that may wait for a missing one: what the bitmap of an ACKNACK can name.
+/// Messages that may wait for a missing one: as many as the bitmap of an ACKNACK can name.
 const SLOTS: usize = 16;
 
-/// Newly confirmed messages of which a client that is reported both is reported at once; fewer wait for more,
-/// or until all are.
+/// Confirmations are reported in batches of this size; a smaller remainder is reported when no
+/// message is pending.
 const CONFIRM_BATCH: i16 = 8;
 
 type Reliable = InputReliable<Box<[u8]>, Box<[u8]>, SLOTS>;
 
-/// A message, or what was put together of its fragments, made no sense from somewhere on.
+/// A message, or a submessage joined from fragments, is malformed.
 #[derive(Debug)]
 pub(crate) struct Malformed;
 
@@ -27,23 +27,23 @@ pub(crate) struct Malformed;
 pub(crate) struct InputStream {
     stream: StreamId,
     receiver: Receiver,
-    /// The last message that was not taken because there is no room for what it brings.
+    /// The last message that was not taken for want of room in a reader's queue.
     postponed: Option<SeqNum>,
     /// Messages that are not confirmed, the oldest first.
     unconfirmed: VecDeque<Unconfirmed>,
-    /// The first message that the client does not know to be confirmed.
+    /// The first message that is not reported as confirmed.
     reported: SeqNum,
-    /// The client is reported what has come as well as what is confirmed; else only the latter.
+    /// The client gets acknowledgements and confirmations; otherwise confirmations alone.
     reports_both: bool,
     _charge: Charge,
 }
 
-/// Messages from one on that wait for a tracker.
+/// Messages from one on that wait for their readers.
 #[derive(Debug)]
 struct Unconfirmed {
     from: SeqNum,
     tracker: Weak<DeliveryTracker>,
-    /// They count as confirmed from then on.
+    /// The time at which they count as confirmed.
     until: Nanos,
 }
 
@@ -133,8 +133,8 @@ impl InputStream {
         }
     }
 
-    /// Message `seq` has come, but is not taken now; whether that can be. What was taken before is
-    /// acknowledged again, and on a best-effort stream there is nothing to come back to.
+    /// Postpones message `seq` if it can be: a message that was taken before is acknowledged again,
+    /// and a best-effort stream repeats nothing.
     pub(crate) fn postpone(&mut self, seq: SeqNum) -> bool {
         let Receiver::Reliable(receiver) = &self.receiver else {
             return false;
@@ -148,7 +148,7 @@ impl InputStream {
         true
     }
 
-    /// There is room again: asks for what was postponed.
+    /// There is room again: asks for the postponed messages.
     pub(crate) fn resume(&mut self) {
         if let Some(last) = self.postponed.take() {
             self.heartbeat(last);
@@ -163,8 +163,8 @@ impl InputStream {
         }
     }
 
-    /// The messages from `from` on that have just come are not confirmed before nobody holds
-    /// `tracker` any more, or `until` has come.
+    /// Withholds the confirmation of the messages from `from` on until the last handle of `tracker`
+    /// is dropped, or until `until`.
     pub(crate) fn withhold(&mut self, from: SeqNum, tracker: &TrackerHandle, until: Nanos) {
         self.unconfirmed.push_back(Unconfirmed {
             from,
@@ -173,7 +173,7 @@ impl InputStream {
         });
     }
 
-    /// Notes what is confirmed by now; returns how many were not in time.
+    /// Removes confirmed messages; returns the number that were not confirmed in time.
     pub(crate) fn confirm(&mut self, now: Nanos) -> u64 {
         let mut late = 0;
         while let Some(oldest) = self.unconfirmed.front() {
@@ -187,7 +187,7 @@ impl InputStream {
         late
     }
 
-    /// When something counts as confirmed at the latest.
+    /// The latest time at which the oldest of them counts as confirmed.
     pub(crate) fn deadline(&self) -> Option<Nanos> {
         self.unconfirmed.front().map(|oldest| oldest.until)
     }
@@ -198,8 +198,8 @@ impl InputStream {
         oldest.map_or_else(|| self.next(), |oldest| oldest.from)
     }
 
-    /// Whether an ACKNACK is due. What has come and is not confirmed is no reason for one to a client
-    /// that is reported nothing else.
+    /// Whether an ACKNACK is due. For a client that gets confirmations alone, a message that has
+    /// arrived but is not confirmed is no reason for one.
     pub(crate) fn ack_due(&self) -> bool {
         let Receiver::Reliable(receiver) = &self.receiver else {
             return false;

@@ -1,4 +1,10 @@
 //! The clients: sessions, streams, and the table of them.
+//!
+//! ```text
+//!   table ──► client ──┬── input_stream   order, fragments, ACKNACKs to the client
+//!                      └── output_stream  readers in turns, HEARTBEATs, retransmission
+//!   replies                answers outside of streams, to addresses
+//! ```
 
 mod client;
 mod input_stream;

@@ -1,4 +1,4 @@
-//! One stream from the agent to a client, with everyone who wants to send on it.
+//! One stream from the agent to a client, and the readers that send on it.
 //!
 //! ```text
 //!   statuses ──────────────┐ first
@@ -25,17 +25,17 @@ use replenish_xrce::wire::{AckNack, Encode, Heartbeat, Notice, ObjectId, StatusR
 use replenish_xrce::{Nanos, SeqNum};
 use std::collections::VecDeque;
 
-/// Unacknowledged messages: what the client's ACKNACK can name.
+/// Unacknowledged messages: as many as the client's ACKNACK can name.
 const IN_FLIGHT: u16 = 16;
 
-/// So many of them are kept free for what is more urgent than the rest, where there is such a thing:
-/// it need not wait until an acknowledgement makes room.
+/// The part of them that is reserved for topics above the default priority, if there are any:
+/// these need not wait until an acknowledgement makes room.
 const RESERVED: u16 = 4;
 
 /// Messages that a reliable stream can hold: a sample in fragments besides those in flight.
 const SLOTS: usize = 256;
 
-/// Statuses that may wait.
+/// The most statuses that wait.
 const MAX_STATUSES: usize = 64;
 
 /// The most urgent level: answers, acknowledgements.
@@ -49,14 +49,14 @@ pub(crate) type Throttled = Vec<(Nanos, ObjectId)>;
 pub(crate) struct OutputStream {
     sender: Sender,
     statuses: VecDeque<StatusReply>,
-    /// What the client is told unasked; one of a kind for each object.
+    /// Notices that wait; one of a kind for each object.
     notices: VecDeque<StatusReply>,
     round_robin: WeightedRoundRobin,
-    /// How urgent what was handed to the sender last is.
+    /// The urgency of the submessage that the sender got last.
     level: u8,
-    /// Somebody more urgent than the rest sends on this stream.
+    /// A reader above the default priority sends on this stream.
     reserve: bool,
-    /// What to let go of when the message with that number has arrived; the oldest first.
+    /// The trackers to release when a message has arrived, by its number; the oldest first.
     trackers: VecDeque<(SeqNum, TrackerHandle)>,
     _charge: Charge,
 }
@@ -127,8 +127,8 @@ impl OutputStream {
         room
     }
 
-    /// Queues what the client is told unasked about an object. What it was to be told about the same
-    /// thing before is out of date, except that clashing policies add up.
+    /// Queues a notice about an object, in the place of an earlier one of the same kind;
+    /// incompatible policies add up.
     pub(crate) fn notice(&mut self, object: ObjectId, notice: Notice) {
         let kind = notice.about(object);
         let same = |n: &&mut StatusReply| (n.base, n.status) == (kind.base, kind.status);
@@ -145,13 +145,13 @@ impl OutputStream {
         self.round_robin.queue(reader, service);
     }
 
-    /// Takes the turns of `reader` away.
+    /// Removes `reader` and its notices.
     pub(crate) fn forget(&mut self, reader: ObjectId) {
         self.round_robin.forget(reader);
         self.notices.retain(|notice| notice.base.object != reader);
     }
 
-    /// How urgent what can be sent now is; `None` if there is nothing.
+    /// The urgency of the next datagram; `None` if there is none now.
     pub(crate) fn urgency(&self, now: Nanos) -> Option<u8> {
         if self.sender.has_message(now) {
             return Some(self.level);
@@ -160,7 +160,7 @@ impl OutputStream {
         self.has_room(now, level).then_some(level)
     }
 
-    /// How urgent the next submessage is.
+    /// The urgency of the next submessage.
     fn next_level(&self) -> Option<u8> {
         if self.statuses.is_empty() && self.notices.is_empty() {
             self.round_robin.top()

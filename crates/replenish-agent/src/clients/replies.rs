@@ -1,6 +1,6 @@
 //! Answers that belong to no stream: log-in, ping, time, log-out.
 //!
-//! They go to an address, not to a client, because some are for those who have no session (yet,
+//! They go to an address, not to a client, because some are for peers without a session (yet,
 //! or any more).
 
 use replenish_xrce::SeqNum;

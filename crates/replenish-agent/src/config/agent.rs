@@ -1,4 +1,4 @@
-//! What an agent listens on, what it may hold, and what it knows beforehand.
+//! The configuration of an agent: its addresses and lines, limits, rules and profiles.
 
 use super::limits::Limits;
 use super::profiles::Profiles;
@@ -13,7 +13,7 @@ use std::path::PathBuf;
 pub struct AgentConfig {
     /// Where to listen for UDP. Port 0 lets the operating system choose one.
     ///
-    /// Loopback unless told otherwise: XRCE knows no authentication, so that whoever reaches
+    /// Loopback by default: XRCE has no authentication, so that any host that reaches
     /// this address can read and write every topic.
     pub addr: SocketAddr,
     /// Where else to listen for UDP; at most 15 addresses.
@@ -28,7 +28,7 @@ pub struct AgentConfig {
     pub limits: Limits,
     /// Which topics are more urgent than others; at most 256.
     pub rules: Vec<TopicRule>,
-    /// What entities are that clients describe by a name alone.
+    /// The meaning of the names that describe entities by reference.
     pub profiles: Profiles,
     /// Makes the clients' topics and services those of DDS, too, so that ROS 2 sees them.
     #[cfg(feature = "dds")]
@@ -39,7 +39,7 @@ pub struct AgentConfig {
 #[cfg(feature = "dds")]
 #[derive(Clone, Debug, Default)]
 pub struct DdsBridge {
-    /// Interfaces, service mapping and limits; loopback unless told otherwise.
+    /// Interfaces, service mapping and limits; loopback by default.
     pub dds: replenish_dds::DdsConfig,
     /// The DDS domain of clients that say 0, which microcontrollers usually do: 0 to 232. Others
     /// have the domain they say.
@@ -78,10 +78,10 @@ impl SerialConfig {
 }
 
 impl AgentConfig {
-    /// Whether everything is in its range.
+    /// Checks all ranges.
     ///
     /// # Errors
-    /// The first thing that is not.
+    /// The first setting that is out of its range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         self.limits.validate()?;
         within("more_udp.length", self.more_udp.len(), 0..=15)?;

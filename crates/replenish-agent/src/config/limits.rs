@@ -1,15 +1,15 @@
-//! How much clients can make an agent hold, and the ranges in which that can be set.
+//! Bounds on the resources that clients can take, and their ranges.
 
 use replenish_os::config::{ConfigError, within};
 use replenish_xrce::Nanos;
 
 const SECOND: Nanos = 1_000_000_000;
 
-/// What a submessage's 16-bit length allows besides the 4 bytes of request and object.
+/// The most that a submessage's 16-bit length allows besides the 4 bytes of request and object.
 const MAX_SAMPLE: usize = 65_531;
 
-/// Bounds on what clients can make the agent hold. What is above is refused, or dropped and
-/// counted in [`Stats`](crate::Stats); it never ends the agent.
+/// Bounds on the resources that clients can take. The agent refuses more, or drops and
+/// counts it in [`Stats`](crate::Stats); it never ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// Clients at the same time, 1 to 4096.
@@ -52,7 +52,7 @@ pub struct Limits {
     /// time that clients wait for an acknowledgement, which is 1 s with micro-ROS.
     pub confirm_timeout: Nanos,
     /// How long after its own start the agent keeps what returning clients write for readers whose
-    /// clients return later; 0 to 60 s. Until then none of that is acknowledged as settled.
+    /// clients return later; 0 to 60 s. Until then these samples are not confirmed.
     pub recovery_window: Nanos,
     /// How long a client may be silent before it is forgotten, 10 ms to 24 h. Before that, at a
     /// third of it, it is asked for a sign of life.
@@ -86,10 +86,10 @@ impl Limits {
         (4 + 4 + (24 + self.sample).min(MAX_SAMPLE)).next_multiple_of(4)
     }
 
-    /// Whether all are in their ranges.
+    /// Checks all ranges.
     ///
     /// # Errors
-    /// The first that is not.
+    /// The first limit that is out of its range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         within("limits.clients", self.clients, 1..=4096)?;
         within("limits.entities", self.entities, 1..=4096)?;

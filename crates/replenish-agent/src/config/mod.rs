@@ -1,4 +1,10 @@
 //! The agent's settings.
+//!
+//! ```text
+//!   agent ──┬── limits    bounds on the resources that clients can take
+//!           ├── rules     priorities of topics
+//!           └── profiles  entities that clients describe by reference
+//! ```
 
 mod agent;
 mod limits;

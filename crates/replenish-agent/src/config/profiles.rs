@@ -1,4 +1,4 @@
-//! Entities that clients describe by a name alone.
+//! Entities that clients describe by reference, with a name alone.
 //!
 //! The file format is that of eProsima's `agent.refs`: each profile is the XML that a client could
 //! have sent itself, with the name as an attribute.
@@ -18,12 +18,12 @@ const TAGS: [(&str, ObjectKind); 8] = [
     ("replier", ObjectKind::Replier),
 ];
 
-/// What names stand for, by kind of entity.
+/// The meaning of names, by kind of entity.
 ///
 /// A name without a profile describes an entity, too, unless [`strict`](Self::strict): the name
-/// itself, without a `__t`, `__dw`, `__dr`, `__req` or `__rep` that micro-ROS appends, is the name of
-/// the topic or service and of its type. So endpoints by reference talk to each other without any
-/// configuration, but not to endpoints that say more about themselves.
+/// itself, without a `__t`, `__dw`, `__dr`, `__req` or `__rep` that micro-ROS appends, is the name
+/// of the topic or service and of its type. So endpoints by reference talk to each other without
+/// any configuration, but not to endpoints that say more about themselves.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Profiles {
     profiles: HashMap<(u8, Box<str>), Box<str>>,
@@ -62,7 +62,7 @@ impl Profiles {
         })
     }
 
-    /// The same, but names without a profile are refused.
+    /// Refuses names without a profile.
     #[must_use]
     pub fn strict(self) -> Self {
         Self {
@@ -71,19 +71,19 @@ impl Profiles {
         }
     }
 
-    /// How many there are.
+    /// The number of profiles.
     #[must_use]
     pub fn len(&self) -> usize {
         self.profiles.len()
     }
 
-    /// Whether there are none.
+    /// Whether there is no profile.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.profiles.is_empty()
     }
 
-    /// What `name` stands for.
+    /// The meaning of `name`.
     pub(crate) fn find<'a>(&'a self, kind: ObjectKind, name: &'a str) -> Option<Profile<'a>> {
         let key = (kind.number(), name.into());
         match self.profiles.get(&key) {
@@ -94,12 +94,12 @@ impl Profiles {
     }
 }
 
-/// What a name stands for.
+/// The meaning of a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Profile<'a> {
-    /// What this XML says.
+    /// The entity that this XML describes.
     Xml(&'a str),
-    /// Only itself.
+    /// The name itself.
     Name(&'a str),
 }
 

@@ -1,8 +1,8 @@
-//! Which topics are more urgent than others on the way to a client.
+//! The priorities of topics on the way to clients.
 
 use replenish_os::config::{ConfigError, within};
 
-/// Priorities there are: 0 to `LEVELS - 1`.
+/// The number of priorities: 0 to `LEVELS - 1`.
 pub(crate) const LEVELS: usize = 8;
 
 /// Readers of the topics that match `pattern` are served by `priority` and `weight`. The first rule
@@ -21,7 +21,7 @@ pub struct TopicRule {
     pub weight: u16,
 }
 
-/// How a reader is served.
+/// The priority and weight of a reader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Service {
     pub(crate) priority: u8,
@@ -69,7 +69,7 @@ impl TopicRule {
     }
 }
 
-/// How readers of `topic` are served.
+/// The priority and weight of the readers of `topic`.
 pub(crate) fn service(rules: &[TopicRule], topic: &str) -> Service {
     let rule = rules.iter().find(|rule| rule.matches(topic));
     rule.map_or(

@@ -14,7 +14,7 @@ use replenish_xrce::wire::{Create, CreationMode, ObjectId, Status};
 /// The longest description that is taken, in bytes; far above what names and QoS need.
 pub(crate) const MAX_DEFINITION: usize = 2048;
 
-/// What the creation of entities depends on besides the client.
+/// The agent's state that the creation of an entity needs.
 pub(crate) struct CreationContext<'a> {
     pub(crate) limits: &'a Limits,
     pub(crate) profiles: &'a Profiles,
@@ -24,7 +24,7 @@ pub(crate) struct CreationContext<'a> {
     pub(crate) guid: Guid,
 }
 
-/// What a CREATE did.
+/// The outcome of a CREATE.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Created {
     pub(crate) status: Status,

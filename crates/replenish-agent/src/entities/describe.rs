@@ -1,4 +1,4 @@
-//! What a CREATE describes: from XML, binary representations and references to a plan.
+//! From the XML, binary form or reference of a CREATE to a plan.
 
 use super::plan::Plan;
 use super::qos::Qos;

@@ -9,8 +9,13 @@
 //!        └── replier ──── reader and writer ───────┘
 //! ```
 //!
-//! Arrows are looked up when an entity is created, and what it needs is copied: as with eProsima's
-//! agents, each entity is deleted by itself, and what was created with its help stays.
+//! - `records` is the table, `plan` the description of an entity; `describe` makes it of XML,
+//!   binary forms and references, `create` carries it out.
+//! - `writer`, `reader`, `delivery` and `calls` are the halves of an entity and their state.
+//! - `topics` ties writers and readers together, by `qos`.
+//!
+//! Arrows are looked up when an entity is created, and their data is copied: as with eProsima's
+//! agents, each entity is deleted by itself, and entities created with its help stay.
 
 mod calls;
 mod create;

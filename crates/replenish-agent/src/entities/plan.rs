@@ -1,9 +1,9 @@
-//! What a CREATE asks for, however the client says it.
+//! The entity that a CREATE describes, in whatever form.
 
 use super::qos::Qos;
 use super::topics::TopicKey;
 
-/// What a CREATE asks for. Two that are equal describe the same entity, however they say it.
+/// The entity that a CREATE describes. Equal plans describe the same entity, whatever the form.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Plan {
     Participant { domain: i16, name: Box<str> },

@@ -1,4 +1,4 @@
-//! Quality of service: what writers offer, what readers ask for, and whether that fits.
+//! Quality of service: offered by writers, requested by readers, and their compatibility.
 
 use crate::config::Limits;
 use crate::xml;
@@ -11,7 +11,7 @@ use replenish_xrce::wire::{
 const MS: Nanos = 1_000_000;
 const SECOND: Nanos = 1_000 * MS;
 
-/// How long what was written is there for readers that come later. Transient and persistent samples
+/// How long samples are kept for late readers. Transient and persistent samples
 /// are kept like transient-local ones: while their writer lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Durability {
@@ -70,7 +70,7 @@ impl Qos {
         }
     }
 
-    /// What the binary form says; `self` is the default.
+    /// The QoS of the binary form; `self` is the default.
     pub(crate) fn with_binary(self, qos: &EndpointQos<'_>, limits: &Limits) -> Self {
         let flag = |bit| qos.flags & bit != 0;
         let durability = if flag(QOS_DURABILITY_TRANSIENT_LOCAL) {
@@ -95,7 +95,7 @@ impl Qos {
         .with_history(keep_all, depth, limits)
     }
 
-    /// What XML says; `self` is the default.
+    /// The QoS of the XML form; `self` is the default.
     pub(crate) fn with_xml(self, xml: &str, limits: &Limits) -> Self {
         let mut qos = self;
         match xml::text(xml, &["reliability", "kind"]) {

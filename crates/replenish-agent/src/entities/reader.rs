@@ -1,7 +1,7 @@
 //! The receiving half of data readers, requesters and repliers: the samples that wait for a client.
 //!
 //! ```text
-//!   offer ──► mine? room? ──► queue ──► lifespan over? pace? ──► next_on ──► delivered
+//!   offer ──► mine? room? ──► queue ──► lifespan over? rate? ──► next ──► delivered
 //!               │   └─ keep-last: the oldest goes                 (DATA)
 //!               └─ requester: only replies to its own requests
 //! ```
@@ -20,25 +20,25 @@ use replenish_xrce::Nanos;
 use replenish_xrce::wire::{BaseRequest, StreamId};
 use std::collections::VecDeque;
 
-/// Bytes that a queued in a queue is counted with besides the sample's own.
+/// Bytes that a queued sample is counted with besides its own.
 const QUEUE_OVERHEAD: usize = 64;
 
-/// How many samples a keep-all queue takes above its depth: those that are acknowledged already
+/// Samples that a keep-all queue takes above its depth: the ones that are acknowledged already
 /// when it gets full.
 const KEEP_ALL_SLACK: usize = 64;
 
-/// Who reads.
+/// The kind of entity that reads.
 #[derive(Debug)]
 pub(crate) enum Role {
     /// A data reader.
     Data,
-    /// A requester, with what it waits for.
+    /// A requester, with the requests that wait for replies.
     Requester(Calls),
     /// A replier.
     Replier,
 }
 
-/// What goes before a sample's bytes in DATA.
+/// The bytes before a sample's own in DATA.
 #[derive(Clone, Copy, Debug)]
 enum Prefix {
     None,
@@ -72,7 +72,7 @@ struct QueuedSample {
     _charge: Charge,
 }
 
-/// What a reader counts.
+/// The counters of a reader.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ReaderCounts {
     pub(crate) kept: u64,
@@ -109,7 +109,7 @@ impl Reader {
         }
     }
 
-    /// Whether what is offered on `now` must reach the client before it counts as settled: it is
+    /// Whether a sample offered at `now` must reach the client before it counts as confirmed: it is
     /// wanted on a reliable stream, and the queue does not lag behind by `limit`.
     pub(crate) fn is_awaited(&self, now: Nanos, limit: Nanos) -> bool {
         let oldest = self.queue.iter().find_map(|queued| queued.tracker.as_ref());
@@ -207,7 +207,7 @@ impl Reader {
         self.qos.keep_all && self.queue.len() >= self.qos.depth && self.delivery.is_some()
     }
 
-    /// Whether a writer should wait for this reader: it is full, and not for too long.
+    /// Whether writers wait for this reader: it is full, and not for too long.
     pub(crate) fn blocks_writers(&self, now: Nanos, limit: Nanos) -> bool {
         let short = |since: Nanos| now < since.saturating_add(limit);
         self.is_full() && self.full_since.is_some_and(short)
@@ -229,7 +229,7 @@ impl Reader {
         self.queue.len()
     }
 
-    /// Whether it has something to say.
+    /// Whether it has a sample to send.
     pub(crate) fn readiness(&mut self, now: Nanos, counters: &Counters) -> Readiness {
         self.expire(now, counters);
         if let Some(delivery) = self.delivery.filter(|delivery| delivery.is_over(now)) {

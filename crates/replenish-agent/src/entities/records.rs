@@ -29,7 +29,7 @@ pub(crate) struct EntityRecord {
     pub(crate) reader: Option<Box<Reader>>,
     /// A requester: servers beyond the bridge.
     pub(crate) served_beyond: bool,
-    /// What its client was told last: whether it is served.
+    /// The last notice to its client: whether it is served.
     pub(crate) notified_served: bool,
 }
 

@@ -1,9 +1,9 @@
-//! Who writes and who reads a topic: topics by domain, name and type.
+//! The writers and readers of each topic: topics by domain, name and type.
 
 use super::qos::Qos;
 use std::collections::HashMap;
 
-/// What two endpoints must agree on to talk.
+/// The identity of a topic: endpoints with the same key talk to each other.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct TopicKey {
     pub(crate) domain: i16,
@@ -113,7 +113,7 @@ impl<A: Copy + PartialEq> Topics<A> {
         self.slots.get(id).map_or(&[], |slot| &slot.writers)
     }
 
-    /// How many there are.
+    /// The number of topics.
     pub(crate) fn len(&self) -> usize {
         self.ids.len()
     }

@@ -14,7 +14,7 @@ pub(crate) struct Writer {
     pub(crate) qos: Qos,
     /// The last samples, for readers that come later; the oldest first.
     history: VecDeque<(Sample, Charge)>,
-    /// What readers on their way back have not seen; the oldest first.
+    /// Samples for returning readers; the oldest first.
     stash: VecDeque<(Sample, TrackerHandle, Charge)>,
     last: Option<Nanos>,
     pub(crate) written: u64,
@@ -65,7 +65,7 @@ impl Writer {
         }
     }
 
-    /// Keeps a sample for readers on their way back, as far as there is room.
+    /// Keeps a sample for returning readers, as far as there is room.
     pub(crate) fn stash(
         &mut self,
         sample: &Sample,
@@ -81,18 +81,18 @@ impl Writer {
         }
     }
 
-    /// Whether something is kept for readers on their way back.
+    /// Whether samples are kept for returning readers.
     pub(crate) fn has_stash(&self) -> bool {
         !self.stash.is_empty()
     }
 
-    /// Nobody is on their way back any more.
+    /// Drops the samples for returning readers.
     pub(crate) fn clear_stash(&mut self) {
         self.stash = VecDeque::new();
     }
 
-    /// What a reader that comes now gets, the oldest first: of a reader that `returns` everything
-    /// since, else what is kept for a durable one.
+    /// The samples for a new reader, the oldest first: all since its loss for one that `returns`,
+    /// otherwise the history for a durable one.
     pub(crate) fn for_late(
         &self,
         now: Nanos,

@@ -1,15 +1,15 @@
-//! Receipts: what a client wrote is acknowledged when it has reached everybody it is for.
+//! The tracker of a message: the message is confirmed once it has reached all its readers.
 //!
 //! ```text
-//!   message ──► track ──┬── place in a reader's queue ──► stream to its client ──► ACKNACK ──┐
-//!                         ├── place in a reader's queue ──► dropped as its QoS says, counted ──┤
-//!                         └── stash for readers that are on their way back ──► time is over ───┤
-//!                                                                                              ▼
-//!                                  the last one lets go of it: the message is confirmed
+//!   message ──► tracker ──┬── sample in a reader's queue ──► stream to its client ──► ACKNACK ──┐
+//!                         ├── sample in a reader's queue ──► dropped by its QoS, counted ───────┤
+//!                         └── sample kept for returning readers ──► the window is over ─────────┤
+//!                                                                                               ▼
+//!                                     the last handle is dropped: the message is confirmed
 //! ```
 //!
-//! So an agent that dies takes nothing along that its writer could not repeat. Nobody waits for
-//! ever: after [`Limits::confirm_timeout`](crate::Limits::confirm_timeout) a message counts as confirmed all the same,
+//! So an agent that dies loses no sample that its writer could not repeat. The wait is bounded:
+//! after [`Limits::confirm_timeout`](crate::Limits::confirm_timeout) a message counts as confirmed,
 //! and a reader that lags behind that far is not waited for until it has caught up.
 
 use replenish_xrce::Nanos;
@@ -19,24 +19,24 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// A stream from a client: the client's slot, and the stream.
 pub(crate) type Source = (usize, StreamId);
 
-/// Held by all who have not yet done what they must with a message.
+/// A handle of each queue and stream that a sample of the message is still in.
 pub(crate) type TrackerHandle = Arc<DeliveryTracker>;
 
-/// What a track is made of; tells when the last one who held it has let go of it.
+/// Reports its stream as confirmed when the last handle is dropped.
 #[derive(Debug)]
 pub(crate) struct DeliveryTracker {
-    /// When its message came.
+    /// The time of arrival of its message.
     pub(crate) since: Nanos,
     source: Source,
     confirmed: ConfirmedStreams,
 }
 
-/// The streams from clients on which something has been confirmed lately.
+/// The streams from clients on which messages were confirmed lately.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ConfirmedStreams(Arc<Mutex<Vec<Source>>>);
 
 impl ConfirmedStreams {
-    /// A track for what `source` has just sent.
+    /// A tracker of the message that `source` has just sent.
     pub(crate) fn track(&self, source: Source, now: Nanos) -> TrackerHandle {
         Arc::new(DeliveryTracker {
             since: now,
@@ -45,7 +45,7 @@ impl ConfirmedStreams {
         })
     }
 
-    /// One of them, which is then forgotten.
+    /// Takes one of them out.
     pub(crate) fn take(&self) -> Option<Source> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).pop()
     }

@@ -1,11 +1,12 @@
-//! Which request of whom: what a reply carries back through the agent.
+//! The identity of a request, which its reply carries back through the agent.
 //!
 //! On the wire, before each request to a replier and before each of its replies (`SampleIdentity`
-//! of DDS-RPC): a GUID of 16 bytes, and a sequence number as a signed high and an unsigned low half.
+//! of DDS-RPC): a GUID of 16 bytes, and a sequence number as a signed high and an unsigned low
+//! half.
 
 use replenish_xrce::wire::{ClientKey, ObjectId};
 
-/// Names a requester among all that there are and were.
+/// Identifies a requester among all requesters, past ones included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Guid(pub(crate) [u8; 16]);
 
@@ -46,7 +47,7 @@ impl Identity {
         bytes
     }
 
-    /// Splits a replier's payload into whom it is for and what it is.
+    /// Splits a replier's payload into the identity of the request and the reply.
     pub(crate) fn split(payload: &[u8]) -> Option<(Self, &[u8])> {
         let (guid, rest) = payload.split_first_chunk::<16>()?;
         let (high, rest) = rest.split_first_chunk::<4>()?;

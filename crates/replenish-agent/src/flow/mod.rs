@@ -1,4 +1,12 @@
-//! Samples on their way, and what paces and tracks them.
+//! Samples on their way, and the machines that pace and track them.
+//!
+//! ```text
+//!   sample                a payload with its metadata, charged to a ledger of bytes
+//!   identity              the identity of a request, for its reply
+//!   delivery_tracker      the confirmation of a message that has reached all its readers
+//!   rate_limiter          a token bucket
+//!   weighted_round_robin  the order of the readers on a stream
+//! ```
 
 mod delivery_tracker;
 mod identity;

@@ -1,4 +1,4 @@
-//! Rates: so much per second, with bursts of up to a second's worth.
+//! A limit per second, with bursts of up to one second's worth.
 
 use replenish_xrce::Nanos;
 
@@ -9,7 +9,7 @@ const SECOND: Nanos = 1_000_000_000;
 /// goes when the bucket is full, and the next waits accordingly longer.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RateLimiter {
-    /// Units per second, at least 1.
+    /// Units per second; at least 1.
     rate: u64,
     full_at: Nanos,
 }
@@ -23,18 +23,18 @@ impl RateLimiter {
         })
     }
 
-    /// When `units` may go: now if the time is not later than that.
+    /// The earliest time at which `units` may go.
     pub(crate) fn earliest(&self, units: usize) -> Nanos {
         let cost = self.cost(units).min(SECOND);
         self.full_at.saturating_add(cost).saturating_sub(SECOND)
     }
 
-    /// `units` have gone.
+    /// Counts `units` as gone.
     pub(crate) fn spend(&mut self, now: Nanos, units: usize) {
         self.full_at = self.full_at.max(now).saturating_add(self.cost(units));
     }
 
-    /// Lets `units` go if they may.
+    /// Counts `units` as gone if they may go at `now`.
     pub(crate) fn admit(&mut self, now: Nanos, units: usize) -> bool {
         let admitted = self.earliest(units) <= now;
         if admitted {

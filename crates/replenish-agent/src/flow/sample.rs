@@ -1,4 +1,4 @@
-//! Samples on their way from writers to readers, and the accounts of what they take.
+//! Samples on their way from writers to readers, and the accounts of their bytes.
 
 use super::identity::Identity;
 use replenish_xrce::Nanos;
@@ -6,14 +6,14 @@ use std::ops::Deref;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Bytes in use, up to a limit: of all samples together, or of one client.
+/// An account of bytes in use with a limit, for all samples together or for one client.
 #[derive(Clone, Debug)]
 pub(crate) struct Ledger {
     used: Arc<AtomicUsize>,
     limit: usize,
 }
 
-/// Bytes taken from a [`Ledger`]; given back when it is dropped.
+/// Bytes taken from a [`Ledger`]; dropping it gives them back.
 #[derive(Debug)]
 pub(crate) struct Charge {
     used: Arc<AtomicUsize>,
@@ -66,14 +66,14 @@ struct Payload {
     _charge: Charge,
 }
 
-/// What goes with a sample's bytes.
+/// A sample's metadata.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct SampleInfo {
-    /// Which request this is.
+    /// The identity of this request.
     pub(crate) request: Option<Identity>,
-    /// Which request this is the reply to.
+    /// The identity of the request that this reply answers.
     pub(crate) reply_to: Option<Identity>,
-    /// When it is of no use any more.
+    /// The end of its lifespan.
     pub(crate) expires: Option<Nanos>,
 }
 

@@ -1,4 +1,4 @@
-//! Whose turn it is on a stream: by priority, and within a priority in turns.
+//! The readers of a stream: the highest priority first, equals in weighted turns.
 
 use crate::config::{LEVELS, Service};
 use replenish_xrce::wire::ObjectId;
@@ -37,7 +37,7 @@ impl WeightedRoundRobin {
         }
     }
 
-    /// Takes the turns of `reader` away.
+    /// Removes `reader`.
     pub(crate) fn forget(&mut self, reader: ObjectId) {
         for turns in &mut self.levels {
             turns.retain(|turn| turn.reader != reader);
@@ -45,20 +45,20 @@ impl WeightedRoundRobin {
         self.note();
     }
 
-    /// The highest priority that anybody has.
+    /// The highest priority among the waiting readers.
     pub(crate) fn top(&self) -> Option<u8> {
         let level = 7_u32.checked_sub(self.occupied.leading_zeros())?;
         u8::try_from(level).ok()
     }
 
-    /// Whose turn it is.
+    /// The reader whose turn it is.
     pub(crate) fn front(&self) -> Option<ObjectId> {
         let level = self.top()?;
         let turn = self.levels.get(usize::from(level))?.front()?;
         Some(turn.reader)
     }
 
-    /// The front has sent a sample, or cannot send; it has `more` or leaves.
+    /// Ends a sample's turn of the front reader, which stays only if it has `more`.
     pub(crate) fn served(&mut self, more: bool) {
         let Some(turns) = self
             .top()

@@ -1,4 +1,10 @@
-//! Counters, snapshots and rejections.
+//! The agent's reports to the program: counters, snapshots and rejections.
+//!
+//! ```text
+//!   stats      counters, read at any time
+//!   snapshot   clients, entities and streams, on demand
+//!   rejection  a bounded log of refused and dropped input
+//! ```
 
 mod rejection;
 mod snapshot;

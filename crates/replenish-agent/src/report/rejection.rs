@@ -1,12 +1,12 @@
-//! What an agent refuses and why, in a bounded memory that is read from another thread.
+//! The agent's rejections and their reasons, in a bounded log that another thread reads.
 //!
 //! ```text
-//!   agent ──► one ring for each kind, the last 32 of it ──► whoever drains it
+//!   agent ──► one ring for each kind, the last 32 of it ──► the thread that drains it
 //!                └─ full or being drained: only counted
 //! ```
 //!
 //! One ring for each kind, so that a flood of one does not push out the others. The agent never
-//! waits: while somebody drains, it only counts.
+//! waits: while another thread drains, it only counts.
 
 use replenish_xrce::Nanos;
 use replenish_xrce::wire::{ClientKey, ObjectId, Status};
@@ -15,7 +15,7 @@ use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// Rejections of one kind that are kept until they are drained.
+/// Rejections of one kind that are kept until a thread drains them.
 const KEPT: usize = 32;
 
 /// Something that was refused or dropped, or an end that a client did not ask for.
@@ -27,7 +27,7 @@ pub struct Rejection {
     pub peer: String,
     /// The client's key as eight hexadecimal digits, if it is known.
     pub key: Option<String>,
-    /// What and why.
+    /// The reason.
     pub reason: Reason,
 }
 
@@ -49,7 +49,7 @@ pub enum Reason {
         /// Bytes of the message.
         bytes: usize,
     },
-    /// A message of a session that nobody has opened there.
+    /// A message of a session that was not opened at its address.
     NoSession {
         /// The session id.
         session: u8,
@@ -87,7 +87,7 @@ pub enum Reason {
     },
     /// A request that was answered with an error.
     Request {
-        /// What it was about.
+        /// The object of the request.
         object: ObjectId,
         /// The answer.
         status: Status,
@@ -129,7 +129,7 @@ pub enum Reason {
 const KINDS: usize = 16;
 
 impl Reason {
-    /// What kind of reason this is, as a word.
+    /// The kind of reason, as a word.
     #[must_use]
     pub const fn kind(&self) -> &'static str {
         match self {
@@ -251,7 +251,7 @@ impl fmt::Display for Reason {
     }
 }
 
-/// What has been refused since the last look.
+/// The rejections since the last call.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Rejections {
     /// The last of each kind, all in the order in which they happened.
@@ -260,7 +260,7 @@ pub struct Rejections {
     pub omitted: Vec<(&'static str, u64)>,
 }
 
-/// The memory. `P` is where things come from.
+/// The log. `P` is the address of a peer.
 #[derive(Debug)]
 pub(crate) struct RejectionLog<P> {
     rings: Mutex<Vec<VecDeque<RejectionRecord<P>>>>,
@@ -271,7 +271,7 @@ pub(crate) struct RejectionLog<P> {
 #[derive(Debug)]
 struct RejectionRecord<P> {
     at: Nanos,
-    /// Puts entries of different kinds in order.
+    /// Orders records of different kinds.
     number: u64,
     peer: P,
     key: Option<ClientKey>,
@@ -287,7 +287,7 @@ impl<P> RejectionLog<P> {
         }
     }
 
-    /// Takes down an incident; never waits. `number` grows from one to the next.
+    /// Notes a rejection; never waits. `number` grows from one to the next.
     pub(crate) fn note(
         &self,
         at: Nanos,
@@ -323,7 +323,7 @@ impl<P> RejectionLog<P> {
 }
 
 impl<P: fmt::Display> RejectionLog<P> {
-    /// Takes everything out.
+    /// Takes all rejections out.
     pub(crate) fn drain(&self) -> Rejections {
         let rings = self.rings.lock();
         let mut rings = rings.unwrap_or_else(PoisonError::into_inner);

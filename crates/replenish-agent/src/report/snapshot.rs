@@ -1,4 +1,4 @@
-//! What an agent is doing, as plain data: clients, their entities, their streams, and what they
+//! have moved. Rates are differences of two snapshots over [`Snapshot::seconds_since`].
 //! have moved. Rates are differences of two snapshots over [`Snapshot::seconds_since`].
 
 use super::stats::Stats;
@@ -15,7 +15,7 @@ const REFUSALS: usize = 64;
 pub struct Snapshot {
     /// When, in nanoseconds on the agent's monotonic clock.
     pub at: Nanos,
-    /// What was counted so far.
+    /// The counters so far.
     pub stats: Stats,
     /// Topics that have a writer or a reader.
     pub topics: usize,
@@ -25,7 +25,7 @@ pub struct Snapshot {
     pub clients: Vec<ClientSnapshot>,
     /// The last requests that were refused, the oldest first.
     pub refusals: Vec<Refusal>,
-    /// What the bridge to DDS makes of the clients' participants, writers, readers, requesters and
+    /// The state in DDS of the clients' participants, writers, readers, requesters and
     /// repliers; `None` without a bridge.
     pub bridge: Option<Vec<BridgeSnapshot>>,
 }
@@ -59,7 +59,7 @@ pub struct BridgeSnapshot {
     pub dropped_in: u64,
     /// Samples from DDS that were lost on the way, by the gaps in their writers' numbers.
     pub missed: u64,
-    /// Requests that were forgotten, and replies that nobody waits for.
+    /// Forgotten requests, and replies that no requester waits for.
     pub calls_lost: u64,
 }
 
@@ -71,7 +71,7 @@ pub struct ClientSnapshot {
     pub key: String,
     /// Its session id.
     pub session: u8,
-    /// Where it is.
+    /// Its address.
     pub peer: String,
     /// Bytes of the longest message it is sent.
     pub mtu: usize,
@@ -79,7 +79,7 @@ pub struct ClientSnapshot {
     pub age: Nanos,
     /// Nanoseconds since it was last heard.
     pub silent: Nanos,
-    /// Bytes it makes the agent keep.
+    /// Bytes of the agent's memory that it takes.
     pub bytes: usize,
     /// Datagrams from it, dropped ones included.
     pub datagrams_in: u64,
@@ -124,9 +124,9 @@ pub struct EntitySnapshot {
     pub name: String,
     /// The type of the topic, if it has one.
     pub type_name: String,
-    /// What it sends.
+    /// Its sending half.
     pub writer: Option<WriterSnapshot>,
-    /// What it receives.
+    /// Its receiving half.
     pub reader: Option<ReaderSnapshot>,
 }
 
@@ -156,7 +156,7 @@ pub struct WriterSnapshot {
 pub struct ReaderSnapshot {
     /// Whether it is reliable.
     pub reliable: bool,
-    /// Whether it wants what was written before it came.
+    /// Whether it wants samples that were written before it was created.
     pub durable: bool,
     /// Samples that its queue takes before the oldest is dropped; `None` if it wants all kept.
     pub depth: Option<usize>,
@@ -188,7 +188,7 @@ pub struct ReaderSnapshot {
 pub struct Refusal {
     /// The client's key, as in [`ClientSnapshot::key`].
     pub key: String,
-    /// What the request was about, as in [`EntitySnapshot::id`].
+    /// The object of the request, as in [`EntitySnapshot::id`].
     pub id: String,
     /// The answer: `UNKNOWN_REFERENCE`, `RESOURCES`, and so on.
     pub status: String,

@@ -1,4 +1,4 @@
-//! What an agent counts, and how it is read from another thread while the agent runs.
+//! The agent's counters, which other threads read while it runs.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -44,9 +44,9 @@ counters! {
     datagrams_out,
     /// Datagrams dropped, whole or from some byte on, because they are not XRCE.
     malformed,
-    /// Datagrams dropped because nobody opened a session there.
+    /// Datagrams dropped because no session was opened at their address.
     no_session,
-    /// Datagrams dropped because their sender, or all strangers together, sent too many.
+    /// Datagrams dropped because their sender, or all senders without a session, sent too many.
     rate_limited,
     /// Frames on serial lines and TCP dropped because they are damaged, cut or too long.
     bad_frames,
@@ -79,7 +79,7 @@ counters! {
     qos_mismatches,
     /// Requests that were forgotten without a reply, because too many newer ones waited.
     calls_forgotten,
-    /// Replies dropped because nobody waits for them (any more).
+    /// Replies dropped because no requester waits for them (any more).
     replies_unwanted,
     /// Samples handed to the bridge to another middleware.
     bridge_out,
@@ -88,7 +88,7 @@ counters! {
     /// Samples dropped because the bridge did not ask for them.
     bridge_dropped,
     /// Reliable messages acknowledged before they had reached all their readers, because one of
-    /// those took too long.
+    /// these took too long.
     #[cfg_attr(feature = "serde", serde(rename = "settled_late"))]
     confirmed_late,
     /// Samples that waited for a reader when it was deleted or its client's session ended.

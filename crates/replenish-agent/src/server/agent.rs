@@ -60,8 +60,8 @@ impl Agent {
         })
     }
 
-    /// Where it listens for UDP, with the port that the operating system chose if 0 was requests for:
-    /// the first address, [`AgentConfig::addr`]. `0.0.0.0:0` if it does not listen for UDP.
+    /// Where it listens for UDP, with the port that the operating system chose if 0 was asked
+    /// for: the first address, [`AgentConfig::addr`]. `0.0.0.0:0` if it does not listen for UDP.
     #[must_use]
     pub fn local_addr(&self) -> SocketAddr {
         let first = self.ports.udp_addrs().next();
@@ -80,7 +80,7 @@ impl Agent {
         self.ports.tcp_addr()
     }
 
-    /// Tells what the agent is doing while it runs.
+    /// Takes snapshots of the agent while it runs.
     #[must_use]
     pub fn inspector(&self) -> Inspector {
         let log = Arc::clone(self.core.log());
@@ -157,15 +157,15 @@ impl Agent {
         })
     }
 
-    /// What was counted so far.
+    /// The counters so far.
     #[must_use]
     pub fn stats(&self) -> Stats {
         self.core.stats()
     }
 }
 
-/// Sends everything that can be sent now. Where links can get full, one at a time, so that what is
-/// for a full one stays where the order can still change.
+/// Sends all that can be sent now: one datagram at a time where links can get full, so that
+/// datagrams for a full link stay where their order can still change.
 fn send_all(ports: &mut Ports, core: &mut AgentCore<Peer>) {
     let counters = Arc::clone(core.counters());
     loop {

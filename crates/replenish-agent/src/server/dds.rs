@@ -1,4 +1,4 @@
-//! The bridge to DDS: what the core tells goes to [`replenish_dds`], what comes from there to the
+//! The bridge to DDS: events of the core go to [`replenish_dds`], samples from there to the
 //! core. Runs in the agent's thread and never waits; DDS has a thread of its own.
 
 use crate::agent_core::{AgentCore, Now};
@@ -15,10 +15,10 @@ use std::collections::BTreeMap;
 use std::hash::Hash;
 use std::sync::Arc;
 
-/// Samples taken from DDS in one go.
+/// Samples taken from DDS in one batch.
 const BATCH: usize = 64;
 
-/// DDS and what it did not take.
+/// DDS, and the entities that it did not take.
 #[derive(Debug)]
 pub(super) struct DdsPort {
     dds: Dds,
@@ -38,7 +38,7 @@ enum DdsEntity {
     Endpoint(Endpoint),
 }
 
-/// As [`Notice`]'s bits.
+/// The policies as [`Notice`]'s bits.
 fn policies(mismatch: Mismatch) -> u8 {
     let bit = |clashes: bool, bit: u8| if clashes { bit } else { 0 };
     bit(mismatch.reliability, Notice::RELIABILITY)
@@ -67,7 +67,7 @@ impl DdsPort {
         })
     }
 
-    /// Tells DDS what has happened.
+    /// Carries the core's events to DDS.
     pub(super) fn tell<P: Copy + Eq + Hash>(&mut self, core: &mut AgentCore<P>) {
         while let Some(event) = core.poll_bridge() {
             match event {
@@ -103,7 +103,7 @@ impl DdsPort {
         }
     }
 
-    /// Gives the core what has come, a batch, and wakes the agent again if there may be more.
+    /// Gives the core a batch of samples from DDS, and wakes the agent again if there may be more.
     pub(super) fn take<P: Copy + Eq + Hash>(&mut self, core: &mut AgentCore<P>, now: Now) {
         while let Some((id, served)) = self.dds.take_served() {
             core.served_beyond(id, served);

@@ -1,4 +1,4 @@
-//! Asking a running agent what it is doing.
+//! Snapshots of a running agent, taken from other threads.
 
 use super::peer::Peer;
 use crate::report::{RejectionLog, Rejections, Snapshot};
@@ -16,7 +16,7 @@ pub struct Inspector {
     log: Arc<RejectionLog<Peer>>,
 }
 
-/// Who wants a snapshot.
+/// The threads that wait for a snapshot.
 #[derive(Debug, Default)]
 pub(super) struct SnapshotRequests {
     pending: AtomicBool,
@@ -36,14 +36,14 @@ impl Inspector {
         }
     }
 
-    /// What was refused since the last look, by whichever of the clones. The last 32 rejections of
-    /// each kind are kept; what there was besides is counted.
+    /// The rejections since the last call on any clone. The last 32 of
+    /// each kind are kept; the others are counted.
     #[must_use]
     pub fn rejections(&self) -> Rejections {
         self.log.drain()
     }
 
-    /// What the agent is doing, or `None` if it does not say within `timeout`, because it does not
+    /// A snapshot, or `None` if the agent gives none within `timeout`, because it does not
     /// run.
     #[must_use]
     pub fn snapshot(&self, timeout: Duration) -> Option<Snapshot> {
@@ -57,13 +57,13 @@ impl Inspector {
 }
 
 impl SnapshotRequests {
-    /// Gives everyone who has requests what `take` gives. If somebody is just asking, the next time.
+    /// Sends a snapshot to every waiting thread; next time if a thread is just asking.
     pub(super) fn answer(&self, take: impl FnOnce() -> Snapshot) {
         if !self.pending.load(Ordering::Acquire) {
             return;
         }
         let Ok(mut senders) = self.senders.try_lock() else {
-            return; // who holds it sets the flag and wakes us after that
+            return; // the asking thread sets the flag and wakes the agent after that
         };
         self.pending.store(false, Ordering::Relaxed);
         if senders.is_empty() {
@@ -71,7 +71,7 @@ impl SnapshotRequests {
         }
         let snapshot = take();
         for sender in senders.drain(..) {
-            // Whoever has lost timeout does not listen any more.
+            // A thread whose timeout is over does not listen any more.
             drop(sender.try_send(snapshot.clone()));
         }
     }

@@ -3,7 +3,7 @@
 //! ```text
 //!   read ──► decoder ──► messages               send ──► frame ──► outbox ──► write
 //!                                                                   │ not empty: the agent holds
-//!                                                                   ▼ what is for this link
+//!                                                                   ▼ datagrams for this link
 //! ```
 
 use super::peer::Peer;
@@ -33,10 +33,10 @@ pub(super) struct Dead;
 #[derive(Debug)]
 pub(super) struct Link {
     io: Io,
-    /// What waits to be written, from `written` on.
+    /// Bytes that wait to be written, from `written` on.
     outbox: Vec<u8>,
     written: usize,
-    /// The agent knows that this link takes nothing now.
+    /// The agent holds datagrams for this link.
     pub(super) held: bool,
     /// When something was last received.
     pub(super) heard: Nanos,
@@ -94,7 +94,7 @@ impl Link {
         }
     }
 
-    /// Who is at the other end; on a serial line everybody, as address 0.
+    /// The peer at the other end; address 0 stands for all peers of a serial line.
     pub(super) fn peer(&self) -> Peer {
         match &self.io {
             Io::Tcp { peer, .. } => *peer,
@@ -119,7 +119,7 @@ impl Link {
         self.written < self.outbox.len()
     }
 
-    /// What was seen on a serial line.
+    /// The counters of the decoder.
     pub(super) fn frames(&self) -> FrameStats {
         match &self.io {
             Io::Tcp { decoder, .. } => FrameStats {
@@ -130,7 +130,7 @@ impl Link {
         }
     }
 
-    /// Reads what is there, up to some limit, and hands messages to `deliver`.
+    /// Reads up to [`READ`] bytes and hands whole messages to `deliver`.
     pub(super) fn receive(
         &mut self,
         now: Nanos,
@@ -191,11 +191,11 @@ impl Link {
             }
             (Io::Serial { .. }, _) => return false,
         }
-        // What goes wrong here is found when the link is read.
+        // The next read of the link finds the error.
         self.flush().is_ok()
     }
 
-    /// Writes what waits, as far as there is room.
+    /// Writes waiting bytes, as far as there is room.
     pub(super) fn flush(&mut self) -> Result<(), Dead> {
         while let Some(rest) = self.outbox.get(self.written..).filter(|r| !r.is_empty()) {
             let written = match &mut self.io {

@@ -1,9 +1,13 @@
 //! The agent on its transports: one thread that waits for all of them and for the next deadline.
 //!
 //! ```text
-//!   spawn / run ──► wait: UDP, TCP, serial, deadline, or woken ──► receive ──► pump ──┐
-//!                     ▲                                                               │
-//!                     └───────────────────────────────────────────────────────────────┘
+//!   agent: spawn (running) or run ──► wait: UDP, TCP, serial, deadline, wake ──► receive, pump ──┐
+//!                                      ▲                                                         │
+//!                                      └─────────────────────────────────────────────────────────┘
+//!   ports ──┬── udp    datagram sockets           stop       ends a running agent
+//!           ├── link   TCP and serial lines       inspector  takes snapshots
+//!           └── peer   addresses of clients       clock      its clocks
+//!   dds: the bridge to DDS (feature `dds`)
 //! ```
 
 mod agent;

@@ -1,4 +1,4 @@
-//! Everything the agent receives from and sends to, and waiting for all of it at once.
+//! All sockets, connections and serial lines of the agent, and one wait for all of them.
 
 use super::link::{Dead, Link};
 use super::peer::Peer;
@@ -15,13 +15,13 @@ use std::net::{SocketAddr, TcpListener};
 
 const SECOND: Nanos = 1_000_000_000;
 
-/// How often a serial line that is gone is looked for, and silent connections are closed.
+/// The interval between attempts to reopen lost serial lines and to close silent connections.
 const UPKEEP: Nanos = SECOND;
 
 /// Datagrams, connections or pieces taken from one port before the others have their turn.
 const BATCH: usize = 32;
 
-/// What a wait has found.
+/// A port that is ready after a wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ready {
     Wake,
@@ -37,11 +37,11 @@ pub(super) struct Ports {
     udp: Vec<UdpPort>,
     listener: Option<TcpListener>,
     tcp_addr: Option<SocketAddr>,
-    /// Connections could not be taken; nobody listens until the next upkeep.
+    /// An `accept` failed; the listener is not polled until the next upkeep.
     accept_paused: bool,
     lines: Vec<SerialConfig>,
     links: Vec<Option<Link>>,
-    /// Connections there were.
+    /// Connections so far.
     connections: u64,
     max_links: usize,
     silence: Nanos,
@@ -138,7 +138,7 @@ impl Ports {
         Ok(())
     }
 
-    /// Takes what has come over UDP; `after` is called after each datagram.
+    /// Takes waiting UDP datagrams; calls `after` after each.
     pub(super) fn receive_udp(
         &mut self,
         port: usize,
@@ -238,7 +238,7 @@ impl Ports {
         link.is_some_and(|link| link.send(to, bytes))
     }
 
-    /// Tells the agent which links take nothing now, and which do again.
+    /// Holds the clients behind full links, and releases those behind links with room.
     pub(super) fn update_held_links(&mut self, core: &mut AgentCore<Peer>, now: Now) {
         for link in self.links.iter_mut().flatten() {
             if link.is_busy() {
@@ -251,7 +251,7 @@ impl Ports {
         }
     }
 
-    /// Looks for lost serial lines, and closes connections on which nobody says anything.
+    /// Reopens lost serial lines and closes silent connections.
     pub(super) fn upkeep(&mut self, core: &mut AgentCore<Peer>, now: Nanos) {
         if now < self.upkeep_at {
             return;
@@ -277,7 +277,7 @@ impl Ports {
         }
     }
 
-    /// A link is dead; its sessions end.
+    /// Removes a dead link and ends its sessions.
     fn lose(&mut self, at: usize, core: &mut AgentCore<Peer>) {
         if let Some(link) = self.links.get_mut(at).and_then(Option::take) {
             core.gone(|peer| link.leads_to(peer));

@@ -32,20 +32,20 @@ impl RunningAgent {
         self.tcp
     }
 
-    /// Tells what the agent is doing.
+    /// Takes snapshots of the agent.
     #[must_use]
     pub fn inspector(&self) -> &Inspector {
         &self.inspector
     }
 
-    /// What was counted so far.
+    /// The counters so far.
     #[must_use]
     pub fn stats(&self) -> Stats {
         self.counters.snapshot()
     }
 
     /// Whether it still runs. It ends by itself only when its socket fails; [`stop`](Self::stop)
-    /// then tells why.
+    /// then returns the reason.
     #[must_use]
     pub fn is_running(&self) -> bool {
         self.thread
@@ -56,7 +56,7 @@ impl RunningAgent {
     /// Stops it and waits until its thread has ended and its address is free.
     ///
     /// # Errors
-    /// What ended it before.
+    /// The error that ended the agent.
     pub fn stop(mut self) -> Result<Stats, AgentError> {
         self.join()?;
         Ok(self.stats())
@@ -75,7 +75,7 @@ impl RunningAgent {
 impl Drop for RunningAgent {
     fn drop(&mut self) {
         if !std::thread::panicking() {
-            // What ended it before is lost here; `stop` tells it.
+            // The error that ended the agent is lost here; `stop` returns it.
             drop(self.join());
         }
     }

@@ -1,4 +1,4 @@
-//! Ending a running agent from another thread: a flag, and what its wait is woken with.
+//! Ends a running agent from another thread: a flag, and the wake-up of its wait.
 
 use replenish_os::WakeFd;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -25,7 +25,7 @@ impl StopHandle {
         Self::default()
     }
 
-    /// Stops the agents that run with this handle, and those that are going to, for good. Does not
+    /// Stops the agents that run with this handle, now and later, for good. Does not
     /// wait for them.
     pub fn stop(&self) {
         self.state.stopped.store(true, Ordering::SeqCst);
@@ -40,7 +40,7 @@ impl StopHandle {
         self.state.stopped.load(Ordering::SeqCst)
     }
 
-    /// Says that an agent runs that is woken with `wake`, until the result is dropped. The agent
+    /// Registers a running agent and its `wake` until the result is dropped. The agent
     /// must look at [`is_stopped`](Self::is_stopped) after this and before it waits.
     pub(super) fn runs(&self, wake: &Arc<WakeFd>) -> Running<'_> {
         self.running().push(Arc::clone(wake));

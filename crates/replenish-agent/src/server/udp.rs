@@ -9,8 +9,8 @@ use std::os::fd::{AsFd, BorrowedFd};
 /// The longest datagram that UDP can carry.
 const MAX_DATAGRAM: usize = 65_535;
 
-/// When an interface takes nothing for that long, datagrams to it are dropped: whoever is reached
-/// through another one does not wait.
+/// An interface that takes nothing for that long loses its datagrams: clients behind
+/// other interfaces do not wait for it.
 const MAX_SEND: u64 = 1_000_000;
 
 /// A bound UDP socket with a receive buffer.
@@ -21,11 +21,11 @@ pub(super) struct UdpPort {
     buf: Box<[u8]>,
 }
 
-/// What there was to receive.
+/// The result of one receive.
 pub(super) enum Arrival<'a> {
     /// Nothing, for now.
     Nothing,
-    /// Something that concerns nobody; there may be more.
+    /// An empty datagram or a passing error; there may be more.
     Ignored,
     /// A datagram and its sender; there may be more.
     Datagram(SocketAddr, &'a [u8]),
@@ -83,8 +83,8 @@ impl AsFd for UdpPort {
     }
 }
 
-/// Errors after which the next datagram can arrive as if nothing had been: a signal came, or a
-/// client that was sent something is gone.
+/// Whether receiving can go on after the error: a signal came, or a client that was sent a
+/// datagram is gone.
 fn is_passing(error: &io::Error) -> bool {
     use ErrorKind::{
         ConnectionRefused, ConnectionReset, HostUnreachable, Interrupted, NetworkUnreachable,

@@ -84,8 +84,8 @@ fn samples_cross_in_both_directions_and_do_not_come_back() {
     }
 }
 
-/// What does not fit together is told to the client, whichever end its own is: the agent knows it from
-/// DDS. Told once, although the others' discovery repeats itself.
+/// What does not fit together is told to the client, whichever end its own is: the agent knows it
+/// from DDS. Told once, although the others' discovery repeats itself.
 #[test]
 fn clients_are_told_of_clashes_with_endpoints_in_dds() {
     let domain = domain();
@@ -219,9 +219,9 @@ fn resident() -> u64 {
     pages.parse::<u64>().unwrap() * 4096
 }
 
-/// 30 000 reliable samples of 64 bytes to DDS and back, or `REPLENISH_SOAK` many, and what that does
-/// to the memory. Nightly:
-/// `cargo test -p replenish-agent --features dds --test it -- --ignored --nocapture soak`.
+/// 30 000 reliable samples of 64 bytes to DDS and back, or `REPLENISH_SOAK` many, and what that
+/// does to the memory. Nightly: `cargo test -p replenish-agent --features dds --test it --
+/// --ignored --nocapture soak`.
 #[test]
 #[ignore = "takes a minute; prints figures"]
 fn soak() {

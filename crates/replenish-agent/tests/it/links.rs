@@ -196,8 +196,8 @@ fn numbered(client: usize, i: u32) -> Vec<u8> {
         .collect()
 }
 
-/// Two clients write to each other at the same time, through the agent: every sample crosses the link
-/// twice, up on the client's stream and down on the agent's.
+/// Two clients write to each other at the same time, through the agent: every sample crosses the
+/// link twice, up on the client's stream and down on the agent's.
 fn a_hundred_thousand(seed: u64, loss: u64) -> (u64, String) {
     const EACH: u32 = 50_000;
     /// Fewer than the readers' depth, so that nothing may be dropped.

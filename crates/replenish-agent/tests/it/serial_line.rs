@@ -245,8 +245,8 @@ impl World {
         }
     }
 
-    /// Writes `count` samples of `len` bytes as fast as they are taken, until all are back; how long
-    /// that took, and the longest time without one.
+    /// Writes `count` samples of `len` bytes as fast as they are taken, until all are back; how
+    /// long that took, and the longest time without one.
     fn all_come_back(&mut self, count: u32, len: usize) -> (u64, u64) {
         let start = self.now;
         let (mut longest, mut last, mut had) = (0, self.now, 0);

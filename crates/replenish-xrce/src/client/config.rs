@@ -17,13 +17,15 @@ pub struct Config {
     pub reuse: bool,
     /// The reliable stream that requests go on; those of other streams do not delay them.
     pub requests: StreamId,
-    /// Pairs of name and value for the agent, 100 bytes in all with 10 more for each pair; what is longer, and
-    /// any without the feature `delivery`, is not sent and counted in [`LinkStats::properties_omitted`](super::LinkStats::properties_omitted).
+    /// Pairs of name and value for the agent, 100 bytes in all with 10 more for each pair; what is
+    /// longer, and any without the feature `delivery`, is not sent and counted in
+    /// [`LinkStats::properties_omitted`](super::LinkStats::properties_omitted).
     pub properties: Properties<'static>,
     /// Asks the agent, with a property more, to tell what it has received from what has reached
     /// everybody it is for, and keeps samples until the latter: so none is lost with an agent that
     /// dies. An agent that does not know this ignores it; `replenish-agent` does know it. Of the
-    /// other properties the first seven are sent then. Without the feature `delivery` it is not asked.
+    /// other properties the first seven are sent then. Without the feature `delivery` it is not
+    /// asked.
     pub confirm_delivery: bool,
     /// The longest message in bytes, both ways: 64..=65507 on UDP. micro-ROS has 512. The log-in
     /// tells it to the agent, which sends none longer; so it is to be what the transport and both
@@ -33,9 +35,10 @@ pub struct Config {
     pub retry_first: Nanos,
     /// The longest time between log-ins. Must exceed the round trip to the agent.
     pub retry_max: Nanos,
-    /// How long an agent that is there may take for the next answer to the creation of objects. What
-    /// it has not answered then is [`RequestState::Unanswered`](super::RequestState::Unanswered),
-    /// and a session that waits for it to be up waits no longer.
+    /// How long an agent that is there may take for the next answer to the creation of objects.
+    /// What it has not answered then is
+    /// [`RequestState::Unanswered`](super::RequestState::Unanswered), and a session that waits for
+    /// it to be up waits no longer.
     pub answer_within: Nanos,
     /// How the loss of the agent is noticed; `None`: never.
     pub ping: Option<PingPolicy>,
@@ -57,8 +60,8 @@ pub struct PingPolicy {
 }
 
 impl Config {
-    /// The defaults, for client `key`: session 0x81, MTU 512, log-in every 0.2 s to 0.5 s, 5 s for answers, ping
-    /// after 0.14 s of silence and every 0.07 s from then on, loss after 0.7 s.
+    /// The defaults, for client `key`: session 0x81, MTU 512, log-in every 0.2 s to 0.5 s, 5 s for
+    /// answers, ping after 0.14 s of silence and every 0.07 s from then on, loss after 0.7 s.
     #[must_use]
     pub fn new(key: ClientKey) -> Self {
         Config {
@@ -94,8 +97,8 @@ pub struct Buffers<S, const B: usize = 1, const R: usize = 1> {
     pub journal: S,
     /// Requests on their way after a new log-in, `length / mtu` messages of them: with room for at
     /// least one, samples that were not acknowledged when the agent was lost are sent again; with
-    /// less, or without the feature `delivery`, they are given up and counted. Then a request must fit
-    /// in it.
+    /// less, or without the feature `delivery`, they are given up and counted. Then a request must
+    /// fit in it.
     pub restore: S,
 }
 

@@ -21,8 +21,8 @@ pub enum RequestState {
     Done,
     /// Refused by the agent with this status.
     Refused(Status),
-    /// Sent, and not answered for as long as [`Config::answer_within`](super::Config::answer_within).
-    /// A late answer counts all the same.
+    /// Sent, and not answered for as long as
+    /// [`Config::answer_within`](super::Config::answer_within). A late answer counts all the same.
     Unanswered,
 }
 

@@ -1,5 +1,5 @@
-//! In the place of `restore` in builds without the feature `delivery`: no sample is kept, and requests
-//! go on their own stream from the start.
+//! In the place of `restore` in builds without the feature `delivery`: no sample is kept, and
+//! requests go on their own stream from the start.
 
 use crate::SeqNum;
 use crate::stream::{OutputReliable, OutputStats, Reliability, StreamHeader};

@@ -48,8 +48,8 @@ where
         Self::with(config, buffers.journal, streams)
     }
 
-    /// The same with storage that is made for each stream by its index and goes to its place at once: a
-    /// little smaller and faster than [`Session::new`], which moves the arrays.
+    /// The same with storage that is made for each stream by its index and goes to its place at
+    /// once: a little smaller and faster than [`Session::new`], which moves the arrays.
     pub fn made(
         config: Config,
         journal: S,
@@ -240,7 +240,8 @@ where
         Ok(())
     }
 
-    /// As [`delete`](Self::delete), behind what was written to `stream`: a last reply still goes out.
+    /// As [`delete`](Self::delete), behind what was written to `stream`: a last reply still goes
+    /// out.
     ///
     /// # Errors
     /// [`RequestError::Stream`] if the agent cannot be told now.
@@ -361,7 +362,8 @@ where
         Ok(())
     }
 
-    /// Whether the agent tells unasked what becomes of objects: [`Event::Notice`](super::Event::Notice).
+    /// Whether the agent tells unasked what becomes of objects:
+    /// [`Event::Notice`](super::Event::Notice).
     #[must_use]
     pub fn has_notices(&self) -> bool {
         DELIVERY && self.notices && self.link.has_session()

@@ -1,5 +1,5 @@
-//! The streams of one kind. Most sessions have one of each, and then what is done for each of them is
-//! no loop: said here once, because the compiler would count to one in every place.
+//! The streams of one kind. Most sessions have one of each, and then what is done for each of them
+//! is no loop: said here once, because the compiler would count to one in every place.
 
 /// `N` streams, known by their indices.
 #[derive(Debug)]

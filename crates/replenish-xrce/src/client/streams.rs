@@ -7,9 +7,9 @@
 //!   reliable      0x80     0x81     ..        a backlog of one never delays those above it
 //! ```
 //!
-//! Requests go on one of the reliable streams. After a new log-in they must arrive before the samples
-//! that were kept from the session before; they then go through `restore`, which begins that
-//! stream, and the kept samples follow with the numbers after them.
+//! Requests go on one of the reliable streams. After a new log-in they must arrive before the
+//! samples that were kept from the session before; they then go through `restore`, which begins
+//! that stream, and the kept samples follow with the numbers after them.
 
 use super::restore::Restore;
 use super::stream_set::StreamSet;

@@ -1,7 +1,9 @@
-//! The checksum of serial frames: CRC-16/ARC, polynomial x^16 + x^15 + x^2 + 1, from 0, lowest bit first.
+//! The checksum of serial frames: CRC-16/ARC, polynomial x^16 + x^15 + x^2 + 1, from 0, lowest bit
+//! first.
 //!
-//! The polynomial is (x + 1)(x^15 + x + 1). Modulo x + 1 a message is its parity, so that all its words
-//! are added up first; modulo x^15 + x + 1 sparse powers do for whole words what a table does for bytes:
+//! The polynomial is (x + 1)(x^15 + x + 1). Modulo x + 1 a message is its parity, so that all its
+//! words are added up first; modulo x^15 + x + 1 sparse powers do for whole words what a table does
+//! for bytes:
 //!
 //! ```text
 //!   x^15 = x + 1          what is above x^14 comes back as itself 15 lower, and once more 14 lower
@@ -9,8 +11,9 @@
 //!   x^16 = x^2 + x        and, at the end, behind the checksum
 //! ```
 //!
-//! Of the two remainders below x^15 + x + 1 and above, the one with the message's parity is the checksum.
-//! Words have their highest power at bit 0, as the line has it first: multiplying is shifting right.
+//! Of the two remainders below x^15 + x + 1 and above, the one with the message's parity is the
+//! checksum. Words have their highest power at bit 0, as the line has it first: multiplying is
+//! shifting right.
 
 /// The polynomial's factor x^15 + x + 1, as a checksum has its bits.
 const FACTOR: u16 = 0xc001;
@@ -80,8 +83,8 @@ pub(super) fn checksum(message: &[u8]) -> u16 {
 /// Where [`special_in`] tells.
 pub(super) const SPECIAL: u32 = 0x8080_8080;
 
-/// Whether any of four bytes is 0x7D to 0x7F, in the bits of [`SPECIAL`]: four comparisons in one. Of
-/// those below 0x80, three more make what those have and others have not.
+/// Whether any of four bytes is 0x7D to 0x7F, in the bits of [`SPECIAL`]: four comparisons in one.
+/// Of those below 0x80, three more make what those have and others have not.
 #[inline(always)]
 pub(super) const fn special_in(bytes: u32) -> u32 {
     (bytes & !SPECIAL).wrapping_add(0x0303_0303) & !bytes
@@ -107,7 +110,8 @@ mod tests {
         assert_eq!(checksum(&[]), 0);
     }
 
-    /// It is linear: all messages of one bit, of every length, and all short ones tell about the rest.
+    /// It is linear: all messages of one bit, of every length, and all short ones tell about the
+    /// rest.
     #[test]
     fn words_and_bytes_are_bits_one_after_another() {
         for len in 0..=23 {

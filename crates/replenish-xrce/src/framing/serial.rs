@@ -194,8 +194,9 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
         }
     }
 
-    /// The frame that `bytes` begin with, if it is there as a whole, unharmed, and all its bytes stand
-    /// for themselves, as in most: its sender, its message where it lies, and what follows it.
+    /// The frame that `bytes` begin with, if it is there as a whole, unharmed, and all its bytes
+    /// stand for themselves, as in most: its sender, its message where it lies, and what follows
+    /// it.
     fn whole<'a>(&self, bytes: &'a [u8]) -> Option<(u8, &'a [u8], &'a [u8])> {
         let (&[BEGIN, ref header @ ..], rest) = bytes.split_first_chunk::<5>()? else {
             return None;
@@ -210,8 +211,8 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
         (between && mine && plain && is_right(message, tail)).then_some((source, message, after))
     }
 
-    /// Takes the bytes of a message that stand for themselves, as many as come one after another; what
-    /// is left.
+    /// Takes the bytes of a message that stand for themselves, as many as come one after another;
+    /// what is left.
     fn plain<'a>(&mut self, bytes: &'a [u8]) -> &'a [u8] {
         let Some(at) = self.at.checked_sub(HEADER).filter(|_| !self.escaped) else {
             return bytes;

@@ -22,7 +22,8 @@ const MOST: usize = 31;
 /// once: only the confirmation that all is well can wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AckPolicy {
-    /// After this many messages at the latest. At most a half of the sender's window, lest it stops.
+    /// After this many messages at the latest. At most a half of the sender's window, lest it
+    /// stops.
     pub every: u16,
     /// After this many nanoseconds at the latest.
     pub delay: Nanos,
@@ -111,8 +112,8 @@ where
     S: AsRef<[u8]> + AsMut<[u8]>,
     R: AsRef<[u8]> + AsMut<[u8]>,
 {
-    /// A stream at its beginning. `slots` is cut into slots of `slot_size` bytes, at most `N` and 31; a
-    /// slot holds a message without its header. The length of `fragments` is the largest
+    /// A stream at its beginning. `slots` is cut into slots of `slot_size` bytes, at most `N` and
+    /// 31; a slot holds a message without its header. The length of `fragments` is the largest
     /// submessage, header included, that can be put together.
     pub fn new(stream: StreamId, slots: S, slot_size: usize, fragments: R) -> Self {
         let slot_size = slot_size.min(usize::from(u16::MAX));

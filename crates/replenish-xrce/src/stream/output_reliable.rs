@@ -181,8 +181,9 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
     }
 
     /// Back to the beginning, for a new session with a receiver that has forgotten everything:
-    /// samples that were not acknowledged are kept and will be sent again, requests are not. Without
-    /// the feature `delivery` nothing is kept, and messages are counted as lost instead of samples.
+    /// samples that were not acknowledged are kept and will be sent again, requests are not.
+    /// Without the feature `delivery` nothing is kept, and messages are counted as lost instead of
+    /// samples.
     pub fn carry_over(&mut self, header: StreamHeader) -> Carried {
         if !DELIVERY {
             let lost = u64::try_from(self.ring.used).unwrap_or(u64::MAX);
@@ -353,8 +354,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
             .fold(self.heartbeat, Nanos::min)
     }
 
-    /// Messages from the first one on that are acknowledged and kept: none where there is nothing to
-    /// keep them for.
+    /// Messages from the first one on that are acknowledged and kept: none where there is nothing
+    /// to keep them for.
     const fn acked(&self) -> usize {
         if DELIVERY { self.acked } else { 0 }
     }

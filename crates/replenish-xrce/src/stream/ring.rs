@@ -373,8 +373,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         true
     }
 
-    /// Begins a message, with room for its header; the caller has checked that there is a free slot.
-    /// Gives the room after the header.
+    /// Begins a message, with room for its header; the caller has checked that there is a free
+    /// slot. Gives the room after the header.
     fn begin(&mut self) -> Option<&mut [u8]> {
         let index = self.index(self.used);
         let len = self.header.len();

@@ -1,5 +1,5 @@
-//! An estimate of the round-trip time, after RFC 6298, but with more patience: what is sent again in
-//! vain costs as much as what is sent again late.
+//! An estimate of the round-trip time, after RFC 6298, but with more patience: what is sent again
+//! in vain costs as much as what is sent again late.
 
 use crate::Nanos;
 

@@ -35,8 +35,8 @@ pub trait Encode {
         Ok(w.len())
     }
 
-    /// Writes the submessage to the front of `room`, header and, if `pad`, padding included; gives its
-    /// length. `None` if there is no room, or for what [`measure`](Self::measure) refuses.
+    /// Writes the submessage to the front of `room`, header and, if `pad`, padding included; gives
+    /// its length. `None` if there is no room, or for what [`measure`](Self::measure) refuses.
     fn put_into(&self, room: &mut [u8], pad: bool) -> Option<usize> {
         let mut w = Writer::new(room);
         encode_submessage(self, pad, &mut w).ok()?;
@@ -147,9 +147,9 @@ pub fn encode_submessage<B: Encode + ?Sized>(
     w.check()
 }
 
-/// Appends a submessage to the message that the first `len` bytes of `buf` are, behind a gap up to a
-/// multiple of four; gives the message's length then. `None`, and nothing is written, if there is no
-/// room, or for what [`Encode::measure`] refuses.
+/// Appends a submessage to the message that the first `len` bytes of `buf` are, behind a gap up to
+/// a multiple of four; gives the message's length then. `None`, and nothing is written, if there is
+/// no room, or for what [`Encode::measure`] refuses.
 pub(crate) fn append<B: Encode + ?Sized>(
     buf: &mut [u8],
     len: usize,

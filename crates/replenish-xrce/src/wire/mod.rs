@@ -6,9 +6,9 @@
 //!   submessage = id, flags, length LE, body[length]      each starts 4-aligned in the message
 //! ```
 //!
-//! Bodies are CDR with alignment counted from the body's own start and the byte order of flag bit 0.
-//! Encoding always writes little endian; decoding takes both. Decoding never panics: whatever the
-//! bytes, the result is a value that borrows from them or a [`WireError`].
+//! Bodies are CDR with alignment counted from the body's own start and the byte order of flag bit
+//! 0. Encoding always writes little endian; decoding takes both. Decoding never panics: whatever
+//! the bytes, the result is a value that borrows from them or a [`WireError`].
 
 mod access;
 mod body;

@@ -70,8 +70,8 @@ const fn number(bytes: [u8; 2], little_endian: bool) -> u16 {
 }
 
 /// The five bytes of an ACKNACK or HEARTBEAT. The length that the specification puts before an
-/// appendable structure (XCDR2's DHEADER), and that eProsima's implementations leave out, is stepped
-/// over if it is there.
+/// appendable structure (XCDR2's DHEADER), and that eProsima's implementations leave out, is
+/// stepped over if it is there.
 fn five(body: &[u8], little_endian: bool) -> Option<[u8; 5]> {
     let length = if little_endian { 5 } else { 5 << 24 };
     let rest = match body {
@@ -81,9 +81,9 @@ fn five(body: &[u8], little_endian: bool) -> Option<[u8; 5]> {
     rest.first_chunk().or(body.first_chunk()).copied()
 }
 
-/// An ACKNACK that may say more: which messages are *confirmed*, that is, have reached everybody they
-/// are for, and not just the agent. An extension of this project, sent only to clients that ask for
-/// it with the property [`DELIVERY`]: other decoders expect exactly five bytes.
+/// An ACKNACK that may say more: which messages are *confirmed*, that is, have reached everybody
+/// they are for, and not just the agent. An extension of this project, sent only to clients that
+/// ask for it with the property [`DELIVERY`]: other decoders expect exactly five bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Confirmation {
     /// What every client is told.
@@ -102,14 +102,14 @@ pub struct Confirmed {
     pub companions: u8,
 }
 
-/// The property of a log-in that asks for [`Confirmation::confirmed`], and of the agent's answer that
-/// promises it.
+/// The property of a log-in that asks for [`Confirmation::confirmed`], and of the agent's answer
+/// that promises it.
 pub const DELIVERY: &str = "replenish.delivery";
 /// Value of [`DELIVERY`]: a client that has no samples from before.
 pub const DELIVERY_NEW: &str = "new";
-/// Begin of a value of [`DELIVERY`]: a client that had a session, lost its agent and will repeat what
-/// was not confirmed. What follows is the number of [`Confirmed::companions`] it was told last, as two
-/// hexadecimal digits.
+/// Begin of a value of [`DELIVERY`]: a client that had a session, lost its agent and will repeat
+/// what was not confirmed. What follows is the number of [`Confirmed::companions`] it was told
+/// last, as two hexadecimal digits.
 pub const DELIVERY_BACK: &str = "back:";
 /// Value of [`DELIVERY`] in the agent's answer.
 pub const DELIVERY_CONFIRMED: &str = "settled";

@@ -1,5 +1,5 @@
-//! A session over a bad link, in virtual time and with every set of features: what is reliable arrives
-//! once and in order in both directions, and the agent's restart is survived.
+//! A session over a bad link, in virtual time and with every set of features: what is reliable
+//! arrives once and in order in both directions, and the agent's restart is survived.
 
 use crate::fake_agent::FakeAgent;
 use replenish_xrce::Nanos;
