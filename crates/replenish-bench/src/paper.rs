@@ -7,7 +7,7 @@
 use replenish_sim::{
     Nanos, Options, Platform, Policy, Releases, SimError, Span, Step, System, Thread, simulate,
 };
-use sporadic::{Kind, Low, ParamError, Params};
+use sporadic::{Low, ParamError, Params};
 
 /// Priority of the dispatcher on Linux (110 in the paper).
 const DISPATCHER: u8 = 98;
@@ -106,11 +106,10 @@ impl Point {
         };
         let policy = match self.reservation {
             None => Policy::Fifo { priority: HIGH },
-            Some((budget, period, background)) => Policy::Budget {
-                kind: Kind::Corrected,
-                params: Params::new(HIGH, Low::Background(background), budget, period, 100)
+            Some((budget, period, background)) => Policy::Sporadic(
+                Params::new(HIGH, Low::Background(background), budget, period, 100)
                     .map_err(|error: ParamError| wrong(error.to_string()))?,
-            },
+            ),
         };
         let dispatcher = |name: &str, arrivals: &Releases, worker| {
             Thread::new(

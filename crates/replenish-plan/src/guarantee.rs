@@ -2,6 +2,7 @@
 
 use crate::Nanos;
 use crate::span::Exact;
+use sporadic::Budget;
 use std::fmt;
 use std::time::Duration;
 
@@ -16,14 +17,12 @@ use std::time::Duration;
 /// Ranges are checked when a plan is made: `0 < minimum <= amount <= desired <= deadline <= period`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Guarantee {
-    pub(crate) amount: Nanos,
-    pub(crate) period: Nanos,
+    pub(crate) budget: Budget,
     pub(crate) per_job: bool,
     pub(crate) deadline: Option<Nanos>,
     pub(crate) importance: u8,
     pub(crate) minimum: Option<Nanos>,
     pub(crate) desired: Option<Nanos>,
-    pub(crate) suspend: bool,
 }
 
 /// An amount that still needs its period.
@@ -85,20 +84,20 @@ impl Guarantee {
     /// Beyond its budget it waits instead of running in the background.
     #[must_use]
     pub fn suspend(mut self) -> Self {
-        self.suspend = true;
+        self.budget.suspend = true;
         self
     }
 
     /// The CPU time per period (of a rate: per callback), in ns.
     #[must_use]
     pub fn amount(&self) -> Nanos {
-        self.amount
+        self.budget.amount
     }
 
     /// The period (of a rate: 1 / rate), in ns.
     #[must_use]
     pub fn period(&self) -> Nanos {
-        self.period
+        self.budget.period
     }
 
     /// Whether it was stated as a rate.
@@ -107,28 +106,28 @@ impl Guarantee {
         self.per_job
     }
 
-    /// Whether it waits without budget.
+    /// The budget alone, without what a plain one cannot say.
     #[must_use]
-    pub fn suspends(&self) -> bool {
-        self.suspend
+    pub fn budget(&self) -> Budget {
+        self.budget
     }
 
     /// The deadline in force, in ns.
     #[must_use]
     pub fn due_within(&self) -> Nanos {
-        self.deadline.unwrap_or(self.period)
+        self.deadline.unwrap_or(self.budget.period)
     }
 
     /// The amount below which it is not admitted, in ns.
     #[must_use]
     pub fn minimum(&self) -> Nanos {
-        self.minimum.unwrap_or(self.amount)
+        self.minimum.unwrap_or(self.budget.amount)
     }
 
     /// The largest amount it gets, in ns.
     #[must_use]
     pub fn desired(&self) -> Nanos {
-        self.desired.unwrap_or(self.amount)
+        self.desired.unwrap_or(self.budget.amount)
     }
 
     /// Checks every field.
@@ -136,7 +135,8 @@ impl Guarantee {
     /// # Errors
     /// The first field out of its range, with the range.
     pub fn check(&self) -> Result<(), GuaranteeError> {
-        let (amount, period, deadline) = (self.amount, self.period, self.due_within());
+        let (amount, period, deadline) =
+            (self.budget.amount, self.budget.period, self.due_within());
         let fields = [
             ("period", period, 1, MAX_PERIOD),
             ("deadline", deadline, 1, period),
@@ -179,15 +179,27 @@ impl OfRate {
 
 impl Guarantee {
     pub(crate) fn new(amount: Nanos, period: Nanos, per_job: bool) -> Self {
-        Self {
+        let budget = Budget {
             amount,
             period,
+            suspend: false,
+        };
+        Self {
             per_job,
+            ..budget.into()
+        }
+    }
+}
+
+impl From<Budget> for Guarantee {
+    fn from(budget: Budget) -> Self {
+        Self {
+            budget,
+            per_job: false,
             deadline: None,
             importance: Self::IMPORTANCE,
             minimum: None,
             desired: None,
-            suspend: false,
         }
     }
 }
@@ -207,7 +219,12 @@ pub(crate) fn period_of(hertz: f64) -> Option<Nanos> {
 impl fmt::Display for Guarantee {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let every = if self.per_job { "once every" } else { "every" };
-        write!(f, "{} {every} {}", Exact(self.amount), Exact(self.period))?;
+        write!(
+            f,
+            "{} {every} {}",
+            Exact(self.amount()),
+            Exact(self.period())
+        )?;
         if let Some(deadline) = self.deadline {
             write!(f, ", within {}", Exact(deadline))?;
         }

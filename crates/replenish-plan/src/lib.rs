@@ -47,7 +47,9 @@ pub use machine::{Machine, Overheads};
 pub use planner::{
     Changed, CpuLoad, Fit, Plan, PlannedChain, PlannedExecutor, PlannedWorker, Refusal, plan,
 };
-pub use request::{ExecutorRequest, Promise, Request, Wish, Worker};
+pub use replenish_sim::analysis::{Demand, Section};
+pub use request::{ExecutorRequest, Promise, Request, Requirement, Worker};
+pub use sporadic::Policy;
 
 /// Nanoseconds.
 pub type Nanos = sporadic::Nanos;

@@ -1,8 +1,8 @@
 //! What is asked of the planner: workers, the executor, and what others were promised.
 
 use crate::{Guarantee, Machine, Nanos};
-use replenish_sim::Policy;
 use replenish_sim::analysis::{Demand, Section};
+use sporadic::Policy;
 
 /// Everything a plan depends on.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,7 +43,7 @@ pub struct Worker {
     /// Its name.
     pub name: String,
     /// How it wants to be scheduled.
-    pub wish: Wish,
+    pub scheduling: Requirement,
     /// The only CPU it may use; `None`: a guaranteed worker goes where the plan puts it, others
     /// may run on any.
     pub cpu: Option<usize>,
@@ -63,19 +63,19 @@ impl Worker {
     /// A worker with a guarantee, on the CPU that suits best.
     #[must_use]
     pub fn guaranteed(name: impl Into<String>, guarantee: Guarantee) -> Self {
-        Self::new(name, Wish::Guarantee(guarantee))
+        Self::new(name, Requirement::Guarantee(guarantee))
     }
 
     /// A worker with a policy of its user's making.
     #[must_use]
     pub fn with_policy(name: impl Into<String>, policy: Policy) -> Self {
-        Self::new(name, Wish::Policy(policy))
+        Self::new(name, Requirement::Policy(policy))
     }
 
-    fn new(name: impl Into<String>, wish: Wish) -> Self {
+    fn new(name: impl Into<String>, scheduling: Requirement) -> Self {
         Self {
             name: name.into(),
-            wish,
+            scheduling,
             cpu: None,
             demand: None,
             sections: Vec::new(),
@@ -99,16 +99,16 @@ impl Worker {
     }
 
     pub(crate) fn guarantee(&self) -> Option<&Guarantee> {
-        match &self.wish {
-            Wish::Guarantee(guarantee) => Some(guarantee),
-            Wish::Policy(_) => None,
+        match &self.scheduling {
+            Requirement::Guarantee(guarantee) => Some(guarantee),
+            Requirement::Policy(_) => None,
         }
     }
 }
 
 /// How a worker wants to be scheduled.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Wish {
+pub enum Requirement {
     /// The planner chooses.
     Guarantee(Guarantee),
     /// An expert has chosen; the planner takes it into account and leaves it alone.

@@ -1,7 +1,9 @@
 //! Is a system one that can be simulated? Says what is wrong, and where.
 
+use crate::engine::CAPACITY;
 use crate::{Policy, Releases, Step, System, Thread};
 use core::fmt;
+use sporadic::Params;
 
 /// What is wrong with a [`System`].
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -89,21 +91,20 @@ impl System {
 }
 
 fn check_policy(policy: &Policy) -> Result<(), String> {
+    if policy.priority() == Some(0) {
+        return Err("priority is 0: allowed 1 to 255".into());
+    }
+    if let Some(repl) = policy.params().map(Params::max_repl)
+        && usize::from(repl) > CAPACITY
+    {
+        return Err(format!("max_repl is {repl}: allowed 1 to {CAPACITY}"));
+    }
     match *policy {
-        Policy::Fifo { priority: 0 } => Err("priority is 0: allowed 1 to 255".into()),
-        Policy::Budget { params, .. }
-            if usize::from(params.max_repl()) > crate::engine::CAPACITY =>
-        {
-            Err(format!(
-                "max_repl is {}: allowed 1 to {}",
-                params.max_repl(),
-                crate::engine::CAPACITY
-            ))
-        }
         Policy::Deadline {
             runtime,
             deadline,
             period,
+            ..
         } if !(0 < runtime && runtime <= deadline && deadline <= period) => Err(format!(
             "runtime {runtime}, deadline {deadline}, period {period}: \
              must be 0 < runtime <= deadline <= period"

@@ -12,13 +12,13 @@
 //!
 //! ```
 //! use replenish_sim::{Nanos, Options, Policy, Releases, Step, System, Thread, simulate};
-//! use sporadic::{Kind, Low, Params};
+//! use sporadic::{Low, Params};
 //!
 //! const MS: Nanos = 1_000_000;
 //! // The paper's experiment: a thread with 30 ms per 100 ms above a FIFO thread, both always busy.
 //! let budget = Params::new(60, Low::Background(6), 30 * MS, 100 * MS, 16)?;
 //! let system = System::on_one_cpu(vec![
-//!     Thread::new("high", Policy::Budget { kind: Kind::Corrected, params: budget })
+//!     Thread::new("high", Policy::Sporadic(budget))
 //!         .released(Releases::periodic(10 * MS))
 //!         .runs(10 * MS),
 //!     Thread::new("low", Policy::Fifo { priority: 50 })
@@ -45,7 +45,8 @@ pub use engine::{Options, SimError, simulate};
 pub use outcome::{Event, Outcome, ThreadOutcome, What};
 pub use platform::{End, Enforcement, Platform};
 pub use random::{Random, Span};
-pub use spec::{LockId, Overflow, Policy, Releases, Step, System, Thread, ThreadId};
+pub use spec::{LockId, Overflow, Releases, Step, System, Thread, ThreadId};
+pub use sporadic::Policy;
 
 /// A point in virtual time, or a span of it, in nanoseconds. Runs start at 0.
 pub type Nanos = sporadic::Nanos;

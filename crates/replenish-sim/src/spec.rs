@@ -3,7 +3,7 @@
 //! Plain data with public fields, so that a deployment file can be read into it.
 
 use crate::{Nanos, Platform, Span};
-use sporadic::{Kind, Params};
+use sporadic::{Kind, Policy};
 
 /// The index of a thread in [`System::threads`].
 pub type ThreadId = usize;
@@ -45,8 +45,12 @@ pub struct Thread {
     pub name: String,
     /// The only CPU it may use; `None`: any.
     pub cpu: Option<usize>,
-    /// How it is scheduled.
+    /// How it is scheduled; priorities up to 255. Simplified: threads of [`Policy::Other`] run
+    /// first-in, first-out among themselves, and so do equals of [`Policy::RoundRobin`]. Of
+    /// [`Policy::Deadline`], `0 < runtime <= deadline <= period`; nothing is reclaimed.
     pub policy: Policy,
+    /// Which server holds its budget, if it has one; `max_repl` up to 128.
+    pub server: Kind,
     /// When it is released, apart from [`Step::Send`] by others.
     pub releases: Releases,
     /// How many releases may wait while a job runs (the depth of the subscription's slots). 0: a
@@ -67,6 +71,7 @@ impl Thread {
             name: name.into(),
             cpu: Some(0),
             policy,
+            server: Kind::Corrected,
             releases: Releases::Never,
             queue: 1,
             overflow: Overflow::DropOldest,
@@ -115,36 +120,6 @@ impl Thread {
         self.deadline = Some(deadline);
         self
     }
-}
-
-/// How a thread is scheduled. Priorities: larger is more urgent.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Policy {
-    /// Below all real-time threads. Simplified: such threads run first-in, first-out among
-    /// themselves, not by fair shares.
-    Other,
-    /// `SCHED_FIFO` at this priority, at least 1.
-    Fifo {
-        /// The priority.
-        priority: u8,
-    },
-    /// A budget server.
-    Budget {
-        /// Which server.
-        kind: Kind,
-        /// Its parameters; `max_repl` up to 128.
-        params: Params,
-    },
-    /// `SCHED_DEADLINE` as on Linux: earliest deadline first above all FIFO priorities, each
-    /// thread in a hard constant-bandwidth server. `0 < runtime <= deadline <= period`.
-    Deadline {
-        /// CPU time per period, in ns.
-        runtime: Nanos,
-        /// Relative deadline of the server, in ns.
-        deadline: Nanos,
-        /// Period of the server, in ns.
-        period: Nanos,
-    },
 }
 
 /// When a thread is released. Times in ns.

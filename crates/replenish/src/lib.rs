@@ -30,7 +30,6 @@ extern crate alloc;
 
 mod action;
 mod bare;
-mod budget;
 mod compatibility;
 mod context;
 mod error;
@@ -60,7 +59,6 @@ pub use action::{
     ActionClient, ActionOptions, GoalError, GoalEvent, GoalHandle, GoalId, GoalState, GoalUpdate,
     Lost, NewGoal,
 };
-pub use budget::{Amount, Budget};
 pub use compatibility::QosClash;
 pub use context::{Context, Node};
 pub use error::Error;
@@ -97,7 +95,7 @@ pub use replenish_os::{
 pub use replenish_plan as planning;
 #[cfg(feature = "plan")]
 pub use replenish_plan::Guarantee;
-pub use sporadic::Kind as ServerKind;
+pub use sporadic::{Amount, Budget, Kind as ServerKind};
 pub use stats::HandleStats;
 
 /// Nanoseconds; of `CLOCK_MONOTONIC` where it is an instant.

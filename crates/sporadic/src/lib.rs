@@ -38,16 +38,19 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod budget;
 mod corrected;
 mod params;
 mod policy;
 #[cfg(feature = "posix")]
 mod posix;
+pub mod priority;
 mod reservation;
 mod ring;
 mod server;
 mod units;
 
+pub use budget::{Amount, Budget};
 pub use corrected::{Consumed, Corrected};
 pub use params::{Low, ParamError, Params};
 pub use policy::{MAX_PRIORITY, MIN_RUNTIME, Policy, PolicyError};

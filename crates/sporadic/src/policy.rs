@@ -135,6 +135,25 @@ impl Policy {
         }
     }
 
+    /// The parameters of its budget server; `None` for policies without a budget.
+    #[must_use]
+    pub const fn params(&self) -> Option<&Params> {
+        match self {
+            Self::Sporadic(params) | Self::KernelSporadic(params) => Some(params),
+            _ => None,
+        }
+    }
+
+    /// The period of its budget or reservation, in nanoseconds; `None` for policies without one.
+    #[must_use]
+    pub const fn period(&self) -> Option<Nanos> {
+        match self {
+            Self::Sporadic(params) | Self::KernelSporadic(params) => Some(params.period()),
+            Self::Deadline { period, .. } => Some(*period),
+            _ => None,
+        }
+    }
+
     /// The real-time priority the thread starts with; `None` for policies without one.
     #[must_use]
     pub const fn priority(&self) -> Option<u8> {

@@ -141,7 +141,7 @@ fn executor(executor: &PlannedExecutor) -> Row {
     let worker = PlannedWorker {
         name: "executor".into(),
         cpu: executor.cpu,
-        policy: executor.policy.clone(),
+        policy: executor.policy,
         amount: None,
         deadline: None,
         worst_response: executor.worst_response,
@@ -152,20 +152,12 @@ fn executor(executor: &PlannedExecutor) -> Row {
 
 impl Row {
     fn new(worker: &PlannedWorker, handles: Vec<String>) -> Self {
-        let params = match &worker.policy {
-            Policy::Budget { params, .. } => Some(params),
-            _ => None,
+        let params = worker.policy.params();
+        let runtime = match worker.policy {
+            Policy::Deadline { runtime, .. } => Some(runtime),
+            _ => params.map(sporadic::Params::budget),
         };
-        let (runtime, period) = match (&worker.policy, params) {
-            (_, Some(p)) => (Some(p.budget()), Some(p.period())),
-            (
-                Policy::Deadline {
-                    runtime, period, ..
-                },
-                _,
-            ) => (Some(*runtime), Some(*period)),
-            _ => (None, None),
-        };
+        let period = worker.policy.period();
         Self {
             id: worker.name.clone(),
             cpu: worker.cpu,
@@ -253,7 +245,7 @@ fn print(deployment: &Deployment, plan: &Plan, brief: bool) {
             println!("    - {reason}");
         }
     }
-    let unstated = deployment.workers.iter().filter(|w| w.wish.is_none());
+    let unstated = deployment.workers.iter().filter(|w| w.scheduling.is_none());
     let names: Vec<&str> = unstated.map(|w| w.name.as_str()).collect();
     if !names.is_empty() {
         println!(
@@ -330,8 +322,8 @@ fn chain_line(chain: &PlannedChain) -> String {
 fn policy_name(policy: &Policy) -> &'static str {
     match policy {
         Policy::Other => "time-shared",
-        Policy::Fifo { .. } => "FIFO",
-        Policy::Budget { .. } => "sporadic",
+        Policy::Fifo { .. } | Policy::RoundRobin { .. } => "FIFO",
+        Policy::Sporadic(_) | Policy::KernelSporadic(_) => "sporadic",
         Policy::Deadline { .. } => "SCHED_DEADLINE",
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{Chain, Deployment};
 use crate::span::Rounded;
-use crate::{Nanos, Plan, PlannedChain, Refusal, Wish};
+use crate::{Nanos, Plan, PlannedChain, Refusal, Requirement};
 use replenish_sim::Releases;
 use replenish_sim::analysis::chain::{Stage, end_to_end};
 
@@ -44,8 +44,8 @@ impl Deployment {
             let stage = |(place, &worker): (usize, &usize)| {
                 let planned = plan.workers.get(worker)?;
                 // Of a budget alone it is not known how long a callback takes.
-                let rate = match &self.workers.get(worker)?.wish {
-                    Some(Wish::Guarantee(guarantee)) => guarantee.is_rate(),
+                let rate = match &self.workers.get(worker)?.scheduling {
+                    Some(Requirement::Guarantee(guarantee)) => guarantee.is_rate(),
                     _ => true,
                 };
                 let sampling = match &self.workers.get(worker)?.load.releases {

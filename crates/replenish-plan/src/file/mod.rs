@@ -35,7 +35,9 @@ mod template;
 pub use error::FileError;
 pub use template::{Template, TemplateWorker};
 
-use crate::{ExecutorRequest, Machine, Nanos, Overheads, Plan, Promise, Refusal, Request, Wish};
+use crate::{
+    ExecutorRequest, Machine, Nanos, Overheads, Plan, Promise, Refusal, Request, Requirement,
+};
 use error::Source;
 use replenish_sim::analysis::Demand;
 use replenish_sim::{Overflow, Releases, Span};
@@ -78,7 +80,7 @@ pub struct Described {
     pub cpu: Option<usize>,
     /// How it is to be scheduled; `None`: the file does not say (time-shared, or as the program
     /// says).
-    pub wish: Option<Wish>,
+    pub scheduling: Option<Requirement>,
     /// What it does.
     pub load: Load,
     place: Range<usize>,
@@ -156,10 +158,10 @@ impl Deployment {
     pub fn request(&self) -> Request {
         let worker = |described: &Described| crate::Worker {
             name: described.name.clone(),
-            wish: described
-                .wish
+            scheduling: described
+                .scheduling
                 .clone()
-                .unwrap_or(Wish::Policy(replenish_sim::Policy::Other)),
+                .unwrap_or(Requirement::Policy(sporadic::Policy::Other)),
             cpu: described.cpu,
             demand: self.demand(described),
             sections: described.load.sections(),
@@ -230,15 +232,15 @@ impl Deployment {
         let (period, jitter) = match &load.releases {
             Some(Releases::Periodic { period, jitter, .. }) => (*period, *jitter),
             Some(Releases::Sporadic { gap, .. }) => (gap.min().max(1), 0),
-            _ => match &described.wish {
-                Some(Wish::Guarantee(g)) if g.is_rate() => (g.period(), 0),
+            _ => match &described.scheduling {
+                Some(Requirement::Guarantee(g)) if g.is_rate() => (g.period(), 0),
                 _ => return None,
             },
         };
         let held: Nanos = load.locks.iter().map(|(_, holds)| holds).sum();
-        let cost = match (&load.runs, &described.wish) {
+        let cost = match (&load.runs, &described.scheduling) {
             (Some(runs), _) => runs.max(),
-            (None, Some(Wish::Guarantee(g))) => g.amount(),
+            (None, Some(Requirement::Guarantee(g))) => g.amount(),
             (None, _) => return None,
         };
         Some(Demand {

@@ -3,7 +3,7 @@
 use super::error::{FileError, Source};
 use super::raw;
 use super::{Chain, Deployment, Described, Load, MAX_WORKERS};
-use crate::{ExecutorRequest, Machine, Overheads, Wish};
+use crate::{ExecutorRequest, Machine, Overheads, Requirement};
 use replenish_sim::{Overflow, Releases};
 use toml::Spanned;
 
@@ -152,13 +152,13 @@ impl Reader<'_> {
         machine: &Machine,
         locks: &mut Vec<String>,
     ) -> Found<Described> {
-        let wish = match (&raw.guarantee, &raw.policy) {
+        let scheduling = match (&raw.guarantee, &raw.policy) {
             (Some(_), Some(policy)) => {
                 let message = "a worker has either a guarantee or a policy, not both";
                 return self.wrong(policy, message);
             }
-            (Some(guarantee), None) => Some(Wish::Guarantee(self.guarantee(guarantee)?)),
-            (None, Some(policy)) => Some(Wish::Policy(self.policy(policy, machine)?)),
+            (Some(guarantee), None) => Some(Requirement::Guarantee(self.guarantee(guarantee)?)),
+            (None, Some(policy)) => Some(Requirement::Policy(self.policy(policy, machine)?)),
             (None, None) => None,
         };
         if let (Some(deadline), Some(_)) = (&raw.deadline, &raw.guarantee) {
@@ -197,7 +197,7 @@ impl Reader<'_> {
             name: raw.name.get_ref().clone(),
             handles: raw.handles.iter().map(|h| h.get_ref().clone()).collect(),
             cpu: self.cpu(raw.cpu.as_ref(), machine)?,
-            wish,
+            scheduling,
             load: Load {
                 runs: raw.runs.as_ref().map(|t| t.get_ref().0.clone()),
                 blocks: raw.blocks.as_ref().map(|t| t.get_ref().0.clone()),

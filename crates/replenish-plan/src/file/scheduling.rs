@@ -5,8 +5,8 @@ use super::read::{Found, Reader};
 use crate::Machine;
 use crate::Nanos;
 use crate::guarantee::Guarantee;
-use replenish_sim::{Policy, Releases};
-use sporadic::{Low, Params};
+use replenish_sim::Releases;
+use sporadic::{Low, Params, Policy};
 use toml::Spanned;
 
 impl Reader<'_> {
@@ -23,7 +23,7 @@ impl Reader<'_> {
                 return self.wrong(at, allowed);
             }
         };
-        let guarantee = Guarantee {
+        let mut guarantee = Guarantee {
             deadline: time(&raw.deadline),
             importance: raw
                 .importance
@@ -31,9 +31,9 @@ impl Reader<'_> {
                 .map_or(Guarantee::IMPORTANCE, |i| *i.get_ref()),
             minimum: time(&raw.minimum),
             desired: time(&raw.desired),
-            suspend: raw.suspend,
             ..Guarantee::new(amount, period, per_job)
         };
+        guarantee.budget.suspend = raw.suspend;
         let Err(error) = guarantee.check() else {
             return Ok(guarantee);
         };
@@ -145,10 +145,7 @@ impl Reader<'_> {
                     return self.wrong(given, "allowed 1 to 128");
                 }
                 match Params::new(priority, low, time(&raw.budget), time(&raw.period), repl) {
-                    Ok(params) => Ok(Policy::Budget {
-                        kind: sporadic::Kind::Corrected,
-                        params,
-                    }),
+                    Ok(params) => Ok(Policy::Sporadic(params)),
                     Err(error) => self.wrong(at, error.to_string()),
                 }
             }
@@ -163,6 +160,7 @@ impl Reader<'_> {
                     runtime,
                     deadline,
                     period,
+                    reclaim: false,
                 })
             }
         }

@@ -1,9 +1,9 @@
 //! From a file and its plan to what the simulator runs.
 
 use super::{Deployment, Described, Load};
-use crate::{Nanos, Plan, Wish};
+use crate::{Nanos, Plan, Requirement};
 use replenish_sim::analysis::Section;
-use replenish_sim::{Policy, Releases, Span, Step, System, Thread};
+use replenish_sim::{Releases, Span, Step, System, Thread};
 
 impl Deployment {
     /// The system as planned. Thread `i` is worker `i`; the executor, if it has a budget, comes
@@ -19,7 +19,7 @@ impl Deployment {
         let workers = self.workers.iter().zip(&plan.workers);
         let mut threads: Vec<Thread> = workers
             .map(|(described, planned)| {
-                let mut thread = Thread::new(&*described.name, planned.policy.clone());
+                let mut thread = Thread::new(&*described.name, planned.policy);
                 thread.cpu = place(planned.cpu);
                 thread.deadline = planned.deadline;
                 self.fill(&mut thread, described, planned.amount);
@@ -27,9 +27,9 @@ impl Deployment {
             })
             .collect();
         if let Some(executor) = &plan.executor
-            && let Policy::Budget { params, .. } = &executor.policy
+            && let Some(params) = executor.policy.params()
         {
-            let mut thread = Thread::new("executor", executor.policy.clone());
+            let mut thread = Thread::new("executor", executor.policy);
             thread.cpu = place(executor.cpu);
             let busy = self.dispatching(params.period()).min(params.budget());
             thread.releases = Releases::periodic(params.period());
@@ -46,8 +46,8 @@ impl Deployment {
 
     fn fill(&self, thread: &mut Thread, described: &Described, amount: Option<Nanos>) {
         let load = &described.load;
-        let guarantee = match &described.wish {
-            Some(Wish::Guarantee(guarantee)) => Some(guarantee),
+        let guarantee = match &described.scheduling {
+            Some(Requirement::Guarantee(guarantee)) => Some(guarantee),
             _ => None,
         };
         thread.releases = match (&load.releases, guarantee) {
@@ -99,8 +99,8 @@ impl Deployment {
             Some(Releases::Sporadic { gap, .. }) => 2.0 / (gap.min() + gap.max()).max(1) as f64,
             Some(Releases::Bursty { period, burst, .. }) => f64::from(*burst) / *period as f64,
             Some(Releases::At(_) | Releases::Never) => 0.0,
-            None => match &worker.wish {
-                Some(Wish::Guarantee(guarantee)) => 1.0 / guarantee.period() as f64,
+            None => match &worker.scheduling {
+                Some(Requirement::Guarantee(guarantee)) => 1.0 / guarantee.period() as f64,
                 _ => 0.0,
             },
         };

@@ -2,8 +2,8 @@
 
 use crate::span::Exact;
 use crate::{Guarantee, Machine};
-use replenish_sim::{Policy, Releases, Span};
-use sporadic::Low;
+use replenish_sim::{Releases, Span};
+use sporadic::{Low, Policy};
 use std::fmt;
 
 /// A file to be written; it prints as TOML that [`Deployment::parse`](super::Deployment::parse)
@@ -99,14 +99,14 @@ fn guarantee_text(g: &Guarantee) -> String {
     let mut text = if g.per_job {
         format!(
             "{{ rate = \"{} Hz\", takes = \"{}\"",
-            1e9 / g.period as f64,
-            Exact(g.amount)
+            1e9 / g.period() as f64,
+            Exact(g.amount())
         )
     } else {
         format!(
             "{{ budget = \"{}\", period = \"{}\"",
-            Exact(g.amount),
-            Exact(g.period)
+            Exact(g.amount()),
+            Exact(g.period())
         )
     };
     for (key, value) in [
@@ -121,7 +121,7 @@ fn guarantee_text(g: &Guarantee) -> String {
     if g.importance != Guarantee::IMPORTANCE {
         text += &format!(", importance = {}", g.importance);
     }
-    if g.suspend {
+    if g.budget().suspend {
         text += ", suspend = true";
     }
     text + " }"
@@ -130,8 +130,10 @@ fn guarantee_text(g: &Guarantee) -> String {
 fn policy_text(policy: &Policy) -> String {
     match policy {
         Policy::Other => "{ kind = \"time-shared\" }".into(),
-        Policy::Fifo { priority } => format!("{{ kind = \"fifo\", priority = {priority} }}"),
-        Policy::Budget { params, .. } => {
+        Policy::Fifo { priority } | Policy::RoundRobin { priority } => {
+            format!("{{ kind = \"fifo\", priority = {priority} }}")
+        }
+        Policy::Sporadic(params) | Policy::KernelSporadic(params) => {
             let low = match params.low() {
                 Low::Background(low) => format!("background = {low}"),
                 Low::Suspend => "suspend = true".into(),
@@ -148,6 +150,7 @@ fn policy_text(policy: &Policy) -> String {
             runtime,
             deadline,
             period,
+            ..
         } => format!(
             "{{ kind = \"deadline\", runtime = \"{}\", deadline = \"{}\", period = \"{}\" }}",
             Exact(*runtime),

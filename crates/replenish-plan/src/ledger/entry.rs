@@ -5,10 +5,10 @@
 
 use crate::guarantee::MAX_PERIOD;
 use crate::{Nanos, Overheads, Plan, Promise, Request};
-use replenish_sim::Policy;
 use replenish_sim::analysis::Demand;
 use serde::Deserialize;
-use sporadic::{Kind, Low, Params, Tuning};
+use sporadic::Policy;
+use sporadic::{Low, Params, Tuning};
 use std::fmt::Write;
 
 /// Longer files are refused, in bytes.
@@ -81,7 +81,7 @@ impl Entry {
                 let promise = Promise {
                     owner: String::new(),
                     cpu: planned.cpu,
-                    policy: planned.policy.clone(),
+                    policy: planned.policy,
                     demand,
                     deadline: planned.deadline,
                 };
@@ -92,12 +92,11 @@ impl Entry {
             let promise = Promise {
                 owner: String::new(),
                 cpu: executor.cpu,
-                policy: executor.policy.clone(),
+                policy: executor.policy,
                 demand: None,
-                deadline: executor.worst_response.and(match &executor.policy {
-                    Policy::Budget { params, .. } => Some(params.period()),
-                    _ => None,
-                }),
+                deadline: executor
+                    .worst_response
+                    .and(executor.policy.params().map(Params::period)),
             };
             ("executor".to_owned(), promise)
         }));
@@ -136,10 +135,10 @@ impl Entry {
             }
             match &promise.policy {
                 Policy::Other => {}
-                Policy::Fifo { priority } => {
+                Policy::Fifo { priority } | Policy::RoundRobin { priority } => {
                     line(format_args!("policy = ['fifo', {priority}, 0, 0, 0, 0]\n"));
                 }
-                Policy::Budget { params: p, .. } => {
+                Policy::Sporadic(p) | Policy::KernelSporadic(p) => {
                     let low = match p.low() {
                         Low::Background(low) => i64::from(low),
                         Low::Suspend => -1,
@@ -154,6 +153,7 @@ impl Entry {
                     runtime,
                     deadline,
                     period,
+                    ..
                 } => line(format_args!(
                     "policy = ['deadline', 0, {deadline}, {runtime}, {period}, 0]\n"
                 )),
@@ -240,10 +240,7 @@ fn thread(raw: RawThread) -> Result<(String, Promise), String> {
                 Err(_) => Low::Suspend,
             };
             let params = Params::new(priority, low, budget, period, repl);
-            Policy::Budget {
-                kind: Kind::Corrected,
-                params: params.map_err(|e| wrong(&e.to_string()))?,
-            }
+            Policy::Sporadic(params.map_err(|e| wrong(&e.to_string()))?)
         }
         RawKind::Deadline => {
             let deadline = Nanos::try_from(low).unwrap_or(0);
@@ -254,6 +251,7 @@ fn thread(raw: RawThread) -> Result<(String, Promise), String> {
                 runtime: budget,
                 deadline,
                 period,
+                reclaim: false,
             }
         }
         _ => return Err(wrong("its policy is out of range")),
@@ -315,7 +313,6 @@ mod tests {
     #[test]
     fn what_is_written_is_read_back_and_every_changed_byte_is_noticed() {
         let params = |low| Params::new(60, low, 3_000_000, 10_000_000, 16).unwrap();
-        let kind = Kind::Corrected;
         let promise = |policy| Promise {
             owner: String::new(),
             cpu: Some(3),
@@ -323,10 +320,7 @@ mod tests {
             demand: None,
             deadline: Some(7),
         };
-        let budget = |low| Policy::Budget {
-            kind,
-            params: params(low),
-        };
+        let budget = |low| Policy::Sporadic(params(low));
         let entry = Entry {
             program: "/usr/bin/arm".into(),
             pid: 7,
@@ -345,6 +339,7 @@ mod tests {
                             runtime: 1,
                             deadline: 2,
                             period: 3,
+                            reclaim: false,
                         })
                     },
                 ),

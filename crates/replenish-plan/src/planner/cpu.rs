@@ -3,8 +3,8 @@
 use super::levels;
 use super::tasks::{fixed_task, overhead, parameters, share, skeleton, task};
 use crate::{Machine, Nanos};
-use replenish_sim::Policy;
 use replenish_sim::analysis::{Bounds, Costs, Demand, Limit, Section, Task, bounds, within};
+use sporadic::Policy;
 use sporadic::{Low, Params};
 use std::ops::RangeInclusive;
 
@@ -52,10 +52,8 @@ pub(super) struct Fixed {
 impl Fixed {
     fn priority(&self) -> u8 {
         match &self.policy {
-            Policy::Other => 0,
-            Policy::Fifo { priority } => *priority,
-            Policy::Budget { params, .. } => params.priority(),
             Policy::Deadline { .. } => u8::MAX,
+            policy => policy.priority().unwrap_or(0),
         }
     }
 
@@ -63,8 +61,10 @@ impl Fixed {
     pub(super) fn is_unlimited_above(&self, level: u8) -> bool {
         match &self.policy {
             Policy::Other | Policy::Deadline { .. } => false,
-            Policy::Fifo { priority } => *priority >= level && self.demand.is_none(),
-            Policy::Budget { params, .. } => {
+            Policy::Fifo { priority } | Policy::RoundRobin { priority } => {
+                *priority >= level && self.demand.is_none()
+            }
+            Policy::Sporadic(params) | Policy::KernelSporadic(params) => {
                 self.demand.is_none()
                     && matches!(params.low(), Low::Background(low) if low >= level)
             }
@@ -152,7 +152,7 @@ pub(super) fn holds(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], machine: &Machin
 fn costs(fixed: &[&Fixed], machine: &Machine) -> Costs {
     let alone = fixed
         .iter()
-        .all(|f| f.own && matches!(f.policy, Policy::Budget { .. } | Policy::Other));
+        .all(|f| f.own && (f.policy.params().is_some() || f.policy == Policy::Other));
     machine.overheads.costs(alone)
 }
 
@@ -288,7 +288,7 @@ fn limits(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], floor: u8) -> Vec<Limit> {
     });
     let delaying = fixed.iter().filter(|f| fixed_task(f, floor).is_some());
     let others = delaying.map(|f| {
-        let budget = matches!(f.policy, Policy::Budget { .. });
+        let budget = f.policy.params().is_some();
         Limit {
             service: f.deadline.filter(|_| budget),
             response: f.deadline.filter(|_| !budget || f.demand.is_some()),
@@ -302,9 +302,9 @@ fn failure(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], plan: &CpuPlan) -> Option
     let promised = fixed.iter().zip(&plan.fixed).enumerate();
     let promised = promised.filter_map(|(index, (f, bounds))| {
         let allowed = f.deadline?;
-        let bound = match (f.demand, &f.policy) {
-            (None, Policy::Budget { .. }) => bounds.service,
-            (Some(_), Policy::Budget { .. }) => both(bounds),
+        let bound = match (f.demand, f.policy.params()) {
+            (None, Some(_)) => bounds.service,
+            (Some(_), Some(_)) => both(bounds),
             _ => bounds.response,
         };
         Some((Victim::Fixed(index), bound, allowed))

@@ -2,7 +2,8 @@
 
 use super::{assign, problem::Problem, search};
 use crate::span::{Rounded, step};
-use crate::{Guarantee, Nanos, Request, Wish, Worker};
+use crate::{Guarantee, Nanos, Request, Requirement, Worker};
+use sporadic::Budget;
 use std::fmt;
 
 /// A change to a request with which it is admitted.
@@ -60,13 +61,16 @@ pub(super) fn without(request: &Request, names: &[String]) -> Request {
 /// Gives a worker's guarantee another amount, fixed, and another period. A deadline that was the
 /// period, or does not fit the period any more, becomes the period.
 fn change(worker: &mut Worker, amount: Nanos, period: Nanos) {
-    if let Wish::Guarantee(guarantee) = &mut worker.wish {
+    if let Requirement::Guarantee(guarantee) = &mut worker.scheduling {
         *guarantee = Guarantee {
-            amount,
-            period,
+            budget: Budget {
+                amount,
+                period,
+                ..guarantee.budget
+            },
             minimum: None,
             desired: None,
-            deadline: guarantee.deadline.filter(|d| *d < guarantee.period),
+            deadline: guarantee.deadline.filter(|d| *d < guarantee.period()),
             ..*guarantee
         };
     }
@@ -97,15 +101,15 @@ pub(super) fn nearest(request: &Request, worker: &str, left_out: &[String]) -> V
 
     let amount = guarantee.minimum();
     let by = step(amount, digits);
-    let smaller = |n: Nanos| fit(n * by, guarantee.period, Changed::Amount);
+    let smaller = |n: Nanos| fit(n * by, guarantee.period(), Changed::Amount);
     if admits(&smaller(1)) {
         let good = search(1, amount.div_ceil(by).max(2), |n| admits(&smaller(n)));
         found.push(smaller(good));
     }
 
     let longer = |period| fit(amount, period, Changed::Period);
-    let longest = guarantee.period.saturating_mul(LONGER);
-    let mut good = guarantee.period;
+    let longest = guarantee.period().saturating_mul(LONGER);
+    let mut good = guarantee.period();
     let reached = admits(&longer(longest)) && {
         while good < longest {
             good = good.saturating_mul(2);

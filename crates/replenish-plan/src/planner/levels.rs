@@ -1,6 +1,7 @@
 //! Priorities from deadlines, on a scale that programs share without knowing each other.
 
 use crate::Nanos;
+use sporadic::priority::by_rank;
 use std::ops::RangeInclusive;
 
 /// The deadline that has the highest level.
@@ -45,9 +46,7 @@ pub(super) fn assign(
     let mut ceiling = high;
     for (index, &deadline) in distinct.iter().enumerate() {
         if count > room {
-            // More deadlines than levels: neighbours share.
-            let down = index * room / count;
-            levels.push(clamp(high - i32::try_from(down).unwrap_or(0)));
+            levels.push(by_rank(range, index, count));
             continue;
         }
         let floor = low + i32::try_from(count - 1 - index).unwrap_or(0);

@@ -28,8 +28,7 @@ pub use refusal::Refusal;
 use crate::{Nanos, Request};
 use assign::Placed;
 use problem::{Problem, Whose};
-use replenish_sim::Policy;
-use sporadic::Kind;
+use sporadic::Policy;
 
 /// A schedule in which every guarantee holds.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,11 +72,7 @@ impl PlannedWorker {
     /// Its real-time priority while it has budget; 0 without one.
     #[must_use]
     pub fn priority(&self) -> u8 {
-        match &self.policy {
-            Policy::Fifo { priority } => *priority,
-            Policy::Budget { params, .. } => params.priority(),
-            Policy::Other | Policy::Deadline { .. } => 0,
-        }
+        self.policy.priority().unwrap_or(0)
     }
 
     /// From the worst response to the deadline, in ns.
@@ -181,8 +176,7 @@ fn describe(problem: &Problem<'_>, placed: &Placed, amounts: &[Nanos]) -> Plan {
             let Some(&params) = found.params.get(place) else {
                 continue;
             };
-            let kind = Kind::Corrected;
-            let policy = Policy::Budget { kind, params };
+            let policy = Policy::Sporadic(params);
             match whose {
                 Whose::Executor => {
                     plan.executor = Some(PlannedExecutor {
@@ -238,7 +232,7 @@ fn describe(problem: &Problem<'_>, placed: &Placed, amounts: &[Nanos]) -> Plan {
     if let crate::ExecutorRequest::Policy { policy, cpu } = &request.executor {
         plan.executor = Some(PlannedExecutor {
             cpu: *cpu,
-            policy: policy.clone(),
+            policy: *policy,
             worst_response: None,
             reasons: vec!["policy given".into()],
         });

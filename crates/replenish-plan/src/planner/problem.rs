@@ -4,8 +4,8 @@ use super::cpu::{Fixed, Seat};
 use crate::guarantee::MAX_PERIOD;
 use crate::span::Exact;
 use crate::{ExecutorRequest, Guarantee, Nanos, Overheads, Request};
-use replenish_sim::Policy;
 use replenish_sim::analysis::Demand;
+use sporadic::Policy;
 
 /// The share of a CPU that a planned executor gets: a twentieth.
 const EXECUTOR_SHARE: Nanos = 20;
@@ -55,16 +55,16 @@ impl<'r> Problem<'r> {
             {
                 return Err(format!("there are two workers named {:?}", worker.name));
             }
-            match (worker.guarantee(), &worker.wish) {
+            match (worker.guarantee(), &worker.scheduling) {
                 (Some(guarantee), _) => {
                     guarantee.check().map_err(|e| format!("{owner}: {e}"))?;
                     let seat = worker_seat(worker, guarantee);
                     problem.seats.push((Whose::Worker(index), seat));
                 }
-                (None, crate::Wish::Policy(policy)) => {
+                (None, crate::Requirement::Policy(policy)) => {
                     problem.check_policy(&owner, policy)?;
                     let fixed = Fixed {
-                        policy: policy.clone(),
+                        policy: *policy,
                         demand: worker.demand,
                         sections: worker.sections.clone(),
                         deadline: worker.deadline,
@@ -74,12 +74,12 @@ impl<'r> Problem<'r> {
                         .fixed
                         .push((Whose::Worker(index), worker.cpu, fixed));
                 }
-                (None, crate::Wish::Guarantee(_)) => {}
+                (None, crate::Requirement::Guarantee(_)) => {}
             }
         }
         for (index, promise) in request.promised.iter().enumerate() {
             let fixed = Fixed {
-                policy: promise.policy.clone(),
+                policy: promise.policy,
                 demand: promise.demand,
                 sections: Vec::new(),
                 deadline: promise.deadline,
@@ -139,31 +139,21 @@ impl<'r> Problem<'r> {
 
     fn check_policy(&self, owner: &str, policy: &Policy) -> Result<(), String> {
         let enforcer = self.request.machine.enforcer_priority;
-        let priority = match policy {
-            Policy::Fifo { priority } => *priority,
-            Policy::Budget { params, .. } if params.period() > MAX_PERIOD => {
-                return Err(format!(
-                    "{owner}: period {} is out of range: allowed up to {}",
-                    Exact(params.period()),
-                    Exact(MAX_PERIOD)
-                ));
-            }
-            Policy::Budget { params, .. } => params.priority(),
-            Policy::Deadline { period, .. } if *period > MAX_PERIOD => {
-                let (period, most) = (Exact(*period), Exact(MAX_PERIOD));
-                return Err(format!(
-                    "{owner}: period {period} is out of range: allowed up to {most}"
-                ));
-            }
-            Policy::Other | Policy::Deadline { .. } => return Ok(()),
+        if let Some(period) = policy.period().filter(|p| *p > MAX_PERIOD) {
+            let (period, most) = (Exact(period), Exact(MAX_PERIOD));
+            return Err(format!(
+                "{owner}: period {period} is out of range: allowed up to {most}"
+            ));
+        }
+        let Some(priority) = policy.priority() else {
+            return Ok(());
         };
         if priority == 0 || priority > 99 {
             return Err(format!(
                 "{owner}: priority {priority} is out of range: allowed 1 to 99"
             ));
         }
-        let budget = matches!(policy, Policy::Budget { .. });
-        if budget && priority >= enforcer {
+        if policy.params().is_some() && priority >= enforcer {
             return Err(format!(
                 "{owner}: priority {priority} is out of range: allowed 1 to {} (below the enforcer)",
                 enforcer - 1
@@ -178,7 +168,7 @@ impl<'r> Problem<'r> {
             ExecutorRequest::None => {}
             ExecutorRequest::Policy { policy, cpu } => {
                 let fixed = Fixed {
-                    policy: policy.clone(),
+                    policy: *policy,
                     demand: None,
                     sections: Vec::new(),
                     deadline: None,
@@ -280,7 +270,7 @@ fn worker_seat(worker: &crate::Worker, guarantee: &Guarantee) -> Seat {
         deadline: guarantee.due_within(),
         per_job: rate,
         importance: guarantee.importance,
-        suspend: guarantee.suspend,
+        suspend: guarantee.budget().suspend,
         demand: rate.then_some(demand),
         late: if rate { worker.late } else { 0 },
         sections: if rate {

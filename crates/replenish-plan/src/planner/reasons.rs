@@ -3,15 +3,15 @@
 use super::PlannedWorker;
 use super::cpu::Seat;
 use crate::span::{Exact, Rounded};
-use crate::{Guarantee, Machine, Nanos, Wish, Worker};
-use replenish_sim::Policy;
+use crate::{Guarantee, Machine, Nanos, Requirement, Worker};
+use sporadic::Policy;
 use sporadic::{Low, Params};
 
 /// A worker before anything was chosen for it.
 pub(super) fn given(worker: &Worker) -> PlannedWorker {
-    let policy = match &worker.wish {
-        Wish::Policy(policy) => policy.clone(),
-        Wish::Guarantee(_) => Policy::Other,
+    let policy = match &worker.scheduling {
+        Requirement::Policy(policy) => *policy,
+        Requirement::Guarantee(_) => Policy::Other,
     };
     PlannedWorker {
         name: worker.name.clone(),

@@ -2,8 +2,8 @@
 
 use super::cpu::{Fixed, PIECES, Seat};
 use crate::{Machine, Nanos};
-use replenish_sim::Policy;
 use replenish_sim::analysis::{Costs, Demand, Scheduling, Task};
+use sporadic::Policy;
 use sporadic::{Low, Params};
 
 /// Replenishments of a worker with one job per period: at most two jobs begin in a period.
@@ -63,12 +63,12 @@ fn pieces_of(params: &Params) -> Demand {
 pub(super) fn fixed_task(fixed: &Fixed, floor: u8) -> Option<Task> {
     let mut task = match &fixed.policy {
         Policy::Other => return None,
-        Policy::Fifo { priority } => Task {
+        Policy::Fifo { priority } | Policy::RoundRobin { priority } => Task {
             scheduling: Scheduling::Fifo(*priority),
             demand: fixed.demand,
             sections: Vec::new(),
         },
-        Policy::Budget { params, .. } => {
+        Policy::Sporadic(params) | Policy::KernelSporadic(params) => {
             let below = match params.low() {
                 Low::Background(low) => low < floor,
                 Low::Suspend => true,
@@ -166,8 +166,10 @@ pub(super) fn share(params: &[Params], fixed: &[&Fixed], costs: &Costs) -> f64 {
     let reserved = |p: &Params| ratio(p.budget() + costs.enforcement, p.period());
     let given = fixed.iter().map(|f| match &f.policy {
         Policy::Other => 0.0,
-        Policy::Fifo { .. } => f.demand.map_or(0.0, |d| ratio(d.cost, d.period)),
-        Policy::Budget { params, .. } => reserved(params),
+        Policy::Fifo { .. } | Policy::RoundRobin { .. } => {
+            f.demand.map_or(0.0, |d| ratio(d.cost, d.period))
+        }
+        Policy::Sporadic(params) | Policy::KernelSporadic(params) => reserved(params),
         Policy::Deadline {
             runtime, period, ..
         } => ratio(*runtime, *period),

@@ -186,7 +186,6 @@ fn what_is_written_is_read_back() {
         .up_to(ms(20));
     let rate = Guarantee::at(30.0).taking(ms(3)).deadline(ms(20));
     let params = Params::new(60, Low::Suspend, 1_500_000, 7_000_000, 9).unwrap();
-    let kind = sporadic::Kind::Corrected;
     let worker = |name: &str| TemplateWorker {
         name: name.into(),
         ..TemplateWorker::default()
@@ -214,7 +213,7 @@ fn what_is_written_is_read_back() {
                 ..worker("b")
             },
             TemplateWorker {
-                policy: Some(Policy::Budget { kind, params }),
+                policy: Some(Policy::Sporadic(params)),
                 ..worker("c")
             },
             worker("d"),
@@ -222,16 +221,19 @@ fn what_is_written_is_read_back() {
     };
     let text = template.to_string();
     let read = Deployment::parse(&text, "t").unwrap_or_else(|e| panic!("{e}\n{text}"));
-    let wish = |i: usize| read.workers[i].wish.clone();
-    use replenish_plan::Wish;
+    let scheduling = |i: usize| read.workers[i].scheduling.clone();
+    use replenish_plan::Requirement;
     assert_eq!(read.machine, Machine::with_cpus(2));
-    assert_eq!(wish(0), template.workers[0].guarantee.map(Wish::Guarantee));
-    assert_eq!(wish(1), Some(Wish::Guarantee(rate)));
     assert_eq!(
-        wish(2),
-        template.workers[2].policy.clone().map(Wish::Policy)
+        scheduling(0),
+        template.workers[0].guarantee.map(Requirement::Guarantee)
     );
-    assert_eq!(wish(3), None);
+    assert_eq!(scheduling(1), Some(Requirement::Guarantee(rate)));
+    assert_eq!(
+        scheduling(2),
+        template.workers[2].policy.map(Requirement::Policy)
+    );
+    assert_eq!(scheduling(3), None);
     assert_eq!(read.workers[0].name, template.workers[0].name);
     assert_eq!(read.workers[0].load.releases, template.workers[0].releases);
     assert_eq!(read.workers[0].load.runs, template.workers[0].runs);

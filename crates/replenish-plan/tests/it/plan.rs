@@ -2,7 +2,7 @@
 
 use replenish_plan::{ExecutorRequest, Guarantee, Machine, Promise, Request, Worker, plan};
 use replenish_sim::Policy;
-use sporadic::{Kind, Low, Params};
+use sporadic::{Low, Params};
 use std::time::Duration;
 
 fn ms(n: u64) -> Duration {
@@ -81,7 +81,7 @@ fn a_rate_gets_what_its_callback_needs() {
         Guarantee::at(100.0).taking(ms(2)).deadline(ms(5)),
     );
     let admitted = plan(&request(1).worker(worker)).unwrap();
-    let Policy::Budget { params, .. } = &admitted.workers[0].policy else {
+    let Policy::Sporadic(params) = &admitted.workers[0].policy else {
         panic!("{admitted:?}");
     };
     assert!(params.budget() > 2_000_000 && params.period() < 10_000_000);
@@ -93,10 +93,9 @@ fn what_others_were_promised_is_kept() {
     let promise = |priority, budget: u64| Promise {
         owner: "process 7 of /usr/bin/arm, worker \"arm\"".into(),
         cpu: Some(0),
-        policy: Policy::Budget {
-            kind: Kind::Corrected,
-            params: Params::new(priority, Low::Background(0), budget, 100_000_000, 16).unwrap(),
-        },
+        policy: Policy::Sporadic(
+            Params::new(priority, Low::Background(0), budget, 100_000_000, 16).unwrap(),
+        ),
         demand: None,
         deadline: Some(100_000_000),
     };
@@ -157,7 +156,7 @@ fn the_executor_has_a_place_of_its_own() {
     let admitted = plan(&request).unwrap();
     let executor = admitted.executor.unwrap();
     assert_eq!(executor.cpu, Some(1));
-    let Policy::Budget { params, .. } = executor.policy else {
+    let Policy::Sporadic(params) = executor.policy else {
         panic!("no budget");
     };
     assert_eq!((params.priority(), params.period()), (98, 2_000_000));

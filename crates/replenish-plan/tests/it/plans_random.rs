@@ -5,13 +5,13 @@
 //! seed.
 
 use replenish_plan::{
-    ExecutorRequest, Guarantee, Machine, Nanos, Overheads, Plan, Promise, Request, Wish, Worker,
-    plan,
+    ExecutorRequest, Guarantee, Machine, Nanos, Overheads, Plan, Promise, Request, Requirement,
+    Worker, plan,
 };
 use replenish_sim::analysis::Demand;
 use replenish_sim::{Options, Policy, Random, Releases, Span, Step, System, Thread, simulate};
 use replenish_testkit::sets;
-use sporadic::{Kind, Low, Params};
+use sporadic::{Low, Params};
 use std::time::Duration;
 
 const US: Nanos = 1_000;
@@ -101,10 +101,7 @@ fn random_promise(r: &mut Random, cpus: usize) -> Promise {
     Promise {
         owner: "another program".into(),
         cpu: Some(r.up_to(cpus as u64 - 1) as usize),
-        policy: Policy::Budget {
-            kind: Kind::Corrected,
-            params,
-        },
+        policy: Policy::Sporadic(params),
         demand: None,
         deadline: Some(period),
     }
@@ -115,10 +112,10 @@ fn system(request: &Request, plan: &Plan, r: &mut Random) -> System {
     let overheads = &request.machine.overheads;
     let mut threads = Vec::new();
     for (worker, planned) in request.workers.iter().zip(&plan.workers) {
-        let Wish::Guarantee(guarantee) = &worker.wish else {
+        let Requirement::Guarantee(guarantee) = &worker.scheduling else {
             continue;
         };
-        let mut thread = Thread::new(&*worker.name, planned.policy.clone()).on(planned.cpu);
+        let mut thread = Thread::new(&*worker.name, planned.policy).on(planned.cpu);
         let offset = if one_in(r, 2) {
             0
         } else {
@@ -168,13 +165,13 @@ fn system(request: &Request, plan: &Plan, r: &mut Random) -> System {
         threads.push(thread.queue(10));
     }
     for promise in &request.promised {
-        let thread = Thread::new("promised", promise.policy.clone())
+        let thread = Thread::new("promised", promise.policy)
             .on(promise.cpu)
             .released(Releases::At(vec![0]));
         threads.push(thread.runs(1_000_000 * MS));
     }
     if let Some(executor) = &plan.executor {
-        let thread = Thread::new("executor", executor.policy.clone()).on(executor.cpu);
+        let thread = Thread::new("executor", executor.policy).on(executor.cpu);
         threads.push(thread.released(Releases::At(vec![0])).runs(1_000_000 * MS));
     }
     System {
@@ -255,7 +252,7 @@ fn asking_for_less(seed: u64, request: &Request, r: &mut Random) {
         panic!("seed {seed}: refused without worker {index}: {refusal}\n{request:#?}");
     }
     let mut less = request.clone();
-    let Wish::Guarantee(guarantee) = &mut less.workers[index].wish else {
+    let Requirement::Guarantee(guarantee) = &mut less.workers[index].scheduling else {
         return;
     };
     let amount = Duration::from_nanos((guarantee.minimum() / 2).max(1));

@@ -73,10 +73,10 @@ fn describe_thread(system: &System, thread: &Thread) -> Option<Task> {
         }
     }
     let mut task = match thread.policy {
-        Policy::Fifo { priority } => Task::fifo(priority, demand),
-        Policy::Budget { kind, params } => {
+        Policy::Fifo { priority } | Policy::RoundRobin { priority } => Task::fifo(priority, demand),
+        Policy::Sporadic(params) | Policy::KernelSporadic(params) => {
             let unseen = demand.suspensions > 0 && !system.platform.blocking_seen;
-            if kind != sporadic::Kind::Corrected || unseen {
+            if thread.server != sporadic::Kind::Corrected || unseen {
                 return None;
             }
             Task::reserved(params, Some(demand))

@@ -79,8 +79,8 @@ impl<'a> State<'a> {
         seed: u64,
         id: usize,
     ) -> Result<Self, String> {
-        let budget = match thread.policy {
-            Policy::Budget { kind, params } => {
+        let budget = match thread.policy.params() {
+            Some(params) => {
                 let tuning = match platform.enforcement {
                     Enforcement::Kernel => Tuning {
                         slack: 0,
@@ -89,18 +89,19 @@ impl<'a> State<'a> {
                     },
                     Enforcement::Timer { tuning, .. } => tuning,
                 };
-                let server = Server::<CAPACITY>::new(kind, params, 0)
+                let server = Server::<CAPACITY>::new(thread.server, *params, 0)
                     .map_err(|error| error.to_string())?
                     .with_min_chunk(tuning.slack);
                 Some(Box::new(Reservation::new(server, tuning, 0, 0)))
             }
-            _ => None,
+            None => None,
         };
         let cbs = match thread.policy {
             Policy::Deadline {
                 runtime,
                 deadline,
                 period,
+                ..
             } => Some(Cbs::new(runtime, deadline, period)),
             _ => None,
         };
@@ -133,8 +134,10 @@ impl<'a> State<'a> {
     pub(super) fn base_rank(&self) -> Option<Rank> {
         match self.policy {
             Policy::Other => Some(0),
-            Policy::Fifo { priority } => Some(u64::from(*priority)),
-            Policy::Budget { params, .. } => {
+            Policy::Fifo { priority } | Policy::RoundRobin { priority } => {
+                Some(u64::from(*priority))
+            }
+            Policy::Sporadic(params) | Policy::KernelSporadic(params) => {
                 let level = self.budget.as_ref().map_or(Level::High, |b| b.level());
                 match (level, params.low()) {
                     (Level::High, _) => Some(u64::from(params.priority())),

@@ -5,17 +5,14 @@ use replenish_sim::analysis::{Costs, Demand, Section, Supply, Task, bounds, util
 use replenish_sim::{
     Nanos, Options, Policy, Random, Releases, Span, Step, System, Thread, simulate,
 };
-use sporadic::{Kind, Low, Params};
+use sporadic::{Low, Params};
 
 fn params(priority: u8, budget: Nanos, period: Nanos) -> Params {
     Params::new(priority, Low::Suspend, budget, period, 16).unwrap()
 }
 
 fn reserved(params: Params) -> Policy {
-    Policy::Budget {
-        kind: Kind::Corrected,
-        params,
-    }
+    Policy::Sporadic(params)
 }
 
 fn responses(tasks: &[Task]) -> Vec<Option<Nanos>> {

@@ -5,13 +5,10 @@ use replenish_sim::analysis::{Bounds, Costs, Demand, Section, Task, bounds, desc
 use replenish_sim::{
     Enforcement, Nanos, Options, Platform, Policy, Releases, Span, Step, System, Thread, simulate,
 };
-use sporadic::{Kind, Low, Params, Tuning};
+use sporadic::{Low, Params, Tuning};
 
 fn reserved(params: Params) -> Policy {
-    Policy::Budget {
-        kind: Kind::Corrected,
-        params,
-    }
+    Policy::Sporadic(params)
 }
 
 fn params(priority: u8, budget: Nanos, period: Nanos) -> Params {
@@ -185,6 +182,7 @@ fn describe_says_what_the_body_does_and_refuses_what_is_not_covered() {
                 runtime: 1,
                 deadline: 2,
                 period: 3,
+                reclaim: false,
             },
             ..thread
         },

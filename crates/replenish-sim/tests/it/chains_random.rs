@@ -7,7 +7,7 @@ use replenish_sim::{
     Nanos, Options, Platform, Policy, Random, Releases, Span, Step, System, Thread, What, simulate,
 };
 use replenish_testkit::sets;
-use sporadic::{Kind, Low, Params};
+use sporadic::{Low, Params};
 
 const STAGES: usize = 3;
 
@@ -39,10 +39,7 @@ fn random_case(seed: u64) -> Case {
         let demand = Demand::new(cost, period);
         let (policy, task) = if r.up_to(2) == 0 && !stage {
             let params = Params::new(priority, Low::Suspend, cost, period, 16).unwrap();
-            let policy = Policy::Budget {
-                kind: Kind::Corrected,
-                params,
-            };
+            let policy = Policy::Sporadic(params);
             (policy, Task::reserved(params, Some(demand)))
         } else {
             (Policy::Fifo { priority }, Task::fifo(priority, demand))

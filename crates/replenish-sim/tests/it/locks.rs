@@ -3,7 +3,7 @@
 use replenish_sim::{
     Nanos, Options, Outcome, Policy, Releases, SimError, Step, System, Thread, simulate,
 };
-use sporadic::{Kind, Low, Params};
+use sporadic::{Low, Params};
 
 fn once(at: Nanos) -> Releases {
     Releases::At(vec![at])
@@ -77,10 +77,7 @@ fn inheritance_goes_along_a_chain_of_locks() {
 #[test]
 fn a_suspended_holder_runs_while_it_blocks_someone() {
     let params = Params::new(9, Low::Suspend, 4, 100, 8).unwrap();
-    let holder = Policy::Budget {
-        kind: Kind::Corrected,
-        params,
-    };
+    let holder = Policy::Sporadic(params);
     let system = with_locks(
         1,
         vec![

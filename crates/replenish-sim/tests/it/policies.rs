@@ -4,13 +4,10 @@ use replenish_sim::{
     End, Enforcement, Nanos, Options, Outcome, Overflow, Platform, Policy, Random, Releases, Span,
     Step, System, Thread, What, simulate,
 };
-use sporadic::{Kind, Level, Low, Params, Tuning};
+use sporadic::{Level, Low, Params, Tuning};
 
 fn budget(priority: u8, low: Low, budget: Nanos, period: Nanos) -> Policy {
-    Policy::Budget {
-        kind: Kind::Corrected,
-        params: Params::new(priority, low, budget, period, 16).unwrap(),
-    }
+    Policy::Sporadic(Params::new(priority, low, budget, period, 16).unwrap())
 }
 
 fn fifo(priority: u8) -> Policy {
@@ -180,6 +177,7 @@ fn deadline_threads_go_before_fifo_by_deadline_and_are_throttled() {
         runtime,
         deadline: period,
         period,
+        reclaim: false,
     };
     let system = System::on_one_cpu(vec![
         Thread::new("long", dl(5, 20)).released(once(0)).runs(8),

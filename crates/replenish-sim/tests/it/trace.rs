@@ -1,17 +1,14 @@
 //! What the trace says of CPUs and budgets, for drawing schedules.
 
 use replenish_sim::{Options, Policy, Releases, System, Thread, What, simulate};
-use sporadic::{Kind, Low, Params};
+use sporadic::{Low, Params};
 
 const MS: u64 = 1_000_000;
 
 #[test]
 fn the_trace_tells_who_has_the_cpu_and_what_budgets_have_left() {
     let params = Params::new(60, Low::Background(6), 30 * MS, 100 * MS, 16).unwrap();
-    let high = Policy::Budget {
-        kind: Kind::Corrected,
-        params,
-    };
+    let high = Policy::Sporadic(params);
     let system = System::on_one_cpu(vec![
         Thread::new("high", high)
             .released(Releases::periodic(10 * MS))

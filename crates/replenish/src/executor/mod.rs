@@ -44,7 +44,6 @@ pub use handles::timer::TimerHandle;
 pub use run::round_stats::RoundStats;
 pub use run::rules::{DeadlineMiss, HandleOptions, HandleStates, OnMiss, Semantics, Trigger};
 pub use start::local::{LocalExecutor, SpinEnd, SpinResult};
-pub(crate) use start::planning;
 pub use start::planning::AdmissionReport;
 #[cfg(feature = "texts")]
 pub use start::report::RoundReport;

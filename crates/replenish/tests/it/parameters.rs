@@ -98,7 +98,7 @@ fn workers_are_checked_when_the_executor_starts() {
         worker.timer(MS, |_| ()).unwrap();
     });
     assert!(
-        budget.starts_with("worker \"w\": budget = 2ms every 1ms is not allowed"),
+        budget.starts_with("worker \"w\": budget = 2 ms every 1 ms is not allowed"),
         "{budget}"
     );
     let stack = start(&|e| {

@@ -39,8 +39,10 @@ pub(super) fn of(system: &System, outcome: &Outcome) -> Vec<Lane> {
         .map(|(id, thread)| {
             let (full, policy) = match &thread.policy {
                 Policy::Other => (0, "time-shared".to_string()),
-                Policy::Fifo { priority } => (0, format!("FIFO {priority}")),
-                Policy::Budget { params, .. } => (
+                Policy::Fifo { priority } | Policy::RoundRobin { priority } => {
+                    (0, format!("FIFO {priority}"))
+                }
+                Policy::Sporadic(params) | Policy::KernelSporadic(params) => (
                     params.budget(),
                     format!(
                         "{}, priority {}",
@@ -131,17 +133,14 @@ impl Lane {
 mod tests {
     use super::*;
     use replenish_sim::{Options, Releases, Thread, simulate};
-    use sporadic::{Kind, Low, Params};
+    use sporadic::{Low, Params};
 
     const MS: Nanos = 1_000_000;
 
     #[test]
     fn bars_add_up_to_the_cpu_time_and_the_budget_line_never_slants_upwards() {
         let params = Params::new(60, Low::Background(6), 30 * MS, 100 * MS, 16).unwrap();
-        let policy = Policy::Budget {
-            kind: Kind::Corrected,
-            params,
-        };
+        let policy = Policy::Sporadic(params);
         let system = System::on_one_cpu(vec![
             Thread::new("high", policy)
                 .released(Releases::periodic(50 * MS))

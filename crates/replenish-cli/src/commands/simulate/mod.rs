@@ -12,8 +12,8 @@ use crate::outcome::{Failure, Outcome};
 use crate::report::files;
 use crate::report::html::Page;
 use crate::report::table::Table;
-use replenish_plan::{Deployment, Nanos, Plan, Wish};
-use replenish_sim::{Options, Outcome as Simulated, Policy, System, ThreadOutcome, simulate};
+use replenish_plan::{Deployment, Nanos, Plan, Requirement};
+use replenish_sim::{Options, Outcome as Simulated, System, ThreadOutcome, simulate};
 use std::path::PathBuf;
 
 const MS: Nanos = 1_000_000;
@@ -152,11 +152,7 @@ fn planned(args: &Args, deployment: &Deployment) -> Result<(Plan, Option<String>
 
 /// Two of the longest periods of a budget, between 0.1 and 1 s.
 fn shown(system: &System) -> Nanos {
-    let periods = system.threads.iter().map(|t| match &t.policy {
-        Policy::Budget { params, .. } => params.period(),
-        Policy::Deadline { period, .. } => *period,
-        Policy::Other | Policy::Fifo { .. } => 0,
-    });
+    let periods = system.threads.iter().filter_map(|t| t.policy.period());
     let longest = periods.max().unwrap_or(0);
     longest.saturating_mul(2).clamp(100 * MS, 1_000 * MS)
 }
@@ -187,8 +183,11 @@ fn row(
     let spec = system.threads.get(n);
     let planned = plan.workers.get(n);
     // The bound of a budget is about its delivery, not about callbacks, which may need more.
-    let wish = deployment.workers.get(n).and_then(|w| w.wish.as_ref());
-    let is_budget = matches!(wish, Some(Wish::Guarantee(g)) if !g.is_rate());
+    let scheduling = deployment
+        .workers
+        .get(n)
+        .and_then(|w| w.scheduling.as_ref());
+    let is_budget = matches!(scheduling, Some(Requirement::Guarantee(g)) if !g.is_rate());
     let responses = &thread.responses;
     let mean = |sum: Nanos| ms(sum) / responses.len() as f64;
     Row {

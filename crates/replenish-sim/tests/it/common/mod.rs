@@ -4,7 +4,7 @@ use replenish_sim::analysis::{Costs, Demand, Section, Task};
 use replenish_sim::{
     Enforcement, LockId, Nanos, Platform, Policy, Random, Releases, Span, Step, System, Thread,
 };
-use sporadic::{Kind, Low, Params, Tuning};
+use sporadic::{Low, Params, Tuning};
 
 /// A system and its description.
 pub(crate) struct Case {
@@ -112,10 +112,7 @@ impl Case {
         };
         let repl = if one_in(r, 3) { r.between(1, 3) } else { 32 } as u16;
         let params = Params::new(priority, low, amount, period, repl).unwrap();
-        let policy = Policy::Budget {
-            kind: Kind::Corrected,
-            params,
-        };
+        let policy = Policy::Sporadic(params);
         let demand = match r.up_to(3) {
             // Fits one budget, or some.
             0 => Demand::new(r.between(1, amount), period + r.up_to(period / 2)),

@@ -1,7 +1,6 @@
 //! Describing a worker: its scheduling and its rules. Adding handles to it is in `builder_handles`.
 
 use super::factory::HandleFactory;
-use crate::budget::Budget;
 use crate::error::Error;
 use crate::executor::Executor;
 use crate::executor::handles::client::Client;
@@ -14,6 +13,7 @@ use crate::platform::{Static, make_static, text};
 use alloc::vec::Vec;
 use replenish_msg::Service;
 use replenish_os::Policy;
+use sporadic::Budget;
 
 /// A worker that is described so far.
 pub(crate) struct WorkerSpec {

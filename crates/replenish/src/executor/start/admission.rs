@@ -10,7 +10,6 @@
 //! was given; it is still not let in where it would break what another program was promised.
 
 use super::planning::{Admission, LedgerUse};
-use crate::budget::Budget;
 use crate::error::Error;
 use crate::executor::Options;
 use crate::executor::describe::builder::WorkerSpec;
@@ -20,11 +19,9 @@ use replenish_os::{self as os, Policy};
 use replenish_plan::ledger::{Denied, Found, Ledger};
 use replenish_plan::span::Exact;
 use replenish_plan::{
-    ExecutorRequest, Guarantee, GuaranteeError, Machine, Plan, Request, Wish, Worker,
+    Demand, ExecutorRequest, GuaranteeError, Machine, Plan, Request, Requirement, Worker,
 };
-use replenish_sim::Policy as Simulated;
-use replenish_sim::analysis::Demand;
-use sporadic::Kind;
+use sporadic::Budget;
 
 /// What the dispatcher is taken to need at most where it has no budget and nobody said otherwise:
 /// a twentieth of a CPU, in ns.
@@ -141,7 +138,7 @@ fn request(workers: &[WorkerSpec], options: &Options, guaranteed: bool) -> Resul
     let messages = messages.into_iter().any(|e| e.shared.input.is_some());
     request.executor = match &options.dispatcher {
         Some(policy) => ExecutorRequest::Policy {
-            policy: simulated(policy, options.server),
+            policy: *policy,
             cpu: options.dispatcher_cpu,
         },
         None if !messages => ExecutorRequest::None,
@@ -153,25 +150,17 @@ fn request(workers: &[WorkerSpec], options: &Options, guaranteed: bool) -> Resul
     let unplanned = messages && options.dispatcher.is_none() && !guaranteed;
     for spec in workers {
         let asked = &spec.request;
-        let wish = match (asked.wants(), &asked.policy) {
+        let scheduling = match (asked.wants(), &asked.policy) {
             (Some(guarantee), _) => {
                 guarantee.check().map_err(|e| out_of_range(asked, &e))?;
-                Wish::Guarantee(guarantee)
+                Requirement::Guarantee(guarantee)
             }
-            (None, Some(policy)) => Wish::Policy(match (&asked.budget, policy) {
-                // The executor's own plan makes it sporadic at this priority.
-                (Some(budget), Policy::Fifo { priority }) => {
-                    bounded(budget, *priority).unwrap_or(Simulated::Fifo {
-                        priority: *priority,
-                    })
-                }
-                _ => simulated(policy, options.server),
-            }),
+            (None, Some(policy)) => Requirement::Policy(given(*policy, asked.budget.as_ref())),
             (None, None) => continue,
         };
-        let worker = Worker::with_policy(&*asked.name, Simulated::Other);
+        let worker = Worker::with_policy(&*asked.name, Policy::Other);
         request.workers.push(Worker {
-            wish,
+            scheduling,
             cpu: asked.cpu,
             ..worker
         });
@@ -179,7 +168,7 @@ fn request(workers: &[WorkerSpec], options: &Options, guaranteed: bool) -> Resul
     if unplanned {
         let (cost, period) = DISPATCHER;
         let priority = options.enforcer_priority.saturating_sub(1);
-        let dispatcher = Worker::with_policy("dispatcher", Simulated::Fifo { priority });
+        let dispatcher = Worker::with_policy("dispatcher", Policy::Fifo { priority });
         request.workers.push(Worker {
             cpu: options.dispatcher_cpu,
             ..dispatcher.doing(Demand::new(cost, period))
@@ -211,54 +200,15 @@ fn cpus() -> Vec<usize> {
     cpus
 }
 
-fn bounded(budget: &Budget, priority: u8) -> Option<Simulated> {
-    let guarantee = Guarantee::from(*budget);
-    let low = super::plan::background(budget, priority)?;
-    let params = sporadic::Params::new(priority, low, guarantee.amount(), guarantee.period(), 128);
-    Some(Simulated::Budget {
-        kind: Kind::Corrected,
-        params: params.ok()?,
-    })
-}
-
-fn simulated(policy: &Policy, kind: Kind) -> Simulated {
-    match *policy {
-        Policy::Other => Simulated::Other,
-        Policy::Fifo { priority } | Policy::RoundRobin { priority } => Simulated::Fifo { priority },
-        // The system's own gets as far as this nowhere: `plan::check`.
-        Policy::Sporadic(params) | Policy::KernelSporadic(params) => {
-            Simulated::Budget { kind, params }
+/// The executor's own plan makes a budget beside FIFO sporadic at that priority.
+fn given(policy: Policy, budget: Option<&Budget>) -> Policy {
+    let bounded = match (policy, budget) {
+        (Policy::Fifo { priority }, Some(budget)) => {
+            super::plan::sporadic(budget, priority).and_then(Result::ok)
         }
-        Policy::Deadline {
-            runtime,
-            deadline,
-            period,
-            ..
-        } => Simulated::Deadline {
-            runtime,
-            deadline,
-            period,
-        },
-    }
-}
-
-/// The policy that a plan or a deployment file names.
-pub(crate) fn policy_of(policy: &Simulated) -> Policy {
-    match *policy {
-        Simulated::Other => Policy::Other,
-        Simulated::Fifo { priority } => Policy::Fifo { priority },
-        Simulated::Budget { params, .. } => Policy::Sporadic(params),
-        Simulated::Deadline {
-            runtime,
-            deadline,
-            period,
-        } => Policy::Deadline {
-            runtime,
-            deadline,
-            period,
-            reclaim: false,
-        },
-    }
+        _ => None,
+    };
+    bounded.unwrap_or(policy)
 }
 
 /// Writes the plan into the requests of guaranteed workers, and into the dispatcher's options.
@@ -273,7 +223,7 @@ fn apply(
         let Some(planned) = plan.workers.iter().find(|w| *w.name == *asked.name) else {
             continue;
         };
-        asked.policy = Some(policy_of(&planned.policy).validate()?);
+        asked.policy = Some(planned.policy.validate()?);
         asked.cpu = planned.cpu;
         asked.budget = None;
         asked.guarantee = None;
@@ -283,7 +233,7 @@ fn apply(
         .as_ref()
         .filter(|_| guaranteed && options.dispatcher.is_none())
     {
-        options.dispatcher = Some(policy_of(&executor.policy).validate()?);
+        options.dispatcher = Some(executor.policy.validate()?);
         options.dispatcher_cpu = executor.cpu;
     }
     Ok(())

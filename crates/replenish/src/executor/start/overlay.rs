@@ -7,7 +7,6 @@
 //!
 //! And the other way round: the file that describes the program as it is.
 
-use super::admission::policy_of;
 use super::plan::WorkerRequest;
 use crate::error::Error;
 use crate::executor::Executor;
@@ -17,7 +16,7 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use replenish_os::Policy;
 use replenish_plan::file::Described;
-use replenish_plan::{Deployment, ExecutorRequest, Template, TemplateWorker, Wish};
+use replenish_plan::{Deployment, ExecutorRequest, Requirement, Template, TemplateWorker};
 use std::path::{Path, PathBuf};
 
 /// Names a deployment file that is applied last.
@@ -88,7 +87,7 @@ fn apply(executor: &mut Executor, path: &Path) -> Result<(), Error> {
     };
     executor.workers.retain(|w| !emptied(w));
     if let ExecutorRequest::Policy { policy, cpu } = &file.executor {
-        executor.options.dispatcher = Some(policy_of(policy));
+        executor.options.dispatcher = Some(*policy);
         executor.options.dispatcher_cpu = *cpu;
     }
     if file.machine_given {
@@ -98,15 +97,15 @@ fn apply(executor: &mut Executor, path: &Path) -> Result<(), Error> {
 }
 
 fn schedule(request: &mut WorkerRequest, described: &Described) {
-    match &described.wish {
+    match &described.scheduling {
         None => {}
-        Some(Wish::Guarantee(guarantee)) => {
+        Some(Requirement::Guarantee(guarantee)) => {
             request.policy = None;
             request.budget = None;
             request.guarantee = Some(*guarantee);
         }
-        Some(Wish::Policy(policy)) => {
-            request.policy = Some(policy_of(policy));
+        Some(Requirement::Policy(policy)) => {
+            request.policy = Some(*policy);
             request.budget = None;
             request.guarantee = None;
         }
@@ -138,7 +137,7 @@ pub(crate) fn template(workers: &[WorkerSpec]) -> String {
         handles: spec.entries.iter().map(|e| e.shared.id.clone()).collect(),
         cpu: spec.request.cpu,
         guarantee: spec.request.wants(),
-        policy: spec.request.policy.as_ref().and_then(describe),
+        policy: spec.request.policy.filter(|p| *p != Policy::Other),
         ..TemplateWorker::default()
     };
     let header = [
@@ -153,26 +152,4 @@ pub(crate) fn template(workers: &[WorkerSpec]) -> String {
         workers: workers.iter().map(worker).collect(),
     };
     template.to_string()
-}
-
-fn describe(policy: &Policy) -> Option<replenish_sim::Policy> {
-    use replenish_sim::Policy as Simulated;
-    Some(match *policy {
-        Policy::Other => return None,
-        Policy::Fifo { priority } | Policy::RoundRobin { priority } => Simulated::Fifo { priority },
-        Policy::Sporadic(params) | Policy::KernelSporadic(params) => Simulated::Budget {
-            kind: sporadic::Kind::Corrected,
-            params,
-        },
-        Policy::Deadline {
-            runtime,
-            deadline,
-            period,
-            ..
-        } => Simulated::Deadline {
-            runtime,
-            deadline,
-            period,
-        },
-    })
 }

@@ -11,18 +11,17 @@
 
 use super::planning::Guarantee;
 use crate::Nanos;
-use crate::budget::Budget;
 use crate::error::Error;
 use crate::executor::describe::builder::WorkerSpec;
-use crate::executor::wake::schedule::nanos;
 use crate::platform::{Static, Text, text};
 use crate::sync::Arc;
-use replenish_os::{Low, MAX_REPL, Params, Policy};
+use core::ops::RangeInclusive;
+use replenish_os::{MAX_REPL, ParamError, Params, Policy};
+use sporadic::Budget;
+use sporadic::priority::by_rank;
 
-/// Priority of the budgeted worker with the shortest period, where none was given.
-const FIRST_PRIORITY: u8 = 60;
-/// Priorities that are given out never fall below this.
-const LAST_PRIORITY: u8 = 20;
+/// Budgeted workers without a policy get these, the shortest period the highest.
+const PRIORITIES: RangeInclusive<u8> = 20..=60;
 /// Where budgeted workers run without budget.
 const BACKGROUND: u8 = 6;
 /// The dispatcher's FIFO priority as soon as any worker is real-time.
@@ -146,8 +145,7 @@ pub(crate) fn check(w: &WorkerRequest) -> Result<(), Error> {
 /// `steps`: how many periods are shorter than its own.
 fn policy(w: &WorkerRequest, steps: u8) -> Result<Policy, Error> {
     // Guarantees get here only where admission is turned off.
-    let guaranteed = w.guarantee.map(|g| Budget::from_guarantee(&g));
-    let Some(budget) = w.budget.or(guaranteed) else {
+    let Some(budget) = w.budget.or(w.guarantee.map(|g| g.budget())) else {
         return Ok(w.policy.unwrap_or(Policy::Other));
     };
     let priority = match &w.policy {
@@ -156,9 +154,9 @@ fn policy(w: &WorkerRequest, steps: u8) -> Result<Policy, Error> {
             let allowed = text!("no budget beside {other}: give a FIFO policy or none");
             return Err(Error::parameter(w.owner(), "budget", &budget, allowed));
         }
-        None => FIRST_PRIORITY.saturating_sub(steps).max(LAST_PRIORITY),
+        None => by_rank(&PRIORITIES, steps.into(), usize::from(steps) + 1),
     };
-    let Some(low) = background(&budget, priority) else {
+    let Some(policy) = sporadic(&budget, priority) else {
         let allowed = "2..=98: the background priority needs room below it";
         return Err(Error::parameter(
             w.owner(),
@@ -167,11 +165,15 @@ fn policy(w: &WorkerRequest, steps: u8) -> Result<Policy, Error> {
             allowed,
         ));
     };
+    policy.map_err(|e| Error::parameter(w.owner(), "budget", &budget, text!("{e}")))
+}
+
+/// The sporadic server of a budget at `priority`; `None`: there is no room for its background.
+pub(crate) fn sporadic(budget: &Budget, priority: u8) -> Option<Result<Policy, ParamError>> {
+    let low = budget.low(priority, BACKGROUND)?;
     let max_repl = u16::try_from(MAX_REPL).unwrap_or(u16::MAX);
-    let (amount, period) = (nanos(budget.amount), nanos(budget.period));
-    Params::new(priority, low, amount, period, max_repl)
-        .map(Policy::Sporadic)
-        .map_err(|e| Error::parameter(w.owner(), "budget", &budget, text!("{e}")))
+    let params = Params::new(priority, low, budget.amount, budget.period, max_repl);
+    Some(params.map(Policy::Sporadic))
 }
 
 /// How many periods are shorter than this one among the budgets of workers without a policy, each
@@ -199,18 +201,9 @@ fn shorter(mut period: Nanos, workers: &[Static<WorkerSpec>]) -> u8 {
 #[inline(never)]
 fn wished(w: &WorkerRequest) -> Nanos {
     match (w.policy, w.budget) {
-        (None, Some(budget)) => nanos(budget.period),
+        (None, Some(budget)) => budget.period,
         _ => 0,
     }
-}
-
-/// What becomes of a worker at this priority without budget; `None`: there is no room below.
-pub(crate) fn background(budget: &Budget, priority: u8) -> Option<Low> {
-    if budget.suspend {
-        return Some(Low::Suspend);
-    }
-    let below = priority.checked_sub(1).filter(|below| *below > 0)?;
-    Some(Low::Background(BACKGROUND.min(below)))
 }
 
 fn below_enforcer(
@@ -230,6 +223,7 @@ fn below_enforcer(
 mod tests {
     use super::*;
     use core::time::Duration;
+    use replenish_os::Low;
 
     fn ms(n: u64) -> Duration {
         Duration::from_millis(n)
@@ -317,7 +311,7 @@ mod tests {
         let budget = |b, t| Some(Budget::of(ms(b)).every(ms(t)));
         let over = says(request("w", None, budget(20, 10)));
         assert!(
-            over.starts_with("worker \"w\": budget = 20ms every 10ms is not allowed"),
+            over.starts_with("worker \"w\": budget = 20 ms every 10 ms is not allowed"),
             "{over}"
         );
         assert!(says(request("w", None, budget(0, 10))).contains("budget"));

@@ -3,7 +3,6 @@
 
 use super::overlay;
 use super::plan::WorkerRequest;
-use crate::budget::Budget;
 use crate::error::Error;
 use crate::executor::Executor;
 use crate::executor::describe::builder::WorkerBuilder;
@@ -64,17 +63,6 @@ pub(crate) struct Admission {
     pub(crate) fallback: Option<String>,
     /// Given back when the executor ends.
     pub(crate) place: Option<Reservation>,
-}
-
-impl From<Budget> for Guarantee {
-    fn from(budget: Budget) -> Self {
-        let guarantee = Self::of(budget.amount).every(budget.period);
-        if budget.suspend {
-            guarantee.suspend()
-        } else {
-            guarantee
-        }
-    }
 }
 
 pub(crate) use super::admission::admit;

@@ -1,7 +1,6 @@
 //! In the place of planning, for builds without feature `plan`: workers have the policies and
 //! budgets they were given, and nobody checks whether they fit.
 
-use crate::Nanos;
 use crate::error::Error;
 use crate::executor::describe::builder::WorkerSpec;
 use crate::executor::{Executor, Options};
@@ -9,6 +8,7 @@ use crate::platform::{Static, Text};
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
+use sporadic::Budget;
 
 /// Nothing can be set about planning.
 #[derive(Default)]
@@ -19,15 +19,7 @@ pub(crate) struct Planning {}
 pub(crate) enum Guarantee {}
 
 impl Guarantee {
-    pub(crate) const fn amount(&self) -> Nanos {
-        match *self {}
-    }
-
-    pub(crate) const fn period(&self) -> Nanos {
-        match *self {}
-    }
-
-    pub(crate) const fn suspends(&self) -> bool {
+    pub(crate) const fn budget(&self) -> Budget {
         match *self {}
     }
 }
