@@ -31,9 +31,6 @@ fn panic(info: &core::panic::PanicInfo<'_>) -> ! {
     nuttx::halt(info)
 }
 
-/// Above the loads, so that it ends each measurement on time, and below the enforcer.
-const MAIN: u8 = 90;
-
 /// The application.
 #[unsafe(no_mangle)]
 pub extern "C" fn replenish_main(_: c_int, _: *const *const c_char) -> c_int {
@@ -47,7 +44,7 @@ pub extern "C" fn replenish_main(_: c_int, _: *const *const c_char) -> c_int {
         }
     };
     say!("{facts}");
-    if let Err(why) = set_priority(current_tid(), SchedClass::Fifo(MAIN)) {
+    if let Err(why) = set_priority(current_tid(), SchedClass::Fifo(behaviour::MAIN)) {
         say!("refused: {why}");
         return end(1);
     }

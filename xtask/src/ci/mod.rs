@@ -9,7 +9,9 @@
 mod command;
 mod paths;
 mod run;
+mod stage;
 mod stages;
 mod tally;
 
-pub(crate) use command::{Stage, run};
+pub(crate) use command::run;
+pub(crate) use stage::Stage;

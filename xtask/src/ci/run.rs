@@ -1,7 +1,7 @@
 //! Runs the commands of stages here, and other stages beside them in a process of their own.
 
-use super::command::Stage;
 use super::paths::target;
+use super::stage::Stage;
 use super::stages::{Step, steps};
 use super::tally::Tally;
 use crate::output::Outcome;

@@ -1,6 +1,6 @@
 //! The commands of each stage.
 
-use super::command::Stage;
+use super::stage::Stage;
 use std::collections::BTreeMap;
 use std::process::Command;
 
