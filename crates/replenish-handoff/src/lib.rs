@@ -10,15 +10,19 @@
 //!          the reader had left the interest set
 //! ```
 //!
-//! Every file uses [`sync`] and nothing else of the operating system. The models in `tests/` compile
-//! this crate over `loom`'s types: `RUSTFLAGS="--cfg loom" cargo test -p replenish-handoff --release`.
+//! Every file uses [`sync`] and nothing else of the operating system, so the models in `models/` run
+//! this code over `loom`'s types.
 #![forbid(unsafe_code)]
-#![cfg_attr(not(loom), no_std)]
+#![cfg_attr(not(any(feature = "std", loom)), no_std)]
 
 extern crate alloc;
 
 mod flag;
 mod inbox;
+#[cfg(all(test, loom))]
+mod models;
+#[cfg(not(all(feature = "std", not(loom))))]
+mod once;
 mod ready_set;
 mod ring;
 mod sample;

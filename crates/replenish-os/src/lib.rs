@@ -38,6 +38,14 @@
 //! functions for images.
 
 #![cfg_attr(not(target_os = "linux"), no_std)]
+#![cfg_attr(
+    loom,
+    allow(
+        dead_code,
+        unreachable_pub,
+        reason = "a model has other locks and clocks"
+    )
+)]
 
 extern crate alloc;
 
@@ -45,6 +53,8 @@ extern crate alloc;
 pub mod freertos;
 #[cfg(all(target_os = "linux", not(nuttx_host)))]
 mod linux;
+#[cfg(loom)]
+mod modelled;
 #[cfg(any(all(target_os = "nuttx", feature = "nuttx"), nuttx_host))]
 pub mod nuttx;
 #[cfg(any(not(target_os = "linux"), nuttx_host))]
@@ -89,7 +99,6 @@ pub use backend::{
     wait_set::WaitSet,
 };
 pub use backend::{
-    clock,
     granted::{Granted, GrantedPolicy, granted},
     memory,
     poll::WakeFd,
@@ -97,20 +106,25 @@ pub use backend::{
     sched::{SchedClass, demote_to_tail, promote, set_priority},
     spawn_error::SpawnError,
     thread::{Thread, spawn},
-    tid::current_tid,
     timer, voluntary_switches,
 };
 pub use enforcer::{
     Account, Enforcement, Enforcer, EnforcerConfig, EnforcerStats, EnrollError, MAX_REPL, Meter,
     OverrunSamples, OverrunSummary, STALL, Stall, Stopped, Usage,
 };
+#[cfg(loom)]
+pub use modelled::{PiMutex, PiMutexGuard, clock, current_tid};
 pub use notify::Notify;
-pub use pi_mutex::{PiMutex, PiMutexGuard};
 pub use spec::ThreadSpec;
 pub use sporadic::{
     Level, Low, MAX_PRIORITY, MIN_RUNTIME, Nanos, ParamError, Params, Policy, PolicyError,
 };
 pub use tid::Tid;
+#[cfg(not(loom))]
+pub use {
+    backend::{clock, tid::current_tid},
+    pi_mutex::{PiMutex, PiMutexGuard},
+};
 
 /// A bare futex and a POSIX CPU timer: `replenish-bench` measures against them. They stay in this
 /// crate because they need `unsafe`.

@@ -16,8 +16,8 @@
 //! Why no wake-up is lost: the waiter announces itself (EMPTY to WAITING) before it sleeps, and
 //! the kernel puts it to sleep only if the word is still WAITING. A signaller swaps in SET first
 //! and looks at what it replaced. If it replaced WAITING, it wakes; if it came before the
-//! announcement, the waiter finds SET and does not sleep. `tests/loom_signal.rs` checks this code
-//! in every interleaving.
+//! announcement, the waiter finds SET and does not sleep. `modelled/loom_signal.rs` checks this
+//! code in every interleaving.
 //!
 //! The path from [`set`](Notify::set) to the waiter costs one swap and, if somebody waits, one
 //! `FUTEX_WAKE`. Nothing allocates. Signal outside of locks: a waiter of higher priority runs at

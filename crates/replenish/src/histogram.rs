@@ -5,7 +5,7 @@
 
 use crate::Nanos;
 use crate::platform::FULL;
-use crate::sync::{AtomicU64, Ordering};
+use crate::sync::{Ordering, unmodelled::AtomicU64};
 
 /// Buckets of a histogram; none in builds that have no room for them.
 const BUCKETS: usize = if FULL { 102 } else { 0 };

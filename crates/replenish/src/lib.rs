@@ -22,8 +22,6 @@
 //! Without feature `std` the crate needs `core`, `alloc` and `replenish-os` alone; memory is then
 //! taken while the executor is described and started, and not after.
 #![forbid(unsafe_code)]
-// Under `--cfg loom` the models in `tests/` include the files they check; the rest is left out.
-#![cfg(not(loom))]
 #![cfg_attr(not(feature = "std"), no_std)]
 
 extern crate alloc;

@@ -5,7 +5,7 @@
 //! one whose callback panicked.
 
 use crate::Nanos;
-use crate::sync::{AtomicBool, AtomicU64, Ordering};
+use crate::sync::{AtomicBool, Ordering, unmodelled::AtomicU64};
 
 /// A number that only its writers change and anybody may read.
 #[derive(Debug, Default)]

@@ -8,7 +8,6 @@ use super::{
 use crate::Arc;
 use crate::Nanos;
 use crate::Notify;
-use crate::PiMutex;
 use crate::Tid;
 use crate::backend;
 use crate::backend::blocking_detector::BlockingDetector;
@@ -16,6 +15,7 @@ use crate::backend::clock::{self, ThreadCpuClock};
 use crate::backend::suspend::SuspendCell;
 use crate::backend::tid::current_tid;
 use crate::backend::voluntary_switches;
+use crate::pi_mutex::PiMutex;
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::sync::atomic::{AtomicBool, Ordering};

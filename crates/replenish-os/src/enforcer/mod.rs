@@ -36,13 +36,13 @@ pub use account::{Account, Meter, Stopped, Usage};
 pub use overruns::{OverrunSamples, OverrunSummary, STALL, Stall};
 
 use crate::Arc;
-use crate::PiMutex;
 use crate::backend::clock::{self, ThreadCpuClock};
 use crate::backend::console::complain;
 use crate::backend::spawn_error::SpawnError;
 use crate::backend::thread::{Thread, spawn};
 use crate::backend::timer::TimerFd;
 use crate::backend::{self, OsError};
+use crate::pi_mutex::PiMutex;
 use crate::{Nanos, Policy, ThreadSpec};
 use alloc::format;
 use alloc::string::String;

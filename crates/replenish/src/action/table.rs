@@ -372,5 +372,6 @@ impl<T> Place<T> {
 }
 
 #[cfg(test)]
+#[cfg(not(loom))]
 #[path = "table_tests.rs"]
 mod tests;

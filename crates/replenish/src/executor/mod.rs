@@ -15,11 +15,14 @@
 //!   run       the two loops: dispatcher and worker
 //!   handles   subscription, timer, guard condition, service, client, and their callbacks
 //!   wake      when a worker wakes, and which handles it looks at
+//!   models    every interleaving of their protocols (`--cfg loom` alone)
 //! ```
 
 mod change;
 mod describe;
 mod handles;
+#[cfg(all(test, loom))]
+mod models;
 mod run;
 mod start;
 mod wake;

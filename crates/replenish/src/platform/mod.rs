@@ -6,7 +6,7 @@
 //!
 //! ```text
 //!   features ── STD · FULL · TEXTS · LOG · DROPS, as constants
-//!   std ─────── once cells, wall clock, random bits, panics, standard error, io    │ std_disabled
+//!   std ─────── wall clock, random bits, panics, standard error, io    │ std_disabled
 //!   │                                                                   io::Error  │ io (without std)
 //!   text ────── Text · StaticText · text! · label · displayed · join               │ text_disabled
 //!   short_text ─ ShortText: no allocation
@@ -28,7 +28,7 @@ mod std;
 mod text;
 
 pub use self::std::io;
-pub(crate) use self::std::{Once, guard, random, tell, wall_clock};
+pub(crate) use self::std::{guard, random, tell, wall_clock};
 pub(crate) use buffer::zeroed;
 pub(crate) use features::{DROPS, FULL, LOG, STD, TEXTS};
 pub(crate) use short_text::ShortText;

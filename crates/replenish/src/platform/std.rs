@@ -9,8 +9,6 @@ use std::string::String;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 pub use std::io;
-/// Set once, read by anybody.
-pub(crate) use std::sync::OnceLock as Once;
 
 /// The wall clock: time since 1970 in UTC; `None` where it is set before that.
 pub(crate) fn wall_clock() -> Option<Duration> {

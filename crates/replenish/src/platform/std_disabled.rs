@@ -7,34 +7,8 @@
 
 pub mod io;
 
-use crate::sync::{AtomicU64, Ordering};
-use alloc::boxed::Box;
+use crate::sync::{Ordering, unmodelled::AtomicU64};
 use core::time::Duration;
-use once_cell::race::OnceBox;
-
-/// Set once, read by anybody.
-pub(crate) struct Once<T>(OnceBox<T>);
-
-impl<T> Once<T> {
-    pub(crate) const fn new() -> Self {
-        Self(OnceBox::new())
-    }
-
-    pub(crate) fn get(&self) -> Option<&T> {
-        self.0.get()
-    }
-
-    /// Sets it if it is not set; else gives `value` back.
-    pub(crate) fn set(&self, value: T) -> Result<(), T> {
-        self.0.set(Box::new(value)).map_err(|value| *value)
-    }
-}
-
-impl<T> Default for Once<T> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
 
 /// There is no wall clock.
 pub(crate) const fn wall_clock() -> Option<Duration> {

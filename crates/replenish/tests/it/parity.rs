@@ -7,10 +7,12 @@ use std::path::Path;
 fn source(crates: &Path, krate: &str, module: &str) -> String {
     let tests = crates.join(krate).join("tests");
     let places = [".", "it", "rt"].map(|target| tests.join(target).join(format!("{module}.rs")));
+    let models = format!("{krate}/src/executor/models/{module}.rs");
     let modules = std::fs::read_dir(tests.join(module)).into_iter().flatten();
     let files = places
         .into_iter()
-        .chain(modules.map(|file| file.unwrap().path()));
+        .chain(modules.map(|file| file.unwrap().path()))
+        .chain([crates.join(models)]);
     files
         .filter_map(|file| std::fs::read_to_string(file).ok())
         .collect()

@@ -20,8 +20,8 @@ use crate::middleware::encoding::Encoding;
 use crate::middleware::encoding::decode;
 use crate::middleware::remedy::SERVICE;
 use crate::middleware::{Middleware, PublishError, ReaderId, WriterId};
-use crate::platform::{Once, label};
-use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
+use crate::platform::label;
+use crate::sync::{Arc, AtomicBool, Mutex, Once, Ordering};
 use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -55,7 +55,7 @@ pub(crate) struct ClientInner {
 
 impl Drop for ClientInner {
     fn drop(&mut self) {
-        if !*self.claimed.get_mut() {
+        if !self.claimed.load(Ordering::Relaxed) {
             // It never belonged to a callback, so nobody else removes it.
             self.middleware.delete_reader(self.reader).ok();
         }

@@ -6,8 +6,7 @@ use crate::Nanos;
 use crate::executor::wake::doorbell::Line;
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::handoff::Flag;
-use crate::platform::Once;
-use crate::sync::{Arc, AtomicBool, AtomicU64, Ordering, fence};
+use crate::sync::{Arc, AtomicBool, AtomicU64, Once, Ordering, fence};
 use core::fmt;
 use replenish_os::clock;
 

@@ -14,11 +14,11 @@ use crate::handoff::{Inbox, Slot};
 use crate::histogram::LiveHistogram;
 use crate::middleware::ReaderId;
 use crate::middleware::encoding::decode;
-use crate::platform::{self, Once, ShortText};
+use crate::platform::{self, ShortText};
 use crate::stats::Counters;
 #[cfg(feature = "full")]
 use crate::sync::Notify;
-use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
+use crate::sync::{Arc, AtomicBool, Mutex, Once, Ordering};
 use alloc::string::String;
 use core::cell::RefCell;
 use core::fmt;

@@ -133,6 +133,7 @@ fn signed(time: Nanos) -> i64 {
 }
 
 #[cfg(test)]
+#[cfg(not(loom))]
 mod tests {
     use super::*;
     use proptest::prelude::*;

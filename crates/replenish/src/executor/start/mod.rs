@@ -2,7 +2,7 @@
 
 #[cfg(feature = "plan")]
 mod admission;
-mod assembly;
+pub(crate) mod assembly;
 pub(crate) mod launch;
 pub(crate) mod local;
 #[cfg(feature = "plan")]

@@ -13,8 +13,7 @@
 use crate::Nanos;
 use crate::handoff::ReadySet;
 use crate::middleware::Middleware;
-use crate::platform::Once;
-use crate::sync::{Arc, AtomicBool, AtomicU64, Notify, Ordering};
+use crate::sync::{Arc, AtomicBool, AtomicU64, Notify, Once, Ordering};
 use replenish_os::clock;
 
 /// The way of one handle's input to its worker: the bell, and the mark that says which handle.

@@ -139,7 +139,7 @@ fn set(bits: &mut [usize], at: usize) {
     }
 }
 
-#[cfg(all(test, not(loom)))]
+#[cfg(test)]
 mod tests {
     use super::*;
 

@@ -1,17 +1,16 @@
 //! Every interleaving of the hand-off cell:
-//! `RUSTFLAGS="--cfg loom" cargo test -p replenish-os --release --test loom_signal`.
-#![cfg(loom)]
+//! `RUSTFLAGS="--cfg loom" cargo test --release -p replenish-os --lib loom_`.
 #![allow(
     unsafe_code,
     clippy::unwrap_used,
     reason = "test code; plain memory as the thing handed over"
 )]
 
+use crate::Notify;
 use loom::cell::UnsafeCell;
 use loom::sync::Arc;
 use loom::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use loom::thread;
-use replenish_os::Notify;
 
 /// All interleavings with up to three preemptions, which is where bugs of such small protocols
 /// are; without a bound the models with three threads take minutes. `LOOM_MAX_PREEMPTIONS`

@@ -1,12 +1,8 @@
 //! Every interleaving of those who bring input with the worker that looks only where it is marked.
-//!
-//! `RUSTFLAGS="--cfg loom" cargo test -p replenish-handoff --release`
-#![cfg(loom)]
-#![allow(clippy::unwrap_used, reason = "a model may panic")]
 
+use crate::sync::{Arc, Notify};
+use crate::{Flag, ReadySet};
 use loom::thread;
-use replenish_handoff::sync::{Arc, Notify};
-use replenish_handoff::{Flag, ReadySet};
 
 /// Two handles, in different words of the set, each brought something by a thread of its own: the
 /// worker finds both, and sleeps in between.

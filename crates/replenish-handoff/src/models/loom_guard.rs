@@ -1,12 +1,8 @@
 //! Every interleaving of a guard condition's triggers with the worker that serves them.
-//!
-//! `RUSTFLAGS="--cfg loom" cargo test -p replenish-handoff --release`
-#![cfg(loom)]
-#![allow(clippy::unwrap_used, reason = "a model may panic")]
 
+use crate::sync::{Arc, Notify};
+use crate::{Flag, Stop};
 use loom::thread;
-use replenish_handoff::sync::{Arc, Notify};
-use replenish_handoff::{Flag, Stop};
 
 /// The worker's loop: look, serve, sleep. Until it has served `all` triggers.
 fn serve(flag: &Flag, bell: &Notify, all: u64) {

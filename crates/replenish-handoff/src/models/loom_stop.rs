@@ -1,12 +1,8 @@
 //! Every interleaving of a stop request with threads that join late, work, or fall asleep: all end.
-//!
-//! `RUSTFLAGS="--cfg loom" cargo test -p replenish-handoff --release`
-#![cfg(loom)]
-#![allow(clippy::unwrap_used, reason = "a model may panic")]
 
+use crate::Stop;
+use crate::sync::{Arc, Notify};
 use loom::thread;
-use replenish_handoff::Stop;
-use replenish_handoff::sync::{Arc, Notify};
 
 /// A worker without work: it sleeps on its bell until it is told to stop.
 fn sleeper(stop: &Arc<Stop>) -> thread::JoinHandle<()> {

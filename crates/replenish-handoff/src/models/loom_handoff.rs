@@ -1,13 +1,9 @@
 //! Every interleaving of the hand-off between dispatcher and worker, over the real inbox:
 //! nothing is lost, nothing deadlocks, a full inbox comes back into the interest set.
-//!
-//! `RUSTFLAGS="--cfg loom" cargo test -p replenish-handoff --release`
-#![cfg(loom)]
-#![allow(clippy::unwrap_used, reason = "a model may panic")]
 
+use crate::sync::{Arc, AtomicBool, Mutex, Notify, Ordering};
+use crate::{Inbox, Keep, Outcome, SampleInfo, Slot};
 use loom::thread;
-use replenish_handoff::sync::{Arc, AtomicBool, Mutex, Notify, Ordering};
-use replenish_handoff::{Inbox, Keep, Outcome, SampleInfo, Slot};
 
 /// What the dispatcher needs of a middleware: buffered samples, and a sticky wake-up.
 struct Middleware {

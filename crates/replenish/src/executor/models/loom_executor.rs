@@ -1,0 +1,288 @@
+//! Every interleaving of the executor's own protocols: the dispatcher with its interest set, the
+//! desk where routes change, the mailbox through which handles come and go.
+
+use super::fake::{self, Fake};
+use crate::event::Events;
+use crate::executor::handles::entry::HandleEntry;
+use crate::executor::handles::handle::{Env, Handle, HandleState, Taken};
+use crate::executor::run::desk::Desk;
+use crate::executor::run::dispatcher::{Dispatcher, DispatcherCounters};
+use crate::executor::run::mailbox::{Declined, Order};
+use crate::executor::run::routes::Route;
+use crate::executor::run::worker::Worker;
+use crate::executor::start::assembly::assemble;
+use crate::executor::wake::doorbell::Line;
+use crate::executor::wake::lazy_now::LazyNow;
+use crate::handoff::{Inbox, Keep};
+use crate::middleware::{Interest, Middleware, ReaderId};
+use crate::sync::{Arc, AtomicBool, Ordering};
+use crate::{Context, Executor};
+use alloc::boxed::Box;
+use loom::thread;
+use replenish_os::Account;
+
+fn reader(id: u16) -> ReaderId {
+    ReaderId(id)
+}
+
+fn shared(input: Option<(ReaderId, Arc<Inbox>)>) -> Arc<HandleState> {
+    HandleState::new("h".into(), input)
+}
+
+/// To the worker of `line`.
+fn route(shared: &Arc<HandleState>, line: &Line) -> Route {
+    Route {
+        shared: Arc::clone(shared),
+        line: line.clone(),
+        hand: None,
+    }
+}
+
+/// A handle without input.
+struct Idle;
+
+impl Handle for Idle {
+    fn is_ready(&mut self, _: &LazyNow) -> bool {
+        false
+    }
+    fn take(&mut self, _: &Env<'_>) -> Option<Taken> {
+        None
+    }
+    fn execute(&mut self, _: &Env<'_>, _: u64) {}
+}
+
+fn entry(shared: &Arc<HandleState>, slot: usize) -> HandleEntry {
+    let mut entry = HandleEntry::new(Arc::clone(shared), Box::new(Idle));
+    entry.slot = slot;
+    entry
+}
+
+/// A worker that may have `limit` handles, and has none.
+fn worker(limit: usize) -> Box<Worker> {
+    let context = Context::new(Fake::holding(&[]));
+    let mut executor = Executor::new(&context);
+    executor.worker("w").capacity(limit);
+    let Executor {
+        workers,
+        stop,
+        options,
+        ..
+    } = executor;
+    let mut assembly = assemble(&context, workers, &stop, &options.events);
+    assembly.workers.remove(0)
+}
+
+/// Reader 0 is full after its first sample and leaves the interest set. Reader 1, behind it, gets
+/// what is its own meanwhile; reader 0 gets the rest as soon as there is room; the stop ends it.
+#[test]
+fn a_full_reader_leaves_the_interest_set_holds_up_nobody_and_comes_back() {
+    loom::model(|| {
+        let middleware = Fake::holding(&[(reader(0), 1), (reader(0), 2), (reader(1), 3)]);
+        let inboxes = [(); 2].map(|()| Arc::new(Inbox::new(1, 1, Keep::All)));
+        let shared = [0, 1].map(|id| {
+            let inbox = Arc::clone(&inboxes[usize::from(id)]);
+            shared(Some((reader(id), inbox)))
+        });
+        let stop = middleware.stop_handle();
+        let line = fake::line();
+        let bell = Arc::clone(&line.bell);
+        let mut dispatcher = Dispatcher {
+            stop: stop.clone(),
+            events: Arc::new(Events::default()),
+            counters: Arc::new(DispatcherCounters::default()),
+            routes: shared.iter().map(|s| Some(route(s, &line))).collect(),
+            desk: Desk::new(),
+            bells: vec![Arc::clone(&bell)],
+        };
+        let dispatcher = thread::spawn(move || dispatcher.run(&mut Account::unbudgeted()));
+        while inboxes[1].waiting() == 0 {
+            bell.wait(None);
+        }
+        let (mut got, mut hands) = (Vec::new(), [None, None]);
+        while got.len() < 3 {
+            let both = inboxes.iter().zip(&mut hands);
+            let popped = both.filter_map(|(inbox, hand)| {
+                if inbox.pop(hand)? {
+                    middleware.wake();
+                }
+                Some(hand.as_ref()?.payload()[0])
+            });
+            let before = got.len();
+            got.extend(popped);
+            if got.len() == before {
+                bell.wait(None);
+            }
+        }
+        got.retain(|sample| *sample != 3);
+        assert_eq!(got, [1, 2]);
+        stop.stop.request();
+        middleware.wake();
+        dispatcher.join().unwrap();
+    });
+}
+
+/// Two threads add routes while the dispatcher looks at the desk: it sees both before it sleeps.
+#[test]
+fn no_order_is_left_on_the_desk() {
+    loom::model(|| {
+        let desk = Desk::new();
+        let middleware = Fake::holding(&[]);
+        let threads: Vec<_> = [0, 1]
+            .map(|id| {
+                let (desk, middleware) = (Arc::clone(&desk), middleware.clone());
+                thread::spawn(move || {
+                    let place = desk.keep().unwrap();
+                    place.order(reader(id), Some(route(&shared(None), &fake::line())));
+                    middleware.wake();
+                })
+            })
+            .into();
+        let mut routes = [None, None];
+        let (mut interest, mut parked) = (Interest::empty(), Interest::empty());
+        loop {
+            desk.carry_out(&middleware, &mut routes, &mut interest, &mut parked);
+            if interest.len() == 2 {
+                break;
+            }
+            middleware.wait(&Interest::empty(), None).unwrap();
+        }
+        assert!(routes.iter().all(Option::is_some));
+        assert_eq!(middleware.deleted(), 0);
+        threads.into_iter().for_each(|t| t.join().unwrap());
+    });
+}
+
+/// A route is taken away: once the remover hears of it the dispatcher has let go, the reader is
+/// deleted once, and what belonged to the route is freed on the remover's thread.
+#[test]
+fn a_route_that_goes_is_freed_by_the_one_who_asked() {
+    loom::model(|| {
+        let desk = Desk::new();
+        let middleware = Fake::holding(&[]);
+        let shared = shared(None);
+        let mut routes = [Some(route(&shared, &fake::line()))];
+        let dispatcher = {
+            let (desk, middleware) = (Arc::clone(&desk), middleware.clone());
+            thread::spawn(move || {
+                let mut interest = Interest::empty();
+                let mut parked = Interest::empty();
+                interest.insert(reader(0));
+                while !interest.is_empty() {
+                    middleware.wait(&Interest::empty(), None).unwrap();
+                    desk.carry_out(&middleware, &mut routes, &mut interest, &mut parked);
+                }
+                assert!(routes[0].is_none());
+            })
+        };
+        desk.keep().unwrap().order(reader(0), None);
+        middleware.wake();
+        while !shared.unrouted.load(Ordering::Acquire) {
+            thread::yield_now();
+        }
+        desk.sweep();
+        assert_eq!(
+            Arc::strong_count(&shared),
+            1,
+            "the desk or the dispatcher has it"
+        );
+        assert_eq!(middleware.deleted(), 1);
+        dispatcher.join().unwrap();
+    });
+}
+
+/// The worker's loop as far as its mailbox goes; `visit` is its round, which says whether to end.
+fn work(worker: &mut Worker, visit: impl Fn(&Worker) -> bool) {
+    worker.mailbox.open();
+    loop {
+        worker.empty_mailbox();
+        if visit(worker) {
+            return;
+        }
+        worker.bell.wait(None);
+    }
+}
+
+/// Two threads add a handle each: the worker gets both before it sleeps for good.
+#[test]
+fn handles_of_two_threads_arrive() {
+    loom::model(|| {
+        let mut worker = worker(2);
+        let threads: Vec<_> = (0..2)
+            .map(|_| {
+                let mailbox = Arc::clone(&worker.mailbox);
+                thread::spawn(move || {
+                    let place = mailbox.reserve().unwrap();
+                    let entry = entry(&shared(None), place);
+                    mailbox.send(Order::Add(entry)).unwrap();
+                })
+            })
+            .collect();
+        work(&mut worker, |w| w.spec.entries.len() == 2);
+        assert!(matches!(
+            worker.mailbox.reserve(),
+            Err(Declined::Full { limit: 2 })
+        ));
+        threads.into_iter().for_each(|t| t.join().unwrap());
+    });
+}
+
+/// A removal that has waited: no callback starts any more, the entry is freed on the remover's
+/// thread, and its place is free again.
+#[test]
+fn after_a_removal_no_callback_starts_and_the_place_is_free() {
+    loom::model(|| {
+        let mut worker = worker(1);
+        let (mailbox, bell) = (Arc::clone(&worker.mailbox), Arc::clone(&worker.bell));
+        let shared = shared(None);
+        let place = mailbox.reserve().unwrap();
+        let stop = Arc::new(AtomicBool::new(false));
+        let freed = Arc::new(AtomicBool::new(false));
+        worker.spec.entries.push(entry(&shared, place));
+        let running = {
+            let (stop, freed) = (Arc::clone(&stop), Arc::clone(&freed));
+            thread::spawn(move || {
+                work(&mut worker, |worker| {
+                    for entry in &worker.spec.entries {
+                        if !entry.shared.removed.load(Ordering::Acquire) {
+                            assert!(!freed.load(Ordering::Acquire), "a callback started");
+                        }
+                    }
+                    stop.load(Ordering::Acquire)
+                });
+                worker.spec.entries.len()
+            })
+        };
+        assert!(!shared.removed.swap(true, Ordering::AcqRel));
+        mailbox.send(Order::Remove(Arc::clone(&shared))).unwrap();
+        shared.gone.wait();
+        freed.store(true, Ordering::Release);
+        mailbox.sweep();
+        mailbox.reserve().unwrap();
+        stop.store(true, Ordering::Release);
+        bell.call();
+        assert_eq!(running.join().unwrap(), 0);
+        assert_eq!(Arc::strong_count(&shared), 1);
+    });
+}
+
+/// The worker ends while another thread removes a handle: the removal is declined or answered.
+#[test]
+fn nobody_waits_for_a_worker_that_has_ended() {
+    loom::model(|| {
+        let mut worker = worker(1);
+        let mailbox = Arc::clone(&worker.mailbox);
+        let shared = shared(None);
+        let place = mailbox.reserve().unwrap();
+        worker.spec.entries.push(entry(&shared, place));
+        let ending = thread::spawn(move || {
+            worker.mailbox.open();
+            worker.empty_mailbox();
+            worker.end();
+        });
+        match mailbox.send(Order::Remove(Arc::clone(&shared))) {
+            Ok(()) => shared.gone.wait(),
+            Err(declined) => assert_eq!(declined, Declined::Stopped),
+        }
+        ending.join().unwrap();
+    });
+}
