@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-/// What a reply is found by, and what is remembered of the request.
+/// Requests by the key of their reply.
 #[derive(Debug)]
 pub(crate) struct Calls<K, V> {
     waiting: VecDeque<(K, V)>,
@@ -27,7 +27,7 @@ impl<K: PartialEq, V> Calls<K, V> {
         full
     }
 
-    /// What was remembered under `key`; once.
+    /// Takes out the request under `key`.
     pub(crate) fn take(&mut self, key: &K) -> Option<V> {
         let at = self.waiting.iter().position(|(known, _)| known == key)?;
         self.waiting.remove(at).map(|(_, value)| value)

@@ -1,4 +1,4 @@
-//! Where a [`Dds`](crate::Dds) is on the network, how it maps services, and what it may hold.
+//! The configuration of a [`Dds`](crate::Dds): interfaces, service mapping and limits.
 
 use replenish_os::config::{ConfigError, within};
 use std::net::{IpAddr, Ipv4Addr};
@@ -15,7 +15,7 @@ pub struct DdsConfig {
     pub services: ServiceMapping,
     /// The form of identifiers in `ros_discovery_info`.
     pub gids: GidSize,
-    /// Bounds on what it holds.
+    /// Its limits.
     pub limits: DdsLimits,
 }
 
@@ -71,7 +71,7 @@ impl GidSize {
     }
 }
 
-/// Bounds on what a [`Dds`](crate::Dds) holds.
+/// Limits of a [`Dds`](crate::Dds).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DdsLimits {
     /// Domains, each with a participant of its own (two threads, five sockets), 1 to 16.
@@ -113,10 +113,10 @@ impl Default for DdsLimits {
 }
 
 impl DdsConfig {
-    /// Whether everything is in its range.
+    /// Checks all ranges.
     ///
     /// # Errors
-    /// The first thing that is not.
+    /// The first setting that is out of its range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         if let Interfaces::Only(addresses) = &self.interfaces {
             within("dds.interfaces.length", addresses.len(), 1..=16)?;

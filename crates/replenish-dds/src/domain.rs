@@ -28,7 +28,7 @@ pub(crate) struct Domain {
     limit: usize,
     graph: Option<Writer>,
     gids: GidSize,
-    /// The graph has changed since it was told.
+    /// The graph has changed since its last message.
     pub(crate) changed: bool,
 }
 
@@ -105,7 +105,7 @@ impl Domain {
         topic.map_err(text("make a topic"))
     }
 
-    /// Tells ROS 2 which nodes there are.
+    /// Publishes the nodes on `ros_discovery_info`.
     pub(crate) fn tell(&self, nodes: &[NodeInfo]) {
         let message = graph::encode(self.guid().to_bytes(), nodes, self.gids);
         if let Some(writer) = &self.graph {

@@ -1,8 +1,8 @@
-//! What a program opens in DDS, and what goes through it.
+//! The nodes and endpoints that a program opens in DDS, and their samples.
 
 use crate::qos::Qos;
 
-/// Names an endpoint or node. The program chooses it and uses it once.
+/// Identifies an endpoint or node. The program chooses it and uses it once.
 pub type Id = u64;
 
 /// A DDS topic as ROS 2 names it.
@@ -40,25 +40,25 @@ pub struct Endpoint {
     pub domain: u16,
     /// The node it belongs to, if any.
     pub node: Option<Id>,
-    /// What it does.
+    /// Its kind.
     pub kind: EndpointKind,
 }
 
-/// What an endpoint does.
+/// The kind of an endpoint.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum EndpointKind {
     /// Publishes.
     Writer {
-        /// What it publishes on.
+        /// The published topic.
         topic: Topic,
-        /// What it offers.
+        /// The offered QoS.
         qos: Qos,
     },
     /// Subscribes.
     Reader {
-        /// What it subscribes to.
+        /// The subscribed topic.
         topic: Topic,
-        /// What it asks for.
+        /// The requested QoS.
         qos: Qos,
     },
     /// Calls a service.
@@ -92,9 +92,9 @@ impl EndpointKind {
 /// request and gives back with the reply. Laid out like DDS-RPC's `SampleIdentity`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct RequestId {
-    /// Whose.
+    /// The GUID of its writer.
     pub guid: [u8; 16],
-    /// Which.
+    /// Its number.
     pub sequence: i64,
 }
 

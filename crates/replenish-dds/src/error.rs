@@ -16,7 +16,7 @@ pub enum DdsError {
     Interface(IpAddr),
     /// The operating system refused.
     Io {
-        /// What was tried.
+        /// The operation.
         what: &'static str,
         /// Why.
         source: io::Error,

@@ -17,7 +17,7 @@ pub(crate) const QOS: Qos = Qos {
     lifespan: None,
 };
 
-/// A node with the ids of what it has.
+/// A node with the ids of its writers and readers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct NodeInfo {
     pub(crate) name: String,

@@ -83,8 +83,8 @@ impl Dds {
         self.wake();
     }
 
-    /// Queues a sample for DDS. What there is no room for is dropped, the oldest of the endpoint
-    /// first, and counted.
+    /// Queues a sample for DDS. Without room the oldest samples of the endpoint are dropped and
+    /// counted.
     pub fn write(&self, id: Id, outgoing: Outgoing) {
         let wake = self.shared.table.lock().write(id, outgoing);
         if wake {
@@ -110,7 +110,7 @@ impl Dds {
         self.shared.table.lock().take_mismatch()
     }
 
-    /// What it is doing.
+    /// The state of DDS.
     #[must_use]
     pub fn report(&self) -> DdsReport {
         self.shared.table.lock().report()

@@ -32,7 +32,7 @@
 //! - Writers, readers, and services from both sides with ROS 2's request ids in Fast DDS's and in
 //!   Cyclone's form ([`ServiceMapping`]).
 //! - Nodes are announced on `ros_discovery_info`, so that ROS 2's tools list them.
-//! - What this process writes itself does not come back to it.
+//! - Samples of this process do not come back to it.
 //! - Every queue and table is bounded by [`DdsLimits`]; what is dropped is counted per endpoint in
 //!   the [`DdsReport`].
 //! - Loopback unless told otherwise ([`Interfaces`]).
@@ -40,6 +40,15 @@
 //! # What it does not do
 //! Keyed topics, content filters, security, XCDR2, the "basic" service mapping of DDS-RPC. A topic
 //! keeps its type per domain for the life of a [`Dds`], because RustDDS keeps a cache per topic.
+//!
+//! # Structure
+//! ```text
+//!   handle ──► thread ──► open_endpoint ──► domain ──► graph     handle: the program's end
+//!      └────► state ◄───┘       │                                graph: ros_discovery_info
+//!               │               ├── calls   requests until their replies
+//!               └── queues      └── header  Cyclone's form of requests
+//!   config, endpoint, qos, report, error: plain data       raw: samples as bytes, for RustDDS
+//! ```
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
 

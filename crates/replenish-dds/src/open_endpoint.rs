@@ -30,7 +30,7 @@ const DISCOVERY_TIME: Duration = Duration::from_millis(100);
 /// Writers and readers of others that are remembered per endpoint.
 const MAX_MATCHED: usize = 1024;
 
-/// In which form an exchange goes on.
+/// The form of a request and its reply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Form {
     Enhanced,
@@ -159,7 +159,7 @@ impl OpenEndpoint {
         }
     }
 
-    /// Some are gone.
+    /// Removes lost readers and writers.
     pub(crate) fn lost(&mut self, which: impl Fn(&GUID) -> bool) {
         self.readers.retain(|guid| !which(guid));
         self.writers.retain(|guid| !which(guid));
@@ -174,7 +174,7 @@ impl OpenEndpoint {
         self.early.is_some()
     }
 
-    /// Gives a sample its form on the wire, or `None` for a reply that nobody waits for.
+    /// Gives a sample its form on the wire, or `None` for a reply to an unknown request.
     pub(crate) fn prepare(&mut self, outgoing: Outgoing) -> Option<Prepared> {
         let Outgoing { payload, request } = outgoing;
         let plain = |payload: Vec<u8>| Prepared {
@@ -379,7 +379,7 @@ impl OpenEndpoint {
     }
 }
 
-/// What names a client in Cyclone's form.
+/// The client's name in Cyclone's form.
 fn client(writer: GUID) -> [u8; 8] {
     let bytes = writer.to_bytes();
     let mut client = [0; 8];

@@ -45,9 +45,9 @@ pub enum History {
 pub struct Qos {
     /// Lost samples are sent again.
     pub reliable: bool,
-    /// What late readers get.
+    /// The samples for late readers.
     pub durability: Durability,
-    /// What is kept.
+    /// The samples that are kept.
     pub history: History,
     /// The longest time between two samples.
     pub deadline: Option<Nanos>,
@@ -55,8 +55,7 @@ pub struct Qos {
     pub lifespan: Option<Nanos>,
 }
 
-/// The policies of which a writer offers less than a reader asks for; of others nothing is known
-/// here.
+/// The policies of which a writer offers less than a reader requests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Mismatch {
     /// Best effort is offered, reliable is asked for.
@@ -68,7 +67,7 @@ pub struct Mismatch {
 }
 
 impl Mismatch {
-    /// What does not fit. What is left out in discovery has its default, as DDS says (1.4, 2.2.3).
+    /// The incompatible policies. A policy left out in discovery has its default (DDS 1.4, 2.2.3).
     pub(crate) fn between(offered: &QosPolicies, asked: &QosPolicies) -> Self {
         let best_effort = Some(policy::Reliability::BestEffort);
         let durability = |qos: &QosPolicies| qos.durability().unwrap_or(DdsDurability::Volatile);

@@ -98,7 +98,7 @@ impl<T: Weight> Queues<T> {
         None
     }
 
-    /// Puts back what was just popped.
+    /// Puts back the item that was just popped.
     pub(crate) fn push_front(&mut self, id: u64, item: T) {
         if let Some(queue) = self.queues.get_mut(&id) {
             self.bytes += item.weight();

@@ -1,4 +1,4 @@
-//! What DDS is doing, as plain data.
+//! The state of DDS as plain data.
 
 use crate::endpoint::Id;
 
@@ -44,7 +44,7 @@ pub struct EndpointReport {
     /// Samples that a reader never got, by the gaps in their writers' numbers: lost by a
     /// best-effort writer or the network, or overwritten before they were taken.
     pub missed: u64,
-    /// Requests forgotten without a reply, and replies that nobody waits for.
+    /// Requests forgotten without a reply, and replies to unknown requests.
     pub calls_lost: u64,
 }
 

@@ -1,5 +1,5 @@
-//! What the program and the thread of DDS share, under one lock: what is to be open, the samples
-//! that wait in both directions, and the counters.
+//! The state that the program and the thread of DDS share, under one lock: the wanted endpoints,
+//! the samples that wait in both directions, and the counters.
 //!
 //! ```text
 //!   open ──► WANTED ──(thread takes work)──► SEEN ──► open or failed
@@ -58,7 +58,7 @@ impl DdsEntity {
     }
 }
 
-/// What the thread counts for an endpoint between two looks at the state.
+/// The thread's counters of an endpoint between two updates of the table.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Counts {
     pub(crate) sent: u64,
@@ -78,12 +78,12 @@ struct EndpointSlot {
     seen: bool,
     state: EndpointState,
     matched: usize,
-    /// There are those who read what it writes and write what it reads.
+    /// It has readers for its requests and writers of its replies.
     served: bool,
     counts: Counts,
 }
 
-/// What the thread is to do.
+/// The work of the thread.
 #[derive(Debug, Default)]
 pub(crate) struct Work {
     pub(crate) stop: bool,
@@ -112,9 +112,9 @@ pub(crate) struct EndpointTable {
     pub(crate) outgoing: Queues<Outgoing>,
     /// From DDS.
     pub(crate) incoming: Queues<Incoming>,
-    /// Endpoints that are served now, or are not any more; the program is to be told.
+    /// Endpoints that are newly served, or not served any more, for the program.
     served_changed: VecDeque<Id>,
-    /// Endpoints of which more policies do not fit than before; the program is to be told.
+    /// Endpoints with newly incompatible policies, for the program.
     mismatched: VecDeque<Id>,
 }
 
@@ -263,7 +263,7 @@ impl EndpointTable {
         }
     }
 
-    /// Adds what the thread has counted; returns whether the program must be woken.
+    /// Adds the thread's counters; returns whether the program must be woken.
     pub(crate) fn account(&mut self, id: Id, counts: Counts, live: (usize, bool)) -> bool {
         let Some(slot) = self.table.get_mut(&id) else {
             return false;

@@ -29,7 +29,7 @@ const READERS: usize = DOMAINS + (1 << 16);
 /// Samples taken from one reader before the others have their turn, and written in one go.
 const BATCH: usize = 64;
 
-/// When to try again what DDS had no room for, or what waits for a server.
+/// The interval of retries for full writers and undiscovered servers.
 const AGAIN: Duration = Duration::from_millis(5);
 
 /// The thread's own state.
@@ -40,17 +40,18 @@ pub(crate) struct Engine {
     domains: BTreeMap<u16, Domain>,
     nodes: BTreeMap<Id, Node>,
     live: BTreeMap<Id, OpenEndpoint>,
-    /// Whose GUID a writer's or reader's is.
+    /// The owners of writers and readers, by GUID.
     owners: HashMap<GUID, Id>,
     tokens: HashMap<usize, Id>,
     next_token: usize,
     /// Readers that may have samples.
     readable: BTreeSet<Id>,
-    /// What DDS had no room for, one each; their queues are paused. `None`: waits for a server.
+    /// Samples that DDS had no room for, one each; their queues are paused. `None`: waits for a
+    /// server.
     blocked: BTreeMap<Id, Option<Prepared>>,
 }
 
-/// Tells the program when the thread ends, however it does.
+/// Wakes the program when the thread ends, for whatever reason.
 struct Ending(Arc<SharedState>);
 
 impl Drop for Ending {
@@ -205,7 +206,7 @@ impl Engine {
         }
     }
 
-    /// Who was found, who is gone.
+    /// Handles discovered and lost writers and readers.
     fn statuses(&mut self) {
         let Self {
             domains,
@@ -290,7 +291,7 @@ impl Engine {
         }
     }
 
-    /// Hands what waits to DDS.
+    /// Hands waiting samples to DDS.
     fn send(&mut self) {
         for (id, prepared) in std::mem::take(&mut self.blocked) {
             let Some(live) = self.live.get_mut(&id) else {
@@ -333,7 +334,7 @@ impl Engine {
         }
     }
 
-    /// Hands over what was counted.
+    /// Hands over the counters.
     fn account(&mut self) {
         let mut changed = false;
         let mut table = self.shared.table.lock();

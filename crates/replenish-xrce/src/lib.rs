@@ -1,21 +1,23 @@
 //! DDS-XRCE as sans-I/O state machines: bytes and time in, bytes and events out.
 //!
 //! ```text
-//!   wire     the codec: message and submessage headers, every submessage body, ids
-//!   stream   best-effort and reliable streams, both directions, fragments; used by client and agent
-//!   framing  messages on serial lines and TCP
-//!   client   the client's session: log-in, objects, samples, loss of the agent
-//!   udp      a socket to the agent (feature `std`)
+//!   client    the client's session: log-in, objects, samples, loss of the agent
+//!   stream    best-effort and reliable streams, both directions, fragments
+//!   framing   messages on serial lines and TCP
+//!   wire      the codec: headers of messages and submessages, all bodies, ids
+//!   udp       a socket to the agent (feature `std`)
+//!   sent      the fate of a datagram, for every transport
+//!   seq       sequence numbers       features  this build's features
+//!   counter   counters of events     time      times and intervals
 //! ```
 //!
 //! Sums of lengths wrap where they are positions in a buffer: no buffer is so long that a sum of a
 //! few lengths would, and every position is checked where it is used. Counters and times end at
 //! their greatest value.
 //!
-//! Nothing but those two allocates, reads a clock or touches a socket; storage is the caller's. The
-//! specification is OMG DDS-XRCE 1.0 (formal/20-02-01); where the text and eProsima's
-//! implementation differ, the implementation's wire form is what is written here, because that is
-//! what micro-ROS speaks.
+//! Only `udp` allocates, reads a clock or touches a socket; storage is the caller's. The
+//! specification is OMG DDS-XRCE 1.0 (formal/20-02-01). Where eProsima's implementation differs
+//! from it, this crate has the implementation's wire form, which micro-ROS speaks.
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing, clippy::arithmetic_side_effects)]

@@ -6,7 +6,7 @@ pub(crate) const fn later(time: Nanos, by: Nanos) -> Nanos {
     time.saturating_add(by)
 }
 
-/// A time that never comes: what is compared with times is no option of one.
+/// A time that never comes. Comparisons need no `Option` with it.
 pub(crate) const NEVER: Nanos = Nanos::MAX;
 
 /// A time, if it ever comes.

@@ -17,7 +17,7 @@ impl UdpTransport {
     /// A socket at a free port, connected to `agent`: it takes datagrams from there only.
     ///
     /// # Errors
-    /// What the system says to socket, bind or connect.
+    /// The system's error of socket, bind or connect.
     pub fn connect(agent: SocketAddr) -> io::Result<Self> {
         let any: SocketAddr = match agent {
             SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
@@ -38,7 +38,7 @@ impl UdpTransport {
     /// The socket's own address.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn local_addr(&self) -> io::Result<SocketAddr> {
         self.socket.local_addr()
     }
@@ -46,7 +46,7 @@ impl UdpTransport {
     /// Sends a datagram.
     ///
     /// # Errors
-    /// What the system says, except for what [`Sent`] has a name for.
+    /// The system's error, unless [`Sent`] has a name for it.
     pub fn send(&self, datagram: &[u8]) -> io::Result<Sent> {
         // A refusal is about an earlier datagram; this one has then not been sent.
         for _ in 0..2 {
@@ -65,10 +65,10 @@ impl UdpTransport {
         Ok(Sent::Unreachable)
     }
 
-    /// Receives a datagram, if there is one. What does not fit into `buf` is cut off.
+    /// Receives a datagram, if there is one. A longer one is cut off.
     ///
     /// # Errors
-    /// What the system says, except for "nothing there" and "no way to the agent".
+    /// The system's error, except for "nothing there" and "no way to the agent".
     pub fn recv(&self, buf: &mut [u8]) -> io::Result<Option<usize>> {
         loop {
             match self.socket.recv(buf) {

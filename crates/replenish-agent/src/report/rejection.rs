@@ -60,12 +60,12 @@ pub enum Reason {
     Unsupported,
     /// More datagrams a second than a client may send.
     Rate {
-        /// `limits.datagrams_per_second`
+        /// `limits.datagrams_per_second`.
         limit: u32,
     },
     /// More datagrams a second than all without a session may send.
     Unauthenticated {
-        /// `limits.unauthenticated_per_second`
+        /// `limits.unauthenticated_per_second`.
         limit: u32,
     },
     /// A log-in that makes no sense.
@@ -77,12 +77,12 @@ pub enum Reason {
     },
     /// A log-in while there are as many clients as there may be.
     Clients {
-        /// `limits.clients`
+        /// `limits.clients`.
         limit: usize,
     },
     /// A message on one stream more than a client may have, or may have memory for.
     Streams {
-        /// `limits.streams`
+        /// `limits.streams`.
         limit: usize,
     },
     /// A request that was answered with an error.
@@ -98,12 +98,12 @@ pub enum Reason {
     Sample {
         /// Its bytes.
         bytes: usize,
-        /// `limits.sample`
+        /// `limits.sample`.
         limit: usize,
     },
     /// A sample while the bytes of all samples have reached their limit.
     Memory {
-        /// `limits.queued_bytes`
+        /// `limits.queued_bytes`.
         limit: usize,
     },
     /// A TCP connection while there are as many as there may be, or that failed.

@@ -93,7 +93,7 @@ pub struct Buffers<S, const B: usize = 1, const R: usize = 1> {
     pub best_effort: [S; B],
     /// The reliable streams.
     pub reliable: [ReliableBuffers<S>; R],
-    /// What was created, to create it anew: about 30 bytes and the names for each object.
+    /// The journal of created objects: about 30 bytes and the names for each.
     pub journal: S,
     /// Requests on their way after a new log-in, `length / mtu` messages of them: with room for at
     /// least one, samples that were not acknowledged when the agent was lost are sent again; with

@@ -1,4 +1,4 @@
-//! What a session tells, and what it refuses.
+//! The events and errors of a session.
 
 use core::fmt;
 
@@ -47,16 +47,16 @@ pub enum Event<'a> {
     Reply {
         /// The requester.
         requester: ObjectId,
-        /// What [`Session::request`](super::Session::request) gave for the request.
+        /// The number that [`Session::request`](super::Session::request) returned.
         request: RequestId,
         /// The reply.
         payload: &'a [u8],
     },
-    /// What the agent tells unasked about an object.
+    /// A notice of the agent about an object.
     Notice {
         /// The object.
         object: ObjectId,
-        /// What.
+        /// The notice.
         notice: Notice,
     },
     /// The answer to [`Session::request_info`](super::Session::request_info).

@@ -254,7 +254,7 @@ fn sample<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize>(
     }
 }
 
-/// Whether the agent tells what has reached everybody it is for.
+/// Whether the agent sends confirmations.
 fn confirms_delivery(answer: &StatusAgent<'_>) -> bool {
     let mut confirms = false;
     answer.properties.for_each(|name, value| {

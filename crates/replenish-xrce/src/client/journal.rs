@@ -26,7 +26,7 @@ pub enum RequestState {
     Unanswered,
 }
 
-/// What stands for a [`RequestState`] in an entry; a refusal's status stands behind it.
+/// The codes of a [`RequestState`] in an entry; a refusal's status stands behind it.
 mod code {
     pub(super) const QUEUED: u8 = 0;
     pub(super) const ASKED: u8 = 1;
@@ -76,8 +76,8 @@ pub struct Journal<S, const E: usize> {
     bytes: S,
     used: usize,
     count: usize,
-    /// How many are to be sent, and how many to be answered: most often none, and then nobody
-    /// needs to look for them.
+    /// The number of requests to be sent, and to be answered: most often none, and then no search
+    /// is needed.
     open: [usize; 2],
 }
 
@@ -135,7 +135,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
         }
     }
 
-    /// Everything is to be asked for again.
+    /// Queues all requests again.
     pub(super) fn requeue(&mut self) {
         self.turn_all(None, code::QUEUED);
     }
@@ -189,7 +189,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
         asked
     }
 
-    /// Gives up waiting for answers to what was sent.
+    /// Gives up waiting for answers.
     pub(super) fn give_up(&mut self) {
         self.turn_all(Some(code::ASKED), code::UNANSWERED);
     }

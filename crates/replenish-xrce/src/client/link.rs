@@ -20,7 +20,7 @@ pub enum SessionState {
     Closing,
 }
 
-/// What happened to a session's link.
+/// The counters of a session's link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct LinkStats {
     /// Log-ins sent.

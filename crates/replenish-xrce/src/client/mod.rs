@@ -19,7 +19,14 @@
 //! the new session, after its objects exist: at least once, that is; what was acknowledged is never
 //! sent again. [`LinkStats`] counts both, and what had to be given up.
 //!
-//! What was created is kept in a [journal](Journal) and created anew, in order, after each log-in.
+//! Created objects are kept in a [journal](Journal) and created anew, in order, after each log-in.
+//!
+//! ```text
+//!   session ──┬── link         log-in, ping, loss of the agent        config   settings, storage
+//!   (incoming,├── journal      created objects and reads              event    events, errors
+//!   outgoing) └── streams ──┬── stream_set  streams of one kind       ping     without a session
+//!                           └── restore     requests before repeated samples (restore_disabled)
+//! ```
 //!
 //! # Use
 //! Feed [`Session::handle`] with datagrams and [`Session::tick`] with the time; after either, and

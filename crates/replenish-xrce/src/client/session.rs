@@ -86,7 +86,7 @@ where
         }
     }
 
-    /// Begins to log out; what was not acknowledged is given up.
+    /// Begins to log out; unacknowledged samples are given up.
     pub fn close(&mut self, now: Nanos) {
         let lost = self.streams.give_up();
         self.link.stats.lost = self.link.stats.lost.saturating_add(lost);
@@ -113,22 +113,22 @@ where
         self.link.heard()
     }
 
-    /// What happened to the link.
+    /// The counters of the link.
     pub const fn link_stats(&self) -> LinkStats {
         self.link.stats
     }
 
-    /// What happened on the reliable output streams together.
+    /// The counters of all reliable output streams together.
     pub fn output_stats(&self) -> OutputStats {
         self.streams.output_stats()
     }
 
-    /// What happened on the reliable and the best-effort input streams together.
+    /// The counters of all reliable and all best-effort input streams.
     pub fn input_stats(&self) -> (InputStats, BestEffortStats) {
         self.streams.input_stats()
     }
 
-    /// What happened on one reliable stream, both ways.
+    /// The counters of one reliable stream, both ways.
     pub fn stream_stats(&self, stream: StreamId) -> Option<(OutputStats, InputStats)> {
         self.streams.stream_stats(stream)
     }
@@ -226,7 +226,7 @@ where
     /// Deletes an object, and forgets it even if there is no session.
     ///
     /// # Errors
-    /// [`RequestError::Stream`] if the agent cannot be told now.
+    /// [`RequestError::Stream`] if the DELETE cannot be queued now.
     pub fn delete(&mut self, object: ObjectId) -> Result<(), RequestError> {
         if self.link.has_session() {
             let request = self.requests.next();
@@ -244,7 +244,7 @@ where
     /// out.
     ///
     /// # Errors
-    /// [`RequestError::Stream`] if the agent cannot be told now.
+    /// [`RequestError::Stream`] if the DELETE cannot be queued now.
     pub fn delete_behind(
         &mut self,
         object: ObjectId,

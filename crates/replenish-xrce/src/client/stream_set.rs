@@ -14,7 +14,7 @@ impl<T, const N: usize> StreamSet<T, N> {
         self.0.get_mut(index?)
     }
 
-    /// What `ask` gives for the first of them that it gives something for, higher indices first.
+    /// The first result of `ask`, higher indices first.
     pub(super) fn first<'a, U>(
         &'a mut self,
         mut ask: impl FnMut(&'a mut T) -> Option<U>,
@@ -33,7 +33,7 @@ impl<T, const N: usize> StreamSet<T, N> {
         });
     }
 
-    /// Puts together what each of them gives.
+    /// Folds over all of them.
     pub(super) fn sum<U>(&self, zero: U, mut plus: impl FnMut(U, &T) -> U) -> U {
         if N == 1
             && let Some(only) = self.0.first()

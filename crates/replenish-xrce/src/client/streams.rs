@@ -83,7 +83,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Reliable<S, N> {
     }
 }
 
-/// What requests go through while the session is restored.
+/// The stream of requests while the session is restored.
 fn restoring<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize>(
     config: &Config,
     buf: S,
@@ -176,7 +176,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
         self.restore.is_idle()
     }
 
-    /// Gives up what was not acknowledged; how many samples that is.
+    /// Gives up unacknowledged samples; returns their number.
     pub(super) fn give_up(&mut self) -> u64 {
         let mut lost = 0_u64;
         self.reliable.for_each(|Reliable { output, .. }| {
@@ -292,9 +292,10 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
     pub(super) fn deadline(&self) -> Nanos {
         let restoring = self.restore.is_active();
         self.reliable.sum(self.restore.deadline(), |next, stream| {
-            let output = match restoring {
-                true => NEVER,
-                false => stream.output.deadline(),
+            let output = if restoring {
+                NEVER
+            } else {
+                stream.output.deadline()
             };
             next.min(stream.input.ack_due_at()).min(output)
         })

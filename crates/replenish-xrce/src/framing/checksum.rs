@@ -21,7 +21,7 @@ const FACTOR: u16 = 0xc001;
 /// The powers below x^15 of a word.
 const BELOW: u32 = 0xfffe_0000;
 
-/// What a message has come to so far.
+/// The checksum of a message so far.
 #[derive(Clone, Copy)]
 struct Sum {
     /// The remainder modulo x^15 + x + 1, up to x^17.

@@ -32,7 +32,7 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Prefixed<B> {
         }
     }
 
-    /// Forgets what it has of a message, for a new connection.
+    /// Forgets a partial message, for a new connection.
     pub const fn reset(&mut self) {
         self.head_len = 0;
         self.len = 0;

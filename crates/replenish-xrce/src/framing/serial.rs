@@ -78,7 +78,7 @@ pub fn serial_frame(
     Ok(whole.saturating_sub(room.len()))
 }
 
-/// What a [`Serial`] has seen.
+/// The counters of a [`Serial`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct FrameStats {
     /// Messages handed out.
@@ -139,7 +139,7 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
         }
     }
 
-    /// What happened so far.
+    /// The counters so far.
     pub const fn stats(&self) -> FrameStats {
         self.stats
     }
@@ -165,7 +165,7 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
         }
     }
 
-    /// Takes bytes up to the end of a frame; what is left, and whether the frame is unharmed.
+    /// Takes bytes up to the end of a frame; returns the rest, and whether the frame is unharmed.
     #[inline(never)]
     fn piecewise<'a>(&mut self, mut bytes: &'a [u8]) -> (&'a [u8], bool) {
         loop {

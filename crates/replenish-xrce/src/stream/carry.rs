@@ -1,4 +1,4 @@
-//! Taking what a receiver has not acknowledged over to a new session with it.
+//! Carries unacknowledged samples over to a new session with the receiver.
 //!
 //! The receiver has lost everything it had, also the fragments it had acknowledged: samples are
 //! taken over whole or not at all. Only samples are: requests are made anew by whoever keeps the
@@ -8,7 +8,7 @@ use super::ring::{Part, Ring};
 use crate::wire::StreamHeader;
 use crate::wire::{SubmessageId, Submessages};
 
-/// What was taken over.
+/// The result of a carry-over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Carried {
     /// Samples that will be sent again.
@@ -65,7 +65,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         carried
     }
 
-    /// Removes from message `i` what is no sample; gives the number of samples left.
+    /// Removes from message `i` all but samples; returns their number.
     fn compact(&mut self, i: usize) -> u64 {
         let (start, end) = (self.header.len(), self.get(i).map_or(0, |slot| slot.len));
         let mut samples = 0_u64;

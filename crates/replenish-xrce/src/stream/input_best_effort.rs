@@ -3,7 +3,7 @@
 use crate::SeqNum;
 use crate::counter::{count, count_all, count_inline};
 
-/// What happened on a best-effort input stream.
+/// The counters of a best-effort input stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct BestEffortStats {
     /// Messages that were accepted.
@@ -69,7 +69,7 @@ impl InputBestEffort {
         true
     }
 
-    /// What happened so far.
+    /// The counters so far.
     #[must_use]
     pub const fn stats(&self) -> BestEffortStats {
         self.stats

@@ -46,7 +46,7 @@ impl Default for AckPolicy {
     }
 }
 
-/// What happened on a reliable input stream.
+/// The counters of a reliable input stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct InputStats {
     /// Messages handled, each once and in order.
@@ -240,7 +240,7 @@ where
         self.ack_due
     }
 
-    /// Whether the sender waits for an acknowledgement, or has to be told of a gap.
+    /// Whether the sender waits for an acknowledgement, or must learn of a gap.
     pub const fn is_urgent(&self) -> bool {
         self.urgent
     }
@@ -265,7 +265,7 @@ where
         self.next
     }
 
-    /// What happened so far.
+    /// The counters so far.
     pub const fn stats(&self) -> InputStats {
         self.stats
     }

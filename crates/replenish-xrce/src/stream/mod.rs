@@ -2,10 +2,16 @@
 //!
 //! ```text
 //!             push(body)                                 deliver(submessage)
-//!   writer ──► OutputBestEffort ── datagram ──► InputBestEffort ──► reader     order kept, losses not repaired
-//!   writer ──► OutputReliable   ── datagram ──► InputReliable   ──► reader     exactly once, in order
+//!   writer ──► OutputBestEffort ── datagram ──► InputBestEffort ──► reader    in order, with losses
+//!   writer ──► OutputReliable   ── datagram ──► InputReliable   ──► reader    exactly once, in order
 //!                    ▲   └─────── HEARTBEAT ───────►  │
 //!                    └─────────── ACKNACK ────────────┘
+//!
+//!   output_reliable ──► ring ──► spill       messages until acknowledged; an oversized submessage
+//!        │   └────────► carry                unacknowledged samples, for a new session
+//!        └────────────► rtt                  the round trip (rtt_disabled without that feature)
+//!   input_reliable ───► reassembly           fragments
+//!   push                                     errors and form of a pushed submessage
 //! ```
 //!
 //! Client and agent use the same four machines. Their storage is any `AsRef<[u8]> + AsMut<[u8]>`

@@ -43,7 +43,7 @@ pub struct Reliability {
 }
 
 impl Reliability {
-    /// What eProsima's client does: a heartbeat every 100 ms.
+    /// The settings of eProsima's client: a heartbeat every 100 ms.
     pub const EPROSIMA: Reliability = Reliability {
         heartbeat_first: 100_000_000,
         heartbeat_min: 100_000_000,
@@ -64,7 +64,7 @@ impl Default for Reliability {
     }
 }
 
-/// What happened on a reliable output stream.
+/// The counters of a reliable output stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct OutputStats {
     /// Messages sent for the first time.
@@ -93,13 +93,13 @@ impl OutputStats {
     }
 }
 
-/// So often a message that was named missing is sent again without being named again.
+/// Repetitions of a message that was named missing once.
 const RETRIES: u8 = 3;
 
-/// So many heartbeats go out at the same pace before it slows down.
+/// Heartbeats at the same pace before it slows down.
 const STEADY: u8 = 3;
 
-/// What an acknowledgement says that was not known.
+/// The new information in an acknowledgement.
 #[derive(Default)]
 struct AckProgress {
     /// When the newest message was sent of which it is progress that it has arrived.
@@ -126,9 +126,9 @@ pub struct OutputReliable<S, const N: usize> {
     /// Messages from the first one on that are acknowledged and kept all the same, because their
     /// sample is not acknowledged as a whole.
     acked: usize,
-    /// Messages are kept until they are confirmed, which the receiver tells besides acknowledging.
+    /// Messages are kept until they are confirmed, not only acknowledged.
     confirms: bool,
-    /// Messages from the first one on that are confirmed, if that is told.
+    /// Messages from the first one on that are confirmed, if the receiver confirms.
     confirmed: usize,
     /// Messages from the first one on that were sent.
     sent: usize,
@@ -221,8 +221,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         self.rtt = Rtt::default();
     }
 
-    /// From now on the receiver tells, or does not, which messages are confirmed (see
-    /// [`Confirmation`](crate::wire::Confirmation)), and they are kept until they are.
+    /// Keeps messages until they are confirmed (see [`Confirmation`](crate::wire::Confirmation)),
+    /// if the receiver `confirms`; otherwise until they are acknowledged.
     pub const fn until_confirmed(&mut self, confirms: bool) {
         self.confirms = DELIVERY && confirms;
     }
@@ -257,13 +257,13 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         self.ring.used == 0 && !self.ring.spill().is_some_and(Spill::is_busy)
     }
 
-    /// Messages that were pushed and not acknowledged or, if the receiver tells, not confirmed.
+    /// Messages that were pushed and not acknowledged or, if the receiver confirms, not confirmed.
     pub fn unacknowledged(&self) -> usize {
         let used = self.ring.used.saturating_sub(self.done());
         used.saturating_add(self.ring.in_spill())
     }
 
-    /// What happened so far.
+    /// The counters so far.
     pub const fn stats(&self) -> OutputStats {
         self.stats
     }
@@ -445,7 +445,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         let wait = if self.sent > self.acked {
             self.interval
         } else if self.sent > self.done() {
-            self.config.heartbeat_max // settling takes the receiver's readers, too
+            self.config.heartbeat_max // a confirmation waits for the receiver's readers, too
         } else {
             NEVER
         };

@@ -1,4 +1,4 @@
-//! What output streams of both kinds say about a submessage that is pushed.
+//! The errors and form of submessages that are pushed to output streams.
 
 use crate::wire::{Encode, WireError, submessage_len};
 use core::fmt;
@@ -36,13 +36,13 @@ pub enum PushError {
     Wire(WireError),
 }
 
-/// What a submessage takes with its header and padding, if that is within `limit`.
+/// The size of a submessage with header and padding, if it is within `limit`.
 pub(super) fn size_within<B: Encode + ?Sized>(limit: usize, body: &B) -> Result<usize, PushError> {
     let size = submessage_len(body).map_err(PushError::Wire)?;
-    match size > limit {
-        true => Err(PushError::TooLarge { size, limit }),
-        false => Ok(size),
+    if size > limit {
+        return Err(PushError::TooLarge { size, limit });
     }
+    Ok(size)
 }
 
 impl fmt::Display for PushError {

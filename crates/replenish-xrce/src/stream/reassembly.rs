@@ -9,7 +9,7 @@ pub(super) struct Reassembly<R> {
     skipping: bool,
 }
 
-/// What a piece did.
+/// The result of a piece.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Piece<'a> {
     /// More are to come.
@@ -34,7 +34,7 @@ impl<R: AsRef<[u8]> + AsMut<[u8]>> Reassembly<R> {
         self.skipping = false;
     }
 
-    /// A piece is here, but cannot be read: what it belongs to is dropped, up to its last piece.
+    /// Drops the submessage of an unreadable piece, up to its last piece.
     pub(super) const fn spoil(&mut self, last: bool) {
         self.len = 0;
         self.skipping = !last;

@@ -10,7 +10,7 @@ use crate::wire::StreamHeader;
 use crate::wire::{Encode, FLAG_LITTLE_ENDIAN, Fragment, SubmessageId, WireError, Writer};
 use crate::wire::{append, encode_submessage, submessage_len};
 
-/// What part of a submessage a message holds.
+/// The part of a submessage that a message holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Part {
     /// One or more whole submessages.
@@ -24,7 +24,7 @@ pub(super) enum Part {
     Last,
 }
 
-/// One message and what is known about it.
+/// The state of one message.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RingSlot {
     /// Bytes of the message.
@@ -41,9 +41,9 @@ pub(super) struct RingSlot {
     pub(super) retries: u8,
     /// The receiver has it, although not everything before it.
     pub(super) received: bool,
-    /// What it holds.
+    /// The part of a submessage in it.
     pub(super) part: Part,
-    /// It is a fragment of what the spill holds.
+    /// It is a fragment of the submessage in the spill.
     pub(super) spilled: bool,
 }
 
@@ -114,7 +114,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         }
     }
 
-    /// What is larger than the free part of the ring waits there.
+    /// Sets the spill, where submessages wait that are larger than the free part of the ring.
     pub(super) fn spill_to(&mut self, buf: S) {
         if FRAGMENTS {
             self.spill = Some(Spill::new(buf));
@@ -241,10 +241,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         }
         if fits_one {
             self.begin();
-            return match self.append(body) {
-                true => Ok(()),
-                false => Err(PushError::WouldBlock),
-            };
+            let appended = self.append(body);
+            return appended.then_some(()).ok_or(PushError::WouldBlock);
         }
         let mut position = 0;
         for _ in 0..count {
@@ -292,7 +290,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         self.spill = Some(spill);
     }
 
-    /// Messages that what is left in the spill will take.
+    /// Messages that the rest of the spill will take.
     pub(super) fn in_spill(&self) -> usize {
         let left = |spill: &Spill<S>| spill.len.saturating_sub(spill.position);
         let left = self.spill().map_or(0, left);

@@ -6,7 +6,7 @@ use super::{
 };
 use super::{Encode, SubmessageId};
 
-/// What to do if the object exists already.
+/// The treatment of an object that exists already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct CreationMode {
     /// Keep it if it is the same.
@@ -53,7 +53,7 @@ pub enum Representation<'a, B> {
 impl<'a, B> Representation<'a, B> {
     const REFERENCE: u8 = 1;
     const XML: u8 = 2;
-    /// What stands before a binary form.
+    /// The discriminator of a binary form.
     pub const BINARY: u8 = 3;
 
     fn write(&self, w: &mut Writer<'_>, binary: impl FnOnce(&B, &mut Writer<'_>)) {
@@ -89,7 +89,7 @@ impl<'a, B> Representation<'a, B> {
     }
 }
 
-/// An object to create, with what it belongs to.
+/// An object to create, with its owner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs, reason = "description, then the owner")]
 pub enum Entity<'a> {
@@ -220,7 +220,7 @@ impl<'a> Entity<'a> {
 pub struct Create<'a> {
     /// The object's id.
     pub base: BaseRequest,
-    /// What if it exists already.
+    /// The treatment of an object that exists already.
     pub mode: CreationMode,
     /// The object.
     pub entity: Entity<'a>,

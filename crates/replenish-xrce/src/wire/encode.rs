@@ -1,4 +1,4 @@
-//! Building messages: what a body must offer, measuring, appending submessages.
+//! Building messages: the trait of bodies, measuring, appending submessages.
 
 use super::header::SUBHEADER;
 use super::{FLAG_LITTLE_ENDIAN, Header, SubmessageId, WireError, Writer, padding};
@@ -44,7 +44,7 @@ pub trait Encode {
     }
 }
 
-/// A body whose bytes are there: its beginning and what follows.
+/// A body in bytes: its head and its rest.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RawBody<'a> {
     pub(crate) id: SubmessageId,

@@ -6,14 +6,14 @@ use super::{ObjectId, Reader, WireError, Writer};
 pub const QOS_RELIABLE: u16 = 1 << 0;
 /// QoS flag: keep the last `depth` samples, else all.
 pub const QOS_HISTORY_KEEP_LAST: u16 = 1 << 1;
-/// QoS flag: late readers get what the living writers sent before.
+/// QoS flag: late readers get the earlier samples of living writers.
 pub const QOS_DURABILITY_TRANSIENT_LOCAL: u16 = 1 << 3;
 /// QoS flag: as transient local, beyond the writer's life.
 pub const QOS_DURABILITY_TRANSIENT: u16 = 1 << 4;
 /// QoS flag: as transient, beyond the system's life.
 pub const QOS_DURABILITY_PERSISTENT: u16 = 1 << 5;
 
-/// What writers and readers have in common (`OBJK_Endpoint_QosBinary`).
+/// The common QoS of writers and readers (`OBJK_Endpoint_QosBinary`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct EndpointQos<'a> {
     /// `QOS_*` bits.

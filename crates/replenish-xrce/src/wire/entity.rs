@@ -53,7 +53,7 @@ impl<'a> TopicBinary<'a> {
 }
 
 /// A publisher or subscriber (`OBJK_Publisher_Binary`, `OBJK_Subscriber_Binary`). Their QoS
-/// (partitions, group data) is sent by nobody; it is skipped when decoding.
+/// (partitions, group data) is sent by no client; it is skipped when decoding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct GroupBinary<'a> {
     /// Its name.

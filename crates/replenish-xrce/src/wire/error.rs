@@ -1,4 +1,4 @@
-//! What can be wrong with bytes from the wire, or with a buffer to write them to.
+//! Errors of bytes from the wire, and of buffers to write them to.
 
 use core::fmt;
 

@@ -3,7 +3,7 @@
 use super::{ClientKey, SessionId, StreamId, WireError};
 use crate::SeqNum;
 
-/// What all message headers of a stream have in common.
+/// The common part of all message headers of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StreamHeader {
     /// The session.

@@ -104,7 +104,7 @@ impl StreamId {
     }
 }
 
-/// What an object is.
+/// The kind of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the DDS entities of the same name")]
 pub enum ObjectKind {
@@ -210,7 +210,7 @@ impl fmt::Debug for ObjectId {
     }
 }
 
-/// Numbers the requests of a client so that replies can be told apart. Big endian on the wire.
+/// The number of a client's request, which its reply repeats. Big endian on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct RequestId(pub u16);
 
@@ -234,7 +234,7 @@ impl RequestId {
     }
 }
 
-/// What requests and their replies start with: which request, which object.
+/// The first field of requests and replies: the request and its object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BaseRequest {
     /// The request.
@@ -260,7 +260,7 @@ impl BaseRequest {
         }
     }
 
-    /// Splits what a requester receives into the request that is answered and the reply.
+    /// Splits the payload at a requester into the answered request and the reply.
     #[must_use]
     pub fn split(payload: &[u8]) -> Option<(BaseRequest, &[u8])> {
         let (&bytes, rest) = payload.split_first_chunk()?;

@@ -6,7 +6,7 @@ use super::{Encode, SubmessageId};
 
 /// Bit of the `GET_INFO` mask: the configuration.
 pub const INFO_CONFIGURATION: u32 = 0x1;
-/// Bit of the `GET_INFO` mask: the activity. What eProsima's ping asks for.
+/// Bit of the `GET_INFO` mask: the activity, which eProsima's ping asks for.
 pub const INFO_ACTIVITY: u32 = 0x2;
 
 /// `GET_INFO`: asks about an object, usually [`ObjectId::AGENT`](super::ObjectId::AGENT).
@@ -14,7 +14,7 @@ pub const INFO_ACTIVITY: u32 = 0x2;
 pub struct GetInfo {
     /// The object.
     pub base: BaseRequest,
-    /// What to tell.
+    /// The information to send.
     pub mask: u32,
 }
 
@@ -38,12 +38,12 @@ impl GetInfo {
     }
 }
 
-/// What an agent says about itself.
+/// The configuration of an agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AgentInfo {
     /// Protocol version, major and minor.
     pub version: [u8; 2],
-    /// Who wrote the agent.
+    /// The vendor id of the agent.
     pub vendor: [u8; 2],
 }
 
@@ -113,7 +113,7 @@ impl Info {
         }
         if r.bool()? && ObjectKind::from_number(r.u8()?)? == ObjectKind::Agent {
             info.availability = Some(r.i16()?);
-            r.u32()?; // transport addresses follow; nobody sends any
+            r.u32()?; // transport addresses follow; no agent sends any
         }
         Ok(info)
     }

@@ -89,9 +89,9 @@ impl<'a> Properties<'a> {
 pub struct CreateClient<'a> {
     /// Protocol version, major and minor.
     pub version: [u8; 2],
-    /// Who wrote the client.
+    /// The vendor id of the client.
     pub vendor: [u8; 2],
-    /// Who the client is.
+    /// The client's key.
     pub key: ClientKey,
     /// The session to create.
     pub session: SessionId,
@@ -153,7 +153,7 @@ pub struct StatusAgent<'a> {
     pub implementation: u8,
     /// Protocol version, major and minor.
     pub version: [u8; 2],
-    /// Who wrote the agent.
+    /// The vendor id of the agent.
     pub vendor: [u8; 2],
     /// Optional properties.
     pub properties: Properties<'a>,

@@ -33,7 +33,7 @@ impl<'a> Message<'a> {
 /// A submessage as it stands in a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Submessage<'a> {
-    /// What it is.
+    /// Its id.
     pub id: SubmessageId,
     /// Its flag byte.
     pub flags: u8,
@@ -85,7 +85,7 @@ impl<'a> Submessages<'a> {
         Submessages { bytes, pos: 0 }
     }
 
-    /// What the next submessage is, and its flags, even if it is too short for what it says.
+    /// The id and flags of the next submessage, even if its body is cut.
     pub(crate) fn peek(&self) -> Option<(SubmessageId, u8)> {
         let [id, flags] = *self.bytes.get(self.pos..)?.first_chunk()?;
         Some((SubmessageId::from_number(id).ok()?, flags))
@@ -109,7 +109,7 @@ impl<'a> Submessages<'a> {
         self.pos >= self.bytes.len()
     }
 
-    /// What is wrong with the next submessage.
+    /// The error of the next submessage.
     fn error(&self) -> WireError {
         let rest = self.bytes.get(self.pos..).unwrap_or(&[]);
         let short = |needed, left| WireError::Truncated { needed, left };

@@ -1,9 +1,14 @@
 //! The XRCE wire format: pure functions between bytes and types, for both client and agent.
 //!
 //! ```text
-//!   message = header (4 or 8 bytes) , submessage*
-//!   header  = session id, stream id, sequence number LE [, client key iff session id < 0x80]
+//!   message    = header (4 or 8 bytes), submessage*
+//!   header     = session id, stream id, sequence number LE [, client key iff session id < 0x80]
 //!   submessage = id, flags, length LE, body[length]      each starts 4-aligned in the message
+//!
+//!   message ──► body ──► login, info, create (entity, endpoint), access, service, notice,
+//!      │                 reliability, time          one file for the submessages of a topic
+//!      └──► header ──► ids                          encode: building messages
+//!   reader, writer, padding: CDR                    error: malformed bytes, short buffers
 //! ```
 //!
 //! Bodies are CDR with alignment counted from the body's own start and the byte order of flag bit

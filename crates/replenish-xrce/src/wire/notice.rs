@@ -8,7 +8,7 @@
 
 use super::{BaseRequest, ObjectId, RequestId, Status, StatusReply};
 
-/// Something that an agent says about one of the client's objects.
+/// A notice of the agent about one of the client's objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Notice {
     /// A data writer offers less than a reader of its topic asks for, or a data reader asks for
@@ -44,7 +44,7 @@ impl Notice {
         }
     }
 
-    /// What `status` says, if it is such a message.
+    /// The notice that `status` carries, if it is one.
     #[must_use]
     pub fn of(status: &StatusReply) -> Option<Self> {
         if status.base.request != RequestId::NONE {

@@ -1,4 +1,4 @@
-//! ACKNACK, HEARTBEAT, FRAGMENT and RESET: what makes streams reliable.
+//! ACKNACK, HEARTBEAT, FRAGMENT and RESET: the submessages of reliable streams.
 //!
 //! ACKNACK and HEARTBEAT travel outside of streams (stream 0, number 0) and name the stream they
 //! are about: an ACKNACK names the sender's input stream, a HEARTBEAT the sender's output stream.
@@ -7,8 +7,8 @@ use super::{Encode, SubmessageId};
 use super::{Reader, StreamId, WireError, Writer};
 use crate::SeqNum;
 
-/// ACKNACK: everything before `first_unacked` has arrived, and what of the sixteen messages from
-/// there on is missing.
+/// ACKNACK: all messages before `first_unacked` have arrived; of the sixteen from there on the
+/// `missing` ones have not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AckNack {
     /// The first message that has not arrived.
@@ -81,35 +81,37 @@ fn five(body: &[u8], little_endian: bool) -> Option<[u8; 5]> {
     rest.first_chunk().or(body.first_chunk()).copied()
 }
 
-/// An ACKNACK that may say more: which messages are *confirmed*, that is, have reached everybody
-/// they are for, and not just the agent. An extension of this project, sent only to clients that
-/// ask for it with the property [`DELIVERY`]: other decoders expect exactly five bytes.
+/// An ACKNACK that may also say which messages are *confirmed*.
+///
+/// A confirmed message has reached all its readers, not just the agent. This is an extension of
+/// the project, sent only to clients that ask for it with the property [`DELIVERY`]: other decoders
+/// expect exactly five bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Confirmation {
-    /// What every client is told.
+    /// The acknowledgement, for every client.
     pub ack: AckNack,
-    /// What clients that ask are told besides.
+    /// The confirmation, for clients that ask for it.
     pub confirmed: Option<Confirmed>,
 }
 
-/// What a [`Confirmation`] adds to an ACKNACK.
+/// The part that a [`Confirmation`] adds to an ACKNACK.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Confirmed {
     /// The first message that is not confirmed; never after the first one that is not acknowledged.
     pub first_unconfirmed: SeqNum,
-    /// Clients of the agent that have asked to be told, up to 255: as many will return if the agent
+    /// Clients of the agent that ask for confirmations, up to 255: as many will return if the agent
     /// is lost.
     pub companions: u8,
 }
 
-/// The property of a log-in that asks for [`Confirmation::confirmed`], and of the agent's answer
-/// that promises it.
+/// The property of a log-in that asks for [`Confirmation::confirmed`], and of the answer that
+/// grants it.
 pub const DELIVERY: &str = "replenish.delivery";
 /// Value of [`DELIVERY`]: a client that has no samples from before.
 pub const DELIVERY_NEW: &str = "new";
-/// Begin of a value of [`DELIVERY`]: a client that had a session, lost its agent and will repeat
-/// what was not confirmed. What follows is the number of [`Confirmed::companions`] it was told
-/// last, as two hexadecimal digits.
+/// Begin of a value of [`DELIVERY`]: a client that lost its agent and repeats unconfirmed samples.
+///
+/// The last [`Confirmed::companions`] follows as two hexadecimal digits.
 pub const DELIVERY_BACK: &str = "back:";
 /// Value of [`DELIVERY`] in the agent's answer.
 pub const DELIVERY_CONFIRMED: &str = "settled";

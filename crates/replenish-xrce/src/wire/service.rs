@@ -15,7 +15,7 @@ use super::{BaseRequest, Encode, SubmessageId, Writer};
 pub struct SampleIdentity(pub [u8; 24]);
 
 impl SampleIdentity {
-    /// Splits what a replier receives into identity and request.
+    /// Splits the payload at a replier into identity and request.
     #[must_use]
     pub fn split(payload: &[u8]) -> Option<(SampleIdentity, &[u8])> {
         let (identity, rest) = payload.split_first_chunk()?;

@@ -77,7 +77,7 @@ pub struct TimestampReply {
     pub transmit: WireTime,
     /// When the agent received the TIMESTAMP, on the agent's clock.
     pub receive: WireTime,
-    /// What the TIMESTAMP said.
+    /// The time in the TIMESTAMP.
     pub originate: WireTime,
 }
 

@@ -8,7 +8,7 @@ use super::{WireError, padding};
 
 /// Writes little-endian CDR; alignment counts from where it was made (or from [`Writer::nested`]).
 ///
-/// What goes wrong is kept until [`Writer::check`] is asked; nothing is written after that.
+/// The first error is kept until [`Writer::check`] returns it; nothing is written after it.
 #[derive(Debug)]
 pub struct Writer<'a> {
     window: &'a mut [u8],
@@ -62,7 +62,7 @@ impl<'a> Writer<'a> {
     /// Whether everything was written.
     ///
     /// # Errors
-    /// What went wrong first: [`WireError::NoRoom`], [`WireError::TooLong`] or
+    /// The first error: [`WireError::NoRoom`], [`WireError::TooLong`] or
     /// [`WireError::BadString`].
     pub const fn check(&self) -> Result<(), WireError> {
         match self.error {
@@ -94,7 +94,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Copies what of `bytes`, at position `at`, is inside of the window.
+    /// Copies the part of `bytes`, at position `at`, that is inside of the window.
     fn show(&mut self, at: usize, bytes: &[u8]) {
         // The part of `bytes` inside the window starts `skip` bytes in.
         let skip = self.start.saturating_sub(at);
@@ -169,13 +169,13 @@ impl<'a> Writer<'a> {
         self.close(outer);
     }
 
-    /// Begins what is nested, with a length to be filled in; gives the origin outside of it.
+    /// Begins a nested run, with a length to be filled in; returns the origin outside of it.
     fn open(&mut self) -> usize {
         self.u32(0);
         core::mem::replace(&mut self.origin, self.pos)
     }
 
-    /// Ends what is nested: its length is known.
+    /// Ends a nested run: its length is known.
     fn close(&mut self, outer: usize) {
         let start = core::mem::replace(&mut self.origin, outer);
         let len = self.pos.saturating_sub(start);
