@@ -1,7 +1,7 @@
 //! One supervised thread: its reservation, and how a verdict reaches the kernel.
 
+use super::config::{AnyServer, Enforcement, NEVER};
 use super::overruns::Overruns;
-use super::{AnyServer, Enforcement, NEVER};
 use crate::Arc;
 use crate::Nanos;
 use crate::Tid;
@@ -15,7 +15,7 @@ use sporadic::{BudgetServer, Level, Low, Reservation, Verdict};
 
 /// What a judgement led to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Outcome {
+pub(super) enum JudgeOutcome {
     Unchanged,
     Changed,
     /// The kernel refused the change of priority.
@@ -23,7 +23,7 @@ pub(super) enum Outcome {
 }
 
 #[derive(Debug)]
-pub(super) struct Entry {
+pub(super) struct EnforcedThread {
     pub(super) reservation: Reservation<AnyServer>,
     pub(super) clock: ThreadCpuClock,
     pub(super) tid: Tid,
@@ -33,7 +33,7 @@ pub(super) struct Entry {
     detector: BlockingDetector,
 }
 
-impl Entry {
+impl EnforcedThread {
     pub(super) fn new(
         reservation: Reservation<AnyServer>,
         tid: Tid,
@@ -104,18 +104,18 @@ impl Entry {
     /// The thread's CPU clock at this moment, which is `now`.
     fn cpu(&mut self, now: Nanos) -> Nanos {
         let read = self.clock.read_at(now);
-        self.kept(read)
+        self.or_last(read)
     }
 
     /// The same with the switch records up to `now`.
     fn read(&mut self, now: Nanos) -> Nanos {
         let (_, since) = self.reservation.last_reading();
         let read = self.detector.read(&self.clock, since, now);
-        self.kept(read)
+        self.or_last(read)
     }
 
     /// A thread that has ended keeps its last reading.
-    fn kept(&mut self, read: Option<Nanos>) -> Nanos {
+    fn or_last(&mut self, read: Option<Nanos>) -> Nanos {
         read.unwrap_or_else(|| {
             self.live = false;
             self.reservation.last_reading().0
@@ -125,7 +125,7 @@ impl Entry {
     /// The worker leaves its wait; it was woken at `woken`.
     pub(super) fn activate(&mut self, woken: Nanos, now: Nanos) {
         let read = self.detector.restart(&self.clock, now);
-        let cpu = self.kept(read);
+        let cpu = self.or_last(read);
         self.reservation.activate(woken, now, cpu);
     }
 
@@ -136,7 +136,7 @@ impl Entry {
     }
 
     /// Decides by the CPU clock, and carries the decision out.
-    pub(super) fn judge(&mut self, now: Nanos, rung: Enforcement) -> Outcome {
+    pub(super) fn judge(&mut self, now: Nanos, mode: Enforcement) -> JudgeOutcome {
         let late = now.saturating_sub(self.check_at());
         let cpu = if self.detector.has_not_run() {
             self.detector.skip_reading(now);
@@ -145,7 +145,7 @@ impl Entry {
             self.read(now)
         };
         let verdict = self.reservation.judge(now, cpu, self.detector.gaps());
-        self.obey(verdict, now, late, rung)
+        self.obey(verdict, now, late, mode)
     }
 
     /// The worker found that it blocked inside its callback, without knowing when: whatever has
@@ -169,13 +169,13 @@ impl Entry {
         self.suspend.resume();
     }
 
-    fn obey(&mut self, verdict: Verdict, now: Nanos, late: u64, rung: Enforcement) -> Outcome {
+    fn obey(&mut self, verdict: Verdict, now: Nanos, late: u64, mode: Enforcement) -> JudgeOutcome {
         let Some(level) = verdict.change else {
-            return Outcome::Unchanged;
+            return JudgeOutcome::Unchanged;
         };
         let params = self.reservation.server().params();
         let (high, low) = (params.priority(), params.low());
-        let done = match (rung, level, low) {
+        let done = match (mode, level, low) {
             (Enforcement::Deferred, _, _) if cfg!(not(target_os = "none")) => Ok(()),
             (_, Level::Low, Low::Background(low)) => demote_to_tail(self.tid, low),
             (_, Level::High, Low::Background(_)) => promote(self.tid, high),
@@ -191,7 +191,7 @@ impl Entry {
             }
         };
         // Where the enforcer is on the worker's CPU, no time has passed for the worker.
-        let now = match rung {
+        let now = match mode {
             Enforcement::SameCpu => now,
             Enforcement::OtherCpu | Enforcement::Deferred => clock::monotonic(),
         };
@@ -202,9 +202,9 @@ impl Entry {
             self.overruns.record(overrun, late);
         }
         if done.is_ok() {
-            Outcome::Changed
+            JudgeOutcome::Changed
         } else {
-            Outcome::Refused
+            JudgeOutcome::Refused
         }
     }
 }

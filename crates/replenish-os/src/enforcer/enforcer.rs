@@ -1,0 +1,128 @@
+//! The enforcer itself: started, asked and stopped from any thread.
+
+use super::account::Account;
+use super::config::{Enforcement, EnforcerConfig, EnforcerStats, EnrollError};
+use super::state::EnforcerState;
+use crate::backend;
+use crate::backend::clock::ThreadCpuClock;
+use crate::backend::console::complain;
+use crate::backend::spawn_error::SpawnError;
+use crate::backend::thread::{Thread, spawn};
+use crate::backend::timer::TimerFd;
+use crate::pi_mutex::PiMutex;
+use crate::{Arc, Policy, ThreadSpec};
+use alloc::format;
+use alloc::string::String;
+use core::sync::atomic::Ordering;
+use sporadic::{Kind, Params};
+
+/// One enforcer and the threads enrolled with it. Cheap to share; see the module's text.
+#[derive(Debug)]
+pub struct Enforcer {
+    state: Arc<EnforcerState>,
+    thread: PiMutex<Option<Thread<()>>>,
+    cpu_clock: Option<ThreadCpuClock>,
+}
+
+impl Enforcer {
+    /// Starts the thread and sets up the memory for all workers.
+    ///
+    /// # Errors
+    /// [`SpawnError`] when the CPU does not exist or the priority is not granted (then
+    /// [`Enforcer::deferred`] is the declared fallback).
+    pub fn start(config: EnforcerConfig) -> Result<Arc<Self>, SpawnError> {
+        let mode = if config.cpu.is_some() {
+            Enforcement::SameCpu
+        } else {
+            Enforcement::OtherCpu
+        };
+        let timer = TimerFd::new().map_err(SpawnError::Create)?;
+        let name = match config.cpu {
+            Some(cpu) if cfg!(target_os = "linux") => format!("enforcer/{cpu}"),
+            _ => String::from("enforcer"), // one CPU, and no room for formatting
+        };
+        let mut spec = ThreadSpec::new(&name)
+            .policy(Policy::Fifo {
+                priority: config.priority,
+            }) // checked by `spawn`
+            .stack_size(backend::config::ENFORCER_STACK);
+        if let Some(cpu) = config.cpu {
+            spec = spec.cpu(cpu);
+        }
+        let state = Arc::new(EnforcerState::new(config, mode, Some(timer)));
+        let theirs = Arc::clone(&state);
+        let thread = spawn(spec, move || theirs.run())?;
+        let cpu_clock = Some(ThreadCpuClock::of(thread.tid()));
+        Ok(Arc::new(Self {
+            state,
+            thread: PiMutex::new(Some(thread)),
+            cpu_clock,
+        }))
+    }
+
+    /// The mode without privilege: accounts, and defers callbacks that find no budget. No thread.
+    /// Not without an operating system: nobody refuses privilege there.
+    #[cfg(not(target_os = "none"))]
+    #[must_use]
+    pub fn deferred() -> Arc<Self> {
+        let state = EnforcerState::new(EnforcerConfig::unpinned(), Enforcement::Deferred, None);
+        Arc::new(Self {
+            state: Arc::new(state),
+            thread: PiMutex::new(None),
+            cpu_clock: None,
+        })
+    }
+
+    /// How this enforcer holds budgets.
+    #[must_use]
+    pub fn enforcement(&self) -> Enforcement {
+        self.state.mode
+    }
+
+    /// Supervises the *calling* thread from now on. It must already run at the budget's high
+    /// priority (FIFO) and be pinned where this enforcer is. Set-up only: this allocates.
+    ///
+    /// # Errors
+    /// [`EnrollError`] when there is no room, or the parameters do not fit.
+    pub fn enroll(&self, params: &Params, kind: Kind) -> Result<Account, EnrollError> {
+        Account::enroll(&self.state, params, kind)
+    }
+
+    /// Counters so far; may be called from any thread at any time.
+    #[must_use]
+    pub fn stats(&self) -> EnforcerStats {
+        let cpu = self
+            .cpu_clock
+            .as_ref()
+            .and_then(ThreadCpuClock::read)
+            .unwrap_or(0);
+        EnforcerStats {
+            cpu,
+            ..self.state.threads.lock().stats
+        }
+    }
+
+    /// Ends the thread. Workers still enrolled stay at the level they have.
+    pub fn stop(&self) {
+        self.state.stop.store(true, Ordering::SeqCst);
+        if let Some(timer) = &self.state.timer {
+            // An arming in the past fires at once; the thread sees the flag and ends.
+            if let Err(e) = timer.arm(1) {
+                complain(format_args!("enforcer: cannot arm its timer to stop: {e}"));
+                return;
+            }
+        }
+        let thread = self.thread.lock().take();
+        if let Some(thread) = thread
+            && thread.join().is_err()
+        {
+            complain(format_args!("the enforcer thread panicked"));
+        }
+    }
+}
+
+impl Drop for Enforcer {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}

@@ -1,0 +1,128 @@
+//! The reader's side of enforcement: the CPU time and the overruns of one worker.
+
+use super::budgeted::Budgeted;
+use super::config::Enforcement;
+use super::overruns::{OverrunSamples, OverrunSummary, summarise};
+use super::usage::Usage;
+use crate::backend::clock::{self, ThreadCpuClock};
+use crate::backend::tid::current_tid;
+use crate::pi_mutex::PiMutex;
+use crate::{Arc, Nanos, Tid};
+use alloc::vec::Vec;
+use core::sync::atomic::Ordering;
+
+/// Reads a worker's account from any thread, at any time; cheap to clone.
+#[derive(Clone, Debug)]
+pub struct Meter(pub(super) Arc<MeterState>);
+
+#[derive(Debug)]
+pub(super) struct MeterState {
+    pub(super) tid: Tid,
+    pub(super) clock: ThreadCpuClock,
+    /// CPU time of an unbudgeted thread at its last reading, for after its end.
+    pub(super) last_cpu: PiMutex<Nanos>,
+    pub(super) budget: Option<Budgeted>,
+}
+
+impl Meter {
+    /// The worker's thread.
+    #[must_use]
+    pub fn tid(&self) -> Tid {
+        self.0.tid
+    }
+
+    /// Which mode holds the worker's budget; `None` without a budget.
+    #[must_use]
+    pub fn enforcement(&self) -> Option<Enforcement> {
+        self.0.budget.as_ref().map(|b| b.enforcer.mode)
+    }
+
+    /// Whether blocking inside callbacks is seen exactly, through the kernel's records.
+    #[must_use]
+    pub fn sees_blocking(&self) -> bool {
+        self.0.budget.as_ref().is_some_and(|b| b.has_switch_records)
+    }
+
+    /// What the worker has used up to this moment. Takes the enforcer's lock briefly (with
+    /// priority inheritance) and does not allocate.
+    #[must_use]
+    #[inline]
+    pub fn usage(&self) -> Usage {
+        match &self.0.budget {
+            Some(b) => b.usage(),
+            None => Usage {
+                cpu_high: self.0.cpu(),
+                ..Usage::default()
+            },
+        }
+    }
+
+    /// How far the budget was overrun, newest exhaustions first. Allocates: not for the hot path.
+    #[must_use]
+    pub fn overruns(&self) -> OverrunSummary {
+        let Some(b) = &self.0.budget else {
+            return OverrunSummary::default();
+        };
+        let mut sample = Vec::with_capacity(1024);
+        let totals = {
+            let threads = b.enforcer.threads.lock();
+            let Some(thread) = threads.enrolled.get(b.index) else {
+                return OverrunSummary::default();
+            };
+            thread.overruns.copy_into(&mut sample)
+        };
+        summarise(&mut sample, totals)
+    }
+
+    /// The samples behind [`overruns`](Self::overruns). Allocates: not for the hot path.
+    #[must_use]
+    pub fn overrun_samples(&self) -> OverrunSamples {
+        let Some(b) = &self.0.budget else {
+            return OverrunSamples::default();
+        };
+        let mut overruns = Vec::with_capacity(1024);
+        let (stalls, kept) = {
+            let threads = b.enforcer.threads.lock();
+            let Some(thread) = threads.enrolled.get(b.index) else {
+                return OverrunSamples::default();
+            };
+            thread.overruns.copy_into(&mut overruns);
+            thread.overruns.newest_stalls()
+        };
+        OverrunSamples {
+            overruns,
+            stalls: stalls.into_iter().take(kept).collect(),
+        }
+    }
+
+    /// Ends every wait for budget, now and later: the executor stops.
+    pub fn cancel(&self) {
+        if let Some(b) = &self.0.budget {
+            b.cancelled.store(true, Ordering::Release);
+            b.suspend.resume();
+            b.wake.set();
+        }
+    }
+
+    /// Stops supervising a thread that does not come back from its callback. The caller decides
+    /// what priority it keeps.
+    pub fn abandon(&self) {
+        if let Some(b) = &self.0.budget {
+            b.with(|thread| {
+                thread.observe(clock::monotonic());
+                thread.release();
+            });
+        }
+    }
+}
+
+impl MeterState {
+    /// CPU time so far. Its own clock is cheaper for a thread than that of any other.
+    fn cpu(&self) -> Nanos {
+        if current_tid() == self.tid {
+            return clock::thread_cpu();
+        }
+        let reading = self.clock.read();
+        reading.unwrap_or_else(|| *self.last_cpu.lock())
+    }
+}
