@@ -1,5 +1,15 @@
-//! `replenish bench …`: figures of the mechanisms next to a baseline measured in the same run.
+//! `replenish bench …`: costs of the mechanisms, beside a baseline measured in the same run.
+//!
+//! ```text
+//!   command ─► dispatch      a message's way to its callback     a raw UDP loop
+//!           ─► enforcement   how far budgets are overrun         a POSIX CPU timer
+//!           ─► handoff       waking a worker                     a bare futex
+//!           ─► round_trip    client to agent to client           a raw UDP echo
+//!           ─► load          many clients through one agent
+//!           ─► xrce          reliable streams over a bad link    sending everything again
+//! ```
 
+mod command;
 mod dispatch;
 mod enforcement;
 mod handoff;
@@ -7,33 +17,4 @@ mod load;
 mod round_trip;
 mod xrce;
 
-use replenish_cli::outcome::Outcome;
-
-/// A benchmark with its options.
-#[derive(Debug, clap::Subcommand)]
-pub(crate) enum Bench {
-    /// How far budgets are overrun, against a POSIX CPU timer
-    Enforcement(enforcement::Args),
-    /// Waking a worker, against a bare futex
-    Handoff(handoff::Args),
-    /// The reliable streams over links that lose datagrams, in virtual time
-    Xrce(xrce::Args),
-    /// Client to agent to client, against a raw UDP echo
-    RoundTrip(round_trip::Args),
-    /// Many clients with many topics on real sockets, through one agent process
-    Load(load::Args),
-    /// What it costs to bring a message to its callback, for one handle and for a thousand
-    Dispatch(dispatch::Args),
-}
-
-/// Runs it.
-pub(crate) fn run(which: Bench) -> Outcome {
-    match which {
-        Bench::Enforcement(args) => enforcement::run(&args),
-        Bench::Handoff(args) => handoff::run(&args),
-        Bench::Xrce(args) => xrce::run(&args),
-        Bench::RoundTrip(args) => round_trip::run(&args),
-        Bench::Load(args) => load::run(&args),
-        Bench::Dispatch(args) => dispatch::run(&args),
-    }
-}
+pub(crate) use command::{Bench, run};

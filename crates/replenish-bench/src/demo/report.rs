@@ -1,10 +1,10 @@
 //! What `demo` tells: JSON, tables, and the page that explains itself.
 
-use super::{budget_percent, throttled_percent};
+use crate::load::spec::High;
 use crate::report::timeline;
 use crate::roles::protocol::{Mode, Overrun, ThreadRow};
 use crate::testbench::orchestrator::{Plan, Run};
-use crate::testbench::summary::{Summary, Topic};
+use crate::testbench::summary::{Summary, Topic, as_f64};
 use replenish_cli::outcome::Failure;
 use replenish_cli::report::html::Page;
 use replenish_cli::report::table::{Table, percent, signed_percent};
@@ -55,7 +55,7 @@ fn throttle_limit() -> Option<f64> {
 }
 
 fn budget(plan: &Plan) -> (f64, f64) {
-    let period = crate::testbench::summary::as_f64(plan.spec.period) / 1e6;
+    let period = as_f64(plan.spec.period) / 1e6;
     (
         budget_percent(plan).unwrap_or(100.0) * period / 100.0,
         period,
@@ -271,4 +271,17 @@ pub(crate) fn html(plan: &Plan, run: &Run, privilege: &Privilege) -> Result<Stri
         env!("CARGO_PKG_VERSION")
     );
     Ok(page.finish(&footer))
+}
+
+/// The budget as a share of its period; `None` without a budget.
+fn budget_percent(plan: &Plan) -> Option<f64> {
+    match plan.spec.high {
+        High::Sporadic { budget, period, .. } => Some(as_f64(budget) * 100.0 / as_f64(period)),
+        High::Fifo => None,
+    }
+}
+
+/// The CPU time that no thread of pong could use: under continuous load, the RT throttle.
+fn throttled_percent(plan: &Plan, run: &Run) -> Option<f64> {
+    plan.continuous.then_some(run.summary.unused_cpu_percent)
 }

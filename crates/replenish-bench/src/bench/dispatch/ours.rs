@@ -1,7 +1,7 @@
 //! Ours: an agent, an executor with so many subscriptions on one worker, and publishers.
 
+use super::receiver::{Received, Receiver, Setting};
 use super::threads::{self, Used};
-use super::{Received, Receiver, Setting};
 use crate::load::spec::{DISPATCHER_PRIORITY, HIGH_PRIORITY, SUPPORT_PRIORITY};
 use replenish::msg::std_msgs::UInt64;
 use replenish::{

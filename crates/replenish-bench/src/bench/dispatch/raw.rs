@@ -1,7 +1,7 @@
 //! The baselines: threads that receive datagrams and note when they came.
 
+use super::receiver::{Received, Receiver, Setting};
 use super::threads::{self, Used};
-use super::{Received, Receiver, Setting};
 use crate::load::Nanos;
 use crate::load::spec::HIGH_PRIORITY;
 use replenish_cli::machine::fifo_or_other;

@@ -1,26 +1,9 @@
 //! Figures of the windows: table and JSON.
 
-use super::threads::Used;
-use super::{Setting, Windows};
+use super::receiver::Setting;
+use super::window::{Window, Windows};
 use replenish_cli::machine::stats::{Sorted, us};
 use replenish_cli::report::table::Table;
-
-/// One window of one receiver.
-#[derive(Debug)]
-pub(super) struct Window {
-    /// Messages sent.
-    pub sent: u64,
-    /// How long each took that came.
-    pub times: Vec<i64>,
-    /// What the receiving threads used.
-    pub used: Used,
-}
-
-impl Window {
-    fn each(&self, total: u64) -> f64 {
-        total as f64 / (self.times.len().max(1) as f64)
-    }
-}
 
 /// One receiver over all windows. The names are a contract.
 #[derive(Debug, serde::Serialize)]
@@ -181,6 +164,7 @@ fn round(x: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::threads::Used;
     use super::*;
 
     #[test]

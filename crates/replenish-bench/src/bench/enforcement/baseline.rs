@@ -1,6 +1,6 @@
 //! The baseline: a POSIX CPU timer on a spinning thread, which the kernel looks at on its tick.
 
-use super::schedule::Schedule;
+use super::schedule::{Schedule, WORKER_PRIORITY};
 use crate::load::{MS, Nanos};
 use replenish_cli::outcome::Failure;
 use replenish_cli::signals::Stop;
@@ -34,7 +34,7 @@ impl Baseline {
                 .map_err(|e| failed(&e))
         };
         let stopping = stop.clone();
-        let spinner = spawn(spec("posix/spinner", super::WORKER_PRIORITY)?, move || {
+        let spinner = spawn(spec("posix/spinner", WORKER_PRIORITY)?, move || {
             for window in schedule.windows() {
                 clock::sleep_until(window.start);
                 while !stopping.is_triggered() && clock::monotonic() < window.end {

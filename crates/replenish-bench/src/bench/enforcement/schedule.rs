@@ -8,6 +8,9 @@
 
 use crate::load::{MS, Nanos};
 
+/// Priority of the workers and of the baseline's spinner.
+pub(super) const WORKER_PRIORITY: u8 = 60;
+
 /// A window.
 const WINDOW: Nanos = 400 * MS;
 /// From one window to the next one of the other kind.

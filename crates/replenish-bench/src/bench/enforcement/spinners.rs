@@ -1,6 +1,6 @@
 //! Workers that always want more than their budget, enrolled with an enforcer directly.
 
-use super::schedule::{Schedule, Window};
+use super::schedule::{Schedule, WORKER_PRIORITY, Window};
 use crate::load::spec::{BACKGROUND, ENFORCER_PRIORITY, MAX_REPL};
 use crate::load::{MS, Nanos};
 use replenish_cli::outcome::Failure;
@@ -62,7 +62,7 @@ impl Spinners {
         stop: &Stop,
     ) -> Result<Self, Failure> {
         let params = Params::new(
-            super::WORKER_PRIORITY,
+            WORKER_PRIORITY,
             Low::Background(BACKGROUND),
             budget,
             period,
@@ -81,7 +81,7 @@ impl Spinners {
             meters: Vec::new(),
         };
         for n in 0..count {
-            let policy = Policy::fifo(super::WORKER_PRIORITY).map_err(|e| failed(&e))?;
+            let policy = Policy::fifo(WORKER_PRIORITY).map_err(|e| failed(&e))?;
             let spec = ThreadSpec::new(format!("spinner/{n}"))
                 .policy(policy)
                 .cpu(cpu);

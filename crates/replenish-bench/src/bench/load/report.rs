@@ -1,8 +1,8 @@
 //! What `bench load` says: a table, the JSON, and whether it held.
 
-use super::Args;
 use super::agent::Seen;
 use super::generator::{Load, Tally};
+use super::options::Args;
 use replenish_cli::machine::stats::Sorted;
 use replenish_cli::outcome::{Failure, Outcome};
 use replenish_cli::report::table::Table;

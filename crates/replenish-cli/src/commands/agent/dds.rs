@@ -1,8 +1,9 @@
 //! The options of the bridge to DDS.
 
+use crate::outcome::Failure;
 use clap::ValueEnum;
-use replenish_agent::DdsBridge;
 use replenish_agent::dds::{DdsConfig, DdsLimits, GidSize, Interfaces, MAX_DOMAIN, ServiceMapping};
+use replenish_agent::{AgentConfig, DdsBridge};
 use std::net::IpAddr;
 
 /// How the clients appear in DDS.
@@ -68,8 +69,17 @@ fn parse_interface(text: &str) -> Result<Interface, String> {
 }
 
 impl Bridge {
-    /// What the agent is to do, if it was asked for.
-    pub(crate) fn config(&self) -> Option<DdsBridge> {
+    /// The agent's configuration with the bridge, if that was asked for.
+    #[expect(
+        clippy::unnecessary_wraps,
+        reason = "without the feature dds it can fail"
+    )]
+    pub(crate) fn add_to(&self, config: AgentConfig) -> Result<AgentConfig, Failure> {
+        let dds = self.config();
+        Ok(AgentConfig { dds, ..config })
+    }
+
+    fn config(&self) -> Option<DdsBridge> {
         if !self.dds {
             return None;
         }

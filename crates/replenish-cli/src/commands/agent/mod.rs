@@ -1,6 +1,6 @@
 //! `replenish agent`: the agent alone, and what it is doing.
 
-#[cfg(feature = "dds")]
+#[cfg_attr(not(feature = "dds"), path = "dds_disabled.rs")]
 mod dds;
 mod log;
 mod options;
@@ -40,7 +40,6 @@ pub struct Args {
     #[command(flatten)]
     service: options::Service,
 
-    #[cfg(feature = "dds")]
     #[command(flatten)]
     bridge: dds::Bridge,
 
@@ -72,11 +71,8 @@ pub(crate) fn run(args: &Args) -> Outcome {
     cpus::check("--cpu", args.cpu)?;
     files::check_writable(args.json.as_deref())?;
     let stop = Stop::on_signals_and_questions()?;
-    let config = AgentConfig {
-        #[cfg(feature = "dds")]
-        dds: args.bridge.config(),
-        ..options::config(&args.transports, &args.bounds, &args.service)?
-    };
+    let config = options::config(&args.transports, &args.bounds, &args.service)?;
+    let config = args.bridge.add_to(config)?;
     let agent = Agent::bind(&config).map_err(Failure::refused)?;
     let address = agent.local_addr();
     let places = places(&agent, &config);

@@ -1,0 +1,33 @@
+//! `replenish bench …`: which benchmark.
+
+use super::{dispatch, enforcement, handoff, load, round_trip, xrce};
+use replenish_cli::outcome::Outcome;
+
+/// A benchmark with its options.
+#[derive(Debug, clap::Subcommand)]
+pub(crate) enum Bench {
+    /// How far budgets are overrun, against a POSIX CPU timer
+    Enforcement(enforcement::Args),
+    /// Waking a worker, against a bare futex
+    Handoff(handoff::Args),
+    /// The reliable streams over links that lose datagrams, in virtual time
+    Xrce(xrce::Args),
+    /// Client to agent to client, against a raw UDP echo
+    RoundTrip(round_trip::Args),
+    /// Many clients with many topics on real sockets, through one agent process
+    Load(load::Args),
+    /// What it costs to bring a message to its callback, for one handle and for a thousand
+    Dispatch(dispatch::Args),
+}
+
+/// Runs it.
+pub(crate) fn run(which: Bench) -> Outcome {
+    match which {
+        Bench::Enforcement(args) => enforcement::run(&args),
+        Bench::Handoff(args) => handoff::run(&args),
+        Bench::Xrce(args) => xrce::run(&args),
+        Bench::RoundTrip(args) => round_trip::run(&args),
+        Bench::Load(args) => load::run(&args),
+        Bench::Dispatch(args) => dispatch::run(&args),
+    }
+}
