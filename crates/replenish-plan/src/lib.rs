@@ -45,11 +45,9 @@ pub use file::{Deployment, FileError, Template, TemplateWorker};
 pub use guarantee::{Guarantee, GuaranteeError, OfAmount, OfRate};
 pub use machine::{Machine, Overheads};
 pub use planner::{
-    Changed, CpuLoad, Fit, Plan, PlannedChain, PlannedExecutor, PlannedWorker, Refusal, plan,
+    Alternative, Changed, CpuLoad, Plan, PlannedChain, PlannedExecutor, PlannedWorker, Refusal,
+    plan,
 };
 pub use replenish_sim::analysis::{Demand, Section};
 pub use request::{ExecutorRequest, Promise, Request, Requirement, Worker};
-pub use sporadic::Policy;
-
-/// Nanoseconds.
-pub type Nanos = sporadic::Nanos;
+pub use sporadic::{Nanos, Policy};

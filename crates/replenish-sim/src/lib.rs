@@ -46,7 +46,4 @@ pub use outcome::{Event, Outcome, ThreadOutcome, What};
 pub use platform::{End, Enforcement, Platform};
 pub use random::{Random, Span};
 pub use spec::{LockId, Overflow, Releases, Step, System, Thread, ThreadId};
-pub use sporadic::Policy;
-
-/// A point in virtual time, or a span of it, in nanoseconds. Runs start at 0.
-pub type Nanos = sporadic::Nanos;
+pub use sporadic::{Nanos, Policy};

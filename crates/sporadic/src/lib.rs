@@ -59,8 +59,4 @@ pub use posix::Posix;
 pub use reservation::{Counters, Gap, Reservation, Tuning, Verdict};
 pub use ring::Chunk;
 pub use server::{BudgetServer, Kind, Level, Server};
-pub use units::WholeUnits;
-
-/// A point in time or a span of time, in nanoseconds. Which clock is the caller's choice; the
-/// same monotonic clock must be used for every call on one server.
-pub type Nanos = u64;
+pub use units::{Nanos, WholeUnits};

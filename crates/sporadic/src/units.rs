@@ -1,7 +1,10 @@
-//! Spans of time for people.
+//! Points and spans of time.
 
-use crate::Nanos;
 use core::fmt;
+
+/// A point in time or a span of time, in nanoseconds. Which clock is the caller's choice; the
+/// same monotonic clock must be used for every call on one server.
+pub type Nanos = u64;
 
 /// Prints a span of time in the largest unit that keeps it whole: `30 ms`, `1500 us`, `7 ns`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

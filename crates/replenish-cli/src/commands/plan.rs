@@ -76,7 +76,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
                 "refusal": refusal.sentence,
                 "worker": refusal.worker,
                 "cpu": refusal.cpu,
-                "would_fit": refusal.fits.iter().map(|fit| serde_json::json!({
+                "would_fit": refusal.alternatives.iter().map(|fit| serde_json::json!({
                     "worker": fit.worker,
                     "amount_ms": ms(fit.amount),
                     "period_ms": ms(fit.period),

@@ -1,6 +1,6 @@
 //! Chains of workers: how late their stages are released, and how long the whole takes.
 
-use super::{Chain, Deployment};
+use super::deployment::{Chain, Deployment};
 use crate::span::Rounded;
 use crate::{Nanos, Plan, PlannedChain, Refusal, Requirement};
 use replenish_sim::Releases;
@@ -103,7 +103,7 @@ impl Deployment {
             worker: None,
             cpu: None,
             sentence,
-            fits: Vec::new(),
+            alternatives: Vec::new(),
             attempt: Some(Box::new(plan.clone())),
         })
     }

@@ -1,7 +1,7 @@
 //! Guarantees, policies and releases: from what is written to what is meant.
 
-use super::raw::{self, Kind, Time};
-use super::read::{Found, Reader};
+use super::parse::{Found, Parser};
+use super::schema::{self, Kind, Time};
 use crate::Machine;
 use crate::Nanos;
 use crate::guarantee::Guarantee;
@@ -9,11 +9,16 @@ use replenish_sim::Releases;
 use sporadic::{Low, Params, Policy};
 use toml::Spanned;
 
-impl Reader<'_> {
-    pub(super) fn guarantee(&self, at: &Spanned<raw::Guarantee>) -> Found<Guarantee> {
-        let raw = at.get_ref();
+impl Parser<'_> {
+    pub(super) fn guarantee(&self, at: &Spanned<schema::Guarantee>) -> Found<Guarantee> {
+        let written = at.get_ref();
         let time = |t: &Option<Spanned<Time>>| t.as_ref().map(|t| t.get_ref().0);
-        let (amount, period, per_job) = match (&raw.budget, &raw.period, &raw.rate, &raw.takes) {
+        let (amount, period, per_job) = match (
+            &written.budget,
+            &written.period,
+            &written.rate,
+            &written.takes,
+        ) {
             (Some(budget), Some(period), None, None) => {
                 (budget.get_ref().0, period.get_ref().0, false)
             }
@@ -24,79 +29,79 @@ impl Reader<'_> {
             }
         };
         let mut guarantee = Guarantee {
-            deadline: time(&raw.deadline),
-            importance: raw
+            deadline: time(&written.deadline),
+            importance: written
                 .importance
                 .as_ref()
                 .map_or(Guarantee::IMPORTANCE, |i| *i.get_ref()),
-            minimum: time(&raw.minimum),
-            desired: time(&raw.desired),
+            minimum: time(&written.minimum),
+            desired: time(&written.desired),
             ..Guarantee::new(amount, period, per_job)
         };
-        guarantee.budget.suspend = raw.suspend;
+        guarantee.budget.suspend = written.suspend;
         let Err(error) = guarantee.check() else {
             return Ok(guarantee);
         };
         let field = match error.field {
-            "period" => raw.period.as_ref().or(None),
-            "deadline" => raw.deadline.as_ref(),
-            "minimum" => raw.minimum.as_ref(),
-            "desired" => raw.desired.as_ref(),
-            _ => raw.budget.as_ref().or(raw.takes.as_ref()),
+            "period" => written.period.as_ref().or(None),
+            "deadline" => written.deadline.as_ref(),
+            "minimum" => written.minimum.as_ref(),
+            "desired" => written.desired.as_ref(),
+            _ => written.budget.as_ref().or(written.takes.as_ref()),
         };
         let place = field.map_or(at.span(), Spanned::span);
         Err(self.source.error(&place, error.to_string()))
     }
 
-    pub(super) fn policy(&self, at: &Spanned<raw::Policy>, machine: &Machine) -> Found<Policy> {
-        let raw = at.get_ref();
-        let kind = raw.kind;
+    pub(super) fn policy(&self, at: &Spanned<schema::Policy>, machine: &Machine) -> Found<Policy> {
+        let written = at.get_ref();
+        let kind = written.kind;
         let fields = [
             (
                 "priority",
-                raw.priority.as_ref().map(Spanned::span),
+                written.priority.as_ref().map(Spanned::span),
                 &[Kind::Fifo, Kind::Sporadic][..],
                 true,
             ),
             (
                 "background",
-                raw.background.as_ref().map(Spanned::span),
+                written.background.as_ref().map(Spanned::span),
                 &[Kind::Sporadic],
                 false,
             ),
             (
                 "suspend",
-                raw.suspend.as_ref().map(Spanned::span),
+                written.suspend.as_ref().map(Spanned::span),
                 &[Kind::Sporadic],
                 false,
             ),
             (
                 "budget",
-                raw.budget.as_ref().map(Spanned::span),
+                written.budget.as_ref().map(Spanned::span),
                 &[Kind::Sporadic],
                 true,
             ),
             (
                 "period",
-                raw.period.as_ref().map(Spanned::span),
+                written.period.as_ref().map(Spanned::span),
                 &[Kind::Sporadic, Kind::Deadline],
                 true,
             ),
             (
                 "max_repl",
-                raw.max_repl.as_ref().map(Spanned::span),
+                written.max_repl.as_ref().map(Spanned::span),
                 &[Kind::Sporadic],
                 false,
             ),
             (
                 "runtime",
-                raw.runtime.as_ref().map(Spanned::span),
+                written.runtime.as_ref().map(Spanned::span),
                 &[Kind::Deadline],
                 true,
             ),
             (
                 "deadline",
-                raw.deadline.as_ref().map(Spanned::span),
+                written.deadline.as_ref().map(Spanned::span),
                 &[Kind::Deadline],
                 true,
             ),
@@ -115,8 +120,8 @@ impl Reader<'_> {
             }
         }
         let time = |t: &Option<Spanned<Time>>| t.as_ref().map_or(0, |t| t.get_ref().0);
-        let priority = raw.priority.as_ref().map_or(0, |p| *p.get_ref());
-        if let Some(given) = &raw.priority {
+        let priority = written.priority.as_ref().map_or(0, |p| *p.get_ref());
+        if let Some(given) = &written.priority {
             let most = if kind == Kind::Sporadic {
                 machine.enforcer_priority - 1
             } else {
@@ -130,8 +135,8 @@ impl Reader<'_> {
             Kind::TimeShared => Ok(Policy::Other),
             Kind::Fifo => Ok(Policy::Fifo { priority }),
             Kind::Sporadic => {
-                let suspend = raw.suspend.as_ref().is_some_and(|s| *s.get_ref());
-                let low = match &raw.background {
+                let suspend = written.suspend.as_ref().is_some_and(|s| *s.get_ref());
+                let low = match &written.background {
                     Some(background) if suspend => {
                         let message = "either background or suspend = true, not both";
                         return self.wrong(background, message);
@@ -140,18 +145,31 @@ impl Reader<'_> {
                     None if suspend => Low::Suspend,
                     None => Low::Background(0),
                 };
-                let repl = raw.max_repl.as_ref().map_or(16, |n| *n.get_ref());
-                if let Some(given) = raw.max_repl.as_ref().filter(|_| !(1..=128).contains(&repl)) {
+                let repl = written.max_repl.as_ref().map_or(16, |n| *n.get_ref());
+                if let Some(given) = written
+                    .max_repl
+                    .as_ref()
+                    .filter(|_| !(1..=128).contains(&repl))
+                {
                     return self.wrong(given, "allowed 1 to 128");
                 }
-                match Params::new(priority, low, time(&raw.budget), time(&raw.period), repl) {
+                match Params::new(
+                    priority,
+                    low,
+                    time(&written.budget),
+                    time(&written.period),
+                    repl,
+                ) {
                     Ok(params) => Ok(Policy::Sporadic(params)),
                     Err(error) => self.wrong(at, error.to_string()),
                 }
             }
             Kind::Deadline => {
-                let (runtime, deadline, period) =
-                    (time(&raw.runtime), time(&raw.deadline), time(&raw.period));
+                let (runtime, deadline, period) = (
+                    time(&written.runtime),
+                    time(&written.deadline),
+                    time(&written.period),
+                );
                 if !(1024 <= runtime && runtime <= deadline && deadline <= period) {
                     let allowed = "allowed is 1024 ns <= runtime <= deadline <= period";
                     return self.wrong(at, allowed);
@@ -166,13 +184,17 @@ impl Reader<'_> {
         }
     }
 
-    pub(super) fn releases(&self, at: &Spanned<raw::Releases>) -> Found<Releases> {
-        let raw = at.get_ref();
+    pub(super) fn releases(&self, at: &Spanned<schema::Releases>) -> Found<Releases> {
+        let written = at.get_ref();
         let time = |t: &Option<Spanned<Time>>| t.as_ref().map_or(0, |t| t.get_ref().0);
-        let (offset, jitter, spacing) = (time(&raw.offset), time(&raw.jitter), time(&raw.spacing));
+        let (offset, jitter, spacing) = (
+            time(&written.offset),
+            time(&written.jitter),
+            time(&written.spacing),
+        );
         let other = "allowed are { every, offset?, jitter? }, { every, burst, spacing, offset? }, { gap, offset? } or { at }";
-        match (&raw.every, &raw.gap, &raw.at, &raw.burst) {
-            (Some(every), None, None, None) if raw.spacing.is_none() => {
+        match (&written.every, &written.gap, &written.at, &written.burst) {
+            (Some(every), None, None, None) if written.spacing.is_none() => {
                 let period = self.positive(every)?;
                 Ok(Releases::Periodic {
                     offset,
@@ -180,7 +202,7 @@ impl Reader<'_> {
                     jitter,
                 })
             }
-            (Some(every), None, None, Some(burst)) if raw.jitter.is_none() => {
+            (Some(every), None, None, Some(burst)) if written.jitter.is_none() => {
                 let (period, count) = (self.positive(every)?, *burst.get_ref());
                 if count == 0 || spacing.saturating_mul(Nanos::from(count)) > period {
                     let allowed = "allowed is a burst of at least 1 that ends before the next begins: burst * spacing <= every";
@@ -193,11 +215,15 @@ impl Reader<'_> {
                     spacing,
                 })
             }
-            (None, Some(gap), None, None) if raw.jitter.is_none() && raw.spacing.is_none() => {
+            (None, Some(gap), None, None)
+                if written.jitter.is_none() && written.spacing.is_none() =>
+            {
                 let gap = gap.get_ref().0.clone();
                 Ok(Releases::Sporadic { offset, gap })
             }
-            (None, None, Some(times), None) if raw.offset.is_none() && raw.jitter.is_none() => {
+            (None, None, Some(times), None)
+                if written.offset.is_none() && written.jitter.is_none() =>
+            {
                 let list: Vec<Nanos> = times.get_ref().iter().map(|t| t.0).collect();
                 if !list.is_sorted() {
                     return self.wrong(times, "allowed are times in ascending order");

@@ -1,6 +1,6 @@
 //! From a file and its plan to what the simulator runs.
 
-use super::{Deployment, Described, Load};
+use super::deployment::{Deployment, Described, Load};
 use crate::{Nanos, Plan, Requirement};
 use replenish_sim::analysis::Section;
 use replenish_sim::{Releases, Span, Step, System, Thread};

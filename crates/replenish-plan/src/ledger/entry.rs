@@ -19,7 +19,7 @@ const MAGIC: &str = "# replenish reservation 1 ";
 
 /// What one program has reserved.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Entry {
+pub struct LedgerEntry {
     /// Its name, for people.
     pub program: String,
     /// Its process id in its own pid namespace, for people.
@@ -32,22 +32,22 @@ pub struct Entry {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct RawEntry {
+struct EntrySchema {
     program: String,
     pid: u32,
     overheads: [Nanos; 9],
     #[serde(default)]
-    thread: Vec<RawThread>,
+    thread: Vec<ThreadSchema>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct RawThread {
+struct ThreadSchema {
     name: String,
     cpu: Option<usize>,
     /// kind, priority, low (-1: suspend), budget, period, `max_repl`; of `SCHED_DEADLINE` runtime,
     /// deadline and period in the places of budget, low and period.
-    policy: (RawKind, u8, i64, Nanos, Nanos, u16),
+    policy: (KindSchema, u8, i64, Nanos, Nanos, u16),
     /// cost, period, jitter, suspensions, suspended.
     demand: Option<(Nanos, Nanos, Nanos, u32, Nanos)>,
     deadline: Option<Nanos>,
@@ -55,13 +55,13 @@ struct RawThread {
 
 #[derive(Deserialize)]
 #[serde(rename_all = "kebab-case")]
-enum RawKind {
+enum KindSchema {
     Fifo,
     Sporadic,
     Deadline,
 }
 
-impl Entry {
+impl LedgerEntry {
     /// What others have to know of a plan.
     #[must_use]
     pub fn of(request: &Request, plan: &Plan, program: &str) -> Self {
@@ -182,7 +182,7 @@ impl Entry {
         if u64::from_str_radix(sum, 16).ok() != Some(checksum(body.as_bytes())) {
             return Err("its checksum is wrong".into());
         }
-        let raw: RawEntry = toml::from_str(body).map_err(|e| e.message().to_owned())?;
+        let raw: EntrySchema = toml::from_str(body).map_err(|e| e.message().to_owned())?;
         if raw.thread.len() > MAX_THREADS {
             return Err(format!(
                 "{} threads: allowed {MAX_THREADS}",
@@ -228,13 +228,13 @@ impl Entry {
     }
 }
 
-fn thread(raw: RawThread) -> Result<(String, Promise), String> {
+fn thread(raw: ThreadSchema) -> Result<(String, Promise), String> {
     let (kind, priority, low, budget, period, repl) = raw.policy;
     let name = clean(&raw.name, 63);
     let wrong = |why: &str| format!("thread {name:?}: {why}");
     let policy = match kind {
-        RawKind::Fifo if (1..=99).contains(&priority) => Policy::Fifo { priority },
-        RawKind::Sporadic if priority <= 99 && period <= MAX_PERIOD => {
+        KindSchema::Fifo if (1..=99).contains(&priority) => Policy::Fifo { priority },
+        KindSchema::Sporadic if priority <= 99 && period <= MAX_PERIOD => {
             let low = match u8::try_from(low) {
                 Ok(low) => Low::Background(low),
                 Err(_) => Low::Suspend,
@@ -242,7 +242,7 @@ fn thread(raw: RawThread) -> Result<(String, Promise), String> {
             let params = Params::new(priority, low, budget, period, repl);
             Policy::Sporadic(params.map_err(|e| wrong(&e.to_string()))?)
         }
-        RawKind::Deadline => {
+        KindSchema::Deadline => {
             let deadline = Nanos::try_from(low).unwrap_or(0);
             if !(0 < budget && budget <= deadline && deadline <= period && period <= MAX_PERIOD) {
                 return Err(wrong("its policy is out of range"));
@@ -321,7 +321,7 @@ mod tests {
             deadline: Some(7),
         };
         let budget = |low| Policy::Sporadic(params(low));
-        let entry = Entry {
+        let entry = LedgerEntry {
             program: "/usr/bin/arm".into(),
             pid: 7,
             overheads: Machine::with_cpus(1).overheads,
@@ -346,27 +346,27 @@ mod tests {
             ],
         };
         let text = entry.write();
-        assert_eq!(Entry::read(&text), Ok(entry));
+        assert_eq!(LedgerEntry::read(&text), Ok(entry));
         for at in 0..text.len() {
             let mut bytes = text.clone().into_bytes();
             bytes[at] ^= 1;
             assert!(
-                Entry::read(&String::from_utf8(bytes).unwrap()).is_err(),
+                LedgerEntry::read(&String::from_utf8(bytes).unwrap()).is_err(),
                 "byte {at}"
             );
-            assert!(Entry::read(&text[..at]).is_err(), "cut at {at}");
+            assert!(LedgerEntry::read(&text[..at]).is_err(), "cut at {at}");
         }
     }
 
     #[test]
     fn names_cannot_break_out_of_their_line() {
-        let entry = Entry {
+        let entry = LedgerEntry {
             program: "a'\nb\u{1b}[".repeat(100),
             pid: 1,
             overheads: Overheads::NONE,
             threads: Vec::new(),
         };
-        let read = Entry::read(&entry.write()).unwrap();
+        let read = LedgerEntry::read(&entry.write()).unwrap();
         assert!(read.program.starts_with("a??b?[") && read.program.len() <= 200);
     }
 }

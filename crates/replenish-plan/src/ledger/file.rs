@@ -1,7 +1,6 @@
 //! The files: opening, locking, adding and removing.
 
-use super::VARIABLE;
-use super::entry::{Entry, MAX_BYTES};
+use super::entry::{LedgerEntry, MAX_BYTES};
 use super::error::LedgerError;
 use std::fs::{self, File, OpenOptions, Permissions, TryLockError};
 use std::io::{self, Read, Write};
@@ -9,6 +8,9 @@ use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::SystemTime;
+
+/// The environment variable that names the directory of the ledger, or is `off`.
+pub const VARIABLE: &str = "REPLENISH_LEDGER";
 
 /// More live entries are refused.
 const MAX_ENTRIES: usize = 1024;
@@ -70,7 +72,9 @@ pub(super) fn open_plain(path: &Path) -> io::Result<File> {
 
 /// Every entry that counts, in the order of their names, and what is wrong with the others. To be
 /// called with the lock held.
-pub(super) fn read_all(directory: &Path) -> Result<(Vec<Entry>, Vec<LedgerError>), LedgerError> {
+pub(super) fn read_all(
+    directory: &Path,
+) -> Result<(Vec<LedgerEntry>, Vec<LedgerError>), LedgerError> {
     let unreadable = |e: &io::Error| LedgerError::new(directory, e.to_string());
     let mut paths = Vec::new();
     for (count, found) in fs::read_dir(directory)
@@ -103,7 +107,7 @@ pub(super) fn read_all(directory: &Path) -> Result<(Vec<Entry>, Vec<LedgerError>
 }
 
 /// `None` if its owner has gone; it is removed then.
-fn read_live(path: &Path) -> Result<Option<Entry>, String> {
+fn read_live(path: &Path) -> Result<Option<LedgerEntry>, String> {
     let file = match open_plain(path) {
         Ok(file) => file,
         // Its owner has just given it back.
@@ -130,11 +134,11 @@ fn read_live(path: &Path) -> Result<Option<Entry>, String> {
     if text.len() as u64 > MAX_BYTES {
         return Err(format!("it is longer than {MAX_BYTES} bytes"));
     }
-    Entry::read(&text).map(Some)
+    LedgerEntry::read(&text).map(Some)
 }
 
 /// Adds an entry. To be called with the lock held.
-pub(super) fn add(directory: &Path, entry: &Entry) -> Result<Reservation, LedgerError> {
+pub(super) fn add(directory: &Path, entry: &LedgerEntry) -> Result<Reservation, LedgerError> {
     static NEXT: AtomicU64 = AtomicU64::new(0);
     let text = entry.write();
     let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);

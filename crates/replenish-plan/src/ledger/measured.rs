@@ -3,7 +3,7 @@
 //! A file beside the entries, in the words of a deployment file, so that it can be read and changed by
 //! hand. Who may reserve may write it.
 
-use super::Ledger;
+use super::directory::Ledger;
 use super::error::LedgerError;
 use super::file::open_plain;
 use crate::span::Exact;

@@ -6,17 +6,18 @@
 //! 2. by tests, if that does not hold and the set is not too large: the largest first, each to the
 //!    first CPU that still holds with it (first fit).
 
-use super::cpu::{self, CpuPlan, Failure, Fixed, Seat, Victim};
+use super::cpu::{self, CpuPlan, Failure, Victim};
+use super::placement::{FixedThread, ThreadPlan};
 use super::problem::{Problem, Whose};
 use crate::Nanos;
 
-/// Up to so many seats the second try is made.
+/// Up to so many threads the second try is made.
 const FEW: usize = 100;
 
 /// Where everybody is, and whether it holds.
 #[derive(Debug, Clone)]
 pub(super) struct Placed {
-    /// Per CPU of the machine: seats by their index.
+    /// Per CPU of the machine: threads by their index.
     pub(super) on: Vec<Vec<usize>>,
     /// Per CPU: its fixed threads by their index.
     pub(super) fixed: Vec<Vec<usize>>,
@@ -33,7 +34,7 @@ impl Placed {
     }
 }
 
-/// Places the seats of `include` with these amounts.
+/// Places the threads of `include` with these amounts.
 pub(super) fn place(problem: &Problem<'_>, include: &[usize], amounts: &[Nanos]) -> Placed {
     let by_shares = tested(problem, worst_fit(problem, include, amounts), amounts);
     if by_shares.failure().is_none() || !second_try(problem, include) {
@@ -49,7 +50,7 @@ pub(super) fn place(problem: &Problem<'_>, include: &[usize], amounts: &[Nanos])
 pub(super) fn fits(problem: &Problem<'_>, include: &[usize], amounts: &[Nanos]) -> bool {
     let by_shares = worst_fit(problem, include, amounts);
     let mut cpus = by_shares.on.iter().zip(&by_shares.fixed);
-    cpus.all(|(seats, fixed)| holds(problem, seats, fixed, amounts))
+    cpus.all(|(threads, fixed)| holds(problem, threads, fixed, amounts))
         || (second_try(problem, include) && first_fit(problem, include, amounts).is_some())
 }
 
@@ -59,51 +60,51 @@ fn second_try(problem: &Problem<'_>, include: &[usize]) -> bool {
     movable && include.len() <= FEW
 }
 
-fn seat<'p>(problem: &'p Problem<'_>, index: usize) -> Option<&'p Seat> {
-    problem.seats.get(index).map(|(_, seat)| seat)
+fn seat<'p>(problem: &'p Problem<'_>, index: usize) -> Option<&'p ThreadPlan> {
+    problem.threads.get(index).map(|(_, seat)| seat)
 }
 
-type OnCpu<'p> = (Vec<(&'p Seat, Nanos)>, Vec<&'p Fixed>);
+type OnCpu<'p> = (Vec<(&'p ThreadPlan, Nanos)>, Vec<&'p FixedThread>);
 
 fn on_cpu<'p>(
     problem: &'p Problem<'_>,
-    seats: &[usize],
+    threads: &[usize],
     fixed: &[usize],
     amounts: &[Nanos],
 ) -> OnCpu<'p> {
-    let seats = seats.iter();
-    let seats = seats.filter_map(|i| Some((seat(problem, *i)?, *amounts.get(*i)?)));
+    let threads = threads.iter();
+    let threads = threads.filter_map(|i| Some((seat(problem, *i)?, *amounts.get(*i)?)));
     let fixed = fixed.iter();
     let fixed = fixed.filter_map(|i| problem.fixed.get(*i).map(|(_, _, f)| f));
-    (seats.collect(), fixed.collect())
+    (threads.collect(), fixed.collect())
 }
 
-/// Tests one CPU with these seats.
+/// Tests one CPU with these threads.
 pub(super) fn test(
     problem: &Problem<'_>,
-    seats: &[usize],
+    threads: &[usize],
     fixed: &[usize],
     amounts: &[Nanos],
 ) -> CpuPlan {
-    let (seats, fixed) = on_cpu(problem, seats, fixed, amounts);
-    cpu::test(&seats, &fixed, &problem.request.machine)
+    let (threads, fixed) = on_cpu(problem, threads, fixed, amounts);
+    cpu::test(&threads, &fixed, &problem.request.machine)
 }
 
 /// Whether [`test`] finds no failure, which is quicker to tell.
 pub(super) fn holds(
     problem: &Problem<'_>,
-    seats: &[usize],
+    threads: &[usize],
     fixed: &[usize],
     amounts: &[Nanos],
 ) -> bool {
-    let (seats, fixed) = on_cpu(problem, seats, fixed, amounts);
-    cpu::holds(&seats, &fixed, &problem.request.machine)
+    let (threads, fixed) = on_cpu(problem, threads, fixed, amounts);
+    cpu::holds(&threads, &fixed, &problem.request.machine)
 }
 
 /// With the plan of every CPU.
 fn tested(problem: &Problem<'_>, mut placed: Placed, amounts: &[Nanos]) -> Placed {
     let cpus = placed.on.iter().zip(&placed.fixed);
-    let plans = cpus.map(|(seats, fixed)| test(problem, seats, fixed, amounts));
+    let plans = cpus.map(|(threads, fixed)| test(problem, threads, fixed, amounts));
     placed.plans = plans.collect();
     placed
 }
@@ -167,13 +168,16 @@ fn worst_fit(problem: &Problem<'_>, include: &[usize], amounts: &[Nanos]) -> Pla
             *load += seat(problem, index).map_or(0.0, |s| s.share(amount));
         }
     }
-    placed.on.iter_mut().for_each(|seats| seats.sort_unstable());
+    placed
+        .on
+        .iter_mut()
+        .for_each(|threads| threads.sort_unstable());
     placed
 }
 
 fn first_fit(problem: &Problem<'_>, include: &[usize], amounts: &[Nanos]) -> Option<Placed> {
     let mut placed = empty(problem);
-    let holds = |seats: &[usize], fixed: &[usize]| holds(problem, seats, fixed, amounts);
+    let holds = |threads: &[usize], fixed: &[usize]| holds(problem, threads, fixed, amounts);
     if !placed.fixed.iter().all(|fixed| holds(&[], fixed)) {
         return None;
     }
@@ -183,13 +187,13 @@ fn first_fit(problem: &Problem<'_>, include: &[usize], amounts: &[Nanos]) -> Opt
             None => (0..placed.on.len()).collect(),
         };
         let fits = |at: &usize| {
-            let mut seats = placed.on.get(*at)?.clone();
-            seats.push(index);
-            seats.sort_unstable();
-            holds(&seats, placed.fixed.get(*at)?).then_some((*at, seats))
+            let mut threads = placed.on.get(*at)?.clone();
+            threads.push(index);
+            threads.sort_unstable();
+            holds(&threads, placed.fixed.get(*at)?).then_some((*at, threads))
         };
-        let (at, seats) = cpus.iter().find_map(fits)?;
-        *placed.on.get_mut(at)? = seats;
+        let (at, threads) = cpus.iter().find_map(fits)?;
+        *placed.on.get_mut(at)? = threads;
     }
     Some(placed)
 }
@@ -203,11 +207,11 @@ pub(super) fn whose(
 ) -> Option<Whose> {
     match victim {
         Victim::Sum => None,
-        Victim::Seat(place) => {
+        Victim::Planned(place) => {
             let index = placed.on.get(at)?.get(place)?;
-            problem.seats.get(*index).map(|(whose, _)| *whose)
+            problem.threads.get(*index).map(|(whose, _)| *whose)
         }
-        Victim::Fixed(place) => {
+        Victim::Given(place) => {
             let index = placed.fixed.get(at)?.get(place)?;
             problem.fixed.get(*index).map(|(whose, _, _)| *whose)
         }

@@ -1,84 +1,20 @@
 //! One CPU: who is on it, with which parameters, and does it hold?
 
-use super::levels;
+use super::placement::{FixedThread, ThreadPlan};
+use super::priorities;
 use super::tasks::{fixed_task, overhead, parameters, share, skeleton, task};
 use crate::{Machine, Nanos};
-use replenish_sim::analysis::{Bounds, Costs, Demand, Limit, Section, Task, bounds, within};
-use sporadic::Policy;
-use sporadic::{Low, Params};
+use replenish_sim::analysis::{Bounds, Costs, Limit, Task, bounds, within};
+use sporadic::{Params, Policy};
 use std::ops::RangeInclusive;
-
-/// How many wake-ups per period a worker is taken to have whose demand is unknown, and its number
-/// of replenishments. More replenishments than that make bounds worse and help few.
-pub(super) const PIECES: u16 = 16;
-
-/// A thread whose parameters we choose.
-#[derive(Debug, Clone)]
-pub(super) struct Seat {
-    pub(super) period: Nanos,
-    pub(super) deadline: Nanos,
-    /// One job per period that takes the amount; otherwise the amount is the budget.
-    pub(super) per_job: bool,
-    pub(super) importance: u8,
-    pub(super) suspend: bool,
-    /// Given for all seats of jobs; the cost is the amount then.
-    pub(super) demand: Option<Demand>,
-    /// How much of the demand's jitter is before the release that the deadline runs from.
-    pub(super) late: Nanos,
-    pub(super) sections: Vec<Section>,
-    /// The executor's: above all workers.
-    pub(super) level: Option<u8>,
-    pub(super) cpu: Option<usize>,
-}
-
-impl Seat {
-    /// The share of a CPU, roughly: for placing.
-    pub(super) fn share(&self, amount: Nanos) -> f64 {
-        amount as f64 / self.period.max(1) as f64
-    }
-}
-
-/// A thread whose parameters are given.
-#[derive(Debug, Clone)]
-pub(super) struct Fixed {
-    pub(super) policy: Policy,
-    pub(super) demand: Option<Demand>,
-    pub(super) sections: Vec<Section>,
-    pub(super) deadline: Option<Nanos>,
-    /// Its budget is held by this program's enforcer.
-    pub(super) own: bool,
-}
-
-impl Fixed {
-    fn priority(&self) -> u8 {
-        match &self.policy {
-            Policy::Deadline { .. } => u8::MAX,
-            policy => policy.priority().unwrap_or(0),
-        }
-    }
-
-    /// Whether it may take the CPU from a thread at `level` for ever.
-    pub(super) fn is_unlimited_above(&self, level: u8) -> bool {
-        match &self.policy {
-            Policy::Other | Policy::Deadline { .. } => false,
-            Policy::Fifo { priority } | Policy::RoundRobin { priority } => {
-                *priority >= level && self.demand.is_none()
-            }
-            Policy::Sporadic(params) | Policy::KernelSporadic(params) => {
-                self.demand.is_none()
-                    && matches!(params.low(), Low::Background(low) if low >= level)
-            }
-        }
-    }
-}
 
 /// Who has a problem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Victim {
-    /// A seat, by its place in the list given.
-    Seat(usize),
+    /// A planned thread, by its place in the list given.
+    Planned(usize),
     /// A fixed thread, likewise.
-    Fixed(usize),
+    Given(usize),
     /// Everybody: too much is reserved.
     Sum,
 }
@@ -105,18 +41,22 @@ pub(super) struct CpuPlan {
 /// One way to give priorities, with the parameters that follow.
 struct Trial {
     plan: CpuPlan,
-    /// For the analysis: the seats', then those of the fixed threads that delay somebody.
+    /// For the analysis: the threads', then those of the fixed threads that delay somebody.
     tasks: Vec<Task>,
     floor: u8,
 }
 
-/// Chooses parameters for `seats` (each with its amount) beside `fixed`, and tests them.
-pub(super) fn test(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], machine: &Machine) -> CpuPlan {
+/// Chooses parameters for `threads` (each with its amount) beside `fixed`, and tests them.
+pub(super) fn test(
+    threads: &[(&ThreadPlan, Nanos)],
+    fixed: &[&FixedThread],
+    machine: &Machine,
+) -> CpuPlan {
     let costs = costs(fixed, machine);
     let mut first = None;
     for range in ranges(fixed, machine) {
-        let trial = try_levels(seats, fixed, &range, machine, &costs);
-        let plan = analysed(seats, fixed, trial, &costs);
+        let trial = try_levels(threads, fixed, &range, machine, &costs);
+        let plan = analysed(threads, fixed, trial, &costs);
         if plan.failure.is_none() {
             return plan;
         }
@@ -130,16 +70,20 @@ pub(super) fn test(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], machine: &Machine
 }
 
 /// Whether [`test`] finds no failure, which is quicker to tell.
-pub(super) fn holds(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], machine: &Machine) -> bool {
-    let unbounded = |f: &&Fixed| f.deadline.is_some() && f.policy == Policy::Other;
+pub(super) fn holds(
+    threads: &[(&ThreadPlan, Nanos)],
+    fixed: &[&FixedThread],
+    machine: &Machine,
+) -> bool {
+    let unbounded = |f: &&FixedThread| f.deadline.is_some() && f.policy == Policy::Other;
     if fixed.iter().any(unbounded) {
         return false;
     }
     let costs = costs(fixed, machine);
     for range in ranges(fixed, machine) {
-        let trial = try_levels(seats, fixed, &range, machine, &costs);
+        let trial = try_levels(threads, fixed, &range, machine, &costs);
         match trial.plan.failure {
-            None if within(&trial.tasks, &costs, &limits(seats, fixed, trial.floor)) => {
+            None if within(&trial.tasks, &costs, &limits(threads, fixed, trial.floor)) => {
                 return true;
             }
             Some(failure) if failure.victim == Victim::Sum => return false,
@@ -149,7 +93,7 @@ pub(super) fn holds(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], machine: &Machin
     false
 }
 
-fn costs(fixed: &[&Fixed], machine: &Machine) -> Costs {
+fn costs(fixed: &[&FixedThread], machine: &Machine) -> Costs {
     let alone = fixed
         .iter()
         .all(|f| f.own && (f.policy.params().is_some() || f.policy == Policy::Other));
@@ -161,7 +105,7 @@ const PLACES: usize = 8;
 
 /// Which priorities are tried: the common scale; else all above the others, or all below; else all
 /// above one of the others, or all below it.
-fn ranges(fixed: &[&Fixed], machine: &Machine) -> Vec<RangeInclusive<u8>> {
+fn ranges(fixed: &[&FixedThread], machine: &Machine) -> Vec<RangeInclusive<u8>> {
     let (low, high) = (*machine.priorities.start(), *machine.priorities.end());
     let others = fixed.iter().map(|f| f.priority());
     let mut others: Vec<u8> = others.filter(|p| (low..=high).contains(p)).collect();
@@ -181,37 +125,41 @@ fn ranges(fixed: &[&Fixed], machine: &Machine) -> Vec<RangeInclusive<u8>> {
     ranges
 }
 
-fn levels_in(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], range: &RangeInclusive<u8>) -> Vec<u8> {
-    let deadlines: Vec<Nanos> = seats.iter().map(|(s, _)| s.deadline).collect();
-    let planned = seats.iter().filter(|(s, _)| s.level.is_none());
+fn levels_in(
+    threads: &[(&ThreadPlan, Nanos)],
+    fixed: &[&FixedThread],
+    range: &RangeInclusive<u8>,
+) -> Vec<u8> {
+    let deadlines: Vec<Nanos> = threads.iter().map(|(s, _)| s.deadline).collect();
+    let planned = threads.iter().filter(|(s, _)| s.level.is_none());
     let ordinary: Vec<Nanos> = planned.map(|(s, _)| s.deadline).collect();
     let taken: Vec<(u8, Nanos)> = fixed
         .iter()
         .map(|f| (f.priority(), f.deadline.unwrap_or(0)))
         .collect();
-    let mut given = levels::assign(&ordinary, range, &taken).into_iter();
-    let level = |(seat, _): (&(&Seat, Nanos), Nanos)| match seat.0.level {
+    let mut given = priorities::assign(&ordinary, range, &taken).into_iter();
+    let level = |(seat, _): (&(&ThreadPlan, Nanos), Nanos)| match seat.0.level {
         Some(level) => level,
         None => given.next().unwrap_or(*range.start()),
     };
-    seats.iter().zip(deadlines).map(level).collect()
+    threads.iter().zip(deadlines).map(level).collect()
 }
 
 /// Parameters for priorities of this range. The plan has a failure if there are none, or too much
 /// would be reserved.
 fn try_levels(
-    seats: &[(&Seat, Nanos)],
-    fixed: &[&Fixed],
+    threads: &[(&ThreadPlan, Nanos)],
+    fixed: &[&FixedThread],
     range: &RangeInclusive<u8>,
     machine: &Machine,
     costs: &Costs,
 ) -> Trial {
-    let levels = levels_in(seats, fixed, range);
+    let levels = levels_in(threads, fixed, range);
     let floor = levels.iter().copied().min().unwrap_or(u8::MAX);
     let others: Vec<Task> = fixed.iter().filter_map(|f| fixed_task(f, floor)).collect();
     let mut trial = Trial {
         plan: CpuPlan::default(),
-        tasks: Vec::with_capacity(seats.len() + others.len()),
+        tasks: Vec::with_capacity(threads.len() + others.len()),
         floor,
     };
     let fail = |victim, allowed| {
@@ -221,19 +169,19 @@ fn try_levels(
             allowed,
         })
     };
-    let pieces: Vec<Task> = seats
+    let pieces: Vec<Task> = threads
         .iter()
         .zip(&levels)
         .filter_map(|((seat, amount), level)| skeleton(seat, *amount, *level, costs))
         .collect();
-    for (index, ((seat, amount), &level)) in seats.iter().zip(&levels).enumerate() {
+    for (index, ((seat, amount), &level)) in threads.iter().zip(&levels).enumerate() {
         let extra = if seat.per_job {
             overhead(index, &pieces, &others, seat, level, costs)
         } else {
             0
         };
         let Some(params) = parameters(seat, *amount, extra, level, machine, costs) else {
-            trial.plan.failure = fail(Victim::Seat(index), seat.deadline);
+            trial.plan.failure = fail(Victim::Planned(index), seat.deadline);
             return trial;
         };
         trial.plan.params.push(params);
@@ -248,7 +196,12 @@ fn try_levels(
 }
 
 /// The bounds of everybody, and the worst violation.
-fn analysed(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], trial: Trial, costs: &Costs) -> CpuPlan {
+fn analysed(
+    threads: &[(&ThreadPlan, Nanos)],
+    fixed: &[&FixedThread],
+    trial: Trial,
+    costs: &Costs,
+) -> CpuPlan {
     let Trial {
         mut plan,
         tasks,
@@ -258,7 +211,7 @@ fn analysed(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], trial: Trial, costs: &Co
         return plan;
     }
     let mut found = bounds(&tasks, costs);
-    let mut rest = found.split_off(seats.len()).into_iter();
+    let mut rest = found.split_off(threads.len()).into_iter();
     plan.bounds = found;
     plan.fixed = fixed
         .iter()
@@ -267,13 +220,13 @@ fn analysed(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], trial: Trial, costs: &Co
             None => Bounds::default(),
         })
         .collect();
-    plan.failure = failure(seats, fixed, &plan);
+    plan.failure = failure(threads, fixed, &plan);
     plan
 }
 
 /// What [`failure`] asks of the bounds, in the order of the tasks.
-fn limits(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], floor: u8) -> Vec<Limit> {
-    let own = seats.iter().map(|(seat, _)| {
+fn limits(threads: &[(&ThreadPlan, Nanos)], fixed: &[&FixedThread], floor: u8) -> Vec<Limit> {
+    let own = threads.iter().map(|(seat, _)| {
         let allowed = Some(seat.deadline.saturating_add(seat.late));
         match seat.per_job {
             true => Limit {
@@ -298,7 +251,11 @@ fn limits(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], floor: u8) -> Vec<Limit> {
 }
 
 /// The worst violation, in relation to what is allowed; fixed threads first.
-fn failure(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], plan: &CpuPlan) -> Option<Failure> {
+fn failure(
+    threads: &[(&ThreadPlan, Nanos)],
+    fixed: &[&FixedThread],
+    plan: &CpuPlan,
+) -> Option<Failure> {
     let promised = fixed.iter().zip(&plan.fixed).enumerate();
     let promised = promised.filter_map(|(index, (f, bounds))| {
         let allowed = f.deadline?;
@@ -307,9 +264,9 @@ fn failure(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], plan: &CpuPlan) -> Option
             (Some(_), Some(_)) => both(bounds),
             _ => bounds.response,
         };
-        Some((Victim::Fixed(index), bound, allowed))
+        Some((Victim::Given(index), bound, allowed))
     });
-    let own = seats.iter().zip(&plan.bounds).enumerate();
+    let own = threads.iter().zip(&plan.bounds).enumerate();
     let own = own.map(|(index, ((seat, _), bounds))| {
         let bound = if seat.per_job {
             bounds.response
@@ -317,7 +274,7 @@ fn failure(seats: &[(&Seat, Nanos)], fixed: &[&Fixed], plan: &CpuPlan) -> Option
             bounds.service
         };
         let bound = bound.map(|b| b.saturating_sub(seat.late));
-        (Victim::Seat(index), bound, seat.deadline)
+        (Victim::Planned(index), bound, seat.deadline)
     });
     let late = |(victim, bound, allowed): (Victim, Option<Nanos>, Nanos)| {
         bound.is_none_or(|b| b > allowed).then_some(Failure {

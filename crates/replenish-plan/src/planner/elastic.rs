@@ -2,11 +2,11 @@
 
 use super::assign::{self, Placed};
 use super::problem::Problem;
-use super::search;
+use super::search::search;
 use crate::Nanos;
 use crate::span::step;
 
-/// How many tests a CPU gets for this, by its number of seats: so that large sets stay quick.
+/// How many tests a CPU gets for this, by its number of threads: so that large sets stay quick.
 const WORK: usize = 40_000;
 
 /// Raises `amounts` towards `desired` on every CPU of `placed`, which holds. Most important first;
@@ -18,22 +18,22 @@ pub(super) fn grow(
     desired: &[Nanos],
 ) {
     for at in 0..placed.on.len() {
-        let (Some(seats), Some(fixed)) = (placed.on.get(at), placed.fixed.get(at)) else {
+        let (Some(threads), Some(fixed)) = (placed.on.get(at), placed.fixed.get(at)) else {
             continue;
         };
-        let mut wanting: Vec<usize> = seats
+        let mut wanting: Vec<usize> = threads
             .iter()
             .copied()
             .filter(|i| desired.get(*i) > amounts.get(*i))
             .collect();
-        let importance = |i: &usize| problem.seats.get(*i).map_or(0, |(_, s)| s.importance);
+        let importance = |i: &usize| problem.threads.get(*i).map_or(0, |(_, s)| s.importance);
         wanting.sort_by_key(|i| (core::cmp::Reverse(importance(i)), *i));
-        let mut tests = WORK / (seats.len() * seats.len()).max(1);
+        let mut tests = WORK / (threads.len() * threads.len()).max(1);
         let mut rest = wanting.as_slice();
         while !rest.is_empty() && tests > 0 {
             let mut holds = |amounts: &[Nanos]| {
                 tests = tests.saturating_sub(1);
-                assign::holds(problem, seats, fixed, amounts)
+                assign::holds(problem, threads, fixed, amounts)
             };
             let whole = prefix(rest, amounts, desired, &mut holds);
             for &index in rest.iter().take(whole) {
@@ -43,7 +43,7 @@ pub(super) fn grow(
             part(next, amounts, desired, &mut holds);
             rest = rest.get(whole + 1..).unwrap_or_default();
         }
-        let plan = assign::test(problem, seats, fixed, amounts);
+        let plan = assign::test(problem, threads, fixed, amounts);
         if let Some(known) = placed.plans.get_mut(at) {
             *known = plan;
         }

@@ -1,6 +1,6 @@
 //! A request, sorted into what can be chosen and what cannot.
 
-use super::cpu::{Fixed, Seat};
+use super::placement::{FixedThread, ThreadPlan};
 use crate::guarantee::MAX_PERIOD;
 use crate::span::Exact;
 use crate::{ExecutorRequest, Guarantee, Nanos, Overheads, Request};
@@ -25,9 +25,9 @@ pub(super) enum Whose {
 pub(super) struct Problem<'r> {
     pub(super) request: &'r Request,
     /// What is to be placed: the executor first, if it is, then the guaranteed workers in order.
-    pub(super) seats: Vec<(Whose, Seat)>,
+    pub(super) threads: Vec<(Whose, ThreadPlan)>,
     /// What has its parameters, with its CPU (`None`: any).
-    pub(super) fixed: Vec<(Whose, Option<usize>, Fixed)>,
+    pub(super) fixed: Vec<(Whose, Option<usize>, FixedThread)>,
 }
 
 impl<'r> Problem<'r> {
@@ -38,7 +38,7 @@ impl<'r> Problem<'r> {
     pub(super) fn new(request: &'r Request) -> Result<Self, String> {
         let mut problem = Self {
             request,
-            seats: Vec::new(),
+            threads: Vec::new(),
             fixed: Vec::new(),
         };
         problem.check_machine()?;
@@ -58,12 +58,12 @@ impl<'r> Problem<'r> {
             match (worker.guarantee(), &worker.scheduling) {
                 (Some(guarantee), _) => {
                     guarantee.check().map_err(|e| format!("{owner}: {e}"))?;
-                    let seat = worker_seat(worker, guarantee);
-                    problem.seats.push((Whose::Worker(index), seat));
+                    let seat = worker_plan(worker, guarantee);
+                    problem.threads.push((Whose::Worker(index), seat));
                 }
                 (None, crate::Requirement::Policy(policy)) => {
                     problem.check_policy(&owner, policy)?;
-                    let fixed = Fixed {
+                    let fixed = FixedThread {
                         policy: *policy,
                         demand: worker.demand,
                         sections: worker.sections.clone(),
@@ -78,7 +78,7 @@ impl<'r> Problem<'r> {
             }
         }
         for (index, promise) in request.promised.iter().enumerate() {
-            let fixed = Fixed {
+            let fixed = FixedThread {
                 policy: promise.policy,
                 demand: promise.demand,
                 sections: Vec::new(),
@@ -167,7 +167,7 @@ impl<'r> Problem<'r> {
         match &self.request.executor {
             ExecutorRequest::None => {}
             ExecutorRequest::Policy { policy, cpu } => {
-                let fixed = Fixed {
+                let fixed = FixedThread {
                     policy: *policy,
                     demand: None,
                     sections: Vec::new(),
@@ -178,7 +178,7 @@ impl<'r> Problem<'r> {
             }
             ExecutorRequest::Planned { cpu } => {
                 let period = executor_period(self.request);
-                let seat = Seat {
+                let seat = ThreadPlan {
                     period,
                     deadline: period,
                     per_job: false,
@@ -190,14 +190,14 @@ impl<'r> Problem<'r> {
                     level: Some(level),
                     cpu: *cpu,
                 };
-                self.seats.push((Whose::Executor, seat));
+                self.threads.push((Whose::Executor, seat));
             }
         }
     }
 
     /// What each seat cannot do without, and what it would like, in ns.
     pub(super) fn amounts(&self) -> (Vec<Nanos>, Vec<Nanos>) {
-        let of = |(whose, seat): &(Whose, Seat)| match whose {
+        let of = |(whose, seat): &(Whose, ThreadPlan)| match whose {
             Whose::Worker(index) => {
                 let worker = self.request.workers.get(*index);
                 let guarantee = worker.and_then(crate::Worker::guarantee);
@@ -205,7 +205,7 @@ impl<'r> Problem<'r> {
             }
             _ => (seat.period / EXECUTOR_SHARE, seat.period / EXECUTOR_SHARE),
         };
-        self.seats.iter().map(of).unzip()
+        self.threads.iter().map(of).unzip()
     }
 
     pub(super) fn name(&self, whose: Whose) -> String {
@@ -257,7 +257,7 @@ fn executor_period(request: &Request) -> Nanos {
     shortest.unwrap_or(high).clamp(low, high)
 }
 
-fn worker_seat(worker: &crate::Worker, guarantee: &Guarantee) -> Seat {
+fn worker_plan(worker: &crate::Worker, guarantee: &Guarantee) -> ThreadPlan {
     let rate = guarantee.is_rate();
     let stated = worker.demand.unwrap_or(Demand::new(1, guarantee.period()));
     let demand = Demand {
@@ -265,7 +265,7 @@ fn worker_seat(worker: &crate::Worker, guarantee: &Guarantee) -> Seat {
         jitter: stated.jitter.saturating_add(worker.late),
         ..stated
     };
-    Seat {
+    ThreadPlan {
         period: guarantee.period(),
         deadline: guarantee.due_within(),
         per_job: rate,

@@ -1,11 +1,12 @@
 //! Why a request is not admitted, in one sentence.
 
-use super::Plan;
+use super::alternatives::{self, Alternative};
 use super::assign::{self, Placed};
 use super::cpu::{Failure, Victim};
-use super::fit::{self, Fit};
+use super::describe::describe;
+use super::plan::Plan;
 use super::problem::{Problem, Whose};
-use super::search;
+use super::search::search;
 use crate::Nanos;
 use crate::span::Rounded;
 use std::fmt;
@@ -20,7 +21,7 @@ pub struct Refusal {
     /// The sentence: who does not fit, where and why, with the numbers, and what would fit.
     pub sentence: String,
     /// What would fit; each was tried.
-    pub fits: Vec<Fit>,
+    pub alternatives: Vec<Alternative>,
     /// What the plan would have been: for looking at, not for running.
     pub attempt: Option<Box<Plan>>,
 }
@@ -47,7 +48,7 @@ impl Refusal {
             worker: None,
             cpu: None,
             sentence,
-            fits: Vec::new(),
+            alternatives: Vec::new(),
             attempt: None,
         }
     }
@@ -55,11 +56,11 @@ impl Refusal {
 
 /// Finds the first worker, most important first, with which it does not hold any more.
 pub(super) fn refuse(problem: &Problem<'_>, amounts: &[Nanos], all: &Placed) -> Refusal {
-    let mut order: Vec<usize> = (0..problem.seats.len()).collect();
-    let importance = |i: usize| problem.seats.get(i).map_or(0, |(_, s)| s.importance);
+    let mut order: Vec<usize> = (0..problem.threads.len()).collect();
+    let importance = |i: usize| problem.threads.get(i).map_or(0, |(_, s)| s.importance);
     order.sort_by_key(|i| (core::cmp::Reverse(importance(*i)), *i));
     let first = |count: usize| order.get(..count).unwrap_or(&order);
-    let attempt = super::describe(problem, all, amounts);
+    let attempt = describe(problem, all, amounts);
     let attempt = Some(Box::new(attempt));
     let nothing = assign::place(problem, &[], amounts);
     if let Some((at, failure)) = nothing.failure() {
@@ -77,7 +78,7 @@ pub(super) fn refuse(problem: &Problem<'_>, amounts: &[Nanos], all: &Placed) -> 
         true => assign::place(problem, first(good + 1), amounts),
         false => all.clone(),
     };
-    let Some((whose, seat)) = order.get(good).and_then(|i| problem.seats.get(*i)) else {
+    let Some((whose, seat)) = order.get(good).and_then(|i| problem.threads.get(*i)) else {
         return Refusal::invalid("nothing was asked for".into());
     };
     let (at, failure) = broken.failure().unwrap_or((0, SUM));
@@ -104,7 +105,7 @@ pub(super) fn refuse(problem: &Problem<'_>, amounts: &[Nanos], all: &Placed) -> 
         worker,
         cpu,
         sentence,
-        fits,
+        alternatives: fits,
         attempt,
     }
 }
@@ -116,17 +117,19 @@ const SUM: Failure = Failure {
 };
 
 /// Fits with everybody else in place; if there are none, without those that come later.
-fn fits(problem: &Problem<'_>, order: &[usize], refused: usize, name: &str) -> Vec<Fit> {
-    let found = fit::nearest(problem.request, name, &[]);
+fn fits(problem: &Problem<'_>, order: &[usize], refused: usize, name: &str) -> Vec<Alternative> {
+    let found = alternatives::nearest(problem.request, name, &[]);
     let later = order.get(refused + 1..).unwrap_or_default();
     if !found.is_empty() || later.is_empty() {
         return found;
     }
-    let names = later.iter().filter_map(|i| match problem.seats.get(*i)?.0 {
-        Whose::Worker(index) => problem.request.workers.get(index).map(|w| w.name.clone()),
-        _ => None,
-    });
-    fit::nearest(problem.request, name, &names.collect::<Vec<_>>())
+    let names = later
+        .iter()
+        .filter_map(|i| match problem.threads.get(*i)?.0 {
+            Whose::Worker(index) => problem.request.workers.get(index).map(|w| w.name.clone()),
+            _ => None,
+        });
+    alternatives::nearest(problem.request, name, &names.collect::<Vec<_>>())
 }
 
 /// What is wrong on this CPU.
@@ -200,7 +203,7 @@ fn advice(
     placed: &Placed,
     at: usize,
     failure: Failure,
-    fits: &[Fit],
+    fits: &[Alternative],
 ) -> String {
     if failure.bound.is_none()
         && let Some(culprit) = unlimited(problem, placed, at)

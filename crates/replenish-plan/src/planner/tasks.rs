@@ -1,6 +1,6 @@
 //! What the analysis is told of the threads of a CPU, and which parameters a budget gets.
 
-use super::cpu::{Fixed, PIECES, Seat};
+use super::placement::{FixedThread, PIECES, ThreadPlan};
 use crate::{Machine, Nanos};
 use replenish_sim::analysis::{Costs, Demand, Scheduling, Task};
 use sporadic::Policy;
@@ -10,7 +10,7 @@ use sporadic::{Low, Params};
 const PIECES_OF_JOBS: u16 = 4;
 
 /// What is known before budgets are: for counting preemptions.
-pub(super) fn skeleton(seat: &Seat, amount: Nanos, level: u8, costs: &Costs) -> Option<Task> {
+pub(super) fn skeleton(seat: &ThreadPlan, amount: Nanos, level: u8, costs: &Costs) -> Option<Task> {
     let (period, repl) = (server_period(seat, costs)?, replenishments(seat));
     let budget = amount.clamp(1, period.max(1));
     let params = Params::new(level, Low::Background(0), budget, period, repl).ok()?;
@@ -18,7 +18,7 @@ pub(super) fn skeleton(seat: &Seat, amount: Nanos, level: u8, costs: &Costs) -> 
 }
 
 /// The period of the budget; `None` if jobs come too irregularly for one.
-fn server_period(seat: &Seat, costs: &Costs) -> Option<Nanos> {
+fn server_period(seat: &ThreadPlan, costs: &Costs) -> Option<Nanos> {
     if !seat.per_job {
         return Some(seat.period);
     }
@@ -31,7 +31,7 @@ fn server_period(seat: &Seat, costs: &Costs) -> Option<Nanos> {
     Some(if waits { period / 2 } else { period })
 }
 
-fn replenishments(seat: &Seat) -> u16 {
+fn replenishments(seat: &ThreadPlan) -> u16 {
     let suspensions = seat.demand.map_or(0, |d| d.suspensions);
     if seat.per_job {
         let more = u16::try_from(suspensions).unwrap_or(u16::MAX);
@@ -41,7 +41,7 @@ fn replenishments(seat: &Seat) -> u16 {
     }
 }
 
-pub(super) fn task(seat: &Seat, amount: Nanos, params: Params) -> Task {
+pub(super) fn task(seat: &ThreadPlan, amount: Nanos, params: Params) -> Task {
     let demand = seat.demand.map(|d| Demand { cost: amount, ..d });
     let demand = demand.filter(|_| seat.per_job);
     Task {
@@ -60,7 +60,7 @@ fn pieces_of(params: &Params) -> Demand {
 }
 
 /// How a fixed thread delays others; `None`: not at all.
-pub(super) fn fixed_task(fixed: &Fixed, floor: u8) -> Option<Task> {
+pub(super) fn fixed_task(fixed: &FixedThread, floor: u8) -> Option<Task> {
     let mut task = match &fixed.policy {
         Policy::Other => return None,
         Policy::Fifo { priority } | Policy::RoundRobin { priority } => Task {
@@ -98,7 +98,7 @@ pub(super) fn overhead(
     index: usize,
     own: &[Task],
     others: &[Task],
-    seat: &Seat,
+    seat: &ThreadPlan,
     level: u8,
     costs: &Costs,
 ) -> Nanos {
@@ -140,7 +140,7 @@ pub(super) fn overhead(
 }
 
 pub(super) fn parameters(
-    seat: &Seat,
+    seat: &ThreadPlan,
     amount: Nanos,
     extra: Nanos,
     level: u8,
@@ -161,7 +161,7 @@ pub(super) fn parameters(
 }
 
 /// The share of the CPU that is reserved.
-pub(super) fn share(params: &[Params], fixed: &[&Fixed], costs: &Costs) -> f64 {
+pub(super) fn share(params: &[Params], fixed: &[&FixedThread], costs: &Costs) -> f64 {
     let ratio = |amount: Nanos, period: Nanos| amount as f64 / period.max(1) as f64;
     let reserved = |p: &Params| ratio(p.budget() + costs.enforcement, p.period());
     let given = fixed.iter().map(|f| match &f.policy {

@@ -36,8 +36,8 @@ fn sixteen_fit_and_the_seventeenth_is_refused() {
         text.starts_with("worker \"w17\" does not fit: on CPU 0"),
         "{text}"
     );
-    assert_eq!(refusal.fits.len(), 2, "{text}");
-    for fit in &refusal.fits {
+    assert_eq!(refusal.alternatives.len(), 2, "{text}");
+    for fit in &refusal.alternatives {
         assert!(plan(&fit.apply(&seventeen)).is_ok(), "{fit}");
     }
 }

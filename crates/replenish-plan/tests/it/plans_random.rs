@@ -233,7 +233,7 @@ fn check(seed: u64, tally: &mut Tally) {
         Err(refusal) => {
             tally.refused += 1;
             assert!(!refusal.sentence.contains('\n') && refusal.sentence.len() < 400);
-            for fit in &refusal.fits {
+            for fit in &refusal.alternatives {
                 tally.suggestions += 1;
                 if let Err(again) = plan(&fit.apply(&request)) {
                     panic!("seed {seed}: {refusal}\n{fit:?}\n{again}\n{request:#?}");

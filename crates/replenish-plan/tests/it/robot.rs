@@ -51,7 +51,7 @@ fn the_camera_is_one_too_many_for_one_cpu() {
         refusal.sentence.contains("on CPU 0") && refusal.sentence.contains("would fit"),
         "{refusal}"
     );
-    for fit in &refusal.fits {
+    for fit in &refusal.alternatives {
         assert!(plan(&fit.apply(&file.request())).is_ok(), "{fit:?}");
     }
 }

@@ -5,8 +5,8 @@
 //! [`Enforcement::Timer`] everything goes as in `replenish-os`: the worker itself reports its
 //! wake-up when it first runs, and it is judged when the lazy timer says so, late.
 
+use super::simulation::{Sim, Timer};
 use super::state::Noted;
-use super::{Sim, Timer};
 use crate::{End, Enforcement, Nanos, What};
 use sporadic::{BudgetServer, Level, Verdict};
 
@@ -90,7 +90,7 @@ impl Sim<'_> {
     pub(super) fn limit_of(&self, id: usize, start: Nanos) -> Nanos {
         let state = &self.states[id];
         if let Some(cbs) = &state.cbs {
-            return self.timer_time(start.saturating_add(cbs.left()));
+            return self.timer_time(start.saturating_add(cbs.runtime_left()));
         }
         match self.funds(id) {
             Some(funds) => self.timer_time(start.saturating_add(funds)),

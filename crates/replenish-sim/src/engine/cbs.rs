@@ -7,9 +7,8 @@
 //!   "revised" rule: the runtime shrinks to what the time left is worth).
 //! - Runtime used up: throttled to the end of the period, then the deadline moves on by a period.
 
-use super::state::{Phase, Rank};
-use super::{Sim, Timer};
-use crate::{End, Nanos, What};
+use super::phase::Rank;
+use crate::Nanos;
 
 #[derive(Debug, Clone)]
 pub(super) struct Cbs {
@@ -17,11 +16,11 @@ pub(super) struct Cbs {
     relative: Nanos,
     period: Nanos,
     /// Runtime left, negative after an overrun.
-    left: i128,
+    pub(super) left: i128,
     /// Absolute deadline; the server is fresh (first wake-up) while it is `None`.
     deadline: Option<Nanos>,
-    throttled: bool,
-    unthrottle_at: Option<Nanos>,
+    pub(super) throttled: bool,
+    pub(super) unthrottle_at: Option<Nanos>,
 }
 
 impl Cbs {
@@ -51,7 +50,7 @@ impl Cbs {
     }
 
     /// Runtime left, at least 0.
-    pub(super) fn left(&self) -> Nanos {
+    pub(super) fn runtime_left(&self) -> Nanos {
         Nanos::try_from(self.left.max(0)).unwrap_or(Nanos::MAX)
     }
 
@@ -60,7 +59,7 @@ impl Cbs {
         self.left = i128::from(self.runtime);
     }
 
-    fn wake(&mut self, now: Nanos) {
+    pub(super) fn wake(&mut self, now: Nanos) {
         if self.throttled {
             return;
         }
@@ -89,14 +88,14 @@ impl Cbs {
     }
 
     /// When a throttled server gets runtime again.
-    fn next_period(&self) -> Nanos {
+    pub(super) fn next_period(&self) -> Nanos {
         let deadline = self.deadline.unwrap_or(0);
         deadline
             .saturating_sub(self.relative)
             .saturating_add(self.period)
     }
 
-    fn replenish(&mut self, now: Nanos) {
+    pub(super) fn replenish(&mut self, now: Nanos) {
         self.throttled = false;
         let mut deadline = self.deadline.unwrap_or(now);
         loop {
@@ -111,74 +110,5 @@ impl Cbs {
         if deadline <= now {
             self.fresh(now);
         }
-    }
-}
-
-impl Sim<'_> {
-    /// The thread became runnable.
-    pub(super) fn wake_deadline(&mut self, id: usize) {
-        let now = self.now;
-        let Some(cbs) = &mut self.states[id].cbs else {
-            return;
-        };
-        let before = cbs.throttled;
-        cbs.wake(now);
-        if cbs.throttled && !before {
-            self.set_unthrottle(id);
-        }
-    }
-
-    /// Throttles a thread whose runtime is used up; true if it was.
-    pub(super) fn throttle(&mut self, id: usize) -> bool {
-        let now = self.now;
-        let state = &mut self.states[id];
-        let Some(cbs) = &mut state.cbs else {
-            return false;
-        };
-        if cbs.left > 0 || cbs.throttled {
-            return false;
-        }
-        let overrun = Nanos::try_from(-cbs.left).unwrap_or(Nanos::MAX);
-        state.out.worst_overrun = state.out.worst_overrun.max(overrun);
-        state.out.exhaustions += 1;
-        if cbs.next_period() <= now {
-            cbs.replenish(now);
-            self.refresh(id, End::Tail);
-        } else {
-            cbs.throttled = true;
-            self.note(id, What::Throttle);
-            self.refresh(id, End::Tail);
-            self.set_unthrottle(id);
-        }
-        true
-    }
-
-    fn set_unthrottle(&mut self, id: usize) {
-        if let Some(cbs) = &mut self.states[id].cbs {
-            let at = cbs.next_period();
-            cbs.unthrottle_at = Some(at);
-            self.set_timer(at, id, Timer::Unthrottle { at });
-        }
-    }
-
-    /// The timer that was set for `at` has expired.
-    pub(super) fn unthrottle(&mut self, id: usize, at: Nanos) {
-        let now = self.now;
-        let state = &mut self.states[id];
-        let Some(cbs) = &mut state.cbs else {
-            return;
-        };
-        if cbs.unthrottle_at != Some(at) {
-            return;
-        }
-        cbs.unthrottle_at = None;
-        if state.phase == Phase::Ready || state.phase == Phase::Blocked || cbs.left <= 0 {
-            cbs.replenish(now);
-        } else {
-            cbs.throttled = false;
-        }
-        state.out.replenishments += 1;
-        self.note(id, What::Unthrottle);
-        self.refresh(id, End::Tail);
     }
 }

@@ -1,7 +1,7 @@
 //! Releases, and the steps of a job.
 
-use super::state::Phase;
-use super::{Sim, Timer};
+use super::phase::Phase;
+use super::simulation::{Sim, Timer};
 use crate::{End, Nanos, Overflow, Releases, Step, What};
 
 impl Sim<'_> {

@@ -4,8 +4,8 @@
 //! As Linux does it, a thread that inherits joins its new equals at the tail, and one that gives
 //! the inheritance back at the head.
 
-use super::Sim;
-use super::state::{Phase, Rank};
+use super::phase::{Phase, Rank};
+use super::simulation::Sim;
 use crate::{End, LockId, What};
 
 impl Sim<'_> {

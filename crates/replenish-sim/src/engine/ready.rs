@@ -3,7 +3,7 @@
 //! A running thread stays in the list. One that is preempted therefore keeps its place before its
 //! equals, and one that leaves and comes back joins behind them (POSIX XSH 2.8.4, `SCHED_FIFO`).
 
-use super::state::Rank;
+use super::phase::Rank;
 use crate::End;
 
 #[derive(Debug, Default)]

@@ -1,7 +1,7 @@
 //! Which thread has which CPU.
 
-use super::Sim;
-use super::state::Phase;
+use super::phase::Phase;
+use super::simulation::Sim;
 use crate::{End, What};
 
 impl Sim<'_> {

@@ -1,28 +1,17 @@
 //! What the engine remembers of a thread, a lock and a CPU.
 
 use super::cbs::Cbs;
-use super::{Budget, CAPACITY};
+use super::phase::{Phase, Rank};
 use crate::{
     Enforcement, LockId, Nanos, Platform, Policy, Random, Releases, Thread, ThreadOutcome,
 };
 use sporadic::{Level, Reservation, Server, Tuning};
 use std::collections::VecDeque;
 
-/// How urgent a thread is; larger is more urgent. 0 is the time-sharing class, up to 255 the FIFO
-/// priorities, above that `SCHED_DEADLINE`, earlier deadlines larger.
-pub(super) type Rank = u64;
+/// The largest `max_repl` of a simulated server.
+pub(crate) const CAPACITY: usize = 128;
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Phase {
-    /// Between jobs.
-    Idle,
-    /// Could run.
-    Ready,
-    /// In a `Block` step.
-    Blocked,
-    /// Waits for a lock.
-    LockWait(LockId),
-}
+type Budget = Reservation<Server<CAPACITY>>;
 
 /// What was last recorded of a budget.
 #[derive(Debug, Clone, Copy, Default)]

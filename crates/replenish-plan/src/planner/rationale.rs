@@ -1,7 +1,7 @@
 //! Why each choice was made: the last column of the table.
 
-use super::PlannedWorker;
-use super::cpu::Seat;
+use super::placement::ThreadPlan;
+use super::plan::PlannedWorker;
 use crate::span::{Exact, Rounded};
 use crate::{Guarantee, Machine, Nanos, Requirement, Worker};
 use sporadic::Policy;
@@ -26,7 +26,7 @@ pub(super) fn given(worker: &Worker) -> PlannedWorker {
 
 /// A guaranteed worker.
 pub(super) fn worker(
-    seat: &Seat,
+    seat: &ThreadPlan,
     asked: Option<&Guarantee>,
     granted: Nanos,
     params: &Params,
@@ -86,7 +86,7 @@ pub(super) fn worker(
 }
 
 /// The executor.
-pub(super) fn executor(seat: &Seat) -> Vec<String> {
+pub(super) fn executor(seat: &ThreadPlan) -> Vec<String> {
     vec![
         "above all workers: messages reach them at once".into(),
         format!(

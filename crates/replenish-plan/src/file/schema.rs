@@ -1,4 +1,4 @@
-//! The file as it is written: names, types and places; what it means is decided in `read`.
+//! The file as it is written: names, types and places; `parse` decides what it means.
 
 use crate::{Nanos, guarantee, span};
 use replenish_sim::Span;

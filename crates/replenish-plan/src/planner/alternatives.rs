@@ -1,6 +1,8 @@
 //! After a refusal: the nearest thing that would fit, each tried before it is said.
 
-use super::{assign, problem::Problem, search};
+use super::assign;
+use super::problem::Problem;
+use super::search::search;
 use crate::span::{Rounded, step};
 use crate::{Guarantee, Nanos, Request, Requirement, Worker};
 use sporadic::Budget;
@@ -8,7 +10,7 @@ use std::fmt;
 
 /// A change to a request with which it is admitted.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Fit {
+pub struct Alternative {
     /// Whose guarantee would change.
     pub worker: String,
     /// The amount per period that fits, in ns.
@@ -21,7 +23,7 @@ pub struct Fit {
     pub without: Vec<String>,
 }
 
-/// What a [`Fit`] changes.
+/// What an [`Alternative`] changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Changed {
     /// A smaller amount.
@@ -30,7 +32,7 @@ pub enum Changed {
     Period,
 }
 
-impl Fit {
+impl Alternative {
     /// The request with this change.
     #[must_use]
     pub fn apply(&self, request: &Request) -> Request {
@@ -42,7 +44,7 @@ impl Fit {
     }
 }
 
-impl fmt::Display for Fit {
+impl fmt::Display for Alternative {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (amount, period) = (Rounded(self.amount), Rounded(self.period));
         match self.changed {
@@ -80,21 +82,21 @@ fn change(worker: &mut Worker, amount: Nanos, period: Nanos) {
 const LONGER: u64 = 128;
 
 /// What fits of this worker: a smaller amount and a longer period, where there are such.
-pub(super) fn nearest(request: &Request, worker: &str, left_out: &[String]) -> Vec<Fit> {
+pub(super) fn nearest(request: &Request, worker: &str, left_out: &[String]) -> Vec<Alternative> {
     let Some(guarantee) = request.workers.iter().find(|w| w.name == worker) else {
         return Vec::new();
     };
     let Some(guarantee) = guarantee.guarantee().copied() else {
         return Vec::new();
     };
-    let fit = |amount, period, changed| Fit {
+    let fit = |amount, period, changed| Alternative {
         worker: worker.into(),
         amount,
         period,
         changed,
         without: left_out.to_vec(),
     };
-    let admits = |fit: &Fit| admits(&fit.apply(request));
+    let admits = |fit: &Alternative| admits(&fit.apply(request));
     // Large sets take longer to test: fewer digits then.
     let digits = if request.workers.len() > 100 { 2 } else { 3 };
     let mut found = Vec::new();
@@ -137,7 +139,7 @@ pub(super) fn nearest(request: &Request, worker: &str, left_out: &[String]) -> V
 pub(super) fn admits(request: &Request) -> bool {
     Problem::new(request).is_ok_and(|problem| {
         let (minimum, _) = problem.amounts();
-        let all: Vec<usize> = (0..problem.seats.len()).collect();
+        let all: Vec<usize> = (0..problem.threads.len()).collect();
         assign::fits(&problem, &all, &minimum)
     })
 }

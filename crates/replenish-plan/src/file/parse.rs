@@ -1,33 +1,74 @@
 //! From what is written to what is meant, with an error at the place of whatever makes no sense.
 
+use super::deployment::{Chain, Deployment, Described, Load};
 use super::error::{FileError, Source};
-use super::raw;
-use super::{Chain, Deployment, Described, Load, MAX_WORKERS};
+use super::schema;
 use crate::{ExecutorRequest, Machine, Overheads, Requirement};
 use replenish_sim::{Overflow, Releases};
+use std::path::Path;
 use toml::Spanned;
 
 pub(super) type Found<T> = Result<T, FileError>;
 
-/// Reads the whole file.
-pub(super) fn read(source: Source) -> Found<Deployment> {
-    let file: raw::File = toml::from_str(&source.text).map_err(|e| source.wrong_toml(&e))?;
-    let reader = Reader { source: &source };
+/// Longer files are refused, in bytes.
+pub const MAX_FILE: u64 = 4 << 20;
+/// More workers are refused.
+pub const MAX_WORKERS: usize = 4096;
+
+impl Deployment {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// If it cannot be read, or as [`parse`](Self::parse).
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        let file = path.display().to_string();
+        let unreadable = |message: String| FileError {
+            file: file.clone(),
+            line: 0,
+            column: 0,
+            field: String::new(),
+            message,
+        };
+        let facts = std::fs::metadata(path).map_err(|e| unreadable(e.to_string()))?;
+        if facts.len() > MAX_FILE {
+            let message = format!("{} bytes: allowed up to {MAX_FILE}", facts.len());
+            return Err(unreadable(message));
+        }
+        let text = std::fs::read_to_string(path).map_err(|e| unreadable(e.to_string()))?;
+        Self::parse(&text, &file)
+    }
+
+    /// Makes sense of a text; `file` names it in errors.
+    ///
+    /// # Errors
+    /// The first thing that is wrong, with its place, its field and what is allowed.
+    pub fn parse(text: &str, file: &str) -> Result<Self, FileError> {
+        parse(Source {
+            file: file.into(),
+            text: text.into(),
+        })
+    }
+}
+
+/// Parses the whole file.
+fn parse(source: Source) -> Found<Deployment> {
+    let file: schema::File = toml::from_str(&source.text).map_err(|e| source.wrong_toml(&e))?;
+    let parser = Parser { source: &source };
     let machine_given = file.machine.cpus.is_some();
     let overheads_given = file.machine.overheads.all().map(Option::is_some);
-    let machine = reader.machine(&file.machine)?;
+    let machine = parser.machine(&file.machine)?;
     if file.worker.len() > MAX_WORKERS {
         let message = format!("{} workers: allowed up to {MAX_WORKERS}", file.worker.len());
         return Err(source.error(&(0..0), message));
     }
-    reader.names(&file.worker)?;
+    parser.names(&file.worker)?;
     let mut locks = Vec::new();
     let mut workers = Vec::with_capacity(file.worker.len());
     for worker in &file.worker {
-        workers.push(reader.worker(worker, &file.worker, &machine, &mut locks)?);
+        workers.push(parser.worker(worker, &file.worker, &machine, &mut locks)?);
     }
-    let executor = reader.executor(&file.executor, &machine, &workers)?;
-    let chains = file.chain.iter().map(|c| reader.chain(c, &workers));
+    let executor = parser.executor(&file.executor, &machine, &workers)?;
+    let chains = file.chain.iter().map(|c| parser.chain(c, &workers));
     let chains = chains.collect::<Found<Vec<_>>>()?;
     for chain in &chains {
         link(chain, &mut workers);
@@ -62,30 +103,30 @@ fn link(chain: &Chain, workers: &mut [Described]) {
     }
 }
 
-pub(super) struct Reader<'s> {
+pub(super) struct Parser<'s> {
     pub(super) source: &'s Source,
 }
 
-impl Reader<'_> {
+impl Parser<'_> {
     pub(super) fn wrong<T, R>(&self, at: &Spanned<T>, message: impl Into<String>) -> Found<R> {
         Err(self.source.error(&at.span(), message))
     }
 
-    fn machine(&self, raw: &raw::Machine) -> Found<Machine> {
+    fn machine(&self, written: &schema::Machine) -> Found<Machine> {
         let mut machine = Machine::with_cpus(1);
-        if let Some(cpus) = &raw.cpus {
+        if let Some(cpus) = &written.cpus {
             if cpus.get_ref().0.is_empty() {
                 return self.wrong(cpus, "no CPU: at least one is needed");
             }
             machine.cpus.clone_from(&cpus.get_ref().0);
         }
-        if let Some(enforcer) = &raw.enforcer_priority {
+        if let Some(enforcer) = &written.enforcer_priority {
             machine.enforcer_priority = *enforcer.get_ref();
             if !(4..=99).contains(enforcer.get_ref()) {
                 return self.wrong(enforcer, "allowed 4 to 99");
             }
         }
-        if let Some(priorities) = &raw.priorities {
+        if let Some(priorities) = &written.priorities {
             let [low, high] = *priorities.get_ref();
             let most = machine.enforcer_priority - 2;
             if low < 2 || low > high || high > most {
@@ -94,13 +135,13 @@ impl Reader<'_> {
             }
             machine.priorities = low..=high;
         }
-        if let Some(share) = &raw.real_time_share {
+        if let Some(share) = &written.real_time_share {
             machine.real_time_share = *share.get_ref();
             if !(*share.get_ref() > 0.0 && *share.get_ref() <= 1.0) {
                 return self.wrong(share, "allowed above 0 up to 1.0");
             }
         }
-        let given = raw.overheads.all();
+        let given = written.overheads.all();
         for (given, own) in given.into_iter().zip(machine.overheads.all_mut()) {
             let Some(given) = given else { continue };
             *own = given.get_ref().0;
@@ -111,7 +152,7 @@ impl Reader<'_> {
         Ok(machine)
     }
 
-    fn names(&self, workers: &[raw::Worker]) -> Found<()> {
+    fn names(&self, workers: &[schema::Worker]) -> Found<()> {
         let mut handles: Vec<&str> = Vec::new();
         for (index, worker) in workers.iter().enumerate() {
             let name = worker.name.get_ref();
@@ -147,12 +188,12 @@ impl Reader<'_> {
 
     fn worker(
         &self,
-        raw: &raw::Worker,
-        all: &[raw::Worker],
+        written: &schema::Worker,
+        all: &[schema::Worker],
         machine: &Machine,
         locks: &mut Vec<String>,
     ) -> Found<Described> {
-        let scheduling = match (&raw.guarantee, &raw.policy) {
+        let scheduling = match (&written.guarantee, &written.policy) {
             (Some(_), Some(policy)) => {
                 let message = "a worker has either a guarantee or a policy, not both";
                 return self.wrong(policy, message);
@@ -161,18 +202,18 @@ impl Reader<'_> {
             (None, Some(policy)) => Some(Requirement::Policy(self.policy(policy, machine)?)),
             (None, None) => None,
         };
-        if let (Some(deadline), Some(_)) = (&raw.deadline, &raw.guarantee) {
+        if let (Some(deadline), Some(_)) = (&written.deadline, &written.guarantee) {
             let message = "the deadline of a guaranteed worker belongs into its guarantee";
             return self.wrong(deadline, message);
         }
         let mut sends = Vec::new();
-        for to in &raw.sends {
+        for to in &written.sends {
             match all.iter().position(|w| w.name.get_ref() == to.get_ref()) {
                 Some(at) => sends.push(at),
                 None => return self.wrong(to, format!("there is no worker {:?}", to.get_ref())),
             }
         }
-        let lock = |lock: &Spanned<raw::Lock>| {
+        let lock = |lock: &Spanned<schema::Lock>| {
             let lock = lock.get_ref();
             let known = locks.iter().position(|l| *l == lock.name);
             let at = known.unwrap_or_else(|| {
@@ -181,49 +222,53 @@ impl Reader<'_> {
             });
             (at, lock.holds.0)
         };
-        let queue = match &raw.queue {
+        let queue = match &written.queue {
             Some(queue) if *queue.get_ref() > 4096 => {
                 return self.wrong(queue, "allowed 0 to 4096");
             }
             Some(queue) => *queue.get_ref(),
             None => 1,
         };
-        let releases = raw
+        let releases = written
             .releases
             .as_ref()
             .map(|r| self.releases(r))
             .transpose()?;
         Ok(Described {
-            name: raw.name.get_ref().clone(),
-            handles: raw.handles.iter().map(|h| h.get_ref().clone()).collect(),
-            cpu: self.cpu(raw.cpu.as_ref(), machine)?,
+            name: written.name.get_ref().clone(),
+            handles: written
+                .handles
+                .iter()
+                .map(|h| h.get_ref().clone())
+                .collect(),
+            cpu: self.cpu(written.cpu.as_ref(), machine)?,
             scheduling,
             load: Load {
-                runs: raw.runs.as_ref().map(|t| t.get_ref().0.clone()),
-                blocks: raw.blocks.as_ref().map(|t| t.get_ref().0.clone()),
+                runs: written.runs.as_ref().map(|t| t.get_ref().0.clone()),
+                blocks: written.blocks.as_ref().map(|t| t.get_ref().0.clone()),
                 releases,
                 queue,
-                overflow: match raw.overflow {
-                    Some(raw::Overflow::DropNewest) => Overflow::DropNewest,
-                    Some(raw::Overflow::DropOldest) | None => Overflow::DropOldest,
+                overflow: match written.overflow {
+                    Some(schema::Overflow::DropNewest) => Overflow::DropNewest,
+                    Some(schema::Overflow::DropOldest) | None => Overflow::DropOldest,
                 },
                 sends,
-                locks: raw.locks.iter().map(lock).collect(),
-                deadline: raw.deadline.as_ref().map(|d| d.get_ref().0),
+                locks: written.locks.iter().map(lock).collect(),
+                deadline: written.deadline.as_ref().map(|d| d.get_ref().0),
             },
-            place: raw.name.span(),
-            handle_places: raw.handles.iter().map(Spanned::span).collect(),
+            place: written.name.span(),
+            handle_places: written.handles.iter().map(Spanned::span).collect(),
         })
     }
 
     fn executor(
         &self,
-        raw: &raw::Executor,
+        written: &schema::Executor,
         machine: &Machine,
         workers: &[Described],
     ) -> Found<ExecutorRequest> {
-        let cpu = self.cpu(raw.cpu.as_ref(), machine)?;
-        if let Some(policy) = &raw.policy {
+        let cpu = self.cpu(written.cpu.as_ref(), machine)?;
+        if let Some(policy) = &written.policy {
             let policy = self.policy(policy, machine)?;
             return Ok(ExecutorRequest::Policy { policy, cpu });
         }
@@ -236,9 +281,9 @@ impl Reader<'_> {
         Ok(ExecutorRequest::Planned { cpu })
     }
 
-    fn chain(&self, raw: &raw::Chain, workers: &[Described]) -> Found<Chain> {
+    fn chain(&self, written: &schema::Chain, workers: &[Described]) -> Found<Chain> {
         let mut stages: Vec<usize> = Vec::new();
-        for name in raw.workers.get_ref() {
+        for name in written.workers.get_ref() {
             let known = workers.iter().position(|w| w.name == *name.get_ref());
             match known {
                 None => {
@@ -251,12 +296,12 @@ impl Reader<'_> {
             }
         }
         if stages.len() < 2 {
-            return self.wrong(&raw.workers, "a chain has at least two workers");
+            return self.wrong(&written.workers, "a chain has at least two workers");
         }
         Ok(Chain {
-            name: raw.name.get_ref().clone(),
+            name: written.name.get_ref().clone(),
             workers: stages,
-            deadline: raw.deadline.as_ref().map(|d| d.get_ref().0),
+            deadline: written.deadline.as_ref().map(|d| d.get_ref().0),
         })
     }
 }

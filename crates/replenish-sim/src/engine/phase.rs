@@ -1,0 +1,19 @@
+//! What a thread does at the moment, and how urgent it is.
+
+use crate::LockId;
+
+/// How urgent a thread is; larger is more urgent. 0 is the time-sharing class, up to 255 the FIFO
+/// priorities, above that `SCHED_DEADLINE`, earlier deadlines larger.
+pub(super) type Rank = u64;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Phase {
+    /// Between jobs.
+    Idle,
+    /// Could run.
+    Ready,
+    /// In a `Block` step.
+    Blocked,
+    /// Waits for a lock.
+    LockWait(LockId),
+}
