@@ -7,14 +7,14 @@ use replenish_interfaces::rcl_interfaces::msg::ParameterEvent;
 use replenish_interfaces::test_msgs::msg::{
     Arrays, BoundedSequences, MultiNested, UnboundedSequences, WStrings,
 };
-use replenish_msg::{CdrReader, Endianness, View, Viewed, decode_located, encode};
+use replenish_msg::{CdrReader, Endianness, View, Viewed, decode_with_path, encode};
 use std::path::Path;
 
 /// Owned value and view agree, and what was decoded is encoded and decoded again to the same bytes.
 fn decoded<T: Viewed>(bytes: &[u8], order: Endianness) {
     let reader = CdrReader::with_order(bytes, order);
     let mut owned = T::default();
-    let result = decode_located(&mut owned, &reader);
+    let result = decode_with_path(&mut owned, &reader);
     let view = T::View::read(&reader);
     assert_eq!(result.err(), view.as_ref().err().copied());
     let Ok(view) = view else { return };

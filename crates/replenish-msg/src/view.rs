@@ -1,7 +1,7 @@
 //! Views: messages decoded without allocation, whose strings and sequences stay where they were.
 
 use crate::wire::Item;
-use crate::{CdrError, CdrReader, CdrWriter, DecodeError, Message, Structure, located};
+use crate::{CdrError, CdrReader, CdrWriter, DecodeError, Message, Structure, field_path};
 
 /// A message that borrows from the bytes it was decoded from, or from what is to be encoded.
 ///
@@ -43,7 +43,7 @@ pub trait View<'a>: Item<'a> {
     /// # Errors
     /// As [`read`](Self::read); [`CdrError::Encapsulation`] for an encoding other than XCDR1.
     fn from_encapsulated(bytes: &'a [u8]) -> Result<Self, DecodeError> {
-        Self::read(&located::encapsulated(bytes, Self::FIELDS)?)
+        Self::read(&field_path::encapsulated(bytes, Self::FIELDS)?)
     }
 
     /// Encodes the message at the start of `buf` and returns the number of bytes used.

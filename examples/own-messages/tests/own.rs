@@ -10,7 +10,9 @@
 use own_messages::inline;
 use own_messages::robot_msgs::{action::Drive, msg::Status, msg::StatusView, srv::Grip};
 use replenish_interfaces::geometry_msgs::msg::PoseStamped;
-use replenish_msg::{Action, CdrError, CdrReader, Message, Service, View, decode_located, encode};
+use replenish_msg::{
+    Action, CdrError, CdrReader, Message, Service, View, decode_with_path, encode,
+};
 
 fn status() -> Status {
     let mut pose = PoseStamped::default();
@@ -70,7 +72,7 @@ fn the_inline_variant_is_the_same_type_on_the_wire() {
     const { assert!(Inline::BOUNDED && !Status::BOUNDED) };
     let mut inline = Inline::default();
     let sent = bytes(&status());
-    decode_located(&mut inline, &CdrReader::new(&sent)).unwrap();
+    decode_with_path(&mut inline, &CdrReader::new(&sent)).unwrap();
     assert_eq!(inline.faults.as_slice(), ["hot", "late"]);
     assert_eq!(bytes(&inline), sent);
 }
@@ -81,7 +83,7 @@ fn what_does_not_fit_a_bound_is_an_error_with_its_path() {
     let mut long = status();
     long.faults.push("x".repeat(33));
     let sent = bytes(&long);
-    let error = decode_located(&mut Inline::default(), &CdrReader::new(&sent)).unwrap_err();
+    let error = decode_with_path(&mut Inline::default(), &CdrReader::new(&sent)).unwrap_err();
     assert_eq!(error.error, CdrError::TooLong { len: 33, limit: 32 });
     assert_eq!(error.path().to_string(), "faults[2]");
 
@@ -92,7 +94,7 @@ fn what_does_not_fit_a_bound_is_an_error_with_its_path() {
     let error = StatusView::from_payload(&sent[..at + 3]).unwrap_err();
     let text = "plan[1].pose.orientation.w: needs 8 bytes, 3 left";
     assert_eq!(error.to_string(), text);
-    let error = decode_located(&mut Status::default(), &CdrReader::new(&sent[..at + 3]));
+    let error = decode_with_path(&mut Status::default(), &CdrReader::new(&sent[..at + 3]));
     assert_eq!(error.unwrap_err().to_string(), text);
 }
 

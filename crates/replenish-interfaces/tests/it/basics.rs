@@ -10,7 +10,7 @@ use replenish_interfaces::rcl_interfaces::msg::{
 use replenish_interfaces::std_msgs::msg::{self as std_msgs, HeaderView};
 use replenish_msg::action::GetResultResponse;
 use replenish_msg::{
-    Action, CdrError, CdrReader, Message, Service, View, decode_encapsulated, decode_located,
+    Action, CdrError, CdrReader, Message, Service, View, decode_encapsulated, decode_with_path,
     encode,
 };
 
@@ -42,7 +42,7 @@ fn what_is_encoded_is_decoded_owned_and_as_a_view() {
     let event = event();
     let bytes = bytes(&event);
     let mut owned = ParameterEvent::default();
-    decode_located(&mut owned, &CdrReader::new(&bytes)).unwrap();
+    decode_with_path(&mut owned, &CdrReader::new(&bytes)).unwrap();
     assert_eq!(owned, event);
 
     let view = ParameterEventView::from_payload(&bytes).unwrap();
@@ -90,7 +90,7 @@ fn an_error_names_the_field() {
     let at = bytes.windows(6).position(|w| w == b"longer").unwrap();
     let view = |bytes: &[u8]| ParameterEventView::from_payload(bytes).unwrap_err();
     let owned = |bytes: &[u8]| {
-        decode_located(&mut ParameterEvent::default(), &CdrReader::new(bytes)).unwrap_err()
+        decode_with_path(&mut ParameterEvent::default(), &CdrReader::new(bytes)).unwrap_err()
     };
     let path = "new_parameters[1].value.string_array_value[1]";
 
@@ -116,7 +116,7 @@ fn a_length_from_outside_takes_no_memory() {
     let at = bytes.len() - 12;
     bytes[at..at + 4].fill(0xff);
     let mut event = ParameterEvent::default();
-    let error = decode_located(&mut event, &CdrReader::new(&bytes)).unwrap_err();
+    let error = decode_with_path(&mut event, &CdrReader::new(&bytes)).unwrap_err();
     assert!(event.new_parameters.capacity() < 64);
     assert!(error.path().to_string().starts_with("new_parameters["));
 }
@@ -142,7 +142,7 @@ fn an_error_in_a_goal_is_found_through_the_types_of_the_action() {
     };
     let bytes = bytes(&result);
     let reader = CdrReader::new(&bytes[..bytes.len() - 1]);
-    let error = decode_located(&mut GetResultResponse::<Fibonacci>::default(), &reader);
+    let error = decode_with_path(&mut GetResultResponse::<Fibonacci>::default(), &reader);
     assert_eq!(
         error.unwrap_err().to_string(),
         "result.sequence[2]: needs 4 bytes, 3 left"

@@ -3,7 +3,7 @@
 
 use proptest::collection::vec;
 use proptest::prelude::*;
-use replenish_msg::{CdrReader, Endianness, Message, View, Viewed, decode_located, encode};
+use replenish_msg::{CdrReader, Endianness, Message, View, Viewed, decode_with_path, encode};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
@@ -50,7 +50,7 @@ fn the_list_has_every_type() {
 fn survives<T: Viewed + PartialEq>(bytes: &[u8], order: Endianness) {
     let reader = CdrReader::with_order(bytes, order);
     let mut owned = T::default();
-    let result = decode_located(&mut owned, &reader);
+    let result = decode_with_path(&mut owned, &reader);
     let view = T::View::read(&reader);
     assert_eq!(
         result.err(),
@@ -69,7 +69,7 @@ fn survives<T: Viewed + PartialEq>(bytes: &[u8], order: Endianness) {
     assert_eq!(again[..again_len], buf[..len], "{}", T::TYPE_NAME);
     // The second time the bytes are ours: they come back as they were.
     let mut second = T::default();
-    decode_located(&mut second, &CdrReader::new(&buf[..len])).unwrap();
+    decode_with_path(&mut second, &CdrReader::new(&buf[..len])).unwrap();
     let again_len = encode(&second, &mut again).unwrap();
     assert_eq!(again[..again_len], buf[..len], "{}", T::TYPE_NAME);
 }
@@ -82,7 +82,7 @@ fn prefixes<T: Viewed>() {
     for cut in 0..len {
         let reader = CdrReader::new(&buf[..cut]);
         assert!(
-            decode_located(&mut T::default(), &reader).is_err(),
+            decode_with_path(&mut T::default(), &reader).is_err(),
             "{}",
             T::TYPE_NAME
         );

@@ -115,7 +115,7 @@ impl Message<'_> {
             return "        w.u8(0)\n".into(); // ROS 2 gives an empty message one hidden byte
         }
         let code = self.collect(|f| {
-            let put = format!("        {rt}::wire::Wire::put(&self.{}, w)?;\n", f.name);
+            let put = format!("        {rt}::wire::Encode::put(&self.{}, w)?;\n", f.name);
             f.checks(false) + &put
         });
         code + "        ::core::result::Result::Ok(())\n"
@@ -138,7 +138,7 @@ impl Message<'_> {
             false => {
                 let code = self.collect(|f| {
                     let refill = format!(
-                        "        {rt}::wire::Refill::refill(&mut self.{}, r)?;\n",
+                        "        {rt}::wire::DecodeInPlace::decode_in_place(&mut self.{}, r)?;\n",
                         f.name
                     );
                     f.checks_next() + &refill + &f.checks(true)
@@ -195,7 +195,7 @@ impl Message<'_> {
              #[derive(Clone, Debug, PartialEq)]\npub struct {rust}View<'a> {{\n{}}}\n\
              {constants}\n\
              impl ::core::default::Default for {rust}View<'_> {{\n{}}}\n\n\
-             impl {rt}::wire::Wire for {rust}View<'_> {{\n    \
+             impl {rt}::wire::Encode for {rust}View<'_> {{\n    \
              fn put(&self, w: &mut {rt}::CdrWriter<'_>) \
              -> ::core::result::Result<(), {rt}::CdrError> {{\n{}    }}\n}}\n\n\
              impl<'a> {rt}::wire::Item<'a> for {rust}View<'a> {{\n    \

@@ -1,17 +1,17 @@
 //! Arrays and sequences as fields.
 
-use super::{Item, Refill, Wire};
+use super::{DecodeInPlace, Encode, Item};
 use crate::{CdrError, CdrReader, CdrWriter};
 
-impl<T: Wire, const N: usize> Wire for [T; N] {
+impl<T: Encode, const N: usize> Encode for [T; N] {
     fn put(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         T::put_all(self, w)
     }
 }
 
-impl<T: Refill, const N: usize> Refill for [T; N] {
-    fn refill(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
-        T::refill_all(self, r)
+impl<T: DecodeInPlace, const N: usize> DecodeInPlace for [T; N] {
+    fn decode_in_place(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
+        T::decode_all_in_place(self, r)
     }
 }
 
@@ -36,19 +36,19 @@ impl<'a, T: Item<'a>, const N: usize> Item<'a> for [T; N] {
     }
 }
 
-impl<T: Wire, const N: usize> Wire for heapless::Vec<T, N> {
+impl<T: Encode, const N: usize> Encode for heapless::Vec<T, N> {
     fn put(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         w.sequence(self.len())?;
         T::put_all(self, w)
     }
 }
 
-impl<T: Refill + Default, const N: usize> Refill for heapless::Vec<T, N> {
-    fn refill(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
+impl<T: DecodeInPlace + Default, const N: usize> DecodeInPlace for heapless::Vec<T, N> {
+    fn decode_in_place(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
         let len = r.sequence(N)?;
         self.truncate(len);
         while self.len() < len && self.push(T::default()).is_ok() {}
-        T::refill_all(self, r)
+        T::decode_all_in_place(self, r)
     }
 }
 
@@ -66,10 +66,10 @@ impl<'a, T: Item<'a>, const N: usize> Item<'a> for heapless::Vec<T, N> {
 
 #[cfg(feature = "alloc")]
 mod owned {
-    use super::{CdrError, CdrReader, CdrWriter, Refill, Wire};
+    use super::{CdrError, CdrReader, CdrWriter, DecodeInPlace, Encode};
     use alloc::vec::Vec;
 
-    impl<T: Wire> Wire for Vec<T> {
+    impl<T: Encode> Encode for Vec<T> {
         fn put(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
             w.sequence(self.len())?;
             T::put_all(self, w)
@@ -77,21 +77,21 @@ mod owned {
     }
 
     /// Memory is taken for elements that are there, never for a number that is only announced.
-    impl<T: Refill + Default> Refill for Vec<T> {
-        fn refill(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
+    impl<T: DecodeInPlace + Default> DecodeInPlace for Vec<T> {
+        fn decode_in_place(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
             let len = r.sequence(usize::MAX)?;
             if T::PRIMITIVE > 0 {
                 r.clone().primitives(T::PRIMITIVE, len)?;
                 self.resize_with(len, T::default);
-                return T::refill_all(self, r);
+                return T::decode_all_in_place(self, r);
             }
             self.truncate(len);
             for item in self.iter_mut() {
-                item.refill(r)?;
+                item.decode_in_place(r)?;
             }
             while self.len() < len {
                 let mut item = T::default();
-                item.refill(r)?;
+                item.decode_in_place(r)?;
                 self.push(item);
             }
             Ok(())

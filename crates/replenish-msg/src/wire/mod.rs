@@ -1,4 +1,4 @@
-//! What a field of a message can be: [`Wire`] is written, [`Refill`] is read in place, [`Item`] is
+//! What a field of a message can be: [`Encode`] is written, [`DecodeInPlace`] is read in place, [`Item`] is
 //! read anew and may borrow from the bytes. Generated code calls these, field by field.
 //!
 //! | field | owned (feature `alloc`) | borrowed |
@@ -25,7 +25,7 @@ pub use text::{WStr, WideString, wide_len};
 use crate::{CdrError, CdrReader, CdrWriter, Message};
 
 /// What can be written.
-pub trait Wire {
+pub trait Encode {
     /// Bytes of one on the wire if any such bytes are a value (a primitive, but not `bool`); else 0.
     const PRIMITIVE: usize = 0;
 
@@ -48,27 +48,29 @@ pub trait Wire {
 }
 
 /// What can be read into a value that is there already.
-pub trait Refill: Wire {
+pub trait DecodeInPlace: Encode {
     /// Replaces this value by the next in `r`.
     ///
     /// # Errors
     /// Any [`CdrError`]; the value is then valid but unspecified.
-    fn refill(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError>;
+    fn decode_in_place(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError>;
 
     /// Replaces several in a row.
     ///
     /// # Errors
-    /// As [`refill`](Self::refill).
-    fn refill_all(items: &mut [Self], r: &mut CdrReader<'_>) -> Result<(), CdrError>
+    /// As [`decode_in_place`](Self::decode_in_place).
+    fn decode_all_in_place(items: &mut [Self], r: &mut CdrReader<'_>) -> Result<(), CdrError>
     where
         Self: Sized,
     {
-        items.iter_mut().try_for_each(|item| item.refill(r))
+        items
+            .iter_mut()
+            .try_for_each(|item| item.decode_in_place(r))
     }
 }
 
 /// What can be read anew without allocation.
-pub trait Item<'a>: Wire + Sized {
+pub trait Item<'a>: Encode + Sized {
     /// Reads the next value in `r`.
     ///
     /// # Errors
@@ -84,14 +86,14 @@ pub trait Item<'a>: Wire + Sized {
     }
 }
 
-impl<M: Message> Wire for M {
+impl<M: Message> Encode for M {
     fn put(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         self.encode(w)
     }
 }
 
-impl<M: Message> Refill for M {
-    fn refill(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
+impl<M: Message> DecodeInPlace for M {
+    fn decode_in_place(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
         self.decode(r)
     }
 }

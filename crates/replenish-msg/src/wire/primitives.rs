@@ -1,11 +1,11 @@
 //! The primitive types as fields: many at once where there are many.
 
-use super::{Item, Refill, Wire};
+use super::{DecodeInPlace, Encode, Item};
 use crate::{CdrError, CdrReader, CdrWriter, Endianness};
 
 macro_rules! primitives {
     ($($ty:ident),*) => {$(
-        impl Wire for $ty {
+        impl Encode for $ty {
             const PRIMITIVE: usize = size_of::<$ty>();
 
             fn put(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
@@ -22,13 +22,13 @@ macro_rules! primitives {
             }
         }
 
-        impl Refill for $ty {
-            fn refill(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
+        impl DecodeInPlace for $ty {
+            fn decode_in_place(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
                 *self = r.$ty()?;
                 Ok(())
             }
 
-            fn refill_all(items: &mut [Self], r: &mut CdrReader<'_>) -> Result<(), CdrError> {
+            fn decode_all_in_place(items: &mut [Self], r: &mut CdrReader<'_>) -> Result<(), CdrError> {
                 let bytes = r.primitives(Self::PRIMITIVE, items.len())?;
                 let values = bytes.as_chunks::<{ size_of::<$ty>() }>().0;
                 match r.order() {
@@ -57,14 +57,14 @@ macro_rules! primitives {
 
 primitives!(u8, u16, u32, u64, i8, i16, i32, i64, f32, f64);
 
-impl Wire for bool {
+impl Encode for bool {
     fn put(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         w.bool(*self)
     }
 }
 
-impl Refill for bool {
-    fn refill(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
+impl DecodeInPlace for bool {
+    fn decode_in_place(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
         *self = r.bool()?;
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! A borrowed sequence: elements as they came, decoded when one looks at them.
 
-use super::{Item, Wire};
+use super::{Encode, Item};
 use crate::{CdrError, CdrReader, CdrWriter};
 use core::fmt;
 
@@ -131,7 +131,7 @@ impl<'a, T: Item<'a> + Clone + fmt::Debug> fmt::Debug for Seq<'a, T> {
     }
 }
 
-impl<'a, T: Item<'a>> Wire for Seq<'a, T> {
+impl<'a, T: Item<'a>> Encode for Seq<'a, T> {
     fn put(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         w.sequence(self.len())?;
         match &self.0 {

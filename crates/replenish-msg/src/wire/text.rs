@@ -1,11 +1,11 @@
 //! Strings as fields. A `wstring` is a `u32` number of UTF-16 units, then the units, without NUL:
 //! what the Fast CDR 2 of ROS 2 Jazzy and later writes. (Older ones took 4 bytes for a unit.)
 
-use super::{Item, Refill, Wire};
+use super::{DecodeInPlace, Encode, Item};
 use crate::{CdrError, CdrReader, CdrWriter, Endianness};
 use core::fmt;
 
-impl Wire for &str {
+impl Encode for &str {
     fn put(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         w.string(self)
     }
@@ -18,7 +18,7 @@ impl<'a> Item<'a> for &'a str {
 }
 
 /// `uint8[]` and its like: as a sequence, but the bytes are where they were.
-impl Wire for &[u8] {
+impl Encode for &[u8] {
     fn put(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         w.sequence(self.len())?;
         w.bytes(self)
@@ -32,14 +32,14 @@ impl<'a> Item<'a> for &'a [u8] {
     }
 }
 
-impl<const N: usize> Wire for heapless::String<N> {
+impl<const N: usize> Encode for heapless::String<N> {
     fn put(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         w.string(self)
     }
 }
 
-impl<const N: usize> Refill for heapless::String<N> {
-    fn refill(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
+impl<const N: usize> DecodeInPlace for heapless::String<N> {
+    fn decode_in_place(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
         let text = r.string(N)?;
         self.clear();
         self.push_str(text).map_err(|_| CdrError::TooLong {
@@ -52,7 +52,7 @@ impl<const N: usize> Refill for heapless::String<N> {
 impl<'a, const N: usize> Item<'a> for heapless::String<N> {
     fn take(r: &mut CdrReader<'a>) -> Result<Self, CdrError> {
         let mut text = Self::new();
-        text.refill(r)?;
+        text.decode_in_place(r)?;
         Ok(text)
     }
 }
@@ -138,7 +138,7 @@ impl fmt::Debug for WStr<'_> {
     }
 }
 
-impl Wire for WStr<'_> {
+impl Encode for WStr<'_> {
     fn put(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         w.sequence(self.wide_len())?;
         let mut unit = [0; 2];
@@ -198,14 +198,14 @@ impl<const BYTES: usize> TryFrom<&str> for WideString<BYTES> {
     }
 }
 
-impl<const BYTES: usize> Wire for WideString<BYTES> {
+impl<const BYTES: usize> Encode for WideString<BYTES> {
     fn put(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
         WStr::from(&**self).put(w)
     }
 }
 
-impl<const BYTES: usize> Refill for WideString<BYTES> {
-    fn refill(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
+impl<const BYTES: usize> DecodeInPlace for WideString<BYTES> {
+    fn decode_in_place(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
         let text = WStr::take(r)?;
         self.0.clear();
         for c in text.chars() {
@@ -221,24 +221,24 @@ impl<const BYTES: usize> Refill for WideString<BYTES> {
 impl<'a, const BYTES: usize> Item<'a> for WideString<BYTES> {
     fn take(r: &mut CdrReader<'a>) -> Result<Self, CdrError> {
         let mut text = Self::default();
-        text.refill(r)?;
+        text.decode_in_place(r)?;
         Ok(text)
     }
 }
 
 #[cfg(feature = "alloc")]
 mod owned {
-    use super::{CdrError, CdrReader, CdrWriter, Item, Refill, WStr, Wire, fmt};
+    use super::{CdrError, CdrReader, CdrWriter, DecodeInPlace, Encode, Item, WStr, fmt};
     use alloc::string::String;
 
-    impl Wire for String {
+    impl Encode for String {
         fn put(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
             w.string(self)
         }
     }
 
-    impl Refill for String {
-        fn refill(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
+    impl DecodeInPlace for String {
+        fn decode_in_place(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
             let text = r.string(usize::MAX)?;
             self.clear();
             self.push_str(text);
@@ -284,14 +284,14 @@ mod owned {
         }
     }
 
-    impl Wire for WString {
+    impl Encode for WString {
         fn put(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
             WStr::from(self.0.as_str()).put(w)
         }
     }
 
-    impl Refill for WString {
-        fn refill(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
+    impl DecodeInPlace for WString {
+        fn decode_in_place(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError> {
             let text = WStr::take(r)?;
             self.0.clear();
             self.0.extend(text.chars());

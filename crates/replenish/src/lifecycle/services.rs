@@ -13,7 +13,7 @@ use crate::sync::Arc;
 use alloc::{string::String, vec::Vec};
 use replenish_interfaces::lifecycle_msgs::msg::{StateView, TransitionDescriptionView};
 use replenish_interfaces::lifecycle_msgs::srv;
-use replenish_msg::wire::Wire;
+use replenish_msg::wire::Encode;
 use replenish_msg::{CdrWriter, View};
 
 impl WorkerBuilder<'_> {

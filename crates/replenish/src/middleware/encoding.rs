@@ -3,8 +3,8 @@
 //! `texts`.
 
 use super::PublishError;
-pub(crate) use replenish_msg::decode_located as decode;
-use replenish_msg::{CdrError, Message, Structure, located};
+pub(crate) use replenish_msg::decode_with_path as decode;
+use replenish_msg::{CdrError, Message, Structure, field_path};
 
 /// The structure of a message, and the call that makes its buffer longer.
 #[derive(Clone, Copy)]
@@ -28,7 +28,7 @@ impl Encoding {
         };
         let written = buffer.get(..at).unwrap_or_default();
         PublishError::TooLong {
-            field: located::unwritten(self.fields, written),
+            field: field_path::unwritten(self.fields, written),
             size: at.saturating_add(needed),
             limit: buffer.len(),
             remedy: self.remedy,

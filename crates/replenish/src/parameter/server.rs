@@ -14,7 +14,7 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::fmt;
 use replenish_interfaces::rcl_interfaces::msg::{ParameterEvent, ParameterView};
-use replenish_msg::wire::Wire;
+use replenish_msg::wire::Encode;
 use replenish_msg::{CdrError, CdrWriter, Message};
 use replenish_os::current_tid;
 

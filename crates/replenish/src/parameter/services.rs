@@ -19,7 +19,7 @@ use replenish_interfaces::rcl_interfaces::msg::{
     ParameterDescriptorView, ParameterValueView, ParameterView, SetParametersResultView,
 };
 use replenish_interfaces::rcl_interfaces::srv;
-use replenish_msg::wire::Wire;
+use replenish_msg::wire::Encode;
 use replenish_msg::{CdrError, CdrWriter, View};
 
 impl WorkerBuilder<'_> {

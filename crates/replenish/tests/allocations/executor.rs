@@ -3,7 +3,7 @@
 
 use crate::ALLOC;
 use replenish::msg::std_msgs::{Int32, UInt8MultiArray};
-use replenish::msg::wire::Wire;
+use replenish::msg::wire::Encode;
 use replenish::msg::{CdrError, CdrReader, CdrWriter, Message, Service};
 use replenish::{
     Budget, Context, Descriptor, Executor, Outcome, ParameterOptions, ParameterValue, Policy, Qos,

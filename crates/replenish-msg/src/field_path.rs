@@ -225,12 +225,15 @@ pub fn unwritten(structure: &'static Structure, written: &[u8]) -> &'static str 
 ///
 /// # Errors
 /// Where the bytes are not such a message, and why. `msg` is then valid but unspecified.
-pub fn decode_located<M: Message>(msg: &mut M, reader: &CdrReader<'_>) -> Result<(), DecodeError> {
+pub fn decode_with_path<M: Message>(
+    msg: &mut M,
+    reader: &CdrReader<'_>,
+) -> Result<(), DecodeError> {
     msg.decode(&mut reader.clone())
         .map_err(|error| DecodeError::find(M::STRUCTURE, reader.clone(), error))
 }
 
-/// As [`decode_located`], without looking for the field: for builds that have no room for that.
+/// As [`decode_with_path`], without looking for the field: for builds that have no room for that.
 ///
 /// # Errors
 /// What is wrong, of the message as a whole.
@@ -242,11 +245,11 @@ pub fn decode_whole<M: Message>(msg: &mut M, reader: &CdrReader<'_>) -> Result<(
 /// Decodes a payload with its 4-byte encapsulation header, of either byte order, into `msg`.
 ///
 /// # Errors
-/// As [`decode_located`]; [`CdrError::Encapsulation`] for an encoding other than XCDR1.
+/// As [`decode_with_path`]; [`CdrError::Encapsulation`] for an encoding other than XCDR1.
 pub fn decode_encapsulated<M: Message>(msg: &mut M, bytes: &[u8]) -> Result<(), DecodeError> {
     let reader =
         CdrReader::encapsulated(bytes).map_err(|error| DecodeError::whole(error, M::STRUCTURE))?;
-    decode_located(msg, &reader)
+    decode_with_path(msg, &reader)
 }
 
 /// As [`decode_encapsulated`], for whatever has that structure.
