@@ -3,8 +3,6 @@
 
 use crate::context::Node;
 use crate::error::Error;
-#[cfg(feature = "full")]
-use crate::executor::HandleGroup;
 use crate::executor::{CallbackContext, Responder, Topic, WorkerBuilder, sized};
 use crate::middleware::PublishError;
 use crate::qos::Qos;
@@ -144,7 +142,7 @@ pub(crate) trait Serves: Sized {
 }
 
 /// Answers requests, with a response that is there before.
-fn answers<S: Service, A>(
+pub(crate) fn answers<S: Service, A>(
     name: Topic<'_>,
     mut answer: A,
 ) -> impl FnMut(&[u8], Responder<Bare<S>>) -> Answered + Send + 'static
@@ -163,7 +161,7 @@ where
     }
 }
 
-type Answered = Result<(), Unanswered>;
+pub(crate) type Answered = Result<(), Unanswered>;
 
 impl Serves for WorkerBuilder<'_> {
     fn serve_bytes<S: Service>(
@@ -178,25 +176,5 @@ impl Serves for WorkerBuilder<'_> {
                 answer(request.payload(), to)
             };
         self.serve_later::<Bare<S>, _, _>(node, name, Qos::services(), called)
-    }
-}
-
-#[cfg(feature = "full")]
-impl Serves for HandleGroup<'_> {
-    fn serve_bytes<S: Service>(
-        mut self,
-        node: &Node,
-        name: Topic<'_>,
-        answer: impl FnMut(&[u8], &mut CdrWriter<'_>) -> Result<(), Unanswered> + Send + 'static,
-    ) -> Result<Self, Error> {
-        let mut answer = answers::<S, _>(name, answer);
-        let called =
-            move |request: &Body<S::Request>, to: Responder<Bare<S>>, _: &CallbackContext<'_>| {
-                answer(request.payload(), to)
-            };
-        let (worker, qos) = (self.worker(), Qos::services());
-        let id = worker.serve_later::<Bare<S>, _, _>(node, name, qos, called);
-        self.keep(id)?;
-        Ok(self)
     }
 }

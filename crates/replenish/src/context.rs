@@ -48,41 +48,6 @@ impl Context {
         Self::new(InProcessBus::new().participant())
     }
 
-    /// A context over DDS-XRCE: a session with the agent at `agent`, an address and UDP port.
-    ///
-    /// [`Xrce::udp_with`](crate::middleware::xrce::Xrce::udp_with) and
-    /// [`Context::new`] take other settings than the default ones.
-    ///
-    /// # Errors
-    /// If the address cannot be used, or no agent answers there within 1.5 s.
-    #[cfg(all(feature = "std", feature = "xrce"))]
-    pub fn xrce_udp(agent: &str) -> Result<Self, crate::middleware::xrce::ConnectError> {
-        crate::middleware::xrce::Xrce::udp(agent).map(Self::new)
-    }
-
-    /// A context over DDS-XRCE and TCP: a session with the agent at `agent`, an address and port.
-    ///
-    /// # Errors
-    /// If the address cannot be used, or no agent answers there within 1.5 s.
-    #[cfg(all(feature = "std", feature = "xrce"))]
-    pub fn xrce_tcp(agent: &str) -> Result<Self, crate::middleware::xrce::ConnectError> {
-        use crate::middleware::xrce::{Xrce, XrceConfig};
-        Xrce::tcp_with(agent, XrceConfig::default()).map(Self::new)
-    }
-
-    /// A context over DDS-XRCE and a serial line or pseudo-terminal, with the stock framing.
-    ///
-    /// # Errors
-    /// If the line cannot be used, or no agent answers there within 1.5 s.
-    #[cfg(all(feature = "std", feature = "xrce"))]
-    pub fn xrce_serial(
-        path: impl AsRef<std::path::Path>,
-        baud: u32,
-    ) -> Result<Self, crate::middleware::xrce::ConnectError> {
-        use crate::middleware::xrce::{Xrce, XrceConfig};
-        Xrce::serial_with(path.as_ref(), baud, XrceConfig::slow_line()).map(Self::new)
-    }
-
     /// A node. `name` may carry a namespace: `pong`, `robot/pong` and `/robot/pong` are all right.
     ///
     /// # Errors

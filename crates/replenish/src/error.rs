@@ -176,12 +176,3 @@ impl From<ParamError> for Error {
         Self::Policy(e.into())
     }
 }
-
-#[cfg(feature = "xrce")]
-impl From<crate::middleware::xrce::ConnectError> for Error {
-    fn from(e: crate::middleware::xrce::ConnectError) -> Self {
-        Self::Connect {
-            reason: text!("{e}"),
-        }
-    }
-}

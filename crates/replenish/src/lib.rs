@@ -30,6 +30,8 @@ mod action;
 mod bare;
 mod compatibility;
 mod context;
+#[cfg(feature = "full")]
+mod dynamic;
 mod error;
 mod event;
 mod executor;
@@ -42,11 +44,6 @@ mod parameter;
 mod platform;
 mod publisher;
 mod stats;
-
-/// The README's example compiles.
-#[cfg(doctest)]
-#[doc = include_str!("../README.md")]
-mod readme {}
 
 use replenish_handoff::{self as handoff, sync};
 
@@ -90,21 +87,16 @@ pub use replenish_os::{
 };
 /// Planning, deployment files, the ledger.
 #[cfg(feature = "plan")]
-pub use replenish_plan as planning;
-#[cfg(feature = "plan")]
-pub use replenish_plan::Guarantee;
+pub use replenish_plan::{self as planning, Guarantee};
 pub use sporadic::{Amount, Budget, Kind as ServerKind};
 pub use stats::HandleStats;
 
 /// Nanoseconds; of `CLOCK_MONOTONIC` where it is an instant.
 pub type Nanos = u64;
 
-/// The README's example compiles.
+/// The examples of the READMEs and of the executor's guide compile.
 #[cfg(doctest)]
+#[doc = include_str!("../README.md")]
 #[doc = include_str!("../../../README.md")]
-struct ReadmeExample;
-
-/// The examples in the executor's guide compile and run.
-#[cfg(doctest)]
 #[doc = include_str!("../../../docs/executor.md")]
-struct ExecutorGuide;
+struct DocumentedExamples;

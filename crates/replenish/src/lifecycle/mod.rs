@@ -10,7 +10,7 @@
 
 mod machine;
 mod publisher;
-mod services;
+pub(crate) mod services;
 
 pub use machine::{Outcome, State, Transition};
 pub use publisher::ManagedPublisher;

@@ -5,12 +5,8 @@ use super::machine::{self, Arrow, GRAPH, State};
 use super::{Lifecycle, described, transition};
 use crate::bare::{Serves, Unanswered};
 use crate::error::Error;
-#[cfg(feature = "full")]
-use crate::executor::{HandleGroup, WorkerHandle};
 use crate::executor::{Topic, WorkerBuilder};
 use crate::sync::Arc;
-#[cfg(feature = "full")]
-use alloc::{string::String, vec::Vec};
 use replenish_interfaces::lifecycle_msgs::msg::{StateView, TransitionDescriptionView};
 use replenish_interfaces::lifecycle_msgs::srv;
 use replenish_msg::wire::Encode;
@@ -27,20 +23,7 @@ impl WorkerBuilder<'_> {
     }
 }
 
-#[cfg(feature = "full")]
-impl WorkerHandle<'_> {
-    /// Lets others ask for transitions, as
-    /// [`WorkerBuilder::lifecycle`](crate::WorkerBuilder::lifecycle) does; the ids of the five
-    /// handles.
-    ///
-    /// # Errors
-    /// Those of this type; nothing was added then.
-    pub fn lifecycle(self, lifecycle: &Lifecycle) -> Result<Vec<String>, Error> {
-        Ok(serve(HandleGroup::to(&self), lifecycle)?.done())
-    }
-}
-
-fn serve<W: Serves>(worker: W, lifecycle: &Lifecycle) -> Result<W, Error> {
+pub(crate) fn serve<W: Serves>(worker: W, lifecycle: &Lifecycle) -> Result<W, Error> {
     let node = &lifecycle.inner.node.clone();
     let of = || Arc::clone(&lifecycle.inner);
     let (changed, get, available) = (of(), of(), of());

@@ -18,7 +18,7 @@
 mod descriptor;
 mod error;
 mod server;
-mod services;
+pub(crate) mod services;
 mod store;
 mod value;
 

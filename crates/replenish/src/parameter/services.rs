@@ -9,12 +9,8 @@ use super::store::Slot;
 use super::value::ParameterValue;
 use crate::bare::{Serves, Unanswered};
 use crate::error::Error;
-#[cfg(feature = "full")]
-use crate::executor::{HandleGroup, WorkerHandle};
 use crate::executor::{Topic, WorkerBuilder};
 use crate::sync::Arc;
-#[cfg(feature = "full")]
-use alloc::{string::String, vec::Vec};
 use replenish_interfaces::rcl_interfaces::msg::{
     ParameterDescriptorView, ParameterValueView, ParameterView, SetParametersResultView,
 };
@@ -35,20 +31,7 @@ impl WorkerBuilder<'_> {
     }
 }
 
-#[cfg(feature = "full")]
-impl WorkerHandle<'_> {
-    /// Serves a node's parameters, as
-    /// [`WorkerBuilder::parameters`](crate::WorkerBuilder::parameters) does; the ids of the six
-    /// handles.
-    ///
-    /// # Errors
-    /// Those of this type; nothing was added then.
-    pub fn parameters(self, parameters: &Parameters) -> Result<Vec<String>, Error> {
-        Ok(serve(HandleGroup::to(&self), parameters)?.done())
-    }
-}
-
-fn serve<W: Serves>(worker: W, parameters: &Parameters) -> Result<W, Error> {
+pub(crate) fn serve<W: Serves>(worker: W, parameters: &Parameters) -> Result<W, Error> {
     let node = &parameters.inner.node.clone();
     let of_size = |name| Topic::named(name).max_size(parameters.inner.message);
     let of = || Arc::clone(&parameters.inner);

@@ -1,8 +1,8 @@
 //! Everything that differs between a computer and a small board, in one place.
 //!
 //! A part that a build leaves out is a file `*_disabled.rs` beside the part's file, with the same
-//! names, behind one `cfg_attr(…, path = …)` at the `mod` line. Bodies of functions ask a constant
-//! (`if FULL { … }`) instead of `cfg`.
+//! names, behind one conditional `path` at the `mod` line. Bodies of functions ask a constant
+//! (`if FULL { … }`) instead of conditional compilation.
 //!
 //! ```text
 //!   features ── STD · FULL · TEXTS · LOG · DROPS, as constants

@@ -1,17 +1,11 @@
 //! Samples of one reader that arrived while its handle had no room.
 
+use super::note::Note;
 use crate::middleware::SampleInfo;
 use crate::platform::zeroed;
 use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
-
-/// What is known about a kept sample: of a topic's, where there are no services and nobody who stamps
-/// samples, when it arrived.
-#[cfg(feature = "full")]
-type Note = SampleInfo;
-#[cfg(not(feature = "full"))]
-type Note = crate::Nanos;
 
 /// A ring of preallocated slots, oldest first.
 #[derive(Debug)]
@@ -66,7 +60,7 @@ impl Backlog {
             room.copy_from_slice(sample);
         }
         if let Some(entry) = self.slots.get_mut(slot) {
-            *entry = (sample.len(), note(info));
+            *entry = (sample.len(), Note::of(info));
         }
         self.len += 1;
         !full
@@ -76,7 +70,7 @@ impl Backlog {
     pub(super) fn front(&self) -> Option<(SampleInfo, &[u8])> {
         let (len, info) = self.slots.get(self.head).filter(|_| self.len > 0)?;
         let start = self.head * self.slot_size;
-        Some((noted(info), self.bytes.get(start..start + len)?))
+        Some((info.info(), self.bytes.get(start..start + len)?))
     }
 
     /// Drops the oldest sample.
@@ -94,24 +88,6 @@ impl Backlog {
             None => at,
         }
     }
-}
-
-#[cfg(feature = "full")]
-const fn note(info: &SampleInfo) -> Note {
-    *info
-}
-#[cfg(feature = "full")]
-const fn noted(note: &Note) -> SampleInfo {
-    *note
-}
-
-#[cfg(not(feature = "full"))]
-const fn note(info: &SampleInfo) -> Note {
-    info.arrival
-}
-#[cfg(not(feature = "full"))]
-const fn noted(note: &Note) -> SampleInfo {
-    SampleInfo::at(*note)
 }
 
 #[cfg(test)]

@@ -2,7 +2,8 @@
 
 use super::limits::{JOURNAL, OVERHEAD, WINDOW};
 use crate::Nanos;
-use crate::platform::{STD, StaticText, Text, io, label};
+use crate::error::Error;
+use crate::platform::{STD, StaticText, Text, io, label, text};
 use core::fmt;
 use replenish_xrce::client::PingPolicy;
 use replenish_xrce::features::FRAGMENTS;
@@ -150,19 +151,15 @@ impl XrceConfig {
     }
 
     /// The key to use: never all zeros, which the protocol forbids.
-    #[cfg(feature = "std")]
     pub(super) fn client_key(&self) -> [u8; 4] {
+        if !STD {
+            return self.key.unwrap_or_default(); // it was checked
+        }
         let random = || {
             let hash = crate::platform::random(0);
             u32::try_from(hash >> 32).unwrap_or(1).max(1).to_be_bytes()
         };
         self.key.unwrap_or_else(random)
-    }
-
-    /// The key, which was [checked](Self::check).
-    #[cfg(not(feature = "std"))]
-    pub(super) fn client_key(&self) -> [u8; 4] {
-        self.key.unwrap_or_default()
     }
 }
 
@@ -236,6 +233,14 @@ impl core::error::Error for ConnectError {
         match self {
             Self::Address { source, .. } | Self::Io { source, .. } => Some(source),
             _ => None,
+        }
+    }
+}
+
+impl From<ConnectError> for Error {
+    fn from(e: ConnectError) -> Self {
+        Self::Connect {
+            reason: text!("{e}"),
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::adapter::Xrce;
 use super::config::{ConnectError, XrceConfig};
 use super::transport::{SerialTransport, TcpTransport, Udp};
+use crate::context::Context;
 use alloc::string::ToString;
 use replenish_xrce::udp::UdpTransport;
 use std::io::{self, ErrorKind};
@@ -47,6 +48,35 @@ impl Xrce {
         let agent = path.display().to_string();
         let transport = SerialTransport::open(path, baud, config.mtu).map_err(address(&agent))?;
         Self::over(&agent, transport, config)
+    }
+}
+
+impl Context {
+    /// A context over DDS-XRCE: a session with the agent at `agent`, an address and UDP port.
+    ///
+    /// [`Xrce::udp_with`] and
+    /// [`Context::new`] take other settings than the default ones.
+    ///
+    /// # Errors
+    /// If the address cannot be used, or no agent answers there within 1.5 s.
+    pub fn xrce_udp(agent: &str) -> Result<Self, ConnectError> {
+        Xrce::udp(agent).map(Self::new)
+    }
+
+    /// A context over DDS-XRCE and TCP: a session with the agent at `agent`, an address and port.
+    ///
+    /// # Errors
+    /// If the address cannot be used, or no agent answers there within 1.5 s.
+    pub fn xrce_tcp(agent: &str) -> Result<Self, ConnectError> {
+        Xrce::tcp_with(agent, XrceConfig::default()).map(Self::new)
+    }
+
+    /// A context over DDS-XRCE and a serial line or pseudo-terminal, with the stock framing.
+    ///
+    /// # Errors
+    /// If the line cannot be used, or no agent answers there within 1.5 s.
+    pub fn xrce_serial(path: impl AsRef<Path>, baud: u32) -> Result<Self, ConnectError> {
+        Xrce::serial_with(path.as_ref(), baud, XrceConfig::slow_line()).map(Self::new)
     }
 }
 

@@ -18,7 +18,7 @@
 //!                │         │  waiting ◄─┘              descriptors_disabled: a port of your own
 //!     services ──┤         ▼
 //!                └──► state · endpoints · notices · removal     act on
-//!                       objects ─► registry · backlog · flags · socket_stats      plain structs
+//!                       objects ─► registry · backlog ─► note · flags · socket_stats    plain structs
 //!   below all: config · limits · errors · describe · time
 //! ```
 
@@ -32,6 +32,8 @@ mod endpoints;
 mod errors;
 mod flags;
 mod limits;
+#[cfg_attr(not(feature = "full"), path = "note_disabled.rs")]
+mod note;
 mod notices;
 mod objects;
 #[cfg_attr(not(feature = "full"), path = "registry_disabled.rs")]

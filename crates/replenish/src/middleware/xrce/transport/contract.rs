@@ -4,8 +4,6 @@ use crate::Nanos;
 use crate::platform::io;
 use core::fmt::Debug;
 pub use replenish_xrce::Sent;
-#[cfg(feature = "std")]
-use std::os::fd::BorrowedFd;
 
 /// What a look at the transport's input gave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,14 +51,14 @@ pub trait Transport: Send + Sync + Debug + 'static {
     /// as long as the transport lives and never has to be [writable](Self::wants_write): then
     /// waiting costs less than with [`with_descriptor`](Self::with_descriptor).
     #[cfg(feature = "std")]
-    fn lasting_descriptor(&self) -> Option<BorrowedFd<'_>> {
+    fn lasting_descriptor(&self) -> Option<std::os::fd::BorrowedFd<'_>> {
         None
     }
 
     /// Calls `wait` once with the descriptor that is readable when there is something to receive;
     /// `None` while there is no connection. The descriptor stays open until `wait` returns.
     #[cfg(feature = "std")]
-    fn with_descriptor(&self, wait: &mut dyn FnMut(Option<BorrowedFd<'_>>));
+    fn with_descriptor(&self, wait: &mut dyn FnMut(Option<std::os::fd::BorrowedFd<'_>>));
 
     /// What to set, from then on, when there is something to receive and when messages can be sent
     /// again after [`wants_write`](Self::wants_write). Called once, at set-up.
