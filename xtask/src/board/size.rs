@@ -87,7 +87,7 @@ fn build() -> Outcome<PathBuf> {
     }
     .map_err(|e| e.to_string())?;
     let status = Command::new("cargo")
-        .args(["build", "--quiet", "--release", "--target", TARGET])
+        .args(["build", "--quiet", "--profile", "size", "--target", TARGET])
         .current_dir(&program)
         .env("CARGO_TARGET_DIR", &target)
         .env("CARGO_INCREMENTAL", "0") // in pieces it is larger
@@ -95,7 +95,7 @@ fn build() -> Outcome<PathBuf> {
         .status()
         .map_err(|e| format!("cargo: {e}"))?;
     match status.success() {
-        true => Ok(target.join(TARGET).join("release/executor-size")),
+        true => Ok(target.join(TARGET).join("size/executor-size")),
         false => Err("tools/executor-size was not built".into()),
     }
 }

@@ -17,11 +17,10 @@ const BOARD_FEATURES: [&str; 3] = [
     "xrce,freertos,full",
 ];
 /// The workspaces beside the main one.
-const WORKSPACES: [&str; 6] = [
+const WORKSPACES: [&str; 5] = [
     "firmware",
     "peers",
     "fuzz",
-    "tools/executor-size",
     "tools/xrce-size",
     "tools/nuttx-app",
 ];
@@ -141,11 +140,12 @@ fn lint() -> Vec<Step> {
     steps.push(
         clippy("--locked --manifest-path peers/Cargo.toml --all-targets").building_in("peers"),
     );
-    for tool in ["executor-size", "xrce-size"] {
-        let manifest = format!("--manifest-path tools/{tool}/Cargo.toml");
-        steps.push(
-            clippy(&format!("--locked --release --target {BOARD} {manifest}")).building_in("size"),
-        );
+    let manifest = "--manifest-path tools/xrce-size/Cargo.toml";
+    for image in [
+        "--profile size -p executor-size".to_string(),
+        format!("--release {manifest}"),
+    ] {
+        steps.push(clippy(&format!("--locked --target {BOARD} {image}")).building_in("size"));
     }
     steps.push(nuttx("cargo clippy --locked", "-- -D warnings"));
     steps.push(Step::new("cargo doc --workspace --no-deps").with("RUSTDOCFLAGS", "-D warnings"));
