@@ -1,12 +1,20 @@
-//! What every image has: reset, vectors, clock, console, panics.
+//! The parts of every image: reset, vectors, clock, console, panics.
 //!
-//! - [`board`]: the chip: vectors, reset, interrupts.
+//! ```text
+//!   images   bin/*  ─►  answer ─ work     options ─► case     console
+//!   serial   shared_port ─► uart ─┬─► board ─┐
+//!                                 └──────────┴─► line ─► usart2 ─► ring     line ─► frames
+//!   chip     board ─► time ─► regs
+//! ```
+//!
+//! - [`board`]: the chip's vectors, reset and interrupts.
 //! - [`time`]: TIM2 counts, TIM5 rings: the clock of the FreeRTOS back end.
 //! - [`console`]: semihosting, which QEMU and debug probes carry to the host.
-//! - [`case`]: which workers run, from the command line.
-//! - [`work`]: burning CPU time.
-//! - [`options`], [`answer`]: what the images that talk are told, and what their workers do.
-//! - [`uart`]: USART2 as the port of the XRCE adapter; [`line`]: the line that QEMU lacks.
+//! - [`case`]: which workers run, from the command line; [`options`]: the rest of it.
+//! - [`answer`], [`work`]: the callbacks of the images that talk, and burning CPU time.
+//! - [`uart`]: USART2 as the port of the XRCE adapter, over `usart2`, the chip's registers.
+//! - [`line`]: the pace of a serial line, which QEMU lacks; `frames` counts its samples.
+//! - [`shared_port`]: one port for several users. [`regs`], `ring`: registers, a byte ring.
 #![no_std]
 
 extern crate alloc;
@@ -23,4 +31,5 @@ mod ring;
 pub mod shared_port;
 pub mod time;
 pub mod uart;
+mod usart2;
 pub mod work;

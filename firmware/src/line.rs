@@ -20,7 +20,7 @@
 use crate::frames::Frames;
 use crate::regs::{IRQ_TIM3, LINE, RCC_APB1ENR, enable_interrupt};
 use crate::ring::Ring;
-use crate::{time, uart};
+use crate::{time, usart2};
 use core::cell::UnsafeCell;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use replenish_os::clock;
@@ -107,7 +107,7 @@ pub fn disturb(n: u32) {
 
 /// When all that was written has left, time stands still until the host has sent `samples`.
 pub fn expect(samples: u32) {
-    AFTER.store(uart::TX.total_put(), Ordering::Relaxed);
+    AFTER.store(usart2::TX.total_put(), Ordering::Relaxed);
     SAMPLES.store(0, Ordering::Relaxed);
     EXPECTED.store(samples, Ordering::Release);
     go();
@@ -131,10 +131,10 @@ pub(crate) fn arrived() {
 /// Takes a byte off the chip; whether there was one.
 fn take(frames: &mut Frames) -> bool {
     if INCOMING.is_full() {
-        uart::listen(false); // the host waits
+        usart2::listen(false); // the host waits
         return false;
     }
-    let Some(byte) = uart::fetch() else {
+    let Some(byte) = usart2::fetch() else {
         return false;
     };
     INCOMING.push(byte);
@@ -154,25 +154,25 @@ pub(crate) fn tick() {
     state.due = if due + byte < now { now } else { due };
     match INCOMING.pop() {
         Some(got) => {
-            uart::deliver(passed(got));
+            usart2::deliver(passed(got));
             state.fresh = true;
-            uart::listen(true);
-            if uart::RX.len() >= 512 {
-                uart::ring();
+            usart2::listen(true);
+            if usart2::RX.len() >= 512 {
+                usart2::ring();
             }
         }
         // A byte time without a byte: the line is silent.
-        None if core::mem::take(&mut state.fresh) => uart::ring(),
+        None if core::mem::take(&mut state.fresh) => usart2::ring(),
         None => {}
     }
-    if let Some(next) = uart::TX.pop() {
-        uart::transmit(passed(next));
-        uart::tell_room();
+    if let Some(next) = usart2::TX.pop() {
+        usart2::transmit(passed(next));
+        usart2::tell_room();
     }
     if EXPECTED.load(Ordering::Acquire) > 0 && left() {
         time::stand_still(|elapsed| await_host(&mut state.frames, elapsed));
     }
-    let more = state.fresh || !INCOMING.is_empty() || !uart::TX.is_empty();
+    let more = state.fresh || !INCOMING.is_empty() || !usart2::TX.is_empty();
     RUNS.store(more, Ordering::Release);
     if more {
         time::ring_after(LINE, (state.due + byte).saturating_sub(now));
@@ -183,14 +183,14 @@ pub(crate) fn tick() {
 fn left() -> bool {
     let ahead = AFTER
         .load(Ordering::Relaxed)
-        .wrapping_sub(uart::TX.total_taken());
+        .wrapping_sub(usart2::TX.total_taken());
     ahead == 0 || ahead > u32::MAX / 2
 }
 
 /// Polls the chip until the samples are there.
 fn await_host(frames: &mut Frames, elapsed: &dyn Fn() -> u64) {
     let owed = EXPECTED.swap(0, Ordering::AcqRel);
-    uart::listen(false);
+    usart2::listen(false);
     while SAMPLES.load(Ordering::Relaxed) < owed {
         if take(frames) {
             continue;
@@ -203,7 +203,7 @@ fn await_host(frames: &mut Frames, elapsed: &dyn Fn() -> u64) {
             core::hint::black_box(()); // not `spin_loop`, which QEMU is slow at
         }
     }
-    uart::listen(true);
+    usart2::listen(true);
 }
 
 /// What becomes of a byte on the line.
