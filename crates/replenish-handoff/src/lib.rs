@@ -17,6 +17,8 @@
 
 extern crate alloc;
 
+mod command_queue;
+mod doorbell;
 mod flag;
 mod inbox;
 #[cfg(all(test, loom))]
@@ -29,6 +31,8 @@ mod sample;
 mod stop;
 pub mod sync;
 
+pub use command_queue::{CommandQueue, Declined, Reservation};
+pub use doorbell::{Doorbell, Wake, WakeHandle};
 pub use flag::Flag;
 pub use inbox::{Delivery, Inbox, Keep, Outcome};
 pub use ready_set::ReadySet;

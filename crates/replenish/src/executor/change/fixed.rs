@@ -1,12 +1,11 @@
-//! In the place of [`live`](super), `mailbox` and `desk` in builds without feature `full`: the handles
+//! In the place of [`live`](super), `mailbox` and `route_updates` in builds without feature `full`: the handles
 //! that were described are there until the end.
 
 use crate::context::Context;
 use crate::executor::StopHandle;
 use crate::executor::handles::handle::HandleState;
 use crate::executor::run::routes::Route;
-use crate::executor::run::worker::Worker;
-use crate::executor::wake::doorbell::{Doorbell, Line};
+use crate::executor::wake::doorbell::{Doorbell, WakeHandle};
 use crate::middleware::{Interest, Middleware};
 use crate::sync::Arc;
 use alloc::vec::Vec;
@@ -51,12 +50,16 @@ impl Live {
         _: &Context,
         _: &StopHandle,
         registry: Registry,
-        _: &Arc<Desk>,
+        _: &Arc<RouteUpdates>,
         _: Vec<Post>,
     ) -> Arc<Self> {
         Arc::new(Self { registry })
     }
 }
+
+/// There is none.
+#[derive(Clone, Copy)]
+pub(crate) enum Command {}
 
 /// Nothing comes for a worker.
 #[derive(Clone)]
@@ -69,33 +72,27 @@ impl Mailbox {
         Arc::new(Self { bell })
     }
 
-    /// The line to the handle in `slot`.
-    pub(crate) fn line(&self, slot: usize) -> Line {
-        Line {
-            bell: Arc::clone(&self.bell),
-            slot,
-        }
+    /// Wakes the worker for the handle in `slot`.
+    pub(crate) fn wake_handle(&self, slot: usize) -> WakeHandle {
+        WakeHandle::new(&self.bell, slot)
     }
 
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
     pub(crate) const fn open(&self) {}
 
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
-    pub(crate) const fn is_waiting(&self) -> bool {
-        false
+    pub(crate) const fn next(&self) -> Option<Command> {
+        None
     }
-
-    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
-    pub(crate) const fn empty(&self, _: &mut Worker) {}
 
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
     pub(crate) const fn close(&self) {}
 }
 
 /// Routes do not change.
-pub(crate) struct Desk;
+pub(crate) struct RouteUpdates;
 
-impl Desk {
+impl RouteUpdates {
     pub(crate) fn new() -> Arc<Self> {
         Arc::new(Self)
     }

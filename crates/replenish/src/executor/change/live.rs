@@ -7,12 +7,13 @@ use crate::executor::describe::factory::HandleFactory;
 use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::group::Groups;
 use crate::executor::handles::handle::HandleState;
-use crate::executor::run::desk::Desk;
-use crate::executor::run::mailbox::{Declined, Mailbox, Order};
+use crate::executor::run::mailbox::{Command, Mailbox};
+use crate::executor::run::route_updates::RouteUpdates;
 use crate::executor::run::routes::Route;
 use crate::executor::run::rules::HandleOptions;
 use crate::executor::wake::schedule::nanos;
 use crate::executor::wake::stop::StopHandle;
+use crate::handoff::Declined;
 use crate::name::{concat, with_number};
 use crate::platform::text;
 use crate::stats::HandleStats;
@@ -166,7 +167,7 @@ pub(crate) struct Live {
     pub(crate) context: Context,
     pub(crate) stop: StopHandle,
     pub(crate) registry: Registry,
-    pub(crate) desk: Arc<Desk>,
+    pub(crate) updates: Arc<RouteUpdates>,
     pub(crate) posts: Vec<Post>,
     groups: Groups,
     /// By post: for which one its callback waits.
@@ -188,7 +189,7 @@ impl Live {
         context: &Context,
         stop: &StopHandle,
         registry: Registry,
-        desk: &Arc<Desk>,
+        updates: &Arc<RouteUpdates>,
         posts: Vec<Post>,
     ) -> Arc<Self> {
         let groups = Groups::default();
@@ -199,7 +200,7 @@ impl Live {
             context: context.clone(),
             stop: stop.clone(),
             registry,
-            desk: Arc::clone(desk),
+            updates: Arc::clone(updates),
             awaited: Mutex::new(alloc::vec![None; posts.len()]),
             posts,
             groups,
@@ -286,18 +287,19 @@ impl ExecutorHandle {
         };
         let mut posts = live.posts.iter();
         let post = posts.find(|p| p.name == worker).ok_or_else(unknown)?;
-        let place = live.desk.keep()?;
+        let update = live.updates.reserve()?;
         if shared.removed.swap(true, Ordering::AcqRel) {
             return Err(unknown()); // somebody else removes it
         }
         live.registry.forget(&shared);
         shared.discard(true, &live.stop);
         if let Some((reader, _)) = shared.input {
-            place.order(reader, None);
+            update.update(reader, None);
         }
         live.stop.middleware.wake();
-        let order = Order::Remove(Arc::clone(&shared));
-        post.mailbox.send(order).map_err(|_| Error::Stopped)?;
+        if !post.mailbox.remove(&shared) {
+            return Err(Error::Stopped);
+        }
         self.await_leaving(&worker, &shared, how)
     }
 
@@ -335,7 +337,7 @@ impl ExecutorHandle {
             live.has_awaited(me);
         }
         post.mailbox.sweep();
-        live.desk.sweep();
+        live.updates.free_retired();
         let lost = shared.input.as_ref();
         let lost = lost.map_or(0, |(reader, _)| live.stop.middleware.lost(*reader));
         match gone {
@@ -419,45 +421,38 @@ impl WorkerHandle<'_> {
             post,
             handling,
         } = self;
-        post.mailbox.clear();
-        let place = live.desk.keep()?;
-        let slot = post.mailbox.reserve().map_err(|e| declined(e, post))?;
+        post.mailbox.free_retired();
+        let update = live.updates.reserve()?;
+        let reserved = post.mailbox.reserve().map_err(|e| declined(e, post))?;
         let number = post.number.fetch_add(1, Ordering::Relaxed);
         let claims = Claims {
             registry: &live.registry,
             ids: RefCell::new(Vec::new()),
         };
-        let made = make(&HandleFactory {
+        let mut entry = make(&HandleFactory {
             context: &live.context,
             worker: &post.name,
             unique: &|id| claims.unique(id),
             number: usize::try_from(number).unwrap_or(usize::MAX),
-        });
-        let mut entry = match made {
-            Ok(entry) => entry,
-            Err(e) => {
-                post.mailbox.unreserve(slot);
-                return Err(e);
-            }
-        };
+        })?;
         entry.treat(handling);
-        entry.slot = slot;
+        entry.slot = reserved.slot();
         let shared = Arc::clone(&entry.shared);
         let group = shared.group.get();
         group.into_iter().for_each(|g| live.groups.note(g));
         let route = Route {
             shared: Arc::clone(&shared),
-            line: post.mailbox.line(slot),
+            wake: post.mailbox.wake_handle(entry.slot),
             hand: None,
         };
         let sent = live.registry.enter(&post.name, &shared, || {
-            post.mailbox.put(Order::Add(entry))?;
+            post.mailbox.add(reserved, entry)?;
             if let Some((reader, _)) = shared.input {
-                place.order(reader, Some(route));
+                update.update(reader, Some(route));
             }
             Ok(())
         });
-        sent.map_err(|_: Box<Order>| Error::Stopped)?;
+        sent.map_err(|_: Box<Command>| Error::Stopped)?;
         if shared.input.is_some() {
             live.stop.middleware.wake();
         }
@@ -467,7 +462,7 @@ impl WorkerHandle<'_> {
 
 fn declined(why: Declined, post: &Post) -> Error {
     match why {
-        Declined::Stopped => Error::Stopped,
+        Declined::Closed => Error::Stopped,
         Declined::Full { limit } => Error::Capacity {
             what: text!("handles of worker {:?}", post.name),
             limit,

@@ -11,7 +11,7 @@ use super::callback::{CallbackContext, CallbackResult};
 use super::handle::{Env, Handle, HandleState, Taken};
 use crate::Nanos;
 use crate::error::Error;
-use crate::executor::wake::doorbell::Line;
+use crate::executor::wake::doorbell::WakeHandle;
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::executor::wake::run_queue::RunQueue;
 use crate::executor::wake::schedule::nanos;
@@ -47,7 +47,7 @@ pub(crate) struct ClientInner {
     pub(crate) node: String,
     limit: Nanos,
     table: Mutex<Table>,
-    line: Once<Line>,
+    wake: Once<WakeHandle>,
     /// What is told before replies that arrived later.
     ahead: Once<Arc<Inbox>>,
     claimed: AtomicBool,
@@ -152,7 +152,7 @@ impl<S: Service> Client<S> {
                 waiting: Vec::with_capacity(most),
                 most,
             }),
-            line: Once::new(),
+            wake: Once::new(),
             ahead: Once::new(),
             claimed: AtomicBool::new(false),
         };
@@ -204,8 +204,8 @@ impl<S: Service> Client<S> {
             (number, earliest)
         };
         fence(Ordering::SeqCst);
-        if earliest && let Some(line) = inner.line.get() {
-            line.call(); // the worker sleeps too long otherwise
+        if earliest && let Some(wake) = inner.wake.get() {
+            wake.force(); // the worker sleeps too long otherwise
         }
         Ok(number)
     }
@@ -350,8 +350,8 @@ where
     F: FnMut(Result<&S::Response, NoReply>, &CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
-    fn begin(&mut self, _start: Nanos, line: &Line) {
-        self.client.line.set(line.clone()).ok();
+    fn begin(&mut self, _start: Nanos, wake: &WakeHandle) {
+        self.client.wake.set(wake.clone()).ok();
         fence(Ordering::SeqCst);
     }
 

@@ -3,7 +3,7 @@
 use super::callback::{CallbackContext, CallbackResult};
 use super::handle::{Env, Handle, HandleState, Taken};
 use crate::Nanos;
-use crate::executor::wake::doorbell::Line;
+use crate::executor::wake::doorbell::WakeHandle;
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::handoff::Flag;
 use crate::sync::{Arc, AtomicBool, AtomicU64, Once, Ordering, fence};
@@ -36,7 +36,7 @@ struct Inner {
     /// When it was triggered first since the last callback.
     since: AtomicU64,
     claimed: AtomicBool,
-    line: Once<Line>,
+    wake: Once<WakeHandle>,
 }
 
 impl GuardCondition {
@@ -48,7 +48,7 @@ impl GuardCondition {
                 flag: Flag::new(),
                 since: AtomicU64::new(0),
                 claimed: AtomicBool::new(false),
-                line: Once::new(),
+                wake: Once::new(),
             }),
         }
     }
@@ -63,9 +63,9 @@ impl GuardCondition {
         let unset = Ordering::Relaxed;
         inner.since.compare_exchange(0, now, unset, unset).ok();
         inner.flag.raise(|| {
-            fence(Ordering::SeqCst); // either the line is seen here, or the flag after `begin`
-            if let Some(line) = inner.line.get() {
-                line.ring(now);
+            fence(Ordering::SeqCst); // either the wake handle is seen here, or the flag after `begin`
+            if let Some(wake) = inner.wake.get() {
+                wake.ring(now);
             }
         });
     }
@@ -115,8 +115,8 @@ where
     F: FnMut(&CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
-    fn begin(&mut self, _start: Nanos, line: &Line) {
-        self.condition.inner.line.set(line.clone()).ok();
+    fn begin(&mut self, _start: Nanos, wake: &WakeHandle) {
+        self.condition.inner.wake.set(wake.clone()).ok();
         fence(Ordering::SeqCst);
     }
 

@@ -6,7 +6,7 @@ use super::outbox::Outbox;
 use crate::Nanos;
 use crate::event::{Event, Events};
 use crate::executor::change::live::Live;
-use crate::executor::wake::doorbell::Line;
+use crate::executor::wake::doorbell::WakeHandle;
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::executor::wake::run_queue::RunQueue;
 use crate::executor::wake::stop::StopHandle;
@@ -100,8 +100,8 @@ impl Taken {
 ///   is_ready? ──► take: one sample or release ──► execute: the callback, with what was taken
 /// ```
 pub(crate) trait Handle: Send {
-    /// The executor starts now; `line` leads to it.
-    fn begin(&mut self, _start: Nanos, _line: &Line) {}
+    /// The executor starts now; `wake` leads to it.
+    fn begin(&mut self, _start: Nanos, _wake: &WakeHandle) {}
     /// Whether there is something to take.
     fn is_ready(&mut self, now: &LazyNow) -> bool;
     /// When it will have something to take by itself.

@@ -15,7 +15,7 @@ use super::callback::{CallbackContext, CallbackResult};
 use super::handle::{Deadline, Env, Handle, HandleState, Taken};
 use crate::Nanos;
 use crate::error::Error;
-use crate::executor::wake::doorbell::Line;
+use crate::executor::wake::doorbell::WakeHandle;
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::executor::wake::run_queue::RunQueue;
 use crate::executor::wake::schedule::{Every, Schedule, nanos};
@@ -49,7 +49,7 @@ pub(crate) struct Control {
     version: AtomicU64,
     wish: Mutex<Wish>,
     claimed: AtomicBool,
-    line: Once<Line>,
+    wake: Once<WakeHandle>,
     /// What the schedule said last.
     next: AtomicU64,
 }
@@ -105,9 +105,9 @@ impl TimerHandle {
             change(&mut wish);
             inner.version.fetch_add(1, Ordering::Release);
         }
-        fence(Ordering::SeqCst); // either the line is seen here, or the wish in `begin`
-        if let Some(line) = inner.line.get() {
-            line.call();
+        fence(Ordering::SeqCst); // either the wake handle is seen here, or the wish in `begin`
+        if let Some(wake) = inner.wake.get() {
+            wake.force();
         }
     }
 
@@ -189,9 +189,9 @@ where
     F: FnMut(&CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
-    fn begin(&mut self, start: Nanos, line: &Line) {
+    fn begin(&mut self, start: Nanos, wake: &WakeHandle) {
         if let Some(control) = &self.control {
-            control.line.set(line.clone()).ok();
+            control.wake.set(wake.clone()).ok();
             fence(Ordering::SeqCst);
         }
         let first = match self.every.autostart {

@@ -3,7 +3,7 @@
 //! A wait that finds nothing ends at its deadline, to which the clock moves.
 
 use crate::Nanos;
-use crate::executor::wake::doorbell::{Doorbell, Line};
+use crate::executor::wake::doorbell::{Doorbell, WakeHandle};
 use crate::executor::wake::stop::StopHandle;
 use crate::handoff::Stop;
 use crate::middleware::{
@@ -128,10 +128,7 @@ impl Middleware for Fake {
     }
 }
 
-/// The way to a worker of one handle.
-pub(super) fn line() -> Line {
-    Line {
-        bell: Arc::new(Doorbell::new(1)),
-        slot: 0,
-    }
+/// Wakes a worker of one handle.
+pub(super) fn wake_handle() -> WakeHandle {
+    WakeHandle::new(&Arc::new(Doorbell::new(1)), 0)
 }

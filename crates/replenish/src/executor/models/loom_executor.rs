@@ -1,19 +1,19 @@
 //! Every interleaving of the executor's own protocols: the dispatcher with its interest set, the
-//! desk where routes change, the mailbox through which handles come and go.
+//! updates of routes, the mailbox through which handles come and go.
 
 use super::fake::{self, Fake};
 use crate::event::Events;
 use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::handle::{Env, Handle, HandleState, Taken};
-use crate::executor::run::desk::Desk;
 use crate::executor::run::dispatcher::{Dispatcher, DispatcherCounters};
-use crate::executor::run::mailbox::{Declined, Order};
+use crate::executor::run::route_updates::RouteUpdates;
+
 use crate::executor::run::routes::Route;
 use crate::executor::run::worker::Worker;
 use crate::executor::start::assembly::assemble;
-use crate::executor::wake::doorbell::Line;
+use crate::executor::wake::doorbell::WakeHandle;
 use crate::executor::wake::lazy_now::LazyNow;
-use crate::handoff::{Inbox, Keep};
+use crate::handoff::{Declined, Inbox, Keep};
 use crate::middleware::{Interest, Middleware, ReaderId};
 use crate::sync::{Arc, AtomicBool, Ordering};
 use crate::{Context, Executor};
@@ -29,11 +29,11 @@ fn shared(input: Option<(ReaderId, Arc<Inbox>)>) -> Arc<HandleState> {
     HandleState::new("h".into(), input)
 }
 
-/// To the worker of `line`.
-fn route(shared: &Arc<HandleState>, line: &Line) -> Route {
+/// To the worker that `wake` wakes.
+fn route(shared: &Arc<HandleState>, wake: &WakeHandle) -> Route {
     Route {
         shared: Arc::clone(shared),
-        line: line.clone(),
+        wake: wake.clone(),
         hand: None,
     }
 }
@@ -84,14 +84,14 @@ fn a_full_reader_leaves_the_interest_set_holds_up_nobody_and_comes_back() {
             shared(Some((reader(id), inbox)))
         });
         let stop = middleware.stop_handle();
-        let line = fake::line();
-        let bell = Arc::clone(&line.bell);
+        let wake = fake::wake_handle();
+        let bell = Arc::clone(wake.bell());
         let mut dispatcher = Dispatcher {
             stop: stop.clone(),
             events: Arc::new(Events::default()),
             counters: Arc::new(DispatcherCounters::default()),
-            routes: shared.iter().map(|s| Some(route(s, &line))).collect(),
-            desk: Desk::new(),
+            routes: shared.iter().map(|s| Some(route(s, &wake))).collect(),
+            updates: RouteUpdates::new(),
             bells: vec![Arc::clone(&bell)],
         };
         let dispatcher = thread::spawn(move || dispatcher.run(&mut Account::unbudgeted()));
@@ -121,18 +121,18 @@ fn a_full_reader_leaves_the_interest_set_holds_up_nobody_and_comes_back() {
     });
 }
 
-/// Two threads add routes while the dispatcher looks at the desk: it sees both before it sleeps.
+/// Two threads add routes while the dispatcher looks at the updates: it sees both before it sleeps.
 #[test]
 fn no_order_is_left_on_the_desk() {
     loom::model(|| {
-        let desk = Desk::new();
+        let updates = RouteUpdates::new();
         let middleware = Fake::holding(&[]);
         let threads: Vec<_> = [0, 1]
             .map(|id| {
-                let (desk, middleware) = (Arc::clone(&desk), middleware.clone());
+                let (updates, middleware) = (Arc::clone(&updates), middleware.clone());
                 thread::spawn(move || {
-                    let place = desk.keep().unwrap();
-                    place.order(reader(id), Some(route(&shared(None), &fake::line())));
+                    let reserved = updates.reserve().unwrap();
+                    reserved.update(reader(id), Some(route(&shared(None), &fake::wake_handle())));
                     middleware.wake();
                 })
             })
@@ -140,7 +140,7 @@ fn no_order_is_left_on_the_desk() {
         let mut routes = [None, None];
         let (mut interest, mut parked) = (Interest::empty(), Interest::empty());
         loop {
-            desk.carry_out(&middleware, &mut routes, &mut interest, &mut parked);
+            updates.carry_out(&middleware, &mut routes, &mut interest, &mut parked);
             if interest.len() == 2 {
                 break;
             }
@@ -157,37 +157,45 @@ fn no_order_is_left_on_the_desk() {
 #[test]
 fn a_route_that_goes_is_freed_by_the_one_who_asked() {
     loom::model(|| {
-        let desk = Desk::new();
+        let updates = RouteUpdates::new();
         let middleware = Fake::holding(&[]);
         let shared = shared(None);
-        let mut routes = [Some(route(&shared, &fake::line()))];
+        let mut routes = [Some(route(&shared, &fake::wake_handle()))];
         let dispatcher = {
-            let (desk, middleware) = (Arc::clone(&desk), middleware.clone());
+            let (updates, middleware) = (Arc::clone(&updates), middleware.clone());
             thread::spawn(move || {
                 let mut interest = Interest::empty();
                 let mut parked = Interest::empty();
                 interest.insert(reader(0));
                 while !interest.is_empty() {
                     middleware.wait(&Interest::empty(), None).unwrap();
-                    desk.carry_out(&middleware, &mut routes, &mut interest, &mut parked);
+                    updates.carry_out(&middleware, &mut routes, &mut interest, &mut parked);
                 }
                 assert!(routes[0].is_none());
             })
         };
-        desk.keep().unwrap().order(reader(0), None);
+        updates.reserve().unwrap().update(reader(0), None);
         middleware.wake();
         while !shared.unrouted.load(Ordering::Acquire) {
             thread::yield_now();
         }
-        desk.sweep();
+        updates.free_retired();
         assert_eq!(
             Arc::strong_count(&shared),
             1,
-            "the desk or the dispatcher has it"
+            "the queue or the dispatcher has it"
         );
         assert_eq!(middleware.deleted(), 1);
         dispatcher.join().unwrap();
     });
+}
+
+/// One more handle of `worker`, as if it had been described.
+fn give(worker: &mut Worker, shared: &Arc<HandleState>) {
+    let mailbox = Arc::clone(&worker.mailbox);
+    let reserved = mailbox.reserve().unwrap_or_else(|_| unreachable!());
+    worker.spec.entries.push(entry(shared, reserved.slot()));
+    core::mem::forget(reserved); // the entry has the slot
 }
 
 /// The worker's loop as far as its mailbox goes; `visit` is its round, which says whether to end.
@@ -211,9 +219,9 @@ fn handles_of_two_threads_arrive() {
             .map(|_| {
                 let mailbox = Arc::clone(&worker.mailbox);
                 thread::spawn(move || {
-                    let place = mailbox.reserve().unwrap();
-                    let entry = entry(&shared(None), place);
-                    mailbox.send(Order::Add(entry)).unwrap();
+                    let reserved = mailbox.reserve().unwrap_or_else(|_| unreachable!());
+                    let entry = entry(&shared(None), reserved.slot());
+                    assert!(mailbox.add(reserved, entry).is_ok());
                 })
             })
             .collect();
@@ -234,10 +242,9 @@ fn after_a_removal_no_callback_starts_and_the_place_is_free() {
         let mut worker = worker(1);
         let (mailbox, bell) = (Arc::clone(&worker.mailbox), Arc::clone(&worker.bell));
         let shared = shared(None);
-        let place = mailbox.reserve().unwrap();
         let stop = Arc::new(AtomicBool::new(false));
         let freed = Arc::new(AtomicBool::new(false));
-        worker.spec.entries.push(entry(&shared, place));
+        give(&mut worker, &shared);
         let running = {
             let (stop, freed) = (Arc::clone(&stop), Arc::clone(&freed));
             thread::spawn(move || {
@@ -253,13 +260,13 @@ fn after_a_removal_no_callback_starts_and_the_place_is_free() {
             })
         };
         assert!(!shared.removed.swap(true, Ordering::AcqRel));
-        mailbox.send(Order::Remove(Arc::clone(&shared))).unwrap();
+        assert!(mailbox.remove(&shared));
         shared.gone.wait();
         freed.store(true, Ordering::Release);
         mailbox.sweep();
-        mailbox.reserve().unwrap();
+        assert!(mailbox.reserve().is_ok());
         stop.store(true, Ordering::Release);
-        bell.call();
+        bell.force();
         assert_eq!(running.join().unwrap(), 0);
         assert_eq!(Arc::strong_count(&shared), 1);
     });
@@ -272,16 +279,16 @@ fn nobody_waits_for_a_worker_that_has_ended() {
         let mut worker = worker(1);
         let mailbox = Arc::clone(&worker.mailbox);
         let shared = shared(None);
-        let place = mailbox.reserve().unwrap();
-        worker.spec.entries.push(entry(&shared, place));
+        give(&mut worker, &shared);
         let ending = thread::spawn(move || {
             worker.mailbox.open();
             worker.empty_mailbox();
             worker.end();
         });
-        match mailbox.send(Order::Remove(Arc::clone(&shared))) {
-            Ok(()) => shared.gone.wait(),
-            Err(declined) => assert_eq!(declined, Declined::Stopped),
+        if mailbox.remove(&shared) {
+            shared.gone.wait();
+        } else {
+            assert!(matches!(mailbox.reserve(), Err(Declined::Closed)));
         }
         ending.join().unwrap();
     });

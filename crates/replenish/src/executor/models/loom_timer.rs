@@ -21,13 +21,13 @@ fn period(nanos: u64) -> Every {
 /// The worker's loop as far as one timer goes: begin, then look, and sleep until its bell is rung
 /// or its next release is as `expected`; then whether it stays that.
 fn work(handle: &TimerHandle, every: Every, expected: Option<Nanos>) {
-    let line = fake::line();
+    let wake = fake::wake_handle();
     let nothing = |_: &CallbackContext<'_>| ();
     let shared = HandleState::new("timer".into(), None);
     let mut timer = Timer::new(shared, every, Some(handle.control()), nothing);
-    timer.begin(NOW, &line);
+    timer.begin(NOW, &wake);
     while timer.next_release() != expected {
-        line.bell.wait(None);
+        wake.bell().wait(None);
     }
     assert_eq!(timer.next_release(), expected);
     assert_eq!(handle.next_release(), expected);

@@ -14,10 +14,10 @@ use replenish_os::Account;
 /// The worker's loop as far as one handle goes: begin, then look, serve, sleep.
 fn serve(condition: &GuardCondition, all: u64) -> u64 {
     let shared = HandleState::new("guard".into(), None);
-    let line = fake::line();
+    let wake = fake::wake_handle();
     let nothing = |_: &CallbackContext<'_>| ();
     let mut guard = Guard::new(Arc::clone(&shared), condition.clone(), nothing);
-    guard.begin(0, &line);
+    guard.begin(0, &wake);
     let stop = Fake::holding(&[]).stop_handle();
     let env = Env {
         worker: "w",
@@ -31,7 +31,7 @@ fn serve(condition: &GuardCondition, all: u64) -> u64 {
     while shared.counters.received.get() < all {
         match guard.is_ready(&LazyNow::default()) && guard.take(&env).is_some() {
             true => callbacks += 1,
-            false => drop(line.bell.wait(None)),
+            false => drop(wake.bell().wait(None)),
         }
     }
     assert_eq!(shared.counters.received.get(), all);

@@ -10,7 +10,7 @@
 //!
 //! Workers end its wait when a reader that had left the set has room again, and only then.
 
-use super::desk::Desk;
+use super::route_updates::RouteUpdates;
 use super::routes::Route;
 use crate::Nanos;
 use crate::event::{Event, Events};
@@ -55,7 +55,7 @@ pub(crate) struct Dispatcher {
     /// By reader id.
     pub(crate) routes: Vec<Option<Route>>,
     /// How routes change.
-    pub(crate) desk: Arc<Desk>,
+    pub(crate) updates: Arc<RouteUpdates>,
     /// The workers' bells, highest priority first.
     pub(crate) bells: Vec<Arc<Doorbell>>,
 }
@@ -88,7 +88,7 @@ impl Dispatcher {
     ) {
         let middleware: &dyn Middleware = &*self.stop.middleware;
         let (interest, parked) = (&mut watch.interest, &mut watch.parked);
-        self.desk
+        self.updates
             .carry_out(middleware, &mut self.routes, interest, parked);
         if !parked.is_empty() {
             self.readmit(interest, parked);
@@ -191,7 +191,7 @@ impl Dispatcher {
             let Some(route) = route.and_then(Option::as_mut) else {
                 return Room::Left; // nobody subscribes to it any more
             };
-            route.line.bell.owe();
+            route.wake.defer();
             match route.deliver(info, bytes, events) {
                 true => {
                     parked.insert(reader);
@@ -208,7 +208,7 @@ impl Dispatcher {
 
     fn ring(&self) {
         let mut now = None; // one reading for all
-        self.bells.iter().for_each(|bell| bell.pay(&mut now));
+        self.bells.iter().for_each(|bell| bell.flush(&mut now));
     }
 
     /// The middleware has failed: tells, and pauses.

@@ -1,17 +1,19 @@
 //! The two loops, dispatcher and worker, and the rules of a worker's rounds.
 
 pub(crate) mod accounting;
-#[cfg(feature = "full")]
-pub(crate) mod desk;
+#[cfg_attr(not(feature = "full"), path = "commands_disabled.rs")]
+mod commands;
 pub(crate) mod dispatcher;
 #[cfg(feature = "full")]
 pub(crate) mod mailbox;
 #[cfg(feature = "texts")]
 pub(crate) mod round_stats;
 pub(crate) mod rounds;
+#[cfg(feature = "full")]
+pub(crate) mod route_updates;
 pub(crate) mod routes;
 pub(crate) mod rules;
 pub(crate) mod worker;
 
 #[cfg(not(feature = "full"))]
-pub(crate) use crate::executor::change::fixed::{self as mailbox, self as desk};
+pub(crate) use crate::executor::change::fixed::{self as mailbox, self as route_updates};

@@ -2,7 +2,7 @@
 
 use crate::event::{Event, Events};
 use crate::executor::handles::handle::HandleState;
-use crate::executor::wake::doorbell::Line;
+use crate::executor::wake::doorbell::WakeHandle;
 use crate::handoff::{Outcome, SampleInfo, Slot};
 use crate::sync::Arc;
 
@@ -10,7 +10,7 @@ use crate::sync::Arc;
 pub(crate) struct Route {
     pub(crate) shared: Arc<HandleState>,
     /// Marks the handle, and leads to the bell.
-    pub(crate) line: Line,
+    pub(crate) wake: WakeHandle,
     /// The dispatcher's empty buffer for its next sample.
     pub(crate) hand: Option<Slot>,
 }
@@ -25,7 +25,7 @@ impl Route {
         let counters = &self.shared.counters;
         counters.received.count(1);
         let delivery = inbox.deliver(&mut self.hand, bytes, info);
-        self.line.mark();
+        self.wake.mark();
         match delivery.outcome {
             Outcome::Stored => {}
             Outcome::ReplacedOldest | Outcome::NoRoom => drop(counters.dropped.add(1)),

@@ -62,8 +62,8 @@ impl Worker {
             (rounds.begin)(self, start);
         }
         for entry in &mut self.spec.entries {
-            let line = self.mailbox.line(entry.slot);
-            entry.handle.begin(start, &line);
+            let wake = self.mailbox.wake_handle(entry.slot);
+            entry.handle.begin(start, &wake);
         }
         self.reordered();
     }
@@ -89,7 +89,7 @@ impl Worker {
         account.activate(start);
         while !self.stop.is_stopping() {
             self.empty_mailbox();
-            if self.step(account, &accounting) || self.bell.answer() {
+            if self.step(account, &accounting) || self.bell.take() {
                 continue;
             }
             let release = self.next_wake();
@@ -125,10 +125,10 @@ impl Worker {
         self.looks_at_all || self.run_queue.is_due()
     }
 
-    /// Does what was asked of this worker from outside.
+    /// Carries out what other threads have asked of this worker.
     pub(crate) fn empty_mailbox(&mut self) {
-        if self.mailbox.is_waiting() {
-            self.mailbox.clone().empty(self);
+        while let Some(command) = self.mailbox.next() {
+            self.apply(command);
         }
     }
 
@@ -171,7 +171,7 @@ impl Worker {
                 true => Some(from),
                 false => {
                     self.run_queue.release(&LazyNow::default());
-                    self.run_queue.next_from(from, &self.bell.marks)
+                    self.run_queue.next_from(from, self.bell.marks())
                 }
             };
             let entry = next.and_then(|at| Some((at, spec.entries.get_mut(at)?)));

@@ -7,12 +7,12 @@ use crate::executor::StopHandle;
 use crate::executor::change::live::{Live, Post, Registry};
 use crate::executor::describe::builder::WorkerSpec;
 use crate::executor::handles::handle::HandleState;
-use crate::executor::run::desk::Desk;
 use crate::executor::run::dispatcher::{Dispatcher, DispatcherCounters};
 use crate::executor::run::mailbox::Mailbox;
+use crate::executor::run::route_updates::RouteUpdates;
 use crate::executor::run::routes::Route;
 use crate::executor::run::worker::Worker;
-use crate::executor::wake::doorbell::{Doorbell, Line};
+use crate::executor::wake::doorbell::{Doorbell, WakeHandle};
 use crate::executor::wake::run_queue::RunQueue;
 use crate::middleware::MAX_READERS;
 use crate::platform::{Static, make_static};
@@ -40,7 +40,7 @@ pub(crate) fn assemble(
         events: Arc::clone(events),
         counters: Arc::new(DispatcherCounters::default()),
         routes: Vec::new(),
-        desk: Desk::new(),
+        updates: RouteUpdates::new(),
         bells: Vec::with_capacity(specs.len()),
     };
     if cfg!(feature = "full") {
@@ -52,12 +52,12 @@ pub(crate) fn assemble(
     for mut spec in specs {
         let limit = spec.limit();
         let bell = Arc::new(Doorbell::new(limit));
-        stop.stop.join(Arc::clone(bell.signal()));
+        stop.stop.join(Arc::clone(bell.notify()));
         let mailbox = Mailbox::new(spec.entries.len(), limit, Arc::clone(&bell));
         spec.order(limit);
         for entry in &spec.entries {
             handles.push((Arc::clone(&spec.request.name), Arc::clone(&entry.shared)));
-            dispatcher.route_to(&entry.shared, mailbox.line(entry.slot));
+            dispatcher.route_to(&entry.shared, mailbox.wake_handle(entry.slot));
         }
         limits += limit;
         posts.push(Post::new(&spec.request.name, &mailbox, spec.numbers()));
@@ -77,7 +77,7 @@ pub(crate) fn assemble(
         })));
     }
     let registry = Registry::new(handles, limits, workers.len());
-    let live = Live::new(context, stop, registry, &dispatcher.desk, posts);
+    let live = Live::new(context, stop, registry, &dispatcher.updates, posts);
     for worker in &mut workers {
         worker.live = Some(Arc::clone(&live));
     }
@@ -89,7 +89,7 @@ pub(crate) fn assemble(
 }
 
 impl Dispatcher {
-    fn route_to(&mut self, shared: &Arc<HandleState>, line: Line) {
+    fn route_to(&mut self, shared: &Arc<HandleState>, wake: WakeHandle) {
         let Some((reader, _)) = shared.input else {
             return;
         };
@@ -100,7 +100,7 @@ impl Dispatcher {
         if let Some(route) = self.routes.get_mut(place) {
             *route = Some(Route {
                 shared: Arc::clone(shared),
-                line,
+                wake,
                 hand: None,
             });
         }

@@ -187,7 +187,7 @@ impl Starter<'_> {
                 ("dispatcher".into(), policy, *cpu, None, bell)
             }
             Role::Worker(worker) => {
-                let (asked, bell) = (&worker.spec.request, worker.bell.signal());
+                let (asked, bell) = (&worker.spec.request, worker.bell.notify());
                 let (name, bell) = (Arc::clone(&asked.name), Arc::clone(bell));
                 (name, worker.spec.policy, asked.cpu, asked.stack_size, bell)
             }

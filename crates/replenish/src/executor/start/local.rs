@@ -122,7 +122,7 @@ pub(crate) fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
     } = assemble(&context, workers, &stop, &options.events);
     let start = clock::monotonic();
     for worker in &mut workers {
-        worker.bell.relay(&stop.middleware);
+        worker.bell.forward_to(&stop.middleware);
         worker.begin(start);
     }
     Ok(LocalExecutor {

@@ -1,0 +1,32 @@
+//! A worker carries out commands from its mailbox. In builds without feature `full` there are none:
+//! `commands_disabled.rs` takes this file's place.
+
+use super::mailbox::Command;
+use super::worker::Worker;
+use crate::executor::handles::entry::insert;
+use crate::sync::Arc;
+use replenish_os::clock;
+
+impl Worker {
+    /// Takes a handle over, or lets go of one.
+    pub(super) fn apply(&mut self, command: Command) {
+        match command {
+            Command::Add(mut entry) => {
+                let wake = self.mailbox.wake_handle(entry.slot);
+                entry.handle.begin(clock::monotonic(), &wake);
+                insert(&mut self.spec.entries, entry);
+                self.reordered();
+            }
+            Command::Remove(handle) => {
+                let mut entries = self.spec.entries.iter();
+                let at = entries.position(|e| Arc::ptr_eq(&e.shared, &handle));
+                if let Some(at) = at {
+                    let entry = self.spec.entries.remove(at);
+                    self.reordered();
+                    self.mailbox.retire(entry);
+                }
+                handle.gone.set();
+            }
+        }
+    }
+}
