@@ -26,7 +26,8 @@ pub struct Count {
     pub answered: AtomicU32,
     /// Answers that the middleware did not take.
     pub failed: AtomicU32,
-    /// The latest message before the run, which is not answered: its number, below 0; 0: none has come.
+    /// The latest message before the run, which is not answered: its number, below 0; 0: none has
+    /// come.
     pub rehearsed: AtomicI32,
 }
 

@@ -1,5 +1,5 @@
-//! What QEMU's USART lacks: a line that takes time, disturbs bytes if it is told to, and a host that
-//! is neither faster nor slower than the board.
+//! What QEMU's USART lacks: a line that takes time, disturbs bytes if it is told to, and a host
+//! that is neither faster nor slower than the board.
 //!
 //! ```text
 //!   host ─► USART ─► INCOMING ──┐ one byte per byte time (TIM3) ┌──► RX ring
@@ -7,13 +7,14 @@
 //! ```
 //!
 //! **Lockstep.** Under `-icount` virtual time runs ahead of the host's, or behind. After
-//! [`expect`], as soon as what was written before has left, the board's clock stands still until the
-//! host's answer has arrived: so many samples. They then take their time on the line like any byte.
-//! The board never sees how fast the host is, and a run can be repeated.
+//! [`expect`], as soon as what was written before has left, the board's clock stands still until
+//! the host's answer has arrived: so many samples. They then take their time on the line like any
+//! byte. The board never sees how fast the host is, and a run can be repeated.
 //!
-//! Between two looks at the chip that find nothing the board counts for a while. Each look takes the
-//! emulator's global lock and wakes its main loop, which needs that lock to bring the next byte: a board
-//! that looks without a break keeps its own bytes out, and on a loaded host none come for seconds.
+//! Between two looks at the chip that find nothing the board counts for a while. Each look takes
+//! the emulator's global lock and wakes its main loop, which needs that lock to bring the next
+//! byte: a board that looks without a break keeps its own bytes out, and on a loaded host none come
+//! for seconds.
 //!
 //! Not part of a build for a real board, but for [`PACED`], which is false there.
 
@@ -28,7 +29,8 @@ use replenish_os::clock;
 /// Whether the bytes are paced here.
 pub const PACED: bool = !cfg!(feature = "hardware");
 
-/// How long the host may take, in ns of the emulator's time: some ten seconds of the host's, or more.
+/// How long the host may take, in ns of the emulator's time: some ten seconds of the host's, or
+/// more.
 const PATIENCE: u64 = 30_000_000_000;
 
 /// Rounds of an empty loop between two looks at the chip: some ten microseconds of the host's time.

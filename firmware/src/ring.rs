@@ -58,8 +58,8 @@ impl<const N: usize> Ring<N> {
         true
     }
 
-    /// Shows `look` the bytes that lie together at the front, and takes them; whether there may be more.
-    /// `None`: there was nothing.
+    /// Shows `look` the bytes that lie together at the front, and takes them; whether there may be
+    /// more. `None`: there was nothing.
     pub fn lend(&self, look: impl FnOnce(&[u8])) -> Option<bool> {
         let at = self.taken.load(Ordering::Relaxed);
         let len = self.put.load(Ordering::Acquire).wrapping_sub(at) as usize;

@@ -1,7 +1,7 @@
 //! The board's clock: TIM2 counts, its overflows are counted as it is read; TIM5 rings.
 //!
-//! A reading at least every 34 s keeps the overflow count right: TIM5 rings at the latest after 4 s,
-//! also if nobody asked.
+//! A reading at least every 34 s keeps the overflow count right: TIM5 rings at the latest after 4
+//! s, also if nobody asked.
 //!
 //! In QEMU a tick is an instruction, so that what happens while the clock [stands
 //! still](stand_still) leaves no trace, not even in the instant within a tick.
@@ -135,8 +135,8 @@ fn current_task() -> *mut c_void {
 /// The task that has stopped the clock until it waits; null: there is none.
 static STOPPER: AtomicPtr<c_void> = AtomicPtr::new(ptr::null_mut());
 
-/// As [`stand_still`], until the calling task waits for something: the next task that runs finds the
-/// clock where it was. For a task that exists in emulation only.
+/// As [`stand_still`], until the calling task waits for something: the next task that runs finds
+/// the clock where it was. For a task that exists in emulation only.
 pub fn stand_still_until_waiting(f: impl FnOnce()) {
     let before = mask();
     let now = rp_board_now();

@@ -23,8 +23,8 @@ impl Burst {
         spin((u64::from(self.0) * u64::from(us) / 10_000) as u32);
     }
 
-    /// Burns until the calling task has consumed `target` ns of CPU time in all, within 2 us. The clock
-    /// is read a few times only: QEMU leaves its translated code for it.
+    /// Burns until the calling task has consumed `target` ns of CPU time in all, within 2 us. The
+    /// clock is read a few times only: QEMU leaves its translated code for it.
     pub fn until(self, target: u64) {
         while let left @ 1.. = target.saturating_sub(clock::thread_cpu()) {
             // A little less than what is left, so that it is not overshot.

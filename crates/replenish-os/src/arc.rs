@@ -20,8 +20,9 @@ mod leaked {
     use core::ops::Deref;
     use core::ptr::NonNull;
 
-    /// In the place of `Arc`, without feature `dynamic` on targets without an operating system: what
-    /// is shared lives as long as the image, is never dropped, and its memory is never given back.
+    /// In the place of `Arc`, without feature `dynamic` on targets without an operating system:
+    /// what is shared lives as long as the image, is never dropped, and its memory is never given
+    /// back.
     pub struct Arc<T: ?Sized>(NonNull<T>);
 
     // SAFETY: it is a reference that several have, and may be the last to use the value: as `Arc`.

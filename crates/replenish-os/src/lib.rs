@@ -16,8 +16,8 @@
 //! - [`Tid`], [`current_tid`], [`set_affinity`], [`affinity`]: naming and placing threads.
 //! - [`SchedClass`], [`set_priority`], [`promote`], [`demote_to_tail`]: what an enforcer does to
 //!   the threads it watches.
-//! - [`privilege`], [`machine_info`]: what this process may do, the commands that grant what is missing,
-//!   and what kind of machine this is.
+//! - [`privilege`], [`machine_info`]: the privileges of this process, the commands that grant the
+//!   missing ones, and the kind of machine.
 //!
 //! Time is `u64` nanoseconds of `CLOCK_MONOTONIC` ([`Nanos`]) unless said otherwise.
 //! Every `unsafe` block lives in a module of its own topic under the back end's directory.

@@ -11,12 +11,14 @@ use core::marker::PhantomData;
 use core::ops::{Deref, DerefMut};
 use core::sync::atomic::AtomicU32;
 
-/// A mutual exclusion lock whose owner inherits the priority of its waiters, through chains of
-/// locks too. A middle-priority thread can therefore not keep a high one waiting longer than the
-/// critical section itself.
+/// A mutual exclusion lock whose owner inherits the priority of its waiters, through chains too.
+///
+/// A middle-priority thread can therefore not keep a high one waiting longer than the critical
+/// section itself.
 ///
 /// A worker whose low mode is suspension is not stopped for good while it holds one: on Linux it is
-/// suspended right after, under FreeRTOS it goes on as soon as somebody waits, at that task's priority.
+/// suspended right after, under FreeRTOS it goes on as soon as somebody waits, at that task's
+/// priority.
 ///
 /// No poison (a panic that unwinds out of a critical section unlocks it), no allocation, and no
 /// system call while nobody else wants the lock. Waiters are served by priority, equals in order

@@ -10,7 +10,8 @@ use alloc::string::String;
 pub struct ThreadSpec {
     /// Shown by `ps -L`, `top -H` and debuggers; systems keep the first 15 bytes.
     pub name: String,
-    /// The policy; [`Policy::Other`] if not said, which on a microcontroller is the lowest priority.
+    /// The policy; [`Policy::Other`] if not said, which on a microcontroller is the lowest
+    /// priority.
     pub policy: Policy,
     /// The CPU the thread is pinned to; `None`: those its creator may use. Microcontrollers have
     /// number 0.

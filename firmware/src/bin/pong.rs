@@ -1,5 +1,5 @@
-//! Pong over a serial line: executor, XRCE client, USART2. The host's agent and ping are at the other
-//! end; the board tells them the time.
+//! Pong over a serial line: executor, XRCE client, USART2. The host's agent and ping are at the
+//! other end; the board tells them the time.
 //!
 //! ```text
 //!   board, every 10 ms:  tick ──► host's ping: high_ping, low_ping ──► high, low: a burst each
@@ -47,7 +47,8 @@ static AWAKE: AtomicBool = AtomicBool::new(true);
 static LINK_LOST: AtomicU32 = AtomicU32::new(0);
 static LINK_BACK: AtomicU32 = AtomicU32::new(0);
 static UNSENT: AtomicU32 = AtomicU32::new(0);
-/// Ticks between the end of the agent and the first answers after its return; 0: there is no such gap.
+/// Ticks between the end of the agent and the first answers after its return; 0: there is no such
+/// gap.
 static GAP: AtomicU32 = AtomicU32::new(0);
 static OVER: AtomicBool = AtomicBool::new(false);
 
@@ -219,8 +220,9 @@ fn stay_awake() {
     }
 }
 
-/// Ticks below 0, until the host has answered on every topic, and then until it has answered the last of
-/// them: a message that came later would take something of a budget with which the run is to begin.
+/// Ticks below 0, until the host has answered on every topic, and then until it has answered the
+/// last of them: a message that came later would take something of a budget with which the run is
+/// to begin.
 fn rehearse(tick: &Publisher<Int32>, workers: &[Running]) {
     let latest = |w: &Running| w.count.rehearsed.load(Ordering::Relaxed);
     let send = |data| tick.publish(&Int32 { data }).ok();
@@ -288,7 +290,8 @@ fn send_ticks(tick: Publisher<Int32>, options: &Options, answers: u32, noted: Re
         for n in 0.. {
             next += INTERVAL;
             clock::sleep_until(next);
-            // A tick exists in emulation only: it costs the board no time, from here to the next wait.
+            // A tick exists in emulation only: it costs the board no time, from here to the next
+            // wait.
             time::stand_still_until_waiting(|| {
                 over = OVER.load(Ordering::SeqCst);
                 if over {

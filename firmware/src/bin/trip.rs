@@ -1,8 +1,9 @@
-//! Round trips over the serial line: the board sends a message on topic `loose`, the host's ping sends it
-//! back (`ping --echo`), the next one follows 20 ms after. The command line: `trip COUNT BAUD`.
+//! Round trips over the serial line: the board sends a message on topic `loose`, the host's ping
+//! sends it back (`ping --echo`), the next one follows 20 ms after. The command line: `trip COUNT
+//! BAUD`.
 //!
-//! The clock stands still from the moment the message has left until its echo has come, so that agent
-//! and ping take no time: what is measured is the board and the line.
+//! The clock stands still from the moment the message has left until its echo has come, so that
+//! agent and ping take no time: what is measured is the board and the line.
 #![no_std]
 #![no_main]
 
@@ -129,8 +130,9 @@ fn run(count: u32, baud: u32) -> Result<(), Error> {
     Ok(())
 }
 
-/// One message there and back: ns from before it is published to the beginning of the callback, and the
-/// bytes that passed the line meanwhile, from the board and to it. `None`: it did not come back.
+/// One message there and back: ns from before it is published to the beginning of the callback, and
+/// the bytes that passed the line meanwhile, from the board and to it. `None`: it did not come
+/// back.
 fn trip(loose: &Publisher<Int32>, back: &Back, number: i32) -> Option<(u64, u32, u32)> {
     let before = uart::counts();
     let begin = clock::monotonic();

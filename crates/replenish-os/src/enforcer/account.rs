@@ -18,7 +18,11 @@ use sporadic::{Kind, Low, Params, Reservation};
 /// The account of one worker thread; owned and called by that thread alone.
 ///
 /// ```text
-///   loop { wait for work; activate(); for each callback { callback_begin()?; run; callback_end() } block() }
+///   loop {
+///       wait for work; activate();
+///       for each callback { callback_begin()?; run; callback_end() }
+///       block()
+///   }
 /// ```
 ///
 /// A worker without a budget has an account, too ([`Account::unbudgeted`]): it only tells CPU time.

@@ -70,10 +70,10 @@ impl Budgeted {
         if !backend::config::ALWAYS_EXACT && !self.has_switch_records {
             *switches = voluntary_switches();
         }
-        match self.cancelled.load(Ordering::Acquire) {
-            true => Err(Stopped),
-            false => Ok(()),
+        if self.cancelled.load(Ordering::Acquire) {
+            return Err(Stopped);
         }
+        Ok(())
     }
 
     /// [`Account::callback_end`].

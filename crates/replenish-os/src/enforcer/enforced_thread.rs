@@ -13,7 +13,7 @@ use crate::backend::timer::TimerFd;
 use alloc::boxed::Box;
 use sporadic::{BudgetServer, Level, Low, Reservation, Verdict};
 
-/// What a judgement led to.
+/// The result of a judgement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum JudgeOutcome {
     Unchanged,
@@ -54,9 +54,10 @@ impl EnforcedThread {
 
     /// When the next judgement is due, [`NEVER`] if none is.
     pub(super) fn check_at(&self) -> Nanos {
-        match self.live {
-            true => self.reservation.check_at().unwrap_or(NEVER),
-            false => NEVER,
+        if self.live {
+            self.reservation.check_at().unwrap_or(NEVER)
+        } else {
+            NEVER
         }
     }
 
@@ -70,8 +71,8 @@ impl EnforcedThread {
         by_clock.unwrap_or(at <= now.saturating_add(slack))
     }
 
-    /// What the timer is to be set to; [`NEVER`] where the end of the budget is told by the thread's
-    /// CPU clock, or nothing is to come.
+    /// The time for the timer; [`NEVER`] where the thread's CPU clock rings at the end of the
+    /// budget, or no check is due.
     pub(super) fn timer_at(&self, timer: Option<&TimerFd>) -> Nanos {
         let at = self.check_at();
         let limit = match at {
@@ -79,18 +80,20 @@ impl EnforcedThread {
             _ => self.reservation.limit(),
         };
         let by_clock = self.detector.limit(timer, limit.unwrap_or(NEVER));
-        // One that waits has a check that is as good when it goes on.
-        match by_clock && self.reservation.level() == Level::High {
-            true => NEVER,
-            false => at,
+        // The check of a waiting thread is as good when it goes on.
+        if by_clock && self.reservation.level() == Level::High {
+            NEVER
+        } else {
+            at
         }
     }
 
     /// See [`Reservation::pull_in`]; the new time if it moved, otherwise [`NEVER`].
     pub(super) fn pull_in(&mut self, now: Nanos) -> Nanos {
-        match self.live && self.reservation.pull_in(now) {
-            true => self.check_at(),
-            false => NEVER,
+        if self.live && self.reservation.pull_in(now) {
+            self.check_at()
+        } else {
+            NEVER
         }
     }
 

@@ -18,8 +18,9 @@ pub struct Stall {
     pub overrun: i64,
 }
 
-/// CPU time consumed at the high priority beyond the budget, per exhaustion, in nanoseconds;
-/// negative where the worker was stopped early by less than the slack. Debt is carried: an
+/// CPU time consumed at the high priority beyond the budget, per exhaustion, in nanoseconds.
+///
+/// Negative where the worker was stopped early by less than the slack. Debt is carried: an
 /// overrun is paid back, so these figures describe jitter, not lost isolation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct OverrunSummary {

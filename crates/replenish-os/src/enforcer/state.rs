@@ -1,4 +1,4 @@
-//! The state that the enforcer's thread and the accounts of its workers share, and the thread's loop.
+//! The state that an enforcer's thread and its workers' accounts share, and the thread's loop.
 
 use super::config::{Enforcement, EnforcerConfig, EnforcerStats, NEVER};
 use super::enforced_thread::{EnforcedThread, JudgeOutcome};

@@ -1,8 +1,8 @@
 //! The board's one timer: the deadlines of all tasks, and the limits of their CPU clocks.
 //!
-//! The timer is set when a deadline comes before what it is set to, and never to a later time: a wait
-//! that ends before its deadline leaves it, and the interrupt then finds nothing due. One look of an
-//! interrupt too many costs less than looking through all tasks with every wait.
+//! The timer is set when a deadline comes before what it is set to, and never to a later time: a
+//! wait that ends before its deadline leaves it, and the interrupt then finds nothing due. One look
+//! of an interrupt too many costs less than looking through all tasks with every wait.
 //!
 //! A limit on a CPU clock rings as a deadline does: when its task runs, the timer is set for the
 //! time at which the clock will show the limit. A task that does not run cannot reach its limit.

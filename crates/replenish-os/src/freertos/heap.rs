@@ -148,9 +148,10 @@ unsafe impl<const N: usize> GlobalAlloc for SealedHeap<N> {
             (self.take(s, rounded(layout)), false)
         });
         if block.is_null() {
-            let why = match sealed {
-                true => b": the heap is sealed: ".as_slice(),
-                false => b": the heap is full: ",
+            let why = if sealed {
+                b": the heap is sealed: ".as_slice()
+            } else {
+                b": the heap is full: "
             };
             Who::running().says(why, layout.size(), b" bytes refused\n");
         }

@@ -1,4 +1,4 @@
-//! How a task comes to life: stack and control block from the image's heap at set-up, kept for good.
+//! Starting a task: stack and control block come from the image's heap, and stay for good.
 #![expect(
     unsafe_code,
     reason = "the closure goes through the kernel as a pointer"

@@ -54,9 +54,11 @@ impl fmt::Display for Who {
 /// What the board does when it cannot go on; see [`on_stop`].
 static ON_STOP: AtomicPtr<()> = AtomicPtr::new(ptr::null_mut());
 
-/// Names what the image does when the board cannot go on (a stack overflow, a contradiction in the
-/// kernel, a panic outside of tasks): bring outputs to rest, reset. It is called once with all of
-/// the kernel's interrupts masked, after the report; if it returns, the board stands still.
+/// Sets the function that the image runs when the board cannot go on.
+///
+/// The reasons are a stack overflow, a contradiction in the kernel, or a panic outside of tasks;
+/// the function brings outputs to rest, or resets. It is called once with all of the kernel's
+/// interrupts masked, after the report. If it returns, the board stands still.
 pub fn on_stop(hook: fn()) {
     ON_STOP.store(hook as *mut (), Ordering::Release);
 }

@@ -8,7 +8,8 @@ use sporadic::WholeUnits;
 use std::fmt;
 use std::io;
 
-/// The scheduling of a thread as the kernel reports it (`sched_getattr(2)`, `sched_getaffinity(2)`).
+/// The scheduling of a thread as the kernel reports it (`sched_getattr(2)`,
+/// `sched_getaffinity(2)`).
 ///
 /// For a thread under an enforcer the priority is that of the moment. A boost by priority
 /// inheritance does not show.

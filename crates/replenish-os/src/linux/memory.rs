@@ -11,9 +11,11 @@ use std::io;
 /// memory reaches the limit, allocations fail; a program that runs is better off unlocked.
 const HEADROOM: u64 = 64 << 20;
 
-/// Locks all memory of the process, now and in future (`mlockall(2)`): no page of it is swapped
-/// out, and new mappings get their pages at once. That holds for the whole stacks of threads
-/// started later, too: give them a [stack size](crate::ThreadSpec::stack_size).
+/// Locks all memory of the process, now and in future (`mlockall(2)`).
+///
+/// No page of it is swapped out, and new mappings get their pages at once. That holds for the
+/// whole stacks of threads started later, too: give them a
+/// [stack size](crate::ThreadSpec::stack_size).
 ///
 /// # Errors
 /// If `RLIMIT_MEMLOCK` is too small: below what is mapped plus 64 MiB to grow into, without

@@ -53,9 +53,11 @@ impl<'fd> PollFd<'fd> {
     }
 }
 
-/// Waits until one of `fds` is ready or [`monotonic`] time has reached `deadline` (`None`: for
-/// ever; a past one: only looks). Returns how many are ready; 0 means that the deadline passed.
-/// Level-triggered: what is not read is found again. No allocation; signals do not end the wait.
+/// Waits until one of `fds` is ready or [`monotonic`] time has reached `deadline`.
+///
+/// Without a deadline it waits for ever; with a past one it only looks. Returns how many are
+/// ready; 0 means that the deadline passed. Level-triggered: unread data is found again. No
+/// allocation; signals do not end the wait.
 ///
 /// The kernel takes the remaining time, so a thread preempted on its way in wakes that much late.
 /// Where that matters, put a [`TimerFd`](crate::timer::TimerFd) among the descriptors.

@@ -1,7 +1,7 @@
 //! What a hypervisor took of a CPU: the column `steal` of `/proc/stat` (`proc_stat(5)`).
 //!
-//! A virtual CPU that its host does not run stands still: no thread's CPU clock counts that time, so
-//! it is missing from the sum of all of them. The test kit includes this file, too.
+//! A virtual CPU that its host does not run stands still: no thread's CPU clock counts that time,
+//! so it is missing from the sum of all of them. The test kit includes this file, too.
 
 use std::fs;
 
@@ -9,8 +9,8 @@ use std::fs;
 /// Rust's standard library has Linux for.
 const TICK: u64 = 10_000_000;
 
-/// The time for which CPU `cpu` was wanted and its hypervisor ran something else, in ns since boot, in
-/// steps of 10 ms. `None` if the kernel does not say; 0 on real hardware.
+/// The time for which CPU `cpu` was wanted and its hypervisor ran something else, in ns since boot,
+/// in steps of 10 ms. `None` if the kernel does not say; 0 on real hardware.
 ///
 /// Reads a file: some 50 µs, not for hot paths. Callable from any thread.
 #[must_use]
@@ -18,8 +18,8 @@ pub fn steal_time(cpu: usize) -> Option<u64> {
     of(&fs::read_to_string("/proc/stat").ok()?, cpu)
 }
 
-/// The same from the text of `/proc/stat`. The columns: user, nice, system, idle, iowait, irq, softirq,
-/// steal.
+/// The same from the text of `/proc/stat`. The columns: user, nice, system, idle, iowait, irq,
+/// softirq, steal.
 fn of(stat: &str, cpu: usize) -> Option<u64> {
     let name = format!("cpu{cpu}");
     let mut words = stat.lines().map(str::split_ascii_whitespace);

@@ -6,9 +6,10 @@ use std::io;
 use std::net::{SocketAddr, TcpStream};
 use std::os::fd::{AsRawFd, FromRawFd, OwnedFd};
 
-/// A socket that does not wait, on its way to be connected to `addr`, with small messages sent at
-/// once (`TCP_NODELAY`). Reading and writing fail with `WouldBlock` until it is connected, and with
-/// the reason if it cannot be.
+/// Begins to connect a non-blocking socket to `addr`.
+///
+/// Small messages are sent at once (`TCP_NODELAY`). Reading and writing fail with `WouldBlock`
+/// until the socket is connected, and with the reason if it cannot be.
 ///
 /// # Errors
 /// What `socket(2)` and `connect(2)` say, except that it is not connected yet.

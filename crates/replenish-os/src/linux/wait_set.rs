@@ -12,8 +12,8 @@ use std::ptr;
 
 /// Descriptors to be read from (`epoll(7)`, level-triggered), each with a bit of its own.
 ///
-/// [`poll`] enters every descriptor's wait queue and leaves it again at each call; here that happens
-/// once, when it is added. One that is closed leaves the set by itself.
+/// [`poll`] enters every descriptor's wait queue and leaves it again at each call; here that
+/// happens once, when it is added. One that is closed leaves the set by itself.
 #[derive(Debug)]
 pub struct WaitSet(OwnedFd);
 
@@ -35,8 +35,8 @@ impl WaitSet {
     /// From now on [`wait`](Self::wait) ends when `fd` can be read, or is broken, and tells `bits`.
     ///
     /// # Errors
-    /// `EEXIST` if it is there already, `EPERM` for a descriptor that cannot be waited on, `ENOMEM`,
-    /// `ENOSPC`; see `epoll_ctl(2)`.
+    /// `EEXIST` if it is there already, `EPERM` for a descriptor that cannot be waited on,
+    /// `ENOMEM`, `ENOSPC`; see `epoll_ctl(2)`.
     pub fn add(&self, fd: &impl AsFd, bits: u32) -> io::Result<()> {
         let mut event = libc::epoll_event {
             events: libc::EPOLLIN.cast_unsigned(),
@@ -49,8 +49,8 @@ impl WaitSet {
     }
 
     /// Waits until a descriptor is ready or [`monotonic`](crate::clock::monotonic) time has reached
-    /// `deadline` (`None`: for ever), as [`poll`] does. Returns the bits of those that are ready, of
-    /// four of them at most; 0 means that the deadline passed. No allocation; signals do not end
+    /// `deadline` (`None`: for ever), as [`poll`] does. Returns the bits of those that are ready,
+    /// of four of them at most; 0 means that the deadline passed. No allocation; signals do not end
     /// the wait.
     ///
     /// # Errors

@@ -71,8 +71,8 @@ impl BlockingDetector {
         }
     }
 
-    /// Has the enforcer woken when the task's CPU clock shows `at` (`Nanos::MAX`: not); whether that can be done, or its timer
-    /// must be set instead.
+    /// Asks for a wake-up of the enforcer when the task's CPU clock shows `at` (`Nanos::MAX`:
+    /// none). Returns whether that works; otherwise the enforcer's timer must be set instead.
     pub(crate) fn limit(&self, timer: Option<&TimerFd>, at: Nanos) -> bool {
         let by = timer.and_then(TimerFd::owner);
         self.slot.is_some_and(|slot| alarm::limit(slot, by, at))

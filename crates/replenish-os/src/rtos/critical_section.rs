@@ -1,7 +1,7 @@
 //! Data shared by tasks and interrupts: reached with interrupts masked, for a few instructions.
 //!
 //! ```text
-//!   CriticalSection::enter() ─► section ─ section.token() ─► CsToken: its holder need not mask again
+//!   CriticalSection::enter() ─► section ─ token() ─► CsToken: its holder need not mask again
 //!                               drop ─► the mask is as before
 //! ```
 #![expect(

@@ -1,4 +1,4 @@
-//! What stands in for `std::io::Error`: a fixed text, and the kernel's error number if there is one.
+//! The error of a refused operation: a fixed text, and the kernel's error number if there is one.
 
 use core::fmt;
 

@@ -121,9 +121,10 @@ fn unlock_slow(lock: &AtomicU32) {
     let section = CriticalSection::enter();
     let next = futex::take_waiter(lock, section.token());
     let word = next.map_or(0, |(slot, _)| {
-        let more = match futex::has_waiter(lock, section.token()) {
-            true => WAITERS,
-            false => 0,
+        let more = if futex::has_waiter(lock, section.token()) {
+            WAITERS
+        } else {
+            0
         };
         slot.id.cast_unsigned() | more
     });

@@ -7,8 +7,9 @@ use crate::backend::port;
 use crate::backend::port::alarm;
 use crate::backend::port::task_slot::{self, NEVER, TaskSlot};
 
-/// A one-shot timer on [`monotonic`](super::clock::monotonic) time. The name is that of Linux; there
-/// is no descriptor. Arming it while a task reads moves that task's deadline and switches nothing.
+/// A one-shot timer on [`monotonic`](super::clock::monotonic) time. The name is that of Linux;
+/// there is no descriptor. Arming it while a task reads moves that task's deadline and switches
+/// nothing.
 #[derive(Debug)]
 pub struct TimerFd(Guarded<TimerState>);
 

@@ -1,5 +1,5 @@
-//! Feature `log`: what the executor has to tell goes to the logger that the image installs, and the heap
-//! stays sealed.
+//! Feature `log`: what the executor has to tell goes to the logger that the image installs, and the
+//! heap stays sealed.
 
 use crate::HEAP;
 use crate::check::{MS, hold};
