@@ -1,14 +1,34 @@
 #!/usr/bin/env bash
-# Lists every test of the workspace: one line a test, its crate and its path, sorted. Two such lists
-# show what is missing: `comm -23 before after`.
+# Lists every test of the workspace, sorted: one line a test, its crate and its path.
+#
+#   tools/test-names.sh [ARGUMENTS]              what `cargo test ARGUMENTS` runs; else --workspace
+#   tools/test-names.sh --compare BEFORE AFTER   two such lists: which tests moved, which are missing
 #
 # A path begins with the file that holds the test, wherever that file is linked: `tests/actions.rs` and
-# `tests/it/actions.rs` give the same line. A doctest is named by its file and its item.
-# Arguments go to `cargo test`, such as `-p sporadic`; without any the whole workspace is listed.
+# `tests/it/actions.rs` give the same line. A doctest is named by its file and its item. A test has moved
+# if a test with the name of its function (or item) is new elsewhere; a missing test ends with status 1.
 set -euo pipefail
+
+if [ "${1-}" = --compare ]; then
+    export LC_ALL=C
+    {
+        comm -13 "$2" "$3" | sed 's/^/+ /'
+        comm -23 "$2" "$3" | sed 's/^/- /'
+    } | awk '
+        { name = $0; sub(/.*(::| )/, "", name); line = substr($0, 3) }
+        /^\+/ { new[name, ++there[name]] = line }
+        /^-/ && ++used[name] <= there[name] { moved++; print line " -> " new[name, used[name]]; next }
+        /^-/ { missing[++lost] = line }
+        END {
+            for (i = 1; i <= lost; i++) print "missing: " missing[i]
+            printf "%d moved, %d missing\n", moved, lost
+            exit lost > 0
+        }'
+    exit
+fi
+
 cd "$(dirname "$0")/.."
 [ $# -gt 0 ] || set -- --workspace
-
 tests() { # the lines of a test program's own list, without their ends
     sed -n 's/: test$//p'
 }

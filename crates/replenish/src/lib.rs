@@ -94,9 +94,10 @@ pub use stats::HandleStats;
 /// Nanoseconds; of `CLOCK_MONOTONIC` where it is an instant.
 pub type Nanos = u64;
 
-/// The examples of the READMEs and of the executor's guide compile.
+/// The examples of the READMEs and guides compile, or are refused where they say so.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 #[doc = include_str!("../../../README.md")]
 #[doc = include_str!("../../../docs/executor.md")]
+#[doc = include_str!("../../../docs/compile-time.md")]
 struct DocumentedExamples;
