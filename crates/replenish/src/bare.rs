@@ -3,9 +3,10 @@
 
 use crate::context::Node;
 use crate::error::Error;
-use crate::executor::{CallbackContext, Responder, Topic, WorkerBuilder, sized};
+use crate::executor::{CallbackContext, Responder, Topic, WorkerBuilder};
 use crate::middleware::PublishError;
 use crate::qos::Qos;
+use crate::sizes::sized;
 use alloc::boxed::Box;
 use core::fmt;
 use core::marker::PhantomData;

@@ -1,18 +1,17 @@
 //! The connection to a middleware, and the nodes in it.
 
 use crate::error::Error;
-use crate::executor::{Client, Topic, largest, sized};
-use crate::handoff::{Inbox, Keep};
+use crate::executor::Topic;
 use crate::middleware::{EndpointSpec, InProcessBus, LinkState, Middleware, ServiceSpec};
 use crate::name;
 use crate::platform::text;
 use crate::publisher::Publisher;
 use crate::qos::{IngressLimit, Qos};
+use crate::sizes::{largest, sized};
 use crate::sync::{Arc, AtomicBool, Ordering};
 use alloc::boxed::Box;
 use alloc::string::String;
 use core::fmt;
-use core::time::Duration;
 use replenish_msg::{Message, Service};
 
 /// A connection to a middleware: where nodes live and which one [`Executor`](crate::Executor)
@@ -157,41 +156,6 @@ impl Node {
             .map_err(|e| Error::endpoint("publisher", &topic, e))?;
         let middleware = Arc::clone(self.context.middleware());
         Ok(Publisher::new(middleware, writer, topic, max_size))
-    }
-
-    /// A client of the service `name`, which is expanded as topics are; a [`Topic`] says more, the
-    /// largest size of requests and responses with unbounded fields. Each request may take
-    /// `limit` until its reply, and `qos.depth` requests may wait for theirs at a time. Replies
-    /// come to [`WorkerBuilder::replies`](crate::WorkerBuilder::replies).
-    ///
-    /// # Errors
-    /// [`Error::Name`], [`Error::Parameter`] for a depth or size out of range and a limit of 0,
-    /// [`Error::Middleware`] when it cannot be created.
-    pub fn client<'t, S: Service>(
-        &self,
-        name: impl Into<Topic<'t>>,
-        qos: Qos,
-        limit: Duration,
-    ) -> Result<Client<S>, Error> {
-        let topic = name.into();
-        let name = self.resolve(topic.name)?;
-        check_depth(&name, qos)?;
-        if limit == Duration::ZERO {
-            let owner = text!("service {name}");
-            return Err(Error::parameter(owner, "limit", &0, "1 ns or more"));
-        }
-        let middleware = self.context.middleware();
-        let spec = self.service::<S>(&name, topic, qos)?;
-        let ends = middleware
-            .create_client(&spec)
-            .map_err(|e| Error::endpoint("client", &name, e))?;
-        let inbox = Inbox::new(qos.depth.into(), spec.max_response, Keep::Newest);
-        let middleware = Arc::clone(middleware);
-        let (node, most) = (self.name().into(), qos.depth.into());
-        let size = spec.max_request;
-        Ok(Client::new(
-            middleware, ends, inbox, node, name, limit, most, size,
-        ))
     }
 
     /// `name` is that of `topic` in full.

@@ -28,6 +28,7 @@ extern crate alloc;
 
 mod action;
 mod bare;
+mod clients;
 mod compatibility;
 mod context;
 #[cfg(feature = "full")]
@@ -37,12 +38,11 @@ mod event;
 mod executor;
 mod histogram;
 mod lifecycle;
-#[cfg_attr(not(any(test, feature = "log")), path = "logged_disabled.rs")]
-mod logged;
 mod name;
 mod parameter;
 mod platform;
 mod publisher;
+mod sizes;
 mod stats;
 
 use replenish_handoff::{self as handoff, sync};

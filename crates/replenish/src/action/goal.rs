@@ -2,7 +2,7 @@
 //! wrong with it.
 
 use super::ids;
-use super::server::Core;
+use super::server_core::Core;
 use super::state::{GoalEvent, GoalState};
 use super::table::Ticket;
 use crate::executor::Responder;

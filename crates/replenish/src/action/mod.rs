@@ -13,7 +13,8 @@
 //! ```
 //!
 //! - [`state`]: a goal's states. [`table`]: the goals of a server. Both pure.
-//! - [`goal`]: goals in the hands of those who pursue them. [`server`]: what they share. [`client`]: those who sent them.
+//! - [`goal`]: goals in the hands of those who pursue them. [`server`], on
+//!   [`server_core`]: the state they share. [`client`]: those who sent them.
 //! - [`serve`], [`follow`], [`live`]: how workers get the handles. [`ids`]: names and stamps of goals.
 //!
 //! Everything is allocated when the server or client is made; how many goals there can be is said
@@ -27,6 +28,7 @@ mod ids;
 mod live;
 mod serve;
 mod server;
+mod server_core;
 mod state;
 mod table;
 

@@ -1,7 +1,7 @@
 //! Adding an action's server to a worker: three services and a timer.
 
 use super::goal::{GoalId, NewGoal};
-use super::server::Core;
+use super::server_core::Core;
 use super::{ActionOptions, part, status_qos};
 use crate::context::Node;
 use crate::error::Error;

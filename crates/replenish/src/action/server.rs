@@ -11,6 +11,7 @@
 
 use super::goal::{GoalError, GoalHandle, GoalId, NewGoal};
 use super::ids;
+use super::server_core::{Core, CoreState};
 use super::state::{GoalEvent, GoalState};
 use super::table::{Asked, NoPlace, Table, Ticket};
 use crate::Nanos;
@@ -32,25 +33,6 @@ use replenish_os::clock;
 /// What could not be sent because there was no room is tried again after so many nanoseconds.
 const RETRY: Nanos = 10_000_000;
 
-/// What the goals of one server share.
-pub(super) struct Core<A: Action> {
-    pub(super) state: Mutex<State<A>>,
-    feedback: Publisher<FeedbackMessage<A>>,
-    status: Publisher<GoalStatusArray>,
-    timer: TimerHandle,
-    pub(super) name: String,
-}
-
-pub(super) struct State<A: Action> {
-    pub(super) table: Table<Responder<GetResult<A>>>,
-    /// Reused for every publication.
-    statuses: GoalStatusArray,
-    /// The statuses have changed, and nobody was told.
-    untold: bool,
-    /// When the timer is due.
-    armed: Nanos,
-}
-
 impl<A: Action> Core<A> {
     pub(super) fn new(
         name: String,
@@ -61,7 +43,7 @@ impl<A: Action> Core<A> {
         timer: TimerHandle,
     ) -> Arc<Self> {
         Arc::new(Self {
-            state: Mutex::new(State {
+            state: Mutex::new(CoreState {
                 table: Table::new(goals, askers, size, keep),
                 statuses: GoalStatusArray::default(),
                 untold: false,
@@ -154,8 +136,8 @@ impl<A: Action> Core<A> {
     }
 
     /// Publishes the states of all goals; later, if that does not work now.
-    pub(super) fn tell(&self, state: &mut State<A>) {
-        let State {
+    pub(super) fn tell(&self, state: &mut CoreState<A>) {
+        let CoreState {
             table, statuses, ..
         } = state;
         statuses.status_list.clear();
@@ -167,7 +149,7 @@ impl<A: Action> Core<A> {
     }
 
     /// Sees to it that the timer is due when there is something to do.
-    fn arm(&self, state: &mut State<A>) {
+    fn arm(&self, state: &mut CoreState<A>) {
         let now = clock::monotonic();
         let retry = state.untold || state.table.has_undelivered();
         let retry = retry.then(|| now.saturating_add(RETRY));

@@ -35,7 +35,6 @@ pub use describe::builder::WorkerBuilder;
 pub use describe::executor::Executor;
 pub(crate) use describe::executor::Options;
 pub use describe::factory::RawType;
-pub(crate) use describe::factory::{largest, sized};
 pub use describe::topic::Topic;
 pub use handles::callback::{CallbackContext, CallbackResult};
 pub use handles::client::{CallError, Client, NoReply};

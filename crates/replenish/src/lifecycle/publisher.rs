@@ -1,13 +1,30 @@
 //! Publishers that are silent unless their node is active.
 
-use super::Lifecycle;
 use super::machine::State;
+use super::node::Lifecycle;
+use crate::error::Error;
 use crate::executor::CallbackContext;
 use crate::middleware::PublishError;
 use crate::publisher::Publisher;
+use crate::qos::Qos;
 use crate::sync::{Arc, AtomicU64, Ordering};
 use core::fmt;
 use replenish_msg::Message;
+
+impl Lifecycle {
+    /// A publisher that publishes while the node is active and else counts what it has withheld.
+    ///
+    /// # Errors
+    /// As [`Node::publisher`].
+    pub fn publisher<M: Message>(
+        &self,
+        topic: &str,
+        qos: Qos,
+    ) -> Result<ManagedPublisher<M>, Error> {
+        let publisher = self.inner.node.publisher(topic, qos)?;
+        Ok(ManagedPublisher::new(publisher, self.clone()))
+    }
+}
 
 /// A publisher of a managed node. Clones share the counter.
 pub struct ManagedPublisher<M> {

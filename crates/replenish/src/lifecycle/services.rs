@@ -2,7 +2,7 @@
 //! `get_available_states`, `get_available_transitions`, `get_transition_graph`. Nothing allocates.
 
 use super::machine::{self, Arrow, GRAPH, State};
-use super::{Lifecycle, described, transition};
+use super::node::{Lifecycle, described, transition};
 use crate::bare::{Serves, Unanswered};
 use crate::error::Error;
 use crate::executor::{Topic, WorkerBuilder};

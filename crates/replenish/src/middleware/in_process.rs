@@ -6,10 +6,11 @@
 
 mod bus;
 mod clashes;
+mod notices;
 mod services;
 
 use super::{
-    Clash, EndpointSpec, Interest, LinkState, MAX_READERS, Middleware, MiddlewareError,
+    EndpointSpec, IncompatibleQos, Interest, LinkState, MAX_READERS, Middleware, MiddlewareError,
     PublishError, ReaderId, RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
 };
 use crate::Nanos;
@@ -20,8 +21,8 @@ use crate::qos::{Durability, History, IngressLimit, Reliability};
 use crate::sync::{Arc, Mutex, Notify};
 use alloc::vec::Vec;
 use bus::{Bus, Participant, Reader, Writer, id};
-use clashes::{Clashes, Oversizes};
 use core::fmt;
+use notices::{Clashes, Oversizes};
 use replenish_os::clock;
 
 /// Samples that one `take` hands over at most.
@@ -345,7 +346,7 @@ impl Middleware for InProcess {
         LinkState::Up
     }
 
-    fn next_clash(&self) -> Option<Clash> {
+    fn next_incompatible_qos(&self) -> Option<IncompatibleQos> {
         self.clashes.next()
     }
 

@@ -16,260 +16,28 @@
 //! publisher waits for bytes being handled, never for a timeout. **Readiness is level-triggered on
 //! the interest set**: `wait` returns at once while a reader *in* the set has data, and data of a
 //! reader *outside* the set never ends a wait, so that nothing is missed and nothing is spun on.
+//!
+//! ```text
+//!   in_process · xrce ─► contract: Middleware ─► incompatible_qos · interest ─► ids
+//!   encoding · remedy · error: payloads, and what can go wrong with them
+//! ```
 
-mod clash;
+mod contract;
 #[cfg_attr(not(feature = "texts"), path = "encoding_disabled.rs")]
 pub(crate) mod encoding;
 mod error;
+mod ids;
 mod in_process;
+mod incompatible_qos;
 mod interest;
 pub(crate) mod remedy;
 #[cfg(feature = "xrce")]
 pub mod xrce;
 
-pub use clash::Clash;
-pub use error::{MiddlewareError, PublishError};
-pub use in_process::{InProcess, InProcessBus};
-pub use interest::{Interest, MAX_READERS};
-
 pub use crate::handoff::{RequestIdentity, SampleInfo};
-
-use crate::Nanos;
-use crate::platform::label;
-use crate::qos::{IngressLimit, Qos};
-
-/// A reader of one middleware: small, dense, given out from 0 upwards.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct ReaderId(pub u16);
-
-/// A writer of one middleware: small, dense, given out from 0 upwards.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct WriterId(pub u16);
-
-/// What a reader or writer is for. Names are valid ROS names when they get here.
-#[derive(Debug, Clone, Copy)]
-pub struct EndpointSpec<'a> {
-    /// Fully qualified node name, `"/pong"`.
-    pub node: &'a str,
-    /// Fully qualified topic name, `"/high_ping"`.
-    pub topic: &'a str,
-    /// `"std_msgs/msg/Int32"`.
-    pub type_name: &'a str,
-    /// `"std_msgs::msg::dds_::Int32_"`.
-    pub dds_type_name: &'a str,
-    /// Reliability, history, depth.
-    pub qos: Qos,
-    /// The largest payload in bytes, without encapsulation header.
-    pub max_size: usize,
-    /// What the peer may send for a reader.
-    pub ingress: IngressLimit,
-    /// Keep last, and what waits for a reader is kept: a new sample is lost while there is no room.
-    pub keep_oldest: bool,
-}
-
-/// What a service's client or server is for.
-#[derive(Debug, Clone, Copy)]
-pub struct ServiceSpec<'a> {
-    /// Fully qualified node name.
-    pub node: &'a str,
-    /// Fully qualified service name, `"/add"`.
-    pub service: &'a str,
-    /// `"example_interfaces/srv/AddTwoInts"`.
-    pub type_name: &'a str,
-    /// The DDS type of requests, `"example_interfaces::srv::dds_::AddTwoInts_Request_"`.
-    pub request_type: &'a str,
-    /// The DDS type of replies.
-    pub response_type: &'a str,
-    /// Reliability, history, depth of requests and replies.
-    pub qos: Qos,
-    /// The largest request in bytes.
-    pub max_request: usize,
-    /// The largest reply in bytes.
-    pub max_response: usize,
-}
-
-/// The answer to a delivered sample.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Room {
-    /// The reader may be given more in the same [`Middleware::take`].
-    Left,
-    /// The sample was accepted, but no further one of this reader until the next call.
-    Full,
-}
-
-/// Whether samples can be exchanged at the moment.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum LinkState {
-    /// The peer answers (or there is no peer to lose).
-    Up,
-    /// The peer has not been heard of since this instant.
-    Down {
-        /// When it was last heard of.
-        since: Nanos,
-    },
-}
-
-/// Carries samples between writers and readers.
-///
-/// # Threads
-/// Every method may be called from any thread, with one exception: [`wait`](Self::wait) and
-/// [`take`](Self::take) are called by one thread at a time. Locks inside have priority inheritance.
-///
-/// # Allocation
-/// After the endpoints exist, no method allocates.
-pub trait Middleware: Send + Sync + 'static {
-    /// Creates a writer. Set-up only: it may wait for a peer's answer and allocate.
-    ///
-    /// # Errors
-    /// When the peer refuses or does not answer, or a bound is reached.
-    fn create_writer(&self, spec: &EndpointSpec<'_>) -> Result<WriterId, MiddlewareError>;
-
-    /// Creates a reader. Set-up only, like [`create_writer`](Self::create_writer).
-    ///
-    /// # Errors
-    /// When the peer refuses or does not answer, or a bound is reached.
-    fn create_reader(&self, spec: &EndpointSpec<'_>) -> Result<ReaderId, MiddlewareError>;
-
-    /// Deletes a reader; its id may be given out again. Any thread, like
-    /// [`create_reader`](Self::create_reader). [`wait`](Self::wait) and [`take`](Self::take) have
-    /// no interest in it any more.
-    ///
-    /// # Errors
-    /// [`MiddlewareError::Unsupported`] where readers stay until the end.
-    fn delete_reader(&self, reader: ReaderId) -> Result<(), MiddlewareError> {
-        let _ = reader;
-        Err(MiddlewareError::Unsupported(label("deleting readers")))
-    }
-
-    /// Nobody uses a writer any more: its id may be given out again. That of a service or client
-    /// goes when its reader was [deleted](Self::delete_reader), too. What was published before is
-    /// still sent. Any thread; waits for nobody.
-    fn delete_writer(&self, writer: WriterId) {
-        let _ = writer;
-    }
-
-    /// Sends one encoded sample: CDR without encapsulation header.
-    ///
-    /// Takes the session lock for as long as the bytes need, never waits for a peer, for room or
-    /// for the dispatcher.
-    ///
-    /// # Errors
-    /// When the sample was not sent: too large, no room in the output stream, link down.
-    fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError>;
-
-    /// Creates a service's server: the reader of its requests, which come with their
-    /// [identity](SampleInfo::request), and the writer of its replies. Set-up, like a reader.
-    ///
-    /// # Errors
-    /// As [`create_reader`](Self::create_reader).
-    fn create_server(
-        &self,
-        spec: &ServiceSpec<'_>,
-    ) -> Result<(ReaderId, WriterId), MiddlewareError> {
-        let _ = spec;
-        Err(MiddlewareError::Unsupported(label("services")))
-    }
-
-    /// Creates a service's client: the reader of its replies, which come with the
-    /// [number](RequestIdentity::number) of their request, and the writer of its requests.
-    ///
-    /// # Errors
-    /// As [`create_reader`](Self::create_reader).
-    fn create_client(
-        &self,
-        spec: &ServiceSpec<'_>,
-    ) -> Result<(ReaderId, WriterId), MiddlewareError> {
-        let _ = spec;
-        Err(MiddlewareError::Unsupported(label("services")))
-    }
-
-    /// Sends a request; its number. Waits for nothing, like [`publish`](Self::publish).
-    ///
-    /// # Errors
-    /// When it was not sent.
-    fn request(&self, client: WriterId, payload: &[u8]) -> Result<u64, PublishError> {
-        let _ = (client, payload);
-        Err(PublishError::UnknownWriter)
-    }
-
-    /// Sends the reply to a request. Waits for nothing, like [`publish`](Self::publish).
-    ///
-    /// # Errors
-    /// When it was not sent.
-    fn reply(
-        &self,
-        server: WriterId,
-        to: &RequestIdentity,
-        payload: &[u8],
-    ) -> Result<(), PublishError> {
-        let _ = (server, to, payload);
-        Err(PublishError::UnknownWriter)
-    }
-
-    /// Whether this client's service has a server; `None` where the middleware does not know. Does
-    /// not wait.
-    fn has_server(&self, client: WriterId) -> Option<bool> {
-        let _ = client;
-        None
-    }
-
-    /// The next pair of endpoints that was found not to fit together, of which one is of this end;
-    /// each is told once. Called by the dispatcher when there are [news](Self::news).
-    fn next_clash(&self) -> Option<Clash> {
-        None
-    }
-
-    /// The next sample for one of its readers that was longer than the reader takes, and how long it was;
-    /// each is told once. For a middleware that does not hand such samples to [`take`](Self::take)'s
-    /// `sink`, which is to refuse them. Called by the dispatcher when there are [news](Self::news); without feature `texts` it is not called. What is told here is not among those [lost](Self::lost).
-    fn next_oversize(&self) -> Option<(ReaderId, usize)> {
-        None
-    }
-
-    /// Waits until a reader in `interest` has data, [`wake`](Self::wake) was called, the middleware
-    /// has housekeeping to do in [`take`](Self::take), or `deadline` has passed.
-    ///
-    /// Holds no lock while it waits. Returns at once if buffered data of a reader in `interest` is
-    /// there, or if `wake` was called since the last `wait` returned. Early returns are
-    /// allowed as long as they are rare; data of readers outside `interest` is no reason to return
-    /// more than once per datagram.
-    ///
-    /// # Errors
-    /// When it cannot wait. The dispatcher counts it and tries again after a pause.
-    fn wait(&self, interest: &Interest, deadline: Option<Nanos>) -> Result<(), MiddlewareError>;
-
-    /// Hands a bounded batch of samples of the readers in `interest` to `sink`, in order of arrival
-    /// per reader, and returns how many.
-    ///
-    /// Called after every `wait`, also with an empty `interest`: acknowledgements, heartbeats and
-    /// the like are handled here, on the dispatcher's priority. With [`Room::Full`] the reader leaves
-    /// `interest`, and gets no further sample in this call. `sink` only copies bytes; it may be called with the
-    /// session lock held and never calls back into the middleware.
-    ///
-    /// # Errors
-    /// When bytes could not be read. Samples already handed to `sink` count.
-    fn take(
-        &self,
-        interest: &mut Interest,
-        sink: &mut dyn FnMut(ReaderId, &SampleInfo, &[u8]) -> Room,
-    ) -> Result<usize, MiddlewareError>;
-
-    /// Ends the current [`wait`](Self::wait), or the next one if nobody waits.
-    fn wake(&self);
-
-    /// A number that is another one whenever [`link`](Self::link) or
-    /// [`next_clash`](Self::next_clash) or [`next_oversize`](Self::next_oversize) may have something new to say; `None` where they are to be
-    /// asked each time. Called by the dispatcher in every round.
-    fn news(&self) -> Option<usize> {
-        None
-    }
-
-    /// Whether samples can be exchanged at the moment.
-    fn link(&self) -> LinkState;
-
-    /// Samples of `reader` that the middleware itself had to drop because its own buffer was full.
-    fn lost(&self, reader: ReaderId) -> u64 {
-        let _ = reader;
-        0
-    }
-}
+pub use contract::{EndpointSpec, LinkState, Middleware, Room, ServiceSpec};
+pub use error::{MiddlewareError, PublishError};
+pub use ids::{ReaderId, WriterId};
+pub use in_process::{InProcess, InProcessBus};
+pub use incompatible_qos::IncompatibleQos;
+pub use interest::{Interest, MAX_READERS};

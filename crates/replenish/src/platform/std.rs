@@ -46,7 +46,7 @@ fn recover<T>(panic: Box<dyn Any + Send>, panicked: impl FnOnce(&str) -> T) -> T
 }
 
 /// Where events go if nobody has said otherwise: one line on standard error each.
-pub(crate) fn tell(event: &crate::Event<'_>) {
+pub(crate) fn tell(event: &dyn core::fmt::Display) {
     // Where standard error is a pipe that nobody reads any more, it is not said.
     io::Write::write_fmt(&mut io::stderr(), format_args!("replenish: {event}\n")).ok();
 }

@@ -18,6 +18,7 @@ use crate::middleware::{EndpointSpec, ReaderId};
 use crate::name::{concat, with_number};
 use crate::platform::text;
 use crate::qos::{History, Qos};
+use crate::sizes::{LARGEST, largest};
 use crate::sync::{Arc, Mutex};
 use alloc::boxed::Box;
 use alloc::string::String;
@@ -44,25 +45,6 @@ pub struct RawType<'a> {
     pub dds_name: &'a str,
     /// The largest sample in bytes, 1..=65528.
     pub max_size: usize,
-}
-
-/// The largest sample that the protocol carries, in bytes.
-const LARGEST: usize = 65_528;
-
-/// The largest size that one may ask for samples of `M`.
-pub(crate) const fn largest<M: Message>() -> usize {
-    match M::BOUNDED {
-        true => M::MAX_SIZE,
-        false => LARGEST,
-    }
-}
-
-/// The largest message of `M` to or from a service, if `asked` for another than usual.
-pub(crate) fn sized<M: Message>(asked: Option<usize>) -> usize {
-    match M::BOUNDED {
-        true => M::MAX_SIZE,
-        false => asked.unwrap_or(M::MAX_SIZE),
-    }
 }
 
 impl RawType<'_> {

@@ -17,7 +17,7 @@ use crate::event::{Event, Events};
 use crate::executor::wake::doorbell::Doorbell;
 use crate::executor::wake::stop::StopHandle;
 use crate::middleware::{
-    Clash, Interest, LinkState, Middleware, MiddlewareError, ReaderId, Room, SampleInfo,
+    IncompatibleQos, Interest, LinkState, Middleware, MiddlewareError, ReaderId, Room, SampleInfo,
 };
 use crate::stats::Counter;
 use crate::sync::Arc;
@@ -108,7 +108,7 @@ impl Dispatcher {
             self.failed(&error, account, deadline);
         }
         let middleware: &dyn Middleware = &*self.stop.middleware;
-        let news = middleware.news();
+        let news = middleware.status_generation();
         if news.is_none() || news != watch.news {
             watch.news = news;
             self.notice(watch);
@@ -126,7 +126,7 @@ impl Dispatcher {
         }
         // Somebody has to read it.
         while cfg!(feature = "texts")
-            && let Some(clash) = middleware.next_clash()
+            && let Some(clash) = middleware.next_incompatible_qos()
         {
             self.clashed(&clash);
         }
@@ -138,7 +138,7 @@ impl Dispatcher {
     }
 
     #[cold]
-    fn clashed(&self, clash: &Clash) {
+    fn clashed(&self, clash: &IncompatibleQos) {
         let writer = clash.writer();
         let route = clash.reader().and_then(|reader| self.route(reader));
         let endpoint = route.map_or(writer.as_str(), |route| &route.shared.id);

@@ -1,7 +1,7 @@
 //! What the lock of a bus protects: topics, participants, and how a sample gets into the queues of its
 //! readers.
 
-use super::clashes::{Clashes, Oversizes};
+use super::notices::{Clashes, Oversizes};
 use crate::handoff::{Ring, SampleInfo};
 use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId};
 use crate::platform::{TEXTS, label};

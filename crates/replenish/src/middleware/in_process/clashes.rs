@@ -1,57 +1,9 @@
-//! Which endpoints of one bus do not fit together, and that both ends are told; and how participants are
-//! told anything.
+//! Endpoints of one bus whose QoS are incompatible: both ends get a notice.
 
-use super::{Bus, Clash, ReaderId};
+use super::bus::{Bus, id};
+use crate::middleware::{IncompatibleQos, ReaderId};
 use crate::qos::Qos;
-use crate::sync::{Arc, AtomicBool, Mutex, Ordering};
-use alloc::collections::VecDeque;
 use alloc::vec::Vec;
-
-/// What waits to be told to one participant at most; more is left out.
-const LIMIT: usize = 64;
-
-/// What one participant is to be told.
-pub(super) struct News<T> {
-    any: AtomicBool,
-    waiting: Mutex<VecDeque<T>>,
-}
-
-/// Of endpoints that do not fit together.
-pub(super) type Clashes = News<Clash>;
-/// Of samples that are longer than a reader takes, and how long they are.
-pub(super) type Oversizes = News<(ReaderId, usize)>;
-
-impl<T> News<T> {
-    /// Nothing yet; with `room`, adding allocates nothing.
-    pub(super) fn new(room: bool) -> Arc<Self> {
-        let waiting = if room { LIMIT } else { 0 };
-        Arc::new(Self {
-            any: AtomicBool::new(false),
-            waiting: Mutex::new(VecDeque::with_capacity(waiting)),
-        })
-    }
-
-    /// Whether it will be told.
-    pub(super) fn add(&self, news: T) -> bool {
-        let mut waiting = self.waiting.lock();
-        let room = waiting.len() < LIMIT;
-        if room {
-            waiting.push_back(news);
-            self.any.store(true, Ordering::Release);
-        }
-        room
-    }
-
-    pub(super) fn next(&self) -> Option<T> {
-        if !self.any.load(Ordering::Acquire) {
-            return None;
-        }
-        let mut waiting = self.waiting.lock();
-        let next = waiting.pop_front();
-        self.any.store(!waiting.is_empty(), Ordering::Release);
-        next
-    }
-}
 
 impl Bus {
     /// A writer of participant `me` has come. The participants to ring, as bits.
@@ -62,7 +14,7 @@ impl Bus {
         let readers = on.readers.iter().filter_map(|(p, r)| {
             let reader = self.participants.get(*p)?.readers.get(*r)?;
             let clash = offers.check_offers(reader.requests).err()?;
-            Some((*p, super::id(*r), clash))
+            Some((*p, id(*r), clash))
         });
         let found: Vec<_> = readers.collect();
         let mut told = 0;
@@ -106,7 +58,8 @@ impl Bus {
         };
         topic.clashes = true;
         if let Some(of) = self.participants.get(participant) {
-            of.clashes.add(Clash::new(&topic.name, reader, clash));
+            of.clashes
+                .add(IncompatibleQos::new(&topic.name, reader, clash));
         }
         1 << participant
     }

@@ -9,8 +9,8 @@ use super::transport::{Received, Transport};
 use super::waiting::Waiting;
 use crate::Nanos;
 use crate::middleware::{
-    Clash, EndpointSpec, Interest, LinkState, Middleware, MiddlewareError, PublishError, ReaderId,
-    RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
+    EndpointSpec, IncompatibleQos, Interest, LinkState, Middleware, MiddlewareError, PublishError,
+    ReaderId, RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
 };
 use crate::platform::{DROPS, FULL, Static, TEXTS, io, label};
 use crate::sync::Arc;
@@ -232,9 +232,9 @@ impl Middleware for Xrce {
         done.ok().and(known)
     }
 
-    fn next_clash(&self) -> Option<Clash> {
+    fn next_incompatible_qos(&self) -> Option<IncompatibleQos> {
         match TEXTS && self.flags.has_clash() {
-            true => self.state.lock().next_clash(),
+            true => self.state.lock().next_incompatible_qos(),
             false => None,
         }
     }
@@ -274,8 +274,8 @@ impl Middleware for Xrce {
         self.waiting.wake();
     }
 
-    fn news(&self) -> Option<usize> {
-        Some(self.flags.news())
+    fn status_generation(&self) -> Option<usize> {
+        Some(self.flags.status_generation())
     }
 
     fn link(&self) -> LinkState {

@@ -28,7 +28,7 @@ impl StatusFlags {
         self.clash.load(Ordering::Acquire)
     }
 
-    pub(super) fn news(&self) -> usize {
+    pub(super) fn status_generation(&self) -> usize {
         self.news.load(Ordering::Acquire)
     }
 

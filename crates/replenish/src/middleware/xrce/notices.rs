@@ -2,7 +2,7 @@
 //! and go. Agents of replenish do; from others nothing is known.
 
 use super::objects::State;
-use crate::middleware::{Clash, ReaderId, WriterId};
+use crate::middleware::{IncompatibleQos, ReaderId, WriterId};
 use replenish_xrce::wire::ObjectKind;
 
 impl State {
@@ -15,7 +15,7 @@ impl State {
         self.session.has_notices().then_some(writer.served)
     }
 
-    pub(super) fn next_clash(&mut self) -> Option<Clash> {
+    pub(super) fn next_incompatible_qos(&mut self) -> Option<IncompatibleQos> {
         loop {
             let Some((object, policies)) = self.endpoints.clashes.pop() else {
                 self.endpoints.flags.show_clash(false);
@@ -34,7 +34,11 @@ impl State {
             };
             let topic = self.topics.iter().find(|t| Some(t.object) == topic);
             if let Some(topic) = topic {
-                return Some(Clash::known_by_policy(&topic.name, reader, policies));
+                return Some(IncompatibleQos::known_by_policy(
+                    &topic.name,
+                    reader,
+                    policies,
+                ));
             }
         }
     }

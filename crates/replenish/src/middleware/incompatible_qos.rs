@@ -8,14 +8,14 @@ use core::fmt;
 /// An endpoint of ours and one of somebody else's that would talk with each other, were it not for
 /// the quality of service of both.
 #[derive(Debug, Clone, Copy)]
-pub struct Clash {
+pub struct IncompatibleQos {
     topic: ShortText,
     reader: Option<ReaderId>,
     policies: u8,
     values: Option<QosClash>,
 }
 
-impl Clash {
+impl IncompatibleQos {
     /// On `topic`, whose first 120 bytes are kept; `reader` is ours, `None` if our end is a writer.
     #[must_use]
     pub fn new(topic: &str, reader: Option<ReaderId>, clash: QosClash) -> Self {
@@ -66,7 +66,7 @@ impl Clash {
     }
 }
 
-impl fmt::Display for Clash {
+impl fmt::Display for IncompatibleQos {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(values) = &self.values {
             return values.fmt(f);

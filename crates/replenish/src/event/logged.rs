@@ -2,7 +2,7 @@
 //! logger (`log::set_logger`), on a microcontroller as well; without one, or above its level, an
 //! event costs one comparison.
 
-use crate::Event;
+use super::kinds::Event;
 use log::Level;
 
 /// Errors are what stops a handle, a worker or the executor; warnings are what costs samples or a
