@@ -2,6 +2,7 @@
 
 use crate::load::spec::{BACKGROUND, HIGH_PRIORITY, High, INTERVAL, Spec};
 use crate::options;
+use crate::roles::monitor;
 use crate::roles::pong::{self, Config};
 use crate::roles::protocol::Event;
 use crate::roles::supervised::{self, SharedGrid};
@@ -86,7 +87,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let topics = [Arc::clone(&pong.high), Arc::clone(&pong.low)];
     let report = if args.supervised {
         supervised::emit(&Event::Ready(pong.ready()));
-        pong::watch(pong, &config, &grid, &stop)?
+        monitor::watch(pong, &config, &grid, &stop)?
     } else {
         print_threads(&pong);
         let mut before = (0, 0);

@@ -1,6 +1,6 @@
 //! `replenish experiment budget-sweep`: the paper's Experiment 1.
 
-use super::Files;
+use super::output::Files;
 use super::sweep_report::{self, SweepPoint};
 use crate::load::spec::Spec;
 use crate::options;

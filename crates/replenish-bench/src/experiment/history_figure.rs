@@ -1,6 +1,6 @@
 //! The figure of `experiment nuttx-history`: a panel per experiment, with the bugs and without.
 
-use super::nuttx_history::HistoryRow;
+use super::history_row::HistoryRow;
 use crate::report::figure::{GRID, HIGH, INK, LOW, failed};
 use plotters::coord::Shift;
 use plotters::prelude::*;

@@ -3,9 +3,10 @@
 //! No real time here: the measurements that the paper's authors published are replayed by
 //! [`crate::nuttx::history`], once with the two bugs that their kernel had and once without.
 
-use super::Files;
 use super::history_figure;
-use crate::nuttx::history::{self, Bugs, Row};
+use super::history_row::HistoryRow;
+use super::output::{self, Files};
+use crate::nuttx::history::{self, Bugs};
 use replenish_cli::outcome::Outcome;
 use replenish_cli::report::files;
 use replenish_cli::report::html::Page;
@@ -19,48 +20,6 @@ const CLOSE: u64 = 10;
 pub(crate) struct Args {
     #[command(flatten)]
     files: Files,
-}
-
-/// One row of the result. The first four names are a contract. Threads in the order S1, S2 (not in
-/// experiment 1), FIFO; CPU times in ms of 10 s.
-#[derive(Debug, Clone, serde::Serialize)]
-pub(super) struct HistoryRow {
-    /// 1 to 4.
-    pub(super) experiment: u32,
-    pub(super) swept_budget_ms: u32,
-    pub(super) measured_ms: Vec<u64>,
-    /// With both bugs.
-    pub(super) simulated_ms: Vec<u64>,
-    pub(super) worst_difference_ms: u64,
-    /// Without the bugs, with the start that fits best.
-    pub(super) without_bugs_ms: Vec<u64>,
-    pub(super) without_bugs_worst_difference_ms: u64,
-}
-
-impl HistoryRow {
-    fn new(both: &Row, none: Row) -> Self {
-        Self {
-            experiment: both.experiment,
-            swept_budget_ms: both.swept_budget_ms,
-            measured_ms: both.measured_ms.clone(),
-            simulated_ms: both.simulated_ms.clone(),
-            worst_difference_ms: both.worst_difference(),
-            without_bugs_worst_difference_ms: none.worst_difference(),
-            without_bugs_ms: none.simulated_ms,
-        }
-    }
-
-    fn cells(&self) -> [String; 7] {
-        [
-            self.experiment.to_string(),
-            self.swept_budget_ms.to_string(),
-            join(&self.measured_ms),
-            join(&self.simulated_ms),
-            self.worst_difference_ms.to_string(),
-            join(&self.without_bugs_ms),
-            self.without_bugs_worst_difference_ms.to_string(),
-        ]
-    }
 }
 
 /// Runs it: about a second.
@@ -136,12 +95,7 @@ fn report(to: &Files, rows: &[HistoryRow]) -> Outcome {
          ticks before the measurement began, with and without the bugs alike.",
     );
     page.table(&table);
-    super::write(to, &csv(rows), &json, &svg, page)
-}
-
-fn join(times: &[u64]) -> String {
-    let cells: Vec<String> = times.iter().map(ToString::to_string).collect();
-    cells.join(" / ")
+    output::write(to, &csv(rows), &json, &svg, page)
 }
 
 /// One line per row; S2's cells are empty in experiment 1.

@@ -1,8 +1,9 @@
-//! What Experiment 2 tells: table, JSON, CSV, the figure in the shape of the paper's, the page.
+//! The report of Experiment 2: table, JSON, CSV, the figure in the shape of the paper's, the page.
 
-use super::{Apart, Files};
+use super::deviation::{self, Deviation};
+use super::output::{self, Files};
 use crate::load::simulated::Costs;
-use crate::report::figure::{Figure, HIGH, INK, LOW, Series, Style, THEORY};
+use crate::report::figure::{self, Figure, HIGH, INK, LOW, Series, Style, THEORY};
 use crate::roles::protocol::Mode;
 use crate::testbench::orchestrator::Run;
 use crate::testbench::summary::PerWindow;
@@ -48,7 +49,7 @@ pub(crate) struct SleepPoint {
     /// How far one topic is from it in one window, at worst.
     simulated_worst_difference: Option<u64>,
     #[serde(skip)]
-    apart: Option<Apart>,
+    deviation: Option<Deviation>,
     high_priority_cpu_percent: f64,
     background_cpu_percent: f64,
     windows: u64,
@@ -65,7 +66,7 @@ impl SleepPoint {
     /// The point of one run.
     pub(crate) fn new(sleep_percent: u8, run: &Run) -> Self {
         let s = &run.summary;
-        let apart = Apart::of(s);
+        let deviation = Deviation::of(s);
         Self {
             sleep_percent,
             high_cpu_percent: s.high.cpu_percent,
@@ -76,9 +77,9 @@ impl SleepPoint {
             expected_high: s.high.expected,
             simulated_high_answered: s.high.simulated,
             simulated_low_answered: s.low.simulated,
-            simulated_difference_per_window: apart.map(|a| a.per_window),
-            simulated_worst_difference: apart.map(|a| a.worst_window),
-            apart,
+            simulated_difference_per_window: deviation.map(|a| a.per_window),
+            simulated_worst_difference: deviation.map(|a| a.worst_window),
+            deviation,
             high_priority_cpu_percent: s.high.high_priority_cpu_percent,
             background_cpu_percent: s.high.background_cpu_percent,
             simulated_with_ns: run.end.costs,
@@ -103,7 +104,7 @@ impl SleepPoint {
             count(self.simulated_high_answered),
             self.low_answered.to_string(),
             count(self.simulated_low_answered),
-            self.apart
+            self.deviation
                 .map_or_else(|| "-".to_string(), |a| format!("{:.1}", a.per_window)),
             self.windows_repeated.to_string(),
         ]
@@ -130,13 +131,13 @@ pub(super) fn sleep(to: &Files, points: &[SleepPoint]) -> Outcome {
         table.row(p.row());
     }
     println!("{}", table.to_text());
-    let agreement = super::agreement(points.iter().map(|p| p.apart));
+    let agreement = deviation::agreement(points.iter().map(|p| p.deviation));
     println!("{agreement}");
     let told = points
         .iter()
         .map(|p| (p.windows_repeated_because, p.windows_disturbed));
-    super::tell_repeated(told);
-    super::warn(points.iter().any(|p| p.mode == Mode::Deferred));
+    output::tell_repeated(told);
+    output::warn(points.iter().any(|p| p.mode == Mode::Deferred));
 
     let json = serde_json::json!({
         "experiment": "work-conserving",
@@ -160,23 +161,12 @@ pub(super) fn sleep(to: &Files, points: &[SleepPoint]) -> Outcome {
         "CPU time of the high worker. Marks: measured. Dashed: theory.",
     );
     page.table(&table);
-    super::write(to, &super::csv(&COLUMNS, &json), &json, &svg, page)
+    output::write(to, &output::csv(&COLUMNS, &json), &json, &svg, page)
 }
 
 fn figure(points: &[SleepPoint]) -> Figure {
     let line = |y: fn(&SleepPoint) -> f64| -> Vec<(f64, f64)> {
-        let mut line: Vec<_> = points
-            .iter()
-            .map(|p| (f64::from(p.sleep_percent), y(p)))
-            .collect();
-        line.sort_by(|a, b| a.0.total_cmp(&b.0));
-        line
-    };
-    let series = |label: &str, color, style, points| Series {
-        label: label.into(),
-        color,
-        style,
-        points,
+        figure::line(points.iter().map(|p| (f64::from(p.sleep_percent), y(p))))
     };
     Figure {
         title: "Work conserving nature of the sporadic scheduler".into(),
@@ -184,25 +174,25 @@ fn figure(points: &[SleepPoint]) -> Figure {
         y_label: "CPU time, % of the windows".into(),
         x_max: 100.0,
         series: vec![
-            series(
+            Series::new(
                 "high, measured",
                 HIGH,
                 Style::Measured,
                 line(|p| p.high_cpu_percent),
             ),
-            series(
+            Series::new(
                 "high, theory: 30 + 70 x",
                 THEORY,
                 Style::Theory,
                 line(|p| p.theory_percent),
             ),
-            series(
+            Series::new(
                 "high within its budget, measured",
                 INK,
                 Style::Reference,
                 line(|p| p.high_priority_cpu_percent),
             ),
-            series(
+            Series::new(
                 "low, measured",
                 LOW,
                 Style::Measured,

@@ -1,8 +1,9 @@
-//! What Experiment 1 tells: table, JSON, CSV, the figure in the shape of the paper's, the page.
+//! The report of Experiment 1: table, JSON, CSV, the figure in the shape of the paper's, the page.
 
-use super::{Apart, Files};
+use super::deviation::{self, Deviation};
+use super::output::{self, Files};
 use crate::load::simulated::Costs;
-use crate::report::figure::{Figure, HIGH, INK, LOW, Series, Style, THEORY};
+use crate::report::figure::{self, Figure, HIGH, INK, LOW, Series, Style, THEORY};
 use crate::roles::protocol::{Mode, Overrun};
 use crate::testbench::orchestrator::Run;
 use crate::testbench::summary::PerWindow;
@@ -51,7 +52,7 @@ pub(crate) struct SweepPoint {
     /// How far one topic is from it in one window, at worst.
     simulated_worst_difference: Option<u64>,
     #[serde(skip)]
-    apart: Option<Apart>,
+    deviation: Option<Deviation>,
     budget_percent: Option<f64>,
     budget_error_percent: Option<f64>,
     high_priority_cpu_percent: f64,
@@ -72,7 +73,7 @@ impl SweepPoint {
     /// The point of one run.
     pub(crate) fn new(budget_ms: Option<u64>, period_ms: u64, run: &Run) -> Self {
         let s = &run.summary;
-        let apart = Apart::of(s);
+        let deviation = Deviation::of(s);
         Self {
             budget_ms,
             high_cpu_percent: s.high.cpu_percent,
@@ -83,9 +84,9 @@ impl SweepPoint {
             expected_low: s.low.expected,
             simulated_high_answered: s.high.simulated,
             simulated_low_answered: s.low.simulated,
-            simulated_difference_per_window: apart.map(|a| a.per_window),
-            simulated_worst_difference: apart.map(|a| a.worst_window),
-            apart,
+            simulated_difference_per_window: deviation.map(|a| a.per_window),
+            simulated_worst_difference: deviation.map(|a| a.worst_window),
+            deviation,
             budget_percent: budget_ms.map(|b| b as f64 * 100.0 / period_ms as f64),
             budget_error_percent: s.high.budget_error_percent,
             high_priority_cpu_percent: s.high.high_priority_cpu_percent,
@@ -112,7 +113,7 @@ impl SweepPoint {
             self.low_answered.to_string(),
             self.expected_low.to_string(),
             count(self.simulated_low_answered),
-            self.apart
+            self.deviation
                 .map_or_else(|| "-".to_string(), |a| format!("{:.1}", a.per_window)),
             percent(self.high_cpu_percent),
             percent(self.low_cpu_percent),
@@ -148,14 +149,14 @@ pub(super) fn sweep(
         table.row(p.row());
     }
     println!("{}", table.to_text());
-    let agreement = super::agreement(points.iter().chain(fifo).map(|p| p.apart));
+    let agreement = deviation::agreement(points.iter().chain(fifo).map(|p| p.deviation));
     println!("{agreement}");
     let told = points
         .iter()
         .chain(fifo)
         .map(|p| (p.windows_repeated_because, p.windows_disturbed));
-    super::tell_repeated(told);
-    super::warn(points.iter().chain(fifo).any(|p| p.mode == Mode::Deferred));
+    output::tell_repeated(told);
+    output::warn(points.iter().chain(fifo).any(|p| p.mode == Mode::Deferred));
 
     let json = serde_json::json!({
         "experiment": "budget-sweep",
@@ -181,49 +182,42 @@ pub(super) fn sweep(
          one less per window is normal for low, whose last answer the end of the window cuts off.",
     );
     page.table(&table);
-    super::write(to, &super::csv(&COLUMNS, &json), &json, &svg, page)
+    output::write(to, &output::csv(&COLUMNS, &json), &json, &svg, page)
 }
 
 fn figure(period: u64, points: &[SweepPoint], fifo: Option<&SweepPoint>) -> Figure {
     let line = |y: fn(&SweepPoint) -> u64| -> Vec<(f64, f64)> {
-        let mut line: Vec<_> = points
-            .iter()
-            .map(|p| (p.budget_ms.unwrap_or(0) as f64, y(p) as f64))
-            .collect();
-        line.sort_by(|a, b| a.0.total_cmp(&b.0));
-        line
-    };
-    let series = |label: &str, color, style, points| Series {
-        label: label.into(),
-        color,
-        style,
-        points,
+        figure::line(
+            points
+                .iter()
+                .map(|p| (p.budget_ms.unwrap_or(0) as f64, y(p) as f64)),
+        )
     };
     let mut all = vec![
-        series(
+        Series::new(
             "high, measured",
             HIGH,
             Style::Measured,
             line(|p| p.high_answered),
         ),
-        series(
+        Series::new(
             "low, measured",
             LOW,
             Style::Measured,
             line(|p| p.low_answered),
         ),
-        series("theory", THEORY, Style::Theory, line(|p| p.expected_high)),
-        series("", THEORY, Style::Theory, line(|p| p.expected_low)),
+        Series::new("theory", THEORY, Style::Theory, line(|p| p.expected_high)),
+        Series::new("", THEORY, Style::Theory, line(|p| p.expected_low)),
     ];
-    if points.iter().any(|p| p.apart.is_some()) {
+    if points.iter().any(|p| p.deviation.is_some()) {
         all.extend([
-            series(
+            Series::new(
                 "simulated",
                 INK,
                 Style::Simulated,
                 line(|p| p.simulated_high_answered.unwrap_or(0)),
             ),
-            series(
+            Series::new(
                 "",
                 INK,
                 Style::Simulated,
@@ -233,13 +227,13 @@ fn figure(period: u64, points: &[SweepPoint], fifo: Option<&SweepPoint>) -> Figu
     }
     if let Some(f) = fifo {
         let flat = |y: u64| vec![(0.0, y as f64), (period as f64, y as f64)];
-        all.push(series(
+        all.push(Series::new(
             "high, both FIFO, measured",
             HIGH,
             Style::Reference,
             flat(f.high_answered),
         ));
-        all.push(series(
+        all.push(Series::new(
             "low, both FIFO, measured",
             LOW,
             Style::Reference,

@@ -1,6 +1,6 @@
 //! `replenish experiment work-conserving`: the paper's Experiment 2.
 
-use super::Files;
+use super::output::Files;
 use super::sleep_report::{self, SleepPoint};
 use crate::load::spec::Spec;
 use crate::options;

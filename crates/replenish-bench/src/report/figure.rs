@@ -43,6 +43,25 @@ pub(crate) struct Series {
     pub points: Vec<(f64, f64)>,
 }
 
+impl Series {
+    /// A line; its `label` is for the legend.
+    pub(crate) fn new(label: &str, color: RGBColor, style: Style, points: Vec<(f64, f64)>) -> Self {
+        Self {
+            label: label.into(),
+            color,
+            style,
+            points,
+        }
+    }
+}
+
+/// The points of a line, from left to right.
+pub(crate) fn line(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+    let mut line: Vec<_> = points.collect();
+    line.sort_by(|a, b| a.0.total_cmp(&b.0));
+    line
+}
+
 /// A figure: axes from 0, a legend, lines.
 #[derive(Debug, Clone)]
 pub(crate) struct Figure {

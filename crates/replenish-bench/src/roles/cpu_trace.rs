@@ -13,12 +13,12 @@ const KEPT: usize = 64;
 
 /// The slices of one window: absolute start and end.
 #[derive(Debug, Clone)]
-pub(crate) struct Tape {
+pub(crate) struct CpuTrace {
     slices: [(Nanos, Nanos); KEPT],
     len: usize,
 }
 
-impl Tape {
+impl CpuTrace {
     /// No slices.
     pub(crate) const fn new() -> Self {
         Self {
@@ -59,20 +59,23 @@ mod tests {
 
     #[test]
     fn short_gaps_are_bridged_and_long_ones_end_a_slice() {
-        let mut tape = Tape::new();
+        let mut cpu_trace = CpuTrace::new();
         for t in [1_000_000, 1_100_000, 1_350_000, 9_000_000, 9_100_000] {
-            tape.ran(t);
+            cpu_trace.ran(t);
         }
-        assert_eq!(tape.take(1_000_000), [(0, 350_000), (8_000_000, 8_100_000)]);
-        assert_eq!(tape.take(0), []);
+        assert_eq!(
+            cpu_trace.take(1_000_000),
+            [(0, 350_000), (8_000_000, 8_100_000)]
+        );
+        assert_eq!(cpu_trace.take(0), []);
     }
 
     #[test]
     fn a_full_tape_stops_recording() {
-        let mut tape = Tape::new();
+        let mut cpu_trace = CpuTrace::new();
         for n in 0..1_000 {
-            tape.ran(n * 1_000_000);
+            cpu_trace.ran(n * 1_000_000);
         }
-        assert_eq!(tape.take(0).len(), KEPT - 1); // the slice at the start has no length
+        assert_eq!(cpu_trace.take(0).len(), KEPT - 1); // the slice at the start has no length
     }
 }

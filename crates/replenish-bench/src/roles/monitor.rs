@@ -3,12 +3,13 @@
 //! It runs on ping's CPU, above everything there, so that it neither disturbs the measured CPU
 //! nor is late. How late it was is part of what it reports.
 
-use super::pong::{Pong, Topic};
+use super::pong::{Config, Pong, Topic};
 use super::protocol::{Event, PongWindow, WorkerWindow};
 use super::supervised::{self, SharedGrid};
 use crate::load::grid::Grid;
 use crate::load::spec::MONITOR_PRIORITY;
 use crate::load::{MS, Nanos};
+use replenish::Report;
 use replenish_cli::outcome::Failure;
 use replenish_cli::signals::Stop;
 use replenish_os::{ThreadSpec, clock, spawn, steal_time};
@@ -22,8 +23,19 @@ const SETTLE: Nanos = 20 * MS;
 /// The last stretch before a snapshot is slept through without looking at the stop flag.
 const EXACT: Nanos = 3 * MS;
 
+/// Runs pong with a monitor until `stop`; windows are reported if there is a grid.
+pub(crate) fn watch(
+    pong: Pong,
+    config: &Config,
+    grid: &SharedGrid,
+    stop: &Stop,
+) -> Result<Report, Failure> {
+    let pong = observe(pong, (config.monitor_cpu, config.cpu), grid, stop)?;
+    Ok(pong.running.stop())
+}
+
 /// Watches `pong` until `stop` and hands it back; on `cpu`, while pong works on `measured`.
-pub(crate) fn run(
+fn observe(
     pong: Pong,
     (cpu, measured): (Option<usize>, Option<usize>),
     grid: &SharedGrid,
@@ -34,7 +46,7 @@ pub(crate) fn run(
         .cpu(cpu);
     let (grid, stop) = (Arc::clone(grid), stop.clone());
     let body = move || {
-        watch(&pong, measured, &grid, &stop);
+        report_windows(&pong, measured, &grid, &stop);
         pong
     };
     let failed = |e: &dyn std::fmt::Display| Failure::refused(format!("monitor thread: {e}"));
@@ -44,7 +56,7 @@ pub(crate) fn run(
         .map_err(|_| failed(&"it panicked"))
 }
 
-fn watch(pong: &Pong, cpu: Option<usize>, grid: &SharedGrid, stop: &Stop) {
+fn report_windows(pong: &Pong, cpu: Option<usize>, grid: &SharedGrid, stop: &Stop) {
     let grid = loop {
         match grid.get() {
             Some(grid) => break *grid,
@@ -147,7 +159,7 @@ fn account(pong: &Pong, grid: &Grid, index: u64, from: &Snapshot, to: &Snapshot)
         support_cpu: to.support.saturating_sub(from.support),
         late: from.late.max(to.late),
         stolen: to.stolen.saturating_sub(from.stolen),
-        high_slices: pong.high.tape.lock().take(start),
-        low_slices: pong.low.tape.lock().take(start),
+        high_slices: pong.high.cpu_trace.lock().take(start),
+        low_slices: pong.low.cpu_trace.lock().take(start),
     }
 }

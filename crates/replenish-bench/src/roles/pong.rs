@@ -4,9 +4,8 @@
 //! outside a window returns at once, and one that the end of its window catches gives up: so a
 //! backlog is discarded, and what is answered was done inside the window.
 
-use super::cpu_trace::Tape;
+use super::cpu_trace::CpuTrace;
 use super::link;
-use super::monitor;
 use super::protocol::{Event, Mode, Overrun, PongEnd, Ready, ThreadRow};
 use super::supervised::{self, SharedGrid};
 use super::timing::Timing;
@@ -21,7 +20,6 @@ use replenish::msg::std_msgs::Int32;
 use replenish::{CallbackContext, Context, Executor, Publisher, Qos, Report, RunningExecutor};
 use replenish_cli::machine;
 use replenish_cli::outcome::Failure;
-use replenish_cli::signals::Stop;
 use replenish_cli::threads;
 use replenish_os::{PiMutex, Policy, clock};
 use sporadic::{Low, Params};
@@ -56,7 +54,7 @@ pub(crate) struct Topic {
     /// When messages were taken, and how late a sleep ended.
     timing: Timing,
     /// When the worker had the CPU.
-    pub tape: PiMutex<Tape>,
+    pub cpu_trace: PiMutex<CpuTrace>,
 }
 
 impl Topic {
@@ -66,7 +64,7 @@ impl Topic {
             burnt: AtomicU64::new(0),
             after_work: AtomicU64::new(0),
             timing: Timing::new(),
-            tape: PiMutex::new(Tape::new()),
+            cpu_trace: PiMutex::new(CpuTrace::new()),
         })
     }
 }
@@ -111,7 +109,7 @@ pub(crate) fn start(config: &Config, grid: &SharedGrid, supervised: bool) -> Res
         requested.push((name.to_string(), policy.to_string()));
         let answer = Answer {
             topic: Arc::clone(topic),
-            tape: Tape::new(),
+            cpu_trace: CpuTrace::new(),
             grid: Arc::clone(grid),
             pong: publisher(&context, name)?,
             cpu: spec.net(*cpu),
@@ -199,7 +197,7 @@ fn mode(report: &Report, real_time: bool) -> Mode {
 /// One topic's callback.
 struct Answer {
     topic: Arc<Topic>,
-    tape: Tape,
+    cpu_trace: CpuTrace,
     grid: SharedGrid,
     pong: Publisher<Int32>,
     cpu: Nanos,
@@ -215,12 +213,12 @@ impl Answer {
         let Some(end) = self.deadline(ping.data, cx.due()) else {
             return Ok(());
         };
-        let tape = &mut self.tape;
+        let cpu_trace = &mut self.cpu_trace;
         let before = clock::thread_cpu();
-        let done = burn(self.cpu, end, |now| tape.ran(now));
+        let done = burn(self.cpu, end, |now| cpu_trace.ran(now));
         let burnt = clock::thread_cpu().saturating_sub(before);
         self.topic.burnt.fetch_add(burnt, Ordering::Relaxed);
-        self.topic.tape.lock().clone_from(&self.tape);
+        self.topic.cpu_trace.lock().clone_from(&self.cpu_trace);
         if !done || cx.is_stopping() {
             return Ok(());
         }
@@ -301,17 +299,6 @@ impl Pong {
             .map(|(name, policy)| threads::row("pong", name, policy))
             .collect()
     }
-}
-
-/// Runs pong with a monitor until `stop`; windows are reported if there is a grid.
-pub(crate) fn watch(
-    pong: Pong,
-    config: &Config,
-    grid: &SharedGrid,
-    stop: &Stop,
-) -> Result<Report, Failure> {
-    let pong = monitor::run(pong, (config.monitor_cpu, config.cpu), grid, stop)?;
-    Ok(pong.running.stop())
 }
 
 /// What a message and an answer cost on average, over the whole life of pong.

@@ -1,7 +1,6 @@
 //! The picture: the control loop's response times, a panel per case, a logarithmic scale.
 
-use super::Case;
-use super::report::title;
+use super::case::Case;
 use super::scenario::{CALM, Disturbance, PERIOD, WINDOW};
 use crate::load::{MS, Nanos};
 use crate::report::figure::{GRID, HIGH, INK, LOW, THEORY, failed};
@@ -61,7 +60,7 @@ fn draw_panel(
 ) -> Result<(), Box<dyn std::error::Error>> {
     let ms = |t: Nanos| t as f64 / MS as f64;
     let mut chart = ChartBuilder::on(panel)
-        .caption(title(disturbance), ("sans-serif", 17, &BLACK))
+        .caption(disturbance.title(), ("sans-serif", 17, &BLACK))
         .margin(8)
         .margin_right(16)
         .x_label_area_size(38)

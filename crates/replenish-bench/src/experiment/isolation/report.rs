@@ -1,8 +1,9 @@
-//! What the isolation experiment tells: table, JSON, CSV, the figure, the page.
+//! The report of the isolation experiment: table, JSON, CSV, the figure, the page.
 
-use super::super::Files;
-use super::scenario::{CALM, Disturbance, PERIOD, WINDOW};
-use super::{Case, figure};
+use super::super::output::{self, Files};
+use super::case::Case;
+use super::figure;
+use super::scenario::{CALM, PERIOD, WINDOW};
 use crate::load::{MS, Nanos};
 use replenish_cli::outcome::Outcome;
 use replenish_cli::report::files;
@@ -84,7 +85,7 @@ pub(super) fn write(to: &Files, cases: &[Case]) -> Outcome {
     println!("{}", table.to_text());
     println!("{verdict}");
     let deferred = cases.iter().any(|c| c.deferred);
-    super::super::warn(deferred);
+    output::warn(deferred);
     let mut fallbacks: Vec<&String> = cases.iter().flat_map(|c| &c.fallbacks).collect();
     fallbacks.sort();
     fallbacks.dedup();
@@ -101,7 +102,7 @@ pub(super) fn write(to: &Files, cases: &[Case]) -> Outcome {
     });
     let svg = figure::draw(cases)?;
     let page = page(&table, &svg, &verdict, deferred);
-    super::super::write(to, &csv(cases), &json, &svg, page)
+    output::write(to, &csv(cases), &json, &svg, page)
 }
 
 fn verdict(rows: &[Row]) -> String {
@@ -169,16 +170,6 @@ fn csv(cases: &[Case]) -> String {
         })
     });
     files::csv(std::iter::once(head).chain(lines))
-}
-
-/// What a case is called for people.
-pub(super) fn title(disturbance: Disturbance) -> &'static str {
-    match disturbance {
-        Disturbance::None => "Everybody behaves",
-        Disturbance::NoisyNeighbour => "Noisy neighbour: 4.8 ms instead of 1 ms",
-        Disturbance::RunawayCallback => "Runaway: a callback does not return",
-        Disturbance::MessageFlood => "Flood: messages without pause",
-    }
 }
 
 fn ms(t: Nanos) -> f64 {

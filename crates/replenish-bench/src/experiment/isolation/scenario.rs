@@ -60,6 +60,16 @@ impl Disturbance {
         Self::MessageFlood,
     ];
 
+    /// Its name for people.
+    pub(super) fn title(self) -> &'static str {
+        match self {
+            Self::None => "Everybody behaves",
+            Self::NoisyNeighbour => "Noisy neighbour: 4.8 ms instead of 1 ms",
+            Self::RunawayCallback => "Runaway: a callback does not return",
+            Self::MessageFlood => "Flood: messages without pause",
+        }
+    }
+
     /// Its name in the JSON.
     pub(super) fn name(self) -> &'static str {
         match self {

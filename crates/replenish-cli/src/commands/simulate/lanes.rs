@@ -1,6 +1,6 @@
 //! From a trace to what is drawn: who ran when and how, what each budget had left.
 
-use super::budget;
+use crate::commands::plan::short;
 use replenish_plan::Nanos;
 use replenish_sim::{Event, Outcome, Policy, System, What};
 use sporadic::Level;
@@ -127,6 +127,11 @@ impl Lane {
             self.budget.push((now, left));
         }
     }
+}
+
+/// A budget for people: `30 ms / 100 ms`.
+fn budget(amount: Nanos, period: Nanos) -> String {
+    format!("{} / {}", short(amount), short(period))
 }
 
 #[cfg(test)]

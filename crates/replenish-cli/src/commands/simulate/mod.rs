@@ -6,7 +6,7 @@
 mod gantt;
 mod lanes;
 
-use super::plan::{ms, short};
+use super::plan::ms;
 use crate::options::JsonOption;
 use crate::outcome::{Failure, Outcome};
 use crate::report::files;
@@ -315,9 +315,4 @@ fn page(args: &Args, table: &Table, svg: &str, verdict: &str, refusal: Option<&s
         args.seed
     ));
     page.finish(&format!("replenish {}", env!("CARGO_PKG_VERSION")))
-}
-
-/// A budget for people: `30 ms / 100 ms`.
-fn budget(amount: Nanos, period: Nanos) -> String {
-    format!("{} / {}", short(amount), short(period))
 }
