@@ -1,4 +1,4 @@
-//! What any thread or signal handler raises and one worker takes: a guard condition's state.
+//! A flag that any thread or signal handler raises and one worker takes: a guard condition's state.
 //!
 //! ```text
 //!   raise: count += 1 ──► ring the bell          (two atomic operations, one futex call at most)

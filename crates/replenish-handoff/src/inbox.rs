@@ -13,11 +13,11 @@
 //! the one that it has read last. So either side takes the lock once per sample.
 //!
 //! *Parked* is decided under the same lock that gives the last slot away, and left under the same
-//! lock that frees one; whoever ends it wakes the middleware, whose wake-up is sticky. So the
+//! lock that frees one. The thread that ends it wakes the middleware, whose wake-up is sticky. So the
 //! dispatcher either sees the room before it waits, or its wait ends at once.
 
 use super::SampleInfo;
-use super::ring::{Ring, Slot};
+use super::ring::{Ring, RingSlot};
 use crate::sync::{AtomicUsize, Mutex, Ordering};
 
 /// Bounded, preallocated queue of one subscription.
@@ -45,9 +45,9 @@ struct State {
     closed: bool,
 }
 
-/// What became of a delivered sample.
+/// The fate of a delivered sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outcome {
+pub enum DeliveryOutcome {
     /// It waits for the worker.
     Stored,
     /// It waits for the worker; the oldest one made room.
@@ -64,7 +64,7 @@ pub enum Outcome {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Delivery {
     /// Whether the sample is stored, and if not, why not.
-    pub outcome: Outcome,
+    pub outcome: DeliveryOutcome,
     /// Whether the reader has just left the interest set.
     pub parked: bool,
 }
@@ -83,36 +83,43 @@ impl Inbox {
         }
     }
 
-    /// Dispatcher: stores a sample. The bytes are copied outside the lock, into the buffer in `hand`,
-    /// for which there will be an empty one. Always to be called with the same hand, empty at first.
-    pub fn deliver(&self, hand: &mut Option<Slot>, bytes: &[u8], info: &SampleInfo) -> Delivery {
+    /// Dispatcher: stores a sample.
+    ///
+    /// The bytes are copied outside the lock, into the buffer in `spare_slot`, which gets an empty one
+    /// in exchange. Each call passes the same `spare_slot`, `None` at first.
+    pub fn deliver(
+        &self,
+        spare_slot: &mut Option<RingSlot>,
+        bytes: &[u8],
+        info: &SampleInfo,
+    ) -> Delivery {
         let refused = |outcome, parked| Delivery { outcome, parked };
-        if hand.is_none() {
-            *hand = self.state.lock().ring.spare();
+        if spare_slot.is_none() {
+            *spare_slot = self.state.lock().ring.spare();
         }
-        let Some(mut slot) = hand.take() else {
-            return refused(Outcome::NoRoom, false);
+        let Some(mut slot) = spare_slot.take() else {
+            return refused(DeliveryOutcome::NoRoom, false);
         };
         let fits = slot.fill(bytes, info);
         let state = &mut *self.state.lock();
         let no_room = self.keep != Keep::Newest && state.ring.is_full();
         if state.closed || no_room || !fits {
-            *hand = Some(slot);
+            *spare_slot = Some(slot);
             if state.closed {
-                return refused(Outcome::Closed, false);
+                return refused(DeliveryOutcome::Closed, false);
             }
             if !no_room {
-                return refused(Outcome::Oversize, false);
+                return refused(DeliveryOutcome::Oversize, false);
             }
             state.parked = self.keep == Keep::All;
-            return refused(Outcome::NoRoom, state.parked);
+            return refused(DeliveryOutcome::NoRoom, state.parked);
         }
         let replaced = state.ring.push(slot);
         let outcome = match replaced {
-            Some(_) => Outcome::ReplacedOldest,
-            None => Outcome::Stored,
+            Some(_) => DeliveryOutcome::ReplacedOldest,
+            None => DeliveryOutcome::Stored,
         };
-        *hand = replaced.or_else(|| state.ring.spare());
+        *spare_slot = replaced.or_else(|| state.ring.spare());
         self.show(state);
         state.parked = self.keep == Keep::All && state.ring.is_full();
         let parked = state.parked;
@@ -124,16 +131,17 @@ impl Inbox {
         self.state.lock().parked
     }
 
-    /// Worker: the oldest sample, if there is one, for the one in `hand` that it has read. Frees its
-    /// place in the queue, so that the next one can come while this one is worked on. Returns whether
-    /// the middleware must be woken, since the reader has rejoined the interest set.
-    pub fn pop(&self, hand: &mut Option<Slot>) -> Option<bool> {
+    /// Worker: the oldest sample, if there is one, in exchange for the one that it has read.
+    ///
+    /// Frees the sample's place in the queue, so that the next one can come while this one is worked
+    /// on. Returns whether the middleware must be woken, since the reader has rejoined the interest set.
+    pub fn pop(&self, read_slot: &mut Option<RingSlot>) -> Option<bool> {
         if self.waiting() == 0 {
             return None;
         }
         let state = &mut *self.state.lock();
         let next = state.ring.pop()?;
-        if let Some(read) = hand.replace(next) {
+        if let Some(read) = read_slot.replace(next) {
             state.ring.give_back(read);
         }
         self.show(state);

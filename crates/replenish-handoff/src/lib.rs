@@ -1,4 +1,4 @@
-//! How samples get from the dispatcher to a worker, and how everything is told to stop.
+//! How samples get from the dispatcher to a worker, and how threads are stopped.
 //!
 //! ```text
 //!   dispatcher                        worker
@@ -8,6 +8,15 @@
 //!      ▲                                │
 //!      └── wake the middleware, iff ◄───┘
 //!          the reader had left the interest set
+//! ```
+//!
+//! ```text
+//!   command_queue   commands to one thread, and what it retires
+//!   doorbell        what a worker sleeps on            │ ready_set   handles with input
+//!   inbox           samples of one subscription        │ ring        its buffers   │ sample
+//!   flag            triggers of a guard condition      │ stop        the stop request
+//!   sync            names of locks, cells and atomics  │ once        cells without std, and models
+//!   models          every interleaving (`--cfg loom`)
 //! ```
 //!
 //! Every file uses [`sync`] and nothing else of the operating system, so the models in `models/` run
@@ -34,8 +43,8 @@ pub mod sync;
 pub use command_queue::{CommandQueue, Declined, Reservation};
 pub use doorbell::{Doorbell, Wake, WakeHandle};
 pub use flag::Flag;
-pub use inbox::{Delivery, Inbox, Keep, Outcome};
+pub use inbox::{Delivery, DeliveryOutcome, Inbox, Keep};
 pub use ready_set::ReadySet;
-pub use ring::{Ring, Slot};
+pub use ring::{Ring, RingSlot};
 pub use sample::{RequestIdentity, SampleInfo};
 pub use stop::Stop;

@@ -1,13 +1,13 @@
-//! Which handles of a worker may have something to do: marked by whoever brings it, looked at by
-//! the worker.
+//! The handles of a worker that may have something to do: threads that bring input mark them, the
+//! worker looks at them.
 //!
 //! ```text
 //!   bring input ──► mark(slot) ──► ring the bell
 //!   worker: drain ──► look at the marked handles ──► … ──► nothing marked: sleep on the bell
 //! ```
 //!
-//! So a worker's round costs what its input costs, however many handles it has. A mark is a hint
-//! that nobody may leave out: input comes first, then the mark, then the bell, which is sticky. A
+//! So a worker's round costs what its input costs, however many handles it has. No thread may leave the
+//! mark out: input comes first, then the mark, then the bell, which is sticky. A
 //! worker that drained before the mark finds the bell rung when it goes to sleep.
 
 use crate::sync::{AtomicUsize, Ordering};

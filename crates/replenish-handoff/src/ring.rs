@@ -1,4 +1,4 @@
-//! A bounded queue of preallocated buffers. Plain data: whoever owns it brings the lock.
+//! A bounded queue of preallocated buffers. Plain data: its owner brings the lock.
 //!
 //! ```text
 //!             spare()                push()                  pop()
@@ -19,9 +19,9 @@ use core::ops::Deref;
 
 /// One preallocated buffer with the sample in it.
 #[derive(Debug)]
-pub struct Slot(Box<Filled>);
+pub struct RingSlot(Box<Filled>);
 
-/// Together, since who looks at one looks at the others.
+/// Together, since a thread that looks at one looks at the others.
 #[derive(Debug)]
 struct Filled {
     bytes: Box<[u8]>,
@@ -74,7 +74,7 @@ impl Deref for Told {
     }
 }
 
-impl Slot {
+impl RingSlot {
     fn new(size: usize) -> Self {
         Self(Box::new(Filled {
             bytes: alloc::vec![0; size].into_boxed_slice(),
@@ -107,11 +107,11 @@ impl Slot {
     }
 }
 
-/// A bounded first-in first-out queue of [`Slot`]s. Allocates in [`Ring::new`] only.
+/// A bounded first-in first-out queue of [`RingSlot`]s. Allocates in [`Ring::new`] only.
 #[derive(Debug)]
 pub struct Ring {
-    waiting: VecDeque<Slot>,
-    free: Vec<Slot>,
+    waiting: VecDeque<RingSlot>,
+    free: Vec<RingSlot>,
     depth: usize,
 }
 
@@ -120,7 +120,7 @@ impl Ring {
     pub fn new(depth: usize, size: usize) -> Self {
         let buffers = depth + 2;
         let mut free = Vec::with_capacity(buffers);
-        free.extend((0..buffers).map(|_| Slot::new(size)));
+        free.extend((0..buffers).map(|_| RingSlot::new(size)));
         Self {
             waiting: VecDeque::with_capacity(buffers),
             free,
@@ -129,13 +129,13 @@ impl Ring {
     }
 
     /// A buffer to fill; `None` only while another filler or reader holds too many.
-    pub fn spare(&mut self) -> Option<Slot> {
+    pub fn spare(&mut self) -> Option<RingSlot> {
         self.free.pop()
     }
 
     /// Appends a filled buffer. With `depth` samples waiting, the oldest makes room, and is given
     /// back.
-    pub fn push(&mut self, slot: Slot) -> Option<Slot> {
+    pub fn push(&mut self, slot: RingSlot) -> Option<RingSlot> {
         let dropped = match self.is_full() {
             true => self.waiting.pop_front(),
             false => None,
@@ -145,17 +145,17 @@ impl Ring {
     }
 
     /// The oldest sample.
-    pub fn pop(&mut self) -> Option<Slot> {
+    pub fn pop(&mut self) -> Option<RingSlot> {
         self.waiting.pop_front()
     }
 
     /// What waits, oldest first.
-    pub fn waiting(&self) -> impl Iterator<Item = &Slot> {
+    pub fn waiting(&self) -> impl Iterator<Item = &RingSlot> {
         self.waiting.iter()
     }
 
     /// Returns a buffer that came from [`Ring::pop`] or [`Ring::spare`].
-    pub fn give_back(&mut self, slot: Slot) {
+    pub fn give_back(&mut self, slot: RingSlot) {
         self.free.push(slot);
     }
 

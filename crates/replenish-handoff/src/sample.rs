@@ -1,7 +1,8 @@
-//! What is known about a sample besides its bytes; it travels with them through the inbox.
+//! The facts about a sample besides its bytes; they travel with them through the inbox.
 
-/// What is known about a sample besides its bytes. Builds without feature `sample-info`
-/// keep [`arrival`](Self::arrival) alone while it waits.
+/// The facts about a sample besides its bytes.
+///
+/// Builds without feature `sample-info` keep [`arrival`](Self::arrival) alone while it waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SampleInfo {
     /// When its bytes reached this process (`CLOCK_MONOTONIC`), in nanoseconds.

@@ -1,4 +1,4 @@
-//! The stop request: one flag, and a bell for everybody who may be asleep.
+//! The stop request: one flag, and a bell for each thread that may be asleep.
 //!
 //! ```text
 //!   request: flag := true ──► lock bells, ring each
@@ -20,7 +20,7 @@ pub struct Stop {
 }
 
 impl Stop {
-    /// Nothing is requested, nobody is told.
+    /// No stop is requested, no thread has joined.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -31,7 +31,7 @@ impl Stop {
         self.bells.lock().push(bell);
     }
 
-    /// Asks everybody to end.
+    /// Asks all threads to end.
     pub fn request(&self) {
         self.requested.store(true, Ordering::Release);
         for bell in self.bells.lock().iter() {
@@ -39,8 +39,7 @@ impl Stop {
         }
     }
 
-    /// Nobody is asked to end any more. For those who ask the flag alone: threads that have ended stay
-    /// ended.
+    /// Takes the request back, for threads that ask the flag alone: threads that have ended stay ended.
     pub fn withdraw(&self) {
         self.requested.store(false, Ordering::Release);
     }

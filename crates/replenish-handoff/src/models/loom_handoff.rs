@@ -1,8 +1,8 @@
-//! Every interleaving of the hand-off between dispatcher and worker, over the real inbox:
+//! Every interleaving of the held_slot-off between dispatcher and worker, over the real inbox:
 //! nothing is lost, nothing deadlocks, a full inbox comes back into the interest set.
 
 use crate::sync::{Arc, AtomicBool, Mutex, Notify, Ordering};
-use crate::{Inbox, Keep, Outcome, SampleInfo, Slot};
+use crate::{DeliveryOutcome, Inbox, Keep, RingSlot, SampleInfo};
 use loom::thread;
 
 /// What the dispatcher needs of a middleware: buffered samples, and a sticky wake-up.
@@ -30,7 +30,7 @@ impl Middleware {
 
 /// The dispatcher's loop for one keep-all reader, as in `executor/dispatcher.rs`.
 fn dispatch(middleware: &Middleware, inbox: &Inbox, bell: &Notify, done: &AtomicBool) {
-    let (mut parked, mut hand) = (false, None);
+    let (mut parked, mut held_slot) = (false, None);
     while !done.load(Ordering::Acquire) {
         if parked {
             parked = inbox.is_parked();
@@ -43,8 +43,8 @@ fn dispatch(middleware: &Middleware, inbox: &Inbox, bell: &Notify, done: &Atomic
             }) else {
                 break;
             };
-            let delivery = inbox.deliver(&mut hand, &[sample], &SampleInfo::at(0));
-            assert_eq!(delivery.outcome, Outcome::Stored);
+            let delivery = inbox.deliver(&mut held_slot, &[sample], &SampleInfo::at(0));
+            assert_eq!(delivery.outcome, DeliveryOutcome::Stored);
             parked = delivery.parked;
         }
         bell.set();
@@ -52,11 +52,11 @@ fn dispatch(middleware: &Middleware, inbox: &Inbox, bell: &Notify, done: &Atomic
 }
 
 /// The worker's part of one sample.
-fn pop(inbox: &Inbox, hand: &mut Option<Slot>, middleware: &Middleware) -> Option<u8> {
-    if inbox.pop(hand)? {
+fn pop(inbox: &Inbox, held_slot: &mut Option<RingSlot>, middleware: &Middleware) -> Option<u8> {
+    if inbox.pop(held_slot)? {
         middleware.bell.set();
     }
-    Some(hand.as_ref()?.payload()[0])
+    Some(held_slot.as_ref()?.payload()[0])
 }
 
 #[test]
@@ -71,9 +71,9 @@ fn a_full_inbox_rejoins_the_interest_set_as_soon_as_there_is_room() {
             let (bell, done) = (Arc::clone(&bell), Arc::clone(&done));
             thread::spawn(move || dispatch(&middleware, &inbox, &bell, &done))
         };
-        let (mut got, mut hand) = (Vec::new(), None);
+        let (mut got, mut held_slot) = (Vec::new(), None);
         while got.len() < 3 {
-            match pop(&inbox, &mut hand, &middleware) {
+            match pop(&inbox, &mut held_slot, &middleware) {
                 Some(sample) => got.push(sample),
                 None => bell.wait(),
             }
@@ -93,22 +93,22 @@ fn keep_last_hands_over_the_newest_and_counts_every_other() {
         let dispatcher = {
             let (inbox, bell) = (Arc::clone(&inbox), Arc::clone(&bell));
             thread::spawn(move || {
-                let (mut dropped, mut hand) = (0, None);
+                let (mut dropped, mut held_slot) = (0, None);
                 for sample in [1, 2, 3] {
-                    let delivery = inbox.deliver(&mut hand, &[sample], &SampleInfo::at(0));
+                    let delivery = inbox.deliver(&mut held_slot, &[sample], &SampleInfo::at(0));
                     assert!(!delivery.parked);
-                    dropped += usize::from(delivery.outcome == Outcome::ReplacedOldest);
+                    dropped += usize::from(delivery.outcome == DeliveryOutcome::ReplacedOldest);
                     bell.set();
                 }
                 dropped
             })
         };
-        let (mut got, mut hand) = (Vec::<u8>::new(), None::<Slot>);
+        let (mut got, mut held_slot) = (Vec::<u8>::new(), None::<RingSlot>);
         while got.last() != Some(&3) {
-            match inbox.pop(&mut hand) {
+            match inbox.pop(&mut held_slot) {
                 Some(wake) => {
                     assert!(!wake);
-                    got.push(hand.as_ref().unwrap().payload()[0]);
+                    got.push(held_slot.as_ref().unwrap().payload()[0]);
                 }
                 None => bell.wait(),
             }
@@ -127,10 +127,10 @@ fn closing_a_full_inbox_wakes_the_middleware_and_accounts_for_every_sample() {
         let dispatcher = {
             let (inbox, middleware) = (Arc::clone(&inbox), Arc::clone(&middleware));
             thread::spawn(move || {
-                let (mut discarded, mut hand) = (0, None);
+                let (mut discarded, mut held_slot) = (0, None);
                 for sample in [1, 2] {
-                    let delivery = inbox.deliver(&mut hand, &[sample], &SampleInfo::at(0));
-                    discarded += usize::from(delivery.outcome == Outcome::Closed);
+                    let delivery = inbox.deliver(&mut held_slot, &[sample], &SampleInfo::at(0));
+                    discarded += usize::from(delivery.outcome == DeliveryOutcome::Closed);
                     if delivery.parked {
                         middleware.bell.wait(); // only a wake-up brings it back
                     }

@@ -443,7 +443,7 @@ impl WorkerHandle<'_> {
         let route = Route {
             shared: Arc::clone(&shared),
             wake: post.mailbox.wake_handle(entry.slot),
-            hand: None,
+            spare_slot: None,
         };
         let sent = live.registry.enter(&post.name, &shared, || {
             post.mailbox.add(reserved, entry)?;

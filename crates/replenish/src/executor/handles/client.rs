@@ -15,7 +15,7 @@ use crate::executor::wake::doorbell::WakeHandle;
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::executor::wake::run_queue::RunQueue;
 use crate::executor::wake::schedule::nanos;
-use crate::handoff::{Inbox, RequestIdentity, SampleInfo, Slot};
+use crate::handoff::{Inbox, RequestIdentity, RingSlot, SampleInfo};
 use crate::middleware::encoding::Encoding;
 use crate::middleware::encoding::decode;
 use crate::middleware::remedy::SERVICE;
@@ -284,7 +284,7 @@ pub(crate) struct Replies<S: Service, F> {
     client: Arc<ClientInner>,
     response: S::Response,
     /// The reply taken last, as it came.
-    hand: Option<Slot>,
+    read_slot: Option<RingSlot>,
     info: SampleInfo,
     /// Why there is no response to the request that is told of.
     missing: Option<NoReply>,
@@ -297,7 +297,7 @@ impl<S: Service, F> Replies<S, F> {
             shared,
             client,
             response: S::Response::default(),
-            hand: None,
+            read_slot: None,
             info: SampleInfo::at(0),
             missing: None,
             callback,
@@ -372,7 +372,7 @@ where
         if self.is_behind() {
             return None;
         }
-        let Some(slot) = env.next_sample(&self.client.inbox, &mut self.hand) else {
+        let Some(slot) = env.next_sample(&self.client.inbox, &mut self.read_slot) else {
             return self.expire();
         };
         self.info = *slot.info();

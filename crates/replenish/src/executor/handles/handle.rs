@@ -10,7 +10,7 @@ use crate::executor::wake::doorbell::WakeHandle;
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::executor::wake::run_queue::RunQueue;
 use crate::executor::wake::stop::StopHandle;
-use crate::handoff::{Inbox, Slot};
+use crate::handoff::{Inbox, RingSlot};
 use crate::histogram::LiveHistogram;
 use crate::middleware::ReaderId;
 use crate::middleware::encoding::decode;
@@ -39,16 +39,16 @@ pub(crate) struct Env<'a> {
 }
 
 impl Env<'_> {
-    /// The next sample that waits, for the one in `hand`.
+    /// The next sample that waits, for the one in `read_slot`.
     pub(crate) fn next_sample<'h>(
         &self,
         inbox: &Inbox,
-        hand: &'h mut Option<Slot>,
-    ) -> Option<&'h Slot> {
-        if inbox.pop(hand)? {
+        read_slot: &'h mut Option<RingSlot>,
+    ) -> Option<&'h RingSlot> {
+        if inbox.pop(read_slot)? {
             self.stop.middleware.wake();
         }
-        hand.as_ref()
+        read_slot.as_ref()
     }
 }
 
@@ -86,7 +86,7 @@ impl fmt::Debug for Deadline {
 }
 
 impl Taken {
-    pub(crate) fn sample(slot: &Slot) -> Self {
+    pub(crate) fn sample(slot: &RingSlot) -> Self {
         Self {
             due: slot.info().arrival,
             deadline: None,
@@ -227,16 +227,16 @@ impl HandleState {
         discarded
     }
 
-    /// Takes the next sample of its inbox into `hand` and decodes it in place; one that cannot be
+    /// Takes the next sample of its inbox into `read_slot` and decodes it in place; one that cannot be
     /// decoded is reported and counted.
     pub(crate) fn take_sample<M: Message>(
         &self,
         inbox: &Inbox,
-        hand: &mut Option<Slot>,
+        read_slot: &mut Option<RingSlot>,
         message: &mut M,
         env: &Env<'_>,
     ) -> Option<Taken> {
-        let slot = env.next_sample(inbox, hand)?;
+        let slot = env.next_sample(inbox, read_slot)?;
         match decode(message, &CdrReader::new(slot.payload())) {
             Ok(()) => Some(Taken::sample(slot)),
             Err(error) => {

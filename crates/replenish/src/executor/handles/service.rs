@@ -4,7 +4,7 @@ use super::callback::{CallbackContext, CallbackResult};
 use super::handle::{Env, Handle, HandleState, Taken};
 use crate::Nanos;
 use crate::executor::wake::lazy_now::LazyNow;
-use crate::handoff::{Inbox, RequestIdentity, Slot};
+use crate::handoff::{Inbox, RequestIdentity, RingSlot};
 use crate::middleware::encoding::Encoding;
 use crate::middleware::remedy::SERVICE;
 use crate::middleware::{Middleware, PublishError, WriterId};
@@ -85,7 +85,7 @@ pub(crate) struct Server<S: Service, F> {
     line: Arc<ReplyLine>,
     request: S::Request,
     /// The request taken last, as it came.
-    hand: Option<Slot>,
+    read_slot: Option<RingSlot>,
     callback: F,
 }
 
@@ -103,7 +103,7 @@ impl<S: Service, F> Server<S, F> {
             inbox,
             line: Arc::new(line),
             request,
-            hand: None,
+            read_slot: None,
             callback,
         }
     }
@@ -121,11 +121,11 @@ where
 
     fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
         self.shared
-            .take_sample(&self.inbox, &mut self.hand, &mut self.request, env)
+            .take_sample(&self.inbox, &mut self.read_slot, &mut self.request, env)
     }
 
     fn execute(&mut self, env: &Env<'_>, started: Nanos) {
-        let Some(info) = self.hand.as_ref().map(Slot::info) else {
+        let Some(info) = self.read_slot.as_ref().map(RingSlot::info) else {
             return;
         };
         let cx = CallbackContext::about(&info, env, &self.shared, started);

@@ -4,7 +4,7 @@ use super::callback::{CallbackContext, CallbackResult};
 use super::handle::{Env, Handle, HandleState, Taken};
 use crate::Nanos;
 use crate::executor::wake::lazy_now::LazyNow;
-use crate::handoff::{Inbox, Slot};
+use crate::handoff::{Inbox, RingSlot};
 use crate::sync::Arc;
 use core::marker::PhantomData;
 use replenish_msg::{Message, View, Viewed};
@@ -15,7 +15,7 @@ pub(crate) struct Subscription<M, F> {
     inbox: Arc<Inbox>,
     message: M,
     /// The sample taken last, as it came.
-    hand: Option<Slot>,
+    read_slot: Option<RingSlot>,
     callback: F,
 }
 
@@ -25,7 +25,7 @@ impl<M: Message, F> Subscription<M, F> {
             shared,
             inbox,
             message: M::default(),
-            hand: None,
+            read_slot: None,
             callback,
         }
     }
@@ -43,11 +43,11 @@ where
 
     fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
         self.shared
-            .take_sample(&self.inbox, &mut self.hand, &mut self.message, env)
+            .take_sample(&self.inbox, &mut self.read_slot, &mut self.message, env)
     }
 
     fn execute(&mut self, env: &Env<'_>, started: Nanos) {
-        let Some(info) = self.hand.as_ref().map(Slot::info) else {
+        let Some(info) = self.read_slot.as_ref().map(RingSlot::info) else {
             return;
         };
         let cx = CallbackContext::about(&info, env, &self.shared, started);
@@ -66,7 +66,7 @@ where
 pub(crate) struct RawSubscription<F> {
     shared: Arc<HandleState>,
     inbox: Arc<Inbox>,
-    hand: Option<Slot>,
+    read_slot: Option<RingSlot>,
     callback: F,
 }
 
@@ -75,13 +75,13 @@ impl<F> RawSubscription<F> {
         Self {
             shared,
             inbox,
-            hand: None,
+            read_slot: None,
             callback,
         }
     }
 
     fn take_slot(&mut self, env: &Env<'_>) -> Option<Taken> {
-        env.next_sample(&self.inbox, &mut self.hand)
+        env.next_sample(&self.inbox, &mut self.read_slot)
             .map(Taken::sample)
     }
 }
@@ -100,7 +100,7 @@ where
     }
 
     fn execute(&mut self, env: &Env<'_>, started: Nanos) {
-        let Some(slot) = &self.hand else {
+        let Some(slot) = &self.read_slot else {
             return;
         };
         let info = slot.info();
@@ -144,7 +144,7 @@ where
 
     fn execute(&mut self, env: &Env<'_>, started: Nanos) {
         let raw = &mut self.raw;
-        let Some(slot) = &raw.hand else {
+        let Some(slot) = &raw.read_slot else {
             return;
         };
         match M::View::from_payload(slot.payload()) {
@@ -207,12 +207,18 @@ mod tests {
         let len = msg::StringView { data: "in place" }
             .encode_to(&mut buf)
             .unwrap();
-        let mut hand = None;
+        let mut read_slot = None;
         let inbox = Arc::clone(&handle.raw.inbox);
         for n in 1..=2 {
-            inbox.deliver(&mut hand, &buf[..len], &SampleInfo::at(0));
+            inbox.deliver(&mut read_slot, &buf[..len], &SampleInfo::at(0));
             assert!(handle.take(&env).is_some());
-            let slot = handle.raw.hand.as_ref().unwrap().payload().as_ptr_range();
+            let slot = handle
+                .raw
+                .read_slot
+                .as_ref()
+                .unwrap()
+                .payload()
+                .as_ptr_range();
             handle.execute(&env, 0);
             assert!(!handle.was_spoiled());
             let seen = seen.lock().unwrap();
@@ -220,7 +226,7 @@ mod tests {
             assert_eq!(end - start, "in place".len());
             assert!(slot.start as usize <= start && end <= slot.end as usize);
         }
-        inbox.deliver(&mut hand, &[9, 0, 0, 0, b'x'], &SampleInfo::at(0));
+        inbox.deliver(&mut read_slot, &[9, 0, 0, 0, b'x'], &SampleInfo::at(0));
         assert!(handle.take(&env).is_some());
         handle.execute(&env, 0);
         assert!(handle.was_spoiled(), "half a text");

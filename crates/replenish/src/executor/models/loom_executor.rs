@@ -34,7 +34,7 @@ fn route(shared: &Arc<HandleState>, wake: &WakeHandle) -> Route {
     Route {
         shared: Arc::clone(shared),
         wake: wake.clone(),
-        hand: None,
+        spare_slot: None,
     }
 }
 
@@ -101,11 +101,11 @@ fn a_full_reader_leaves_the_interest_set_holds_up_nobody_and_comes_back() {
         let (mut got, mut hands) = (Vec::new(), [None, None]);
         while got.len() < 3 {
             let both = inboxes.iter().zip(&mut hands);
-            let popped = both.filter_map(|(inbox, hand)| {
-                if inbox.pop(hand)? {
+            let popped = both.filter_map(|(inbox, read_slot)| {
+                if inbox.pop(read_slot)? {
                     middleware.wake();
                 }
-                Some(hand.as_ref()?.payload()[0])
+                Some(read_slot.as_ref()?.payload()[0])
             });
             let before = got.len();
             got.extend(popped);

@@ -3,7 +3,7 @@
 use crate::event::{Event, Events};
 use crate::executor::handles::handle::HandleState;
 use crate::executor::wake::doorbell::WakeHandle;
-use crate::handoff::{Outcome, SampleInfo, Slot};
+use crate::handoff::{DeliveryOutcome, RingSlot, SampleInfo};
 use crate::sync::Arc;
 
 /// Where a reader's samples go.
@@ -12,7 +12,7 @@ pub(crate) struct Route {
     /// Marks the handle, and leads to the bell.
     pub(crate) wake: WakeHandle,
     /// The dispatcher's empty buffer for its next sample.
-    pub(crate) hand: Option<Slot>,
+    pub(crate) spare_slot: Option<RingSlot>,
 }
 
 impl Route {
@@ -24,13 +24,17 @@ impl Route {
         };
         let counters = &self.shared.counters;
         counters.received.count(1);
-        let delivery = inbox.deliver(&mut self.hand, bytes, info);
+        let delivery = inbox.deliver(&mut self.spare_slot, bytes, info);
         self.wake.mark();
         match delivery.outcome {
-            Outcome::Stored => {}
-            Outcome::ReplacedOldest | Outcome::NoRoom => drop(counters.dropped.add(1)),
-            Outcome::Closed => drop(counters.discarded.add(1)),
-            Outcome::Oversize => self.oversize(bytes.len(), events),
+            DeliveryOutcome::Stored => {}
+            DeliveryOutcome::ReplacedOldest | DeliveryOutcome::NoRoom => {
+                counters.dropped.add(1);
+            }
+            DeliveryOutcome::Closed => {
+                counters.discarded.add(1);
+            }
+            DeliveryOutcome::Oversize => self.oversize(bytes.len(), events),
         }
         delivery.parked
     }

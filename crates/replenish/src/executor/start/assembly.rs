@@ -101,7 +101,7 @@ impl Dispatcher {
             *route = Some(Route {
                 shared: Arc::clone(shared),
                 wake,
-                hand: None,
+                spare_slot: None,
             });
         }
     }
