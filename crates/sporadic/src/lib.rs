@@ -15,8 +15,17 @@
 //! `Posix` comes with feature `posix` (default).
 //!
 //! [`Reservation`] adds to a server what supervising a real thread takes: charging CPU-clock
-//! readings to the level in force, and the lazy check timer. [`Server`] is one or the other, chosen at run time. All are `Send + Sync` plain data without
-//! interior mutability: the caller serialises access.
+//! readings to the level in force, and the lazy check timer. [`Server`] is one or the other, chosen
+//! at run time. All are `Send + Sync` plain data without interior mutability: the caller serialises
+//! access.
+//!
+//! ```text
+//!   stated                      checked                 held
+//!   budget ── priority ──────►  params ─► policy        reservation: charging, the check timer
+//!   B every T  its level        P, L, B, T, N  │             │
+//!                                              └──────► choice: corrected or posix ─► ring
+//!   units: nanoseconds, and how people read them        server: what both of them do
+//! ```
 //!
 //! ```
 //! use sporadic::{BudgetServer, Corrected, Level, Low, Params};
@@ -39,6 +48,7 @@
 #![forbid(unsafe_code)]
 
 mod budget;
+mod choice;
 mod corrected;
 mod params;
 mod policy;
@@ -51,6 +61,7 @@ mod server;
 mod units;
 
 pub use budget::{Amount, Budget};
+pub use choice::{Kind, Server};
 pub use corrected::{Consumed, Corrected};
 pub use params::{Low, ParamError, Params};
 pub use policy::{MAX_PRIORITY, MIN_RUNTIME, Policy, PolicyError};
@@ -58,5 +69,5 @@ pub use policy::{MAX_PRIORITY, MIN_RUNTIME, Policy, PolicyError};
 pub use posix::Posix;
 pub use reservation::{Counters, Gap, Reservation, Tuning, Verdict};
 pub use ring::Chunk;
-pub use server::{BudgetServer, Kind, Level, Server};
+pub use server::{BudgetServer, Level};
 pub use units::{Nanos, WholeUnits};

@@ -1,6 +1,7 @@
 //! Bounds for every thread of a CPU.
 
 use super::interference::{Interference, ceilings, job_cost, raises};
+use super::supply::MAX_JOBS;
 use super::{Costs, Scheduling, Supply, Task};
 use crate::Nanos;
 use sporadic::Params;
@@ -17,8 +18,6 @@ pub struct Bounds {
 
 /// Windows longer than this many of the longest periods are given up.
 const LIMIT_PERIODS: u64 = 100;
-/// So are busy periods of more jobs than this.
-pub(super) const MAX_JOBS: u64 = 10_000;
 
 /// Bounds for all threads of one CPU, in their order. Quadratic in their number: 1000 take a
 /// fraction of a second.

@@ -1,8 +1,10 @@
 //! What a reservation delivers at least, and how long work takes inside it.
 
-use super::response::MAX_JOBS;
 use crate::Nanos;
 use sporadic::Params;
+
+/// Busy periods of more jobs than this are given up.
+pub(super) const MAX_JOBS: u64 = 10_000;
 
 /// The least CPU time a reservation (corrected sporadic server) delivers to a worker that always
 /// has work, in any window of a given length (SL03, LB03).
