@@ -1,7 +1,7 @@
 //! Our bytes and hashes against those of an independent codec, rosbags, for every type that it
 //! knows: `peers/golden.py` makes random values, this decodes and encodes them, owned and as views,
-//! from either byte order. `tests/peers/setup.sh` installs rosbags; without it these trials count as
-//! ignored. `REPLENISH_SEED` and `REPLENISH_VALUES` choose other values and more of them.
+//! from either byte order. `tests/peers/setup.sh` installs rosbags; without it these trials count
+//! as ignored. `REPLENISH_SEED` and `REPLENISH_VALUES` choose other values and more of them.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

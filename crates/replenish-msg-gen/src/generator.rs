@@ -56,8 +56,8 @@ impl Generator {
         self
     }
 
-    /// Uses the Rust type `path` for `name` (`std_msgs/msg/Int32`) instead of generating one. It has
-    /// to be that message, and without unbounded fields.
+    /// Uses the Rust type `path` for `name` (`std_msgs/msg/Int32`) instead of generating one. It
+    /// has to be that message, and without unbounded fields.
     pub fn reuse(mut self, name: impl Into<String>, path: impl Into<String>) -> Self {
         self.reused.insert(name.into(), path.into());
         self
@@ -119,11 +119,12 @@ impl Generator {
 
     /// Writes `interfaces.rs` into `dir`, and beside it a file per interface that it includes. In a
     /// build script the packages of `replenish-interfaces` are taken as
-    /// [dependencies](Self::dependency_dir) if the crate depends on it, and those given here are not
-    /// among them.
+    /// [dependencies](Self::dependency_dir) if the crate depends on it, and those given here are
+    /// not among them.
     ///
     /// # Errors
-    /// [`Error`] with the place, for anything wrong with the files, and for types that are not there.
+    /// [`Error`] with the place, for anything wrong with the files, and for types that are not
+    /// there.
     pub fn generate(mut self, dir: impl AsRef<Path>) -> Result<(), Error> {
         self.add_shared()?;
         let mut registry = Registry::new(self.bounds);
@@ -199,7 +200,8 @@ impl Generator {
     }
 }
 
-/// No two interfaces want the same Rust name or the same file, such as `Map`, which has a `MapView`, and
+/// No two interfaces want the same Rust name or the same file, such as `Map`, which has a
+/// `MapView`, and
 /// `MapView`.
 fn check_names(registry: &Registry, own: &[Interface]) -> Result<(), Error> {
     let mut taken = BTreeMap::new();

@@ -17,8 +17,8 @@
 //! use my_msgs::msg::Status;
 //! ```
 //!
-//! The code names the crate `replenish_msg` (see [`Generator::runtime`]). With `replenish-interfaces`
-//! among the dependencies, its packages are known without further ado.
+//! The code names the crate `replenish_msg` (see [`Generator::runtime`]). With
+//! `replenish-interfaces` among the dependencies, its packages are known without further ado.
 //!
 //! Everything that a `.msg` file can say is supported, and no other file format (`.idl`).
 #![forbid(unsafe_code)]

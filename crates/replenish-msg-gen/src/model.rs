@@ -27,7 +27,7 @@ impl TypeName {
         Self::new(&self.package, self.kind, format!("{}{suffix}", self.name))
     }
 
-    /// `std_msgs::msg::dds_::Int32_`
+    /// The name in DDS: `std_msgs::msg::dds_::Int32_`.
     pub(crate) fn dds(&self) -> String {
         format!("{}::{}::dds_::{}_", self.package, self.kind, self.name)
     }

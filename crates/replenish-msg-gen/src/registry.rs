@@ -161,10 +161,13 @@ impl Registry {
                     _ => Held::Heap,
                 }
             }
-            Base::Message(name) => match self.facts(name).inline {
-                true => Held::Inline,
-                false => Held::Heap,
-            },
+            Base::Message(name) => {
+                if self.facts(name).inline {
+                    Held::Inline
+                } else {
+                    Held::Heap
+                }
+            }
         }
     }
 
@@ -177,10 +180,10 @@ impl Registry {
                     return Held::Heap;
                 };
                 let size = bound.saturating_mul(self.element_end(0, field));
-                match element == Held::Inline && (size <= INLINE || self.bounds.sequence.is_some())
-                {
-                    true => Held::Inline,
-                    false => Held::Heap,
+                if element == Held::Inline && (size <= INLINE || self.bounds.sequence.is_some()) {
+                    Held::Inline
+                } else {
+                    Held::Heap
                 }
             }
             _ => element,
@@ -220,12 +223,14 @@ impl Registry {
         facts
     }
 
-    /// The size that buffers get: the largest if there is one, else with room for what has no bound.
+    /// The size that buffers get: the largest if there is one, else with room for what has no
+    /// bound.
     pub(crate) fn max_size(&self, name: &TypeName) -> usize {
         let end = self.end(0, name);
-        match self.facts(name).bounded {
-            true => end,
-            false => end.saturating_add(ROOM),
+        if self.facts(name).bounded {
+            end
+        } else {
+            end.saturating_add(ROOM)
         }
     }
 

@@ -203,8 +203,9 @@ impl Walk<'_> {
     }
 }
 
-/// The name of the field at which `written` ends, the beginning of a message of this structure: of the
-/// outermost one, where it is in another. Empty if the structure is not known, or nothing is missing.
+/// The name of the field at which `written` ends, the beginning of a message of this structure: of
+/// the outermost one, where it is in another. Empty if the structure is not known, or nothing is
+/// missing.
 ///
 /// For encoders that had no room for it: what they have written so far says where they were.
 #[cold]

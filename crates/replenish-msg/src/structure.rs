@@ -74,7 +74,7 @@ pub enum Shape {
 /// The type of a field's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// `bool`
+    /// `bool`.
     Bool,
     /// A number of as many bytes: 1, 2, 4 or 8.
     Number(usize),

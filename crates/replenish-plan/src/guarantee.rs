@@ -14,7 +14,8 @@ use std::time::Duration;
 /// - a rate: `Guarantee::at(50.0).taking(ms(3))`. A callback of at most 3 ms runs 50 times a second
 ///   and ends within its deadline. The planner adds what enforcing costs.
 ///
-/// Ranges are checked when a plan is made: `0 < minimum <= amount <= desired <= deadline <= period`.
+/// Ranges are checked when a plan is made: `0 < minimum <= amount <= desired <= deadline <=
+/// period`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Guarantee {
     pub(crate) budget: Budget,

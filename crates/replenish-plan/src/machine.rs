@@ -114,10 +114,11 @@ impl Overheads {
         ]
     }
 
-    /// Used where nothing was measured. Several times what `replenish bench enforcement` and `replenish bench handoff` measured on a
-    /// virtual machine with 2 CPUs (Linux 6.18, HZ=250, not `PREEMPT_RT`; `docs/enforcement.md`):
-    /// overruns of 5 to 7 us (99 %), 30 to 80 us of the enforcer per budget and 100 ms.
-    /// Interruptions of a virtual machine by its host are not covered.
+    /// Used where nothing was measured. Several times what `replenish bench enforcement` and
+    /// `replenish bench handoff` measured on a virtual machine with 2 CPUs (Linux 6.18, HZ=250, not
+    /// `PREEMPT_RT`; `docs/enforcement.md`): overruns of 5 to 7 us (99 %), 30 to 80 us of the
+    /// enforcer per budget and 100 ms. Interruptions of a virtual machine by its host are not
+    /// covered.
     pub const LINUX: Self = Self {
         context_switch: 3_000,
         callback: 10_000,

@@ -1,6 +1,7 @@
 //! Properties over random sets, by seed, on all CPUs.
 //!
-//! `REPLENISH_SETS` says how many sets, `REPLENISH_SEED` the first seed; a failure names its seed, and
+//! `REPLENISH_SETS` says how many sets, `REPLENISH_SEED` the first seed; a failure names its seed,
+//! and
 //! `REPLENISH_SEED=that REPLENISH_SETS=1` plays it again.
 
 use std::sync::atomic::{AtomicU64, Ordering};

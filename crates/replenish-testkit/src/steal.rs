@@ -1,7 +1,7 @@
 //! Trials on a machine that did not do its part: what failed meanwhile is no verdict.
 //!
-//! Tolerances stay as they are; the trial is repeated instead, and says so. Clocks alone decide about
-//! that, so on a machine that nobody takes anything from each trial runs once.
+//! Tolerances stay as they are; the trial is repeated instead, and says so. Clocks alone decide
+//! about that, so on a machine that nobody takes anything from each trial runs once.
 //!
 //! | | for trials at | what decides |
 //! |---|---|---|
@@ -20,8 +20,8 @@ pub mod steal_time;
 /// A trial runs so often at most.
 const RUNS: u32 = 4;
 
-/// With this much stolen from all CPUs, in ns, a failure is no verdict. The kernel tells it in steps of
-/// 10 ms for each CPU.
+/// With this much stolen from all CPUs, in ns, a failure is no verdict. The kernel tells it in
+/// steps of 10 ms for each CPU.
 const STOLEN: u64 = 20_000_000;
 
 /// Time that was stolen from the CPUs since boot, in ns.
@@ -29,7 +29,8 @@ fn total() -> u64 {
     (0..).map_while(steal_time::steal_time).sum()
 }
 
-/// A hypervisor takes CPU time for seconds on end: so long is waited for it to stop before the next run.
+/// A hypervisor takes CPU time for seconds on end: so long is waited for it to stop before the next
+/// run.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Waits until nothing is stolen, up to a minute. Only who runs can see that.
@@ -47,11 +48,12 @@ fn calm() {
     }
 }
 
-/// A thread that only sleeps wakes so much later than asked, at worst, on a machine that keeps up, in ns.
+/// A thread that only sleeps wakes so much later than asked, at worst, on a machine that keeps up,
+/// in ns.
 const LATE: u64 = 50_000_000;
 
-/// Runs `body`; again, at most three times and when that seems to be over, if it panicked while 20 ms
-/// or more were stolen.
+/// Runs `body`; again, at most three times and when that seems to be over, if it panicked while 20
+/// ms or more were stolen.
 ///
 /// # Panics
 /// As `body` does when it does so undisturbed, or in the last run.
@@ -60,8 +62,8 @@ pub fn undisturbed(name: &str, body: &dyn Fn()) {
     watched(name, what, (STOLEN, &total), &calm, body);
 }
 
-/// Runs `body`; again, at most three times, if it panicked while an ordinary thread did not get to run
-/// for 50 ms or more.
+/// Runs `body`; again, at most three times, if it panicked while an ordinary thread did not get to
+/// run for 50 ms or more.
 ///
 /// # Panics
 /// As `body` does when the machine kept up, or in the last run.

@@ -117,9 +117,10 @@ impl<const N: usize> Corrected<N> {
         let (budget, period) = (self.params.budget(), self.params.period());
         // Consuming exactly B takes every chunk once, so all come back T later.
         // (Seldom so much: and dividing is slow on small processors.)
-        let (rounds, mut rest) = match used < budget {
-            true => (0, used),
-            false => (used / budget, used - used / budget * budget),
+        let (rounds, mut rest) = if used < budget {
+            (0, used)
+        } else {
+            (used / budget, used - used / budget * budget)
         };
         if rounds > 0 {
             let delay = rounds.saturating_mul(period);

@@ -151,9 +151,9 @@ impl<S: BudgetServer> Reservation<S> {
         (self.check_at != NEVER).then_some(self.check_at)
     }
 
-    /// Where the owner can be told that the thread's CPU clock has reached a reading: which one to wait
-    /// for instead of [`check_at`](Self::check_at). `None` while CPU time alone decides nothing. Then
-    /// nobody has to look after a thread that does not run.
+    /// Where the owner can be told that the thread's CPU clock has reached a reading: which one to
+    /// wait for instead of [`check_at`](Self::check_at). `None` while CPU time alone decides
+    /// nothing. Then nobody has to look after a thread that does not run.
     pub fn limit(&self) -> Option<Nanos> {
         if !self.runnable || self.level == Level::Low {
             return None;

@@ -1,6 +1,6 @@
 //! One field: its types, default, and how it is written, read, checked and converted.
 
-use super::Emit;
+use super::settings::Emit;
 use crate::model::{Base, Definition, Field, Shape, Value};
 use crate::names;
 use crate::registry::Held;
@@ -239,10 +239,13 @@ pub(super) fn literal(value: &Value, base: &Base) -> String {
         (Value::Bool(value), _) => value.to_string(),
         (Value::Integer(value), _) => value.to_string(),
         (Value::Text(text), _) => format!("{text:?}"),
-        (Value::Float(text), Base::Primitive(p)) => match text.starts_with(['N', 'I']) {
-            true => format!("{}::{text}", p.rust()),
-            false => text.clone(),
-        },
+        (Value::Float(text), Base::Primitive(p)) => {
+            if text.starts_with(['N', 'I']) {
+                format!("{}::{text}", p.rust())
+            } else {
+                text.clone()
+            }
+        }
         _ => String::new(),
     }
 }

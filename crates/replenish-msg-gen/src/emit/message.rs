@@ -1,7 +1,8 @@
 //! One message: an owned struct and, where there is something to borrow, a view.
 
 use super::fields::{Code, literal};
-use super::{Emit, docs, type_hash};
+use super::settings::Emit;
+use super::text::{docs, type_hash};
 use crate::model::{Base, Definition};
 
 pub(super) fn emit(emit: &Emit<'_>, definition: &Definition) -> String {
@@ -133,32 +134,33 @@ impl Message<'_> {
             derives.push_str(", Eq, Hash");
         }
         let own_docs = docs(&self.definition.docs, "");
-        let decode = match self.fields.is_empty() {
-            true => "        r.u8().map(|_| ())\n".into(),
-            false => {
-                let code = self.collect(|f| {
-                    let refill = format!(
-                        "        {rt}::wire::DecodeInPlace::decode_in_place(&mut self.{}, r)?;\n",
-                        f.name
-                    );
-                    f.checks_next() + &refill + &f.checks(true)
-                });
-                code + "        ::core::result::Result::Ok(())\n"
-            }
+        let decode = if self.fields.is_empty() {
+            "        r.u8().map(|_| ())\n".into()
+        } else {
+            let code = self.collect(|f| {
+                let refill = format!(
+                    "        {rt}::wire::DecodeInPlace::decode_in_place(&mut self.{}, r)?;\n",
+                    f.name
+                );
+                f.checks_next() + &refill + &f.checks(true)
+            });
+            code + "        ::core::result::Result::Ok(())\n"
         };
-        let tables = match facts.inline {
-            true => self.tables(false),
-            false => format!(
+        let tables = if facts.inline {
+            self.tables(false)
+        } else {
+            format!(
                 "    const TYPE_HASH: ::core::option::Option<&'static str> = \
-                 <{rust}View as {rt}::View>::HASH;\n    \
-                 const STRUCTURE: &'static {rt}::Structure = \
-                 <{rust}View as {rt}::View>::FIELDS;\n"
-            ),
+             <{rust}View as {rt}::View>::HASH;\n    \
+             const STRUCTURE: &'static {rt}::Structure = \
+             <{rust}View as {rt}::View>::FIELDS;\n"
+            )
         };
         let constants = self.constants(&format!("{gate}impl {rust}"));
-        let viewed = match facts.inline {
-            true => "Self".into(),
-            false => format!("{rust}View<'a>"),
+        let viewed = if facts.inline {
+            "Self".into()
+        } else {
+            format!("{rust}View<'a>")
         };
         format!(
             "\n/// `{name}`\n///\n{own_docs}{gate}#[derive({derives})]\npub struct {rust} {{\n{}}}\n\

@@ -112,9 +112,10 @@ impl<'a> Part<'a> {
 
     /// The comments of whatever was read last.
     fn last_docs(&mut self, field: bool) -> Option<&mut Vec<String>> {
-        match field {
-            true => self.fields.last_mut().map(|f| &mut f.docs),
-            false => self.constants.last_mut().map(|c| &mut c.docs),
+        if field {
+            self.fields.last_mut().map(|f| &mut f.docs)
+        } else {
+            self.constants.last_mut().map(|c| &mut c.docs)
         }
     }
 
@@ -210,17 +211,19 @@ impl<'a> Part<'a> {
         name: &str,
         constant: bool,
     ) -> Result<(), Error> {
-        let (ok, what, allowed) = match constant {
-            true => (names::is_constant(name), "constant", names::CONSTANT),
-            false => (names::is_field(name), "field", names::FIELD),
+        let (ok, what, allowed) = if constant {
+            (names::is_constant(name), "constant", names::CONSTANT)
+        } else {
+            (names::is_field(name), "field", names::FIELD)
         };
         if !ok {
             let message = format!("`{name}` is no name of a {what}: {allowed}");
             return Err(line.error(place, message));
         }
-        let taken = match constant {
-            true => self.constants.iter().any(|c| c.name == name),
-            false => self.fields.iter().any(|f| f.name == name),
+        let taken = if constant {
+            self.constants.iter().any(|c| c.name == name)
+        } else {
+            self.fields.iter().any(|f| f.name == name)
         };
         if taken {
             let message = format!("there is a {what} `{name}` already");

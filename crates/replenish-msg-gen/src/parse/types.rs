@@ -11,12 +11,11 @@ const LARGEST: usize = u32::MAX as usize;
 pub(super) fn parse(line: &mut Line<'_>, package: &str) -> Result<(Base, Shape), Error> {
     let place = line.place();
     let name = line.until(|c| c.is_whitespace() || "[]<>=#\"',".contains(c));
-    let bound = match line.rest().starts_with("<=") {
-        true => {
-            line.advance(2);
-            Some(number(line, "the bound of a string")?)
-        }
-        false => None,
+    let bound = if line.rest().starts_with("<=") {
+        line.advance(2);
+        Some(number(line, "the bound of a string")?)
+    } else {
+        None
     };
     let base = base(line, place, name, package)?;
     let base = match (base, bound) {
@@ -49,9 +48,10 @@ fn shape(line: &mut Line<'_>) -> Result<Shape, Error> {
     } else {
         Shape::Array(number(line, "the size of an array")?)
     };
-    match line.take(']') {
-        true => Ok(shape),
-        false => line.wrong("`]` is missing; allowed are `[]`, `[N]` and `[<=N]`"),
+    if line.take(']') {
+        Ok(shape)
+    } else {
+        line.wrong("`]` is missing; allowed are `[]`, `[N]` and `[<=N]`")
     }
 }
 
@@ -119,13 +119,12 @@ fn message(text: &str, own: &str) -> Result<TypeName, String> {
         ));
     }
     if !names::is_type(name) {
-        let what = match name == text && name.starts_with(|c: char| c.is_ascii_lowercase()) {
-            true => {
-                "primitive type (bool, byte, char, float32, float64, int8, uint8, int16, uint16, \
-                     int32, uint32, int64, uint64, string, wstring), and none of a message"
-                    .into()
-            }
-            false => format!("name of a message: {}", names::TYPE),
+        let what = if name == text && name.starts_with(|c: char| c.is_ascii_lowercase()) {
+            "primitive type (bool, byte, char, float32, float64, int8, uint8, int16, uint16, \
+                 int32, uint32, int64, uint64, string, wstring), and none of a message"
+                .into()
+        } else {
+            format!("name of a message: {}", names::TYPE)
         };
         return Err(format!("`{name}` is no {what}"));
     }

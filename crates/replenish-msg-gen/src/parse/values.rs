@@ -16,9 +16,10 @@ pub(super) fn parse(line: &mut Line<'_>, base: &Base, shape: Shape) -> Result<Va
         }
         let value = element(line, base)?;
         line.skip_blanks();
-        return match line.at_end() {
-            true => Ok(value),
-            false => line.wrong(format!("`{}` behind the value", line.rest())),
+        return if line.at_end() {
+            Ok(value)
+        } else {
+            line.wrong(format!("`{}` behind the value", line.rest()))
         };
     }
     let start = line.place();

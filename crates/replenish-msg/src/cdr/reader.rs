@@ -52,8 +52,8 @@ impl<'a> CdrReader<'a> {
     }
 
     /// A reader of a payload with its 4-byte encapsulation header in front, as DDS and bag files
-    /// carry it (OMG DDSI-RTPS 2.5, clause 10.2): `00 00` is big-endian XCDR1, `00 01` little-endian.
-    /// Offsets count from behind the header, and so does alignment.
+    /// carry it (OMG DDSI-RTPS 2.5, clause 10.2): `00 00` is big-endian XCDR1, `00 01`
+    /// little-endian. Offsets count from behind the header, and so does alignment.
     ///
     /// # Errors
     /// [`CdrError::EndOfBuffer`] below 4 bytes; [`CdrError::Encapsulation`] for another encoding.

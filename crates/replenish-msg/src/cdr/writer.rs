@@ -103,7 +103,8 @@ impl<'a> CdrWriter<'a> {
         Ok(())
     }
 
-    /// Writes zeros up to a multiple of `align`, then makes room for `len` bytes; or nothing at all.
+    /// Writes zeros up to a multiple of `align`, then makes room for `len` bytes; or nothing at
+    /// all.
     fn room(&mut self, align: usize, len: usize) -> Result<&mut [u8], CdrError> {
         let pad = padding(self.pos, align);
         let needed = pad.saturating_add(len);

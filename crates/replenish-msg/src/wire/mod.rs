@@ -1,5 +1,5 @@
-//! What a field of a message can be: [`Encode`] is written, [`DecodeInPlace`] is read in place, [`Item`] is
-//! read anew and may borrow from the bytes. Generated code calls these, field by field.
+//! What a field of a message can be: [`Encode`] is written, [`DecodeInPlace`] is read in place,
+//! [`Item`] is read anew and may borrow from the bytes. Generated code calls these, field by field.
 //!
 //! | field | owned (feature `alloc`) | borrowed |
 //! |---|---|---|
@@ -26,7 +26,8 @@ use crate::{CdrError, CdrReader, CdrWriter, Message};
 
 /// What can be written.
 pub trait Encode {
-    /// Bytes of one on the wire if any such bytes are a value (a primitive, but not `bool`); else 0.
+    /// Bytes of one on the wire if any such bytes are a value (a primitive, but not `bool`); else
+    /// 0.
     const PRIMITIVE: usize = 0;
 
     /// Appends this value.
@@ -112,9 +113,10 @@ impl<'a, M: Message> Item<'a> for M {
 /// # Errors
 /// [`CdrError::TooLong`].
 pub fn at_most(len: usize, limit: usize) -> Result<(), CdrError> {
-    match len <= limit {
-        true => Ok(()),
-        false => Err(CdrError::TooLong { len, limit }),
+    if len <= limit {
+        Ok(())
+    } else {
+        Err(CdrError::TooLong { len, limit })
     }
 }
 

@@ -159,9 +159,10 @@ impl<'a> Item<'a> for WStr<'a> {
             Endianness::Little => u16::from_le_bytes(*unit),
             Endianness::Big => u16::from_be_bytes(*unit),
         }));
-        match checked.into_iter().all(|c| c.is_ok()) {
-            true => Ok(Self(Source::Units(units, order))),
-            false => Err(CdrError::NotUtf16 { at }),
+        if checked.into_iter().all(|c| c.is_ok()) {
+            Ok(Self(Source::Units(units, order)))
+        } else {
+            Err(CdrError::NotUtf16 { at })
         }
     }
 }

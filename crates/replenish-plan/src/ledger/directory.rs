@@ -122,9 +122,10 @@ impl Ledger {
         let usual = PathBuf::from(DEFAULT);
         let own = std::env::var_os("XDG_RUNTIME_DIR").filter(|v| !v.is_empty());
         let own = own.map(|own| Path::new(&own).join("replenish"));
-        let there = match usual.is_dir() {
-            true => None,
-            false => own.filter(|own| own.is_dir()),
+        let there = if usual.is_dir() {
+            None
+        } else {
+            own.filter(|own| own.is_dir())
         };
         Ok(Found::Here(at(there.unwrap_or(usual))))
     }

@@ -1,7 +1,8 @@
-//! What enforcing costs on this host: measured once (`replenish doctor --save`), used by all programs.
+//! What enforcing costs on this host: measured once (`replenish doctor --save`), used by all
+//! programs.
 //!
-//! A file beside the entries, in the words of a deployment file, so that it can be read and changed by
-//! hand. Who may reserve may write it.
+//! A file beside the entries, in the words of a deployment file, so that it can be read and changed
+//! by hand. Who may reserve may write it.
 
 use super::directory::Ledger;
 use super::error::LedgerError;
@@ -42,8 +43,8 @@ impl Ledger {
             .map_err(|e| wrong(&e))
     }
 
-    /// Keeps what was measured, with a line that says how; programs that start from now on count with
-    /// it.
+    /// Keeps what was measured, with a line that says how; programs that start from now on count
+    /// with it.
     ///
     /// # Errors
     /// If it cannot be written.

@@ -228,15 +228,16 @@ fn analysed(
 fn limits(threads: &[(&ThreadPlan, Nanos)], fixed: &[&FixedThread], floor: u8) -> Vec<Limit> {
     let own = threads.iter().map(|(seat, _)| {
         let allowed = Some(seat.deadline.saturating_add(seat.late));
-        match seat.per_job {
-            true => Limit {
+        if seat.per_job {
+            Limit {
                 response: allowed,
                 ..Limit::default()
-            },
-            false => Limit {
+            }
+        } else {
+            Limit {
                 service: allowed,
                 ..Limit::default()
-            },
+            }
         }
     });
     let delaying = fixed.iter().filter(|f| fixed_task(f, floor).is_some());

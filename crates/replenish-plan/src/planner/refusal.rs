@@ -74,9 +74,10 @@ pub(super) fn refuse(problem: &Problem<'_>, amounts: &[Nanos], all: &Placed) -> 
     let good = search(0, order.len() as u64, |count| {
         assign::fits(problem, first(count as usize), amounts)
     }) as usize;
-    let broken = match good + 1 < order.len() {
-        true => assign::place(problem, first(good + 1), amounts),
-        false => all.clone(),
+    let broken = if good + 1 < order.len() {
+        assign::place(problem, first(good + 1), amounts)
+    } else {
+        all.clone()
     };
     let Some((whose, seat)) = order.get(good).and_then(|i| problem.threads.get(*i)) else {
         return Refusal::invalid("nothing was asked for".into());
@@ -142,9 +143,10 @@ fn reason(
     nearest: bool,
 ) -> String {
     let cpu = problem.request.machine.cpus.get(at).copied().unwrap_or(0);
-    let cpu = match nearest {
-        true => format!("on CPU {cpu}, as good as any,"),
-        false => format!("on CPU {cpu}"),
+    let cpu = if nearest {
+        format!("on CPU {cpu}, as good as any,")
+    } else {
+        format!("on CPU {cpu}")
     };
     let plan = placed.plans.get(at);
     // Rounded up, so that it never looks like what is allowed.
@@ -154,9 +156,10 @@ fn reason(
         let others = others(problem, placed, at);
         return format!("{cpu} {share:.1} % would be reserved{others}, {most:.0} % are allowed");
     };
-    let who = match victim == newcomer {
-        true => "it".into(),
-        false => problem.name(victim),
+    let who = if victim == newcomer {
+        "it".into()
+    } else {
+        problem.name(victim)
     };
     let promised = match victim {
         Whose::Promise(_) => ", which is promised its time already,",

@@ -1,5 +1,6 @@
-//! Random sets of guarantees: an admitted plan is simulated without a miss, a refusal's suggestion is
-//! admitted, the same request gives the same plan, and asking for less never turns a yes into a no.
+//! Random sets of guarantees: an admitted plan is simulated without a miss, a refusal's suggestion
+//! is admitted, the same request gives the same plan, and asking for less never turns a yes into a
+//! no.
 //!
 //! 10 000 sets; `REPLENISH_SETS` sets another number (nightly: 1000000), `REPLENISH_SEED` the first
 //! seed.

@@ -39,7 +39,8 @@ fn timed<T>(what: &str, work: impl FnOnce() -> T) -> T {
     let result = work();
     let took = start.elapsed();
     println!("{what}: {} ms", took.as_millis());
-    // Not a measurement: the limit is a second, and a quadratic step too many takes minutes.
+    // Not a measurement: the limit is a second, and a quadratic step too many takes
+    // minutes.
     assert!(took.as_secs() < 20, "{what}: {took:?}");
     result
 }

@@ -25,8 +25,9 @@ impl Costs {
     }
 }
 
-/// The threads that are pinned to `cpu`, described for [`bounds`](super::bounds), most of them by
-/// what their body and releases say. `None` if the analysis does not cover one of them:
+/// The threads that are pinned to `cpu`, described for [`bounds`](super::bounds).
+///
+/// Their bodies and releases say what they do. `None` if the analysis does not cover one of them:
 /// `SCHED_DEADLINE`, releases by other threads ([`Step::Send`] to it), bursts, traces, blocking
 /// with a lock held, the POSIX server, or blocking that is not seen, in a reservation. Threads of
 /// [`Policy::Other`] are left out; they may share no lock.

@@ -176,8 +176,8 @@ impl Interference {
         asked <= window || self.window(cost, 0, window).is_some_and(|w| w <= window)
     }
 
-    /// The shortest window that holds `cost` and its interference, at most `limit` (JP86). The caller
-    /// knows that it is at least `from`.
+    /// The shortest window that holds `cost` and its interference, at most `limit` (JP86). The
+    /// caller knows that it is at least `from`.
     #[expect(
         clippy::cast_sign_loss,
         reason = "a quotient of numbers that are not negative"

@@ -199,8 +199,8 @@ impl InReservation<'_> {
         let demand = task.demand?;
         let jitter = demand.jitter + costs.tick;
         let apart = demand.period.checked_sub(jitter)?;
-        // A job that leaves more than the slack of a full budget does not exhaust it, so there is no
-        // overrun for the next one to pay back.
+        // A job that leaves more than the slack of a full budget does not exhaust it, so there is
+        // no overrun for the next one to pay back.
         let spared = self.cost.saturating_add(costs.slack) < params.budget();
         let held_back = if spared { 0 } else { costs.overrun() };
         let held_back = held_back + costs.slack;
@@ -256,7 +256,9 @@ pub(super) fn unfounded_up_to(task: &Task, bounds: &Bounds) -> Option<u8> {
     reaches.filter(|_| late)
 }
 
-/// The share of the CPU that is asked for, 1.0 being all of it: jobs of FIFO threads, the smaller
+/// The share of the CPU that is asked for; 1.0 is all of it.
+///
+/// It sums jobs of FIFO threads, the smaller
 /// of budget and demand of reservations (all of their demand, if they may run without budget
 /// above somebody else), switches, interrupts, and the enforcer.
 pub fn utilisation(tasks: &[Task], costs: &Costs) -> f64 {

@@ -273,6 +273,7 @@ fn a_thousand_workers_take_less_than_a_second() {
     let bounded = bounds.iter().filter(|b| b.response.is_some()).count();
     println!("{bounded} of 1000 have a bound, after {took:?}");
     assert!(bounded > 100);
-    // Not a measurement: the limit is a second, and a quadratic step too many takes minutes.
+    // Not a measurement: the limit is a second, and a quadratic step too many takes
+    // minutes.
     assert!(took.as_secs() < 20, "{took:?}");
 }

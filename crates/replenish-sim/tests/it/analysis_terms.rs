@@ -194,7 +194,8 @@ fn describe_says_what_the_body_does_and_refuses_what_is_not_covered() {
 
 #[test]
 fn budget_that_takes_longer_than_its_period_waits_for_what_was_due_before() {
-    // (Leh90): the fifth job of a busy period is the latest, 118 after its arrival; the first takes 114.
+    // (Leh90): the fifth job of a busy period is the latest, 118 after its arrival; the first takes
+    // 114.
     let system = System::on_one_cpu(vec![
         Thread::new("above", Policy::Fifo { priority: 9 })
             .released(at(0, 70))

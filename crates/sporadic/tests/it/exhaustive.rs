@@ -1,5 +1,6 @@
 //! Bounded model check: every sequence of events up to a depth, with small numbers. In each state
-//! the server is compared with its model and the invariants are asserted (`crate::common::checked`).
+//! the server is compared with its model and the invariants are asserted
+//! (`crate::common::checked`).
 //!
 //! States that differ only by a shift in time are one state, so the depth can be large enough for
 //! budget to come back several times.

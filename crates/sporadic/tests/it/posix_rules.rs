@@ -4,7 +4,7 @@
 use crate::common::{pairs, posix};
 use sporadic::{BudgetServer, Level, Posix};
 
-/// (avail at `now`, pending replenishments)
+/// (avail at `now`, pending replenishments).
 fn state(server: &Posix<128>, now: u64) -> (u64, Vec<(u64, u64)>) {
     (server.available(now), pairs(server.replenishments()))
 }

@@ -81,7 +81,7 @@ pub(crate) fn admit(workers: &mut [WorkerSpec], options: &mut Options) -> Result
         elsewhere if guaranteed => {
             if let Found::Nowhere(why) = elsewhere {
                 admission.fallback = Some(alloc::format!(
-                    "other programs are neither seen nor told: no ledger of reservations ({why})"
+                    "no reservation ledger: other programs' reservations are ignored and ours are not published ({why})"
                 ));
             }
             Some(replenish_plan::plan(&request).map_err(|refusal| not_admitted(&refusal))?)
