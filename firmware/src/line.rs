@@ -40,7 +40,7 @@ static INCOMING: Ring<2048> = Ring::new();
 /// ns for ten bits.
 static BYTE: AtomicU32 = AtomicU32::new(0);
 static RUNS: AtomicBool = AtomicBool::new(false);
-/// Every so manieth byte loses a bit; 0: none.
+/// Flips one bit in every Nth byte; 0: in none.
 static NOISE: AtomicU32 = AtomicU32::new(0);
 static PASSED: AtomicU32 = AtomicU32::new(0);
 static DAMAGED: AtomicU32 = AtomicU32::new(0);

@@ -15,7 +15,7 @@ pub struct Options {
     pub burst: u64,
     /// The part of it that a worker without a budget sleeps instead, in percent, 0..=100.
     pub sleep: u64,
-    /// Every so manieth byte loses a bit; 0: none.
+    /// Flips one bit in every Nth byte; 0: in none.
     pub noise: u32,
     /// Whether the clock waits for the host's answer to each tick.
     pub lockstep: bool,

@@ -1,6 +1,6 @@
 //! Damaged bits on the line: the board sends numbers on topic `sure` (reliable) and on topic
 //! `loose` (best effort), the host's ping sends them back (`ping --echo`), and what comes back is
-//! counted. The command line: `noise COUNT EVERY`: one bit of every so manieth byte is damaged, in
+//! counted. The command line: `noise COUNT EVERY`: one bit of every EVERYth byte is flipped, in
 //! either direction.
 #![no_std]
 #![no_main]

@@ -1,6 +1,7 @@
 //! The one message that says what is missing and how to grant it.
 
-use super::{CgroupRt, Privilege};
+use super::probes::CgroupRt;
+use super::process::Privilege;
 use crate::MAX_PRIORITY;
 use std::fmt;
 

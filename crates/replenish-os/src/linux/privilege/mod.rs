@@ -1,116 +1,17 @@
-//! What this process may do here, what is missing, and the commands that grant it.
+//! The privileges of this process, the missing ones, and the commands that grant them.
 //!
-//! [`probe`] asks the kernel itself where that has no side effect (on a thread of its own, with
-//! tiny requests) and reads the reasons from `/proc`. [`Privilege`] prints as the one message a
-//! user needs; `replenish doctor` reads its fields.
+//! ```text
+//!   process ─ asks the kernel (on a thread of its own, with tiny requests) ─► probes ─ /proc, limits
+//!      ▲
+//!   advice ── the one message that says what is missing and how to grant it
+//! ```
+//!
+//! [`Privilege`] prints as that message; `replenish doctor` reads its fields.
 
 mod advice;
 pub(super) mod probes;
+mod process;
 
 pub(super) use advice::setcap_line;
 pub use probes::{CgroupRt, Limit};
-
-use super::context_switches::ContextSwitchLog;
-use super::sched::{SchedClass, set_priority};
-use super::sched_attr;
-use super::tid::current_tid;
-use crate::MAX_PRIORITY;
-use std::io;
-
-/// What the kernel grants this process, and the facts behind it.
-#[derive(Debug)]
-pub struct Privilege {
-    /// The highest FIFO priority a thread of this process gets, or the kernel's refusal.
-    pub fifo: Result<u8, io::Error>,
-    /// Whether a small `SCHED_DEADLINE` reservation is admitted.
-    pub deadline: Result<(), io::Error>,
-    /// Whether the memory this process has now may be locked; the error names the limit.
-    pub memory_lock: Result<(), String>,
-    /// Whether context-switch records of own threads can be had ([`ContextSwitchLog`]); without
-    /// them blocking inside a callback is told from the coarser [`crate::voluntary_switches`].
-    pub switch_records: Result<(), io::Error>,
-    /// `CAP_SYS_NICE` is effective.
-    pub cap_sys_nice: bool,
-    /// `CAP_IPC_LOCK` is effective.
-    pub cap_ipc_lock: bool,
-    /// `RLIMIT_RTPRIO`: the highest real-time priority without the capability; 0 is none.
-    pub rtprio: Limit,
-    /// `RLIMIT_MEMLOCK` in bytes.
-    pub memlock: Limit,
-    /// Whether the control group of this process may run real-time threads.
-    pub cgroup: CgroupRt,
-    /// `kernel.sched_rt_runtime_us`: how much of every second real-time threads may use of a CPU,
-    /// in microseconds; -1 is all of it.
-    pub rt_runtime_us: Option<i64>,
-}
-
-impl Privilege {
-    /// Whether sporadic and FIFO workers can have the priorities they ask for, 1 to 99.
-    #[must_use]
-    pub fn real_time(&self) -> bool {
-        matches!(self.fifo, Ok(max) if max == MAX_PRIORITY)
-    }
-}
-
-/// Finds out what this process may do. Takes a few milliseconds and starts two short threads.
-#[must_use]
-pub fn probe() -> Privilege {
-    let rtprio = probes::limit(libc::RLIMIT_RTPRIO);
-    let caps = probes::effective_capabilities();
-    let cap_ipc_lock = caps.contains(probes::CAP_IPC_LOCK);
-    let memlock = probes::limit(libc::RLIMIT_MEMLOCK);
-    Privilege {
-        fifo: on_a_thread(move || highest_fifo(rtprio)),
-        deadline: on_a_thread(small_reservation),
-        memory_lock: probes::memory_lock(cap_ipc_lock, memlock),
-        switch_records: ContextSwitchLog::open(current_tid()).map(drop),
-        cap_sys_nice: caps.contains(probes::CAP_SYS_NICE),
-        cap_ipc_lock,
-        rtprio,
-        memlock,
-        cgroup: probes::cgroup(),
-        rt_runtime_us: probes::read_number("/proc/sys/kernel/sched_rt_runtime_us"),
-    }
-}
-
-/// Whether a thread of this process can have a real-time priority at all; quicker than [`probe`].
-#[must_use]
-pub fn may_be_real_time() -> bool {
-    let rtprio = probes::limit(libc::RLIMIT_RTPRIO);
-    on_a_thread(move || highest_fifo(rtprio)).is_ok()
-}
-
-fn on_a_thread<T: Send + 'static>(
-    f: impl FnOnce() -> io::Result<T> + Send + 'static,
-) -> io::Result<T> {
-    let thread = std::thread::Builder::new()
-        .name("rt-probe".into())
-        .spawn(f)?;
-    thread
-        .join()
-        .unwrap_or_else(|_| Err(io::Error::other("the probe thread panicked")))
-}
-
-/// The highest FIFO priority the calling thread gets. It leaves the thread in the class.
-fn highest_fifo(rtprio: Limit) -> io::Result<u8> {
-    let me = current_tid();
-    let refused = match set_priority(me, SchedClass::Fifo(MAX_PRIORITY)) {
-        Ok(()) => return Ok(MAX_PRIORITY),
-        Err(e) => e,
-    };
-    match rtprio.soft.and_then(|limit| u8::try_from(limit).ok()) {
-        Some(limit) if (1..MAX_PRIORITY).contains(&limit) => {
-            set_priority(me, SchedClass::Fifo(limit)).map(|()| limit)
-        }
-        _ => Err(refused),
-    }
-}
-
-/// Asks for 0.1 % of one CPU.
-fn small_reservation() -> io::Result<()> {
-    let mut attr = sched_attr::empty();
-    attr.sched_policy = libc::SCHED_DEADLINE.cast_unsigned();
-    (attr.sched_runtime, attr.sched_deadline, attr.sched_period) =
-        (100_000, 100_000_000, 100_000_000);
-    sched_attr::set(current_tid(), &attr)
-}
+pub use process::{Privilege, may_be_real_time, probe};
