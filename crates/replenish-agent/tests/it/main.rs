@@ -24,6 +24,7 @@ mod support;
 mod wire;
 
 mod capture;
+mod confirm;
 #[cfg(feature = "dds")]
 mod dds;
 mod endpoints;
@@ -34,7 +35,6 @@ mod qos;
 mod serial_line;
 mod services;
 mod sessions;
-mod settle;
 mod stock;
 mod storm;
 mod streams;

@@ -183,7 +183,7 @@ fn keep_all_writers_wait_for_keep_all_readers() {
 }
 
 #[test]
-fn patience_with_a_keep_all_reader_ends() {
+fn the_wait_for_a_keep_all_reader_ends() {
     let limits = Limits {
         max_depth: 4,
         writer_block_limit: 500 * MS,

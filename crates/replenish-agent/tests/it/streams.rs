@@ -23,9 +23,9 @@ fn start(config: &AgentConfig) -> RunningAgent {
 
 /// Waits for something the agent does by itself.
 fn eventually(what: &str, done: impl Fn() -> bool) {
-    let patience = Instant::now() + Duration::from_secs(10);
+    let deadline = Instant::now() + Duration::from_secs(10);
     while !done() {
-        assert!(Instant::now() < patience, "in vain: {what}");
+        assert!(Instant::now() < deadline, "in vain: {what}");
         std::thread::sleep(Duration::from_millis(5));
     }
 }
@@ -116,8 +116,8 @@ fn connections_are_limited_and_nonsense_on_one_harms_nobody() {
     std::io::Write::write_all(&mut silent[1], &[3, 0, 1, 2, 3, 1]).unwrap();
     eventually("it is nonsense", || agent.stats().malformed > 0);
     // Who says nothing is disconnected; the session that is asked for signs of life is not.
-    let patience = Instant::now() + Duration::from_millis(2500);
-    while Instant::now() < patience {
+    let deadline = Instant::now() + Duration::from_millis(2500);
+    while Instant::now() < deadline {
         live.turn(50_000_000);
     }
     drop(silent);
@@ -134,12 +134,12 @@ fn a_connection_that_takes_nothing_holds_up_nobody() {
     let stuck = Live::open(Carrier::tcp(addr), 1, "x", "flood", StreamId::BEST_EFFORT);
     let mut live = Live::open(Carrier::tcp(addr), 2, "flood", "x", StreamId::BEST_EFFORT);
     let dropped = || agent.stats().samples_dropped;
-    let patience = Instant::now() + Duration::from_secs(15);
+    let deadline = Instant::now() + Duration::from_secs(15);
     while dropped() < 1000 {
         for _ in 0..100 {
             live.write(StreamId::BEST_EFFORT, &[7; 400]);
         }
-        assert!(Instant::now() < patience, "{:?}", agent.stats());
+        assert!(Instant::now() < deadline, "{:?}", agent.stats());
     }
     let mut other = Live::open(Carrier::tcp(addr), 3, "o", "o", StreamId::RELIABLE);
     echo(&mut other, StreamId::RELIABLE, b"fine");

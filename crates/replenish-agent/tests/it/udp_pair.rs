@@ -43,7 +43,7 @@ impl Live {
     }
 
     fn until(&mut self, done: impl Fn(&Self) -> bool) {
-        let patience = Instant::now() + Duration::from_secs(20);
+        let deadline = Instant::now() + Duration::from_secs(20);
         let mut buf = [0; 2048];
         loop {
             while let Some(bytes) = self
@@ -56,7 +56,7 @@ impl Live {
                 return;
             }
             assert!(
-                Instant::now() < patience,
+                Instant::now() < deadline,
                 "in vain: {:?}",
                 self.session.state()
             );

@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 pub(crate) const INT32: &str = "std_msgs::msg::dds_::Int32_";
 
 const MS: u64 = 1_000_000;
-const PATIENCE: Duration = Duration::from_secs(30);
+const TIMEOUT: Duration = Duration::from_secs(30);
 
 /// An agent on loopback whose clients are in `domain`.
 pub(crate) fn agent(domain: u16) -> RunningAgent {
@@ -273,10 +273,10 @@ impl Client {
     }
 
     pub(crate) fn until(&mut self, done: impl Fn(&Self) -> bool) {
-        let patience = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + TIMEOUT;
         while !done(self) {
             let state = self.session.state();
-            assert!(Instant::now() < patience, "in vain: {state:?}");
+            assert!(Instant::now() < deadline, "in vain: {state:?}");
             self.turn();
         }
     }

@@ -20,25 +20,25 @@ pub(crate) const WRITER: ObjectId = ObjectId::new(1, ObjectKind::DataWriter);
 
 pub(crate) type Client = Session<Vec<u8>, 32, 32>;
 
-/// A client that takes the agent for lost after `patience` nanoseconds of silence.
-pub(crate) fn session(key: u8, patience: u64) -> Client {
-    session_with(Config::new(ClientKey([key; 4])), patience)
+/// A client that takes the agent for lost after `silence_limit` nanoseconds of silence.
+pub(crate) fn session(key: u8, silence_limit: u64) -> Client {
+    session_with(Config::new(ClientKey([key; 4])), silence_limit)
 }
 
 /// One that sends and receives samples of 50 kB.
-pub(crate) fn large_session(key: u8, patience: u64) -> Client {
-    session_of(Config::new(ClientKey([key; 4])), patience, 51_200)
+pub(crate) fn large_session(key: u8, silence_limit: u64) -> Client {
+    session_of(Config::new(ClientKey([key; 4])), silence_limit, 51_200)
 }
 
 /// The same with other settings.
-pub(crate) fn session_with(config: Config, patience: u64) -> Client {
-    session_of(config, patience, 0)
+pub(crate) fn session_with(config: Config, silence_limit: u64) -> Client {
+    session_of(config, silence_limit, 0)
 }
 
-fn session_of(mut config: Config, patience: u64, large: usize) -> Client {
+fn session_of(mut config: Config, silence_limit: u64, large: usize) -> Client {
     config.ping = Some(PingPolicy {
         after: 200 * MS,
-        silence_limit: patience,
+        silence_limit,
     });
     let buffer = |len| vec![0; len];
     let buffers = Buffers {

@@ -170,9 +170,9 @@ impl Live {
     }
 
     pub(crate) fn until(&mut self, done: impl Fn(&Self) -> bool) {
-        let patience = clock::monotonic() + 20_000 * MS;
+        let deadline = clock::monotonic() + 20_000 * MS;
         while !done(self) {
-            assert!(clock::monotonic() < patience, "{:?}", self.session.state());
+            assert!(clock::monotonic() < deadline, "{:?}", self.session.state());
             self.turn(100 * MS);
         }
     }

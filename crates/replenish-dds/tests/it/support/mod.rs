@@ -103,8 +103,8 @@ impl Program {
     }
 
     /// The next sample for `id` within some time.
-    pub(crate) fn within(&mut self, id: Id, patience: Duration) -> Option<Incoming> {
-        let deadline = Instant::now() + patience;
+    pub(crate) fn within(&mut self, id: Id, timeout: Duration) -> Option<Incoming> {
+        let deadline = Instant::now() + timeout;
         loop {
             self.wake.clear();
             while let Some(sample) = self.dds.take() {

@@ -115,7 +115,7 @@ fn what_was_acknowledged_came_once_whenever_the_agent_is_killed() {
 
 #[test]
 fn publishing_is_as_fast_as_without() {
-    // 5 ms each way: an acknowledgement takes 10 ms, a settlement 20 ms.
+    // 5 ms each way: an acknowledgement takes 10 ms, a confirmation 20 ms.
     let far = Faults {
         loss: 0,
         repeat: 0,
