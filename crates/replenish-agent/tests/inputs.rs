@@ -57,7 +57,11 @@ impl Corpus {
         let mut kinds = BTreeMap::<u8, Vec<Vec<u8>>>::new();
         for datagram in common::capture() {
             if datagram.from_client == from_clients {
-                let at = Message::parse(&datagram.bytes).unwrap().header.len();
+                let at = Message::parse(&datagram.bytes)
+                    .unwrap()
+                    .header
+                    .session
+                    .header_len();
                 kinds
                     .entry(datagram.bytes[at])
                     .or_default()
@@ -216,7 +220,7 @@ fn seeds() {
     let mut scripts = BTreeMap::<String, (Vec<u8>, Vec<u8>, Vec<u16>, u64)>::new();
     for datagram in common::capture() {
         let bytes = &datagram.bytes;
-        let at = Message::parse(bytes).unwrap().header.len();
+        let at = Message::parse(bytes).unwrap().header.session.header_len();
         if kinds.insert((datagram.from_client, bytes[at], bytes.len() > 60)) {
             let name = format!(
                 "{}-{}",

@@ -79,7 +79,7 @@ impl OutputStream {
         limits: &Limits,
         ledger: &Ledger,
     ) -> Option<Self> {
-        let piece = mtu.saturating_sub(header.len() + 4).max(1);
+        let piece = mtu.saturating_sub(header.session.header_len() + 4).max(1);
         let slots = if header.stream.is_reliable() {
             limits.longest_submessage().div_ceil(piece) + usize::from(IN_FLIGHT)
         } else {

@@ -146,32 +146,18 @@ mod tests {
     #[test]
     fn the_default_is_valid_and_every_error_names_field_value_and_range() {
         assert_eq!(Limits::DEFAULT.validate(), Ok(()));
+        let with = |change: fn(&mut Limits)| {
+            let mut limits = Limits::DEFAULT;
+            change(&mut limits);
+            limits
+        };
         let wrong = [
-            Limits {
-                clients: 0,
-                ..Limits::DEFAULT
-            },
-            Limits {
-                message: 63,
-                ..Limits::DEFAULT
-            },
-            Limits {
-                sample: 65_532,
-                ..Limits::DEFAULT
-            },
-            Limits {
-                default_depth: 20,
-                max_depth: 10,
-                ..Limits::DEFAULT
-            },
-            Limits {
-                silence: 1,
-                ..Limits::DEFAULT
-            },
-            Limits {
-                datagrams_per_second: 10_000_001,
-                ..Limits::DEFAULT
-            },
+            with(|limits| limits.clients = 0),
+            with(|limits| limits.message = 63),
+            with(|limits| limits.sample = 65_532),
+            with(|limits| (limits.default_depth, limits.max_depth) = (20, 10)),
+            with(|limits| limits.silence = 1),
+            with(|limits| limits.datagrams_per_second = 10_000_001),
         ];
         let texts = [
             "limits.clients is 0, allowed is 1 to 4096",

@@ -132,44 +132,27 @@ impl Reason {
     /// The kind of reason, as a word.
     #[must_use]
     pub const fn kind(&self) -> &'static str {
-        match self {
-            Self::Malformed { .. } => "malformed",
-            Self::NoSession { .. } => "no_session",
-            Self::WrongKey => "wrong_key",
-            Self::Unsupported => "unsupported",
-            Self::Rate { .. } => "rate",
-            Self::Unauthenticated { .. } => "strangers",
-            Self::LogIn { .. } => "log_in",
-            Self::Clients { .. } => "clients",
-            Self::Streams { .. } => "streams",
-            Self::Request { .. } => "request",
-            Self::Sample { .. } => "sample",
-            Self::Memory { .. } => "memory",
-            Self::Connection { .. } => "connection",
-            Self::Frames { .. } => "frames",
-            Self::Silent { .. } => "silent",
-            Self::Disconnected => "disconnected",
-        }
+        self.number_and_kind().1
     }
 
-    const fn index(&self) -> usize {
+    const fn number_and_kind(&self) -> (usize, &'static str) {
         match self {
-            Self::Malformed { .. } => 0,
-            Self::NoSession { .. } => 1,
-            Self::WrongKey => 2,
-            Self::Unsupported => 3,
-            Self::Rate { .. } => 4,
-            Self::Unauthenticated { .. } => 5,
-            Self::LogIn { .. } => 6,
-            Self::Clients { .. } => 7,
-            Self::Streams { .. } => 8,
-            Self::Request { .. } => 9,
-            Self::Sample { .. } => 10,
-            Self::Memory { .. } => 11,
-            Self::Connection { .. } => 12,
-            Self::Frames { .. } => 13,
-            Self::Silent { .. } => 14,
-            Self::Disconnected => 15,
+            Self::Malformed { .. } => (0, "malformed"),
+            Self::NoSession { .. } => (1, "no_session"),
+            Self::WrongKey => (2, "wrong_key"),
+            Self::Unsupported => (3, "unsupported"),
+            Self::Rate { .. } => (4, "rate"),
+            Self::Unauthenticated { .. } => (5, "strangers"),
+            Self::LogIn { .. } => (6, "log_in"),
+            Self::Clients { .. } => (7, "clients"),
+            Self::Streams { .. } => (8, "streams"),
+            Self::Request { .. } => (9, "request"),
+            Self::Sample { .. } => (10, "sample"),
+            Self::Memory { .. } => (11, "memory"),
+            Self::Connection { .. } => (12, "connection"),
+            Self::Frames { .. } => (13, "frames"),
+            Self::Silent { .. } => (14, "silent"),
+            Self::Disconnected => (15, "disconnected"),
         }
     }
 }
@@ -297,7 +280,7 @@ impl<P> RejectionLog<P> {
         reason: Reason,
     ) {
         let omit = || {
-            if let Some(omitted) = self.omitted.get(reason.index()) {
+            if let Some(omitted) = self.omitted.get(reason.number_and_kind().0) {
                 omitted.fetch_add(1, Ordering::Relaxed);
             }
         };
@@ -305,7 +288,7 @@ impl<P> RejectionLog<P> {
             omit();
             return;
         };
-        let Some(ring) = rings.get_mut(reason.index()) else {
+        let Some(ring) = rings.get_mut(reason.number_and_kind().0) else {
             return;
         };
         if ring.len() >= KEPT {

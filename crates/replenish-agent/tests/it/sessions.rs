@@ -159,7 +159,7 @@ fn one_address_can_have_two_sessions() {
     b.endpoint(world, false, Some(10));
     b.read(world, 1, StreamId::RELIABLE, UNLIMITED);
     let header = Header::new(a.session, StreamId::RELIABLE, SeqNum(5), a.key);
-    assert_eq!(header.len(), 4);
+    assert_eq!(header.session.header_len(), 4);
     world.sent.clear();
     let base = a.base(ObjectId::new(1, ObjectKind::DataWriter));
     let mut buf = [0; 64];

@@ -368,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn answers_settle_it() {
+    fn answers_complete_it() {
         let mut journal: Journal<_, 3> = Journal::new([0; 64]);
         let (object, create) = participant(1, "x");
         assert!(record(&mut journal, object, &create));

@@ -67,7 +67,10 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
 
     /// Removes from message `i` all but samples; returns their number.
     fn compact(&mut self, i: usize) -> u64 {
-        let (start, end) = (self.header.len(), self.get(i).map_or(0, |slot| slot.len));
+        let (start, end) = (
+            self.header.session.header_len(),
+            self.get(i).map_or(0, |slot| slot.len),
+        );
         let mut samples = 0_u64;
         let mut at = start; // where the next submessage is
         let mut to = start; // where it goes
@@ -98,7 +101,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
 
     /// The number of the submessage that the first fragment in message `i` begins.
     fn fragment_id(&self, i: usize) -> Option<u8> {
-        let at = self.header.len().saturating_add(4);
+        let at = self.header.session.header_len().saturating_add(4);
         self.bytes(i)?.get(at).copied()
     }
 }

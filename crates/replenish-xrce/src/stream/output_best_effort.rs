@@ -54,7 +54,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>> OutputBestEffort<S> {
             .as_ref()
             .len()
             .min(self.mtu)
-            .saturating_sub(self.header.len())
+            .saturating_sub(self.header.session.header_len())
     }
 
     /// Appends a submessage to the message under construction.
@@ -65,7 +65,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>> OutputBestEffort<S> {
     pub fn push<B: Encode + ?Sized>(&mut self, body: &B) -> Result<(), PushError> {
         let limit = self.limit();
         size_within(limit, body)?;
-        let begun = self.header.len();
+        let begun = self.header.session.header_len();
         let room = self.buf.as_mut().get_mut(..limit.wrapping_add(begun));
         let (room, pad) = (room.unwrap_or_default(), self.tail.is_padded());
         self.len = append(room, self.len.max(begun), body, pad).ok_or(PushError::WouldBlock)?;

@@ -135,7 +135,9 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
     /// The largest submessage, header included, that can be pushed.
     pub(super) fn limit(&self) -> usize {
         if !FRAGMENTS {
-            let one = self.slot_size.saturating_sub(self.header.len());
+            let one = self
+                .slot_size
+                .saturating_sub(self.header.session.header_len());
             return if self.capacity > 0 { one } else { 0 };
         }
         let by_ring = self.piece().saturating_mul(self.capacity);
@@ -207,7 +209,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
             return self.push_whole(body);
         }
         let size = submessage_len(body).map_err(PushError::Wire)?;
-        let fits_one = size.wrapping_add(self.header.len()) <= self.slot_size;
+        let fits_one = size.wrapping_add(self.header.session.header_len()) <= self.slot_size;
         let count = if fits_one {
             1
         } else {
@@ -327,7 +329,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
     /// Bytes of a submessage that go into one fragment.
     pub(super) const fn piece(&self) -> usize {
         self.slot_size
-            .saturating_sub(self.header.len())
+            .saturating_sub(self.header.session.header_len())
             .saturating_sub(4)
     }
 
@@ -375,7 +377,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
     /// slot. Gives the room after the header.
     fn begin(&mut self) -> Option<&mut [u8]> {
         let index = self.index(self.used);
-        let len = self.header.len();
+        let len = self.header.session.header_len();
         *self.slots.get_mut(index)? = RingSlot {
             len,
             open: true,

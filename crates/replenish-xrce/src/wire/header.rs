@@ -29,19 +29,7 @@ impl StreamHeader {
         if self.session.has_key() {
             *rest.first_chunk_mut()? = self.key.0;
         }
-        Some(self.len())
-    }
-
-    /// Bytes of a header: 4 or 8.
-    #[must_use]
-    pub const fn len(&self) -> usize {
-        if self.session.has_key() { 8 } else { 4 }
-    }
-
-    /// Never: a header takes at least 4 bytes.
-    #[must_use]
-    pub const fn is_empty(&self) -> bool {
-        false
+        Some(self.session.header_len())
     }
 }
 
@@ -128,24 +116,12 @@ impl Header {
         }
     }
 
-    /// Bytes it takes on the wire: 4 or 8.
-    #[must_use]
-    pub const fn len(&self) -> usize {
-        if self.session.has_key() { 8 } else { 4 }
-    }
-
-    /// Never: it takes at least 4 bytes.
-    #[must_use]
-    pub const fn is_empty(&self) -> bool {
-        false
-    }
-
     /// Writes it to the front of `buf`; gives its length.
     ///
     /// # Errors
     /// [`WireError::NoRoom`].
     pub fn encode(&self, buf: &mut [u8]) -> Result<usize, WireError> {
-        let (needed, left) = (self.len(), buf.len());
+        let (needed, left) = (self.session.header_len(), buf.len());
         let header = StreamHeader {
             session: self.session,
             stream: self.stream,

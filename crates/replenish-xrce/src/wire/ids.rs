@@ -30,6 +30,12 @@ impl SessionId {
         self.0 < 0x80
     }
 
+    /// Bytes of a message header: 4, or 8 with the client key.
+    #[must_use]
+    pub const fn header_len(self) -> usize {
+        if self.has_key() { 8 } else { 4 }
+    }
+
     /// Whether no session is meant.
     #[must_use]
     pub const fn is_none(self) -> bool {

@@ -342,7 +342,7 @@ proptest! {
         let header = Header::new(session, stream, SeqNum(seq), ClientKey(key));
         let mut buf = [0xaa; 8192];
         let mut message = MessageWriter::new(&mut buf, &header).unwrap();
-        let mut len = header.len();
+        let mut len = header.session.header_len();
         for body in &bodies {
             len = len.next_multiple_of(4) + submessage_len(body).unwrap();
             if padded { message.push_padded(body) } else { message.push(body) }.unwrap();
