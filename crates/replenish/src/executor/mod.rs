@@ -33,22 +33,21 @@ pub(crate) use change::handle_group::HandleGroup;
 pub use change::live::{ExecutorHandle, Removal, WorkerHandle};
 pub use describe::builder::WorkerBuilder;
 pub use describe::executor::Executor;
-pub(crate) use describe::executor::Options;
 pub use describe::factory::RawType;
+pub use describe::planning::AdmissionReport;
 pub use describe::topic::Topic;
 pub use handles::callback::{CallbackContext, CallbackResult};
 pub use handles::client::{CallError, Client, NoReply};
+pub use handles::deadline::{DeadlineMiss, OnMiss};
 pub use handles::group::Group;
 pub use handles::guard::GuardCondition;
+pub use handles::options::HandleOptions;
 pub use handles::service::Responder;
 pub use handles::timer::TimerHandle;
 #[cfg(feature = "texts")]
-pub use run::round_stats::RoundStats;
-pub use run::rules::{DeadlineMiss, HandleOptions, HandleStates, OnMiss, Semantics, Trigger};
+pub use run::round_stats::{RoundReport, RoundStats};
+pub use run::rules::{HandleStates, Semantics, Trigger};
 pub use start::local::{LocalExecutor, SpinEnd, SpinResult};
-pub use start::planning::AdmissionReport;
-#[cfg(feature = "texts")]
-pub use start::report::RoundReport;
 pub use start::report::{DispatcherReport, HandleReport, Report, ThreadReport};
 pub use start::running::RunningExecutor;
 pub(crate) use wake::schedule::nanos;

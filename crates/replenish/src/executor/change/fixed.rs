@@ -3,7 +3,8 @@
 
 use crate::context::Context;
 use crate::executor::StopHandle;
-use crate::executor::handles::handle::HandleState;
+use crate::executor::handles::group::Group;
+use crate::executor::handles::state::HandleState;
 use crate::executor::run::routes::Route;
 use crate::executor::wake::doorbell::{Doorbell, WakeHandle};
 use crate::middleware::{Interest, Middleware};
@@ -52,6 +53,7 @@ impl Live {
         registry: Registry,
         _: &Arc<RouteUpdates>,
         _: Vec<Post>,
+        _: &mut dyn Iterator<Item = &Group>,
     ) -> Arc<Self> {
         Arc::new(Self { registry })
     }

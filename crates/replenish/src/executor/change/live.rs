@@ -4,13 +4,14 @@
 use crate::context::Context;
 use crate::error::Error;
 use crate::executor::describe::factory::HandleFactory;
+use crate::executor::handles::callback::CallbackContext;
 use crate::executor::handles::entry::HandleEntry;
-use crate::executor::handles::group::Groups;
-use crate::executor::handles::handle::HandleState;
+use crate::executor::handles::group::{Group, Groups};
+use crate::executor::handles::options::HandleOptions;
+use crate::executor::handles::state::HandleState;
 use crate::executor::run::mailbox::{Command, Mailbox};
 use crate::executor::run::route_updates::RouteUpdates;
 use crate::executor::run::routes::Route;
-use crate::executor::run::rules::HandleOptions;
 use crate::executor::wake::schedule::nanos;
 use crate::executor::wake::stop::StopHandle;
 use crate::handoff::Declined;
@@ -191,11 +192,10 @@ impl Live {
         registry: Registry,
         updates: &Arc<RouteUpdates>,
         posts: Vec<Post>,
+        known: &mut dyn Iterator<Item = &Group>,
     ) -> Arc<Self> {
         let groups = Groups::default();
-        for (_, shared) in registry.all() {
-            shared.group.get().into_iter().for_each(|g| groups.note(g));
-        }
+        known.for_each(|group| groups.note(group));
         Arc::new(Self {
             context: context.clone(),
             stop: stop.clone(),
@@ -356,6 +356,17 @@ impl ExecutorHandle {
     }
 }
 
+impl CallbackContext<'_> {
+    /// The running executor, to add and remove handles. A change of the callback's own worker happens
+    /// when the callback has ended. `Some` in every executor that runs, with threads or without.
+    #[must_use]
+    pub fn handle(&self) -> Option<ExecutorHandle> {
+        let live = self.env.live?.downcast_ref::<Arc<Live>>()?;
+        let live = Arc::clone(live);
+        Some(ExecutorHandle { live })
+    }
+}
+
 impl fmt::Debug for ExecutorHandle {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("ExecutorHandle").finish_non_exhaustive()
@@ -438,7 +449,7 @@ impl WorkerHandle<'_> {
         entry.treat(handling);
         entry.slot = reserved.slot();
         let shared = Arc::clone(&entry.shared);
-        let group = shared.group.get();
+        let group = entry.handling.group.as_ref();
         group.into_iter().for_each(|g| live.groups.note(g));
         let route = Route {
             shared: Arc::clone(&shared),

@@ -1,113 +1,32 @@
 //! Describing a worker: its scheduling and its rules. Adding handles to it is in `builder_handles`.
 
+use super::executor::Executor;
 use super::factory::HandleFactory;
 use crate::error::Error;
-use crate::executor::Executor;
 use crate::executor::handles::client::Client;
 use crate::executor::handles::entry::HandleEntry;
+use crate::executor::handles::options::HandleOptions;
+use crate::executor::run::request::WorkerRequest;
 use crate::executor::run::rounds::BY_RULES;
-use crate::executor::run::rules::{HandleOptions, Rules, Semantics, Trigger};
-use crate::executor::start::plan::WorkerRequest;
+use crate::executor::run::rules::{Semantics, Trigger};
+use crate::executor::run::state::{Rules, WorkerSpec, one_more};
 use crate::executor::wake::schedule::Every;
-use crate::platform::{Static, make_static, text};
-use alloc::vec::Vec;
+use crate::platform::Static;
 use replenish_msg::Service;
 use replenish_os::Policy;
 use sporadic::Budget;
 
-/// A worker that is described so far.
-pub(crate) struct WorkerSpec {
-    pub(crate) request: WorkerRequest,
-    /// What was planned for it when the executor started.
-    pub(crate) policy: Policy,
-    pub(crate) rules: Rules,
-    /// In the order they were added.
-    pub(crate) entries: Vec<HandleEntry>,
-    /// Timers and guard conditions, by number.
-    pub(crate) timers: usize,
-    pub(crate) guards: usize,
-}
-
-impl WorkerSpec {
-    pub(crate) fn new(name: &str) -> Static<Self> {
-        make_static(Self {
-            request: WorkerRequest::named(name),
-            policy: Policy::Other,
-            rules: Rules::default(),
-            entries: Vec::new(),
-            timers: 0,
-            guards: 0,
-        })
-    }
-
-    /// The handles in the order in which they run, and room for as many as there may be.
-    pub(crate) fn order(&mut self, limit: usize) {
-        let entries = &mut self.entries;
-        entries.reserve_exact(limit.saturating_sub(entries.len()));
-        for at in 0..entries.len() {
-            if let Some(entry) = entries.get_mut(at) {
-                entry.slot = at;
-            }
-            // To its place among those before it. (Sorting brings kilobytes of code.)
-            let earlier = entries.get_mut(..=at).unwrap_or_default();
-            let mut end = earlier.len();
-            while let Some([before, entry]) = earlier.get_mut(..end).and_then(<[_]>::last_chunk_mut)
-                && before.handling.priority < entry.handling.priority
-            {
-                core::mem::swap(before, entry);
-                end -= 1;
-            }
+impl Executor {
+    /// Starts to describe a worker. Its name must be unique in this executor; it becomes the
+    /// thread's name.
+    pub fn worker(&mut self, name: &str) -> WorkerBuilder<'_> {
+        one_more(&mut self.workers);
+        self.workers.push(WorkerSpec::new(name));
+        let index = self.workers.len() - 1;
+        WorkerBuilder {
+            executor: self,
+            index,
         }
-    }
-
-    /// One more handle. (One body for all kinds.)
-    #[inline(never)]
-    fn add(&mut self, entry: HandleEntry) {
-        one_more(&mut self.entries);
-        self.entries.push(entry);
-    }
-
-    /// The most handles this worker can have.
-    pub(crate) fn limit(&self) -> usize {
-        let described = self.entries.len();
-        self.rules.capacity.unwrap_or(described).max(described)
-    }
-
-    /// How many timers and guard conditions it has: later ones count on.
-    pub(crate) fn numbers(&self) -> u64 {
-        self.timers.max(self.guards) as u64
-    }
-
-    /// No rule contradicts another.
-    pub(crate) fn check_rules(&self) -> Result<(), Error> {
-        if let Some(rounds) = self.rules.rounds {
-            (rounds.check)(self)?;
-        }
-        if self.rules.early {
-            let allowed = "only after the handle it configures";
-            return Err(Error::parameter(
-                self.request.owner(),
-                "options",
-                &"set",
-                allowed,
-            ));
-        }
-        let described = self.entries.len();
-        match self.rules.capacity {
-            Some(capacity) if !(described..=4096).contains(&capacity) => {
-                let allowed = text!("{described}..=4096: those described");
-                let owner = self.request.owner();
-                Err(Error::parameter(owner, "capacity", &capacity, allowed))
-            }
-            _ => Ok(()),
-        }
-    }
-}
-
-/// Room for one more, where memory is short: as many as there are, and not as many again.
-pub(crate) fn one_more<T>(list: &mut Vec<T>) {
-    if cfg!(not(feature = "std")) {
-        list.reserve_exact(1);
     }
 }
 
@@ -161,7 +80,7 @@ impl WorkerBuilder<'_> {
         self.ruled(|r| {
             r.every = Some(every);
             #[cfg(feature = "texts")]
-            r.beat.get_or_insert_default();
+            r.counters.get_or_insert_default();
         })
     }
 

@@ -1,14 +1,9 @@
 //! An executor as it is described: its options and its workers.
 
-use super::builder::{self, WorkerBuilder, WorkerSpec};
+use super::planning::Planning;
 use crate::context::Context;
-use crate::error::Error;
 use crate::event::{Event, Events};
-use crate::executor::start::launch;
-use crate::executor::start::local::{self, LocalExecutor};
-use crate::executor::start::planning::Planning;
-use crate::executor::start::report::Report;
-use crate::executor::start::running::RunningExecutor;
+use crate::executor::run::state::WorkerSpec;
 use crate::executor::wake::stop::StopHandle;
 use crate::handoff::Stop;
 use crate::name::{concat, with_number};
@@ -97,18 +92,6 @@ impl Executor {
         }
     }
 
-    /// Starts to describe a worker. Its name must be unique in this executor; it becomes the
-    /// thread's name.
-    pub fn worker(&mut self, name: &str) -> WorkerBuilder<'_> {
-        builder::one_more(&mut self.workers);
-        self.workers.push(WorkerSpec::new(name));
-        let index = self.workers.len() - 1;
-        WorkerBuilder {
-            executor: self,
-            index,
-        }
-    }
-
     /// The dispatcher's policy; a sporadic one gives it a budget. Default: FIFO 98 as soon as any
     /// worker is real-time, else time sharing.
     pub fn dispatcher(&mut self, policy: Policy) -> &mut Self {
@@ -174,48 +157,6 @@ impl Executor {
     #[must_use]
     pub fn stop_handle(&self) -> StopHandle {
         self.stop.clone()
-    }
-
-    /// Starts everything and blocks until somebody stops it.
-    ///
-    /// # Errors
-    /// As [`start`](Self::start).
-    pub fn spin(self) -> Result<Report, Error> {
-        Ok(self.start()?.wait())
-    }
-
-    /// Starts everything and returns: no callback has run before all threads have what was granted.
-    ///
-    /// # Errors
-    /// [`Error::DuplicateWorker`], [`Error::IdleWorker`], [`Error::Name`] and
-    /// [`Error::Parameter`] for what was described; [`Error::ContextBusy`];
-    /// [`Error::Overlay`] for a deployment file; [`Error::NotAdmitted`] when a guarantee does not
-    /// fit, or would break another program's;
-    /// [`Error::Thread`] when a thread cannot be started; with [`strict`](Self::strict)
-    /// [`Error::NotGranted`]. Nothing runs then.
-    pub fn start(self) -> Result<RunningExecutor, Error> {
-        launch::start(self)
-    }
-
-    /// Without threads: the handles run on the calling thread whenever it spins the result, in a
-    /// fixed order. Workers are then groups of handles with rules of their own.
-    ///
-    /// # Errors
-    /// As [`start`](Self::start); [`Error::Parameter`] for a worker that was given a policy, a
-    /// budget, a guarantee, a CPU or a stack, and for an executor that was given a dispatcher's policy
-    /// or CPU, or memory to lock. Workers without handles are all right.
-    pub fn local(self) -> Result<LocalExecutor, Error> {
-        let options = &self.options;
-        let asked = [
-            ("dispatcher", options.dispatcher.is_some()),
-            ("dispatcher_cpu", options.dispatcher_cpu.is_some()),
-            ("lock_memory", options.lock_memory),
-        ];
-        if let Some((field, _)) = asked.iter().find(|(_, asked)| *asked) {
-            let allowed = "none in Executor::local: the thread that spins is yours";
-            return Err(Error::parameter("executor", field, &"set", allowed));
-        }
-        local::local(self)
     }
 
     /// `id`, or `id#2`, `id#3`, … if it is taken.

@@ -1,9 +1,8 @@
 //! What a callback gets besides its message, and what it may return.
 
-use super::handle::{Env, HandleState};
+use super::env::Env;
+use super::state::HandleState;
 use crate::Nanos;
-#[cfg(feature = "full")]
-use crate::executor::change::live::ExecutorHandle;
 use crate::executor::wake::stop::StopHandle;
 use crate::handoff::{RequestIdentity, SampleInfo};
 use crate::middleware::PublishError;
@@ -11,8 +10,6 @@ use crate::middleware::encoding::Encoding;
 use crate::middleware::remedy::BARRIER;
 use crate::platform::displayed;
 use crate::publisher::Publisher;
-#[cfg(feature = "full")]
-use crate::sync::Arc;
 use crate::sync::Ordering;
 use core::fmt;
 use replenish_msg::Message;
@@ -177,15 +174,6 @@ impl CallbackContext<'_> {
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
         self.shared.cancelled.load(Ordering::Acquire) || self.is_stopping()
-    }
-
-    /// Adds and removes handles, of this worker and others; what this worker is asked for happens
-    /// when the callback has ended. `Some` in every executor that runs, with threads or without.
-    #[cfg(feature = "full")]
-    #[must_use]
-    pub fn handle(&self) -> Option<ExecutorHandle> {
-        let live = Arc::clone(self.env.live?);
-        Some(ExecutorHandle { live })
     }
 }
 

@@ -8,7 +8,9 @@
 //! ```
 
 use super::callback::{CallbackContext, CallbackResult};
-use super::handle::{Env, Handle, HandleState, Taken};
+use super::env::Env;
+use super::handle::{Handle, Taken};
+use super::state::HandleState;
 use crate::Nanos;
 use crate::error::Error;
 use crate::executor::wake::doorbell::WakeHandle;

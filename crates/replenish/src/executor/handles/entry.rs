@@ -1,10 +1,13 @@
 //! A handle in the hands of its worker: taking, executing, and what follows from the outcome.
 
+use super::deadline::Ended;
+use super::env::Env;
 use super::group::Held;
-use super::handle::{Env, Handle, HandleState, Taken};
+use super::handle::{Handle, Taken};
+use super::options::HandleOptions;
+use super::state::HandleState;
 use crate::Nanos;
 use crate::event::Event;
-use crate::executor::run::rules::{DeadlineMiss, HandleOptions, OnMiss};
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::platform;
 use crate::platform::ShortText;
@@ -53,12 +56,9 @@ impl HandleEntry {
 
     /// From now on it is treated like this.
     pub(crate) fn treat(&mut self, mut handling: HandleOptions) {
-        handling.always = handling.always.or(self.handling.always);
+        handling.always |= self.handling.always;
         if let Some(hook) = handling.hook.take() {
             self.shared.hook.set(hook).ok();
-        }
-        if let Some(group) = &handling.group {
-            self.shared.group.set(group.clone()).ok();
         }
         self.handling = handling;
     }
@@ -143,32 +143,12 @@ impl HandleEntry {
         let Some(deadline) = self.handling.deadline.or(taken.deadline) else {
             return;
         };
-        (deadline.judge)(self, env, (taken.due, deadline.within), response);
-    }
-
-    /// Whether the callback that has just ended was in time, and what follows if not. `within`: the
-    /// deadline.
-    pub(crate) fn judge(&mut self, env: &Env<'_>, (due, within): (Nanos, Nanos), response: Nanos) {
-        let lateness = response.saturating_sub(within);
-        if lateness == 0 {
-            return;
-        }
-        let counters = &self.shared.counters;
-        let count = counters.deadline_misses.add(1);
-        counters.worst_lateness.raise(lateness);
-        let miss = DeadlineMiss {
-            id: &self.shared.id,
-            due,
-            deadline: within,
-            lateness,
-            count,
+        let ended = Ended {
+            due: taken.due,
+            response,
         };
-        match &mut self.handling.on_miss {
-            OnMiss::Count => {}
-            OnMiss::SkipNext => self.skip = true,
-            OnMiss::Stop => env.stop.stop(),
-            OnMiss::Call(handler) => handler(&miss),
-        }
+        let (state, on_miss) = (&self.shared, &mut self.handling.on_miss);
+        self.skip |= deadline.judge(ended, state, on_miss, env.stop);
     }
 
     /// Runs the user's code; a panic stops the handle.

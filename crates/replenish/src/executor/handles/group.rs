@@ -18,7 +18,8 @@
 //!   [`Group::patience`] tells so with the names of both ([`Event::Blocked`]), and tells again when
 //!   that time has doubled.
 
-use super::handle::{Env, HandleState};
+use super::env::Env;
+use super::state::HandleState;
 use crate::Nanos;
 use crate::event::Event;
 use crate::executor::wake::schedule::nanos;

@@ -1,7 +1,9 @@
 //! Guard conditions: any thread, or a signal handler, makes a worker call a callback.
 
 use super::callback::{CallbackContext, CallbackResult};
-use super::handle::{Env, Handle, HandleState, Taken};
+use super::env::Env;
+use super::handle::{Handle, Taken};
+use super::state::HandleState;
 use crate::Nanos;
 use crate::executor::wake::doorbell::WakeHandle;
 use crate::executor::wake::lazy_now::LazyNow;

@@ -1,56 +1,15 @@
-//! What a worker knows of a handle, whatever its kind; and what is shared about it.
+//! The interface between a worker and a handle, whatever its kind.
 
-use super::entry::HandleEntry;
-use super::group::Group;
-use super::outbox::Outbox;
+use super::deadline::Deadline;
+use super::env::Env;
+use super::state::HandleState;
 use crate::Nanos;
-use crate::event::{Event, Events};
-use crate::executor::change::live::Live;
 use crate::executor::wake::doorbell::WakeHandle;
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::executor::wake::run_queue::RunQueue;
-use crate::executor::wake::stop::StopHandle;
 use crate::handoff::{Inbox, RingSlot};
-use crate::histogram::LiveHistogram;
-use crate::middleware::ReaderId;
 use crate::middleware::encoding::decode;
-use crate::platform::{self, ShortText};
-use crate::stats::Counters;
-#[cfg(feature = "full")]
-use crate::sync::Notify;
-use crate::sync::{Arc, AtomicBool, Mutex, Once, Ordering};
-use alloc::string::String;
-use core::cell::RefCell;
-use core::fmt;
-use replenish_msg::{CdrReader, DecodeError, Message};
-use replenish_os::Meter;
-
-/// What callbacks run in.
-pub(crate) struct Env<'a> {
-    pub(crate) worker: &'a str,
-    pub(crate) stop: &'a StopHandle,
-    pub(crate) events: &'a Events,
-    pub(crate) meter: &'a Meter,
-    /// The executor, if handles can be added to it.
-    #[cfg_attr(not(feature = "full"), expect(dead_code, reason = "none can"))]
-    pub(crate) live: Option<&'a Arc<Live>>,
-    /// Where publications wait for the end of the round.
-    pub(crate) outbox: Option<&'a RefCell<Outbox>>,
-}
-
-impl Env<'_> {
-    /// The next sample that waits, for the one in `read_slot`.
-    pub(crate) fn next_sample<'h>(
-        &self,
-        inbox: &Inbox,
-        read_slot: &'h mut Option<RingSlot>,
-    ) -> Option<&'h RingSlot> {
-        if inbox.pop(read_slot)? {
-            self.stop.middleware.wake();
-        }
-        read_slot.as_ref()
-    }
-}
+use replenish_msg::{CdrReader, Message};
 
 /// Input that waits for its callback.
 #[derive(Debug, Clone, Copy)]
@@ -59,30 +18,6 @@ pub(crate) struct Taken {
     pub(crate) due: Nanos,
     /// How long after that the callback should have ended, if the handle's kind says so.
     pub(crate) deadline: Option<Deadline>,
-}
-
-/// How long after its release a callback should have ended.
-#[derive(Clone, Copy)]
-pub(crate) struct Deadline {
-    pub(crate) within: Nanos,
-    /// How it is judged: found here, so that programs without deadlines do not carry the code.
-    pub(crate) judge: Judge,
-}
-
-/// With the release and the deadline, and the time from that release to the end of the callback.
-type Judge = fn(&mut HandleEntry, &Env<'_>, (Nanos, Nanos), Nanos);
-
-impl Deadline {
-    pub(crate) fn of(within: Nanos) -> Self {
-        let judge = HandleEntry::judge;
-        Self { within, judge }
-    }
-}
-
-impl fmt::Debug for Deadline {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.within.fmt(f)
-    }
 }
 
 impl Taken {
@@ -123,110 +58,7 @@ pub(crate) trait Handle: Send {
     fn execute_empty(&mut self, _env: &Env<'_>, _started: Nanos) {}
 }
 
-/// A handle's own hook for what goes wrong with it.
-pub(crate) type ErrorHook = Arc<dyn Fn(&Event<'_>) + Send + Sync>;
-
-/// What is known about a handle outside its worker. What each message needs comes first, in one
-/// line of the cache: a core that has slept fetches each line from afar.
-#[repr(C)]
-#[cfg_attr(feature = "std", repr(align(64)))]
-pub(crate) struct HandleState {
-    /// No callback of it starts any more.
-    pub(crate) removed: AtomicBool,
-    /// A callback of it that runs shall end.
-    pub(crate) cancelled: AtomicBool,
-    /// The reader of a subscription, service or client, and its inbox.
-    pub(crate) input: Option<(ReaderId, Arc<Inbox>)>,
-    pub(crate) counters: Counters,
-    /// From release to start.
-    pub(crate) latency: LiveHistogram,
-    /// From release to end.
-    pub(crate) response: LiveHistogram,
-    pub(crate) id: String,
-    pub(crate) last_error: Mutex<ShortText>,
-    pub(crate) hook: Once<ErrorHook>,
-    pub(crate) group: Once<Group>,
-    /// Set when the worker has let go of it.
-    #[cfg(feature = "full")]
-    pub(crate) gone: Notify,
-    /// The dispatcher brings it nothing any more.
-    #[cfg(feature = "full")]
-    pub(crate) unrouted: AtomicBool,
-}
-
 impl HandleState {
-    pub(crate) fn new(id: String, input: Option<(ReaderId, Arc<Inbox>)>) -> Arc<Self> {
-        Arc::new(Self {
-            id,
-            counters: Counters::default(),
-            latency: LiveHistogram::default(),
-            response: LiveHistogram::default(),
-            last_error: Mutex::new(ShortText::EMPTY),
-            input,
-            hook: Once::new(),
-            group: Once::new(),
-            removed: AtomicBool::new(false),
-            cancelled: AtomicBool::new(false),
-            #[cfg(feature = "full")]
-            gone: Notify::new(),
-            #[cfg(feature = "full")]
-            unrouted: AtomicBool::new(false),
-        })
-    }
-
-    pub(crate) fn is_removed(&self) -> bool {
-        self.removed.load(Ordering::Acquire)
-    }
-
-    /// Something went wrong with this handle, for the `count`-th time: tells its hook each time,
-    /// and everybody rarely.
-    pub(crate) fn report(&self, count: u64, event: &Event<'_>, events: &Events) {
-        if let Some(hook) = self.hook.get() {
-            // If it panics, the panic hook has said so; the handle goes on.
-            platform::guard(&mut (), |()| hook(event), |(), _| ());
-        }
-        events.emit_rarely(count, event);
-    }
-
-    /// A callback returned an error.
-    pub(crate) fn failed(&self, error: &dyn fmt::Display, events: &Events) {
-        let count = self.counters.errors.add(1);
-        *self.last_error.lock() = ShortText::of(error);
-        let handle = &self.id;
-        let event = Event::CallbackFailed {
-            handle,
-            error,
-            count,
-        };
-        self.report(count, &event, events);
-    }
-
-    /// A sample could not be decoded.
-    pub(crate) fn undecodable(&self, error: DecodeError, events: &Events) {
-        let count = self.counters.undecodable.add(1);
-        let handle = &self.id;
-        let event = Event::Undecodable {
-            handle,
-            error,
-            count,
-        };
-        self.report(count, &event, events);
-    }
-
-    /// Discards what waits, and with `close` everything that will come. Returns how many samples.
-    pub(crate) fn discard(&self, close: bool, stop: &StopHandle) -> u64 {
-        let Some((_, inbox)) = &self.input else {
-            return 0;
-        };
-        let (discarded, wake) = if close { inbox.close() } else { inbox.clear() };
-        let discarded = discarded as u64;
-        self.counters.discarded.add(discarded);
-        if wake {
-            stop.middleware.wake();
-        }
-        discarded
-    }
-
     /// Takes the next sample of its inbox into `read_slot` and decodes it in place; one that cannot be
     /// decoded is reported and counted.
     pub(crate) fn take_sample<M: Message>(
@@ -244,12 +76,5 @@ impl HandleState {
                 None
             }
         }
-    }
-
-    /// Samples that wait for the worker.
-    pub(crate) fn waiting(&self) -> u64 {
-        self.input
-            .as_ref()
-            .map_or(0, |(_, inbox)| inbox.waiting() as u64)
     }
 }

@@ -1,7 +1,9 @@
 //! A subscription: bytes from its inbox, decoded in place on the worker, handed to the callback.
 
 use super::callback::{CallbackContext, CallbackResult};
-use super::handle::{Env, Handle, HandleState, Taken};
+use super::env::Env;
+use super::handle::{Handle, Taken};
+use super::state::HandleState;
 use crate::Nanos;
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::handoff::{Inbox, RingSlot};

@@ -12,7 +12,10 @@
 //! before it looks at the timer the next time. So only the worker touches the schedule.
 
 use super::callback::{CallbackContext, CallbackResult};
-use super::handle::{Deadline, Env, Handle, HandleState, Taken};
+use super::deadline::Deadline;
+use super::env::Env;
+use super::handle::{Handle, Taken};
+use super::state::HandleState;
 use crate::Nanos;
 use crate::error::Error;
 use crate::executor::wake::doorbell::WakeHandle;

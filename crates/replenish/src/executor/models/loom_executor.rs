@@ -9,7 +9,7 @@ use crate::executor::run::dispatcher::{Dispatcher, DispatcherCounters};
 use crate::executor::run::route_updates::RouteUpdates;
 
 use crate::executor::run::routes::Route;
-use crate::executor::run::worker::Worker;
+use crate::executor::run::state::Worker;
 use crate::executor::start::assembly::assemble;
 use crate::executor::wake::doorbell::WakeHandle;
 use crate::executor::wake::lazy_now::LazyNow;

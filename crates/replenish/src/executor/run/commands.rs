@@ -2,7 +2,8 @@
 //! `commands_disabled.rs` takes this file's place.
 
 use super::mailbox::Command;
-use super::worker::Worker;
+use super::rounds::BY_RULES;
+use super::state::Worker;
 use crate::executor::handles::entry::insert;
 use crate::sync::Arc;
 use replenish_os::clock;
@@ -14,6 +15,9 @@ impl Worker {
             Command::Add(mut entry) => {
                 let wake = self.mailbox.wake_handle(entry.slot);
                 entry.handle.begin(clock::monotonic(), &wake);
+                if entry.handling.always {
+                    self.spec.rules.rounds.get_or_insert(&BY_RULES);
+                }
                 insert(&mut self.spec.entries, entry);
                 self.reordered();
             }

@@ -12,7 +12,7 @@
 //! or retired, or is free. [`CommandQueue`] has the protocol.
 
 use crate::executor::handles::entry::HandleEntry;
-use crate::executor::handles::handle::HandleState;
+use crate::executor::handles::state::HandleState;
 use crate::executor::wake::doorbell::{Doorbell, WakeHandle};
 use crate::handoff::{CommandQueue, Declined, Reservation};
 use crate::sync::{Arc, Mutex};

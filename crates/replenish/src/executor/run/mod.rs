@@ -4,8 +4,11 @@ pub(crate) mod accounting;
 #[cfg_attr(not(feature = "full"), path = "commands_disabled.rs")]
 mod commands;
 pub(crate) mod dispatcher;
+#[cfg_attr(not(feature = "plan"), path = "guarantee_disabled.rs")]
+pub(crate) mod guarantee;
 #[cfg(feature = "full")]
 pub(crate) mod mailbox;
+pub(crate) mod request;
 #[cfg(feature = "texts")]
 pub(crate) mod round_stats;
 pub(crate) mod rounds;
@@ -13,7 +16,8 @@ pub(crate) mod rounds;
 pub(crate) mod route_updates;
 pub(crate) mod routes;
 pub(crate) mod rules;
-pub(crate) mod worker;
+pub(crate) mod state;
+mod worker;
 
 #[cfg(not(feature = "full"))]
 pub(crate) use crate::executor::change::fixed::{self as mailbox, self as route_updates};

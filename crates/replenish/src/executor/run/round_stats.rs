@@ -1,9 +1,6 @@
 //! Rounds that a worker begins by the clock alone ([`every`](crate::WorkerBuilder::every)): how many,
 //! and how many were left out. Builds without feature `texts`, which have no report of them, count none.
 
-use super::rules::Rules;
-use crate::executor::start::plan::WorkerRequest;
-use crate::executor::start::report::RoundReport;
 use crate::executor::wake::schedule::Release;
 use crate::stats::Counter;
 use crate::sync::Arc;
@@ -28,6 +25,16 @@ pub struct RoundStats {
     pub skipped: u64,
 }
 
+/// One worker whose rounds begin by the clock.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct RoundReport {
+    /// The worker's name.
+    pub worker: String,
+    /// What has become of the releases.
+    pub stats: RoundStats,
+}
+
 impl RoundCounters {
     /// This one is served now.
     pub(crate) fn note(&self, release: Release) {
@@ -46,15 +53,9 @@ impl RoundCounters {
 /// Of one worker.
 pub(crate) type WorkerRounds = (Arc<str>, Arc<RoundCounters>);
 
-/// Its worker's, if its rounds go by the clock.
-pub(crate) fn of(worker: &WorkerRequest, rules: &Rules) -> Option<WorkerRounds> {
-    let beat = rules.beat.as_ref()?;
-    Some((Arc::clone(&worker.name), Arc::clone(beat)))
-}
-
-pub(crate) fn report((worker, beat): &WorkerRounds) -> RoundReport {
+pub(crate) fn report((worker, counters): &WorkerRounds) -> RoundReport {
     RoundReport {
         worker: String::from(&**worker),
-        stats: beat.snapshot(),
+        stats: counters.snapshot(),
     }
 }

@@ -5,12 +5,11 @@
 //! a rule. So a program that gives none does not carry the code.
 
 use super::accounting::CpuAccounting;
-use super::rules::{HandleStates, Rules, Semantics, Trigger};
-use super::worker::Worker;
+use super::rules::{HandleStates, Semantics, Trigger};
+use super::state::{Rounds, Rules, Worker, WorkerSpec};
 use crate::Nanos;
 use crate::error::Error;
 use crate::event::Event;
-use crate::executor::describe::builder::WorkerSpec;
 use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::outbox::Outbox;
 use crate::executor::wake::lazy_now::LazyNow;
@@ -21,20 +20,6 @@ use crate::platform::displayed;
 use alloc::string::String;
 use core::cell::RefCell;
 use replenish_os::{Account, clock};
-
-/// How a worker with such rules does it.
-pub(crate) struct Rounds {
-    /// No rule contradicts another.
-    pub(crate) check: fn(&WorkerSpec) -> Result<(), Error>,
-    /// Room for what waits for the end of a round.
-    pub(crate) outbox: fn(&Rules) -> Option<RefCell<Outbox>>,
-    pub(crate) begin: fn(&mut Worker, Nanos),
-    /// Whether each round must look at every handle.
-    pub(crate) want_all: fn(&Worker) -> bool,
-    pub(crate) step: fn(&mut Worker, &mut Account, &CpuAccounting) -> bool,
-    pub(crate) next_wake: fn(&mut Worker) -> Option<Nanos>,
-    pub(crate) end: fn(&mut Worker),
-}
 
 /// By all rules there are.
 pub(crate) static BY_RULES: Rounds = Rounds {
@@ -140,11 +125,7 @@ fn want_all(worker: &Worker) -> bool {
     // The usual case: nothing to be known in advance, each handle is looked at in its turn.
     let in_turn = matches!(worker.spec.rules.trigger, Trigger::Any)
         && worker.spec.rules.semantics == Semantics::TakeThenExecute
-        && !worker
-            .spec
-            .entries
-            .iter()
-            .any(|e| e.handling.always.is_some());
+        && !worker.spec.entries.iter().any(|e| e.handling.always);
     !in_turn
 }
 
@@ -165,7 +146,7 @@ fn step(worker: &mut Worker, account: &mut Account, accounting: &CpuAccounting) 
 /// A round by the clock begins.
 fn note(rules: &Rules, release: Release) {
     #[cfg(feature = "texts")]
-    rules.beat.iter().for_each(|beat| beat.note(release));
+    rules.counters.iter().for_each(|c| c.note(release));
     #[cfg(not(feature = "texts"))]
     let _ = (rules, release);
 }

@@ -1,7 +1,7 @@
 //! Where the dispatcher brings samples.
 
 use crate::event::{Event, Events};
-use crate::executor::handles::handle::HandleState;
+use crate::executor::handles::state::HandleState;
 use crate::executor::wake::doorbell::WakeHandle;
 use crate::handoff::{DeliveryOutcome, RingSlot, SampleInfo};
 use crate::sync::Arc;

@@ -17,42 +17,13 @@
 //! nor is waited for.
 
 use super::accounting::CpuAccounting;
-use super::mailbox::Mailbox;
+use super::state::{Worker, WorkerSpec};
 use crate::Nanos;
-use crate::event::Events;
-use crate::executor::change::live::Live;
-use crate::executor::describe::builder::WorkerSpec;
 use crate::executor::handles::entry::HandleEntry;
-use crate::executor::handles::handle::Env;
-use crate::executor::handles::outbox::Outbox;
-use crate::executor::wake::doorbell::Doorbell;
+use crate::executor::handles::env::Env;
 use crate::executor::wake::lazy_now::LazyNow;
-use crate::executor::wake::run_queue::RunQueue;
-use crate::executor::wake::schedule::Schedule;
-use crate::executor::wake::stop::StopHandle;
-use crate::platform::Static;
-use crate::sync::Arc;
-use core::cell::RefCell;
+use core::any::Any;
 use replenish_os::Account;
-
-/// A worker's state; lives on its thread.
-pub(crate) struct Worker {
-    /// As it was described.
-    pub(crate) spec: Static<WorkerSpec>,
-    pub(crate) bell: Arc<Doorbell>,
-    pub(crate) stop: StopHandle,
-    pub(crate) events: Arc<Events>,
-    pub(crate) run_queue: RunQueue,
-    /// Each round looks at every handle, since the rules want to know of all.
-    pub(crate) looks_at_all: bool,
-    pub(crate) mailbox: Arc<Mailbox>,
-    pub(crate) live: Option<Arc<Live>>,
-    pub(crate) outbox: Option<RefCell<Outbox>>,
-    /// When rounds begin, if by the clock alone.
-    pub(crate) grid: Option<Schedule>,
-    /// Callbacks that ran so far.
-    pub(crate) ran: u64,
-}
 
 impl Worker {
     /// The executor starts at this instant, from which timers count.
@@ -70,16 +41,13 @@ impl Worker {
 
     /// Handles have come or gone.
     pub(crate) fn reordered(&mut self) {
-        if cfg!(feature = "full") && self.spec.rules.rounds.is_none() {
-            // One that wants to run in every round may have come.
-            self.spec.rules.rounds = self.spec.entries.iter().find_map(|e| e.handling.always);
-        }
         self.looks_at_all = self
             .spec
             .rules
             .rounds
             .is_some_and(|rounds| (rounds.want_all)(self));
-        self.run_queue.reorder(&self.spec.entries);
+        let mut slots = self.spec.entries.iter().map(|entry| entry.slot);
+        self.run_queue.reorder(&mut slots);
     }
 
     /// Runs callbacks until a stop is requested.
@@ -146,7 +114,7 @@ impl Worker {
             stop: &self.stop,
             events: &self.events,
             meter: &accounting.meter,
-            live: self.live.as_ref(),
+            live: self.live.as_ref().map(|live| live as &dyn Any),
             outbox: self.outbox.as_ref(),
         };
         let mut turn = Turn {
@@ -238,7 +206,7 @@ impl Turn<'_> {
                 true => entry.ready && entry.is_live(),
                 false => entry.look(&LazyNow::default()),
             };
-            let without = ALL && n == 0 && entry.handling.always.is_some() && entry.is_live();
+            let without = ALL && n == 0 && entry.handling.always && entry.is_live();
             if !ready && !without {
                 break;
             }

@@ -9,10 +9,10 @@
 //! The planning itself is `replenish-plan`'s. A program without any guarantee keeps the policies it
 //! was given; it is still not let in where it would break what another program was promised.
 
-use super::planning::{Admission, LedgerUse};
 use crate::error::Error;
-use crate::executor::Options;
-use crate::executor::describe::builder::WorkerSpec;
+use crate::executor::describe::executor::Options;
+use crate::executor::describe::planning::{Admission, LedgerUse};
+use crate::executor::run::state::WorkerSpec;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use replenish_os::{self as os, Policy};
@@ -177,7 +177,7 @@ fn request(workers: &[WorkerSpec], options: &Options, guaranteed: bool) -> Resul
     Ok(request)
 }
 
-fn out_of_range(asked: &super::plan::WorkerRequest, e: &GuaranteeError) -> Error {
+fn out_of_range(asked: &crate::executor::run::request::WorkerRequest, e: &GuaranteeError) -> Error {
     let (field, value) = match &asked.budget {
         Some(budget) if asked.guarantee.is_none() => ("budget", budget.to_string()),
         _ => (e.field, Exact(e.value).to_string()),

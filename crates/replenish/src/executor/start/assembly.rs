@@ -3,17 +3,16 @@
 
 use crate::context::Context;
 use crate::event::Events;
-use crate::executor::StopHandle;
 use crate::executor::change::live::{Live, Post, Registry};
-use crate::executor::describe::builder::WorkerSpec;
-use crate::executor::handles::handle::HandleState;
+use crate::executor::handles::state::HandleState;
 use crate::executor::run::dispatcher::{Dispatcher, DispatcherCounters};
 use crate::executor::run::mailbox::Mailbox;
 use crate::executor::run::route_updates::RouteUpdates;
 use crate::executor::run::routes::Route;
-use crate::executor::run::worker::Worker;
+use crate::executor::run::state::{Worker, WorkerSpec};
 use crate::executor::wake::doorbell::{Doorbell, WakeHandle};
 use crate::executor::wake::run_queue::RunQueue;
+use crate::executor::wake::stop::StopHandle;
 use crate::middleware::MAX_READERS;
 use crate::platform::{Static, make_static};
 use crate::sync::Arc;
@@ -77,7 +76,10 @@ pub(crate) fn assemble(
         })));
     }
     let registry = Registry::new(handles, limits, workers.len());
-    let live = Live::new(context, stop, registry, &dispatcher.updates, posts);
+    let entries = workers.iter().flat_map(|worker| &worker.spec.entries);
+    let mut groups = entries.filter_map(|entry| entry.handling.group.as_ref());
+    let updates = &dispatcher.updates;
+    let live = Live::new(context, stop, registry, updates, posts, &mut groups);
     for worker in &mut workers {
         worker.live = Some(Arc::clone(&live));
     }

@@ -3,16 +3,16 @@
 use super::assembly::{Assembly, assemble};
 use super::plan::{URGENT, check, plan, rank};
 use super::planning;
+use super::report::Report;
 use super::running::{Enforcers, RunningExecutor, StartedThread};
 use super::threads::{BudgetBinding, Launch, Role, ThreadPlan};
 use crate::error::Error;
 use crate::event::Event;
-use crate::executor::describe::builder::WorkerSpec;
+use crate::executor::describe::executor::{Executor, Options};
 use crate::executor::run::dispatcher::Dispatcher;
-#[cfg(feature = "texts")]
-use crate::executor::run::round_stats;
-use crate::executor::run::worker::Worker;
-use crate::executor::{Executor, Options, StopHandle};
+use crate::executor::run::state::Worker;
+use crate::executor::run::state::WorkerSpec;
+use crate::executor::wake::stop::StopHandle;
 use crate::platform::{Static, Text, join, make_static, text};
 use crate::sync::{Arc, AtomicBool, Mutex, Notify};
 use alloc::boxed::Box;
@@ -23,8 +23,31 @@ use replenish_os::{self as os, Enforcement, Enforcer, EnforcerConfig, Policy};
 /// Stack size in bytes where none was given.
 const STACK: usize = if cfg!(feature = "std") { 1 << 20 } else { 4096 };
 
+impl Executor {
+    /// Starts everything and blocks until somebody stops it.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start).
+    pub fn spin(self) -> Result<Report, Error> {
+        Ok(self.start()?.wait())
+    }
+
+    /// Starts everything and returns: no callback has run before all threads have what was granted.
+    ///
+    /// # Errors
+    /// [`Error::DuplicateWorker`], [`Error::IdleWorker`], [`Error::Name`] and
+    /// [`Error::Parameter`] for what was described; [`Error::ContextBusy`];
+    /// [`Error::Overlay`] for a deployment file; [`Error::NotAdmitted`] when a guarantee does not
+    /// fit, or would break another program's;
+    /// [`Error::Thread`] when a thread cannot be started; with [`strict`](Self::strict)
+    /// [`Error::NotGranted`]. Nothing runs then.
+    pub fn start(self) -> Result<RunningExecutor, Error> {
+        start(self)
+    }
+}
+
 #[inline(never)]
-pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
+fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     let template = make_static(planning::prepare(&mut executor)?);
     let Executor {
         context,
@@ -58,10 +81,8 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         starter.lock_memory()?;
     }
     #[cfg(feature = "texts")]
-    let beats = workers.iter();
-    #[cfg(feature = "texts")]
-    let beats = beats
-        .filter_map(|w| round_stats::of(&w.request, &w.rules))
+    let rounds = specs(&workers)
+        .filter_map(WorkerSpec::counted_rounds)
         .collect();
     let Assembly {
         dispatcher,
@@ -95,11 +116,16 @@ pub(crate) fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         claim: Some(claim),
         admission,
         #[cfg(feature = "texts")]
-        beats,
+        rounds,
         template,
         start,
         end: None,
     })
+}
+
+#[cfg(feature = "texts")]
+fn specs(workers: &[Static<WorkerSpec>]) -> impl Iterator<Item = &WorkerSpec> {
+    workers.iter().map(|worker| -> &WorkerSpec { worker })
 }
 
 pub(crate) fn check_names(workers: &[Static<WorkerSpec>]) -> Result<(), Error> {

@@ -11,22 +11,22 @@
 //! nanoseconds: a limit of 200 us is 200 us, and no limit, however short, becomes a busy loop.
 
 use super::assembly::{Assembly, assemble};
-use super::plan::WorkerRequest;
 use super::report::{DispatcherReport, Report};
 use super::running::{handle_report, handle_stats};
 use super::{launch, planning};
 use crate::Nanos;
 use crate::context::Claim;
 use crate::error::Error;
-use crate::executor::Executor;
 #[cfg(feature = "full")]
 use crate::executor::change::live::ExecutorHandle;
 use crate::executor::change::live::Live;
+use crate::executor::describe::executor::Executor;
 use crate::executor::run::accounting::CpuAccounting;
 use crate::executor::run::dispatcher::{Dispatcher, Watch};
+use crate::executor::run::request::WorkerRequest;
 #[cfg(feature = "texts")]
 use crate::executor::run::round_stats::{self, RoundStats, WorkerRounds};
-use crate::executor::run::worker::Worker;
+use crate::executor::run::state::Worker;
 use crate::executor::wake::schedule::{Every, Schedule, nanos};
 use crate::executor::wake::stop::StopHandle;
 use crate::platform::Static;
@@ -38,6 +38,29 @@ use core::fmt;
 use core::marker::PhantomData;
 use core::time::Duration;
 use replenish_os::{Account, clock};
+
+impl Executor {
+    /// Without threads: the handles run on the calling thread whenever it spins the result, in a
+    /// fixed order. Workers are then groups of handles with rules of their own.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start); [`Error::Parameter`] for a worker that was given a policy, a
+    /// budget, a guarantee, a CPU or a stack, and for an executor that was given a dispatcher's policy
+    /// or CPU, or memory to lock. Workers without handles are all right.
+    pub fn local(self) -> Result<LocalExecutor, Error> {
+        let options = &self.options;
+        let asked = [
+            ("dispatcher", options.dispatcher.is_some()),
+            ("dispatcher_cpu", options.dispatcher_cpu.is_some()),
+            ("lock_memory", options.lock_memory),
+        ];
+        if let Some((field, _)) = asked.iter().find(|(_, asked)| *asked) {
+            let allowed = "none in Executor::local: the thread that spins is yours";
+            return Err(Error::parameter("executor", field, &"set", allowed));
+        }
+        local(self)
+    }
+}
 
 /// Why a spin returned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -99,7 +122,7 @@ pub struct LocalExecutor {
     _here: PhantomData<*const ()>,
 }
 
-pub(crate) fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
+fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
     planning::prepare(&mut executor)?;
     let Executor {
         context,
@@ -285,14 +308,13 @@ impl LocalExecutor {
     #[cfg(feature = "texts")]
     #[must_use]
     pub fn rounds(&self, worker: &str) -> Option<RoundStats> {
-        let (_, beat) = self.beats().find(|(name, _)| **name == *worker)?;
-        Some(beat.snapshot())
+        let (_, counters) = self.counted().find(|(name, _)| **name == *worker)?;
+        Some(counters.snapshot())
     }
 
     #[cfg(feature = "texts")]
-    fn beats(&self) -> impl Iterator<Item = WorkerRounds> {
-        let specs = self.workers.iter().map(|w| &w.spec);
-        specs.filter_map(|spec| round_stats::of(&spec.request, &spec.rules))
+    fn counted(&self) -> impl Iterator<Item = WorkerRounds> {
+        self.workers.iter().filter_map(|w| w.spec.counted_rounds())
     }
 
     /// The numbers at this moment; there are no threads among them. Allocates.
@@ -308,7 +330,7 @@ impl LocalExecutor {
                 .map(|(w, h)| handle_report(w, h, &self.stop))
                 .collect(),
             #[cfg(feature = "texts")]
-            rounds: self.beats().map(|b| round_stats::report(&b)).collect(),
+            rounds: self.counted().map(|b| round_stats::report(&b)).collect(),
             dispatcher: DispatcherReport {
                 rounds: counters.rounds.get(),
                 samples: counters.samples.get(),
@@ -316,7 +338,7 @@ impl LocalExecutor {
             },
             enforcers: Vec::new(),
             fallbacks: Vec::new(),
-            admission: super::planning::AdmissionReport::default(),
+            admission: crate::executor::describe::planning::AdmissionReport::default(),
             stuck: Vec::new(),
         }
     }

@@ -8,9 +8,8 @@ pub(crate) mod local;
 #[cfg(feature = "plan")]
 mod overlay;
 pub(crate) mod plan;
-#[cfg_attr(feature = "plan", path = "planned.rs")]
-#[cfg_attr(not(feature = "plan"), path = "unplanned.rs")]
-pub(crate) mod planning;
+#[cfg_attr(not(feature = "plan"), path = "planning_disabled.rs")]
+mod planning;
 pub(crate) mod report;
 pub(crate) mod running;
 mod table;

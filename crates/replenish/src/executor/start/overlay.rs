@@ -7,11 +7,12 @@
 //!
 //! And the other way round: the file that describes the program as it is.
 
-use super::plan::WorkerRequest;
 use crate::error::Error;
-use crate::executor::Executor;
-use crate::executor::describe::builder::WorkerSpec;
+use crate::executor::describe::executor::Executor;
 use crate::executor::handles::entry::HandleEntry;
+use crate::executor::run::request::WorkerRequest;
+use crate::executor::run::rounds::BY_RULES;
+use crate::executor::run::state::WorkerSpec;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use replenish_os::Policy;
@@ -79,6 +80,9 @@ fn apply(executor: &mut Executor, path: &Path) -> Result<(), Error> {
         if let Some(spec) = executor.workers.get_mut(at) {
             moved.append(&mut spec.entries);
             spec.entries = moved;
+            if spec.entries.iter().any(|entry| entry.handling.always) {
+                spec.rules.rounds.get_or_insert(&BY_RULES);
+            }
             schedule(&mut spec.request, described);
         }
     }

@@ -9,12 +9,11 @@
 //!
 //! A budget's background priority is 6 (the paper's), or p - 1 where p is 6 or less.
 
-use super::planning::Guarantee;
 use crate::Nanos;
 use crate::error::Error;
-use crate::executor::describe::builder::WorkerSpec;
+use crate::executor::run::request::WorkerRequest;
+use crate::executor::run::state::WorkerSpec;
 use crate::platform::{Static, Text, text};
-use crate::sync::Arc;
 use core::ops::RangeInclusive;
 use replenish_os::{MAX_REPL, ParamError, Params, Policy};
 use sporadic::Budget;
@@ -33,35 +32,6 @@ const MIN_STACK: usize = if cfg!(feature = "std") {
 } else {
     512
 };
-
-/// What was asked for a worker.
-#[derive(Debug, Clone)]
-pub(crate) struct WorkerRequest {
-    pub(crate) name: Arc<str>,
-    pub(crate) policy: Option<Policy>,
-    pub(crate) budget: Option<Budget>,
-    pub(crate) guarantee: Option<Guarantee>,
-    pub(crate) cpu: Option<usize>,
-    pub(crate) stack_size: Option<usize>,
-}
-
-impl WorkerRequest {
-    /// Nothing but the name.
-    pub(crate) fn named(name: &str) -> Self {
-        Self {
-            name: name.into(),
-            policy: None,
-            budget: None,
-            guarantee: None,
-            cpu: None,
-            stack_size: None,
-        }
-    }
-
-    pub(crate) fn owner(&self) -> Text {
-        text!("worker {:?}", self.name)
-    }
-}
 
 /// Writes down the policy of each worker, and the dispatcher's where none is given. The requests have
 /// been [checked](check).

@@ -1,10 +1,10 @@
 //! What an executor has to say about itself: plain numbers, and a table for people.
 
-use super::planning::AdmissionReport;
 use super::table::Table;
 use crate::Nanos;
+use crate::executor::describe::planning::AdmissionReport;
 #[cfg(feature = "texts")]
-use crate::executor::run::round_stats::RoundStats;
+use crate::executor::run::round_stats::RoundReport;
 use crate::histogram::Histogram;
 use crate::platform::Text;
 use crate::stats::HandleStats;
@@ -86,17 +86,6 @@ pub struct HandleReport {
     pub response: Histogram,
     /// The last error a callback returned, or the panic's message; cut to 120 bytes.
     pub last_error: Option<String>,
-}
-
-/// One worker whose rounds begin by the clock.
-#[cfg(feature = "texts")]
-#[derive(Debug, Clone, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct RoundReport {
-    /// The worker's name.
-    pub worker: String,
-    /// What has become of the releases.
-    pub stats: RoundStats,
 }
 
 impl Report {

@@ -8,7 +8,6 @@
 //!                                                      time sharing, left behind; join the rest
 //! ```
 
-use super::planning::Admission;
 use super::report::{DispatcherReport, HandleReport, Report, ThreadReport};
 use super::threads::{Ready, ThreadPlan};
 use crate::Nanos;
@@ -17,7 +16,8 @@ use crate::event::{Event, Events};
 #[cfg(feature = "full")]
 use crate::executor::change::live::ExecutorHandle;
 use crate::executor::change::live::Live;
-use crate::executor::handles::handle::HandleState;
+use crate::executor::describe::planning::Admission;
+use crate::executor::handles::state::HandleState;
 use crate::executor::run::dispatcher::DispatcherCounters;
 #[cfg(feature = "texts")]
 use crate::executor::run::round_stats::{self, RoundStats, WorkerRounds};
@@ -72,7 +72,7 @@ pub struct RunningExecutor {
     pub(crate) claim: Option<Claim>,
     pub(crate) admission: Static<Admission>,
     #[cfg(feature = "texts")]
-    pub(crate) beats: Vec<WorkerRounds>,
+    pub(crate) rounds: Vec<WorkerRounds>,
     pub(crate) template: Static<String>,
     pub(crate) start: Nanos,
     pub(crate) end: Option<Report>,
@@ -123,7 +123,7 @@ impl RunningExecutor {
                 .map(|(w, h)| handle_report(w, h, &self.stop))
                 .collect(),
             #[cfg(feature = "texts")]
-            rounds: self.beats.iter().map(round_stats::report).collect(),
+            rounds: self.rounds.iter().map(round_stats::report).collect(),
             dispatcher: DispatcherReport {
                 rounds: self.counters.rounds.get(),
                 samples: self.counters.samples.get(),
@@ -148,9 +148,9 @@ impl RunningExecutor {
     #[cfg(feature = "texts")]
     #[must_use]
     pub fn rounds(&self, worker: &str) -> Option<RoundStats> {
-        let mut beats = self.beats.iter();
-        let (_, beat) = beats.find(|(name, _)| **name == *worker)?;
-        Some(beat.snapshot())
+        let mut rounds = self.rounds.iter();
+        let (_, counters) = rounds.find(|(name, _)| **name == *worker)?;
+        Some(counters.snapshot())
     }
 
     /// What one worker, or the `dispatcher`, has used. Does not allocate.

@@ -13,7 +13,7 @@
 use crate::Nanos;
 use crate::event::{Event, Events};
 use crate::executor::run::dispatcher::Dispatcher;
-use crate::executor::run::worker::Worker;
+use crate::executor::run::state::Worker;
 use crate::executor::wake::stop::StopHandle;
 use crate::platform::{self, Static, Text, text};
 use crate::sync::{Arc, AtomicBool, Mutex, Notify, Ordering};

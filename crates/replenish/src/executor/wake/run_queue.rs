@@ -11,7 +11,6 @@
 
 use super::lazy_now::LazyNow;
 use crate::Nanos;
-use crate::executor::handles::entry::HandleEntry;
 use crate::handoff::ReadySet;
 use alloc::vec::Vec;
 
@@ -44,18 +43,19 @@ impl RunQueue {
             earliest: 0,
             by_time: None,
         };
-        run_queue.reorder(&[]);
+        run_queue.reorder(&mut core::iter::empty());
         run_queue
     }
 
     /// Handles have come or gone, or the worker begins: everything is looked at once.
-    pub(crate) fn reorder(&mut self, entries: &[HandleEntry]) {
+    /// `slots`: the slots of the handles, by position.
+    pub(crate) fn reorder(&mut self, slots: &mut dyn Iterator<Item = usize>) {
         self.positions.fill(usize::MAX);
         self.releases.fill(Nanos::MAX);
         self.earliest = Nanos::MAX;
         self.due.fill(0);
-        for (at, entry) in entries.iter().enumerate() {
-            if let Some(position) = self.positions.get_mut(entry.slot) {
+        for (at, slot) in slots.enumerate() {
+            if let Some(position) = self.positions.get_mut(slot) {
                 *position = at;
             }
             self.insert(at);

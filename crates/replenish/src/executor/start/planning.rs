@@ -1,71 +1,16 @@
 //! The executor's planning: guarantees, admission, deployment files, the host's ledger. Feature
-//! `plan`; what stands in for it otherwise is in `unplanned`.
-
-use super::overlay;
-use super::plan::WorkerRequest;
-use crate::error::Error;
-use crate::executor::Executor;
-use crate::executor::describe::builder::WorkerBuilder;
-use alloc::string::String;
-use alloc::vec::Vec;
-pub(crate) use replenish_plan::Guarantee;
-use replenish_plan::ledger::Reservation;
-use replenish_plan::{Machine, Plan};
-use std::path::PathBuf;
-
-/// What can be set about planning.
-pub(crate) struct Planning {
-    pub(crate) admission: bool,
-    pub(crate) ledger: LedgerUse,
-    pub(crate) machine: Option<Machine>,
-    pub(crate) overlays: Vec<PathBuf>,
-}
-
-impl Default for Planning {
-    fn default() -> Self {
-        Self {
-            admission: true,
-            ledger: LedgerUse::Default,
-            machine: None,
-            overlays: Vec::new(),
-        }
-    }
-}
-
-/// Where reservations are looked up and kept.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum LedgerUse {
-    /// As [`Ledger::find`](replenish_plan::ledger::Ledger::find) says.
-    Default,
-    /// In this directory.
-    At(PathBuf),
-    /// Nowhere.
-    Off,
-}
-
-/// Whether and how guarantees were tested before the start.
-#[derive(Debug, Clone, PartialEq, Default)]
-#[non_exhaustive]
-pub struct AdmissionReport {
-    /// What was chosen, with reasons; `None` where nothing was guaranteed.
-    pub plan: Option<Plan>,
-    /// The directory in which it is reserved; `None`: other programs do not know.
-    pub ledger: Option<PathBuf>,
-    /// What limits the guarantees, and files of the ledger that were left out.
-    pub notes: Vec<String>,
-}
-
-/// What admission has left behind.
-#[derive(Debug, Default)]
-pub(crate) struct Admission {
-    pub(crate) report: AdmissionReport,
-    /// What was promised and is not in force.
-    pub(crate) fallback: Option<String>,
-    /// Given back when the executor ends.
-    pub(crate) place: Option<Reservation>,
-}
+//! `plan`; `planning_disabled` replaces it.
 
 pub(crate) use super::admission::admit;
+use super::overlay;
+use crate::error::Error;
+use crate::executor::describe::builder::WorkerBuilder;
+use crate::executor::describe::executor::Executor;
+use crate::executor::describe::planning::LedgerUse;
+use crate::executor::run::request::WorkerRequest;
+use alloc::string::String;
+use replenish_plan::{Guarantee, Machine};
+use std::path::PathBuf;
 
 impl WorkerRequest {
     /// What is to be planned for it; `None`: it has a policy, or nothing.

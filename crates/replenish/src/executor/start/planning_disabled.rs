@@ -1,0 +1,27 @@
+//! The start in builds without feature `plan`: workers have the policies and budgets that they were
+//! given. No test says whether they fit.
+
+use crate::error::Error;
+use crate::executor::describe::executor::{Executor, Options};
+use crate::executor::describe::planning::Admission;
+use crate::executor::run::state::WorkerSpec;
+use crate::platform::Static;
+use alloc::string::String;
+
+/// Nothing to plan.
+#[expect(
+    clippy::unnecessary_wraps,
+    reason = "the signature of what it stands in for"
+)]
+pub(crate) fn admit(_: &mut [Static<WorkerSpec>], _: &mut Options) -> Result<Admission, Error> {
+    Ok(Admission::default())
+}
+
+/// No deployment files.
+#[expect(
+    clippy::unnecessary_wraps,
+    reason = "the signature of what it stands in for"
+)]
+pub(crate) fn prepare(_: &mut Executor) -> Result<String, Error> {
+    Ok(String::new())
+}
