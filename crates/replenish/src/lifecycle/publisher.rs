@@ -15,7 +15,7 @@ impl Lifecycle {
     /// A publisher that publishes while the node is active and else counts what it has withheld.
     ///
     /// # Errors
-    /// As [`Node::publisher`].
+    /// As [`Node::publisher`](crate::Node::publisher).
     pub fn publisher<M: Message>(
         &self,
         topic: &str,
