@@ -1,4 +1,10 @@
-//! Quality of service of an endpoint: what a subscription keeps, what a topic retransmits.
+//! Quality of service of an endpoint: history, reliability, durability, criticality, ingress limits.
+//!
+//! # Adding a policy
+//! 1. An enum or a field here, with its place in [`Qos`] and the presets.
+//! 2. [`Qos::check_offers`] says whether an offer satisfies a request, if the policy is matched.
+//! 3. Each middleware carries it out: `middleware/in_process/`, and `middleware/xrce/describe.rs`
+//!    for the agent, whose own names stand in `replenish-agent`'s `xml.rs`.
 
 use core::num::NonZeroU16;
 use core::time::Duration;
@@ -41,9 +47,10 @@ pub enum Criticality {
     RealTime,
 }
 
-/// What a peer may send for one subscription: a flood is then stopped at its source and costs this
-/// machine nothing. On DDS-XRCE it is the delivery control of `READ_DATA` (7.7.8 of the
-/// specification), which the agent carries out.
+/// A limit of the samples that a peer sends for one subscription.
+///
+/// A flood is stopped at its source and costs this machine nothing. On DDS-XRCE it is the delivery
+/// control of `READ_DATA` (7.7.8 of the specification), which the agent carries out.
 ///
 /// ```
 /// use core::time::Duration;

@@ -58,9 +58,10 @@ impl core::error::Error for LifecycleError {}
 
 type Callback = Box<dyn FnMut(State) -> Outcome + Send>;
 
-/// The state of a managed node, which changes when this program or another asks for it. Clones are
-/// the same; any thread may use them. Transitions take turns, callbacks included; looking at the
-/// state waits for nobody.
+/// The state of a managed node.
+///
+/// It changes when this program or another asks for it. Clones are the same; any thread may use them.
+/// Transitions take turns, callbacks included; looking at the state waits for nobody.
 ///
 /// ```
 /// use replenish::{Context, Outcome, State, Transition};

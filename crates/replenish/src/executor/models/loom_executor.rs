@@ -4,7 +4,9 @@
 use super::fake::{self, Fake};
 use crate::event::Events;
 use crate::executor::handles::entry::HandleEntry;
-use crate::executor::handles::handle::{Env, Handle, HandleState, Taken};
+use crate::executor::handles::env::Env;
+use crate::executor::handles::handle::{Handle, Taken};
+use crate::executor::handles::state::HandleState;
 use crate::executor::run::dispatcher::{Dispatcher, DispatcherCounters};
 use crate::executor::run::route_updates::RouteUpdates;
 

@@ -3,8 +3,9 @@
 
 use super::fake::Fake;
 use crate::event::{Event, Events};
+use crate::executor::handles::env::Env;
 use crate::executor::handles::group::Group;
-use crate::executor::handles::handle::{Env, HandleState};
+use crate::executor::handles::state::HandleState;
 use crate::sync::Arc;
 use core::time::Duration;
 use loom::cell::UnsafeCell;

@@ -4,7 +4,8 @@
 use super::fake;
 use crate::Nanos;
 use crate::executor::handles::callback::CallbackContext;
-use crate::executor::handles::handle::{Handle, HandleState};
+use crate::executor::handles::handle::Handle;
+use crate::executor::handles::state::HandleState;
 use crate::executor::handles::timer::{Timer, TimerHandle};
 use crate::executor::wake::schedule::Every;
 use core::time::Duration;

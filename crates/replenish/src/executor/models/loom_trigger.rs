@@ -4,8 +4,10 @@
 use super::fake::{self, Fake};
 use crate::event::Events;
 use crate::executor::handles::callback::CallbackContext;
+use crate::executor::handles::env::Env;
 use crate::executor::handles::guard::{Guard, GuardCondition};
-use crate::executor::handles::handle::{Env, Handle, HandleState};
+use crate::executor::handles::handle::Handle;
+use crate::executor::handles::state::HandleState;
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::sync::Arc;
 use loom::thread;
