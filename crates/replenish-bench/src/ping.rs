@@ -24,8 +24,8 @@ pub(crate) struct Args {
           value_parser = clap::value_parser!(u64).range(1..=10_000))]
     interval: u64,
 
-    /// Send a pair, with its number, for each message on topic `tick` instead: the clock of a board,
-    /// whose time is not that of this machine
+    /// Send a pair, with its number, for each message on topic `tick` instead: the clock of a
+    /// board, whose time is not that of this machine
     #[arg(long, conflicts_with = "interval")]
     ticked: bool,
 

@@ -5,8 +5,8 @@
 //!               ◄── back.set() ───
 //! ```
 //!
-//! They are FIFO threads, as dispatcher and worker are. Several ways of waking take turns in blocks,
-//! so that all see the same machine.
+//! They are FIFO threads, as dispatcher and worker are. Several ways of waking take turns in
+//! blocks, so that all see the same machine.
 
 use crate::machine::{self, stats::Sorted};
 use crate::outcome::Failure;

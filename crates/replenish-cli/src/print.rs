@@ -1,8 +1,8 @@
 //! `println!` and its kin for programs whose reader may stop reading: the standard library's panic.
 //!
-//! A reader that has gone (`| head`) ends the program silently, with the status that a shell sees of
-//! `cat` or `yes` in its place. A full disk ends it with a message and status 1. `xtask` mounts this
-//! file as well.
+//! A reader that has gone (`| head`) ends the program silently, with the status that a shell sees
+//! of `cat` or `yes` in its place. A full disk ends it with a message and status 1. `xtask` mounts
+//! this file as well.
 
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, Write};

@@ -7,8 +7,8 @@
 //!      └──── free_retired: drops it ◄──── retired ◄─────┘ retire(slot)
 //! ```
 //!
-//! Each slot is in one of these places, so the queue never grows. The commanded thread allocates and
-//! frees nothing: memory is taken and given back by the threads that send commands.
+//! Each slot is in one of these places, so the queue never grows. The commanded thread allocates
+//! and frees nothing: memory is taken and given back by the threads that send commands.
 
 use crate::sync::{AtomicBool, Mutex, Ordering};
 use alloc::collections::VecDeque;
@@ -74,7 +74,8 @@ impl<C, R> Reservation<'_, C, R> {
 }
 
 impl<C, R> CommandQueue<C, R> {
-    /// For the slots `free` out of `free.end`, with room for `commands` that wait. Allocates here only.
+    /// For the slots `free` out of `free.end`, with room for `commands` that wait. Allocates here
+    /// only.
     #[must_use]
     pub fn new(free: Range<usize>, commands: usize) -> Self {
         let limit = free.end;

@@ -13,8 +13,8 @@
 //! the one that it has read last. So either side takes the lock once per sample.
 //!
 //! *Parked* is decided under the same lock that gives the last slot away, and left under the same
-//! lock that frees one. The thread that ends it wakes the middleware, whose wake-up is sticky. So the
-//! dispatcher either sees the room before it waits, or its wait ends at once.
+//! lock that frees one. The thread that ends it wakes the middleware, whose wake-up is sticky. So
+//! the dispatcher either sees the room before it waits, or its wait ends at once.
 
 use super::SampleInfo;
 use super::ring::{Ring, RingSlot};
@@ -85,8 +85,8 @@ impl Inbox {
 
     /// Dispatcher: stores a sample.
     ///
-    /// The bytes are copied outside the lock, into the buffer in `spare_slot`, which gets an empty one
-    /// in exchange. Each call passes the same `spare_slot`, `None` at first.
+    /// The bytes are copied outside the lock, into the buffer in `spare_slot`, which gets an empty
+    /// one in exchange. Each call passes the same `spare_slot`, `None` at first.
     pub fn deliver(
         &self,
         spare_slot: &mut Option<RingSlot>,
@@ -133,8 +133,9 @@ impl Inbox {
 
     /// Worker: the oldest sample, if there is one, in exchange for the one that it has read.
     ///
-    /// Frees the sample's place in the queue, so that the next one can come while this one is worked
-    /// on. Returns whether the middleware must be woken, since the reader has rejoined the interest set.
+    /// Frees the sample's place in the queue, so that the next one can come while this one is
+    /// worked on. Returns whether the middleware must be woken, since the reader has rejoined the
+    /// interest set.
     pub fn pop(&self, read_slot: &mut Option<RingSlot>) -> Option<bool> {
         if self.waiting() == 0 {
             return None;

@@ -39,7 +39,8 @@ impl Stop {
         }
     }
 
-    /// Takes the request back, for threads that ask the flag alone: threads that have ended stay ended.
+    /// Takes the request back, for threads that ask the flag alone: threads that have ended stay
+    /// ended.
     pub fn withdraw(&self) {
         self.requested.store(false, Ordering::Release);
     }

@@ -1,9 +1,10 @@
 //! A control loop with a guarantee: so many percent of a CPU.
 //!
-//! Run: `cargo run --release -p replenish --example guarantee -- 50`; stop it with Ctrl-C. Another one
-//! with 60 is refused while the first one lives.
+//! Run: `cargo run --release -p replenish --example guarantee -- 50`; stop it with Ctrl-C. Another
+//! one with 60 is refused while the first one lives.
 //!
-//! On a machine with several CPUs the second one goes to another; a second argument pins both to one.
+//! On a machine with several CPUs the second one goes to another; a second argument pins both to
+//! one.
 
 use replenish::{Context, Error, Executor, Guarantee};
 use std::time::Duration;

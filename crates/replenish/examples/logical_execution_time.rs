@@ -1,9 +1,9 @@
-//! Logical Execution Time: all callbacks of a round see the world as it was when the round began, and
-//! what they publish goes out when it has ended.
+//! Logical Execution Time: all callbacks of a round see the world as it was when the round began,
+//! and what they publish goes out when it has ended.
 //!
-//! `control` answers each reading with a command. `monitor` runs behind it in the same round and yet
-//! sees the command of the round before, every time and however fast the messages are: its input was
-//! taken at the start. Without the semantics it would depend on who is faster.
+//! `control` answers each reading with a command. `monitor` runs behind it in the same round and
+//! yet sees the command of the round before, every time and however fast the messages are: its
+//! input was taken at the start. Without the semantics it would depend on who is faster.
 //!
 //! Run: `cargo run -p replenish --example logical_execution_time` in one process; with an agent's
 //! address (`127.0.0.1:8888`) behind it, through that agent.

@@ -1,10 +1,12 @@
 //! Ping-pong: one worker sends numbers, another sends them back after 5 ms of work each.
 //!
 //! Pong may burn 30 ms of CPU in every 100 ms at its priority, and goes on in the background beyond
-//! that. Without real-time privilege the executor says what is not guaranteed, and runs all the same.
+//! that. Without real-time privilege the executor says what is not guaranteed, and runs all the
+//! same.
 //!
-//! Run: `cargo run --release -p replenish --example ping_pong` in one process; with the address of an
-//! agent (`cargo run --release -- agent` is one: `127.0.0.1:8888`) behind it, through that agent.
+//! Run: `cargo run --release -p replenish --example ping_pong` in one process; with the address of
+//! an agent (`cargo run --release -- agent` is one: `127.0.0.1:8888`) behind it, through that
+//! agent.
 
 use replenish::msg::std_msgs::Int32;
 use replenish::{Budget, Context, Error, Executor, Qos};

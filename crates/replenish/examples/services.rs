@@ -1,5 +1,5 @@
-//! Services: one worker adds numbers at once, another takes its time and answers later; a third asks
-//! both, and hears of every request exactly once: its reply, or that none has come in time.
+//! Services: one worker adds numbers at once, another takes its time and answers later; a third
+//! asks both, and hears of every request exactly once: its reply, or that none has come in time.
 //!
 //! Run: `cargo run -p replenish --example services` in one process; with an agent's address
 //! (`127.0.0.1:8888`) behind it, through that agent.

@@ -1,8 +1,9 @@
 //! Triggers: what must be there for a worker to begin a round.
 //!
-//! `fusion` waits until a picture *and* a reading are there; readings come three times as often, and
-//! of those only the newest counts. `watch` begins a round for every tenth reading, as a function of
-//! its own says. Input that waits for the rest costs nothing: no worker ever looks in a loop.
+//! `fusion` waits until a picture *and* a reading are there; readings come three times as often,
+//! and of those only the newest counts. `watch` begins a round for every tenth reading, as a
+//! function of its own says. Input that waits for the rest costs nothing: no worker ever looks in a
+//! loop.
 //!
 //! Run: `cargo run -p replenish --example trigger` in one process; with an agent's address
 //! (`127.0.0.1:8888`) behind it, through that agent.

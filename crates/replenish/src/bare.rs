@@ -12,8 +12,8 @@ use core::fmt;
 use core::marker::PhantomData;
 use replenish_msg::{CdrError, CdrReader, CdrWriter, DecodeError, Message, Service};
 
-/// The bytes of a `T`: [`MAX_SIZE`](Message::MAX_SIZE) of them, which counts the padding, or as many as
-/// were asked for.
+/// The bytes of a `T`: [`MAX_SIZE`](Message::MAX_SIZE) of them, which counts the padding, or as
+/// many as were asked for.
 pub(crate) struct Body<T> {
     bytes: Box<[u8]>,
     len: usize,

@@ -38,9 +38,9 @@ pub enum Error {
         /// How many there may be.
         limit: usize,
     },
-    /// The callback has not ended in time; its handle goes when it has. Its removal can be asked for again,
-    /// as often as one likes, until it has gone ([`UnknownHandle`](Self::UnknownHandle) then, and while
-    /// another thread waits for it).
+    /// The callback has not ended in time; its handle goes when it has. Its removal can be asked
+    /// for again, as often as one likes, until it has gone ([`UnknownHandle`](Self::UnknownHandle)
+    /// then, and while another thread waits for it).
     StillRunning(Text),
     /// The executor has stopped.
     Stopped,

@@ -8,7 +8,8 @@ use crate::platform::{StaticText, Text, label};
 use alloc::string::String;
 use core::fmt;
 
-/// The longest topic name: what is left of DDS's 255 characters after the `rt/` prefix and the like.
+/// The longest topic name: what is left of DDS's 255 characters after the `rt/` prefix and the
+/// like.
 const MAX_TOPIC: usize = 247;
 /// The longest node name with its namespace.
 const MAX_NODE: usize = 255;

@@ -15,8 +15,9 @@ use replenish_os::clock;
 
 /// Publishes messages of type `M` on one topic.
 ///
-/// When the last clone is dropped, the middleware forgets it. Clones share one preallocated buffer and may be used from any thread at once; the lock around
-/// it has priority inheritance and is held while one message is encoded and handed over.
+/// When the last clone is dropped, the middleware forgets it. Clones share one preallocated buffer
+/// and may be used from any thread at once; the lock around it has priority inheritance and is held
+/// while one message is encoded and handed over.
 pub struct Publisher<M> {
     inner: Arc<Inner>,
     message: PhantomData<fn(&M)>,
@@ -59,8 +60,8 @@ impl<M: Message> Publisher<M> {
     /// for the dispatcher; the time it takes is charged to the caller's budget.
     ///
     /// # Errors
-    /// When the message was not sent; see [`PublishError`]. [`PublishError::TooLong`] of a type with
-    /// unbounded fields asks for [`Node::publisher_sized`](crate::Node::publisher_sized).
+    /// When the message was not sent; see [`PublishError`]. [`PublishError::TooLong`] of a type
+    /// with unbounded fields asks for [`Node::publisher_sized`](crate::Node::publisher_sized).
     pub fn publish(&self, message: &M) -> Result<(), PublishError> {
         self.publish_with(|room| replenish_msg::encode(message, room))
     }
@@ -89,9 +90,9 @@ impl<M: Message> Publisher<M> {
         self.inner.middleware.publish(self.inner.writer, payload)
     }
 
-    /// Like [`publish`](Self::publish), but while the output queue is full it waits for room, looking
-    /// for it every 0.2 ms, until `limit` has passed. In a callback this is blocking: other callbacks
-    /// of the worker wait, and its budget is accounted as for any other wait.
+    /// Like [`publish`](Self::publish), but while the output queue is full it waits for room,
+    /// looking for it every 0.2 ms, until `limit` has passed. In a callback this is blocking: other
+    /// callbacks of the worker wait, and its budget is accounted as for any other wait.
     ///
     /// # Errors
     /// [`PublishError::Full`] if there was no room in time; the others at once.

@@ -1,4 +1,5 @@
-//! Quality of service of an endpoint: history, reliability, durability, criticality, ingress limits.
+//! Quality of service of an endpoint: history, reliability, durability, criticality, ingress
+//! limits.
 //!
 //! # Adding a policy
 //! 1. An enum or a field here, with its place in [`Qos`] and the presets.

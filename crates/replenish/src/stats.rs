@@ -1,8 +1,8 @@
 //! Counters of one handle: fixed size, written by the dispatcher and one worker, read by anybody
 //! at any time without a lock.
 //!
-//! At rest, `received = executed + dropped + oversize + undecodable + discarded + waiting`, plus the
-//! one whose callback panicked.
+//! At rest, `received = executed + dropped + oversize + undecodable + discarded + waiting`, plus
+//! the one whose callback panicked.
 
 use crate::Nanos;
 use crate::sync::{AtomicBool, Ordering, unmodelled::AtomicU64};
@@ -96,9 +96,9 @@ pub struct HandleStats {
     pub deadline_misses: u64,
     /// Budget exhaustions while a callback of this handle ran.
     pub exhaustions: u64,
-    /// CPU time of the callbacks at the worker's own priority. Without a budget, callbacks that take
-    /// less than 20 us are read sixteen at a time: each is charged its duration and an equal part of
-    /// the rest, and the sum is what the thread has used.
+    /// CPU time of the callbacks at the worker's own priority. Without a budget, callbacks that
+    /// take less than 20 us are read sixteen at a time: each is charged its duration and an equal
+    /// part of the rest, and the sum is what the thread has used.
     pub cpu_high: Nanos,
     /// CPU time of the callbacks at background priority.
     pub cpu_background: Nanos,

@@ -169,7 +169,8 @@ fn rclc_3_a_trigger_that_is_not_met_waits_asleep() {
 }
 
 /// Beside defect 3: `rclc_executor_trigger_one` compares pointers, of which action handles have
-/// none, and stops searching at the first of them. Here handles have ids, an action's parts included.
+/// none, and stops searching at the first of them. Here handles have ids, an action's parts
+/// included.
 #[test]
 fn rclc_3_a_trigger_can_name_a_part_of_an_action() {
     let _dog = watchdog("rclc 3, one of an action", LIMIT);
@@ -237,7 +238,8 @@ fn rclc_4_handles_come_and_go_inside_a_callback() {
     assert!(eventually(|| running.stats("w/guard:0").is_none()));
 }
 
-/// A goal of this order, from a client in the same executor; what is heard of it is counted by kind.
+/// A goal of this order, from a client in the same executor; what is heard of it is counted by
+/// kind.
 struct Goals {
     client: ActionClient<Fibonacci>,
     accepted: Arc<Mutex<Vec<GoalHandle<Fibonacci>>>>,
@@ -384,9 +386,10 @@ fn rclc_6_periods_are_exact_and_an_overrun_makes_no_burst() {
 
 replenish_testkit::settable_wall_clock!();
 
-/// Defect 6, the clock: rclc's periods are those of a clock that can be set. Here somebody sets it an
-/// hour forward and two hours back while a timer and `spin_period` run: releases stay on their grid,
-/// none is left out for an hour that has not passed, and none waits for one that is yet to come.
+/// Defect 6, the clock: rclc's periods are those of a clock that can be set. Here somebody sets it
+/// an hour forward and two hours back while a timer and `spin_period` run: releases stay on their
+/// grid, none is left out for an hour that has not passed, and none waits for one that is yet to
+/// come.
 #[test]
 fn rclc_6_setting_the_clock_moves_no_release() {
     const PERIOD: Duration = Duration::from_millis(2);

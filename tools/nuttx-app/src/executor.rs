@@ -1,5 +1,5 @@
-//! Experiment 1 on the executor itself, in one process: a timer pings every 10 ms, a budgeted worker
-//! and a worker below it answer with bursts of 10 ms.
+//! Experiment 1 on the executor itself, in one process: a timer pings every 10 ms, a budgeted
+//! worker and a worker below it answer with bursts of 10 ms.
 
 use crate::say;
 use crate::work::burst;

@@ -1,7 +1,7 @@
 //! A program that publishes and subscribes over the XRCE client with what micro-ROS configures: an
-//! MTU of 512 bytes and four messages of history each way. It is linked and measured, never run: its
-//! port is two registers in memory. With the feature `restore` it also receives fragments and brings
-//! what was not acknowledged to the next agent, for which the stock client has nothing.
+//! MTU of 512 bytes and four messages of history each way. It is linked and measured, never run:
+//! its port is two registers in memory. With the feature `restore` it also receives fragments and
+//! brings what was not acknowledged to the next agent, for which the stock client has nothing.
 #![no_std]
 #![no_main]
 #![expect(unsafe_code, reason = "the linker must find the entry by its name")]
@@ -62,8 +62,8 @@ mod client {
         datagram: [u8; MTU],
     }
 
-    /// As much as session and buffers take, so that it shows in the figure for static RAM: here they
-    /// live on the stack of a function that never returns.
+    /// As much as session and buffers take, so that it shows in the figure for static RAM: here
+    /// they live on the stack of a function that never returns.
     #[used]
     static RAM: [AtomicU8; size_of::<Client<'_>>() + size_of::<Memory>()] =
         [const { AtomicU8::new(0) }; size_of::<Client<'_>>() + size_of::<Memory>()];

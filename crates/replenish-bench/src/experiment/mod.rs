@@ -1,4 +1,5 @@
-//! `replenish experiment …`: the paper's experiments and its open question, and what budgets protect.
+//! `replenish experiment …`: the paper's experiments and its open question, and what budgets
+//! protect.
 //!
 //! ```text
 //!   command ─► budget_sweep ────► sweep_report ─┬─► deviation    simulated against measured

@@ -25,7 +25,8 @@ pub(super) struct Files {
     #[arg(long, value_name = "PATH")]
     html: Option<PathBuf>,
 
-    /// Report what was measured on a board instead of measuring; `cargo xtask board` writes the file
+    /// Report what was measured on a board instead of measuring; `cargo xtask board` writes the
+    /// file
     #[arg(long, value_name = "PATH", hide = true)]
     pub(super) measured: Option<PathBuf>,
 }

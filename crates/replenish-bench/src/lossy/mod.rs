@@ -44,8 +44,8 @@ pub struct Point {
 /// Samples of [`point`] and the largest of them, unless told otherwise.
 pub const SAMPLES: u32 = 100_000;
 
-/// Sends `samples` samples of 16 to 300 bytes, every five-hundredth of 50 kB, over a link that loses
-/// `loss_percent` (0 to 90) of the datagrams, duplicates 1 % and delays them for 1 to 5 ms.
+/// Sends `samples` samples of 16 to 300 bytes, every five-hundredth of 50 kB, over a link that
+/// loses `loss_percent` (0 to 90) of the datagrams, duplicates 1 % and delays them for 1 to 5 ms.
 #[must_use]
 pub fn point(loss_percent: u8, samples: u32, seed: u64) -> Point {
     const MILLI: Nanos = 1_000_000;

@@ -3,9 +3,9 @@
 //!
 //! The measuring programs are known by their output alone. Free here are, per row, how long before
 //! the measurement the sporadic threads had been created ([`Row::skew_ticks`]), one calibration per
-//! tick length, what a 10 ms burst really takes, from the rows with FIFO only, and one for all rows:
-//! what a tick costs a sporadic thread more than a FIFO thread, from the CPU times of experiment 1.
-//! NuttX 10.0 has the reversed subtraction, "master" (2026-08) neither historic bug.
+//! tick length, what a 10 ms burst really takes, from the rows with FIFO only, and one for all
+//! rows: what a tick costs a sporadic thread more than a FIFO thread, from the CPU times of
+//! experiment 1. NuttX 10.0 has the reversed subtraction, "master" (2026-08) neither historic bug.
 
 use super::{Kernel, NuttxPolicy, NuttxThread, Program};
 use sporadic::Nanos;

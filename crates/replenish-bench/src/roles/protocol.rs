@@ -63,8 +63,8 @@ pub(crate) struct PongWindow {
     pub support_cpu: Nanos,
     /// How much later than asked the thread that takes the snapshots woke, at worst.
     pub late: Nanos,
-    /// What the hypervisor took of the measured CPU meanwhile, in steps of 10 ms; 0 if the kernel does
-    /// not say.
+    /// What the hypervisor took of the measured CPU meanwhile, in steps of 10 ms; 0 if the kernel
+    /// does not say.
     #[serde(default)]
     pub stolen: Nanos,
     /// When the high worker had the CPU: pairs of start and end, relative to the window.

@@ -82,8 +82,8 @@ impl Point {
         })
     }
 
-    /// What the simulator is told. On the board an answer takes its burst by the worker's CPU clock,
-    /// handling included; one that has nothing to burn takes what was measured.
+    /// What the simulator is told. On the board an answer takes its burst by the worker's CPU
+    /// clock, handling included; one that has nothing to burn takes what was measured.
     fn costs(&self, spec: &Spec) -> Costs {
         let messages = self.ping.sent_high.saturating_add(self.ping.sent_low);
         let answer = |burn: Nanos, cpu: Nanos, answered: u64| {
@@ -125,7 +125,8 @@ mod tests {
         assert_eq!(run.summary.high.cpu_percent, 30.0);
         assert_eq!(run.summary.support_cpu_percent, 1.0);
         assert_eq!(run.summary.high.budget_error_percent, Some(0.0));
-        // 2000 messages took 100 ms of dispatcher and enforcer, an answer its 10 ms and nothing besides.
+        // 2000 messages took 100 ms of dispatcher and enforcer, an answer its 10 ms and nothing
+        // besides.
         let costs = run.end.costs;
         assert_eq!(
             (costs.dispatch, costs.high, costs.low),

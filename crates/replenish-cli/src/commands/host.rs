@@ -17,8 +17,8 @@ pub(crate) struct Host {
 }
 
 impl Host {
-    /// Looks into this host's ledger, unless that is to be `ignored`, and lets `deployment` count with
-    /// the overheads that were measured here.
+    /// Looks into this host's ledger, unless that is to be `ignored`, and lets `deployment` count
+    /// with the overheads that were measured here.
     pub(crate) fn look(deployment: &mut Deployment, ignored: bool) -> Result<Self, Failure> {
         let mut host = Self::default();
         if ignored {

@@ -14,7 +14,8 @@ use crate::outcome::Outcome;
 /// A word with its options.
 #[derive(Debug, clap::Subcommand)]
 pub enum Command {
-    /// Does a deployment file fit on its machine? The plan with its worst cases, or the reason why not
+    /// Does a deployment file fit on its machine? The plan with its worst cases, or the reason why
+    /// not
     Plan(plan::Args),
     /// Run a deployment file in virtual time and draw its schedule
     Simulate(simulate::Args),

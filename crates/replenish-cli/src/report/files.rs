@@ -25,8 +25,9 @@ pub fn write_json<T: serde::Serialize>(path: Option<&Path>, value: &T) -> Result
 
 /// Replaces the JSON in `path`, if there is one, by `value`.
 ///
-/// A reader at any time finds all of the old text or all of the new: the new one is written to a file
-/// beside `path` and renamed. A path that is no ordinary file (`/dev/stdout`) is written to directly.
+/// A reader at any time finds all of the old text or all of the new: the new one is written to a
+/// file beside `path` and renamed. A path that is no ordinary file (`/dev/stdout`) is written to
+/// directly.
 ///
 /// # Errors
 /// The file cannot be written or renamed.

@@ -1,5 +1,5 @@
-//! A replenish executor as ROS 2 sees it: a program of another library, `ros2-client`, calls a service
-//! and an action of it and sets its parameters, through our agent and its bridge to DDS.
+//! A replenish executor as ROS 2 sees it: a program of another library, `ros2-client`, calls a
+//! service and an action of it and sets its parameters, through our agent and its bridge to DDS.
 
 use crate::fibonacci::{Fibonacci, Numbers, Order};
 use replenish::msg::{CdrError, CdrReader, CdrWriter, Message, Service};

@@ -99,7 +99,8 @@ impl<const N: usize> SealedHeap<N> {
             if let Some(rest) = free.bytes.checked_sub(bytes) {
                 let mut next = free.next;
                 if rest > 0 {
-                    // SAFETY: the rest of the block, a multiple of 8 bytes, which is what a head takes.
+                    // SAFETY: the rest of the block, a multiple of 8 bytes, which is what a head
+                    // takes.
                     let tail = unsafe { block.cast::<u8>().add(bytes) }.cast::<Free>();
                     // SAFETY: inside of the block.
                     unsafe { tail.write(Free { bytes: rest, next }) };

@@ -96,7 +96,8 @@ impl ThreadMemory {
 
     /// Once per memory, before everything else.
     pub(crate) fn init(&self) -> Result<(), OsError> {
-        // SAFETY: large enough and aligned, as checked at start, and never moved (slots are leaked).
+        // SAFETY: large enough and aligned, as checked at start, and never moved (slots are
+        // leaked).
         done("sem_init", unsafe { rp_thread_init(self.get()) })
     }
 

@@ -167,10 +167,10 @@ impl<A: Action> ActionClient<A> {
     /// Sends a goal and returns its id. Does not allocate and waits for nobody.
     ///
     /// # Errors
-    /// [`CallError::TooMany`] with the limit of [`ActionOptions::goals`](super::ActionOptions::goals)
-    /// while so many goals have not ended; [`CallError::NoCallback`] before
-    /// [`WorkerBuilder::follow`](crate::WorkerBuilder::follow); [`CallError::Gone`] after its executor;
-    /// [`CallError::Send`].
+    /// [`CallError::TooMany`] with the limit of
+    /// [`ActionOptions::goals`](super::ActionOptions::goals) while so many goals have not ended;
+    /// [`CallError::NoCallback`] before [`WorkerBuilder::follow`](crate::WorkerBuilder::follow);
+    /// [`CallError::Gone`] after its executor; [`CallError::Send`].
     pub fn send(&self, goal: &A::Goal) -> Result<GoalId, CallError> {
         let inner = &self.inner;
         let id = inner.ids.next();

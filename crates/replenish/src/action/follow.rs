@@ -42,11 +42,12 @@ impl Node {
 }
 
 impl WorkerBuilder<'_> {
-    /// Calls `callback` whenever something is heard of a goal of `client`: see [`GoalUpdate`]. Feedback
-    /// that arrived before a result is told before it.
+    /// Calls `callback` whenever something is heard of a goal of `client`: see [`GoalUpdate`].
+    /// Feedback that arrived before a result is told before it.
     ///
-    /// The client takes five handles of its worker; of [`options`](Self::options) right behind this,
-    /// priority, group and error hook apply to all of them, a deadline to the one that takes results.
+    /// The client takes five handles of its worker; of [`options`](Self::options) right behind
+    /// this, priority, group and error hook apply to all of them, a deadline to the one that takes
+    /// results.
     ///
     /// # Errors
     /// [`Error::Parameter`] if `client` belongs to a callback already; [`Error::Middleware`] when a

@@ -1,5 +1,5 @@
-//! What a server's callbacks get: a goal that is offered, then a goal that is pursued; and what can go
-//! wrong with it.
+//! What a server's callbacks get: a goal that is offered, then a goal that is pursued; and what can
+//! go wrong with it.
 
 use super::ids;
 use super::server_core::Core;

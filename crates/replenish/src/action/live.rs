@@ -15,8 +15,8 @@ use replenish_msg::action_msgs::CancelGoal;
 
 impl WorkerHandle<'_> {
     /// Serves an action; the ids of its four handles. The action goes when all are
-    /// [removed](crate::ExecutorHandle::remove); goals that are pursued then go on, and nobody hears
-    /// of them.
+    /// [removed](crate::ExecutorHandle::remove); goals that are pursued then go on, and nobody
+    /// hears of them.
     ///
     /// # Errors
     /// As [`WorkerBuilder::serve_action`](crate::WorkerBuilder::serve_action), and those of this

@@ -15,7 +15,8 @@
 //! - [`state`]: a goal's states. [`table`]: the goals of a server. Both pure.
 //! - [`goal`]: goals in the hands of those who pursue them. [`server`], on
 //!   [`server_core`]: the state they share. [`client`]: those who sent them.
-//! - [`serve`], [`follow`], [`live`]: how workers get the handles. [`ids`]: names and stamps of goals.
+//! - [`serve`], [`follow`], [`live`]: how workers get the handles. [`ids`]: names and stamps of
+//!   goals.
 //!
 //! Everything is allocated when the server or client is made; how many goals there can be is said
 //! there, and one more is rejected (server) or an error (client) that names the limit.
@@ -167,8 +168,8 @@ impl ActionOptions {
         Ok(())
     }
 
-    /// The quality of the services: reliable, with room for a request of every goal and its client's
-    /// other ones.
+    /// The quality of the services: reliable, with room for a request of every goal and its
+    /// client's other ones.
     fn services(&self) -> Qos {
         let depth = u16::try_from(self.goals.max(10)).unwrap_or(u16::MAX);
         Qos::reliable().keep_last(depth)

@@ -26,12 +26,13 @@ impl WorkerBuilder<'_> {
     /// now or later; what it returns by that is a [`GoalHandle`](crate::GoalHandle), with which the
     /// goal is pursued from wherever you like: a timer of this worker, another worker, a thread.
     /// `cancel` is called for each goal that somebody wants to cancel: whether that is all right.
-    /// The goal then [is canceling](crate::GoalHandle::is_canceling), and ends when its pursuer says.
+    /// The goal then [is canceling](crate::GoalHandle::is_canceling), and ends when its pursuer
+    /// says.
     ///
-    /// A goal for which there is no room is rejected without asking, counted and reported as an error
-    /// of the handle `…/send_goal`. The server takes four handles of its worker; of
-    /// [`options`](Self::options) right behind this, priority, group and error hook apply to all of them, a
-    /// deadline to the one that calls `goal`.
+    /// A goal for which there is no room is rejected without asking, counted and reported as an
+    /// error of the handle `…/send_goal`. The server takes four handles of its worker; of
+    /// [`options`](Self::options) right behind this, priority, group and error hook apply to all of
+    /// them, a deadline to the one that calls `goal`.
     ///
     /// ```
     /// # use replenish::{ActionOptions, Context, Error, Executor, NewGoal};

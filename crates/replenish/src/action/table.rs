@@ -82,8 +82,8 @@ pub(crate) enum Asked<'t, T> {
 }
 
 impl<T> Table<T> {
-    /// `goals` places with results of up to `size` bytes, for which `askers` may wait each, kept for
-    /// `keep` nanoseconds after the end.
+    /// `goals` places with results of up to `size` bytes, for which `askers` may wait each, kept
+    /// for `keep` nanoseconds after the end.
     pub(crate) fn new(goals: usize, askers: usize, size: usize, keep: Nanos) -> Self {
         let place = || Place {
             turn: 0,

@@ -27,8 +27,8 @@ impl Events {
 }
 
 impl Default for Events {
-    /// With feature `log` to the program's logger; else one line on standard error each, where there
-    /// is one.
+    /// With feature `log` to the program's logger; else one line on standard error each, where
+    /// there is one.
     fn default() -> Self {
         if LOG {
             Self::new(logged::tell)

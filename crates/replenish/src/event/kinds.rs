@@ -72,8 +72,8 @@ pub enum Event<'a> {
         /// How often by now.
         count: u64,
     },
-    /// An endpoint does not talk with another of its topic because of the quality of service of both:
-    /// nothing of what the one publishes reaches the other.
+    /// An endpoint does not talk with another of its topic because of the quality of service of
+    /// both: nothing of what the one publishes reaches the other.
     Incompatible {
         /// The handle's id; `publisher` and the topic, or `client` and the service.
         endpoint: &'a str,

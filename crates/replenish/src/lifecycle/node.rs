@@ -60,8 +60,8 @@ type Callback = Box<dyn FnMut(State) -> Outcome + Send>;
 
 /// The state of a managed node.
 ///
-/// It changes when this program or another asks for it. Clones are the same; any thread may use them.
-/// Transitions take turns, callbacks included; looking at the state waits for nobody.
+/// It changes when this program or another asks for it. Clones are the same; any thread may use
+/// them. Transitions take turns, callbacks included; looking at the state waits for nobody.
 ///
 /// ```
 /// use replenish::{Context, Outcome, State, Transition};
@@ -124,7 +124,8 @@ impl Callbacks {
 
 impl Node {
     /// Makes this a managed node, unconfigured.
-    /// [`WorkerBuilder::lifecycle`](crate::WorkerBuilder::lifecycle) lets others ask for transitions.
+    /// [`WorkerBuilder::lifecycle`](crate::WorkerBuilder::lifecycle) lets others ask for
+    /// transitions.
     ///
     /// # Errors
     /// [`Error::Middleware`] when `~/transition_event` cannot be published.
@@ -145,8 +146,8 @@ impl Node {
 
 impl Lifecycle {
     /// What is done in a transition, on the thread that asks for it, instead of nothing, which
-    /// succeeds. The callback gets the state it starts from. To be called at set-up, or in a callback
-    /// of a transition: allocates.
+    /// succeeds. The callback gets the state it starts from. To be called at set-up, or in a
+    /// callback of a transition: allocates.
     pub fn on_transition(
         &self,
         transition: Transition,
@@ -263,7 +264,8 @@ impl Inner {
         outcome
     }
 
-    /// The node is in another state, and everybody is told. An event that cannot be sent is left out.
+    /// The node is in another state, and everybody is told. An event that cannot be sent is left
+    /// out.
     fn follow(&self, arrow: &Arrow) {
         self.state.store(arrow.to.id().into(), Ordering::Release);
         let stamp = crate::action::now();

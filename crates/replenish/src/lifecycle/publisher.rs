@@ -60,8 +60,8 @@ impl<M: Message> ManagedPublisher<M> {
         silent
     }
 
-    /// As [`publish`](Self::publish), behind the output barrier of the worker whose callback this is:
-    /// see [`CallbackContext::publish`]. What matters is the state at this moment.
+    /// As [`publish`](Self::publish), behind the output barrier of the worker whose callback this
+    /// is: see [`CallbackContext::publish`]. What matters is the state at this moment.
     ///
     /// # Errors
     /// As [`CallbackContext::publish`].

@@ -182,9 +182,11 @@ pub trait Middleware: Send + Sync + 'static {
         None
     }
 
-    /// The next sample for one of its readers that was longer than the reader takes, and how long it was;
-    /// each is told once. For a middleware that does not hand such samples to [`take`](Self::take)'s
-    /// `sink`, which is to refuse them. Called by the dispatcher when there are [news](Self::status_generation); without feature `texts` it is not called. What is told here is not among those [lost](Self::lost).
+    /// The next sample for one of its readers that was longer than the reader takes, and how long
+    /// it was; each is told once. For a middleware that does not hand such samples to
+    /// [`take`](Self::take)'s `sink`, which is to refuse them. Called by the dispatcher when there
+    /// are [news](Self::status_generation); without feature `texts` it is not called. What is told
+    /// here is not among those [lost](Self::lost).
     fn next_oversize(&self) -> Option<(ReaderId, usize)> {
         None
     }
@@ -205,9 +207,9 @@ pub trait Middleware: Send + Sync + 'static {
     /// per reader, and returns how many.
     ///
     /// Called after every `wait`, also with an empty `interest`: acknowledgements, heartbeats and
-    /// the like are handled here, on the dispatcher's priority. With [`Room::Full`] the reader leaves
-    /// `interest`, and gets no further sample in this call. `sink` only copies bytes; it may be called with the
-    /// session lock held and never calls back into the middleware.
+    /// the like are handled here, on the dispatcher's priority. With [`Room::Full`] the reader
+    /// leaves `interest`, and gets no further sample in this call. `sink` only copies bytes; it may
+    /// be called with the session lock held and never calls back into the middleware.
     ///
     /// # Errors
     /// When bytes could not be read. Samples already handed to `sink` count.
@@ -221,8 +223,9 @@ pub trait Middleware: Send + Sync + 'static {
     fn wake(&self);
 
     /// A number that is another one whenever [`link`](Self::link) or
-    /// [`next_incompatible_qos`](Self::next_incompatible_qos) or [`next_oversize`](Self::next_oversize) may have something new to say; `None` where they are to be
-    /// asked each time. Called by the dispatcher in every round.
+    /// [`next_incompatible_qos`](Self::next_incompatible_qos) or
+    /// [`next_oversize`](Self::next_oversize) may have something new to say; `None` where they are
+    /// to be asked each time. Called by the dispatcher in every round.
     fn status_generation(&self) -> Option<usize> {
         None
     }

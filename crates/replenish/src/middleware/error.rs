@@ -113,7 +113,8 @@ pub enum PublishError {
     /// feature `texts` also a message that is [`TooLong`](Self::TooLong) for its buffer.
     Encode(CdrError),
     /// The message is longer than the buffer it is encoded into, which is
-    /// [`Message::MAX_SIZE`](replenish_msg::Message::MAX_SIZE) bytes unless one asks for another size.
+    /// [`Message::MAX_SIZE`](replenish_msg::Message::MAX_SIZE) bytes unless one asks for another
+    /// size.
     TooLong {
         /// The field that was not written to its end; empty where that is not known.
         field: &'static str,

@@ -8,7 +8,8 @@
 //!   get ──► copy (table lock, as long as the copy takes)                           └─► callbacks after
 //! ```
 //!
-//! - [`value`]: what a parameter can be. [`descriptor`]: what it may be. [`store`]: the table, pure.
+//! - [`value`]: what a parameter can be. [`descriptor`]: what it may be. [`store`]: the table,
+//!   pure.
 //! - [`error`]: what can go wrong. [`server`]: setting with callbacks and events. [`services`]: the
 //!   six services of ROS 2.
 //!

@@ -63,17 +63,18 @@ impl ParameterOptions {
         self
     }
 
-    /// Values of up to so many bytes, 8..=3072; each element of a string array takes 9 more than its
-    /// text at most.
+    /// Values of up to so many bytes, 8..=3072; each element of a string array takes 9 more than
+    /// its text at most.
     #[must_use]
     pub const fn value_bytes(mut self, most: usize) -> Self {
         self.bounds.value = most;
         self
     }
 
-    /// Requests and responses of the services of up to so many bytes, 512..=65528; 4100 if not said. A
-    /// list of all names takes 9 more than the name for each, and their prefixes as much again at
-    /// most; each of the six services keeps two such messages, and its middleware those that wait.
+    /// Requests and responses of the services of up to so many bytes, 512..=65528; 4100 if not
+    /// said. A list of all names takes 9 more than the name for each, and their prefixes as much
+    /// again at most; each of the six services keeps two such messages, and its middleware those
+    /// that wait.
     #[must_use]
     pub const fn message_bytes(mut self, most: usize) -> Self {
         self.message = most;
@@ -113,8 +114,8 @@ type After = Box<dyn FnMut(&ParameterChange<'_>) + Send>;
 
 /// The parameters of one node. Clones are the same parameters; any thread may use them.
 ///
-/// Reading waits for nobody but others who copy a value: no callback runs under that lock. Those who
-/// set take turns, with priority inheritance, callbacks included.
+/// Reading waits for nobody but others who copy a value: no callback runs under that lock. Those
+/// who set take turns, with priority inheritance, callbacks included.
 ///
 /// ```
 /// use replenish::{Context, Descriptor, ParameterOptions};
@@ -304,9 +305,9 @@ impl Parameters {
     }
 
     /// From now on `callback` is asked before anything is set, on the thread that sets: an error
-    /// is the reason why not, and nothing of what is set together is. It may read parameters, not set
-    /// them. To be called at set-up: allocates, and stays. Given in such a callback, it is asked from
-    /// the next time on.
+    /// is the reason why not, and nothing of what is set together is. It may read parameters, not
+    /// set them. To be called at set-up: allocates, and stays. Given in such a callback, it is
+    /// asked from the next time on.
     pub fn veto<E: fmt::Display>(
         &self,
         mut callback: impl FnMut(&ParameterChange<'_>) -> Result<(), E> + Send + 'static,

@@ -20,8 +20,9 @@ use replenish_msg::{CdrError, CdrWriter, View};
 
 impl WorkerBuilder<'_> {
     /// Serves a node's parameters to others: six handles with the services of ROS 2. Requests and
-    /// responses take up to [`ParameterOptions::message_bytes`](crate::ParameterOptions::message_bytes)
-    /// each; a response that does not fit is an error of its handle, a request an
+    /// responses take up to
+    /// [`ParameterOptions::message_bytes`](crate::ParameterOptions::message_bytes) each; a response
+    /// that does not fit is an error of its handle, a request an
     /// [`Event::Oversize`](crate::Event::Oversize).
     ///
     /// # Errors

@@ -89,7 +89,8 @@ fn allocations() {
     }
     assert!(eventually(|| all() == GOALS), "{ended:?}");
     assert_eq!(ALLOC.disarm(), 0, "{ended:?}");
-    // A goal that finds the table full is rejected, too, and a result may expire before it is asked for.
+    // A goal that finds the table full is rejected, too, and a result may expire before it is asked
+    // for.
     assert!(ended[3].load(Ordering::SeqCst) >= GOALS / 4, "{ended:?}");
     drop(running);
 }

@@ -1,4 +1,5 @@
-//! After the start nothing allocates. One after another: the counter sees every thread of the process.
+//! After the start nothing allocates. One after another: the counter sees every thread of the
+//! process.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

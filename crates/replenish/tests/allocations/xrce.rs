@@ -1,5 +1,5 @@
-//! After the start nothing allocates over XRCE either: not the dispatchers, not the workers, not who
-//! publishes.
+//! After the start nothing allocates over XRCE either: not the dispatchers, not the workers, not
+//! who publishes.
 
 use crate::ALLOC;
 use crate::common::agent::TestAgent;

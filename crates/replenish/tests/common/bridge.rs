@@ -21,7 +21,8 @@ fn agent_socket(agent: SocketAddr) -> UdpSocket {
     socket
 }
 
-/// What damages bytes: at random, because what is sent again may come again at any regular distance.
+/// What damages bytes: at random, because what is sent again may come again at any regular
+/// distance.
 struct Noise(u64);
 
 impl Noise {

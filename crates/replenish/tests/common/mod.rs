@@ -29,8 +29,8 @@ impl Service for Echo {
     const TYPE_NAME: &'static str = "test_msgs/srv/Echo";
 }
 
-/// Waits until `condition` holds; `false` after a minute. For things that need no limit but must not
-/// hang a test, on a machine that is loaded, too.
+/// Waits until `condition` holds; `false` after a minute. For things that need no limit but must
+/// not hang a test, on a machine that is loaded, too.
 #[must_use]
 pub fn eventually(condition: impl Fn() -> bool) -> bool {
     let end = Instant::now() + Duration::from_secs(60);

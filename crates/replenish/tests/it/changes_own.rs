@@ -1,4 +1,5 @@
-//! Callbacks that change their own worker: while they run, again and again, with threads and without.
+//! Callbacks that change their own worker: while they run, again and again, with threads and
+//! without.
 
 use crate::common::{eventually, executor};
 use replenish::msg::std_msgs::Int32;

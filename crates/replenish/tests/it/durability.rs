@@ -1,5 +1,5 @@
-//! Transient local: a subscription that comes late gets what was published before, if both sides want
-//! that; in one process and through the agent.
+//! Transient local: a subscription that comes late gets what was published before, if both sides
+//! want that; in one process and through the agent.
 
 use crate::common::{eventually, executor};
 use replenish::msg::std_msgs::Int32;

@@ -93,8 +93,8 @@ fn a_panic_leaves_the_group_free() {
     }));
 }
 
-/// A callback asks a service whose server is in its own group: the answer comes as a callback of its
-/// own, so nobody waits for himself.
+/// A callback asks a service whose server is in its own group: the answer comes as a callback of
+/// its own, so nobody waits for himself.
 #[test]
 fn calling_a_service_of_ones_own_group_is_no_deadlock() {
     let _dog = watchdog("group service", LIMIT);
@@ -139,7 +139,8 @@ fn calling_a_service_of_ones_own_group_is_no_deadlock() {
     assert_eq!(inside.most(), 1);
 }
 
-/// Who waits, for which group, and who has it are told in one line; how long it took is the machine's.
+/// Who waits, for which group, and who has it are told in one line; how long it took is the
+/// machine's.
 fn both_named(lines: &[String]) -> bool {
     lines.iter().any(|line| {
         line.starts_with("/n/srv:/echo: has waited ")
@@ -147,8 +148,8 @@ fn both_named(lines: &[String]) -> bool {
     })
 }
 
-/// The misuse: a callback waits, by a channel, for one of its own group. That is told, with the names
-/// of both, by the event and to the handle's own hook; what waits goes on when it can.
+/// The misuse: a callback waits, by a channel, for one of its own group. That is told, with the
+/// names of both, by the event and to the handle's own hook; what waits goes on when it can.
 #[test]
 fn who_waits_for_his_own_group_is_told_with_both_names() {
     let _dog = watchdog("group misuse", LIMIT);
@@ -193,8 +194,9 @@ fn who_waits_for_his_own_group_is_told_with_both_names() {
     assert!(hooked.load(Ordering::SeqCst) >= 1);
 }
 
-/// A callback of a group removes a handle of another worker: one of the group, or one that is in none.
-/// Either way that worker may wait for the group, so nobody waits for it; in both cases it goes on.
+/// A callback of a group removes a handle of another worker: one of the group, or one that is in
+/// none. Either way that worker may wait for the group, so nobody waits for it; in both cases it
+/// goes on.
 #[test]
 fn removing_a_handle_from_a_callback_of_a_group_is_no_deadlock() {
     for id in ["other/guard:0", "other/timer:1"] {
@@ -219,7 +221,8 @@ fn removing_a_handle_from_a_callback_of_a_group_is_no_deadlock() {
                 wake.trigger(); // its callback waits for the group from now on
                 std::thread::sleep(5 * MS);
                 let change = cx.handle().unwrap();
-                // Of the groups that callbacks are in, its own is known also without its own handle.
+                // Of the groups that callbacks are in, its own is known also without its own
+                // handle.
                 change.remove(cx.id(), Removal::Wait(LIMIT)).unwrap();
                 let gone = change.remove(id, Removal::Wait(LIMIT));
                 count.store(u64::from(gone.is_ok()), Ordering::SeqCst);
@@ -235,8 +238,8 @@ fn removing_a_handle_from_a_callback_of_a_group_is_no_deadlock() {
     }
 }
 
-/// Three workers whose callbacks remove a handle of the next one's at the same time: the last of them
-/// does not wait, so all of them end.
+/// Three workers whose callbacks remove a handle of the next one's at the same time: the last of
+/// them does not wait, so all of them end.
 #[test]
 fn removals_in_a_circle_are_no_deadlock() {
     let _dog = watchdog("circle", LIMIT);

@@ -319,7 +319,8 @@ fn actions_with_unbounded_fields_take_messages_of_the_size_asked_for() {
     }
 }
 
-/// Whoever encodes: the field, how long the message is, how much there is room for, and what makes more.
+/// Whoever encodes: the field, how long the message is, how much there is room for, and what makes
+/// more.
 #[test]
 fn a_message_longer_than_its_buffer_names_field_length_limit_and_remedy() {
     let _dog = watchdog("too long", LIMIT);

@@ -139,8 +139,8 @@ fn a_client_that_offers_too_little_is_told_and_has_no_server() {
     assert_eq!(strong.wait_for_server(LIMIT), Ok(true));
 }
 
-/// The other way round: a reliable client hears nothing from a server that answers with best effort,
-/// although that one hears the client. Both are told of it, and the client has no server.
+/// The other way round: a reliable client hears nothing from a server that answers with best
+/// effort, although that one hears the client. Both are told of it, and the client has no server.
 #[test]
 fn a_server_that_offers_too_little_is_told_and_its_replies_are_not_heard() {
     let _dog = watchdog("server", LIMIT);

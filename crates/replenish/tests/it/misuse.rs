@@ -1,6 +1,7 @@
-//! What callbacks should not do: wait. Each call of this crate that can wait, made in a callback, ends:
-//! at its limit, with an error that says so, or with what it waited for. (Groups and removals are in
-//! `groups.rs`, nested transitions and parameters in `managed_nodes.rs` and `node_parameters.rs`.)
+//! What callbacks should not do: wait. Each call of this crate that can wait, made in a callback,
+//! ends: at its limit, with an error that says so, or with what it waited for. (Groups and removals
+//! are in `groups.rs`, nested transitions and parameters in `managed_nodes.rs` and
+//! `node_parameters.rs`.)
 
 use crate::common::agent::TestAgent;
 use crate::common::{Echo, eventually, executor};
@@ -94,8 +95,9 @@ fn spinning_in_a_callback_is_an_error() {
     assert!(errors.iter().all(busy), "{errors:?}");
 }
 
-/// A callback stops the executor it runs in by the owner's call, which joins all threads: all others
-/// have ended when it returns, its own is named, and nobody waits out the grace period for it.
+/// A callback stops the executor it runs in by the owner's call, which joins all threads: all
+/// others have ended when it returns, its own is named, and nobody waits out the grace period for
+/// it.
 #[test]
 fn a_callback_that_stops_and_joins_its_own_executor_does_not_wait_for_itself() {
     let _dog = watchdog("stop in a callback", LIMIT);

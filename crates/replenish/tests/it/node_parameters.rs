@@ -1,5 +1,5 @@
-//! Parameters of nodes: types, ranges, callbacks, bounds; and the services and events of ROS 2, as a
-//! client in another context sees them.
+//! Parameters of nodes: types, ranges, callbacks, bounds; and the services and events of ROS 2, as
+//! a client in another context sees them.
 
 use crate::common::executor;
 use replenish::middleware::InProcessBus;
@@ -243,8 +243,8 @@ where
     answer.expect("a reply in time")
 }
 
-/// 200 names do not fit into 4100 bytes: whoever asks for all of them gets no answer, and the server's
-/// handle says why. With more room they are all there, also in a request as long.
+/// 200 names do not fit into 4100 bytes: whoever asks for all of them gets no answer, and the
+/// server's handle says why. With more room they are all there, also in a request as long.
 #[test]
 fn messages_beyond_the_limit_are_told_with_it_and_the_limit_can_be_raised() {
     let _dog = watchdog("long lists", LIMIT * 2);
@@ -550,8 +550,8 @@ fn a_callback_of_setting_gives_another_one() {
     assert_eq!(*told.lock().unwrap(), ["14"]);
 }
 
-/// A request that is longer than the service takes has no answer, but it is told: to the handle's hook
-/// and as an event, and counted. The service goes on.
+/// A request that is longer than the service takes has no answer, but it is told: to the handle's
+/// hook and as an event, and counted. The service goes on.
 fn requests_too_long_are_told(server: &Context, asker: &Context) {
     let _dog = watchdog("long requests", LIMIT * 2);
     let node = server.node("robot/arm").unwrap();

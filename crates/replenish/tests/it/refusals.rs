@@ -1,5 +1,5 @@
-//! What is described wrongly is an error that names the field and what is allowed, when the executor
-//! starts or at once, and never something else in silence.
+//! What is described wrongly is an error that names the field and what is allowed, when the
+//! executor starts or at once, and never something else in silence.
 
 use crate::common::{Echo, executor};
 use replenish::msg::std_msgs::Int32;

@@ -215,8 +215,8 @@ fn a_reply_to_a_client_that_is_gone_is_told_and_counted_and_the_service_goes_on(
     assert_eq!(told.load(Ordering::Relaxed), 5, "each time, not rarely");
 }
 
-/// A client goes before its answer comes, and another takes its place in the middleware: the answer is
-/// for neither, and the server is told.
+/// A client goes before its answer comes, and another takes its place in the middleware: the answer
+/// is for neither, and the server is told.
 #[test]
 fn a_late_reply_does_not_reach_the_client_that_came_after() {
     let _dog = watchdog("late reply", LIMIT);
@@ -308,8 +308,8 @@ fn a_reply_that_cannot_be_decoded_ends_its_request() {
     assert_eq!(stats.received, stats.undecodable + stats.executed);
 }
 
-/// A request that nobody would hear the reply of is an error of who sends it: however the callback has
-/// gone, and at once.
+/// A request that nobody would hear the reply of is an error of who sends it: however the callback
+/// has gone, and at once.
 #[test]
 fn a_call_without_an_executor_any_more_is_an_error() {
     let _dog = watchdog("gone", LIMIT);

@@ -187,8 +187,8 @@ fn other_threads_end_the_wait() {
     assert_eq!(local.spin().end, SpinEnd::Stopped, "it stays stopped");
 }
 
-/// Nothing is lost on the way, and no stop is: whenever it comes, the next spin ends, until it is taken
-/// back.
+/// Nothing is lost on the way, and no stop is: whenever it comes, the next spin ends, until it is
+/// taken back.
 #[test]
 fn a_stopped_executor_spins_again_after_a_restart() {
     let _dog = watchdog("restart", LIMIT);

@@ -21,8 +21,8 @@ use std::time::Duration;
 
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// `config`, for clients that do not take a loaded machine for a lost agent. Everything arrives, and
-/// once, as long as the session lives; what is queued for a client that logs in anew is lost
+/// `config`, for clients that do not take a loaded machine for a lost agent. Everything arrives,
+/// and once, as long as the session lives; what is queued for a client that logs in anew is lost
 /// (`docs/acknowledged.md`), and what it had not known to be acknowledged comes twice.
 fn patient(config: XrceConfig) -> XrceConfig {
     XrceConfig {

@@ -316,9 +316,10 @@ fn use_stack(kib: usize) -> u8 {
 }
 
 /// D11: a pointer to the caller's scheduling parameters was kept after they were gone, and stacks
-/// were of whatever size the system gave. Here the same variable gives two workers their parameters,
-/// one after another, and is something else and then gone before they start: each has what it was
-/// given. A callback uses twice the default stack of 1 MiB, because 8 MiB were asked for.
+/// were of whatever size the system gave. Here the same variable gives two workers their
+/// parameters, one after another, and is something else and then gone before they start: each has
+/// what it was given. A callback uses twice the default stack of 1 MiB, because 8 MiB were asked
+/// for.
 fn d11() {
     let _dog = watchdog("d11", LIMIT);
     let ctx = Context::in_process();

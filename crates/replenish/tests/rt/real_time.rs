@@ -44,7 +44,8 @@ fn executed(running: &RunningExecutor, id: &str) -> u64 {
 
 /// A group across three workers of one CPU: the lowest is in it when the highest wants to be. A hog
 /// between them would keep the lowest from leaving for as long as it runs; with inheritance the
-/// lowest runs at the highest priority, leaves, and the highest callback runs before the hog is over.
+/// lowest runs at the highest priority, leaves, and the highest callback runs before the hog is
+/// over.
 fn inherits() {
     let _dog = watchdog("group inheritance", LIMIT);
     let cpu = cpu();
@@ -320,8 +321,8 @@ fn share_of_fifteen() -> Vec<f64> {
     let running = exec.start().unwrap();
     // All budgets come back together, 100 ms apart; 90 ms later all are used up. Between two such
     // moments everybody has used whole budgets, in whatever order. Who reads has to be there before
-    // the next ones come back, so it is above the workers; if the machine stood still then, the window
-    // is not judged and the next one is.
+    // the next ones come back, so it is above the workers; if the machine stood still then, the
+    // window is not judged and the next one is.
     let start = clock::monotonic() - running.report().elapsed;
     let reader = ThreadSpec::new("reader").policy(Policy::fifo(97).unwrap());
     let read = move || {

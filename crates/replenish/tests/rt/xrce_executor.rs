@@ -1,5 +1,5 @@
-//! The executor over a real XRCE agent: a background worker in the session lock inherits, and a lost
-//! agent neither hangs nor ends anything.
+//! The executor over a real XRCE agent: a background worker in the session lock inherits, and a
+//! lost agent neither hangs nor ends anything.
 
 use crate::common::agent::TestAgent;
 use crate::common::{cpu, eventually, executor};

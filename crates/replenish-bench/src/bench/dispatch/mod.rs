@@ -9,18 +9,19 @@
 //!   └───── one CPU ──────────────┘           └───── the measured CPU ──────┘
 //! ```
 //!
-//! Ours is compared with what has as many threads as it has: an executor that the thread spins which
-//! waits, as rclc's. A dispatcher and a worker are two threads, with a switch more per message for
-//! what a thread of its own gives: policy, priority, budget.
+//! Ours is compared with what has as many threads as it has: an executor that the thread spins
+//! which waits, as rclc's. A dispatcher and a worker are two threads, with a switch more per
+//! message for what a thread of its own gives: policy, priority, budget.
 //!
-//! The baseline can be woken by datagrams alone. A loop that has timers, too, or that others can stop,
-//! needs a second system call per message: that one is *waiting*, the least that an executor can cost.
+//! The baseline can be woken by datagrams alone. A loop that has timers, too, or that others can
+//! stop, needs a second system call per message: that one is *waiting*, the least that an executor
+//! can cost.
 //!
-//! Messages come at a steady rate, to one topic after another. Windows of all take turns, short ones,
-//! so that they see the same machine even where that changes from one moment to the next. CPU time
-//! and context switches are those of the threads on the measured CPU, as the kernel counts them; the
-//! time of a message is from before its sending to the callback (ours passes the agent on the way) or
-//! to the end of `recv`. The measured CPU is kept awake, unless that is declined.
+//! Messages come at a steady rate, to one topic after another. Windows of all take turns, short
+//! ones, so that they see the same machine even where that changes from one moment to the next. CPU
+//! time and context switches are those of the threads on the measured CPU, as the kernel counts
+//! them; the time of a message is from before its sending to the callback (ours passes the agent on
+//! the way) or to the end of `recv`. The measured CPU is kept awake, unless that is declined.
 //!
 //! ```text
 //!   command ─► window ─► receiver ◄── ours, raw    one window of a receiver; the receivers

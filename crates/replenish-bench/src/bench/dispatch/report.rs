@@ -54,7 +54,8 @@ pub(super) struct Point {
 }
 
 impl Point {
-    /// From windows of ours in one thread and with a worker's, of the raw loop that waits, and of the raw loop.
+    /// From windows of ours in one thread and with a worker's, of the raw loop that waits, and of
+    /// the raw loop.
     pub(super) fn new(
         handles: u16,
         rate_hz: u64,

@@ -1,4 +1,5 @@
-//! `replenish bench load`: many clients with many topics on real sockets, through one agent process.
+//! `replenish bench load`: many clients with many topics on real sockets, through one agent
+//! process.
 //!
 //! Client `i` writes its topics at the given rate and reads those of client `i - 1`, all reliable.
 //! Every sample carries its number and the time at which it was due: the generator counts each

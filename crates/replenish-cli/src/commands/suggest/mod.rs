@@ -1,8 +1,8 @@
 //! `replenish suggest`: budgets for a program, from what its threads take while it runs.
 //!
 //! `replenish suggest -- ./my_program` starts it, `--pid` looks at one that runs. Each thread is a
-//! worker by its name; what it took at most in any period, plus a margin, becomes its guarantee in a
-//! deployment file, which `replenish plan` checks. A measurement is no bound: it says what was
+//! worker by its name; what it took at most in any period, plus a margin, becomes its guarantee in
+//! a deployment file, which `replenish plan` checks. A measurement is no bound: it says what was
 //! seen, and how often was looked.
 
 mod observe;

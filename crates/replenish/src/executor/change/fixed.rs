@@ -1,5 +1,5 @@
-//! In the place of [`live`](super), `mailbox` and `route_updates` in builds without feature `full`: the handles
-//! that were described are there until the end.
+//! In the place of [`live`](super), `mailbox` and `route_updates` in builds without feature `full`:
+//! the handles that were described are there until the end.
 
 use crate::context::Context;
 use crate::executor::StopHandle;

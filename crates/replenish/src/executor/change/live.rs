@@ -1,5 +1,5 @@
-//! Adding and removing handles while the executor runs, from any thread, callbacks included. What can
-//! be added is in `live_handles`.
+//! Adding and removing handles while the executor runs, from any thread, callbacks included. What
+//! can be added is in `live_handles`.
 
 use crate::context::Context;
 use crate::error::Error;
@@ -34,7 +34,8 @@ pub enum Removal {
     Detach,
     /// It goes on; the removal waits for its end, up to so long.
     Wait(Duration),
-    /// It is told to end ([`CallbackContext::is_cancelled`](crate::CallbackContext::is_cancelled)); the removal waits up to so long.
+    /// It is told to end ([`CallbackContext::is_cancelled`](crate::CallbackContext::is_cancelled));
+    /// the removal waits up to so long.
     Cancel(Duration),
 }
 
@@ -58,8 +59,8 @@ impl Registry {
     /// For up to `limit` handles of so many workers.
     ///
     /// One that leaves has its place at its worker until the worker lets go of it, so no more than
-    /// `limit` leave at a time; and one more of each worker, which frees the place a moment before it
-    /// says that it has let go.
+    /// `limit` leave at a time; and one more of each worker, which frees the place a moment before
+    /// it says that it has let go.
     pub(crate) fn new(
         mut handles: Vec<(Arc<str>, Arc<HandleState>)>,
         limit: usize,
@@ -82,8 +83,8 @@ impl Registry {
         self.0.lock().handles.clone()
     }
 
-    /// One more handle, which `hand_over` gives to its worker meanwhile: nobody can ask for it before
-    /// it is on its way, and its first callback finds it here.
+    /// One more handle, which `hand_over` gives to its worker meanwhile: nobody can ask for it
+    /// before it is on its way, and its first callback finds it here.
     fn enter<E>(
         &self,
         worker: &Arc<str>,
@@ -207,9 +208,10 @@ impl Live {
         })
     }
 
-    /// Whether the caller may wait for the worker at `target`: not in a callback of its own, not in one
-    /// of a group, which that worker may wait for, and not if that worker waits for the caller's,
-    /// directly or not. The place of the caller's worker, if it is one; it waits from now on.
+    /// Whether the caller may wait for the worker at `target`: not in a callback of its own, not in
+    /// one of a group, which that worker may wait for, and not if that worker waits for the
+    /// caller's, directly or not. The place of the caller's worker, if it is one; it waits from now
+    /// on.
     fn may_await(&self, target: usize) -> Result<Option<usize>, ()> {
         let is_mine = |post: &Post| post.mailbox.is_mine();
         if self.posts.get(target).is_some_and(is_mine) || self.groups.has_mine() {
@@ -270,14 +272,14 @@ impl ExecutorHandle {
     /// that runs is up to `how`. Samples that wait are discarded. Returns the last counters.
     ///
     /// A callback that removes a handle of its own worker does not wait, nor does one that is in a
-    /// [group](crate::Group), nor one whose worker a callback of the handle's worker waits for in the
-    /// same way: the handle goes when the callbacks have ended.
+    /// [group](crate::Group), nor one whose worker a callback of the handle's worker waits for in
+    /// the same way: the handle goes when the callbacks have ended.
     ///
     /// # Errors
     /// [`Error::UnknownHandle`]; [`Error::Stopped`]; [`Error::Capacity`] if too many changes are
     /// under way: then nothing has changed; [`Error::StillRunning`] if the callback has not ended
-    /// in time: then the handle goes when it has, and can be removed once more, to wait on or to cancel
-    /// the callback.
+    /// in time: then the handle goes when it has, and can be removed once more, to wait on or to
+    /// cancel the callback.
     pub fn remove(&self, id: &str, how: Removal) -> Result<HandleStats, Error> {
         let live = &self.live;
         let unknown = || Error::UnknownHandle(id.into());
@@ -357,8 +359,9 @@ impl ExecutorHandle {
 }
 
 impl CallbackContext<'_> {
-    /// The running executor, to add and remove handles. A change of the callback's own worker happens
-    /// when the callback has ended. `Some` in every executor that runs, with threads or without.
+    /// The running executor, to add and remove handles. A change of the callback's own worker
+    /// happens when the callback has ended. `Some` in every executor that runs, with threads or
+    /// without.
     #[must_use]
     pub fn handle(&self) -> Option<ExecutorHandle> {
         let live = self.env.live?.downcast_ref::<Arc<Live>>()?;
@@ -485,7 +488,8 @@ fn declined(why: Declined, post: &Post) -> Error {
 mod tests {
     use super::*;
 
-    /// One place, which its worker has freed, but has not said so; the next one in it leaves as well.
+    /// One place, which its worker has freed, but has not said so; the next one in it leaves as
+    /// well.
     #[test]
     fn whoever_leaves_can_be_asked_for_once_more_also_when_all_leave() {
         let worker: Arc<str> = "w".into();

@@ -73,8 +73,8 @@ impl WorkerBuilder<'_> {
 
     /// Rounds begin by the clock alone: once per period, on an absolute grid; what has come
     /// meanwhile is served then. A round that is overrun follows the rule of `every`, which is a
-    /// period that begins with the executor: [`Every::once`] and [`Every::not_started`] are for timers. The
-    /// [report](crate::Report) counts rounds that are left out.
+    /// period that begins with the executor: [`Every::once`] and [`Every::not_started`] are for
+    /// timers. The [report](crate::Report) counts rounds that are left out.
     pub fn every(self, every: impl Into<Every>) -> Self {
         let every = every.into();
         self.ruled(|r| {
@@ -103,10 +103,10 @@ impl WorkerBuilder<'_> {
         self.rules(|r| r.capacity = Some(handles))
     }
 
-    /// How the handle that was added last is treated. (A [`WorkerHandle`](crate::WorkerHandle) says it
-    /// before it adds one.) Where several handles were added together (actions, parameters, managed
-    /// nodes), priority, group and error hook are those of all of them. Without a handle before it, it
-    /// is an [`Error::Parameter`] when the executor starts.
+    /// How the handle that was added last is treated. (A [`WorkerHandle`](crate::WorkerHandle) says
+    /// it before it adds one.) Where several handles were added together (actions, parameters,
+    /// managed nodes), priority, group and error hook are those of all of them. Without a handle
+    /// before it, it is an [`Error::Parameter`] when the executor starts.
     pub fn options(mut self, handling: HandleOptions) -> Self {
         let Some(spec) = self.spec() else {
             return self;

@@ -65,8 +65,8 @@ impl WorkerBuilder<'_> {
     }
 
     /// Calls `callback` with a view of every message on `topic`: strings and sequences stay in the
-    /// bytes that came, so nothing is copied and nothing allocates, whatever the size. All bytes are
-    /// checked before the callback runs.
+    /// bytes that came, so nothing is copied and nothing allocates, whatever the size. All bytes
+    /// are checked before the callback runs.
     ///
     /// ```
     /// # use replenish::{Context, Error, Executor, Qos, Topic};
@@ -103,8 +103,8 @@ impl WorkerBuilder<'_> {
         self.add(|factory| factory.view::<M, _, _>(node, topic, qos, callback))
     }
 
-    /// Calls `callback` with the bytes of every sample on `topic`: CDR without encapsulation header,
-    /// in the slot they arrived in. The type is given by its names.
+    /// Calls `callback` with the bytes of every sample on `topic`: CDR without encapsulation
+    /// header, in the slot they arrived in. The type is given by its names.
     ///
     /// # Errors
     /// As [`subscribe`](Self::subscribe).
@@ -241,8 +241,8 @@ impl WorkerBuilder<'_> {
     /// there is none, when its time limit has passed or what came is no such reply.
     ///
     /// # Errors
-    /// [`Error::Parameter`] if `client` belongs to a callback already; [`Error::ForeignNode`] if it is
-    /// of another context than the executor's.
+    /// [`Error::Parameter`] if `client` belongs to a callback already; [`Error::ForeignNode`] if it
+    /// is of another context than the executor's.
     pub fn replies<S, F, R>(self, client: &Client<S>, callback: F) -> Result<Self, Error>
     where
         S: Service,

@@ -102,11 +102,12 @@ pub enum CallError {
         /// How many may.
         limit: usize,
     },
-    /// The client has no callback for replies: [`WorkerBuilder::replies`](crate::WorkerBuilder::replies).
+    /// The client has no callback for replies:
+    /// [`WorkerBuilder::replies`](crate::WorkerBuilder::replies).
     NoCallback,
-    /// The client's callback for replies will not run any more: its executor has ended or was dropped,
-    /// its handle was removed, or it has panicked. A client belongs to one callback for good; another
-    /// executor needs another client.
+    /// The client's callback for replies will not run any more: its executor has ended or was
+    /// dropped, its handle was removed, or it has panicked. A client belongs to one callback for
+    /// good; another executor needs another client.
     Gone,
     /// The middleware did not send it.
     Send(PublishError),
@@ -168,8 +169,8 @@ impl<S: Service> Client<S> {
     /// ([`CallbackContext::request`]). Does not allocate and waits for nobody.
     ///
     /// # Errors
-    /// [`CallError`]; then there will be no callback for it. Nor is there one for requests that wait for
-    /// their replies when the executor ends.
+    /// [`CallError`]; then there will be no callback for it. Nor is there one for requests that
+    /// wait for their replies when the executor ends.
     pub fn call(&self, request: &S::Request) -> Result<u64, CallError> {
         self.call_with(|room| replenish_msg::encode(request, room))
     }
@@ -215,8 +216,8 @@ impl<S: Service> Client<S> {
     /// Waits until the service has a server, up to so long; looks every millisecond. For set-up.
     ///
     /// # Errors
-    /// [`Error::Middleware`] where the middleware does not know: DDS-XRCE with another agent than that
-    /// of replenish.
+    /// [`Error::Middleware`] where the middleware does not know: DDS-XRCE with another agent than
+    /// that of replenish.
     pub fn wait_for_server(&self, limit: Duration) -> Result<bool, Error> {
         let deadline = clock::monotonic().saturating_add(nanos(limit));
         loop {
@@ -311,8 +312,8 @@ impl<S: Service, F> Replies<S, F> {
         table.waiting.iter().map(|(_, _, end)| *end).min()
     }
 
-    /// Whether the oldest reply waits for samples that came before it. It stays ready, so that it is
-    /// looked at again in the next round, which takes one of them first.
+    /// Whether the oldest reply waits for samples that came before it. It stays ready, so that it
+    /// is looked at again in the next round, which takes one of them first.
     fn is_behind(&self) -> bool {
         let sample = self.client.ahead.get().and_then(|inbox| inbox.oldest());
         let reply = sample.and_then(|_| self.client.inbox.oldest());

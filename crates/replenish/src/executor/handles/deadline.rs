@@ -10,7 +10,8 @@ use core::fmt;
 #[derive(Clone, Copy)]
 pub(crate) struct Deadline {
     pub(crate) within: Nanos,
-    /// The judgement. Programs without deadlines do not carry its code, since it is reached from here.
+    /// The judgement. Programs without deadlines do not carry its code, since it is reached from
+    /// here.
     judge: Judge,
 }
 

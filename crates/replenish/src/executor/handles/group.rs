@@ -11,12 +11,13 @@
 //! - A handle is in one group at most, and callbacks do not nest, so nobody waits for a group while
 //!   he holds another. What needs two groups needs one group instead, for all handles of both.
 //! - Nothing of this crate waits in a callback for another callback: requests are answered by a
-//!   callback, now or later ([`Responder`](crate::Responder)), and so are goals. Only a removal waits,
-//!   and not while its callback is in a group: the worker it would wait for may wait for the group.
-//! - A callback that waits by other means (a channel, a lock of its own) for a callback of its group
-//!   waits for itself. Nobody can forbid that, but it is seen: whoever has waited for the group for
-//!   [`Group::patience`] tells so with the names of both ([`Event::Blocked`]), and tells again when
-//!   that time has doubled.
+//!   callback, now or later ([`Responder`](crate::Responder)), and so are goals. Only a removal
+//!   waits, and not while its callback is in a group: the worker it would wait for may wait for the
+//!   group.
+//! - A callback that waits by other means (a channel, a lock of its own) for a callback of its
+//!   group waits for itself. Nobody can forbid that, but it is seen: whoever has waited for the
+//!   group for [`Group::patience`] tells so with the names of both ([`Event::Blocked`]), and tells
+//!   again when that time has doubled.
 
 use super::env::Env;
 use super::state::HandleState;
@@ -170,7 +171,8 @@ pub(crate) struct Groups(Mutex<alloc::vec::Vec<Group>>);
 
 #[cfg(feature = "full")]
 impl Groups {
-    /// A handle of it is about to come. Groups that nobody else has any more are forgotten. Allocates.
+    /// A handle of it is about to come. Groups that nobody else has any more are forgotten.
+    /// Allocates.
     pub(crate) fn note(&self, group: &Group) {
         let mut known = self.0.lock();
         known.retain(|g| Arc::strong_count(&g.inner) > 1);

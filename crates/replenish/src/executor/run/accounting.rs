@@ -1,8 +1,9 @@
 //! What a worker uses, split among its handles: whatever was used since the last callback ended
 //! belongs to the one that just ended, the way there included.
 //!
-//! With a budget the account is asked after every callback. Without one it is the thread's CPU clock,
-//! a system call that may cost more than the callback. Brief ones are therefore read together:
+//! With a budget the account is asked after every callback. Without one it is the thread's CPU
+//! clock, a system call that may cost more than the callback. Brief ones are therefore read
+//! together:
 //!
 //! ```text
 //!   brief callback ──► charged its duration and its part of the way, as it was in the last reading

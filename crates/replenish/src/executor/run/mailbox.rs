@@ -8,8 +8,8 @@
 //!   free what was retired                       (memory is freed here, not on the worker)
 //! ```
 //!
-//! Everything is preallocated: each of a worker's slots belongs to an entry in its hands, on its way
-//! or retired, or is free. [`CommandQueue`] has the protocol.
+//! Everything is preallocated: each of a worker's slots belongs to an entry in its hands, on its
+//! way or retired, or is free. [`CommandQueue`] has the protocol.
 
 use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::state::HandleState;
@@ -85,8 +85,9 @@ impl Mailbox {
         }
     }
 
-    /// Frees what the worker has retired, also on the worker: for callers that are about to allocate
-    /// anyway. A worker whose own callbacks add and remove would run out of slots otherwise.
+    /// Frees what the worker has retired, also on the worker: for callers that are about to
+    /// allocate anyway. A worker whose own callbacks add and remove would run out of slots
+    /// otherwise.
     pub(crate) fn free_retired(&self) {
         self.queue.free_retired();
     }

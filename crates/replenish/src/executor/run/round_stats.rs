@@ -1,5 +1,6 @@
-//! Rounds that a worker begins by the clock alone ([`every`](crate::WorkerBuilder::every)): how many,
-//! and how many were left out. Builds without feature `texts`, which have no report of them, count none.
+//! Rounds that a worker begins by the clock alone ([`every`](crate::WorkerBuilder::every)): how
+//! many, and how many were left out. Builds without feature `texts`, which have no report of them,
+//! count none.
 
 use crate::executor::wake::schedule::Release;
 use crate::stats::Counter;
@@ -13,15 +14,15 @@ pub(crate) struct RoundCounters {
     skipped: Counter,
 }
 
-/// What has become of the releases of [`WorkerBuilder::every`](crate::WorkerBuilder::every) since the
-/// start.
+/// What has become of the releases of [`WorkerBuilder::every`](crate::WorkerBuilder::every) since
+/// the start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub struct RoundStats {
     /// Releases that were served: a round began, if the [trigger](crate::Trigger) allowed it.
     pub served: u64,
-    /// Releases that were left out because they were overrun: with [`Overrun::Skip`](crate::Overrun),
-    /// the default, alone.
+    /// Releases that were left out because they were overrun: with
+    /// [`Overrun::Skip`](crate::Overrun), the default, alone.
     pub skipped: u64,
 }
 

@@ -1,8 +1,8 @@
 //! Rounds by other rules than the usual one, that each handle with input has its turn: triggers,
 //! Logical Execution Time, rounds by the clock, callbacks without input, the output barrier.
 //!
-//! A worker reaches all this through [`Rounds`], which the methods of its builder set that give such
-//! a rule. So a program that gives none does not carry the code.
+//! A worker reaches all this through [`Rounds`], which the methods of its builder set that give
+//! such a rule. So a program that gives none does not carry the code.
 
 use super::accounting::CpuAccounting;
 use super::rules::{HandleStates, Semantics, Trigger};

@@ -27,11 +27,12 @@ pub enum Trigger {
     All,
     /// The handle of this id has something to do; it must be one of the worker's.
     One(String),
-    /// Nothing: a round begins at every tick of [`WorkerBuilder::every`](crate::WorkerBuilder::every),
-    /// which it needs.
+    /// Nothing: a round begins at every tick of
+    /// [`WorkerBuilder::every`](crate::WorkerBuilder::every), which it needs.
     Always,
     /// What the function says. It is called on the worker with at least one handle ready. If it
-    /// panics, that is an [`Event::CallbackPanicked`](crate::Event::CallbackPanicked) of `worker/trigger`, and no round begins any more.
+    /// panics, that is an [`Event::CallbackPanicked`](crate::Event::CallbackPanicked) of
+    /// `worker/trigger`, and no round begins any more.
     Custom(Box<dyn FnMut(&HandleStates<'_>) -> bool + Send>),
 }
 

@@ -180,8 +180,8 @@ struct Refused {
 }
 
 impl Starter<'_> {
-    /// The places of all threads: the dispatcher's, which rings the most urgent worker first, then the
-    /// workers'.
+    /// The places of all threads: the dispatcher's, which rings the most urgent worker first, then
+    /// the workers'.
     fn plans(
         &self,
         mut dispatcher: Dispatcher,

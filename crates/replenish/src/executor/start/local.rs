@@ -45,8 +45,8 @@ impl Executor {
     ///
     /// # Errors
     /// As [`start`](Self::start); [`Error::Parameter`] for a worker that was given a policy, a
-    /// budget, a guarantee, a CPU or a stack, and for an executor that was given a dispatcher's policy
-    /// or CPU, or memory to lock. Workers without handles are all right.
+    /// budget, a guarantee, a CPU or a stack, and for an executor that was given a dispatcher's
+    /// policy or CPU, or memory to lock. Workers without handles are all right.
     pub fn local(self) -> Result<LocalExecutor, Error> {
         let options = &self.options;
         let asked = [
@@ -181,8 +181,8 @@ fn threadless(request: &WorkerRequest) -> Result<(), Error> {
 }
 
 impl LocalExecutor {
-    /// Runs callbacks until somebody stops it. Each spin after that returns `Stopped` at once, until
-    /// [`restart`](Self::restart).
+    /// Runs callbacks until somebody stops it. Each spin after that returns `Stopped` at once,
+    /// until [`restart`](Self::restart).
     pub fn spin(&mut self) -> SpinResult {
         self.turn(Nanos::MAX, &mut || true, false)
     }
@@ -237,8 +237,8 @@ impl LocalExecutor {
         total
     }
 
-    /// Waits for the next release of the grid that [`spin_period`](Self::spin_period) describes, and
-    /// does one round over what has come. Another `every` begins another grid.
+    /// Waits for the next release of the grid that [`spin_period`](Self::spin_period) describes,
+    /// and does one round over what has come. Another `every` begins another grid.
     pub fn spin_one_period(&mut self, every: impl Into<Every>) -> SpinResult {
         let every = every.into();
         let began = clock::monotonic();
@@ -273,9 +273,10 @@ impl LocalExecutor {
         }
     }
 
-    /// Takes back all stops so far, so that it can be spun again: handles, counters and what waits are as
-    /// the last spin left them, and the [`StopHandle`]s stop it as before. Of timers and
-    /// [`spin_period`](Self::spin_period) what was due meanwhile is overrun, and follows their rule.
+    /// Takes back all stops so far, so that it can be spun again: handles, counters and what waits
+    /// are as the last spin left them, and the [`StopHandle`]s stop it as before. Of timers and
+    /// [`spin_period`](Self::spin_period) what was due meanwhile is overrun, and follows their
+    /// rule.
     pub fn restart(&mut self) {
         self.stop.stop.withdraw();
     }

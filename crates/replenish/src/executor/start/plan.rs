@@ -33,8 +33,8 @@ const MIN_STACK: usize = if cfg!(feature = "std") {
     512
 };
 
-/// Writes down the policy of each worker, and the dispatcher's where none is given. The requests have
-/// been [checked](check).
+/// Writes down the policy of each worker, and the dispatcher's where none is given. The requests
+/// have been [checked](check).
 #[inline(never)]
 pub(crate) fn plan(
     workers: &mut [Static<WorkerSpec>],
@@ -147,7 +147,8 @@ pub(crate) fn sporadic(budget: &Budget, priority: u8) -> Option<Result<Policy, P
 }
 
 /// How many periods are shorter than this one among the budgets of workers without a policy, each
-/// counted once. (Neither sorted nor collected: both bring code that small images have no room for.)
+/// counted once. (Neither sorted nor collected: both bring code that small images have no room
+/// for.)
 fn shorter(mut period: Nanos, workers: &[Static<WorkerSpec>]) -> u8 {
     let mut count = 0_u8;
     loop {

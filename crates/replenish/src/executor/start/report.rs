@@ -23,7 +23,8 @@ pub struct Report {
     pub threads: Vec<ThreadReport>,
     /// The handles, worker by worker, in the order they were added.
     pub handles: Vec<HandleReport>,
-    /// The workers whose rounds begin by the clock ([`WorkerBuilder::every`](crate::WorkerBuilder::every)).
+    /// The workers whose rounds begin by the clock
+    /// ([`WorkerBuilder::every`](crate::WorkerBuilder::every)).
     #[cfg(feature = "texts")]
     pub rounds: Vec<RoundReport>,
     /// The dispatcher's counters.

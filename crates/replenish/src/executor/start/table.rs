@@ -1,5 +1,5 @@
-//! Tables for people: each column is as wide as its longest cell, so that they line up whatever names
-//! and ids there are. Nothing is cut off.
+//! Tables for people: each column is as wide as its longest cell, so that they line up whatever
+//! names and ids there are. Nothing is cut off.
 
 use alloc::string::String;
 use alloc::vec::Vec;

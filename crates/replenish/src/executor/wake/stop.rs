@@ -10,8 +10,9 @@ use core::fmt;
 ///
 /// A stop lasts, and none is lost: one that comes before the executor starts ends it at once. With
 /// threads the executor is then at its end; of one without,
-/// [`LocalExecutor::restart`](crate::LocalExecutor::restart) takes the stop back. (In rclcpp `cancel`
-/// ends the spin that runs, is lost if none does, and the next one runs again; rclc has no stop.)
+/// [`LocalExecutor::restart`](crate::LocalExecutor::restart) takes the stop back. (In rclcpp
+/// `cancel` ends the spin that runs, is lost if none does, and the next one runs again; rclc has no
+/// stop.)
 #[derive(Clone)]
 pub struct StopHandle {
     pub(crate) stop: Arc<Stop>,

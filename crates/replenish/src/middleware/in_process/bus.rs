@@ -1,5 +1,5 @@
-//! What the lock of a bus protects: topics, participants, and how a sample gets into the queues of its
-//! readers.
+//! What the lock of a bus protects: topics, participants, and how a sample gets into the queues of
+//! its readers.
 
 use super::notices::{Clashes, Oversizes};
 use crate::handoff::{Ring, SampleInfo};

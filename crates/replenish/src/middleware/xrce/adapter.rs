@@ -31,11 +31,12 @@ const BATCH: usize = 16;
 /// # Ok::<(), replenish::middleware::xrce::ConnectError>(())
 /// ```
 ///
-/// If the agent goes away, [`link`](Middleware::link) says so within a second, publishing fails with
-/// [`PublishError::LinkDown`], and the session and everything in it come back with the agent.
+/// If the agent goes away, [`link`](Middleware::link) says so within a second, publishing fails
+/// with [`PublishError::LinkDown`], and the session and everything in it come back with the agent.
 /// Reliable samples that were taken and not acknowledged are then sent again; the agent may have
 /// had some of them. [`XrceStats::link`] counts them.
-/// Dropping it endpoints the session; on targets without an operating system, with feature `full` only.
+/// Dropping it endpoints the session; on targets without an operating system, with feature `full`
+/// only.
 ///
 /// Something must call [`wait`](Middleware::wait) and [`take`](Middleware::take), as an executor
 /// does: acknowledgements, heartbeats and pings happen there. Without that, best-effort samples

@@ -28,8 +28,8 @@ pub struct XrceConfig {
     pub journal: usize,
     /// The DDS domain.
     pub domain: i16,
-    /// Identifies this client; no two clients of an agent may have the same. `None`: at random, with
-    /// feature `std` only: a microcontroller has no random bits to make one from.
+    /// Identifies this client; no two clients of an agent may have the same. `None`: at random,
+    /// with feature `std` only: a microcontroller has no random bits to make one from.
     pub key: Option<[u8; 4]>,
     /// How long to wait for the agent's first answer.
     pub connect_timeout: Nanos,
@@ -52,8 +52,9 @@ pub(super) struct Settings {
 }
 
 impl Default for XrceConfig {
-    /// MTU 512, 64 datagrams kept, samples up to 16 KiB, domain 0, random key, 1.5 s for the agent's
-    /// first answer, 1 s for a reader or writer, ping after 0.14 s of silence, loss after 0.7 s.
+    /// MTU 512, 64 datagrams kept, samples up to 16 KiB, domain 0, random key, 1.5 s for the
+    /// agent's first answer, 1 s for a reader or writer, ping after 0.14 s of silence, loss after
+    /// 0.7 s.
     fn default() -> Self {
         Self {
             mtu: 512,

@@ -17,7 +17,8 @@ pub(super) const REQUESTS: usize = limit(4096, 32);
 /// Streams of each kind and direction: one for each [`Criticality`](crate::Criticality), or one for
 /// both.
 pub(super) const STREAMS: usize = limit(2, 1);
-/// Messages that wait for a missing one: agents keep sixteen; a microcontroller as many as it keeps.
+/// Messages that wait for a missing one: agents keep sixteen; a microcontroller as many as it
+/// keeps.
 pub(super) const fn reorder(window: usize) -> usize {
     limit(16, window)
 }
@@ -32,7 +33,8 @@ pub(super) const OVERHEAD: usize = 12;
 /// Clashes that wait to be told; more are left out.
 pub(super) const CLASHES: usize = if TEXTS { 64 } else { 0 };
 
-/// The number of the next object, from 1 on. (Where a session keeps few objects, it is full before.)
+/// The number of the next object, from 1 on. (Where a session keeps few objects, it is full
+/// before.)
 pub(super) fn number(count: usize, limit: usize, what: StaticText) -> Result<u16, MiddlewareError> {
     let next = u16::try_from((count + 1) & 0xfff).unwrap_or_default();
     Some(next)

@@ -9,9 +9,9 @@
 //! ```
 //!
 //! One lock with priority inheritance protects the session. It is held while bytes are encoded,
-//! decoded and given to the socket, which never waits, and never while anybody waits for the network.
-//! The session's next deadline is in a timer descriptor, which a publisher that makes it earlier
-//! sets itself: so the dispatcher neither has to be woken for that nor to guess.
+//! decoded and given to the socket, which never waits, and never while anybody waits for the
+//! network. The session's next deadline is in a timer descriptor, which a publisher that makes it
+//! earlier sets itself: so the dispatcher neither has to be woken for that nor to guess.
 //!
 //! ```text
 //!   connect ─► setup ─► adapter ─────────► transport   descriptors: UDP, TCP, serial lines of Linux

@@ -1,5 +1,6 @@
-//! What the session lock protects, as plain structs: the session, its endpoints, and the objects at the
-//! agent that they stand for. The files that act on them import this one, and never the reverse.
+//! What the session lock protects, as plain structs: the session, its endpoints, and the objects at
+//! the agent that they stand for. The files that act on them import this one, and never the
+//! reverse.
 #![cfg_attr(
     not(feature = "full"),
     allow(dead_code, reason = "fields for endpoints that are deleted")

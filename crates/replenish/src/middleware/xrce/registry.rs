@@ -1,5 +1,5 @@
-//! Numbers and slots of objects that come and go, and the deletions that the agent has not been sent.
-//! `registry_disabled.rs` takes this file's place without feature `full`.
+//! Numbers and slots of objects that come and go, and the deletions that the agent has not been
+//! sent. `registry_disabled.rs` takes this file's place without feature `full`.
 
 use crate::middleware::MAX_READERS;
 use alloc::vec::Vec;

@@ -1,4 +1,5 @@
-//! In the place of `registry` without feature `full`: numbers and slots are given out once, in order.
+//! In the place of `registry` without feature `full`: numbers and slots are given out once, in
+//! order.
 
 /// Object numbers of one kind, given out in turn.
 #[derive(Debug, Default)]

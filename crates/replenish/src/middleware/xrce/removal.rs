@@ -6,8 +6,8 @@
 //!             1 ──────────────── 18                 sample on its way finds nobody
 //! ```
 //!
-//! The agent is told on the dispatcher's next round at the latest: what its stream has no room for now
-//! waits in a list.
+//! The agent is told on the dispatcher's next round at the latest: what its stream has no room for
+//! now waits in a list.
 
 use super::limits::MAX_NUMBER;
 use super::objects::{Reader, State, Writer};

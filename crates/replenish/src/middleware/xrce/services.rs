@@ -1,6 +1,7 @@
 //! Services: a requester or a replier is a reader and a writer in one object.
 //!
-//! Names on DDS are those of ROS 2: requests of `/add` on `rq/addRequest`, replies on `rr/addReply`.
+//! Names on DDS are those of ROS 2: requests of `/add` on `rq/addRequest`, replies on
+//! `rr/addReply`.
 
 use super::adapter::Xrce;
 use super::backlog::Backlog;

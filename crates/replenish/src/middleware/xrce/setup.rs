@@ -148,8 +148,8 @@ impl Xrce {
     ///
     /// # Errors
     /// [`MiddlewareError::LinkDown`]; [`MiddlewareError::NoAnswer`] after
-    /// [`XrceConfig::request_timeout`]; [`MiddlewareError::Unsupported`] in builds without the feature
-    /// `queries`, which `std` brings.
+    /// [`XrceConfig::request_timeout`]; [`MiddlewareError::Unsupported`] in builds without the
+    /// feature `queries`, which `std` brings.
     pub fn agent_clock_offset(&self) -> Result<i64, MiddlewareError> {
         let sent = {
             let mut state = self.state.lock();

@@ -176,7 +176,8 @@ impl State {
     }
 
     /// Asks the agent for as many samples as there is room for, for keep-all readers that have got
-    /// all they had asked for: so none comes that must be dropped, and the others wait at the agent.
+    /// all they had asked for: so none comes that must be dropped, and the others wait at the
+    /// agent.
     pub(super) fn grant(&mut self) {
         let lost = core::mem::take(&mut self.regrant);
         if !core::mem::take(&mut self.endpoints.spent) && !lost {
@@ -203,7 +204,8 @@ impl State {
                 let asked = self.session.read(reader.object, flow.stream, control);
                 flow.granted = if asked.is_ok() { room } else { 0 };
             }
-            // If there is no room or no way to ask now, the reader stays spent: it is asked for later.
+            // If there is no room or no way to ask now, the reader stays spent: it is asked for
+            // later.
             self.endpoints.spent |= flow.granted == 0;
         }
     }

@@ -100,8 +100,8 @@ impl Waiting {
     }
 
     /// How many messages the dispatcher is to receive before it waits again, up to `most`. After a
-    /// sleep there is most often just one: to look for a second costs a system call, and if there is
-    /// one the next wait ends at once.
+    /// sleep there is most often just one: to look for a second costs a system call, and if there
+    /// is one the next wait ends at once.
     pub(super) fn batch(&self, most: usize) -> usize {
         match self.pressed.load(Ordering::Relaxed) {
             true => most,

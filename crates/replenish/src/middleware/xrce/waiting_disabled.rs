@@ -1,5 +1,5 @@
-//! What the dispatcher's wait endpoints with, without descriptors: one signal, which the transport's
-//! interrupt, the waker and an alarm that became earlier set.
+//! What the dispatcher's wait endpoints with, without descriptors: one signal, which the
+//! transport's interrupt, the waker and an alarm that became earlier set.
 //!
 //! ```text
 //!   dispatcher                               publisher
@@ -53,8 +53,8 @@ impl Waiting {
     }
 
     /// The session has nothing to go on with between two messages but what
-    /// [`State::receive`](super::state::State::receive) tells: a port is drained by `receive`, and one
-    /// without room is told there.
+    /// [`State::receive`](super::state::State::receive) tells: a port is drained by `receive`, and
+    /// one without room is told there.
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
     pub(super) const fn is_for_datagrams(&self) -> bool {
         true

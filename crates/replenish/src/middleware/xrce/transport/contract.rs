@@ -40,8 +40,8 @@ pub trait Transport: Send + Sync + Debug + 'static {
         false
     }
 
-    /// Reads once, and calls `deliver` with every message that is whole then. Also goes on with what
-    /// could not be written at once.
+    /// Reads once, and calls `deliver` with every message that is whole then. Also goes on with
+    /// what could not be written at once.
     ///
     /// # Errors
     /// What the system says, except for "nothing there" and the end of a connection.

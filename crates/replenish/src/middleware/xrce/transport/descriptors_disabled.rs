@@ -1,5 +1,5 @@
-//! In the place of `descriptors` without feature `std`: the frames of a serial line over a port that
-//! the program drives.
+//! In the place of `descriptors` without feature `std`: the frames of a serial line over a port
+//! that the program drives.
 
 mod port;
 

@@ -21,9 +21,9 @@ pub trait Port: Send + Sync + 'static {
     /// Takes received bytes into `into`; how many. 0: nothing was there.
     fn read(&self, into: &mut [u8]) -> usize;
 
-    /// Shows `take` the received bytes that lie together, which are taken then, and says whether there
-    /// may be more; `None` and nothing done, as if not said otherwise, where bytes can only be
-    /// [copied](Self::read).
+    /// Shows `take` the received bytes that lie together, which are taken then, and says whether
+    /// there may be more; `None` and nothing done, as if not said otherwise, where bytes can only
+    /// be [copied](Self::read).
     fn lend(&self, take: impl FnOnce(&[u8])) -> Option<Received>
     where
         Self: Sized,
