@@ -74,8 +74,9 @@ impl<C, R> Reservation<'_, C, R> {
 }
 
 impl<C, R> CommandQueue<C, R> {
-    /// For the slots `free` out of `free.end`, with room for `commands` that wait. Allocates here
-    /// only.
+    /// For the slots `free` out of `free.end`, with room for `commands` that wait.
+    ///
+    /// Allocates here only.
     #[must_use]
     pub fn new(free: Range<usize>, commands: usize) -> Self {
         let limit = free.end;

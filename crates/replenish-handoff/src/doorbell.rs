@@ -163,8 +163,7 @@ impl<W: Wake + ?Sized> Doorbell<W> {
         }
     }
 
-    /// Dispatcher: rings if that was deferred, since `now`; reads the clock if that is not known
-    /// yet.
+    /// Dispatcher: rings if that was deferred, since `now`, which is read if it is not known yet.
     #[inline]
     pub fn flush(&self, now: &mut Option<Nanos>) {
         if self.due.load(Ordering::Relaxed) {

@@ -85,8 +85,8 @@ impl Inbox {
 
     /// Dispatcher: stores a sample.
     ///
-    /// The bytes are copied outside the lock, into the buffer in `spare_slot`, which gets an empty
-    /// one in exchange. Each call passes the same `spare_slot`, `None` at first.
+    /// The bytes are copied outside the lock, into the buffer in `spare_slot`, which gets an
+    /// empty one in exchange. Each call passes the same `spare_slot`, `None` at first.
     pub fn deliver(
         &self,
         spare_slot: &mut Option<RingSlot>,

@@ -19,8 +19,8 @@
 //!   models          every interleaving (`--cfg loom`)
 //! ```
 //!
-//! Every file uses [`sync`] and nothing else of the operating system, so the models in `models/`
-//! run this code over `loom`'s types.
+//! Every file uses [`sync`] and nothing else of the operating system but its clock, so the models
+//! in `models/` run this code over `loom`'s types.
 #![forbid(unsafe_code)]
 #![cfg_attr(not(any(feature = "std", loom)), no_std)]
 

@@ -6,8 +6,8 @@
 //!   worker: drain ──► look at the marked handles ──► … ──► nothing marked: sleep on the bell
 //! ```
 //!
-//! So a worker's round costs what its input costs, however many handles it has. No thread may leave
-//! the mark out: input comes first, then the mark, then the bell, which is sticky. A
+//! So a worker's round costs what its input costs, however many handles it has. No thread may
+//! leave the mark out: input comes first, then the mark, then the bell, which is sticky. A
 //! worker that drained before the mark finds the bell rung when it goes to sleep.
 
 use crate::sync::{AtomicUsize, Ordering};

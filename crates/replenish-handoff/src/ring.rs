@@ -136,12 +136,9 @@ impl Ring {
     /// Appends a filled buffer. With `depth` samples waiting, the oldest makes room, and is given
     /// back.
     pub fn push(&mut self, slot: RingSlot) -> Option<RingSlot> {
-        let dropped = match self.is_full() {
-            true => self.waiting.pop_front(),
-            false => None,
-        };
+        let oldest = self.is_full().then(|| self.waiting.pop_front());
         self.waiting.push_back(slot);
-        dropped
+        oldest.flatten()
     }
 
     /// The oldest sample.

@@ -39,8 +39,7 @@ impl Stop {
         }
     }
 
-    /// Takes the request back, for threads that ask the flag alone: threads that have ended stay
-    /// ended.
+    /// Takes the request back, for threads that ask the flag alone: an ended thread stays ended.
     pub fn withdraw(&self) {
         self.requested.store(false, Ordering::Release);
     }

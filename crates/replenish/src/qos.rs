@@ -56,7 +56,9 @@ pub enum Criticality {
 /// ```
 /// use core::time::Duration;
 /// use replenish::{IngressLimit, Topic};
-/// let limit = IngressLimit::none().bytes_per_second(20_000).min_interval(Duration::from_millis(10));
+/// let limit = IngressLimit::none()
+///     .bytes_per_second(20_000)
+///     .min_interval(Duration::from_millis(10));
 /// let camera = Topic::named("camera").ingress_limit(limit);
 /// # let _ = camera;
 /// ```

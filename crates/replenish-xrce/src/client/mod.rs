@@ -54,7 +54,8 @@
 //!     journal: &mut journal[..],
 //!     restore: &mut restore[..],
 //! };
-//! let mut session: Session<&mut [u8], 4, 16> = Session::new(Config::new(ClientKey(*b"demo")), buffers);
+//! let config = Config::new(ClientKey(*b"demo"));
+//! let mut session: Session<&mut [u8], 4, 16> = Session::new(config, buffers);
 //! session.connect(0);
 //! let login = session.poll_transmit(0).expect("the log-in");
 //! assert_eq!(login.get(8..12), Some(&b"XRCE"[..]));

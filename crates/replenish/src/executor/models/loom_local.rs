@@ -91,8 +91,8 @@ fn messages_are_taken_whenever_they_come_also_when_there_was_no_room() {
     });
 }
 
-/// Nothing is due, so the executor sleeps without limit; the timer that is started meanwhile fires
-/// one period after that.
+/// Nothing is due, so the executor sleeps without limit; the timer that is started meanwhile
+/// fires one period after that.
 #[test]
 fn a_timer_that_is_started_while_it_falls_asleep_fires() {
     loom::model(|| {
