@@ -1,14 +1,24 @@
 //! The laboratory's words in a robot's command.
 
 use crate::common::{BIN, Scratch, run, stderr, stdout};
-use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
 use std::process::Command;
+
+/// Copies a program by a process of its own. A file that this process wrote cannot be run for as long as
+/// a child that another test is starting holds it open.
+fn install(program: &str, to: &Path) {
+    let status = Command::new("install")
+        .args(["-m", "755", program])
+        .arg(to)
+        .status();
+    assert!(status.unwrap().success());
+}
 
 #[test]
 fn a_word_of_the_laboratory_says_where_it_is() {
     let scratch = Scratch::new("no-laboratory");
     let alone = scratch.path("replenish");
-    std::fs::copy(BIN, &alone).unwrap();
+    install(BIN, &alone);
     let output = Command::new(alone)
         .arg("demo")
         .env("PATH", scratch.dir())
@@ -27,9 +37,10 @@ fn a_word_of_the_laboratory_says_where_it_is() {
 fn a_word_of_the_laboratory_becomes_its_program() {
     let scratch = Scratch::new("laboratory");
     let (robot, laboratory) = (scratch.path("replenish"), scratch.path("replenish-bench"));
-    std::fs::copy(BIN, &robot).unwrap();
-    std::fs::write(&laboratory, "#!/bin/sh\necho \"got: $*\"; exit 7\n").unwrap();
-    std::fs::set_permissions(&laboratory, std::fs::Permissions::from_mode(0o755)).unwrap();
+    install(BIN, &robot);
+    let script = scratch.path("script");
+    std::fs::write(&script, "#!/bin/sh\necho \"got: $*\"; exit 7\n").unwrap();
+    install(script.to_str().unwrap(), &laboratory);
     let output = Command::new(robot)
         .args(["bench", "handoff", "--samples", "1000"])
         .output()
