@@ -4,8 +4,8 @@ use crate::common::{BIN, Scratch, run, stderr, stdout};
 use std::path::Path;
 use std::process::Command;
 
-/// Copies a program by a process of its own. A file that this process wrote cannot be run for as long as
-/// a child that another test is starting holds it open.
+/// Copies a program by a process of its own. A file that this process wrote cannot be run for as
+/// long as a child that another test is starting holds it open.
 fn install(program: &str, to: &Path) {
     let status = Command::new("install")
         .args(["-m", "755", program])
