@@ -2,6 +2,7 @@
 //! every build, and leaves no code where the feature is off.
 
 /// The standard library and Linux's descriptors.
+#[allow(dead_code, reason = "asked for by the XRCE adapter alone")]
 pub(crate) const STD: bool = cfg!(feature = "std");
 /// Services, handles that come and go, histograms, everything a small board leaves out.
 pub(crate) const FULL: bool = cfg!(feature = "full");
@@ -10,4 +11,5 @@ pub(crate) const TEXTS: bool = cfg!(feature = "texts");
 /// Events go to the program's logger.
 pub(crate) const LOG: bool = cfg!(feature = "log");
 /// Values that are no longer used are dropped and their memory is given back.
+#[allow(dead_code, reason = "asked for by the XRCE adapter alone")]
 pub(crate) const DROPS: bool = cfg!(any(not(target_os = "none"), feature = "full"));

@@ -27,9 +27,11 @@ mod std;
 #[cfg_attr(not(feature = "texts"), path = "text_disabled.rs")]
 mod text;
 
+#[allow(unreachable_pub, reason = "public as middleware::xrce::io")]
 pub use self::std::io;
 pub(crate) use self::std::{guard, random, tell, wall_clock};
 pub(crate) use buffer::zeroed;
+#[allow(unused_imports, reason = "builds without feature xrce ask for fewer")]
 pub(crate) use features::{DROPS, FULL, LOG, STD, TEXTS};
 pub(crate) use short_text::ShortText;
 pub(crate) use static_value::{Static, make_static};

@@ -8,6 +8,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::string::String;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+#[allow(unreachable_pub, reason = "public as middleware::xrce::io")]
 pub use std::io;
 
 /// The wall clock: time since 1970 in UTC; `None` where it is set before that.
