@@ -185,8 +185,10 @@ fn loom() -> Vec<Step> {
 fn supply() -> Vec<Step> {
     vec![
         Step::new("tools/deny.sh"),
-        Step::new("cargo package --workspace --no-verify --allow-dirty --quiet")
-            .building_in("package"),
+        Step::new(
+            "cargo package --workspace --exclude executor-size --no-verify --allow-dirty --quiet",
+        )
+        .building_in("package"),
     ]
 }
 
