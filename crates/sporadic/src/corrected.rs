@@ -21,11 +21,15 @@
 //! - the activation of the thread, if the chunk was due by then;
 //! - its own replenishment time, if it became due while the thread was runnable (also if the
 //!   thread was raised later than that: no drift);
-//! - its own replenishment time, still in the future, if it was consumed early by an overrun.
+//! - its own replenishment time, still in the future, if it was consumed early by an overrun;
+//! - a period before it was consumed, if it was due for longer than that: budget that could not be
+//!   had within its period comes back later by as much as it was late.
 //!
 //! Each unit of budget comes back T after its e, or later (merging keeps the later time), so two
 //! uses of one unit have activations at least T apart. Hence for every window [t, t+T) the units
-//! with e in the window sum to at most B: the interference of a periodic task (B, T).
+//! with e in the window sum to at most B: the interference of a periodic task (B, T). Since no unit
+//! is consumed more than T after its e, a thread that was kept waiting executes two budgets
+//! back to back at most, however long it waited.
 //!
 //! Source: the rules in Stanovich, Baker, Wang, González Harbour: "Defects of the POSIX Sporadic
 //! Server and How to Correct Them", RTAS 2010, DOI 10.1109/RTAS.2010.34. Unlike there, a chunk
@@ -113,8 +117,9 @@ impl<const N: usize> Corrected<N> {
     /// [`charge`](BudgetServer::charge) that reports each piece consumed and its effective
     /// activation, in order of time within a round.
     pub fn charge_with(&mut self, used: Nanos, now: Nanos, observe: &mut impl FnMut(Consumed)) {
-        self.see(now);
+        let now = self.see(now);
         let (budget, period) = (self.params.budget(), self.params.period());
+        self.count_from(now.saturating_sub(used).saturating_sub(period));
         // Consuming exactly B takes every chunk once, so all come back T later.
         // (Seldom so much: and dividing is slow on small processors.)
         let (rounds, mut rest) = if used < budget {
@@ -174,6 +179,20 @@ impl<const N: usize> Corrected<N> {
         self.clock
     }
 
+    /// Budget that is due at `time` has its activation there, not before.
+    fn count_from(&mut self, time: Nanos) {
+        if self.head.time > time {
+            return;
+        }
+        self.head.time = time;
+        while let Some(next) = self.queue.front()
+            && next.time <= time
+        {
+            self.queue.pop_front();
+            self.head.amount += next.amount;
+        }
+    }
+
     /// Queues a chunk that is not before any other. Merged with the youngest, at the later time, if
     /// their times are equal or the queue is full.
     fn push(&mut self, chunk: Chunk) {
@@ -196,16 +215,7 @@ impl<const N: usize> BudgetServer for Corrected<N> {
 
     fn activate(&mut self, now: Nanos) {
         let now = self.see(now);
-        if self.head.time > now {
-            return;
-        }
-        self.head.time = now;
-        while let Some(next) = self.queue.front()
-            && next.time <= now
-        {
-            self.queue.pop_front();
-            self.head.amount += next.amount;
-        }
+        self.count_from(now);
     }
 
     /// Nothing to do but to note the time: what was consumed is queued already, and what is left

@@ -46,6 +46,7 @@
 //! ```
 #![no_std]
 #![forbid(unsafe_code)]
+#![deny(clippy::indexing_slicing)]
 
 mod budget;
 mod choice;
@@ -67,7 +68,7 @@ pub use params::{Low, ParamError, Params};
 pub use policy::{MAX_PRIORITY, MIN_RUNTIME, Policy, PolicyError};
 #[cfg(feature = "posix")]
 pub use posix::Posix;
-pub use reservation::{Counters, Gap, Reservation, Tuning, Verdict};
+pub use reservation::{Counters, Gap, Readings, Reservation, Tuning, Verdict};
 pub use ring::Chunk;
 pub use server::{BudgetServer, Level};
 pub use units::{Nanos, WholeUnits};

@@ -3,11 +3,11 @@
 use crate::Nanos;
 use core::fmt;
 
-/// What becomes of a thread that has no budget left.
+/// The place of a thread that has no budget left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Low {
     /// It goes on at this lower priority, uncharged (`sched_ss_low_priority` of POSIX).
-    /// What 0 means is up to the operating system, e.g. the time-sharing class.
+    /// The meaning of 0 is up to the operating system, e.g. the time-sharing class.
     Background(u8),
     /// It does not run until budget comes back: full temporal isolation.
     Suspend,
@@ -82,7 +82,7 @@ impl Params {
         self.priority
     }
 
-    /// What happens while no budget is available.
+    /// The thread's place while no budget is available.
     pub const fn low(&self) -> Low {
         self.low
     }

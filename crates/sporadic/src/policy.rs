@@ -1,4 +1,4 @@
-//! What a thread asks of the scheduler, checked before the kernel sees it.
+//! A thread's request to the scheduler, checked before the kernel sees it.
 
 use crate::units::WholeUnits;
 use crate::{Low, Nanos, ParamError, Params};

@@ -19,7 +19,8 @@
 //!   (judge at the next replenishment               │  │
 //!    raises a thread that waits, too)              │  │
 //!                            judge: exhausted      ▼  │  judge: replenished
-//!                            verdict Low        at low priority, CPU time is free
+//!                            verdict Low        at low priority, CPU time is free, but for
+//!                                               what is owed (owe)
 //! ```
 //!
 //! # The lazy timer
@@ -31,15 +32,31 @@
 //! # No storms
 //! The next check is never nearer than [`Tuning::min_rearm`]. A thread that makes no progress
 //! because it is preempted (or blocks where we cannot see it) is checked at doubling distances
-//! up to [`Tuning::max_backoff`]; [`Reservation::pull_in`] undoes that once the CPU is free.
+//! up to [`Tuning::backoff`]; [`Reservation::pull_in`] undoes that once the CPU is free.
+//!
+//! # What is not worth a timer
+//! A funded thread with [`Tuning::slack`] or less left counts as exhausted. The remnant is charged
+//! at once, in advance, and the thread may consume it at the beginning of its next round without
+//! another charge. So no budget is lost from round to round, and a round is longer than the
+//! budget by the slack at most.
+//!
+//! # Who blocks where nobody looks
+//! A thread that blocks starts a new activation when it wakes, so its budget comes back later. A
+//! reading that does not know ([`Readings::Unknown`]) counts as if the thread had blocked first
+//! and then consumed everything in one piece, up to now. Every unit of budget comes back a
+//! period after the latest moment at which it can have been consumed, or later. A thread that was
+//! preempted loses as much of its period as it was kept off the CPU.
 
 use crate::{BudgetServer, Level, Nanos};
 
 /// The end of time, in the place of no time at all.
 const NEVER: Nanos = Nanos::MAX;
 
+/// From a refused change to the next attempt, at most.
+const LONGEST_REFUSAL: Nanos = 100_000_000;
+
 /// The enforcer's constants, all in nanoseconds. They depend on the machine, not on the load.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tuning {
     /// A funded thread with less than this left counts as exhausted: a check for a shorter time
     /// would cost more than it decides.
@@ -47,7 +64,7 @@ pub struct Tuning {
     /// No check is set nearer than this: the guard against a timer that is always already past.
     pub min_rearm: Nanos,
     /// The longest distance between two checks of a thread that makes no progress. It bounds the
-    /// overrun of a thread that resumes unseen.
+    /// overrun of a thread that resumes unseen; see [`backoff`](Self::backoff).
     pub max_backoff: Nanos,
 }
 
@@ -58,6 +75,28 @@ impl Tuning {
         min_rearm: 10_000,
         max_backoff: 1_000_000,
     };
+
+    /// The constants for a budget: up to a 200th of it, but no more than 2.5 times
+    /// [`slack`](Self::slack), counts as slack. A check that finds a little more than the slack
+    /// costs two more switches to the enforcer; a small budget would pay with its precision.
+    #[must_use]
+    pub fn for_budget(self, budget: Nanos) -> Self {
+        let most = self.slack.saturating_mul(5) / 2;
+        Self {
+            slack: self.slack.max(most.min(budget / 200)),
+            ..self
+        }
+    }
+
+    /// The longest distance between two checks of a thread with this budget that makes no progress:
+    /// a quarter of the budget, but at least five times `min_rearm` and at most `max_backoff`. A
+    /// thread that blocks inside a callback and resumes unseen overruns its budget by this much.
+    #[must_use]
+    pub fn backoff(&self, budget: Nanos) -> Nanos {
+        (budget / 4)
+            .max(self.min_rearm.saturating_mul(5))
+            .min(self.max_backoff)
+    }
 }
 
 /// A stretch inside a callback in which the thread was blocked, as context-switch records show it.
@@ -71,11 +110,26 @@ pub struct Gap {
     pub in_at: Nanos,
 }
 
-/// What the owner of a reservation must do after a call.
+/// The owner's knowledge about blocking since the previous reading.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Readings<'a> {
+    /// The thread blocked in these stretches, the earliest first, and in no others. Without any, it
+    /// was running or preempted all the time. A counter of voluntary switches that has not moved
+    /// proves that, unless the thread was already blocked at the previous reading.
+    Exact(&'a [Gap]),
+    /// The thread may have blocked at any time: nobody records it, or records were lost.
+    Unknown,
+}
+
+/// The thread did not block.
+const NO_GAPS: Readings<'static> = Readings::Exact(&[]);
+
+/// The change that the owner of a reservation must make after a call.
 #[must_use]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Verdict {
-    /// The level to give the thread now; `None`: leave it. Confirm with [`Reservation::applied`].
+    /// The level to give the thread now; `None`: leave it. Confirm with [`Reservation::applied`],
+    /// or with [`Reservation::refused`] where the system did not obey.
     pub change: Option<Level>,
 }
 
@@ -84,8 +138,10 @@ pub struct Verdict {
 pub struct Counters {
     /// CPU time consumed at the high priority.
     pub cpu_high: Nanos,
-    /// CPU time consumed at the low priority (not charged to the budget).
+    /// CPU time consumed at the low priority.
     pub cpu_low: Nanos,
+    /// The part of it that was charged to the budget after all ([`Reservation::owe`]).
+    pub owed: Nanos,
     /// How often the budget ran out while the thread ran.
     pub exhaustions: u64,
     /// How often a replenishment raised the thread.
@@ -110,6 +166,8 @@ pub struct Reservation<S> {
     /// [`NEVER`]: not before another event.
     check_at: Nanos,
     backoff: Nanos,
+    /// Charged, but not consumed yet; at most the slack.
+    advance: Nanos,
     margin: i64,
     counters: Counters,
 }
@@ -126,6 +184,7 @@ impl<S: BudgetServer> Reservation<S> {
             read_at: now,
             check_at: NEVER,
             backoff: 0,
+            advance: 0,
             margin: 0,
             counters: Counters::default(),
         }
@@ -158,7 +217,7 @@ impl<S: BudgetServer> Reservation<S> {
         if !self.runnable || self.level == Level::Low {
             return None;
         }
-        let left = self.server.available(self.read_at);
+        let left = self.left(self.read_at);
         Some(
             self.cpu_mark
                 .saturating_add(left.max(self.tuning.min_rearm)),
@@ -180,28 +239,28 @@ impl<S: BudgetServer> Reservation<S> {
     /// `woken` (POSIX rule R2), so a thread that is kept waiting is not also replenished late.
     /// Times before the last wait began count as its beginning, times after `now` as `now`.
     ///
-    /// What it consumed on the way into and out of the wait since the last reading belongs to the
+    /// Consumption on the way into and out of the wait since the last reading belongs to the
     /// new activation, so that no CPU time escapes the account.
     pub fn activate(&mut self, woken: Nanos, now: Nanos, cpu: Nanos) {
         self.runnable = true;
         self.server.activate(woken.max(self.read_at).min(now));
         self.backoff = 0;
-        self.account(now, cpu, &[]);
+        self.account(now, cpu, NO_GAPS);
         self.replan(now);
     }
 
     /// The thread is about to wait. Nothing is decided: if the budget is used up just now, the
     /// thread keeps its level while it waits, where it does no harm, and the next activation asks
     /// for a check at once, unless the budget is back by then.
-    pub fn block(&mut self, now: Nanos, cpu: Nanos, gaps: &[Gap]) {
-        self.account(now, cpu, gaps);
+    pub fn block(&mut self, now: Nanos, cpu: Nanos, readings: Readings<'_>) {
+        self.account(now, cpu, readings);
         self.server.block(now);
         self.runnable = false;
     }
 
     /// Decides by a fresh reading of the CPU clock; due at [`check_at`](Self::check_at), allowed at
     /// any time.
-    pub fn judge(&mut self, now: Nanos, cpu: Nanos, gaps: &[Gap]) -> Verdict {
+    pub fn judge(&mut self, now: Nanos, cpu: Nanos, readings: Readings<'_>) -> Verdict {
         if self.sleeps_funded() {
             self.check_at = NEVER;
             return Verdict { change: None };
@@ -210,11 +269,12 @@ impl<S: BudgetServer> Reservation<S> {
         let used = cpu.saturating_sub(self.cpu_mark);
         self.check_at = NEVER;
         let funded_before = self.level == Level::High;
-        self.account(now, cpu, gaps);
+        self.account(now, cpu, readings);
         if funded_before && self.runnable && used < elapsed / 8 {
             self.counters.idle_checks += 1;
             let doubled = (self.backoff * 2).max(self.tuning.min_rearm * 2);
-            self.backoff = doubled.min(self.tuning.max_backoff);
+            let longest = self.tuning.backoff(self.server.params().budget());
+            self.backoff = doubled.min(longest);
         } else {
             self.backoff = 0;
         }
@@ -225,11 +285,21 @@ impl<S: BudgetServer> Reservation<S> {
         verdict
     }
 
-    /// Reads without deciding: brings the counters up to date.
-    pub fn observe(&mut self, now: Nanos, cpu: Nanos, gaps: &[Gap]) {
+    /// Reads without deciding: brings the counters up to date. The next check can come nearer.
+    pub fn observe(&mut self, now: Nanos, cpu: Nanos, readings: Readings<'_>) {
         if !self.sleeps_funded() {
-            self.account(now, cpu, gaps);
+            self.account(now, cpu, readings);
+            self.replan(now);
         }
+    }
+
+    /// Charges `amount` of CPU time at the low level to the budget after all: time that the thread
+    /// had although it was to be stopped, or at a priority that it had inherited. It is a debt: the
+    /// next replenishment comes later by what it takes to pay it. To be called before the reading
+    /// that accounts the same time, so that no verdict comes before the debt.
+    pub fn owe(&mut self, amount: Nanos, now: Nanos) {
+        self.server.charge(amount, now);
+        self.counters.owed += amount;
     }
 
     /// The verdict was carried out: the thread has had the level since `now`, when its CPU clock
@@ -238,7 +308,7 @@ impl<S: BudgetServer> Reservation<S> {
     pub fn applied(&mut self, level: Level, now: Nanos, cpu: Nanos) -> Option<i64> {
         let late = cpu.saturating_sub(self.cpu_mark);
         let overrun = self.margin.saturating_add(signed(late));
-        self.account(now, cpu, &[]);
+        self.account(now, cpu, NO_GAPS);
         let before = core::mem::replace(&mut self.level, level);
         if before == level {
             return None;
@@ -258,6 +328,15 @@ impl<S: BudgetServer> Reservation<S> {
                 Some(overrun)
             }
         }
+    }
+
+    /// The verdict could not be carried out, for instance because a privilege is gone. The thread
+    /// keeps its level: what it consumes at the high one beyond its budget is a debt. The next
+    /// check, which gives the same verdict again, is due an eighth of a period later, but after
+    /// 100 ms at most, and not before [`Tuning::max_backoff`].
+    pub fn refused(&mut self, now: Nanos) {
+        let pause = LONGEST_REFUSAL.min(self.server.params().period() / 8);
+        self.check_at = now.saturating_add(pause.max(self.tuning.max_backoff));
     }
 
     /// The CPU became free: a check that was put off for want of progress is due again when the
@@ -289,8 +368,9 @@ impl<S: BudgetServer> Reservation<S> {
 
     /// Re-initialises the server (POSIX: `sched_setparam` starts afresh), keeping the counters.
     pub fn replace_server(&mut self, server: S, now: Nanos, cpu: Nanos) -> Verdict {
-        self.account(now, cpu, &[]);
+        self.account(now, cpu, NO_GAPS);
         self.server = server;
+        self.advance = 0;
         if self.runnable {
             self.server.activate(now);
         }
@@ -305,37 +385,58 @@ impl<S: BudgetServer> Reservation<S> {
     }
 
     /// Charges what the CPU clock shows since the last reading to the level in force.
-    fn account(&mut self, now: Nanos, cpu: Nanos, gaps: &[Gap]) {
+    fn account(&mut self, now: Nanos, cpu: Nanos, readings: Readings<'_>) {
         let used = cpu.saturating_sub(self.cpu_mark);
         self.cpu_mark = self.cpu_mark.max(cpu);
         self.read_at = self.read_at.max(now);
+        let mut rest = match self.level {
+            Level::High => used,
+            Level::Low => 0,
+        };
+        self.counters.cpu_high += rest;
+        self.counters.cpu_low += used - rest;
+        if self.runnable {
+            match readings {
+                Readings::Exact(gaps) => {
+                    for gap in gaps {
+                        let ran = gap.ran.min(rest);
+                        rest -= ran;
+                        let due = self.unpaid(ran);
+                        self.server.charge(due, gap.out_at);
+                        self.server.block(gap.out_at);
+                        self.server.activate(gap.in_at);
+                        self.counters.blocked_inside += 1;
+                    }
+                }
+                // It may have blocked up to the moment from which it has run without a pause.
+                Readings::Unknown => self.server.activate(now.saturating_sub(used)),
+            }
+        }
         if self.level == Level::Low {
-            self.counters.cpu_low += used;
             return;
         }
-        self.counters.cpu_high += used;
-        let mut rest = used;
-        if self.runnable {
-            for gap in gaps {
-                let ran = gap.ran.min(rest);
-                rest -= ran;
-                self.server.charge(ran, gap.out_at);
-                self.server.block(gap.out_at);
-                self.server.activate(gap.in_at);
-                self.counters.blocked_inside += 1;
-            }
-        }
+        let due = self.unpaid(rest);
         let funded = self.server.available(now);
-        self.margin = signed(rest) - signed(funded);
-        self.server.charge(rest, now);
-        let left = self.server.available(now);
-        if left > 0 && left <= self.tuning.slack && self.runnable && self.margin < 0 {
-            // Too little to be worth a timer. The corrected server has put such a remnant off
-            // already (its smallest chunk); for POSIX's it is within the clock's resolution.
-            if rest > 0 {
-                self.server.charge(left, now);
-            }
+        self.margin = signed(due) - signed(funded);
+        let left = funded.saturating_sub(due);
+        if due > 0 && left <= self.tuning.slack && self.runnable {
+            self.advance = left;
+            self.server.charge(due + left, now);
+        } else {
+            self.server.charge(due, now);
         }
+    }
+
+    /// The part of this consumption that is still to be charged.
+    fn unpaid(&mut self, used: Nanos) -> Nanos {
+        let paid = self.advance.min(used);
+        self.advance -= paid;
+        used - paid
+    }
+
+    /// CPU time that a funded thread may consume from `now` on.
+    fn left(&self, now: Nanos) -> Nanos {
+        self.server.available(now).saturating_add(self.advance)
     }
 
     fn decide(&mut self, now: Nanos) -> Verdict {
@@ -361,7 +462,7 @@ impl<S: BudgetServer> Reservation<S> {
         let wanted = match self.level {
             Level::Low => self.server.next_replenishment().unwrap_or(NEVER),
             Level::High if self.runnable => {
-                let left = self.server.available(now);
+                let left = self.left(now);
                 now.saturating_add(left.max(self.tuning.min_rearm).max(self.backoff))
             }
             Level::High => return, // waiting and funded: an old check may stay, it does no harm

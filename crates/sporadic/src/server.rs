@@ -1,4 +1,4 @@
-//! What every budget server does.
+//! The interface of every budget server.
 
 use crate::{Nanos, Params};
 

@@ -111,10 +111,29 @@ fn a_thread_raised_late_does_not_drift() {
 fn preemption_keeps_the_activation() {
     let mut server = corrected(3, 10, 4);
     server.activate(0);
-    server.charge(1, 1); // preempted from 1 to 12
-    server.charge(2, 14);
+    server.charge(1, 1); // preempted from 1 to 10
+    server.charge(2, 12);
     assert_eq!(pairs(server.chunks()), [(10, 3)]); // as a periodic task released at 0
-    assert_eq!(server.available(14), 3);
+    assert_eq!(server.available(12), 3);
+}
+
+/// On b209253 there was no limit: kept waiting for ten periods, a thread then executed eleven
+/// budgets in one piece.
+#[test]
+fn budget_that_was_not_had_within_its_period_comes_later() {
+    let mut server = corrected(3, 10, 4);
+    server.activate(0);
+    server.charge(1, 1); // preempted from 1 to 12
+    server.charge(2, 14); // begun at 12: as if activated at 2
+    assert_eq!(pairs(server.chunks()), [(10, 1), (12, 2)]);
+    let mut server = corrected(3, 10, 4);
+    server.activate(0); // preempted until 100
+    for (used, now, back) in [(3, 103, 100), (3, 106, 110)] {
+        assert_eq!(server.update(now - used), Level::High);
+        server.charge(used, now);
+        assert_eq!(pairs(server.chunks()), [(back, 3)]);
+    }
+    assert_eq!(server.update(106), Level::Low);
 }
 
 #[test]

@@ -7,8 +7,9 @@
 
 use crate::common::checked::{CheckedCorrected, CheckedPosix};
 use crate::common::simulator::Machine;
+use crate::common::world::{Knowledge, Setup, Step, World};
 use crate::common::{check_theorem, pairs, unit_times};
-use sporadic::{Level, Nanos};
+use sporadic::{Level, Nanos, Tuning};
 use std::collections::HashSet;
 
 const BUDGET: Nanos = 3;
@@ -152,6 +153,73 @@ fn corrected_with_a_smallest_chunk() {
     explore_corrected(16, 1, 2);
     explore_corrected(16, 3, 2);
     explore_corrected(12, 3, 9); // above B
+}
+
+/// Next steps of a thread and its CPU, in numbers as small as B = 10 and T = 20.
+const STEPS: [Step; 9] = [
+    Step::Run(1),
+    Step::Run(4),
+    Step::Run(15),
+    Step::Preempted(6),
+    Step::Preempted(25),
+    Step::Inside(3),
+    Step::Inside(25),
+    Step::Wait {
+        span: 5,
+        held_up: 0,
+    },
+    Step::Observe,
+];
+
+/// All sequences of so many steps; returns how many worlds there were.
+fn walk(world: &World, depth: usize, preempted: bool) -> u64 {
+    if depth == 0 {
+        return 1;
+    }
+    let steps = STEPS.into_iter().map(|step| {
+        let kept_waiting = preempted || matches!(step, Step::Preempted(_));
+        let mut next = world.clone();
+        next.step(step);
+        let knows = world.setup.knowledge != Knowledge::Nothing;
+        next.check_windows(u64::from(kept_waiting && knows));
+        walk(&next, depth - 1, kept_waiting)
+    });
+    1 + steps.sum::<u64>()
+}
+
+/// The theorem for the whole reservation; `REPLENISH_DEPTH` says how many steps.
+#[test]
+fn the_theorem_for_every_short_history() {
+    let depth = std::env::var("REPLENISH_DEPTH").ok();
+    let depth = depth.map_or(4, |depth| depth.parse().unwrap());
+    let tuning = Tuning {
+        slack: 1,
+        min_rearm: 1,
+        max_backoff: 2,
+    };
+    for knowledge in [
+        Knowledge::Records,
+        Knowledge::Overflow(0),
+        Knowledge::Counter,
+        Knowledge::Nothing,
+    ] {
+        for max_repl in [1, 4] {
+            for latency in [0, 1] {
+                let setup = Setup {
+                    budget: 10,
+                    period: 20,
+                    max_repl,
+                    tuning,
+                    knowledge,
+                    latencies: vec![latency],
+                    change_takes: 0,
+                    refusals: Vec::new(),
+                };
+                let worlds = walk(&World::new(setup), depth, false);
+                println!("{knowledge:?}, max_repl {max_repl}, late {latency}: {worlds} histories");
+            }
+        }
+    }
 }
 
 #[test]

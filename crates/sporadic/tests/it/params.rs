@@ -100,7 +100,7 @@ fn max_repl_above_the_capacity_of_the_server() {
         );
     }
     says(&expected, &["max_repl 129", "1 to 128"]);
-    // Who has checked before gets the server itself.
+    // A caller that has checked before gets the server itself.
     assert_eq!(params(129).check_capacity(128).unwrap_err(), expected);
     assert_eq!(params(128).check_capacity(128), Ok(()));
     for kind in [Kind::Corrected, Kind::Posix] {

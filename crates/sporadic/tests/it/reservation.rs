@@ -2,11 +2,12 @@
 //! unseen, and still no CPU time escapes the account and no check comes later than promised.
 
 use proptest::prelude::*;
-use sporadic::{Corrected, Gap, Level, Low, Nanos, Params, Reservation, Tuning, Verdict};
+use sporadic::{Corrected, Gap, Level, Low, Nanos, Params, Readings, Reservation, Tuning, Verdict};
 
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
 const TUNING: Tuning = Tuning::LINUX;
+const NO_GAPS: Readings<'static> = Readings::Exact(&[]);
 
 /// A thread, its CPU clock and its supervisor in virtual time.
 struct Sim {
@@ -53,7 +54,7 @@ impl Sim {
     }
 
     fn block(&mut self) {
-        self.r.block(self.now, self.cpu, &[]);
+        self.r.block(self.now, self.cpu, NO_GAPS);
     }
 
     /// Lets `span` pass; the thread consumes all of it or nothing. Checks come when they are due,
@@ -69,7 +70,7 @@ impl Sim {
             self.turn += 1;
             self.advance(fires - self.now, on_cpu);
             self.checks += 1;
-            let v = self.r.judge(self.now, self.cpu, &[]);
+            let v = self.r.judge(self.now, self.cpu, NO_GAPS);
             self.obey(v);
         }
         self.advance(end.saturating_sub(self.now), on_cpu);
@@ -181,6 +182,24 @@ fn pulling_a_check_in_never_moves_it_away() {
     assert_eq!(sim.overruns, [0]);
 }
 
+/// Where the queue is full, a reading puts budget off that was due: the check that was set for it
+/// would come too late.
+#[test]
+fn a_reading_can_bring_the_check_nearer() {
+    let params = Params::new(60, Low::Background(6), 10 * MS, 20 * MS, 1).unwrap();
+    let server = Corrected::<1>::new(params, 0).unwrap();
+    let mut r = Reservation::new(server, TUNING, 0, 0);
+    r.activate(0, 0, 0);
+    r.block(4 * MS, 4 * MS, NO_GAPS);
+    r.activate(5 * MS, 5 * MS, 4 * MS);
+    let verdict = r.judge(21 * MS, 4 * MS, NO_GAPS); // preempted until now, and all is due
+    assert_eq!((verdict.change, r.check_at()), (None, Some(31 * MS)));
+    r.observe(23 * MS, 5 * MS, NO_GAPS);
+    let chunks: Vec<_> = r.server().chunks().map(|c| (c.time, c.amount)).collect();
+    assert_eq!(chunks, [(5 * MS, 5 * MS), (25 * MS, 5 * MS)]);
+    assert_eq!(r.check_at(), Some(28 * MS));
+}
+
 #[test]
 fn blocking_inside_a_callback_starts_a_new_activation() {
     // 5 ms, a sleep of 50 ms inside the callback, 5 ms: what was used after the sleep comes back
@@ -194,7 +213,7 @@ fn blocking_inside_a_callback_starts_a_new_activation() {
         out_at: 5 * MS,
         in_at: 55 * MS,
     };
-    let v = sim.r.judge(sim.now, sim.cpu, &[gap]);
+    let v = sim.r.judge(sim.now, sim.cpu, Readings::Exact(&[gap]));
     sim.obey(v);
     assert_eq!(sim.r.level(), Level::Low);
     let back: Vec<_> = sim
@@ -211,7 +230,7 @@ fn waiting_for_the_cpu_does_not_delay_the_replenishment() {
     let mut sim = Sim::new(10 * MS, 100 * MS, vec![0]);
     sim.pass(20 * MS, false);
     // Woken at 5 ms, kept off the CPU until 20 ms; an observer reads the account meanwhile.
-    sim.r.observe(sim.now, sim.cpu, &[]);
+    sim.r.observe(sim.now, sim.cpu, NO_GAPS);
     sim.r.activate(5 * MS, sim.now, sim.cpu);
     sim.pass(30 * MS, true);
     assert_eq!(sim.r.level(), Level::Low);
@@ -270,7 +289,7 @@ fn a_replenishment_during_the_change_of_level_is_not_missed() {
     let mut sim = Sim::new(10 * MS, 100 * MS, vec![0]);
     sim.activate();
     sim.advance(10 * MS, true);
-    let verdict = sim.r.judge(sim.now, sim.cpu, &[]);
+    let verdict = sim.r.judge(sim.now, sim.cpu, NO_GAPS);
     assert_eq!(verdict.change, Some(Level::Low));
     sim.now = 100 * MS;
     sim.obey(verdict);
@@ -342,5 +361,44 @@ proptest! {
         let periods = sim.now / (50 * MS) + 1;
         let limit = periods * budget + worst + TUNING.max_backoff + TUNING.min_rearm;
         prop_assert!(sim.r.counters().cpu_high <= limit);
+    }
+}
+
+/// A little more than the slack is left whenever the enforcer is on its way while a thread runs: a
+/// check for 15 us of 5 ms took two more wake-ups, a seventh of all with 16 workers.
+#[test]
+fn a_large_budget_has_more_slack_and_a_small_one_keeps_its_precision() {
+    let of = |budget| TUNING.for_budget(budget).slack;
+    assert_eq!(
+        (of(50 * US), of(2 * MS), of(3 * MS)),
+        (10 * US, 10 * US, 15 * US)
+    );
+    assert_eq!((of(5 * MS), of(100 * MS)), (25 * US, 25 * US));
+    assert_eq!(TUNING.for_budget(MS).min_rearm, TUNING.min_rearm);
+    let params = Params::new(60, Low::Background(6), 5 * MS, 100 * MS, 16).unwrap();
+    let server = Corrected::<16>::new(params, 0).unwrap();
+    let mut r = Reservation::new(server, TUNING.for_budget(params.budget()), 0, 0);
+    r.activate(0, 0, 0);
+    let left = 15 * US;
+    let verdict = r.judge(5 * MS, 5 * MS - left, NO_GAPS);
+    assert_eq!(verdict.change, Some(Level::Low));
+    assert_eq!(r.applied(Level::Low, 5 * MS, 5 * MS - left), Some(-15_000));
+    // It is not lost: the next round is longer by as much.
+    let verdict = r.judge(100 * MS, 5 * MS - left, NO_GAPS);
+    assert_eq!(verdict.change, Some(Level::High));
+    let _ = r.applied(Level::High, 100 * MS, 5 * MS - left);
+    let (_, cpu) = (r.last_reading(), r.limit().unwrap());
+    assert_eq!(cpu, 10 * MS);
+}
+
+/// Refusals are tried again after a bounded time: with a period of 10 s it was 1.25 s.
+#[test]
+fn a_refused_change_is_tried_again_within_100_ms() {
+    for (period, pause) in [(MS, MS), (80 * MS, 10 * MS), (10_000 * MS, 100 * MS)] {
+        let params = Params::new(60, Low::Background(6), MS / 2, period, 16).unwrap();
+        let server = Corrected::<16>::new(params, 0).unwrap();
+        let mut r = Reservation::new(server, TUNING, 0, 0);
+        r.refused(7);
+        assert_eq!(r.check_at(), Some(7 + pause));
     }
 }

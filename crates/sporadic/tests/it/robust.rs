@@ -1,4 +1,4 @@
-//! What must hold for any input: no panic, no overflow, bounded time, a clock that may jitter, and
+//! Promises for any input: no panic, no overflow, bounded time, a clock that may jitter, and
 //! the largest queues.
 
 use crate::common::{check_chunks, corrected, pairs, posix};

@@ -14,6 +14,8 @@ pub struct CheckedCorrected {
     pub log: Vec<(Nanos, Nanos)>,
     /// Whether server and model must agree in everything: no limit of the server can act.
     pub unlimited: bool,
+    /// The latest time checked.
+    pub now: Nanos,
 }
 
 impl CheckedCorrected {
@@ -24,6 +26,7 @@ impl CheckedCorrected {
             model: Units::new(budget, period),
             log: Vec::new(),
             unlimited: Nanos::from(max_repl) >= budget && min_chunk <= 1,
+            now: 0,
         }
     }
 }
@@ -53,7 +56,7 @@ impl Machine for CheckedCorrected {
                     .extend((0..rounds).map(|round| (activation + round * period, amount)));
             },
         );
-        let model = self.model.charge(used);
+        let model = self.model.charge(used, now);
         let consumed: Nanos = self.log[first..].iter().map(|&(_, amount)| amount).sum();
         assert_eq!(consumed, used, "the observer missed something");
         if self.unlimited {
@@ -75,6 +78,7 @@ impl Machine for CheckedCorrected {
     }
 
     fn check(&mut self, now: Nanos) {
+        self.now = self.now.max(now);
         let before = self.server.available(now);
         let level = self.server.update(now);
         assert_eq!(

@@ -5,6 +5,7 @@ pub mod checked;
 pub mod posix_model;
 pub mod simulator;
 pub mod units;
+pub mod world;
 
 use sporadic::{BudgetServer, Chunk, Corrected, Level, Low, Nanos, Params};
 
@@ -33,7 +34,7 @@ pub fn unit_times<const N: usize>(server: &Corrected<N>) -> Vec<Nanos> {
         .collect()
 }
 
-/// What any server promises in any state, after `update(now)`.
+/// The promises of any server in any state, after `update(now)`.
 pub fn check_answers(server: &impl BudgetServer, level: Level, now: Nanos) {
     let available = server.available(now);
     assert!(

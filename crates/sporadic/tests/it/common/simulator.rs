@@ -48,7 +48,7 @@ pub fn budget_and_period() -> impl Strategy<Value = (Nanos, Nanos)> {
     (1..=30u64).prop_flat_map(|period| (1..=period.min(14), Just(period)))
 }
 
-/// What the script does things to. Every method is told the time after the event.
+/// The machine on which the script acts. Every method gets the time after the event.
 pub trait Machine {
     fn activate(&mut self, now: Nanos);
     fn block(&mut self, now: Nanos);

@@ -27,8 +27,10 @@ impl Units {
         }
     }
 
-    /// Uses the earliest unit, due or not, again and again; returns the activation of each use.
-    pub fn charge(&mut self, used: Nanos) -> Vec<Nanos> {
+    /// Uses the earliest unit, due or not, again and again; returns the activation of each use. A
+    /// unit that was due for more than a period when the use began is activated a period before it.
+    pub fn charge(&mut self, used: Nanos, now: Nanos) -> Vec<Nanos> {
+        self.activate(now.saturating_sub(used).saturating_sub(self.period));
         let mut log = Vec::new();
         for _ in 0..used {
             let earliest = self.times.iter_mut().min().unwrap();
