@@ -1,4 +1,4 @@
-//! What a worker sleeps on: a bell that any thread rings, and the instant at which it rang.
+//! The bell on which a worker sleeps. Any thread rings it; it remembers the instant.
 //!
 //! ```text
 //!            ring, force                      take, or wait returns
@@ -22,6 +22,15 @@
 use crate::ReadySet;
 use crate::sync::{Arc, AtomicBool, AtomicU64, Notify, Once, Ordering};
 use replenish_os::{Nanos, clock};
+
+/// The end of a worker's sleep.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Woken {
+    /// When the worker became runnable.
+    pub since: Nanos,
+    /// When its wait returned: later if it had to wait for the CPU.
+    pub awake: Nanos,
+}
 
 /// Whatever else a worker may wait on.
 pub trait Wake {
@@ -90,7 +99,7 @@ pub struct Doorbell<W: ?Sized> {
     /// The dispatcher has brought input and is yet to ring.
     due: AtomicBool,
     marks: ReadySet,
-    /// What the worker waits on instead, if it has no thread of its own.
+    /// The bell of the thread that runs the worker, if it has no thread of its own.
     forward: Once<Arc<W>>,
 }
 
@@ -136,8 +145,8 @@ impl<W: ?Sized> Doorbell<W> {
         self.notify.take()
     }
 
-    /// Worker: sleeps until it rings, or until `release`. Returns when the worker became runnable.
-    pub fn wait(&self, release: Option<Nanos>) -> Nanos {
+    /// Worker: sleeps until it rings, or until `release`.
+    pub fn wait(&self, release: Option<Nanos>) -> Woken {
         let asleep = clock::monotonic();
         let rung = match release {
             Some(at) => self.notify.wait_until(at),
@@ -150,7 +159,11 @@ impl<W: ?Sized> Doorbell<W> {
             Some(at) if !rung => at,
             _ => self.rung_at.load(Ordering::Relaxed),
         };
-        since.clamp(asleep, clock::monotonic().max(asleep))
+        let awake = clock::monotonic().max(asleep);
+        Woken {
+            since: since.clamp(asleep, awake),
+            awake,
+        }
     }
 }
 

@@ -41,7 +41,7 @@ mod stop;
 pub mod sync;
 
 pub use command_queue::{CommandQueue, Declined, Reservation};
-pub use doorbell::{Doorbell, Wake, WakeHandle};
+pub use doorbell::{Doorbell, Wake, WakeHandle, Woken};
 pub use flag::Flag;
 pub use inbox::{Delivery, DeliveryOutcome, Inbox, Keep};
 pub use ready_set::ReadySet;

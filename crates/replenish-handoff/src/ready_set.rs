@@ -23,10 +23,12 @@ pub struct ReadySet {
 
 impl ReadySet {
     /// For slots below `slots`. Allocates here only.
+    #[inline]
     pub fn new(slots: usize) -> Self {
-        let mut words = Vec::new();
-        words.resize_with(slots.div_ceil(BITS), || AtomicUsize::new(0));
-        Self { words }
+        let words = (0..slots.div_ceil(BITS)).map(|_| AtomicUsize::new(0));
+        Self {
+            words: words.collect(),
+        }
     }
 
     /// The handle in `slot` may have something to do. Slots beyond the last are ignored.

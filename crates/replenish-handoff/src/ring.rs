@@ -29,7 +29,7 @@ struct Filled {
     info: Note,
 }
 
-/// What is known about a sample.
+/// The information about a sample, as it is kept.
 #[cfg(feature = "sample-info")]
 #[derive(Debug)]
 struct Note(SampleInfo);
@@ -61,7 +61,7 @@ impl Note {
     }
 }
 
-/// What is known, where it is made up from what was kept.
+/// The information about a sample, made up from the little that was kept.
 #[cfg(not(feature = "sample-info"))]
 struct Told(SampleInfo);
 
@@ -101,7 +101,7 @@ impl RingSlot {
         self.0.bytes.get(..self.0.len).unwrap_or_default()
     }
 
-    /// What is known about the sample besides.
+    /// The sample's information: when it came, and from whom.
     pub fn info(&self) -> impl Deref<Target = SampleInfo> + '_ {
         self.0.info.get()
     }
@@ -119,13 +119,13 @@ impl Ring {
     /// A ring that lets `depth` samples of up to `size` bytes wait.
     pub fn new(depth: usize, size: usize) -> Self {
         let buffers = depth + 2;
-        let mut free = Vec::with_capacity(buffers);
-        free.extend((0..buffers).map(|_| RingSlot::new(size)));
-        Self {
+        let mut ring = Self {
             waiting: VecDeque::with_capacity(buffers),
-            free,
+            free: Vec::with_capacity(buffers),
             depth,
-        }
+        };
+        (0..buffers).for_each(|_| ring.give_back(RingSlot::new(size)));
+        ring
     }
 
     /// A buffer to fill; `None` only while another filler or reader holds too many.
@@ -137,7 +137,10 @@ impl Ring {
     /// back.
     pub fn push(&mut self, slot: RingSlot) -> Option<RingSlot> {
         let oldest = self.is_full().then(|| self.waiting.pop_front());
-        self.waiting.push_back(slot);
+        // Always true, and the compiler leaves out the code that would grow the queue.
+        if self.waiting.len() < self.waiting.capacity() {
+            self.waiting.push_back(slot);
+        }
         oldest.flatten()
     }
 
@@ -146,14 +149,17 @@ impl Ring {
         self.waiting.pop_front()
     }
 
-    /// What waits, oldest first.
+    /// The waiting samples, oldest first.
     pub fn waiting(&self) -> impl Iterator<Item = &RingSlot> {
         self.waiting.iter()
     }
 
     /// Returns a buffer that came from [`Ring::pop`] or [`Ring::spare`].
     pub fn give_back(&mut self, slot: RingSlot) {
-        self.free.push(slot);
+        // Always true for a buffer of this ring: see `push`.
+        if self.free.len() < self.free.capacity() {
+            self.free.push(slot);
+        }
     }
 
     /// Discards what waits and returns how many samples that were.

@@ -27,6 +27,7 @@ impl Stop {
     }
 
     /// From now on `bell` rings when a stop is requested. Set-up only: may allocate.
+    #[inline]
     pub fn join(&self, bell: Arc<Notify>) {
         self.bells.lock().push(bell);
     }

@@ -8,9 +8,10 @@ use loom::thread;
 fn serve(flag: &Flag, bell: &Notify, all: u64) {
     let mut served = 0;
     while served < all {
-        match flag.is_raised() {
-            true => served += flag.take(),
-            false => bell.wait(),
+        if flag.is_raised() {
+            served += flag.take()
+        } else {
+            bell.wait()
         }
     }
     assert_eq!(served, all);

@@ -5,7 +5,7 @@ use crate::sync::{Arc, AtomicBool, Mutex, Notify, Ordering};
 use crate::{DeliveryOutcome, Inbox, Keep, RingSlot, SampleInfo};
 use loom::thread;
 
-/// What the dispatcher needs of a middleware: buffered samples, and a sticky wake-up.
+/// A middleware as the dispatcher needs it: buffered samples, and a sticky wake-up.
 struct Middleware {
     buffered: Mutex<Vec<u8>>,
     bell: Notify,
