@@ -1,0 +1,46 @@
+//! The atomic words below a ring: the processor's, or those of a model.
+
+use core::sync::atomic::{AtomicU64, Ordering, fence};
+
+/// A word that one thread writes and others read.
+pub trait Word {
+    /// Its value.
+    fn load(&self, order: Ordering) -> u64;
+    /// Gives it a value.
+    fn store(&self, value: u64, order: Ordering);
+    /// A fence for accesses to all words of this type.
+    fn fence(order: Ordering);
+}
+
+/// Little-endian in memory, as the file has it.
+impl Word for AtomicU64 {
+    #[inline]
+    fn load(&self, order: Ordering) -> u64 {
+        u64::from_le(Self::load(self, order))
+    }
+
+    #[inline]
+    fn store(&self, value: u64, order: Ordering) {
+        Self::store(self, value.to_le(), order);
+    }
+
+    #[inline]
+    fn fence(order: Ordering) {
+        fence(order);
+    }
+}
+
+#[cfg(loom)]
+impl Word for loom::sync::atomic::AtomicU64 {
+    fn load(&self, order: Ordering) -> u64 {
+        Self::load(self, order)
+    }
+
+    fn store(&self, value: u64, order: Ordering) {
+        Self::store(self, value, order);
+    }
+
+    fn fence(order: Ordering) {
+        loom::sync::atomic::fence(order);
+    }
+}

@@ -1,0 +1,5 @@
+//! The ring and the file, from outside.
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+mod file;
+mod ring;
