@@ -1,6 +1,6 @@
-//! What several parts of a program share: [`Arc`]. Where set-up happens once and nothing is given
-//! back, it counts no references: a counter costs a loop of exclusive loads and stores at every
-//! clone and every drop, and code that frees what is never freed.
+//! Values that several parts of a program share: [`Arc`]. Where set-up happens once and nothing is
+//! given back, it counts no references: a counter costs a loop of exclusive loads and stores at
+//! every clone and every drop, and code that frees memory which is never freed.
 
 /// `Arc`, where things that are no longer used are given back.
 #[cfg(any(not(target_os = "none"), feature = "dynamic"))]

@@ -1,18 +1,20 @@
-//! The operating-system edge of replenish: the only crate of the workspace with `unsafe`.
+//! The operating-system edge of replenish: the only crate with `unsafe`, beside the C interface.
 //!
 //! - [`Policy`], [`ThreadSpec`], [`spawn`], [`granted`]: threads that have what was asked before
 //!   they run user code, and what the kernel says they have.
 //! - [`Notify`]: the hand-off cell that one thread waits on.
 //! - [`Enforcer`], [`Account`], [`Meter`]: budgets held by lowering and raising priorities.
+//! - [`foreign`]: budgets for threads of other programs (Linux).
 //! - [`ContextSwitchLog`], [`voluntary_switches`]: was a thread preempted, or did it block?
 //! - [`PiMutex`]: a lock with priority inheritance.
 //! - [`clock`], [`timer`]: monotonic time, CPU clocks of this and other threads, absolute sleep,
 //!   one-shot timers.
-//! - [`poll`], [`WakeFd`]: waiting on descriptors, and waking such a wait.
+//! - [`poll`], [`WakeFd`], `SocketSet`: waiting on descriptors, and waking such a wait.
 //! - [`connect_tcp`]: TCP without waiting for the other side.
 //! - [`tty`]: serial lines and pseudo-terminals.
 //! - [`config`]: the error of a setting that is out of its range.
 //! - [`memory`]: locking memory and touching stacks, so that page faults stay out.
+//! - [`live`], [`BudgetRecord`]: memory that others may read, and what is recorded of a budget.
 //! - [`Tid`], [`current_tid`], [`set_affinity`], [`affinity`]: naming and placing threads.
 //! - [`SchedClass`], [`set_priority`], [`promote`], [`demote_to_tail`]: what an enforcer does to
 //!   the threads it watches.
@@ -31,11 +33,11 @@
 //! | `Low::Suspend` | yes | yes | refused at enrolment |
 //! | `memory`, `privilege::may_be_real_time` | yes | yes, nothing to do | the same |
 //! | `poll`, `PollFd` | descriptors | no: `WakeFd::wait_until` waits for a wake-up alone | the same |
-//! | `ContextSwitchLog`, `machine_info`, `steal_time`, affinity, `tty`, `connect_tcp` | yes | no | no |
+//! | `foreign`, `ContextSwitchLog`, `machine_info`, `steal_time`, affinity, `tty`, `connect_tcp` | yes | no | no |
 //! | heap that can be sealed, panics | no | `freertos` (also start, interrupts) | `nuttx` (also the check at start) |
 //!
-//! Feature `posix` (default) brings budgets held by the server of POSIX, `compact` small memory
-//! functions for images.
+//! Feature `posix` (default) brings budgets held by the server of POSIX; `compact` small memory
+//! functions for images, and errors of small kernels without words.
 
 #![cfg_attr(not(target_os = "linux"), no_std)]
 #![cfg_attr(
@@ -90,11 +92,16 @@ pub use backend::AtomicU64;
 pub use backend::{
     affinity::{CpuSet, affinity, set_affinity},
     context_switches::{ContextSwitch, ContextSwitchLog, Drained, SwitchDirection},
+    counted_datagram::{count_drops, receive_counted},
     datagram::receive,
+    foreign,
+    interfaces::ipv4_addresses,
+    live,
     machine_info::{MachineInfo, Preemption, machine_info},
     poll::{PollFd, poll},
+    socket_set::SocketSet,
     steal_time::steal_time,
-    tcp::connect_tcp,
+    tcp::{acknowledge_at_once, connect_tcp},
     tty,
     wait_set::WaitSet,
 };
@@ -108,9 +115,11 @@ pub use backend::{
     thread::{Thread, spawn},
     timer, voluntary_switches,
 };
+#[cfg(all(target_os = "linux", not(nuttx_host)))]
+pub use enforcer::BudgetRecord;
 pub use enforcer::{
-    Account, Enforcement, Enforcer, EnforcerConfig, EnforcerStats, EnrollError, MAX_REPL, Meter,
-    OverrunSamples, OverrunSummary, STALL, Stall, Stopped, Usage,
+    Account, Enforcement, Enforcer, EnforcerConfig, EnforcerStats, EnrollError, Fault, MAX_REPL,
+    Meter, OverrunSamples, OverrunSummary, STALL, Stall, Stopped, Usage,
 };
 #[cfg(loom)]
 pub use modelled::{PiMutex, PiMutexGuard, clock, current_tid};

@@ -33,7 +33,7 @@ const WAITING: u32 = 2;
 
 /// A cell that one thread waits on and any thread sets; several sets before a wait count once.
 ///
-/// What a thread wrote before [`set`](Self::set) is visible after the wait that this set ends,
+/// A thread's writes before [`set`](Self::set) are visible after the wait that this set ends,
 /// also if several sets coalesced. At most one thread may wait at a time: with two, a set wakes
 /// one of them and the other can sleep on until its deadline (a hang, not a data race).
 #[derive(Debug)]

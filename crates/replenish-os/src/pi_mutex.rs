@@ -16,9 +16,12 @@ use core::sync::atomic::AtomicU32;
 /// A middle-priority thread can therefore not keep a high one waiting longer than the critical
 /// section itself.
 ///
-/// A worker whose low mode is suspension is not stopped for good while it holds one: on Linux it is
-/// suspended right after, under FreeRTOS it goes on as soon as somebody waits, at that task's
-/// priority.
+/// A worker whose low mode is suspension is not stopped while it holds one. On Linux it goes on in
+/// the time-sharing class, or at the priority of a waiter, and is stopped as it leaves its last
+/// critical section; under FreeRTOS it goes on as soon as somebody waits, at that task's priority.
+/// On Linux that time is charged to its budget, and so is the time in which a worker in the
+/// background holds a lock that others wait for: between two replenishments it inherits less than
+/// its budget and one section. `docs/enforcement.md` has the rules.
 ///
 /// No poison (a panic that unwinds out of a critical section unlocks it), no allocation, and no
 /// system call while nobody else wants the lock. Waiters are served by priority, equals in order

@@ -1,9 +1,9 @@
-//! What a thread is asked to have.
+//! The request for a new thread: name, policy, CPU, stack.
 
 use crate::Policy;
 use alloc::string::String;
 
-/// What a new thread shall have. Built in steps:
+/// The properties of a new thread. Built in steps:
 /// `ThreadSpec::new("high").policy(Policy::fifo(60)?).cpu(1)`.
 #[derive(Clone, PartialEq, Eq, Debug)]
 #[must_use]

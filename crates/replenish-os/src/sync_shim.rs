@@ -1,12 +1,26 @@
-//! The atomics and the futex of [`crate::Notify`], or their `loom` models under `--cfg loom`.
+//! The atomics and the futex of [`crate::Notify`] and of `linux::suspension`, or their `loom`
+//! models under `--cfg loom`.
 //!
 //! `loom` explores every interleaving of the *real* protocol code over these types; only the
 //! futex itself is a model: a mutex makes "compare, then sleep" one step, as the kernel does.
 
+#[cfg(all(not(loom), target_os = "linux", not(nuttx_host)))]
+pub(crate) use core::sync::atomic::{AtomicBool, AtomicU32, AtomicU64};
+#[cfg(loom)]
+pub(crate) use loom::sync::atomic::{AtomicBool, AtomicU32, AtomicU64};
 #[cfg(loom)]
 pub(crate) use modelled::FutexWord;
 #[cfg(not(loom))]
 pub(crate) use real::FutexWord;
+
+/// `SeqCst` operations before this and after it have one order for all threads: in the model, which
+/// takes `SeqCst` for acquire and release, it needs a fence.
+#[cfg(all(target_os = "linux", not(nuttx_host)))]
+#[inline]
+pub(crate) fn one_order() {
+    #[cfg(loom)]
+    loom::sync::atomic::fence(core::sync::atomic::Ordering::SeqCst);
+}
 
 /// Why a futex wait returned.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

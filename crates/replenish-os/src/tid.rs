@@ -22,7 +22,7 @@ impl Tid {
         self.0
     }
 
-    /// What the back end knows to be positive.
+    /// An id that the back end knows to be positive.
     pub(crate) const fn known(raw: i32) -> Self {
         Self(raw)
     }

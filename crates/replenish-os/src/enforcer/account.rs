@@ -59,9 +59,12 @@ impl Account {
             .map_err(EnrollError::Params)?;
         let cpu = clock::thread_cpu();
         // Without the records the voluntary-switch counter stands in: see callback_end().
-        let detector = BlockingDetector::new(tid, config.switch_log);
+        let (detector, records_refused) =
+            BlockingDetector::new(tid, config.switch_log, config.capacity);
         let has_switch_records = detector.is_exact();
+        let lock_waits = detector.lock_waits();
         let suspends = params.low() == Low::Suspend && !enforcer.is_deferred();
+        // The thread keeps it, enrolled or refused: nothing else points to it from its side.
         let suspend = Arc::new(SuspendCell::new());
         if suspends {
             suspend.attach_current_thread().map_err(EnrollError::Os)?;
@@ -75,7 +78,12 @@ impl Account {
             }
             // Made where it is to stay: it is large.
             let server = AnyServer::clamped(kind, *params, now).with_min_chunk(config.tuning.slack);
-            let reservation = Reservation::new(server, config.tuning, now, cpu);
+            let tuning = if cfg!(target_os = "none") {
+                config.tuning // a wake-up costs little there, and 64-bit division much flash
+            } else {
+                config.tuning.for_budget(params.budget())
+            };
+            let reservation = Reservation::new(server, tuning, now, cpu);
             let cell = Arc::clone(&suspend);
             let thread = EnforcedThread::new(reservation, tid, detector, cell, overruns);
             threads.enrolled.push(thread);
@@ -91,7 +99,8 @@ impl Account {
             suspend,
             cancelled,
             has_switch_records,
-            suspends,
+            records_refused,
+            lock_waits,
         };
         Ok(Self::over(tid, Some(budget)))
     }
@@ -171,7 +180,7 @@ impl Drop for Account {
         *inner.last_cpu.lock() = inner.clock.read().unwrap_or(0);
         self.meter.abandon();
         if let Some(b) = &inner.budget {
-            b.suspend.detach_current_thread();
+            b.suspend.detach();
         }
     }
 }

@@ -5,9 +5,10 @@ use super::enforced_thread::EnforcedThread;
 use super::state::{EnforcedThreads, EnforcerState};
 use super::usage::Usage;
 use crate::backend;
+use crate::backend::OsError;
 use crate::backend::clock;
+use crate::backend::lock_wait::LockWaits;
 use crate::backend::suspend::SuspendCell;
-use crate::backend::voluntary_switches;
 use crate::{Arc, Nanos, Notify};
 use core::sync::atomic::{AtomicBool, Ordering};
 use sporadic::{BudgetServer, Level};
@@ -24,13 +25,15 @@ pub(super) struct Budgeted {
     pub(super) suspend: Arc<SuspendCell>,
     pub(super) cancelled: AtomicBool,
     pub(super) has_switch_records: bool,
-    pub(super) suspends: bool,
+    /// Why there are no records although they were asked for.
+    pub(super) records_refused: Option<OsError>,
+    pub(super) lock_waits: LockWaits,
 }
 
 impl Budgeted {
     /// [`Meter::usage`].
     pub(super) fn usage(&self) -> Usage {
-        let mut threads = self.enforcer.threads.lock();
+        let mut threads = self.lock_waits.lock(&self.enforcer.threads);
         let Some(thread) = threads.enrolled.get_mut(self.index) else {
             return Usage::default();
         };
@@ -40,7 +43,7 @@ impl Budgeted {
         }
         let r = &thread.reservation;
         let c = r.counters();
-        Usage {
+        let usage = Usage {
             cpu_high: c.cpu_high,
             cpu_low: c.cpu_low,
             available: r.server().available(now),
@@ -48,7 +51,9 @@ impl Budgeted {
             exhaustions: c.exhaustions,
             replenishments: c.replenishments,
             blocked_inside: c.blocked_inside,
-        }
+        };
+        self.stepped(&mut threads);
+        usage
     }
 
     pub(super) fn activate(&self, woken: Nanos) {
@@ -61,14 +66,12 @@ impl Budgeted {
 
     /// [`Account::callback_begin`]; keeps in `switches` how often the thread has blocked.
     pub(super) fn begin(&self, switches: &mut u64) -> Result<(), Stopped> {
-        if self.suspends {
-            self.suspend.wait_while_suspended();
-        }
+        self.suspend.wait_while_suspended();
         if self.enforcer.is_deferred() {
             self.wait_for_budget()?;
         }
         if !backend::config::ALWAYS_EXACT && !self.has_switch_records {
-            *switches = voluntary_switches();
+            *switches = self.lock_waits.other_switches();
         }
         if self.cancelled.load(Ordering::Acquire) {
             return Err(Stopped);
@@ -80,7 +83,7 @@ impl Budgeted {
     pub(super) fn end(&self, switches: u64) {
         if !backend::config::ALWAYS_EXACT
             && !self.has_switch_records
-            && voluntary_switches() != switches
+            && self.lock_waits.other_switches() != switches
         {
             self.with(|thread| thread.blocked_inside(clock::monotonic()));
         }
@@ -89,7 +92,7 @@ impl Budgeted {
     /// One step on the thread under the lock, and the timer set if the step asks for it earlier.
     /// The step changes no priority: that is the enforcer's alone.
     pub(super) fn with(&self, step: impl FnOnce(&mut EnforcedThread)) {
-        let mut threads = self.enforcer.threads.lock();
+        let mut threads = self.lock_waits.lock(&self.enforcer.threads);
         let Some(thread) = threads.enrolled.get_mut(self.index) else {
             return;
         };
@@ -116,7 +119,7 @@ impl Budgeted {
             if self.cancelled.load(Ordering::Acquire) {
                 return Err(Stopped);
             }
-            let mut threads = self.enforcer.threads.lock();
+            let mut threads = self.lock_waits.lock(&self.enforcer.threads);
             let Some(thread) = threads.enrolled.get_mut(self.index) else {
                 return Ok(());
             };

@@ -1,6 +1,7 @@
 //! The modes, sizes, refusals and counters of an enforcer.
 
 use crate::Nanos;
+use crate::Tid;
 use crate::backend::{self, OsError};
 use core::fmt;
 use sporadic::{Server, Tuning};
@@ -38,7 +39,7 @@ impl fmt::Display for Enforcement {
     }
 }
 
-/// What an enforcer is made with.
+/// The settings of an enforcer.
 #[derive(Clone, Debug)]
 pub struct EnforcerConfig {
     /// The CPU of the enforcer and of the workers it supervises; `None`: neither is pinned.
@@ -132,6 +133,68 @@ pub struct EnforcerStats {
     pub changes: u64,
     /// Level changes the kernel refused (for instance because a privilege was taken away).
     pub refused: u64,
+    /// Number of faults that the watchdog has reported, see [`Fault`]; Linux only.
+    pub faults: u64,
     /// CPU time of the enforcer thread in nanoseconds.
     pub cpu: Nanos,
+}
+
+/// Something that keeps budgets from being held as they should, found by the watchdog while the
+/// threads run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Fault {
+    /// The enforcer's thread has ended. All of its workers were lowered and stay so.
+    Ended,
+    /// The enforcer did not look after its workers in time: something keeps it from its CPU. The
+    /// watchdog does it in its place, less often.
+    Silent {
+        /// How late it was when that was noticed, in nanoseconds.
+        late: Nanos,
+    },
+    /// The enforcer had another priority or another CPU than it was given. The watchdog gives them
+    /// back, as far as the kernel lets it; a CPU that is offline cannot be given.
+    Displaced,
+    /// A worker ran with a policy that nobody gave it. It has the right one again.
+    ForeignPolicy {
+        /// The worker's thread.
+        thread: Tid,
+    },
+    /// The kernel refuses to raise a worker: a privilege was given up after the start. The worker
+    /// stays low; its budget is not in force.
+    Refused {
+        /// The worker's thread.
+        thread: Tid,
+    },
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Ended => f.write_str(
+                "the enforcer has ended: its workers were lowered and get no budget any more",
+            ),
+            Self::Silent { late } => {
+                let ms = late / 1_000_000;
+                write!(
+                    f,
+                    "the enforcer is {ms} ms late: something keeps it from its CPU; budgets are \
+                     held by the watchdog meanwhile"
+                )
+            }
+            Self::Displaced => f.write_str(
+                "the enforcer had lost its priority or its CPU (is the CPU offline?): restored if \
+                 the kernel allows",
+            ),
+            Self::ForeignPolicy { thread } => write!(
+                f,
+                "thread {thread} changed its scheduling policy: restored, budgets hold"
+            ),
+            Self::Refused { thread } => write!(
+                f,
+                "the kernel refuses to raise thread {thread}: its budget is not in force, it runs \
+                 at its low priority (CAP_SYS_NICE was given up, and RLIMIT_RTPRIO is too low)"
+            ),
+        }
+    }
 }

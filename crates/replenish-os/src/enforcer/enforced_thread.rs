@@ -2,12 +2,13 @@
 
 use super::config::{AnyServer, Enforcement, NEVER};
 use super::overruns::Overruns;
+use super::supervised::Supervised;
 use crate::Arc;
 use crate::Nanos;
 use crate::Tid;
 use crate::backend::blocking_detector::BlockingDetector;
 use crate::backend::clock::{self, ThreadCpuClock};
-use crate::backend::sched::{demote_to_tail, promote};
+use crate::backend::sched::{self, demote_to_tail, promote};
 use crate::backend::suspend::SuspendCell;
 use crate::backend::timer::TimerFd;
 use alloc::boxed::Box;
@@ -31,6 +32,9 @@ pub(super) struct EnforcedThread {
     pub(super) suspend: Arc<SuspendCell>,
     pub(super) live: bool,
     detector: BlockingDetector,
+    /// CPU time that it had used at the last reading while others waited for it.
+    inherited: Nanos,
+    pub(super) supervised: Supervised,
 }
 
 impl EnforcedThread {
@@ -41,7 +45,9 @@ impl EnforcedThread {
         suspend: Arc<SuspendCell>,
         overruns: Box<Overruns>,
     ) -> Self {
+        let supervised = Supervised::given(reservation.server().params().priority());
         Self {
+            supervised,
             reservation,
             clock: ThreadCpuClock::of(tid),
             tid,
@@ -49,6 +55,7 @@ impl EnforcedThread {
             suspend,
             live: true,
             detector,
+            inherited: 0,
         }
     }
 
@@ -97,6 +104,22 @@ impl EnforcedThread {
         }
     }
 
+    /// A thread that has not had the CPU since its last reading still has all of its budget: its
+    /// check counts from now. Otherwise the checks of all threads that wait for one CPU would come
+    /// when the first of them is through, and each would find the next one short of its end by what
+    /// the earlier ones took too long.
+    pub(super) fn catch_up(&mut self, now: Nanos) {
+        let at = self.check_at();
+        if at == NEVER || self.reservation.level() == Level::Low || !self.detector.has_not_run() {
+            return;
+        }
+        let left = self.reservation.server().available(now);
+        if left > 0 {
+            let due = now.saturating_add(left);
+            self.reservation.postpone(due.saturating_sub(at));
+        }
+    }
+
     /// See [`Reservation::postpone`].
     pub(super) fn postpone(&mut self, by: Nanos) {
         if self.live {
@@ -107,35 +130,65 @@ impl EnforcedThread {
     /// The thread's CPU clock at this moment, which is `now`.
     fn cpu(&mut self, now: Nanos) -> Nanos {
         let read = self.clock.read_at(now);
-        self.or_last(read)
+        self.or_last(read, now)
     }
 
     /// The same with the switch records up to `now`.
     fn read(&mut self, now: Nanos) -> Nanos {
         let (_, since) = self.reservation.last_reading();
-        let read = self.detector.read(&self.clock, since, now);
-        self.or_last(read)
+        let switches = self.supervised.switches();
+        let read = self.detector.read(&self.clock, since, now, switches);
+        self.or_last(read, now)
     }
 
     /// A thread that has ended keeps its last reading.
-    fn or_last(&mut self, read: Option<Nanos>) -> Nanos {
-        read.unwrap_or_else(|| {
+    fn or_last(&mut self, read: Option<Nanos>, now: Nanos) -> Nanos {
+        let Some(cpu) = read else {
             self.live = false;
-            self.reservation.last_reading().0
-        })
+            return self.reservation.last_reading().0;
+        };
+        self.charge_low(cpu, now);
+        cpu
+    }
+
+    /// Low time is free unless the thread was to stand still (it ran on in a critical section), or
+    /// had it at a priority that it inherited from a waiter: that is a debt. `cpu` is the reading
+    /// that the reservation is about to get.
+    fn charge_low(&mut self, cpu: Nanos, now: Nanos) {
+        if cfg!(target_os = "none") {
+            return; // 100 bytes of flash; a suspended task there is behind every other one
+        }
+        let sum = self.suspend.inherited(cpu);
+        // The sum may seem to fall for the moment in which the thread adds to it.
+        let inherited = sum.saturating_sub(self.inherited);
+        self.inherited = self.inherited.max(sum);
+        if self.reservation.level() == Level::High {
+            return;
+        }
+        let used = cpu.saturating_sub(self.reservation.last_reading().0);
+        let owed = match self.reservation.server().params().low() {
+            Low::Suspend => used,
+            Low::Background(_) => inherited.min(used),
+        };
+        if owed > 0 {
+            self.reservation.owe(owed, now);
+        }
     }
 
     /// The worker leaves its wait; it was woken at `woken`.
     pub(super) fn activate(&mut self, woken: Nanos, now: Nanos) {
-        let read = self.detector.restart(&self.clock, now);
-        let cpu = self.or_last(read);
+        let switches = self.supervised.switches();
+        let read = self.detector.restart(&self.clock, now, switches);
+        let cpu = self.or_last(read, now);
         self.reservation.activate(woken, now, cpu);
+        self.supervised.turned(&self.reservation, now, true);
     }
 
     /// The worker is about to wait.
     pub(super) fn block(&mut self, now: Nanos) {
         let cpu = self.read(now);
-        self.reservation.block(now, cpu, self.detector.gaps());
+        self.reservation.block(now, cpu, self.detector.readings());
+        self.supervised.turned(&self.reservation, now, false);
     }
 
     /// Decides by the CPU clock, and carries the decision out.
@@ -147,23 +200,23 @@ impl EnforcedThread {
         } else {
             self.read(now)
         };
-        let verdict = self.reservation.judge(now, cpu, self.detector.gaps());
+        let verdict = self.reservation.judge(now, cpu, self.detector.readings());
         self.obey(verdict, now, late, mode)
     }
 
-    /// The worker found that it blocked inside its callback, without knowing when: whatever has
-    /// not been charged yet counts as activated now.
+    /// The worker found that it blocked inside its callback, without knowing when.
     pub(super) fn blocked_inside(&mut self, now: Nanos) {
         let cpu = self.cpu(now);
-        let (_, since) = self.reservation.last_reading();
-        self.detector.lost(since, now);
-        self.reservation.observe(now, cpu, self.detector.gaps());
+        self.detector.lost(now);
+        self.reservation.observe(now, cpu, self.detector.readings());
+        self.supervised.observed(&self.reservation, now, true);
     }
 
     /// Brings the counters up to date without deciding anything.
     pub(super) fn observe(&mut self, now: Nanos) {
         let cpu = self.read(now);
-        self.reservation.observe(now, cpu, self.detector.gaps());
+        self.reservation.observe(now, cpu, self.detector.readings());
+        self.supervised.observed(&self.reservation, now, false);
     }
 
     /// Where the thread is at the low level, it may run at the high one again for good.
@@ -172,7 +225,13 @@ impl EnforcedThread {
         self.suspend.resume();
     }
 
-    fn obey(&mut self, verdict: Verdict, now: Nanos, late: u64, mode: Enforcement) -> JudgeOutcome {
+    pub(super) fn obey(
+        &mut self,
+        verdict: Verdict,
+        now: Nanos,
+        late: u64,
+        mode: Enforcement,
+    ) -> JudgeOutcome {
         let Some(level) = verdict.change else {
             return JudgeOutcome::Unchanged;
         };
@@ -180,30 +239,53 @@ impl EnforcedThread {
         let (high, low) = (params.priority(), params.low());
         let done = match (mode, level, low) {
             (Enforcement::Deferred, _, _) if cfg!(not(target_os = "none")) => Ok(()),
-            (_, Level::Low, Low::Background(low)) => demote_to_tail(self.tid, low),
-            (_, Level::High, Low::Background(_)) => promote(self.tid, high),
-            (_, Level::Low, Low::Suspend) => {
+            (_, Level::Low, Low::Background(low)) => {
                 self.suspend
-                    .suspend(self.tid, self.reservation.is_runnable());
-                Ok(())
+                    .lower(self.inherited.saturating_add(params.budget()));
+                demote_to_tail(self.tid, low)
             }
+            (_, Level::High, Low::Background(_)) => {
+                let raised = promote(self.tid, high);
+                self.suspend.resume(); // from the stop after too much inherited time
+                raised
+            }
+            (_, Level::Low, Low::Suspend) => self
+                .suspend
+                .suspend(self.tid, self.reservation.is_runnable()),
             (_, Level::High, Low::Suspend) => {
-                self.suspend.resume();
                 self.detector.forget_block();
-                Ok(())
+                self.suspend.resume_at(self.tid, high)
             }
         };
-        // Where the enforcer is on the worker's CPU, no time has passed for the worker.
-        let now = match mode {
-            Enforcement::SameCpu => now,
-            Enforcement::OtherCpu | Enforcement::Deferred => clock::monotonic(),
+        // Where the enforcer is on the worker's CPU, no time has passed for the worker, and its
+        // clock stands still if it was preempted there, as it should be.
+        let (now, cpu) = match mode {
+            Enforcement::SameCpu if self.detector.is_off_cpu() => {
+                (now, self.reservation.last_reading().0)
+            }
+            Enforcement::SameCpu => (now, self.cpu(now)),
+            Enforcement::OtherCpu | Enforcement::Deferred => {
+                let now = clock::monotonic();
+                (now, self.cpu(now))
+            }
         };
-        let cpu = self.cpu(now);
-        // A refused change is counted by the caller; the account goes on as decided, since
-        // deciding the same thing again at once would help nobody.
+        let obeyed = done.is_ok() || sched::has_level(self.tid, high, level);
+        let low = if let Low::Background(low) = low {
+            low
+        } else {
+            0
+        };
+        let given = if level == Level::High { high } else { low };
+        self.supervised.note(done.is_ok().then_some(given), obeyed);
+        if !obeyed {
+            // The thread has the level that it had, and the account says so.
+            self.reservation.refused(now);
+            return JudgeOutcome::Refused;
+        }
         if let Some(overrun) = self.reservation.applied(level, now, cpu) {
             self.overruns.record(overrun, late);
         }
+        self.supervised.applied(&self.reservation, now, level, late);
         if done.is_ok() {
             JudgeOutcome::Changed
         } else {

@@ -1,8 +1,9 @@
 //! The enforcer itself: started, asked and stopped from any thread.
 
 use super::account::Account;
-use super::config::{Enforcement, EnforcerConfig, EnforcerStats, EnrollError};
+use super::config::{Enforcement, EnforcerConfig, EnforcerStats, EnrollError, Fault};
 use super::state::EnforcerState;
+use super::supervision::{Supervision, Watched};
 use crate::backend;
 use crate::backend::clock::ThreadCpuClock;
 use crate::backend::console::complain;
@@ -22,6 +23,7 @@ pub struct Enforcer {
     state: Arc<EnforcerState>,
     thread: PiMutex<Option<Thread<()>>>,
     cpu_clock: Option<ThreadCpuClock>,
+    supervision: Option<Supervision>,
 }
 
 impl Enforcer {
@@ -50,13 +52,16 @@ impl Enforcer {
             spec = spec.cpu(cpu);
         }
         let state = Arc::new(EnforcerState::new(config, mode, Some(timer)));
-        let theirs = Arc::clone(&state);
+        let watched = Watched::of(&state);
+        let theirs = Arc::clone(&watched);
         let thread = spawn(spec, move || theirs.run())?;
         let cpu_clock = Some(ThreadCpuClock::of(thread.tid()));
+        let supervision = Some(Supervision::of(watched, thread.tid()));
         Ok(Arc::new(Self {
             state,
             thread: PiMutex::new(Some(thread)),
             cpu_clock,
+            supervision,
         }))
     }
 
@@ -70,6 +75,7 @@ impl Enforcer {
             state: Arc::new(state),
             thread: PiMutex::new(None),
             cpu_clock: None,
+            supervision: None,
         })
     }
 
@@ -102,15 +108,31 @@ impl Enforcer {
         }
     }
 
+    /// Whether a watchdog looks after this enforcer: on Linux with real-time priority.
+    #[must_use]
+    pub fn is_supervised(&self) -> bool {
+        self.supervision.as_ref().is_some_and(Supervision::is_on)
+    }
+
+    /// Has `hook` called with everything that the watchdog finds, on a thread without real-time
+    /// priority. Of what happens again and again, it hears whenever the count has doubled. Replaces
+    /// an earlier hook.
+    pub fn on_fault(&self, hook: impl Fn(&Fault) + Send + Sync + 'static) {
+        if let Some(supervision) = &self.supervision {
+            supervision.on_fault(hook);
+        }
+    }
+
     /// Ends the thread. Workers still enrolled stay at the level they have.
     pub fn stop(&self) {
         self.state.stop.store(true, Ordering::SeqCst);
-        if let Some(timer) = &self.state.timer {
-            // An arming in the past fires at once; the thread sees the flag and ends.
-            if let Err(e) = timer.arm(1) {
-                complain(format_args!("enforcer: cannot arm its timer to stop: {e}"));
-                return;
-            }
+        if let Some(supervision) = &self.supervision {
+            supervision.end();
+        }
+        // The thread sees the flag and ends.
+        if let Err(e) = self.state.fire_now() {
+            complain(format_args!("enforcer: cannot arm its timer to stop: {e}"));
+            return;
         }
         let thread = self.thread.lock().take();
         if let Some(thread) = thread

@@ -4,6 +4,7 @@ use super::budgeted::Budgeted;
 use super::config::Enforcement;
 use super::overruns::{OverrunSamples, OverrunSummary, summarise};
 use super::usage::Usage;
+use crate::backend::OsError;
 use crate::backend::clock::{self, ThreadCpuClock};
 use crate::backend::tid::current_tid;
 use crate::pi_mutex::PiMutex;
@@ -43,7 +44,14 @@ impl Meter {
         self.0.budget.as_ref().is_some_and(|b| b.has_switch_records)
     }
 
-    /// What the worker has used up to this moment. Takes the enforcer's lock briefly (with
+    /// Why blocking inside callbacks is not seen exactly although it was asked for
+    /// ([`EnforcerConfig::switch_log`](crate::EnforcerConfig::switch_log)); `None` where it is.
+    #[must_use]
+    pub fn records_refused(&self) -> Option<&OsError> {
+        self.0.budget.as_ref()?.records_refused.as_ref()
+    }
+
+    /// The worker's usage up to this moment. Takes the enforcer's lock briefly (with
     /// priority inheritance) and does not allocate.
     #[must_use]
     #[inline]
@@ -99,7 +107,7 @@ impl Meter {
     pub fn cancel(&self) {
         if let Some(b) = &self.0.budget {
             b.cancelled.store(true, Ordering::Release);
-            b.suspend.resume();
+            b.suspend.cancel();
             b.wake.set();
         }
     }

@@ -49,10 +49,13 @@
 //!       │                                      ▼          ▼
 //!       │                                   budgeted ─ a step under the lock, then the timer
 //!       ▼                                      ▼
-//!   state ─ the lock, the timer, the thread's loop: sweep, rearm
+//!   state ─ the lock, the thread's loop: sweep, rearm ─► alarm: when the timer is set to fire
 //!       ▼
-//!   enforced_thread ─ the reservation, and a verdict's way to the kernel ─► overruns
-//!   config ─ modes, sizes, refusals, counters          usage ─ a reader's figures
+//!   enforced_thread ─ the reservation, and a verdict's way to the kernel ─► overruns, supervised
+//!   config ─ modes, sizes, refusals, counters, faults  usage ─ a reader's figures
+//!
+//!   budget_record ─ what a recorder sees of a budget (Linux; below supervised) ◄─ recorded
+//!   supervision ─ a look of the watchdog at an enforcer (over state and enforced_thread)
 //! ```
 //!
 //! The same code runs on every back end. `crate::backend` brings the differences: the timer, CPU
@@ -62,6 +65,9 @@
 //! `docs/enforcement.md` gives the reasons for this design, with figures.
 
 mod account;
+pub(crate) mod alarm;
+#[cfg(all(target_os = "linux", not(nuttx_host)))]
+mod budget_record;
 mod budgeted;
 mod config;
 mod enforced_thread;
@@ -69,12 +75,26 @@ mod enforced_thread;
 mod enforcer;
 mod meter;
 mod overruns;
+#[cfg(all(target_os = "linux", not(nuttx_host)))]
+mod recorded;
 mod state;
+#[cfg_attr(
+    not(all(target_os = "linux", not(nuttx_host))),
+    path = "supervised_disabled.rs"
+)]
+mod supervised;
+#[cfg_attr(
+    not(all(target_os = "linux", not(nuttx_host))),
+    path = "supervision_disabled.rs"
+)]
+mod supervision;
 mod usage;
 
 pub use account::Account;
+#[cfg(all(target_os = "linux", not(nuttx_host)))]
+pub use budget_record::BudgetRecord;
 pub use budgeted::Stopped;
-pub use config::{Enforcement, EnforcerConfig, EnforcerStats, EnrollError, MAX_REPL};
+pub use config::{Enforcement, EnforcerConfig, EnforcerStats, EnrollError, Fault, MAX_REPL};
 pub use enforcer::Enforcer;
 pub use meter::Meter;
 pub use overruns::{OverrunSamples, OverrunSummary, STALL, Stall};

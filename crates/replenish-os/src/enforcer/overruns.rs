@@ -14,7 +14,7 @@ const STALLS_KEPT: usize = if KEPT < 1024 { 2 } else { 16 };
 pub struct Stall {
     /// How late the enforcer ran, in nanoseconds of wall time.
     pub late: u64,
-    /// What the worker consumed beyond its budget meanwhile, in nanoseconds of CPU time.
+    /// CPU time beyond the budget that the worker consumed meanwhile, in nanoseconds.
     pub overrun: i64,
 }
 
@@ -38,7 +38,7 @@ pub struct OverrunSummary {
     pub worst_stall: Option<Stall>,
 }
 
-/// What [`OverrunSummary`] is made of, so that several workers can be summed up together.
+/// The single overruns behind an [`OverrunSummary`], so that several workers can be summed up.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct OverrunSamples {
     /// The newest 1024 overruns in nanoseconds, in no order, stalls not among them.

@@ -1,8 +1,10 @@
 //! The state that an enforcer's thread and its workers' accounts share, and the thread's loop.
 
+use super::alarm::Alarm;
 use super::config::{Enforcement, EnforcerConfig, EnforcerStats, NEVER};
 use super::enforced_thread::{EnforcedThread, JudgeOutcome};
 use crate::Nanos;
+use crate::backend::OsError;
 use crate::backend::clock;
 use crate::backend::timer::TimerFd;
 use crate::pi_mutex::PiMutex;
@@ -23,8 +25,7 @@ pub(super) struct EnforcerState {
 #[derive(Debug)]
 pub(super) struct EnforcedThreads {
     pub(super) enrolled: Vec<EnforcedThread>,
-    /// The time that the timer is set to, [`NEVER`] if it is not.
-    armed: Nanos,
+    alarm: Alarm,
     pub(super) stats: EnforcerStats,
 }
 
@@ -32,7 +33,7 @@ impl EnforcerState {
     pub(super) fn new(config: EnforcerConfig, mode: Enforcement, timer: Option<TimerFd>) -> Self {
         let threads = EnforcedThreads {
             enrolled: Vec::with_capacity(config.capacity.clamp(1, 1024)),
-            armed: NEVER,
+            alarm: Alarm::new(),
             stats: EnforcerStats::default(),
         };
         Self {
@@ -53,29 +54,29 @@ impl EnforcerState {
         let Some(timer) = &self.timer else { return };
         while !self.stop.load(Ordering::SeqCst) {
             if timer.read().is_err() {
-                continue; // interrupted by a signal
+                return; // for good: signals are no error. It would come back at once, for ever.
             }
             let mut threads = self.threads.lock();
-            threads.armed = NEVER;
+            threads.alarm.fired();
             threads.stats.wakes += 1;
-            if !self.sweep(&mut threads) {
+            if !self.sweep(&mut threads, self.mode) {
                 threads.stats.idle_wakes += 1;
             }
-            self.rearm(&mut threads);
         }
     }
 
-    /// Judges every thread whose check is due; returns whether any level changed.
+    /// Judges every thread whose check is due, and arms the timer for the earliest check; returns
+    /// whether any level changed.
     ///
-    /// On the workers' own CPU none of them runs before this is over. So one reading of the time
-    /// serves all, and what the sweep itself took is added to every check at the end: a worker
-    /// has lost it, and a check that ignored it would come early.
-    fn sweep(&self, threads: &mut EnforcedThreads) -> bool {
+    /// From the workers' own CPU (`mode`) none of them runs before this is over. So one reading of
+    /// the time serves all, and what the sweep itself took is added to every check at the end: a
+    /// worker has lost it, and a check that ignored it would come early.
+    pub(super) fn sweep(&self, threads: &mut EnforcedThreads, mode: Enforcement) -> bool {
         let now = clock::monotonic();
         let (mut changed, mut refused) = (0, 0);
         for thread in &mut threads.enrolled {
             if thread.is_due(now, self.config.tuning.slack) {
-                match thread.judge(now, self.mode) {
+                match thread.judge(now, mode) {
                     JudgeOutcome::Unchanged => {}
                     JudgeOutcome::Changed => changed += 1,
                     JudgeOutcome::Refused => refused += 1,
@@ -84,38 +85,45 @@ impl EnforcerState {
         }
         threads.stats.changes += changed;
         threads.stats.refused += refused;
-        if changed > 0 {
-            threads.pull_in(now);
+        let over = clock::monotonic();
+        let took = match mode {
+            Enforcement::SameCpu => over.saturating_sub(now),
+            Enforcement::OtherCpu | Enforcement::Deferred => 0,
+        };
+        // One pass: each thread's state is in cache lines of its own.
+        let mut at = NEVER;
+        for thread in &mut threads.enrolled {
+            if changed > 0 {
+                thread.pull_in(now);
+                if mode == Enforcement::SameCpu {
+                    thread.catch_up(now);
+                }
+            }
+            thread.postpone(took);
+            at = at.min(thread.timer_at(self.timer.as_ref()));
         }
-        if self.mode == Enforcement::SameCpu {
-            let took = clock::monotonic().saturating_sub(now);
-            threads
-                .enrolled
-                .iter_mut()
-                .for_each(|thread| thread.postpone(took));
+        if at != NEVER {
+            let floor = over.saturating_add(self.config.tuning.min_rearm);
+            self.arm(threads, at.max(floor));
         }
         changed > 0
     }
 
-    /// Arms the timer for the earliest check.
-    fn rearm(&self, threads: &mut EnforcedThreads) {
-        let timer = self.timer.as_ref();
-        let mut at = NEVER;
-        for thread in &threads.enrolled {
-            at = at.min(thread.timer_at(timer));
-        }
-        if at != NEVER {
-            let floor = clock::monotonic().saturating_add(self.config.tuning.min_rearm);
-            self.arm(threads, at.max(floor));
-        }
+    /// Fires the timer at once. Under the lock, so that no worker sets it to a later time before
+    /// the enforcer has read it.
+    pub(super) fn fire_now(&self) -> Result<(), OsError> {
+        let Some(timer) = &self.timer else {
+            return Ok(());
+        };
+        // A time in the past, before any check.
+        self.threads.lock().alarm.set(1, |at| timer.arm(at))
     }
 
     /// Makes sure that the timer fires at `at` or earlier.
     pub(super) fn arm(&self, threads: &mut EnforcedThreads, at: Nanos) {
         let Some(timer) = &self.timer else { return };
-        if at < threads.armed && timer.arm(at).is_ok() {
-            threads.armed = at;
-        }
+        // Refused, it is late, and the watchdog finds that.
+        threads.alarm.set(at, |at| timer.arm(at)).ok();
     }
 }
 
@@ -128,5 +136,52 @@ impl EnforcedThreads {
             at = at.min(thread.pull_in(now));
         }
         at
+    }
+}
+
+#[cfg(all(test, target_os = "linux", not(nuttx_host), not(loom)))]
+mod tests {
+    use super::*;
+    use crate::enforcer::account::Account;
+    use crate::{Arc, Low, Params};
+    use sporadic::{BudgetServer, Kind};
+    use std::sync::mpsc;
+
+    const MS: Nanos = 1_000_000;
+
+    /// The second of two threads on a CPU is to be checked when it can have used its budget,
+    /// and it has not begun. On b209253 its check came when the first one's did: an early check for
+    /// every thread and period, each with its wake-up.
+    #[test]
+    fn the_check_of_a_thread_that_waits_for_the_cpu_counts_from_the_change() {
+        let config = EnforcerConfig::unpinned();
+        let state = Arc::new(EnforcerState::new(config, Enforcement::Deferred, None));
+        let (tell, told) = mpsc::channel();
+        let (end, ended) = mpsc::channel::<()>();
+        let theirs = Arc::clone(&state);
+        let thread = std::thread::spawn(move || {
+            let params = Params::new(60, Low::Background(6), 50 * MS, 100 * MS, 10).unwrap();
+            let mut account = Account::enroll(&theirs, &params, Kind::Corrected).unwrap();
+            account.activate(clock::monotonic());
+            tell.send(account.meter().sees_blocking()).unwrap();
+            ended.recv().unwrap();
+        });
+        let exact = told.recv().unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(5));
+        {
+            let mut threads = state.threads.lock();
+            let thread = threads.enrolled.first_mut().unwrap();
+            thread.observe(clock::monotonic());
+            let left = thread.reservation.server().available(clock::monotonic());
+            let before = thread.check_at();
+            let now = clock::monotonic();
+            thread.catch_up(now);
+            // Without records nobody knows that it has not run.
+            let after = if exact { now + left } else { before };
+            assert!(left > 49 * MS && before < now + left);
+            assert_eq!(thread.check_at(), after);
+        }
+        end.send(()).unwrap();
+        thread.join().unwrap();
     }
 }

@@ -2,14 +2,14 @@
 
 use crate::Nanos;
 
-/// What a worker has used so far; times in nanoseconds of CPU time.
+/// A worker's use of its budget so far; times in nanoseconds of CPU time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Usage {
     /// CPU time at the high priority (all of it for a worker without a budget).
     pub cpu_high: Nanos,
     /// CPU time at the background priority.
     pub cpu_low: Nanos,
-    /// What the budget has left at this moment (0 without a budget).
+    /// CPU time left in the budget at this moment (0 without a budget).
     pub available: Nanos,
     /// Whether the worker is at its background priority (or suspended, or deferred) now.
     pub low: bool,

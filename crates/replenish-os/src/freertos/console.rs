@@ -5,7 +5,7 @@
 use super::ffi::print;
 use core::fmt::{self, Write as _};
 
-/// What every line begins with.
+/// The beginning of every line.
 pub(super) const PREFIX: &[u8] = b"replenish: ";
 
 /// Reports a failure of the enforcer, which never has arguments here: the kernel's timers cannot

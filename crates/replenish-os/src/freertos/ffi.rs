@@ -59,7 +59,7 @@ pub(crate) struct Task(NonNull<c_void>);
 // SAFETY: the kernel takes handles from any task and from interrupts.
 unsafe impl Send for Task {}
 
-/// What [`create`] hands to the kernel: for good, but for the name, of which it has a copy.
+/// The parts of a task that [`create`] gives to the kernel for good. Of the name it makes a copy.
 pub(crate) struct Creation<'a> {
     pub(crate) entry: unsafe extern "C" fn(*mut c_void),
     pub(crate) name: &'a Name,
@@ -215,7 +215,7 @@ pub(crate) fn name(task: Task) -> &'static str {
     name.to_str().unwrap_or("?")
 }
 
-/// What the kernel knows of the running task, whatever has become of our own data.
+/// The running task as the kernel has it, even if our own data is damaged.
 pub(crate) struct Running {
     pub(crate) id: i32,
     pub(crate) name: &'static CStr,

@@ -1,4 +1,4 @@
-//! What a task really has.
+//! A task's scheduling and stack, read back from the kernel.
 
 use super::task_slot;
 use crate::Tid;

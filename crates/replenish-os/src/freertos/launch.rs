@@ -17,7 +17,7 @@ use core::ffi::c_void;
 /// The stack in bytes unless said otherwise.
 pub(crate) const DEFAULT_STACK: usize = 2048;
 
-/// What a task does first, with its slot.
+/// The body of a task; it gets the task's slot.
 pub(crate) type TaskBody = Box<dyn FnOnce(&'static TaskSlot) + Send>;
 
 /// The priority a policy starts with.

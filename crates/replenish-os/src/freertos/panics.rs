@@ -51,7 +51,7 @@ impl fmt::Display for Who {
     }
 }
 
-/// What the board does when it cannot go on; see [`on_stop`].
+/// The board's function for a program that cannot go on; see [`on_stop`].
 static ON_STOP: AtomicPtr<()> = AtomicPtr::new(ptr::null_mut());
 
 /// Sets the function that the image runs when the board cannot go on.

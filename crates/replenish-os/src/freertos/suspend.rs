@@ -3,10 +3,10 @@
 
 use super::sched::{demote_to_tail, promote};
 use super::task_slot;
-use crate::Tid;
 use crate::rtos::critical_section::Guarded;
 use crate::rtos::error::OsError;
 use crate::rtos::tid;
+use crate::{Nanos, Tid};
 
 /// Tells one worker whether it is suspended.
 #[derive(Debug)]
@@ -26,19 +26,19 @@ impl SuspendCell {
         Ok(())
     }
 
-    /// The calling task can no longer be suspended.
-    pub(crate) fn detach_current_thread(&self) {
+    /// The task can no longer be suspended.
+    pub(crate) fn detach(&self) {
         self.resume();
         self.0.with(|cell| *cell = None);
     }
 
-    pub(crate) fn suspend(&self, tid: Tid, _running: bool) {
+    pub(crate) fn suspend(&self, tid: Tid, _running: bool) -> Result<(), OsError> {
         self.0.with(|cell| {
             if let Some((_, _, suspended)) = cell {
                 *suspended = true;
             }
         });
-        demote_to_tail(tid, 0).ok();
+        demote_to_tail(tid, 0)
     }
 
     pub(crate) fn resume(&self) {
@@ -49,6 +49,25 @@ impl SuspendCell {
         if let Some((tid, high)) = was {
             promote(tid, high).ok();
         }
+    }
+
+    pub(crate) fn resume_at(&self, _: Tid, _priority: u8) -> Result<(), OsError> {
+        self.resume();
+        Ok(())
+    }
+
+    pub(crate) fn cancel(&self) {
+        self.resume();
+    }
+
+    /// Inherited time is not counted here.
+    #[expect(clippy::unused_self, reason = "the other back end's name")]
+    pub(crate) const fn lower(&self, _allowance: Nanos) {}
+
+    /// See [`lower`](Self::lower).
+    #[expect(clippy::unused_self, reason = "the other back end's name")]
+    pub(crate) const fn inherited(&self, _cpu: Nanos) -> Nanos {
+        0
     }
 
     /// Nothing to wait for: a suspended task does not run.

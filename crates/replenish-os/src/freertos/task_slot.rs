@@ -1,4 +1,4 @@
-//! What this back end knows of each task, kept up to date by the kernel's switch hooks.
+//! The state of each task in this back end, kept up to date by the kernel's switch hooks.
 //!
 //! ```text
 //!   loses the CPU, in its ready list ──► preempted: cpu += now - in_at

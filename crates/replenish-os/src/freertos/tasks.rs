@@ -1,4 +1,4 @@
-//! What the kernel knows of every task, and of itself: for reports and tests.
+//! The kernel's figures on every task and on itself: for reports and tests.
 
 use super::ffi;
 use super::start;

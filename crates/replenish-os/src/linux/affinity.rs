@@ -1,27 +1,25 @@
 //! On which CPUs a thread may run.
-#![expect(unsafe_code, reason = "sched_setaffinity, sched_getaffinity")]
 
-use super::sys;
 use crate::Tid;
+use rustix::process::Pid;
+use rustix::thread::{self, sched_getaffinity, sched_setaffinity};
 use std::fmt;
 use std::io;
 
-/// How many CPUs a [`CpuSet`] can name: the size of the C library's `cpu_set_t`.
-const MAX_CPUS: usize = 8 * size_of::<libc::cpu_set_t>();
-
-const WORD: usize = u64::BITS as usize;
+/// How many CPUs a [`CpuSet`] can name.
+const MAX_CPUS: usize = thread::CpuSet::MAX_CPU;
 
 /// A set of CPU numbers, `0..1024`.
 #[derive(Clone, Copy, PartialEq, Eq, Default)]
-pub struct CpuSet([u64; MAX_CPUS / WORD]);
+pub struct CpuSet(thread::CpuSet);
 
 impl CpuSet {
     /// The set with `cpu` alone; empty if `cpu` is 1024 or more.
     #[must_use]
     pub fn one(cpu: usize) -> Self {
         let mut set = Self::default();
-        if let Some(word) = set.0.get_mut(cpu / WORD) {
-            *word = 1 << (cpu % WORD);
+        if cpu < MAX_CPUS {
+            set.0.set(cpu);
         }
         set
     }
@@ -34,9 +32,10 @@ impl CpuSet {
         for part in list.trim().split(',').filter(|part| !part.is_empty()) {
             let (first, last) = part.split_once('-').unwrap_or((part, part));
             let (first, last): (usize, usize) = (first.parse().ok()?, last.parse().ok()?);
-            for cpu in first..=last {
-                *set.0.get_mut(cpu / WORD)? |= 1 << (cpu % WORD);
+            if last >= MAX_CPUS {
+                return None;
             }
+            (first..=last).for_each(|cpu| set.0.set(cpu));
         }
         Some(set)
     }
@@ -44,9 +43,7 @@ impl CpuSet {
     /// Whether `cpu` is in the set.
     #[must_use]
     pub fn contains(&self, cpu: usize) -> bool {
-        self.0
-            .get(cpu / WORD)
-            .is_some_and(|word| word >> (cpu % WORD) & 1 == 1)
+        cpu < MAX_CPUS && self.0.is_set(cpu)
     }
 
     /// How many CPUs are in the set.
@@ -58,7 +55,7 @@ impl CpuSet {
     /// Whether no CPU is in the set.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.0.iter().all(|word| *word == 0)
+        self.len() == 0
     }
 
     /// The CPU numbers in the set, ascending.
@@ -99,10 +96,7 @@ impl fmt::Debug for CpuSet {
 /// `EINVAL` if none of them is online and allowed by the cpuset, `ESRCH` if the thread has ended,
 /// `EBUSY` for a `SCHED_DEADLINE` thread and less than its whole root domain.
 pub fn set_affinity(tid: Tid, cpus: &CpuSet) -> io::Result<()> {
-    let size = size_of::<CpuSet>();
-    // SAFETY: a `CpuSet` is the bit array the kernel expects, `size` bytes long.
-    sys::check(unsafe { libc::sched_setaffinity(tid.get(), size, (&raw const *cpus).cast()) })?;
-    Ok(())
+    Ok(sched_setaffinity(Pid::from_raw(tid.get()), &cpus.0)?)
 }
 
 /// The CPUs thread `tid` may run on (`sched_getaffinity(2)`).
@@ -110,11 +104,7 @@ pub fn set_affinity(tid: Tid, cpus: &CpuSet) -> io::Result<()> {
 /// # Errors
 /// `ESRCH` if the thread has ended, `EINVAL` on a machine with more than 1024 CPUs.
 pub fn affinity(tid: Tid) -> io::Result<CpuSet> {
-    let mut cpus = CpuSet::default();
-    let size = size_of::<CpuSet>();
-    // SAFETY: a `CpuSet` is the bit array the kernel fills, `size` bytes long.
-    sys::check(unsafe { libc::sched_getaffinity(tid.get(), size, (&raw mut cpus).cast()) })?;
-    Ok(cpus)
+    Ok(CpuSet(sched_getaffinity(Pid::from_raw(tid.get()))?))
 }
 
 #[cfg(test)]
@@ -125,8 +115,9 @@ mod tests {
     fn a_set_prints_as_the_kernel_does() {
         let mut set = CpuSet::default();
         assert!(set.is_empty());
-        set.0[0] = 0b1000_1111;
-        set.0[1] = 1;
+        for cpu in [0, 1, 2, 3, 7, 64] {
+            set.0.set(cpu);
+        }
         assert_eq!(set.to_string(), "0-3,7,64");
         assert_eq!(set.len(), 6);
         assert_eq!(CpuSet::one(MAX_CPUS - 1).to_string(), "1023");

@@ -5,7 +5,7 @@
 
 use crate::Nanos;
 use crate::linux::context_switches::{ContextSwitch, SwitchDirection};
-use sporadic::Gap;
+use sporadic::{Gap, Readings};
 
 /// More gaps than this in one reading are joined to the last one; joining is safe (a later
 /// activation delays a replenishment).
@@ -20,6 +20,8 @@ pub(crate) struct GapTracker {
     in_at: Nanos,
     on_cpu: bool,
     blocked_at: Option<Nanos>,
+    /// Records of this reading are missing.
+    incomplete: bool,
 }
 
 impl GapTracker {
@@ -36,6 +38,7 @@ impl GapTracker {
             in_at: 0,
             on_cpu: true,
             blocked_at: None,
+            incomplete: false,
         }
     }
 
@@ -49,6 +52,7 @@ impl GapTracker {
     pub(crate) fn next_reading(&mut self, now: Nanos) {
         self.len = 0;
         self.ran = 0;
+        self.incomplete = false;
         self.in_at = self.in_at.max(now);
     }
 
@@ -64,9 +68,7 @@ impl GapTracker {
                     self.ran += switch.time.saturating_sub(self.in_at);
                 }
                 self.on_cpu = false;
-                if !preempted {
-                    self.blocked_at = Some(switch.time);
-                }
+                self.blocked_at = (!preempted).then_some(switch.time);
             }
             SwitchDirection::In => {
                 self.on_cpu = true;
@@ -83,22 +85,29 @@ impl GapTracker {
         }
     }
 
-    /// Records were lost: everything since the last reading counts as activated at `now`.
-    pub(crate) fn lost(&mut self, since: Nanos, now: Nanos) {
-        self.len = 0;
-        self.push(Gap {
-            ran: 0,
-            out_at: since,
-            in_at: now,
-        });
+    /// Records were lost, or there are none: nobody knows when the thread blocked, and the last
+    /// record says nothing about the thread any more. It may be running, or blocked: then the next
+    /// record shows that it runs again.
+    pub(crate) fn lost(&mut self, now: Nanos) {
+        self.restart(now);
+        self.incomplete = true;
+        self.blocked_at = Some(now);
     }
 
-    /// Whether the thread was off the CPU after the last record.
+    /// Whether the thread was off the CPU after the last record, none being lost.
     pub(crate) fn is_off_cpu(&self) -> bool {
         !self.on_cpu
     }
 
-    pub(crate) fn gaps(&self) -> &[Gap] {
+    pub(crate) fn readings(&self) -> Readings<'_> {
+        if self.incomplete {
+            Readings::Unknown
+        } else {
+            Readings::Exact(self.gaps())
+        }
+    }
+
+    fn gaps(&self) -> &[Gap] {
         self.gaps.get(..self.len).unwrap_or(&[])
     }
 
@@ -168,6 +177,29 @@ mod tests {
                 in_at: 70
             }]
         );
+    }
+
+    /// On b209253 the thread counted as off the CPU for ever: nobody read its clock again.
+    #[test]
+    fn after_a_loss_the_last_record_is_not_believed() {
+        let mut t = GapTracker::new();
+        t.restart(0);
+        t.feed(out(10, false));
+        assert!(t.is_off_cpu());
+        t.lost(50);
+        assert!(!t.is_off_cpu());
+        t.next_reading(50);
+        t.feed(inn(70));
+        t.feed(out(80, false));
+        t.feed(inn(90));
+        let gap = |ran, out_at, in_at| Gap { ran, out_at, in_at };
+        assert_eq!(t.gaps(), [gap(0, 50, 70), gap(10, 80, 90)]);
+        t.lost(100);
+        assert_eq!(t.readings(), Readings::Unknown);
+        t.next_reading(100);
+        t.feed(out(120, true));
+        t.feed(inn(130));
+        assert_eq!(t.readings(), Readings::Exact(&[]), "it was running");
     }
 
     #[test]

@@ -3,32 +3,64 @@
 
 use super::blocked_intervals::GapTracker;
 use super::clock::ThreadCpuClock;
-use super::context_switches::ContextSwitchLog;
+use super::config::OsError;
+use super::context_switches::{ContextSwitch, ContextSwitchLog, SwitchDirection};
+use super::lock_wait::LockWaits;
 use super::timer::TimerFd;
 use crate::Nanos;
 use crate::Tid;
-use sporadic::Gap;
+use sporadic::Readings;
+
+/// A switch of a thread.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Switch {
+    /// It got the CPU.
+    In,
+    /// It left the CPU and still wanted it.
+    Preempted,
+    /// It left the CPU to wait for something.
+    Blocked,
+}
+
+impl Switch {
+    const fn of(direction: SwitchDirection) -> Self {
+        match direction {
+            SwitchDirection::In => Self::In,
+            SwitchDirection::Out { preempted: true } => Self::Preempted,
+            SwitchDirection::Out { preempted: false } => Self::Blocked,
+        }
+    }
+}
 
 /// The record of one supervised thread, read by its enforcer.
 #[derive(Debug)]
 pub(crate) struct BlockingDetector {
     switches: Option<ContextSwitchLog>,
     gaps: GapTracker,
+    lock_waits: LockWaits,
 }
 
 impl BlockingDetector {
-    /// Watches `tid`; without `exact`, or where the kernel refuses, only what
-    /// [`lost`](Self::lost) tells is known.
-    pub(crate) fn new(tid: Tid, exact: bool) -> Self {
-        let switches = if exact {
-            ContextSwitchLog::open(tid).ok()
-        } else {
-            None
+    /// Watches `tid`, one of `rings` threads that share the memory for their records. Without
+    /// `exact`, or where the kernel refuses, only what [`lost`](Self::lost) tells is known. The
+    /// refusal is the second value.
+    pub(crate) fn new(tid: Tid, exact: bool, rings: usize) -> (Self, Option<OsError>) {
+        let (switches, refused) = match exact.then(|| ContextSwitchLog::open_one_of(tid, rings)) {
+            Some(Ok(log)) => (Some(log), None),
+            Some(Err(e)) => (None, Some(e)),
+            None => (None, None),
         };
-        Self {
+        let detector = Self {
             switches,
             gaps: GapTracker::new(),
-        }
+            lock_waits: LockWaits::of(tid),
+        };
+        (detector, refused)
+    }
+
+    /// The thread's waits for the enforcer's lock.
+    pub(crate) fn lock_waits(&self) -> LockWaits {
+        self.lock_waits.clone()
     }
 
     /// Whether blocking inside callbacks is seen through the kernel's records.
@@ -46,43 +78,62 @@ impl BlockingDetector {
                 .is_some_and(ContextSwitchLog::is_empty)
     }
 
+    /// Whether the records up to the last reading end with the thread off the CPU.
+    pub(crate) fn is_off_cpu(&self) -> bool {
+        self.switches.is_some() && self.gaps.is_off_cpu()
+    }
+
     /// A reading without records in it.
     pub(crate) fn skip_reading(&mut self, now: Nanos) {
         self.gaps.next_reading(now);
     }
 
     /// Reads the records from `since`, the last reading, up to `now`, and the thread's CPU clock;
-    /// `None` once it has ended.
+    /// `None` once it has ended. Each record goes to `each`, too.
     pub(crate) fn read(
         &mut self,
         clock: &ThreadCpuClock,
         since: Nanos,
         now: Nanos,
+        mut each: impl FnMut(Nanos, Switch),
     ) -> Option<Nanos> {
         self.gaps.next_reading(since);
         if let Some(log) = &mut self.switches {
-            let gaps = &mut self.gaps;
-            if log.drain(&mut |switch| gaps.feed(switch)).lost {
-                self.gaps.lost(since, now);
+            let (gaps, waits) = (&mut self.gaps, &self.lock_waits);
+            let mut feed = |switch: ContextSwitch| {
+                let switch = switch.unless(|at| waits.cover(at));
+                each(switch.time, Switch::of(switch.kind));
+                gaps.feed(switch);
+            };
+            if log.drain(&mut feed).lost {
+                each(now, Switch::In);
+                self.gaps.lost(now);
             }
+        } else {
+            self.gaps.lost(now);
         }
         clock.read()
     }
 
     /// Starts afresh with a thread that runs: what was recorded belongs to its wait.
-    /// Reads its CPU clock, too.
-    pub(crate) fn restart(&mut self, clock: &ThreadCpuClock, now: Nanos) -> Option<Nanos> {
+    /// Reads its CPU clock, too. Each record goes to `each`.
+    pub(crate) fn restart(
+        &mut self,
+        clock: &ThreadCpuClock,
+        now: Nanos,
+        mut each: impl FnMut(Nanos, Switch),
+    ) -> Option<Nanos> {
         let cpu = clock.read();
         if let Some(log) = &mut self.switches {
-            log.drain(&mut |_| {});
+            log.drain(&mut |switch| each(switch.time, Switch::of(switch.kind)));
         }
         self.gaps.restart(now);
         cpu
     }
 
-    /// It is not known when the thread blocked: all since the last reading counts from `now`.
-    pub(crate) fn lost(&mut self, since: Nanos, now: Nanos) {
-        self.gaps.lost(since, now);
+    /// It is not known when the thread blocked.
+    pub(crate) fn lost(&mut self, now: Nanos) {
+        self.gaps.lost(now);
     }
 
     /// There is no cheap way to be told of a CPU clock: the timer is set by the time.
@@ -103,7 +154,7 @@ impl BlockingDetector {
     }
 
     /// The blocking stretches of the last reading.
-    pub(crate) fn gaps(&self) -> &[Gap] {
-        self.gaps.gaps()
+    pub(crate) fn readings(&self) -> Readings<'_> {
+        self.gaps.readings()
     }
 }

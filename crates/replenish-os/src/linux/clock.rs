@@ -3,12 +3,14 @@
 //! Cost, median on a virtual machine with a TSC clock source: [`monotonic`] 30 ns (no system
 //! call), [`thread_cpu`] 0.4 us, [`ThreadCpuClock::read`] 0.2 us for a blocked thread and 0.4 us
 //! for one that runs on another CPU; the value is exact in both cases.
-#![expect(unsafe_code, reason = "clock_gettime, clock_nanosleep")]
+#![expect(unsafe_code, reason = "clock_gettime of other threads' clocks")]
 
-use super::sys;
+use super::sys::{self, NANOS_PER_SEC};
 use super::tid::current_tid;
 use crate::Nanos;
 use crate::Tid;
+use rustix::io::Errno;
+use rustix::thread::{ClockId, clock_nanosleep_absolute};
 
 /// Now on `CLOCK_MONOTONIC`, in nanoseconds. Any thread; never goes back.
 #[inline]
@@ -65,27 +67,25 @@ impl ThreadCpuClock {
 /// Sleeps until [`monotonic`] has reached `t`; returns at once if it has. Signals do not end the
 /// sleep early.
 pub fn sleep_until(t: Nanos) {
-    let ts = sys::timespec(t);
-    loop {
-        // SAFETY: `ts` is a valid timespec; a null remainder is allowed for absolute sleeps.
-        let rc = unsafe {
-            libc::clock_nanosleep(
-                libc::CLOCK_MONOTONIC,
-                libc::TIMER_ABSTIME,
-                &raw const ts,
-                std::ptr::null_mut(),
-            )
-        };
-        if rc != libc::EINTR {
-            return;
-        }
-    }
+    let t = sys::timespec(t);
+    while clock_nanosleep_absolute(ClockId::Monotonic, &t) == Err(Errno::INTR) {}
 }
 
 #[inline]
 fn gettime(clock: libc::clockid_t) -> Option<Nanos> {
-    let mut ts = sys::zero_timespec();
+    let mut ts = libc::timespec {
+        tv_sec: 0,
+        tv_nsec: 0,
+    };
     // SAFETY: `ts` is writable for the call; an unknown clock id is an error, not a fault.
     let rc = unsafe { libc::clock_gettime(clock, &raw mut ts) };
-    (rc == 0).then(|| sys::nanos(&ts))
+    (rc == 0).then(|| nanos(&ts))
+}
+
+/// Negative times are 0.
+#[inline]
+fn nanos(ts: &libc::timespec) -> Nanos {
+    let secs = u64::try_from(ts.tv_sec).unwrap_or(0);
+    secs.saturating_mul(NANOS_PER_SEC)
+        .saturating_add(u64::try_from(ts.tv_nsec).unwrap_or(0))
 }

@@ -1,6 +1,6 @@
 //! The sizes of this back end.
 
-/// What a refused system call answers.
+/// The error of a refused system call.
 pub(crate) type OsError = std::io::Error;
 
 /// Pending replenishments of a budget at most.

@@ -3,7 +3,8 @@
 //!
 //! `perf_event_open(2)` with a dummy software event and `context_switch` writes one
 //! `PERF_RECORD_SWITCH` per switch into a ring shared with the kernel. Reading it takes no system
-//! call and no allocation. A ring that is full drops records and says so.
+//! call and no allocation. A full ring drops records. The kernel says so with the next record that
+//! fits, which may be much later; so a ring that is found full counts as one that has lost some.
 //!
 //! ```text
 //!   data_tail (ours)            data_head (the kernel's)
@@ -33,6 +34,16 @@ pub struct ContextSwitch {
     pub kind: SwitchDirection,
 }
 
+impl ContextSwitch {
+    /// The same, but a block that began at such a time is a preemption.
+    pub(crate) fn unless(mut self, excused: impl FnOnce(Nanos) -> bool) -> Self {
+        if let SwitchDirection::Out { preempted } = &mut self.kind {
+            *preempted = *preempted || excused(self.time);
+        }
+        self
+    }
+}
+
 /// Which way a switch went.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SwitchDirection {
@@ -45,15 +56,24 @@ pub enum SwitchDirection {
     In,
 }
 
-/// What a [`ContextSwitchLog::drain`] missed.
+/// The records that a [`ContextSwitchLog::drain`] missed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Drained {
-    /// The ring was full at some time since the last drain: switches are missing.
+    /// Switches may be missing since the last drain: the ring was full, or so nearly full that
+    /// the next record would not have fitted.
     pub lost: bool,
 }
 
-/// Pages of the ring: 32 KiB hold some 1300 switches between two readings.
-const DATA_PAGES: usize = 8;
+/// Pages of a ring at most: 32 KiB hold some 1300 switches between two readings.
+const MOST_PAGES: usize = 8;
+
+/// Locked memory that the rings of one enforcer share, in pages. `kernel.perf_event_mlock_kb`
+/// gives every user 516 KiB per CPU; a ring that does not fit any more is refused.
+const PAGES_TOGETHER: usize = 128;
+
+/// The free room that the kernel asks for at most before it writes a switch: the record itself
+/// (24 bytes) behind the announcement of an earlier loss (40 bytes).
+const LARGEST_WRITE: u64 = 64;
 
 /// Offsets of `data_head` and `data_tail` in `struct perf_event_mmap_page`.
 const HEAD: usize = 1024;
@@ -72,6 +92,8 @@ const MISC_SWITCH_OUT_PREEMPT: u16 = 1 << 14;
 pub struct ContextSwitchLog {
     map: *mut u8,
     page: usize,
+    /// Bytes of the ring, a power of two.
+    ring: usize,
     _event: OwnedFd,
 }
 
@@ -86,6 +108,17 @@ impl ContextSwitchLog {
     /// without perf in the kernel, `ESRCH` if the thread has ended, `EPERM` or `ENOMEM` when the
     /// memory that may be locked is used up.
     pub fn open(tid: Tid) -> io::Result<Self> {
+        Self::open_one_of(tid, 1)
+    }
+
+    /// The same with a ring that is one of `rings` under one limit of locked memory: the more
+    /// there are, the smaller each is.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub(crate) fn open_one_of(tid: Tid, rings: usize) -> io::Result<Self> {
+        let share = (PAGES_TOGETHER / rings.max(1)).saturating_sub(1); // less its control page
+        let pages = 1 << share.clamp(1, MOST_PAGES).ilog2();
         let attr = Attr::switches();
         let (any_cpu, no_group) = (-1, -1);
         let (attr, cloexec) = (&raw const attr, FLAG_FD_CLOEXEC);
@@ -105,7 +138,7 @@ impl ContextSwitchLog {
         let event = unsafe { OwnedFd::from_raw_fd(fd) };
         // SAFETY: sysconf takes a number and touches no memory.
         let page = usize::try_from(unsafe { libc::sysconf(libc::_SC_PAGESIZE) }).unwrap_or(4096);
-        let length = page * (1 + DATA_PAGES);
+        let length = page * (1 + pages);
         let (rw, shared) = (libc::PROT_READ | libc::PROT_WRITE, libc::MAP_SHARED);
         // SAFETY: a new shared mapping at an address of the kernel's choice.
         let map = unsafe { libc::mmap(ptr::null_mut(), length, rw, shared, event.as_raw_fd(), 0) };
@@ -115,6 +148,7 @@ impl ContextSwitchLog {
         Ok(Self {
             map: map.cast(),
             page,
+            ring: page * pages,
             _event: event,
         })
     }
@@ -123,7 +157,7 @@ impl ContextSwitchLog {
     pub fn drain(&mut self, each: &mut dyn FnMut(ContextSwitch)) -> Drained {
         let head = self.counter(HEAD).load(Ordering::Acquire);
         let mut tail = self.counter(TAIL).load(Ordering::Relaxed);
-        let mut lost = false;
+        let mut lost = head.wrapping_sub(tail) + LARGEST_WRITE > self.ring as u64;
         while tail < head {
             // The record's header: type u32, misc u16, size u16.
             let header = self.word(tail);
@@ -172,8 +206,7 @@ impl ContextSwitchLog {
 
     /// The word of the data ring at stream position `at`, a multiple of 8.
     fn word(&self, at: u64) -> u64 {
-        let ring = self.page * DATA_PAGES;
-        let offset = usize::try_from(at % ring as u64).unwrap_or(0) & !7;
+        let offset = usize::try_from(at % self.ring as u64).unwrap_or(0) & !7;
         // SAFETY: within the data pages: a page plus less than the ring's size, aligned to 8.
         let word = unsafe { self.map.add(self.page + offset) };
         // SAFETY: mapped, aligned; volatile because the kernel writes there.
@@ -184,7 +217,7 @@ impl ContextSwitchLog {
 impl Drop for ContextSwitchLog {
     fn drop(&mut self) {
         // SAFETY: exactly the mapping made by `open`; nothing refers into it any more.
-        unsafe { libc::munmap(self.map.cast(), self.page * (1 + DATA_PAGES)) };
+        unsafe { libc::munmap(self.map.cast(), self.page + self.ring) };
     }
 }
 

@@ -8,7 +8,7 @@
 )]
 
 use super::clock::ThreadCpuClock;
-use super::sys;
+use super::sys::{self, NANOS_PER_SEC};
 use super::tid::current_tid;
 use crate::Nanos;
 use crate::Tid;
@@ -63,8 +63,8 @@ impl CpuTimer {
     /// `ESRCH` or `EINVAL` if the thread has ended.
     pub fn arm(&self, cpu: Nanos) -> io::Result<()> {
         let spec = libc::itimerspec {
-            it_interval: sys::zero_timespec(),
-            it_value: sys::timespec(cpu.max(1)), // the kernel reads 0 as "disarm"
+            it_interval: timespec(0),
+            it_value: timespec(cpu.max(1)), // the kernel reads 0 as "disarm"
         };
         // SAFETY: the timer exists until drop; `spec` lives across the call.
         sys::check(unsafe {
@@ -81,7 +81,7 @@ impl CpuTimer {
     /// Waits until the timer expires, at most `timeout` nanoseconds; returns whether it did.
     #[must_use]
     pub fn wait(&self, timeout: Nanos) -> bool {
-        let ts = sys::timespec(timeout);
+        let ts = timespec(timeout);
         loop {
             // SAFETY: set and timeout live across the call; a null siginfo is allowed.
             let rc = unsafe {
@@ -90,7 +90,7 @@ impl CpuTimer {
             if rc != -1 {
                 return true;
             }
-            if sys::errno() != libc::EINTR {
+            if io::Error::last_os_error().raw_os_error() != Some(libc::EINTR) {
                 return false;
             }
         }
@@ -101,6 +101,13 @@ impl Drop for CpuTimer {
     fn drop(&mut self) {
         // SAFETY: the timer exists and is deleted once. It cannot fail then.
         unsafe { libc::timer_delete(self.id) };
+    }
+}
+
+fn timespec(t: Nanos) -> libc::timespec {
+    libc::timespec {
+        tv_sec: (t / NANOS_PER_SEC).try_into().unwrap_or(i32::MAX.into()),
+        tv_nsec: libc::c_long::try_from(t % NANOS_PER_SEC).unwrap_or(0),
     }
 }
 

@@ -1,11 +1,9 @@
 //! Receiving from a socket, without what the C library does around it so that its threads can be
 //! cancelled: a thread that a message wakes finds none of that in its caches.
-#![expect(unsafe_code, reason = "recvfrom")]
 
-use super::sys;
+use rustix::net::{RecvFlags, recv};
 use std::io;
-use std::os::fd::{AsFd, AsRawFd};
-use std::ptr;
+use std::os::fd::AsFd;
 
 /// Takes the next datagram that a connected socket has; its length. What does not fit into `into`
 /// is cut off. Waits if the socket is one that waits; signals end that.
@@ -15,13 +13,8 @@ use std::ptr;
 /// datagrams sent earlier, such as `ECONNREFUSED`.
 #[inline]
 pub fn receive(socket: &impl AsFd, into: &mut [u8]) -> io::Result<usize> {
-    let (fd, to, room) = (socket.as_fd().as_raw_fd(), into.as_mut_ptr(), into.len());
-    let nobody = ptr::null_mut::<libc::sockaddr>();
-    let none = ptr::null_mut::<libc::socklen_t>();
-    // SAFETY: `into` may be written to for the call; the sender's address is not asked for.
-    let len =
-        sys::check(unsafe { libc::syscall(libc::SYS_recvfrom, fd, to, room, 0, nobody, none) })?;
-    Ok(usize::try_from(len).unwrap_or(0))
+    let (taken, _) = recv(socket, into, RecvFlags::empty())?;
+    Ok(taken)
 }
 
 #[cfg(test)]

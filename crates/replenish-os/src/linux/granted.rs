@@ -1,4 +1,4 @@
-//! What a thread really has, read back from the kernel.
+//! A thread's scheduling class and CPUs, read back from the kernel.
 
 use super::affinity::{CpuSet, affinity};
 use super::sched_attr;

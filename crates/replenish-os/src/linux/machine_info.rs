@@ -1,4 +1,4 @@
-//! What kind of machine this is, as far as it matters to real-time work. For `replenish doctor`.
+//! The machine's properties that matter to real-time work. For `replenish doctor`.
 
 use super::affinity::{CpuSet, affinity};
 use super::privilege::probes::read_number;
@@ -26,7 +26,7 @@ pub struct MachineInfo {
     pub isolated: CpuSet,
     /// Those the calling thread may use.
     pub allowed: CpuSet,
-    /// What `CLOCK_MONOTONIC` is read from (`tsc`, `arch_sys_counter`, ...).
+    /// The counter behind `CLOCK_MONOTONIC` (`tsc`, `arch_sys_counter`, ...).
     pub clock_source: Option<String>,
 }
 

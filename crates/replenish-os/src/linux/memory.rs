@@ -1,8 +1,9 @@
 //! Keeping page faults out of real-time code: lock what is mapped, touch stacks beforehand.
-#![expect(unsafe_code, reason = "mlockall, pthread_getattr_np")]
+#![expect(unsafe_code, reason = "pthread_getattr_np")]
 
 use super::privilege::{Limit, probes};
-use super::sys;
+use rustix::mm::{MlockAllFlags, mlockall, munlockall};
+use rustix::process::Resource;
 use std::fmt;
 use std::hint::black_box;
 use std::io;
@@ -21,7 +22,7 @@ const HEADROOM: u64 = 64 << 20;
 /// If `RLIMIT_MEMLOCK` is too small: below what is mapped plus 64 MiB to grow into, without
 /// `CAP_IPC_LOCK`. Nothing is locked then.
 pub fn lock_all() -> Result<(), LockError> {
-    let limit = probes::limit(libc::RLIMIT_MEMLOCK);
+    let limit = probes::limit(Resource::Memlock);
     let mapped = probes::mapped_bytes();
     let refused = |source| LockError {
         source,
@@ -36,9 +37,7 @@ pub fn lock_all() -> Result<(), LockError> {
     {
         return Err(refused(io::Error::from_raw_os_error(libc::ENOMEM)));
     }
-    // SAFETY: takes flags and changes no content of memory.
-    sys::check(unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) }).map_err(refused)?;
-    Ok(())
+    mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|e| refused(e.into()))
 }
 
 /// Takes [`lock_all`] back (`munlockall(2)`).
@@ -46,8 +45,7 @@ pub fn lock_all() -> Result<(), LockError> {
 /// # Errors
 /// None that the kernel documents.
 pub fn unlock_all() -> io::Result<()> {
-    // SAFETY: takes nothing and changes no content of memory.
-    sys::check(unsafe { libc::munlockall() }).map(drop)
+    Ok(munlockall()?)
 }
 
 /// Why memory was not locked.

@@ -1,29 +1,43 @@
 //! The Linux back end: one topic per file, each a thin safe wrapper around a few system calls.
+//!
+//! `rustix` makes the calls, 0.64 to 0.74 of the time that ours through the C library took. By hand
+//! are those it has not (scheduling parameters, `perf_event_open`, clocks of other threads), and
+//! `epoll_pwait2`, because its `epoll::wait` rounds timeouts up to milliseconds.
 
 pub(crate) mod affinity;
 #[cfg(feature = "baseline")]
 pub(crate) mod bare_futex;
 mod blocked_intervals;
 pub(crate) mod blocking_detector;
+mod c_library;
 pub mod clock;
 pub(crate) mod config;
 pub(crate) mod console;
 pub(crate) mod context_switches;
+pub(crate) mod counted_datagram;
 #[cfg(feature = "baseline")]
 pub(crate) mod cpu_timer;
 pub(crate) mod datagram;
+pub mod foreign;
 pub(crate) mod futex;
 pub(crate) mod granted;
+pub(crate) mod interfaces;
+pub mod live;
+pub(crate) mod lock_wait;
 pub(crate) mod machine_info;
 pub mod memory;
 pub(crate) mod pi_lock;
 pub(crate) mod poll;
 pub mod privilege;
+mod retry;
 pub(crate) mod sched;
 mod sched_attr;
+pub(crate) mod socket_set;
 pub(crate) mod spawn_error;
 pub(crate) mod steal_time;
+mod supervised;
 pub(crate) mod suspend;
+pub(crate) mod suspension;
 mod sys;
 pub(crate) mod tcp;
 pub(crate) mod thread;
@@ -31,6 +45,7 @@ pub(crate) mod tid;
 pub mod timer;
 pub mod tty;
 pub(crate) mod wait_set;
+pub(crate) mod watchdog;
 
 pub(crate) use config::OsError;
 pub use context_switches::voluntary_switches;

@@ -8,9 +8,11 @@
     reason = "sched_setparam, sched_setscheduler, sched_yield"
 )]
 
+use super::sched_attr;
 use super::sys;
 use super::tid::current_tid;
 use crate::Tid;
+use sporadic::Level;
 use std::io;
 
 /// A scheduling class with its priority, 1 (lowest) to 99.
@@ -79,8 +81,31 @@ pub fn demote_to_tail(tid: Tid, lo: u8) -> io::Result<()> {
     }
 }
 
+/// The priority of FIFO thread `tid` without inheritance, 0 in the time-sharing class; `None` in
+/// any other class.
+///
+/// # Errors
+/// `ESRCH` if the thread has ended.
+pub(crate) fn base_priority(tid: Tid) -> io::Result<Option<u8>> {
+    let attr = sched_attr::get(tid)?;
+    let class = i32::try_from(attr.sched_policy).unwrap_or(-1);
+    Ok(match class {
+        libc::SCHED_FIFO => u8::try_from(attr.sched_priority).ok(),
+        libc::SCHED_OTHER => Some(0),
+        _ => None,
+    })
+}
+
+/// Whether a thread whose change of priority was refused has the wanted level all the same, `high`
+/// being the priority of the high one. One that was lowered in two steps may be below its low
+/// priority. One that has ended has any.
+pub(crate) fn has_level(tid: Tid, high: u8, level: Level) -> bool {
+    base_priority(tid).map_or(true, |has| (has >= Some(high)) == (level == Level::High))
+}
+
 /// Whether the thread has the reset-on-fork flag.
-fn reset_on_fork(tid: Tid) -> io::Result<bool> {
+/// `ESRCH` if the thread has ended.
+pub(super) fn reset_on_fork(tid: Tid) -> io::Result<bool> {
     // Raw system calls throughout this file: musl's wrappers return ENOSYS.
     // SAFETY: no memory is passed.
     let policy = sys::check(unsafe { libc::syscall(libc::SYS_sched_getscheduler, tid.get()) })?;

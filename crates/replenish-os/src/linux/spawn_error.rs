@@ -28,16 +28,16 @@ pub enum SpawnError {
         cpu: usize,
         /// Those this process may use.
         allowed: Box<CpuSet>,
-        /// What the kernel answered.
+        /// The kernel's answer.
         source: io::Error,
     },
     /// The kernel refused the policy.
     Policy {
         /// The policy that was asked for.
         policy: Policy,
-        /// What the kernel answered.
+        /// The kernel's answer.
         source: io::Error,
-        /// What would grant it, in one or more lines.
+        /// The way to have it granted, in one or more lines.
         hint: String,
     },
 }

@@ -1,4 +1,4 @@
-//! What a hypervisor took of a CPU: the column `steal` of `/proc/stat` (`proc_stat(5)`).
+//! CPU time that a hypervisor took: the column `steal` of `/proc/stat` (`proc_stat(5)`).
 //!
 //! A virtual CPU that its host does not run stands still: no thread's CPU clock counts that time,
 //! so it is missing from the sum of all of them. The test kit includes this file, too.

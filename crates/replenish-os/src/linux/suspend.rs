@@ -1,133 +1,172 @@
-//! The low mode that stops an exhausted worker altogether (`Low::Suspend`).
+//! How an exhausted worker is stopped (`Low::Suspend`), and what a lowered one inherits.
 //!
-//! A thread cannot be suspended from outside by POSIX means, so it suspends itself in a signal
-//! handler that the enforcer sends it into. It must not do so while it holds one of our locks,
-//! or everybody behind that lock would wait for a replenishment, inheritance or not: inside
-//! [`PiMutex`](crate::PiMutex) critical sections the handler only takes a note, and the last
-//! unlock obeys it.
+//! A thread cannot be stopped from outside by POSIX means, so it stops itself in a signal handler
+//! that the enforcer sends it into, below every real-time priority. It must not stop while it holds
+//! one of our locks, or everybody behind that lock would wait for a replenishment, inheritance or
+//! not: inside a critical section ([`PiMutex`](crate::PiMutex), and a group's callback is one) it
+//! goes on in the time-sharing class, at the priority of a waiter if there is one, and stops as it
+//! leaves the section. Whatever it uses until then is a debt of its budget.
+//!
+//! The C library has locks, too, and they inherit nothing: a thread that is interrupted in there
+//! (`malloc`, `printf`) goes on in the time-sharing class for another 20 us, and again. One that
+//! waits in there, in a system call, is given more time each time, up to 10 ms. Locks that it
+//! cannot see are those of code that is linked into the program: `std::sync::Mutex`, Rust's
+//! standard output, another allocator, a C library that is linked statically. A thread that waits
+//! for one of them waits for the next replenishment of the stopped worker.
 //!
 //! ```text
-//!  RUNNING ── suspend() + signal ──► SUSPENDED ── handler: futex wait ──┐
-//!     ▲                                  │ in a critical section: later │
-//!     └──────────── resume(): store, wake ◄─────────────────────────────┘
+//!   enforcer: lower, stop ─► signal ─► handler ── in the C library? ── yes: look again soon
+//!                                         │ no
+//!                                         ▼
+//!                               suspension: sleep, or note it for the last unlock
 //! ```
-//!
-//! What it cannot know: locks of other libraries. A callback that is suspended inside `malloc`
-//! keeps other threads from that arena. Prefer a background priority; suspend only callbacks
-//! that share nothing.
-#![expect(
-    unsafe_code,
-    reason = "signal handler, and a pointer in a thread local for it"
-)]
+#![expect(unsafe_code, reason = "signal handler")]
 
-use crate::Tid;
-use crate::linux::futex;
-use std::cell::Cell;
+use super::c_library;
+use super::clock::{self, ThreadCpuClock};
+use super::sched::{self, SchedClass};
+use super::supervised::{self, SlotHandle};
+use crate::{Nanos, Tid};
+use std::ffi::{c_int, c_void};
 use std::io;
 use std::ptr;
-use std::sync::atomic::{AtomicU32, Ordering};
 
-const RUNNING: u32 = 0;
-const SUSPENDED: u32 = 1;
-
-thread_local! {
-    /// The word of the calling worker; null on every other thread.
-    static WORD: Cell<*const AtomicU32> = const { Cell::new(ptr::null()) };
-    /// How many of our locks the thread holds.
-    static HELD: Cell<u32> = const { Cell::new(0) };
-}
-
-/// Tells one worker whether it is suspended.
+/// One worker, as its enforcer stops, lowers and raises it.
 #[derive(Debug)]
-pub(crate) struct SuspendCell(AtomicU32);
+pub(crate) struct SuspendCell(SlotHandle);
 
 impl SuspendCell {
-    pub(crate) const fn new() -> Self {
-        Self(AtomicU32::new(RUNNING))
+    /// That of the calling thread. Allocates.
+    pub(crate) fn new() -> Self {
+        let mine = SlotHandle::mine();
+        mine.suspension().renew();
+        Self(mine)
     }
 
-    /// Makes the calling thread one that can be suspended through this cell. The caller keeps the
-    /// cell alive for as long as the thread runs (the enforcer's entry does).
+    /// Makes the calling thread one that can be stopped.
     pub(crate) fn attach_current_thread(&self) -> io::Result<()> {
+        c_library::find();
         install_handler()?;
-        WORD.with(|w| w.set(&raw const self.0));
+        self.0.retry().prepare(signal());
         Ok(())
     }
 
-    /// The calling thread can no longer be suspended.
-    pub(crate) fn detach_current_thread(&self) {
-        if WORD.with(Cell::get) == &raw const self.0 {
-            WORD.with(|w| w.set(ptr::null()));
-        }
-    }
+    /// Nothing to do: the place is the thread's for good, and nobody stops it any more.
+    #[expect(clippy::unused_self, reason = "the other back ends' name")]
+    pub(crate) const fn detach(&self) {}
 
-    /// Suspends the thread: at once if it is in a callback (`running`), else before its next one.
-    pub(crate) fn suspend(&self, tid: Tid, running: bool) {
-        self.0.store(SUSPENDED, Ordering::SeqCst);
+    /// Stops the thread: at once if it is in a callback (`running`), else before its next one.
+    ///
+    /// # Errors
+    /// Where its priority could not be lowered; it is stopped all the same, outside sections.
+    pub(crate) fn suspend(&self, tid: Tid, running: bool) -> io::Result<()> {
+        self.0.suspension().stop();
+        let lowered = sched::set_priority(tid, SchedClass::Other);
         if running {
-            let process = std::process::id();
-            // SAFETY: tgkill takes plain numbers; a thread that has ended gives ESRCH.
-            unsafe { libc::syscall(libc::SYS_tgkill, process, tid.get(), signal()) };
+            signal_thread(tid);
         }
+        lowered
     }
 
+    /// The thread is at its background priority. It is stopped, too, once it has
+    /// [inherited](Self::inherited) as much as `allowance`.
+    pub(crate) fn lower(&self, allowance: Nanos) {
+        self.0.suspension().lower(allowance);
+    }
+
+    /// The thread goes on. Its priority is the caller's to set, before.
     pub(crate) fn resume(&self) {
-        if self.0.swap(RUNNING, Ordering::SeqCst) == SUSPENDED {
-            futex::wake_one(&self.0);
-        }
+        self.0.suspension().raise();
     }
 
+    /// As [`resume`](Self::resume), from a stop.
+    ///
+    /// # Errors
+    /// Where its priority could not be raised; it goes on all the same.
+    pub(crate) fn resume_at(&self, tid: Tid, priority: u8) -> io::Result<()> {
+        let raised = sched::set_priority(tid, SchedClass::Fifo(priority));
+        self.resume();
+        raised
+    }
+
+    /// The executor stops: the thread finishes its callback, low as it may be.
+    pub(crate) fn cancel(&self) {
+        self.0.suspension().cancel();
+    }
+
+    /// By the thread itself: a callback is about to begin.
+    #[inline]
     pub(crate) fn wait_while_suspended(&self) {
-        wait(&self.0);
+        self.0.suspension().begin(clock::thread_cpu);
+    }
+
+    /// CPU time that the thread has used while others waited for it; its CPU clock shows `cpu`.
+    pub(crate) fn inherited(&self, cpu: Nanos) -> Nanos {
+        self.0.suspension().boosted(cpu)
     }
 }
 
-fn wait(word: &AtomicU32) {
-    while word.load(Ordering::SeqCst) == SUSPENDED {
-        futex::wait(word, SUSPENDED, None);
-    }
-}
-
-/// A lock of ours was taken by this thread.
+/// A lock of ours is about to be taken by this thread.
 #[inline]
-pub(crate) fn enter_critical() {
-    HELD.with(|h| h.set(h.get() + 1));
+pub(super) fn enter_critical() {
+    if let Some(slot) = supervised::mine() {
+        slot.suspension.enter();
+    }
 }
 
-/// A lock of ours was released; the last release obeys a suspension that came meanwhile.
+/// A lock of ours was released, or not taken; the last release obeys a stop that came meanwhile.
 #[inline]
-pub(crate) fn leave_critical() {
-    let left = HELD.with(|h| {
-        h.set(h.get().saturating_sub(1));
-        h.get()
-    });
-    if left == 0 && !WORD.with(Cell::get).is_null() {
-        suspend_here();
+pub(super) fn leave_critical() {
+    if let Some(slot) = supervised::mine() {
+        slot.suspension.leave(clock::thread_cpu);
     }
 }
 
-/// Waits if the calling thread is a worker that is suspended.
-fn suspend_here() {
-    let word = WORD.with(Cell::get);
-    if word.is_null() {
-        return;
+/// The calling thread has a lock that others wait for.
+pub(super) fn has_waiters() {
+    if let Some(slot) = supervised::mine() {
+        slot.suspension.boost_now(clock::thread_cpu());
     }
-    // SAFETY: set by `attach_current_thread` to a cell that outlives the thread's work.
-    wait(unsafe { &*word });
+}
+
+/// The calling thread is about to wait for a lock of thread `owner`, if `is_owner` still.
+pub(super) fn waits_for(owner: i32, is_owner: impl Fn() -> bool) {
+    if let Some(slot) = supervised::find(owner)
+        && let Some(cpu) = Tid::new(owner).and_then(|tid| ThreadCpuClock::of(tid).read())
+        && slot.suspension.boost(cpu)
+        && !is_owner()
+    {
+        slot.suspension.boost_was_late(cpu);
+    }
 }
 
 /// A real-time signal that neither libc nor common libraries use.
-fn signal() -> libc::c_int {
+fn signal() -> c_int {
     libc::SIGRTMAX() - 3
 }
 
-extern "C" fn handler(_: libc::c_int) {
+fn signal_thread(tid: Tid) {
+    let process = std::process::id();
+    // SAFETY: tgkill takes plain numbers; a thread that has ended gives ESRCH.
+    unsafe { libc::syscall(libc::SYS_tgkill, process, tid.get(), signal()) };
+}
+
+/// Async-signal-safe: a thread local without a destructor that enrolment has touched before, in
+/// memory that is never freed; atomics; the system calls of futex and timer.
+extern "C" fn handler(_: c_int, _: *mut libc::siginfo_t, context: *mut c_void) {
     // SAFETY: errno is thread-local and always there; it is restored below.
     let errno = unsafe { libc::__errno_location() };
     // SAFETY: as above.
     let saved = unsafe { *errno };
-    if HELD.with(Cell::get) == 0 {
-        suspend_here();
+    if let Some(slot) = supervised::mine()
+        && slot.suspension.stops_here()
+    {
+        // SAFETY: the third argument of a handler installed with SA_SIGINFO.
+        let place = unsafe { c_library::interrupted_at(context) };
+        let in_library = place.filter(|place| c_library::contains(*place));
+        if in_library.is_none() || !slot.retry.again(clock::thread_cpu()) {
+            slot.suspension.wait();
+        }
     }
     // SAFETY: as above.
     unsafe { *errno = saved };
@@ -137,9 +176,9 @@ fn install_handler() -> io::Result<()> {
     // SAFETY: an all-zero sigaction is a valid value to fill in.
     let mut action: libc::sigaction = unsafe { std::mem::zeroed() };
     action.sa_sigaction = handler as *const () as libc::sighandler_t;
-    action.sa_flags = libc::SA_RESTART;
-    // SAFETY: `action` is valid for the call; the handler is async-signal-safe: thread locals
-    // without destructors, atomics, the futex system call.
+    action.sa_flags = libc::SA_RESTART | libc::SA_SIGINFO;
+    // SAFETY: `action` is valid for the call; the handler has three arguments, as SA_SIGINFO says,
+    // and is async-signal-safe.
     match unsafe { libc::sigaction(signal(), &raw const action, ptr::null_mut()) } {
         0 => Ok(()),
         _ => Err(io::Error::last_os_error()),

@@ -13,7 +13,7 @@
 
 use super::affinity::{CpuSet, affinity, set_affinity};
 use super::clock;
-use super::sched::{SchedClass, set_scheduler};
+use super::sched::{SchedClass, reset_on_fork, set_scheduler};
 use super::sched_attr;
 use super::spawn_error::SpawnError;
 use super::tid::current_tid;
@@ -63,12 +63,13 @@ impl<T> Thread<T> {
     /// # Errors
     /// The thread itself if it still runs then.
     pub fn join_until(self, deadline: Nanos) -> Result<std::thread::Result<T>, Self> {
-        /// Between the signal and the end the thread runs only the standard library's epilogue.
+        /// Between the signal and the end the thread runs only the standard library's epilogue, and
+        /// what its thread locals do when they are dropped: `join` would wait for that as well.
         const POLL: Nanos = 50_000;
         if !self.done.wait_until(deadline) {
             return Err(self);
         }
-        while !self.is_finished() {
+        while !self.is_finished() || reset_on_fork(self.tid).is_ok() {
             let now = clock::monotonic();
             if now >= deadline {
                 self.done.set(); // for a later join_until

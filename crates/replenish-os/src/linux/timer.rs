@@ -1,10 +1,13 @@
 //! One-shot timers as file descriptors: one thread blocks in [`TimerFd::read`], any thread arms.
-#![expect(unsafe_code, reason = "timerfd_create, timerfd_settime, read")]
 
 use super::sys;
 use crate::Nanos;
+use rustix::io::{Errno, read};
+use rustix::time::{
+    Itimerspec, TimerfdClockId, TimerfdFlags, TimerfdTimerFlags, timerfd_create, timerfd_settime,
+};
 use std::io;
-use std::os::fd::{AsFd, AsRawFd, BorrowedFd, FromRawFd, OwnedFd};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
 /// A one-shot timer on `CLOCK_MONOTONIC` (`timerfd_create(2)`). All methods may be called from
 /// any thread, also while another blocks in [`read`](Self::read).
@@ -17,11 +20,14 @@ impl TimerFd {
     /// # Errors
     /// `EMFILE` or `ENFILE` when no descriptor is free.
     pub fn new() -> io::Result<Self> {
-        // SAFETY: no memory is passed.
-        let fd =
-            sys::check(unsafe { libc::timerfd_create(libc::CLOCK_MONOTONIC, libc::TFD_CLOEXEC) })?;
-        // SAFETY: the descriptor is new, open and owned by nobody else.
-        Ok(Self(unsafe { OwnedFd::from_raw_fd(fd) }))
+        let fd = timerfd_create(TimerfdClockId::Monotonic, TimerfdFlags::CLOEXEC)?;
+        Ok(Self(fd))
+    }
+
+    /// One that cannot be read any more, as if somebody had put another file in its place.
+    #[cfg(test)]
+    pub(crate) fn broken() -> Self {
+        Self(std::fs::File::open("/").map_or_else(|_| unreachable!("no root"), OwnedFd::from))
     }
 
     /// Fires once at the absolute time `t`, or at once if `t` has passed (0 included). Replaces
@@ -46,32 +52,23 @@ impl TimerFd {
     /// of them gets it.
     ///
     /// # Errors
-    /// What `read(2)` reports, except for interruption by a signal, which is retried.
+    /// The errors of `read(2)`, except for interruption by a signal, which is retried.
     pub fn read(&self) -> io::Result<()> {
-        let mut expirations = 0_u64;
-        let buffer = (&raw mut expirations).cast();
-        sys::retry(|| {
-            // SAFETY: the buffer is eight writable bytes that live across the call.
-            sys::check(unsafe { libc::read(self.0.as_raw_fd(), buffer, size_of::<u64>()) })
-        })?;
+        let mut expirations = [0; size_of::<u64>()];
+        while let Err(error) = read(&self.0, &mut expirations) {
+            if error != Errno::INTR {
+                return Err(error.into());
+            }
+        }
         Ok(())
     }
 
     fn settime(&self, t: Nanos) -> io::Result<()> {
-        let spec = libc::itimerspec {
-            it_interval: sys::zero_timespec(),
+        let spec = Itimerspec {
+            it_interval: sys::timespec(0),
             it_value: sys::timespec(t),
         };
-        let fd = self.0.as_raw_fd();
-        // SAFETY: `spec` lives across the call; a null old value is allowed.
-        sys::check(unsafe {
-            libc::timerfd_settime(
-                fd,
-                libc::TFD_TIMER_ABSTIME,
-                &raw const spec,
-                std::ptr::null_mut(),
-            )
-        })?;
+        timerfd_settime(&self.0, TimerfdTimerFlags::ABSTIME, &spec)?;
         Ok(())
     }
 }

@@ -1,40 +1,27 @@
 //! Serial lines: opening one raw at a baud rate, and pairs of pseudo-terminals to try that without
 //! one.
-#![expect(unsafe_code, reason = "termios, posix_openpt, ptsname_r")]
 
 use super::sys;
+use rustix::pty::{ptsname, unlockpt};
+use rustix::termios::{
+    ControlModes, InputModes, OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr,
+};
+use std::ffi::OsString;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
-use std::mem::MaybeUninit;
-use std::os::fd::{AsFd, AsRawFd, BorrowedFd, FromRawFd, OwnedFd};
+use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::ffi::OsStringExt;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
-const RATES: [(u32, libc::speed_t); 18] = [
-    (1_200, libc::B1200),
-    (2_400, libc::B2400),
-    (4_800, libc::B4800),
-    (9_600, libc::B9600),
-    (19_200, libc::B19200),
-    (38_400, libc::B38400),
-    (57_600, libc::B57600),
-    (115_200, libc::B115200),
-    (230_400, libc::B230400),
-    (460_800, libc::B460800),
-    (500_000, libc::B500000),
-    (576_000, libc::B576000),
-    (921_600, libc::B921600),
-    (1_000_000, libc::B1000000),
-    (1_500_000, libc::B1500000),
-    (2_000_000, libc::B2000000),
-    (3_000_000, libc::B3000000),
-    (4_000_000, libc::B4000000),
+const RATES: [u32; 18] = [
+    1_200, 2_400, 4_800, 9_600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 500_000,
+    576_000, 921_600, 1_000_000, 1_500_000, 2_000_000, 3_000_000, 4_000_000,
 ];
 
 /// The baud rates that [`Tty::open`] knows.
 pub fn baud_rates() -> impl Iterator<Item = u32> {
-    RATES.iter().map(|(baud, _)| *baud)
+    RATES.into_iter()
 }
 
 /// An open serial line: raw, 8 data bits, no parity, one stop bit, no flow control. Reading and
@@ -50,19 +37,14 @@ impl Tty {
     /// `InvalidInput` for a rate that is not among [`baud_rates`]; `ENOTTY` if `path` is not a
     /// terminal; what `open(2)` says.
     pub fn open(path: &Path, baud: u32) -> io::Result<Self> {
-        let rate = RATES.iter().find(|(known, _)| *known == baud);
-        let &(_, speed) = rate.ok_or_else(|| {
-            io::Error::new(
+        if !RATES.contains(&baud) {
+            return Err(io::Error::new(
                 io::ErrorKind::InvalidInput,
                 format!("no baud rate of terminals: {baud}"),
-            )
-        })?;
-        let file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .custom_flags(libc::O_NOCTTY | libc::O_NONBLOCK)
-            .open(path)?;
-        make_raw(&file, speed)?;
+            ));
+        }
+        let file = open(path)?;
+        make_raw(&file, baud)?;
         Ok(Self(file))
     }
 
@@ -105,26 +87,13 @@ impl Pty {
     /// # Errors
     /// `EMFILE`, `ENFILE`, `ENOSPC` when there are no more.
     pub fn open() -> io::Result<Self> {
-        let flags = libc::O_RDWR | libc::O_NOCTTY | libc::O_NONBLOCK | libc::O_CLOEXEC;
-        // SAFETY: no memory is passed.
-        let fd = sys::check(unsafe { libc::posix_openpt(flags) })?;
-        // SAFETY: the descriptor is new, open and owned by nobody else.
-        let file = File::from(unsafe { OwnedFd::from_raw_fd(fd) });
-        // SAFETY: no memory is passed.
-        sys::check(unsafe { libc::grantpt(fd) })?;
-        // SAFETY: no memory is passed.
-        sys::check(unsafe { libc::unlockpt(fd) })?;
-        let mut name = [0_u8; 128];
-        // SAFETY: as many writable bytes as announced.
-        let rc = unsafe { libc::ptsname_r(fd, name.as_mut_ptr().cast(), name.len()) };
-        if rc != 0 {
-            return Err(io::Error::from_raw_os_error(rc));
-        }
-        let name = name.iter().copied().take_while(|byte| *byte != 0).collect();
-        make_raw(&file, libc::B115200)?;
+        let file = open(Path::new("/dev/ptmx"))?;
+        unlockpt(&file)?;
+        let name = ptsname(&file, Vec::new())?;
+        make_raw(&file, 115_200)?;
         Ok(Self {
             tty: Tty(file),
-            path: std::ffi::OsString::from_vec(name).into(),
+            path: OsString::from_vec(name.into_bytes()).into(),
         })
     }
 
@@ -135,23 +104,22 @@ impl Pty {
     }
 }
 
-fn make_raw(file: &File, speed: libc::speed_t) -> io::Result<()> {
-    let fd = file.as_raw_fd();
-    let mut termios = MaybeUninit::<libc::termios>::uninit();
-    // SAFETY: room for a `termios`.
-    sys::check(unsafe { libc::tcgetattr(fd, termios.as_mut_ptr()) })?;
-    // SAFETY: the call above has succeeded, so it is filled.
-    let mut termios = unsafe { termios.assume_init() };
-    // SAFETY: a valid `termios`.
-    unsafe { libc::cfmakeraw(&raw mut termios) };
-    termios.c_cflag |= libc::CLOCAL | libc::CREAD;
-    termios.c_cflag &= !(libc::CSTOPB | libc::CRTSCTS);
-    termios.c_iflag &= !(libc::IXOFF | libc::IXANY);
-    // SAFETY: a valid `termios`.
-    sys::check(unsafe { libc::cfsetspeed(&raw mut termios, speed) })?;
-    // SAFETY: a valid `termios`.
-    sys::check(unsafe { libc::tcsetattr(fd, libc::TCSANOW, &raw const termios) })?;
-    // SAFETY: no memory is passed.
-    sys::check(unsafe { libc::tcflush(fd, libc::TCIFLUSH) })?;
+fn open(path: &Path) -> io::Result<File> {
+    OpenOptions::new()
+        .read(true)
+        .write(true)
+        .custom_flags(libc::O_NOCTTY | libc::O_NONBLOCK)
+        .open(path)
+}
+
+fn make_raw(file: &File, baud: u32) -> io::Result<()> {
+    let mut line = tcgetattr(file)?;
+    line.make_raw();
+    line.control_modes |= ControlModes::CLOCAL | ControlModes::CREAD;
+    line.control_modes -= ControlModes::CSTOPB | ControlModes::CRTSCTS;
+    line.input_modes -= InputModes::IXOFF | InputModes::IXANY;
+    line.set_speed(baud)?;
+    tcsetattr(file, OptionalActions::Now, &line)?;
+    tcflush(file, QueueSelector::IFlush)?;
     Ok(())
 }

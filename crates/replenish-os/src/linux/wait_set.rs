@@ -1,13 +1,17 @@
 //! Waiting on the same descriptors again and again, at the price of one system call that does not
 //! look at each of them.
-#![expect(unsafe_code, reason = "epoll")]
+#![expect(
+    unsafe_code,
+    reason = "epoll_pwait2, which rustix calls for whole milliseconds only"
+)]
 
 use super::clock::monotonic;
 use super::poll::{PollFd, poll};
 use super::sys;
 use crate::Nanos;
+use rustix::event::epoll::{self, CreateFlags, EventData, EventFlags};
 use std::io;
-use std::os::fd::{AsFd, AsRawFd, BorrowedFd, FromRawFd, OwnedFd};
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::ptr;
 
 /// Descriptors to be read from (`epoll(7)`, level-triggered), each with a bit of its own.
@@ -26,10 +30,7 @@ impl WaitSet {
     /// # Errors
     /// `EMFILE` or `ENFILE` when no descriptor is free, `ENOMEM`.
     pub fn new() -> io::Result<Self> {
-        // SAFETY: no memory is passed.
-        let fd = sys::check(unsafe { libc::epoll_create1(libc::EPOLL_CLOEXEC) })?;
-        // SAFETY: the descriptor is new, open and owned by nobody else.
-        Ok(Self(unsafe { OwnedFd::from_raw_fd(fd) }))
+        Ok(Self(epoll::create(CreateFlags::CLOEXEC)?))
     }
 
     /// From now on [`wait`](Self::wait) ends when `fd` can be read, or is broken, and tells `bits`.
@@ -38,14 +39,8 @@ impl WaitSet {
     /// `EEXIST` if it is there already, `EPERM` for a descriptor that cannot be waited on,
     /// `ENOMEM`, `ENOSPC`; see `epoll_ctl(2)`.
     pub fn add(&self, fd: &impl AsFd, bits: u32) -> io::Result<()> {
-        let mut event = libc::epoll_event {
-            events: libc::EPOLLIN.cast_unsigned(),
-            u64: bits.into(),
-        };
-        let (set, fd) = (self.0.as_raw_fd(), fd.as_fd().as_raw_fd());
-        // SAFETY: `event` is readable for the call.
-        sys::check(unsafe { libc::epoll_ctl(set, libc::EPOLL_CTL_ADD, fd, &raw mut event) })
-            .map(drop)
+        let bits = EventData::new_u64(bits.into());
+        Ok(epoll::add(&self.0, fd, bits, EventFlags::IN)?)
     }
 
     /// Waits until a descriptor is ready or [`monotonic`](crate::clock::monotonic) time has reached
@@ -54,43 +49,62 @@ impl WaitSet {
     /// the wait.
     ///
     /// # Errors
-    /// What [`poll`] gives.
+    /// The errors of [`poll`].
     pub fn wait(&self, deadline: Option<Nanos>) -> io::Result<u32> {
-        match self.events(deadline) {
-            // Before Linux 5.11. The set itself can be waited on, to the nanosecond.
-            Err(e) if e.raw_os_error() == Some(libc::ENOSYS) => {
-                poll(&mut [PollFd::readable(self)], deadline)?;
-                self.events(Some(0))
-            }
-            bits => bits,
-        }
+        let mut events = [NO_EVENT; Self::MOST];
+        let ready = ready(&self.0, &mut events, deadline)?;
+        let bits = |bits, key: u64| bits | u32::try_from(key).unwrap_or(0);
+        Ok(ready.fold(0, bits))
     }
+}
 
-    fn events(&self, deadline: Option<Nanos>) -> io::Result<u32> {
-        let mut events = [libc::epoll_event { events: 0, u64: 0 }; Self::MOST];
-        let (set, room, to) = (self.0.as_raw_fd(), Self::MOST, events.as_mut_ptr());
-        let ready = sys::retry(|| {
-            let timeout = deadline.map(|t| sys::timespec(t.saturating_sub(monotonic())));
-            let timeout = timeout.as_ref().map_or(ptr::null(), ptr::from_ref);
-            let mask = ptr::null::<libc::sigset_t>();
-            // SAFETY: `events` has room for that many; the timeout lives across the call; null
-            // stands for no timeout and for no change of the signal mask.
-            let rc = unsafe {
-                libc::syscall(
-                    libc::SYS_epoll_pwait2,
-                    set,
-                    to,
-                    room,
-                    timeout,
-                    mask,
-                    0_usize,
-                )
-            };
-            sys::check(libc::c_int::try_from(rc).unwrap_or(-1))
-        })?;
-        let ready = events.iter().take(usize::try_from(ready).unwrap_or(0));
-        Ok(ready.fold(0, |bits, e| bits | u32::try_from(e.u64).unwrap_or(0)))
-    }
+/// An event of which nothing is known yet.
+pub(super) const NO_EVENT: libc::epoll_event = libc::epoll_event { events: 0, u64: 0 };
+
+/// Waits until a descriptor of `set` is ready or `deadline` is reached; the keys of those that are,
+/// as many as `events` has room for. Signals do not end the wait.
+pub(super) fn ready<'e>(
+    set: &OwnedFd,
+    events: &'e mut [libc::epoll_event],
+    deadline: Option<Nanos>,
+) -> io::Result<impl Iterator<Item = u64> + use<'e>> {
+    let count = match epoll_pwait2(set, events, deadline) {
+        // Before Linux 5.11. The set itself can be waited on, to the nanosecond.
+        Err(e) if e.raw_os_error() == Some(libc::ENOSYS) => {
+            poll(&mut [PollFd::readable(set)], deadline)?;
+            epoll_pwait2(set, events, Some(0))
+        }
+        count => count,
+    }?;
+    Ok(events.iter().take(count).map(|e| e.u64))
+}
+
+fn epoll_pwait2(
+    set: &OwnedFd,
+    events: &mut [libc::epoll_event],
+    deadline: Option<Nanos>,
+) -> io::Result<usize> {
+    let (set, room, to) = (set.as_raw_fd(), events.len(), events.as_mut_ptr());
+    let ready = sys::retry(|| {
+        let timeout = deadline.map(|t| sys::timespec(t.saturating_sub(monotonic())));
+        let timeout = timeout.as_ref().map_or(ptr::null(), ptr::from_ref);
+        let mask = ptr::null::<libc::sigset_t>();
+        // SAFETY: `events` has room for that many; the timeout lives across the call; null
+        // stands for no timeout and for no change of the signal mask.
+        let rc = unsafe {
+            libc::syscall(
+                libc::SYS_epoll_pwait2,
+                set,
+                to,
+                room,
+                timeout,
+                mask,
+                0_usize,
+            )
+        };
+        sys::check(libc::c_int::try_from(rc).unwrap_or(-1))
+    })?;
+    Ok(usize::try_from(ready).unwrap_or(0))
 }
 
 impl AsFd for WaitSet {

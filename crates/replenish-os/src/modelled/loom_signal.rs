@@ -48,7 +48,7 @@ fn a_set_before_the_wait_returns_at_once() {
     });
 }
 
-/// What a setter wrote before its set is visible after the wait, although the cell alone
+/// A setter's writes before its set are visible after the wait, although the cell alone
 /// synchronises (`Relaxed` flags) and although sets coalesce: otherwise the waiter would miss a
 /// flag and wait for a set that never comes.
 #[test]

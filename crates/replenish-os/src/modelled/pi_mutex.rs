@@ -21,6 +21,11 @@ impl<T> PiMutex<T> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// The value, which nobody else can lock meanwhile.
+    pub fn get_mut(&mut self) -> &mut T {
+        self.0.get_mut().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// As [`lock`](Self::lock). A deadline other than the end of time has passed as soon as the
     /// lock is found taken.
     pub fn lock_until(&self, deadline: Nanos) -> Option<PiMutexGuard<'_, T>> {

@@ -101,7 +101,7 @@ impl ThreadMemory {
         done("sem_init", unsafe { rp_thread_init(self.get()) })
     }
 
-    /// What [`create`] said of the thread, before that has said so itself.
+    /// Notes the id and priority from [`create`], before the thread reports them itself.
     pub(crate) fn note(&self, id: u64, priority: u8) {
         // SAFETY: initialised; masked by the caller.
         unsafe { rp_thread_note(self.get(), id, priority.into()) };

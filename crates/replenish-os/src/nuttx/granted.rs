@@ -1,4 +1,4 @@
-//! What a thread really has, read back from the system.
+//! A thread's scheduling and stack, read back from the system.
 
 use super::task_slot;
 use crate::Nanos;

@@ -1,4 +1,4 @@
-//! What the system does to a thread: it waits, wakes, and gets another priority.
+//! The system's calls that act on a thread: wait, wake, set the priority.
 
 use super::task_slot::{self, NEVER, Task};
 use crate::rtos::cs_token::CsToken;

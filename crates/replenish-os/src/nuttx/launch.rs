@@ -19,7 +19,7 @@ use core::ptr;
 /// The stack in bytes unless said otherwise.
 pub(crate) const DEFAULT_STACK: usize = if cfg!(nuttx_host) { 256 << 10 } else { 4096 };
 
-/// What a thread does first, with its slot.
+/// The body of a thread; it gets the thread's slot.
 pub(crate) type TaskBody = Box<dyn FnOnce(&'static TaskSlot) + Send>;
 
 /// A policy in the shim's words.

@@ -38,7 +38,7 @@ pub(crate) mod sched;
 pub(crate) mod suspend;
 pub(crate) mod task_slot;
 
-/// What `rtos/` asks of this back end.
+/// The functions that `rtos/` takes from this back end.
 pub(crate) mod port {
     pub(crate) use super::config::POLICIES;
     pub(crate) use super::ffi::{board_now, mask, unmask};
@@ -50,7 +50,9 @@ pub(crate) mod port {
 pub use crate::rtos::atomic::AtomicU64;
 pub use crate::rtos::error::OsError;
 pub use crate::rtos::panicked::{Panicked, panicked};
-pub(crate) use crate::rtos::{blocking_detector, futex, pi_lock, poll, spawn_error, thread, tid};
+pub(crate) use crate::rtos::{
+    blocking_detector, futex, lock_wait, pi_lock, poll, spawn_error, thread, tid,
+};
 pub use crate::rtos::{clock, memory, privilege, timer};
 pub use heap::SystemHeap;
 pub use panics::halt;

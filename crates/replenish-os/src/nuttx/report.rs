@@ -1,4 +1,5 @@
-//! What shim, image and this crate must agree on, checked before the first thread is made.
+//! Constants in which shim, image and this crate must agree. They are checked before the first
+//! thread is made.
 
 use super::ffi::{self, ShimReport, ThreadMemory};
 use crate::Nanos;
@@ -13,7 +14,7 @@ const ROUND_ROBIN: u32 = 8;
 /// A clock or tick coarser than this holds no budget worth the name.
 const COARSEST: Nanos = 1_000_000;
 
-/// What the system has, as the shim found it.
+/// The system's settings, as the shim found them.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct SystemInfo {
     /// `sizeof(pthread_attr_t)`.

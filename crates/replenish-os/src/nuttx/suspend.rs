@@ -2,8 +2,8 @@
 //! No priority of `NuttX` is below that of its idle task's, and a thread that was stopped by a
 //! signal could not give back a lock that somebody waits for.
 
-use crate::Tid;
 use crate::rtos::error::OsError;
+use crate::{Nanos, Tid};
 
 /// Tells one worker whether it is suspended: never.
 #[derive(Debug)]
@@ -22,11 +22,27 @@ impl SuspendCell {
         ))
     }
 
-    pub(crate) const fn detach_current_thread(&self) {}
+    pub(crate) const fn detach(&self) {}
 
-    pub(crate) const fn suspend(&self, _: Tid, _running: bool) {}
+    pub(crate) const fn suspend(&self, _: Tid, _running: bool) -> Result<(), OsError> {
+        Ok(())
+    }
 
     pub(crate) const fn resume(&self) {}
+
+    pub(crate) const fn resume_at(&self, _: Tid, _priority: u8) -> Result<(), OsError> {
+        Ok(())
+    }
+
+    pub(crate) const fn cancel(&self) {}
+
+    /// Inherited time is not counted here.
+    pub(crate) const fn lower(&self, _allowance: Nanos) {}
+
+    /// See [`lower`](Self::lower).
+    pub(crate) const fn inherited(&self, _cpu: Nanos) -> Nanos {
+        0
+    }
 
     pub(crate) const fn wait_while_suspended(&self) {}
 }

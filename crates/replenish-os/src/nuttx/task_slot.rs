@@ -1,4 +1,4 @@
-//! What this back end knows of each thread.
+//! The state of each thread in this back end.
 //!
 //! ```text
 //!   free ── make ──► a thread's ── switch hooks keep its CPU time ──► its end ──► free

@@ -32,7 +32,7 @@ impl BlockedIntervals {
         }
     }
 
-    /// What has happened so far is done with; an open block stays open.
+    /// Forgets the intervals so far; an open one stays open.
     pub(crate) fn clear(&mut self, cpu: Nanos) {
         self.len = 0;
         self.mark = cpu;

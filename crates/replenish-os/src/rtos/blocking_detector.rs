@@ -2,12 +2,18 @@
 
 use super::blocked_intervals::BlockedIntervals;
 use super::clock::ThreadCpuClock;
+use super::error::OsError;
+use super::lock_wait::LockWaits;
 use super::timer::TimerFd;
 use crate::Nanos;
 use crate::Tid;
 use crate::backend::port::alarm;
 use crate::backend::port::task_slot::{self, TaskSlot, TaskState};
-use sporadic::Gap;
+use sporadic::Readings;
+
+/// A switch of a task; the hooks keep no list of them.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Switch {}
 
 /// The record of one supervised task, read by its enforcer.
 #[derive(Debug)]
@@ -17,11 +23,18 @@ pub(crate) struct BlockingDetector {
 }
 
 impl BlockingDetector {
-    pub(crate) fn new(tid: Tid, _exact: bool) -> Self {
-        Self {
+    /// No record is refused here.
+    pub(crate) fn new(tid: Tid, _exact: bool, _rings: usize) -> (Self, Option<OsError>) {
+        let detector = Self {
             slot: task_slot::find(tid.get()),
             read: BlockedIntervals::new(),
-        }
+        };
+        (detector, None)
+    }
+
+    #[expect(clippy::unused_self, reason = "the other back end's name")]
+    pub(crate) const fn lock_waits(&self) -> LockWaits {
+        LockWaits
     }
 
     #[expect(clippy::unused_self, reason = "the other back end's name")]
@@ -35,12 +48,24 @@ impl BlockingDetector {
         false
     }
 
+    /// See [`has_not_run`](Self::has_not_run).
+    #[expect(clippy::unused_self, reason = "the other back end's name")]
+    pub(crate) const fn is_off_cpu(&self) -> bool {
+        false
+    }
+
     #[expect(clippy::unused_self, reason = "the other back end's name")]
     pub(crate) const fn skip_reading(&mut self, _now: Nanos) {}
 
     /// Takes what the hooks have recorded since the last reading; the task's CPU clock, `None` once
     /// it has ended.
-    pub(crate) fn read(&mut self, _: &ThreadCpuClock, _since: Nanos, now: Nanos) -> Option<Nanos> {
+    pub(crate) fn read(
+        &mut self,
+        _: &ThreadCpuClock,
+        _since: Nanos,
+        now: Nanos,
+        _: impl FnMut(Nanos, Switch),
+    ) -> Option<Nanos> {
         let read = &mut self.read;
         self.slot?.state.with(|s| {
             if s.blocked.len > 0 {
@@ -53,23 +78,19 @@ impl BlockingDetector {
     }
 
     /// Starts afresh with a task that runs; its CPU clock.
-    pub(crate) fn restart(&mut self, _: &ThreadCpuClock, now: Nanos) -> Option<Nanos> {
+    pub(crate) fn restart(
+        &mut self,
+        _: &ThreadCpuClock,
+        now: Nanos,
+        _: impl FnMut(Nanos, Switch),
+    ) -> Option<Nanos> {
         self.read.len = 0;
         self.slot?.state.with(|s| begin(s, now))
     }
 
-    /// It is not known when the task blocked: all since the last reading counts from `now`.
-    pub(crate) fn lost(&mut self, since: Nanos, now: Nanos) {
-        self.read = BlockedIntervals::new();
-        self.read.len = 1;
-        if let Some(first) = self.read.list.first_mut() {
-            *first = Gap {
-                ran: 0,
-                out_at: since,
-                in_at: now,
-            };
-        }
-    }
+    /// Nothing to note: where the hooks see no switches, every reading is unknown.
+    #[expect(clippy::unused_self, reason = "the other back end's name")]
+    pub(crate) const fn lost(&mut self, _now: Nanos) {}
 
     /// Asks for a wake-up of the enforcer when the task's CPU clock shows `at` (`Nanos::MAX`:
     /// none). Returns whether that works; otherwise the enforcer's timer must be set instead.
@@ -90,8 +111,12 @@ impl BlockingDetector {
         }
     }
 
-    pub(crate) fn gaps(&self) -> &[Gap] {
-        self.read.list.get(..self.read.len).unwrap_or(&[])
+    pub(crate) fn readings(&self) -> Readings<'_> {
+        if task_slot::sees_switches() {
+            Readings::Exact(self.read.list.get(..self.read.len).unwrap_or(&[]))
+        } else {
+            Readings::Unknown
+        }
     }
 }
 

@@ -19,6 +19,7 @@ use core::cell::UnsafeCell;
 pub(crate) struct CriticalSection(u32);
 
 impl CriticalSection {
+    #[cfg_attr(feature = "outlined", inline(never))]
     pub(crate) fn enter() -> Self {
         Self(port::mask())
     }

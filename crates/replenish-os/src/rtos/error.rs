@@ -11,6 +11,7 @@ pub struct OsError {
 
 impl OsError {
     pub(crate) const fn new(what: &'static str) -> Self {
+        let what = if cfg!(feature = "compact") { "" } else { what };
         Self { what, errno: 0 }
     }
 

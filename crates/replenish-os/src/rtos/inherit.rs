@@ -22,7 +22,7 @@ const WAITERS: u32 = 1 << 31;
 /// Longer chains of locks pass no priority on.
 const LONGEST_CHAIN: usize = 8;
 
-/// Who holds the lock that `slot` waits for.
+/// The holder of the lock that `slot` waits for.
 fn lender_to(slot: &TaskSlot, cs: CsToken<'_>) -> Option<i32> {
     let word: *const AtomicU32 = slot.state.within(cs, |s| {
         if s.lends {
@@ -89,7 +89,7 @@ pub(crate) fn set_base(slot: &'static TaskSlot, priority: u8) -> Result<(), OsEr
     done
 }
 
-/// Whoever holds what `slot` waits for, and so on along the chain.
+/// Raises the holder of the lock that `slot` waits for, and so on along the chain.
 fn raise_owners(slot: &TaskSlot, cs: CsToken<'_>) {
     let mut next = lender_to(slot, cs);
     for _ in 0..LONGEST_CHAIN {

@@ -3,7 +3,7 @@
 //! ```text
 //!   thread ─ name, spawn_error        poll ─ notify (crate)     blocking_detector
 //!      │                                │                              │
-//!      │        pi_lock ─ inherit     futex     timer     clock ─ tid  │   memory, privilege
+//!      │        pi_lock ─ inherit     futex     timer     clock ─ tid  lock_wait   memory, privilege
 //!      ▼            ▼        ▼          ▼         ▼         ▼          ▼   (nothing to do)
 //!   ┌─────────── critical_section (over it: atomic) ─ blocked_intervals ──────────────┐
 //!   │ backend::port: block wake place │ mask unmask │ board_now │ task_slot           │
@@ -23,6 +23,7 @@ pub(crate) mod cs_token;
 pub(crate) mod error;
 pub(crate) mod futex;
 pub(crate) mod inherit;
+pub(crate) mod lock_wait;
 pub mod memory;
 pub(crate) mod name;
 pub(crate) mod panicked;

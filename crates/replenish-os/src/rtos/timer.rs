@@ -16,7 +16,7 @@ pub struct TimerFd(Guarded<TimerState>);
 struct TimerState {
     at: Nanos,
     reader: Option<&'static TaskSlot>,
-    /// Who read last.
+    /// The task that read last.
     owner: Option<&'static TaskSlot>,
 }
 

@@ -9,11 +9,19 @@
 
 mod common;
 mod enforcer;
+#[cfg(not(nuttx_host))]
+mod foreign;
+#[cfg(not(nuttx_host))]
+mod foreign_own;
 #[cfg(nuttx_host)]
 mod nuttx;
 mod pi_mutex;
 #[cfg(not(nuttx_host))]
 mod sched;
+#[cfg(not(nuttx_host))]
+mod supervision;
+#[cfg(not(nuttx_host))]
+mod suspend;
 #[cfg(not(nuttx_host))]
 mod switches;
 #[cfg(not(nuttx_host))]
@@ -37,10 +45,20 @@ fn main() {
     if unprivileged::is_child() {
         unprivileged::child();
     }
+    if supervision::is_child() {
+        supervision::child();
+    }
+    if foreign::is_child() {
+        foreign::child();
+    }
     run_in_turn([
         ("enforcer", enforcer::trials()),
+        ("foreign", foreign::trials()),
+        ("foreign_own", foreign_own::trials()),
         ("pi_mutex", pi_mutex::trials()),
         ("sched", sched::trials()),
+        ("suspend", suspend::trials()),
+        ("supervision", supervision::trials()),
         ("switches", switches::trials()),
         ("thread", thread::trials()),
     ])

@@ -158,7 +158,7 @@ fn early_change() {
     assert_eq!(thread.join().unwrap().priority, 20);
 }
 
-/// What a thread at FIFO 30 with a lock has as priority, before and while `waiter` waits.
+/// The priority of a thread at FIFO 30 with a lock, before and while `waiter` waits.
 struct Seen {
     alone: u8,
     boosted: u8,

@@ -18,7 +18,8 @@ const CONTAINER: &str =
 const SERVICE: &str =
     "a service:      LimitRTPRIO=99 and LimitMEMLOCK=infinity in its [Service] section";
 
-/// What is missing, why, and the commands; `real-time priority 1 to 99 is granted` if nothing is.
+/// The missing right, its cause and the commands; `real-time priority 1 to 99 is granted` if none
+/// is missing.
 impl fmt::Display for Privilege {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.fifo {

@@ -14,4 +14,5 @@ mod process;
 
 pub(super) use advice::setcap_line;
 pub use probes::{CgroupRt, Limit};
+pub(crate) use process::keep_priorities;
 pub use process::{Privilege, may_be_real_time, probe};

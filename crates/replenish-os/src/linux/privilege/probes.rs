@@ -1,6 +1,7 @@
 //! The facts behind a refusal, from `/proc`, `/sys` and `getrlimit(2)`.
-#![expect(unsafe_code, reason = "getrlimit, sysconf")]
 
+use rustix::param::page_size;
+use rustix::process::{Resource, getrlimit};
 use std::fmt;
 use std::fs;
 use std::path::PathBuf;
@@ -13,7 +14,7 @@ pub(super) const CAP_SYS_NICE: u32 = 23;
 /// A resource limit; `None` is unlimited.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Limit {
-    /// What is in force.
+    /// The limit in force.
     pub soft: Option<u64>,
     /// Up to which the process may raise it itself.
     pub hard: Option<u64>,
@@ -29,42 +30,11 @@ impl fmt::Display for Limit {
 }
 
 /// `getrlimit(2)`.
-#[cfg(target_env = "gnu")]
-pub(in crate::linux) fn limit(resource: libc::__rlimit_resource_t) -> Limit {
-    limit_of(|limit| {
-        // SAFETY: `limit` is writable for the call.
-        unsafe { libc::getrlimit(resource, limit) }
-    })
-}
-
-/// `getrlimit(2)`.
-#[cfg(not(target_env = "gnu"))]
-pub(in crate::linux) fn limit(resource: libc::c_int) -> Limit {
-    limit_of(|limit| {
-        // SAFETY: `limit` is writable for the call.
-        unsafe { libc::getrlimit(resource, limit) }
-    })
-}
-
-fn limit_of(get: impl FnOnce(*mut libc::rlimit) -> libc::c_int) -> Limit {
-    let mut limit = libc::rlimit {
-        rlim_cur: 0,
-        rlim_max: 0,
-    };
-    if get(&raw mut limit) != 0 {
-        return Limit {
-            soft: Some(0),
-            hard: Some(0),
-        };
-    }
-    #[allow(
-        clippy::useless_conversion,
-        reason = "rlim_t has 32 bits on some targets"
-    )]
-    let finite = |value| (value != libc::RLIM_INFINITY).then_some(u64::from(value));
+pub(in crate::linux) fn limit(resource: Resource) -> Limit {
+    let limit = getrlimit(resource);
     Limit {
-        soft: finite(limit.rlim_cur),
-        hard: finite(limit.rlim_max),
+        soft: limit.current,
+        hard: limit.maximum,
     }
 }
 
@@ -106,18 +76,16 @@ pub(super) fn memory_lock(capable: bool, limit: Limit) -> Result<(), String> {
 
 /// How many bytes of address space this process has mapped; what `mlockall` would lock.
 pub(in crate::linux) fn mapped_bytes() -> u64 {
-    // SAFETY: sysconf takes and touches no memory.
-    let page = u64::try_from(unsafe { libc::sysconf(libc::_SC_PAGESIZE) }).unwrap_or(4096);
     let statm = fs::read_to_string("/proc/self/statm").unwrap_or_default();
     let pages: u64 = statm
         .split(' ')
         .next()
         .and_then(|n| n.parse().ok())
         .unwrap_or(0);
-    pages.saturating_mul(page)
+    pages.saturating_mul(page_size() as u64)
 }
 
-/// What the control group of this process says about real-time threads.
+/// The rule of this process's control group for real-time threads.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum CgroupRt {
     /// The `cpu` controller is bound to version 1 and gives real-time threads this much CPU.

@@ -6,9 +6,10 @@ use crate::linux::context_switches::ContextSwitchLog;
 use crate::linux::sched::{SchedClass, set_priority};
 use crate::linux::sched_attr;
 use crate::linux::tid::current_tid;
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::io;
 
-/// What the kernel grants this process, and the facts behind it.
+/// The real-time rights that the kernel grants this process, and the facts behind them.
 #[derive(Debug)]
 pub struct Privilege {
     /// The highest FIFO priority a thread of this process gets, or the kernel's refusal.
@@ -46,10 +47,10 @@ impl Privilege {
 /// Finds out what this process may do. Takes a few milliseconds and starts two short threads.
 #[must_use]
 pub fn probe() -> Privilege {
-    let rtprio = probes::limit(libc::RLIMIT_RTPRIO);
+    let rtprio = probes::limit(Resource::Rtprio);
     let caps = probes::effective_capabilities();
     let cap_ipc_lock = caps.contains(probes::CAP_IPC_LOCK);
-    let memlock = probes::limit(libc::RLIMIT_MEMLOCK);
+    let memlock = probes::limit(Resource::Memlock);
     Privilege {
         fifo: on_a_thread(move || highest_fifo(rtprio)),
         deadline: on_a_thread(small_reservation),
@@ -67,8 +68,27 @@ pub fn probe() -> Privilege {
 /// Whether a thread of this process can have a real-time priority at all; quicker than [`probe`].
 #[must_use]
 pub fn may_be_real_time() -> bool {
-    let rtprio = probes::limit(libc::RLIMIT_RTPRIO);
+    let rtprio = probes::limit(Resource::Rtprio);
     on_a_thread(move || highest_fifo(rtprio)).is_ok()
+}
+
+/// Raises the soft limit `RLIMIT_RTPRIO` to the hard one, so that priorities can still be given
+/// when the capability is gone: after `setuid(2)`, for instance. Needs no privilege, and does
+/// nothing where the hard limit is as low.
+pub(crate) fn keep_priorities() {
+    raise(Resource::Rtprio);
+}
+
+fn raise(resource: Resource) {
+    let limit = getrlimit(resource);
+    let raised = Rlimit {
+        current: limit.maximum,
+        ..limit
+    };
+    // Nobody refuses that; the watchdog reports what comes of it if somebody does.
+    if limit.current != limit.maximum {
+        setrlimit(resource, raised).ok();
+    }
 }
 
 fn on_a_thread<T: Send + 'static>(
@@ -104,4 +124,26 @@ fn small_reservation() -> io::Result<()> {
     (attr.sched_runtime, attr.sched_deadline, attr.sched_period) =
         (100_000, 100_000_000, 100_000_000);
     sched_attr::set(current_tid(), &attr)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of a limit that no test depends on.
+    #[test]
+    #[cfg_attr(miri, ignore = "has no limits")]
+    fn a_soft_limit_goes_up_to_the_hard_one() {
+        let before = getrlimit(Resource::Core);
+        let low = Rlimit {
+            current: Some(0),
+            ..before
+        };
+        setrlimit(Resource::Core, low).unwrap();
+        raise(Resource::Core);
+        let raised = getrlimit(Resource::Core);
+        assert_eq!(raised.current, before.maximum);
+        assert_eq!(raised.maximum, before.maximum);
+        setrlimit(Resource::Core, before).unwrap();
+    }
 }

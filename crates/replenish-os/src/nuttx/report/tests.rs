@@ -1,4 +1,4 @@
-//! What does not fit is refused by name.
+//! A value that does not match is refused by its name.
 
 use super::*;
 

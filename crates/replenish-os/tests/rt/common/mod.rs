@@ -1,4 +1,4 @@
-//! What the real-time trials share: one CPU for all of them, threads that place themselves.
+//! Helpers of the real-time trials: one CPU for all of them, threads that place themselves.
 #![allow(dead_code, reason = "every target uses a part of it")]
 
 #[cfg(not(nuttx_host))]

@@ -1,0 +1,99 @@
+//! The watchdog's view of a worker, and the recorder's.
+
+use super::budget_record::BudgetRecord;
+use super::config::AnyServer;
+use crate::backend::blocking_detector::Switch;
+use crate::{Level, Nanos};
+use replenish_recorder::Kind;
+use sporadic::Reservation;
+
+/// Kept by who changes the worker's priority.
+#[derive(Debug)]
+pub(super) struct Supervised {
+    /// The priority that the worker was given last, 0 in the time-sharing class; unknown after a
+    /// refusal.
+    pub(super) given: Option<u8>,
+    /// How often it was found with another one.
+    pub(super) foreign: u64,
+    /// The kernel refuses the change that is due.
+    pub(super) refused: bool,
+    /// The refusal was reported.
+    pub(super) reported: bool,
+    /// Where its budget is recorded.
+    record: Option<BudgetRecord>,
+}
+
+impl Supervised {
+    pub(super) const fn given(priority: u8) -> Self {
+        Self {
+            given: Some(priority),
+            foreign: 0,
+            refused: false,
+            reported: false,
+            record: None,
+        }
+    }
+
+    /// Its budget is recorded here from now on.
+    pub(super) fn record_to(&mut self, record: BudgetRecord) {
+        self.record = Some(record);
+    }
+
+    /// Takes its switches as they are read: when it left the CPU, or got it.
+    pub(super) fn switches(&mut self) -> impl FnMut(Nanos, Switch) {
+        |time, switch| {
+            if let Some(record) = &mut self.record {
+                match switch {
+                    Switch::In => record.write(Kind::On, time, 0, 0),
+                    Switch::Preempted => record.write(Kind::Off, time, 0, 0),
+                    Switch::Blocked => record.write(Kind::Off, time, 1, 0),
+                }
+            }
+        }
+    }
+
+    /// It left its wait, or is about to wait.
+    pub(super) fn turned(&mut self, of: &Reservation<AnyServer>, now: Nanos, active: bool) {
+        if let Some(record) = &mut self.record {
+            let (left, cpu) = record.totals(of, now);
+            let kind = if active { Kind::Activate } else { Kind::Block };
+            record.write(kind, now, left, cpu);
+        }
+    }
+
+    /// Its account was brought up to date; it may have been found to have blocked.
+    pub(super) fn observed(&mut self, of: &Reservation<AnyServer>, now: Nanos, blocked: bool) {
+        if let Some(record) = &mut self.record {
+            let (left, cpu) = record.totals(of, now);
+            let kind = if blocked { Kind::Unblock } else { Kind::Used };
+            record.write(kind, now, left, cpu);
+        }
+    }
+
+    /// It has this level since `now`; the judgement was late by so much.
+    pub(super) fn applied(
+        &mut self,
+        of: &Reservation<AnyServer>,
+        now: Nanos,
+        level: Level,
+        late: Nanos,
+    ) {
+        if let Some(record) = &mut self.record {
+            let (left, _) = record.totals(of, now);
+            match level {
+                Level::Low => record.write(Kind::Exhausted, now, late, 0),
+                Level::High => record.write(Kind::Replenished, now, left, 0),
+            }
+            let low = u64::from(level == Level::Low);
+            record.write(Kind::Level, now, low, left);
+        }
+    }
+
+    /// A change of priority was carried out as far as it is `given`. Its level is in force if it
+    /// was `obeyed`.
+    pub(super) const fn note(&mut self, given: Option<u8>, obeyed: bool) {
+        self.given = given;
+        self.refused = !obeyed;
+        self.reported &= self.refused;
+    }
+}

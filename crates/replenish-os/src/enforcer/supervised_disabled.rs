@@ -1,0 +1,39 @@
+//! No watchdog, no recorder: neither need know anything of a worker.
+
+use super::config::AnyServer;
+use crate::backend::blocking_detector::Switch;
+use crate::{Level, Nanos};
+use sporadic::Reservation;
+
+#[derive(Debug)]
+pub(super) struct Supervised;
+
+impl Supervised {
+    pub(super) const fn given(_: u8) -> Self {
+        Self
+    }
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn note(&mut self, _: Option<u8>, _: bool) {}
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) fn switches(&mut self) -> impl FnMut(Nanos, Switch) + use<> {
+        |_, _| ()
+    }
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn turned(&mut self, _: &Reservation<AnyServer>, _: Nanos, _: bool) {}
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn observed(&mut self, _: &Reservation<AnyServer>, _: Nanos, _: bool) {}
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn applied(
+        &mut self,
+        _: &Reservation<AnyServer>,
+        _: Nanos,
+        _: Level,
+        _: Nanos,
+    ) {
+    }
+}

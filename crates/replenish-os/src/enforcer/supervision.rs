@@ -1,0 +1,297 @@
+//! One look of the watchdog at an enforcer: does it still look after its workers, and do all of
+//! them run with the policy that they were given?
+//!
+//! ```text
+//!   enforcer's thread left ──────────► every worker is lowered for good        Fault::Ended
+//!   a check is overdue ──────────────► the watchdog judges in its place        Fault::Silent
+//!   its policy or CPU is another ────► restored, if the kernel allows          Fault::Displaced
+//!   a worker's policy is another ────► restored; the enforcer judges           Fault::ForeignPolicy
+//!   the kernel refuses a raise ──────► tried again after 1 to 100 ms          Fault::Refused
+//! ```
+//!
+//! The watchdog shares the enforcer's lock and its state machine, so that nothing is to be put
+//! straight when the enforcer comes back.
+
+use super::config::{Enforcement, EnforcerConfig, Fault, NEVER};
+use super::enforced_thread::EnforcedThread;
+use super::state::{EnforcedThreads, EnforcerState};
+use crate::backend::affinity::{CpuSet, affinity, set_affinity};
+use crate::backend::clock;
+use crate::backend::privilege::keep_priorities;
+use crate::backend::sched::{self, SchedClass};
+use crate::backend::thread::spawn;
+use crate::backend::watchdog::{self, Watch};
+use crate::pi_mutex::PiMutex;
+use crate::{Arc, Level, Nanos, ThreadSpec, Tid};
+use core::sync::atomic::{AtomicBool, Ordering};
+use sporadic::{BudgetServer, Verdict};
+use std::sync::{Mutex, OnceLock};
+
+/// A check that is later than this is overdue, in nanoseconds. No enforcer that has its CPU is so
+/// late; a machine that stands still may be, and then the look does no harm.
+const OVERDUE: Nanos = 5_000_000;
+
+/// How long a look waits for the enforcer's lock.
+const PATIENCE: Nanos = 2_000_000;
+
+type Hook = Arc<dyn Fn(&Fault) + Send + Sync>;
+
+/// The watchdog's hold on one enforcer; ends when it is dropped.
+#[derive(Debug)]
+pub(super) struct Supervision {
+    watch: Mutex<Option<Watch>>,
+    watched: Arc<Watched>,
+}
+
+/// An enforcer under supervision.
+pub(super) struct Watched {
+    state: Arc<EnforcerState>,
+    /// The enforcer's thread, once it is known.
+    enforcer: OnceLock<Tid>,
+    /// The thread has left its loop although nobody stopped it.
+    ended: AtomicBool,
+    hook: PiMutex<Option<Hook>>,
+    known: PiMutex<Known>,
+}
+
+/// The faults of an enforcer that were reported already: each again when its count has doubled.
+#[derive(Default)]
+struct Known {
+    ended: bool,
+    silent: u64,
+    displaced: u64,
+}
+
+impl core::fmt::Debug for Watched {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Watched").finish_non_exhaustive()
+    }
+}
+
+impl Supervision {
+    /// Supervises the enforcer whose thread is `enforcer`. Raises stay possible if the program
+    /// gives up its privileges, as far as its hard limit allows.
+    pub(super) fn of(watched: Arc<Watched>, enforcer: Tid) -> Self {
+        keep_priorities();
+        watched.enforcer.set(enforcer).ok(); // nobody else sets it
+        let look = Arc::clone(&watched);
+        let watch = watchdog::watch(Arc::new(move || look.look()));
+        Self {
+            watch: Mutex::new(watch),
+            watched,
+        }
+    }
+
+    /// Whether there is a watchdog.
+    pub(super) fn is_on(&self) -> bool {
+        self.watch.lock().is_ok_and(|watch| watch.is_some())
+    }
+
+    pub(super) fn on_fault(&self, hook: impl Fn(&Fault) + Send + Sync + 'static) {
+        *self.watched.hook.lock() = Some(Arc::new(hook));
+    }
+
+    /// No look runs after this.
+    pub(super) fn end(&self) {
+        if let Ok(mut watch) = self.watch.lock() {
+            drop(watch.take());
+        }
+    }
+}
+
+impl Watched {
+    pub(super) fn of(state: &Arc<EnforcerState>) -> Arc<Self> {
+        Arc::new(Self {
+            state: Arc::clone(state),
+            enforcer: OnceLock::new(),
+            ended: AtomicBool::new(false),
+            hook: PiMutex::new(None),
+            known: PiMutex::default(),
+        })
+    }
+
+    /// The enforcer's thread. However it leaves its loop but by a stop, it lowers its workers.
+    pub(super) fn run(&self) {
+        let _leaving = Leaving(self);
+        self.state.run();
+    }
+
+    /// Looks once. Returns after how long to look again: the shortest period, within limits.
+    fn look(&self) -> Nanos {
+        let now = clock::monotonic();
+        let mut faults = Vec::new(); // allocates only where there is one
+        let mut pause = watchdog::LONGEST;
+        match self.state.threads.lock_until(now.saturating_add(PATIENCE)) {
+            Some(mut threads) => {
+                self.inspect(&mut threads, now, &mut faults);
+                for thread in threads.enrolled.iter().filter(|thread| thread.live) {
+                    pause = pause.min(thread.reservation.server().params().period());
+                }
+                threads.stats.faults += faults.len() as u64;
+            }
+            None => self.silent(PATIENCE, &mut faults),
+        }
+        self.report(faults);
+        pause.max(watchdog::SHORTEST)
+    }
+
+    fn inspect(&self, threads: &mut EnforcedThreads, now: Nanos, faults: &mut Vec<Fault>) {
+        let state = &self.state;
+        if state.stop.load(Ordering::SeqCst) {
+            return;
+        }
+        if self.ended.load(Ordering::SeqCst) {
+            state.lower_all(threads);
+            if !core::mem::replace(&mut self.known.lock().ended, true) {
+                faults.push(Fault::Ended);
+            }
+            return;
+        }
+        self.restore_enforcer(&state.config, faults);
+        for thread in threads.enrolled.iter_mut().filter(|thread| thread.live) {
+            faults.extend(thread.fault());
+        }
+        let due = threads.enrolled.iter().map(EnforcedThread::check_at);
+        let late = now.saturating_sub(due.min().unwrap_or(NEVER));
+        if late > OVERDUE {
+            state.sweep(threads, Enforcement::OtherCpu); // the workers run meanwhile
+            self.silent(late, faults);
+        }
+    }
+
+    fn silent(&self, late: Nanos, faults: &mut Vec<Fault>) {
+        let mut known = self.known.lock();
+        known.silent += 1;
+        if known.silent.is_power_of_two() {
+            faults.push(Fault::Silent { late });
+        }
+    }
+
+    /// The enforcer has its priority and its CPU.
+    fn restore_enforcer(&self, config: &EnforcerConfig, faults: &mut Vec<Fault>) {
+        let Some(&enforcer) = self.enforcer.get() else {
+            return;
+        };
+        let Ok(priority) = sched::base_priority(enforcer) else {
+            return;
+        };
+        let lowered = priority != Some(config.priority);
+        if lowered {
+            let fifo = SchedClass::Fifo(config.priority);
+            sched::set_priority(enforcer, fifo).ok();
+        }
+        let moved = config.cpu.is_some_and(|cpu| {
+            let home = CpuSet::one(cpu);
+            let moved = affinity(enforcer).is_ok_and(|cpus| cpus != home);
+            if moved {
+                set_affinity(enforcer, &home).ok(); // refused while the CPU is offline
+            }
+            moved
+        });
+        if lowered || moved {
+            let mut known = self.known.lock();
+            known.displaced += 1;
+            if known.displaced.is_power_of_two() {
+                faults.push(Fault::Displaced);
+            }
+        }
+    }
+
+    /// Calls the hook on a thread of its own: it is the user's code, at no real-time priority.
+    fn report(&self, faults: Vec<Fault>) {
+        if faults.is_empty() {
+            return;
+        }
+        let Some(hook) = self.hook.lock().clone() else {
+            return;
+        };
+        let call = move || faults.iter().for_each(|fault| hook(fault));
+        // Without a thread nobody hears of it; the counters tell all the same.
+        spawn(ThreadSpec::new("fault").stack_size(256 * 1024), call).ok();
+    }
+}
+
+impl EnforcedThread {
+    /// Gives the thread the priority again that it was given last, if it has another one. Returns
+    /// whether it had.
+    fn restore(&mut self) -> bool {
+        let (Some(given), Ok(has)) = (self.supervised.given, sched::base_priority(self.tid)) else {
+            return false;
+        };
+        if has == Some(given) {
+            return false;
+        }
+        let class = match given {
+            0 => SchedClass::Other,
+            priority => SchedClass::Fifo(priority),
+        };
+        self.supervised.foreign += 1;
+        sched::set_priority(self.tid, class).is_ok()
+    }
+
+    /// The next fault of it to report.
+    fn fault(&mut self) -> Option<Fault> {
+        let thread = self.tid;
+        if self.restore() && self.supervised.foreign.is_power_of_two() {
+            return Some(Fault::ForeignPolicy { thread });
+        }
+        let known = core::mem::replace(&mut self.supervised.reported, self.supervised.refused);
+        (self.supervised.refused && !known).then_some(Fault::Refused { thread })
+    }
+}
+
+impl EnforcerState {
+    /// Nobody raises these threads again: all of them go to their low level.
+    pub(super) fn lower_all(&self, threads: &mut EnforcedThreads) {
+        let now = clock::monotonic();
+        let mode = match self.mode {
+            Enforcement::SameCpu => Enforcement::OtherCpu, // the workers run meanwhile
+            mode => mode,
+        };
+        for thread in threads.enrolled.iter_mut().filter(|thread| thread.live) {
+            if thread.reservation.level() == Level::High {
+                let change = Some(Level::Low);
+                thread.obey(Verdict { change }, now, 0, mode);
+            }
+        }
+    }
+}
+
+struct Leaving<'a>(&'a Watched);
+
+impl Drop for Leaving<'_> {
+    fn drop(&mut self) {
+        let state = &self.0.state;
+        if !state.stop.load(Ordering::SeqCst) {
+            self.0.ended.store(true, Ordering::SeqCst);
+            state.lower_all(&mut state.threads.lock());
+        }
+    }
+}
+
+#[cfg(all(test, not(loom)))]
+mod tests {
+    use super::*;
+    use crate::backend::timer::TimerFd;
+    use crate::enforcer::account::Account;
+    use crate::{Low, Params};
+    use sporadic::Kind;
+
+    const MS: Nanos = 1_000_000;
+
+    /// On b209253 it tried again for ever, at priority 99.
+    #[test]
+    fn an_enforcer_that_cannot_read_its_timer_ends_and_lowers_its_workers() {
+        let timer = Some(TimerFd::broken());
+        let state = EnforcerState::new(EnforcerConfig::unpinned(), Enforcement::Deferred, timer);
+        let state = Arc::new(state);
+        let params = Params::new(60, Low::Background(6), 50 * MS, 100 * MS, 10).unwrap();
+        let account = Account::enroll(&state, &params, Kind::Corrected).unwrap();
+        assert!(!account.meter().usage().low);
+        let watched = Watched::of(&state);
+        let theirs = Arc::clone(&watched);
+        std::thread::spawn(move || theirs.run()).join().unwrap();
+        assert!(watched.ended.load(Ordering::SeqCst));
+        assert!(account.meter().usage().low);
+    }
+}

@@ -1,0 +1,294 @@
+//! One budget and the threads that share it.
+//!
+//! The threads of a budget are one to its [`Reservation`]: their CPU times are added up, and their
+//! switches are read in the order of time. The budget is blocked while all of them are.
+
+use super::member::{Classes, Member};
+use super::usage::{BudgetId, BudgetUsage, ThreadUsage};
+use crate::linux::blocked_intervals::GapTracker;
+use crate::linux::config::MAX_REPL;
+use crate::linux::context_switches::SwitchDirection;
+use crate::{Level, Nanos, Tid};
+use sporadic::{Kind, Params, Reservation, Server, Tuning};
+use std::io;
+
+/// The end of time, in the place of no time at all.
+pub(super) const NEVER: Nanos = Nanos::MAX;
+
+/// Switches of all threads of a budget between two readings; more count as lost.
+pub(super) const MOST_EVENTS: usize = 4096;
+
+/// How far the CPU time of a thread that runs can be behind: a timer tick (100 Hz), in nanoseconds.
+const TICK: Nanos = 10_000_000;
+
+/// A switch of one of the threads, by its place.
+pub(super) type Event = (Nanos, usize, SwitchDirection);
+
+/// One budget.
+#[derive(Debug)]
+pub(super) struct Group {
+    pub(super) members: Vec<Member>,
+    pub(super) classes: Classes,
+    /// It has ended: its place may be taken.
+    pub(super) retired: bool,
+    reservation: Reservation<Server<MAX_REPL>>,
+    /// The budget of a period.
+    amount: Nanos,
+    gaps: GapTracker,
+    /// CPU time of all threads, as the reservation counts it.
+    cpu: Nanos,
+    /// CPU time that may still be behind the wall clock.
+    behind: Nanos,
+    refused: u64,
+    /// Places of the members in the order in which they are raised; kept for its memory.
+    order: Vec<usize>,
+}
+
+impl Group {
+    pub(super) fn new(
+        params: Params,
+        classes: Classes,
+        tuning: Tuning,
+        capacity: usize,
+        now: Nanos,
+    ) -> Self {
+        let server = Server::clamped(Kind::Corrected, params, now).with_min_chunk(tuning.slack);
+        Self {
+            members: Vec::with_capacity(capacity),
+            classes,
+            retired: false,
+            reservation: Reservation::new(server, tuning, now, 0),
+            amount: params.budget(),
+            gaps: GapTracker::new(),
+            cpu: 0,
+            behind: 0,
+            refused: 0,
+            order: Vec::with_capacity(capacity),
+        }
+    }
+
+    pub(super) fn level(&self) -> Level {
+        self.reservation.level()
+    }
+
+    /// When the next judgement is due, [`NEVER`] if none is.
+    pub(super) fn check_at(&self) -> Nanos {
+        if self.members.iter().all(|member| member.ended) {
+            return NEVER; // the next thread that joins has it judged
+        }
+        self.reservation.check_at().unwrap_or(NEVER)
+    }
+
+    /// A thread is about to join. A budget without threads has waited up to now: counted as
+    /// runnable, its first use would come back a period after an earlier time.
+    pub(super) fn welcome(&mut self, now: Nanos, events: &mut Vec<Event>) {
+        if self.members.iter().all(|member| member.ended) {
+            self.read(now, events);
+            let readings = self.gaps.readings();
+            self.reservation.block(now, self.cpu, readings);
+            self.gaps.restart(now);
+            self.reservation.activate(now, now, self.cpu);
+        }
+        self.judge(now, events);
+    }
+
+    /// Reads all threads and decides. Returns whether the level changed.
+    pub(super) fn judge(&mut self, now: Nanos, events: &mut Vec<Event>) -> bool {
+        self.read(now, events);
+        let verdict = self.reservation.judge(now, self.cpu, self.gaps.readings());
+        let Some(level) = verdict.change else {
+            return false;
+        };
+        let mut refused = 0;
+        self.take_turns();
+        for &place in &self.order {
+            if let Some(member) = self.members.get_mut(place).filter(|m| !m.ended) {
+                refused += u64::from(member.give(level, self.classes).is_err());
+            }
+        }
+        self.refused += refused;
+        if refused > 0 {
+            self.reservation.refused(now);
+            return false;
+        }
+        // The overrun is debt already; nobody asks for single ones here.
+        self.reservation.applied(level, now, self.cpu);
+        true
+    }
+
+    /// At one priority the thread that is raised first runs first, until it waits. So the thread
+    /// that has had least of the budget comes first. A thread that has waited, or has just joined,
+    /// is at most one budget behind the others: it does not take several in a row.
+    fn take_turns(&mut self) {
+        let most = self.members.iter().map(|member| member.served).max();
+        let least = most.unwrap_or(0).saturating_sub(self.amount);
+        for member in &mut self.members {
+            member.served = member.served.max(least);
+        }
+        let members = &self.members;
+        let served = |place: &usize| members.get(*place).map(|member| member.served);
+        self.order.clear();
+        self.order.extend(0..members.len());
+        self.order.sort_unstable_by_key(served);
+    }
+
+    /// See [`Reservation::pull_in`].
+    pub(super) fn pull_in(&mut self, now: Nanos) {
+        self.reservation.pull_in(now);
+    }
+
+    /// See [`Reservation::postpone`].
+    pub(super) fn postpone(&mut self, by: Nanos) {
+        self.reservation.postpone(by);
+    }
+
+    /// Brings the figures up to date without deciding.
+    pub(super) fn observe(&mut self, now: Nanos, events: &mut Vec<Event>) {
+        self.read(now, events);
+        self.reservation
+            .observe(now, self.cpu, self.gaps.readings());
+    }
+
+    /// Reads the switches and the CPU clocks of all threads.
+    fn read(&mut self, now: Nanos, events: &mut Vec<Event>) {
+        let (_, since) = self.reservation.last_reading();
+        let level = self.level();
+        self.gaps.next_reading(since);
+        events.clear();
+        let (mut used, mut exact) = (0, true);
+        for (place, member) in self.members.iter_mut().enumerate() {
+            if member.ended || member.has_not_run() {
+                continue;
+            }
+            if let Some(log) = &mut member.log {
+                let mut overflow = false;
+                let drained = log.drain(&mut |switch| {
+                    if events.len() < MOST_EVENTS {
+                        events.push((switch.time, place, switch.kind));
+                    } else {
+                        overflow = true;
+                    }
+                });
+                if drained.lost || overflow {
+                    member.lost();
+                    exact = false;
+                }
+            } else {
+                exact = false;
+            }
+            let more = member.used();
+            member.charge(more, level);
+            used += more;
+        }
+        if exact {
+            self.feed(events);
+        } else {
+            for &mut (_, place, kind) in events {
+                if let Some(member) = self.members.get_mut(place) {
+                    member.switched(kind);
+                }
+            }
+            self.gaps.lost(now);
+        }
+        self.cpu += self.believed(used, now.saturating_sub(since));
+    }
+
+    /// The switches of all threads as those of one: it blocks when the last of them does.
+    fn feed(&mut self, events: &mut [Event]) {
+        events.sort_unstable_by_key(|(time, ..)| *time);
+        let awake = |member: &&Member| !member.ended && !member.blocked;
+        let mut awake = self.members.iter().filter(awake).count();
+        for &mut (time, place, kind) in events {
+            let Some(member) = self.members.get_mut(place) else {
+                continue;
+            };
+            let before = !member.blocked;
+            member.switched(kind);
+            let after = !member.blocked;
+            awake = match (before, after) {
+                (true, false) => awake.saturating_sub(1),
+                (false, true) => awake + 1,
+                _ => awake,
+            };
+            let kind = match kind {
+                SwitchDirection::Out { .. } => SwitchDirection::Out {
+                    preempted: awake > 0,
+                },
+                SwitchDirection::In => SwitchDirection::In,
+            };
+            let switch = crate::ContextSwitch { time, kind };
+            self.gaps.feed(switch);
+        }
+    }
+
+    /// All threads are on one CPU: together they use no more than the time that passes, but for a
+    /// tick. More is no CPU time of theirs: a thread that calls `exec` takes another one's number,
+    /// and brings along the time that it had used before.
+    fn believed(&mut self, used: Nanos, elapsed: Nanos) -> Nanos {
+        let most = self.behind.saturating_add(elapsed);
+        let believed = used.min(most);
+        self.behind = (most - believed).min(TICK);
+        believed
+    }
+
+    /// Takes out the threads that have ended.
+    pub(super) fn take_ended(&mut self, each: &mut impl FnMut(&Member)) -> Vec<Member> {
+        let mut ended = Vec::new();
+        let mut place = 0;
+        while let Some(member) = self.members.get(place) {
+            if member.ended {
+                each(member);
+                ended.push(self.members.swap_remove(place));
+            } else {
+                place += 1;
+            }
+        }
+        ended
+    }
+
+    /// Gives the newest thread its level; a thread that may not be changed leaves.
+    pub(super) fn give_last(&mut self, level: Level, classes: Classes) -> io::Result<()> {
+        let given = self
+            .members
+            .last_mut()
+            .map(|last| last.give(level, classes));
+        let given = given.unwrap_or(Ok(()));
+        if given.is_err() {
+            self.members.pop();
+        }
+        given
+    }
+
+    /// Takes out thread `tid`.
+    pub(super) fn take(&mut self, tid: Tid) -> Option<Member> {
+        let place = self.members.iter().position(|m| m.thread.tid() == tid)?;
+        Some(self.members.swap_remove(place))
+    }
+
+    pub(super) fn usage(&self) -> BudgetUsage {
+        let counters = self.reservation.counters();
+        BudgetUsage {
+            high: counters.cpu_high,
+            background: counters.cpu_low,
+            exhaustions: counters.exhaustions,
+            replenishments: counters.replenishments,
+            refused: self.refused,
+            level: self.level(),
+            threads: self.members.iter().filter(|member| !member.ended).count(),
+            sees_blocking: self.members.iter().all(|member| member.log.is_some()),
+        }
+    }
+}
+
+impl Member {
+    pub(super) fn usage(&self, budget: BudgetId) -> ThreadUsage {
+        ThreadUsage {
+            pid: self.thread.pid(),
+            tid: self.thread.tid(),
+            name: self.thread.name().to_string(),
+            budget,
+            high: self.high,
+            background: self.background,
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! An enrolled thread: how it is raised and lowered, and what it has used at each level.
+
+use super::thread::ForeignThread;
+use crate::linux::affinity::{CpuSet, affinity, set_affinity};
+use crate::linux::context_switches::{ContextSwitchLog, SwitchDirection};
+use crate::linux::sched::{SchedClass, demote_to_tail, set_scheduler};
+use crate::linux::sched_attr;
+use crate::{Level, Nanos, Tid};
+use std::io;
+
+/// The two classes of a budget's threads.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Classes {
+    pub(super) priority: u8,
+    pub(super) background: SchedClass,
+}
+
+impl Classes {
+    fn at(self, level: Level) -> SchedClass {
+        match level {
+            Level::High => SchedClass::Fifo(self.priority),
+            Level::Low => self.background,
+        }
+    }
+}
+
+/// One enrolled thread.
+#[derive(Debug)]
+pub(super) struct Member {
+    pub(super) thread: ForeignThread,
+    pub(super) log: Option<ContextSwitchLog>,
+    pub(super) high: Nanos,
+    pub(super) background: Nanos,
+    /// CPU time at the high level by which threads take turns, never far behind the others.
+    pub(super) served: Nanos,
+    /// It has ended.
+    pub(super) ended: bool,
+    /// It waits for something, by its last record.
+    pub(super) blocked: bool,
+    /// It does not run, by its last record, and there is one.
+    off_cpu: bool,
+    /// CPU time at the last reading.
+    mark: Nanos,
+}
+
+impl Member {
+    /// Set-up: allocates, and looks around in `/proc`.
+    pub(super) fn new(thread: ForeignThread, log: Option<ContextSwitchLog>) -> Self {
+        let mut member = Self {
+            mark: thread.cpu().unwrap_or(0),
+            thread,
+            log,
+            high: 0,
+            background: 0,
+            served: 0,
+            ended: false,
+            blocked: false,
+            off_cpu: false,
+        };
+        // Records from here on change what is seen now.
+        if let Some(log) = &mut member.log {
+            log.drain(&mut |_| {});
+        }
+        member.blocked = member.thread.is_blocked();
+        member
+    }
+
+    /// Whether nothing can have changed since the last reading: saves a system call.
+    pub(super) fn has_not_run(&self) -> bool {
+        self.off_cpu && self.log.as_ref().is_some_and(ContextSwitchLog::is_empty)
+    }
+
+    /// CPU time since the last reading.
+    pub(super) fn used(&mut self) -> Nanos {
+        let Some(cpu) = self.thread.cpu() else {
+            self.ended = true;
+            return 0;
+        };
+        let used = cpu.saturating_sub(self.mark);
+        self.mark = cpu;
+        used
+    }
+
+    /// A record of it.
+    pub(super) fn switched(&mut self, kind: SwitchDirection) {
+        match kind {
+            SwitchDirection::Out { preempted } => {
+                self.off_cpu = true;
+                self.blocked = !preempted;
+            }
+            SwitchDirection::In => {
+                self.off_cpu = false;
+                self.blocked = false;
+            }
+        }
+    }
+
+    /// Records of it are missing.
+    pub(super) fn lost(&mut self) {
+        self.off_cpu = false;
+        self.blocked = false;
+    }
+
+    /// Whether it has ended, asked anew.
+    pub(super) fn has_ended(&mut self, zombies: &[Tid]) -> bool {
+        let gone = |thread: &ForeignThread| thread.cpu().is_none();
+        self.ended = self.ended || zombies.contains(&self.thread.tid()) || gone(&self.thread);
+        self.ended
+    }
+
+    pub(super) fn charge(&mut self, used: Nanos, level: Level) {
+        match level {
+            Level::High => {
+                self.high += used;
+                self.served += used;
+            }
+            Level::Low => self.background += used,
+        }
+    }
+
+    /// Gives it the level. Threads that it starts begin in the time-sharing class, so that none
+    /// runs at the priority without a budget.
+    pub(super) fn give(&mut self, level: Level, classes: Classes) -> io::Result<()> {
+        let tid = self.thread.tid();
+        let given = match classes.at(level) {
+            SchedClass::Fifo(low) if level == Level::Low => demote_to_tail(tid, low),
+            class => set_scheduler(tid, class, true),
+        };
+        match given {
+            Err(e) if e.raw_os_error() == Some(libc::ESRCH) => {
+                self.ended = true;
+                Ok(())
+            }
+            given => given,
+        }
+    }
+
+    /// Whether it has other scheduling than it was given; then it gets that again.
+    pub(super) fn is_displaced(&mut self, level: Level, classes: Classes, cpu: usize) -> bool {
+        let tid = self.thread.tid();
+        let place = CpuSet::one(cpu);
+        let moved = affinity(tid).is_ok_and(|has| has != place);
+        if moved {
+            set_affinity(tid, &place).ok(); // tried again at the next look
+        }
+        let changed = sched_attr::get(tid).is_ok_and(|attr| {
+            let (policy, priority) = number_of(classes.at(level));
+            let reset = u64::from(libc::SCHED_FLAG_RESET_ON_FORK.cast_unsigned());
+            i32::try_from(attr.sched_policy) != Ok(policy)
+                || attr.sched_priority != priority
+                || attr.sched_flags & reset == 0
+        });
+        if changed {
+            // A demotion keeps the flag that it finds.
+            let class = classes.at(level);
+            set_scheduler(tid, class, true).ok();
+        }
+        moved || changed
+    }
+}
+
+/// The kernel's numbers of a class.
+fn number_of(class: SchedClass) -> (libc::c_int, u32) {
+    match class {
+        SchedClass::Other => (libc::SCHED_OTHER, 0),
+        SchedClass::Idle => (libc::SCHED_IDLE, 0),
+        SchedClass::Fifo(priority) => (libc::SCHED_FIFO, priority.into()),
+        SchedClass::RoundRobin(priority) => (libc::SCHED_RR, priority.into()),
+    }
+}

@@ -1,0 +1,54 @@
+//! What budgets and threads have used, for a reader.
+
+use crate::{Level, Nanos, Tid};
+
+/// A budget of one [`Enforcer`](super::Enforcer).
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
+pub struct BudgetId(pub(super) usize);
+
+/// A budget so far; times in nanoseconds of CPU time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BudgetUsage {
+    /// Used at its priority, by all threads together.
+    pub high: Nanos,
+    /// Used in the background.
+    pub background: Nanos,
+    /// How often it ran out.
+    pub exhaustions: u64,
+    /// How often a replenishment raised its threads.
+    pub replenishments: u64,
+    /// How often the kernel refused to raise or lower one of them.
+    pub refused: u64,
+    /// Which level its threads have.
+    pub level: Level,
+    /// Threads enrolled at this moment.
+    pub threads: usize,
+    /// Whether blocking is seen in the kernel's records, for all of them.
+    pub sees_blocking: bool,
+}
+
+/// One thread so far; times in nanoseconds of CPU time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ThreadUsage {
+    /// Its process.
+    pub pid: Tid,
+    /// Its number.
+    pub tid: Tid,
+    /// Its name when it was enrolled.
+    pub name: String,
+    /// Its budget.
+    pub budget: BudgetId,
+    /// Used at the budget's priority.
+    pub high: Nanos,
+    /// Used in the background.
+    pub background: Nanos,
+}
+
+/// What an [`Enforcer::inspect`](super::Enforcer::inspect) found.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Inspection {
+    /// Threads that have ended since the last one, with their last figures.
+    pub ended: Vec<ThreadUsage>,
+    /// Threads that had another policy or CPU than they were given; they have it again.
+    pub displaced: u64,
+}

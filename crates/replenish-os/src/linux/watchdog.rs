@@ -1,0 +1,98 @@
+//! The thread that looks after every enforcer of this process: the supervision of the supervisors.
+//!
+//! ```text
+//!   watch(look) ──► looks ◄── Watch dropped          the last one: the thread ends
+//!                     │ every 10 to 100 ms, as the looks ask for
+//!   watchdog ─────────┴─► look(), look(), …          SCHED_DEADLINE, otherwise FIFO 99
+//! ```
+//!
+//! It runs under `SCHED_DEADLINE` where the kernel allows that: then no thread of any FIFO priority
+//! keeps it waiting, on whichever CPU it is. Its reservation is 0.5 ms in 10 ms; a look takes some
+//! 20 µs.
+
+use super::clock;
+use super::sched_attr;
+use super::thread::{Thread, spawn};
+use super::tid::current_tid;
+use crate::notify::Notify;
+use crate::pi_mutex::PiMutex;
+use crate::{MAX_PRIORITY, Nanos, Policy, ThreadSpec};
+use std::sync::{Arc, LazyLock};
+
+/// From one look to the next at least, in nanoseconds.
+pub(crate) const SHORTEST: Nanos = 10_000_000;
+/// From one look to the next at most, in nanoseconds.
+pub(crate) const LONGEST: Nanos = 100_000_000;
+
+const RUNTIME: Nanos = 500_000;
+const STACK: usize = 128 * 1024;
+
+/// Looks once, and says after how long to look again.
+type Look = dyn Fn() -> Nanos + Send + Sync;
+
+struct Watchdog {
+    looks: Vec<(u64, Arc<Look>)>,
+    given: u64,
+    thread: Option<Thread<()>>,
+}
+
+static WATCHDOG: PiMutex<Watchdog> = PiMutex::new(Watchdog {
+    looks: Vec::new(),
+    given: 0,
+    thread: None,
+});
+
+static BELL: LazyLock<Notify> = LazyLock::new(Notify::new);
+
+/// A place among the looks; given up when it is dropped. No look of it runs after that.
+#[derive(Debug)]
+pub(crate) struct Watch(u64);
+
+/// Has `look` called from now on; `None` where the watchdog gets no real-time priority. Set-up
+/// only.
+pub(crate) fn watch(look: Arc<Look>) -> Option<Watch> {
+    let mut watchdog = WATCHDOG.lock();
+    if watchdog.thread.is_none() {
+        let policy = Policy::fifo(MAX_PRIORITY).ok()?;
+        let spec = ThreadSpec::new("watchdog").policy(policy).stack_size(STACK);
+        watchdog.thread = Some(spawn(spec, run).ok()?);
+    }
+    watchdog.given += 1;
+    let id = watchdog.given;
+    watchdog.looks.push((id, look));
+    drop(watchdog);
+    BELL.set();
+    Some(Watch(id))
+}
+
+impl Drop for Watch {
+    fn drop(&mut self) {
+        let mut watchdog = WATCHDOG.lock();
+        watchdog.looks.retain(|(id, _)| *id != self.0);
+        drop(watchdog);
+        BELL.set();
+    }
+}
+
+fn run() {
+    let mut attr = sched_attr::empty();
+    attr.sched_policy = libc::SCHED_DEADLINE.cast_unsigned();
+    attr.sched_flags = libc::SCHED_FLAG_RESET_ON_FORK.cast_unsigned().into();
+    (attr.sched_runtime, attr.sched_deadline, attr.sched_period) = (RUNTIME, SHORTEST, SHORTEST);
+    // Refused to a thread that is pinned, for instance: it keeps its FIFO priority.
+    sched_attr::set(current_tid(), &attr).ok();
+    loop {
+        let mut pause = LONGEST;
+        {
+            let mut watchdog = WATCHDOG.lock();
+            if watchdog.looks.is_empty() {
+                watchdog.thread = None;
+                return;
+            }
+            for (_, look) in &watchdog.looks {
+                pause = pause.min(look());
+            }
+        }
+        BELL.wait_until(clock::monotonic().saturating_add(pause.max(SHORTEST)));
+    }
+}

@@ -1,0 +1,21 @@
+//! A supervised task's waits for its enforcer's lock.
+
+use crate::backend::voluntary_switches;
+use crate::pi_mutex::{PiMutex, PiMutexGuard};
+
+/// A task waits for its enforcer's lock while another on the one CPU holds it: seldom and briefly.
+/// Its waits count as blocking.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LockWaits;
+
+impl LockWaits {
+    #[expect(clippy::unused_self, reason = "the other back end's name")]
+    pub(crate) fn lock<'a, T>(&self, mutex: &'a PiMutex<T>) -> PiMutexGuard<'a, T> {
+        mutex.lock()
+    }
+
+    #[expect(clippy::unused_self, reason = "the other back end's name")]
+    pub(crate) fn other_switches(&self) -> u64 {
+        voluntary_switches()
+    }
+}

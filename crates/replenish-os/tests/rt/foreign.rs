@@ -1,0 +1,393 @@
+//! Budgets for threads of other processes: shells that spin, and this very program with threads.
+
+use crate::common::{MS, cpu};
+use replenish_os::foreign::{self, BudgetId, Enforcer, ForeignThread, Original};
+use replenish_os::{CpuSet, EnforcerConfig, GrantedPolicy, SchedClass, Tid, clock, granted};
+use replenish_os::{set_affinity, set_priority};
+use replenish_testkit::harness::{Trial, rt_trial};
+use sporadic::Budget;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+const CHILD: &str = "REPLENISH_FOREIGN_CHILD";
+
+/// A shell's endless work: until its parent has ended, so that nothing of a trial stays.
+const SPIN: &str = "while kill -0 $PPID 2>/dev/null; do \
+                    i=0; while [ $i -lt 9999 ]; do i=$((i+1)); done; done";
+
+/// Whether this process is a foreign program of a trial.
+pub(crate) fn is_child() -> bool {
+    std::env::var_os(CHILD).is_some()
+}
+
+/// The foreign program: `spin N` has N threads that spin, `come-and-go` starts one every 10 ms,
+/// `sleepy` works for 2 ms of every 20.
+pub(crate) fn child() -> ! {
+    let what = std::env::var(CHILD).unwrap();
+    // Whatever becomes of the trial, nothing of it stays.
+    let parent = std::os::unix::process::parent_id();
+    std::thread::spawn(move || {
+        while std::os::unix::process::parent_id() == parent {
+            std::thread::sleep(Duration::from_millis(200));
+        }
+        std::process::exit(1)
+    });
+    let spin = || {
+        loop {
+            std::hint::spin_loop();
+        }
+    };
+    if let Some(count) = what.strip_prefix("spin ") {
+        for _ in 1..count.parse().unwrap() {
+            std::thread::spawn(spin);
+        }
+        spin();
+    }
+    loop {
+        if what == "come-and-go" {
+            std::thread::spawn(|| crate::common::burn(5 * MS));
+            std::thread::sleep(Duration::from_millis(10));
+        } else {
+            crate::common::burn(2 * MS);
+            std::thread::sleep(Duration::from_millis(18));
+        }
+    }
+}
+
+/// A foreign program; ended when dropped.
+struct Program(Child);
+
+impl Program {
+    fn start(mut command: Command) -> Self {
+        Self(command.stdin(Stdio::null()).spawn().unwrap())
+    }
+
+    fn shell() -> Self {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", SPIN]);
+        Self::start(shell)
+    }
+
+    fn this(what: &str) -> Self {
+        let mut this = Command::new(std::env::current_exe().unwrap());
+        this.env(CHILD, what);
+        let program = Self::start(this);
+        std::thread::sleep(Duration::from_millis(100)); // until it has its threads
+        program
+    }
+
+    fn pid(&self) -> Tid {
+        Tid::new(self.0.id().cast_signed()).unwrap()
+    }
+
+    fn cpu_time(&self) -> u64 {
+        let tasks = foreign::tasks(self.pid()).unwrap().into_iter();
+        tasks
+            .filter_map(|tid| ForeignThread::open(tid).ok()?.cpu())
+            .sum()
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        self.0.kill().ok();
+        self.0.wait().ok();
+    }
+}
+
+fn enforcer() -> Enforcer {
+    Enforcer::start(EnforcerConfig::on_cpu(cpu())).unwrap()
+}
+
+fn budget(enforcer: &Enforcer, amount: u64, period: u64) -> BudgetId {
+    let of = Budget::of(Duration::from_millis(amount)).every(Duration::from_millis(period));
+    enforcer.budget(60, of, SchedClass::Idle).unwrap()
+}
+
+fn enroll_all(enforcer: &Enforcer, budget: BudgetId, program: &Program) {
+    for tid in foreign::tasks(program.pid()).unwrap() {
+        let thread = ForeignThread::open(tid).unwrap();
+        enforcer.enroll(budget, thread).unwrap();
+    }
+}
+
+fn sleep(ms: u64) {
+    std::thread::sleep(Duration::from_millis(ms));
+}
+
+/// Over `ms`, the program's CPU time at the budget's priority is what the budget allows: in no less
+/// than 97 % of it, and in no more than the periods that begin within the time, and one.
+fn holds_its_budget(program: &Program, amount: u64, period: u64, ms: u64) {
+    let enforcer = enforcer();
+    let id = budget(&enforcer, amount, period);
+    // A budget may wait for its first thread: it had another 30 ms at once when it counted as used
+    // from its own beginning.
+    sleep(period * 3 / 2);
+    let from = clock::monotonic();
+    enroll_all(&enforcer, id, program);
+    sleep(ms);
+    let usage = enforcer.usage(id).unwrap();
+    let elapsed = clock::monotonic() - from;
+    let share = usage.high as f64 / elapsed as f64;
+    let most = (elapsed / (period * MS) + 1) * amount * MS + MS / 2;
+    eprintln!(
+        "{:.3} % of {} ms, {} exhaustions, background {} ms, {:?}",
+        share * 100.0,
+        elapsed / MS,
+        usage.exhaustions,
+        usage.background / MS,
+        enforcer.stats()
+    );
+    assert!(usage.high <= most, "{usage:?} in {elapsed} ns");
+    assert!(
+        share >= 0.97 * amount as f64 / period as f64,
+        "{usage:?} in {elapsed} ns"
+    );
+    // One in every period, but for those in which the machine stood still.
+    let periods = elapsed / (period * MS);
+    assert!(usage.exhaustions >= periods * 2 / 3, "{usage:?}");
+    assert_eq!(usage.refused, 0);
+}
+
+fn two_programs_share_a_cpu_as_the_budget_says() {
+    let (first, other) = (Program::shell(), Program::shell());
+    set_affinity(other.pid(), &CpuSet::one(cpu())).unwrap();
+    let before = other.cpu_time();
+    holds_its_budget(&first, 30, 100, 1500);
+    let rest = other.cpu_time() - before;
+    assert!(
+        rest > 300 * MS,
+        "the other one got {} ms of 1500",
+        rest / MS
+    );
+}
+
+fn eight_threads_share_one_budget() {
+    let program = Program::this("spin 8");
+    assert_eq!(
+        foreign::tasks(program.pid()).unwrap().len(),
+        9,
+        "and one that waits"
+    );
+    holds_its_budget(&program, 30, 100, 1500);
+}
+
+/// At one FIFO priority the first thread would have the whole budget of every period.
+fn threads_of_one_budget_take_turns() {
+    let program = Program::this("spin 4");
+    let enforcer = enforcer();
+    let id = budget(&enforcer, 5, 20);
+    enroll_all(&enforcer, id, &program);
+    sleep(1000);
+    let used: Vec<_> = enforcer
+        .threads()
+        .iter()
+        .map(|thread| thread.high)
+        .collect();
+    let sum: u64 = used.iter().sum();
+    let shares = used.iter().filter(|used| **used > sum / 10).count();
+    assert_eq!(shares, 4, "{used:?}");
+}
+
+fn what_a_thread_had_comes_back() {
+    let (a, b, c) = (Program::shell(), Program::shell(), Program::shell());
+    set_priority(b.pid(), SchedClass::RoundRobin(7)).unwrap();
+    Command::new("renice")
+        .args(["-n", "5", "-p", &c.pid().to_string()])
+        .stdout(Stdio::null())
+        .status()
+        .unwrap();
+    let programs = [&a, &b, &c];
+    let had = programs.map(|p| Original::of(p.pid()).unwrap());
+    let enforcer = enforcer();
+    let id = budget(&enforcer, 2, 20);
+    for program in programs {
+        enroll_all(&enforcer, id, program);
+    }
+    sleep(50);
+    let has = granted(a.pid()).unwrap();
+    assert_eq!(has.cpus, CpuSet::one(cpu()));
+    assert!(has.reset_on_fork);
+    assert_eq!(enforcer.release(a.pid()).unwrap().pid, a.pid());
+    assert_eq!(Original::of(a.pid()).unwrap(), had[0]);
+    assert_eq!(enforcer.release(a.pid()), None);
+    drop(enforcer);
+    assert_eq!(programs.map(|p| Original::of(p.pid()).unwrap()), had);
+}
+
+/// A thread that gives itself another policy or CPU has what it was given again after the next
+/// look.
+fn a_changed_policy_is_changed_back() {
+    let program = Program::shell();
+    let enforcer = enforcer();
+    let id = budget(&enforcer, 20, 40);
+    enroll_all(&enforcer, id, &program);
+    assert_eq!(enforcer.inspect().displaced, 0);
+    let all = (0..=cpu()).fold(String::new(), |list, cpu| format!("{list}{cpu},"));
+    let all = CpuSet::parse(&all).unwrap();
+    for _ in 0..20 {
+        set_priority(program.pid(), SchedClass::Fifo(61)).unwrap();
+        if cpu() > 0 {
+            set_affinity(program.pid(), &all).unwrap();
+        }
+        assert_eq!(enforcer.inspect().displaced, 1);
+        let has = granted(program.pid()).unwrap();
+        assert_ne!((has.policy, has.priority), (GrantedPolicy::Fifo, 61));
+        assert_eq!(has.cpus, CpuSet::one(cpu()));
+        sleep(7);
+    }
+}
+
+/// A process that an enrolled one starts has neither its priority nor its flag, and can be found.
+fn what_it_starts_begins_without_its_priority() {
+    let mut shell = Command::new("sh");
+    let again = format!("while kill -0 $PPID 2>/dev/null; do sh -c '{SPIN}'; done");
+    shell.args(["-c", &again]);
+    let program = Program::start(shell);
+    sleep(30);
+    // The first one it had started: from now on under a budget.
+    let first = foreign::family(program.pid());
+    let enforcer = enforcer();
+    let id = budget(&enforcer, 20, 40);
+    enroll_all(&enforcer, id, &program);
+    if let [_, child] = first[..] {
+        Command::new("kill")
+            .args(["-9", &child.to_string()])
+            .status()
+            .unwrap();
+        sleep(100);
+        let family = foreign::family(program.pid());
+        assert_eq!(family.len(), 2, "{family:?}");
+        let has = granted(family[1]).unwrap();
+        assert_eq!(has.priority, 0, "{has}");
+        assert!(!has.reset_on_fork);
+        let first = Original::of(first[0]).unwrap();
+        let own = Original::of(family[1])
+            .unwrap()
+            .without_inheritance(cpu(), &first);
+        assert_eq!(own, first);
+        Command::new("kill")
+            .args(["-9", &family[1].to_string()])
+            .status()
+            .unwrap();
+    } else {
+        eprintln!("skipped: this kernel does not list children");
+    }
+}
+
+/// A program that becomes another one by `exec`, again and again, keeps its number and its budget.
+fn a_program_may_exec() {
+    let mut shell = Command::new("sh");
+    let again = "i=0; while [ $i -lt 9999 ]; do i=$((i+1)); done; \
+                 kill -0 $PPID 2>/dev/null && exec sh -c \"$0\" \"$0\"";
+    shell.args(["-c", again, again]);
+    let program = Program::start(shell);
+    holds_its_budget(&program, 30, 100, 1000);
+}
+
+/// Threads that live for a few milliseconds, a hundred each second: each is enrolled or gone.
+fn threads_may_come_and_go() {
+    let program = Program::this("come-and-go");
+    let enforcer = enforcer();
+    let id = budget(&enforcer, 2, 10);
+    let (mut enrolled, mut ended) = (0, 0);
+    let until = clock::monotonic() + 1500 * MS;
+    while clock::monotonic() < until {
+        for tid in foreign::tasks(program.pid()).unwrap() {
+            match ForeignThread::open(tid).and_then(|thread| enforcer.enroll(id, thread)) {
+                Ok(()) => enrolled += 1,
+                Err(foreign::ForeignError::Enrolled { .. }) => {}
+                Err(e) => assert!(e.is_gone(), "{e}"),
+            }
+        }
+        let found = enforcer.inspect();
+        assert_eq!(found.displaced, 0);
+        ended += found.ended.len();
+        sleep(5);
+    }
+    eprintln!("{enrolled} enrolled, {ended} ended");
+    assert!(enrolled > 20, "{enrolled}");
+    let left = enforcer.threads().len();
+    assert_eq!(ended + left, enrolled);
+    assert!(enforcer.usage(id).unwrap().high > 0);
+    drop(program);
+    sleep(20);
+    enforcer.inspect();
+    assert_eq!(enforcer.threads(), [], "its process has ended");
+}
+
+/// With the kernel's records, a thread that waits gets its budget back a period after each use: 2
+/// ms of every 20 never run out of a budget of 5 in 20.
+fn a_program_that_waits_is_not_exhausted() {
+    let program = Program::this("sleepy");
+    let enforcer = enforcer();
+    let id = budget(&enforcer, 5, 20);
+    enroll_all(&enforcer, id, &program);
+    sleep(1500);
+    let usage = enforcer.usage(id).unwrap();
+    eprintln!("{usage:?} {:?}", enforcer.stats());
+    assert!(usage.high > 50 * MS, "{usage:?}");
+    if usage.sees_blocking {
+        assert!(usage.exhaustions <= 3, "{usage:?}");
+    }
+}
+
+fn bad_values_are_refused_by_name() {
+    let enforcer = enforcer();
+    let of = |a, p| Budget::of(Duration::from_millis(a)).every(Duration::from_millis(p));
+    let refused = |priority, budget, background| {
+        let refused = enforcer.budget(priority, budget, background);
+        refused.unwrap_err().to_string()
+    };
+    let (idle, good) = (SchedClass::Idle, of(1, 10));
+    assert!(refused(99, good, idle).contains("1 to 98"));
+    assert!(refused(0, good, idle).contains("1 to 98"));
+    assert!(refused(5, good, SchedClass::Fifo(5)).contains("from 1 to 4"));
+    assert!(refused(5, good, SchedClass::RoundRobin(1)).contains("background"));
+    assert!(refused(5, of(11, 10), idle).contains("budget"));
+    for _ in 0..64 {
+        enforcer.budget(5, good, idle).unwrap();
+    }
+    assert!(refused(5, good, idle).contains("64 budgets"));
+    let kernel = ForeignThread::open(Tid::new(2).unwrap());
+    assert!(
+        kernel.is_err(),
+        "thread 2 is kthreadd, or hidden by a container"
+    );
+}
+
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        rt_trial(
+            "two_programs_share_a_cpu_as_the_budget_says",
+            two_programs_share_a_cpu_as_the_budget_says,
+        ),
+        rt_trial(
+            "eight_threads_share_one_budget",
+            eight_threads_share_one_budget,
+        ),
+        rt_trial(
+            "threads_of_one_budget_take_turns",
+            threads_of_one_budget_take_turns,
+        ),
+        rt_trial("what_a_thread_had_comes_back", what_a_thread_had_comes_back),
+        rt_trial(
+            "a_changed_policy_is_changed_back",
+            a_changed_policy_is_changed_back,
+        ),
+        rt_trial(
+            "what_it_starts_begins_without_its_priority",
+            what_it_starts_begins_without_its_priority,
+        ),
+        rt_trial("a_program_may_exec", a_program_may_exec),
+        rt_trial("threads_may_come_and_go", threads_may_come_and_go),
+        rt_trial(
+            "a_program_that_waits_is_not_exhausted",
+            a_program_that_waits_is_not_exhausted,
+        ),
+        rt_trial(
+            "bad_values_are_refused_by_name",
+            bad_values_are_refused_by_name,
+        ),
+    ]
+}

@@ -1,0 +1,255 @@
+//! The watchdog: an enforcer that fails, workers that leave their policy, privileges that go away.
+#![expect(unsafe_code, reason = "a child gives up its user for all threads")]
+
+use crate::common::{MS, become_fifo, burn, cpu};
+use replenish_os::{
+    Account, CpuSet, Enforcer, EnforcerConfig, Fault, SchedClass, Tid, Usage, affinity, clock,
+    current_tid, granted, set_affinity, set_priority,
+};
+use replenish_testkit::harness::{Trial, rt_trial};
+use replenish_testkit::watchdog::watchdog;
+use sporadic::{Kind, Low, Params};
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, mpsc};
+use std::time::Duration;
+
+const CHILD: &str = "REPLENISH_DROPPING_CHILD";
+
+type Faults = Arc<Mutex<Vec<Fault>>>;
+
+/// An enforcer, and what it reports.
+fn enforcer() -> (Arc<Enforcer>, Faults) {
+    let enforcer = Enforcer::start(EnforcerConfig::on_cpu(cpu())).unwrap();
+    let faults = Faults::default();
+    let told = Arc::clone(&faults);
+    enforcer.on_fault(move |fault| told.lock().unwrap().push(*fault));
+    assert!(enforcer.is_supervised());
+    (enforcer, faults)
+}
+
+/// Enrolls the calling thread with `budget` per `period`, in ms.
+fn enroll(enforcer: &Enforcer, budget: u64, period: u64, low: u8) -> Account {
+    become_fifo(cpu(), 60);
+    let params = Params::new(60, Low::Background(low), budget * MS, period * MS, 16).unwrap();
+    enforcer.enroll(&params, Kind::Corrected).unwrap()
+}
+
+fn wait_for(faults: &Faults, good: impl Fn(&Fault) -> bool) {
+    let end = clock::monotonic() + 2_000 * MS;
+    while !faults.lock().unwrap().iter().any(&good) {
+        assert!(clock::monotonic() < end, "{:?}", faults.lock().unwrap());
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// On b209253 a callback that made itself FIFO 99 had the CPU for as long as it liked: 400 ms with
+/// a budget of 10 per 100, and no exhaustion. The enforcer has the same priority and has to wait.
+fn a_worker_that_raises_itself_is_put_back() {
+    let _dog = watchdog("raises itself", Duration::from_secs(30));
+    let (enforcer, faults) = enforcer();
+    let worker = std::thread::spawn(move || {
+        let mut account = enroll(&enforcer, 10, 100, 6);
+        let meter = account.meter();
+        account.activate(clock::monotonic());
+        account.callback_begin().unwrap();
+        set_priority(current_tid(), SchedClass::Fifo(99)).unwrap();
+        burn(400 * MS);
+        account.callback_end();
+        account.block();
+        let usage = meter.usage();
+        (usage, enforcer.stats(), current_tid())
+    });
+    let (usage, stats, tid) = worker.join().unwrap();
+    println!("{usage:?} {stats:?}");
+    // One period at the worst, until the watchdog looks; it pays for that with what comes later.
+    assert!(
+        usage.exhaustions >= 1 && usage.cpu_high <= 160 * MS,
+        "{usage:?}"
+    );
+    wait_for(&faults, |fault| {
+        *fault == Fault::ForeignPolicy { thread: tid }
+    });
+    assert!(stats.faults >= 1);
+}
+
+/// A thread at the enforcer's own priority on its CPU, for `span`.
+fn hog(span: u64) -> std::thread::JoinHandle<()> {
+    std::thread::spawn(move || {
+        become_fifo(cpu(), 99);
+        burn(span);
+    })
+}
+
+/// Nobody looked after the workers of an enforcer that could not run: on b209253 they had the CPU
+/// until it could. This one is on another CPU, where nothing keeps it.
+fn a_silent_enforcer_is_stood_in_for(low: Low) -> (Vec<Fault>, Usage) {
+    let (enforcer, faults) = enforcer();
+    let (tell, told) = mpsc::channel();
+    let theirs = Arc::clone(&enforcer);
+    let worker = std::thread::spawn(move || {
+        become_fifo(cpu(), 60);
+        let params = Params::new(60, low, 10 * MS, 50 * MS, 16).unwrap();
+        let mut account = theirs.enroll(&params, Kind::Corrected).unwrap();
+        let meter = account.meter();
+        account.activate(clock::monotonic());
+        account.callback_begin().unwrap();
+        tell.send(current_tid()).unwrap();
+        burn(150 * MS);
+        account.callback_end();
+        account.block();
+        meter.usage()
+    });
+    let tid = told.recv().unwrap();
+    set_affinity(tid, &CpuSet::parse("0-1").unwrap()).unwrap();
+    let hog = hog(300 * MS);
+    let usage = worker.join().unwrap();
+    hog.join().unwrap();
+    wait_for(&faults, |fault| matches!(fault, Fault::Silent { .. }));
+    enforcer.stop();
+    let faults = faults.lock().unwrap().clone();
+    (faults, usage)
+}
+
+fn a_silent_enforcer_is_reported_and_its_worker_lowered() {
+    let _dog = watchdog("a silent enforcer", Duration::from_secs(30));
+    let (faults, usage) = a_silent_enforcer_is_stood_in_for(Low::Background(6));
+    println!("{faults:?} {usage:?}");
+    assert!(usage.exhaustions >= 1, "{usage:?}");
+}
+
+/// The watchdog stops a thread as the enforcer does, from whichever CPU, and raises it again.
+fn a_silent_enforcers_worker_is_suspended_by_the_watchdog() {
+    let _dog = watchdog("suspended by the watchdog", Duration::from_secs(30));
+    let (faults, usage) = a_silent_enforcer_is_stood_in_for(Low::Suspend);
+    println!("{faults:?} {usage:?}");
+    assert!(
+        usage.exhaustions >= 1 && usage.replenishments >= 1,
+        "{usage:?}"
+    );
+    assert!(usage.cpu_low < 5 * MS, "{usage:?}");
+}
+
+/// The enforcer of `cpu()`, by its name.
+fn enforcers_thread() -> Tid {
+    let name = format!("enforcer/{}", cpu());
+    let tasks = std::fs::read_dir("/proc/self/task").unwrap();
+    let mut tids = tasks.flatten().filter_map(|task| {
+        let comm = std::fs::read_to_string(task.path().join("comm")).ok()?;
+        let tid = task.file_name().to_str()?.parse().ok()?;
+        (comm.trim() == name).then(|| Tid::new(tid)).flatten()
+    });
+    tids.next().expect("no enforcer")
+}
+
+/// Nobody noticed that on b209253.
+fn an_enforcer_that_lost_its_priority_gets_it_back() {
+    let _dog = watchdog("lost its priority", Duration::from_secs(30));
+    let (enforcer, faults) = enforcer();
+    let tid = enforcers_thread();
+    set_priority(tid, SchedClass::Other).unwrap();
+    set_affinity(tid, &CpuSet::parse("0-1").unwrap()).unwrap();
+    wait_for(&faults, |fault| *fault == Fault::Displaced);
+    assert_eq!(granted(tid).unwrap().priority, 99);
+    assert_eq!(affinity(tid).unwrap(), CpuSet::one(cpu()));
+    enforcer.stop();
+}
+
+/// Whether this process is the one that gives up its privileges.
+pub(crate) fn is_child() -> bool {
+    std::env::var_os(CHILD).is_some()
+}
+
+/// A program that starts as root and goes on as somebody else.
+pub(crate) fn child() -> ! {
+    let (enforcer, faults) = enforcer();
+    let stop = Arc::new(AtomicBool::new(false));
+    let (tell, told) = mpsc::channel();
+    let (theirs, until) = (Arc::clone(&enforcer), Arc::clone(&stop));
+    let worker = std::thread::spawn(move || {
+        let mut account = enroll(&theirs, 5, 50, 1);
+        tell.send((account.meter(), current_tid())).unwrap();
+        account.activate(clock::monotonic());
+        account.callback_begin().unwrap();
+        while !until.load(Ordering::Relaxed) {}
+        account.callback_end();
+        account.block();
+    });
+    let (meter, tid) = told.recv().unwrap();
+    std::thread::sleep(Duration::from_millis(120));
+    assert_eq!(enforcer.stats().refused, 0);
+    let dropped = clock::monotonic();
+    // SAFETY: a plain number; the C library changes all threads of the process.
+    assert_eq!(unsafe { libc::setuid(65534) }, 0);
+    if replenish_os::privilege::probe()
+        .rtprio
+        .soft
+        .is_none_or(|limit| limit >= 60)
+    {
+        println!("the limit of priorities was raised at the start: nothing is refused");
+        let before = meter.usage();
+        std::thread::sleep(Duration::from_millis(300));
+        let after = meter.usage();
+        assert_eq!(enforcer.stats().refused, 0);
+        assert!(
+            after.replenishments >= before.replenishments + 4,
+            "{after:?}"
+        );
+        stop.store(true, Ordering::Relaxed);
+        worker.join().unwrap();
+        std::process::exit(0);
+    }
+    wait_for(&faults, |fault| *fault == Fault::Refused { thread: tid });
+    std::thread::sleep(Duration::from_millis(120));
+    // The account says what is the case: low, with a budget that it does not get.
+    let (usage, stats) = (meter.usage(), enforcer.stats());
+    println!("{usage:?} {stats:?}");
+    assert!(usage.low && usage.available > 0, "{usage:?}");
+    assert!(granted(tid).unwrap().priority <= 1);
+    // An eighth of the period from one attempt to the next.
+    let most = (clock::monotonic() - dropped) / (50 * MS / 8) + 2;
+    assert!((1..=most).contains(&stats.refused), "{most} {stats:?}");
+    let high = usage.cpu_high;
+    std::thread::sleep(Duration::from_millis(120));
+    assert_eq!(meter.usage().cpu_high, high, "it never runs high again");
+    stop.store(true, Ordering::Relaxed);
+    worker.join().unwrap();
+    std::process::exit(0)
+}
+
+/// On b209253 every raise was refused for ever, no event said so, and the account said "high".
+fn a_privilege_that_goes_away_is_reported() {
+    let output = Command::new(std::env::current_exe().unwrap())
+        .env(CHILD, "1")
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stdout);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{text}{errors}");
+    println!("{text}");
+}
+
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        rt_trial(
+            "a_worker_that_raises_itself_is_put_back",
+            a_worker_that_raises_itself_is_put_back,
+        ),
+        rt_trial(
+            "a_silent_enforcer_is_reported_and_its_worker_lowered",
+            a_silent_enforcer_is_reported_and_its_worker_lowered,
+        ),
+        rt_trial(
+            "a_silent_enforcers_worker_is_suspended_by_the_watchdog",
+            a_silent_enforcers_worker_is_suspended_by_the_watchdog,
+        ),
+        rt_trial(
+            "an_enforcer_that_lost_its_priority_gets_it_back",
+            an_enforcer_that_lost_its_priority_gets_it_back,
+        ),
+        rt_trial(
+            "a_privilege_that_goes_away_is_reported",
+            a_privilege_that_goes_away_is_reported,
+        ),
+    ]
+}
