@@ -36,7 +36,7 @@ pub struct Config {
     /// The longest time between log-ins. Must exceed the round trip to the agent.
     pub retry_max: Nanos,
     /// How long an agent that is there may take for the next answer to the creation of objects.
-    /// What it has not answered then is
+    /// A request without an answer is then
     /// [`RequestState::Unanswered`](super::RequestState::Unanswered), and a session that waits for
     /// it to be up waits no longer.
     pub answer_within: Nanos,

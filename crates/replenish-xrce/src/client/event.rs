@@ -34,6 +34,13 @@ pub enum Event<'a> {
         /// The sample: CDR without encapsulation header.
         payload: &'a [u8],
     },
+    /// A sample has come in fragments, and is longer than what the session can put together.
+    TooLong {
+        /// The data reader.
+        reader: ObjectId,
+        /// The `READ_DATA` that asked for it.
+        request: RequestId,
+    },
     /// A request to a replier.
     Request {
         /// The replier.

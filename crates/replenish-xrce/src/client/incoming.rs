@@ -3,7 +3,7 @@
 use super::{Event, Journal, Session, SessionState};
 use crate::Nanos;
 use crate::counter::{count, count_all};
-use crate::features::{DELIVERY as DELIVERY_FEATURE, QUERIES, SERVICES};
+use crate::features::{DELIVERY as DELIVERY_FEATURE, FRAGMENTS, QUERIES, SERVICES};
 use crate::wire::{
     AckNack, BaseRequest, Body, DELIVERY, DELIVERY_CONFIRMED, Data, Heartbeat, Message, Notice,
     ObjectKind, RequestId, SampleIdentity, StatusAgent, StatusReply, StreamId, Submessage,
@@ -270,6 +270,15 @@ fn answer<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize>(
     submessage: &Submessage<'_>,
     events: &mut dyn FnMut(Event<'_>),
 ) {
+    if FRAGMENTS && submessage.id == SubmessageId::Fragment {
+        if let Some(data) = Data::of_beginning(submessage.payload) {
+            events(Event::TooLong {
+                reader: data.base.object,
+                request: data.base.request,
+            });
+        }
+        return;
+    }
     if submessage.id != SubmessageId::Status {
         return;
     }
@@ -288,8 +297,8 @@ fn answer<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize>(
     });
 }
 
-/// What a sample is: plain, a request with its identity, or a reply with its request. `None` if it
-/// is too short to be that.
+/// A sample by its kind: plain, a request with its identity, or a reply with its request. `None` if
+/// it is too short for its kind.
 fn service_data<'a>(data: &Data<'a>) -> Option<Event<'a>> {
     let Data { base, payload } = *data;
     Some(match base.object.kind() {

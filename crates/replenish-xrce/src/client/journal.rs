@@ -1,4 +1,4 @@
-//! What a session has asked for and must ask for again after a new log-in: its objects, in the
+//! Requests that a session must repeat after a new log-in: its objects, in the
 //! order of their creation, and the reads that are on.
 //!
 //! ```text

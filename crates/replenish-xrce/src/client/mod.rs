@@ -38,7 +38,7 @@
 //! use replenish_xrce::wire::ClientKey;
 //!
 //! const MTU: usize = 512;
-//! // What micro-ROS keeps: four messages each way.
+//! // As many buffers as micro-ROS has: four messages each way.
 //! let (mut out, mut output) = ([0; MTU], [0; 4 * MTU]);
 //! let (mut input, mut fragments, mut journal) = ([0; 4 * MTU], [0; 4 * MTU], [0; 1024]);
 //! let (mut restore, mut none) = ([0; MTU], []);

@@ -25,7 +25,7 @@ pub struct Session<S, const N: usize, const E: usize, const B: usize = 1, const 
     pub(super) requests: RequestId,
     pub(super) streams: Streams<S, N, B, R>,
     pub(super) time_request: Option<WireTime>,
-    /// What to ask the agent about itself, and the question it has not answered yet.
+    /// The question about the agent itself that is to be sent, and the one without an answer yet.
     pub(super) info_request: Option<u32>,
     pub(super) info_asked: Option<RequestId>,
     /// Requests to be answered when that was last looked at, and when their number changed.
@@ -50,7 +50,7 @@ where
 
     /// The same with storage that is made for each stream by its index and goes to its place at
     /// once: a little smaller and faster than [`Session::new`], which moves the arrays.
-    pub fn made(
+    pub fn from_fn(
         config: Config,
         journal: S,
         restore: S,

@@ -1,4 +1,4 @@
-//! Receiving on a reliable stream: reordering, acknowledging, putting fragments together.
+//! Receiving on a reliable stream: reordering and acknowledging.
 //!
 //! ```text
 //!        next                announced
@@ -8,12 +8,12 @@
 //!   ──────┴──────┴──────┴──────┴──────┴────
 //! ```
 
-use super::reassembly::{Piece, Reassembly};
+use super::consume::{InputStats, consume};
+use super::reassembly::Reassembly;
 use crate::SeqNum;
 use crate::counter::count;
-use crate::features::FRAGMENTS;
 use crate::time::{NEVER, Nanos, ever, later};
-use crate::wire::{AckNack, Fragment, StreamId, Submessage, SubmessageId, Submessages};
+use crate::wire::{AckNack, StreamId, Submessage};
 
 /// Messages that can wait for a missing one at most. An acknowledgement names sixteen.
 const MOST: usize = 31;
@@ -46,38 +46,6 @@ impl Default for AckPolicy {
     }
 }
 
-/// The counters of a reliable input stream.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub struct InputStats {
-    /// Messages handled, each once and in order.
-    pub received: u64,
-    /// Messages that had come before.
-    pub duplicates: u64,
-    /// Messages kept because an earlier one was missing.
-    pub reordered: u64,
-    /// Messages dropped because no slot was left for them, or they were longer than a slot.
-    pub dropped: u64,
-    /// Messages whose submessages were malformed (from there on ignored).
-    pub malformed: u64,
-    /// Submessages dropped because their fragments together were too long.
-    pub too_long: u64,
-}
-
-impl InputStats {
-    /// Both together.
-    #[must_use]
-    pub const fn plus(self, other: Self) -> Self {
-        InputStats {
-            received: self.received.saturating_add(other.received),
-            duplicates: self.duplicates.saturating_add(other.duplicates),
-            reordered: self.reordered.saturating_add(other.reordered),
-            dropped: self.dropped.saturating_add(other.dropped),
-            malformed: self.malformed.saturating_add(other.malformed),
-            too_long: self.too_long.saturating_add(other.too_long),
-        }
-    }
-}
-
 /// The receiving end of a reliable stream: up to `N` messages wait in `S` for missing ones, and
 /// fragments are collected in `R`.
 #[derive(Debug)]
@@ -85,11 +53,11 @@ pub struct InputReliable<S, R, const N: usize> {
     slots: S,
     slot_size: usize,
     /// Slots in use, at most `N`.
-    capacity: usize,
+    pub(super) capacity: usize,
     /// Length of the message in each slot.
     lens: [u16; N],
-    /// Bit `i` set: message `next + i` waits in its slot.
-    kept: u32,
+    /// Bit `i` set: message `next + i` waits in its slot; bit 0: it was not taken.
+    pub(super) kept: u32,
     /// Slot for the message after `next`.
     head: usize,
     next: SeqNum,
@@ -104,6 +72,8 @@ pub struct InputReliable<S, R, const N: usize> {
     urgent: bool,
     /// When it is due, from the first look at it on.
     ack_at: Nanos,
+    /// Submessages of message `next` that were taken before one was not.
+    taken: u16,
     stats: InputStats,
 }
 
@@ -140,6 +110,7 @@ where
             unconfirmed: 0,
             urgent: false,
             ack_at: NEVER,
+            taken: 0,
             stats: InputStats::default(),
         }
     }
@@ -157,13 +128,28 @@ where
         self.head = 0;
         self.next = SeqNum(0);
         self.announced = SeqNum(0).previous();
+        self.taken = 0;
         self.reassembly.reset();
         self.acknowledged();
     }
 
     /// A message has arrived: `body` is what follows its header. Calls `deliver` with every
     /// submessage that is due now, this message's and those of kept ones, fragments put together.
+    /// Of a submessage that is too long for that, `deliver` gets the beginning, as a `FRAGMENT`.
     pub fn receive(&mut self, seq: SeqNum, body: &[u8], mut deliver: impl FnMut(&Submessage<'_>)) {
+        let mut taken = |submessage: &Submessage<'_>| {
+            deliver(submessage);
+            true
+        };
+        self.receive_with::<false>(seq, body, &mut taken);
+    }
+
+    pub(super) fn receive_with<const MAY_STOP: bool>(
+        &mut self,
+        seq: SeqNum,
+        body: &[u8],
+        deliver: &mut impl FnMut(&Submessage<'_>) -> bool,
+    ) {
         self.ack_due = true;
         self.unconfirmed = self.unconfirmed.saturating_add(1);
         let ahead = seq.since(self.next);
@@ -180,11 +166,40 @@ where
             self.keep(ahead, body);
             return;
         }
-        consume(body, &mut self.reassembly, &mut self.stats, &mut deliver);
-        while let Some((start, end)) = self.advance() {
-            if let Some(body) = self.slots.as_ref().get(start..end) {
-                consume(body, &mut self.reassembly, &mut self.stats, &mut deliver);
+        let Self {
+            reassembly,
+            stats,
+            taken,
+            ..
+        } = self;
+        if consume::<R, MAY_STOP>(body, reassembly, stats, taken, deliver) {
+            let next = self.advance();
+            self.go_on::<MAY_STOP>(next, deliver);
+        }
+    }
+
+    /// Delivers kept messages, the first of them at `next`. One that is not taken stays: the sender
+    /// may know that it has arrived.
+    #[inline]
+    pub(super) fn go_on<const MAY_STOP: bool>(
+        &mut self,
+        mut next: Option<(usize, usize)>,
+        deliver: &mut impl FnMut(&Submessage<'_>) -> bool,
+    ) {
+        while let Some((start, end)) = next {
+            let Self {
+                reassembly,
+                stats,
+                taken,
+                slots,
+                ..
+            } = self;
+            if let Some(body) = slots.as_ref().get(start..end)
+                && !consume::<R, MAY_STOP>(body, reassembly, stats, taken, deliver)
+            {
+                return;
             }
+            next = self.advance();
         }
     }
 
@@ -247,7 +262,7 @@ where
 
     /// The state as an acknowledgement.
     pub fn ack(&self) -> AckNack {
-        // What is known to exist: up to the last message that was announced, and that has a slot.
+        // Messages known to exist: up to the last one that was announced, and that has a slot.
         let announced = self.announced.plus(1).since(self.next);
         let known = usize::try_from(announced).unwrap_or(0);
         let known = known.min(self.capacity.wrapping_add(1)).min(16);
@@ -276,7 +291,7 @@ where
     }
 
     /// The slot after `slot`, or `ahead` after it, at most one round.
-    const fn slot(&self, ahead: usize) -> usize {
+    pub(super) const fn slot(&self, ahead: usize) -> usize {
         let slot = self.head.wrapping_add(ahead);
         match slot.checked_sub(self.capacity) {
             Some(slot) => slot,
@@ -294,7 +309,9 @@ where
         let slot = self.slot(ahead.wrapping_sub(1));
         let start = self.start(slot);
         let room = self.slots.as_mut().get_mut(start..);
-        let fits = ahead <= self.capacity && body.len() <= self.slot_size;
+        // Where a message was not taken, the last slot is its own.
+        let free = self.capacity.wrapping_sub((self.kept & 1) as usize);
+        let fits = ahead <= free && body.len() <= self.slot_size;
         let (true, Some(room), Some(len)) = (
             fits,
             room.and_then(|room| room.get_mut(..body.len())),
@@ -318,61 +335,13 @@ where
         if self.kept & 1 == 0 {
             return None;
         }
+        self.place(slot)
+    }
+
+    /// Where the message in slot `slot` begins and ends.
+    pub(super) fn place(&self, slot: usize) -> Option<(usize, usize)> {
         let len = usize::from(*self.lens.get(slot)?);
         let start = self.start(slot);
         Some((start, start.wrapping_add(len)))
     }
-}
-
-/// Walks one message that is in order.
-fn consume<R: AsRef<[u8]> + AsMut<[u8]>>(
-    body: &[u8],
-    reassembly: &mut Reassembly<R>,
-    stats: &mut InputStats,
-    deliver: &mut impl FnMut(&Submessage<'_>),
-) {
-    count(&mut stats.received);
-    let mut malformed = false;
-    let mut submessages = Submessages::new(body);
-    loop {
-        let head = submessages.peek();
-        match submessages.whole() {
-            Some(Submessage {
-                id: SubmessageId::Fragment,
-                ..
-            }) if !FRAGMENTS => count(&mut stats.too_long),
-            Some(Submessage {
-                id: SubmessageId::Fragment,
-                flags,
-                payload,
-            }) => match reassembly.append(payload, flags & Fragment::FLAG_LAST != 0) {
-                Piece::Partial => {}
-                Piece::TooLong => count(&mut stats.too_long),
-                Piece::Complete(whole) => malformed |= !deliver_whole(whole, deliver),
-            },
-            Some(submessage) => deliver(&submessage),
-            None if submessages.is_done() => break,
-            None => {
-                malformed = true;
-                if let Some((SubmessageId::Fragment, flags)) = head.filter(|_| FRAGMENTS) {
-                    reassembly.spoil(flags & Fragment::FLAG_LAST != 0);
-                }
-                break;
-            }
-        }
-    }
-    if malformed {
-        count(&mut stats.malformed);
-    }
-}
-
-/// Delivers what fragments gave; false if that is malformed. Fragments of fragments are.
-fn deliver_whole(whole: &[u8], deliver: &mut impl FnMut(&Submessage<'_>)) -> bool {
-    for submessage in Submessages::new(whole) {
-        match submessage {
-            Ok(submessage) if submessage.id != SubmessageId::Fragment => deliver(&submessage),
-            _ => return false,
-        }
-    }
-    true
 }

@@ -10,7 +10,9 @@
 //!   output_reliable ──► ring ──► spill       messages until acknowledged; an oversized submessage
 //!        │   └────────► carry                unacknowledged samples, for a new session
 //!        └────────────► rtt                  the round trip (rtt_disabled without that feature)
-//!   input_reliable ───► reassembly           fragments
+//!   input_waiting ────► input_reliable       a receiver that may have no room
+//!   input_reliable ───► consume              one message in order, its submessages delivered
+//!   consume ──────────► reassembly           fragments
 //!   push                                     errors and form of a pushed submessage
 //! ```
 //!
@@ -19,8 +21,10 @@
 //! into one message until it is taken for sending.
 
 mod carry;
+mod consume;
 mod input_best_effort;
 mod input_reliable;
+mod input_waiting;
 mod output_best_effort;
 mod output_reliable;
 mod push;
@@ -31,8 +35,9 @@ mod rtt;
 mod spill;
 
 pub use carry::Carried;
+pub use consume::InputStats;
 pub use input_best_effort::{BestEffortStats, InputBestEffort};
-pub use input_reliable::{AckPolicy, InputReliable, InputStats};
+pub use input_reliable::{AckPolicy, InputReliable};
 pub use output_best_effort::OutputBestEffort;
 pub use output_reliable::{OutputReliable, OutputStats, Reliability};
 pub use push::{PushError, Tail};

@@ -288,7 +288,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         slot.open = false;
         slot.resent = !new;
         slot.sent_at = now;
-        // What was lost once may be again, and with it the reason for the receiver to say so.
+        // A message lost once may be lost again, and so may the receiver's reason to report it.
         slot.lost = NEVER;
         if !new && slot.retries < RETRIES {
             slot.retries = slot.retries.saturating_add(1);

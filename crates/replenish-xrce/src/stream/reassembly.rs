@@ -16,8 +16,8 @@ pub(super) enum Piece<'a> {
     Partial,
     /// It was the last one; here is the whole.
     Complete(&'a [u8]),
-    /// It made the whole too long; reported once per submessage.
-    TooLong,
+    /// It made the whole too long; reported once per submessage, with the beginning of that.
+    TooLong(&'a [u8]),
 }
 
 impl<R: AsRef<[u8]> + AsMut<[u8]>> Reassembly<R> {
@@ -40,8 +40,19 @@ impl<R: AsRef<[u8]> + AsMut<[u8]>> Reassembly<R> {
         self.skipping = !last;
     }
 
+    /// Bytes so far.
+    pub(super) const fn collected(&self) -> usize {
+        self.len
+    }
+
+    /// Goes back to the state before the last piece, when `collected` bytes were there, which made
+    /// the whole [`Complete`](Piece::Complete).
+    pub(super) const fn again(&mut self, collected: usize) {
+        self.len = collected;
+    }
+
     pub(super) fn append(&mut self, piece: &[u8], last: bool) -> Piece<'_> {
-        let mut result = Piece::Partial;
+        let mut too_long = false;
         let end = self.len.wrapping_add(piece.len());
         if !self.skipping {
             match self.buf.as_mut().get_mut(self.len..end) {
@@ -51,17 +62,22 @@ impl<R: AsRef<[u8]> + AsMut<[u8]>> Reassembly<R> {
                 }
                 None => {
                     self.skipping = true;
-                    result = Piece::TooLong;
+                    too_long = true;
                 }
             }
         }
+        let collected = self.len;
         if last {
-            let len = core::mem::take(&mut self.len);
+            self.len = 0;
             if !core::mem::take(&mut self.skipping) {
-                return Piece::Complete(self.buf.as_ref().get(..len).unwrap_or(&[]));
+                return Piece::Complete(self.buf.as_ref().get(..collected).unwrap_or(&[]));
             }
         }
-        result
+        if too_long {
+            Piece::TooLong(self.buf.as_ref().get(..collected).unwrap_or(&[]))
+        } else {
+            Piece::Partial
+        }
     }
 }
 
@@ -75,11 +91,11 @@ mod tests {
         assert_eq!(r.append(b"abc", false), Piece::Partial);
         assert_eq!(r.append(b"def", true), Piece::Complete(b"abcdef"));
         assert_eq!(r.append(b"abcde", false), Piece::Partial);
-        assert_eq!(r.append(b"fg", false), Piece::TooLong);
+        assert_eq!(r.append(b"fg", false), Piece::TooLong(b"abcde"));
         assert_eq!(r.append(b"h", false), Piece::Partial);
         assert_eq!(r.append(b"i", true), Piece::Partial);
         assert_eq!(r.append(b"jk", true), Piece::Complete(b"jk"));
-        assert_eq!(r.append(b"abcdefg", true), Piece::TooLong);
+        assert_eq!(r.append(b"abcdefg", true), Piece::TooLong(b""));
         assert_eq!(r.append(b"l", false), Piece::Partial);
         r.spoil(false);
         assert_eq!(r.append(b"a", false), Piece::Partial);

@@ -1,5 +1,6 @@
 //! `WRITE_DATA`, `READ_DATA` and DATA: samples up, the request for samples, samples down.
 
+use super::header::SUBHEADER;
 use super::{BaseRequest, Reader, StreamId, WireError, Writer};
 use super::{Encode, SubmessageId};
 
@@ -71,6 +72,13 @@ impl<'a> Data<'a> {
         plain(flags).ok()?;
         let (base, payload) = BaseRequest::split(body)?;
         Some(Data { base, payload })
+    }
+
+    /// The beginning of a whole submessage, header included, if it is this one.
+    pub(crate) fn of_beginning(bytes: &'a [u8]) -> Option<Self> {
+        let (&[id, ..], rest) = bytes.split_first_chunk::<SUBHEADER>()?;
+        let (base, payload) = BaseRequest::split(rest)?;
+        (SubmessageId::from_number(id) == Ok(SubmessageId::Data)).then_some(Data { base, payload })
     }
 
     pub(super) fn decode(r: &mut Reader<'a>, flags: u8) -> Result<Self, WireError> {

@@ -1,5 +1,5 @@
-//! What an agent tells a client unasked: that an endpoint does not talk with others because of its
-//! QoS, and whether a requester's service has a server.
+//! Messages that an agent sends unasked: an endpoint does not talk with others because of its QoS;
+//! a requester's service has a server, or has none.
 //!
 //! DDS-XRCE has no message for it. Agents of replenish send a STATUS of request 0, which answers
 //! nothing, on the reliable stream 0, and put the detail into the field that the standard leaves to

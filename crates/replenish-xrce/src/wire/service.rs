@@ -9,7 +9,7 @@
 
 use super::{BaseRequest, Encode, SubmessageId, Writer};
 
-/// Who has sent a request and which one it is (`SampleIdentity` of DDS-RPC): a GUID of 16 bytes and
+/// The sender and the number of a request (`SampleIdentity` of DDS-RPC): a GUID of 16 bytes and
 /// a number of 8. A replier sends it back as it came.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct SampleIdentity(pub [u8; 24]);

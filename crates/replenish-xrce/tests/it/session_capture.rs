@@ -1,7 +1,7 @@
 //! The session, driven like the captured clients, sends what they sent, byte for byte, in every
 //! scenario, and understands what the agents answered.
 //!
-//! What the application did is read off the captured datagrams (a CREATE is a call of `create`, a
+//! The application's calls are read off the captured datagrams (a CREATE is a call of `create`, a
 //! sample that was not sent before a call of `write`, ...); ids, numbers, packing, fragments,
 //! acknowledgements, heartbeats, retransmissions and log-in are the session's own doing.
 
@@ -17,7 +17,7 @@ use replenish_xrce::wire::{Body, Message, ObjectId, Status, StreamId, Submessage
 
 type Client = Session<Vec<u8>, 128, 16>;
 
-/// What the session told.
+/// The session's events.
 #[derive(Default)]
 struct Told {
     up: usize,

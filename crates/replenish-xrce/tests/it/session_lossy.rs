@@ -19,7 +19,7 @@ const PARTICIPANT: ObjectId = ObjectId::new(1, ObjectKind::Participant);
 const WRITER: ObjectId = ObjectId::new(1, ObjectKind::DataWriter);
 const READER: ObjectId = ObjectId::new(1, ObjectKind::DataReader);
 
-/// What a microcontroller has: four messages each way, no room to keep samples for the next agent.
+/// A microcontroller's session: four messages each way, no room to keep samples for the next agent.
 type Client = Session<Vec<u8>, WINDOW, 8>;
 
 /// Loses one of `one_in` datagrams and delivers one of as many twice; the same in every run.

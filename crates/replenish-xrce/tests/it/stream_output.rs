@@ -80,7 +80,7 @@ fn a_full_window_would_block_and_too_large_names_the_limit() {
         Err(PushError::TooLarge { size, limit })
     );
     assert_eq!(stream.limit(), limit);
-    // What does not fit into fragments now still leaves room for a small one.
+    // A sample too large for the fragments now still leaves room for a small one.
     stream.push(&write(&[0; 4])).unwrap();
     assert_eq!(stream.free(), 0);
     let mut ids = Vec::new();
