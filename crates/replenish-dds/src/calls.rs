@@ -27,6 +27,12 @@ impl<K: PartialEq, V> Calls<K, V> {
         full
     }
 
+    /// The request under `key`.
+    pub(crate) fn get(&self, key: &K) -> Option<&V> {
+        let mut waiting = self.waiting.iter();
+        waiting.find_map(|(known, value)| (known == key).then_some(value))
+    }
+
     /// Takes out the request under `key`.
     pub(crate) fn take(&mut self, key: &K) -> Option<V> {
         let at = self.waiting.iter().position(|(known, _)| known == key)?;
@@ -42,7 +48,7 @@ mod tests {
     fn each_is_answered_once_and_the_oldest_is_forgotten() {
         let mut calls = Calls::new(2);
         assert!(!calls.add(1, 'a') && !calls.add(2, 'b') && calls.add(3, 'c'));
-        assert_eq!(calls.take(&1), None);
+        assert_eq!((calls.take(&1), calls.get(&2)), (None, Some(&'b')));
         assert_eq!((calls.take(&3), calls.take(&3)), (Some('c'), None));
         assert_eq!(calls.take(&2), Some('b'));
     }

@@ -2,6 +2,7 @@
 
 use crate::config::{DdsConfig, GidSize, Interfaces};
 use crate::endpoint::Topic as Name;
+use crate::forget;
 use crate::graph::{self, NodeInfo};
 use crate::qos::Qos;
 use crate::raw::Raw;
@@ -28,6 +29,8 @@ pub(crate) struct Domain {
     limit: usize,
     graph: Option<Writer>,
     gids: GidSize,
+    /// The last number of messages that empty RustDDS's cache of announcements.
+    forgotten: i64,
     /// The graph has changed since its last message.
     pub(crate) changed: bool,
 }
@@ -53,6 +56,7 @@ impl Domain {
             limit: config.limits.topics,
             graph: None,
             gids: config.gids,
+            forgotten: 0,
             changed: false,
         };
         let topic = Name::new(graph::TOPIC, graph::TYPE);
@@ -81,6 +85,23 @@ impl Domain {
         reader.map_err(text("make a reader"))
     }
 
+    /// Whether this topic is the one too many.
+    pub(crate) fn is_full_for(&self, name: &Name) -> bool {
+        self.topics.len() >= self.limit && !self.topics.contains_key(&name.name)
+    }
+
+    /// Gives a name that nothing uses another type; returns whether it had one. RustDDS keeps what
+    /// it has received under the name, for readers of either type.
+    pub(crate) fn retype(&mut self, name: &Name) -> bool {
+        match self.topics.get_mut(&name.name) {
+            Some(known) if *known != name.type_name => {
+                known.clone_from(&name.type_name);
+                true
+            }
+            _ => false,
+        }
+    }
+
     fn topic(&mut self, name: &Name, qos: &QosPolicies) -> Result<Topic, String> {
         match self.topics.get(&name.name) {
             Some(known) if *known != name.type_name => {
@@ -103,6 +124,18 @@ impl Domain {
             .participant
             .create_topic(name, type_name, qos, TopicKind::NoKey);
         topic.map_err(text("make a topic"))
+    }
+
+    /// Has participants that were silent for too long discovered again.
+    pub(crate) fn forget_announcements(&mut self) {
+        let place = (
+            self.participant.domain_id(),
+            self.participant.participant_id(),
+        );
+        // Without it, such a participant is discovered some time later, or never, as before.
+        if let Ok(last) = forget::announcements(place, self.guid(), self.forgotten) {
+            self.forgotten = last;
+        }
     }
 
     /// Publishes the nodes on `ros_discovery_info`.

@@ -86,6 +86,17 @@ impl EndpointKind {
             Self::Requester { request, .. } | Self::Replier { request, .. } => request,
         }
     }
+
+    /// All of its topics.
+    pub(crate) fn topics(&self) -> impl Iterator<Item = &Topic> {
+        let (first, second) = match self {
+            Self::Writer { topic, .. } | Self::Reader { topic, .. } => (topic, None),
+            Self::Requester { request, reply } | Self::Replier { request, reply } => {
+                (request, Some(reply))
+            }
+        };
+        std::iter::once(first).chain(second)
+    }
 }
 
 /// Which request: at a requester whatever the program says, at a replier what it got with the

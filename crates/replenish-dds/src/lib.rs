@@ -39,7 +39,7 @@
 //!
 //! # What it does not do
 //! Keyed topics, content filters, security, XCDR2, the "basic" service mapping of DDS-RPC. A topic
-//! keeps its type per domain for the life of a [`Dds`], because RustDDS keeps a cache per topic.
+//! keeps its type in a domain while an endpoint uses it.
 //!
 //! # Structure
 //! ```text
@@ -47,6 +47,7 @@
 //!      └────► state ◄───┘       │                                graph: ros_discovery_info
 //!               │               ├── calls   requests until their replies
 //!               └── queues      └── header  Cyclone's form of requests
+//!   returns: participants that were silent and come back     forget: RustDDS, what it has heard
 //!   config, endpoint, qos, report, error: plain data       raw: samples as bytes, for RustDDS
 //! ```
 #![forbid(unsafe_code)]
@@ -57,6 +58,7 @@ mod config;
 mod domain;
 mod endpoint;
 mod error;
+mod forget;
 mod graph;
 mod handle;
 mod header;
@@ -65,6 +67,7 @@ mod qos;
 mod queues;
 mod raw;
 mod report;
+mod returns;
 mod state;
 mod thread;
 

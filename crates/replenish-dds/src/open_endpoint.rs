@@ -27,6 +27,11 @@ const SERVER_WAIT: Duration = Duration::from_secs(2);
 /// known yet is lost, and nothing tells the client when it is known.
 const DISCOVERY_TIME: Duration = Duration::from_millis(100);
 
+/// How long a reply waits for the reader that it is for to be found: a program asks as soon as it
+/// has found the server, and the server may find the program's reader later. As `rmw_fastrtps` has
+/// it.
+const READER_WAIT: Duration = Duration::from_millis(100);
+
 /// Writers and readers of others that are remembered per endpoint.
 const MAX_MATCHED: usize = 1024;
 
@@ -45,8 +50,16 @@ enum Role {
         last: i64,
     },
     Replier {
-        calls: Calls<RequestId, Form>,
+        calls: Calls<RequestId, Asked>,
     },
+}
+
+/// A request from DDS that waits for its reply.
+struct Asked {
+    form: Form,
+    from: GUID,
+    /// Until when its reply waits for a reader of the program that asked.
+    until: Instant,
 }
 
 /// An open endpoint.
@@ -55,6 +68,7 @@ pub(crate) struct OpenEndpoint {
     pub(crate) node: Option<Id>,
     pub(crate) writer: Option<Writer>,
     pub(crate) reader: Option<Reader>,
+    pub(crate) kind: EndpointKind,
     role: Role,
     services: ServiceMapping,
     participant: GUID,
@@ -66,6 +80,8 @@ pub(crate) struct OpenEndpoint {
     writers: Vec<GUID>,
     /// The last sample of each writer that is heard.
     last: HashMap<GUID, i64>,
+    /// Samples handed to DDS so far.
+    pub(crate) sent: u64,
     pub(crate) counts: Counts,
 }
 
@@ -84,6 +100,7 @@ impl OpenEndpoint {
         node: Option<Id>,
         kind: &EndpointKind,
         (services, limits): (ServiceMapping, &DdsLimits),
+        retyped: bool,
     ) -> Result<Self, String> {
         let since = Timestamp::now();
         let service = Qos::default();
@@ -93,7 +110,12 @@ impl OpenEndpoint {
             }
             EndpointKind::Reader { topic, qos } => {
                 let reader = domain.reader(topic, qos)?;
-                (None, Some(reader), Role::Plain, qos.is_volatile())
+                (
+                    None,
+                    Some(reader),
+                    Role::Plain,
+                    qos.is_volatile() || retyped,
+                )
             }
             EndpointKind::Requester { request, reply } => {
                 let reader = domain.reader(reply, &service)?;
@@ -120,6 +142,7 @@ impl OpenEndpoint {
             node,
             writer,
             reader,
+            kind: kind.clone(),
             role,
             services,
             participant: domain.guid(),
@@ -128,6 +151,7 @@ impl OpenEndpoint {
             readers: Vec::new(),
             writers: Vec::new(),
             last: HashMap::new(),
+            sent: 0,
             counts: Counts::default(),
         })
     }
@@ -135,6 +159,12 @@ impl OpenEndpoint {
     /// How many of others it talks with.
     pub(crate) fn matched(&self) -> usize {
         self.readers.len() + self.writers.len()
+    }
+
+    /// The readers (true) and writers of others that it talks with.
+    pub(crate) fn matches(&self) -> impl Iterator<Item = (GUID, bool)> {
+        let readers = self.readers.iter().map(|guid| (*guid, true));
+        readers.chain(self.writers.iter().map(|guid| (*guid, false)))
     }
 
     /// Whether there is somebody to hear it and somebody to answer: for a requester, a server.
@@ -166,8 +196,14 @@ impl OpenEndpoint {
         self.last.retain(|guid, _| !which(guid));
     }
 
-    /// Whether requests should wait a little: a new requester has not found its server yet.
-    pub(crate) fn is_early(&mut self) -> bool {
+    /// Whether a sample should wait a little: a new requester has not found its server yet, or a
+    /// replier the reader of the program that asked.
+    pub(crate) fn is_early(&mut self, next: &Outgoing) -> bool {
+        if let Role::Replier { calls } = &self.role {
+            let asked = next.request.and_then(|request| calls.get(&request));
+            let known = |from: GUID| self.readers.iter().any(|guid| guid.prefix == from.prefix);
+            return asked.is_some_and(|a| !known(a.from) && Instant::now() < a.until);
+        }
         if self.early.is_some_and(|until| until <= Instant::now()) {
             self.early = None;
         }
@@ -215,11 +251,11 @@ impl OpenEndpoint {
             }
             Role::Replier { calls } => {
                 let request = request?;
-                let Some(form) = calls.take(&request) else {
+                let Some(asked) = calls.take(&request) else {
                     self.counts.calls_lost += 1;
                     return None;
                 };
-                if form == Form::Cyclone {
+                if asked.form == Form::Cyclone {
                     let header = Header {
                         client: client(GUID::from_bytes(request.guid)),
                         sequence: request.sequence,
@@ -254,6 +290,7 @@ impl OpenEndpoint {
         match writer.write_with_options(bytes, options) {
             Ok(identity) => {
                 self.counts.sent += 1;
+                self.sent += 1;
                 if let (Role::Requester { calls, .. }, Some((request, form, number))) =
                     (&mut self.role, call)
                 {
@@ -359,7 +396,9 @@ impl OpenEndpoint {
                     }
                     None => (enhanced(from, sequence, related), Form::Enhanced),
                 };
-                self.counts.calls_lost += u64::from(calls.add(request, form));
+                let until = Instant::now() + READER_WAIT;
+                let asked = Asked { form, from, until };
+                self.counts.calls_lost += u64::from(calls.add(request, asked));
                 Some(request)
             }
         };

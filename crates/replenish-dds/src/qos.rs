@@ -19,7 +19,7 @@ use rustdds::{Duration, QosPolicies, QosPolicyBuilder, policy};
 const READER_SAMPLES: i32 = 512;
 
 /// Samples of a reliable writer that may be unacknowledged.
-const WINDOW: i32 = 256;
+pub(crate) const WINDOW: u64 = 256;
 
 /// Whether samples reach readers that come later.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -121,7 +121,7 @@ impl Qos {
         let policies = self
             .common()
             .history(history)
-            .resource_limits(samples(WINDOW));
+            .resource_limits(samples(WINDOW as i32));
         match self.lifespan {
             Some(nanos) => policies.lifespan(Lifespan {
                 duration: duration(nanos),

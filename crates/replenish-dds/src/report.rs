@@ -46,6 +46,14 @@ pub struct EndpointReport {
     pub missed: u64,
     /// Requests forgotten without a reply, and replies to unknown requests.
     pub calls_lost: u64,
+    /// Readers and writers of others that were lost because their participant was silent for
+    /// longer than its lease.
+    pub lost: u64,
+    /// Lost readers and writers that it talks with again.
+    pub returned: u64,
+    /// Samples that lost readers did not get, at most: up to 256 that were on the way to each, and
+    /// those sent until it came back.
+    pub unheard: u64,
 }
 
 /// Where an endpoint stands.

@@ -67,6 +67,9 @@ pub(crate) struct Counts {
     pub(crate) dropped_in: u64,
     pub(crate) missed: u64,
     pub(crate) calls_lost: u64,
+    pub(crate) lost: u64,
+    pub(crate) returned: u64,
+    pub(crate) unheard: u64,
     pub(crate) mismatched: u64,
     /// Of which policies.
     pub(crate) mismatch: Mismatch,
@@ -281,6 +284,9 @@ impl EndpointTable {
         total.dropped_in += counts.dropped_in;
         total.missed += counts.missed;
         total.calls_lost += counts.calls_lost;
+        total.lost += counts.lost;
+        total.returned += counts.returned;
+        total.unheard += counts.unheard;
         total.mismatched += counts.mismatched;
         let mismatch = total.mismatch.and(counts.mismatch);
         if std::mem::replace(&mut total.mismatch, mismatch) != mismatch {
@@ -308,6 +314,9 @@ impl EndpointTable {
             dropped_in: slot.counts.dropped_in,
             missed: slot.counts.missed,
             calls_lost: slot.counts.calls_lost,
+            lost: slot.counts.lost,
+            returned: slot.counts.returned,
+            unheard: slot.counts.unheard,
         };
         let mut endpoints: Vec<EndpointReport> = self.table.iter().map(report).collect();
         endpoints.sort_by_key(|endpoint| endpoint.id);

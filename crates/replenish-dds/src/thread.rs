@@ -8,13 +8,17 @@
 
 use crate::config::DdsConfig;
 use crate::domain::Domain;
-use crate::endpoint::{Id, Node};
+use crate::endpoint::{Id, Node, Topic};
 use crate::graph::NodeInfo;
 use crate::open_endpoint::{OpenEndpoint, Prepared};
 use crate::qos::Mismatch;
+use crate::returns::Returns;
 use crate::state::{Counts, DdsEntity, SharedState};
 use rustdds::mio1::{Events, Interest, Poll, Token};
-use rustdds::{DomainParticipantStatusEvent as Status, GUID, RTPSEntity, StatusEvented};
+use rustdds::{
+    DomainParticipantStatusEvent as Status, GUID, LostReason, RTPSEntity, StatusEvented,
+};
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 use std::time::Duration;
@@ -49,6 +53,7 @@ pub(crate) struct Engine {
     /// Samples that DDS had no room for, one each; their queues are paused. `None`: waits for a
     /// server.
     blocked: BTreeMap<Id, Option<Prepared>>,
+    returns: Returns,
 }
 
 /// Wakes the program when the thread ends, for whatever reason.
@@ -78,6 +83,7 @@ impl Engine {
             next_token: READERS,
             readable: BTreeSet::new(),
             blocked: BTreeMap::new(),
+            returns: Returns::default(),
         }
     }
 
@@ -93,7 +99,7 @@ impl Engine {
         let timeout = match (idle, self.blocked.is_empty()) {
             (false, _) => Some(Duration::ZERO),
             (true, false) => Some(AGAIN),
-            (true, true) => None,
+            (true, true) => self.returns.timeout(),
         };
         if let Err(error) = self.poll.poll(events, timeout)
             && error.kind() != std::io::ErrorKind::Interrupted
@@ -115,6 +121,7 @@ impl Engine {
             self.shared.table.lock().opened(id, opened);
         }
         self.statuses();
+        self.returns.remind(&mut self.domains, &self.live);
         self.receive();
         self.send();
         self.account();
@@ -124,20 +131,37 @@ impl Engine {
 
     fn open(&mut self, id: Id, entity: DdsEntity) -> Result<(), String> {
         let number = entity.domain();
-        self.join(number)?;
-        let Some(domain) = self.domains.get_mut(&number) else {
-            return Err("no participant".into());
-        };
-        domain.changed = true;
         let endpoint = match entity {
             DdsEntity::Node(node) => {
+                self.join(number)?.changed = true;
                 self.nodes.insert(id, node);
                 return Ok(());
             }
             DdsEntity::Endpoint(endpoint) => endpoint,
         };
-        let how = (self.config.services, &self.config.limits);
-        let mut live = OpenEndpoint::open(domain, number, endpoint.node, &endpoint.kind, how)?;
+        let kind = &endpoint.kind;
+        let here = || self.live.values().filter(|live| live.domain == number);
+        let unused = here().next().is_none();
+        let is_used = |topic: &&Topic| {
+            let mut topics = here().flat_map(|live| live.kind.topics());
+            topics.any(|used| used.name == topic.name)
+        };
+        let free: Vec<&Topic> = kind.topics().filter(|topic| !is_used(topic)).collect();
+        let is_full = |domain: &Domain| kind.topics().any(|topic| domain.is_full_for(topic));
+        if unused && self.domains.get(&number).is_some_and(is_full) {
+            self.leave(number); // and with it the caches of all topics there were
+        }
+        let how = (self.config.services, self.config.limits);
+        let domain = self.join(number)?;
+        domain.changed = true;
+        let retyped = free
+            .into_iter()
+            .filter(|topic| domain.retype(topic))
+            .count()
+            > 0;
+        let (services, limits) = how;
+        let how = (services, &limits);
+        let mut live = OpenEndpoint::open(domain, number, endpoint.node, kind, how, retyped)?;
         if let Some(reader) = &mut live.reader {
             let token = Token(self.next_token);
             self.next_token += 1;
@@ -157,12 +181,9 @@ impl Engine {
     }
 
     /// Makes the participant of a domain, in place of one that is not used any more if need be.
-    fn join(&mut self, number: u16) -> Result<(), String> {
-        if self.domains.contains_key(&number) {
-            return Ok(());
-        }
+    fn join(&mut self, number: u16) -> Result<&mut Domain, String> {
         let limit = self.config.limits.domains;
-        if self.domains.len() >= limit {
+        if !self.domains.contains_key(&number) && self.domains.len() >= limit {
             let used = |domain: &u16| {
                 self.live.values().any(|live| live.domain == *domain)
                     || self.nodes.values().any(|node| node.domain == *domain)
@@ -172,14 +193,18 @@ impl Engine {
             };
             self.leave(unused);
         }
-        let mut domain = Domain::new(number, &self.config)?;
-        let token = Token(DOMAINS + usize::from(number));
-        self.poll
-            .registry()
-            .register(&mut domain.statuses, token, Interest::READABLE)
-            .map_err(|error| format!("cannot wait for a participant: {error}"))?;
-        self.domains.insert(number, domain);
-        Ok(())
+        match self.domains.entry(number) {
+            Entry::Occupied(domain) => Ok(domain.into_mut()),
+            Entry::Vacant(place) => {
+                let mut domain = Domain::new(number, &self.config)?;
+                let token = Token(DOMAINS + usize::from(number));
+                self.poll
+                    .registry()
+                    .register(&mut domain.statuses, token, Interest::READABLE)
+                    .map_err(|error| format!("cannot wait for a participant: {error}"))?;
+                Ok(place.insert(domain))
+            }
+        }
     }
 
     fn leave(&mut self, number: u16) {
@@ -212,26 +237,33 @@ impl Engine {
             domains,
             live,
             owners,
+            returns,
             ..
         } = self;
         let owner = |guid: &GUID| owners.get(guid).copied();
-        for domain in domains.values() {
+        for domain in domains.values_mut() {
             while let Some(status) = domain.statuses.try_recv_status() {
                 match status {
                     Status::RemoteReaderMatched {
                         local_writer,
                         remote_reader,
                     } => {
-                        if let Some(live) = owner(&local_writer).and_then(|id| live.get_mut(&id)) {
+                        if let Some(id) = owner(&local_writer)
+                            && let Some(live) = live.get_mut(&id)
+                        {
                             live.found(remote_reader, true);
+                            returns.matched(id, live, remote_reader);
                         }
                     }
                     Status::RemoteWriterMatched {
                         local_reader,
                         remote_writer,
                     } => {
-                        if let Some(live) = owner(&local_reader).and_then(|id| live.get_mut(&id)) {
+                        if let Some(id) = owner(&local_reader)
+                            && let Some(live) = live.get_mut(&id)
+                        {
                             live.found(remote_writer, false);
+                            returns.matched(id, live, remote_writer);
                         }
                     }
                     Status::RemoteReaderQosIncompatible {
@@ -254,10 +286,23 @@ impl Engine {
                     }
                     Status::ReaderLost { guid, .. } | Status::WriterLost { guid, .. } => {
                         live.values_mut().for_each(|live| live.lost(|g| *g == guid));
+                        returns.gone(guid);
                     }
-                    Status::ParticipantLost { id, .. } => {
-                        live.values_mut()
-                            .for_each(|live| live.lost(|g| g.prefix == id));
+                    Status::ParticipantLost { id: prefix, reason } => {
+                        let gone = |guid: &GUID| guid.prefix == prefix;
+                        let silent = matches!(reason, LostReason::Timeout { .. });
+                        for (id, live) in live.iter_mut() {
+                            if silent {
+                                returns.lost(*id, live, gone);
+                            }
+                            live.lost(gone);
+                        }
+                        if silent {
+                            domain.forget_announcements();
+                        }
+                    }
+                    Status::ParticipantDiscovered { dpd } => {
+                        returns.discovered(|guid| guid.prefix == dpd.guid.prefix);
                     }
                     _ => {}
                 }
@@ -299,7 +344,7 @@ impl Engine {
             };
             let still = match prepared {
                 Some(prepared) => live.submit(prepared).err().map(Some),
-                None => live.is_early().then_some(None),
+                None => None, // its sample is looked at below
             };
             match still {
                 Some(still) => {
@@ -316,7 +361,7 @@ impl Engine {
             let Some(live) = self.live.get_mut(&id) else {
                 continue; // closed meanwhile, or never opened
             };
-            if live.is_early() {
+            if live.is_early(&outgoing) {
                 // It goes back to where it was.
                 table.outgoing.push_front(id, outgoing);
                 table.outgoing.pause(id);

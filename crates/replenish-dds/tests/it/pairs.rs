@@ -177,6 +177,40 @@ fn requests_are_answered_in_each_form() {
     }
 }
 
+/// A program asks as soon as it has found the server; the server may find the program's reader
+/// later. Before, such a reply was lost: a foreign client waited for its first answer for ever.
+#[test]
+fn a_reply_waits_for_the_reader_of_the_program_that_asked() {
+    let config = DdsConfig {
+        services: ServiceMapping::Cyclone,
+        ..DdsConfig::default()
+    };
+    let request = Topic::new("rq/addRequest", "Add_Request_");
+    let reply = Topic::new("rr/addReply", "Add_Response_");
+    let header = [*b"whoever!", 1_i64.to_le_bytes()].concat();
+    // On a busy machine discovery takes longer than the reply waits.
+    let arrives = |_| {
+        let domain = domain();
+        let (mut server, mut client) = (Program::with(domain, &config), Program::new(domain));
+        let (rq, rr) = (request.clone(), reply.clone());
+        let replier = server.open(EndpointKind::Replier {
+            request: rq,
+            reply: rr,
+        });
+        let asks = client.writer(&request, Qos::default());
+        client.matched(asks, 1);
+        server.matched(replier, 1);
+        client.write(asks, &[&header[..], b"ask1"].concat());
+        let asked = server.next(replier);
+        let answer = Outgoing::call(asked.request.unwrap(), b"yes1".to_vec());
+        server.dds.write(replier, answer);
+        let answers = client.reader(&reply, Qos::default());
+        let got = client.within(answers, Duration::from_secs(1));
+        got.is_some_and(|got| got.payload == [&header[..], b"yes1"].concat())
+    };
+    assert!((0..10).any(arrives));
+}
+
 #[test]
 fn what_dds_refuses_is_told() {
     let domain = domain();
@@ -203,6 +237,17 @@ fn what_dds_refuses_is_told() {
     let other_type = a.reader(&Topic::new("rt/chatter", "Other_"), Qos::default());
     let why = "the topic has the type std_msgs::msg::dds_::Int32_ here already";
     assert_eq!(failed(&a, other_type), why);
+    // Before, a type that nothing used any more was the name's type for good.
+    a.dds.close(first);
+    let right = a.reader(&Topic::new("rt/chatter", "Other_"), Qos::default());
+    assert_eq!(
+        failed(&a, right),
+        "",
+        "a name that nothing uses takes another type"
+    );
+    a.dds.close(right);
+    let first = a.writer(&chatter(), Qos::default());
+    assert_eq!(failed(&a, first), "");
     let second = a.writer(&Topic::new("rt/b", "B_"), Qos::default());
     assert_eq!(failed(&a, second), "");
     let third = a.writer(&Topic::new("rt/c", "C_"), Qos::default());
@@ -210,15 +255,24 @@ fn what_dds_refuses_is_told() {
         failed(&a, third),
         "there were 3 topics already, dds.limits.topics"
     );
+    // Before, names that nothing used took their place for good.
+    for id in [first, other_type, second, third] {
+        a.dds.close(id);
+    }
+    for name in ["rt/d", "rt/e", "rt/f", "rt/g"] {
+        let id = a.writer(&Topic::new(name, "T_"), Qos::default());
+        assert_eq!(failed(&a, id), "", "{name}");
+        a.dds.close(id);
+    }
+    let first = a.writer(&chatter(), Qos::default());
+    assert_eq!(failed(&a, first), "");
     a.domain += 1;
     let elsewhere = a.writer(&chatter(), Qos::default());
     assert_eq!(
         failed(&a, elsewhere),
         "1 domains are in use, dds.limits.domains"
     );
-    for id in [first, other_type, second, third] {
-        a.dds.close(id);
-    }
+    a.dds.close(first);
     let elsewhere = a.writer(&chatter(), Qos::default());
     assert_eq!(failed(&a, elsewhere), "", "the unused domain makes room");
     a.domain = 233;

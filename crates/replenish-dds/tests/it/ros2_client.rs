@@ -171,7 +171,7 @@ fn services_in_both_directions() {
     }
 }
 
-/// What `ros2 node list` and `ros2 node info` go by.
+/// The graph information behind `ros2 node list` and `ros2 node info`.
 #[test]
 fn nodes_are_announced_with_what_is_theirs() {
     let domain = domain();
