@@ -1,0 +1,171 @@
+//! [`History`]: the samples that a writer keeps, in memory taken at set-up.
+
+use crate::wire::{Guid, GuidPrefix, Nanos, SampleIdentity, SequenceNumber, Timestamp};
+use alloc::boxed::Box;
+use alloc::vec;
+
+/// A sample, without its bytes.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Change {
+    /// 0 is a free place.
+    pub(crate) sn: SequenceNumber,
+    pub(crate) len: usize,
+    pub(crate) source: Option<Timestamp>,
+    pub(crate) written: Nanos,
+    /// The instance that this sample disposes of; its bytes are then the key.
+    pub(crate) gone: Option<Guid>,
+    /// The request that it belongs to.
+    pub(crate) related: Option<SampleIdentity>,
+    /// The participant whose readers get it; `None`: all.
+    pub(crate) only: Option<GuidPrefix>,
+}
+
+impl Change {
+    /// Whether readers of the participant `prefix` get it.
+    pub(crate) fn is_for(&self, prefix: GuidPrefix) -> bool {
+        self.only.is_none_or(|only| only == prefix)
+    }
+}
+
+/// Places for samples. A sample has the place of its number, counted round; a writer of discovery,
+/// which takes samples out of the middle, falls back to any free place.
+#[derive(Debug)]
+pub(crate) struct History {
+    changes: Box<[Change]>,
+    bytes: Box<[u8]>,
+    size: usize,
+    first: SequenceNumber,
+    last: SequenceNumber,
+}
+
+impl History {
+    /// `depth` places of `size` bytes.
+    pub(crate) fn new(depth: usize, size: usize) -> Self {
+        let depth = depth.max(1);
+        History {
+            changes: vec![Change::default(); depth].into_boxed_slice(),
+            bytes: vec![0; depth.saturating_mul(size)].into_boxed_slice(),
+            size,
+            first: 1,
+            last: 0,
+        }
+    }
+
+    /// The first sample that is kept; one after the last if there is none.
+    pub(crate) const fn first(&self) -> SequenceNumber {
+        self.first
+    }
+
+    /// The last number that was given; 0 before the first.
+    pub(crate) const fn last(&self) -> SequenceNumber {
+        self.last
+    }
+
+    /// Bytes of the longest sample.
+    pub(crate) const fn size(&self) -> usize {
+        self.size
+    }
+
+    fn home(&self, sn: SequenceNumber) -> usize {
+        let depth = i64::try_from(self.changes.len()).unwrap_or(i64::MAX);
+        usize::try_from(sn.rem_euclid(depth)).unwrap_or(0)
+    }
+
+    fn place(&self, sn: SequenceNumber) -> Option<usize> {
+        let home = self.home(sn);
+        if self.changes.get(home).is_some_and(|change| change.sn == sn) {
+            return Some(home);
+        }
+        self.changes.iter().position(|change| change.sn == sn)
+    }
+
+    /// The sample and its bytes.
+    pub(crate) fn get(&self, sn: SequenceNumber) -> Option<(&Change, &[u8])> {
+        if !(self.first..=self.last).contains(&sn) {
+            return None;
+        }
+        let place = self.place(sn)?;
+        let change = self.changes.get(place)?;
+        let from = place.saturating_mul(self.size);
+        let bytes = self.bytes.get(from..from.saturating_add(change.len))?;
+        Some((change, bytes))
+    }
+
+    /// Whether the sample is kept, and for readers of the participant `prefix`.
+    pub(crate) fn has_for(&self, sn: SequenceNumber, prefix: GuidPrefix) -> bool {
+        self.get(sn)
+            .is_some_and(|(change, _)| change.is_for(prefix))
+    }
+
+    /// Whether a sample must go before the next one can be kept.
+    pub(crate) fn is_full(&self) -> bool {
+        let next = self.home(self.last.saturating_add(1));
+        let free = |change: &Change| change.sn == 0;
+        !self.changes.get(next).is_some_and(free) && !self.changes.iter().any(free)
+    }
+
+    /// Keeps a sample that is at most [`History::size`] long; the first one goes if there is no
+    /// place. Returns its number.
+    pub(crate) fn add(&mut self, mut change: Change, payload: &[u8]) -> SequenceNumber {
+        if self.is_full() {
+            self.remove(self.first);
+        }
+        let sn = self.last.saturating_add(1);
+        let home = self.home(sn);
+        let free = |change: &Change| change.sn == 0;
+        let place = if self.changes.get(home).is_some_and(free) {
+            home
+        } else {
+            self.changes.iter().position(free).unwrap_or(home)
+        };
+        let from = place.saturating_mul(self.size);
+        change.sn = sn;
+        change.len = payload.len().min(self.size);
+        let room = self.bytes.get_mut(from..from.saturating_add(change.len));
+        for (to, from) in room.unwrap_or_default().iter_mut().zip(payload) {
+            *to = *from;
+        }
+        if let Some(slot) = self.changes.get_mut(place) {
+            *slot = change;
+        }
+        self.last = sn;
+        sn
+    }
+
+    /// Forgets a sample.
+    pub(crate) fn remove(&mut self, sn: SequenceNumber) {
+        let place = self.place(sn);
+        if sn == 0 {
+            return;
+        }
+        if let Some(change) = place.and_then(|place| self.changes.get_mut(place)) {
+            change.sn = 0;
+        }
+        if sn == self.first {
+            self.find_first();
+        }
+    }
+
+    /// The first sample that says that an instance is gone.
+    pub(crate) fn first_disposal(&self) -> Option<SequenceNumber> {
+        let kept = self.changes.iter().filter(|change| change.sn != 0);
+        let disposals = kept.filter(|change| change.gone.is_some());
+        disposals.map(|change| change.sn).min()
+    }
+
+    fn find_first(&mut self) {
+        let next = self.first.saturating_add(1);
+        self.first = if self.place_at_home(next) {
+            next
+        } else {
+            let kept = self.changes.iter().map(|change| change.sn);
+            let first = kept.filter(|sn| *sn > 0).min();
+            first.unwrap_or_else(|| self.last.saturating_add(1))
+        };
+    }
+
+    fn place_at_home(&self, sn: SequenceNumber) -> bool {
+        let change = self.changes.get(self.home(sn));
+        change.is_some_and(|change| change.sn == sn)
+    }
+}

@@ -1,0 +1,19 @@
+//! Writers and readers: samples in and out, repairs, fragments. Bytes and time in, messages out.
+//!
+//! ```text
+//!   send ──► writer ──► history (samples), peer_reader (what a reader has)
+//!   intake, repair ──► reader ──► store (samples), peer_writer (which numbers have arrived)
+//! ```
+
+mod history;
+mod intake;
+mod peer_reader;
+mod peer_writer;
+mod reader;
+mod repair;
+mod send;
+mod store;
+mod writer;
+
+pub use reader::{Reader, ReaderLimits, ReaderStats, Sample};
+pub use writer::{Header, WriteError, Writer, WriterLimits};

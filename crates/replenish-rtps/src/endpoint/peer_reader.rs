@@ -1,0 +1,67 @@
+//! [`PeerReader`]: what a writer knows of one reader.
+
+use crate::wire::{Bits, Guid, SequenceNumber, SequenceSet};
+use core::net::SocketAddr;
+
+/// Fragments of one sample that are to be sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Fragments {
+    pub(crate) sn: SequenceNumber,
+    /// The number of bit 0, from 1.
+    pub(crate) base: u32,
+    /// Named ones; `None`: all from the base on.
+    pub(crate) bits: Option<Bits>,
+}
+
+/// One matched reader.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PeerReader {
+    pub(crate) guid: Guid,
+    pub(crate) to: SocketAddr,
+    pub(crate) reliable: bool,
+    /// Samples before it are not for this reader.
+    pub(crate) start: SequenceNumber,
+    /// The next sample that it has not been sent.
+    pub(crate) next: SequenceNumber,
+    /// The next fragment of that sample, from 1.
+    pub(crate) fragment: u32,
+    /// All below have arrived.
+    pub(crate) acked: SequenceNumber,
+    /// Samples to be sent again.
+    pub(crate) requested: SequenceSet,
+    /// Fragments to be sent again.
+    pub(crate) repair: Option<Fragments>,
+    pub(crate) ack_count: Option<u32>,
+    pub(crate) nack_frag_count: Option<u32>,
+    pub(crate) wants_heartbeat: bool,
+}
+
+impl PeerReader {
+    /// Whether `count` is newer than the last one that was seen.
+    pub(crate) const fn is_new(last: Option<u32>, count: u32) -> bool {
+        match last {
+            None => true,
+            Some(last) => count.wrapping_sub(last).cast_signed() > 0,
+        }
+    }
+
+    /// Takes the first requested sample.
+    pub(crate) fn take_request(&mut self) -> Option<SequenceNumber> {
+        let sn = self.requested.iter().next()?;
+        self.forget_requests_below(sn.saturating_add(1));
+        Some(sn)
+    }
+
+    /// The first requested sample.
+    pub(crate) fn first_request(&self) -> Option<SequenceNumber> {
+        self.requested.iter().next()
+    }
+
+    pub(crate) fn forget_requests_below(&mut self, sn: SequenceNumber) {
+        let mut left = SequenceSet::empty(sn);
+        for asked in self.requested.iter().filter(|asked| *asked >= sn) {
+            left.insert(asked);
+        }
+        self.requested = left;
+    }
+}

@@ -1,0 +1,117 @@
+//! [`PeerWriter`]: what a reader knows of one writer: which numbers have arrived.
+
+use crate::wire::{Guid, SequenceNumber};
+use core::net::SocketAddr;
+
+/// Numbers that may have arrived before an earlier one.
+pub(crate) const WINDOW: i64 = 256;
+
+/// One matched writer.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PeerWriter {
+    pub(crate) guid: Guid,
+    pub(crate) to: SocketAddr,
+    pub(crate) reliable: bool,
+    /// All below have arrived or will not come.
+    pub(crate) next: SequenceNumber,
+    /// Bit i: `next + i` has arrived or will not come. Bit 0 is never set between calls.
+    seen: [u64; 4],
+    /// The last number that the writer has announced.
+    pub(crate) last: SequenceNumber,
+    pub(crate) heartbeat_count: Option<u32>,
+    pub(crate) ack_count: u32,
+    pub(crate) nack_frag_count: u32,
+    /// An ACKNACK is to be sent.
+    pub(crate) ack: bool,
+    /// Nothing was heard of the writer yet: the ACKNACK asks for a heartbeat.
+    pub(crate) unheard: bool,
+}
+
+impl PeerWriter {
+    pub(crate) const fn new(guid: Guid, to: SocketAddr, reliable: bool) -> Self {
+        PeerWriter {
+            guid,
+            to,
+            reliable,
+            next: 1,
+            seen: [0; 4],
+            last: 0,
+            heartbeat_count: None,
+            ack_count: 0,
+            nack_frag_count: 0,
+            ack: reliable,
+            unheard: true,
+        }
+    }
+
+    fn at(&self, sn: SequenceNumber) -> Option<(usize, u64)> {
+        let at = sn.checked_sub(self.next)?;
+        if !(0..WINDOW).contains(&at) {
+            return None;
+        }
+        let at = usize::try_from(at).ok()?;
+        Some((at / 64, 1 << (at % 64)))
+    }
+
+    /// Whether the number can be taken now: it is not behind the window.
+    pub(crate) const fn in_window(&self, sn: SequenceNumber) -> bool {
+        sn.saturating_sub(self.next) < WINDOW
+    }
+
+    /// Whether the number has arrived or will not come.
+    pub(crate) fn has(&self, sn: SequenceNumber) -> bool {
+        let word = |(word, bit): (usize, u64)| self.seen.get(word).is_some_and(|w| w & bit != 0);
+        sn < self.next || self.at(sn).is_some_and(word)
+    }
+
+    /// Marks a number.
+    pub(crate) fn mark(&mut self, sn: SequenceNumber) {
+        if let Some((word, bit)) = self.at(sn)
+            && let Some(word) = self.seen.get_mut(word)
+        {
+            *word |= bit;
+        }
+    }
+
+    /// A number that had arrived was thrown away and is wanted again.
+    pub(crate) fn unmark(&mut self, sn: SequenceNumber) {
+        if let Some((word, bit)) = self.at(sn)
+            && let Some(word) = self.seen.get_mut(word)
+        {
+            *word &= !bit;
+        }
+    }
+
+    /// Moves the window up to `to`; returns how many numbers below it had not been seen.
+    pub(crate) fn advance(&mut self, to: SequenceNumber) -> u64 {
+        let mut missed = 0;
+        while self.next < to {
+            if self.seen == [0; 4] {
+                missed += to.saturating_sub(self.next).unsigned_abs();
+                self.next = to;
+                break;
+            }
+            missed += u64::from(!self.shift());
+        }
+        missed
+    }
+
+    /// Steps over the numbers at the window's start that have arrived.
+    pub(crate) fn settle(&mut self) {
+        while self.has(self.next) {
+            self.shift();
+        }
+    }
+
+    /// Moves on by one; whether that number had arrived.
+    fn shift(&mut self) -> bool {
+        let mut carry = 0;
+        for word in self.seen.iter_mut().rev() {
+            let out = *word & 1;
+            *word = (*word >> 1) | (carry << 63);
+            carry = out;
+        }
+        self.next = self.next.saturating_add(1);
+        carry == 1
+    }
+}

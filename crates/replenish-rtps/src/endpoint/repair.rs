@@ -1,0 +1,130 @@
+//! What a reader lacks: heartbeats and gaps come in, ACKNACK and `NACK_FRAG` go out.
+
+use super::peer_writer::WINDOW;
+use super::reader::Reader;
+use crate::wire::{
+    AckNack, Bits, Gap, Guid, GuidPrefix, Heartbeat, MessageWriter, NackFrag, SequenceNumber,
+    SequenceSet,
+};
+use core::net::SocketAddr;
+
+impl Reader {
+    /// A heartbeat from the participant `from`.
+    pub fn heartbeat(&mut self, from: GuidPrefix, body: &Heartbeat) {
+        let Some(at) = self.find(Guid::new(from, body.writer)) else {
+            return;
+        };
+        let Some(writer) = self.writers.get_mut(at).filter(|writer| writer.reliable) else {
+            return;
+        };
+        let new = |last: u32| body.count.wrapping_sub(last).cast_signed() > 0;
+        if !writer.heartbeat_count.is_none_or(new) {
+            return;
+        }
+        writer.heartbeat_count = Some(body.count);
+        writer.last = writer.last.max(body.last);
+        let first_time = writer.unheard;
+        writer.unheard = false;
+        let missed = self.give_up_below(at, body.first);
+        // What a late reader has never been promised is not lost.
+        self.stats.lost += if first_time { 0 } else { missed };
+        if let Some(writer) = self.writers.get_mut(at) {
+            writer.ack |= !body.final_flag || writer.next <= writer.last;
+        }
+    }
+
+    /// A gap from the participant `from`.
+    pub fn gap(&mut self, from: GuidPrefix, body: &Gap) {
+        let Some(at) = self.find(Guid::new(from, body.writer)) else {
+            return;
+        };
+        let Some(writer) = self.writers.get_mut(at).filter(|writer| writer.reliable) else {
+            return;
+        };
+        writer.unheard = false;
+        if body.start <= writer.next {
+            self.give_up_below(at, body.list.base);
+        } else {
+            let end = writer.next.saturating_add(WINDOW);
+            for sn in body.start..body.list.base.min(end) {
+                self.cross_out(at, sn);
+            }
+        }
+        for sn in body.list.iter() {
+            self.cross_out(at, sn);
+        }
+        self.settle(at);
+    }
+
+    fn cross_out(&mut self, at: usize, sn: SequenceNumber) {
+        let Some(writer) = self.writers.get_mut(at) else {
+            return;
+        };
+        if writer.has(sn) {
+            return;
+        }
+        writer.mark(sn);
+        let guid = writer.guid;
+        if let Some(place) = self.store.find(guid, sn) {
+            self.store.release(place);
+        }
+    }
+
+    /// Whether [`Reader::transmit`] has something to say.
+    #[must_use]
+    pub fn wants_to_transmit(&self) -> bool {
+        self.writers.iter().any(|writer| writer.ack)
+    }
+
+    /// Fills `m`, which has no submessages yet, with an answer to one writer, and says where to
+    /// send it.
+    pub fn transmit(&mut self, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
+        let count = self.writers.len();
+        let at = (0..count)
+            .filter_map(|step| self.next_writer.saturating_add(step).checked_rem(count))
+            .find(|at| self.writers.get(*at).is_some_and(|writer| writer.ack))?;
+        self.next_writer = at.saturating_add(1);
+        let (reader, store) = (self.guid.entity, &self.store);
+        let writer = self.writers.get_mut(at)?;
+        writer.ack = false;
+        m.info_destination(writer.guid.prefix).ok()?;
+        let mut state = SequenceSet::empty(writer.next);
+        let mut part = None;
+        let end = writer.next.saturating_add(i64::from(Bits::MAX));
+        for sn in writer.next..end.min(writer.last.saturating_add(1)) {
+            if writer.has(sn) {
+                continue;
+            }
+            // Of a sample in parts, only the missing ones are asked for.
+            match store.find(writer.guid, sn) {
+                Some(place) => part = part.or(Some((sn, place))),
+                None => {
+                    state.insert(sn);
+                }
+            }
+        }
+        writer.ack_count = writer.ack_count.wrapping_add(1);
+        let body = AckNack {
+            reader,
+            writer: writer.guid.entity,
+            state,
+            count: writer.ack_count,
+            final_flag: !writer.unheard,
+        };
+        m.acknack(&body).ok()?;
+        if let Some((sn, place)) = part
+            && let Some(state) = store.missing(place)
+        {
+            writer.nack_frag_count = writer.nack_frag_count.wrapping_add(1);
+            let body = NackFrag {
+                reader,
+                writer: writer.guid.entity,
+                sn,
+                state,
+                count: writer.nack_frag_count,
+            };
+            m.nack_frag(&body).ok()?;
+        }
+        Some(writer.to)
+    }
+}

@@ -1,0 +1,388 @@
+//! What a writer sends next to a reader: repairs, then new samples, then a heartbeat.
+
+use super::history::Change;
+use super::peer_reader::Fragments;
+use super::writer::{BURST, Writer};
+use crate::wire::{
+    Data, DataFrag, EntityId, Gap, Guid, Heartbeat, INFINITE, MessageWriter, Nanos, Payload,
+    SequenceNumber, SequenceSet, WireError, disposal, put_related_request,
+};
+use core::net::SocketAddr;
+
+/// Between two bursts of fragments.
+const PAUSE: Nanos = 1_000_000;
+/// The longest time between heartbeats while a reader lacks something.
+const SLOWEST_HEARTBEAT: Nanos = 1_000_000_000;
+
+impl Writer {
+    /// Fills `m`, which has no submessages yet, for one reader or participant, and says where to
+    /// send it. `None` when nothing is to be sent now.
+    pub fn transmit(&mut self, now: Nanos, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
+        self.expire(now);
+        if now >= self.heartbeat_at {
+            self.announce(now);
+        }
+        if now >= self.burst_ends {
+            self.burst = BURST;
+        }
+        for _ in 0..self.readers.len() {
+            let at = self.next_reader.checked_rem(self.readers.len())?;
+            self.next_reader = at.saturating_add(1);
+            let to = fill(self, at, now, m);
+            if to.is_some() {
+                return to;
+            }
+        }
+        None
+    }
+
+    /// Every reader that lacks something hears what there is.
+    fn announce(&mut self, now: Nanos) {
+        let last = self.history.last();
+        let mut lacking = false;
+        for reader in self.readers.iter_mut().filter(|reader| reader.reliable) {
+            let lacks = reader.acked <= last;
+            reader.wants_heartbeat |= lacks;
+            lacking |= lacks;
+        }
+        if lacking {
+            self.heartbeat_at = now.saturating_add(self.pace);
+            self.pace = self.pace.saturating_mul(2).min(SLOWEST_HEARTBEAT);
+        } else {
+            self.heartbeat_at = INFINITE;
+        }
+    }
+}
+
+/// What became of one step.
+enum Step {
+    /// Something was added to the message.
+    Added,
+    /// There is nothing to add.
+    Nothing,
+    /// The message is full.
+    Full,
+}
+
+/// Fills `m` for the reader at `at`, if there is something for it.
+pub(super) fn fill(
+    w: &mut Writer,
+    at: usize,
+    now: Nanos,
+    m: &mut MessageWriter<'_>,
+) -> Option<SocketAddr> {
+    let reader = w.readers.get(at)?;
+    let (to, prefix) = (reader.to, reader.guid.prefix);
+    m.info_destination(prefix).ok()?;
+    let empty = m.len();
+    while let Step::Added = step(w, at, now, m) {}
+    if m.len() > empty {
+        return Some(to);
+    }
+    m.clear();
+    None
+}
+
+fn step(w: &mut Writer, at: usize, now: Nanos, m: &mut MessageWriter<'_>) -> Step {
+    let Some(reader) = w.readers.get(at) else {
+        return Step::Nothing;
+    };
+    if reader.repair.is_some() {
+        return repair_fragment(w, at, now, m);
+    }
+    if reader.first_request().is_some() {
+        return repair(w, at, m);
+    }
+    if reader.next <= w.history.last() {
+        return fresh(w, at, now, m);
+    }
+    if reader.wants_heartbeat {
+        return heartbeat(w, at, m);
+    }
+    Step::Nothing
+}
+
+fn done(result: Result<(), WireError>) -> Step {
+    if result.is_ok() {
+        Step::Added
+    } else {
+        Step::Full
+    }
+}
+
+fn heartbeat(w: &mut Writer, at: usize, m: &mut MessageWriter<'_>) -> Step {
+    let Some(reader) = w.readers.get_mut(at) else {
+        return Step::Nothing;
+    };
+    let body = Heartbeat {
+        reader: reader.guid.entity,
+        writer: w.guid.entity,
+        first: w.history.first(),
+        last: w.history.last(),
+        count: w.heartbeats.wrapping_add(1),
+        final_flag: false,
+        liveliness: false,
+    };
+    let step = done(m.heartbeat(&body));
+    if let Step::Added = step {
+        reader.wants_heartbeat = false;
+        w.heartbeats = body.count;
+    }
+    step
+}
+
+/// Sends a requested sample again, or says that it will not come.
+fn repair(w: &mut Writer, at: usize, m: &mut MessageWriter<'_>) -> Step {
+    let Some(reader) = w.readers.get_mut(at) else {
+        return Step::Nothing;
+    };
+    let Some(sn) = reader.first_request() else {
+        return Step::Nothing;
+    };
+    let prefix = reader.guid.prefix;
+    let kept = w.history.get(sn).filter(|_| sn >= reader.start);
+    let kept = kept.filter(|(change, _)| change.is_for(prefix));
+    let Some((change, payload)) = kept else {
+        // Up to the next sample that is kept and for this reader.
+        let mut end = sn
+            .saturating_add(1)
+            .max(reader.start)
+            .max(w.history.first());
+        end = end.min(w.history.last().saturating_add(1));
+        while end <= w.history.last() && !w.history.has_for(end, prefix) {
+            end = end.saturating_add(1);
+        }
+        let step = done(gap(m, reader.guid.entity, w.guid.entity, sn, end));
+        if let Step::Added = step {
+            reader.forget_requests_below(end);
+        }
+        return step;
+    };
+    if payload.len() > w.fragment {
+        reader.take_request();
+        reader.repair = Some(Fragments {
+            sn,
+            base: 1,
+            bits: None,
+        });
+        return Step::Added;
+    }
+    let step = done(data(m, w.guid, reader.guid.entity, change, payload));
+    if let Step::Added = step {
+        reader.take_request();
+    }
+    step
+}
+
+fn gap(
+    m: &mut MessageWriter<'_>,
+    reader: EntityId,
+    writer: EntityId,
+    start: SequenceNumber,
+    end: SequenceNumber,
+) -> Result<(), WireError> {
+    m.gap(&Gap {
+        reader,
+        writer,
+        start,
+        list: SequenceSet::empty(end),
+    })
+}
+
+/// Sends the next sample for the first time. Readers behind the same address share it.
+fn fresh(w: &mut Writer, at: usize, now: Nanos, m: &mut MessageWriter<'_>) -> Step {
+    let Some(reader) = w.readers.get_mut(at) else {
+        return Step::Nothing;
+    };
+    let sn = reader.next;
+    let prefix = reader.guid.prefix;
+    let kept = w.history.get(sn);
+    let Some((change, payload)) = kept.filter(|(change, _)| change.is_for(prefix)) else {
+        let mut end = sn.saturating_add(1).max(w.history.first());
+        while end <= w.history.last() && !w.history.has_for(end, prefix) {
+            end = end.saturating_add(1);
+        }
+        if reader.reliable && gap(m, reader.guid.entity, w.guid.entity, sn, end).is_err() {
+            return Step::Full;
+        }
+        reader.next = end;
+        reader.fragment = 1;
+        return Step::Added;
+    };
+    let me = *reader;
+    let alike = |other: &super::peer_reader::PeerReader| {
+        other.to == me.to
+            && other.guid.prefix == me.guid.prefix
+            && (other.next, other.fragment) == (me.next, me.fragment)
+    };
+    let shared = w.readers.iter().filter(|other| alike(other)).count() > 1;
+    let id = if shared {
+        EntityId::UNKNOWN
+    } else {
+        me.guid.entity
+    };
+    let fragments = payload.len() > w.fragment;
+    if fragments && (w.burst == 0 || m.len() > HEADERS) {
+        return if w.burst == 0 {
+            Step::Nothing
+        } else {
+            Step::Full
+        };
+    }
+    let sent = if fragments {
+        data_frag(m, w.guid, id, change, payload, me.fragment, w.fragment)
+    } else {
+        data(m, w.guid, id, change, payload)
+    };
+    if sent.is_err() {
+        return Step::Full;
+    }
+    let last = u32::try_from(payload.len().div_ceil(w.fragment)).unwrap_or(u32::MAX);
+    let done = !fragments || me.fragment >= last;
+    for other in w.readers.iter_mut().filter(|other| alike(other)) {
+        if done {
+            other.next = sn.saturating_add(1);
+            other.fragment = 1;
+            // The last fragment may be the one that is lost: the reader hears of the sample.
+            other.wants_heartbeat |= fragments && other.reliable;
+        } else {
+            other.fragment = other.fragment.saturating_add(1);
+        }
+    }
+    if fragments {
+        pause(w, now);
+    }
+    Step::Added
+}
+
+/// A message with one fragment has the header, `INFO_DST` and nothing before it.
+const HEADERS: usize = 36;
+
+fn pause(w: &mut Writer, now: Nanos) {
+    w.burst = w.burst.saturating_sub(w.fragment);
+    w.burst_ends = now.saturating_add(PAUSE);
+}
+
+fn repair_fragment(w: &mut Writer, at: usize, now: Nanos, m: &mut MessageWriter<'_>) -> Step {
+    let Some(reader) = w.readers.get_mut(at) else {
+        return Step::Nothing;
+    };
+    let Some(asked) = reader.repair else {
+        return Step::Nothing;
+    };
+    let kept = w.history.get(asked.sn).filter(|_| asked.sn >= reader.start);
+    let Some((change, payload)) = kept else {
+        reader.repair = None;
+        reader.wants_heartbeat = true;
+        return Step::Added;
+    };
+    if w.burst == 0 {
+        return Step::Nothing;
+    }
+    if m.len() > HEADERS {
+        return Step::Full;
+    }
+    let last = u32::try_from(payload.len().div_ceil(w.fragment)).unwrap_or(u32::MAX);
+    let next = match &asked.bits {
+        None => Some(asked.base),
+        Some(bits) => bits.iter().next().map(|at| asked.base.saturating_add(at)),
+    };
+    let Some(number) = next.filter(|number| (1..=last).contains(number)) else {
+        reader.repair = None;
+        reader.wants_heartbeat = true;
+        return Step::Added;
+    };
+    let id = reader.guid.entity;
+    if data_frag(m, w.guid, id, change, payload, number, w.fragment).is_err() {
+        return Step::Full;
+    }
+    let rest = match asked.bits {
+        None => Some(Fragments {
+            base: number.saturating_add(1),
+            ..asked
+        }),
+        Some(mut bits) => {
+            bits.clear(number.saturating_sub(asked.base));
+            Some(Fragments {
+                bits: Some(bits),
+                ..asked
+            })
+        }
+    };
+    reader.repair = rest;
+    pause(w, now);
+    Step::Added
+}
+
+fn data(
+    m: &mut MessageWriter<'_>,
+    writer: Guid,
+    reader: EntityId,
+    change: &Change,
+    payload: &[u8],
+) -> Result<(), WireError> {
+    let (mut qos, mut key) = ([0; RELATED], [0; 40]);
+    let (inline_qos, payload) = match change.gone {
+        Some(gone) => {
+            let (qos, key) = disposal(gone, &mut qos, &mut key)?;
+            (qos, Payload::Key(key))
+        }
+        None => (related(change, &mut qos)?, Payload::Data(payload)),
+    };
+    let body = Data {
+        reader,
+        writer: writer.entity,
+        sn: change.sn,
+        inline_qos: None,
+        payload,
+    };
+    let before = m.len();
+    if change.source.is_some() {
+        m.info_timestamp(change.source)?;
+    }
+    m.data(&body, inline_qos)
+        .inspect_err(|_| m.truncate(before))
+}
+
+fn data_frag(
+    m: &mut MessageWriter<'_>,
+    writer: Guid,
+    reader: EntityId,
+    change: &Change,
+    payload: &[u8],
+    number: u32,
+    size: usize,
+) -> Result<(), WireError> {
+    let index = usize::try_from(number.saturating_sub(1)).unwrap_or(usize::MAX);
+    let from = index.saturating_mul(size);
+    let to = from.saturating_add(size).min(payload.len());
+    let body = DataFrag {
+        reader,
+        writer: writer.entity,
+        sn: change.sn,
+        start: number,
+        count: 1,
+        fragment_size: u16::try_from(size).unwrap_or(u16::MAX),
+        sample_size: u32::try_from(payload.len()).unwrap_or(u32::MAX),
+        key: false,
+        inline_qos: None,
+        payload: payload.get(from..to).unwrap_or(&[]),
+    };
+    let before = m.len();
+    if change.source.is_some() {
+        m.info_timestamp(change.source)?;
+    }
+    let mut qos = [0; RELATED];
+    m.data_frag(&body, related(change, &mut qos)?)
+        .inspect_err(|_| m.truncate(before))
+}
+
+/// Bytes of inline quality of service that name a request.
+const RELATED: usize = 64;
+
+fn related<'q>(change: &Change, qos: &'q mut [u8; RELATED]) -> Result<&'q [u8], WireError> {
+    match &change.related {
+        Some(request) => put_related_request(request, qos),
+        None => Ok(&[]),
+    }
+}

@@ -1,0 +1,379 @@
+//! [`Writer`]: sends samples and repairs what is lost (RTPS 2.5, 8.4.7 to 8.4.9).
+//!
+//! ```text
+//!              write                    every reader has it
+//!   (quiet) ──────────► announcing ──────────────────────────► (quiet)
+//!                        │   ▲
+//!   heartbeat: 10 ms after the last write, then after twice the time, at most every second;
+//!   an ACKNACK that asks for something: what it asks for is sent, the time begins anew
+//! ```
+
+use super::history::{Change, History};
+use super::peer_reader::{Fragments, PeerReader};
+use crate::wire::{
+    AckNack, Durability, EntityId, Guid, GuidPrefix, INFINITE, NackFrag, Nanos, Qos, Reliability,
+    SampleIdentity, SequenceNumber, SequenceSet, Timestamp,
+};
+use alloc::vec::Vec;
+use core::net::SocketAddr;
+
+const MILLISECOND: Nanos = 1_000_000;
+/// From a write to the heartbeat after it.
+const FIRST_HEARTBEAT: Nanos = 10 * MILLISECOND;
+/// Fragments go out in bursts of so many bytes, a millisecond apart: 64 MB/s.
+pub(super) const BURST: usize = 65_536;
+
+/// The memory and the messages of a writer.
+#[derive(Clone, Copy, Debug)]
+pub struct WriterLimits {
+    /// Samples that are kept, from 1. For [`Qos`] that keeps the last ones, its depth.
+    pub samples: usize,
+    /// Bytes of the longest sample with its encapsulation, from 4.
+    pub sample_bytes: usize,
+    /// Matched readers, from 1.
+    pub readers: usize,
+    /// Bytes of a fragment, 64 to 65 000. Longer samples are cut.
+    pub fragment_bytes: u16,
+}
+
+/// What goes with a sample's bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Header {
+    /// The time that it bears, of the wall clock.
+    pub source: Option<Timestamp>,
+    /// The request that it belongs to: sent along with it.
+    pub related: Option<SampleIdentity>,
+    /// The participant whose readers alone get it; `None`: all.
+    pub only: Option<GuidPrefix>,
+}
+
+/// Why a sample was not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum WriteError {
+    /// The sample is longer than the writer's limit.
+    TooLong {
+        /// Its bytes, with the encapsulation.
+        len: usize,
+        /// The limit, [`WriterLimits::sample_bytes`].
+        most: usize,
+    },
+    /// All samples are to be kept, and a reader lacks the oldest.
+    Full,
+    /// There is no such writer.
+    NoWriter,
+}
+
+impl core::fmt::Display for WriteError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            WriteError::TooLong { len, most } => {
+                write!(f, "a sample of {len} bytes: the writer's limit is {most}")
+            }
+            WriteError::Full => f.write_str("the history is full of samples that a reader lacks"),
+            WriteError::NoWriter => f.write_str("there is no such writer"),
+        }
+    }
+}
+
+impl core::error::Error for WriteError {}
+
+/// A writer with its history and its matched readers.
+#[derive(Debug)]
+pub struct Writer {
+    pub(super) guid: Guid,
+    qos: Qos,
+    pub(super) history: History,
+    pub(super) readers: Vec<PeerReader>,
+    most_readers: usize,
+    pub(super) fragment: usize,
+    pub(super) heartbeats: u32,
+    pub(super) heartbeat_at: Nanos,
+    pub(super) pace: Nanos,
+    pub(super) next_reader: usize,
+    pub(super) burst: usize,
+    pub(super) burst_ends: Nanos,
+}
+
+impl Writer {
+    /// A writer without samples and readers. Memory is taken here and never again.
+    #[must_use]
+    pub fn new(guid: Guid, qos: Qos, limits: &WriterLimits) -> Self {
+        Writer {
+            guid,
+            qos,
+            history: History::new(limits.samples, limits.sample_bytes.max(4)),
+            readers: Vec::with_capacity(limits.readers.max(1)),
+            most_readers: limits.readers.max(1),
+            fragment: usize::from(limits.fragment_bytes.clamp(64, 65_000)),
+            heartbeats: 0,
+            heartbeat_at: INFINITE,
+            pace: FIRST_HEARTBEAT,
+            next_reader: 0,
+            burst: BURST,
+            burst_ends: 0,
+        }
+    }
+
+    /// Its name.
+    #[must_use]
+    pub const fn guid(&self) -> Guid {
+        self.guid
+    }
+
+    /// Its quality of service.
+    #[must_use]
+    pub const fn qos(&self) -> &Qos {
+        &self.qos
+    }
+
+    /// Matched readers.
+    #[must_use]
+    pub const fn matched(&self) -> usize {
+        self.readers.len()
+    }
+
+    /// Whether every reliable reader has every sample.
+    #[must_use]
+    pub fn is_acknowledged(&self) -> bool {
+        let last = self.history.last();
+        let mut reliable = self.readers.iter().filter(|reader| reader.reliable);
+        reliable.all(|reader| reader.acked > last)
+    }
+
+    /// Sends `payload`, with its encapsulation, to every matched reader. `source` is the time that
+    /// it bears, of the wall clock.
+    ///
+    /// # Errors
+    /// [`WriteError::TooLong`], [`WriteError::Full`].
+    pub fn write(
+        &mut self,
+        payload: &[u8],
+        source: Option<Timestamp>,
+        now: Nanos,
+    ) -> Result<SequenceNumber, WriteError> {
+        let header = Header {
+            source,
+            ..Header::default()
+        };
+        self.write_with(payload, &header, now)
+    }
+
+    /// Sends `payload`, with its encapsulation, as `header` says.
+    ///
+    /// # Errors
+    /// [`WriteError::TooLong`], [`WriteError::Full`].
+    pub fn write_with(
+        &mut self,
+        payload: &[u8],
+        header: &Header,
+        now: Nanos,
+    ) -> Result<SequenceNumber, WriteError> {
+        self.add(payload, None, header, now)
+    }
+
+    /// Says that the endpoint or participant `gone` is no more.
+    pub(crate) fn dispose(&mut self, gone: Guid, now: Nanos) -> SequenceNumber {
+        self.forget_a_disposal();
+        self.add(&[], Some(gone), &Header::default(), now)
+            .unwrap_or(0)
+    }
+
+    /// Announces an instance of discovery. What is announced stays until it is forgotten.
+    pub(crate) fn announce_instance(&mut self, bytes: &[u8], now: Nanos) -> SequenceNumber {
+        self.forget_a_disposal();
+        self.add(bytes, None, &Header::default(), now).unwrap_or(0)
+    }
+
+    /// Makes room: discovery keeps as many disposals as there may be instances.
+    fn forget_a_disposal(&mut self) {
+        let full = self.history.is_full();
+        if let Some(sn) = self.history.first_disposal().filter(|_| full) {
+            self.history.remove(sn);
+        }
+    }
+
+    fn add(
+        &mut self,
+        payload: &[u8],
+        gone: Option<Guid>,
+        header: &Header,
+        now: Nanos,
+    ) -> Result<SequenceNumber, WriteError> {
+        let (len, most) = (payload.len(), self.history.size());
+        if len > most {
+            return Err(WriteError::TooLong { len, most });
+        }
+        self.expire(now);
+        if self.qos.depth == 0 && self.history.is_full() {
+            let oldest = self.history.first();
+            let lacks = |reader: &PeerReader| {
+                reader.next <= oldest || (reader.reliable && reader.acked <= oldest)
+            };
+            if self.readers.iter().any(lacks) {
+                return Err(WriteError::Full);
+            }
+        }
+        let change = Change {
+            source: header.source,
+            related: header.related,
+            only: header.only,
+            written: now,
+            gone,
+            ..Change::default()
+        };
+        let sn = self.history.add(change, payload);
+        if self.readers.iter().any(|reader| reader.reliable) {
+            self.pace = FIRST_HEARTBEAT;
+            self.heartbeat_at = self.heartbeat_at.min(now.saturating_add(FIRST_HEARTBEAT));
+        }
+        Ok(sn)
+    }
+
+    /// Forgets a sample; readers that lack it hear that it will not come.
+    pub(crate) fn forget(&mut self, sn: SequenceNumber) {
+        self.history.remove(sn);
+    }
+
+    pub(super) fn expire(&mut self, now: Nanos) {
+        if self.qos.lifespan == INFINITE {
+            return;
+        }
+        while let Some((change, _)) = self.history.get(self.history.first()) {
+            if now.saturating_sub(change.written) < self.qos.lifespan {
+                break;
+            }
+            self.history.remove(self.history.first());
+        }
+    }
+
+    /// Matches a reader that is reached at `to`; `false` if there is no room for it. One that is
+    /// known gets the new address.
+    pub fn add_reader(&mut self, guid: Guid, qos: &Qos, to: SocketAddr, now: Nanos) -> bool {
+        if let Some(known) = self.readers.iter_mut().find(|reader| reader.guid == guid) {
+            known.to = to;
+            return true;
+        }
+        if self.readers.len() >= self.most_readers {
+            return false;
+        }
+        self.expire(now);
+        let reliable = self.qos.reliability == Reliability::Reliable
+            && qos.reliability == Reliability::Reliable;
+        let late = self.qos.durability >= Durability::TransientLocal
+            && qos.durability >= Durability::TransientLocal;
+        let next = self.history.last().saturating_add(1);
+        let start = if late { 1 } else { next };
+        self.readers.push(PeerReader {
+            guid,
+            to,
+            reliable,
+            start,
+            next: start,
+            fragment: 1,
+            acked: start,
+            requested: SequenceSet::empty(1),
+            repair: None,
+            ack_count: None,
+            nack_frag_count: None,
+            wants_heartbeat: reliable,
+        });
+        if reliable && start < next {
+            self.pace = FIRST_HEARTBEAT;
+            self.heartbeat_at = self.heartbeat_at.min(now.saturating_add(FIRST_HEARTBEAT));
+        }
+        true
+    }
+
+    /// Forgets a reader; `false` if it was not matched.
+    pub fn remove_reader(&mut self, guid: Guid) -> bool {
+        let before = self.readers.len();
+        self.readers.retain(|reader| reader.guid != guid);
+        before != self.readers.len()
+    }
+
+    /// Readers of the participant `prefix` are gone.
+    pub(crate) fn remove_participant(&mut self, prefix: GuidPrefix) {
+        self.readers.retain(|reader| reader.guid.prefix != prefix);
+    }
+
+    /// The matched readers.
+    pub fn readers(&self) -> impl Iterator<Item = Guid> + '_ {
+        self.readers.iter().map(|reader| reader.guid)
+    }
+
+    /// A reader of `from` says what it has.
+    pub fn acknack(&mut self, from: GuidPrefix, body: &AckNack, now: Nanos) {
+        let guid = Guid::new(from, body.reader);
+        let last = self.history.last();
+        let found = self.readers.iter_mut().find(|reader| reader.guid == guid);
+        let Some(reader) = found.filter(|reader| reader.reliable) else {
+            return;
+        };
+        if !PeerReader::is_new(reader.ack_count, body.count) {
+            return;
+        }
+        reader.ack_count = Some(body.count);
+        let base = body.state.base.clamp(0, last.saturating_add(1));
+        reader.acked = reader.acked.max(base);
+        // Samples that were not sent yet come by themselves.
+        let mut requested = SequenceSet::empty(base);
+        for sn in body.state.iter().filter(|sn| *sn < reader.next && *sn > 0) {
+            requested.insert(sn);
+        }
+        reader.requested = requested;
+        let lacks = reader.first_request().is_some();
+        reader.wants_heartbeat |= !body.final_flag && !lacks;
+        if lacks {
+            self.pace = FIRST_HEARTBEAT;
+            self.heartbeat_at = self.heartbeat_at.min(now.saturating_add(FIRST_HEARTBEAT));
+        }
+    }
+
+    /// A reader of `from` says which fragments it lacks.
+    pub fn nack_frag(&mut self, from: GuidPrefix, body: &NackFrag, now: Nanos) {
+        let guid = Guid::new(from, body.reader);
+        let found = self.readers.iter_mut().find(|reader| reader.guid == guid);
+        let Some(reader) = found.filter(|reader| reader.reliable) else {
+            return;
+        };
+        if !PeerReader::is_new(reader.nack_frag_count, body.count) || body.sn >= reader.next {
+            return;
+        }
+        reader.nack_frag_count = Some(body.count);
+        if body.state.iter().next().is_some() {
+            reader.repair = Some(Fragments {
+                sn: body.sn,
+                base: body.state.base,
+                bits: Some(body.state.bits),
+            });
+            self.pace = FIRST_HEARTBEAT;
+            self.heartbeat_at = self.heartbeat_at.min(now.saturating_add(FIRST_HEARTBEAT));
+        }
+    }
+
+    /// The time at which [`Writer::transmit`] has something to say by itself.
+    #[must_use]
+    pub fn next_at(&self, now: Nanos) -> Nanos {
+        let ready = self.readers.iter().any(|reader| self.is_ready(reader));
+        let ready = if ready {
+            now.max(self.burst_ends)
+        } else {
+            INFINITE
+        };
+        ready.min(self.heartbeat_at)
+    }
+
+    fn is_ready(&self, reader: &PeerReader) -> bool {
+        reader.next <= self.history.last()
+            || reader.wants_heartbeat
+            || reader.repair.is_some()
+            || reader.first_request().is_some()
+    }
+
+    /// Where an ACKNACK or `NACK_FRAG` for this writer goes.
+    #[must_use]
+    pub const fn entity(&self) -> EntityId {
+        self.guid.entity
+    }
+}

@@ -1,0 +1,171 @@
+//! Matching of own endpoints with those of others.
+
+use super::event::{Bound, Event, Policy};
+use super::matching::incompatible;
+use super::remote::RemoteEndpoint;
+use super::state::{Own, Participant};
+use crate::wire::{EntityId, Guid, GuidPrefix, Nanos, Qos};
+
+/// Whether they belong together: `None` if their topics differ, else the first obstacle.
+fn fit<E>(own: &Own<E>, remote: &RemoteEndpoint, offered: &Qos, asked: &Qos) -> Option<Fit> {
+    if own.topic.as_str() != remote.topic() {
+        return None;
+    }
+    Some(if own.type_name.as_str() != remote.type_name() {
+        Err(Policy::Type)
+    } else if !remote.default_partition {
+        Err(Policy::Partition)
+    } else {
+        incompatible(offered, asked).map_or(Ok(()), Err)
+    })
+}
+
+type Fit = Result<(), Policy>;
+
+impl Participant {
+    /// A new writer of ours meets every reader that is known.
+    pub(super) fn match_writer(&mut self, entity: EntityId, now: Nanos) {
+        for at in 0..self.remotes.len() {
+            self.pair(Some(entity), at, now);
+        }
+    }
+
+    /// A new reader of ours meets every writer that is known.
+    pub(super) fn match_reader(&mut self, entity: EntityId, now: Nanos) {
+        for at in 0..self.remotes.len() {
+            self.pair(Some(entity), at, now);
+        }
+    }
+
+    /// A remote endpoint meets an own one, or all of them.
+    pub(super) fn pair(&mut self, only: Option<EntityId>, at: usize, now: Nanos) {
+        let Some(remote) = self.remotes.get(at).copied() else {
+            return;
+        };
+        let theirs = remote.guid;
+        let wanted = |guid: Guid| only.is_none_or(|entity| entity == guid.entity);
+        if theirs.entity.is_reader() {
+            for at in 0..self.writers.len() {
+                let Some(own) = self.writers.get_mut(at) else {
+                    continue;
+                };
+                let ours = own.endpoint.guid();
+                let Some(fit) = fit(own, &remote, own.endpoint.qos(), &remote.qos) else {
+                    continue;
+                };
+                if !wanted(ours) {
+                    continue;
+                }
+                let known = own.endpoint.readers().any(|guid| guid == theirs);
+                let taken =
+                    fit.is_ok() && own.endpoint.add_reader(theirs, &remote.qos, remote.to, now);
+                if known && fit.is_err() {
+                    own.endpoint.remove_reader(theirs);
+                }
+                self.report_pair(ours, theirs, known, fit, taken);
+            }
+        } else {
+            for at in 0..self.readers.len() {
+                let Some(own) = self.readers.get_mut(at) else {
+                    continue;
+                };
+                let ours = own.endpoint.guid();
+                let Some(fit) = fit(own, &remote, &remote.qos, own.endpoint.qos()) else {
+                    continue;
+                };
+                if !wanted(ours) {
+                    continue;
+                }
+                let known = own.endpoint.writers().any(|guid| guid == theirs);
+                let taken = fit.is_ok() && own.endpoint.add_writer(theirs, &remote.qos, remote.to);
+                if known && fit.is_err() {
+                    own.endpoint.remove_writer(theirs);
+                }
+                self.report_pair(ours, theirs, known, fit, taken);
+            }
+        }
+    }
+
+    fn report_pair(&mut self, ours: Guid, theirs: Guid, known: bool, fit: Fit, taken: bool) {
+        match fit {
+            Err(policy) => {
+                if known {
+                    self.report(Event::Unmatched(ours, theirs));
+                }
+                self.report(Event::Incompatible(ours, theirs, policy));
+            }
+            Ok(()) if known => {}
+            Ok(()) if taken => self.report(Event::Matched(ours, theirs)),
+            Ok(()) => self.report(Event::Full(Bound::Matches)),
+        }
+    }
+
+    /// Whether as many endpoints of others are known as may be.
+    fn is_full(&self) -> bool {
+        self.endpoints().count() >= self.most_remotes
+    }
+
+    /// A remote endpoint is announced, for the first time or again.
+    pub(super) fn learn(&mut self, remote: RemoteEndpoint, now: Nanos) {
+        let known = self
+            .remotes
+            .iter()
+            .position(|known| known.guid == remote.guid);
+        let at = match known {
+            Some(at) => at,
+            None if remote.guid.prefix != self.prefix && self.is_full() => {
+                self.report(Event::Full(Bound::Endpoints));
+                return;
+            }
+            None => {
+                self.remotes.push(remote);
+                self.remotes.len().saturating_sub(1)
+            }
+        };
+        if let Some(place) = self.remotes.get_mut(at) {
+            *place = remote;
+        }
+        self.pair(None, at, now);
+    }
+
+    /// A remote endpoint is gone.
+    pub(super) fn unlearn(&mut self, theirs: Guid) {
+        self.remotes.retain(|known| known.guid != theirs);
+        for at in 0..self.writers.len() {
+            let own = self.writers.get_mut(at);
+            let parted = own.filter(|own| own.endpoint.readers().any(|guid| guid == theirs));
+            if let Some(own) = parted {
+                let ours = own.endpoint.guid();
+                own.endpoint.remove_reader(theirs);
+                self.report(Event::Unmatched(ours, theirs));
+            }
+        }
+        for at in 0..self.readers.len() {
+            let own = self.readers.get_mut(at);
+            let parted = own.filter(|own| own.endpoint.writers().any(|guid| guid == theirs));
+            if let Some(own) = parted {
+                let ours = own.endpoint.guid();
+                own.endpoint.remove_writer(theirs);
+                self.report(Event::Unmatched(ours, theirs));
+            }
+        }
+    }
+
+    /// A participant is gone, with everything it had.
+    pub(super) fn lose(&mut self, prefix: GuidPrefix) {
+        let before = self.participants.len();
+        self.participants.retain(|known| known.prefix != prefix);
+        if before == self.participants.len() {
+            return;
+        }
+        for (writer, reader) in [&mut self.publications, &mut self.subscriptions] {
+            writer.remove_participant(prefix);
+            reader.remove_participant(prefix);
+        }
+        let of = |known: &&RemoteEndpoint| known.guid.prefix == prefix;
+        while let Some(guid) = self.remotes.iter().find(of).map(|known| known.guid) {
+            self.unlearn(guid);
+        }
+        self.report(Event::ParticipantLost(prefix));
+    }
+}

@@ -1,0 +1,29 @@
+//! [`Participant`]: discovery and matching of everything that one process has in a domain.
+//!
+//! ```text
+//!   other participants, by SPDP                      endpoints, by SEDP
+//!
+//!   (unknown) ──announced──► known ──┐               known ──same topic, type, fitting──► matched
+//!       ▲                      │     │ announced       ▲      quality of service             │
+//!       │   lease over, said   │     │ again           └──────────said goodbye──────────────┘
+//!       └───── goodbye ────────┘ ◄───┘
+//!
+//!   participant ──► receive, transmit ──► state ──► matching, remote, event, config
+//! ```
+//!
+//! Everything is bounded by [`Limits`]; an [`Event::Full`] says when a bound was reached.
+
+mod config;
+mod endpoints;
+mod event;
+mod matching;
+mod receive;
+mod remote;
+mod state;
+mod transmit;
+
+pub use config::{ConfigError, EndpointSpec, Limits, ParticipantConfig};
+pub use event::{Bound, Event, Policy};
+pub use matching::incompatible;
+pub use remote::{RemoteEndpoint, RemoteParticipant};
+pub use state::{Participant, ReaderId, WriterId};

@@ -1,0 +1,255 @@
+//! What a participant does with a datagram.
+
+use super::event::{Bound, Event};
+use super::remote::{RemoteEndpoint, RemoteParticipant};
+use super::state::{BUILTIN, Participant};
+use crate::endpoint::Reader;
+use crate::wire::{
+    Data, DataFrag, EndpointData, EntityId, Guid, GuidPrefix, Message, Nanos, ParticipantData,
+    Payload, Submessage, Timestamp, WireError, builtin, disposed_entity, is_disposal,
+};
+
+impl Participant {
+    /// Takes a datagram in. What was understood before an error has been acted on.
+    ///
+    /// # Errors
+    /// Any [`WireError`]: the datagram is not RTPS, or is damaged from some submessage on.
+    pub fn receive(&mut self, datagram: &[u8], now: Nanos) -> Result<(), WireError> {
+        let message = Message::decode(datagram)?;
+        let mut from = message.prefix;
+        let mut for_us = true;
+        let mut source = None;
+        for part in message.submessages() {
+            let part = part?;
+            match part {
+                Submessage::InfoDestination(to) => {
+                    for_us = to == self.prefix || to == GuidPrefix::default();
+                }
+                Submessage::InfoSource(prefix) => (from, source) = (prefix, None),
+                Submessage::InfoTimestamp(time) => source = time,
+                _ if !for_us => {}
+                part => self.act(from, &part, source, now)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn act(
+        &mut self,
+        from: GuidPrefix,
+        part: &Submessage<'_>,
+        source: Option<Timestamp>,
+        now: Nanos,
+    ) -> Result<(), WireError> {
+        match part {
+            Submessage::Data(data) if data.writer == EntityId::SPDP_WRITER => {
+                return self.announced(from, data, now);
+            }
+            Submessage::Data(data) => {
+                if let Some(reader) = self.builtin_reader(data.writer) {
+                    reader.data(from, data, source);
+                    return self.discover(data.writer, now);
+                }
+                self.deliver(from, data, source);
+            }
+            Submessage::DataFrag(data) => {
+                if let Some(reader) = self.builtin_reader(data.writer) {
+                    reader.data_frag(from, data, source);
+                    return self.discover(data.writer, now);
+                }
+                self.deliver_fragment(from, data, source);
+            }
+            Submessage::Heartbeat(body) => {
+                if let Some(reader) = self.builtin_reader(body.writer) {
+                    reader.heartbeat(from, body);
+                    return self.discover(body.writer, now);
+                }
+                for own in &mut self.readers {
+                    if is_for(body.reader, own.endpoint.guid().entity) {
+                        own.endpoint.heartbeat(from, body);
+                    }
+                }
+            }
+            Submessage::Gap(body) => {
+                if let Some(reader) = self.builtin_reader(body.writer) {
+                    reader.gap(from, body);
+                    return self.discover(body.writer, now);
+                }
+                for own in &mut self.readers {
+                    if is_for(body.reader, own.endpoint.guid().entity) {
+                        own.endpoint.gap(from, body);
+                    }
+                }
+            }
+            Submessage::AckNack(body) => {
+                let writers = self.writers.iter_mut().map(|own| &mut own.endpoint);
+                let discovery = [&mut self.publications.0, &mut self.subscriptions.0];
+                for writer in writers.chain(discovery) {
+                    if writer.entity() == body.writer {
+                        writer.acknack(from, body, now);
+                    }
+                }
+            }
+            Submessage::NackFrag(body) => {
+                for own in &mut self.writers {
+                    if own.endpoint.entity() == body.writer {
+                        own.endpoint.nack_frag(from, body, now);
+                    }
+                }
+            }
+            // A HEARTBEAT_FRAG says nothing that the HEARTBEAT after the sample does not.
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn builtin_reader(&mut self, writer: EntityId) -> Option<&mut Reader> {
+        match writer {
+            EntityId::SEDP_PUBLICATIONS_WRITER => Some(&mut self.publications.1),
+            EntityId::SEDP_SUBSCRIPTIONS_WRITER => Some(&mut self.subscriptions.1),
+            _ => None,
+        }
+    }
+
+    fn deliver(&mut self, from: GuidPrefix, data: &Data<'_>, source: Option<Timestamp>) {
+        for own in &mut self.readers {
+            if is_for(data.reader, own.endpoint.guid().entity) {
+                own.endpoint.data(from, data, source);
+            }
+        }
+    }
+
+    fn deliver_fragment(&mut self, from: GuidPrefix, data: &DataFrag<'_>, at: Option<Timestamp>) {
+        for own in &mut self.readers {
+            if is_for(data.reader, own.endpoint.guid().entity) {
+                own.endpoint.data_frag(from, data, at);
+            }
+        }
+    }
+
+    /// An SPDP sample.
+    fn announced(
+        &mut self,
+        from: GuidPrefix,
+        data: &Data<'_>,
+        now: Nanos,
+    ) -> Result<(), WireError> {
+        // Our own multicast comes back to us.
+        if from == self.prefix {
+            return Ok(());
+        }
+        if is_disposal(data.inline_qos) {
+            let key = match data.payload {
+                Payload::Key(key) | Payload::Data(key) => key,
+                Payload::None => &[],
+            };
+            // Nobody says goodbye for another one.
+            if disposed_entity(key, data.inline_qos)?.prefix == from {
+                self.lose(from);
+            }
+            return Ok(());
+        }
+        let Payload::Data(payload) = data.payload else {
+            return Ok(());
+        };
+        let data = ParticipantData::decode(payload)?;
+        let elsewhere = data.domain.is_some_and(|domain| domain != self.domain);
+        if data.prefix != from || elsewhere || self.leaving {
+            return Ok(());
+        }
+        let known = self
+            .participants
+            .iter_mut()
+            .find(|known| known.prefix == from);
+        if let Some(known) = known {
+            known.lease = data.lease;
+            known.expires = now.saturating_add(data.lease);
+            return Ok(());
+        }
+        if self.participants.len() >= self.most_participants {
+            self.report(Event::Full(Bound::Participants));
+            return Ok(());
+        }
+        let Some(found) = RemoteParticipant::new(&data, self.local, now) else {
+            return Ok(());
+        };
+        self.participants.push(found);
+        self.announce_at = self.announce_at.min(now);
+        self.report(Event::ParticipantFound(from));
+        let to = found.discovery;
+        for (bit, entity, side) in [
+            (
+                builtin::PUBLICATIONS_READER,
+                EntityId::SEDP_PUBLICATIONS_READER,
+                0,
+            ),
+            (
+                builtin::SUBSCRIPTIONS_READER,
+                EntityId::SEDP_SUBSCRIPTIONS_READER,
+                1,
+            ),
+            (
+                builtin::PUBLICATIONS_WRITER,
+                EntityId::SEDP_PUBLICATIONS_WRITER,
+                0,
+            ),
+            (
+                builtin::SUBSCRIPTIONS_WRITER,
+                EntityId::SEDP_SUBSCRIPTIONS_WRITER,
+                1,
+            ),
+        ] {
+            if data.builtin & bit == 0 {
+                continue;
+            }
+            let guid = Guid::new(from, entity);
+            let (writer, reader) = if side == 0 {
+                &mut self.publications
+            } else {
+                &mut self.subscriptions
+            };
+            if entity.is_reader() {
+                writer.add_reader(guid, &BUILTIN, to, now);
+            } else {
+                reader.add_writer(guid, &BUILTIN, to);
+            }
+        }
+        Ok(())
+    }
+
+    /// Acts on the announcements of endpoints that have arrived in order.
+    fn discover(&mut self, writer: EntityId, now: Nanos) -> Result<(), WireError> {
+        let mut result = Ok(());
+        while let Some(sample) = self.builtin_reader(writer).and_then(Reader::take) {
+            let from = sample.writer.prefix;
+            if let Some(gone) = sample.gone {
+                if gone.prefix == from {
+                    self.unlearn(gone);
+                }
+                continue;
+            }
+            let (addresses, remote) = match EndpointData::decode(sample.payload) {
+                Ok(data) if data.guid.prefix == from => (data.unicast, RemoteEndpoint::new(&data)),
+                Ok(_) => continue,
+                Err(error) => {
+                    result = Err(error);
+                    continue;
+                }
+            };
+            let known = self.participants.iter().find(|known| known.prefix == from);
+            let (Some(known), Some(mut remote)) = (known, remote) else {
+                continue;
+            };
+            let announces_writers = writer == EntityId::SEDP_PUBLICATIONS_WRITER;
+            if remote.guid.entity.is_writer() == announces_writers {
+                remote.to = addresses.best(self.local).unwrap_or(known.user);
+                self.learn(remote, now);
+            }
+        }
+        result
+    }
+}
+
+fn is_for(named: EntityId, own: EntityId) -> bool {
+    named == EntityId::UNKNOWN || named == own
+}

@@ -1,0 +1,112 @@
+//! What is known of participants and endpoints of others.
+
+use crate::wire::{EndpointData, Guid, GuidPrefix, Nanos, ParticipantData, Qos, TypeHash};
+use core::net::{Ipv4Addr, SocketAddr};
+
+/// A participant of another process.
+#[derive(Clone, Copy, Debug)]
+pub struct RemoteParticipant {
+    /// Its name.
+    pub prefix: GuidPrefix,
+    /// Its vendor: 01.0f eProsima, 01.10 Eclipse Cyclone, 01.12 RustDDS.
+    pub vendor: [u8; 2],
+    /// Where its discovery is reached.
+    pub(super) discovery: SocketAddr,
+    /// Where its other endpoints are reached, unless they say another address.
+    pub(super) user: SocketAddr,
+    pub(super) lease: Nanos,
+    pub(super) expires: Nanos,
+    /// It is to be answered with an announcement of ours.
+    pub(super) answer: bool,
+}
+
+impl RemoteParticipant {
+    /// `None` without an address that can be sent to.
+    pub(super) fn new(data: &ParticipantData<'_>, local: bool, now: Nanos) -> Option<Self> {
+        let discovery = data.metatraffic_unicast.best(local)?;
+        Some(RemoteParticipant {
+            prefix: data.prefix,
+            vendor: data.vendor,
+            discovery,
+            user: data.default_unicast.best(local).unwrap_or(discovery),
+            lease: data.lease,
+            expires: now.saturating_add(data.lease),
+            answer: true,
+        })
+    }
+}
+
+/// A text of at most 255 bytes, as long as a topic's name in ROS 2 may be.
+#[derive(Clone, Copy)]
+pub(super) struct Text {
+    len: u8,
+    bytes: [u8; 255],
+}
+
+impl Text {
+    pub(super) fn new(text: &str) -> Option<Self> {
+        let mut bytes = [0; 255];
+        bytes
+            .get_mut(..text.len())?
+            .copy_from_slice(text.as_bytes());
+        let len = u8::try_from(text.len()).ok()?;
+        Some(Text { len, bytes })
+    }
+
+    pub(super) fn as_str(&self) -> &str {
+        let bytes = self.bytes.get(..usize::from(self.len));
+        core::str::from_utf8(bytes.unwrap_or(&[])).unwrap_or("")
+    }
+}
+
+impl core::fmt::Debug for Text {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        self.as_str().fmt(f)
+    }
+}
+
+/// An endpoint of another process.
+#[derive(Clone, Copy, Debug)]
+pub struct RemoteEndpoint {
+    /// Its name.
+    pub guid: Guid,
+    /// Its quality of service.
+    pub qos: Qos,
+    /// The hash of its type, if it announces one.
+    pub type_hash: Option<TypeHash>,
+    topic: Text,
+    type_name: Text,
+    /// Whether the default partition is among its partitions.
+    pub(super) default_partition: bool,
+    /// Where it is reached; set by whoever knows its participant.
+    pub(super) to: SocketAddr,
+}
+
+impl RemoteEndpoint {
+    /// `None` if a name is longer than 255 bytes.
+    pub(super) fn new(data: &EndpointData<'_>) -> Option<Self> {
+        let mut named = data.partitions;
+        let default = |name: &str| name.is_empty() || name == "*";
+        Some(RemoteEndpoint {
+            guid: data.guid,
+            qos: data.qos,
+            type_hash: TypeHash::find(data.user_data),
+            topic: Text::new(data.topic)?,
+            type_name: Text::new(data.type_name)?,
+            default_partition: data.partitions.clone().next().is_none() || named.any(default),
+            to: SocketAddr::new(Ipv4Addr::UNSPECIFIED.into(), 0),
+        })
+    }
+
+    /// Its topic, in ROS 2 with its prefix.
+    #[must_use]
+    pub fn topic(&self) -> &str {
+        self.topic.as_str()
+    }
+
+    /// Its type's name.
+    #[must_use]
+    pub fn type_name(&self) -> &str {
+        self.type_name.as_str()
+    }
+}

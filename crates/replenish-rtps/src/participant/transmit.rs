@@ -1,0 +1,160 @@
+//! What a participant sends next.
+
+use super::state::{Participant, WriterId};
+use crate::endpoint::Reader;
+use crate::wire::{
+    Data, EntityId, Guid, GuidPrefix, INFINITE, MessageWriter, Nanos, Payload, disposal,
+};
+use core::net::SocketAddr;
+
+/// Announcements at the beginning come quickly: six of them.
+const QUICK: u32 = 6;
+const QUICK_PERIOD: Nanos = 100_000_000;
+
+impl Participant {
+    /// Builds the next datagram in `buf`, which has the configured size of datagrams. Returns its
+    /// length and its address; `None` if nothing is to be sent before [`Participant::next_at`].
+    pub fn transmit(&mut self, buf: &mut [u8], now: Nanos) -> Option<(usize, SocketAddr)> {
+        self.expire(now);
+        let mut m = MessageWriter::new(buf, self.prefix).ok()?;
+        let to = self
+            .transmit_announcement(now, &mut m)
+            .or_else(|| self.transmit_answers(&mut m))
+            .or_else(|| self.transmit_samples(now, &mut m))?;
+        Some((m.len(), to))
+    }
+
+    /// Builds the next datagram of one writer alone, as [`Participant::transmit`] does of all: what
+    /// the thread that wrote a sample sends without others' work.
+    pub fn transmit_writer(
+        &mut self,
+        id: WriterId,
+        buf: &mut [u8],
+        now: Nanos,
+    ) -> Option<(usize, SocketAddr)> {
+        let mut m = MessageWriter::new(buf, self.prefix).ok()?;
+        let mut writers = self.writers.iter_mut();
+        let own = writers.find(|own| own.endpoint.entity() == id.0)?;
+        let to = own.endpoint.transmit(now, &mut m)?;
+        Some((m.len(), to))
+    }
+
+    /// The time at which [`Participant::transmit`] is to be called at the latest; `now` or earlier:
+    /// at once.
+    #[must_use]
+    pub fn next_at(&self, now: Nanos) -> Nanos {
+        let readers = self.readers.iter().map(|own| &own.endpoint);
+        let discovery = [&self.publications.1, &self.subscriptions.1];
+        if readers.chain(discovery).any(Reader::wants_to_transmit)
+            || self.announce_left > 0
+            || self.participants.iter().any(|known| known.answer)
+        {
+            return now;
+        }
+        let writers = self.writers.iter().map(|own| &own.endpoint);
+        let discovery = [&self.publications.0, &self.subscriptions.0];
+        let writers = writers.chain(discovery).map(|writer| writer.next_at(now));
+        let leases = self.participants.iter().map(|known| known.expires);
+        let first = writers.chain(leases).min().unwrap_or(INFINITE);
+        first.min(self.announce_at)
+    }
+
+    /// Participants that were not heard for their lease are gone.
+    fn expire(&mut self, now: Nanos) {
+        let over = |known: &&super::RemoteParticipant| known.expires <= now;
+        while let Some(prefix) = self
+            .participants
+            .iter()
+            .find(over)
+            .map(|known| known.prefix)
+        {
+            self.lose(prefix);
+        }
+    }
+
+    fn transmit_announcement(
+        &mut self,
+        now: Nanos,
+        m: &mut MessageWriter<'_>,
+    ) -> Option<SocketAddr> {
+        // A new participant is answered before anything else.
+        if let Some(known) = self.participants.iter_mut().find(|known| known.answer) {
+            known.answer = false;
+            let to = known.discovery;
+            self.put_announcement(m)?;
+            return Some(to);
+        }
+        if now >= self.announce_at {
+            self.announced = self.announced.saturating_add(1);
+            let quick = self.announced < QUICK;
+            self.announce_at = match self.leaving {
+                true => INFINITE,
+                false if quick => now.saturating_add(QUICK_PERIOD),
+                false => now.saturating_add(self.announce_period),
+            };
+            let groups = self.announce_to.len();
+            self.announce_left = groups.saturating_add(self.participants.len());
+        }
+        while self.announce_left > 0 {
+            self.announce_left = self.announce_left.saturating_sub(1);
+            let known = self
+                .participants
+                .get(self.announce_left)
+                .map(|known| known.discovery);
+            let group = self.announce_left.checked_sub(self.participants.len());
+            let group = || group.and_then(|at| self.announce_to.get(at).copied());
+            if let Some(to) = known.or_else(group) {
+                self.put_announcement(m)?;
+                return Some(to);
+            }
+        }
+        None
+    }
+
+    fn put_announcement(&self, m: &mut MessageWriter<'_>) -> Option<()> {
+        let (mut qos, mut key) = ([0; 40], [0; 40]);
+        let guid = Guid::new(self.prefix, EntityId::PARTICIPANT);
+        let (payload, inline_qos) = if self.leaving {
+            let (qos, key) = disposal(guid, &mut qos, &mut key).ok()?;
+            (Payload::Key(key), qos)
+        } else {
+            (Payload::Data(&self.announcement), [].as_slice())
+        };
+        let data = Data {
+            reader: EntityId::UNKNOWN,
+            writer: EntityId::SPDP_WRITER,
+            sn: i64::from(self.announced.max(1)),
+            inline_qos: None,
+            payload,
+        };
+        m.info_destination(GuidPrefix::default()).ok()?;
+        m.data(&data, inline_qos).ok()
+    }
+
+    /// ACKNACKs of readers, those of discovery first.
+    fn transmit_answers(&mut self, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
+        let own = self.readers.iter_mut().map(|own| &mut own.endpoint);
+        let discovery = [&mut self.publications.1, &mut self.subscriptions.1];
+        let mut readers = discovery.into_iter().chain(own);
+        let reader = readers.find(|reader| reader.wants_to_transmit())?;
+        reader.transmit(m)
+    }
+
+    /// Samples, repairs and heartbeats: discovery first, then the own writers in turn.
+    fn transmit_samples(&mut self, now: Nanos, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
+        for writer in [&mut self.publications.0, &mut self.subscriptions.0] {
+            if let Some(to) = writer.transmit(now, m) {
+                return Some(to);
+            }
+        }
+        for _ in 0..self.writers.len() {
+            let at = self.next_writer.checked_rem(self.writers.len())?;
+            self.next_writer = at.saturating_add(1);
+            let own = self.writers.get_mut(at)?;
+            if let Some(to) = own.endpoint.transmit(now, m) {
+                return Some(to);
+            }
+        }
+        None
+    }
+}

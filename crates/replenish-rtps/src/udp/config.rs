@@ -1,0 +1,68 @@
+//! Where and as whom to take part, and why that failed.
+
+use crate::participant::{ConfigError, Limits};
+use core::fmt;
+use std::io;
+use std::net::{Ipv4Addr, SocketAddr};
+
+/// Where and as whom to take part.
+#[derive(Clone, Copy, Debug)]
+pub struct UdpConfig<'a> {
+    /// The domain, 0 to 232 (`ROS_DOMAIN_ID`).
+    pub domain: u16,
+    /// The addresses of the interfaces that are used, at least one. One alone is the only one that
+    /// datagrams are taken from; loopback reaches this host alone.
+    pub interfaces: &'a [Ipv4Addr],
+    /// Whether the multicast group of the domain is joined and announced to.
+    pub multicast: bool,
+    /// Addresses that announcements go to besides.
+    pub peers: &'a [SocketAddr],
+    /// The enclave, in ROS 2 `/`.
+    pub enclave: &'a str,
+    /// Bytes of a datagram, 1200 to 65 000.
+    pub datagram: usize,
+    /// Bounds.
+    pub limits: Limits,
+}
+
+impl Default for UdpConfig<'_> {
+    /// Domain 0 on the loopback interface.
+    fn default() -> Self {
+        UdpConfig {
+            domain: 0,
+            interfaces: &[Ipv4Addr::LOCALHOST],
+            multicast: true,
+            peers: &[],
+            enclave: "/",
+            datagram: 1472,
+            limits: Limits::default(),
+        }
+    }
+}
+
+/// Why a participant could not be opened.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum OpenError {
+    /// A field is outside of its range.
+    Config(ConfigError),
+    /// No interface was named.
+    NoInterface,
+    /// All 120 pairs of ports of the domain are taken.
+    NoPort,
+    /// A socket could not be made, with what was tried.
+    Socket(&'static str, io::Error),
+}
+
+impl fmt::Display for OpenError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            OpenError::Config(error) => error.fmt(f),
+            OpenError::NoInterface => f.write_str("interfaces is empty: at least one address"),
+            OpenError::NoPort => f.write_str("all 120 pairs of ports of the domain are taken"),
+            OpenError::Socket(what, error) => write!(f, "cannot {what}: {error}"),
+        }
+    }
+}
+
+impl core::error::Error for OpenError {}

@@ -1,0 +1,123 @@
+//! Addresses (RTPS 2.5, 9.3.2.4), and short lists of them.
+
+use super::{Reader, WireError, Writer};
+use core::fmt;
+use core::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+
+/// Where an endpoint can be reached.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Locator {
+    /// 1 is UDP over IPv4, 2 over IPv6; others are a vendor's (Fast DDS: 16 is shared memory).
+    pub kind: i32,
+    /// The UDP port.
+    pub port: u32,
+    /// IPv6, or 12 zeros and IPv4.
+    pub address: [u8; 16],
+}
+
+impl Locator {
+    /// The UDP address, if it is one and has a port.
+    #[must_use]
+    pub fn socket_addr(&self) -> Option<SocketAddr> {
+        let port = u16::try_from(self.port).ok().filter(|port| *port != 0)?;
+        let ip = match self.kind {
+            1 => {
+                let [.., a, b, c, d] = self.address;
+                IpAddr::V4(Ipv4Addr::new(a, b, c, d))
+            }
+            2 => IpAddr::V6(Ipv6Addr::from(self.address)),
+            _ => return None,
+        };
+        Some(SocketAddr::new(ip, port))
+    }
+
+    pub(super) fn decode(r: &mut Reader<'_>) -> Result<Self, WireError> {
+        Ok(Locator {
+            kind: r.i32()?,
+            port: r.u32()?,
+            address: r.array()?,
+        })
+    }
+
+    pub(super) fn encode(&self, w: &mut Writer<'_>) {
+        w.i32(self.kind);
+        w.u32(self.port);
+        w.put(&self.address);
+    }
+}
+
+impl From<SocketAddr> for Locator {
+    fn from(addr: SocketAddr) -> Self {
+        let (kind, address) = match addr.ip() {
+            IpAddr::V4(ip) => {
+                let [a, b, c, d] = ip.octets();
+                (1, [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, a, b, c, d])
+            }
+            IpAddr::V6(ip) => (2, ip.octets()),
+        };
+        Locator {
+            kind,
+            port: u32::from(addr.port()),
+            address,
+        }
+    }
+}
+
+/// At most four UDP addresses. Locators of other kinds, and those beyond four, are left out.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+pub struct Locators {
+    list: [Option<SocketAddr>; 4],
+}
+
+impl Locators {
+    /// No address.
+    pub const NONE: Locators = Locators { list: [None; 4] };
+
+    /// Adds an address; `false` if the list is full.
+    pub fn add(&mut self, addr: SocketAddr) -> bool {
+        if self.iter().any(|known| known == addr) {
+            return true;
+        }
+        let Some(place) = self.list.iter_mut().find(|place| place.is_none()) else {
+            return false;
+        };
+        *place = Some(addr);
+        true
+    }
+
+    /// The addresses, in the order they came.
+    pub fn iter(&self) -> impl Iterator<Item = SocketAddr> + '_ {
+        self.list.iter().filter_map(|addr| *addr)
+    }
+
+    /// Whether there is no address.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.list.iter().all(Option::is_none)
+    }
+
+    /// The address to send to: loopback if `local`, then the first that is not loopback, then any.
+    #[must_use]
+    pub fn best(&self, local: bool) -> Option<SocketAddr> {
+        let fits = |addr: &SocketAddr| addr.ip().is_loopback() == local;
+        self.iter().find(fits).or_else(|| self.iter().next())
+    }
+}
+
+impl FromIterator<SocketAddr> for Locators {
+    fn from_iter<I: IntoIterator<Item = SocketAddr>>(addresses: I) -> Self {
+        let mut list = Locators::NONE;
+        for addr in addresses {
+            if !list.add(addr) {
+                break;
+            }
+        }
+        list
+    }
+}
+
+impl fmt::Debug for Locators {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_list().entries(self.iter()).finish()
+    }
+}

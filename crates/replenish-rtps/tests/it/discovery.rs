@@ -1,0 +1,367 @@
+//! Participants on a network in virtual time: who finds whom, what is matched, what ends it.
+
+use replenish_rtps::participant::{
+    Bound, ConfigError, EndpointSpec, Event, Limits, Participant, ParticipantConfig, Policy,
+    ReaderId, WriterId,
+};
+use replenish_rtps::wire::{
+    CDR_LE, GuidPrefix, INFINITE, LivelinessKind, Nanos, Qos, Reliability, TypeHash,
+};
+use std::net::SocketAddr;
+
+const SECOND: Nanos = 1_000_000_000;
+const GROUP: &str = "239.255.0.1:7400";
+
+/// Participants that hear each other's datagrams at once, but for `loss` of a hundred.
+struct Net {
+    nodes: Vec<(SocketAddr, Participant)>,
+    now: Nanos,
+    loss: u64,
+    dice: u64,
+}
+
+fn address(at: usize) -> SocketAddr {
+    format!("127.0.0.1:{}", 8000 + at).parse().unwrap()
+}
+
+impl Net {
+    fn new(count: usize, limits: Limits) -> Self {
+        let mut net = Net {
+            nodes: Vec::new(),
+            now: 1,
+            loss: 0,
+            dice: 88_172_645_463_325_252,
+        };
+        for _ in 0..count {
+            net.join(limits);
+        }
+        net
+    }
+
+    fn join(&mut self, limits: Limits) -> usize {
+        let at = self.nodes.len();
+        let config = ParticipantConfig {
+            discovery: [address(at)].into_iter().collect(),
+            user: [address(at)].into_iter().collect(),
+            announce_to: &[GROUP.parse().unwrap()],
+            limits,
+            ..ParticipantConfig::new(GuidPrefix([at as u8 + 1; 12]))
+        };
+        let participant = Participant::new(&config, self.now).unwrap();
+        self.nodes.push((address(at), participant));
+        at
+    }
+
+    fn node(&mut self, at: usize) -> &mut Participant {
+        &mut self.nodes[at].1
+    }
+
+    fn run(&mut self, time: Nanos) {
+        let end = self.now + time;
+        while self.now < end {
+            while self.exchange() {}
+            let next = self.nodes.iter().map(|(_, node)| node.next_at(self.now));
+            self.now = next.min().unwrap_or(end).clamp(self.now + 1, end);
+        }
+    }
+
+    /// Whether anybody sent anything.
+    fn exchange(&mut self) -> bool {
+        let mut mail = Vec::new();
+        let mut buf = [0; 1472];
+        for (from, node) in &mut self.nodes {
+            while let Some((len, to)) = node.transmit(&mut buf, self.now) {
+                mail.push((*from, to, buf[..len].to_vec()));
+            }
+        }
+        let any = !mail.is_empty();
+        for (from, to, bytes) in mail {
+            for (address, node) in &mut self.nodes {
+                let group = to == GROUP.parse().unwrap();
+                self.dice ^= self.dice << 13;
+                self.dice ^= self.dice >> 7;
+                self.dice ^= self.dice << 17;
+                if self.dice % 100 >= self.loss && (*address == to || group && *address != from) {
+                    node.receive(&bytes, self.now).unwrap();
+                }
+            }
+        }
+        any
+    }
+
+    fn events(&mut self, at: usize) -> Vec<Event> {
+        let node = self.node(at);
+        std::iter::from_fn(|| node.event()).collect()
+    }
+
+    fn writer(&mut self, at: usize, qos: Qos) -> WriterId {
+        let now = self.now;
+        self.node(at).create_writer(&spec(qos), now).unwrap()
+    }
+
+    fn reader(&mut self, at: usize, qos: Qos) -> ReaderId {
+        let now = self.now;
+        self.node(at).create_reader(&spec(qos), now).unwrap()
+    }
+}
+
+fn spec(qos: Qos) -> EndpointSpec<'static> {
+    EndpointSpec {
+        qos,
+        type_hash: Some(TypeHash([7; 32])),
+        sample_bytes: 64,
+        ..EndpointSpec::new("rt/chatter", "std_msgs::msg::dds_::Int32_")
+    }
+}
+
+fn sample(number: u32) -> Vec<u8> {
+    [CDR_LE, number.to_le_bytes()].concat()
+}
+
+#[test]
+fn two_participants_find_each_other_and_exchange_samples() {
+    for loss in [0, 15, 40] {
+        let mut net = Net::new(2, Limits::default());
+        net.loss = loss;
+        let writer = net.writer(0, Qos::ros());
+        let reader = net.reader(1, Qos::ros());
+        net.run(10 * SECOND);
+        assert_eq!(
+            net.node(0).writer(writer).unwrap().matched(),
+            1,
+            "loss {loss}"
+        );
+        assert_eq!(net.node(1).reader(reader).unwrap().matched(), 1);
+        let seen = net.node(1).endpoints().next().unwrap();
+        assert_eq!(
+            (seen.topic(), seen.type_name()),
+            ("rt/chatter", "std_msgs::msg::dds_::Int32_")
+        );
+        assert_eq!(
+            (seen.type_hash, seen.qos.reliability),
+            (Some(TypeHash([7; 32])), Reliability::Reliable)
+        );
+        for number in 0..50 {
+            let now = net.now;
+            net.node(0)
+                .write(writer, &sample(number), None, now)
+                .unwrap();
+            net.run(5 * SECOND);
+            let got = net
+                .node(1)
+                .take(reader)
+                .map(|sample| sample.payload.to_vec());
+            assert_eq!(got, Some(sample(number)), "loss {loss}, {number}");
+        }
+        assert!(net.node(1).take(reader).is_none());
+    }
+}
+
+#[test]
+fn a_participant_that_leaves_is_gone_at_once_and_a_silent_one_after_its_lease() {
+    let mut net = Net::new(3, Limits::default());
+    net.writer(1, Qos::ros());
+    net.writer(2, Qos::ros());
+    let reader = net.reader(0, Qos::ros());
+    net.run(2 * SECOND);
+    assert_eq!(net.node(0).reader(reader).unwrap().matched(), 2);
+    let now = net.now;
+    net.node(1).leave(now);
+    net.run(SECOND / 100);
+    assert_eq!(net.node(0).reader(reader).unwrap().matched(), 1);
+    // Participant 2 falls silent: 20 s of lease, counted from its last announcement.
+    let gone = net.nodes.pop().unwrap();
+    net.run(16 * SECOND);
+    assert_eq!(net.node(0).reader(reader).unwrap().matched(), 1);
+    net.run(5 * SECOND);
+    assert_eq!(net.node(0).reader(reader).unwrap().matched(), 0);
+    let lost = net
+        .events(0)
+        .into_iter()
+        .filter(|e| matches!(e, Event::ParticipantLost(_)));
+    assert_eq!(lost.count(), 2);
+    // It speaks again after a pause longer than its lease, as it was.
+    net.nodes.push(gone);
+    net.run(8 * SECOND);
+    assert_eq!(net.node(0).reader(reader).unwrap().matched(), 1);
+}
+
+#[test]
+fn an_endpoint_that_is_removed_is_unmatched() {
+    let mut net = Net::new(2, Limits::default());
+    let reader = net.reader(1, Qos::ros());
+    // More than the history of discovery has places: what lives must stay announced.
+    let first = net.writer(0, Qos::ros());
+    for _ in 0..300 {
+        let writer = net.writer(0, Qos::ros());
+        net.run(SECOND / 50);
+        assert_eq!(net.node(1).reader(reader).unwrap().matched(), 2);
+        let now = net.now;
+        net.node(0).remove_writer(writer, now);
+        net.run(SECOND / 50);
+        assert_eq!(net.node(1).reader(reader).unwrap().matched(), 1);
+    }
+    assert_eq!(net.node(0).writer(first).unwrap().matched(), 1);
+    let late = net.join(Limits::default());
+    net.run(2 * SECOND);
+    assert_eq!(net.node(late).endpoints().count(), 2);
+}
+
+#[test]
+fn endpoints_that_do_not_fit_say_why() {
+    let ros = Qos::ros();
+    let best_effort = Qos {
+        reliability: Reliability::BestEffort,
+        ..ros
+    };
+    let lease = Qos {
+        liveliness_lease: SECOND,
+        ..ros
+    };
+    let cases = [
+        (best_effort, ros, Policy::Reliability),
+        (ros, Qos::latched(1), Policy::Durability),
+        (
+            ros,
+            Qos {
+                deadline: SECOND,
+                ..ros
+            },
+            Policy::Deadline,
+        ),
+        (ros, lease, Policy::Liveliness),
+        (
+            Qos {
+                liveliness: LivelinessKind::ManualByTopic,
+                ..ros
+            },
+            lease,
+            Policy::Liveliness,
+        ),
+        (
+            ros,
+            Qos {
+                exclusive: true,
+                ..ros
+            },
+            Policy::Ownership,
+        ),
+        (
+            ros,
+            Qos {
+                by_source_time: true,
+                ..ros
+            },
+            Policy::DestinationOrder,
+        ),
+    ];
+    for (offered, requested, why) in cases {
+        let mut net = Net::new(2, Limits::default());
+        let writer = net.writer(0, offered);
+        let reader = net.reader(1, requested);
+        net.run(2 * SECOND);
+        assert_eq!(net.node(0).writer(writer).unwrap().matched(), 0, "{why:?}");
+        assert_eq!(net.node(1).reader(reader).unwrap().matched(), 0);
+        let is =
+            |event: &Event| matches!(event, Event::Incompatible(_, _, policy) if *policy == why);
+        assert!(
+            net.events(0).iter().any(is) && net.events(1).iter().any(is),
+            "{why:?}"
+        );
+    }
+    // More is offered than requested.
+    for (offered, requested) in [
+        (Qos::latched(3), best_effort),
+        (
+            Qos {
+                deadline: SECOND,
+                ..ros
+            },
+            Qos {
+                deadline: INFINITE,
+                ..ros
+            },
+        ),
+        (lease, ros),
+    ] {
+        let mut net = Net::new(2, Limits::default());
+        let writer = net.writer(0, offered);
+        net.reader(1, requested);
+        net.run(2 * SECOND);
+        assert_eq!(net.node(0).writer(writer).unwrap().matched(), 1);
+    }
+}
+
+#[test]
+fn bounds_are_kept_and_reported() {
+    let small = Limits {
+        participants: 1,
+        endpoints: 2,
+        own_endpoints: 4,
+        matches: 1,
+        events: 16,
+    };
+    let mut net = Net::new(1, small);
+    for _ in 0..2 {
+        net.join(Limits::default());
+    }
+    let reader = net.reader(0, Qos::ros());
+    for _ in 0..4 {
+        net.writer(1, Qos::ros());
+        net.writer(2, Qos::ros());
+    }
+    net.run(SECOND);
+    assert_eq!(net.node(0).participants().count(), 1);
+    assert_eq!(net.node(0).endpoints().count(), 2);
+    assert_eq!(net.node(0).reader(reader).unwrap().matched(), 1);
+    let events = net.events(0);
+    assert!(events.len() <= 16);
+    net.run(4 * SECOND);
+    let events = [events, net.events(0)].concat();
+    for bound in [Bound::Participants, Bound::Events] {
+        assert!(events.contains(&Event::Full(bound)), "{bound:?} {events:?}");
+    }
+    for _ in 0..3 {
+        net.reader(0, Qos::ros());
+    }
+    let full = net.node(0).create_reader(&spec(Qos::ros()), 0);
+    assert_eq!(full.unwrap_err(), ConfigError::Full);
+}
+
+#[test]
+fn settings_out_of_range_are_refused_by_name() {
+    let config = ParticipantConfig {
+        domain: 233,
+        ..ParticipantConfig::new(GuidPrefix([1; 12]))
+    };
+    let error = Participant::new(&config, 0).unwrap_err();
+    assert_eq!(error.to_string(), "domain = 233 is not allowed: 0 to 232");
+    let mut net = Net::new(1, Limits::default());
+    let spec = EndpointSpec {
+        sample_bytes: 3,
+        ..spec(Qos::ros())
+    };
+    let error = net.node(0).create_writer(&spec, 0).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "sample_bytes = 3 is not allowed: 4 to 67108864"
+    );
+}
+
+#[test]
+fn own_endpoints_of_one_topic_hear_each_other() {
+    let mut net = Net::new(1, Limits::default());
+    let (writer, reader) = (net.writer(0, Qos::ros()), net.reader(0, Qos::ros()));
+    let now = net.now;
+    let node = net.node(0);
+    assert_eq!(node.writer(writer).unwrap().matched(), 1);
+    node.write(writer, &sample(7), None, now).unwrap();
+    net.run(SECOND);
+    let node = net.node(0);
+    assert_eq!(node.take(reader).map(|sample| sample.sn), Some(1));
+    assert!(node.take(reader).is_none(), "once");
+    assert!(node.writer(writer).unwrap().is_acknowledged());
+    assert_eq!(node.endpoints().count(), 0, "others have none");
+    node.remove_reader(reader, now);
+    assert_eq!(node.writer(writer).unwrap().matched(), 0);
+}

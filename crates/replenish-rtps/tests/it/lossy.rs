@@ -1,0 +1,264 @@
+//! A writer and a reader over a bad link, in virtual time: loss, duplicates, reordering.
+
+use proptest::prelude::*;
+use replenish_rtps::endpoint::{Reader, ReaderLimits, WriteError, Writer, WriterLimits};
+use replenish_rtps::wire::{
+    CDR_LE, EntityId, Guid, GuidPrefix, Message, MessageWriter, Nanos, Qos, Reliability, Submessage,
+};
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::net::SocketAddr;
+
+const MILLI: Nanos = 1_000_000;
+const W: GuidPrefix = GuidPrefix([1; 12]);
+const R: GuidPrefix = GuidPrefix([2; 12]);
+
+/// Xorshift: the same seed, the same link.
+struct Dice(u64);
+
+impl Dice {
+    fn roll(&mut self, sides: u64) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0 % sides
+    }
+}
+
+/// A datagram under way: when, which one (for a stable order), to the reader, its bytes.
+type Flying = Reverse<(Nanos, u64, bool, Vec<u8>)>;
+
+struct Link {
+    dice: Dice,
+    loss: u64,
+    flying: BinaryHeap<Flying>,
+    sent: u64,
+}
+
+impl Link {
+    fn send(&mut self, now: Nanos, to_reader: bool, bytes: &[u8]) {
+        let copies = u64::from(self.dice.roll(100) < 10) + 1;
+        for _ in 0..copies {
+            self.sent += 1;
+            if self.dice.roll(100) >= self.loss {
+                let delay = self.dice.roll(5 * MILLI);
+                let bytes = bytes.to_vec();
+                self.flying
+                    .push(Reverse((now + delay, self.sent, to_reader, bytes)));
+            }
+        }
+    }
+}
+
+struct Pair {
+    writer: Writer,
+    reader: Reader,
+    link: Link,
+    now: Nanos,
+}
+
+fn payload(number: u32, len: usize) -> Vec<u8> {
+    let body = (0..len).map(|i| (i as u32).wrapping_mul(number) as u8);
+    CDR_LE
+        .into_iter()
+        .chain(number.to_le_bytes())
+        .chain(body)
+        .collect()
+}
+
+impl Pair {
+    fn new(qos: Qos, slots: usize, seed: u64, loss: u64) -> Self {
+        let (w, r) = (
+            Guid::new(W, EntityId::writer(1)),
+            Guid::new(R, EntityId::reader(1)),
+        );
+        let limits = WriterLimits {
+            samples: slots,
+            sample_bytes: 8192,
+            readers: 2,
+            fragment_bytes: 700,
+        };
+        let room = ReaderLimits {
+            samples: slots,
+            sample_bytes: 8192,
+            writers: 2,
+        };
+        let mut pair = Pair {
+            writer: Writer::new(w, qos, &limits),
+            reader: Reader::new(r, qos, &room),
+            link: Link {
+                dice: Dice(seed | 1),
+                loss,
+                flying: BinaryHeap::new(),
+                sent: 0,
+            },
+            now: 1,
+        };
+        pair.connect();
+        pair
+    }
+
+    fn connect(&mut self) {
+        let to: SocketAddr = "127.0.0.1:1".parse().unwrap();
+        let (qos, guid) = (*self.reader.qos(), self.reader.guid());
+        assert!(self.writer.add_reader(guid, &qos, to, self.now));
+        let (qos, guid) = (*self.writer.qos(), self.writer.guid());
+        assert!(self.reader.add_writer(guid, &qos, to));
+    }
+
+    /// Sends what there is, moves on to the next event, delivers.
+    fn step(&mut self) {
+        let mut buf = [0; 1472];
+        loop {
+            let mut m = MessageWriter::new(&mut buf, W).unwrap();
+            if self.writer.transmit(self.now, &mut m).is_none() {
+                break;
+            }
+            let bytes = m.message().to_vec();
+            self.link.send(self.now, true, &bytes);
+        }
+        while self.reader.wants_to_transmit() {
+            let mut m = MessageWriter::new(&mut buf, R).unwrap();
+            self.reader.transmit(&mut m).unwrap();
+            let bytes = m.message().to_vec();
+            self.link.send(self.now, false, &bytes);
+        }
+        let timer = self.writer.next_at(self.now);
+        assert!(timer > self.now, "nothing is left to send, yet it wants to");
+        let flight = self.link.flying.peek().map_or(u64::MAX, |next| next.0.0);
+        self.now = timer.min(flight).min(self.now + 1000 * MILLI);
+        while self
+            .link
+            .flying
+            .peek()
+            .is_some_and(|next| next.0.0 <= self.now)
+        {
+            let Reverse((_, _, to_reader, bytes)) = self.link.flying.pop().unwrap();
+            self.deliver(to_reader, &bytes);
+        }
+    }
+
+    fn deliver(&mut self, to_reader: bool, bytes: &[u8]) {
+        let message = Message::decode(bytes).unwrap();
+        for part in message.submessages() {
+            match part.unwrap() {
+                Submessage::Data(data) if to_reader => self.reader.data(W, &data, None),
+                Submessage::DataFrag(data) if to_reader => self.reader.data_frag(W, &data, None),
+                Submessage::Heartbeat(body) if to_reader => self.reader.heartbeat(W, &body),
+                Submessage::Gap(body) if to_reader => self.reader.gap(W, &body),
+                Submessage::AckNack(body) => self.writer.acknack(R, &body, self.now),
+                Submessage::NackFrag(body) => self.writer.nack_frag(R, &body, self.now),
+                _ => {}
+            }
+        }
+    }
+
+    fn read(&mut self, got: &mut Vec<Vec<u8>>) {
+        while let Some(sample) = self.reader.take() {
+            got.push(sample.payload.to_vec());
+        }
+    }
+}
+
+const KEEP_ALL: Qos = Qos {
+    depth: 0,
+    ..Qos::ros()
+};
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// The promise of reliability: every sample once, in order, whatever the link does, short
+    /// samples and fragments mixed.
+    #[test]
+    fn reliable_samples_come_once_and_in_order(seed: u64, loss in 0..40u64, slots in 1..9usize,
+                                               lens in prop::collection::vec(prop_oneof![0..64usize, 0..8000usize], 1..40)) {
+        let mut pair = Pair::new(KEEP_ALL, slots, seed, loss);
+        let (mut got, mut next) = (Vec::new(), 0);
+        for _ in 0..200_000 {
+            while let Some(len) = lens.get(next) {
+                let sample = payload(next as u32, len.next_multiple_of(4));
+                match pair.writer.write(&sample, None, pair.now) {
+                    Ok(_) => next += 1,
+                    Err(error) => { assert_eq!(error, WriteError::Full); break; }
+                }
+            }
+            pair.step();
+            pair.read(&mut got);
+            if got.len() == lens.len() && pair.writer.is_acknowledged() { break; }
+        }
+        let sent: Vec<_> = lens.iter().enumerate()
+            .map(|(i, len)| payload(i as u32, len.next_multiple_of(4))).collect();
+        prop_assert_eq!(got.len(), sent.len(), "at {} ms", pair.now / MILLI);
+        prop_assert!(got == sent);
+        prop_assert!(pair.writer.is_acknowledged());
+        prop_assert_eq!(pair.reader.stats().lost, 0);
+    }
+
+    /// With the last ones kept, what arrives is in order and once, and the last one always comes.
+    #[test]
+    fn keep_last_loses_only_the_older_ones(seed: u64, loss in 0..40u64, depth in 1..6u32, count in 1..60u32) {
+        let qos = Qos { depth, ..Qos::ros() };
+        let mut pair = Pair::new(qos, depth as usize, seed, loss);
+        let mut got = Vec::new();
+        for number in 0..count {
+            pair.writer.write(&payload(number, 8), None, pair.now).unwrap();
+            if seed.wrapping_mul(u64::from(number)) % 3 == 0 { pair.step(); pair.read(&mut got); }
+        }
+        for _ in 0..5_000 {
+            pair.step();
+            pair.read(&mut got);
+            if pair.writer.is_acknowledged() { break; }
+        }
+        prop_assert!(pair.writer.is_acknowledged());
+        let numbers: Vec<u32> = got.iter().map(|b| u32::from_le_bytes(b[4..8].try_into().unwrap())).collect();
+        prop_assert!(numbers.windows(2).all(|two| two[0] < two[1]), "{numbers:?}");
+        prop_assert_eq!(numbers.last().copied(), Some(count - 1));
+    }
+
+    /// Best effort: never twice, never backwards, never a damaged one.
+    #[test]
+    fn best_effort_samples_come_at_most_once(seed: u64, loss in 0..40u64, count in 1..40u32, len in 0..3000usize) {
+        let qos = Qos { reliability: Reliability::BestEffort, depth: 5, ..Qos::ros() };
+        let mut pair = Pair::new(qos, 5, seed, loss);
+        let len = len.next_multiple_of(4);
+        let mut got = Vec::new();
+        for number in 0..count {
+            pair.writer.write(&payload(number, len), None, pair.now).unwrap();
+            pair.step();
+            pair.read(&mut got);
+        }
+        for _ in 0..200 { pair.step(); pair.read(&mut got); }
+        let numbers: Vec<u32> = got.iter().map(|b| u32::from_le_bytes(b[4..8].try_into().unwrap())).collect();
+        prop_assert!(numbers.windows(2).all(|two| two[0] < two[1]), "{numbers:?}");
+        for (number, bytes) in numbers.iter().zip(&got) {
+            prop_assert!(*bytes == payload(*number, len));
+        }
+        prop_assert!(loss > 0 || len > 700 || numbers.len() as u32 + pair.reader.stats().duplicates as u32 > 0);
+    }
+
+    /// Transient local: a reader that comes late has the last ones; a volatile one has none.
+    #[test]
+    fn late_readers_get_what_durability_says(seed: u64, loss in 0..30u64, depth in 1..6u32, count in 1..20u32, latched: bool) {
+        let qos = if latched { Qos::latched(depth) } else { Qos { depth, ..Qos::ros() } };
+        let mut pair = Pair::new(qos, 8, seed, loss);
+        let guid = pair.reader.guid();
+        pair.writer.remove_reader(guid);
+        let own = pair.writer.guid();
+        pair.reader.remove_writer(own);
+        pair.writer = Writer::new(own, qos, &WriterLimits {
+            samples: depth as usize, sample_bytes: 64, readers: 1, fragment_bytes: 700,
+        });
+        for number in 0..count {
+            pair.writer.write(&payload(number, 8), None, pair.now).unwrap();
+        }
+        pair.connect();
+        let mut got = Vec::new();
+        for _ in 0..300 { pair.step(); pair.read(&mut got); }
+        pair.writer.write(&payload(count, 8), None, pair.now).unwrap();
+        for _ in 0..300 { pair.step(); pair.read(&mut got); }
+        let numbers: Vec<u32> = got.iter().map(|b| u32::from_le_bytes(b[4..8].try_into().unwrap())).collect();
+        let first = if latched { count.saturating_sub(depth) } else { count };
+        prop_assert_eq!(numbers, (first..=count).collect::<Vec<_>>());
+    }
+}

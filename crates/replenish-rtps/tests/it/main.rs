@@ -1,0 +1,16 @@
+//! Codec, endpoints and discovery of RTPS, in one binary.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    clippy::cast_possible_wrap,
+    clippy::cast_sign_loss,
+    reason = "tests may panic"
+)]
+
+mod discovery;
+mod lossy;
+mod wire_capture;
+mod wire_golden;
+mod wire_round_trip;

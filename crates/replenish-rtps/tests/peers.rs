@@ -1,0 +1,314 @@
+//! Foreign implementations against ours: genuine ROS 2 (rclpy of Kilted, Fast DDS) and Cyclone DDS.
+//! `tests/peers/setup.sh` installs them; without it these trials count as ignored.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    reason = "test code"
+)]
+
+use replenish_rtps::participant::{EndpointSpec, ReaderId, WriterId};
+use replenish_rtps::ros::{
+    GRAPH_QOS, GRAPH_TOPIC, GRAPH_TYPE, GidSize, Node, Prefix, dds_topic, dds_type, encode_graph,
+};
+use replenish_rtps::udp::{UdpConfig, UdpParticipant};
+use replenish_rtps::wire::{CDR_LE, Qos, TypeHash};
+use replenish_testkit::harness::{peer_trial, run};
+use std::collections::VecDeque;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+/// How long anything may take on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// RIHS01 of `std_msgs/msg/String`, as rclpy shows it.
+const STRING: &str = "df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18";
+
+fn main() {
+    let trial = |name, peer: &'static str, body: fn()| {
+        let python = python(peer);
+        let missing = (!python.exists()).then(|| {
+            let script = "crates/replenish-rtps/tests/peers/setup.sh";
+            format!("no {}: run {script}", python.display())
+        });
+        peer_trial(name, missing, body)
+    };
+    run(vec![
+        trial("rclpy_sends_everything_back", "rclpy", || {
+            echo(&RCLPY);
+        }),
+        trial("cyclone_sends_everything_back", "cyclonedds", || {
+            echo(&CYCLONE);
+        }),
+        trial("rclpy_sees_node_type_and_hash", "rclpy", graph),
+    ]);
+}
+
+fn python(peer: &str) -> PathBuf {
+    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap();
+    let dir = std::env::var_os("CARGO_TARGET_DIR").map_or(target.to_path_buf(), PathBuf::from);
+    // A relative one is meant from the workspace's root.
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    root.join(dir).join("peers").join(peer).join("bin/python")
+}
+
+struct PeerKind {
+    environment: &'static str,
+    script: &'static str,
+    /// Domains of the two peers' trials differ: trials run side by side.
+    domain: u16,
+}
+
+const RCLPY: PeerKind = PeerKind {
+    environment: "rclpy",
+    script: "rclpy_echo.py",
+    domain: 0,
+};
+const CYCLONE: PeerKind = PeerKind {
+    environment: "cyclonedds",
+    script: "cyclone_echo.py",
+    domain: 1,
+};
+
+/// The foreign program. Ends with this.
+struct Peer {
+    child: Child,
+    lines: Receiver<String>,
+}
+
+impl Peer {
+    fn start(kind: &PeerKind, domain: u16) -> Self {
+        let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/peers/");
+        let mut child = Command::new(python(kind.environment))
+            .arg(format!("{dir}{}", kind.script))
+            .env("ROS_DOMAIN_ID", domain.to_string())
+            .env("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+            .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let output = BufReader::new(child.stdout.take().unwrap());
+        let (send, lines) = channel();
+        std::thread::spawn(move || {
+            for line in output.lines().map_while(Result::ok) {
+                if send.send(line).is_err() {
+                    break;
+                }
+            }
+        });
+        Peer { child, lines }
+    }
+}
+
+impl Drop for Peer {
+    fn drop(&mut self) {
+        drop(self.child.kill());
+        drop(self.child.wait());
+    }
+}
+
+/// A node with /ping, /latched and /pong.
+struct Ours {
+    node: UdpParticipant,
+    ping: WriterId,
+    latched: WriterId,
+    pong: ReaderId,
+    hash: TypeHash,
+}
+
+impl Ours {
+    fn new(domain: u16) -> Self {
+        let config = UdpConfig {
+            domain,
+            peers: &[],
+            ..UdpConfig::default()
+        };
+        let mut node = UdpParticipant::open(&config).unwrap();
+        let mut hash = [0; 32];
+        for (byte, pair) in hash.iter_mut().zip(STRING.as_bytes().chunks(2)) {
+            *byte = u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap();
+        }
+        let hash = TypeHash(hash);
+        let kind = dds_type("std_msgs/msg/String").unwrap();
+        let now = node.now();
+        let participant = node.participant_mut();
+        let topic = |name| dds_topic(Prefix::Topic, name).unwrap();
+        let all = Qos {
+            depth: 0,
+            ..Qos::ros()
+        };
+        let spec = EndpointSpec {
+            type_hash: Some(hash),
+            sample_bytes: 200_000,
+            samples: 16,
+            ..EndpointSpec::new("", kind.as_str())
+        };
+        let (ping, latched, pong) = (topic("/ping"), topic("/latched"), topic("/pong"));
+        let ping = EndpointSpec {
+            topic: ping.as_str(),
+            qos: all,
+            ..spec
+        };
+        let latched = EndpointSpec {
+            topic: latched.as_str(),
+            qos: Qos::latched(10),
+            ..spec
+        };
+        let pong = EndpointSpec {
+            topic: pong.as_str(),
+            qos: all,
+            ..spec
+        };
+        let ping = participant.create_writer(&ping, now).unwrap();
+        let latched = participant.create_writer(&latched, now).unwrap();
+        let pong = participant.create_reader(&pong, now).unwrap();
+        let spec = EndpointSpec {
+            qos: GRAPH_QOS,
+            ..EndpointSpec::new(GRAPH_TOPIC, GRAPH_TYPE)
+        };
+        let graph = participant.create_writer(&spec, now).unwrap();
+        let own = Node {
+            namespace: "/ours",
+            name: "replenish",
+            readers: &[pong.entity()],
+            writers: &[ping.entity(), latched.entity()],
+        };
+        let mut buf = [0; 512];
+        let prefix = participant.prefix();
+        let message = encode_graph(&mut buf, prefix, &[own], GidSize::Bytes16).unwrap();
+        participant.write(graph, message, None, now).unwrap();
+        Ours {
+            node,
+            ping,
+            latched,
+            pong,
+            hash,
+        }
+    }
+
+    fn step(&mut self) {
+        self.node.step(Duration::from_millis(20)).unwrap();
+    }
+
+    fn write(&mut self, writer: WriterId, sample: &[u8]) -> bool {
+        let now = self.node.now();
+        self.node
+            .participant_mut()
+            .write(writer, sample, None, now)
+            .is_ok()
+    }
+
+    fn matched(&self) -> bool {
+        let participant = self.node.participant();
+        let readers = participant.writer(self.ping).unwrap().matched();
+        readers > 0 && participant.reader(self.pong).unwrap().matched() > 0
+    }
+}
+
+/// A string that says its number, `len` bytes long without the NUL.
+fn sample(number: usize, len: usize) -> Vec<u8> {
+    let mut text = format!("{number}:").into_bytes();
+    text.resize(
+        len.max(text.len()),
+        b'a' + u8::try_from(number % 26).unwrap(),
+    );
+    text.push(0);
+    let head = u32::try_from(text.len()).unwrap().to_le_bytes();
+    [&CDR_LE, head.as_slice(), &text].concat()
+}
+
+/// Bytes up to the end of the string: peers pad what they send.
+fn trimmed(payload: &[u8]) -> &[u8] {
+    let len = u32::from_le_bytes(payload[4..8].try_into().unwrap()) as usize;
+    &payload[..8 + len]
+}
+
+fn domain(base: u16) -> u16 {
+    // Domains from 70 to 99, which other tests of this project do not use.
+    70 + base + u16::try_from(std::process::id() % 10).unwrap() * 3
+}
+
+/// Latched samples from before the peer was there, then 200 short and long ones: all come back,
+/// once and in order, longer ones than a datagram in fragments both ways.
+fn echo(kind: &PeerKind) {
+    let domain = domain(kind.domain);
+    let mut ours = Ours::new(domain);
+    let mut expected = VecDeque::new();
+    for number in 0..3 {
+        let sample = sample(number, 20 + 30_000 * number);
+        let latched = ours.latched;
+        assert!(ours.write(latched, &sample));
+        expected.push_back(sample);
+    }
+    let _peer = Peer::start(kind, domain);
+    let begin = Instant::now();
+    let mut next = 3;
+    let mut received = 0;
+    while received < 203 {
+        assert!(
+            begin.elapsed() < PATIENCE,
+            "{received} of 203 after {PATIENCE:?}"
+        );
+        ours.step();
+        // Not before the latched ones are back: the order between two topics is nobody's promise.
+        while received >= 3 && ours.matched() && next < 203 && next - received < 8 {
+            let len = if next % 10 == 0 { 150_000 } else { next * 7 };
+            let (ping, sample) = (ours.ping, sample(next, len));
+            if !ours.write(ping, &sample) {
+                break;
+            }
+            expected.push_back(sample);
+            next += 1;
+        }
+        let pong = ours.pong;
+        while let Some(sample) = ours.node.participant_mut().take(pong) {
+            let wanted = expected
+                .pop_front()
+                .expect("no more samples than were sent");
+            let (got, wanted) = (trimmed(sample.payload), wanted.as_slice());
+            assert!(
+                got == wanted,
+                "sample {received}: {:?}",
+                &got[..got.len().min(24)]
+            );
+            received += 1;
+        }
+    }
+    let reader = ours.node.participant().reader(ours.pong).unwrap().stats();
+    assert_eq!((reader.received, reader.lost, reader.too_long), (203, 0, 0));
+}
+
+/// Node, type and type hash as genuine `get_publishers_info_by_topic` has them, and that they are
+/// gone after a goodbye.
+fn graph() {
+    let domain = domain(2);
+    let mut ours = Ours::new(domain);
+    let hash = ours.hash;
+    let peer = Peer::start(&RCLPY, domain);
+    let begin = Instant::now();
+    let mut wanted = vec!["publisher", "subscription"];
+    while !wanted.is_empty() {
+        assert!(begin.elapsed() < PATIENCE, "no line about {wanted:?}");
+        ours.step();
+        while let Ok(line) = peer.lines.try_recv() {
+            let Some((kind, rest)) = line.split_once(' ') else {
+                continue;
+            };
+            assert_eq!(
+                rest,
+                format!("replenish std_msgs/msg/String RIHS01_{STRING}")
+            );
+            wanted.retain(|wanted| *wanted != kind);
+        }
+    }
+    let theirs = ours.node.participant().endpoints();
+    let pong = theirs
+        .filter(|known| known.topic() == "rt/pong")
+        .collect::<Vec<_>>();
+    assert_eq!((pong.len(), pong[0].type_hash), (1, Some(hash)));
+    drop(ours);
+    assert_eq!(peer.lines.recv_timeout(PATIENCE).as_deref(), Ok("gone"));
+}
