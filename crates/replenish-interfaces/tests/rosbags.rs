@@ -42,7 +42,7 @@ fn python() -> PathBuf {
     root.join(dir).join("peers/rosbags/bin/python")
 }
 
-/// What rosbags says of a type.
+/// A type as rosbags describes it.
 struct Golden {
     hash: String,
     /// Values, each in little and in big endian.

@@ -1,4 +1,4 @@
-//! What can be wrong with interface files, and where.
+//! Errors in interface files, with their place.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -54,7 +54,7 @@ impl Error {
         self.place
     }
 
-    /// What is wrong and what is allowed.
+    /// The error, with the allowed values.
     #[must_use]
     pub fn message(&self) -> &str {
         &self.message

@@ -136,7 +136,7 @@ impl Generator {
             let path = self.reused.get(&interface.name.to_string());
             registry.add(interface, path.map(String::as_str));
         }
-        // What is elsewhere has its own bounds.
+        // Types of other crates have their own bounds.
         for (package, path) in &self.dependencies {
             for interface in package::read(package)? {
                 let name = &interface.name;

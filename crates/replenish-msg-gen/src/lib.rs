@@ -22,6 +22,7 @@
 //!
 //! Everything that a `.msg` file can say is supported, and no other file format (`.idl`).
 #![forbid(unsafe_code)]
+#![deny(clippy::indexing_slicing)]
 
 mod emit;
 mod error;

@@ -1,4 +1,4 @@
-//! What a parsed interface file says.
+//! The content of a parsed interface file.
 
 use crate::error::Place;
 use std::fmt;

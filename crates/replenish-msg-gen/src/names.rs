@@ -1,13 +1,13 @@
 //! Which names ROS 2 allows, and how they are written in Rust.
 
-/// What a package's name is.
+/// The rule for a package's name.
 pub(crate) const PACKAGE: &str = "lower-case letters, digits and single underscores, beginning with a letter, \
      not ending with an underscore";
-/// What a field's name is.
+/// The rule for a field's name.
 pub(crate) const FIELD: &str = PACKAGE;
-/// What an interface's name is.
+/// The rule for an interface's name.
 pub(crate) const TYPE: &str = "letters and digits, beginning with an upper-case letter";
-/// What a constant's name is.
+/// The rule for a constant's name.
 pub(crate) const CONSTANT: &str = "upper-case letters, digits and single underscores, beginning with a letter, \
      not ending with an underscore";
 

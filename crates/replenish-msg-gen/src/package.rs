@@ -59,7 +59,7 @@ fn files(dir: &Path, kind: &str) -> Result<Vec<PathBuf>, Error> {
 /// package the name of the directory above `file`'s.
 ///
 /// # Errors
-/// What is wrong with it, and where.
+/// The first error in the text, with its place.
 pub fn check_text(file: &Path, text: &str) -> Result<(), Error> {
     let extension = file.extension().and_then(|e| e.to_str());
     let Some(kind) = KINDS.into_iter().find(|k| Some(*k) == extension) else {

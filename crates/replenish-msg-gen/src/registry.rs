@@ -30,7 +30,7 @@ pub(crate) enum Held {
     Heap,
 }
 
-/// What is known of a definition once all are known.
+/// The properties of a definition that follow once all definitions are known.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Facts {
     /// No field is on the heap: one type serves as owned value and as view.

@@ -1,4 +1,4 @@
-//! What is wrong with a file is said with its place and with what is allowed; no text panics.
+//! An error in a file is reported with its place and with the allowed values; no text panics.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -197,7 +197,8 @@ fn types_that_are_not_there_or_contain_themselves_are_named() {
     assert!(good.contains("include!(\"good/srv/ask.rs\")"));
 }
 
-/// What ROS 2 allows and Rust cannot hold side by side is said here, not by the compiler.
+/// The generator, not the compiler, reports names that ROS 2 allows and Rust cannot hold side by
+/// side.
 #[test]
 fn interfaces_that_want_the_same_name_in_rust_are_named() {
     let files = [

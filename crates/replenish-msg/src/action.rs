@@ -19,17 +19,17 @@ use core::marker::PhantomData;
 
 /// A ROS 2 action: a goal, feedback on the way there, and a result.
 pub trait Action: 'static {
-    /// What a client wants.
+    /// A client's goal.
     type Goal: Message;
-    /// What it gets in the end.
+    /// The answer at the goal's end.
     type Result: Message;
-    /// What it hears meanwhile.
+    /// The reports until then.
     type Feedback: Message;
 
     /// The ROS name, such as `example_interfaces/action/Fibonacci`.
     const TYPE_NAME: &'static str;
 
-    /// What the DDS names of the action's types begin with, such as
+    /// The beginning of the DDS names of the action's types, such as
     /// `example_interfaces::action::dds_::Fibonacci_`.
     const DDS_TYPE_NAME: &'static str;
 
@@ -88,9 +88,9 @@ impl<A: Action> Service for GetResult<A> {
     const TYPE_NAME: &'static str = text(&const { joined(A::TYPE_NAME, "_GetResult") });
 }
 
-/// What [`SendGoal`] is asked.
+/// The request of [`SendGoal`].
 pub struct SendGoalRequest<A: Action> {
-    /// What the client calls the goal.
+    /// The client's name for the goal.
     pub goal_id: UUID,
     /// The goal.
     pub goal: A::Goal,
@@ -117,7 +117,7 @@ impl<A: Action> Message for SendGoalRequest<A> {
     }
 }
 
-/// What [`SendGoal`] answers.
+/// The response of [`SendGoal`].
 pub struct SendGoalResponse<A> {
     /// Whether the goal is pursued.
     pub accepted: bool,
@@ -159,7 +159,7 @@ impl<A: Action> Message for SendGoalResponse<A> {
     }
 }
 
-/// What [`GetResult`] is asked.
+/// The request of [`GetResult`].
 pub struct GetResultRequest<A> {
     /// Which goal.
     pub goal_id: UUID,
@@ -192,7 +192,7 @@ impl<A: Action> Message for GetResultRequest<A> {
     }
 }
 
-/// What [`GetResult`] answers.
+/// The response of [`GetResult`].
 pub struct GetResultResponse<A: Action> {
     /// How the goal ended: one of the constants of
     /// [`GoalStatus`](crate::action_msgs::GoalStatus).
@@ -251,8 +251,8 @@ impl<A: Action> Message for FeedbackMessage<A> {
     }
 }
 
-/// What one asks of every message that belongs to an action: a default value, and what to show of
-/// it. (Derived, these would ask the same of the action.)
+/// Implements a default value and `Debug` for a message that belongs to an action. (Derived, these
+/// would ask the same of the action.)
 macro_rules! shown {
     ($($name:ident<$a:ident $(: $bound:ident)?> { $($field:ident),+ } $($phantom:ident)?;)+) => {$(
         impl<$a $(: $bound)?> Default for $name<$a> {

@@ -134,7 +134,7 @@ impl Service for CancelGoal {
     const TYPE_NAME: &'static str = "action_msgs/srv/CancelGoal";
 }
 
-/// What [`CancelGoal`] is asked for.
+/// The request of [`CancelGoal`].
 ///
 /// With an id, that goal; with a stamp, those accepted then or before; with both, either; with
 /// none (all zeros), every goal.
@@ -163,7 +163,7 @@ impl Message for CancelGoalRequest {
     }
 }
 
-/// What [`CancelGoal`] answers, with at most [`MAX_GOALS`] goals.
+/// The response of [`CancelGoal`], with at most [`MAX_GOALS`] goals.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct CancelGoalResponse {
     /// One of the constants of this type.

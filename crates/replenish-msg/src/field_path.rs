@@ -14,7 +14,7 @@ const DEEPEST: usize = 8;
 /// Why and where bytes are not a message of the type that was asked for.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct DecodeError {
-    /// What is wrong.
+    /// The error at that field.
     pub error: CdrError,
     root: &'static Structure,
     path: [Step; DEEPEST],
@@ -237,7 +237,7 @@ pub fn decode_with_path<M: Message>(
 /// As [`decode_with_path`], without looking for the field: for builds that have no room for that.
 ///
 /// # Errors
-/// What is wrong, of the message as a whole.
+/// The errors of the message as a whole.
 pub fn decode_whole<M: Message>(msg: &mut M, reader: &CdrReader<'_>) -> Result<(), DecodeError> {
     msg.decode(&mut reader.clone())
         .map_err(|error| DecodeError::whole(error, M::STRUCTURE))

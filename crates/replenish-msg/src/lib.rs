@@ -17,8 +17,8 @@
 //! # Ok::<(), replenish_msg::CdrError>(())
 //! ```
 //!
-//! What is here: [`cdr`] (the encoding), [`std_msgs`], [`builtin_interfaces`], and what actions
-//! need: [`action`], [`action_msgs`], [`unique_identifier_msgs`].
+//! Modules: [`cdr`] (the encoding), [`std_msgs`], [`builtin_interfaces`]; for actions: [`action`],
+//! [`action_msgs`], [`unique_identifier_msgs`].
 //! Other interfaces are generated from their `.msg`, `.srv` and `.action` files by
 //! `replenish-msg-gen`, and `replenish-interfaces` is the common ones; both build on [`wire`],
 //! [`view`] and [`structure`]. What is not here: XCDR2, `long double`.
@@ -54,7 +54,7 @@ pub use message::{Message, Service, decode, encode};
 pub use structure::Structure;
 pub use view::{View, Viewed};
 
-/// What generated code names.
+/// The names that generated code uses.
 #[doc(hidden)]
 #[cfg(feature = "alloc")]
 pub mod owned {

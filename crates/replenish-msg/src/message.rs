@@ -1,4 +1,4 @@
-//! What a message and a service are, and how one is encoded and decoded.
+//! The traits of messages and services, with encoding and decoding.
 
 use crate::{CdrError, CdrReader, CdrWriter, Structure};
 
@@ -55,9 +55,9 @@ pub trait Message: Default + Send + 'static {
 
 /// A ROS 2 service: a request and its response.
 pub trait Service: 'static {
-    /// What a client sends.
+    /// The client's message.
     type Request: Message;
-    /// What a server answers.
+    /// The server's answer.
     type Response: Message;
 
     /// The ROS name, such as `example_interfaces/srv/AddTwoInts`.

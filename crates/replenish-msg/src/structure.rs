@@ -1,4 +1,4 @@
-//! What a type is made of, as data: one table a type, in read-only memory.
+//! The fields of a type, as data: one table a type, in read-only memory.
 
 /// A type's name and fields.
 #[derive(Debug, PartialEq, Eq)]

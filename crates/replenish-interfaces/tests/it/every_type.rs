@@ -1,4 +1,4 @@
-//! What holds for every type: whatever the bytes, nothing panics, owned value and view agree, and
+//! Promises of every type: whatever the bytes, nothing panics, owned value and view agree, and
 //! an error is found at the same place; what was decoded survives a round trip.
 
 use proptest::collection::vec;

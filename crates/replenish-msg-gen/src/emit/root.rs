@@ -30,7 +30,7 @@ pub(crate) fn root(interfaces: &[&Interface]) -> String {
         text.push_str(&format!(
             "\n/// The `{package}` package.\n\
              #[rustfmt::skip]\n\
-             #[allow(clippy::all, clippy::pedantic, clippy::indexing_slicing, missing_docs, \
+             #[allow(clippy::all, clippy::pedantic, clippy::restriction, missing_docs, \
              rustdoc::all, unused_imports, reason = \"generated from other people's text\")]\n\
              pub mod {} {{\n",
             names::rust_field(package)

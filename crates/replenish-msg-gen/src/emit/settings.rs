@@ -12,7 +12,7 @@ pub(crate) enum Owned {
     Never,
 }
 
-/// What all files have in common.
+/// The settings that all files have in common.
 pub(crate) struct Emit<'a> {
     pub(crate) registry: &'a Registry,
     /// The path of `replenish-msg`.
@@ -34,7 +34,7 @@ impl Emit<'_> {
         }
     }
 
-    /// What stands before an item that needs the heap; None if there is to be no such item.
+    /// The attribute before an item that needs the heap; `None` if there is to be no such item.
     pub(super) fn gate(&self) -> Option<String> {
         match self.owned {
             Owned::Always => Some(String::new()),

@@ -26,7 +26,7 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// What is left, comment excluded.
+    /// The rest of the line, without a comment.
     pub(super) fn rest(&self) -> &'a str {
         self.whole.get(self.pos..self.end).unwrap_or_default()
     }

@@ -1,4 +1,4 @@
-//! What can be wrong with an encoded message.
+//! Errors of an encoded message.
 
 use core::fmt;
 

@@ -18,7 +18,7 @@ pub type UInt8MultiArray = BoundedUInt8MultiArray<4096>;
 /// `std_msgs/msg/MultiArrayDimension`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MultiArrayDimension {
-    /// What the dimension is, such as `height`.
+    /// The name of the dimension, such as `height`.
     pub label: heapless::String<MAX_LABEL>,
     /// Elements in this dimension.
     pub size: u32,

@@ -1,4 +1,4 @@
-//! What a field of a message can be: [`Encode`] is written, [`DecodeInPlace`] is read in place,
+//! The traits of a message's field: [`Encode`] is written, [`DecodeInPlace`] is read in place,
 //! [`Item`] is read anew and may borrow from the bytes. Generated code calls these, field by field.
 //!
 //! | field | owned (feature `alloc`) | borrowed |
@@ -24,7 +24,7 @@ pub use text::{WStr, WideString, wide_len};
 
 use crate::{CdrError, CdrReader, CdrWriter, Message};
 
-/// What can be written.
+/// A value that can be written.
 pub trait Encode {
     /// Bytes of one on the wire if any such bytes are a value (a primitive, but not `bool`); else
     /// 0.
@@ -48,7 +48,7 @@ pub trait Encode {
     }
 }
 
-/// What can be read into a value that is there already.
+/// A value that can be read in place, without a new one.
 pub trait DecodeInPlace: Encode {
     /// Replaces this value by the next in `r`.
     ///
@@ -70,7 +70,7 @@ pub trait DecodeInPlace: Encode {
     }
 }
 
-/// What can be read anew without allocation.
+/// A value that can be read anew without allocation.
 pub trait Item<'a>: Encode + Sized {
     /// Reads the next value in `r`.
     ///
