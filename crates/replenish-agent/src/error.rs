@@ -24,6 +24,13 @@ pub enum AgentError {
     /// DDS could not be started.
     #[cfg(feature = "dds")]
     Dds(replenish_dds::DdsError),
+    /// A certificate or a private key cannot be used.
+    Credentials {
+        /// Its file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
     /// The operating system refused.
     Io {
         /// The operation.
@@ -59,6 +66,9 @@ impl fmt::Display for AgentError {
             }
             #[cfg(feature = "dds")]
             Self::Dds(error) => error.fmt(f),
+            Self::Credentials { path, reason } => {
+                write!(f, "cannot use {}: {reason}", path.display())
+            }
             Self::Io { what, addr, source } => write!(f, "cannot {what} {addr}: {source}"),
         }
     }
@@ -68,7 +78,7 @@ impl std::error::Error for AgentError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
             Self::Config(error) => Some(error),
-            Self::AddressInUse(_) => None,
+            Self::AddressInUse(_) | Self::Credentials { .. } => None,
             #[cfg(feature = "dds")]
             Self::Dds(error) => Some(error),
             Self::Serial { source, .. } | Self::Io { source, .. } => Some(source),

@@ -27,6 +27,11 @@
 //! - All resources that clients can take are bounded by [`Limits`]; dropped input is counted in
 //!   [`Stats`] and logged with its [`Reason`]; [`AgentCore::snapshot`] shows clients and their
 //!   traffic. No input ends it.
+//! - An [`AccessList`] says who may log in, from where, and which topics each may write and read;
+//!   [`AccessControl`] replaces it while the agent runs.
+//! - With the feature `secure`, DTLS 1.2 with pre-shared keys and TLS 1.3 with certificates at both
+//!   ends, beside plain UDP and TCP or instead; the access list has the secrets
+//!   (`AgentConfig::secure`).
 //! - With the feature `dds` every writer, reader, requester and replier of a client is one of DDS
 //!   too, and every participant a ROS 2 node ([`BridgeEvent`] is the seam; `AgentConfig::dds`).
 //!
@@ -59,17 +64,21 @@ mod server;
 mod xml;
 
 pub use agent_core::{AgentCore, Now};
-pub use bridge::{BridgeEvent, BridgeId, BridgeKind, BridgeQos, BridgeSample, BridgeTopic};
+pub use bridge::{
+    BridgeEvent, BridgeId, BridgeKind, BridgeQos, BridgeSample, BridgeTopic, ros_topic, ros_type,
+};
 #[cfg(feature = "dds")]
 pub use config::DdsBridge;
-pub use config::{AgentConfig, Limits, Profiles, SerialConfig, TopicRule};
+pub use config::{AccessError, AccessList, AgentConfig, Limits, Profiles, SerialConfig, TopicRule};
+#[cfg(feature = "secure")]
+pub use config::{SecureConfig, TlsConfig};
 pub use error::AgentError;
 #[cfg(feature = "dds")]
 pub use replenish_dds as dds;
 pub use replenish_os::config::ConfigError;
 pub use replenish_xrce::Nanos;
 pub use report::{
-    BridgeSnapshot, ClientSnapshot, EntitySnapshot, ReaderSnapshot, Reason, Refusal, Rejection,
-    Rejections, Snapshot, Stats, StreamSnapshot, WriterSnapshot,
+    BridgeSnapshot, ClientSnapshot, EntitySnapshot, HandshakeError, ReaderSnapshot, Reason,
+    Refusal, Rejection, Rejections, Snapshot, Stats, StreamSnapshot, Subject, WriterSnapshot,
 };
-pub use server::{Agent, Inspector, RunningAgent, StopHandle};
+pub use server::{AccessControl, Agent, Inspector, MemoryBound, RunningAgent, StopHandle};

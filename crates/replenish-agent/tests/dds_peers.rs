@@ -31,7 +31,7 @@ fn main() {
 #[cfg(feature = "dds")]
 mod peers {
     use super::bridged::{Client, agent, domain, service_client, typed_client};
-    use replenish_agent::RunningAgent;
+    use replenish_agent::{BridgeSnapshot, RunningAgent};
     use replenish_testkit::harness::{peer_trial, run};
     use replenish_xrce::wire::{ObjectKind, StreamId};
     use std::io::{BufRead, BufReader};
@@ -50,6 +50,10 @@ mod peers {
         let trial = |name, body: fn()| peer_trial(name, missing.clone(), body);
         run(vec![
             trial("cyclone_echoes_what_a_client_publishes", echo),
+            trial(
+                "cyclone_that_pauses_longer_than_its_lease_is_served_again",
+                pause,
+            ),
             trial("cyclone_answers_a_client", cyclone_answers),
             trial("a_client_answers_cyclone", client_answers),
         ]);
@@ -76,6 +80,7 @@ mod peers {
             let mut child = Command::new(python())
                 .args([script, mode, &domain.to_string()])
                 .args(rest)
+                .env("LEASE", "2")
                 .stdout(Stdio::piped())
                 .spawn()
                 .unwrap();
@@ -83,6 +88,18 @@ mod peers {
             let mut cyclone = Self { child, output };
             cyclone.says("ready");
             cyclone
+        }
+
+        /// Stops or continues all of its threads.
+        fn signal(&self, signal: &str) {
+            let kill = format!("kill -{signal} {}", self.child.id());
+            assert!(
+                Command::new("sh")
+                    .args(["-c", &kill])
+                    .status()
+                    .unwrap()
+                    .success()
+            );
         }
 
         fn says(&mut self, expected: &str) {
@@ -165,6 +182,51 @@ mod peers {
         two.idle(Duration::from_millis(100));
         one.got.clear();
         two.got.clear();
+    }
+
+    /// Before, RustDDS had forgotten the reader and the writer: nothing crossed any more, for good.
+    fn pause() {
+        let domain = domain();
+        let agent = agent(domain);
+        let cyclone = Cyclone::start(domain, &["echo", "reliable"]);
+        let stream = StreamId::RELIABLE;
+        let mut one = typed_client(&agent, 1, STRING, ("rt/chatter", "rt/echo"), stream);
+        let mut two = typed_client(&agent, 2, STRING, ("rt/other", "rt/echo"), stream);
+        matched(&agent, &["rt/chatter", "rt/echo"]);
+        for round in 1..=2 {
+            warm_up(stream, &mut one, &mut two);
+            cyclone.signal("STOP");
+            let deadline = Instant::now() + Duration::from_secs(30);
+            while row(&agent, "rt/chatter").lost < round {
+                assert!(Instant::now() < deadline, "the lease is never over");
+                one.write(stream, &string("unheard"));
+                one.idle(Duration::from_millis(50));
+            }
+            cyclone.signal("CONT");
+            // Matched in both directions, within the time that discovery takes.
+            warm_up(stream, &mut one, &mut two);
+            for i in 0..100 {
+                one.write(stream, &string(&format!("{round} {i}")));
+                let expected = string(&format!("echo of {round} {i}"));
+                for client in [&mut one, &mut two] {
+                    assert!(client.read().starts_with(&expected));
+                }
+            }
+            let (writer, reader) = (row(&agent, "rt/chatter"), row(&agent, "rt/echo"));
+            assert_eq!((writer.lost, writer.returned), (round, round), "{writer:?}");
+            assert_eq!((reader.lost, reader.returned), (round, round), "{reader:?}");
+            assert!(writer.unheard > 0, "{writer:?}");
+            println!("unheard, at most: {}", writer.unheard);
+        }
+        let stats = agent.stop().unwrap();
+        assert_eq!((stats.bridge_dropped, stats.samples_dropped), (0, 0));
+    }
+
+    /// The agent's row about a topic in DDS.
+    fn row(agent: &RunningAgent, topic: &str) -> BridgeSnapshot {
+        let snapshot = agent.inspector().snapshot(Duration::from_secs(5)).unwrap();
+        let mut bridge = snapshot.bridge.unwrap().into_iter();
+        bridge.find(|row| row.name == topic).unwrap()
     }
 
     fn cyclone_answers() {

@@ -30,7 +30,7 @@ static ALLOCATOR: CountingAllocator = CountingAllocator::new();
 /// Shares after each of which everything must be as at the beginning.
 const SHARES: u64 = 20;
 
-/// What everybody together may hold: the limits of the agent, and the fixed memory of all.
+/// Memory that all clients together may hold: the limits of the agent, and the fixed memory of all.
 const MOST: usize = 4 << 20;
 
 /// xorshift64*.
@@ -49,7 +49,7 @@ impl Random {
     }
 }
 
-/// What was captured in one direction, by what it is.
+/// The captured messages of one direction, by their kind.
 struct Corpus(Vec<Vec<Vec<u8>>>);
 
 impl Corpus {
@@ -193,7 +193,7 @@ fn millions_of_inputs() {
         started.elapsed().as_secs_f64(),
         agent.stats()
     );
-    // What the first shares left allocated (capacities) is all that is ever left allocated.
+    // Capacities that the first shares left allocated are all that is ever left allocated.
     let (early, late) = after.split_at(after.len() / 2);
     let (early, late) = (early.iter().max().unwrap(), late.iter().max().unwrap());
     assert!(*late <= early + 4096, "{after:?}");

@@ -1,19 +1,26 @@
 //! The core's calls for a bridge to another middleware; see [`crate::bridge`].
 
 use super::state::{AgentCore, Now};
-use crate::bridge::{Bridge, BridgeEvent, BridgeId, BridgeSample};
-use crate::entities::{Address, Role};
+use crate::bridge::{
+    Asker, Bridge, BridgeEvent, BridgeId, BridgeSample, NameRefusal, Names, ros_node,
+};
+use crate::entities::{Address, Plan, Role};
 use crate::flow::{Guid, Identity, Sample, SampleInfo};
+use crate::report::BridgeSnapshot;
 use replenish_xrce::wire::{Create, ObjectId};
 use std::hash::Hash;
 
 impl<P: Copy + Eq + Hash> AgentCore<P> {
     /// Reports entities and samples to a bridge from now on, which must
     /// [ask](Self::poll_bridge) for them. To be called before there are clients.
+    ///
+    /// Clients that say domain 0 are in `domain`, and bring at most `names` topic names to each
+    /// domain: half of them the clients of one host, an eighth one client. More is refused with
+    /// `RESOURCES`, and a name with another type than that it is used with with `INCOMPATIBLE`.
     #[must_use]
-    pub fn bridged(self) -> Self {
+    pub fn bridged(self, domain: u16, names: usize) -> Self {
         Self {
-            bridge: Some(Bridge::default()),
+            bridge: Some(Bridge::new(Names::new(domain, names))),
             ..self
         }
     }
@@ -63,6 +70,44 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
         target.queue(object, at, &self.counters);
         self.serve(at, client);
+    }
+
+    /// Asks whether the topic names of a new entity may cross; without a bridge they need not.
+    pub(super) fn bridge_admits(
+        &mut self,
+        client: usize,
+        object: ObjectId,
+    ) -> Result<(), NameRefusal> {
+        let (Some(bridge), Some(of)) = (&mut self.bridge, self.clients.get_mut(client)) else {
+            return Ok(());
+        };
+        let by = Asker {
+            key: of.key,
+            host: (self.host)(&of.peer),
+        };
+        match of.entities.record(object) {
+            Some(record) => bridge.admit(by, Address { client, object }, record),
+            None => Ok(()),
+        }
+    }
+
+    /// Notes in a row about `id` whose it is: client, entity and node.
+    pub fn name_bridge_row(&self, id: BridgeId, node: Option<BridgeId>, row: &mut BridgeSnapshot) {
+        let Some(bridge) = &self.bridge else { return };
+        let of = |id| {
+            let address = bridge.address(id)?;
+            Some((self.clients.get(address.client)?, address.object))
+        };
+        if let Some((client, object)) = of(id) {
+            row.client = client.key.to_string();
+            row.id = crate::report::hex(object);
+        }
+        if let Some((client, object)) = node.and_then(of)
+            && let Some(record) = client.entities.record(object)
+            && let Plan::Participant { name, .. } = &record.plan
+        {
+            row.node = ros_node(name);
+        }
     }
 
     /// Reports a new entity to the bridge.

@@ -1,7 +1,8 @@
 //! Requests without a session: to open one, and to ask whether the agent is there.
 
 use super::state::{AgentCore, Now};
-use crate::clients::{Client, ClientOrigin};
+use super::takeover::Takeover;
+use crate::clients::{Client, ClientOrigin, Echo};
 use crate::report::Reason;
 use replenish_xrce::Nanos;
 use replenish_xrce::wire::{
@@ -14,6 +15,14 @@ use std::hash::Hash;
 /// A `CREATE_CLIENT` this soon after another of the same client may be a duplicate, or be late: it
 /// must not reset streams that may be in use by now. A client does not start again that fast.
 const DUPLICATE: Nanos = 100_000_000;
+
+/// A `CREATE_CLIENT` this soon after another of the same client, whose session is in use, is not
+/// answered: it is late, or from a client that has started again and will ask again.
+const LATE: Nanos = 500_000_000;
+
+/// A session in which nothing has come this long after its log-in makes room for another, if there
+/// are as many as there may be.
+const UNUSED: Nanos = 500_000_000;
 
 /// The shortest message length a client may announce: room for a header, a FRAGMENT and some bytes.
 const MIN_MTU: u16 = 64;
@@ -61,9 +70,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             availability: known.then_some(1),
         };
         let key = header.key.unwrap_or(ClientKey([0; 4]));
-        if !self.replies.push(peer, header.session, key, &info) {
-            self.counters.replies_dropped.hit();
-        }
+        self.reply(peer, header.session, key, &info);
     }
 
     fn create_client(&mut self, now: Now, peer: P, header: &Header, create: &CreateClient<'_>) {
@@ -83,13 +90,17 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
                 None => Properties::None,
             },
         };
-        if !self.replies.push(peer, create.session, create.key, &reply) {
-            self.counters.replies_dropped.hit();
+        self.reply(peer, create.session, create.key, &reply);
+        if status.is_ok()
+            && let Some(index) = self.clients.by_route(peer, create.session)
+        {
+            self.keep_allowance(index);
         }
     }
 
     /// Opens the session. A client with the same key, or at the same place with the same session
-    /// id, is replaced: the newer one wins. `None` for a log-in that is out of date.
+    /// id, is replaced: the newer one wins, unless the older one lives at another address. `None`
+    /// for a log-in that is out of date, or that has no answer yet.
     fn open(
         &mut self,
         now: Nanos,
@@ -102,20 +113,40 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             self.note(peer, Some(key), Reason::LogIn { field, status });
             return Some(status);
         }
+        let grant = match self.granted(&peer, key) {
+            Ok(grant) => grant,
+            Err(field) => {
+                let session = false;
+                self.counters.denied.hit();
+                self.note(peer, Some(key), Reason::NotListed { field, session });
+                return Some(Status::DENIED);
+            }
+        };
         let longest = self.limits.message.max(MIN_MTU.into());
         let mtu = usize::from(create.mtu).min(longest);
         let same = self.clients.by_key(key);
         let (mut before, mut arrived) = (None, false);
         if let Some(client) = same.and_then(|index| self.clients.get_mut(index)) {
-            let recent = client.peer == peer && now.saturating_sub(client.created) < DUPLICATE;
-            if recent && (client.session, client.mtu) == (session, mtu) {
+            let age = now.saturating_sub(client.created);
+            let recent = client.peer == peer && age < DUPLICATE;
+            let again = (client.session, client.mtu) == (session, mtu);
+            if recent && again {
                 return Some(Status::OK);
+            }
+            let in_use = client.heard > client.created;
+            if client.peer == peer && again && in_use && age < LATE {
+                return None;
             }
             if recent && client.before == Some(session) {
                 return None;
             }
             before = Some(client.session);
             arrived = client.arrived;
+        }
+        if let Some(index) = same
+            && let Takeover::Refused(status) = self.takeover(now, peer, key, index)
+        {
+            return status;
         }
         for index in [same, self.clients.by_route(peer, session)]
             .into_iter()
@@ -126,12 +157,18 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
                 self.remove(index);
             }
         }
-        let Some(index) = self.clients.vacancy() else {
+        let vacancy = self.clients.vacancy();
+        let Some(index) = vacancy.or_else(|| self.vacate(now, peer)) else {
             let limit = self.limits.clients;
             self.note(peer, Some(key), Reason::Clients { limit });
             return Some(Status::RESOURCES);
         };
-        let mut client = Client::new(index, peer, (key, session), mtu, now, &self.limits);
+        let limits = self.limits_of(grant.as_ref());
+        let mut client = Client::new(index, peer, (key, session), mtu, now, &limits);
+        client.grant = grant;
+        if !self.is_trusted(&peer) {
+            client.echo = Echo::awaited(0);
+        }
         client.before = before;
         client.arrived = arrived;
         client.origin = client_origin(&create.properties);
@@ -141,6 +178,33 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         self.counters.clients_created.hit();
         self.counters.clients.set(self.clients.len());
         Some(Status::OK)
+    }
+
+    /// Ends the session of another client, so that `peer` has a place: the oldest in which nothing
+    /// has come since the log-in, or the one that was silent longest of an address, or a host, that
+    /// has more than half of all places, and more than one. The place, if there is such a client.
+    fn vacate(&mut self, now: Nanos, peer: P) -> Option<usize> {
+        let limit = self.limits.clients;
+        let clients = || self.clients.iter_slots();
+        let unused = clients().filter(|(_, c)| !c.arrived);
+        let unused = unused.filter(|(_, c)| now.saturating_sub(c.created) >= UNUSED);
+        let unused = unused.min_by_key(|(_, c)| c.created).map(|(at, _)| at);
+        let host = |of: &P| (self.host)(of);
+        let silent = |same: &dyn Fn(&P, &P) -> bool| {
+            let crowd = |of: &P| clients().filter(|(_, c)| same(&c.peer, of)).count();
+            let others = clients().filter(|(_, c)| !same(&c.peer, &peer));
+            let crowded = others.filter(|(_, c)| crowd(&c.peer) > (limit / 2).max(1));
+            crowded.min_by_key(|(_, c)| c.heard).map(|(at, _)| at)
+        };
+        let crowded = || silent(&|a, b| a == b).or_else(|| silent(&|a, b| host(a) == host(b)));
+        let (index, reason) = match unused {
+            Some(index) => (index, Reason::Unused { limit: UNUSED }),
+            None => (crowded()?, Reason::Crowded { limit }),
+        };
+        self.counters.clients_displaced.hit();
+        self.note_of(index, reason);
+        self.remove(index);
+        Some(index)
     }
 }
 

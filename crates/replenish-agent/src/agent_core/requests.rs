@@ -1,10 +1,12 @@
 //! The requests of clients in a session, submessage by submessage.
 
+use super::note::subject;
 use super::state::{AgentCore, Now};
+use crate::bridge::NameRefusal;
 use crate::clients::ClientOrigin;
-use crate::entities::{CreationContext, Delivery, MAX_DEFINITION};
+use crate::entities::{CreationContext, Delivery};
 use crate::flow::Guid;
-use crate::report::Reason;
+use crate::report::{Reason, Subject};
 use replenish_xrce::SeqNum;
 use replenish_xrce::wire::{
     BaseRequest, Body, Create, Delete, Header, Heartbeat, Message, ObjectId, ReadData, RequestId,
@@ -37,14 +39,31 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// One submessage of the client in slot `index`, which may be gone since an earlier one.
-    pub(super) fn request(
+    /// One submessage of the client in slot `index`, which may be gone since an earlier one. False
+    /// if it is a sample that has to wait: nothing has been done with it.
+    #[must_use]
+    pub(super) fn take(
         &mut self,
         now: Now,
         index: usize,
         stream: StreamId,
         submessage: &Submessage<'_>,
-    ) {
+    ) -> bool {
+        if submessage.id == SubmessageId::Fragment {
+            return true; // the beginning of what is too long, which the stream reports
+        }
+        if let Ok(Body::WriteData(write)) = submessage.body()
+            && let Some(reader) = self.full_reader(now.monotonic, index, stream, &write)
+        {
+            self.block(index, stream, reader, write.payload.len());
+            return false;
+        }
+        self.request(now, index, stream, submessage);
+        true
+    }
+
+    /// The same for one that need not wait.
+    fn request(&mut self, now: Now, index: usize, stream: StreamId, submessage: &Submessage<'_>) {
         match submessage.body() {
             Ok(Body::WriteData(write)) => self.write(now, index, stream, &write),
             Ok(Body::AckNack(acknack)) => {
@@ -88,7 +107,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             Status::RESOURCES
         } else {
             if let Some(reader) = client.entities.reader(read.base.object) {
-                reader.request(delivery);
+                reader.request(delivery, stream);
             }
             client.queue(read.base.object, at, &self.counters);
             return; // granted: the samples are the answer
@@ -102,7 +121,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             Status::RESOURCES => Some(("limits.client_bytes", self.limits.client_bytes)),
             _ => None,
         };
-        self.answer_because(index, stream, read.base, status, limit);
+        let about = self.subject_of(index, read.base.object);
+        self.answer_because(index, stream, read.base, status, (limit, about));
     }
 
     fn heartbeat(&mut self, index: usize, stream: StreamId, heartbeat: &Heartbeat) {
@@ -139,12 +159,18 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             self.recovery_window.note_creation(now.monotonic);
         }
         self.requesters = self.requesters.wrapping_add(1);
+        let grant = client.grant.clone();
+        let limits = grant
+            .as_ref()
+            .map_or(self.limits, |g| g.limits(&self.limits));
         let mut context = CreationContext {
-            limits: &self.limits,
+            limits: &limits,
+            grant: grant.as_deref(),
             profiles: &self.profiles,
             rules: &self.rules,
             topics: &mut self.topics,
             guid: Guid::new(client.key, id, self.requesters, self.instance),
+            ledger: client.ledger.clone(),
         };
         let served = client.entities.answers(id);
         let created = client.entities.create(create, size, &mut context);
@@ -156,19 +182,44 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             self.bridge_deleted(index, id);
             served.iter().for_each(|topic| self.notify_served(*topic));
         }
+        if created.status == Status::OK
+            && let Err(refusal) = self.bridge_admits(index, id)
+        {
+            let about = created.subject.map(subject);
+            self.refuse_name(index, stream, create.base, (refusal, about));
+            return;
+        }
         if created.status == Status::OK {
             self.bridge_created(index, create);
             self.catch_up(now, index, id);
             self.notify_incompatible(index, id);
         }
-        let limit = match created.status {
-            Status::RESOURCES if size > MAX_DEFINITION => {
-                Some(("bytes of a description", MAX_DEFINITION))
+        let refused = !created.status.is_ok();
+        let about = created.subject.filter(|_| refused).map(subject);
+        let why = (created.limit, about);
+        self.answer_because(index, stream, create.base, created.status, why);
+    }
+
+    /// Takes back an entity whose topic name cannot cross to the other middleware.
+    fn refuse_name(
+        &mut self,
+        index: usize,
+        stream: StreamId,
+        base: BaseRequest,
+        (refusal, about): (NameRefusal, Option<Subject>),
+    ) {
+        if let Some(client) = self.clients.get_mut(index) {
+            client.entities.delete(base.object, &mut self.topics);
+            client.forget(base.object);
+        }
+        let (status, limit) = match refusal {
+            NameRefusal::Full(what, limit) => (Status::RESOURCES, (what, limit)),
+            NameRefusal::Type => {
+                let what = "types of a topic name in DDS while endpoints use it";
+                (Status::INCOMPATIBLE, (what, 1))
             }
-            Status::RESOURCES => Some(("limits.entities", self.limits.entities)),
-            _ => None,
         };
-        self.answer_because(index, stream, create.base, created.status, limit);
+        self.answer_because(index, stream, base, status, (Some(limit), about));
     }
 
     fn delete(&mut self, index: usize, stream: StreamId, delete: Delete) {
@@ -184,10 +235,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
                 status: Status::OK,
                 implementation: 0,
             };
-            if let Some(key) = key
-                && !self.replies.push(peer, header.session, key, &ok)
-            {
-                self.counters.replies_dropped.hit();
+            if let Some(key) = key {
+                self.reply(peer, header.session, key, &ok);
             }
             return;
         }
@@ -220,9 +269,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         let key = header
             .key
             .unwrap_or(replenish_xrce::wire::ClientKey([0; 4]));
-        if !self.replies.push(peer, header.session, key, &reply) {
-            self.counters.replies_dropped.hit();
-        }
+        self.reply(peer, header.session, key, &reply);
     }
 
     /// Handles a submessage with a malformed body. A request is answered if its ids are readable.
@@ -261,27 +308,30 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         base: BaseRequest,
         status: Status,
     ) {
-        self.answer_because(index, stream, base, status, None);
+        self.answer_because(index, stream, base, status, (None, None));
     }
 
-    /// The same for a refusal because of a limit.
+    /// The same for a refusal because of a limit, or about a topic or node.
     fn answer_because(
         &mut self,
         index: usize,
         stream: StreamId,
         base: BaseRequest,
         status: Status,
-        limit: Option<(&'static str, usize)>,
+        (limit, about): (Option<(&'static str, usize)>, Option<Subject>),
     ) {
         if !status.is_ok() {
             self.counters.refused.hit();
             let object = base.object;
-            let reason = Reason::Request {
-                object,
-                status,
-                limit,
+            let reason = match status {
+                Status::DENIED => Reason::Topic { object },
+                status => Reason::Request {
+                    object,
+                    status,
+                    limit,
+                },
             };
-            self.note_of(index, reason);
+            self.note_of_about(index, reason, about);
         }
         let reply = StatusReply {
             base,
@@ -291,16 +341,10 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         let Some(client) = self.clients.get_mut(index) else {
             return;
         };
-        if !status.is_ok() {
-            self.refusals.note(client.key, base.object, status);
-        }
-        let queued = if stream == StreamId::NONE {
-            self.replies
-                .push(client.peer, client.session, client.key, &reply)
-        } else {
-            client.status(stream, reply, &self.limits)
-        };
-        if !queued {
+        if stream == StreamId::NONE {
+            let (peer, session, key) = (client.peer, client.session, client.key);
+            self.reply(peer, session, key, &reply);
+        } else if !client.status(stream, reply, &self.limits) {
             self.counters.replies_dropped.hit();
         }
     }

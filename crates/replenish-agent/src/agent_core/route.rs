@@ -4,6 +4,7 @@ use super::state::{AgentCore, Now};
 use crate::entities::Address;
 use crate::flow::{Identity, Sample, SampleInfo, TrackerHandle};
 use crate::report::Reason;
+use replenish_xrce::Nanos;
 use replenish_xrce::wire::{ObjectId, ObjectKind, Status, StreamId, WriteData};
 use std::hash::Hash;
 
@@ -59,21 +60,12 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
                 .add(info.reply_to.is_some().into());
             return;
         }
-        let sample = if payload.len() <= self.limits.sample {
-            Sample::new(payload, info, &self.pool)
-        } else {
-            None
-        };
-        let Some(sample) = sample else {
+        let (bytes, limit) = (payload.len(), self.limits.sample);
+        let fits = (bytes <= limit).then(|| Sample::new(payload, info, &self.pool));
+        let Some(sample) = fits.flatten() else {
             self.counters.samples_refused.hit();
-            let (bytes, limit) = (payload.len(), self.limits.sample);
-            let reason = if bytes > limit {
-                Reason::Sample { bytes, limit }
-            } else {
-                let limit = self.limits.queued_bytes;
-                Reason::Memory { limit }
-            };
-            self.note_of(index, reason);
+            let about = self.subject_of(index, id);
+            self.note_of_about(index, Reason::Sample { bytes, limit }, about);
             return;
         };
         let mint = || self.confirmed.track((index, stream), at);
@@ -90,7 +82,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             }
         }
         let mut taken = 0_u64;
-        let mut full = None;
+        let mut short = None;
         let mut served = std::mem::take(&mut self.served);
         for reader in readers.iter().filter(|reader| qos.serves(&reader.qos)) {
             let Address { client, object } = reader.address;
@@ -106,13 +98,13 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             };
             if endpoint.offer(&sample, tracker, at, &target.ledger, &self.counters) {
                 taken += 1;
-            }
-            let presses = qos.keep_all && qos.reliable && reader.qos.reliable;
-            if presses && endpoint.blocks_writers(at, self.limits.writer_block_limit) {
-                full = Some(reader.address);
+            } else if !target.has_memory(bytes) {
+                short = Some(client);
             }
             target.queue(object, at, &self.counters);
-            served.push(client);
+            if served.last() != Some(&client) {
+                served.push(client);
+            }
         }
         self.counters.samples_routed.add(taken);
         let is_reply = info.reply_to.is_some();
@@ -126,9 +118,40 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             self.serve(at, client);
         }
         self.served = served;
-        if let Some(reader) = full {
-            self.block(at, index, stream, reader);
+        if let Some(reader) = short {
+            let limit = self.limits.client_bytes;
+            let about = self.subject_of(index, id);
+            self.note_of_about(reader, Reason::Memory { limit }, about);
         }
+    }
+
+    /// The first reader that has no room for a sample which has to reach it: writer and reader are
+    /// reliable and keep all.
+    pub(super) fn full_reader(
+        &mut self,
+        at: Nanos,
+        index: usize,
+        stream: StreamId,
+        write: &WriteData<'_>,
+    ) -> Option<Address> {
+        if !stream.is_reliable() || write.payload.len() > self.limits.sample {
+            return None;
+        }
+        let client = self.clients.get_mut(index)?;
+        let writer = client.entities.writer(write.base.object)?;
+        let (topic, qos) = (writer.topic, writer.qos);
+        if !(qos.reliable && qos.keep_all) {
+            return None;
+        }
+        let bytes = write.payload.len();
+        for at_reader in 0.. {
+            let reader = self.topics.readers(topic).get(at_reader)?;
+            let address = reader.address;
+            if qos.serves(&reader.qos) && self.holds_up(at, address, (bytes, false)) {
+                return Some(address);
+            }
+        }
+        None
     }
 
     /// Gives a new reader what durable writers of its topic have kept for it or, if its client has

@@ -14,11 +14,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     #[must_use]
     pub fn next_deadline(&self) -> Option<Nanos> {
         let client = self.timers.first().map(|(at, _)| *at);
-        let blocked = self
-            .blocked_streams
-            .iter()
-            .map(|blocked| blocked.until)
-            .min();
+        let blocked = self.unblocks_at();
         let recovery_window = self.recovery_window.deadline().filter(|_| self.stashed);
         client
             .into_iter()

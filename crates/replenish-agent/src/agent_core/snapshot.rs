@@ -52,6 +52,7 @@ impl<P: Copy + Eq + Hash + Display> AgentCore<P> {
             bytes_in: counts.bytes_in,
             bytes_out: counts.bytes_out,
             rate_limited: counts.rate_limited,
+            echoed: client.echo.is_shown(),
             streams: outputs
                 .map(|output| StreamSnapshot {
                     stream: output.stream().0,

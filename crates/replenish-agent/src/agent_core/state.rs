@@ -4,14 +4,15 @@ use super::client_queue::ClientQueue;
 use super::recovery_window::RecoveryWindow;
 use crate::bridge::Bridge;
 use crate::clients::{Clients, InputStream, Replies};
-use crate::config::{AgentConfig, Limits, Profiles, TopicRule};
+use crate::config::{AccessList, AgentConfig, Limits, Profiles, TopicRule};
 use crate::entities::{Address, Topics};
-use crate::flow::{ConfirmedStreams, Ledger, RateLimiter, TrackerHandle};
+use crate::flow::{ConfirmedStreams, Ledger, Strangers, TrackerHandle};
 use crate::report::{Counters, Reason, Refusals, RejectionLog, Stats};
-use replenish_xrce::Nanos;
 use replenish_xrce::wire::{ClientKey, Message, StreamId};
+use replenish_xrce::{Nanos, SeqNum};
 use std::collections::BTreeSet;
 use std::hash::Hash;
+use std::net::IpAddr;
 use std::sync::Arc;
 
 /// The time of an event, on two clocks.
@@ -27,9 +28,10 @@ pub struct Now {
 #[derive(Debug)]
 pub(super) struct BlockedStream {
     pub(super) client: usize,
-    pub(super) until: Nanos,
     pub(super) stream: StreamId,
     pub(super) reader: Address,
+    /// The bytes of the sample that waits.
+    pub(super) bytes: usize,
 }
 
 /// The agent as a state machine. `P` is where a datagram comes from or goes to.
@@ -42,17 +44,27 @@ pub struct AgentCore<P> {
     pub(super) limits: Limits,
     pub(super) rules: Vec<TopicRule>,
     pub(super) profiles: Profiles,
+    /// The clients that may log in.
+    pub(super) access: Option<AccessList>,
     /// Distinguishes this agent from its predecessor.
     pub(super) instance: u16,
     /// Requesters so far.
     pub(super) requesters: u32,
     pub(super) clients: Clients<P>,
     pub(super) topics: Topics<Address>,
-    /// Bytes of all samples.
+    /// Bytes of all samples, counted once each. The clients' accounts limit them.
     pub(super) pool: Ledger,
     pub(super) replies: Replies<P>,
-    /// Datagrams that may come from outside of sessions.
-    pub(super) unauthenticated: Option<RateLimiter>,
+    /// Requests that may come from outside of sessions.
+    pub(super) unauthenticated: Option<Strangers<P>>,
+    /// The host of a peer; `None` for peers without one, which share one.
+    pub(super) host: fn(&P) -> Option<IpAddr>,
+    /// The client that a peer's transport has shown it to be.
+    pub(super) identity: fn(&P) -> Option<ClientKey>,
+    /// Peers whose transport has shown that they receive.
+    pub(super) connected: fn(&P) -> bool,
+    /// Bytes of replies that the datagram being received may cause.
+    pub(super) allowance: usize,
     /// The clients that may have something to send.
     pub(super) client_queue: ClientQueue,
     /// The times at which clients need attention at the latest.
@@ -75,6 +87,8 @@ pub struct AgentCore<P> {
     pub(super) rejections: u64,
     /// The time of the last event.
     pub(super) time: Nanos,
+    /// The same on the wall clock.
+    pub(super) unix: i64,
     pub(super) counters: Arc<Counters>,
 }
 
@@ -96,13 +110,18 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             limits,
             rules: config.rules.clone(),
             profiles: config.profiles.clone(),
+            access: config.access.clone(),
             instance: 0,
             requesters: 0,
             clients: Clients::new(limits.clients),
             topics: Topics::new(),
-            pool: Ledger::new(limits.queued_bytes),
+            pool: Ledger::new(usize::MAX),
             replies: Replies::new(),
-            unauthenticated: RateLimiter::new(limits.unauthenticated_per_second),
+            unauthenticated: Strangers::new(limits.unauthenticated_per_second),
+            host: |_| None,
+            identity: |_| None,
+            connected: |_| false,
+            allowance: 0,
             client_queue: ClientQueue::default(),
             timers: BTreeSet::new(),
             blocked_streams: Vec::new(),
@@ -116,8 +135,22 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             log: Arc::new(RejectionLog::new()),
             rejections: 0,
             time: 0,
+            unix: 0,
             counters: Arc::default(),
         }
+    }
+
+    /// Tells peers of different hosts apart, so that one host cannot take the places and the rate
+    /// of the others.
+    #[must_use]
+    pub fn hosts(self, host: fn(&P) -> Option<IpAddr>) -> Self {
+        Self { host, ..self }
+    }
+
+    /// Tells which client a peer is, where its transport has shown it: it logs in as no other.
+    #[must_use]
+    pub fn identities(self, identity: fn(&P) -> Option<ClientKey>) -> Self {
+        Self { identity, ..self }
     }
 
     /// Makes the identities of requests differ from those of agents with another `instance`, so
@@ -129,7 +162,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
 
     /// Takes in a datagram from `peer`.
     pub fn receive(&mut self, now: Now, peer: P, datagram: &[u8]) {
-        self.time = now.monotonic;
+        (self.time, self.unix) = (now.monotonic, now.unix);
         self.counters.datagrams_in.hit();
         self.begin(now.monotonic);
         let Ok(message) = Message::parse(datagram) else {
@@ -142,8 +175,13 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         let route = self.clients.by_route(peer, header.session);
         let client = route.and_then(|index| self.clients.get_mut(index));
         let (Some(index), Some(client)) = (route, client) else {
-            if self.admit_unauthenticated(now.monotonic, peer) {
-                self.receive_unauthenticated(now, peer, &message);
+            self.earn(&peer, datagram.len(), None);
+            if !header.session.is_none() {
+                self.counters.no_session.hit();
+                let session = header.session.0;
+                self.note(peer, header.key, Reason::NoSession { session });
+            } else if self.admit_unauthenticated(now.monotonic, peer) {
+                self.outside(now, peer, &message);
             }
             return;
         };
@@ -160,7 +198,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             client.counts.rate_limited += 1;
             let key = client.key;
             self.counters.rate_limited.hit();
-            let limit = self.limits.datagrams_per_second;
+            let grant = client.grant.clone();
+            let limit = self.limits_of(grant.as_ref()).datagrams_per_second;
             self.note(peer, Some(key), Reason::Rate { limit });
             return;
         }
@@ -169,6 +208,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             let origin = client.origin;
             self.recovery_window.arrived(now.monotonic, origin);
         }
+        self.earn(&peer, datagram.len(), Some(index));
         if header.stream == StreamId::NONE {
             self.requests(now, index, StreamId::NONE, &message);
         } else if self.is_blocked(now.monotonic, index, header.stream, header.seq) {
@@ -184,46 +224,22 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             let limit = self.limits.streams;
             self.note_of(index, Reason::Streams { limit });
         }
+        self.keep_allowance(index);
         self.serve(now.monotonic, index);
         self.confirm(now.monotonic);
-    }
-
-    /// Logs a rejection.
-    pub(crate) fn note(&mut self, peer: P, key: Option<ClientKey>, reason: Reason) {
-        self.rejections += 1;
-        let (at, number) = (self.time, self.rejections);
-        self.log.note(at, number, peer, key, reason);
-    }
-
-    /// The same for the client in slot `index`.
-    pub(super) fn note_of(&mut self, index: usize, reason: Reason) {
-        if let Some(client) = self.clients.get_mut(index) {
-            let (peer, key) = (client.peer, client.key);
-            self.note(peer, Some(key), reason);
-        }
     }
 
     fn admit_unauthenticated(&mut self, now: Nanos, peer: P) -> bool {
         let admitted = self
             .unauthenticated
             .as_mut()
-            .is_none_or(|p| p.admit(now, 1));
+            .is_none_or(|strangers| strangers.admit(now, peer, (self.host)(&peer)));
         if !admitted {
             self.counters.rate_limited.hit();
             let limit = self.limits.unauthenticated_per_second;
             self.note(peer, None, Reason::Unauthenticated { limit });
         }
         admitted
-    }
-
-    fn receive_unauthenticated(&mut self, now: Now, peer: P, message: &Message<'_>) {
-        if message.header.session.is_none() {
-            self.outside(now, peer, message);
-        } else {
-            self.counters.no_session.hit();
-            let session = message.header.session.0;
-            self.note(peer, message.header.key, Reason::NoSession { session });
-        }
     }
 
     fn receive_on(
@@ -235,17 +251,54 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     ) {
         let stream = input.stream();
         let from = input.next();
-        let received = input.receive(message.header.seq, message.body, |submessage| {
-            self.request(now, index, stream, submessage);
+        let seq = message.header.seq;
+        let mut stopped = false;
+        let received = input.receive(seq, message.body, |submessage| {
+            let taken = self.take(now, index, stream, submessage);
+            stopped |= !taken;
+            taken
         });
+        if stopped {
+            self.counters.held_back.hit();
+            input.postpone(input.next());
+        }
         if received.is_err() {
             self.counters.malformed.hit();
             let bytes = message.body.len();
             self.note_of(index, Reason::Malformed { bytes });
         }
+        self.put_back(now.monotonic, index, from, input);
+    }
+
+    /// A stream of the client in slot `index` need not wait any more.
+    pub(super) fn resume(&mut self, at: Nanos, index: usize, stream: StreamId) {
+        let client = self.clients.get_mut(index);
+        let Some(mut input) = client.and_then(|c| c.take_input(stream, &self.limits)) else {
+            return;
+        };
+        let now = Now {
+            monotonic: at,
+            unix: self.unix,
+        };
+        let from = input.next();
+        let mut stopped = false;
+        input.retry(|submessage| {
+            let taken = self.take(now, index, stream, submessage);
+            stopped |= !taken;
+            taken
+        });
+        if !stopped {
+            input.resume();
+        }
+        self.put_back(at, index, from, input);
+    }
+
+    /// Puts a stream back whose messages from `from` on were delivered just now.
+    fn put_back(&mut self, now: Nanos, index: usize, from: SeqNum, mut input: InputStream) {
         if let Some(tracker) = self.tracker.take() {
-            let until = self.confirmed_at(now.monotonic, index);
-            input.withhold(from, &tracker, until);
+            let until = self.confirmed_at(now, index);
+            let late = input.withhold(from, &tracker, until);
+            self.counters.confirmed_late.add(late);
         }
         if let Some(client) = self.clients.get_mut(index) {
             client.put_back(input);
@@ -256,7 +309,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     /// urgent first and to equals in turn. Returns whether there may be more to send.
     pub fn pump(&mut self, now: Now, max: usize, send: &mut dyn FnMut(&P, &[u8])) -> bool {
         self.begin(now.monotonic);
-        self.time = now.monotonic;
+        (self.time, self.unix) = (now.monotonic, now.unix);
         self.attend(now.monotonic);
         self.confirm(now.monotonic);
         for _ in 0..max {
@@ -303,6 +356,11 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
+    /// Whether a peer has a session.
+    pub(crate) fn has_session(&self, which: impl Fn(&P) -> bool) -> bool {
+        self.clients.iter().any(|client| which(&client.peer))
+    }
+
     /// Ends the sessions of peers that are gone for good.
     pub fn gone(&mut self, which: impl Fn(&P) -> bool) {
         for index in self.clients.at(&which) {
@@ -317,6 +375,11 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     #[must_use]
     pub fn stats(&self) -> Stats {
         self.counters.snapshot()
+    }
+
+    /// Sessions that were opened so far.
+    pub(crate) fn sessions_opened(&self) -> u64 {
+        self.counters.clients_created.get()
     }
 
     /// The log of rejections.

@@ -1,9 +1,10 @@
 //! One client: its session, its entities, its streams.
 
+use super::echo::Echo;
 use super::input_stream::InputStream;
-use super::output_stream::{OutputStream, TOP, Throttled};
-use crate::config::Limits;
-use crate::entities::{Entities, Readiness};
+use super::output_stream::{OutputStream, TOP, Throttled, throttle};
+use crate::config::{Grant, Limits};
+use crate::entities::{Entities, QUEUE_OVERHEAD, Readiness};
 use crate::flow::{Ledger, RateLimiter};
 use crate::report::Counters;
 use replenish_xrce::stream::StreamHeader;
@@ -12,9 +13,14 @@ use replenish_xrce::wire::{
     StatusReply, StreamId,
 };
 use replenish_xrce::{Nanos, SeqNum};
+use std::sync::Arc;
 
 /// Bytes of the longest message outside of streams that a client is sent: HEARTBEAT with key.
 const LONGEST_CONTROL: usize = 32;
+
+/// The time between two HEARTBEATs to a client that must show that it lives, and how many it gets.
+const CHALLENGE_AGAIN: Nanos = 250_000_000;
+const CHALLENGES: u8 = 3;
 
 /// A client with an open session.
 #[derive(Debug)]
@@ -28,6 +34,8 @@ pub(crate) struct Client<P> {
     /// The session of this client that this one replaced.
     pub(crate) before: Option<SessionId>,
     pub(crate) origin: Option<ClientOrigin>,
+    /// Its rights, if there is an access list.
+    pub(crate) grant: Option<Arc<Grant>>,
     /// It has sent a message in a session: it knows that it has one.
     pub(crate) arrived: bool,
     pub(crate) entities: Entities,
@@ -43,6 +51,12 @@ pub(crate) struct Client<P> {
     pub(crate) held: bool,
     pub(crate) counts: ClientCounts,
     pub(crate) heard: Nanos,
+    /// Whether its address has shown that it receives.
+    pub(crate) echo: Echo,
+    /// Since when it must show that it lives, because its key logs in elsewhere.
+    pub(crate) challenged: Option<Nanos>,
+    /// HEARTBEATs that follow soon because of that.
+    challenges: u8,
     probe_at: Nanos,
     inputs: Vec<InputStream>,
     outputs: Vec<OutputStream>,
@@ -89,6 +103,7 @@ impl<P> Client<P> {
             created: now,
             before: None,
             origin: None,
+            grant: None,
             arrived: false,
             entities: Entities::new(index),
             ledger: Ledger::new(limits.client_bytes),
@@ -98,6 +113,9 @@ impl<P> Client<P> {
             held: false,
             counts: ClientCounts::default(),
             heard: now,
+            echo: Echo::Shown,
+            challenged: None,
+            challenges: 0,
             probe_at: now.saturating_add(limits.silence / 3),
             inputs: Vec::new(),
             outputs: Vec::new(),
@@ -106,10 +124,31 @@ impl<P> Client<P> {
         }
     }
 
+    /// Whether it may keep another sample of `bytes`.
+    pub(crate) fn has_memory(&self, bytes: usize) -> bool {
+        self.ledger.free() >= bytes.saturating_add(QUEUE_OVERHEAD)
+    }
+
     /// It has sent something.
     pub(crate) fn heard(&mut self, now: Nanos, limits: &Limits) {
         self.heard = now;
+        self.challenges = 0;
         self.probe_at = now.saturating_add(limits.silence / 3);
+    }
+
+    /// It must show that it lives.
+    pub(crate) fn challenge(&mut self, now: Nanos) {
+        self.challenged = Some(now);
+        self.challenges = CHALLENGES;
+        self.probe_at = now;
+    }
+
+    /// Since when it must show that it lives, and whether it has. `None` until that is known.
+    pub(crate) fn challenge_met(&self, now: Nanos) -> Option<bool> {
+        let since = self.challenged?;
+        let lives = self.heard > since;
+        let over = now.saturating_sub(since) >= CHALLENGE_AGAIN * Nanos::from(CHALLENGES);
+        (lives || over).then_some(lives)
     }
 
     /// When it is to be forgotten if it stays silent.
@@ -205,8 +244,7 @@ impl<P> Client<P> {
                 }
             }
             Readiness::At(at) => {
-                self.throttled.retain(|(_, id)| *id != reader);
-                self.throttled.push((at, reader));
+                throttle(&mut self.throttled, at, reader);
             }
         }
     }
@@ -253,38 +291,47 @@ impl<P> Client<P> {
     /// An ACKNACK.
     pub(crate) fn acknowledge(&mut self, now: Nanos, acknack: &AckNack) {
         let stream = acknack.stream;
-        if let Some(output) = self.outputs.iter_mut().find(|o| o.stream() == stream) {
-            output.acknowledge(now, acknack);
-        }
+        let output = self.outputs.iter_mut().find(|o| o.stream() == stream);
+        let progress = output.is_some_and(|output| output.acknowledge(now, acknack));
+        self.echo.answered(progress);
+    }
+
+    /// When to ask for an echo: samples wait for it.
+    fn echo_at(&self) -> Option<Nanos> {
+        let waits = self.outputs.iter().any(OutputStream::has_samples);
+        self.echo.ask_at().filter(|_| waits)
     }
 
     /// When it next needs attention without having sent anything.
     pub(crate) fn deadline(&self, limits: &Limits) -> Nanos {
         let dies = self.dies_at(limits);
-        if self.held {
+        if self.held || !self.echo.admits(LONGEST_CONTROL) {
             return dies;
         }
         let heartbeats = self.outputs.iter().filter_map(OutputStream::deadline);
         let throttled = self.throttled.iter().map(|(at, _)| *at);
         let unconfirmed = self.inputs.iter().filter_map(InputStream::deadline);
         let timers = heartbeats.chain(throttled).chain(unconfirmed);
-        let first = timers.chain([self.probe_at]).min();
+        let first = timers.chain([self.probe_at]).chain(self.echo_at()).min();
         first.map_or(dies, |first| first.min(dies))
     }
 
     /// The urgency of the next datagram; `None` if there is none now.
     pub(crate) fn urgency(&self, now: Nanos) -> Option<u8> {
-        if self.held {
+        if self.held || !self.echo.admits(LONGEST_CONTROL) {
             return None;
         }
         let heartbeat = |output: &OutputStream| output.deadline().is_some_and(|at| at <= now);
         let control = self.inputs.iter().any(InputStream::ack_due)
             || self.outputs.iter().any(heartbeat)
-            || self.probe_at <= now;
+            || self.probe_at <= now
+            || self.echo_at().is_some_and(|at| at <= now);
         if control {
             return Some(TOP);
         }
-        self.outputs.iter().filter_map(|o| o.urgency(now)).max()
+        let samples = self.echo.is_shown();
+        let levels = self.outputs.iter().filter_map(|o| o.urgency(now, samples));
+        levels.max()
     }
 
     /// Hands the next datagram for this client to `send`; returns whether there was one.
@@ -295,6 +342,11 @@ impl<P> Client<P> {
         counters: &Counters,
         send: &mut dyn FnMut(&P, &[u8]),
     ) -> bool {
+        if !self.echo.admits(LONGEST_CONTROL) {
+            return false;
+        }
+        let asks_echo = self.echo_at().is_some_and(|at| at <= now);
+        let samples = self.echo.is_shown();
         let Self {
             peer,
             inputs,
@@ -302,11 +354,13 @@ impl<P> Client<P> {
             entities,
             throttled,
             counts,
+            echo,
             ..
         } = self;
         let mut send = |bytes: &[u8]| {
             counts.datagrams_out += 1;
             counts.bytes_out += bytes.len() as u64;
+            echo.spend(bytes.len());
             send(peer, bytes);
         };
         let header = Header::new(self.session, StreamId::NONE, SeqNum(0), self.key);
@@ -322,7 +376,7 @@ impl<P> Client<P> {
         for _ in 0..count {
             let order = (0..count).map(|i| (self.next_output + i) % count);
             let untried = order.filter(|at| tried & (1 << at) == 0);
-            let level = |at: usize| outputs.get(at).and_then(|o| o.urgency(now));
+            let level = |at: usize| outputs.get(at).and_then(|o| o.urgency(now, samples));
             let Some((at, _)) = untried
                 .filter_map(|at| Some((at, level(at)?)))
                 .reduce(|best, next| if next.1 > best.1 { next } else { best })
@@ -331,21 +385,46 @@ impl<P> Client<P> {
             };
             tried |= 1 << at;
             if let Some(output) = outputs.get_mut(at)
-                && output.send_one(now, entities, throttled, counters, &mut send)
+                && output.send_one(
+                    now,
+                    samples,
+                    (&mut *entities, &mut *throttled),
+                    counters,
+                    &mut send,
+                )
             {
                 self.next_output = at + 1;
                 return true;
             }
         }
-        if now < self.probe_at {
+        // Asks for a sign of life: every receiver answers a HEARTBEAT, also one about nothing.
+        let urgent = asks_echo || self.challenges > 0;
+        let silent = now >= self.probe_at;
+        if !silent && !asks_echo {
             return false;
         }
-        // Asks for a sign of life: every receiver answers a HEARTBEAT, also one about nothing.
-        self.probe_at = now.saturating_add(limits.silence / 3);
-        let probe: Option<Heartbeat> = outputs.iter().find_map(OutputStream::probe);
-        probe.is_some_and(|probe| control(&header, &probe, &mut send))
+        if silent {
+            let soon = self.challenges.checked_sub(1);
+            self.challenges = soon.unwrap_or(0);
+            let pause = soon.map_or(limits.silence / 3, |_| CHALLENGE_AGAIN);
+            self.probe_at = now.saturating_add(pause);
+        }
+        let probe = outputs.iter().find_map(|output| output.probe(urgent));
+        let probe = probe.or_else(|| urgent.then_some(ABOUT_NOTHING));
+        let sent = probe.is_some_and(|probe| control(&header, &probe, &mut send));
+        if asks_echo {
+            self.echo.ask(now);
+        }
+        sent
     }
 }
+
+/// A HEARTBEAT of the stream that every stock client has, before anything was sent on it.
+const ABOUT_NOTHING: Heartbeat = Heartbeat {
+    first: SeqNum(0),
+    last: SeqNum(u16::MAX),
+    stream: StreamId::RELIABLE,
+};
 
 /// Sends a message outside of streams.
 fn control(header: &Header, body: &impl Encode, send: &mut dyn FnMut(&[u8])) -> bool {

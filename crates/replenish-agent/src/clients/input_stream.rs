@@ -1,7 +1,7 @@
 //! One stream from a client to the agent.
 
 use crate::config::Limits;
-use crate::flow::{Charge, DeliveryTracker, Ledger, TrackerHandle};
+use crate::flow::{Charge, DeliveryTracker, Ledger, TRACKER_BYTES, TrackerHandle};
 use replenish_xrce::Nanos;
 use replenish_xrce::SeqNum;
 use replenish_xrce::stream::{InputBestEffort, InputReliable};
@@ -11,6 +11,15 @@ use std::sync::{Arc, Weak};
 
 /// Messages that may wait for a missing one: as many as the bitmap of an ACKNACK can name.
 const SLOTS: usize = 16;
+
+/// Messages that may wait for their readers: twice as many as our clients keep. The oldest counts
+/// as
+/// confirmed when a client sends more than it can repeat.
+const UNCONFIRMED: usize = 128;
+
+/// Bytes of a reliable stream besides its messages and the sample that is put together.
+const OVERHEAD: usize =
+    size_of::<Reliable>() + UNCONFIRMED * (size_of::<Unconfirmed>() + TRACKER_BYTES);
 
 /// Confirmations are reported in batches of this size; a smaller remainder is reported when no
 /// message is pending.
@@ -65,7 +74,7 @@ impl InputStream {
         ledger: &Ledger,
     ) -> Option<Self> {
         let bytes = if stream.is_reliable() {
-            SLOTS * mtu + limits.longest_submessage()
+            SLOTS * mtu + limits.longest_submessage() + OVERHEAD
         } else {
             0
         };
@@ -92,7 +101,9 @@ impl InputStream {
         self.stream
     }
 
-    /// Takes in message `seq`; calls `deliver` with each submessage that is due now.
+    /// Takes in message `seq`; calls `deliver` with each submessage that is due now. Where that
+    /// returns false on a reliable stream, the stream stops before the submessage, and the client
+    /// sends from there on again.
     ///
     /// # Errors
     /// Something was malformed, or too long when its fragments were put together; it was dropped.
@@ -100,14 +111,14 @@ impl InputStream {
         &mut self,
         seq: SeqNum,
         body: &[u8],
-        mut deliver: impl FnMut(&Submessage<'_>),
+        mut deliver: impl FnMut(&Submessage<'_>) -> bool,
     ) -> Result<(), Malformed> {
         match &mut self.receiver {
             Receiver::BestEffort(receiver) => {
                 if receiver.accept(seq) {
                     let mut submessages = Submessages::new(body);
                     return submessages
-                        .try_for_each(|s| s.map(|s| deliver(&s)))
+                        .try_for_each(|s| s.map(|s| _ = deliver(&s)))
                         .map_err(|_| Malformed);
                 }
             }
@@ -117,7 +128,7 @@ impl InputStream {
                     stats.malformed.saturating_add(stats.too_long)
                 };
                 let before = damage(receiver);
-                receiver.receive(seq, body, deliver);
+                receiver.receive_while(seq, body, deliver);
                 if damage(receiver) != before {
                     return Err(Malformed);
                 }
@@ -148,6 +159,13 @@ impl InputStream {
         true
     }
 
+    /// There is room again: delivers what has waited here, as [`receive`](Self::receive) does.
+    pub(crate) fn retry(&mut self, deliver: impl FnMut(&Submessage<'_>) -> bool) {
+        if let Receiver::Reliable(receiver) = &mut self.receiver {
+            receiver.retry(deliver);
+        }
+    }
+
     /// There is room again: asks for the postponed messages.
     pub(crate) fn resume(&mut self) {
         if let Some(last) = self.postponed.take() {
@@ -165,12 +183,19 @@ impl InputStream {
 
     /// Withholds the confirmation of the messages from `from` on until the last handle of `tracker`
     /// is dropped, or until `until`.
-    pub(crate) fn withhold(&mut self, from: SeqNum, tracker: &TrackerHandle, until: Nanos) {
+    /// Returns the number of older ones that count as confirmed for it.
+    pub(crate) fn withhold(&mut self, from: SeqNum, tracker: &TrackerHandle, until: Nanos) -> u64 {
+        let mut late = 0;
+        while self.unconfirmed.len() >= UNCONFIRMED {
+            let oldest = self.unconfirmed.pop_front();
+            late += u64::from(oldest.is_some_and(|o| o.tracker.strong_count() > 0));
+        }
         self.unconfirmed.push_back(Unconfirmed {
             from,
             tracker: Arc::downgrade(tracker),
             until,
         });
+        late
     }
 
     /// Removes confirmed messages; returns the number that were not confirmed in time.

@@ -7,12 +7,15 @@
 //! ```
 
 mod client;
+mod echo;
 mod input_stream;
 mod output_stream;
 mod replies;
 mod table;
 
 pub(crate) use client::{Client, ClientOrigin};
+pub(crate) use echo::Echo;
 pub(crate) use input_stream::InputStream;
-pub(crate) use replies::Replies;
+pub(crate) use output_stream::STREAM_BYTES;
+pub(crate) use replies::{LONGEST_REPLY, Replies};
 pub(crate) use table::Clients;

@@ -14,9 +14,10 @@
 //! Each datagram carries one submessage, as those of eProsima's agents do: their client skips what
 //! is packed behind a service reply.
 
+use super::input_stream::InputStream;
 use crate::config::{Limits, Service, TopicRule};
 use crate::entities::{Entities, Readiness};
-use crate::flow::{Charge, Ledger, TrackerHandle, WeightedRoundRobin};
+use crate::flow::{Charge, Ledger, TRACKER_BYTES, TrackerHandle, WeightedRoundRobin};
 use crate::report::Counters;
 use replenish_xrce::stream::{
     OutputBestEffort, OutputReliable, PushError, Reliability, StreamHeader, Tail,
@@ -38,11 +39,27 @@ const SLOTS: usize = 256;
 /// The most statuses that wait.
 const MAX_STATUSES: usize = 64;
 
+/// Bytes of a reliable stream besides its messages, and those of each message for its tracker.
+const OVERHEAD: usize = size_of::<OutputReliable<Box<[u8]>, SLOTS>>();
+const TRACKED: usize = 2 * size_of::<(SeqNum, TrackerHandle)>() + TRACKER_BYTES;
+
 /// The most urgent level: answers, acknowledgements.
 pub(crate) const TOP: u8 = 7;
 
+/// Bytes of a stream in both directions that no account of a client has: what is left of it when
+/// its messages are counted, its statuses and its turns.
+pub(crate) const STREAM_BYTES: usize = size_of::<InputStream>()
+    + size_of::<OutputStream>()
+    + 2 * MAX_STATUSES * size_of::<StatusReply>();
+
 /// Readers that may send again at some time.
 pub(crate) type Throttled = Vec<(Nanos, ObjectId)>;
+
+/// Notes that `reader` may send again `at`, once for each reader.
+pub(crate) fn throttle(throttled: &mut Throttled, at: Nanos, reader: ObjectId) {
+    throttled.retain(|(_, id)| *id != reader);
+    throttled.push((at, reader));
+}
 
 /// A stream's sending end.
 #[derive(Debug)]
@@ -86,7 +103,12 @@ impl OutputStream {
             1
         };
         let bytes = slots.min(SLOTS) * mtu;
-        let charge = ledger.charge(bytes)?;
+        let overhead = if header.stream.is_reliable() {
+            OVERHEAD + slots.min(SLOTS) * TRACKED
+        } else {
+            0
+        };
+        let charge = ledger.charge(bytes + overhead)?;
         let buf = vec![0; bytes].into_boxed_slice();
         let sender = if header.stream.is_reliable() {
             let config = Reliability {
@@ -151,19 +173,24 @@ impl OutputStream {
         self.notices.retain(|notice| notice.base.object != reader);
     }
 
-    /// The urgency of the next datagram; `None` if there is none now.
-    pub(crate) fn urgency(&self, now: Nanos) -> Option<u8> {
+    /// Whether readers wait for their turn.
+    pub(crate) fn has_samples(&self) -> bool {
+        self.round_robin.top().is_some()
+    }
+
+    /// The urgency of the next datagram, with `samples` or without; `None` if there is none now.
+    pub(crate) fn urgency(&self, now: Nanos, samples: bool) -> Option<u8> {
         if self.sender.has_message(now) {
             return Some(self.level);
         }
-        let level = self.next_level()?;
+        let level = self.next_level(samples)?;
         self.has_room(now, level).then_some(level)
     }
 
     /// The urgency of the next submessage.
-    fn next_level(&self) -> Option<u8> {
+    fn next_level(&self, samples: bool) -> Option<u8> {
         if self.statuses.is_empty() && self.notices.is_empty() {
-            self.round_robin.top()
+            self.round_robin.top().filter(|_| samples)
         } else {
             Some(TOP)
         }
@@ -180,9 +207,10 @@ impl OutputStream {
         self.sender.has_room(now, IN_FLIGHT - reserved)
     }
 
-    /// An ACKNACK of this stream.
-    pub(crate) fn acknowledge(&mut self, now: Nanos, acknack: &AckNack) {
+    /// An ACKNACK of this stream. Returns whether it acknowledges a message that was sent.
+    pub(crate) fn acknowledge(&mut self, now: Nanos, acknack: &AckNack) -> bool {
         if let Sender::Reliable { sender, .. } = &mut self.sender {
+            let before = sender.first_unacknowledged();
             sender.acknowledge(now, acknack.first_unacked, acknack.missing);
             let first = sender.first_unacknowledged();
             while self
@@ -192,7 +220,9 @@ impl OutputStream {
             {
                 self.trackers.pop_front();
             }
+            return first.is_after(before);
         }
+        false
     }
 
     /// Whether a sample has been under way for longer than `limit`.
@@ -217,10 +247,11 @@ impl OutputStream {
         }
     }
 
-    /// A HEARTBEAT that is only to be answered, on a reliable stream where all is acknowledged.
-    pub(crate) fn probe(&self) -> Option<Heartbeat> {
+    /// A HEARTBEAT that is only to be answered, on a reliable stream where all is acknowledged, or,
+    /// if it is `urgent`, on any.
+    pub(crate) fn probe(&self, urgent: bool) -> Option<Heartbeat> {
         match &self.sender {
-            Sender::Reliable { sender, .. } if sender.is_idle() => {
+            Sender::Reliable { sender, .. } if urgent || sender.is_idle() => {
                 let first: SeqNum = sender.first_unacknowledged();
                 Some(Heartbeat {
                     first,
@@ -248,12 +279,12 @@ impl OutputStream {
         }
     }
 
-    /// Hands one datagram to `send`; returns whether there was one.
+    /// Hands one datagram, with `samples` or without, to `send`; returns whether there was one.
     pub(crate) fn send_one(
         &mut self,
         now: Nanos,
-        entities: &mut Entities,
-        throttled: &mut Throttled,
+        samples: bool,
+        (entities, throttled): (&mut Entities, &mut Throttled),
         counters: &Counters,
         send: &mut dyn FnMut(&[u8]),
     ) -> bool {
@@ -262,7 +293,7 @@ impl OutputStream {
                 return true;
             }
             let room = self
-                .next_level()
+                .next_level(samples)
                 .is_some_and(|level| self.has_room(now, level));
             if !room || !self.fill(now, entities, throttled, counters) {
                 return false;
@@ -302,7 +333,7 @@ impl OutputStream {
                 Readiness::Now(on) => on == stream,
                 Readiness::Idle => false,
                 Readiness::At(at) => {
-                    throttled.push((at, id));
+                    throttle(throttled, at, id);
                     false
                 }
             };

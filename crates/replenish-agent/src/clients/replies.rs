@@ -12,7 +12,7 @@ use std::collections::VecDeque;
 const LIMIT: usize = 256;
 
 /// Bytes of the longest reply: INFO with client key.
-const LONGEST: usize = 64;
+pub(crate) const LONGEST_REPLY: usize = 64;
 
 /// A bounded queue of encoded datagrams.
 #[derive(Debug)]
@@ -23,7 +23,7 @@ pub(crate) struct Replies<P> {
 #[derive(Debug)]
 struct Reply<P> {
     to: P,
-    bytes: [u8; LONGEST],
+    bytes: [u8; LONGEST_REPLY],
     len: usize,
 }
 
@@ -34,26 +34,28 @@ impl<P> Replies<P> {
         }
     }
 
-    /// Queues `body` outside of any stream; returns whether there was room.
+    /// Queues `body` outside of any stream, if it is at most `longest` bytes in a message of its
+    /// own; returns the bytes of the message, or `None` without room.
     pub(crate) fn push(
         &mut self,
         to: P,
         session: SessionId,
         key: ClientKey,
         body: &impl Encode,
-    ) -> bool {
+        longest: usize,
+    ) -> Option<usize> {
         let header = Header::new(session, StreamId::NONE, SeqNum(0), key);
-        let mut bytes = [0; LONGEST];
+        let mut bytes = [0; LONGEST_REPLY];
         let message = MessageWriter::new(&mut bytes, &header).and_then(|mut message| {
             message.push(body)?;
             Ok(message.len())
         });
         match message {
-            Ok(len) if self.queue.len() < LIMIT => {
+            Ok(len) if self.queue.len() < LIMIT && len <= longest => {
                 self.queue.push_back(Reply { to, bytes, len });
-                true
+                Some(len)
             }
-            _ => false,
+            _ => None,
         }
     }
 

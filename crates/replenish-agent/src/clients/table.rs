@@ -62,8 +62,18 @@ impl<P: Copy + Eq + Hash> Clients<P> {
         self.keys.get(&key).copied()
     }
 
+    pub(crate) fn get(&self, index: usize) -> Option<&Client<P>> {
+        self.slots.get(index)?.as_ref()
+    }
+
     pub(crate) fn get_mut(&mut self, index: usize) -> Option<&mut Client<P>> {
         self.slots.get_mut(index)?.as_mut()
+    }
+
+    /// The clients with their slots.
+    pub(crate) fn iter_slots(&self) -> impl Iterator<Item = (usize, &Client<P>)> {
+        let slots = self.slots.iter().enumerate();
+        slots.filter_map(|(at, slot)| Some((at, slot.as_ref()?)))
     }
 
     pub(crate) fn iter(&self) -> impl Iterator<Item = &Client<P>> {

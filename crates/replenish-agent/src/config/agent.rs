@@ -1,8 +1,11 @@
 //! The configuration of an agent: its addresses and lines, limits, rules and profiles.
 
+use super::access::AccessList;
 use super::limits::Limits;
 use super::profiles::Profiles;
 use super::rules::TopicRule;
+#[cfg(feature = "secure")]
+use super::secure::SecureConfig;
 use replenish_os::config::{ConfigError, within};
 use replenish_os::tty;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -14,7 +17,7 @@ pub struct AgentConfig {
     /// Where to listen for UDP. Port 0 lets the operating system choose one.
     ///
     /// Loopback by default: XRCE has no authentication, so that any host that reaches
-    /// this address can read and write every topic.
+    /// this address can read and write every topic, as far as `access` allows.
     pub addr: SocketAddr,
     /// Where else to listen for UDP; at most 15 addresses.
     pub more_udp: Vec<SocketAddr>,
@@ -26,10 +29,15 @@ pub struct AgentConfig {
     pub serial: Vec<SerialConfig>,
     /// Bounds on what clients can make the agent hold.
     pub limits: Limits,
+    /// The clients that may log in; all without a list.
+    pub access: Option<AccessList>,
     /// Which topics are more urgent than others; at most 256.
     pub rules: Vec<TopicRule>,
     /// The meaning of the names that describe entities by reference.
     pub profiles: Profiles,
+    /// Ports for clients that encrypt and show who they are.
+    #[cfg(feature = "secure")]
+    pub secure: SecureConfig,
     /// Makes the clients' topics and services those of DDS, too, so that ROS 2 sees them.
     #[cfg(feature = "dds")]
     pub dds: Option<DdsBridge>,
@@ -88,6 +96,14 @@ impl AgentConfig {
         within("serial.length", self.serial.len(), 0..=64)?;
         self.serial.iter().try_for_each(SerialConfig::validate)?;
         within("rules.length", self.rules.len(), 0..=256)?;
+        #[cfg(feature = "secure")]
+        if self.secure.is_on() && self.access.is_none() {
+            return Err(ConfigError {
+                field: "secure",
+                value: "on".to_owned(),
+                allowed: "only with an access list, which has the clients' keys".to_owned(),
+            });
+        }
         #[cfg(feature = "dds")]
         if let Some(bridge) = &self.dds {
             within("dds.domain", bridge.domain, 0..=replenish_dds::MAX_DOMAIN)?;
@@ -106,8 +122,11 @@ impl Default for AgentConfig {
             tcp: None,
             serial: Vec::new(),
             limits: Limits::default(),
+            access: None,
             rules: Vec::new(),
             profiles: Profiles::default(),
+            #[cfg(feature = "secure")]
+            secure: SecureConfig::default(),
             #[cfg(feature = "dds")]
             dds: None,
         }

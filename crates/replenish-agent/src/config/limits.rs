@@ -23,11 +23,10 @@ pub struct Limits {
     pub message: usize,
     /// Bytes of one sample, fragmented or not, 1 to 65531, the protocol's limit.
     pub sample: usize,
-    /// Bytes of all samples that the agent keeps, 1 to 2^40.
-    pub queued_bytes: usize,
-    /// Bytes that one client makes the agent keep: buffers of its streams, samples in the queues
-    /// of its readers and in the history of its writers (a sample that several of them keep counts
-    /// for each), 4096 to 2^40.
+    /// Bytes that one client makes the agent keep: buffers of its streams, descriptions of its
+    /// entities, samples in the queues of its readers and in the history of its writers (a sample
+    /// that several of them keep counts for each), 4096 to 2^40. They are its own: no other client
+    /// can take them, and all clients together keep at most [`memory`](Self::memory).
     pub client_bytes: usize,
     /// Samples in the queue of a reader whose QoS names no depth, 1 to `max_depth`.
     pub default_depth: usize,
@@ -40,12 +39,16 @@ pub struct Limits {
     /// Datagrams per second taken from one client, with bursts of up to a second's worth; 0 for no
     /// limit, at most 10 000 000.
     pub datagrams_per_second: u32,
-    /// Datagrams per second taken from all who have no session, together; 0 for no limit, at most
-    /// 10 000 000.
+    /// Log-ins and pings per second taken from all who have no session, together; a quarter of it
+    /// from one host, a sixteenth from one address. 0 for no limit, at most 10 000 000.
     pub unauthenticated_per_second: u32,
-    /// How long a keep-all reader that is full may hold up reliable keep-all writers before its
-    /// samples are dropped; 0 to 60 s.
-    pub writer_block_limit: Nanos,
+    /// Bytes that leave for an address for each byte from there, before it has shown that it
+    /// receives: it acknowledges something. Samples wait for that. Connections and serial lines
+    /// have shown it. 0 for no limit, at most 1000.
+    pub reflection: u32,
+    /// How long a reliable keep-all reader that is full may hold up reliable keep-all writers
+    /// before its samples are dropped; 0 to 60 s. `None`: as long as both live.
+    pub writer_block_limit: Option<Nanos>,
     /// How long the acknowledgement of a reliable message waits until its samples have reached all
     /// their reliable readers, which are not waited for while they lag behind by more; 0 to 60 s.
     /// With 0 it does not wait: then what the agent has queued is lost with it. Should be below the
@@ -64,21 +67,27 @@ impl Limits {
     pub const DEFAULT: Limits = Limits {
         clients: 64,
         entities: 128,
-        streams: 4,
+        streams: 6,
         message: 8 * 1024,
         sample: MAX_SAMPLE,
-        queued_bytes: 64 * 1024 * 1024,
         client_bytes: 8 * 1024 * 1024,
         default_depth: 16,
         max_depth: 256,
         calls: 64,
         datagrams_per_second: 50_000,
         unauthenticated_per_second: 1_000,
-        writer_block_limit: SECOND,
+        reflection: 3,
+        writer_block_limit: None,
         confirm_timeout: SECOND / 2,
         recovery_window: SECOND * 5 / 2,
         silence: 30 * SECOND,
     };
+
+    /// Bytes that all clients together can make the agent keep.
+    #[must_use]
+    pub const fn memory(&self) -> usize {
+        self.clients.saturating_mul(self.client_bytes)
+    }
 
     /// Bytes of the submessage that carries the largest sample, header and padding included. A
     /// request or reply goes with 24 bytes that say which one it is.
@@ -96,7 +105,6 @@ impl Limits {
         within("limits.streams", self.streams, 1..=16)?;
         within("limits.message", self.message, 64..=65_535)?;
         within("limits.sample", self.sample, 1..=MAX_SAMPLE)?;
-        within("limits.queued_bytes", self.queued_bytes, 1..=1 << 40)?;
         within("limits.client_bytes", self.client_bytes, 4096..=1 << 40)?;
         within("limits.max_depth", self.max_depth, 1..=65_535)?;
         let depth = 1..=self.max_depth;
@@ -113,9 +121,10 @@ impl Limits {
             self.unauthenticated_per_second,
             rate,
         )?;
+        within("limits.reflection", self.reflection, 0..=1000)?;
         within(
             "limits.writer_block_limit",
-            self.writer_block_limit,
+            self.writer_block_limit.unwrap_or(0),
             0..=60 * SECOND,
         )?;
         within(

@@ -49,23 +49,27 @@ impl TopicRule {
     }
 
     fn matches(&self, topic: &str) -> bool {
-        let pattern = &self.pattern;
-        if matches(pattern, topic) {
-            return true;
+        matches_topic(&self.pattern, topic)
+    }
+}
+
+/// Whether a topic's name, or the name that ROS gives it, is `pattern`, with `*` for any part.
+pub(super) fn matches_topic(pattern: &str, topic: &str) -> bool {
+    if matches(pattern, topic) {
+        return true;
+    }
+    let ros = ["rt/", "rq/", "rr/"]
+        .iter()
+        .find_map(|prefix| topic.strip_prefix(prefix));
+    match (pattern.strip_prefix('/'), ros) {
+        (Some(pattern), Some(name)) => {
+            let plain = name
+                .strip_suffix("Request")
+                .or_else(|| name.strip_suffix("Reply"));
+            let plain = plain.filter(|_| !topic.starts_with("rt/"));
+            matches(pattern, plain.unwrap_or(name))
         }
-        let ros = ["rt/", "rq/", "rr/"]
-            .iter()
-            .find_map(|prefix| topic.strip_prefix(prefix));
-        match (pattern.strip_prefix('/'), ros) {
-            (Some(pattern), Some(name)) => {
-                let plain = name
-                    .strip_suffix("Request")
-                    .or_else(|| name.strip_suffix("Reply"));
-                let plain = plain.filter(|_| !topic.starts_with("rt/"));
-                matches(pattern, plain.unwrap_or(name))
-            }
-            _ => false,
-        }
+        _ => false,
     }
 }
 

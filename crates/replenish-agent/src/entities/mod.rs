@@ -28,11 +28,11 @@ mod records;
 mod topics;
 mod writer;
 
-pub(crate) use create::{CreationContext, MAX_DEFINITION};
+pub(crate) use create::{CreationContext, ENTITY_OVERHEAD};
 pub(crate) use delivery::Delivery;
 pub(crate) use plan::Plan;
 pub(crate) use qos::Qos;
-pub(crate) use reader::{Reader, Readiness, Role};
+pub(crate) use reader::{QUEUE_OVERHEAD, Reader, Readiness, Role};
 pub(crate) use records::{Address, Entities, EntityRecord};
-pub(crate) use topics::{TopicId, TopicKey, Topics};
+pub(crate) use topics::{TOPIC_BYTES, TopicId, TopicKey, Topics};
 pub(crate) use writer::Writer;

@@ -14,18 +14,15 @@ use super::delivery::Delivery;
 use super::qos::Qos;
 use super::topics::TopicId;
 use crate::config::Service;
-use crate::flow::{Charge, Identity, Ledger, Sample, TrackerHandle};
+use crate::flow::{Charge, Identity, Ledger, Sample, TrackerHandle, shrink};
 use crate::report::Counters;
 use replenish_xrce::Nanos;
 use replenish_xrce::wire::{BaseRequest, StreamId};
 use std::collections::VecDeque;
 
-/// Bytes that a queued sample is counted with besides its own.
-const QUEUE_OVERHEAD: usize = 64;
-
-/// Samples that a keep-all queue takes above its depth: the ones that are acknowledged already
-/// when it gets full.
-const KEEP_ALL_SLACK: usize = 64;
+/// Bytes that a queued sample is counted with besides its own: it and its place in the queue.
+pub(crate) const QUEUE_OVERHEAD: usize =
+    Sample::OVERHEAD + shrink::SPARE * size_of::<QueuedSample>();
 
 /// The kind of entity that reads.
 #[derive(Debug)]
@@ -57,10 +54,12 @@ pub(crate) struct Reader {
     delivery: Option<Delivery>,
     /// The client has asked for samples on a reliable stream, and may ask for more.
     waits: bool,
+    /// The stream that it asked on.
+    asked_on: StreamId,
     /// When the last sample was kept.
     last: Option<Nanos>,
-    /// Since when a keep-all queue has been full without getting shorter.
-    full_since: Option<Nanos>,
+    /// Since when writers wait without the queue getting shorter.
+    pub(crate) full_since: Option<Nanos>,
     pub(crate) counts: ReaderCounts,
 }
 
@@ -103,6 +102,7 @@ impl Reader {
             queue: VecDeque::new(),
             delivery: None,
             waits: false,
+            asked_on: StreamId::NONE,
             last: None,
             full_since: None,
             counts: ReaderCounts::default(),
@@ -164,26 +164,23 @@ impl Reader {
             tracker: tracker.cloned(),
             _charge: charge,
         });
-        if self.is_full() && self.full_since.is_none() {
-            self.full_since = Some(now);
-        }
         true
     }
 
     fn make_room(&mut self, bytes: usize, ledger: &Ledger, counters: &Counters) -> Option<Charge> {
         if self.qos.keep_all {
-            let hopeless = self.queue.len() >= self.qos.depth + KEEP_ALL_SLACK;
-            return if hopeless { None } else { ledger.charge(bytes) };
+            let full = self.queue.len() >= self.qos.depth;
+            return if full { None } else { ledger.charge(bytes) };
         }
         while self.queue.len() >= self.qos.depth.max(1) {
-            self.queue.pop_front();
+            shrink::pop_front(&mut self.queue);
             self.count_dropped(counters);
         }
         loop {
             if let Some(charge) = ledger.charge(bytes) {
                 return Some(charge);
             }
-            self.queue.pop_front()?;
+            shrink::pop_front(&mut self.queue)?;
             self.count_dropped(counters);
         }
     }
@@ -195,28 +192,51 @@ impl Reader {
 
     fn expire(&mut self, now: Nanos, counters: &Counters) {
         while self.queue.front().is_some_and(|p| p.sample.is_expired(now)) {
-            self.queue.pop_front();
+            shrink::pop_front(&mut self.queue);
             self.counts.expired += 1;
             counters.samples_expired.hit();
             self.full_since = None;
         }
     }
 
-    /// Whether a keep-all queue is full, although its client wants the samples.
-    pub(crate) fn is_full(&self) -> bool {
-        self.qos.keep_all && self.queue.len() >= self.qos.depth && self.delivery.is_some()
+    /// Whether a reliable keep-all writer has to wait with a sample of `bytes`: the queue is full,
+    /// or takes all the memory that its client may have, and the client wants what is in it.
+    ///
+    /// One that has waited goes on when half of the queue is free: its client sends a message anew.
+    /// After `limit` in which nothing left the queue, nobody waits any more.
+    pub(crate) fn holds_up(
+        &mut self,
+        now: Nanos,
+        (bytes, has_waited): (usize, bool),
+        ledger: &Ledger,
+        limit: Option<Nanos>,
+    ) -> bool {
+        let wanted = self.delivery.is_some() || self.waits;
+        let presses = self.qos.keep_all && self.qos.reliable && wanted;
+        let fills = has_waited && self.queue.len() > self.qos.depth / 2;
+        if !(presses && (fills || self.lacks_room(bytes, ledger))) {
+            return false;
+        }
+        let since = *self.full_since.get_or_insert(now);
+        limit.is_none_or(|limit| now < since.saturating_add(limit))
     }
 
-    /// Whether writers wait for this reader: it is full, and not for too long.
-    pub(crate) fn blocks_writers(&self, now: Nanos, limit: Nanos) -> bool {
-        let short = |since: Nanos| now < since.saturating_add(limit);
-        self.is_full() && self.full_since.is_some_and(short)
+    fn lacks_room(&self, bytes: usize, ledger: &Ledger) -> bool {
+        let short = ledger.free() < bytes.saturating_add(QUEUE_OVERHEAD);
+        // Memory that others hold never comes back through this queue.
+        self.queue.len() >= self.qos.depth || (short && !self.queue.is_empty())
     }
 
-    /// Replaces or (with `None`) cancels the read request.
-    pub(crate) fn request(&mut self, delivery: Option<Delivery>) {
+    /// The stream on which the client must ask before it gets more, if it must.
+    pub(crate) fn spent_on(&self) -> Option<StreamId> {
+        (self.waits && self.delivery.is_none()).then_some(self.asked_on)
+    }
+
+    /// Replaces or (with `None`) cancels the read request, which came on stream `asked_on`.
+    pub(crate) fn request(&mut self, delivery: Option<Delivery>, asked_on: StreamId) {
         self.waits = delivery.is_some_and(|delivery| delivery.stream.is_reliable());
         self.delivery = delivery;
+        self.asked_on = asked_on;
     }
 
     /// Whether the client has asked for samples.
@@ -268,7 +288,7 @@ impl Reader {
     /// The next sample is on its way; gives the tracker to keep until it has arrived.
     pub(crate) fn delivered(&mut self, now: Nanos) -> Option<TrackerHandle> {
         self.full_since = None;
-        let queued = self.queue.pop_front()?;
+        let queued = shrink::pop_front(&mut self.queue)?;
         self.counts.delivered += 1;
         self.counts.delivered_bytes += queued.sample.len() as u64;
         if let Some(delivery) = &mut self.delivery {
@@ -279,7 +299,7 @@ impl Reader {
 
     /// The next sample cannot be delivered.
     pub(crate) fn discard(&mut self) {
-        self.queue.pop_front();
+        shrink::pop_front(&mut self.queue);
         self.counts.dropped += 1;
     }
 }

@@ -4,7 +4,7 @@ use super::plan::Plan;
 use super::reader::{Reader, Role};
 use super::topics::{End, TopicId, TopicKey, Topics};
 use super::writer::Writer;
-use crate::flow::Identity;
+use crate::flow::{Charge, Identity, shrink};
 use replenish_xrce::wire::{ObjectId, ObjectKind, RequestId, Status};
 use std::collections::HashMap;
 
@@ -31,6 +31,8 @@ pub(crate) struct EntityRecord {
     pub(crate) served_beyond: bool,
     /// The last notice to its client: whether it is served.
     pub(crate) notified_served: bool,
+    /// The memory of its description.
+    pub(super) _charge: Charge,
 }
 
 impl Entities {
@@ -43,7 +45,7 @@ impl Entities {
 
     /// Deletes an entity; returns whether it existed.
     pub(crate) fn delete(&mut self, id: ObjectId, topics: &mut Topics<Address>) -> bool {
-        let Some(record) = self.records.remove(&id) else {
+        let Some(record) = shrink::remove(&mut self.records, &id) else {
             return false;
         };
         let address = Address {

@@ -1,14 +1,16 @@
 //! The writers and readers of each topic: topics by domain, name and type.
 
 use super::qos::Qos;
+use crate::flow::shrink;
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// The identity of a topic: endpoints with the same key talk to each other.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct TopicKey {
     pub(crate) domain: i16,
-    pub(crate) name: Box<str>,
-    pub(crate) type_name: Box<str>,
+    pub(crate) name: Arc<str>,
+    pub(crate) type_name: Arc<str>,
 }
 
 /// A topic in a [`Topics`] table, valid while it is attached to.
@@ -22,6 +24,10 @@ pub(crate) enum End {
     Reader,
 }
 
+/// Bytes for each entity in the tables, which keep them when it is gone: a requester or replier has
+/// two topics, each with a place, which may be free, and tables are up to twice as long as needed.
+pub(crate) const TOPIC_BYTES: usize = 2 * 2 * 2 * size_of::<usize>();
+
 /// An endpoint of a topic; `A` is its address.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TopicEndpoint<A> {
@@ -33,14 +39,13 @@ pub(crate) struct TopicEndpoint<A> {
 #[derive(Debug)]
 pub(crate) struct Topics<A> {
     ids: HashMap<TopicKey, usize>,
-    slots: Vec<TopicSlot<A>>,
+    slots: Vec<Option<Box<TopicSlot<A>>>>,
     free: Vec<usize>,
 }
 
 #[derive(Debug)]
 struct TopicSlot<A> {
-    /// `None` while the slot is free.
-    key: Option<TopicKey>,
+    key: TopicKey,
     writers: Vec<TopicEndpoint<A>>,
     readers: Vec<TopicEndpoint<A>>,
 }
@@ -66,7 +71,7 @@ impl<A: Copy + PartialEq> Topics<A> {
             Some(&id) => id,
             None => self.insert(key.clone()),
         };
-        let Some(slot) = self.slots.get_mut(id) else {
+        let Some(slot) = self.slots.get_mut(id).and_then(Option::as_mut) else {
             return (TopicId(id), 0);
         };
         let mismatches = match end {
@@ -86,31 +91,38 @@ impl<A: Copy + PartialEq> Topics<A> {
 
     /// Detaches what [`attach`](Self::attach) attached; the last one ends the topic.
     pub(crate) fn detach(&mut self, TopicId(id): TopicId, end: End, address: A) {
-        let Some(slot) = self.slots.get_mut(id) else {
+        let Some(place) = self.slots.get_mut(id) else {
+            return;
+        };
+        let Some(slot) = place else {
             return;
         };
         let list = match end {
             End::Writer => &mut slot.writers,
             End::Reader => &mut slot.readers,
         };
-        list.retain(|endpoint| endpoint.address != address);
+        shrink::retain(list, |endpoint| endpoint.address != address);
         if slot.writers.is_empty()
             && slot.readers.is_empty()
-            && let Some(key) = slot.key.take()
+            && let Some(slot) = place.take()
         {
-            self.ids.remove(&key);
+            shrink::remove(&mut self.ids, &slot.key);
             self.free.push(id);
         }
     }
 
+    fn slot(&self, id: usize) -> Option<&TopicSlot<A>> {
+        self.slots.get(id)?.as_deref()
+    }
+
     /// The readers of a topic, in the order in which they came.
     pub(crate) fn readers(&self, TopicId(id): TopicId) -> &[TopicEndpoint<A>] {
-        self.slots.get(id).map_or(&[], |slot| &slot.readers)
+        self.slot(id).map_or(&[], |slot| &slot.readers)
     }
 
     /// The writers of a topic, in the order in which they came.
     pub(crate) fn writers(&self, TopicId(id): TopicId) -> &[TopicEndpoint<A>] {
-        self.slots.get(id).map_or(&[], |slot| &slot.writers)
+        self.slot(id).map_or(&[], |slot| &slot.writers)
     }
 
     /// The number of topics.
@@ -119,11 +131,11 @@ impl<A: Copy + PartialEq> Topics<A> {
     }
 
     fn insert(&mut self, key: TopicKey) -> usize {
-        let slot = TopicSlot {
-            key: Some(key.clone()),
+        let slot = Some(Box::new(TopicSlot {
+            key: key.clone(),
             writers: Vec::new(),
             readers: Vec::new(),
-        };
+        }));
         let id = match self.free.pop() {
             Some(id) => id,
             None => self.slots.len(),

@@ -2,10 +2,14 @@
 
 use super::qos::Qos;
 use super::topics::TopicId;
-use crate::flow::{Charge, Ledger, Sample, TrackerHandle};
+use crate::flow::{Charge, Ledger, Sample, TrackerHandle, shrink};
 use crate::report::Counters;
 use replenish_xrce::Nanos;
 use std::collections::VecDeque;
+
+/// Bytes that a kept sample is counted with besides its own: it and its place.
+const KEPT_OVERHEAD: usize =
+    Sample::OVERHEAD + shrink::SPARE * size_of::<(Sample, TrackerHandle, Charge)>();
 
 /// The sending half of an entity.
 #[derive(Debug)]
@@ -55,12 +59,13 @@ impl Writer {
     /// Keeps a sample for readers that come later, as far as there is room.
     pub(crate) fn keep(&mut self, sample: &Sample, ledger: &Ledger) {
         while self.history.len() >= self.qos.depth.max(1) {
-            self.history.pop_front();
+            shrink::pop_front(&mut self.history);
         }
-        while !self.history.is_empty() && ledger.free() < sample.len() {
-            self.history.pop_front();
+        let bytes = sample.len() + KEPT_OVERHEAD;
+        while !self.history.is_empty() && ledger.free() < bytes {
+            shrink::pop_front(&mut self.history);
         }
-        if let Some(charge) = ledger.charge(sample.len()) {
+        if let Some(charge) = ledger.charge(bytes) {
             self.history.push_back((sample.clone(), charge));
         }
     }
@@ -74,7 +79,7 @@ impl Writer {
         ledger: &Ledger,
     ) {
         if self.stash.len() < most
-            && let Some(charge) = ledger.charge(sample.len())
+            && let Some(charge) = ledger.charge(sample.len() + KEPT_OVERHEAD)
         {
             self.stash
                 .push_back((sample.clone(), tracker.clone(), charge));

@@ -22,6 +22,9 @@ pub(crate) type Source = (usize, StreamId);
 /// A handle of each queue and stream that a sample of the message is still in.
 pub(crate) type TrackerHandle = Arc<DeliveryTracker>;
 
+/// Bytes of a tracker with its counts, and the allocator's own.
+pub(crate) const TRACKER_BYTES: usize = size_of::<DeliveryTracker>() + 2 * size_of::<usize>() + 16;
+
 /// Reports its stream as confirmed when the last handle is dropped.
 #[derive(Debug)]
 pub(crate) struct DeliveryTracker {

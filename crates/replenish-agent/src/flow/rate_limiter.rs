@@ -29,6 +29,11 @@ impl RateLimiter {
         self.full_at.saturating_add(cost).saturating_sub(SECOND)
     }
 
+    /// Whether all of a second's worth may go.
+    pub(crate) fn is_full(&self, now: Nanos) -> bool {
+        self.full_at <= now
+    }
+
     /// Counts `units` as gone.
     pub(crate) fn spend(&mut self, now: Nanos, units: usize) {
         self.full_at = self.full_at.max(now).saturating_add(self.cost(units));

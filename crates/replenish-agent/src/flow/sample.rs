@@ -1,10 +1,14 @@
 //! Samples on their way from writers to readers, and the accounts of their bytes.
 
+use super::delivery_tracker::TRACKER_BYTES;
 use super::identity::Identity;
 use replenish_xrce::Nanos;
 use std::ops::Deref;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// The allocator's own bytes of an allocation, with its rounding.
+const ALLOCATION: usize = 16;
 
 /// An account of bytes in use with a limit, for all samples together or for one client.
 #[derive(Clone, Debug)]
@@ -78,6 +82,10 @@ pub(crate) struct SampleInfo {
 }
 
 impl Sample {
+    /// Bytes that a sample takes besides its own, with the tracker of its message.
+    pub(crate) const OVERHEAD: usize =
+        size_of::<Payload>() + 2 * size_of::<usize>() + 2 * ALLOCATION + TRACKER_BYTES;
+
     /// Copies `bytes`, or `None` when the ledger's limit would be exceeded.
     pub(crate) fn new(bytes: &[u8], info: SampleInfo, ledger: &Ledger) -> Option<Self> {
         let payload = Payload {

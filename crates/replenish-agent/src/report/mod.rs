@@ -3,19 +3,31 @@
 //! ```text
 //!   stats      counters, read at any time
 //!   snapshot   clients, entities and streams, on demand
-//!   rejection  a bounded log of refused and dropped input
+//!   rejection  a bounded log of refused and dropped input, with its reason and subject
+//!   handshake  why one of DTLS or TLS failed
+//!   refusals   the last log-ins and requests that were refused
 //! ```
 
+mod handshake;
+mod hex;
+mod reason;
+mod refusals;
 mod rejection;
 mod snapshot;
 mod stats;
+mod subject;
 
+pub use handshake::HandshakeError;
+pub(crate) use hex::hex;
+pub use reason::Reason;
+pub use refusals::Refusal;
+pub(crate) use refusals::Refusals;
 pub(crate) use rejection::RejectionLog;
-pub use rejection::{Reason, Rejection, Rejections};
+pub use rejection::{Rejection, Rejections};
 pub use snapshot::{
-    BridgeSnapshot, ClientSnapshot, EntitySnapshot, ReaderSnapshot, Refusal, Snapshot,
-    StreamSnapshot, WriterSnapshot,
+    BridgeSnapshot, ClientSnapshot, EntitySnapshot, ReaderSnapshot, Snapshot, StreamSnapshot,
+    WriterSnapshot,
 };
-pub(crate) use snapshot::{Refusals, hex};
 pub(crate) use stats::Counters;
 pub use stats::Stats;
+pub use subject::Subject;

@@ -8,8 +8,10 @@
 //! One ring for each kind, so that a flood of one does not push out the others. The agent never
 //! waits: while another thread drains, it only counts.
 
+use super::reason::{KINDS, Reason};
+use super::subject::Subject;
 use replenish_xrce::Nanos;
-use replenish_xrce::wire::{ClientKey, ObjectId, Status};
+use replenish_xrce::wire::ClientKey;
 use std::collections::VecDeque;
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -27,6 +29,8 @@ pub struct Rejection {
     pub peer: String,
     /// The client's key as eight hexadecimal digits, if it is known.
     pub key: Option<String>,
+    /// The topic, service or node that it is about, if it is about one.
+    pub about: Option<Subject>,
     /// The reason.
     pub reason: Reason,
 }
@@ -36,201 +40,11 @@ impl fmt::Display for Rejection {
         if let Some(key) = &self.key {
             write!(f, "client {key} at ")?;
         }
-        write!(f, "{}: {}", self.peer, self.reason)
-    }
-}
-
-/// Why, with the limit that was met. Its text says both.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Reason {
-    /// Not a DDS-XRCE message, or broken from some byte on.
-    Malformed {
-        /// Bytes of the message.
-        bytes: usize,
-    },
-    /// A message of a session that was not opened at its address.
-    NoSession {
-        /// The session id.
-        session: u8,
-    },
-    /// A message with the key of another client.
-    WrongKey,
-    /// A submessage, or a stream, that this agent does not know.
-    Unsupported,
-    /// More datagrams a second than a client may send.
-    Rate {
-        /// `limits.datagrams_per_second`.
-        limit: u32,
-    },
-    /// More datagrams a second than all without a session may send.
-    Unauthenticated {
-        /// `limits.unauthenticated_per_second`.
-        limit: u32,
-    },
-    /// A log-in that makes no sense.
-    LogIn {
-        /// Which part of it.
-        field: &'static str,
-        /// The answer.
-        status: Status,
-    },
-    /// A log-in while there are as many clients as there may be.
-    Clients {
-        /// `limits.clients`.
-        limit: usize,
-    },
-    /// A message on one stream more than a client may have, or may have memory for.
-    Streams {
-        /// `limits.streams`.
-        limit: usize,
-    },
-    /// A request that was answered with an error.
-    Request {
-        /// The object of the request.
-        object: ObjectId,
-        /// The answer.
-        status: Status,
-        /// The limit that was met, by name and value, if it was one.
-        limit: Option<(&'static str, usize)>,
-    },
-    /// A sample that is too large.
-    Sample {
-        /// Its bytes.
-        bytes: usize,
-        /// `limits.sample`.
-        limit: usize,
-    },
-    /// A sample while the bytes of all samples have reached their limit.
-    Memory {
-        /// `limits.queued_bytes`.
-        limit: usize,
-    },
-    /// A TCP connection while there are as many as there may be, or that failed.
-    Connection {
-        /// How many there may be.
-        limit: usize,
-    },
-    /// Frames that were damaged, cut or too long.
-    Frames {
-        /// How many.
-        count: u64,
-    },
-    /// The client was silent for too long; its session ended.
-    Silent {
-        /// `limits.silence`, in nanoseconds.
-        limit: Nanos,
-    },
-    /// The client's connection or line has gone; its session ended.
-    Disconnected,
-}
-
-/// Kinds of reasons.
-const KINDS: usize = 16;
-
-impl Reason {
-    /// The kind of reason, as a word.
-    #[must_use]
-    pub const fn kind(&self) -> &'static str {
-        self.number_and_kind().1
-    }
-
-    const fn number_and_kind(&self) -> (usize, &'static str) {
-        match self {
-            Self::Malformed { .. } => (0, "malformed"),
-            Self::NoSession { .. } => (1, "no_session"),
-            Self::WrongKey => (2, "wrong_key"),
-            Self::Unsupported => (3, "unsupported"),
-            Self::Rate { .. } => (4, "rate"),
-            Self::Unauthenticated { .. } => (5, "strangers"),
-            Self::LogIn { .. } => (6, "log_in"),
-            Self::Clients { .. } => (7, "clients"),
-            Self::Streams { .. } => (8, "streams"),
-            Self::Request { .. } => (9, "request"),
-            Self::Sample { .. } => (10, "sample"),
-            Self::Memory { .. } => (11, "memory"),
-            Self::Connection { .. } => (12, "connection"),
-            Self::Frames { .. } => (13, "frames"),
-            Self::Silent { .. } => (14, "silent"),
-            Self::Disconnected => (15, "disconnected"),
+        write!(f, "{}: ", self.peer)?;
+        if let Some(about) = &self.about {
+            write!(f, "{about}: ")?;
         }
-    }
-}
-
-impl fmt::Display for Reason {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Malformed { bytes } => {
-                write!(f, "dropped {bytes} bytes that are no DDS-XRCE message")
-            }
-            Self::NoSession { session } => {
-                write!(
-                    f,
-                    "dropped a message of session {session:#04x}, which nobody has opened"
-                )
-            }
-            Self::WrongKey => f.write_str("dropped a message with another client's key"),
-            Self::Unsupported => f.write_str("ignored a submessage that is unknown or unsupported"),
-            Self::Rate { limit } => write!(
-                f,
-                "dropped a datagram: more than limits.datagrams_per_second = {limit}"
-            ),
-            Self::Unauthenticated { limit } => write!(
-                f,
-                "dropped a datagram without session: more than limits.unauthenticated_per_second = {limit}"
-            ),
-            Self::LogIn { field, status } => {
-                write!(f, "refused a log-in with {status}: {field}")
-            }
-            Self::Clients { limit } => {
-                write!(f, "refused a log-in: limits.clients = {limit} are there")
-            }
-            Self::Streams { limit } => write!(
-                f,
-                "dropped a message of a new stream: limits.streams = {limit}, or limits.client_bytes"
-            ),
-            Self::Request {
-                object,
-                status,
-                limit,
-            } => {
-                let id = super::snapshot::hex(*object);
-                write!(f, "refused a request about object {id} with {status}")?;
-                match limit {
-                    Some((field, limit)) => write!(f, ": {field} = {limit}"),
-                    None => Ok(()),
-                }
-            }
-            Self::Sample { bytes, limit } => {
-                write!(
-                    f,
-                    "dropped a sample of {bytes} bytes: limits.sample = {limit}"
-                )
-            }
-            Self::Memory { limit } => {
-                write!(
-                    f,
-                    "dropped a sample: limits.queued_bytes = {limit} are kept already"
-                )
-            }
-            Self::Connection { limit } => {
-                write!(f, "closed a connection: {limit} are the most, or it failed")
-            }
-            Self::Frames { count } => {
-                write!(
-                    f,
-                    "dropped {count} frames that were damaged, cut or too long"
-                )
-            }
-            Self::Silent { limit } => {
-                let seconds = *limit as f64 / 1e9;
-                write!(
-                    f,
-                    "ended a session: silent for limits.silence = {seconds} s"
-                )
-            }
-            Self::Disconnected => f.write_str("ended a session: its connection or line has gone"),
-        }
+        write!(f, "{}", self.reason)
     }
 }
 
@@ -258,6 +72,7 @@ struct RejectionRecord<P> {
     number: u64,
     peer: P,
     key: Option<ClientKey>,
+    about: Option<Subject>,
     reason: Reason,
 }
 
@@ -275,8 +90,8 @@ impl<P> RejectionLog<P> {
         &self,
         at: Nanos,
         number: u64,
-        peer: P,
-        key: Option<ClientKey>,
+        (peer, key): (P, Option<ClientKey>),
+        about: Option<Subject>,
         reason: Reason,
     ) {
         let omit = || {
@@ -300,6 +115,7 @@ impl<P> RejectionLog<P> {
             number,
             peer,
             key,
+            about,
             reason,
         });
     }
@@ -325,6 +141,7 @@ impl<P: fmt::Display> RejectionLog<P> {
             at: entry.at,
             peer: entry.peer.to_string(),
             key: entry.key.map(|key| key.to_string()),
+            about: entry.about,
             reason: entry.reason,
         };
         Rejections {
@@ -341,13 +158,13 @@ mod tests {
     #[test]
     fn a_flood_of_one_kind_leaves_the_others_alone_and_is_counted() {
         let log = RejectionLog::new();
-        log.note(1, 1, "a", None, Reason::Clients { limit: 3 });
+        log.note(1, 1, ("a", None), None, Reason::Clients { limit: 3 });
         for i in 2..1000 {
             log.note(
                 i,
                 i,
-                "b",
-                Some(ClientKey([9; 4])),
+                ("b", Some(ClientKey([9; 4]))),
+                None,
                 Reason::Malformed { bytes: 7 },
             );
         }
@@ -370,10 +187,10 @@ mod tests {
     fn it_never_waits_for_whoever_drains() {
         let log = RejectionLog::new();
         let held = log.rings.lock().unwrap();
-        log.note(1, 1, 'p', None, Reason::WrongKey);
+        log.note(1, 1, ('p', None), None, Reason::WrongKey);
         drop(held);
         assert_eq!(log.drain(), Rejections::default());
-        log.note(2, 2, 'p', None, Reason::WrongKey);
+        log.note(2, 2, ('p', None), None, Reason::WrongKey);
         assert_eq!(log.drain().omitted, [("wrong_key", 1)]);
     }
 }

@@ -1,13 +1,9 @@
 //! have moved. Rates are differences of two snapshots over [`Snapshot::seconds_since`].
 //! have moved. Rates are differences of two snapshots over [`Snapshot::seconds_since`].
 
+use super::refusals::Refusal;
 use super::stats::Stats;
 use replenish_xrce::Nanos;
-use replenish_xrce::wire::{ClientKey, ObjectId, Status};
-use std::collections::VecDeque;
-
-/// Refusals that are kept.
-const REFUSALS: usize = 64;
 
 /// The state of an agent at one time.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -23,7 +19,7 @@ pub struct Snapshot {
     pub queued_bytes: usize,
     /// The clients, by key.
     pub clients: Vec<ClientSnapshot>,
-    /// The last requests that were refused, the oldest first.
+    /// The last log-ins, and the last requests, that were refused, each the oldest first.
     pub refusals: Vec<Refusal>,
     /// The state in DDS of the clients' participants, writers, readers, requesters and
     /// repliers; `None` without a bridge.
@@ -34,12 +30,20 @@ pub struct Snapshot {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct BridgeSnapshot {
+    /// The client's key, as in [`ClientSnapshot::key`].
+    pub client: String,
+    /// The entity's id, as in [`EntitySnapshot::id`].
+    pub id: String,
+    /// The ROS 2 node it belongs to: `/talker`; empty without one.
+    pub node: String,
     /// As in [`EntitySnapshot::kind`].
     pub kind: &'static str,
     /// The DDS domain.
     pub domain: u16,
     /// The participant's name, the topic, or the topic of a service's requests.
     pub name: String,
+    /// The type of the topic, if it has one.
+    pub type_name: String,
     /// `opening`, `open`, or why it is not in DDS.
     pub state: String,
     /// Writers and readers in DDS that it talks with.
@@ -61,6 +65,13 @@ pub struct BridgeSnapshot {
     pub missed: u64,
     /// Forgotten requests, and replies that no requester waits for.
     pub calls_lost: u64,
+    /// Readers and writers in DDS that were lost because their participant was silent for longer
+    /// than its lease.
+    pub lost: u64,
+    /// Lost readers and writers that it talks with again.
+    pub returned: u64,
+    /// Samples that lost readers did not get, at most.
+    pub unheard: u64,
 }
 
 /// One client.
@@ -91,6 +102,8 @@ pub struct ClientSnapshot {
     pub bytes_out: u64,
     /// Datagrams from it that were dropped because there were too many.
     pub rate_limited: u64,
+    /// Whether its address has shown that it receives; before that little is sent there.
+    pub echoed: bool,
     /// The streams to it.
     pub streams: Vec<StreamSnapshot>,
     /// Its entities, by id.
@@ -180,48 +193,6 @@ pub struct ReaderSnapshot {
     pub matched: usize,
     /// Writers of its topic it does not hear because of their QoS.
     pub mismatched: usize,
-}
-
-/// A request that was refused.
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-pub struct Refusal {
-    /// The client's key, as in [`ClientSnapshot::key`].
-    pub key: String,
-    /// The object of the request, as in [`EntitySnapshot::id`].
-    pub id: String,
-    /// The answer: `UNKNOWN_REFERENCE`, `RESOURCES`, and so on.
-    pub status: String,
-}
-
-/// The last requests that were refused.
-#[derive(Debug, Default)]
-pub(crate) struct Refusals {
-    list: VecDeque<(ClientKey, ObjectId, Status)>,
-}
-
-impl Refusals {
-    pub(crate) fn note(&mut self, key: ClientKey, object: ObjectId, status: Status) {
-        if self.list.len() >= REFUSALS {
-            self.list.pop_front();
-        }
-        self.list.push_back((key, object, status));
-    }
-
-    pub(crate) fn snapshot(&self) -> Vec<Refusal> {
-        let refusal = |(key, object, status): &(ClientKey, ObjectId, Status)| Refusal {
-            key: key.to_string(),
-            id: hex(*object),
-            status: status.to_string(),
-        };
-        self.list.iter().map(refusal).collect()
-    }
-}
-
-/// An id as it is on the wire.
-pub(crate) fn hex(id: ObjectId) -> String {
-    let [high, low] = id.to_bytes();
-    format!("{high:02x}{low:02x}")
 }
 
 impl Snapshot {

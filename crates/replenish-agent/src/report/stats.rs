@@ -34,6 +34,15 @@ counters! {
     clients_created,
     /// Sessions ended because a client with the same key, or at the same place, opened a newer one.
     clients_replaced,
+    /// Sessions ended for a log-in while there were as many as there may be: unused ones, and those
+    /// of addresses and hosts that have more than half of the places.
+    clients_displaced,
+    /// Log-ins refused, and sessions ended, because of the access list.
+    denied,
+    /// Sessions that went to another address with the same key, because theirs did not answer.
+    takeovers,
+    /// Log-ins refused because the session of their key answers at another address.
+    takeovers_refused,
     /// Sessions ended because the client was silent for too long.
     clients_reaped,
     /// Sessions ended because the client's connection did.
@@ -52,6 +61,8 @@ counters! {
     bad_frames,
     /// TCP connections closed at once because there are too many.
     connections_refused,
+    /// Handshakes of DTLS and TLS refused, whatever the reason.
+    handshakes_refused,
     /// Submessages ignored because this agent does not know or support them.
     unsupported,
     /// Requests answered with an error status.
@@ -121,7 +132,8 @@ impl Counter {
         self.0.store(value as u64, Ordering::Relaxed);
     }
 
-    fn get(&self) -> u64 {
+    /// The value.
+    pub(crate) fn get(&self) -> u64 {
         self.0.load(Ordering::Relaxed)
     }
 }

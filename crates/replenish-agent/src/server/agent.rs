@@ -1,5 +1,6 @@
 //! An agent with its transports, run by the calling thread or by one of its own.
 
+use super::access::{AccessControl, AccessUpdate};
 use super::clock::{instance, now};
 #[cfg(feature = "dds")]
 use super::dds::DdsPort;
@@ -27,6 +28,7 @@ pub struct Agent {
     core: AgentCore<Peer>,
     wake: Arc<WakeFd>,
     requests: Arc<SnapshotRequests>,
+    access: Arc<AccessUpdate>,
     #[cfg(feature = "dds")]
     dds: Option<DdsPort>,
 }
@@ -45,9 +47,14 @@ impl Agent {
             .map_err(|error| AgentError::new("make a wake-up for", config.addr, error))?;
         let wake = Arc::new(wake);
         let core = AgentCore::with(config).instance(instance());
+        let core = core.hosts(Peer::host).connected(Peer::is_connected);
+        let core = core.identities(Peer::identity);
         #[cfg(feature = "dds")]
         let (core, dds) = match &config.dds {
-            Some(bridge) => (core.bridged(), Some(DdsPort::start(bridge, &wake)?)),
+            Some(bridge) => (
+                core.bridged(bridge.domain, bridge.dds.limits.topics - 1),
+                Some(DdsPort::start(bridge, &wake)?),
+            ),
             None => (core, None),
         };
         Ok(Self {
@@ -55,6 +62,7 @@ impl Agent {
             core,
             wake,
             requests: Arc::default(),
+            access: Arc::default(),
             #[cfg(feature = "dds")]
             dds,
         })
@@ -80,11 +88,35 @@ impl Agent {
         self.ports.tcp_addr()
     }
 
+    /// Where it listens for DTLS, if it does.
+    #[must_use]
+    pub fn dtls_addr(&self) -> Option<SocketAddr> {
+        self.ports.dtls_addr()
+    }
+
+    /// Where it listens for TLS, if it does.
+    #[must_use]
+    pub fn tls_addr(&self) -> Option<SocketAddr> {
+        self.ports.tls_addr()
+    }
+
+    /// The SHA-256 of its own certificate, if it listens for TLS: `sha256:` and 64 digits.
+    #[must_use]
+    pub fn tls_fingerprint(&self) -> Option<String> {
+        self.ports.tls_fingerprint()
+    }
+
     /// Takes snapshots of the agent while it runs.
     #[must_use]
     pub fn inspector(&self) -> Inspector {
         let log = Arc::clone(self.core.log());
         Inspector::new(Arc::clone(&self.wake), Arc::clone(&self.requests), log)
+    }
+
+    /// Replaces the access list while it runs.
+    #[must_use]
+    pub fn access_control(&self) -> AccessControl {
+        AccessControl::new(Arc::clone(&self.wake), Arc::clone(&self.access))
     }
 
     /// Runs in the calling thread until `stop` says so.
@@ -106,11 +138,17 @@ impl Agent {
                 match found {
                     Ready::Wake => drop(wake.clear()),
                     Ready::Udp(at) => ports.receive_udp(at, core, now, send_all)?,
+                    Ready::Dtls => ports.receive_dtls(core, now, send_all)?,
+                    Ready::TlsListener => ports.accept_tls(core, now().monotonic),
                     Ready::Listener => ports.accept(core, now().monotonic),
-                    Ready::Read(at) => ports.read(at, core, now()),
+                    Ready::Read(at) => ports.read(at, core, now, send_all),
                     Ready::Write(at) => ports.write(at, core),
                 }
                 send_all(ports, core);
+            }
+            if let Some(list) = self.access.take() {
+                ports.set_access(&list, core);
+                core.set_access(now(), Some(list));
             }
             // After the wake-up was cleared, so that none is lost.
             #[cfg(feature = "dds")]
@@ -125,7 +163,7 @@ impl Agent {
             }
             self.requests.answer(|| Snapshot {
                 #[cfg(feature = "dds")]
-                bridge: self.dds.as_ref().map(DdsPort::snapshot),
+                bridge: self.dds.as_ref().map(|dds| dds.snapshot(core)),
                 ..core.snapshot(now())
             });
         }
@@ -140,6 +178,7 @@ impl Agent {
         let addr = self.local_addr();
         let tcp = self.tcp_addr();
         let inspector = self.inspector();
+        let access = self.access_control();
         let stop = StopHandle::new();
         let counters = Arc::clone(self.core.counters());
         let handle = stop.clone();
@@ -151,6 +190,7 @@ impl Agent {
             addr,
             tcp,
             inspector,
+            access,
             stop,
             counters,
             thread: Some(thread),
@@ -170,7 +210,7 @@ fn send_all(ports: &mut Ports, core: &mut AgentCore<Peer>) {
     let counters = Arc::clone(core.counters());
     loop {
         if ports.has_links() {
-            ports.update_held_links(core, now());
+            ports.update_held_links(core, now);
         }
         let max = if ports.has_links() { 1 } else { BATCH };
         let more = core.pump(now(), max, &mut |to, bytes| {

@@ -24,12 +24,21 @@ pub(super) struct DdsPort {
     dds: Dds,
     /// The DDS domain of clients that say 0.
     domain: u16,
-    kinds: BTreeMap<BridgeId, &'static str>,
+    about: BTreeMap<BridgeId, About>,
     /// Entities that wait until DDS has room for them.
     waiting: BTreeMap<BridgeId, DdsEntity>,
     /// Entities that DDS refused, and the reasons.
     refused: BTreeMap<BridgeId, (String, OpenError)>,
     wake: Arc<WakeFd>,
+}
+
+/// A client's entity, for reports.
+#[derive(Clone, Debug, Default)]
+struct About {
+    kind: &'static str,
+    node: Option<BridgeId>,
+    domain: u16,
+    type_name: String,
 }
 
 #[derive(Clone, Debug)]
@@ -60,7 +69,7 @@ impl DdsPort {
         Ok(Self {
             dds: Dds::start(&config.dds, Arc::clone(wake))?,
             domain: config.domain,
-            kinds: BTreeMap::new(),
+            about: BTreeMap::new(),
             waiting: BTreeMap::new(),
             refused: BTreeMap::new(),
             wake: Arc::clone(wake),
@@ -122,12 +131,20 @@ impl DdsPort {
     }
 
     /// The state of the clients' entities in DDS.
-    pub(super) fn snapshot(&self) -> Vec<BridgeSnapshot> {
+    pub(super) fn snapshot<P: Copy + Eq + Hash>(&self, core: &AgentCore<P>) -> Vec<BridgeSnapshot> {
         let report = self.dds.report();
-        let kind = |id| self.kinds.get(&id).copied().unwrap_or_default();
+        let row = |id: BridgeId| {
+            let about = self.about.get(&id).cloned().unwrap_or_default();
+            let mut row = BridgeSnapshot {
+                kind: about.kind,
+                domain: about.domain,
+                type_name: about.type_name,
+                ..BridgeSnapshot::default()
+            };
+            core.name_bridge_row(id, about.node, &mut row);
+            row
+        };
         let open = report.endpoints.into_iter().map(|found| BridgeSnapshot {
-            kind: kind(found.id),
-            domain: found.domain,
             name: found.name,
             state: match (report.ended.clone(), found.state) {
                 (Some(why), _) | (None, EndpointState::Failed(why)) => why,
@@ -143,12 +160,15 @@ impl DdsPort {
             dropped_in: found.dropped_in,
             missed: found.missed,
             calls_lost: found.calls_lost,
+            lost: found.lost,
+            returned: found.returned,
+            unheard: found.unheard,
+            ..row(found.id)
         });
         let not_open = |id: BridgeId, name: &str, error: OpenError| BridgeSnapshot {
-            kind: kind(id),
             name: name.into(),
             state: error.to_string(),
-            ..BridgeSnapshot::default()
+            ..row(id)
         };
         let waiting = self.waiting.iter();
         let waiting = waiting.map(|(id, entity)| not_open(*id, entity.name(), OpenError::Full));
@@ -166,7 +186,21 @@ impl DdsPort {
     }
 
     fn open(&mut self, id: BridgeId, kind: &'static str, entity: DdsEntity) {
-        self.kinds.insert(id, kind);
+        let mut about = About {
+            kind,
+            ..About::default()
+        };
+        match &entity {
+            DdsEntity::Node(node) => {
+                about.domain = node.domain;
+                about.node = Some(id);
+            }
+            DdsEntity::Endpoint(endpoint) => {
+                (about.domain, about.node) = (endpoint.domain, endpoint.node);
+                about.type_name.clone_from(&endpoint.kind.topic().type_name);
+            }
+        }
+        self.about.insert(id, about);
         self.try_open(id, entity);
     }
 
@@ -187,7 +221,7 @@ impl DdsPort {
     }
 
     fn close(&mut self, id: BridgeId) {
-        self.kinds.remove(&id);
+        self.about.remove(&id);
         self.refused.remove(&id);
         if self.waiting.remove(&id).is_some() {
             return;

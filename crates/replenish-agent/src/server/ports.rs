@@ -1,7 +1,10 @@
 //! All sockets, connections and serial lines of the agent, and one wait for all of them.
 
+use super::arrived::Arrived;
+use super::found::Found;
 use super::link::{Dead, Link};
 use super::peer::Peer;
+use super::secure::{DtlsPort, TlsPort};
 use super::udp::{Arrival, UdpPort};
 use crate::agent_core::{AgentCore, Now};
 use crate::config::{AgentConfig, SerialConfig};
@@ -18,15 +21,23 @@ const SECOND: Nanos = 1_000_000_000;
 /// The interval between attempts to reopen lost serial lines and to close silent connections.
 const UPKEEP: Nanos = SECOND;
 
+/// The time after which a connection without a session is closed, whatever comes on it.
+pub(super) const LOG_IN: Nanos = 5 * SECOND;
+
+/// The age from which a connection without a session makes room for a new one.
+const VACANT: Nanos = SECOND;
+
 /// Datagrams, connections or pieces taken from one port before the others have their turn.
-const BATCH: usize = 32;
+pub(super) const BATCH: usize = 32;
 
 /// A port that is ready after a wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ready {
     Wake,
     Udp(usize),
+    Dtls,
     Listener,
+    TlsListener,
     Read(usize),
     Write(usize),
 }
@@ -35,14 +46,22 @@ pub(super) enum Ready {
 #[derive(Debug)]
 pub(super) struct Ports {
     udp: Vec<UdpPort>,
+    pub(super) dtls: Option<DtlsPort>,
+    pub(super) tls: Option<TlsPort>,
+    /// Messages, refusals and ends of an encrypted port; kept for its memory.
+    pub(super) found: Found,
     listener: Option<TcpListener>,
     tcp_addr: Option<SocketAddr>,
     /// An `accept` failed; the listener is not polled until the next upkeep.
-    accept_paused: bool,
+    pub(super) accept_paused: bool,
     lines: Vec<SerialConfig>,
-    links: Vec<Option<Link>>,
+    pub(super) links: Vec<Option<Link>>,
+    /// Messages of the read under way; kept for its memory.
+    arrived: Arrived,
+    /// Sessions so far when links were held last.
+    sessions: u64,
     /// Connections so far.
-    connections: u64,
+    pub(super) connections: u64,
     max_links: usize,
     silence: Nanos,
     upkeep_at: Nanos,
@@ -74,12 +93,17 @@ impl Ports {
         }
         Ok(Self {
             udp,
+            dtls: DtlsPort::open(config, now)?,
+            tls: TlsPort::open(config)?,
+            found: Found::default(),
             listener,
             tcp_addr,
             accept_paused: false,
             max_links: links.len() + config.limits.clients,
             lines: config.serial.clone(),
             links,
+            arrived: Arrived::default(),
+            sessions: 0,
             connections: 0,
             silence: config.limits.silence,
             upkeep_at: now.saturating_add(UPKEEP),
@@ -108,8 +132,12 @@ impl Ports {
         ready: &mut Vec<Ready>,
     ) -> std::io::Result<()> {
         let upkeep = (self.has_links() || self.accept_paused).then_some(self.upkeep_at);
-        let deadline = deadline.into_iter().chain(upkeep).min();
-        let mut fds = Vec::with_capacity(2 + self.udp.len() + 2 * self.links.len());
+        let dtls = self.dtls.as_ref().map(|dtls| {
+            let handshake = dtls.next_deadline();
+            handshake.map_or(self.upkeep_at, |at| at.min(self.upkeep_at))
+        });
+        let deadline = deadline.into_iter().chain(upkeep).chain(dtls).min();
+        let mut fds = Vec::with_capacity(4 + self.udp.len() + 2 * self.links.len());
         ready.clear();
         fds.push(PollFd::readable(wake));
         ready.push(Ready::Wake);
@@ -120,6 +148,14 @@ impl Ports {
         if let Some(listener) = self.listener.as_ref().filter(|_| !self.accept_paused) {
             fds.push(PollFd::readable(listener));
             ready.push(Ready::Listener);
+        }
+        if let Some(dtls) = &self.dtls {
+            fds.push(PollFd::readable(dtls));
+            ready.push(Ready::Dtls);
+        }
+        if let Some(tls) = self.tls.as_ref().filter(|_| !self.accept_paused) {
+            fds.push(PollFd::readable(&tls.listener));
+            ready.push(Ready::TlsListener);
         }
         for (at, link) in self.links.iter().enumerate() {
             let Some(link) = link else {
@@ -174,46 +210,75 @@ impl Ports {
                     return;
                 }
             };
-            let lines = self.lines.len();
-            let free = self.links.iter().skip(lines).position(Option::is_none);
-            let full = free.is_none() && self.links.len() >= self.max_links;
             self.connections += 1;
             let link = Link::tcp(stream, self.connections, addr, now);
-            match (link, free) {
-                (Ok(link), Some(at)) => {
-                    if let Some(slot) = self.links.get_mut(lines + at) {
-                        *slot = Some(link);
-                    }
+            self.add(link, addr, core, now);
+        }
+    }
+
+    /// Gives a connection a place, if there is one.
+    pub(super) fn add(
+        &mut self,
+        link: std::io::Result<Link>,
+        addr: SocketAddr,
+        core: &mut AgentCore<Peer>,
+        now: Nanos,
+    ) {
+        let lines = self.lines.len();
+        if self.links.iter().flatten().count() >= self.max_links {
+            self.vacate(core, now);
+        }
+        let free = self.links.iter().skip(lines).position(Option::is_none);
+        let full = free.is_none() && self.links.len() >= self.max_links;
+        match (link, free) {
+            (Ok(link), Some(at)) => {
+                if let Some(slot) = self.links.get_mut(lines + at) {
+                    *slot = Some(link);
                 }
-                (Ok(link), None) if !full => self.links.push(Some(link)),
-                _ => {
-                    core.counters().connections_refused.hit();
-                    let number = self.connections;
-                    let limit = self.max_links - self.lines.len();
-                    let reason = Reason::Connection { limit };
-                    core.note(Peer::Tcp { number, addr }, None, reason);
-                }
+            }
+            (Ok(link), None) if !full => self.links.push(Some(link)),
+            _ => {
+                core.counters().connections_refused.hit();
+                let number = self.connections;
+                let limit = self.max_links - self.lines.len();
+                let reason = Reason::Connection { limit };
+                core.note(Peer::Tcp { number, addr }, None, reason);
             }
         }
     }
 
-    /// Reads a link.
-    pub(super) fn read(&mut self, at: usize, core: &mut AgentCore<Peer>, now: Now) {
+    /// Reads a link; calls `after` after each message, so that a burst does not pass through the
+    /// queues of its readers as one.
+    pub(super) fn read(
+        &mut self,
+        at: usize,
+        core: &mut AgentCore<Peer>,
+        clock: impl Fn() -> Now,
+        mut after: impl FnMut(&mut Self, &mut AgentCore<Peer>),
+    ) {
         let Some(link) = self.links.get_mut(at).and_then(Option::as_mut) else {
             return;
         };
+        let mut arrived = std::mem::take(&mut self.arrived);
         let before = link.frames();
-        let result = link.receive(now.monotonic, |from, message| {
-            core.receive(now, from, message);
+        let result = link.receive(clock().monotonic, |from, message| {
+            arrived.push(from, message);
         });
-        let after = link.frames();
-        let bad = (after.damaged - before.damaged) + (after.cut - before.cut);
-        let bad = bad + (after.too_long - before.too_long);
+        let frames = link.frames();
+        let bad = (frames.damaged - before.damaged) + (frames.cut - before.cut);
+        let bad = bad + (frames.too_long - before.too_long);
         if bad > 0 {
             core.counters().bad_frames.add(bad);
             core.note(link.peer(), None, Reason::Frames { count: bad });
         }
+        for (from, message) in arrived.iter() {
+            core.receive(clock(), from, message);
+            after(self, core);
+        }
+        arrived.clear();
+        self.arrived = arrived;
         if let Err(Dead) = result {
+            self.note_failure(at, false, core);
             self.lose(at, core);
         }
     }
@@ -234,26 +299,40 @@ impl Ports {
             let udp = self.udp.get(*port);
             return udp.is_some_and(|udp| udp.send(*addr, bytes));
         }
+        if let Peer::Dtls { addr, .. } = to {
+            return self
+                .dtls
+                .as_mut()
+                .is_some_and(|dtls| dtls.send(*addr, bytes));
+        }
         let link = self.links.iter_mut().flatten().find(|l| l.leads_to(to));
         link.is_some_and(|link| link.send(to, bytes))
     }
 
-    /// Holds the clients behind full links, and releases those behind links with room.
-    pub(super) fn update_held_links(&mut self, core: &mut AgentCore<Peer>, now: Now) {
+    /// Holds the clients behind links that have got full, and releases those behind links with
+    /// room. A session that was opened since then may be behind a link that is held already.
+    pub(super) fn update_held_links(&mut self, core: &mut AgentCore<Peer>, now: impl Fn() -> Now) {
+        let sessions = core.sessions_opened();
+        let opened = std::mem::replace(&mut self.sessions, sessions) != sessions;
         for link in self.links.iter_mut().flatten() {
             if link.is_busy() {
+                if link.held && !opened {
+                    continue;
+                }
                 link.held = true;
                 core.hold(|peer| link.leads_to(peer));
             } else if link.held {
                 link.held = false;
-                core.release(now, |peer| link.leads_to(peer));
+                core.release(now(), |peer| link.leads_to(peer));
             }
         }
     }
 
     /// Reopens lost serial lines and closes silent connections.
     pub(super) fn upkeep(&mut self, core: &mut AgentCore<Peer>, now: Nanos) {
-        if now < self.upkeep_at {
+        let due = now >= self.upkeep_at;
+        self.upkeep_secure(due, core, now);
+        if !due {
             return;
         }
         self.accept_paused = false;
@@ -265,20 +344,42 @@ impl Ports {
             }
         }
         for at in self.lines.len()..self.links.len() {
-            let silent = |link: &Link| now.saturating_sub(link.heard) > self.silence;
-            if self
-                .links
-                .get(at)
-                .and_then(Option::as_ref)
-                .is_some_and(silent)
-            {
+            let Some(link) = self.links.get_mut(at).and_then(Option::as_mut) else {
+                continue;
+            };
+            if core.has_session(|peer| link.leads_to(peer)) {
+                link.vacant_since = now;
+            }
+            let vacant = now.saturating_sub(link.vacant_since) > LOG_IN;
+            let silent = now.saturating_sub(link.heard) > self.silence;
+            let peer = link.peer();
+            if vacant && !self.note_failure(at, true, core) {
+                let reason = Reason::NoLogIn { limit: LOG_IN };
+                core.note(peer, None, reason);
+            }
+            if vacant || silent {
                 self.lose(at, core);
             }
         }
     }
 
+    /// Closes the oldest connection without a session, if it is old enough, for a new one.
+    fn vacate(&mut self, core: &mut AgentCore<Peer>, now: Nanos) {
+        let links = self.links.iter().enumerate().skip(self.lines.len());
+        let links = links.filter_map(|(at, link)| Some((at, link.as_ref()?)));
+        let vacant = links
+            .filter(|(_, link)| now.saturating_sub(link.vacant_since) >= VACANT)
+            .filter(|(_, link)| !core.has_session(|peer| link.leads_to(peer)))
+            .min_by_key(|(_, link)| link.vacant_since)
+            .map(|(at, link)| (at, link.peer()));
+        if let Some((at, peer)) = vacant {
+            core.note(peer, None, Reason::NoLogIn { limit: VACANT });
+            self.lose(at, core);
+        }
+    }
+
     /// Removes a dead link and ends its sessions.
-    fn lose(&mut self, at: usize, core: &mut AgentCore<Peer>) {
+    pub(super) fn lose(&mut self, at: usize, core: &mut AgentCore<Peer>) {
         if let Some(link) = self.links.get_mut(at).and_then(Option::take) {
             core.gone(|peer| link.leads_to(peer));
         }

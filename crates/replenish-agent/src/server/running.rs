@@ -1,5 +1,6 @@
 //! An agent in a thread of its own.
 
+use super::access::AccessControl;
 use super::inspector::Inspector;
 use super::stop::StopHandle;
 use crate::error::AgentError;
@@ -14,6 +15,7 @@ pub struct RunningAgent {
     pub(super) addr: SocketAddr,
     pub(super) tcp: Option<SocketAddr>,
     pub(super) inspector: Inspector,
+    pub(super) access: AccessControl,
     pub(super) stop: StopHandle,
     pub(super) counters: Arc<Counters>,
     pub(super) thread: Option<JoinHandle<Result<(), AgentError>>>,
@@ -36,6 +38,12 @@ impl RunningAgent {
     #[must_use]
     pub fn inspector(&self) -> &Inspector {
         &self.inspector
+    }
+
+    /// Replaces its access list.
+    #[must_use]
+    pub fn access_control(&self) -> &AccessControl {
+        &self.access
     }
 
     /// The counters so far.

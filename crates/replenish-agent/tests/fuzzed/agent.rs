@@ -15,14 +15,13 @@ pub(crate) const LIMITS: Limits = Limits {
     streams: 3,
     message: 1000,
     sample: 5000,
-    queued_bytes: 40_000,
     client_bytes: 200_000,
     default_depth: 4,
     max_depth: 8,
     calls: 3,
     datagrams_per_second: 0,
     unauthenticated_per_second: 0,
-    writer_block_limit: 300 * MS,
+    writer_block_limit: Some(300 * MS),
     silence: 10_000 * MS,
     ..Limits::DEFAULT
 };
@@ -32,7 +31,7 @@ const PEERS: u8 = 4;
 
 /// An agent under fire.
 pub(crate) struct Agent {
-    core: AgentCore<u8>,
+    pub(super) core: AgentCore<u8>,
     now: u64,
     steps: u64,
     /// The next number on each stream of each address, as far as the agent has told.
@@ -47,6 +46,11 @@ impl Agent {
             rules: vec![TopicRule::new("urgent", 7), TopicRule::new("slow", 1)],
             ..AgentConfig::default()
         });
+        Self::of(core)
+    }
+
+    /// The same with settings of its own.
+    pub(super) fn of(core: AgentCore<u8>) -> Self {
         Self {
             core,
             now: 0,
@@ -95,7 +99,7 @@ impl Agent {
         }
     }
 
-    fn at(&self) -> Now {
+    pub(super) fn at(&self) -> Now {
         Now {
             monotonic: self.now,
             unix: 0,
@@ -116,7 +120,7 @@ impl Agent {
     }
 
     /// Sends until there is nothing more to send, which must come soon.
-    fn pump(&mut self) {
+    pub(super) fn pump(&mut self) {
         let (now, mut sent) = (self.at(), 0);
         let next = &mut self.next;
         while self.core.pump(now, 16, &mut |peer, bytes| {
@@ -140,7 +144,7 @@ impl Agent {
         assert!(next.is_none_or(|at| at > self.now), "{next:?}");
     }
 
-    /// What was counted.
+    /// The agent's counters.
     pub(crate) fn stats(&self) -> Stats {
         self.core.stats()
     }
@@ -149,7 +153,7 @@ impl Agent {
     pub(crate) fn check(&mut self) {
         let snapshot = self.core.snapshot(self.at());
         assert!(snapshot.clients.len() <= LIMITS.clients);
-        assert!(snapshot.queued_bytes <= LIMITS.queued_bytes);
+        assert!(snapshot.queued_bytes <= LIMITS.memory());
         for client in &snapshot.clients {
             assert!(client.bytes <= LIMITS.client_bytes, "{}", client.bytes);
             assert!(client.entities.len() <= LIMITS.entities);

@@ -19,7 +19,7 @@ pub(crate) fn every_type(bytes: &[u8]) {
     as_type::<std_msgs::UInt8MultiArray>(bytes);
 }
 
-/// What was decoded fits into the type's largest size, and means the same when encoded again.
+/// A decoded value fits into the type's largest size, and means the same when encoded again.
 fn as_type<M: Message>(bytes: &[u8]) {
     let mut message = M::default();
     if decode(&mut message, bytes).is_err() {

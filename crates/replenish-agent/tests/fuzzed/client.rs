@@ -269,7 +269,7 @@ impl Client {
         pass(self, |client| client.session.state() == SessionState::Up);
         for stream in STREAMS {
             let writer = ObjectId::new(1, ObjectKind::DataWriter);
-            // What was written before the agent was lost may fill the stream.
+            // Samples written before the agent was lost may fill the stream.
             may_fail(self.session.write(writer, stream, b"sample"));
         }
         pass(self, |client| client.session.is_delivered());
@@ -288,7 +288,7 @@ struct Answers {
 }
 
 impl Answers {
-    /// What the session has had is known from what it acknowledges.
+    /// Notes the messages that have reached the session: its acknowledgements name them.
     fn notice(&mut self, datagram: &[u8]) {
         let message = Message::parse(datagram).expect("the session sends messages");
         for submessage in message.submessages() {

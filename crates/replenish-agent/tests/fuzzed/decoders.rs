@@ -39,7 +39,7 @@ fn submessages(walk: Submessages<'_>, len: usize) {
     assert!(walked <= len / 4 + 1, "the walk makes progress");
 }
 
-/// What was decoded can be encoded, in the length that was announced, and then means the same.
+/// A decoded value can be encoded, in the length that was announced, and then means the same.
 fn again(id: SubmessageId, body: &Body<'_>) {
     // A body of more than 65535 bytes cannot have come in a submessage.
     let Ok(len) = measure(body) else { return };

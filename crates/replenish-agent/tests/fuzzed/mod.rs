@@ -1,11 +1,12 @@
-//! What must hold for any input, as functions of bytes. The fuzz targets (`fuzz/`) feed them with
-//! what a fuzzer finds, `inputs.rs` with millions of damaged captures.
+//! Promises for any input, as functions of bytes. The fuzz targets (`fuzz/`) feed them with a
+//! fuzzer's findings, `inputs.rs` with millions of damaged captures.
 //!
 //! ```text
 //!   bytes ──► decoders   messages, submessages, framing: a value or an error, and back again
 //!         ──► cdr        messages of ROS
 //!         ──► text       XML and references
 //!         ──► agent      a script: datagrams from several addresses, and time
+//!         ──► bridge     the same, and samples from the other side of its bridge
 //!         ──► client     a script: datagrams, time, what an application does
 //! ```
 #![allow(
@@ -17,6 +18,7 @@
 #![allow(dead_code, reason = "every binary uses its own part")]
 
 pub(crate) mod agent;
+pub(crate) mod bridge;
 pub(crate) mod cdr;
 pub(crate) mod client;
 pub(crate) mod decoders;

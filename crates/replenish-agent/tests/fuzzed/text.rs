@@ -44,7 +44,7 @@ pub(crate) fn everywhere(text: &str) {
             }
         }
     }
-    assert!(agent.snapshot(now(MS)).queued_bytes <= super::agent::LIMITS.queued_bytes);
+    assert!(agent.snapshot(now(MS)).queued_bytes <= super::agent::LIMITS.memory());
 }
 
 fn on_stream(seq: u16, body: &impl Encode) -> Vec<u8> {

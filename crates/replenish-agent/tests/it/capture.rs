@@ -1,7 +1,7 @@
 //! The agent's answers against those of eProsima's agents, byte for byte.
 //!
-//! What the captured clients sent is played to our agent, and what it sends is compared with what
-//! the captured agent sent to the same client. Repetitions count once. Heartbeats are left out:
+//! The captured clients' messages are played to our agent, and its answers are compared with those
+//! of the captured agent to the same client. Repetitions count once. Heartbeats are left out:
 //! they depend on how slow an agent was. Of DATA, the sequence number is: the captured agents lose
 //! the first samples while DDS finds out who reads them, ours does not.
 
@@ -33,7 +33,7 @@ fn insert(sent: &mut Sent, port: u16, bytes: &[u8]) {
     sent.insert((port, bytes));
 }
 
-/// What our agent sends when it is played what the clients of the scenario sent.
+/// Our agent's messages when the scenario's clients are played to it.
 fn play(datagrams: &[Datagram], unix: i64) -> Sent {
     let mut agent = AgentCore::new(Limits::default());
     let mut sent = Sent::new();

@@ -1,5 +1,5 @@
-//! What is acknowledged has arrived: agents that are killed at any moment take nothing along, and a
-//! reader that is stuck does not hold up its writer.
+//! Acknowledged samples have arrived: agents that are killed at any moment take nothing along, and
+//! a reader that is stuck does not hold up its writer.
 
 use crate::session::{MS, endpoints, session_with};
 use crate::sim::{Faults, Sim};

@@ -1,10 +1,10 @@
 //! XRCE clients, the agent and DDS: another program of `replenish-dds` in the place of a ROS 2
 //! node, over loopback. The foreign peers are in `dds_peers.rs`.
 
-use crate::bridged::{agent, dds_program, domain, service_client, topic_client};
+use crate::bridged::{Client, agent, dds_program, domain, service_client, topic_client, writers};
 use replenish_agent::RunningAgent;
 use replenish_agent::dds::{Durability, EndpointKind, Outgoing, Qos, RequestId, Topic};
-use replenish_xrce::wire::{Notice, ObjectId, ObjectKind, StreamId};
+use replenish_xrce::wire::{Notice, ObjectId, ObjectKind, Status, StreamId};
 use std::time::{Duration, Instant};
 
 const TYPE: &str = "std_msgs::msg::dds_::Int32_";
@@ -84,8 +84,9 @@ fn samples_cross_in_both_directions_and_do_not_come_back() {
     }
 }
 
-/// What does not fit together is told to the client, whichever end its own is: the agent knows it
-/// from DDS. Told once, although the others' discovery repeats itself.
+/// The agent reports endpoints that do not fit together to the client, whichever end is the
+/// client's; it knows them from DDS. It reports once, although the others' discovery repeats
+/// itself.
 #[test]
 fn clients_are_told_of_clashes_with_endpoints_in_dds() {
     let domain = domain();
@@ -209,6 +210,66 @@ fn entities_beyond_the_limit_wait_for_their_turn() {
     two.write(StreamId::RELIABLE, b"now!");
     assert_eq!(ros.next(heard).payload, b"now!");
     assert_eq!(full(&states()), 0);
+    agent.stop().unwrap();
+}
+
+/// Before, a client that brought more names than there may be was told OK for all of them, and no
+/// new name of anybody was bridged until the agent's restart; so it was for a name with another
+/// type than one that nothing used any more.
+#[test]
+fn names_that_cannot_cross_are_refused_and_others_still_can() {
+    let domain = domain();
+    let agent = crate::bridged::agent_with(domain, |limits| limits.topics = 65);
+    let names: Vec<_> = (0..10).map(|n| (format!("rt/n{n}"), TYPE)).collect();
+    let greedy = writers(&agent, 1, &names);
+    let refused = greedy.refused.as_ref().unwrap();
+    assert_eq!(refused.len(), 2, "an eighth of 64 names for one client");
+    assert!(
+        refused
+            .iter()
+            .all(|(_, status)| *status == Status::RESOURCES)
+    );
+    let wrong = writers(&agent, 2, &[("rt/a".into(), "Wrong_")]);
+    let right = writers(&agent, 3, &[("rt/a".into(), TYPE)]);
+    let status = |client: &Client| client.refused.as_ref().unwrap().first().map(|(_, s)| *s);
+    assert_eq!(status(&wrong), None);
+    assert_eq!(status(&right), Some(Status::INCOMPATIBLE));
+    let log: Vec<String> = agent
+        .inspector()
+        .rejections()
+        .list
+        .iter()
+        .map(ToString::to_string)
+        .collect();
+    let says = |text: &str| log.iter().any(|line| line.contains(text));
+    assert!(says("topic names of one client in DDS = 8"), "{log:?}");
+    assert!(
+        says("types of a topic name in DDS while endpoints use it = 1"),
+        "{log:?}"
+    );
+    // A name that nothing uses takes the right type, and its samples cross.
+    wrong.close();
+    right.close();
+    let mut ros = dds_program(domain);
+    let heard = ros.reader(&topic("rt/a"), Qos::default());
+    let mut client = topic_client(&agent, 4, "rt/a", "rt/y", StreamId::RELIABLE);
+    let deadline = Instant::now() + Duration::from_secs(30);
+    loop {
+        // Until both have found each other, samples are lost.
+        client.write(StreamId::RELIABLE, b"1234");
+        client.idle(Duration::from_millis(100));
+        if let Some(sample) = ros.within(heard, Duration::from_millis(100)) {
+            assert_eq!(sample.payload, b"1234");
+            break;
+        }
+        assert!(Instant::now() < deadline, "nothing crosses");
+    }
+    let snapshot = agent.inspector().snapshot(Duration::from_secs(5)).unwrap();
+    let bridge = snapshot.bridge.unwrap();
+    let row = bridge.iter().find(|row| row.name == "rt/a").unwrap();
+    assert_eq!(row.client, "04040404");
+    assert_eq!((&*row.node, &*row.type_name), ("/mcu/node_4", TYPE));
+    assert!(row.sent > 0);
     agent.stop().unwrap();
 }
 

@@ -321,7 +321,7 @@ fn a_long_sample_goes_out_in_fragments_and_a_too_long_one_is_dropped() {
 
 #[test]
 fn no_datagram_is_longer_than_client_and_limit_allow() {
-    // What the client says, the longest datagram, the number of them for 5000 bytes.
+    // The client's figure, the longest datagram, the number of datagrams for 5000 bytes.
     for (mtu, longest, count) in [
         (MTU, usize::from(MTU), 10),
         (64, 64, 16),
@@ -357,7 +357,7 @@ fn no_datagram_is_longer_than_client_and_limit_allow() {
 fn streams_are_limited_and_none_is_not_one() {
     let (mut world, mut client) = alone(10);
     let world = &mut world;
-    let statuses: Vec<Option<Status>> = [0x00, 0x01, 0x02, 0x81, 0x82, 0x01]
+    let statuses: Vec<Option<Status>> = [0x00, 0x01, 0x02, 0x03, 0x04, 0x81, 0x82, 0x01]
         .map(
             |stream| match client.read(world, 1, StreamId(stream), UNLIMITED)[..] {
                 [] => None,
@@ -371,11 +371,13 @@ fn streams_are_limited_and_none_is_not_one() {
         None,
         None,
         None,
+        None,
+        None,
         Some(Status::RESOURCES),
         None,
     ];
     assert_eq!(
         statuses, refused,
-        "with 0x80 for the statuses there are four"
+        "with 0x80 for the statuses there are six"
     );
 }

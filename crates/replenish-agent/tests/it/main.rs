@@ -14,6 +14,8 @@ use replenish_agent::dds as replenish_dds;
 mod bridged;
 #[path = "../../../replenish-xrce/tests/it/common/mod.rs"]
 mod common;
+#[path = "../support/schedule.rs"]
+mod schedule;
 #[path = "../support/session.rs"]
 mod session;
 #[path = "../support/sim.rs"]
@@ -23,20 +25,29 @@ mod support;
 #[path = "../support/wire.rs"]
 mod wire;
 
+mod access;
+mod bursts;
 mod capture;
 mod confirm;
 #[cfg(feature = "dds")]
 mod dds;
 mod endpoints;
+mod forged;
 mod hostile;
 mod links;
 mod load;
+mod memory_bound;
+mod promises;
 mod qos;
+mod refusals;
 mod serial_line;
 mod services;
 mod sessions;
+mod soak;
 mod stock;
+mod stock_bursts;
 mod storm;
 mod streams;
 mod udp;
 mod udp_pair;
+mod whole_sessions;

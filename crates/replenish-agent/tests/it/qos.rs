@@ -186,7 +186,7 @@ fn keep_all_writers_wait_for_keep_all_readers() {
 fn the_wait_for_a_keep_all_reader_ends() {
     let limits = Limits {
         max_depth: 4,
-        writer_block_limit: 500 * MS,
+        writer_block_limit: Some(500 * MS),
         ..Limits::default()
     };
     let world = &mut World::new(limits);
@@ -214,6 +214,108 @@ fn the_wait_for_a_keep_all_reader_ends() {
     }
     assert_eq!(world.agent.stats().held_back, 1);
     assert!(world.agent.stats().samples_dropped > 100);
+}
+
+/// Sends `sample` once; whether the agent has taken it.
+fn is_taken(world: &mut World, talker: &mut Client, sample: &[u8]) -> bool {
+    let before = world.agent.stats().samples_in;
+    talker.write(world, 1, sample);
+    world.agent.stats().samples_in > before
+}
+
+/// b209253 waited for a second: of 1000 acknowledged samples for a reader that stood still longer,
+/// 464 arrived. Its client had asked for some samples, and asked for no more meanwhile.
+#[test]
+fn a_reader_that_stands_still_for_minutes_loses_nothing() {
+    for grant in [5, DeliveryControl::UNLIMITED_SAMPLES] {
+        let limits = Limits {
+            max_depth: 10,
+            silence: 3600 * SECOND,
+            ..Limits::default()
+        };
+        let world = &mut World::new(limits);
+        let mut talker = bare(world, 1);
+        talker.writer_with(world, 1, qos(QOS_RELIABLE, 1));
+        let mut slow = bare(world, 2);
+        slow.reader_with(world, 1, reading(QOS_RELIABLE, 1));
+        let control = DeliveryControl {
+            max_samples: grant,
+            ..DeliveryControl::UNLIMITED
+        };
+        let mut got = payloads(&slow.read(world, 1, StreamId::RELIABLE, Some(control)));
+        slow.acknowledging = false;
+        let mut sent = 0_u8;
+        while is_taken(world, &mut talker, &[sent; 4]) {
+            sent += 1;
+        }
+        assert!((15..=27).contains(&sent), "{sent}");
+        for _ in 0..100 {
+            world.pass(3 * SECOND);
+            talker.again(world, &[sent; 4]);
+        }
+        assert_eq!(world.agent.stats().samples_in, u64::from(sent));
+        slow.acknowledging = true;
+        got.extend(payloads(&slow.acknowledge(world)));
+        while got.len() <= usize::from(sent) {
+            let before = got.len();
+            got.extend(payloads(&slow.read(
+                world,
+                1,
+                StreamId::RELIABLE,
+                Some(control),
+            )));
+            talker.again(world, &[sent; 4]);
+            got.extend(payloads(&slow.got(world)));
+            assert!(got.len() > before, "{} of {sent} and one", got.len());
+        }
+        let expected: Vec<Vec<u8>> = (0..=sent).map(|i| vec![i; 4]).collect();
+        assert_eq!(got, expected);
+        assert_eq!(world.agent.stats().samples_dropped, 0);
+    }
+}
+
+/// b209253 took 64 samples above the depth, because it looked after it had taken one: a message
+/// with more in it, or more writers, lost the rest.
+#[test]
+fn many_samples_in_one_message_and_many_writers_wait_for_one_reader() {
+    let limits = Limits {
+        max_depth: 4,
+        ..Limits::default()
+    };
+    let world = &mut World::new(limits);
+    let mut slow = bare(world, 99);
+    slow.reader_with(world, 1, reading(QOS_RELIABLE, 1));
+    let mut got = Vec::new();
+    let one = Some(DeliveryControl {
+        max_samples: 1,
+        ..DeliveryControl::UNLIMITED
+    });
+    got.extend(payloads(&slow.read(world, 1, StreamId::RELIABLE, one)));
+    let mut talkers: Vec<Client> = (1..=20).map(|peer| bare(world, peer)).collect();
+    let mut expected = Vec::new();
+    for (of, talker) in (0_u8..).zip(&mut talkers) {
+        talker.writer_with(world, 1, qos(QOS_RELIABLE, 1));
+        let samples: Vec<Vec<u8>> = (0..10).map(|i| vec![of, i, 0, 0]).collect();
+        talker.write_packed(world, 1, &samples);
+        expected.extend(samples);
+    }
+    for _ in 0..10_000 {
+        if got.len() == expected.len() {
+            break;
+        }
+        got.extend(payloads(&slow.read(world, 1, StreamId::RELIABLE, one)));
+        for (of, talker) in (0_u8..).zip(&mut talkers) {
+            let samples: Vec<Vec<u8>> = (0..10).map(|i| vec![of, i, 0, 0]).collect();
+            talker.packed_again(world, 1, &samples);
+        }
+        got.extend(payloads(&slow.got(world)));
+    }
+    assert_eq!(world.agent.stats().samples_dropped, 0);
+    for of in 0..20 {
+        let order: Vec<u8> = got.iter().filter(|s| s[0] == of).map(|s| s[1]).collect();
+        assert_eq!(order, (0..10).collect::<Vec<u8>>(), "writer {of}");
+    }
+    assert_eq!(got.len(), expected.len());
 }
 
 #[test]

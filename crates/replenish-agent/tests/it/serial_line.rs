@@ -109,7 +109,7 @@ impl Line {
         });
     }
 
-    /// What has arrived up to now.
+    /// The messages that have arrived up to now.
     fn receive(&mut self, now: u64) -> Vec<Vec<u8>> {
         let mut messages = Vec::new();
         while let Some((at, byte)) = self.bytes.front().copied().filter(|(at, _)| *at <= now) {

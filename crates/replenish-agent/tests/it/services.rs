@@ -210,7 +210,8 @@ fn entities_by_reference() {
     assert_eq!(create(world, &mut two, "any"), [Status::OK; 5]);
 }
 
-/// What micro-ROS sends: topics of its own names, in binary form or as XML, which are the same.
+/// The requests of micro-ROS: topics of its own names, in binary form or as XML, which are the
+/// same.
 #[test]
 fn topics_of_a_service_can_be_named() {
     let world = &mut World::new(Limits::default());

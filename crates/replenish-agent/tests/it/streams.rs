@@ -30,7 +30,7 @@ fn eventually(what: &str, done: impl Fn() -> bool) {
     }
 }
 
-/// What is written comes back to the writer itself.
+/// A written sample comes back to the writer itself.
 fn echo(live: &mut Live, stream: StreamId, payload: &[u8]) {
     live.got.clear();
     live.write(stream, payload);
@@ -115,7 +115,7 @@ fn connections_are_limited_and_nonsense_on_one_harms_nobody() {
     std::io::Write::write_all(&mut silent[0], &[0xff; 3000]).unwrap();
     std::io::Write::write_all(&mut silent[1], &[3, 0, 1, 2, 3, 1]).unwrap();
     eventually("it is nonsense", || agent.stats().malformed > 0);
-    // Who says nothing is disconnected; the session that is asked for signs of life is not.
+    // A silent client is disconnected; the session that is asked for signs of life is not.
     let deadline = Instant::now() + Duration::from_millis(2500);
     while Instant::now() < deadline {
         live.turn(50_000_000);
@@ -124,6 +124,42 @@ fn connections_are_limited_and_nonsense_on_one_harms_nobody() {
     echo(&mut live, StreamId::RELIABLE, b"fine");
     let mut next = Live::open(Carrier::tcp(addr), 2, "a", "a", StreamId::RELIABLE);
     echo(&mut next, StreamId::RELIABLE, b"room");
+}
+
+/// On b209253 one byte per `--silence` kept a connection without log-in alive, and with it a place:
+/// with all places taken nobody else could connect any more.
+#[test]
+fn connections_on_which_nobody_logs_in_keep_no_places() {
+    let mut config = config();
+    config.limits.clients = 3;
+    let agent = start(&config);
+    let addr = agent.tcp_addr().unwrap();
+    let mut drips: Vec<TcpStream> = (0..3).map(|_| TcpStream::connect(addr).unwrap()).collect();
+    let mut drip = move || {
+        let sent = drips
+            .iter_mut()
+            .map(|drip| std::io::Write::write(drip, &[1]).is_ok());
+        sent.filter(|sent| *sent).count()
+    };
+    for _ in 0..8 {
+        drip();
+        std::thread::sleep(Duration::from_millis(200));
+    }
+    let mut live = Live::open(Carrier::tcp(addr), 1, "a", "a", StreamId::RELIABLE);
+    echo(&mut live, StreamId::RELIABLE, b"room");
+    // The others go by themselves, although something comes on them all the time.
+    let deadline = Instant::now() + Duration::from_secs(30);
+    while drip() > 0 {
+        assert!(Instant::now() < deadline);
+        live.turn(100_000_000);
+    }
+    echo(&mut live, StreamId::RELIABLE, b"fine");
+    let kinds: Vec<_> = agent.inspector().rejections().list;
+    let closed = kinds
+        .iter()
+        .filter(|r| r.reason.kind() == "no_log_in")
+        .count();
+    assert_eq!(closed, 3, "{kinds:?}");
 }
 
 /// Nobody reads: the agent goes on with others and keeps no more than the queue.

@@ -3,6 +3,8 @@ found as ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST makes it, by well-known ports, 
 
 usage: cyclone.py echo|replier|requester DOMAIN [reliable|best_effort] [COUNT]
 
+The environment variable LEASE sets its lease, in seconds.
+
 Prints "ready" when its entities exist. echo and replier run until they are killed; requester prints
 "done" after COUNT replies.
 """
@@ -15,7 +17,9 @@ from dataclasses import dataclass
 os.environ["CYCLONEDDS_URI"] = (
     '<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="127.0.0.1"/>'
     "</Interfaces></General><Discovery><ParticipantIndex>auto</ParticipantIndex><Peers>"
-    '<Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>'
+    '<Peer address="127.0.0.1"/></Peers>'
+    f"<LeaseDuration>{os.environ.get('LEASE', '10')}s</LeaseDuration>"
+    "</Discovery></Domain></CycloneDDS>"
 )
 
 from cyclonedds.core import Policy, Qos

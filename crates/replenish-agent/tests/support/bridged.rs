@@ -14,8 +14,8 @@ use replenish_xrce::client::{
 use replenish_xrce::wire::{
     ClientKey, CreationMode, DataReaderBinary, DataWriterBinary, DeliveryControl, EndpointQos,
     Entity, GroupBinary, Notice, ObjectId, ObjectKind, ParticipantBinary, QOS_HISTORY_KEEP_LAST,
-    QOS_RELIABLE, ReaderQos, Representation, RequestId, SampleIdentity, ServiceBinary, StreamId,
-    TopicBinary, WriterQos,
+    QOS_RELIABLE, ReaderQos, Representation, RequestId, SampleIdentity, ServiceBinary, Status,
+    StreamId, TopicBinary, WriterQos,
 };
 use std::net::{Ipv4Addr, UdpSocket};
 use std::time::{Duration, Instant};
@@ -72,6 +72,8 @@ pub(crate) struct Client {
     /// Its endpoints that clash with others, and the policies.
     pub(crate) clashes: Vec<(ObjectId, u8)>,
     kind: ObjectKind,
+    /// Its requests that were refused, where a test expects it.
+    pub(crate) refused: Option<Vec<(ObjectId, Status)>>,
 }
 
 /// A client with a writer and a reader.
@@ -148,6 +150,33 @@ pub(crate) fn typed_client(
     client
 }
 
+/// A client with a writer on each of these topics; some may be refused.
+pub(crate) fn writers(agent: &RunningAgent, key: u8, topics: &[(String, &str)]) -> Client {
+    let mut client = Client::new(agent, key, ObjectKind::DataWriter);
+    client.refused = Some(Vec::new());
+    let participant = id(1, ObjectKind::Participant);
+    let repr = Representation::Binary(GroupBinary::default());
+    let publisher = id(1, ObjectKind::Publisher);
+    client.create(publisher, Entity::Publisher { repr, participant });
+    for (number, (name, type_name)) in (1..).zip(topics) {
+        let topic = id(number, ObjectKind::Topic);
+        let repr = Representation::Binary(TopicBinary {
+            name,
+            type_reference: None,
+            type_name: Some(type_name),
+        });
+        client.create(topic, Entity::Topic { repr, participant });
+        let repr = Representation::Binary(DataWriterBinary { topic, qos: None });
+        let writer = id(number, ObjectKind::DataWriter);
+        client.create(writer, Entity::DataWriter { repr, publisher });
+    }
+    let now = client.now();
+    client.session.connect(now);
+    client.until(|client| client.session.state() == SessionState::Up);
+    client.idle(Duration::from_millis(300));
+    client
+}
+
 /// A client with a requester or replier of the tests' service.
 pub(crate) fn service_client(agent: &RunningAgent, key: u8, kind: ObjectKind) -> Client {
     let mut client = Client::new(agent, key, kind);
@@ -200,6 +229,7 @@ impl Client {
             served: false,
             clashes: Vec::new(),
             kind,
+            refused: None,
         };
         let name = format!("mcu/node_{key}");
         let binary = ParticipantBinary {
@@ -243,6 +273,7 @@ impl Client {
         let now = self.now();
         let (got, replies) = (&mut self.got, &mut self.replies);
         let (is_served, clashes) = (&mut self.served, &mut self.clashes);
+        let refused = &mut self.refused;
         let mut keep = |event: Event<'_>| match event {
             Event::Data { payload, .. } => got.push(payload.to_vec()),
             Event::Request {
@@ -259,7 +290,10 @@ impl Client {
                 object,
                 notice: Notice::IncompatibleQos(policies),
             } => clashes.push((object, policies)),
-            Event::Status { status, .. } => assert!(status.is_ok(), "{status}"),
+            Event::Status { object, status, .. } if !status.is_ok() => match refused {
+                Some(refused) => refused.push((object, status)),
+                None => panic!("{status}"),
+            },
             _ => {}
         };
         if let Ok(len) = received {

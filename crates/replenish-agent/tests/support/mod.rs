@@ -20,11 +20,12 @@ use replenish_xrce::wire::{
     WriteData, WriterQos,
 };
 use replenish_xrce::wire::{Body, Submessages};
+use std::collections::BTreeMap;
 
 pub(crate) const MS: u64 = 1_000_000;
 pub(crate) const MTU: u16 = 512;
 
-/// What an agent sent, decoded.
+/// An agent's message, decoded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Got {
     Agent(Status),
@@ -40,6 +41,8 @@ pub(crate) struct World {
     pub(crate) agent: AgentCore<u32>,
     pub(crate) now: u64,
     pub(crate) sent: Vec<(u32, Vec<u8>)>,
+    /// Bytes from each peer, and to it.
+    pub(crate) bytes: BTreeMap<u32, (usize, usize)>,
 }
 
 impl World {
@@ -48,6 +51,7 @@ impl World {
             agent: AgentCore::new(limits),
             now: 0,
             sent: Vec::new(),
+            bytes: BTreeMap::new(),
         }
     }
 
@@ -65,17 +69,18 @@ impl World {
     }
 
     pub(crate) fn deliver(&mut self, peer: u32, bytes: &[u8]) {
+        self.bytes.entry(peer).or_default().0 += bytes.len();
         self.agent.receive(self.at(), peer, bytes);
         self.pump();
     }
 
     fn pump(&mut self) {
         let now = self.at();
-        let sent = &mut self.sent;
-        while self
-            .agent
-            .pump(now, 7, &mut |to, bytes| sent.push((*to, bytes.to_vec())))
-        {}
+        let (sent, counts) = (&mut self.sent, &mut self.bytes);
+        while self.agent.pump(now, 7, &mut |to, bytes| {
+            counts.entry(*to).or_default().1 += bytes.len();
+            sent.push((*to, bytes.to_vec()));
+        }) {}
     }
 
     pub(crate) fn at(&self) -> Now {
@@ -190,8 +195,8 @@ impl Client {
         }
     }
 
-    /// What has arrived since; acknowledged if that is asked for. Acknowledgements of the agent
-    /// for what this client sent in order are left out.
+    /// The messages that have arrived since; acknowledged if that is asked for. Acknowledgements of
+    /// the agent for messages that this client sent in order are left out.
     pub(crate) fn got(&mut self, world: &mut World) -> Vec<Got> {
         let mut all = Vec::new();
         loop {
@@ -230,7 +235,7 @@ impl Client {
         }
     }
 
-    /// What the agent has acknowledged last, if it has since this was asked before.
+    /// The agent's last acknowledgement, if one has come since the last call.
     pub(crate) fn acknowledged(&mut self, world: &mut World) -> Option<u16> {
         self.got(world);
         self.acked.take().map(|seq| seq.0)
@@ -412,6 +417,34 @@ impl Client {
         let seq = SeqNum(self.next_seq.wrapping_sub(1));
         let header = Header::new(self.session, StreamId::RELIABLE, seq, self.key);
         self.send(world, &header, &WriteData { base, payload });
+    }
+
+    /// One reliable message with a `WRITE_DATA` to writer `number` for each sample.
+    pub(crate) fn write_packed(
+        &mut self,
+        world: &mut World,
+        number: u16,
+        samples: &[Vec<u8>],
+    ) -> Vec<Got> {
+        self.next_seq = self.next_seq.wrapping_add(1);
+        self.packed_again(world, number, samples);
+        self.got(world)
+    }
+
+    /// The same message again.
+    pub(crate) fn packed_again(&mut self, world: &mut World, number: u16, samples: &[Vec<u8>]) {
+        let base = BaseRequest {
+            request: RequestId(self.next_request),
+            object: ObjectId::new(number, ObjectKind::DataWriter),
+        };
+        let seq = SeqNum(self.next_seq.wrapping_sub(1));
+        let header = Header::new(self.session, StreamId::RELIABLE, seq, self.key);
+        let mut buf = [0; 9000];
+        let mut message = MessageWriter::new(&mut buf, &header).unwrap();
+        for payload in samples {
+            message.push_padded(&WriteData { base, payload }).unwrap();
+        }
+        world.deliver(self.peer, message.finish());
     }
 
     /// `WRITE_DATA` to writer `number` on a best-effort stream.

@@ -11,7 +11,7 @@ use replenish_xrce::client::{Buffers, Config, PingPolicy, ReliableBuffers, Sessi
 use replenish_xrce::wire::{
     ClientKey, CreationMode, DataReaderBinary, DataWriterBinary, DeliveryControl, EndpointQos,
     Entity, GroupBinary, ObjectId, ObjectKind, ParticipantBinary, QOS_HISTORY_KEEP_LAST,
-    QOS_RELIABLE, ReaderQos, Representation, StreamId, TopicBinary,
+    QOS_RELIABLE, ReaderQos, Representation, StreamId, TopicBinary, WriterQos,
 };
 
 pub(crate) const MS: u64 = 1_000_000;
@@ -60,12 +60,39 @@ pub(crate) fn endpoints(session: &mut Client, writes: &str, reads: &str, stream:
     endpoints_of(session, writes, reads, stream);
 }
 
+/// The same, both reliable and keep-all.
+pub(crate) fn keep_all(session: &mut Client, writes: &str, reads: &str, stream: StreamId) {
+    let all = EndpointQos {
+        flags: QOS_RELIABLE,
+        ..EndpointQos::default()
+    };
+    let writer = WriterQos {
+        endpoint: all,
+        ownership_strength: None,
+    };
+    endpoints_with(session, (writes, reads), stream, (Some(writer), all));
+}
+
 /// The same for a session of another size.
 pub(crate) fn endpoints_of<const N: usize>(
     session: &mut Session<Vec<u8>, N, 32>,
     writes: &str,
     reads: &str,
     stream: StreamId,
+) {
+    let endpoint = EndpointQos {
+        flags: QOS_RELIABLE | QOS_HISTORY_KEEP_LAST,
+        depth: Some(100),
+        ..EndpointQos::default()
+    };
+    endpoints_with(session, (writes, reads), stream, (None, endpoint));
+}
+
+fn endpoints_with<const N: usize>(
+    session: &mut Session<Vec<u8>, N, 32>,
+    (writes, reads): (&str, &str),
+    stream: StreamId,
+    (of_writer, endpoint): (Option<WriterQos>, EndpointQos),
 ) {
     let id = ObjectId::new;
     let participant = id(1, ObjectKind::Participant);
@@ -93,16 +120,14 @@ pub(crate) fn endpoints_of<const N: usize>(
     create(publisher, Entity::Publisher { repr, participant });
     create(subscriber, Entity::Subscriber { repr, participant });
     let topic = id(1, ObjectKind::Topic);
-    let repr = Representation::Binary(DataWriterBinary { topic, qos: None });
+    let repr = Representation::Binary(DataWriterBinary {
+        topic,
+        qos: of_writer,
+    });
     create(
         id(1, ObjectKind::DataWriter),
         Entity::DataWriter { repr, publisher },
     );
-    let endpoint = EndpointQos {
-        flags: QOS_RELIABLE | QOS_HISTORY_KEEP_LAST,
-        depth: Some(100),
-        ..EndpointQos::default()
-    };
     let qos = Some(ReaderQos {
         endpoint,
         ..ReaderQos::default()

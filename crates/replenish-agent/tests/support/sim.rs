@@ -9,17 +9,20 @@
 )]
 #![allow(dead_code, reason = "every test binary uses its own part")]
 
-use super::session::{Client, MS, WRITER, endpoints, session};
+use super::session::{Client, MS, WRITER, endpoints, keep_all, session, session_with};
 use replenish_agent::{AgentCore, Limits, Now};
-use replenish_xrce::client::{Event, SessionState, WriteError};
-use replenish_xrce::wire::StreamId;
+use replenish_xrce::client::{Config, Event, SessionState, WriteError};
+use replenish_xrce::wire::{ClientKey, StreamId};
 use std::cmp::Reverse;
-use std::collections::{BinaryHeap, VecDeque};
+use std::collections::{BTreeMap, BinaryHeap, VecDeque};
 
 /// Enough that a rough link is not taken for a lost agent.
 const PATIENCE: u64 = 6000 * MS;
 
-/// What a link does to datagrams, in thousandths and nanoseconds.
+/// An address that is no client's.
+const STRANGER: usize = usize::MAX;
+
+/// A link's damage to datagrams, in thousandths and nanoseconds.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Faults {
     pub(crate) loss: u64,
@@ -47,10 +50,12 @@ impl From<Faults> for (Faults, u64) {
 
 struct Node {
     session: Client,
-    /// What was written while the stream was full, or the session down.
+    /// Samples written while the stream was full, or the session down.
     outbox: VecDeque<(StreamId, Vec<u8>)>,
     /// How many samples the session has taken.
     taken: usize,
+    /// It stands still: what comes for it is lost.
+    paused: bool,
     got: Vec<Vec<u8>>,
 }
 
@@ -72,9 +77,16 @@ pub(crate) struct Sim {
     nodes: Vec<Node>,
     wire: BinaryHeap<Reverse<UnderWay>>,
     order: u64,
-    faults: Faults,
+    pub(crate) faults: Faults,
     random: u64,
+    /// The fates of the next datagrams, a byte each; `faults` decides after them.
+    pub(crate) fates: VecDeque<u8>,
+    /// Datagrams of each client and direction that `fates` has lost in a row.
+    lost: BTreeMap<(usize, bool), u8>,
 }
+
+/// `fates` loses no more in a row: a peer whose every datagram is lost is taken for dead.
+const MOST_LOST: u8 = 3;
 
 impl Sim {
     pub(crate) fn new(faults: impl Into<(Faults, u64)>) -> Self {
@@ -88,6 +100,8 @@ impl Sim {
             order: 0,
             faults,
             random: seed | 1,
+            fates: VecDeque::new(),
+            lost: BTreeMap::new(),
         }
     }
 
@@ -105,6 +119,7 @@ impl Sim {
             session,
             outbox: VecDeque::new(),
             taken: 0,
+            paused: false,
             got: Vec::new(),
         });
         number
@@ -114,6 +129,25 @@ impl Sim {
     pub(crate) fn restart_client(&mut self, client: usize) {
         self.nodes[client].session = session(u8::try_from(client + 1).unwrap(), PATIENCE);
         self.nodes[client].session.connect(self.now);
+    }
+
+    /// The same with a session of its own. A new process has a new port: datagrams from and to the
+    /// old one are nobody's.
+    pub(crate) fn replace(&mut self, client: usize, session: Client) {
+        self.wire
+            .retain(|Reverse(datagram)| datagram.client != client);
+        self.nodes[client].session = session;
+        self.nodes[client].session.connect(self.now);
+    }
+
+    /// Lets a client stand still, or go on.
+    pub(crate) fn pause(&mut self, client: usize, paused: bool) {
+        self.nodes[client].paused = paused;
+    }
+
+    /// Samples that a client's session has not taken.
+    pub(crate) fn waiting(&self, client: usize) -> usize {
+        self.nodes[client].outbox.len()
     }
 
     /// The agent's process ends and starts again.
@@ -150,7 +184,7 @@ impl Sim {
         self.flush();
     }
 
-    /// What the clock says.
+    /// The clock's time.
     pub(crate) fn now(&self) -> u64 {
         self.now
     }
@@ -197,6 +231,7 @@ impl Sim {
         let sessions = self
             .nodes
             .iter()
+            .filter(|node| !node.paused)
             .filter_map(|node| node.session.next_deadline());
         let agent = self.agent.next_deadline().filter(|_| self.agent_is_there);
         let next = sessions.chain(arrival).chain(agent).min();
@@ -214,7 +249,7 @@ impl Sim {
             };
             self.arrive(&datagram);
         }
-        for node in &mut self.nodes {
+        for node in self.nodes.iter_mut().filter(|node| !node.paused) {
             let Node { session, got, .. } = node;
             session.tick(self.now, &mut |event| keep(got, &event));
         }
@@ -224,7 +259,11 @@ impl Sim {
 
     fn arrive(&mut self, datagram: &UnderWay) {
         if !datagram.to_agent {
-            let Node { session, got, .. } = &mut self.nodes[datagram.client];
+            let node = &mut self.nodes[datagram.client];
+            if node.paused {
+                return;
+            }
+            let Node { session, got, .. } = node;
             session.handle(self.now, &datagram.bytes, &mut |event| keep(got, &event));
         } else if self.agent_is_there {
             let now = Now {
@@ -246,7 +285,8 @@ impl Sim {
             let mut send = |to: &usize, bytes: &[u8]| sent.push((*to, false, bytes.to_vec()));
             while self.agent.pump(now, 5, &mut send) {}
         }
-        for (number, node) in self.nodes.iter_mut().enumerate() {
+        let running = |(_, node): &(usize, &mut Node)| !node.paused;
+        for (number, node) in self.nodes.iter_mut().enumerate().filter(running) {
             loop {
                 while let Some(bytes) = node.session.poll_transmit(self.now) {
                     sent.push((number, true, bytes.to_vec()));
@@ -269,7 +309,26 @@ impl Sim {
         }
     }
 
+    /// A datagram that the agent gets at once, from an address that is no client's.
+    pub(crate) fn stranger_sends(&mut self, bytes: &[u8]) {
+        if self.agent_is_there {
+            let now = Now {
+                monotonic: self.now,
+                unix: 0,
+            };
+            self.agent.receive(now, STRANGER, bytes);
+        }
+        self.flush();
+    }
+
     fn put_on_the_wire(&mut self, client: usize, to_agent: bool, bytes: &[u8]) {
+        if client == STRANGER {
+            return;
+        }
+        if let Some(fate) = self.fates.pop_front() {
+            self.meet(fate, client, to_agent, bytes);
+            return;
+        }
         let copies = if self.chance(self.faults.loss) {
             0
         } else {
@@ -278,17 +337,38 @@ impl Sim {
         for _ in 0..copies {
             let (least, most) = self.faults.delay;
             let at = self.now + least + self.random() % (most - least + 1);
-            self.order += 1;
-            let order = self.order;
-            let bytes = bytes.to_vec();
-            self.wire.push(Reverse(UnderWay {
-                at,
-                order,
-                client,
-                to_agent,
-                bytes,
-            }));
+            self.send_at(at, client, to_agent, bytes);
         }
+    }
+
+    /// Three bits of `fate` say what happens to a datagram, the others when it arrives.
+    fn meet(&mut self, fate: u8, client: usize, to_agent: bool, bytes: &[u8]) {
+        let (what, when) = (fate % 8, u64::from(fate / 8));
+        let lost = self.lost.entry((client, to_agent)).or_default();
+        // A damaged datagram is lost: UDP's checksum finds the damage.
+        if what < 2 && *lost < MOST_LOST {
+            *lost += 1;
+            return;
+        }
+        *lost = 0;
+        let soon = self.now + MS / 10 + when * MS / 5;
+        self.send_at(soon, client, to_agent, bytes);
+        match what {
+            2 => self.send_at(soon + when * MS, client, to_agent, bytes),
+            3 => self.send_at(self.now + when * 4 * MS, client, to_agent, bytes),
+            _ => {}
+        }
+    }
+
+    fn send_at(&mut self, at: u64, client: usize, to_agent: bool, bytes: &[u8]) {
+        self.order += 1;
+        self.wire.push(Reverse(UnderWay {
+            at,
+            order: self.order,
+            client,
+            to_agent,
+            bytes: bytes.to_vec(),
+        }));
     }
 
     fn chance(&mut self, thousandths: u64) -> bool {
@@ -308,4 +388,25 @@ fn keep(got: &mut Vec<Vec<u8>>, event: &Event<'_>) {
     if let Event::Data { payload, .. } = event {
         got.push(payload.to_vec());
     }
+}
+
+/// A writer, client 0, and two readers that want all.
+pub(crate) fn network(seed: u64) -> Sim {
+    let mut sim = Sim::new(Faults::NONE.seeded(seed));
+    for (key, writes, reads) in [(1, "steady", "x"), (2, "y", "steady"), (3, "z", "steady")] {
+        sim.client_with(member(key, writes, reads));
+    }
+    sim.until(60_000 * MS, "all are up", Sim::all_up);
+    sim
+}
+
+/// A client whose writer and reader are reliable and keep all.
+pub(crate) fn member(key: u8, writes: &str, reads: &str) -> Client {
+    let config = Config {
+        confirm_delivery: true,
+        ..Config::new(ClientKey([key; 4]))
+    };
+    let mut session = session_with(config, 800 * MS);
+    keep_all(&mut session, writes, reads, StreamId::RELIABLE);
+    session
 }

@@ -18,7 +18,7 @@ use replenish_xrce::wire::StreamId;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 
-/// What carries a client's bytes.
+/// The carrier of a client's bytes.
 pub(crate) enum Carrier {
     Tcp(TcpStream, Prefixed<Vec<u8>>),
     Serial {

@@ -10,14 +10,18 @@
 //! side's. Between clients samples go through the agent as ever: a bridge must not give back what
 //! it got from here, and what comes from it goes to clients only. So nothing goes in circles.
 
+use super::{Asker, NameRefusal, Names};
 use crate::entities::{Address, EntityRecord, Plan, Qos, TopicKey};
-use crate::flow::{Identity, Sample};
+use crate::flow::{Identity, Sample, shrink};
 use replenish_xrce::Nanos;
 use replenish_xrce::wire::{Entity, ObjectId};
 use std::collections::{HashMap, VecDeque};
 
 /// Samples that may wait for the bridge to ask for them.
 const MAX_SAMPLES: usize = 1024;
+
+/// Their bytes: the bridge asks after each batch of datagrams.
+pub(crate) const MAX_BYTES: usize = 4 * 1024 * 1024;
 
 /// Identifies a node or endpoint at the seam; never used twice.
 pub type BridgeId = u64;
@@ -42,7 +46,7 @@ pub enum BridgeEvent {
         domain: i16,
         /// The participant it belongs to, if that is still there.
         node: Option<BridgeId>,
-        /// What it does.
+        /// Its kind.
         kind: BridgeKind,
     },
     /// A node or endpoint is gone.
@@ -132,8 +136,11 @@ impl BridgeSample {
 }
 
 /// The core's side of the seam.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct Bridge {
+    names: Names,
+    /// The topics of endpoints that names were admitted for.
+    admitted: HashMap<Address, Vec<TopicKey>>,
     last: BridgeId,
     ids: HashMap<Address, BridgeId>,
     addresses: HashMap<BridgeId, Address>,
@@ -141,9 +148,57 @@ pub(crate) struct Bridge {
     groups: HashMap<Address, ObjectId>,
     events: VecDeque<BridgeEvent>,
     samples: usize,
+    bytes: usize,
 }
 
 impl Bridge {
+    pub(crate) fn new(names: Names) -> Self {
+        Self {
+            names,
+            admitted: HashMap::new(),
+            last: 0,
+            ids: HashMap::new(),
+            addresses: HashMap::new(),
+            groups: HashMap::new(),
+            events: VecDeque::new(),
+            samples: 0,
+            bytes: 0,
+        }
+    }
+
+    /// Whether the names of a new entity may cross; to be asked before [`created`](Self::created).
+    pub(crate) fn admit(
+        &mut self,
+        by: Asker,
+        address: Address,
+        record: &EntityRecord,
+    ) -> Result<(), NameRefusal> {
+        let keys: &[&TopicKey] = match &record.plan {
+            Plan::Participant { .. } | Plan::Topic { .. } | Plan::Group { .. } => return Ok(()),
+            Plan::Writer { key, .. } | Plan::Reader { key, .. } => &[key],
+            Plan::Requester { request, reply } | Plan::Replier { request, reply } => {
+                &[request, reply]
+            }
+        };
+        let mut admitted: Vec<TopicKey> = Vec::new();
+        for key in keys {
+            let name = (key.domain, &*key.name, &*key.type_name);
+            if let Err(refusal) = self.names.admit(by, name) {
+                self.release(&admitted);
+                return Err(refusal);
+            }
+            admitted.push((*key).clone());
+        }
+        self.admitted.insert(address, admitted);
+        Ok(())
+    }
+
+    fn release(&mut self, keys: &[TopicKey]) {
+        for key in keys {
+            self.names.release(key.domain, &key.name);
+        }
+    }
+
     /// An entity has been created.
     pub(crate) fn created(&mut self, address: Address, entity: &Entity<'_>, record: &EntityRecord) {
         let at = |object| Address { object, ..address };
@@ -200,6 +255,9 @@ impl Bridge {
     /// Notes a deleted entity. Events about it that the bridge has not taken are removed.
     pub(crate) fn deleted(&mut self, address: Address) {
         self.groups.remove(&address);
+        if let Some(keys) = self.admitted.remove(&address) {
+            self.release(&keys);
+        }
         let Some(gone) = self.ids.remove(&address) else {
             return;
         };
@@ -209,10 +267,11 @@ impl Bridge {
             _ => false,
         };
         if self.events.iter().any(of_gone) {
-            let samples = &mut self.samples;
+            let (samples, bytes) = (&mut self.samples, &mut self.bytes);
             self.events.retain(|event| match event {
-                BridgeEvent::Sample { id, .. } if *id == gone => {
+                BridgeEvent::Sample { id, sample } if *id == gone => {
                     *samples -= 1;
+                    *bytes -= sample.payload().len();
                     false
                 }
                 event => !of_gone(event),
@@ -242,10 +301,12 @@ impl Bridge {
 
     /// A client has written; returns whether there was room.
     pub(crate) fn wrote(&mut self, id: BridgeId, sample: &Sample) -> bool {
-        if self.samples >= MAX_SAMPLES {
+        let room = MAX_BYTES.saturating_sub(self.bytes);
+        if self.samples >= MAX_SAMPLES || sample.len() > room {
             return false;
         }
         self.samples += 1;
+        self.bytes += sample.len();
         let info = sample.info();
         let request = info.request.or(info.reply_to).map(pair);
         let payload = Bytes::Inner(sample.clone());
@@ -256,8 +317,11 @@ impl Bridge {
 
     /// The next event.
     pub(crate) fn poll(&mut self) -> Option<BridgeEvent> {
-        let event = self.events.pop_front()?;
-        self.samples -= usize::from(matches!(event, BridgeEvent::Sample { .. }));
+        let event = shrink::pop_front(&mut self.events)?;
+        if let BridgeEvent::Sample { sample, .. } = &event {
+            self.samples -= 1;
+            self.bytes -= sample.payload().len();
+        }
         Some(event)
     }
 }
