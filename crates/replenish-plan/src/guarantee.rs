@@ -1,6 +1,7 @@
-//! What a worker needs, in its user's words.
+//! The need of a worker, in its user's words.
 
 use crate::Nanos;
+use crate::guarantee_error::GuaranteeError;
 use crate::span::Exact;
 use sporadic::Budget;
 use std::fmt;
@@ -20,6 +21,8 @@ use std::time::Duration;
 pub struct Guarantee {
     pub(crate) budget: Budget,
     pub(crate) per_job: bool,
+    /// The bits of a rate in Hz that has no period, for its error; else 0.
+    pub(crate) refused_rate: u64,
     pub(crate) deadline: Option<Nanos>,
     pub(crate) importance: u8,
     pub(crate) minimum: Option<Nanos>,
@@ -34,10 +37,10 @@ pub struct OfAmount(Nanos);
 /// A rate that still needs an execution time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[must_use = "a rate needs an execution time: .taking(…)"]
-pub struct OfRate(Nanos);
+pub struct OfRate(f64);
 
 impl Guarantee {
-    /// What [`importance`](Self::importance) is if it is not given.
+    /// The [`importance`](Self::importance) where none is given.
     pub const IMPORTANCE: u8 = 100;
 
     /// `amount` of CPU time; the period follows.
@@ -45,10 +48,10 @@ impl Guarantee {
         OfAmount(nanos(amount))
     }
 
-    /// So many callbacks per second, in Hz; their execution time follows. A rate that is not
+    /// A rate of callbacks, in Hz; their execution time follows. A rate that is not
     /// positive and finite counts as out of range when the plan is made.
     pub fn at(hertz: f64) -> OfRate {
-        OfRate(period_of(hertz).unwrap_or(0))
+        OfRate(hertz)
     }
 
     /// By when after a release the time must have been given; 0 < deadline <= period. Default: the
@@ -152,6 +155,11 @@ impl Guarantee {
                     value,
                     low,
                     high,
+                    rate: self.per_job.then(|| match period {
+                        0 => f64::from_bits(self.refused_rate),
+                        _ => 1e9 / period as f64,
+                    }),
+                    deadline: self.deadline.is_some(),
                 });
             }
         }
@@ -174,7 +182,11 @@ impl OfRate {
     /// The guarantee of this rate for callbacks of at most `execution` CPU time: measured, with a
     /// margin, or known.
     pub fn taking(self, execution: Duration) -> Guarantee {
-        Guarantee::new(nanos(execution), self.0, true)
+        let period = period_of(self.0).unwrap_or(0);
+        Guarantee {
+            refused_rate: if period == 0 { self.0.to_bits() } else { 0 },
+            ..Guarantee::new(nanos(execution), period, true)
+        }
     }
 }
 
@@ -197,6 +209,7 @@ impl From<Budget> for Guarantee {
         Self {
             budget,
             per_job: false,
+            refused_rate: 0,
             deadline: None,
             importance: Self::IMPORTANCE,
             minimum: None,
@@ -232,43 +245,3 @@ impl fmt::Display for Guarantee {
         Ok(())
     }
 }
-
-/// A field of a guarantee out of its range.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct GuaranteeError {
-    /// Which.
-    pub field: &'static str,
-    /// Its value in ns.
-    pub value: Nanos,
-    /// The smallest allowed value in ns.
-    pub low: Nanos,
-    /// The largest allowed value in ns.
-    pub high: Nanos,
-}
-
-impl GuaranteeError {
-    /// The range: `1 ns to 10 ms (the deadline)`.
-    #[must_use]
-    pub fn allowed(&self) -> String {
-        let limit = match self.field {
-            "amount" | "desired" => " (the deadline)",
-            "deadline" => " (the period)",
-            "minimum" => " (the amount)",
-            _ => "",
-        };
-        format!("{} to {}{limit}", Exact(self.low), Exact(self.high))
-    }
-}
-
-impl fmt::Display for GuaranteeError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (value, allowed) = (Exact(self.value), self.allowed());
-        write!(
-            f,
-            "{} {value} is out of range: allowed {allowed}",
-            self.field
-        )
-    }
-}
-
-impl std::error::Error for GuaranteeError {}

@@ -31,9 +31,11 @@
 //! # Ok::<(), replenish_plan::Refusal>(())
 //! ```
 #![forbid(unsafe_code)]
+#![deny(clippy::indexing_slicing)]
 
 pub mod file;
 mod guarantee;
+mod guarantee_error;
 #[cfg(unix)]
 pub mod ledger;
 mod machine;
@@ -42,12 +44,13 @@ mod request;
 pub mod span;
 
 pub use file::{Deployment, FileError, Template, TemplateWorker};
-pub use guarantee::{Guarantee, GuaranteeError, OfAmount, OfRate};
+pub use guarantee::{Guarantee, OfAmount, OfRate};
+pub use guarantee_error::GuaranteeError;
 pub use machine::{Machine, Overheads};
 pub use planner::{
     Alternative, Changed, CpuLoad, Plan, PlannedChain, PlannedExecutor, PlannedWorker, Refusal,
     plan,
 };
 pub use replenish_sim::analysis::{Demand, Section};
-pub use request::{ExecutorRequest, Promise, Request, Requirement, Worker};
+pub use request::{ExecutorRequest, Hold, Promise, Request, Requirement, Worker};
 pub use sporadic::{Nanos, Policy};

@@ -1,4 +1,4 @@
-//! What there is to give: CPUs, priorities, and what enforcing costs.
+//! Resources to plan with: CPUs, priorities, and the costs of enforcement.
 
 use crate::Nanos;
 use replenish_sim::analysis::Costs;
@@ -6,7 +6,7 @@ use replenish_sim::{End, Enforcement, Platform, Span};
 use sporadic::Tuning;
 use std::ops::RangeInclusive;
 
-/// What a plan may use.
+/// The resources that a plan may use.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Machine {
     /// The CPUs that workers may be put on, by their numbers, at least one.
@@ -18,7 +18,7 @@ pub struct Machine {
     /// The share of each CPU that real-time threads may take, above 0 up to 1. Linux stops them for
     /// the rest of every second (`kernel.sched_rt_runtime_us`).
     pub real_time_share: f64,
-    /// What scheduling and enforcing cost.
+    /// The costs of scheduling and enforcement.
     pub overheads: Overheads,
 }
 
@@ -47,7 +47,7 @@ impl Machine {
     }
 }
 
-/// What scheduling costs and how late enforcement can be, in ns. Conservative: a bound that is
+/// The costs of scheduling and the lateness of enforcement, in ns. Conservative: a bound that is
 /// computed with them is as good as they are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Overheads {
@@ -161,19 +161,21 @@ impl Overheads {
         }
     }
 
-    /// For the analysis. `alone`: everything above a budgeted worker on this CPU has a budget held
-    /// by the same enforcer, which then looks at the worker again as soon as the CPU is free;
-    /// otherwise its check can be put off by [`Tuning::max_backoff`].
-    pub(crate) fn costs(&self, alone: bool) -> Costs {
-        let backoff = if alone { 0 } else { self.tuning.max_backoff };
+    /// For the analysis. `seen`: whenever a budgeted worker on this CPU gets it back, the enforcer
+    /// knows and looks at the worker again in time. Otherwise its check can be put off by
+    /// [`Tuning::backoff`].
+    pub(crate) fn costs(&self, seen: bool) -> Costs {
+        let max_backoff = if seen { 0 } else { self.tuning.max_backoff };
         Costs {
             context_switch: self.context_switch,
             job: self.callback,
             release_interrupt: self.release_interrupt,
             tick: 0,
             latency: self.latency,
-            put_off: self.tuning.min_rearm + backoff,
-            slack: self.tuning.slack,
+            tuning: Tuning {
+                max_backoff,
+                ..self.tuning
+            },
             enforcement: self.enforcement,
         }
     }

@@ -1,4 +1,4 @@
-//! What is asked of the planner: workers, the executor, and what others were promised.
+//! The planner's request: workers, the executor, and the promises to others.
 
 use crate::{Guarantee, Machine, Nanos};
 use replenish_sim::analysis::{Demand, Section};
@@ -7,14 +7,17 @@ use sporadic::Policy;
 /// Everything a plan depends on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Request {
-    /// What there is to give.
+    /// The CPUs and costs to plan with.
     pub machine: Machine,
     /// The workers, with unique names.
     pub workers: Vec<Worker>,
     /// The executor's own thread.
     pub executor: ExecutorRequest,
-    /// What runs on these CPUs already and cannot be changed.
+    /// Threads that run on these CPUs already and cannot be changed.
     pub promised: Vec<Promise>,
+    /// The names of the locks that workers hold: groups of handles, locks of a deployment file. At
+    /// most 4096.
+    pub locks: Vec<String>,
 }
 
 impl Request {
@@ -26,6 +29,7 @@ impl Request {
             workers: Vec::new(),
             executor: ExecutorRequest::Planned { cpu: None },
             promised: Vec::new(),
+            locks: Vec::new(),
         }
     }
 
@@ -47,10 +51,10 @@ pub struct Worker {
     /// The only CPU it may use; `None`: a guaranteed worker goes where the plan puts it, others
     /// may run on any.
     pub cpu: Option<usize>,
-    /// What it is known to do, if anything is; a rate guarantee says it already.
+    /// Its demand, if it is known; a rate guarantee states it already.
     pub demand: Option<Demand>,
-    /// The locks each callback takes, shared with workers of the same CPU.
-    pub sections: Vec<Section>,
+    /// The locks its callbacks hold.
+    pub holds: Vec<Hold>,
     /// By when its callbacks must end, for workers whose demand is known. Ignored beside a
     /// guarantee, which has its own.
     pub deadline: Option<Nanos>,
@@ -78,7 +82,7 @@ impl Worker {
             scheduling,
             cpu: None,
             demand: None,
-            sections: Vec::new(),
+            holds: Vec::new(),
             deadline: None,
             late: 0,
         }
@@ -98,10 +102,45 @@ impl Worker {
         self
     }
 
+    /// Says that callbacks hold a lock, one after another if it is said more than once.
+    #[must_use]
+    pub fn holding(mut self, hold: Hold) -> Self {
+        self.holds.push(hold);
+        self
+    }
+
     pub(crate) fn guarantee(&self) -> Option<&Guarantee> {
         match &self.scheduling {
             Requirement::Guarantee(guarantee) => Some(guarantee),
             Requirement::Policy(_) => None,
+        }
+    }
+}
+
+/// A lock that a callback holds: of a group's handle from its beginning to its end.
+///
+/// A guaranteed worker waits for the others that hold the lock, each of which inherits its priority
+/// meanwhile. So the length must be known of everybody with whom a guaranteed worker shares a lock,
+/// and they must be on the same CPU.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Hold {
+    /// Which one of [`Request::locks`].
+    pub lock: usize,
+    /// For how long one callback holds it at most: CPU time, and what it blocks meanwhile. `None`:
+    /// not stated; then it is the amount of a rate guarantee, and otherwise unknown.
+    pub length: Option<Nanos>,
+    /// The handle whose callback it is, for messages; empty: not known.
+    pub handle: String,
+}
+
+impl Hold {
+    /// A callback of `handle` holds `lock` for at most `length`.
+    #[must_use]
+    pub fn of(lock: usize, length: Option<Nanos>, handle: impl Into<String>) -> Self {
+        Self {
+            lock,
+            length,
+            handle: handle.into(),
         }
     }
 }
@@ -144,9 +183,23 @@ pub struct Promise {
     pub cpu: Option<usize>,
     /// How it is scheduled.
     pub policy: Policy,
-    /// What it does, if known.
+    /// Its demand, if known.
     pub demand: Option<Demand>,
+    /// The locks that its callbacks share with others of its program. Their numbers follow those of
+    /// [`Request::locks`]; no two programs share one.
+    pub sections: Vec<Section>,
     /// By when its budget must be delivered (and its jobs must end), in ns; `None`: it was promised
     /// nothing.
     pub deadline: Option<Nanos>,
+}
+
+impl Promise {
+    /// The first number that no lock has yet, behind the `locks` of the request itself: for
+    /// [`sections`](Self::sections) of one more program.
+    #[must_use]
+    pub fn next_lock(locks: usize, promised: &[Self]) -> usize {
+        let promised = promised.iter().flat_map(|p| &p.sections);
+        let next = promised.map(|s| s.lock + 1).max().unwrap_or(0);
+        next.max(locks)
+    }
 }

@@ -14,7 +14,7 @@ const UNITS: [(&str, Nanos); 4] = [
 /// Reads `30 ms`, `30ms`, `0.5 s`, `250 us` (also `µs`), `10 ns`: a decimal number and a unit.
 ///
 /// # Errors
-/// What is wrong, with what is allowed. Fractions of a nanosecond and spans above
+/// The error, with the allowed values. Fractions of a nanosecond and spans above
 /// 18 446 744 073 s do not exist.
 pub fn parse(text: &str) -> Result<Nanos, String> {
     let refuse = |why: &str| {

@@ -5,7 +5,7 @@ use crate::{Policy, Releases, Step, System, Thread};
 use core::fmt;
 use sporadic::Params;
 
-/// What is wrong with a [`System`].
+/// A contradiction in a [`System`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SpecError {
     /// The thread, if it is about one.

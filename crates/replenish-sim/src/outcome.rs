@@ -1,4 +1,4 @@
-//! What a run yields: counts, response times, CPU times, and the trace.
+//! The result of a run: counts, response times, CPU times, and the trace.
 
 use crate::{LockId, Nanos, ThreadId};
 use sporadic::Level;
@@ -14,11 +14,11 @@ pub struct Outcome {
     pub idle: Vec<Nanos>,
     /// Time each CPU spent on release interrupts and the enforcer, in ns.
     pub overhead: Vec<Nanos>,
-    /// What happened, in order; empty unless asked for.
+    /// The events, in order; empty unless asked for.
     pub trace: Vec<Event>,
 }
 
-/// What became of one thread. Jobs that had not ended count as released only.
+/// The result of one thread. Jobs that had not ended count as released only.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ThreadOutcome {
     /// Releases, those that were lost included.
@@ -66,11 +66,11 @@ pub struct Event {
     pub time: Nanos,
     /// Whom it concerns.
     pub thread: ThreadId,
-    /// What it was.
+    /// The kind of event.
     pub what: What,
 }
 
-/// What can happen to a thread.
+/// An event of a thread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum What {
     /// A release arrived.
@@ -99,8 +99,8 @@ pub enum What {
         /// Which.
         cpu: usize,
     },
-    /// What its budget has left, in ns. Between two entries it falls evenly while the thread runs,
-    /// and stays while it does not; a jump is two entries at one time.
+    /// CPU time left in its budget, in ns. Between two entries it falls evenly while the thread
+    /// runs, and stays while it does not; a jump is two entries at one time.
     Budget {
         /// The amount.
         left: Nanos,

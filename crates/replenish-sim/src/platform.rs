@@ -1,4 +1,4 @@
-//! What scheduling costs on the simulated machine, and how late it acts.
+//! The costs of scheduling on the simulated machine, and its lateness.
 
 use crate::{Nanos, Span};
 use sporadic::Tuning;
@@ -22,7 +22,7 @@ pub struct Platform {
     /// Where a thread without budget joins the list of its background priority. A plain
     /// `sched_setattr` of Linux puts it at the head, our enforcer makes it the tail (POSIX).
     pub demote_to: End,
-    /// Who enforces budgets.
+    /// The enforcement of budgets.
     pub enforcement: Enforcement,
 }
 
@@ -54,7 +54,7 @@ pub enum End {
     Tail,
 }
 
-/// Who enforces budgets.
+/// The enforcer of budgets.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Enforcement {
     /// The kernel, which knows what the running thread has consumed and acts at once (with a
@@ -67,7 +67,7 @@ pub enum Enforcement {
         tuning: Tuning,
         /// From the expiry of the timer to the reading of the CPU clock; the thread runs on.
         latency: Span,
-        /// What each expiry takes of the CPU, charged to nobody.
+        /// CPU time of each expiry, charged to nobody.
         cost: Nanos,
     },
 }

@@ -57,9 +57,9 @@ pub enum Span {
     },
     /// Mostly `usual`, but `worst` in one of `one_in` draws: a rare slow path.
     Rare {
-        /// What is usual, in ns.
+        /// The usual duration, in ns.
         usual: Nanos,
-        /// What happens now and then, in ns.
+        /// The rare duration, in ns.
         worst: Nanos,
         /// How rare; 0 means never.
         one_in: u32,

@@ -1,4 +1,4 @@
-//! What is simulated: CPUs, threads with their policies, when they are released, what they do.
+//! The simulated system: CPUs, threads with their policies, releases and jobs.
 //!
 //! Plain data with public fields, so that a deployment file can be read into it.
 
@@ -17,7 +17,7 @@ pub struct System {
     pub cpus: usize,
     /// Number of priority-inheriting locks.
     pub locks: usize,
-    /// What scheduling and enforcement cost, and how late they are.
+    /// The costs and the lateness of scheduling and enforcement.
     pub platform: Platform,
     /// The threads. At equal times an earlier thread's events are handled first.
     pub threads: Vec<Thread>,
@@ -58,7 +58,7 @@ pub struct Thread {
     pub queue: usize,
     /// Which release is lost when the queue is full.
     pub overflow: Overflow,
-    /// What one job does. Every lock must be released again.
+    /// The steps of one job. Every lock must be released again.
     pub body: Vec<Step>,
     /// Jobs that take longer from release to end count as misses.
     pub deadline: Option<Nanos>,

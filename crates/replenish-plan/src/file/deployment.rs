@@ -1,4 +1,4 @@
-//! What a deployment file says, and what is asked of the planner for it.
+//! The content of a deployment file, and the planner's request for it.
 
 use super::error::{FileError, Source};
 use crate::{
@@ -14,7 +14,7 @@ const MAX_ROUNDS: usize = 32;
 /// A deployment file that was read and makes sense by itself.
 #[derive(Debug, Clone)]
 pub struct Deployment {
-    /// What there is to give.
+    /// The CPUs and costs to plan with.
     pub machine: Machine,
     /// The executor's own thread.
     pub executor: ExecutorRequest,
@@ -22,6 +22,8 @@ pub struct Deployment {
     pub workers: Vec<Described>,
     /// Chains of workers.
     pub chains: Vec<Chain>,
+    /// The names of locks.
+    pub locks: Vec<String>,
     /// Which parts of the machine section were written in the file.
     pub machine_given: bool,
     /// Which of its overheads were, in their order.
@@ -41,13 +43,13 @@ pub struct Described {
     /// How it is to be scheduled; `None`: the file does not say (time-shared, or as the program
     /// says).
     pub scheduling: Option<Requirement>,
-    /// What it does.
+    /// The worker's load.
     pub load: Load,
     pub(super) place: Range<usize>,
     pub(super) handle_places: Vec<Range<usize>>,
 }
 
-/// What a worker does, for the simulator and for bounds.
+/// A worker's load, for the simulator and for bounds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Load {
     /// CPU time of one callback; `None`: not stated.
@@ -62,8 +64,9 @@ pub struct Load {
     pub overflow: Overflow,
     /// Workers that each callback releases at its end.
     pub sends: Vec<usize>,
-    /// Locks that each callback takes, one after another, and for how long it holds them.
-    pub locks: Vec<(usize, Nanos)>,
+    /// Locks that each callback takes, one after another, and for how long it holds them: places in
+    /// [`Deployment::locks`]. `None`: not stated; it holds the lock while it runs.
+    pub locks: Vec<(usize, Option<Nanos>)>,
     /// By when its callbacks must end, if it has no guarantee.
     pub deadline: Option<Nanos>,
 }
@@ -80,7 +83,7 @@ pub struct Chain {
 }
 
 impl Deployment {
-    /// What to ask of [`plan`](crate::plan()).
+    /// The request for [`plan`](crate::plan()).
     #[must_use]
     pub fn request(&self) -> Request {
         let worker = |described: &Described| crate::Worker {
@@ -91,7 +94,7 @@ impl Deployment {
                 .unwrap_or(Requirement::Policy(sporadic::Policy::Other)),
             cpu: described.cpu,
             demand: self.demand(described),
-            sections: described.load.sections(),
+            holds: described.holds(),
             deadline: described.load.deadline,
             late: 0,
         };
@@ -100,6 +103,7 @@ impl Deployment {
             workers: self.workers.iter().map(worker).collect(),
             executor: self.executor.clone(),
             promised: Vec::new(),
+            locks: self.locks.clone(),
         }
     }
 
@@ -153,7 +157,7 @@ impl Deployment {
         }
     }
 
-    /// What a worker is known to do.
+    /// A worker's known demand.
     fn demand(&self, described: &Described) -> Option<Demand> {
         let load = &described.load;
         let (period, jitter) = match &load.releases {
@@ -164,7 +168,7 @@ impl Deployment {
                 _ => return None,
             },
         };
-        let held: Nanos = load.locks.iter().map(|(_, holds)| holds).sum();
+        let held: Nanos = load.locks.iter().filter_map(|(_, holds)| *holds).sum();
         let cost = match (&load.runs, &described.scheduling) {
             (Some(runs), _) => runs.max(),
             (None, Some(Requirement::Guarantee(g))) => g.amount(),

@@ -1,4 +1,4 @@
-//! What is wrong with a file, and where.
+//! Errors in a file, with their place.
 
 use std::fmt;
 use std::ops::Range;
@@ -14,7 +14,7 @@ pub struct FileError {
     pub column: usize,
     /// The field, where it is about one: `worker.guarantee.budget`.
     pub field: String,
-    /// What is wrong and what is allowed.
+    /// The error, with the allowed values.
     pub message: String,
 }
 

@@ -78,6 +78,7 @@ fn parse(source: Source) -> Found<Deployment> {
         executor,
         workers,
         chains,
+        locks,
         machine_given,
         overheads_given,
         source,
@@ -220,7 +221,7 @@ impl Parser<'_> {
                 locks.push(lock.name.clone());
                 locks.len() - 1
             });
-            (at, lock.holds.0)
+            (at, lock.holds.map(|holds| holds.0))
         };
         let queue = match &written.queue {
             Some(queue) if *queue.get_ref() > 4096 => {

@@ -43,14 +43,14 @@ impl Parser<'_> {
             return Ok(guarantee);
         };
         let field = match error.field {
-            "period" => written.period.as_ref().or(None),
+            "period" => written.period.as_ref(),
             "deadline" => written.deadline.as_ref(),
             "minimum" => written.minimum.as_ref(),
             "desired" => written.desired.as_ref(),
             _ => written.budget.as_ref().or(written.takes.as_ref()),
         };
         let place = field.map_or(at.span(), Spanned::span);
-        Err(self.source.error(&place, error.to_string()))
+        Err(self.source.error(&place, error.in_file()))
     }
 
     pub(super) fn policy(&self, at: &Spanned<schema::Policy>, machine: &Machine) -> Found<Policy> {
@@ -149,9 +149,11 @@ impl Parser<'_> {
                 if let Some(given) = written
                     .max_repl
                     .as_ref()
-                    .filter(|_| !(1..=128).contains(&repl))
+                    .filter(|_| !(2..=128).contains(&repl))
                 {
-                    return self.wrong(given, "allowed 1 to 128");
+                    let message = "allowed 2 to 128: with one pending replenishment each callback \
+                                   puts all of the budget off";
+                    return self.wrong(given, message);
                 }
                 match Params::new(
                     priority,

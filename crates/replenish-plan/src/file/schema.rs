@@ -163,7 +163,7 @@ pub(super) enum Overflow {
 #[serde(deny_unknown_fields)]
 pub(super) struct Lock {
     pub(super) name: String,
-    pub(super) holds: Time,
+    pub(super) holds: Option<Time>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -1,8 +1,7 @@
 //! From a file and its plan to what the simulator runs.
 
-use super::deployment::{Deployment, Described, Load};
-use crate::{Nanos, Plan, Requirement};
-use replenish_sim::analysis::Section;
+use super::deployment::{Deployment, Described};
+use crate::{Hold, Nanos, Plan, Requirement};
 use replenish_sim::{Releases, Span, Step, System, Thread};
 
 impl Deployment {
@@ -10,8 +9,8 @@ impl Deployment {
     /// last, as busy as the releases make it. CPU `i` of the system is the `i`-th of
     /// `machine.cpus`.
     ///
-    /// What a file leaves open is filled in: callbacks of a rate come at that rate and take what
-    /// was stated; those of a budget come once per period and use it up, but for the overheads.
+    /// Gaps in the file are filled in: callbacks of a rate come at that rate and take the stated
+    /// time; those of a budget come once per period and use it up, but for the overheads.
     #[must_use]
     pub fn system(&self, plan: &Plan) -> System {
         let cpus = &self.machine.cpus;
@@ -38,7 +37,7 @@ impl Deployment {
         }
         System {
             cpus: cpus.len(),
-            locks: self.locks(),
+            locks: self.locks.len(),
             platform: self.machine.overheads.platform(),
             threads,
         }
@@ -61,30 +60,37 @@ impl Deployment {
             thread.body.push(Step::Block(blocks.clone()));
         }
         for (lock, holds) in &load.locks {
-            let held = Step::Run(Span::Constant(*holds));
-            let steps = [Step::Lock(*lock), held, Step::Unlock(*lock)];
-            thread.body.extend(steps);
+            if let Some(holds) = holds {
+                let held = Step::Run(Span::Constant(*holds));
+                let steps = [Step::Lock(*lock), held, Step::Unlock(*lock)];
+                thread.body.extend(steps);
+            }
         }
+        let unstated = |(_, holds): &&(usize, Option<Nanos>)| holds.is_none();
+        let mut meanwhile: Vec<usize> = load.locks.iter().filter(unstated).map(|l| l.0).collect();
+        meanwhile.sort_unstable(); // all in one order, so that nobody waits in a circle
+        meanwhile.dedup();
+        thread
+            .body
+            .extend(meanwhile.iter().map(|lock| Step::Lock(*lock)));
         let all = amount
             .or(guarantee.map(crate::Guarantee::amount))
             .unwrap_or(0);
         let runs = load.runs.clone().unwrap_or_else(|| {
             let costs = self.machine.overheads.costs(true);
-            let around = costs.job + 4 * costs.context_switch + costs.overrun() + costs.slack;
+            let around = costs.overrun(all) + costs.slack(all);
+            let around = costs.job + 4 * costs.context_switch + around;
             Span::Constant(match guarantee {
                 Some(guarantee) if !guarantee.is_rate() => all.saturating_sub(around),
                 _ => all,
             })
         });
         thread.body.push(Step::Run(runs));
+        let unlocks = meanwhile.iter().rev().map(|lock| Step::Unlock(*lock));
+        thread.body.extend(unlocks);
         thread
             .body
             .extend(load.sends.iter().map(|to| Step::Send(*to)));
-    }
-
-    fn locks(&self) -> usize {
-        let locks = self.workers.iter().flat_map(|w| &w.load.locks);
-        locks.map(|(lock, _)| lock + 1).max().unwrap_or(0)
     }
 
     /// CPU time the executor needs in a period at the mean rate of all that come as messages.
@@ -111,13 +117,14 @@ impl Deployment {
     }
 }
 
-impl Load {
-    /// The locks, for the analysis.
-    pub(super) fn sections(&self) -> Vec<Section> {
-        let section = |(lock, length): &(usize, Nanos)| Section {
-            lock: *lock,
-            length: *length,
+impl Described {
+    /// The locks, for the planner.
+    pub(super) fn holds(&self) -> Vec<Hold> {
+        let handle = match self.handles.as_slice() {
+            [only] => only.as_str(),
+            _ => "",
         };
-        self.locks.iter().map(section).collect()
+        let hold = |(lock, length): &(usize, Option<Nanos>)| Hold::of(*lock, *length, handle);
+        self.load.locks.iter().map(hold).collect()
     }
 }

@@ -29,7 +29,7 @@ pub struct TemplateWorker {
     pub handles: Vec<String>,
     /// Its CPU.
     pub cpu: Option<usize>,
-    /// What it needs.
+    /// The guarantee that it needs.
     pub guarantee: Option<Guarantee>,
     /// How it is scheduled, if it has no guarantee.
     pub policy: Option<Policy>,

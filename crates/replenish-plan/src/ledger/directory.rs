@@ -3,16 +3,14 @@
 use super::entry::LedgerEntry;
 use super::error::{Denied, LedgerError};
 use super::file::{self, Reservation, VARIABLE};
-use crate::{Plan, Request, plan};
-use std::fs::File;
+use super::lock;
+use crate::{Plan, Promise, Request, plan};
+use std::fs::{DirBuilder, File};
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
 /// The directory if no other is named.
 pub const DEFAULT: &str = "/run/replenish";
-
-/// How long admission waits for others to finish theirs.
-const PATIENCE: Duration = Duration::from_secs(10);
 
 /// A directory with reservations.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -21,7 +19,7 @@ pub struct Ledger {
     strict: bool,
 }
 
-/// What is reserved at a moment.
+/// The reservations at a moment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LedgerView {
     /// The entries of programs that live.
@@ -33,7 +31,7 @@ pub struct LedgerView {
 /// A program that was admitted.
 #[derive(Debug)]
 pub struct Admitted {
-    /// What it shall run with.
+    /// The plan that it runs with.
     pub plan: Plan,
     /// Its place in the ledger, until dropped.
     pub reservation: Reservation,
@@ -53,14 +51,15 @@ pub enum Found {
 }
 
 impl Ledger {
-    /// The ledger in `directory`, which is created if it does not exist.
+    /// The ledger in `directory`, which is created if it does not exist; then only its owner may
+    /// reserve in it, whatever the umask.
     ///
     /// # Errors
     /// If it can neither be found nor created, or is no directory.
     pub fn open(directory: impl Into<PathBuf>) -> Result<Self, LedgerError> {
         let directory = directory.into();
         let wrong = |e: &dyn std::fmt::Display| LedgerError::new(&directory, e.to_string());
-        match std::fs::create_dir(&directory) {
+        match DirBuilder::new().mode(0o755).create(&directory) {
             Ok(()) => {}
             Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {
                 let facts = std::fs::metadata(&directory).map_err(|e| wrong(&e))?;
@@ -143,10 +142,11 @@ impl Ledger {
         &self.directory
     }
 
-    /// What is reserved now; nothing where there is no directory.
+    /// The reservations now; none where there is no directory. An account that may not reserve
+    /// here looks without the lock, and may miss a program that is just being admitted.
     ///
     /// # Errors
-    /// If the directory cannot be read, or somebody keeps it locked; with
+    /// If the directory cannot be read, or somebody who may reserve keeps it locked; with
     /// [`strict`](Self::strict) if an entry makes no sense.
     pub fn view(&self) -> Result<LedgerView, LedgerError> {
         if !self.directory.exists() {
@@ -155,8 +155,8 @@ impl Ledger {
                 warnings: Vec::new(),
             });
         }
-        let _lock = self.lock()?;
-        self.read()
+        let lock = lock::take(&self.directory)?;
+        self.read(lock.is_some())
     }
 
     /// Plans `request` beside everything that is reserved and, if it holds, reserves it for as long
@@ -167,10 +167,11 @@ impl Ledger {
     /// nothing can be written.
     pub fn admit(&self, request: &Request, program: &str) -> Result<Admitted, Denied> {
         let _lock = self.lock()?;
-        let view = self.read()?;
+        let view = self.read(true)?;
         let mut request = request.clone();
         for entry in &view.entries {
-            request.promised.extend(entry.promises());
+            let first = Promise::next_lock(request.locks.len(), &request.promised);
+            request.promised.extend(entry.promises(first));
             let overheads = &mut request.machine.overheads;
             *overheads = overheads.worst(&entry.overheads);
         }
@@ -185,28 +186,16 @@ impl Ledger {
     }
 
     pub(super) fn lock(&self) -> Result<File, LedgerError> {
-        let path = self.directory.join("lock");
-        let wrong = |e: &std::io::Error| LedgerError::new(&path, e.to_string());
-        let file = file::open_lock(&path).map_err(|e| wrong(&e))?;
-        let start = Instant::now();
-        loop {
-            match file.try_lock() {
-                Ok(()) => return Ok(file),
-                Err(std::fs::TryLockError::Error(e)) => return Err(wrong(&e)),
-                Err(std::fs::TryLockError::WouldBlock) if start.elapsed() > PATIENCE => {
-                    let seconds = PATIENCE.as_secs();
-                    let why = format!("somebody has kept it locked for {seconds} s");
-                    return Err(LedgerError::new(&path, why));
-                }
-                Err(std::fs::TryLockError::WouldBlock) => {
-                    std::thread::sleep(Duration::from_millis(2));
-                }
-            }
-        }
+        lock::take(&self.directory)?.ok_or_else(|| {
+            let reason = format!(
+                "this account may not reserve here (who may write to it may; {VARIABLE} names another directory, or is off)"
+            );
+            LedgerError::new(&self.directory, reason)
+        })
     }
 
-    fn read(&self) -> Result<LedgerView, LedgerError> {
-        let (entries, wrong) = file::read_all(&self.directory)?;
+    fn read(&self, tidy: bool) -> Result<LedgerView, LedgerError> {
+        let (entries, wrong) = file::read_all(&self.directory, tidy)?;
         if self.strict
             && let Some(first) = wrong.first()
         {

@@ -4,8 +4,9 @@
 //! files, not against forgery; that is what file permissions are for.
 
 use crate::guarantee::MAX_PERIOD;
+use crate::planner::locks;
 use crate::{Nanos, Overheads, Plan, Promise, Request};
-use replenish_sim::analysis::Demand;
+use replenish_sim::analysis::{Demand, Section};
 use serde::Deserialize;
 use sporadic::Policy;
 use sporadic::{Low, Params, Tuning};
@@ -16,15 +17,17 @@ pub(super) const MAX_BYTES: u64 = 256 << 10;
 /// More threads are refused.
 const MAX_THREADS: usize = 1024;
 const MAGIC: &str = "# replenish reservation 1 ";
+/// Locks of one program are numbered below this.
+const MAX_LOCKS: usize = 4096;
 
-/// What one program has reserved.
+/// The reservation of one program.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LedgerEntry {
     /// Its name, for people.
     pub program: String,
     /// Its process id in its own pid namespace, for people.
     pub pid: u32,
-    /// What its plan was made with.
+    /// The overheads of its plan.
     pub overheads: Overheads,
     /// Its real-time threads: name, CPU, policy, demand, deadline.
     pub threads: Vec<(String, Promise)>,
@@ -51,23 +54,31 @@ struct ThreadSchema {
     /// cost, period, jitter, suspensions, suspended.
     demand: Option<(Nanos, Nanos, Nanos, u32, Nanos)>,
     deadline: Option<Nanos>,
+    /// Lock and length.
+    #[serde(default)]
+    sections: Vec<(usize, Nanos)>,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum KindSchema {
+    /// Time-shared, with locks that it shares with others.
+    Other,
     Fifo,
     Sporadic,
     Deadline,
 }
 
 impl LedgerEntry {
-    /// What others have to know of a plan.
+    /// The part of a plan that other programs have to know.
     #[must_use]
     pub fn of(request: &Request, plan: &Plan, program: &str) -> Self {
         let workers = request.workers.iter().zip(&plan.workers);
+        // A request that has a plan has them.
+        let mut shared = locks::shared(request).unwrap_or_default().into_iter();
         let mut threads: Vec<(String, Promise)> = workers
             .map(|(asked, planned)| {
+                let shared = shared.next().unwrap_or_default();
                 let rate = asked.guarantee().map(|g| (g.is_rate(), g.period()));
                 let demand = match (rate, planned.amount) {
                     (Some((true, period)), Some(cost)) => Some(Demand {
@@ -83,7 +94,8 @@ impl LedgerEntry {
                     cpu: planned.cpu,
                     policy: planned.policy,
                     demand,
-                    deadline: planned.deadline,
+                    sections: shared.sections,
+                    deadline: planned.deadline.filter(|_| planned.policy != Policy::Other),
                 };
                 (planned.name.clone(), promise)
             })
@@ -94,13 +106,14 @@ impl LedgerEntry {
                 cpu: executor.cpu,
                 policy: executor.policy,
                 demand: None,
+                sections: Vec::new(),
                 deadline: executor
                     .worst_response
                     .and(executor.policy.params().map(Params::period)),
             };
             ("executor".to_owned(), promise)
         }));
-        threads.retain(|(_, promise)| promise.policy != Policy::Other);
+        threads.retain(|(_, p)| p.policy != Policy::Other || !p.sections.is_empty());
         threads.truncate(MAX_THREADS);
         Self {
             program: clean(program, 200),
@@ -110,12 +123,18 @@ impl LedgerEntry {
         }
     }
 
-    /// What must hold of it, for [`Request::promised`].
+    /// Its promises, for [`Request::promised`]; its locks are numbered from `first_lock` on
+    /// ([`Promise::next_lock`]).
     #[must_use]
-    pub fn promises(&self) -> Vec<Promise> {
-        let promise = |(name, promise): &(String, Promise)| Promise {
-            owner: format!("{name:?} of {} (pid {})", self.program, self.pid),
-            ..promise.clone()
+    pub fn promises(&self, first_lock: usize) -> Vec<Promise> {
+        let promise = |(name, promise): &(String, Promise)| {
+            let mut promise = promise.clone();
+            promise.owner = format!("{name:?} of {} (pid {})", self.program, self.pid);
+            promise
+                .sections
+                .iter_mut()
+                .for_each(|s| s.lock += first_lock);
+            promise
         };
         self.threads.iter().map(promise).collect()
     }
@@ -134,7 +153,7 @@ impl LedgerEntry {
                 line(format_args!("cpu = {cpu}\n"));
             }
             match &promise.policy {
-                Policy::Other => {}
+                Policy::Other => line(format_args!("policy = ['other', 0, 0, 0, 0, 0]\n")),
                 Policy::Fifo { priority } | Policy::RoundRobin { priority } => {
                     line(format_args!("policy = ['fifo', {priority}, 0, 0, 0, 0]\n"));
                 }
@@ -165,6 +184,11 @@ impl LedgerEntry {
                     "demand = [{cost}, {period}, {jitter}, {suspensions}, {suspended}]\n"
                 ));
             }
+            let sections = promise.sections.iter().map(|s| [s.lock as Nanos, s.length]);
+            let sections: Vec<_> = sections.collect();
+            if !sections.is_empty() {
+                line(format_args!("sections = {sections:?}\n"));
+            }
             if let Some(deadline) = promise.deadline {
                 line(format_args!("deadline = {deadline}\n"));
             }
@@ -175,7 +199,7 @@ impl LedgerEntry {
     /// Reads what [`write`](Self::write) wrote.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// The first error in the text.
     pub(super) fn read(text: &str) -> Result<Self, String> {
         let rest = text.strip_prefix(MAGIC).ok_or("it is no reservation")?;
         let (sum, body) = rest.split_once('\n').ok_or("it is no reservation")?;
@@ -233,6 +257,7 @@ fn thread(raw: ThreadSchema) -> Result<(String, Promise), String> {
     let name = clean(&raw.name, 63);
     let wrong = |why: &str| format!("thread {name:?}: {why}");
     let policy = match kind {
+        KindSchema::Other => Policy::Other,
         KindSchema::Fifo if (1..=99).contains(&priority) => Policy::Fifo { priority },
         KindSchema::Sporadic if priority <= 99 && period <= MAX_PERIOD => {
             let low = match u8::try_from(low) {
@@ -276,11 +301,21 @@ fn thread(raw: ThreadSchema) -> Result<(String, Promise), String> {
     if !demand.as_ref().is_none_or(sane) || !raw.deadline.is_none_or(day) {
         return Err(wrong("its demand or deadline is out of range"));
     }
+    let sections = raw.sections.into_iter();
+    if sections
+        .clone()
+        .any(|(lock, length)| lock >= MAX_LOCKS || !day(length))
+    {
+        return Err(wrong("its sections are out of range"));
+    }
     let promise = Promise {
         owner: String::new(),
         cpu: raw.cpu,
         policy,
         demand,
+        sections: sections
+            .map(|(lock, length)| Section { lock, length })
+            .collect(),
         deadline: raw.deadline,
     };
     Ok((name, promise))
@@ -318,6 +353,7 @@ mod tests {
             cpu: Some(3),
             policy,
             demand: None,
+            sections: vec![Section { lock: 7, length: 9 }],
             deadline: Some(7),
         };
         let budget = |low| Policy::Sporadic(params(low));

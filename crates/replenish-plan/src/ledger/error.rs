@@ -1,4 +1,4 @@
-//! What keeps a program from being admitted.
+//! Reasons that keep a program from being admitted.
 
 use crate::Refusal;
 use std::fmt;

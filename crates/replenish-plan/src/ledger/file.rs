@@ -1,10 +1,12 @@
-//! The files: opening, locking, adding and removing.
+//! The entries: read, added and removed.
 
 use super::entry::{LedgerEntry, MAX_BYTES};
 use super::error::LedgerError;
-use std::fs::{self, File, OpenOptions, Permissions, TryLockError};
+use super::lock;
+use super::open::{create, open_plain};
+use std::fs::{self, File, Permissions};
 use std::io::{self, Read, Write};
-use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::SystemTime;
@@ -40,40 +42,11 @@ impl Drop for Reservation {
     }
 }
 
-/// Opens the file that is locked during admission; whoever may read it may lock it.
-pub(super) fn open_lock(path: &Path) -> io::Result<File> {
-    let made = OpenOptions::new()
-        .write(true)
-        .create_new(true)
-        .mode(0o644)
-        .open(path);
-    match made {
-        Ok(file) => {
-            file.set_permissions(Permissions::from_mode(0o644))?;
-            Ok(file)
-        }
-        Err(e) if e.kind() == io::ErrorKind::AlreadyExists => open_plain(path),
-        Err(e) => Err(e),
-    }
-}
-
-/// Opens an ordinary file for reading: no link is followed, no pipe is waited for.
-pub(super) fn open_plain(path: &Path) -> io::Result<File> {
-    let file = OpenOptions::new()
-        .read(true)
-        .custom_flags(libc::O_NOFOLLOW | libc::O_NONBLOCK)
-        .open(path)?;
-    if file.metadata()?.is_file() {
-        Ok(file)
-    } else {
-        Err(io::Error::other("it is not an ordinary file"))
-    }
-}
-
-/// Every entry that counts, in the order of their names, and what is wrong with the others. To be
-/// called with the lock held.
+/// Every entry that counts, in the order of their names, and what is wrong with the others. `tidy`
+/// removes what the dead left behind; it needs the directory's lock.
 pub(super) fn read_all(
     directory: &Path,
+    tidy: bool,
 ) -> Result<(Vec<LedgerEntry>, Vec<LedgerError>), LedgerError> {
     let unreadable = |e: &io::Error| LedgerError::new(directory, e.to_string());
     let mut paths = Vec::new();
@@ -93,7 +66,7 @@ pub(super) fn read_all(
     paths.sort_unstable();
     let (mut entries, mut wrong) = (Vec::new(), Vec::new());
     for path in paths {
-        match read_live(&path) {
+        match read_live(&path, tidy) {
             Ok(None) => {}
             Ok(Some(entry)) => entries.push(entry),
             Err(reason) => wrong.push(LedgerError::new(&path, reason)),
@@ -106,24 +79,33 @@ pub(super) fn read_all(
     Ok((entries, wrong))
 }
 
-/// `None` if its owner has gone; it is removed then.
-fn read_live(path: &Path) -> Result<Option<LedgerEntry>, String> {
+fn is_new(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e == "new")
+}
+
+/// `None` if its owner has gone; `tidy` removes it then.
+fn read_live(path: &Path, tidy: bool) -> Result<Option<LedgerEntry>, String> {
     let file = match open_plain(path) {
         Ok(file) => file,
         // Its owner has just given it back.
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
-        Err(e) => return Err(e.to_string()),
-    };
-    match file.try_lock() {
-        Ok(()) => {
-            // Perhaps somebody else's: then it stays, and counts for nothing.
-            fs::remove_file(path).ok();
+        // Not complete. Where this program has the lock, its owner has died over it.
+        Err(e) if e.kind() == io::ErrorKind::PermissionDenied && is_new(path) => {
+            if tidy {
+                fs::remove_file(path).ok();
+            }
             return Ok(None);
         }
-        Err(TryLockError::WouldBlock) => {}
-        Err(TryLockError::Error(e)) => return Err(e.to_string()),
+        Err(e) => return Err(e.to_string()),
+    };
+    if !lock::is_owned(&file).map_err(|e| e.to_string())? {
+        if tidy {
+            // Perhaps somebody else's: then it stays, and counts for nothing.
+            fs::remove_file(path).ok();
+        }
+        return Ok(None);
     }
-    if path.extension().is_some_and(|e| e == "new") {
+    if is_new(path) {
         return Err("it is locked, but was not completed".into());
     }
     let mut text = String::new();
@@ -139,41 +121,51 @@ fn read_live(path: &Path) -> Result<Option<LedgerEntry>, String> {
 
 /// Adds an entry. To be called with the lock held.
 pub(super) fn add(directory: &Path, entry: &LedgerEntry) -> Result<Reservation, LedgerError> {
-    static NEXT: AtomicU64 = AtomicU64::new(0);
-    let text = entry.write();
     let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-    let since = since.map_or(0, |d| d.as_nanos());
+    let name = format!("{:032x}", since.map_or(0, |d| d.as_nanos()));
+    let (file, path) = put(directory, &name, ".entry", entry.write().as_bytes()).map_err(|e| {
+        let reason = format!(
+            "nothing can be reserved here: {e} (who may write to it may reserve; {VARIABLE} names another directory, or is off)"
+        );
+        LedgerError::new(directory, reason)
+    })?;
+    Ok(Reservation { path, _file: file })
+}
+
+/// Writes a file that appears whole: under a new name, locked, then renamed to `name`, a number if
+/// it has a `suffix`, and that. No file that is there is opened, and no link followed.
+///
+/// Until it is complete nobody else can open it: so nobody else's lock can be in the way.
+pub(super) fn put(
+    directory: &Path,
+    name: &str,
+    suffix: &str,
+    text: &[u8],
+) -> io::Result<(File, PathBuf)> {
+    static NEXT: AtomicU64 = AtomicU64::new(0);
     loop {
         let next = NEXT.fetch_add(1, Ordering::Relaxed);
-        let name = format!("{since:032x}-{next}");
-        let (new, path) = (
-            directory.join(format!("{name}.new")),
-            directory.join(format!("{name}.entry")),
-        );
-        let made = OpenOptions::new()
-            .write(true)
-            .create_new(true)
-            .mode(0o644)
-            .open(&new);
-        let wrong = |e: io::Error| {
-            fs::remove_file(&new).ok();
-            LedgerError::new(
-                directory,
-                format!(
-                    "nothing can be reserved here: {e} (who may write to it may reserve; {VARIABLE} names another directory, or is off)"
-                ),
-            )
+        let unique = format!("{name}-{}-{next}", std::process::id());
+        let new = directory.join(format!("{unique}.new"));
+        let path = match suffix {
+            "" => directory.join(name),
+            _ => directory.join(format!("{unique}{suffix}")),
         };
-        let mut file = match made {
+        let mut file = match create(&new) {
             Ok(file) => file,
             Err(e) if e.kind() == io::ErrorKind::AlreadyExists => continue,
-            Err(e) => return Err(wrong(e)),
+            Err(e) => return Err(e),
         };
-        file.set_permissions(Permissions::from_mode(0o644))
-            .map_err(wrong)?;
-        file.try_lock().map_err(|e| wrong(e.into()))?;
-        file.write_all(text.as_bytes()).map_err(wrong)?;
-        fs::rename(&new, &path).map_err(wrong)?;
-        return Ok(Reservation { path, _file: file });
+        let written = lock::own(&file)
+            .and_then(|()| file.write_all(text))
+            .and_then(|()| file.set_permissions(Permissions::from_mode(0o644)))
+            .and_then(|()| fs::rename(&new, &path));
+        return match written {
+            Ok(()) => Ok((file, path)),
+            Err(e) => {
+                fs::remove_file(&new).ok();
+                Err(e)
+            }
+        };
     }
 }

@@ -1,4 +1,4 @@
-//! What enforcing costs on this host: measured once (`replenish doctor --save`), used by all
+//! The costs of enforcement on this host: measured once (`replenish doctor --save`), used by all
 //! programs.
 //!
 //! A file beside the entries, in the words of a deployment file, so that it can be read and changed
@@ -6,12 +6,11 @@
 
 use super::directory::Ledger;
 use super::error::LedgerError;
-use super::file::open_plain;
+use super::file;
+use super::open::open_plain;
 use crate::span::Exact;
 use crate::{Deployment, Overheads};
-use std::fs::{self, File, Permissions};
-use std::io::{self, Read, Write};
-use std::os::unix::fs::PermissionsExt;
+use std::io::{self, Read};
 
 /// Its name.
 const FILE: &str = "overheads.toml";
@@ -19,7 +18,7 @@ const FILE: &str = "overheads.toml";
 const MOST: u64 = 4096;
 
 impl Ledger {
-    /// What was measured here; `None`: nothing was. What the file leaves out is
+    /// The overheads measured here; `None`: none were. A value that the file leaves out is
     /// [`Overheads::LINUX`]'s.
     ///
     /// # Errors
@@ -58,13 +57,8 @@ impl Ledger {
             lines.collect::<String>()
         );
         let _lock = self.lock()?;
-        let new = self.directory.join(format!("{FILE}.new"));
-        let write = || {
-            let mut file = File::create(&new)?;
-            file.set_permissions(Permissions::from_mode(0o644))?;
-            file.write_all(text.as_bytes())?;
-            fs::rename(&new, &path)
-        };
-        write().map_err(|e| LedgerError::new(&path, e.to_string()))
+        file::put(&self.directory, FILE, "", text.as_bytes())
+            .map(drop)
+            .map_err(|e| LedgerError::new(&path, e.to_string()))
     }
 }

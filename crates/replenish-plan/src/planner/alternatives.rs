@@ -23,7 +23,7 @@ pub struct Alternative {
     pub without: Vec<String>,
 }
 
-/// What an [`Alternative`] changes.
+/// The change that an [`Alternative`] makes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Changed {
     /// A smaller amount.
@@ -81,7 +81,7 @@ fn change(worker: &mut Worker, amount: Nanos, period: Nanos) {
 /// Up to so many times its period is tried for a worker; a power of 2.
 const LONGER: u64 = 128;
 
-/// What fits of this worker: a smaller amount and a longer period, where there are such.
+/// Requests of this worker that fit: a smaller amount and a longer period, where there are such.
 pub(super) fn nearest(request: &Request, worker: &str, left_out: &[String]) -> Vec<Alternative> {
     let Some(guarantee) = request.workers.iter().find(|w| w.name == worker) else {
         return Vec::new();

@@ -150,6 +150,13 @@ fn cpu_at(problem: &Problem<'_>, index: usize) -> Option<usize> {
         .position(|c| *c == wanted)
 }
 
+/// Where those are that it shares locks with, if one of them has its place.
+fn beside(problem: &Problem<'_>, placed: &Placed, index: usize) -> Option<usize> {
+    let together = seat(problem, index)?.together?;
+    let has = |i: &usize| seat(problem, *i).is_some_and(|s| s.together == Some(together));
+    placed.on.iter().position(|here| here.iter().any(has))
+}
+
 fn worst_fit(problem: &Problem<'_>, include: &[usize], amounts: &[Nanos]) -> Placed {
     let mut placed = empty(problem);
     let test_fixed = |fixed: &Vec<usize>| test(problem, &[], fixed, amounts).share;
@@ -159,7 +166,8 @@ fn worst_fit(problem: &Problem<'_>, include: &[usize], amounts: &[Nanos]) -> Pla
             let loads = load.iter().enumerate();
             loads.min_by(|a, b| a.1.total_cmp(b.1)).map(|(at, _)| at)
         };
-        let Some(at) = cpu_at(problem, index).or_else(least) else {
+        let at = cpu_at(problem, index).or_else(|| beside(problem, &placed, index));
+        let Some(at) = at.or_else(least) else {
             continue;
         };
         if let (Some(here), Some(load)) = (placed.on.get_mut(at), load.get_mut(at)) {
@@ -182,7 +190,8 @@ fn first_fit(problem: &Problem<'_>, include: &[usize], amounts: &[Nanos]) -> Opt
         return None;
     }
     for index in order(problem, include, amounts) {
-        let cpus: Vec<usize> = match cpu_at(problem, index) {
+        let at = cpu_at(problem, index).or_else(|| beside(problem, &placed, index));
+        let cpus: Vec<usize> = match at {
             Some(at) => vec![at],
             None => (0..placed.on.len()).collect(),
         };

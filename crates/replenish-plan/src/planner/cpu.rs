@@ -8,7 +8,7 @@ use replenish_sim::analysis::{Bounds, Costs, Limit, Task, bounds, within};
 use sporadic::{Params, Policy};
 use std::ops::RangeInclusive;
 
-/// Who has a problem.
+/// The thread that misses its need, or all together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Victim {
     /// A planned thread, by its place in the list given.
@@ -23,7 +23,7 @@ pub(super) enum Victim {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Failure {
     pub(super) victim: Victim,
-    /// What would be certain; `None`: nothing.
+    /// The certain bound; `None`: there is none.
     pub(super) bound: Option<Nanos>,
     pub(super) allowed: Nanos,
 }
@@ -52,7 +52,7 @@ pub(super) fn test(
     fixed: &[&FixedThread],
     machine: &Machine,
 ) -> CpuPlan {
-    let costs = costs(fixed, machine);
+    let costs = costs(threads, fixed, machine);
     let mut first = None;
     for range in ranges(fixed, machine) {
         let trial = try_levels(threads, fixed, &range, machine, &costs);
@@ -79,7 +79,7 @@ pub(super) fn holds(
     if fixed.iter().any(unbounded) {
         return false;
     }
-    let costs = costs(fixed, machine);
+    let costs = costs(threads, fixed, machine);
     for range in ranges(fixed, machine) {
         let trial = try_levels(threads, fixed, &range, machine, &costs);
         match trial.plan.failure {
@@ -93,11 +93,19 @@ pub(super) fn holds(
     false
 }
 
-fn costs(fixed: &[&FixedThread], machine: &Machine) -> Costs {
-    let alone = fixed
+/// A worker that waits for the CPU is looked at again when a worker above it waits for messages, if
+/// one enforcer has the budgets of all. Nobody sees the end of a wait inside a callback.
+fn costs(threads: &[(&ThreadPlan, Nanos)], fixed: &[&FixedThread], machine: &Machine) -> Costs {
+    let one_enforcer = fixed
         .iter()
         .all(|f| f.own && (f.policy.params().is_some() || f.policy == Policy::Other));
-    machine.overheads.costs(alone)
+    let planned = threads
+        .iter()
+        .any(|(t, _)| t.waits || !t.sections.is_empty());
+    let mut given = fixed.iter().filter(|f| f.policy != Policy::Other);
+    let given =
+        given.any(|f| f.demand.is_some_and(|d| d.suspensions > 0) || !f.sections.is_empty());
+    machine.overheads.costs(one_enforcer && !planned && !given)
 }
 
 /// With so many other priorities at most every place between them is tried.
@@ -224,7 +232,7 @@ fn analysed(
     plan
 }
 
-/// What [`failure`] asks of the bounds, in the order of the tasks.
+/// The limits that [`failure`] checks, in the order of the tasks.
 fn limits(threads: &[(&ThreadPlan, Nanos)], fixed: &[&FixedThread], floor: u8) -> Vec<Limit> {
     let own = threads.iter().map(|(seat, _)| {
         let allowed = Some(seat.deadline.saturating_add(seat.late));

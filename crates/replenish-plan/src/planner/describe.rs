@@ -5,7 +5,38 @@ use super::plan::{CpuLoad, Plan, PlannedExecutor};
 use super::problem::{Problem, Whose};
 use super::rationale;
 use crate::Nanos;
+use replenish_sim::analysis::Section;
 use sporadic::Policy;
+
+/// For whom a thread may wait, by lock: the longest section of the others on its CPU.
+pub(super) fn waits(
+    problem: &Problem<'_>,
+    threads: &[usize],
+    fixed: &[usize],
+    index: usize,
+) -> Vec<String> {
+    let planned = threads.iter().filter(|i| **i != index);
+    let planned = planned.filter_map(|i| problem.threads.get(*i));
+    let planned = planned.map(|(whose, seat)| (*whose, &seat.sections));
+    let given = fixed.iter().filter_map(|i| problem.fixed.get(*i));
+    let given = given.map(|(whose, _, thread)| (*whose, &thread.sections));
+    let others: Vec<_> = planned.chain(given).collect();
+    let own = problem.threads.get(index).map(|(_, seat)| &seat.sections);
+    let wait = |section: &Section| {
+        let lock = problem.request.locks.get(section.lock)?;
+        let of = |(whose, sections): &(Whose, &Vec<Section>)| {
+            let same = sections.iter().filter(|s| s.lock == section.lock);
+            same.map(|s| (s.length, *whose))
+                .max_by_key(|(length, _)| *length)
+        };
+        let (length, whose) = others
+            .iter()
+            .filter_map(of)
+            .max_by_key(|(length, _)| *length)?;
+        Some(rationale::waits(lock, length, &problem.name(whose)))
+    };
+    own.into_iter().flatten().filter_map(wait).collect()
+}
 
 /// The plan that belongs to these places and amounts.
 pub(super) fn describe(problem: &Problem<'_>, placed: &Placed, amounts: &[Nanos]) -> Plan {
@@ -66,6 +97,9 @@ pub(super) fn describe(problem: &Problem<'_>, placed: &Placed, amounts: &[Nanos]
                         .and_then(crate::Worker::guarantee);
                     planned.reasons =
                         rationale::worker(seat, asked, granted, &params, machine, found.share);
+                    planned
+                        .reasons
+                        .extend(waits(problem, threads, fixed, index));
                 }
                 Whose::Promise(_) => {}
             }

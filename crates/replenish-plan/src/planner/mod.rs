@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!  Request ─► problem: what can be chosen, what cannot        (placement: one thread of either)
+//!                 ├── locks: who waits for whom, and for how long
 //!                 │ minimum amounts
 //!  planning       ▼
 //!             assign: CPUs ──► cpu: priorities, tasks, bounds ──► does every deadline hold?
@@ -17,6 +18,7 @@ mod assign;
 mod cpu;
 mod describe;
 mod elastic;
+pub(crate) mod locks;
 mod placement;
 mod plan;
 mod planning;

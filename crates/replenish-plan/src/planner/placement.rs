@@ -19,12 +19,16 @@ pub(super) struct ThreadPlan {
     pub(super) suspend: bool,
     /// Given for all threads of jobs; the cost is the amount then.
     pub(super) demand: Option<Demand>,
+    /// Its callbacks are stated to wait, for something else than their CPU.
+    pub(super) waits: bool,
     /// How much of the demand's jitter is before the release that the deadline runs from.
     pub(super) late: Nanos,
     pub(super) sections: Vec<Section>,
     /// The executor's: above all workers.
     pub(super) level: Option<u8>,
     pub(super) cpu: Option<usize>,
+    /// It shares locks, and goes to the CPU of the others of this number.
+    pub(super) together: Option<usize>,
 }
 
 impl ThreadPlan {

@@ -16,7 +16,7 @@ pub struct Plan {
     pub cpus: Vec<CpuLoad>,
     /// The chains of a deployment file.
     pub chains: Vec<PlannedChain>,
-    /// What limits these guarantees, in sentences.
+    /// Limits of these guarantees, in sentences.
     pub warnings: Vec<String>,
 }
 
@@ -27,7 +27,7 @@ pub struct PlannedWorker {
     pub name: String,
     /// Its CPU; `None`: any.
     pub cpu: Option<usize>,
-    /// What was chosen, or given.
+    /// The chosen or given policy.
     pub policy: Policy,
     /// Of what the guarantee asked for, this much is granted, in ns: of a rate, CPU time per
     /// callback; otherwise the budget.
@@ -75,11 +75,11 @@ pub struct PlannedChain {
     pub name: String,
     /// From the first release to the end of the last callback at worst, in ns; `None`: no bound.
     pub worst: Option<Nanos>,
-    /// What is allowed, in ns.
+    /// The allowed time, in ns.
     pub deadline: Option<Nanos>,
 }
 
-/// What is reserved of a CPU.
+/// The reserved part of a CPU.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CpuLoad {
     /// Its number.

@@ -1,5 +1,6 @@
 //! A request, sorted into what can be chosen and what cannot.
 
+use super::locks::{self, Shared};
 use super::placement::{FixedThread, ThreadPlan};
 use crate::guarantee::MAX_PERIOD;
 use crate::span::Exact;
@@ -20,13 +21,14 @@ pub(super) enum Whose {
     Promise(usize),
 }
 
-/// What the planner works on.
+/// The planner's problem.
 #[derive(Debug, Clone)]
 pub(super) struct Problem<'r> {
     pub(super) request: &'r Request,
-    /// What is to be placed: the executor first, if it is, then the guaranteed workers in order.
+    /// Threads to place: the executor first, if it is to be placed, then the guaranteed workers in
+    /// order.
     pub(super) threads: Vec<(Whose, ThreadPlan)>,
-    /// What has its parameters, with its CPU (`None`: any).
+    /// Threads with given parameters, with their CPU (`None`: any).
     pub(super) fixed: Vec<(Whose, Option<usize>, FixedThread)>,
 }
 
@@ -34,7 +36,7 @@ impl<'r> Problem<'r> {
     /// Checks and sorts.
     ///
     /// # Errors
-    /// What is out of range, in a sentence.
+    /// The value that is out of range, in a sentence.
     pub(super) fn new(request: &'r Request) -> Result<Self, String> {
         let mut problem = Self {
             request,
@@ -43,10 +45,18 @@ impl<'r> Problem<'r> {
         };
         problem.check_machine()?;
         problem.add_executor();
-        for (index, worker) in request.workers.iter().enumerate() {
+        for worker in &request.workers {
             let owner = format!("worker {:?}", worker.name);
             problem.check_cpu(&owner, worker.cpu)?;
             check_demand(&owner, worker)?;
+            if worker.holds.iter().any(|h| h.lock >= request.locks.len()) {
+                return Err(format!("{owner}: it holds a lock that has no name"));
+            }
+        }
+        let mut shared = locks::shared(request)?.into_iter();
+        for (index, worker) in request.workers.iter().enumerate() {
+            let shared = shared.next().unwrap_or_default();
+            let owner = format!("worker {:?}", worker.name);
             if request
                 .workers
                 .iter()
@@ -58,7 +68,7 @@ impl<'r> Problem<'r> {
             match (worker.guarantee(), &worker.scheduling) {
                 (Some(guarantee), _) => {
                     guarantee.check().map_err(|e| format!("{owner}: {e}"))?;
-                    let seat = worker_plan(worker, guarantee);
+                    let seat = worker_plan(worker, guarantee, shared);
                     problem.threads.push((Whose::Worker(index), seat));
                 }
                 (None, crate::Requirement::Policy(policy)) => {
@@ -66,7 +76,7 @@ impl<'r> Problem<'r> {
                     let fixed = FixedThread {
                         policy: *policy,
                         demand: worker.demand,
-                        sections: worker.sections.clone(),
+                        sections: shared.sections,
                         deadline: worker.deadline,
                         own: true,
                     };
@@ -81,7 +91,7 @@ impl<'r> Problem<'r> {
             let fixed = FixedThread {
                 policy: promise.policy,
                 demand: promise.demand,
-                sections: Vec::new(),
+                sections: promise.sections.clone(),
                 deadline: promise.deadline,
                 own: false,
             };
@@ -185,17 +195,19 @@ impl<'r> Problem<'r> {
                     importance: u8::MAX,
                     suspend: false,
                     demand: None,
+                    waits: false,
                     late: 0,
                     sections: Vec::new(),
                     level: Some(level),
                     cpu: *cpu,
+                    together: None,
                 };
                 self.threads.push((Whose::Executor, seat));
             }
         }
     }
 
-    /// What each seat cannot do without, and what it would like, in ns.
+    /// The least and the desired amount of each thread, in ns.
     pub(super) fn amounts(&self) -> (Vec<Nanos>, Vec<Nanos>) {
         let of = |(whose, seat): &(Whose, ThreadPlan)| match whose {
             Whose::Worker(index) => {
@@ -225,7 +237,7 @@ impl<'r> Problem<'r> {
 /// All times up to a day, so that sums and products stay within 64 bits.
 fn check_demand(owner: &str, worker: &crate::Worker) -> Result<(), String> {
     let mut times = vec![worker.late, worker.deadline.unwrap_or(0)];
-    times.extend(worker.sections.iter().map(|s| s.length));
+    times.extend(worker.holds.iter().filter_map(|h| h.length));
     if let Some(d) = worker.demand {
         if d.cost == 0 || d.period == 0 {
             return Err(format!(
@@ -240,11 +252,6 @@ fn check_demand(owner: &str, worker: &crate::Worker) -> Result<(), String> {
             "{owner}: a time is out of range: allowed up to {most}"
         ));
     }
-    if worker.sections.iter().any(|s| s.lock >= 4096) {
-        return Err(format!(
-            "{owner}: a lock is out of range: allowed 0 to 4095"
-        ));
-    }
     Ok(())
 }
 
@@ -257,7 +264,7 @@ fn executor_period(request: &Request) -> Nanos {
     shortest.unwrap_or(high).clamp(low, high)
 }
 
-fn worker_plan(worker: &crate::Worker, guarantee: &Guarantee) -> ThreadPlan {
+fn worker_plan(worker: &crate::Worker, guarantee: &Guarantee, shared: Shared) -> ThreadPlan {
     let rate = guarantee.is_rate();
     let stated = worker.demand.unwrap_or(Demand::new(1, guarantee.period()));
     let demand = Demand {
@@ -272,13 +279,11 @@ fn worker_plan(worker: &crate::Worker, guarantee: &Guarantee) -> ThreadPlan {
         importance: guarantee.importance,
         suspend: guarantee.budget().suspend,
         demand: rate.then_some(demand),
+        waits: stated.suspensions > 0,
         late: if rate { worker.late } else { 0 },
-        sections: if rate {
-            worker.sections.clone()
-        } else {
-            Vec::new()
-        },
+        sections: shared.sections,
         level: None,
-        cpu: worker.cpu,
+        cpu: worker.cpu.or(shared.cpu),
+        together: shared.together,
     }
 }

@@ -69,6 +69,7 @@ pub(super) fn worker(
     reasons.push(match seat.cpu {
         Some(cpu) => format!("CPU {cpu}: asked for"),
         None if machine.cpus.len() == 1 => "the only CPU".into(),
+        None if seat.together.is_some() => "this CPU: room for all that share its groups".into(),
         None => format!("this CPU: room for it, {:.1} % reserved now", share * 100.0),
     });
     reasons.push(if seat.per_job {
@@ -83,6 +84,14 @@ pub(super) fn worker(
         )
     });
     reasons
+}
+
+/// A lock that somebody else may hold.
+pub(super) fn waits(lock: &str, length: Nanos, whose: &str) -> String {
+    format!(
+        "group {lock:?}: waits up to {} for {whose}",
+        Rounded(length)
+    )
 }
 
 /// The executor.

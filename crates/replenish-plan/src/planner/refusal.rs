@@ -3,7 +3,8 @@
 use super::alternatives::{self, Alternative};
 use super::assign::{self, Placed};
 use super::cpu::{Failure, Victim};
-use super::describe::describe;
+use super::describe::{describe, waits};
+use super::locks::UNKNOWN;
 use super::plan::Plan;
 use super::problem::{Problem, Whose};
 use super::search::search;
@@ -20,9 +21,9 @@ pub struct Refusal {
     pub cpu: Option<usize>,
     /// The sentence: who does not fit, where and why, with the numbers, and what would fit.
     pub sentence: String,
-    /// What would fit; each was tried.
+    /// Requests that would fit; each was tried.
     pub alternatives: Vec<Alternative>,
-    /// What the plan would have been: for looking at, not for running.
+    /// The plan that was refused: for looking at, not for running.
     pub attempt: Option<Box<Plan>>,
 }
 
@@ -133,7 +134,7 @@ fn fits(problem: &Problem<'_>, order: &[usize], refused: usize, name: &str) -> V
     alternatives::nearest(problem.request, name, &names.collect::<Vec<_>>())
 }
 
-/// What is wrong on this CPU.
+/// The reason for the refusal on this CPU.
 fn reason(
     problem: &Problem<'_>,
     placed: &Placed,
@@ -166,15 +167,33 @@ fn reason(
         _ => "",
     };
     let allowed = Rounded(failure.allowed);
+    let waiting = waiting(problem, placed, at, victim);
     match failure.bound {
         Some(bound) => format!(
-            "{cpu} {who}{promised} could take up to {} where its deadline allows {allowed}",
-            Rounded(bound)
+            "{cpu} {who}{promised} could take up to {} where its deadline allows {allowed}{waiting}",
+            Rounded(bound),
         ),
         None => {
-            format!("{cpu} {who}{promised} would not be certain to make its deadline of {allowed}")
+            format!(
+                "{cpu} {who}{promised} would not be certain to make its deadline of {allowed}{waiting}"
+            )
         }
     }
+}
+
+/// For whom it would have to wait in its groups.
+fn waiting(problem: &Problem<'_>, placed: &Placed, at: usize, victim: Whose) -> String {
+    let index = problem
+        .threads
+        .iter()
+        .position(|(whose, _)| *whose == victim);
+    let (Some(index), Some(threads), Some(fixed)) =
+        (index, placed.on.get(at), placed.fixed.get(at))
+    else {
+        return String::new();
+    };
+    let waits = waits(problem, threads, fixed, index);
+    waits.iter().map(|wait| format!(" ({wait})")).collect()
 }
 
 /// How much of it other programs have, if any.
@@ -200,7 +219,7 @@ fn others(problem: &Problem<'_>, placed: &Placed, at: usize) -> String {
     )
 }
 
-/// What to do about it.
+/// A remedy.
 fn advice(
     problem: &Problem<'_>,
     placed: &Placed,
@@ -213,6 +232,13 @@ fn advice(
     {
         return format!(
             ", since {culprit} runs there at a real-time priority without a budget; give that one a budget, a lower priority or another CPU"
+        );
+    }
+    if failure.bound.is_none()
+        && let Some((holder, lock)) = unknown(problem, placed, at)
+    {
+        return format!(
+            ", since {holder} may hold group {lock:?} at a higher priority for a time that nobody has stated; state it (Group::holds; in a file: holds)"
         );
     }
     let said: Vec<String> = fits.iter().map(ToString::to_string).collect();
@@ -229,6 +255,24 @@ fn advice(
         };
     }
     text
+}
+
+/// A thread on this CPU that holds a lock for a time that nobody has stated, if there is one.
+fn unknown(problem: &Problem<'_>, placed: &Placed, at: usize) -> Option<(String, String)> {
+    let planned = placed
+        .on
+        .get(at)?
+        .iter()
+        .filter_map(|i| problem.threads.get(*i));
+    let planned = planned.map(|(whose, seat)| (*whose, &seat.sections));
+    let given = placed.fixed.get(at)?.iter();
+    let given = given.filter_map(|i| problem.fixed.get(*i));
+    let mut all = planned.chain(given.map(|(whose, _, thread)| (*whose, &thread.sections)));
+    all.find_map(|(whose, sections)| {
+        let section = sections.iter().find(|s| s.length >= UNKNOWN)?;
+        let lock = problem.request.locks.get(section.lock);
+        Some((problem.name(whose), lock.cloned().unwrap_or_default()))
+    })
 }
 
 /// A thread that may take this CPU for ever, if there is one.

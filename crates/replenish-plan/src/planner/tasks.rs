@@ -1,4 +1,4 @@
-//! What the analysis is told of the threads of a CPU, and which parameters a budget gets.
+//! The threads of a CPU as the analysis sees them, and the parameters that a budget gets.
 
 use super::placement::{FixedThread, PIECES, ThreadPlan};
 use crate::{Machine, Nanos};
@@ -9,7 +9,7 @@ use sporadic::{Low, Params};
 /// Replenishments of a worker with one job per period: at most two jobs begin in a period.
 const PIECES_OF_JOBS: u16 = 4;
 
-/// What is known before budgets are: for counting preemptions.
+/// A task before its budget is known: for counting preemptions.
 pub(super) fn skeleton(seat: &ThreadPlan, amount: Nanos, level: u8, costs: &Costs) -> Option<Task> {
     let (period, repl) = (server_period(seat, costs)?, replenishments(seat));
     let budget = amount.clamp(1, period.max(1));
@@ -59,10 +59,11 @@ fn pieces_of(params: &Params) -> Demand {
     )
 }
 
-/// How a fixed thread delays others; `None`: not at all.
+/// How a fixed thread delays others; `None`: not at all. A time-shared one does so by its locks.
 pub(super) fn fixed_task(fixed: &FixedThread, floor: u8) -> Option<Task> {
     let mut task = match &fixed.policy {
-        Policy::Other => return None,
+        Policy::Other if fixed.sections.is_empty() => return None,
+        Policy::Other => Task::background(Vec::new()),
         Policy::Fifo { priority } | Policy::RoundRobin { priority } => Task {
             scheduling: Scheduling::Fifo(*priority),
             demand: fixed.demand,
@@ -91,7 +92,7 @@ pub(super) fn fixed_task(fixed: &FixedThread, floor: u8) -> Option<Task> {
     Some(task)
 }
 
-/// What a job needs beyond its own CPU time to find its end in one budget: taking its message,
+/// CPU time that a job needs beyond its own to find its end in one budget: taking its message,
 /// being switched to after each possible preemption, and what must be left so that the budget does
 /// not count as used up.
 pub(super) fn overhead(
@@ -129,14 +130,14 @@ pub(super) fn overhead(
         0
     } else {
         let sum = above.filter(|t| t.priority() >= level).map(preemptions);
-        // Whoever holds a lock can delay by inheritance, after each wait.
+        // The holder of a lock can delay by inheritance, after each wait.
         let holders = own.iter().chain(others).any(|t| !t.sections.is_empty());
         let locks = 2 * (own.len() + others.len()) as u64 * (1 + waits);
         let locks = if holders { locks } else { 0 };
         sum.fold(2 + locks, u64::saturating_add)
     };
     let switched = switches.saturating_add(2 * (1 + waits));
-    costs.job + costs.context_switch.saturating_mul(switched) + costs.slack + 1
+    costs.job + costs.context_switch.saturating_mul(switched) + costs.slack(Nanos::MAX) + 1
 }
 
 pub(super) fn parameters(

@@ -9,6 +9,7 @@
     reason = "tests may panic"
 )]
 
+use nix::fcntl::{FcntlArg, fcntl};
 use replenish_plan::ledger::{Denied, Ledger};
 use replenish_plan::{ExecutorRequest, Guarantee, Machine, Request, Worker};
 use std::fs::{self, File};
@@ -21,10 +22,10 @@ use std::time::Duration;
 const CHILD: &str = "REPLENISH_TEST_LEDGER_CHILD";
 
 /// A directory of this test's own.
-struct Dir(PathBuf);
+pub(super) struct Dir(pub(super) PathBuf);
 
 impl Dir {
-    fn new(name: &str) -> Self {
+    pub(super) fn new(name: &str) -> Self {
         let path = std::env::temp_dir().join(format!("ledger-{name}-{}", std::process::id()));
         fs::remove_dir_all(&path).ok();
         Self(path)
@@ -37,7 +38,7 @@ impl Drop for Dir {
     }
 }
 
-fn request(percent: u64) -> Request {
+pub(super) fn request(percent: u64) -> Request {
     let ms = Duration::from_millis;
     let guarantee = Guarantee::of(ms(percent)).every(ms(100));
     let mut request = Request::new(Machine::with_cpus(1));
@@ -54,6 +55,10 @@ fn child() {
     let args = args.into_string().unwrap();
     let (percent, directory) = args.split_once(' ').unwrap();
     let ledger = Ledger::open(directory).unwrap();
+    if percent == "look" {
+        println!("\nsees {}", ledger.view().unwrap().entries.len());
+        return;
+    }
     let admitted = ledger.admit(&request(percent.parse().unwrap()), "child");
     match &admitted {
         Ok(_) => println!("\nadmitted"),
@@ -64,7 +69,7 @@ fn child() {
     }
 }
 
-fn spawn(directory: &Path, percent: u64) -> Child {
+pub(super) fn spawn(directory: &Path, percent: u64) -> Child {
     Command::new(std::env::current_exe().unwrap())
         .args(["--exact", "ledger::child", "--nocapture"])
         .env(CHILD, format!("{percent} {}", directory.display()))
@@ -73,13 +78,13 @@ fn spawn(directory: &Path, percent: u64) -> Child {
         .unwrap()
 }
 
-fn answer(child: &mut Child) -> String {
+pub(super) fn answer(child: &mut Child) -> String {
     let lines = BufReader::new(child.stdout.as_mut().unwrap()).lines();
     let says = |line: &String| line.starts_with("admitted") || line.starts_with("refused");
     lines.map(Result::unwrap).find(says).unwrap()
 }
 
-fn end(mut child: Child) {
+pub(super) fn end(mut child: Child) {
     child.kill().ok(); // SIGKILL
     child.wait().unwrap();
 }
@@ -132,6 +137,18 @@ fn of_processes_that_race_only_as_many_are_admitted_as_fit() {
     }
 }
 
+/// The part of an entry's owner.
+pub(super) fn own(file: &File) {
+    let lock = libc::flock {
+        l_type: libc::F_WRLCK as libc::c_short,
+        l_whence: libc::SEEK_SET as libc::c_short,
+        l_start: 0,
+        l_len: 1,
+        l_pid: 0,
+    };
+    fcntl(file, FcntlArg::F_OFD_SETLK(&lock)).unwrap();
+}
+
 #[test]
 fn files_that_make_no_sense_are_named_and_left_out() {
     let dir = Dir::new("garbage");
@@ -139,11 +156,11 @@ fn files_that_make_no_sense_are_named_and_left_out() {
     let path = |name: &str| dir.0.join(name);
     // What a dead owner left: removed, whatever it holds.
     fs::write(path("dead.entry"), "garbage").unwrap();
-    // What somebody keeps locked.
+    // What a program keeps locked as its own.
     let locked = |name: &str, text: &[u8]| {
         fs::write(path(name), text).unwrap();
-        let file = File::open(path(name)).unwrap();
-        file.try_lock().unwrap();
+        let file = File::options().write(true).open(path(name)).unwrap();
+        own(&file);
         file
     };
     let held = [

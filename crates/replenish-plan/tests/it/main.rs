@@ -8,7 +8,9 @@
 
 mod damaged;
 mod file;
+mod groups;
 mod ledger;
+mod ledger_attacked;
 mod plan;
 mod plans_random;
 mod robot;

@@ -6,8 +6,8 @@
 //! seed.
 
 use replenish_plan::{
-    ExecutorRequest, Guarantee, Machine, Nanos, Overheads, Plan, Promise, Request, Requirement,
-    Worker, plan,
+    ExecutorRequest, Guarantee, Hold, Machine, Nanos, Overheads, Plan, PlannedWorker, Promise,
+    Request, Requirement, Worker, plan,
 };
 use replenish_sim::analysis::Demand;
 use replenish_sim::{Options, Policy, Random, Releases, Span, Step, System, Thread, simulate};
@@ -48,7 +48,38 @@ fn random_request(r: &mut Random) -> Request {
     if one_in(r, 5) {
         request.promised.push(random_promise(r, cpus));
     }
+    if one_in(r, 3) {
+        add_groups(r, &mut request);
+    }
     request
+}
+
+/// One or two groups, each on a CPU, with a time-shared worker in half of them.
+fn add_groups(r: &mut Random, request: &mut Request) {
+    let cpus = request.machine.cpus.len() as u64;
+    for lock in 0..r.between(1, 2) as usize {
+        request.locks.push(format!("group {lock}"));
+        let cpu = r.up_to(cpus - 1) as usize;
+        for worker in &mut request.workers {
+            let Requirement::Guarantee(guarantee) = &worker.scheduling else {
+                continue;
+            };
+            // A callback is in one group.
+            if !one_in(r, 3) || worker.cpu.is_some_and(|c| c != cpu) || !worker.holds.is_empty() {
+                continue;
+            }
+            let length = r.between(1, guarantee.minimum() / 8);
+            let unstated = guarantee.is_rate() && one_in(r, 3);
+            let length = (!unstated).then_some(length);
+            worker.holds.push(Hold::of(lock, length, "its handle"));
+        }
+        if one_in(r, 2) {
+            let name = format!("background {lock}");
+            let worker = Worker::with_policy(name, Policy::Other).on(cpu);
+            let hold = Hold::of(lock, Some(r.between(1, 3 * MS)), "its handle");
+            request.workers.push(worker.holding(hold));
+        }
+    }
 }
 
 fn random_worker(r: &mut Random, index: u64, share: u64) -> Worker {
@@ -104,8 +135,30 @@ fn random_promise(r: &mut Random, cpus: usize) -> Promise {
         cpu: Some(r.up_to(cpus as u64 - 1) as usize),
         policy: Policy::Sporadic(params),
         demand: None,
+        sections: Vec::new(),
         deadline: Some(period),
     }
+}
+
+fn held(thread: Thread, lock: usize, length: Nanos) -> Thread {
+    let thread = thread.then(Step::Lock(lock)).runs(length);
+    thread.then(Step::Unlock(lock))
+}
+
+/// Always busy, mostly in its group.
+fn background(worker: &Worker, r: &mut Random) -> Thread {
+    let mut thread = Thread::new(&*worker.name, Policy::Other).on(worker.cpu);
+    thread.releases = Releases::At(vec![r.up_to(MS)]);
+    for _ in 0..600 {
+        for hold in &worker.holds {
+            thread = held(
+                thread.runs(r.up_to(200 * US)),
+                hold.lock,
+                hold.length.unwrap(),
+            );
+        }
+    }
+    thread
 }
 
 /// The worst that may happen: everybody as busy as the plan allows, released together or not.
@@ -114,6 +167,7 @@ fn system(request: &Request, plan: &Plan, r: &mut Random) -> System {
     let mut threads = Vec::new();
     for (worker, planned) in request.workers.iter().zip(&plan.workers) {
         let Requirement::Guarantee(guarantee) = &worker.scheduling else {
+            threads.push(background(worker, r));
             continue;
         };
         let mut thread = Thread::new(&*worker.name, planned.policy).on(planned.cpu);
@@ -131,8 +185,14 @@ fn system(request: &Request, plan: &Plan, r: &mut Random) -> System {
                     max: known.suspended,
                 }));
             }
-            let min = if one_in(r, 2) { amount } else { amount / 2 };
-            thread = thread.runs(Span::Uniform { min, max: amount });
+            let mut left = amount;
+            for hold in &worker.holds {
+                let length = hold.length.unwrap_or(amount);
+                thread = held(thread, hold.lock, length);
+                left -= length;
+            }
+            let min = if one_in(r, 2) { left } else { left / 2 };
+            thread = thread.runs(Span::Uniform { min, max: left });
             thread.deadline = Some(guarantee.due_within());
             thread.releases = Releases::Periodic {
                 offset,
@@ -151,12 +211,22 @@ fn system(request: &Request, plan: &Plan, r: &mut Random) -> System {
                 + overheads.latency
                 + overheads.tuning.min_rearm
                 + overheads.tuning.max_backoff
-                + overheads.tuning.slack;
-            let Some(runs) = amount.checked_sub(extra).filter(|runs| *runs > 0) else {
+                + overheads.tuning.for_budget(amount).slack;
+            let held_for = worker
+                .holds
+                .iter()
+                .map(|h| h.length.unwrap_or(0))
+                .sum::<Nanos>();
+            let runs = amount.checked_sub(extra + held_for);
+            let Some(runs) = runs.filter(|runs| *runs > 0) else {
                 continue;
             };
+            for hold in &worker.holds {
+                thread = held(thread, hold.lock, hold.length.unwrap_or(0));
+            }
             thread = thread.runs(runs);
-            thread.deadline = Some(guarantee.due_within());
+            // While it waits for a group it asks for no budget.
+            thread.deadline = worker.holds.is_empty().then_some(guarantee.due_within());
             thread.releases = Releases::Periodic {
                 offset,
                 period: guarantee.period() + 2 * overheads.latency,
@@ -177,7 +247,7 @@ fn system(request: &Request, plan: &Plan, r: &mut Random) -> System {
     }
     System {
         cpus: request.machine.cpus.len(),
-        locks: 0,
+        locks: request.locks.len(),
         platform: overheads.platform(),
         threads,
     }
@@ -190,6 +260,8 @@ struct Tally {
     suggestions: u64,
     jobs: u64,
     close: u64,
+    /// Admitted sets with a group that a guaranteed worker shares.
+    grouped: u64,
 }
 
 impl Tally {
@@ -199,6 +271,7 @@ impl Tally {
         self.suggestions += other.suggestions;
         self.jobs += other.jobs;
         self.close += other.close;
+        self.grouped += other.grouped;
     }
 }
 
@@ -210,6 +283,8 @@ fn check(seed: u64, tally: &mut Tally) {
     match found {
         Ok(admitted) => {
             tally.admitted += 1;
+            let waits = |w: &PlannedWorker| w.reasons.iter().any(|r| r.starts_with("group"));
+            tally.grouped += u64::from(admitted.workers.iter().any(waits));
             let system = system(&request, &admitted, r);
             let options = Options::until(600 * MS).seed(seed);
             let outcome = simulate(&system, &options).unwrap();
@@ -282,4 +357,5 @@ fn what_is_admitted_holds_and_what_is_suggested_is_admitted() {
     // The comparison means something.
     assert!(tally.admitted * 5 > sets && tally.refused * 10 > sets);
     assert!(tally.suggestions > tally.refused && tally.close * 4 > tally.admitted);
+    assert!(tally.grouped * 20 > tally.admitted);
 }

@@ -18,8 +18,7 @@ impl Costs {
         } = &platform.enforcement
         {
             costs.latency = latency.max();
-            costs.put_off = tuning.max_backoff + tuning.min_rearm;
-            costs.slack = tuning.slack;
+            costs.tuning = *tuning;
         }
         costs
     }
@@ -30,25 +29,49 @@ impl Costs {
 /// Their bodies and releases say what they do. `None` if the analysis does not cover one of them:
 /// `SCHED_DEADLINE`, releases by other threads ([`Step::Send`] to it), bursts, traces, blocking
 /// with a lock held, the POSIX server, or blocking that is not seen, in a reservation. Threads of
-/// [`Policy::Other`] are left out; they may share no lock.
+/// [`Policy::Other`] that take no lock are left out.
 pub fn describe(system: &System, cpu: usize) -> Option<Vec<(ThreadId, Task)>> {
     let pinned = system.threads.iter().enumerate();
+    let takes_locks = |thread: &Thread| thread.body.iter().any(|s| matches!(s, Step::Lock(_)));
     pinned
-        .filter(|(_, thread)| thread.cpu == Some(cpu) && thread.policy != Policy::Other)
+        .filter(|(_, thread)| thread.cpu == Some(cpu))
+        .filter(|(_, thread)| thread.policy != Policy::Other || takes_locks(thread))
         .map(|(id, thread)| Some((id, describe_thread(system, thread)?)))
         .collect()
 }
 
 fn describe_thread(system: &System, thread: &Thread) -> Option<Task> {
+    if thread.policy == Policy::Other {
+        let (_, sections) = job(thread, Demand::new(0, 1))?;
+        return Some(Task::background(sections));
+    }
     let (period, jitter) = match thread.releases {
         Releases::Periodic { period, jitter, .. } => (period, jitter),
         Releases::Sporadic { ref gap, .. } => (gap.min().max(1), 0),
         Releases::Never | Releases::Bursty { .. } | Releases::At(_) => return None,
     };
-    let mut demand = Demand {
+    let released = Demand {
         jitter,
         ..Demand::new(0, period)
     };
+    let (demand, sections) = job(thread, released)?;
+    let mut task = match thread.policy {
+        Policy::Fifo { priority } | Policy::RoundRobin { priority } => Task::fifo(priority, demand),
+        Policy::Sporadic(params) | Policy::KernelSporadic(params) => {
+            let unseen = demand.suspensions > 0 && !system.platform.blocking_seen;
+            if thread.server != sporadic::Kind::Corrected || unseen {
+                return None;
+            }
+            Task::reserved(params, Some(demand))
+        }
+        Policy::Other | Policy::Deadline { .. } => return None,
+    };
+    task.sections = sections;
+    Some(task)
+}
+
+/// The demand of one job: CPU time, waits, locks.
+fn job(thread: &Thread, mut demand: Demand) -> Option<(Demand, Vec<Section>)> {
     let mut held: Vec<(usize, Nanos)> = Vec::new();
     let mut sections = Vec::new();
     for step in &thread.body {
@@ -73,17 +96,5 @@ fn describe_thread(system: &System, thread: &Thread) -> Option<Task> {
             Step::Send(_) => {}
         }
     }
-    let mut task = match thread.policy {
-        Policy::Fifo { priority } | Policy::RoundRobin { priority } => Task::fifo(priority, demand),
-        Policy::Sporadic(params) | Policy::KernelSporadic(params) => {
-            let unseen = demand.suspensions > 0 && !system.platform.blocking_seen;
-            if thread.server != sporadic::Kind::Corrected || unseen {
-                return None;
-            }
-            Task::reserved(params, Some(demand))
-        }
-        Policy::Other | Policy::Deadline { .. } => return None,
-    };
-    task.sections = sections;
-    Some(task)
+    Some((demand, sections))
 }

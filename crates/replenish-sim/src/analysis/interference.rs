@@ -40,7 +40,7 @@ impl Interference {
     /// - A reservation whose background priority is not below: its jobs, like a FIFO thread.
     /// - Release interrupts and the enforcer, whomever they serve.
     /// - Critical sections of the less urgent, see [`blocking`].
-    pub(super) fn of(tasks: &[Task], index: usize, costs: &Costs, ceilings: &[u8]) -> Option<Self> {
+    pub(super) fn of(tasks: &[Task], index: usize, costs: &Costs, locks: &Locks) -> Option<Self> {
         let own = &tasks[index];
         let priority = own.priority();
         let mut result = Self {
@@ -54,13 +54,13 @@ impl Interference {
             }
             match task.scheduling {
                 Scheduling::Reserved(_) if task.low_priority() < Some(priority) => {
-                    result.add_reservation(task, costs, ceilings, priority);
+                    result.add_reservation(tasks, other, costs, locks, priority);
                 }
                 _ => result.add_jobs(task, costs)?,
             }
         }
         let windows = 1 + own.demand.map_or(0, |d| u64::from(d.suspensions));
-        let blocking = blocking(tasks, priority, costs, ceilings);
+        let blocking = blocking(tasks, priority, costs, locks);
         result.constant += blocking.saturating_mul(windows);
         if blocking > 0 {
             result.switches = windows * 2 * tasks.len() as u64;
@@ -119,13 +119,22 @@ impl Interference {
         Some(())
     }
 
-    fn add_reservation(&mut self, task: &Task, costs: &Costs, ceilings: &[u8], priority: u8) {
+    fn add_reservation(
+        &mut self,
+        tasks: &[Task],
+        index: usize,
+        costs: &Costs,
+        locks: &Locks,
+        priority: u8,
+    ) {
+        let task = &tasks[index];
         let Scheduling::Reserved(params) = task.scheduling else {
             return;
         };
         let (budget, period) = (params.budget(), params.period());
         self.push(budget, period, costs.raise_delay(), 0);
-        self.constant += costs.overrun();
+        // Budget that was put off as too little to be used is consumed in a later round.
+        self.constant += costs.overrun(budget) + costs.slack(budget);
         let raises = raises(&params);
         // Whom it has preempted pays for being switched to again, once per raise and wake-up. A
         // wake-up has cost the reservation as much, so the budget is a limit, too.
@@ -142,8 +151,20 @@ impl Interference {
             }
             _ => {}
         }
-        // Each time it is lowered it can hold a lock, and is then raised by inheritance, for free.
-        let section = longest_section(task, priority, ceilings, costs);
+        // Each time it is lowered it can hold a lock, and is then raised by inheritance, for free;
+        // at most in each section of each job, if jobs do not pile up.
+        let section = longest_section(task, priority, locks, costs);
+        if let Some(demand) = task.demand.filter(|_| locks.settled[index]) {
+            let sections = relevant_sections(task, priority, locks, costs);
+            let (sum, count) = sections.fold((0, 0), |(sum, n), length| (sum + length, n + 1));
+            let by_jobs = u128::from(sum) * u128::from(period);
+            let by_raises = u128::from(section * raises) * u128::from(demand.period);
+            if by_jobs < by_raises {
+                let jitter = demand.jitter + costs.tick + demand.period;
+                self.push(sum, demand.period, jitter, count);
+                return;
+            }
+        }
         self.push(section * raises, period, period, raises);
     }
 
@@ -235,48 +256,82 @@ fn waits(task: &Task) -> u64 {
     u64::from(suspensions) + task.sections.len() as u64
 }
 
-/// Per lock: the priority of its most urgent user.
-pub(super) fn ceilings(tasks: &[Task]) -> Vec<u8> {
-    let mut ceilings = Vec::new();
-    for task in tasks {
-        for section in &task.sections {
-            if ceilings.len() <= section.lock {
-                ceilings.resize(section.lock + 1, 0);
+/// The facts of the locks that need no bound.
+pub(super) struct Locks {
+    /// Per lock: the priority of its most urgent user.
+    ceilings: Vec<u8>,
+    /// Per thread: whether each job of it ends before the next one comes.
+    settled: Vec<bool>,
+}
+
+impl Locks {
+    /// With nobody settled.
+    pub(super) fn of(tasks: &[Task]) -> Self {
+        let mut ceilings = Vec::new();
+        for task in tasks {
+            for section in &task.sections {
+                if ceilings.len() <= section.lock {
+                    ceilings.resize(section.lock + 1, 0);
+                }
+                ceilings[section.lock] = task.priority().max(ceilings[section.lock]);
             }
-            ceilings[section.lock] = task.priority().max(ceilings[section.lock]);
+        }
+        Self {
+            ceilings,
+            settled: vec![false; tasks.len()],
         }
     }
-    ceilings
+
+    /// Those who hold locks in reservations are settled if `ends` says so.
+    pub(super) fn settle(&mut self, tasks: &[Task], ends: impl Fn(usize, &Self) -> bool) {
+        let holders = tasks.iter().enumerate().filter(|(_, task)| {
+            !task.sections.is_empty() && matches!(task.scheduling, Scheduling::Reserved(_))
+        });
+        let settled: Vec<usize> = holders
+            .map(|(index, _)| index)
+            .filter(|index| ends(*index, self))
+            .collect();
+        settled
+            .into_iter()
+            .for_each(|index| self.settled[index] = true);
+    }
+
+    fn matters(&self, lock: usize, priority: u8) -> bool {
+        self.ceilings.get(lock).is_some_and(|&c| c >= priority)
+    }
 }
 
-fn matters(lock: usize, priority: u8, ceilings: &[u8]) -> bool {
-    ceilings.get(lock).is_some_and(|&c| c >= priority)
+fn relevant_sections<'t>(
+    task: &'t Task,
+    priority: u8,
+    locks: &'t Locks,
+    costs: &Costs,
+) -> impl Iterator<Item = Nanos> + 't {
+    let switches = 2 * costs.context_switch;
+    let relevant = task.sections.iter();
+    let relevant = relevant.filter(move |s| locks.matters(s.lock, priority));
+    relevant.map(move |s| s.length + switches)
 }
 
-fn longest_section(task: &Task, priority: u8, ceilings: &[u8], costs: &Costs) -> Nanos {
-    let relevant = task
-        .sections
-        .iter()
-        .filter(|s| matters(s.lock, priority, ceilings));
-    relevant
-        .map(|s| s.length + 2 * costs.context_switch)
+fn longest_section(task: &Task, priority: u8, locks: &Locks, costs: &Costs) -> Nanos {
+    relevant_sections(task, priority, locks, costs)
         .max()
         .unwrap_or(0)
 }
 
 /// The delay by less urgent threads that hold locks: under priority inheritance each of them delays
 /// with at most one critical section, and each lock is waited for at most once (SRL90).
-fn blocking(tasks: &[Task], priority: u8, costs: &Costs, ceilings: &[u8]) -> Nanos {
+fn blocking(tasks: &[Task], priority: u8, costs: &Costs, locks: &Locks) -> Nanos {
     let lower = || tasks.iter().filter(|task| task.priority() < priority);
     let by_thread: Nanos = lower()
-        .map(|task| longest_section(task, priority, ceilings, costs))
+        .map(|task| longest_section(task, priority, locks, costs))
         .sum();
     if by_thread == 0 {
         return 0;
     }
-    let mut longest = vec![0; ceilings.len()];
+    let mut longest = vec![0; locks.ceilings.len()];
     for section in lower().flat_map(|task| &task.sections) {
-        if matters(section.lock, priority, ceilings) {
+        if locks.matters(section.lock, priority) {
             let length = section.length + 2 * costs.context_switch;
             longest[section.lock] = length.max(longest[section.lock]);
         }

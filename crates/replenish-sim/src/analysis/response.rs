@@ -1,12 +1,12 @@
 //! Bounds for every thread of a CPU.
 
-use super::interference::{Interference, ceilings, job_cost, raises};
+use super::interference::{Interference, Locks, job_cost, raises};
 use super::supply::MAX_JOBS;
 use super::{Costs, Scheduling, Supply, Task};
 use crate::Nanos;
 use sporadic::Params;
 
-/// What is certain of one thread.
+/// The bounds that are certain of one thread.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Bounds {
     /// Of a reservation: budget that is due and asked for is delivered within this time. Of a FIFO
@@ -23,12 +23,12 @@ const LIMIT_PERIODS: u64 = 100;
 /// fraction of a second.
 ///
 /// Nothing may run on this CPU but `tasks`, and threads that are less urgent than all of them and
-/// share no lock with them.
+/// share no lock with them. Those that share one are [`Task::background`].
 pub fn bounds(tasks: &[Task], costs: &Costs) -> Vec<Bounds> {
-    let ceilings = ceilings(tasks);
     let limit = longest(tasks);
+    let locks = locks(tasks, costs, limit);
     let mut result: Vec<_> = (0..tasks.len())
-        .map(|index| bound(tasks, index, costs, &ceilings, limit))
+        .map(|index| bound(tasks, index, costs, &locks, limit))
         .collect();
     discard_unfounded(tasks, &mut result);
     result
@@ -47,14 +47,25 @@ pub(super) fn longest(tasks: &[Task]) -> Nanos {
     longest.saturating_mul(LIMIT_PERIODS)
 }
 
+/// The locks, with those settled whose jobs end before the next one comes even where nobody is.
+pub(super) fn locks(tasks: &[Task], costs: &Costs, limit: Nanos) -> Locks {
+    let mut locks = Locks::of(tasks);
+    locks.settle(tasks, |index, locks| {
+        let period = tasks[index].demand.map_or(0, |demand| demand.period);
+        let response = bound(tasks, index, costs, locks, limit).response;
+        response.is_some_and(|response| response <= period)
+    });
+    locks
+}
+
 pub(super) fn bound(
     tasks: &[Task],
     index: usize,
     costs: &Costs,
-    ceilings: &[u8],
+    locks: &Locks,
     limit: Nanos,
 ) -> Bounds {
-    let Some(interference) = Interference::of(tasks, index, costs, ceilings) else {
+    let Some(interference) = Interference::of(tasks, index, costs, locks) else {
         return Bounds::default();
     };
     match tasks[index].scheduling {
@@ -201,9 +212,10 @@ impl InReservation<'_> {
         let apart = demand.period.checked_sub(jitter)?;
         // A job that leaves more than the slack of a full budget does not exhaust it, so there is
         // no overrun for the next one to pay back.
-        let spared = self.cost.saturating_add(costs.slack) < params.budget();
-        let held_back = if spared { 0 } else { costs.overrun() };
-        let held_back = held_back + costs.slack;
+        let (overrun, slack) = (costs.overrun(params.budget()), costs.slack(params.budget()));
+        let spared = self.cost.saturating_add(slack) < params.budget();
+        let held_back = if spared { 0 } else { overrun };
+        let held_back = held_back + slack;
         let budget = params.budget().checked_sub(held_back).filter(|&b| b > 0)?;
         let rounds = self.cost.div_ceil(budget).max(1);
         let last_part = self.cost - (rounds - 1) * budget;
@@ -221,7 +233,7 @@ impl InReservation<'_> {
         if self.service <= params.period() && apart >= full_again {
             return Some((jitter + response, rounds));
         }
-        let supply = Supply::new(params, self.service, costs.overrun(), costs.slack)?;
+        let supply = Supply::new(params, self.service, overrun, slack)?;
         let response = supply.response(self.cost, demand.period, jitter, limit)?;
         // In whatever pieces the budget has been used before, it comes back, and each is a round.
         let pieces = response.div_ceil(params.period()) * raises(params);

@@ -1,4 +1,4 @@
-//! What a reservation delivers at least, and how long work takes inside it.
+//! The least supply of a reservation, and how long work takes inside it.
 
 use crate::Nanos;
 use sporadic::Params;
@@ -42,6 +42,8 @@ impl Supply {
     ///
     /// - `service`: budget that is due and asked for is delivered within this time: see
     ///   [`Bounds::service`](super::Bounds::service). At least the budget.
+    ///   Budget that is served later than a period after its time comes back later by as much, so a
+    ///   longer `service` is a longer period.
     /// - `overrun`: by how much the budget can be overdrawn. It is paid back, so this much is
     ///   missing, once.
     /// - `slack`: how much of the budget can be put off as too little to be used, in each period.
@@ -50,7 +52,7 @@ impl Supply {
         let budget = params.budget().checked_sub(slack).filter(|&b| b > 0)?;
         Some(Self {
             budget,
-            period: params.period(),
+            period: params.period().max(service),
             service: service.max(budget),
             overrun,
             merged: true,

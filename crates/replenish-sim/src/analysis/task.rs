@@ -1,14 +1,14 @@
-//! What the analysis is told of a system.
+//! A system as the analysis sees it.
 
 use crate::Nanos;
-use sporadic::{Low, Params};
+use sporadic::{Low, Params, Tuning};
 
 /// One thread on the CPU that is analysed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Task {
     /// How it is scheduled.
     pub scheduling: Scheduling,
-    /// What it is asked to do; `None`: unknown, so a reservation may use all of its budget, and
+    /// The demand of its jobs; `None`: unknown, so a reservation may use all of its budget, and
     /// nothing below an unlimited thread has a bound.
     pub demand: Option<Demand>,
     /// The locks each of its jobs takes.
@@ -75,20 +75,24 @@ pub struct Costs {
     pub tick: Nanos,
     /// From the timer of the enforcer to its reading of the CPU clock, at most.
     pub latency: Nanos,
-    /// How much longer a check can be put off ([`sporadic::Tuning::max_backoff`] and
-    /// [`sporadic::Tuning::min_rearm`] together).
-    pub put_off: Nanos,
-    /// Budgets count as used up with this much left ([`sporadic::Tuning::slack`]).
-    pub slack: Nanos,
+    /// How much longer a check can be put off ([`Tuning::min_rearm`] and [`Tuning::backoff`],
+    /// whose `max_backoff` is 0 where no check is put off), and with how much left a budget counts
+    /// as used up ([`Tuning::for_budget`]).
+    pub tuning: Tuning,
     /// CPU time the enforcer takes per period of a reservation. An estimate, unlike the rest: the
     /// number of checks per period depends on who preempts whom.
     pub enforcement: Nanos,
 }
 
 impl Costs {
-    /// How much a budget can be overdrawn.
-    pub const fn overrun(&self) -> Nanos {
-        self.tick + self.latency + self.put_off
+    /// How much this budget can be overdrawn; [`Nanos::MAX`]: any budget.
+    pub fn overrun(&self, budget: Nanos) -> Nanos {
+        self.tick + self.latency + self.tuning.min_rearm + self.tuning.backoff(budget)
+    }
+
+    /// With how much left this budget counts as used up; [`Nanos::MAX`]: any budget.
+    pub fn slack(&self, budget: Nanos) -> Nanos {
+        self.tuning.for_budget(budget).slack
     }
 
     /// How late a replenishment can act.
@@ -113,6 +117,15 @@ impl Task {
             scheduling: Scheduling::Reserved(params),
             demand,
             sections: Vec::new(),
+        }
+    }
+
+    /// A time-shared thread: it delays others by the locks it holds alone, and has no bound.
+    pub const fn background(sections: Vec<Section>) -> Self {
+        Self {
+            scheduling: Scheduling::Fifo(0),
+            demand: None,
+            sections,
         }
     }
 

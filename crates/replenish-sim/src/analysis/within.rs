@@ -1,11 +1,11 @@
 //! Whether every bound is within its limit: yes or no, without the bounds.
 
-use super::interference::{Interference, ceilings};
-use super::response::{bound, longest, unfounded_up_to};
+use super::interference::Interference;
+use super::response::{bound, locks, longest, unfounded_up_to};
 use super::{Bounds, Costs, Scheduling, Task};
 use crate::Nanos;
 
-/// What is asked of one task's [`Bounds`]; `None`: nothing.
+/// The limits for one task's [`Bounds`]; `None`: no limit.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Limit {
     /// The largest [`Bounds::service`], in ns.
@@ -31,10 +31,10 @@ impl Limit {
 /// one sum at the limit is enough for most of them. The least urgent come first, which are the
 /// first to be late.
 pub fn within(tasks: &[Task], costs: &Costs, limits: &[Limit]) -> bool {
-    let ceilings = ceilings(tasks);
     let longest = longest(tasks);
-    let whole = |index| bound(tasks, index, costs, &ceilings, longest);
-    // Who suspends itself and may end late takes the bounds of others away.
+    let locks = locks(tasks, costs, longest);
+    let whole = |index| bound(tasks, index, costs, &locks, longest);
+    // A task that suspends itself and may end late takes the bounds of others away.
     let suspending = (0..tasks.len()).filter(|index| tasks[*index].suspends());
     let unfounded = suspending.filter_map(|index| unfounded_up_to(&tasks[index], &whole(index)));
     let unfounded = unfounded.max();
@@ -54,7 +54,7 @@ pub fn within(tasks: &[Task], costs: &Costs, limits: &[Limit]) -> bool {
                 let Some(window) = allowed.checked_sub(costs.raise_delay()) else {
                     return false;
                 };
-                Interference::of(tasks, index, costs, &ceilings).is_some_and(|interference| {
+                Interference::of(tasks, index, costs, &locks).is_some_and(|interference| {
                     interference.fits(params.budget(), window.min(longest))
                 })
             }

@@ -8,7 +8,10 @@
 use super::simulation::{Sim, Timer};
 use super::state::Noted;
 use crate::{End, Enforcement, Nanos, What};
-use sporadic::{BudgetServer, Level, Verdict};
+use sporadic::{BudgetServer, Level, Readings, Verdict};
+
+/// The simulation reports a block when it happens, as a wait of its own.
+const NO_GAPS: Readings<'static> = Readings::Exact(&[]);
 
 impl Sim<'_> {
     fn by_timer(&self) -> bool {
@@ -45,7 +48,7 @@ impl Sim<'_> {
         if let Some(budget) = &mut state.budget
             && !by_timer
         {
-            let verdict = budget.judge(now, state.cpu_clock, &[]);
+            let verdict = budget.judge(now, state.cpu_clock, NO_GAPS);
             self.obey(id, verdict);
         }
         self.set_check(id);
@@ -65,7 +68,7 @@ impl Sim<'_> {
         let Some(budget) = &mut state.budget else {
             return;
         };
-        budget.block(now, state.cpu_clock, &[]);
+        budget.block(now, state.cpu_clock, NO_GAPS);
         self.consider(id);
         if self.by_timer() {
             self.pull_in_others(id);
@@ -159,7 +162,7 @@ impl Sim<'_> {
                 let now = self.now;
                 let state = &mut self.states[id];
                 if let Some(budget) = &mut state.budget {
-                    let verdict = budget.judge(now, state.cpu_clock, &[]);
+                    let verdict = budget.judge(now, state.cpu_clock, NO_GAPS);
                     self.obey(id, verdict);
                     return true;
                 }
@@ -181,7 +184,7 @@ impl Sim<'_> {
         let state = &mut self.states[id];
         state.out.checks += 1;
         if let Some(budget) = &mut state.budget {
-            let verdict = budget.judge(now, state.cpu_clock, &[]);
+            let verdict = budget.judge(now, state.cpu_clock, NO_GAPS);
             self.obey(id, verdict);
         }
     }

@@ -1,4 +1,4 @@
-//! What a thread does at the moment, and how urgent it is.
+//! A thread's activity at the moment, and its urgency.
 
 use crate::LockId;
 

@@ -44,7 +44,7 @@ pub fn simulate(system: &System, options: &Options) -> Result<Outcome, SimError>
     Ok(sim.finish())
 }
 
-/// What a timer does. The order is that of events at one time of one thread.
+/// The action of a timer. The order is that of events at one time of one thread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Timer {
     /// The budget of a thread is looked at; stale unless set for `at`.

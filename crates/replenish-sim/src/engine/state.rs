@@ -1,11 +1,11 @@
-//! What the engine remembers of a thread, a lock and a CPU.
+//! The engine's state of a thread, a lock and a CPU.
 
 use super::cbs::Cbs;
 use super::phase::{Phase, Rank};
 use crate::{
     Enforcement, LockId, Nanos, Platform, Policy, Random, Releases, Thread, ThreadOutcome,
 };
-use sporadic::{Level, Reservation, Server, Tuning};
+use sporadic::{Level, Readings, Reservation, Server, Tuning};
 use std::collections::VecDeque;
 
 /// The largest `max_repl` of a simulated server.
@@ -13,7 +13,7 @@ pub(crate) const CAPACITY: usize = 128;
 
 type Budget = Reservation<Server<CAPACITY>>;
 
-/// What was last recorded of a budget.
+/// The last record of a budget.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Noted {
     pub(super) left: Nanos,
@@ -43,7 +43,7 @@ pub(super) struct State<'a> {
     /// The thread's CPU clock.
     pub(super) cpu_clock: Nanos,
     pub(super) budget: Option<Box<Budget>>,
-    /// What the trace says of its budget.
+    /// The trace's last record of its budget.
     pub(super) noted: Noted,
     pub(super) cbs: Option<Cbs>,
     /// Urgency with inheritance; `None`: must not run.
@@ -81,6 +81,7 @@ impl<'a> State<'a> {
                 let server = Server::<CAPACITY>::new(thread.server, *params, 0)
                     .map_err(|error| error.to_string())?
                     .with_min_chunk(tuning.slack);
+                let tuning = tuning.for_budget(params.budget());
                 Some(Box::new(Reservation::new(server, tuning, 0, 0)))
             }
             None => None,
@@ -151,7 +152,7 @@ impl<'a> State<'a> {
     pub(super) fn finish(&mut self, now: Nanos) -> ThreadOutcome {
         let mut out = core::mem::take(&mut self.out);
         if let Some(budget) = &mut self.budget {
-            budget.observe(now, self.cpu_clock, &[]);
+            budget.observe(now, self.cpu_clock, Readings::Exact(&[]));
             let counters = budget.counters();
             out.cpu_high = counters.cpu_high;
             out.cpu_low = counters.cpu_low;
@@ -174,7 +175,7 @@ pub(super) struct Lock {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Cpu {
     pub(super) running: Option<usize>,
-    /// Who ran last.
+    /// The thread that ran last.
     pub(super) last: Option<usize>,
     /// Until then it handles interrupts.
     pub(super) stalled_until: Nanos,

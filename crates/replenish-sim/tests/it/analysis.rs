@@ -5,7 +5,7 @@ use replenish_sim::analysis::{Costs, Demand, Section, Supply, Task, bounds, util
 use replenish_sim::{
     Nanos, Options, Policy, Random, Releases, Span, Step, System, Thread, simulate,
 };
-use sporadic::{Low, Params};
+use sporadic::{Low, Params, Tuning};
 
 fn params(priority: u8, budget: Nanos, period: Nanos) -> Params {
     Params::new(priority, Low::Suspend, budget, period, 16).unwrap()
@@ -263,8 +263,11 @@ fn a_thousand_workers_take_less_than_a_second() {
         job: 5_000,
         release_interrupt: 1_000,
         latency: 20_000,
-        put_off: 1_000_000,
-        slack: 5_000,
+        tuning: Tuning {
+            slack: 5_000,
+            min_rearm: 0,
+            max_backoff: 1_000_000,
+        },
         ..Costs::default()
     };
     let start = std::time::Instant::now();

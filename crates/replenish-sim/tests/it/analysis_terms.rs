@@ -247,7 +247,7 @@ fn budget_that_comes_back_in_pieces_costs_a_switch_for_each() {
         ])
     };
     let took = worst(&system, 2, 40_282_977);
-    // What it takes if each job needs three rounds at most.
+    // The duration if each job needs three rounds at most.
     assert!(took > 628, "{took}");
     // Nobody is above it, so this is all there is to know.
     let task = Task::reserved(params, Some(Demand::new(51, 526)));

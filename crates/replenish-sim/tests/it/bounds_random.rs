@@ -59,7 +59,7 @@ fn check(seed: u64, tally: &mut Tally) -> Result<(), String> {
     let case = random_case(seed);
     let bounds = bounds(&case.tasks, &case.costs);
     yes_and_no(seed, &case, &bounds)?;
-    // What the generator says of a system, the library finds by itself.
+    // The library finds the generator's description of a system by itself.
     if let Some(described) = describe(&case.system, 0) {
         let found: Vec<_> = described.into_iter().map(|(_, task)| task).collect();
         if found != case.tasks || Costs::of(&case.system.platform) != case.costs {
@@ -79,7 +79,8 @@ fn check(seed: u64, tally: &mut Tally) -> Result<(), String> {
             task.scheduling,
         ) && service <= params.period()
         {
-            let (overrun, slack) = (case.costs.overrun(), case.costs.slack);
+            let budget = params.budget();
+            let (overrun, slack) = (case.costs.overrun(budget), case.costs.slack(budget));
             let supply = Supply::new(&params, service, overrun, slack).map(Supply::unmerged);
             let least = supply.map_or(0, |s| s.in_window(case.horizon - from - case.costs.tick));
             if thread.cpu_high < least {

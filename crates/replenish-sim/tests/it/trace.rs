@@ -1,4 +1,4 @@
-//! What the trace says of CPUs and budgets, for drawing schedules.
+//! The trace's records of CPUs and budgets, for drawing schedules.
 
 use replenish_sim::{Options, Policy, Releases, System, Thread, What, simulate};
 use sporadic::{Low, Params};

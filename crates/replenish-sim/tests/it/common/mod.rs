@@ -44,6 +44,10 @@ pub(crate) fn random_case(seed: u64) -> Case {
         let share = total / count;
         case.add_thread(r, index as usize, share);
     }
+    // Its one release interrupt would be news to the analysis.
+    if locks > 0 && case.costs.release_interrupt == 0 && one_in(r, 2) {
+        case.push_background(r);
+    }
     let longest = case.tasks.iter().filter_map(|t| t.demand).map(|d| d.period);
     case.horizon = longest.max().unwrap_or(100).max(200) * 8;
     case
@@ -86,8 +90,7 @@ fn random_platform(r: &mut Random) -> (Platform, Costs) {
             cost: 0,
         };
         costs.latency = latency;
-        costs.put_off = tuning.max_backoff + tuning.min_rearm;
-        costs.slack = tuning.slack;
+        costs.tuning = tuning;
     }
     (platform, costs)
 }
@@ -144,6 +147,22 @@ impl Case {
             .runs(1_000_000_000);
         self.system.threads.push(thread);
         self.tasks.push(Task::reserved(params, None));
+    }
+
+    /// Below everybody, busy, and most of the time with a lock.
+    fn push_background(&mut self, r: &mut Random) {
+        let mut thread =
+            Thread::new("background", Policy::Other).released(Releases::At(vec![r.up_to(30)]));
+        let mut sections = Vec::new();
+        for _ in 0..200 {
+            let lock = r.up_to(self.system.locks as u64 - 1) as LockId;
+            let length = r.between(1, 20);
+            thread = thread.runs(r.up_to(5)).then(Step::Lock(lock));
+            thread = thread.runs(length).then(Step::Unlock(lock));
+            sections.push(Section { lock, length });
+        }
+        self.system.threads.push(thread);
+        self.tasks.push(Task::background(sections));
     }
 
     fn push(&mut self, r: &mut Random, index: usize, policy: Policy, mut task: Task) {
