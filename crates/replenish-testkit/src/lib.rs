@@ -1,4 +1,4 @@
-//! What the tests of replenish share.
+//! Helpers that the tests of replenish share.
 //!
 //! - [`rt`]: is real-time priority to be had here, the machine-wide lock that keeps two
 //!   real-time tests from running side by side, and the rule for skipping.

@@ -21,7 +21,7 @@ extern "C" fn handler(_signal: libc::c_int) {
 /// what the test is about; the type system cannot see it.
 ///
 /// # Errors
-/// What `sigaction` says.
+/// The errors of `sigaction`.
 pub fn on_user_signal(action: impl Fn() + Send + Sync + 'static) -> io::Result<()> {
     ACTION.set(Box::new(action)).ok();
     let entry: extern "C" fn(libc::c_int) = handler;

@@ -1,7 +1,9 @@
 //! Trials on a machine that did not do its part: what failed meanwhile is no verdict.
 //!
-//! Tolerances stay as they are; the trial is repeated instead, and says so. Clocks alone decide
-//! about that, so on a machine that nobody takes anything from each trial runs once.
+//! Tolerances stay as they are; the trial is repeated instead, and says so. A virtual machine also
+//! stands still without an account of it: a failure that no clock explains gets one second chance,
+//! in which the trial must pass twice. A fault that shows in half of all runs still fails three
+//! of four trials that met it.
 //!
 //! | | for trials at | what decides |
 //! |---|---|---|
@@ -13,7 +15,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// What was stolen of a CPU: the product's own reader.
+/// The product's own reader of steal time.
 #[path = "../../replenish-os/src/linux/steal_time.rs"]
 pub mod steal_time;
 
@@ -53,20 +55,20 @@ fn calm() {
 const LATE: u64 = 50_000_000;
 
 /// Runs `body`; again, at most three times and when that seems to be over, if it panicked while 20
-/// ms or more were stolen.
+/// ms or more were stolen, and once more twice after a panic that no clock explains.
 ///
 /// # Panics
-/// As `body` does when it does so undisturbed, or in the last run.
+/// As `body` does when it does so undisturbed for the second time, or in the last run.
 pub fn undisturbed(name: &str, body: &dyn Fn()) {
     let what = "the hypervisor took CPU time:";
     watched(name, what, (STOLEN, &total), &calm, body);
 }
 
 /// Runs `body`; again, at most three times, if it panicked while an ordinary thread did not get to
-/// run for 50 ms or more.
+/// run for 50 ms or more, and once more twice after a panic that no clock explains.
 ///
 /// # Panics
-/// As `body` does when the machine kept up, or in the last run.
+/// As `body` does when the machine kept up for the second time, or in the last run.
 pub fn unstalled(name: &str, body: &dyn Fn()) {
     let probe = Probe::start();
     let so_far = || probe.0.late.load(Ordering::Relaxed);
@@ -118,17 +120,27 @@ fn watched(
     rest: &dyn Fn(),
     body: &dyn Fn(),
 ) {
-    for left in (0..RUNS).rev() {
+    let (mut repeats, mut unexplained, mut passes) = (1, false, 1);
+    while passes > 0 {
         let before = taken_so_far();
         let Err(panic) = catch_unwind(AssertUnwindSafe(body)) else {
-            return;
+            passes -= 1;
+            continue;
         };
         let taken = taken_so_far().saturating_sub(before);
-        if left == 0 || taken < limit {
+        let disturbed = taken >= limit;
+        if repeats == RUNS || (!disturbed && unexplained) {
             resume_unwind(panic);
         }
-        let ms = taken / 1_000_000;
-        eprintln!("repeated: {name}: it failed while {what} {ms} ms");
+        repeats += 1;
+        if disturbed {
+            let ms = taken / 1_000_000;
+            eprintln!("repeated: {name}: it failed while {what} {ms} ms");
+        } else {
+            unexplained = true;
+            passes = 2;
+            eprintln!("unsteady: {name}: no clock tells why it failed; it must pass twice now");
+        }
         rest();
     }
 }
@@ -138,41 +150,32 @@ mod tests {
     use super::*;
     use std::cell::Cell;
 
-    /// How often a body runs that always panics while so much is stolen each time, in ns.
-    fn runs(stolen: u64) -> u32 {
+    /// How often a body runs that panics in the runs that `fails` names, while so much is stolen
+    /// each time, in ns; and whether that counts as a failure.
+    fn runs(stolen: u64, fails: fn(u32) -> bool) -> (u32, bool) {
         let (runs, clock) = (Cell::new(0), Cell::new(0));
         let body = || {
             runs.set(runs.get() + 1);
             clock.set(clock.get() + stolen);
-            assert_eq!(1, 2, "always");
+            assert!(!fails(runs.get()), "as asked");
         };
-        let rests = Cell::new(0);
-        let rest = || rests.set(rests.get() + 1);
-        let all = || watched("test", "we took", (STOLEN, &|| clock.get()), &rest, &body);
-        assert!(catch_unwind(AssertUnwindSafe(all)).is_err());
-        assert_eq!(rests.get() + 1, runs.get(), "before each further run");
-        runs.get()
-    }
-
-    #[test]
-    fn a_failure_counts_at_once_unless_time_was_stolen_and_then_after_four_runs() {
-        assert_eq!(runs(0), 1);
-        assert_eq!(runs(STOLEN - 1), 1);
-        assert_eq!(runs(STOLEN), 4);
-    }
-
-    #[test]
-    fn a_machine_that_keeps_up_is_given_no_second_run() {
-        let runs = Cell::new(0);
-        let all = || {
-            unstalled("test", &|| {
-                runs.set(runs.get() + 1);
-                assert_eq!(runs.get(), 2, "the first run fails");
-            });
-        };
-        // Whether it keeps up, this test cannot know; but it is one or the other.
+        let all = || watched("test", "we took", (STOLEN, &|| clock.get()), &|| (), &body);
         let failed = catch_unwind(AssertUnwindSafe(all)).is_err();
-        assert_eq!(runs.get(), if failed { 1 } else { 2 });
+        (runs.get(), failed)
+    }
+
+    #[test]
+    fn a_failure_counts_the_second_time_unless_time_was_stolen_and_then_after_four_runs() {
+        assert_eq!(runs(0, |_| true), (2, true));
+        assert_eq!(runs(STOLEN - 1, |_| true), (2, true));
+        assert_eq!(runs(STOLEN, |_| true), (4, true));
+    }
+
+    #[test]
+    fn after_a_failure_that_nothing_explains_two_runs_must_pass() {
+        assert_eq!(runs(0, |run| run == 1), (3, false));
+        assert_eq!(runs(0, |run| run != 2), (3, true));
+        assert_eq!(runs(STOLEN, |run| run == 1), (2, false));
     }
 
     #[test]
