@@ -1,6 +1,5 @@
-//! An action: Fibonacci numbers, one more every 20 ms, with feedback on the way and a result in the
-//! end. A first goal is reached; a second one is canceled when it has come far enough. The server
-//! pursues all its goals from one timer: no thread per goal, one budget for all of them.
+//! An action: Fibonacci numbers, one more every 20 ms, with feedback. A first goal is reached; the
+//! second is canceled when it has come far enough. One timer pursues all goals: no thread per goal.
 //!
 //! Run: `cargo run -p replenish --example fibonacci` in one process; with an agent's address
 //! (`127.0.0.1:8888`) behind it, through that agent.
@@ -70,10 +69,11 @@ fn step(goal: &GoalHandle<Fibonacci>, order: usize, numbers: &mut Vec<i32>) -> b
         return goal.feedback(&FibonacciFeedback { sequence }).is_ok();
     }
     let sequence = numbers.clone();
-    let end = match goal.is_canceling() {
-        true => GoalHandle::canceled,
-        false => GoalHandle::succeed,
-    };
-    end(goal, &FibonacciResult { sequence }).ok();
+    let result = FibonacciResult { sequence };
+    if goal.is_canceling() {
+        goal.canceled(&result).ok();
+    } else {
+        goal.succeed(&result).ok();
+    }
     false
 }

@@ -9,14 +9,7 @@
 use replenish::{Context, Error, Executor, Guarantee};
 use std::time::Duration;
 
-fn main() {
-    if let Err(error) = run() {
-        eprintln!("{error}");
-        std::process::exit(1);
-    }
-}
-
-fn run() -> Result<(), Error> {
+fn main() -> Result<(), Error> {
     let mut args = std::env::args().skip(1).map(|arg| arg.parse::<u32>().ok());
     let percent = args.next().flatten().unwrap_or(50);
     let cpu = args

@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let node = ctx.node("camera")?;
     let mut exec = Executor::new(&ctx);
 
-    // What is done in a transition; the first attempt to configure fails and changes nothing.
+    // The work of a transition; the first attempt to configure fails and changes nothing.
     let lifecycle = node.lifecycle()?;
     let mut attempts = 0;
     lifecycle.on_transition(Transition::Configure, move |_| {

@@ -1,13 +1,14 @@
 //! The connection to a middleware, and the nodes in it.
 
 use crate::error::Error;
-use crate::executor::Topic;
+use crate::executor::{StopHandle, Topic};
 use crate::middleware::{EndpointSpec, InProcessBus, LinkState, Middleware, ServiceSpec};
 use crate::name;
-use crate::platform::text;
+use crate::platform::{STD, text};
+use crate::process::{Args, Ends, Kind, NodeTime, SimClock, Watched};
 use crate::publisher::Publisher;
 use crate::qos::{IngressLimit, Qos};
-use crate::sizes::{largest, sized};
+use crate::service::size::{largest, sized};
 use crate::sync::{Arc, AtomicBool, Ordering};
 use alloc::boxed::Box;
 use alloc::string::String;
@@ -25,18 +26,60 @@ struct Inner {
     middleware: Arc<dyn Middleware>,
     /// An executor's dispatcher waits on the middleware at this moment.
     spinning: AtomicBool,
+    args: Args,
+    ends: Ends,
+    clock: SimClock,
 }
 
 impl Context {
     /// A context over any middleware.
     #[must_use]
     pub fn new(middleware: impl Middleware) -> Self {
+        let middleware = (Box::new(middleware) as Box<dyn Middleware>).into();
+        Self::of(middleware, Default::default(), Default::default())
+    }
+
+    fn of(middleware: Arc<dyn Middleware>, args: Args, ends: Ends) -> Self {
         Self {
             inner: Arc::new(Inner {
-                middleware: (Box::new(middleware) as Box<dyn Middleware>).into(),
+                middleware,
                 spinning: AtomicBool::new(false),
+                args,
+                ends,
+                clock: Default::default(),
             }),
         }
+    }
+
+    /// The same connection with these arguments, and signals that stop as before.
+    #[allow(dead_code, reason = "there are no arguments without feature `std`")]
+    pub(crate) fn with_process_args(self, args: Args) -> Self {
+        let ends = self.inner.ends.clone();
+        Self::of(self.share_middleware(), args, ends)
+    }
+
+    #[allow(dead_code, reason = "there is no simulation without feature `std`")]
+    pub(crate) fn sim_clock(&self) -> &SimClock {
+        &self.inner.clock
+    }
+
+    /// The node that has this name in full.
+    #[allow(dead_code, reason = "there is no simulation without feature `std`")]
+    pub(crate) fn existing(&self, name: &str) -> Node {
+        Node {
+            context: self.clone(),
+            time: self.inner.args.time(name, &self.inner.clock),
+            name: name.into(),
+        }
+    }
+
+    pub(crate) fn process_args(&self) -> &Args {
+        &self.inner.args
+    }
+
+    #[allow(dead_code, reason = "there are no signals without feature `std`")]
+    pub(crate) fn ends(&self) -> &Ends {
+        &self.inner.ends
     }
 
     /// A context of its own inside this process: what its nodes publish reaches its nodes.
@@ -48,13 +91,16 @@ impl Context {
     }
 
     /// A node. `name` may carry a namespace: `pong`, `robot/pong` and `/robot/pong` are all right.
+    /// The arguments (`--ros-args`) of a program may give it another name.
     ///
     /// # Errors
     /// [`Error::Name`] for a name that ROS does not allow.
     pub fn node(&self, name: &str) -> Result<Node, Error> {
+        let full = self.inner.args.node(name, name::node(name)?)?;
         Ok(Node {
             context: self.clone(),
-            name: name::node(name)?.as_str().into(),
+            time: self.inner.args.time(&full, &self.inner.clock),
+            name: full.as_str().into(),
         })
     }
 
@@ -68,15 +114,25 @@ impl Context {
         &self.inner.middleware
     }
 
+    /// The middleware for one more holder. (One body for all of them.)
+    #[inline(never)]
+    pub(crate) fn share_middleware(&self) -> Arc<dyn Middleware> {
+        Arc::clone(&self.inner.middleware)
+    }
+
     /// Whether both are the same connection.
     pub(crate) fn is(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.inner, &other.inner)
     }
 
-    /// Claims the right to wait and take; `None` while somebody else has it.
-    pub(crate) fn claim(&self) -> Option<Claim> {
+    /// Claims the right to wait and take for an executor that `stop` ends; `None` while somebody
+    /// else has it.
+    pub(crate) fn claim(&self, stop: &StopHandle) -> Option<Claim> {
         let taken = self.inner.spinning.swap(true, Ordering::AcqRel);
-        (!taken).then(|| Claim(self.clone()))
+        (!taken).then(|| Claim {
+            context: self.clone(),
+            _watched: self.inner.ends.watch(stop),
+        })
     }
 }
 
@@ -90,11 +146,14 @@ impl fmt::Debug for Context {
 
 /// The right to wait on and take from a context's middleware, until dropped.
 #[derive(Debug)]
-pub(crate) struct Claim(Context);
+pub(crate) struct Claim {
+    context: Context,
+    _watched: Watched,
+}
 
 impl Drop for Claim {
     fn drop(&mut self) {
-        self.0.inner.spinning.store(false, Ordering::Release);
+        self.context.inner.spinning.store(false, Ordering::Release);
     }
 }
 
@@ -102,6 +161,7 @@ impl Drop for Claim {
 #[derive(Clone, Debug)]
 pub struct Node {
     context: Context,
+    time: NodeTime,
     name: Arc<str>,
 }
 
@@ -140,7 +200,7 @@ impl Node {
         qos: Qos,
         max_size: usize,
     ) -> Result<Publisher<M>, Error> {
-        let topic = self.resolve(topic)?;
+        let topic = self.resolve(Kind::Topic, topic)?;
         check_depth(&topic, qos)?;
         let most = largest::<M>();
         if max_size > most || max_size == 0 && most > 0 {
@@ -154,8 +214,13 @@ impl Node {
             .middleware()
             .create_writer(&spec)
             .map_err(|e| Error::endpoint("publisher", &topic, e))?;
-        let middleware = Arc::clone(self.context.middleware());
+        let middleware = self.context.share_middleware();
         Ok(Publisher::new(middleware, writer, topic, max_size))
+    }
+
+    #[allow(dead_code, reason = "there is no simulation without feature `std`")]
+    pub(crate) fn time(&self) -> NodeTime {
+        self.time
     }
 
     /// `name` is that of `topic` in full.
@@ -181,14 +246,16 @@ impl Node {
             type_name: S::TYPE_NAME,
             request_type: S::Request::DDS_TYPE_NAME,
             response_type: S::Response::DDS_TYPE_NAME,
+            type_hash: if STD { S::TYPE_HASH } else { None },
             qos,
             max_request: sized::<S::Request>(topic.max_size),
             max_response: sized::<S::Response>(topic.max_size),
         })
     }
 
-    pub(crate) fn resolve(&self, topic: &str) -> Result<String, Error> {
-        Ok(name::topic(topic, &self.name)?)
+    /// The name of a topic or service that this node calls `given`.
+    pub(crate) fn resolve(&self, kind: Kind, given: &str) -> Result<String, Error> {
+        self.context.process_args().name(kind, given, &self.name)
     }
 
     pub(crate) fn endpoint<'a, M: Message>(
@@ -202,6 +269,7 @@ impl Node {
             topic,
             type_name: M::TYPE_NAME,
             dds_type_name: M::DDS_TYPE_NAME,
+            type_hash: if STD { M::TYPE_HASH } else { None },
             qos,
             max_size,
             ingress: IngressLimit::none(),

@@ -1,13 +1,25 @@
-//! What can go wrong while an executor is set up and started. Nothing here happens while it spins.
+//! The error of a program: set-up and start fail with it, and all other errors become it.
 
-use crate::middleware::MiddlewareError;
+use crate::action::goal_error::GoalError;
+use crate::lifecycle::error::LifecycleError;
+use crate::middleware::{MiddlewareError, PublishError};
 use crate::name::NameError;
-use crate::platform::{Text, text};
+use crate::parameter::{ParameterError, ParameterErrorKind};
+use crate::platform::{TEXTS, Text, text};
+use crate::service::error::{CallError, NoReply};
 use core::fmt;
 use replenish_os::{ParamError, PolicyError};
 
-/// Setting up or starting failed; the message names the thing, the field and what is allowed.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// One sentence that names the thing, the field, what is allowed, and the way out.
+///
+/// `{}` and `{:?}` print the same, so that a `main` that returns it shows the sentence. Every other
+/// public error of this crate becomes one with `?`.
+///
+/// ```
+/// let error = replenish::Context::in_process().node("my robot").unwrap_err();
+/// assert_eq!(format!("{error:?}"), error.to_string());
+/// ```
+#[derive(Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Error {
     /// A name that ROS does not allow.
@@ -20,7 +32,7 @@ pub enum Error {
         field: &'static str,
         /// The value it was given.
         value: Text,
-        /// What is allowed.
+        /// The allowed range.
         allowed: Text,
     },
     /// A policy's parameter out of its range, from [`Policy`](crate::Policy)'s constructors.
@@ -69,9 +81,19 @@ pub enum Error {
         /// Why.
         reason: Text,
     },
+    /// A guarantee that contradicts itself.
+    Guarantee {
+        /// Its worker, the field in the words it was said in, and what is allowed.
+        reason: Text,
+    },
     /// A guarantee does not fit on this host, or would break what another program was promised.
     NotAdmitted {
         /// One sentence: who does not fit, where and why, and what would fit.
+        reason: Text,
+    },
+    /// An argument or a variable of the program that cannot be used.
+    Arguments {
+        /// Its place, the argument, and what is allowed.
         reason: Text,
     },
     /// A deployment file that cannot be applied.
@@ -81,9 +103,26 @@ pub enum Error {
     },
     /// `strict` is set and a guarantee cannot be given.
     NotGranted {
-        /// What was asked for.
+        /// The request.
         what: Text,
         /// Why it is refused, and how to get it.
+        reason: Text,
+    },
+    /// A sample was not sent.
+    Publish(PublishError),
+    /// A request was not sent.
+    Call(CallError),
+    /// A request got no reply.
+    NoReply(NoReply),
+    /// Something could not be done to a goal.
+    Goal(GoalError),
+    /// A transition was not made.
+    Lifecycle(LifecycleError),
+    /// A parameter of a node was not declared, read or set.
+    NodeParameter {
+        /// The kind of the error.
+        kind: ParameterErrorKind,
+        /// The parameter, and what is allowed.
         reason: Text,
     },
 }
@@ -138,26 +177,44 @@ impl fmt::Display for Error {
                 )
             }
             Self::ContextBusy => f.write_str("another executor spins this context"),
-            Self::Connect { reason } => f.write_str(reason),
             Self::Middleware { endpoint, source } => write!(f, "{endpoint}: {source}"),
             Self::Thread { name, reason } => write!(f, "thread {name:?}: {reason}"),
-            Self::NotAdmitted { reason } => write!(f, "not admitted: {reason}"),
-            Self::Overlay { reason } => f.write_str(reason),
+            Self::Arguments { reason }
+            | Self::Connect { reason }
+            | Self::Guarantee { reason }
+            | Self::NotAdmitted { reason }
+            | Self::Overlay { reason } => f.write_str(reason),
             Self::NotGranted { what, reason } => write!(f, "{what} cannot be granted: {reason}"),
+            _ => self.operation(f),
         }
     }
 }
 
-impl core::error::Error for Error {
-    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+impl Error {
+    /// The errors of running programs; a board without texts has no room for the sentences.
+    fn operation(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Name(e) => Some(e),
-            Self::Policy(e) => Some(e),
-            Self::Middleware { source, .. } => Some(source),
-            _ => None,
+            _ if !TEXTS => f.write_str("failed"),
+            Self::Publish(e) => fmt::Display::fmt(e, f),
+            Self::Call(e) => fmt::Display::fmt(e, f),
+            Self::NoReply(e) => fmt::Display::fmt(e, f),
+            Self::Goal(e) => fmt::Display::fmt(e, f),
+            Self::Lifecycle(e) => fmt::Display::fmt(e, f),
+            Self::NodeParameter { reason, .. } => f.write_str(reason),
+            _ => Ok(()), // has been printed
         }
     }
 }
+
+/// The sentence: this is how `main` prints the error that it returns.
+impl fmt::Debug for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+/// Without a source: the sentence says it all, and printers of chains would say parts of it twice.
+impl core::error::Error for Error {}
 
 impl From<NameError> for Error {
     fn from(e: NameError) -> Self {
@@ -174,5 +231,50 @@ impl From<PolicyError> for Error {
 impl From<ParamError> for Error {
     fn from(e: ParamError) -> Self {
         Self::Policy(e.into())
+    }
+}
+
+impl From<MiddlewareError> for Error {
+    fn from(e: MiddlewareError) -> Self {
+        Self::endpoint("the", "middleware", e)
+    }
+}
+
+impl From<PublishError> for Error {
+    fn from(e: PublishError) -> Self {
+        Self::Publish(e)
+    }
+}
+
+impl From<CallError> for Error {
+    fn from(e: CallError) -> Self {
+        Self::Call(e)
+    }
+}
+
+impl From<NoReply> for Error {
+    fn from(e: NoReply) -> Self {
+        Self::NoReply(e)
+    }
+}
+
+impl From<GoalError> for Error {
+    fn from(e: GoalError) -> Self {
+        Self::Goal(e)
+    }
+}
+
+impl From<LifecycleError> for Error {
+    fn from(e: LifecycleError) -> Self {
+        Self::Lifecycle(e)
+    }
+}
+
+impl From<ParameterError> for Error {
+    fn from(e: ParameterError) -> Self {
+        Self::NodeParameter {
+            kind: e.kind(),
+            reason: e.reason().into(),
+        }
     }
 }

@@ -1,10 +1,13 @@
 //! A ROS 2 and micro-ROS executor that gives every callback a CPU budget.
 //!
 //! - [`Context`], [`Node`], [`Publisher`]: where messages come from and go to.
+//! - [`Context::from_args`]: what ROS gives a program: arguments, files of parameters, Ctrl-C.
 //! - [`Executor`] and its [workers](Executor::worker): threads with a policy and a [`Budget`] each,
 //!   that run subscriptions, timers, services, clients, [actions](ActionOptions) and
 //!   [guard conditions](GuardCondition). [`Group`]: callbacks that never run at the same time.
 //! - [`Parameters`], [`Lifecycle`]: what ROS 2 asks of a node.
+//! - [`Executor::recorder`], [`Mark`]: the last events of every thread, readable from outside.
+//! - [`Executor::dump`], [`Dump`]: the same in a file when something goes wrong.
 //! - [`Report`]: what every thread got from the kernel and what every handle has been through.
 //! - [`middleware`]: the seam between the executor and whatever carries the bytes.
 //!
@@ -14,6 +17,7 @@
 //! | `std` | yes | UDP, TCP and serial lines of Linux; panics caught callback by callback; brings `full` and `texts` |
 //! | `plan` | yes | guarantees, admission, deployment files; brings `std` |
 //! | `xrce` | yes | the micro-ROS middleware |
+//! | `rtps` | yes | [`Context::ros2`]: ROS 2 without an agent; brings `std` |
 //! | `full` | with `std` | services, actions, handles that come and go, histograms, long samples, the server of POSIX |
 //! | `texts` | with `std` | errors and reports in words, [`Event::Incompatible`] |
 //! | `log` | no | events go to the program's logger |
@@ -27,12 +31,8 @@
 extern crate alloc;
 
 mod action;
-mod bare;
-mod clients;
 mod compatibility;
 mod context;
-#[cfg(feature = "full")]
-mod dynamic;
 mod error;
 mod event;
 mod executor;
@@ -41,8 +41,10 @@ mod lifecycle;
 mod name;
 mod parameter;
 mod platform;
+#[cfg_attr(not(feature = "std"), path = "process_disabled.rs")]
+mod process;
 mod publisher;
-mod sizes;
+mod service;
 mod stats;
 
 use replenish_handoff::{self as handoff, sync};
@@ -59,16 +61,14 @@ pub use context::{Context, Node};
 pub use error::Error;
 pub use event::Event;
 pub use executor::{
-    AdmissionReport, CallError, CallbackContext, CallbackResult, Client, DeadlineMiss,
+    AddHandles, AdmissionReport, AdoptedReport, CallbackContext, CallbackResult, DeadlineMiss,
     DispatcherReport, Every, Executor, Group, GuardCondition, HandleOptions, HandleReport,
-    HandleStates, LocalExecutor, NoReply, OnMiss, Overrun, RawType, Report, Responder,
+    HandleStates, LocalExecutor, OnMiss, Overrun, RawType, Report, RoundReport, RoundStats,
     RunningExecutor, Semantics, SpinEnd, SpinResult, StopHandle, ThreadReport, TimerHandle, Topic,
     Trigger, WorkerBuilder,
 };
 #[cfg(feature = "full")]
 pub use executor::{ExecutorHandle, Removal, WorkerHandle};
-#[cfg(feature = "texts")]
-pub use executor::{RoundReport, RoundStats};
 pub use histogram::Histogram;
 pub use lifecycle::{Lifecycle, LifecycleError, ManagedPublisher, Outcome, State, Transition};
 pub use middleware::PublishError;
@@ -77,7 +77,13 @@ pub use parameter::{
     Descriptor, FromParameter, ParameterChange, ParameterError, ParameterErrorKind,
     ParameterOptions, ParameterValue, Parameters,
 };
-pub use platform::{StaticText, Text};
+pub use platform::{Dump, Mark, StaticText, Text};
+#[allow(
+    unused_imports,
+    unreachable_pub,
+    reason = "there is nothing in it without feature `std`"
+)]
+pub use process::public::*;
 pub use publisher::Publisher;
 pub use qos::{Criticality, IngressLimit, Qos};
 pub use replenish_msg as msg;
@@ -88,6 +94,9 @@ pub use replenish_os::{
 /// Planning, deployment files, the ledger.
 #[cfg(feature = "plan")]
 pub use replenish_plan::{self as planning, Guarantee};
+pub use service::client::Client;
+pub use service::error::{CallError, NoReply};
+pub use service::responder::Responder;
 pub use sporadic::{Amount, Budget, Kind as ServerKind};
 pub use stats::HandleStats;
 
@@ -100,4 +109,6 @@ pub type Nanos = u64;
 #[doc = include_str!("../../../README.md")]
 #[doc = include_str!("../../../docs/executor.md")]
 #[doc = include_str!("../../../docs/compile-time.md")]
+#[doc = include_str!("../../../docs/see-it.md")]
+#[doc = include_str!("../../../docs/ros-program.md")]
 struct DocumentedExamples;

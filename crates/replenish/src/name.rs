@@ -17,11 +17,11 @@ const MAX_NODE: usize = 255;
 /// A name that ROS does not allow.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NameError {
-    /// What the name was for.
+    /// The kind of name: node, topic, worker.
     pub what: StaticText,
     /// The name as it was given.
     pub name: Text,
-    /// What is wrong with it.
+    /// The rule that it breaks.
     pub problem: StaticText,
 }
 

@@ -3,7 +3,7 @@
 use crate::middleware::encoding::Encoding;
 use crate::middleware::remedy::PUBLISHER;
 use crate::middleware::{Middleware, PublishError, WriterId};
-use crate::platform::zeroed;
+use crate::platform::{recorder, zeroed};
 use crate::sync::{Arc, Mutex};
 use alloc::boxed::Box;
 use alloc::string::String;
@@ -27,6 +27,8 @@ struct Inner {
     middleware: Arc<dyn Middleware>,
     writer: WriterId,
     topic: String,
+    /// In recordings.
+    name: recorder::NameId,
     buffer: Mutex<Box<[u8]>>,
 }
 
@@ -49,6 +51,7 @@ impl<M: Message> Publisher<M> {
             inner: Arc::new(Inner {
                 middleware,
                 writer,
+                name: recorder::topic(&topic),
                 topic,
                 buffer: Mutex::new(buffer),
             }),
@@ -87,7 +90,9 @@ impl<M: Message> Publisher<M> {
         let encoded = encode(&mut buffer);
         let len = encoded.map_err(|e| Encoding::of::<M>(PUBLISHER).failed(e, &buffer))?;
         let payload = buffer.get(..len).unwrap_or_default();
-        self.inner.middleware.publish(self.inner.writer, payload)
+        let sent = self.inner.middleware.publish(self.inner.writer, payload);
+        recorder::publish(self.inner.name, len, sent.is_err());
+        sent
     }
 
     /// Like [`publish`](Self::publish), but while the output queue is full it waits for room,

@@ -19,7 +19,7 @@ pub enum Reliability {
     Reliable,
 }
 
-/// What happens to a sample for which no slot is free.
+/// The rule for a sample for which no slot is free.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum History {
     /// The oldest waiting sample makes room and is counted as dropped.
@@ -101,7 +101,7 @@ impl IngressLimit {
         }
     }
 
-    /// So many samples and then no more, 1..=65534.
+    /// The number of samples after which no more come, 1..=65534.
     #[must_use]
     pub const fn samples(self, samples: u16) -> Self {
         Self {
@@ -162,7 +162,7 @@ impl IngressLimit {
 pub struct Qos {
     /// Whether lost samples are sent again.
     pub reliability: Reliability,
-    /// What happens when all slots are taken.
+    /// The rule when all slots are taken.
     pub history: History,
     /// Samples held, 1..=[`Qos::MAX_DEPTH`]; checked where an endpoint is created.
     pub depth: u16,

@@ -14,8 +14,10 @@ use super::ids::Ids;
 use super::state::GoalState;
 use crate::context::Node;
 use crate::error::Error;
-use crate::executor::{CallError, CallbackResult, Client, NoReply};
+use crate::executor::CallbackResult;
 use crate::middleware::remedy::ACTION;
+use crate::service::client::Client;
+use crate::service::error::{CallError, NoReply};
 use crate::sync::{Arc, Mutex};
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -34,7 +36,8 @@ use replenish_msg::{CdrWriter, Message, heapless};
 /// Something was heard of a goal.
 #[non_exhaustive]
 pub enum GoalUpdate<'a, A: Action> {
-    /// The server pursues it, since this time by its wall clock.
+    /// The server pursues it, since this time by its wall clock; zeros where feedback arrived
+    /// before the server's answer.
     Accepted(Time),
     /// The server does not pursue it. Nothing more will be heard of it.
     Rejected,
@@ -100,7 +103,7 @@ impl<A: Action> fmt::Debug for GoalUpdate<'_, A> {
 
 /// Sends goals of one action. Clones are the same client; any thread may use them.
 ///
-/// What is heard of the goals comes to the callback of
+/// News of the goals comes to the callback of
 /// [`WorkerBuilder::follow`](crate::WorkerBuilder::follow).
 pub struct ActionClient<A: Action> {
     pub(super) inner: Arc<Inner<A>>,
@@ -129,7 +132,7 @@ struct Sent {
     /// The number of the request that waits for its reply.
     number: u64,
     asked: bool,
-    /// What was heard last.
+    /// The state that the server reported last.
     state: Option<GoalState>,
 }
 
@@ -282,7 +285,7 @@ impl<A: Action> fmt::Debug for ActionClient<A> {
     }
 }
 
-/// What the worker's callbacks make of what comes; `tell` is the user's.
+/// Handles the server's answers on the worker; `tell` is the user's callback.
 impl<A: Action> Inner<A> {
     /// The answer to request `number`: a goal is accepted or not.
     pub(super) fn answered<R>(
@@ -360,15 +363,43 @@ impl<A: Action> Inner<A> {
         Some(tell(id, update))
     }
 
-    /// Feedback for a goal, of this client or another.
+    /// Feedback for a goal, of this client or another. Where it overtook the answer that the goal
+    /// is accepted, it says so itself: that is told first, and the answer is not waited for.
     pub(super) fn heard<R>(
         &self,
         message: &FeedbackMessage<A>,
-        tell: impl FnOnce(GoalId, GoalUpdate<'_, A>) -> R,
-    ) -> Option<R> {
+        mut tell: impl FnMut(GoalId, GoalUpdate<'_, A>) -> R,
+    ) -> Several<R> {
         let id = message.goal_id;
-        let mine = self.goals.lock().sent.iter().any(|s| s.id == id);
-        mine.then(|| tell(id, GoalUpdate::Feedback(&message.feedback)))
+        let mut results = heapless::Vec::new();
+        let first = {
+            let mut goals = self.goals.lock();
+            let Some(at) = goals.sent.iter().position(|s| s.id == id) else {
+                return Several(results);
+            };
+            match goals.sent.get_mut(at).filter(|sent| !sent.asked) {
+                None => None,
+                Some(sent) => match self.result.call(&GetResultRequest::new(id)) {
+                    Ok(number) => {
+                        (sent.number, sent.asked) = (number, true);
+                        Some(GoalUpdate::Accepted(Time::default()))
+                    }
+                    Err(e) => {
+                        goals.sent.swap_remove(at);
+                        Some(GoalUpdate::Lost(Lost::Ask(e)))
+                    }
+                },
+            }
+        };
+        let lost = matches!(first, Some(GoalUpdate::Lost(_)));
+        if let Some(update) = first {
+            results.push(tell(id, update)).ok();
+        }
+        if !lost {
+            let update = GoalUpdate::Feedback(&message.feedback);
+            results.push(tell(id, update)).ok();
+        }
+        Several(results)
     }
 
     /// The states of all goals of the server: tells those that have changed.
@@ -398,7 +429,7 @@ impl<A: Action> Inner<A> {
     }
 }
 
-/// What a callback has returned that was called for several goals.
+/// The results of a callback that was called for several goals.
 pub(super) struct Several<R>(heapless::Vec<R, MAX_GOALS>);
 
 impl<R: CallbackResult> CallbackResult for Several<R> {

@@ -5,8 +5,10 @@ use super::goal::GoalId;
 use super::{ActionOptions, part, status_qos};
 use crate::context::Node;
 use crate::error::Error;
-use crate::executor::{CallbackContext, CallbackResult, NoReply, WorkerBuilder};
+use crate::executor::{AddHandles, CallbackContext, CallbackResult, Target};
+use crate::process::Kind;
 use crate::qos::Qos;
+use crate::service::error::NoReply;
 use crate::sync::{Arc, Mutex};
 use alloc::string::String;
 use replenish_msg::Service;
@@ -27,7 +29,7 @@ impl Node {
         name: &str,
         options: ActionOptions,
     ) -> Result<ActionClient<A>, Error> {
-        let name = self.resolve(name)?;
+        let name = self.resolve(Kind::Action, name)?;
         options.check(&name)?;
         let qos = options.services();
         let (send, result) = (part(&name, "send_goal"), part(&name, "get_result"));
@@ -41,18 +43,23 @@ impl Node {
     }
 }
 
-impl WorkerBuilder<'_> {
+impl<T: Target> AddHandles<T> {
     /// Calls `callback` whenever something is heard of a goal of `client`: see [`GoalUpdate`].
     /// Feedback that arrived before a result is told before it.
     ///
-    /// The client takes five handles of its worker; of [`options`](Self::options) right behind
-    /// this, priority, group and error hook apply to all of them, a deadline to the one that takes
-    /// results.
+    /// The client takes five handles of its worker. Of its
+    /// [`options`](crate::WorkerBuilder::options), priority, group and error hook apply to all of
+    /// them, a deadline to the one that takes results.
     ///
     /// # Errors
     /// [`Error::Parameter`] if `client` belongs to a callback already; [`Error::Middleware`] when a
-    /// subscription cannot be created.
-    pub fn follow<A, F, R>(self, client: &ActionClient<A>, callback: F) -> Result<Self, Error>
+    /// subscription cannot be created. Nothing was added then to a worker that runs, and the client
+    /// cannot be used.
+    pub fn follow<A, F, R>(
+        self,
+        client: &ActionClient<A>,
+        callback: F,
+    ) -> Result<T::AllAdded, Error>
     where
         A: Action,
         F: FnMut(GoalId, GoalUpdate<'_, A>, &CallbackContext<'_>) -> R + Send + 'static,
@@ -62,7 +69,9 @@ impl WorkerBuilder<'_> {
         let parts = Parts::new(inner, callback);
         let (feedback, feedback_qos) = inner.feedback();
         let (status, status_qos) = inner.status();
-        self.replies(&inner.send, parts.accepted())?
+        let worker = self
+            .together()
+            .replies(&inner.send, parts.accepted())?
             .replies(&inner.cancel, parts.canceled())?
             .subscribe(
                 &inner.node,
@@ -72,24 +81,25 @@ impl WorkerBuilder<'_> {
             )?
             .ahead_of(&inner.result)
             .subscribe(&inner.node, status.as_str(), status_qos, parts.status())?
-            .replies(&inner.result, parts.results())
-            .map(|worker| worker.together(4))
+            .last()
+            .replies(&inner.result, parts.results())?;
+        Ok(worker.all_added(4))
     }
 }
 
 impl<A: Action> Inner<A> {
-    pub(super) fn feedback(&self) -> (String, Qos) {
+    fn feedback(&self) -> (String, Qos) {
         let qos = Qos::reliable().keep_last(self.options.feedback);
         (part(&self.name, "feedback"), qos)
     }
 
-    pub(super) fn status(&self) -> (String, Qos) {
+    fn status(&self) -> (String, Qos) {
         (part(&self.name, "status"), status_qos())
     }
 }
 
 /// The callbacks of a client's handles, made of the user's one.
-pub(super) struct Parts<A: Action, F> {
+struct Parts<A: Action, F> {
     inner: Arc<Inner<A>>,
     /// All are on one worker and run one after another: the lock is never contended.
     callback: Arc<Mutex<F>>,
@@ -101,7 +111,7 @@ where
     F: FnMut(GoalId, GoalUpdate<'_, A>, &CallbackContext<'_>) -> R + Send + 'static,
     R: CallbackResult + 'static,
 {
-    pub(super) fn new(inner: &Arc<Inner<A>>, callback: F) -> Self {
+    fn new(inner: &Arc<Inner<A>>, callback: F) -> Self {
         Self {
             inner: Arc::clone(inner),
             callback: Arc::new(Mutex::new(callback)),
@@ -112,7 +122,7 @@ where
         (Arc::clone(&self.inner), Arc::clone(&self.callback))
     }
 
-    pub(super) fn accepted(
+    fn accepted(
         &self,
     ) -> impl FnMut(Reply<'_, SendGoal<A>>, &CallbackContext<'_>) -> Option<R> + Send + use<A, F, R>
     {
@@ -123,7 +133,7 @@ where
         }
     }
 
-    pub(super) fn canceled(
+    fn canceled(
         &self,
     ) -> impl FnMut(Reply<'_, CancelGoal>, &CallbackContext<'_>) -> Option<R> + Send + use<A, F, R>
     {
@@ -134,7 +144,7 @@ where
         }
     }
 
-    pub(super) fn results(
+    fn results(
         &self,
     ) -> impl FnMut(Reply<'_, GetResult<A>>, &CallbackContext<'_>) -> Option<R> + Send + use<A, F, R>
     {
@@ -145,15 +155,15 @@ where
         }
     }
 
-    pub(super) fn feedback(
+    fn feedback(
         &self,
-    ) -> impl FnMut(&FeedbackMessage<A>, &CallbackContext<'_>) -> Option<R> + Send + use<A, F, R>
+    ) -> impl FnMut(&FeedbackMessage<A>, &CallbackContext<'_>) -> Several<R> + Send + use<A, F, R>
     {
         let (to, tell) = self.ends();
         move |message, cx| to.heard(message, |id, update| (tell.lock())(id, update, cx))
     }
 
-    pub(super) fn status(
+    fn status(
         &self,
     ) -> impl FnMut(&GoalStatusArray, &CallbackContext<'_>) -> Several<R> + Send + use<A, F, R>
     {
@@ -162,5 +172,5 @@ where
     }
 }
 
-/// What a callback for replies of `S` is called with.
+/// The argument of a callback for replies of `S`.
 type Reply<'a, S> = Result<&'a <S as Service>::Response, NoReply>;

@@ -1,12 +1,11 @@
-//! What a server's callbacks get: a goal that is offered, then a goal that is pursued; and what can
-//! go wrong with it.
+//! The arguments of a server's callbacks: a goal that is offered, then a goal that is pursued.
 
-use super::ids;
+use super::goal_error::GoalError;
 use super::server_core::Core;
 use super::state::{GoalEvent, GoalState};
 use super::table::Ticket;
-use crate::executor::Responder;
-use crate::middleware::PublishError;
+use crate::platform;
+use crate::service::responder::Responder;
 use crate::sync::Arc;
 use core::fmt;
 use replenish_msg::action::{Action, SendGoal, SendGoalResponse};
@@ -14,63 +13,6 @@ use replenish_msg::unique_identifier_msgs::UUID;
 
 /// Names a goal.
 pub type GoalId = UUID;
-
-/// Something could not be done to a goal, or a goal could not be taken.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum GoalError {
-    /// The goal's state does not allow it; nothing has changed.
-    State {
-        /// What was to happen.
-        event: GoalEvent,
-        /// The state the goal is in.
-        state: GoalState,
-    },
-    /// It has ended, and nobody wants to hear more of it.
-    Ended {
-        /// How.
-        state: GoalState,
-    },
-    /// It has ended, and its result has expired.
-    Expired,
-    /// So many goals are there already. It was rejected.
-    TooMany {
-        /// How many there may be.
-        limit: usize,
-    },
-    /// A goal with this id is there already. It was rejected.
-    Known,
-    /// So many ask for the result of one goal already. This one gets no answer.
-    TooManyAskers {
-        /// How many may.
-        limit: usize,
-    },
-    /// It happened, but could not be told to everybody.
-    Send(PublishError),
-}
-
-impl fmt::Display for GoalError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::State { event, state } => {
-                write!(f, "{event:?} cannot happen to a goal that is {state}")
-            }
-            Self::Ended { state } => write!(f, "the goal has ended: it is {state}"),
-            Self::Expired => f.write_str("the goal has ended and its result has expired"),
-            Self::TooMany { limit } => write!(f, "goal rejected: too many, the limit is {limit}"),
-            Self::Known => f.write_str("goal rejected: there is one with this id"),
-            Self::TooManyAskers { limit } => {
-                write!(
-                    f,
-                    "too many ask for the result of one goal: the limit is {limit}"
-                )
-            }
-            Self::Send(e) => write!(f, "the goal's clients were not told: {e}"),
-        }
-    }
-}
-
-impl core::error::Error for GoalError {}
 
 /// A goal's server, and who waits for its answer.
 type Open<A> = (Arc<Core<A>>, Responder<SendGoal<A>>);
@@ -114,7 +56,7 @@ impl<A: Action> NewGoal<A> {
         let Some((core, to)) = self.open.take() else {
             return Err(GoalError::Expired); // it is open as long as it exists
         };
-        let stamp = ids::now();
+        let stamp = platform::wall_time();
         let mut state = core.state.lock();
         if let Err(e) = to.reply(&SendGoalResponse::new(true, stamp)) {
             state.table.reject(ticket);
@@ -139,7 +81,7 @@ impl<A: Action> NewGoal<A> {
             return Ok(());
         };
         core.state.lock().table.reject(self.ticket);
-        let no = SendGoalResponse::new(false, ids::now());
+        let no = SendGoalResponse::new(false, platform::wall_time());
         to.reply(&no).map_err(GoalError::Send)
     }
 }
@@ -233,7 +175,7 @@ impl<A: Action> GoalHandle<A> {
 impl<A: Action> Drop for GoalHandle<A> {
     fn drop(&mut self) {
         if self.state().is_some_and(|state| !state.is_terminal()) {
-            // What was not sent is sent again; nobody is left to tell anything else to.
+            // The server repeats an answer that was not sent; other errors have no receiver left.
             self.abort(&A::Result::default()).ok();
         }
     }

@@ -1,8 +1,7 @@
-//! Names for goals, and the wall clock they are stamped with.
+//! Names for goals.
 
 use crate::platform;
 use crate::sync::{AtomicU64, Ordering};
-use replenish_msg::builtin_interfaces::Time;
 use replenish_msg::unique_identifier_msgs::UUID;
 
 /// Gives out ids that no other client gives out: random bits, then a number.
@@ -30,12 +29,4 @@ impl Ids {
         uuid[8] = uuid[8] & 0x3f | 0x80;
         UUID { uuid }
     }
-}
-
-/// This moment by the wall clock; zeros before 1970 and after 2038.
-pub(crate) fn now() -> Time {
-    let since = platform::wall_clock().unwrap_or_default();
-    let sec = i32::try_from(since.as_secs()).unwrap_or_default();
-    let nanosec = since.subsec_nanos();
-    Time { sec, nanosec }
 }

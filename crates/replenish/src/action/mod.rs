@@ -13,10 +13,9 @@
 //! ```
 //!
 //! - [`state`]: a goal's states. [`table`]: the goals of a server. Both pure.
-//! - [`goal`]: goals in the hands of those who pursue them. [`server`], on
+//! - [`goal`]: goals in the hands of those who pursue them; [`goal_error`]. [`server`], on
 //!   [`server_core`]: the state they share. [`client`]: those who sent them.
-//! - [`serve`], [`follow`], [`live`]: how workers get the handles. [`ids`]: names and stamps of
-//!   goals.
+//! - [`serve`], [`follow`]: how workers get the handles. [`ids`]: names and stamps of goals.
 //!
 //! Everything is allocated when the server or client is made; how many goals there can be is said
 //! there, and one more is rejected (server) or an error (client) that names the limit.
@@ -24,9 +23,8 @@
 mod client;
 mod follow;
 mod goal;
+pub(crate) mod goal_error;
 mod ids;
-#[cfg(feature = "full")]
-mod live;
 mod serve;
 mod server;
 mod server_core;
@@ -34,8 +32,8 @@ mod state;
 mod table;
 
 pub use client::{ActionClient, GoalUpdate, Lost};
-pub use goal::{GoalError, GoalHandle, GoalId, NewGoal};
-pub(crate) use ids::now;
+pub use goal::{GoalHandle, GoalId, NewGoal};
+pub use goal_error::GoalError;
 pub use state::{GoalEvent, GoalState};
 
 use crate::error::Error;

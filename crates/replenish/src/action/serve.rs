@@ -6,10 +6,12 @@ use super::{ActionOptions, part, status_qos};
 use crate::context::Node;
 use crate::error::Error;
 use crate::executor::{
-    CallbackContext, CallbackResult, Every, Responder, TimerHandle, WorkerBuilder, nanos,
+    AddHandles, CallbackContext, CallbackResult, Every, Target, TimerHandle, nanos,
 };
 use crate::middleware::PublishError;
+use crate::process::Kind;
 use crate::qos::Qos;
+use crate::service::responder::Responder;
 use crate::sync::Arc;
 use core::fmt;
 use core::time::Duration;
@@ -19,7 +21,7 @@ use replenish_msg::action::{
 };
 use replenish_msg::action_msgs::{CancelGoal, CancelGoalRequest, CancelGoalResponse};
 
-impl WorkerBuilder<'_> {
+impl<T: Target> AddHandles<T> {
     /// Serves the action `name`, with up to `options.goals` goals at a time.
     ///
     /// `goal` is called with every goal that comes and the right to [accept](NewGoal::accept) it,
@@ -30,9 +32,10 @@ impl WorkerBuilder<'_> {
     /// says.
     ///
     /// A goal for which there is no room is rejected without asking, counted and reported as an
-    /// error of the handle `…/send_goal`. The server takes four handles of its worker; of
-    /// [`options`](Self::options) right behind this, priority, group and error hook apply to all of
-    /// them, a deadline to the one that calls `goal`.
+    /// error of the handle `…/send_goal`. The server takes four handles of its worker. Of its
+    /// [`options`](crate::WorkerBuilder::options), priority, group and error hook apply to all of
+    /// them, a deadline to the one that calls `goal`. The action goes when all four are
+    /// [removed](crate::ExecutorHandle::remove); goals that are pursued then go on unheard.
     ///
     /// ```
     /// # use replenish::{ActionOptions, Context, Error, Executor, NewGoal};
@@ -73,7 +76,7 @@ impl WorkerBuilder<'_> {
         options: ActionOptions,
         goal: G,
         cancel: C,
-    ) -> Result<Self, Error>
+    ) -> Result<T::AllAdded, Error>
     where
         A: Action,
         G: FnMut(&A::Goal, NewGoal<A>, &CallbackContext<'_>) -> R + Send + 'static,
@@ -86,7 +89,9 @@ impl WorkerBuilder<'_> {
         let (ends, begins) = (core.part("get_result"), core.part("send_goal"));
         let ends = options.topic::<GetResultResponse<A>>(&ends);
         let begins = options.topic::<SendGoalRequest<A>>(&begins);
-        self.timer_with(&timer, OFF, expiry(&core))?
+        let worker = self
+            .together()
+            .timer_with(&timer, OFF, expiry(&core))?
             .serve_later::<GetResult<A>, _, _>(node, ends, qos, results(&core))?
             .serve_later::<CancelGoal, _, _>(
                 node,
@@ -94,22 +99,23 @@ impl WorkerBuilder<'_> {
                 qos,
                 cancels(&core, cancel),
             )?
-            .serve_later::<SendGoal<A>, _, _>(node, begins, qos, goals(&core, goal))
-            .map(|worker| worker.together(3))
+            .last()
+            .serve_later::<SendGoal<A>, _, _>(node, begins, qos, goals(&core, goal))?;
+        Ok(worker.all_added(3))
     }
 }
 
 /// The timer is started when there is something to expire.
-pub(super) const OFF: Every = Every::once(Duration::from_secs(1)).not_started();
+const OFF: Every = Every::once(Duration::from_secs(1)).not_started();
 
 /// Everything but the handles.
-pub(super) fn core<A: Action>(
+fn core<A: Action>(
     node: &Node,
     name: &str,
     options: ActionOptions,
     timer: TimerHandle,
 ) -> Result<Arc<Core<A>>, Error> {
-    let name = node.resolve(name)?;
+    let name = node.resolve(Kind::Action, name)?;
     options.check(&name)?;
     let size = options.size::<FeedbackMessage<A>>();
     let size = size.unwrap_or(FeedbackMessage::<A>::MAX_SIZE);
@@ -123,19 +129,19 @@ pub(super) fn core<A: Action>(
 }
 
 impl<A: Action> Core<A> {
-    pub(super) fn part(&self, which: &str) -> alloc::string::String {
+    fn part(&self, which: &str) -> alloc::string::String {
         part(&self.name, which)
     }
 }
 
-pub(super) fn expiry<A: Action>(
+fn expiry<A: Action>(
     core: &Arc<Core<A>>,
 ) -> impl FnMut(&CallbackContext<'_>) -> Result<(), super::GoalError> + Send + use<A> {
     let core = Arc::clone(core);
     move |_| core.look_after()
 }
 
-pub(super) fn results<A: Action>(
+fn results<A: Action>(
     core: &Arc<Core<A>>,
 ) -> impl FnMut(
     &replenish_msg::action::GetResultRequest<A>,
@@ -148,7 +154,7 @@ pub(super) fn results<A: Action>(
     move |request, to, _| core.ask(request.goal_id, to)
 }
 
-pub(super) fn cancels<A, C>(
+fn cancels<A, C>(
     core: &Arc<Core<A>>,
     mut willing: C,
 ) -> impl FnMut(
@@ -170,7 +176,7 @@ where
     }
 }
 
-pub(super) fn goals<A, G, R>(
+fn goals<A, G, R>(
     core: &Arc<Core<A>>,
     mut goal: G,
 ) -> impl FnMut(&SendGoalRequest<A>, Responder<SendGoal<A>>, &CallbackContext<'_>) -> Outcome<R>
@@ -187,8 +193,8 @@ where
     }
 }
 
-/// What has become of a goal that came.
-pub(super) enum Outcome<R> {
+/// The fate of a goal that came.
+enum Outcome<R> {
     /// The user's callback has returned this.
     Called(R),
     /// It was not called.

@@ -9,17 +9,19 @@
 //!   timer ───────► results expire; what could not be sent is sent again
 //! ```
 
-use super::goal::{GoalError, GoalHandle, GoalId, NewGoal};
-use super::ids;
+use super::goal::{GoalHandle, GoalId, NewGoal};
+use super::goal_error::GoalError;
 use super::server_core::{Core, CoreState};
 use super::state::{GoalEvent, GoalState};
 use super::table::{Asked, NoPlace, Table, Ticket};
 use crate::Nanos;
-use crate::executor::{Responder, TimerHandle};
+use crate::executor::TimerHandle;
 use crate::middleware::PublishError;
 use crate::middleware::encoding::Encoding;
 use crate::middleware::remedy::ACTION;
+use crate::platform;
 use crate::publisher::Publisher;
+use crate::service::responder::Responder;
 use crate::sync::{Arc, Mutex};
 use alloc::string::String;
 use core::time::Duration;
@@ -30,7 +32,7 @@ use replenish_msg::action_msgs::{CancelGoalRequest, CancelGoalResponse, GoalStat
 use replenish_msg::{CdrWriter, Message};
 use replenish_os::clock;
 
-/// What could not be sent because there was no room is tried again after so many nanoseconds.
+/// After this many nanoseconds the server tries again to send an answer that found no room.
 const RETRY: Nanos = 10_000_000;
 
 impl<A: Action> Core<A> {
@@ -70,7 +72,7 @@ impl<A: Action> Core<A> {
                 id,
             }),
             Err(why) => {
-                let no = SendGoalResponse::new(false, ids::now());
+                let no = SendGoalResponse::new(false, platform::wall_time());
                 to.reply(&no).map_err(GoalError::Send)?;
                 Err(match why {
                     NoPlace::Full { limit } => GoalError::TooMany { limit },

@@ -2,8 +2,9 @@
 
 use super::table::Table;
 use crate::Nanos;
-use crate::executor::{Responder, TimerHandle};
+use crate::executor::TimerHandle;
 use crate::publisher::Publisher;
+use crate::service::responder::Responder;
 use crate::sync::Mutex;
 use alloc::string::String;
 use replenish_msg::action::{Action, FeedbackMessage, GetResult};

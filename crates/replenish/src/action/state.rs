@@ -39,7 +39,7 @@ pub enum GoalState {
     Aborted = GoalStatus::STATUS_ABORTED,
 }
 
-/// What may happen to a goal.
+/// The events of a goal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum GoalEvent {
     /// Its execution begins.

@@ -41,7 +41,7 @@ struct Place<T> {
     turn: u64,
     info: GoalInfo,
     life: Life,
-    /// Who waits for the result.
+    /// The clients that wait for the result.
     askers: Vec<T>,
     /// The encoded answer to those who ask for the result, once it has ended.
     result: Box<[u8]>,
@@ -62,7 +62,7 @@ enum Life {
 /// Why a goal is not taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum NoPlace {
-    /// So many goals are there already.
+    /// The most goals are there already.
     Full { limit: usize },
     /// A goal of this id is there already.
     Known,
@@ -77,7 +77,7 @@ pub(crate) enum Asked<'t, T> {
     Waits,
     /// There is no such goal.
     Unknown(T),
-    /// So many wait for it already.
+    /// The most clients wait for it already.
     TooMany { limit: usize },
 }
 

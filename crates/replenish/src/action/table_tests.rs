@@ -248,10 +248,7 @@ proptest! {
                     let next = before.after(event);
                     let gone = table.state(ticket).is_none();
                     let terminal = next.is_some_and(GoalState::is_terminal);
-                    let done = match terminal {
-                        true => end(&mut table, ticket, event, now),
-                        false => table.change(ticket, event).is_ok(),
-                    };
+                    let done = if terminal { end(&mut table, ticket, event, now) } else { table.change(ticket, event).is_ok() };
                     prop_assert_eq!(done, next.is_some() && !gone);
                     if done && terminal {
                         settled += delivered(&mut table).len();
@@ -292,7 +289,7 @@ proptest! {
             ids.dedup();
             prop_assert_eq!((known, known <= GOALS), (ids.len(), true));
         }
-        // Whoever waits still is told when everything ends.
+        // A client that still waits gets an answer when everything ends.
         for (ticket, _) in &seen {
             end(&mut table, *ticket, Abort, now);
         }

@@ -2,7 +2,7 @@
 
 use super::kinds::Event;
 use super::logged;
-use crate::platform::{self, LOG};
+use crate::platform::{self, LOG, STD};
 use alloc::boxed::Box;
 
 /// The hook that events go to.
@@ -22,6 +22,16 @@ impl Events {
     pub(crate) fn emit_rarely(&self, count: u64, event: &Event<'_>) {
         if count.is_power_of_two() {
             self.emit(event);
+        }
+    }
+}
+
+/// The hook's captured values may panic as they are dropped, on whatever thread holds the hook
+/// last.
+impl Drop for Events {
+    fn drop(&mut self) {
+        if STD {
+            platform::guard(&mut self.0, |hook| *hook = Box::new(|_| ()), |_, _| ());
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What an executor tells about itself while it runs: rare, and never on the ordinary path.
+//! Events that an executor reports while it runs: rare, and never on the ordinary path.
 //!
 //! Everything here is also counted in the [`Report`](crate::Report). What can happen for every
 //! sample is told the first time and then whenever its count doubles.
@@ -11,9 +11,11 @@ use replenish_msg::DecodeError;
 #[derive(Clone, Copy)]
 #[non_exhaustive]
 pub enum Event<'a> {
-    /// A guarantee that was asked for is not in force; `strict` would have made it an error.
+    /// A guarantee that was asked for is not in force; at the start, `strict` would have made it an
+    /// error. While the executor runs it comes from the watchdog of the enforcers, on a thread of
+    /// its own, see `replenish_os::Fault`.
     Fallback {
-        /// What is missing, what happens instead, and how to get the real thing.
+        /// The missing mechanism, its substitute, and the way to get it.
         message: &'a str,
     },
     /// A callback returned an error.
@@ -64,6 +66,20 @@ pub enum Event<'a> {
         by: &'a str,
         /// For how long it has waited by now.
         waited: crate::Nanos,
+    },
+    /// A callback has needed more CPU time than it [may hold](crate::Group::holds) its group:
+    /// workers with a guarantee may have waited longer than was promised.
+    HeldTooLong {
+        /// The handle's id.
+        handle: &'a str,
+        /// The group's name.
+        group: &'a str,
+        /// The stated CPU time, in ns.
+        stated: crate::Nanos,
+        /// The CPU time that it needed, in ns.
+        held: crate::Nanos,
+        /// How many callbacks of the group have by now.
+        count: u64,
     },
     /// The middleware could not wait or take; the dispatcher tries again.
     MiddlewareFailed {
@@ -145,6 +161,19 @@ impl fmt::Display for Event<'_> {
                 write!(
                     f,
                     "{handle}: has waited {ms} ms for group {group:?}, which {by} does not leave"
+                )
+            }
+            Self::HeldTooLong {
+                handle,
+                group,
+                stated,
+                held,
+                count,
+            } => {
+                let (stated, held) = (stated / 1000, held / 1000);
+                write!(
+                    f,
+                    "{handle}: has held group {group:?} for {held} us of CPU time, {stated} us are stated ({count} times)"
                 )
             }
             Self::MiddlewareFailed { error, count } => {

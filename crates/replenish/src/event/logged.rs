@@ -18,6 +18,7 @@ const fn level(event: &Event<'_>) -> Level {
         | Event::Oversize { .. }
         | Event::MiddlewareFailed { .. }
         | Event::Blocked { .. }
+        | Event::HeldTooLong { .. }
         | Event::Incompatible { .. }
         | Event::Link { up: false } => Level::Warn,
         Event::Link { up: true } => Level::Info,

@@ -1,4 +1,4 @@
-//! What an executor reports about itself while it runs.
+//! Reports of an executor about itself while it runs.
 //!
 //! ```text
 //!   hook: Events ──► logged: the program's logger (feature log)   │ logged_disabled

@@ -17,7 +17,18 @@
 //!   wake      when a worker wakes, and which handles it looks at
 //!   models    every interleaving of their protocols (`--cfg loom` alone)
 //! ```
+//!
+//! Two ways through the files, for a reader:
+//!
+//! ```text
+//!   a sample  udp · adapter · state · objects (middleware/xrce, with incoming of replenish-xrce)
+//!             run/dispatcher · run/routes · inbox and doorbell of replenish-handoff
+//!             run/worker · handles/entry · handles/subscription · handles/handle: the callback
+//!   a budget  describe/builder · start/launch · start/plan · start/threads
+//!             enforcer · account · budgeted · state of replenish-os's enforcer · linux/timer
+//! ```
 
+#[cfg_attr(not(feature = "full"), path = "change_disabled.rs")]
 mod change;
 mod describe;
 mod handles;
@@ -25,26 +36,24 @@ mod handles;
 mod models;
 mod run;
 mod start;
-mod wake;
+pub(crate) mod wake;
 
 #[cfg(feature = "full")]
-pub(crate) use change::handle_group::HandleGroup;
-#[cfg(feature = "full")]
-pub use change::live::{ExecutorHandle, Removal, WorkerHandle};
+pub use change::{ExecutorHandle, Removal, WorkerHandle};
+pub use describe::add::AddHandles;
+pub(crate) use describe::add::Target;
 pub use describe::builder::WorkerBuilder;
 pub use describe::executor::Executor;
 pub use describe::factory::RawType;
 pub use describe::planning::AdmissionReport;
 pub use describe::topic::Topic;
 pub use handles::callback::{CallbackContext, CallbackResult};
-pub use handles::client::{CallError, Client, NoReply};
 pub use handles::deadline::{DeadlineMiss, OnMiss};
 pub use handles::group::Group;
 pub use handles::guard::GuardCondition;
 pub use handles::options::HandleOptions;
-pub use handles::service::Responder;
 pub use handles::timer::TimerHandle;
-#[cfg(feature = "texts")]
+pub use run::guarantee::AdoptedReport;
 pub use run::round_stats::{RoundReport, RoundStats};
 pub use run::rules::{HandleStates, Semantics, Trigger};
 pub use start::local::{LocalExecutor, SpinEnd, SpinResult};

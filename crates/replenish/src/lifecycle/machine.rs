@@ -99,7 +99,7 @@ impl State {
     }
 }
 
-/// What can be asked of a managed node.
+/// A transition that can be asked of a managed node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Transition {
@@ -129,7 +129,7 @@ impl Transition {
     }
 }
 
-/// What a callback says about its work.
+/// A callback's verdict on its work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Outcome {
     /// It is done.

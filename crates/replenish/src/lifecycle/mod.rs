@@ -7,11 +7,13 @@
 //!   publisher: silent unless active ┘
 //! ```
 
+pub(crate) mod error;
 mod machine;
 mod node;
 mod publisher;
-pub(crate) mod services;
+mod services;
 
+pub use error::LifecycleError;
 pub use machine::{Outcome, State, Transition};
-pub use node::{Lifecycle, LifecycleError};
+pub use node::Lifecycle;
 pub use publisher::ManagedPublisher;

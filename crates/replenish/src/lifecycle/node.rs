@@ -1,8 +1,10 @@
 //! A managed node: its callbacks, its state, and the events of its transitions.
 
+use super::error::LifecycleError;
 use super::machine::{Arrow, Outcome, State, Transition, concluded, requested};
 use crate::context::Node;
 use crate::error::Error;
+use crate::platform;
 use crate::publisher::Publisher;
 use crate::qos::Qos;
 use crate::sync::{Arc, AtomicU64, Mutex, Ordering};
@@ -13,48 +15,6 @@ use replenish_interfaces::lifecycle_msgs::msg::{
 };
 use replenish_msg::View;
 use replenish_os::current_tid;
-
-/// A transition that was not made, or not to its goal.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum LifecycleError {
-    /// There is no such transition from this state.
-    NotAllowed {
-        /// The state.
-        from: State,
-    },
-    /// The callback did not succeed; the node is in this state now.
-    NotReached {
-        /// The state.
-        now: State,
-    },
-    /// It was asked for from a callback of a transition.
-    Nested,
-}
-
-impl fmt::Display for LifecycleError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotAllowed { from } => {
-                write!(f, "not allowed in state {}; allowed are:", from.label())?;
-                let allowed = super::machine::from(*from).filter(|a| a.id < 10);
-                allowed
-                    .into_iter()
-                    .try_for_each(|a| write!(f, " {}", a.label))
-            }
-            Self::NotReached { now } => {
-                write!(
-                    f,
-                    "the callback did not succeed; the state is {}",
-                    now.label()
-                )
-            }
-            Self::Nested => f.write_str("asked for from a callback of a transition"),
-        }
-    }
-}
-
-impl core::error::Error for LifecycleError {}
 
 type Callback = Box<dyn FnMut(State) -> Outcome + Send>;
 
@@ -92,7 +52,7 @@ pub(super) struct Inner {
     pub(super) turn: Mutex<()>,
     /// Not held while one of them runs, so that it may give others.
     pub(super) callbacks: Mutex<Callbacks>,
-    /// Who makes a transition: its callback must not wait for itself.
+    /// The thread that makes a transition: its callback must not wait for itself.
     pub(super) busy: AtomicU64,
     pub(super) events: Publisher<TransitionEvent>,
 }
@@ -145,9 +105,9 @@ impl Node {
 }
 
 impl Lifecycle {
-    /// What is done in a transition, on the thread that asks for it, instead of nothing, which
-    /// succeeds. The callback gets the state it starts from. To be called at set-up, or in a
-    /// callback of a transition: allocates.
+    /// Sets the callback of a transition, which runs on the thread that asks for the transition.
+    /// Without one the transition succeeds. The callback gets the state it starts from. To be
+    /// called at set-up, or in a callback of a transition: allocates.
     pub fn on_transition(
         &self,
         transition: Transition,
@@ -163,8 +123,8 @@ impl Lifecycle {
         self.put(state, Box::new(callback));
     }
 
-    /// What is done after an error of a callback. Success: everything is put back, the node is
-    /// unconfigured; anything else, and the default: it is finalized.
+    /// Sets the callback for errors of the other callbacks. Success: everything is put back, the
+    /// node is unconfigured; anything else, and the default: it is finalized.
     pub fn on_error(&self, callback: impl FnMut(State) -> Outcome + Send + 'static) {
         self.put(State::ErrorProcessing, Box::new(callback));
     }
@@ -249,9 +209,10 @@ impl Inner {
                 None => break,
             }
         }
-        match good {
-            true => Ok(arrow.to),
-            false => Err(LifecycleError::NotReached { now: arrow.to }),
+        if good {
+            Ok(arrow.to)
+        } else {
+            Err(LifecycleError::NotReached { now: arrow.to })
         }
     }
 
@@ -268,7 +229,7 @@ impl Inner {
     /// out.
     fn follow(&self, arrow: &Arrow) {
         self.state.store(arrow.to.id().into(), Ordering::Release);
-        let stamp = crate::action::now();
+        let stamp = platform::wall_time();
         let seconds = u64::try_from(stamp.sec).unwrap_or(0);
         let event = TransitionEventView {
             timestamp: seconds * 1_000_000_000 + u64::from(stamp.nanosec),

@@ -3,27 +3,30 @@
 
 use super::machine::{self, Arrow, GRAPH, State};
 use super::node::{Lifecycle, described, transition};
-use crate::bare::{Serves, Unanswered};
 use crate::error::Error;
-use crate::executor::{Topic, WorkerBuilder};
+use crate::executor::{AddHandles, Target, Topic};
+use crate::service::bytes::Unanswered;
 use crate::sync::Arc;
 use replenish_interfaces::lifecycle_msgs::msg::{StateView, TransitionDescriptionView};
 use replenish_interfaces::lifecycle_msgs::srv;
 use replenish_msg::wire::Encode;
 use replenish_msg::{CdrWriter, View};
 
-impl WorkerBuilder<'_> {
+impl<T: Target> AddHandles<T> {
     /// Lets others ask for transitions of a managed node, and for what it is: five handles with the
     /// services of ROS 2. The callbacks of transitions that others ask for run on this worker.
     ///
     /// # Errors
     /// As [`serve`](Self::serve).
-    pub fn lifecycle(self, lifecycle: &Lifecycle) -> Result<Self, Error> {
-        serve(self, lifecycle).map(|worker| worker.together(4))
+    pub fn lifecycle(self, lifecycle: &Lifecycle) -> Result<T::AllAdded, Error> {
+        Ok(serve(self.together(), lifecycle)?.all_added(4))
     }
 }
 
-pub(crate) fn serve<W: Serves>(worker: W, lifecycle: &Lifecycle) -> Result<W, Error> {
+fn serve<T>(worker: AddHandles<T>, lifecycle: &Lifecycle) -> Result<AddHandles<T>, Error>
+where
+    T: Target<Added = AddHandles<T>>,
+{
     let node = &lifecycle.inner.node.clone();
     let of = || Arc::clone(&lifecycle.inner);
     let (changed, get, available) = (of(), of(), of());

@@ -9,7 +9,7 @@ use crate::handoff::{RequestIdentity, SampleInfo};
 use crate::platform::label;
 use crate::qos::{IngressLimit, Qos};
 
-/// What a reader or writer is for. Names are valid ROS names when they get here.
+/// The topic, type and QoS of a reader or writer. Names are valid ROS names when they get here.
 #[derive(Debug, Clone, Copy)]
 pub struct EndpointSpec<'a> {
     /// Fully qualified node name, `"/pong"`.
@@ -20,17 +20,20 @@ pub struct EndpointSpec<'a> {
     pub type_name: &'a str,
     /// `"std_msgs::msg::dds_::Int32_"`.
     pub dds_type_name: &'a str,
+    /// The type's hash, `RIHS01_` and 64 hexadecimal digits, if it is known. Without feature `std`
+    /// it is not passed on.
+    pub type_hash: Option<&'a str>,
     /// Reliability, history, depth.
     pub qos: Qos,
     /// The largest payload in bytes, without encapsulation header.
     pub max_size: usize,
-    /// What the peer may send for a reader.
+    /// The samples that the peer may send for a reader.
     pub ingress: IngressLimit,
     /// Keep last, and what waits for a reader is kept: a new sample is lost while there is no room.
     pub keep_oldest: bool,
 }
 
-/// What a service's client or server is for.
+/// The service, types and QoS of a client or server.
 #[derive(Debug, Clone, Copy)]
 pub struct ServiceSpec<'a> {
     /// Fully qualified node name.
@@ -43,6 +46,8 @@ pub struct ServiceSpec<'a> {
     pub request_type: &'a str,
     /// The DDS type of replies.
     pub response_type: &'a str,
+    /// The service's hash, as that of [`EndpointSpec`].
+    pub type_hash: Option<&'a str>,
     /// Reliability, history, depth of requests and replies.
     pub qos: Qos,
     /// The largest request in bytes.

@@ -1,4 +1,4 @@
-//! What can go wrong between the executor and the bytes.
+//! Errors between the executor and the bytes.
 
 use crate::platform::{StaticText, TEXTS, Text};
 use core::fmt;
@@ -21,7 +21,7 @@ pub enum MiddlewareError {
         size: usize,
         /// Bytes there is room for.
         limit: usize,
-        /// What sets the limit, and its range.
+        /// The setting of the limit, and its range.
         setting: StaticText,
     },
     /// The middleware cannot do this.
@@ -38,7 +38,7 @@ pub enum MiddlewareError {
     },
     /// The peer said no.
     Refused {
-        /// What was asked for.
+        /// The request.
         what: StaticText,
         /// The peer's own code (XRCE: `StatusValue`).
         status: u8,
@@ -47,7 +47,7 @@ pub enum MiddlewareError {
     LinkDown,
     /// The operating system refused.
     Io {
-        /// What was tried.
+        /// The action that failed.
         what: StaticText,
         /// Its error number.
         errno: i32,
@@ -87,7 +87,7 @@ impl fmt::Display for MiddlewareError {
 
 impl core::error::Error for MiddlewareError {}
 
-/// What a status means (XRCE 7.3.4, `StatusValue`), and what one can do about it.
+/// The meaning of a status (XRCE 7.3.4, `StatusValue`), and a remedy.
 fn why(status: u8) -> &'static str {
     match status {
         _ if !TEXTS => "",
@@ -122,7 +122,7 @@ pub enum PublishError {
         size: usize,
         /// Bytes of the buffer.
         limit: usize,
-        /// What makes a longer buffer, up to 65528 bytes.
+        /// The way to a longer buffer, up to 65528 bytes.
         remedy: &'static str,
     },
     /// The encoded sample is larger than the writer allows.

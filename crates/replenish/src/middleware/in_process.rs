@@ -50,14 +50,14 @@ impl InProcessBus {
         }
     }
 
-    /// One end of the bus, for one context. At most 64; a further one cannot create endpoints.
+    /// One end of the bus, for one context. At most 64 at a time; a further one cannot create
+    /// endpoints. When it is dropped, its place and all its endpoints are free again.
     #[must_use]
     pub fn participant(&self) -> InProcess {
         let bell = Arc::new(Notify::new());
         let clashes = Clashes::new(false);
         let oversizes = Oversizes::new(true);
-        let mut bus = self.state.lock();
-        bus.participants.push(Participant {
+        let me = self.state.lock().enter(Participant {
             bell: Arc::clone(&bell),
             waits_for: None,
             next: 0,
@@ -70,7 +70,7 @@ impl InProcessBus {
             bell,
             clashes,
             oversizes,
-            me: bus.participants.len() - 1,
+            me,
         }
     }
 
@@ -85,9 +85,7 @@ impl InProcessBus {
 
     fn bell(&self, participant: usize) -> Option<Arc<Notify>> {
         let bus = self.state.lock();
-        bus.participants
-            .get(participant)
-            .map(|p| Arc::clone(&p.bell))
+        bus.participant(participant).map(|p| Arc::clone(&p.bell))
     }
 }
 
@@ -112,6 +110,13 @@ pub struct InProcess {
     me: usize,
 }
 
+impl Drop for InProcess {
+    fn drop(&mut self) {
+        let gone = self.bus.state.lock().leave(self.me);
+        drop(gone); // its memory is freed without the lock
+    }
+}
+
 impl fmt::Debug for InProcess {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("InProcess")
@@ -124,13 +129,13 @@ impl Middleware for InProcess {
     fn create_writer(&self, spec: &EndpointSpec<'_>) -> Result<WriterId, MiddlewareError> {
         let late = spec.qos.durability == Durability::TransientLocal;
         let mut bus = self.bus.state.lock();
-        bus.me(self.me)?;
-        let topic = bus.topic(spec)?;
-        let told = bus.compare_writer(self.me, topic, spec.qos);
         let writers = &mut bus.me(self.me)?.writers;
         let free = writers.iter().position(|w| w.deleted);
         let index = free.unwrap_or(writers.len());
         let id = bounded(index, "writers of one context")?;
+        let topic = bus.join(spec)?;
+        let told = bus.compare_writer(self.me, topic, spec.qos);
+        let writers = &mut bus.me(self.me)?.writers;
         let writer = Writer {
             topic,
             offers: spec.qos,
@@ -158,6 +163,7 @@ impl Middleware for InProcess {
         let depth = spec.qos.depth.into();
         let mut reader = Reader {
             id: ReaderId(0),
+            topic: 0,
             limit: spec.max_size,
             oversizes: Arc::clone(&self.oversizes),
             requests: spec.qos,
@@ -167,26 +173,21 @@ impl Middleware for InProcess {
             reliable: spec.qos.reliability == Reliability::Reliable,
             lost: 0,
             deleted: false,
-            generation: 0,
+            stamp: 0,
         };
         let mut bus = self.bus.state.lock();
         let mine = &mut bus.me(self.me)?.readers;
         let index = mine.iter().position(|r| r.deleted).unwrap_or(mine.len());
         let id = bounded(index, "readers of one context")?;
-        reader.id = ReaderId(id);
-        let topic = bus.topic(spec)?;
+        let topic = bus.join(spec)?;
+        (reader.id, reader.topic) = (ReaderId(id), topic);
+        reader.stamp = bus.next_stamp();
         if spec.qos.durability == Durability::TransientLocal {
             bus.catch_up(topic, &mut reader);
         }
         let mine = &mut bus.me(self.me)?.readers;
         match mine.get_mut(index) {
-            Some(place) => {
-                let generation = place.generation.wrapping_add(1);
-                *place = Reader {
-                    generation,
-                    ..reader
-                };
-            }
+            Some(place) => *place = reader,
             None => mine.push(reader),
         }
         if let Some(topic) = bus.topics.get_mut(topic) {
@@ -200,23 +201,13 @@ impl Middleware for InProcess {
 
     fn delete_reader(&self, reader: ReaderId) -> Result<(), MiddlewareError> {
         let mut bus = self.bus.state.lock();
-        let at = usize::from(reader.0);
-        for topic in &mut bus.topics {
-            topic.readers.retain(|r| *r != (self.me, at));
-        }
-        if let Some(reader) = bus.me(self.me)?.readers.get_mut(at) {
-            reader.queue.clear();
-            reader.deleted = true;
-        }
+        bus.delete_reader(self.me, reader.0.into());
         Ok(())
     }
 
     fn delete_writer(&self, writer: WriterId) {
         let mut bus = self.bus.state.lock();
-        let mine = bus.participants.get_mut(self.me);
-        if let Some(writer) = mine.and_then(|p| p.writers.get_mut(usize::from(writer.0))) {
-            writer.deleted = true;
-        }
+        bus.delete_writer(self.me, writer.0.into());
     }
 
     /// Delivers to every reader of the topic. [`PublishError::Full`] if a reliable reader that
@@ -224,8 +215,9 @@ impl Middleware for InProcess {
     fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError> {
         let (wake, full) = {
             let mut bus = self.bus.state.lock();
-            let mine = bus.participants.get_mut(self.me);
+            let mine = bus.participant_mut(self.me);
             let writer = mine.and_then(|p| p.writers.get_mut(usize::from(writer.0)));
+            let writer = writer.filter(|w| !w.deleted);
             let writer = writer.ok_or(PublishError::UnknownWriter)?;
             let (size, limit) = (payload.len(), writer.limit);
             if size > limit {
@@ -318,11 +310,13 @@ impl Middleware for InProcess {
         while taken < BATCH && idle < readers {
             at = (at + 1) % readers;
             let reader = id(at);
-            let slot = match interest.contains(reader) {
-                true => self.reader(at, |r| r.queue.pop()).flatten(),
-                false => None,
+            let slot = if interest.contains(reader) {
+                self.reader(at, |r| Some((r.queue.pop()?, r.stamp)))
+                    .flatten()
+            } else {
+                None
             };
-            let Some(slot) = slot else {
+            let Some((slot, stamp)) = slot else {
                 idle += 1;
                 continue;
             };
@@ -332,7 +326,14 @@ impl Middleware for InProcess {
             if sink(reader, &info, slot.payload()) == Room::Full {
                 interest.remove(reader);
             }
-            self.reader(at, |r| r.queue.give_back(slot));
+            // Another reader may have its place by now, with buffers of another size.
+            self.reader(at, |r| {
+                if r.stamp == stamp {
+                    r.queue.give_back(slot);
+                } else {
+                    drop(slot);
+                }
+            });
         }
         self.bus.state.lock().me(self.me)?.next = at;
         Ok(taken)

@@ -1,9 +1,10 @@
 //! The set of readers that the dispatcher wants to hear about.
 
 use super::ReaderId;
+use crate::platform::STD;
 
 /// The most readers one middleware can have: 1024, and 64 without the standard library.
-pub const MAX_READERS: usize = if cfg!(feature = "std") { 1024 } else { 64 };
+pub const MAX_READERS: usize = if STD { 1024 } else { 64 };
 
 /// Bits of a word: what the processor has.
 const BITS: usize = usize::BITS as usize;

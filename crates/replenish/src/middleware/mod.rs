@@ -18,7 +18,7 @@
 //! reader *outside* the set never ends a wait, so that nothing is missed and nothing is spun on.
 //!
 //! ```text
-//!   in_process · xrce ─► contract: Middleware ─► incompatible_qos · interest ─► ids
+//!   in_process · xrce · rtps ─► contract: Middleware ─► incompatible_qos · interest ─► ids
 //!   encoding · remedy · error: payloads, and what can go wrong with them
 //! ```
 
@@ -31,6 +31,8 @@ mod in_process;
 mod incompatible_qos;
 mod interest;
 pub(crate) mod remedy;
+#[cfg(feature = "std")]
+pub mod rtps;
 #[cfg(feature = "xrce")]
 pub mod xrce;
 

@@ -1,4 +1,4 @@
-//! What a parameter may be: `rcl_interfaces/msg/ParameterDescriptor`.
+//! The allowed values of a parameter: `rcl_interfaces/msg/ParameterDescriptor`.
 
 use super::error::{ParameterError, ParameterErrorKind};
 use super::value::{ParameterValue, type_name};
@@ -89,7 +89,7 @@ impl Descriptor {
         }
     }
 
-    /// What is wrong with it as such.
+    /// The first contradiction within the descriptor itself.
     pub(crate) fn check(&self, name: &str) -> Result<(), ParameterError> {
         let wrong = |text| Err(ParameterError::new(ParameterErrorKind::Range, text));
         if let Some((from, to, _)) = self.integers

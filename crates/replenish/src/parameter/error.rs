@@ -3,7 +3,7 @@
 use crate::platform::ShortText;
 use core::fmt;
 
-/// What is wrong.
+/// The kind of a parameter's error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum ParameterErrorKind {
@@ -48,13 +48,13 @@ impl ParameterError {
         Self::new(kind, format_args!("{name}: no such parameter"))
     }
 
-    /// What is wrong, for programs.
+    /// The kind of the error, for programs.
     #[must_use]
     pub fn kind(&self) -> ParameterErrorKind {
         self.kind
     }
 
-    /// What is wrong, for people: the `reason` in responses.
+    /// The error in words, for people: the `reason` in responses.
     #[must_use]
     pub fn reason(&self) -> &str {
         self.text.as_str()

@@ -19,7 +19,7 @@
 mod descriptor;
 mod error;
 mod server;
-pub(crate) mod services;
+mod services;
 mod store;
 mod value;
 

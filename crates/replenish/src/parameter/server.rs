@@ -6,7 +6,7 @@ use super::store::{Bounds, Buffer, Mark, Table};
 use super::value::{FromParameter, ParameterValue, type_name};
 use crate::context::Node;
 use crate::error::Error;
-use crate::platform::ShortText;
+use crate::platform::{ShortText, wall_time};
 use crate::publisher::Publisher;
 use crate::qos::Qos;
 use crate::sync::{Arc, AtomicU64, Mutex, Ordering};
@@ -49,7 +49,7 @@ impl ParameterOptions {
         }
     }
 
-    /// So many parameters, 1..=1024.
+    /// The most parameters, 1..=1024.
     #[must_use]
     pub const fn parameters(mut self, most: usize) -> Self {
         self.bounds.parameters = most;
@@ -144,7 +144,7 @@ pub(crate) struct Inner {
     setters: Mutex<Setters>,
     /// Callbacks that a callback has given: they are asked from the next time on.
     late: Mutex<(Vec<Veto>, Vec<After>)>,
-    /// Who has the setters' lock: a callback that sets must not wait for itself.
+    /// The thread that has the setters' lock: a callback that sets must not wait for itself.
     setter: AtomicU64,
     events: Option<Publisher<ParameterEvent>>,
     /// The largest request or response in bytes.
@@ -183,9 +183,10 @@ impl Node {
                 return Err(Error::parameter(owner, field, &value, allowed));
             }
         }
-        let events = match options.events {
-            true => Some(self.publisher("/parameter_events", Qos::parameter_events())?),
-            false => None,
+        let events = if options.events {
+            Some(self.publisher("/parameter_events", Qos::parameter_events())?)
+        } else {
+            None
         };
         let inner = Inner {
             node: self.clone(),
@@ -213,7 +214,8 @@ impl<'v, I: Iterator<Item = (&'v str, ParameterValue<'v>)> + Clone> Wishes<'v> f
 
 impl Parameters {
     /// A new parameter with its first value, whose type it keeps unless the descriptor says
-    /// otherwise. Allocates for the descriptor only.
+    /// otherwise. A value of the program's arguments (`-p`, `--params-file`) goes before it.
+    /// Allocates for the descriptor, and for a value from outside.
     ///
     /// # Errors
     /// [`ParameterError`]: its kind says which.
@@ -223,9 +225,13 @@ impl Parameters {
         value: impl Into<ParameterValue<'v>>,
         descriptor: Descriptor,
     ) -> Result<(), ParameterError> {
-        let value = value.into();
-        let stage = |table: &mut Table| table.declare(name, &value, descriptor);
-        self.change(stage, core::iter::once((name, value.clone())))
+        let node = &self.inner.node;
+        let value = (value.into(), descriptor.dynamic);
+        let args = node.context().process_args();
+        args.declared(node.name(), name, value, |value| {
+            let stage = |table: &mut Table| table.declare(name, &value, descriptor);
+            self.change(stage, core::iter::once((name, value.clone())))
+        })
     }
 
     /// Removes a parameter.
@@ -314,18 +320,20 @@ impl Parameters {
     ) {
         let veto =
             move |change: &ParameterChange<'_>| callback(change).map_err(|e| ShortText::of(&e));
-        match self.inner.is_mine() {
-            true => self.inner.late.lock().0.push(Box::new(veto)),
-            false => self.inner.setters.lock().vetoes.push(Box::new(veto)),
+        if self.inner.is_mine() {
+            self.inner.late.lock().0.push(Box::new(veto));
+        } else {
+            self.inner.setters.lock().vetoes.push(Box::new(veto));
         }
     }
 
     /// From now on `callback` is told what was set, on the thread that sets, after it is in
     /// force. Like a [veto](Self::veto) otherwise.
     pub fn after_set(&self, callback: impl FnMut(&ParameterChange<'_>) + Send + 'static) {
-        match self.inner.is_mine() {
-            true => self.inner.late.lock().1.push(Box::new(callback)),
-            false => self.inner.setters.lock().after.push(Box::new(callback)),
+        if self.inner.is_mine() {
+            self.inner.late.lock().1.push(Box::new(callback));
+        } else {
+            self.inner.setters.lock().after.push(Box::new(callback));
         }
     }
 
@@ -416,13 +424,12 @@ impl Drop for Turn<'_> {
 
 fn copy<T: FromParameter>(table: &Table, name: &str, to: &mut T) -> Result<(), ParameterError> {
     let slot = table.find(name)?;
-    match to.fill(&slot.now.value()) {
-        true => Ok(()),
-        false => {
-            let (is, wanted) = (type_name(slot.now.view().r#type), T::TYPE);
-            let text = format_args!("{name}: it is of type {is}, asked for was {wanted}");
-            Err(ParameterError::new(Kind::Type, text))
-        }
+    if to.fill(&slot.now.value()) {
+        Ok(())
+    } else {
+        let (is, wanted) = (type_name(slot.now.view().r#type), T::TYPE);
+        let text = format_args!("{name}: it is of type {is}, asked for was {wanted}");
+        Err(ParameterError::new(Kind::Type, text))
     }
 }
 
@@ -444,7 +451,7 @@ impl Inner {
         };
         let written = |room: &mut [u8]| {
             let mut w = CdrWriter::new(room);
-            crate::action::now().encode(&mut w)?;
+            wall_time().encode(&mut w)?;
             w.string(self.node.name())?;
             for mark in [Mark::New, Mark::Changed, Mark::Deleted] {
                 changes(&mut w, table, mark)?;

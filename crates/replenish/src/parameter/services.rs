@@ -7,9 +7,9 @@ use super::error::{ParameterError, ParameterErrorKind};
 use super::server::{Inner, Parameters};
 use super::store::Slot;
 use super::value::ParameterValue;
-use crate::bare::{Serves, Unanswered};
 use crate::error::Error;
-use crate::executor::{Topic, WorkerBuilder};
+use crate::executor::{AddHandles, Target, Topic};
+use crate::service::bytes::Unanswered;
 use crate::sync::Arc;
 use replenish_interfaces::rcl_interfaces::msg::{
     ParameterDescriptorView, ParameterValueView, ParameterView, SetParametersResultView,
@@ -18,7 +18,7 @@ use replenish_interfaces::rcl_interfaces::srv;
 use replenish_msg::wire::Encode;
 use replenish_msg::{CdrError, CdrWriter, View};
 
-impl WorkerBuilder<'_> {
+impl<T: Target> AddHandles<T> {
     /// Serves a node's parameters to others: six handles with the services of ROS 2. Requests and
     /// responses take up to
     /// [`ParameterOptions::message_bytes`](crate::ParameterOptions::message_bytes) each; a response
@@ -27,12 +27,15 @@ impl WorkerBuilder<'_> {
     ///
     /// # Errors
     /// As [`serve`](Self::serve).
-    pub fn parameters(self, parameters: &Parameters) -> Result<Self, Error> {
-        serve(self, parameters).map(|worker| worker.together(5))
+    pub fn parameters(self, parameters: &Parameters) -> Result<T::AllAdded, Error> {
+        Ok(serve(self.together(), parameters)?.all_added(5))
     }
 }
 
-pub(crate) fn serve<W: Serves>(worker: W, parameters: &Parameters) -> Result<W, Error> {
+fn serve<T>(worker: AddHandles<T>, parameters: &Parameters) -> Result<AddHandles<T>, Error>
+where
+    T: Target<Added = AddHandles<T>>,
+{
     let node = &parameters.inner.node.clone();
     let of_size = |name| Topic::named(name).max_size(parameters.inner.message);
     let of = || Arc::clone(&parameters.inner);

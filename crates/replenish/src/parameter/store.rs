@@ -51,7 +51,7 @@ impl Buffer {
     }
 }
 
-/// What becomes of a parameter when what is staged is committed; the order of a parameter event.
+/// The change of a parameter that a commit makes; in the order of a parameter event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Mark {
     New,
@@ -231,7 +231,7 @@ impl Table {
         }
     }
 
-    /// What is staged is so from now on, and the old values are in `next`.
+    /// Puts the staged values in force; the old ones are then in `next`.
     pub(crate) fn commit(&mut self) {
         for slot in self.slots.iter_mut().filter(|s| s.mark.is_some()) {
             core::mem::swap(&mut slot.now, &mut slot.next);

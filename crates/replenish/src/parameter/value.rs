@@ -1,4 +1,4 @@
-//! What a parameter can be: the ten types of `rcl_interfaces/msg/ParameterType`.
+//! Values of parameters: the ten types of `rcl_interfaces/msg/ParameterType`.
 
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -158,7 +158,7 @@ from! {
     &'a [&'a str] => Strings,
 }
 
-/// What a parameter's value can be copied into: `bool`, `i64`, `f64`, `String`, and `Vec` of `u8`,
+/// Targets for a copy of a parameter's value: `bool`, `i64`, `f64`, `String`, and `Vec` of `u8`,
 /// of those and of `String`. Strings and vectors keep their capacity.
 pub trait FromParameter: Default {
     /// The type of parameters that it takes, by its name.

@@ -1,9 +1,10 @@
 //! The features as constants: `if FULL { … }` in the body of a function is compiled and checked in
 //! every build, and leaves no code where the feature is off.
 
-/// The standard library and Linux's descriptors.
-#[allow(dead_code, reason = "asked for by the XRCE adapter alone")]
+/// The standard library, Linux's descriptors, and room for the hashes of types.
 pub(crate) const STD: bool = cfg!(feature = "std");
+/// A board without an operating system: threads are never joined.
+pub(crate) const BARE: bool = cfg!(target_os = "none");
 /// Services, handles that come and go, histograms, everything a small board leaves out.
 pub(crate) const FULL: bool = cfg!(feature = "full");
 /// Errors, fallbacks and reports in words.

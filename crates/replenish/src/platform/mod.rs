@@ -5,13 +5,15 @@
 //! (`if FULL { … }`) instead of conditional compilation.
 //!
 //! ```text
-//!   features ── STD · FULL · TEXTS · LOG · DROPS, as constants
-//!   std ─────── wall clock, random bits, panics, standard error, io    │ std_disabled
+//!   features ── STD · BARE · FULL · TEXTS · LOG · DROPS, as constants
+//!   std ─────── wall clock, random bits, panics, standard error, io,   │ std_disabled
+//!   │           recorder: the last events of each thread               │ recorder_disabled
 //!   │                                                                   io::Error  │ io (without std)
 //!   text ────── Text · StaticText · text! · label · displayed · join               │ text_disabled
 //!   short_text ─ ShortText: no allocation
 //!   static_value ─ Static · make_static: never dropped  │ static_value_disabled: dropped like others
 //!   buffer ──── zeroed bytes
+//!   wall_time ─ the wall clock as a message's stamp
 //! ```
 
 mod buffer;
@@ -26,14 +28,17 @@ mod static_value;
 mod std;
 #[cfg_attr(not(feature = "texts"), path = "text_disabled.rs")]
 mod text;
+mod wall_time;
 
 #[allow(unreachable_pub, reason = "public as middleware::xrce::io")]
 pub use self::std::io;
-pub(crate) use self::std::{guard, random, tell, wall_clock};
+pub use self::std::recorder::{Dump, Mark};
+pub(crate) use self::std::{end_with, guard, prepare_end, random, recorder, tell, wall_clock};
 pub(crate) use buffer::zeroed;
 #[allow(unused_imports, reason = "builds without feature xrce ask for fewer")]
-pub(crate) use features::{DROPS, FULL, LOG, STD, TEXTS};
+pub(crate) use features::{BARE, DROPS, FULL, LOG, STD, TEXTS};
 pub(crate) use short_text::ShortText;
 pub(crate) use static_value::{Static, make_static};
 pub use text::{StaticText, Text};
 pub(crate) use text::{displayed, join, label, text};
+pub(crate) use wall_time::wall_time;

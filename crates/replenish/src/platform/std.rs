@@ -1,7 +1,11 @@
 //! Parts of the standard library. `std_disabled.rs` takes this file's place without feature `std`.
 
+pub(crate) mod recorder;
+
 use core::any::Any;
+use core::cell::RefCell;
 use core::time::Duration;
+use replenish_os::Account;
 use std::boxed::Box;
 use std::hash::{BuildHasher, RandomState};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -44,6 +48,21 @@ fn recover<T>(panic: Box<dyn Any + Send>, panicked: impl FnOnce(&str) -> T) -> T
     let result = panicked(message);
     core::mem::forget(panic); // dropping a payload may panic again
     result
+}
+
+thread_local! {
+    static ACCOUNT: RefCell<Option<Account>> = const { RefCell::new(None) };
+}
+
+/// Before the thread runs callbacks: what they put into thread locals is dropped before an account
+/// that [ends](end_with) with the thread, since it comes later.
+pub(crate) fn prepare_end() {
+    ACCOUNT.with(|_| ());
+}
+
+/// Holds the thread to its budget until it has dropped everything else.
+pub(crate) fn end_with(account: Account) {
+    ACCOUNT.with(|last| last.replace(Some(account)));
 }
 
 /// Where events go if nobody has said otherwise: one line on standard error each.

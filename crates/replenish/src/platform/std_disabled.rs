@@ -1,4 +1,4 @@
-//! What stands in for the standard library in builds without feature `std`.
+//! Substitutes for the standard library in builds without feature `std`.
 //!
 //! - There is no unwinding: a panic ends in the program's panic handler, which halts the worker
 //!   and reports.
@@ -6,6 +6,8 @@
 //! - Events go where [`Executor::on_event`](crate::Executor::on_event) says, and nowhere without.
 
 pub mod io;
+#[path = "recorder_disabled.rs"]
+pub(crate) mod recorder;
 
 use crate::sync::{Ordering, unmodelled::AtomicU64};
 use core::time::Duration;
@@ -35,6 +37,14 @@ pub(crate) fn guard<S: ?Sized, T>(
     _panicked: impl FnOnce(&mut S, &str) -> T,
 ) -> T {
     step(subject)
+}
+
+/// There are no thread locals.
+pub(crate) const fn prepare_end() {}
+
+/// Nothing of the thread is left.
+pub(crate) fn end_with(account: replenish_os::Account) {
+    drop(account);
 }
 
 /// Events go nowhere if nobody has said where.

@@ -19,7 +19,7 @@ use std::time::Duration;
 
 const LIMIT: Duration = Duration::from_secs(60);
 const MS: Duration = Duration::from_millis(1);
-/// What is waited for, of everything.
+/// The count to wait for, of everything.
 const ENOUGH: u64 = 200;
 
 pub(crate) fn trials() -> Vec<Trial> {

@@ -13,6 +13,7 @@ mod common;
 mod actions;
 mod executor;
 mod handles;
+mod rtps;
 mod xrce;
 
 use replenish_testkit::alloc::CountingAllocator;
@@ -25,6 +26,7 @@ fn main() {
         ("actions", actions::trials()),
         ("executor", executor::trials()),
         ("handles", handles::trials()),
+        ("rtps", rtps::trials()),
         ("xrce", xrce::trials()),
     ])
 }

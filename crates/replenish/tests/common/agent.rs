@@ -53,6 +53,12 @@ impl TestAgent {
         kinds
     }
 
+    /// The agent's state at this moment.
+    #[must_use]
+    pub fn snapshot(&self) -> replenish_agent::Snapshot {
+        self.inspector.snapshot(Duration::from_secs(10)).unwrap()
+    }
+
     #[must_use]
     pub fn context(&self) -> Context {
         Context::xrce_udp(&self.address.to_string()).unwrap()

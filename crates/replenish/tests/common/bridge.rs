@@ -21,8 +21,7 @@ fn agent_socket(agent: SocketAddr) -> UdpSocket {
     socket
 }
 
-/// What damages bytes: at random, because what is sent again may come again at any regular
-/// distance.
+/// Damage to bytes: at random, because repetitions may come at any regular distance.
 struct Noise(u64);
 
 impl Noise {
@@ -118,7 +117,7 @@ impl Bridge {
                     } else {
                         (&right, &left)
                     };
-                    // What the line could have carried while there was nothing is gone.
+                    // Capacity of the line while there was nothing to carry is gone.
                     *passed = (*passed).max(allowed.saturating_sub(64));
                     let most = usize::try_from(allowed - *passed).unwrap().min(64);
                     let Ok(len @ 1..) = from.tty.read(&mut bytes[..most]) else {

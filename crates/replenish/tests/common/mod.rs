@@ -1,4 +1,4 @@
-//! What the executor's tests share: waiting for a condition, a gate to hold a callback, quiet
+//! Helpers of the executor's tests: waiting for a condition, a gate to hold a callback, quiet
 //! events, and a middleware that does what a script says.
 #![allow(
     dead_code,
@@ -93,7 +93,7 @@ impl Gate {
     }
 }
 
-/// What an executor told about itself.
+/// The events that an executor reported.
 #[derive(Clone, Default)]
 pub struct Log(Arc<Mutex<Vec<String>>>);
 

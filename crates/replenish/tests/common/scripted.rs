@@ -129,9 +129,10 @@ impl Middleware for Scripted {
     }
 
     fn link(&self) -> LinkState {
-        match self.0.0.lock().unwrap().down {
-            true => LinkState::Down { since: 1 },
-            false => LinkState::Up,
+        if self.0.0.lock().unwrap().down {
+            LinkState::Down { since: 1 }
+        } else {
+            LinkState::Up
         }
     }
 }

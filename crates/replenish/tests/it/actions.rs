@@ -3,7 +3,7 @@
 
 use crate::common::fibonacci::{Fibonacci, Numbers, Order};
 use crate::common::{eventually, executor, quiet};
-use replenish::msg::action::{GetResult, GetResultRequest, GetResultResponse};
+use replenish::msg::action::{FeedbackMessage, GetResult, GetResultRequest, GetResultResponse};
 use replenish::msg::action_msgs::{CancelGoalResponse, GoalStatusArray};
 use replenish::msg::builtin_interfaces::Time;
 use replenish::{
@@ -18,7 +18,7 @@ use std::time::Duration;
 const LIMIT: Duration = Duration::from_secs(60);
 const MS: Duration = Duration::from_millis(1);
 
-/// What a client has heard, as text that can be compared.
+/// The messages that a client has heard, as text that can be compared.
 type Heard = Arc<Mutex<Vec<(GoalId, String)>>>;
 
 fn text(update: &GoalUpdate<'_, Fibonacci>) -> String {
@@ -49,7 +49,7 @@ fn follow(ctx: &Context, goals: usize) -> (ActionClient<Fibonacci>, Heard, Runni
     (client, heard, exec.start().unwrap())
 }
 
-/// What was heard of one goal, its states left out: they come by another way, in no fixed order.
+/// The messages about one goal, its states left out: they come by another way, in no fixed order.
 fn of(heard: &Heard, id: GoalId) -> Vec<String> {
     let heard = heard.lock().unwrap();
     let mine = heard
@@ -160,6 +160,38 @@ fn goals_are_pursued_side_by_side_in_one_process() {
 fn goals_are_pursued_side_by_side_through_the_agent() {
     let agent = crate::common::agent::TestAgent::start("127.0.0.1:0");
     goals_are_pursued_side_by_side(&agent.context(), &agent.context());
+}
+
+/// Over DDS-XRCE the feedback was told before the acceptance in some runs.
+#[test]
+fn feedback_that_overtakes_the_acceptance_is_told_after_it() {
+    let _dog = watchdog("feedback before acceptance", LIMIT);
+    let [server, client] = in_process();
+    let node = server.node("server").unwrap();
+    let feedback = node
+        .publisher::<FeedbackMessage<Fibonacci>>("fib/_action/feedback", Qos::reliable())
+        .unwrap();
+    let node = client.node("client").unwrap();
+    let sender: ActionClient<Fibonacci> =
+        node.action_client("fib", ActionOptions::goals(1)).unwrap();
+    let heard = Heard::default();
+    let note = Arc::clone(&heard);
+    let (mut exec, _) = executor(&client);
+    exec.worker("follow")
+        .follow(&sender, move |id, update, _| {
+            note.lock().unwrap().push((id, text(&update)));
+        })
+        .unwrap();
+    let mut local = exec.local().unwrap();
+    let goal_id = sender.send(&Order { order: 5 }).unwrap();
+    let numbers = Numbers::begin();
+    let message = FeedbackMessage {
+        goal_id,
+        feedback: numbers,
+    };
+    feedback.publish(&message).unwrap();
+    local.spin_while(LIMIT, || !has(&heard, goal_id, "feedback"));
+    assert_eq!(of(&heard, goal_id), ["accepted", "feedback [0, 1]"]);
 }
 
 /// rclc has one feedback buffer for all goals: here eight threads fill feedback at once.

@@ -71,7 +71,7 @@ fn services_come_and_go_in_one_process() {
     services_come_and_go(&Context::in_process(), 1000); // more than there are readers
 }
 
-/// What a removed handle has had at the agent goes, too; ids are used again.
+/// A removed handle's objects at the agent go, too; ids are used again.
 #[cfg(feature = "xrce")]
 #[test]
 fn nothing_is_left_at_the_agent() {

@@ -57,3 +57,13 @@ fn late_subscriptions_get_what_is_kept_through_the_agent() {
     let agent = crate::common::agent::TestAgent::start("127.0.0.1:0");
     late_subscriptions_get_what_is_kept(&agent.context());
 }
+
+#[test]
+fn late_subscriptions_get_what_is_kept_over_rtps() {
+    use replenish::middleware::rtps::{DiscoveryRange, Rtps, RtpsConfig};
+    let config = RtpsConfig {
+        range: DiscoveryRange::Off,
+        ..RtpsConfig::default()
+    };
+    late_subscriptions_get_what_is_kept(&Context::new(Rtps::open(&config).unwrap()));
+}

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// What `cargo test` has built beside this test; a run of this test alone has not.
-fn program(name: &str) -> PathBuf {
+/// A program that `cargo test` has built beside this test; a run of this test alone has not.
+pub(crate) fn program(name: &str) -> PathBuf {
     let test = std::env::current_exe().unwrap();
     let profile = test.parent().and_then(Path::parent).unwrap();
     let program = profile.join("examples").join(name);

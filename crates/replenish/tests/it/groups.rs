@@ -139,8 +139,7 @@ fn calling_a_service_of_ones_own_group_is_no_deadlock() {
     assert_eq!(inside.most(), 1);
 }
 
-/// Who waits, for which group, and who has it are told in one line; how long it took is the
-/// machine's.
+/// One line names the waiting handle, the group and its holder; the duration is the machine's.
 fn both_named(lines: &[String]) -> bool {
     lines.iter().any(|line| {
         line.starts_with("/n/srv:/echo: has waited ")

@@ -93,7 +93,7 @@ fn sizes_out_of_range_are_refused_with_the_range() {
     }
 }
 
-/// What claims to be an image and ends in its first string.
+/// A message that claims to be an image and ends in its first string.
 #[derive(Default)]
 struct Cut;
 
@@ -319,8 +319,8 @@ fn actions_with_unbounded_fields_take_messages_of_the_size_asked_for() {
     }
 }
 
-/// Whoever encodes: the field, how long the message is, how much there is room for, and what makes
-/// more.
+/// The error names the field, the message's length, the buffer's room, and the remedy, whichever
+/// call encodes.
 #[test]
 fn a_message_longer_than_its_buffer_names_field_length_limit_and_remedy() {
     let _dog = watchdog("too long", LIMIT);

@@ -269,7 +269,7 @@ fn a_callback_of_a_transition_gives_the_next_ones() {
     assert!(lifecycle.change(Transition::Configure).is_err());
 }
 
-/// What a client in another context is answered.
+/// The answer to a client in another context.
 fn ask<S: Service>(bus: &InProcessBus, service: &str, request: &S::Request) -> S::Response
 where
     S::Response: Clone,

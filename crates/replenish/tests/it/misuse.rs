@@ -1,5 +1,5 @@
-//! What callbacks should not do: wait. Each call of this crate that can wait, made in a callback,
-//! ends: at its limit, with an error that says so, or with what it waited for. (Groups and removals
+//! Callbacks should not wait. Each call of this crate that can wait, made in a callback, ends: at
+//! its limit, with an error that says so, or with the awaited result. (Groups and removals
 //! are in `groups.rs`, nested transitions and parameters in `managed_nodes.rs` and
 //! `node_parameters.rs`.)
 

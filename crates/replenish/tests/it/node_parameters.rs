@@ -203,7 +203,7 @@ fn callbacks_refuse_all_or_hear_of_what_was_set() {
     assert_eq!(*log.lock().unwrap(), ["a: 1 to 2 = 2", "b: 1 to 3 = 3"]);
 }
 
-/// What a client in another context is answered.
+/// The answer to a client in another context.
 fn ask<S: Service>(bus: &InProcessBus, service: &str, request: &S::Request) -> S::Response
 where
     S::Response: Clone,

@@ -1,4 +1,4 @@
-//! What a node may be told besides its name: a namespace, and the domain of its context.
+//! Settings of a node besides its name: a namespace, and the domain of its context.
 
 use crate::common::agent::TestAgent;
 use crate::common::{eventually, executor};

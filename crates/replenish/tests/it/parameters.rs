@@ -56,10 +56,8 @@ fn a_topic_has_one_type() {
         Context::new(bus.participant()),
         Context::new(bus.participant()),
     );
-    one.node("a")
-        .unwrap()
-        .publisher::<Int32>("t", Qos::reliable())
-        .unwrap();
+    let a = one.node("a").unwrap();
+    let _uses_it = a.publisher::<Int32>("t", Qos::reliable()).unwrap();
     let b = two.node("b").unwrap();
     let e = b.publisher::<Header>("t", Qos::reliable()).unwrap_err();
     assert_eq!(

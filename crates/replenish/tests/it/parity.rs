@@ -1,4 +1,4 @@
-//! What `docs/rclc-parity.md` says is proven is: every row names tests, and each of them exists.
+//! The claims of `docs/rclc-parity.md` are proven: every row names tests, and each of them exists.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,10 +1,11 @@
-//! What is described wrongly is an error that names the field and what is allowed, when the
-//! executor starts or at once, and never something else in silence.
+//! A wrong description is an error that names the field and the allowed range, when the executor
+//! starts or at once, and never something else in silence.
 
 use crate::common::{Echo, executor};
 use replenish::msg::std_msgs::Int32;
 use replenish::{
-    Client, Context, Error, Every, HandleOptions, Qos, RawType, Topic, Trigger, WorkerBuilder,
+    Client, Context, Error, Every, HandleOptions, Low, Params, Policy, Qos, RawType, Topic,
+    Trigger, WorkerBuilder,
 };
 use std::time::Duration;
 
@@ -28,6 +29,27 @@ fn how_a_handle_is_treated_is_said_behind_it() {
     assert_eq!(
         refused(|w| w.options(HandleOptions::new().priority(1))),
         r#"worker "w": options = set is not allowed: only after the handle it configures"#
+    );
+}
+
+/// On b209253 it ran, and had no budget in a seventh of its callbacks (C12).
+#[test]
+fn one_pending_replenishment_is_too_few() {
+    let policy = |max_repl| {
+        let (budget, period) = (30_000_000, 100_000_000);
+        let params = Params::new(60, Low::Background(6), budget, period, max_repl).unwrap();
+        Policy::Sporadic(params)
+    };
+    // Without threads no policy is allowed at all.
+    let (mut exec, _) = executor(&Context::in_process());
+    exec.worker("w")
+        .policy(policy(1))
+        .timer(MS, |_| ())
+        .unwrap();
+    assert_eq!(
+        exec.start().unwrap_err().to_string(),
+        "worker \"w\": max_repl = 1 is not allowed: 2 to 128: with one pending replenishment each \
+         callback puts all of the budget off, until nothing is there for a period"
     );
 }
 

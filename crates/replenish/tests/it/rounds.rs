@@ -1,4 +1,4 @@
-//! What starts a round, in which order its callbacks run, and what they see.
+//! The start of a round, the order of its callbacks, and the input that they see.
 
 use crate::common::{eventually, executor};
 use replenish::msg::std_msgs::Int32;
@@ -264,6 +264,31 @@ fn always_runs_in_every_round_with_or_without_a_message() {
     assert_eq!(*seen.lock().unwrap(), [('a', -1), ('a', 7), ('a', -1)]);
     let stats = running.stop().handle("/n/sub:/a").unwrap().stats;
     assert_eq!((stats.executed, stats.without_input), (1, 2));
+}
+
+/// The worker that a deployment file moves such a handle to has no rule of its own.
+#[test]
+fn always_runs_in_every_round_of_the_worker_that_an_overlay_moves_it_to() {
+    let _dog = watchdog("always moved", LIMIT);
+    let mut rig = rig();
+    let (node, go) = (rig.node.clone(), GuardCondition::new());
+    let name = format!("replenish-always-{}.toml", std::process::id());
+    let file = std::env::temp_dir().join(name);
+    let text = "[[worker]]\nname = \"other\"\nhandles = [\"/n/sub:/a\", \"w/guard:0\"]\n";
+    std::fs::write(&file, text).unwrap();
+    rig.exec.overlay(&file);
+    rig.exec
+        .worker("w")
+        .subscribe_always(&node, "a", Qos::reliable(), |_: Option<&Int32>, _| ())
+        .unwrap()
+        .guard(&go, |_| ())
+        .unwrap();
+    let running = rig.exec.start().unwrap();
+    std::fs::remove_file(&file).unwrap();
+    go.trigger();
+    let without = || running.stats("/n/sub:/a").map_or(0, |s| s.without_input);
+    assert!(eventually(|| without() == 1));
+    assert_eq!(running.stop().handle("/n/sub:/a").unwrap().worker, "other");
 }
 
 #[test]

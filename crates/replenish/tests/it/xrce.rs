@@ -38,6 +38,7 @@ fn spec(topic: &'static str, qos: Qos, max_size: usize) -> EndpointSpec<'static>
         topic,
         type_name: "std_msgs/msg/UInt8MultiArray",
         dds_type_name: "std_msgs::msg::dds_::UInt8MultiArray_",
+        type_hash: None,
         qos,
         max_size,
         ingress: IngressLimit::none(),

@@ -21,6 +21,7 @@ fn spec(topic: &'static str, qos: Qos) -> EndpointSpec<'static> {
         topic,
         type_name: "std_msgs/msg/UInt8MultiArray",
         dds_type_name: "std_msgs::msg::dds_::UInt8MultiArray_",
+        type_hash: None,
         qos,
         max_size: 400,
         ingress: IngressLimit::none(),
@@ -108,6 +109,109 @@ fn a_slow_keep_all_subscription_loses_nothing() {
     );
     running.stop();
     near_running.stop();
+}
+
+/// b209253 dropped what a reader had no room for after a second: of 1000 acknowledged samples 464
+/// arrived.
+#[test]
+fn a_keep_all_subscription_that_stands_still_for_seconds_loses_nothing() {
+    const SAMPLES: i32 = 1_000;
+    let _dog = watchdog("stands still", LIMIT);
+    let agent = TestAgent::start("127.0.0.1:0");
+    let (near, far) = (agent.context(), agent.context());
+    // The publisher's own session reads, too: it must be able to ask for more while it waits.
+    let talker = near.node("talker").unwrap();
+    let numbers = talker
+        .publisher::<Int32>("numbers", Qos::reliable().keep_all(64).real_time())
+        .unwrap();
+    let mut heard = Vec::new();
+    let mut executors = Vec::new();
+    for (context, name) in [(&near, "own"), (&far, "other")] {
+        let node = context.node(name).unwrap();
+        let (mut exec, _) = executor(context);
+        let got = Arc::new(Mutex::new(Vec::new()));
+        let sink = Arc::clone(&got);
+        exec.worker("slow")
+            .subscribe(
+                &node,
+                "numbers",
+                Qos::reliable().keep_all(8),
+                move |m: &Int32, _| {
+                    if m.data == 3 {
+                        std::thread::sleep(Duration::from_millis(2_500));
+                    }
+                    sink.lock().unwrap().push(m.data);
+                },
+            )
+            .unwrap();
+        executors.push(exec.start().unwrap());
+        heard.push(got);
+    }
+    for data in 0..SAMPLES {
+        numbers
+            .publish_within(&Int32 { data }, Duration::from_secs(20))
+            .unwrap();
+    }
+    let expected: Vec<i32> = (0..SAMPLES).collect();
+    for got in heard {
+        let all = eventually(|| got.lock().unwrap().len() >= SAMPLES as usize);
+        let heard = got.lock().unwrap().clone();
+        assert!(all, "{heard:?}; {:#?}", agent.snapshot());
+        assert_eq!(*got.lock().unwrap(), expected);
+    }
+    executors
+        .into_iter()
+        .for_each(|running| drop(running.stop()));
+}
+
+/// With b209253 the client did not count a sample that was longer than what it could put together,
+/// and the agent did: after as many as the reader keeps, both waited for the other for ever.
+#[test]
+fn samples_that_are_too_long_stop_no_keep_all_reader_and_are_counted() {
+    let _dog = watchdog("too long", LIMIT);
+    let agent = TestAgent::start("127.0.0.1:0");
+    let address = agent.address.to_string();
+    let config = XrceConfig {
+        max_sample: 1_000,
+        ..XrceConfig::default()
+    };
+    let far = Xrce::udp_with(&address, config).unwrap();
+    let near = Xrce::udp(&address).unwrap();
+    let qos = Qos::reliable().keep_all(10);
+    let reader = far.create_reader(&spec("/mixed", qos)).unwrap();
+    let long = EndpointSpec {
+        max_size: 10_000,
+        ..spec("/mixed", qos)
+    };
+    let writer = near.create_writer(&long).unwrap();
+    let mut interest = Interest::empty();
+    interest.insert(reader);
+    let (mut sent, mut heard) = (0_u32, Vec::new());
+    let end = Instant::now() + Duration::from_secs(60);
+    while heard.len() < 100 && Instant::now() < end {
+        // Four of five are too long.
+        let mut sample = sent.to_le_bytes().to_vec();
+        if sent % 5 != 0 {
+            sample.resize(5_000, 0);
+        }
+        if sent < 500 && near.publish(writer, &sample).is_ok() {
+            sent += 1;
+        }
+        let soon = clock::monotonic() + 1_000_000;
+        near.wait(&Interest::empty(), Some(soon)).unwrap();
+        near.take(&mut Interest::empty(), &mut |_, _: &_, _: &[u8]| Room::Left)
+            .unwrap();
+        let soon = clock::monotonic() + 1_000_000;
+        far.wait(&interest, Some(soon)).unwrap();
+        let mut sink = |_, _: &_, bytes: &[u8]| {
+            heard.push(u32::from_le_bytes(bytes.try_into().unwrap()));
+            Room::Left
+        };
+        far.take(&mut interest, &mut sink).unwrap();
+    }
+    assert_eq!(heard, (0..500).step_by(5).collect::<Vec<u32>>());
+    // The last of them may be still to come.
+    assert!((396..=400).contains(&far.lost(reader)));
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! The agent is a process that is killed (SIGKILL) during reliable traffic, again and again, and
 //! another one takes its place.
 //!
-//! What the client knew to be acknowledged came once; what was not acknowledged is sent again, and
-//! may come twice. Nothing is missing.
+//! Samples that the client knew to be acknowledged came once; others are sent again, and may come
+//! twice. Nothing is missing.
 
 use crate::common::eventually;
 use replenish::Qos;
@@ -90,6 +90,7 @@ fn spec(qos: Qos) -> EndpointSpec<'static> {
         topic: "/steady",
         type_name: "std_msgs/msg/UInt8MultiArray",
         dds_type_name: "std_msgs::msg::dds_::UInt8MultiArray_",
+        type_hash: None,
         qos,
         max_size: 2000,
         ingress: IngressLimit::none(),

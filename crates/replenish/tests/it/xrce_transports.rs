@@ -106,7 +106,7 @@ fn tcp_carries_everything_and_a_cut_connection_comes_back() {
     let (mut exec, log) = executor(&ctx);
     exec.stop_grace(LIMIT);
     let running = exec.start().unwrap();
-    // What has come back is acknowledged; else it would come again.
+    // Samples that have come back are acknowledged; else they would come again.
     std::thread::sleep(Duration::from_millis(300));
     let start = clock::monotonic();
     bridge.cut();

@@ -86,10 +86,7 @@ fn seventeenth() {
         .timer(MS, |_| ())
         .unwrap();
     let refusal = start(exec).unwrap_err();
-    let expected = format!(
-        "not admitted: worker \"w17\" does not fit: on CPU {}",
-        cpu()
-    );
+    let expected = format!("worker \"w17\" does not fit: on CPU {}", cpu());
     assert!(refusal.starts_with(&expected), "{refusal}");
     assert!(refusal.contains("ms every 100 ms would fit"), "{refusal}");
     assert!(!ran.load(Ordering::Relaxed), "a callback has run");
@@ -120,7 +117,7 @@ fn planned() {
     assert_eq!(plan.workers.len(), 2);
     assert!(plan.workers[0].priority() > plan.workers[1].priority());
     assert_eq!(plan.workers[1].amount, Some(10_000_000));
-    // What the plan says is what the threads were asked to be; messages need a dispatcher.
+    // The threads were requested as the plan says; messages need a dispatcher.
     for worker in &plan.workers {
         let thread = report.thread(&worker.name).unwrap();
         assert_eq!(thread.cpu, worker.cpu);
@@ -299,7 +296,7 @@ fn two_programs() {
     assert_eq!(line, "admitted\n");
     let (mut second, line) = program(&directory.0, 50);
     assert!(
-        line.starts_with("refused not admitted: worker \"neighbour\" does not fit: on CPU")
+        line.starts_with("refused worker \"neighbour\" does not fit: on CPU")
             && line.contains("by other programs: \"neighbour\" of "),
         "{line}"
     );

@@ -10,21 +10,31 @@
 mod common;
 
 mod admission;
+mod adopted;
+mod drops;
+mod enforcement;
+mod groups_admitted;
 mod idle;
 mod paper_defects;
 mod real_time;
+mod records;
 mod unprivileged;
 mod xrce_executor;
 
 fn main() {
-    if admission::child() || unprivileged::child() {
+    if admission::child() || records::child() || unprivileged::child() {
         return;
     }
     replenish_testkit::harness::run_in_turn([
         ("admission", admission::trials()),
+        ("adopted", adopted::trials()),
+        ("drops", drops::trials()),
+        ("enforcement", enforcement::trials()),
+        ("groups_admitted", groups_admitted::trials()),
         ("idle", idle::trials()),
         ("paper_defects", paper_defects::trials()),
         ("real_time", real_time::trials()),
+        ("records", records::trials()),
         ("unprivileged", unprivileged::trials()),
         ("xrce_executor", xrce_executor::trials()),
     ])

@@ -180,7 +180,7 @@ fn d05() {
     assert!(eventually(all), "{}", running.report());
     assert_eq!(*answers.lock().unwrap(), [42]);
     assert_eq!(running.report().handles.len(), 5);
-    // What the timer triggers is not seen before the next round, though the guard is behind it.
+    // The timer's trigger is not seen before the next round, though the guard is behind it.
     let [timer, guard] = seen.map(|round| round.load(Ordering::SeqCst));
     assert!(timer < guard, "one round: {timer}");
 }

@@ -1,4 +1,4 @@
-//! What needs real-time priority: budgets, policies, and the stop of threads that loop at high
+//! Trials under real-time priority: budgets, policies, and the stop of threads that loop at high
 //! priority. (Inheritance, wake-up order and floods are among the paper's flaws, `paper_defects`.)
 
 use crate::common::{burn, cpu, eventually, executor};
@@ -226,8 +226,8 @@ fn suspended() {
     assert!(report.stuck.is_empty(), "{report}");
 }
 
-/// What was asked for is what the kernel says it gave, for every kind of policy, and the
-/// dispatcher may have a budget like everybody else.
+/// The kernel reports the requested policy as granted, for every kind of policy, and the
+/// dispatcher may have a budget like any worker.
 fn granted() {
     let _dog = watchdog("granted", LIMIT);
     let cpu = cpu();

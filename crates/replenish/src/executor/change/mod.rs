@@ -1,13 +1,20 @@
-//! Handles that come and go while the executor runs.
+//! Handles that come and go while the executor runs, from any thread.
+//!
+//! ```text
+//!   handle: ExecutorHandle ── worker(name) ──► worker_handle ── add ──┐
+//!      │ remove                                                       ├──► live ──► mailbox, route
+//!      └──────────────────────────────────────────────────────────────┘     │      updates (`run`)
+//!                                        registry: handles by id ◄──────────┤
+//!                                        groups: who may join, who may wait ┘
+//! ```
+//!
+//! `change_disabled` takes this room's place in builds without feature `full`.
 
-#[cfg(not(feature = "full"))]
-pub(crate) mod fixed;
-#[cfg(feature = "full")]
-pub(crate) mod handle_group;
-#[cfg(feature = "full")]
+mod groups;
+pub(crate) mod handle;
 pub(crate) mod live;
-#[cfg(feature = "full")]
-mod live_handles;
+pub(crate) mod registry;
+mod worker_handle;
 
-#[cfg(not(feature = "full"))]
-pub(crate) use fixed as live;
+pub use handle::{ExecutorHandle, Removal};
+pub use worker_handle::WorkerHandle;

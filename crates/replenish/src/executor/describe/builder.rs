@@ -1,9 +1,9 @@
-//! Describing a worker: its scheduling and its rules. Adding handles to it is in `builder_handles`.
+//! Describing a worker: its scheduling and its rules. `add` adds its handles.
 
+use super::add::{AddHandles, Numbering, Target};
 use super::executor::Executor;
 use super::factory::HandleFactory;
 use crate::error::Error;
-use crate::executor::handles::client::Client;
 use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::options::HandleOptions;
 use crate::executor::run::request::WorkerRequest;
@@ -11,8 +11,8 @@ use crate::executor::run::rounds::BY_RULES;
 use crate::executor::run::rules::{Semantics, Trigger};
 use crate::executor::run::state::{Rules, WorkerSpec, one_more};
 use crate::executor::wake::schedule::Every;
-use crate::platform::Static;
-use replenish_msg::Service;
+use crate::handoff::Inbox;
+use crate::sync::Arc;
 use replenish_os::Policy;
 use sporadic::Budget;
 
@@ -23,18 +23,21 @@ impl Executor {
         one_more(&mut self.workers);
         self.workers.push(WorkerSpec::new(name));
         let index = self.workers.len() - 1;
-        WorkerBuilder {
-            executor: self,
-            index,
-        }
+        let executor = self;
+        AddHandles(Description { executor, index })
     }
 }
 
 /// Describes one worker: its scheduling first, then its handles, which run in the order they are
-/// added. Scheduling parameters are checked when the executor starts, handles at once.
-pub struct WorkerBuilder<'e> {
-    pub(crate) executor: &'e mut Executor,
-    pub(crate) index: usize,
+/// added.
+///
+/// The executor checks scheduling parameters when it starts, and handles at once.
+pub type WorkerBuilder<'e> = AddHandles<Description<'e>>;
+
+/// One worker of an executor that is described.
+pub struct Description<'e> {
+    executor: &'e mut Executor,
+    index: usize,
 }
 
 impl WorkerBuilder<'_> {
@@ -61,7 +64,7 @@ impl WorkerBuilder<'_> {
         self.request(|r| r.stack_size = Some(bytes))
     }
 
-    /// What must be there for a round to begin. Default: [`Trigger::Any`].
+    /// The condition for a round to begin. Default: [`Trigger::Any`].
     pub fn trigger(self, trigger: Trigger) -> Self {
         self.ruled(|r| r.trigger = trigger)
     }
@@ -79,8 +82,7 @@ impl WorkerBuilder<'_> {
         let every = every.into();
         self.ruled(|r| {
             r.every = Some(every);
-            #[cfg(feature = "texts")]
-            r.counters.get_or_insert_default();
+            r.count.enable();
         })
     }
 
@@ -90,105 +92,116 @@ impl WorkerBuilder<'_> {
         self.ruled(|r| r.batch = Some(messages))
     }
 
-    /// What callbacks publish through
-    /// [`CallbackContext::publish`](crate::CallbackContext::publish) goes out when the round ends:
-    /// up to so many samples per round, 1..=4096, of up to so many bytes, 1..=65528.
+    /// Samples that callbacks publish through
+    /// [`CallbackContext::publish`](crate::CallbackContext::publish) go out when the round ends: up
+    /// to `samples` per round, 1..=4096, of up to `bytes` bytes each, 1..=65528.
     pub fn output_barrier(self, samples: usize, bytes: usize) -> Self {
         self.ruled(|r| r.barrier = Some((samples, bytes)))
     }
 
     /// The most handles the worker can have, those added while it runs included; at most 4096.
     /// Default: those described. A worker with a capacity may begin without any.
-    pub fn capacity(self, handles: usize) -> Self {
-        self.rules(|r| r.capacity = Some(handles))
-    }
-
-    /// How the handle that was added last is treated. (A [`WorkerHandle`](crate::WorkerHandle) says
-    /// it before it adds one.) Where several handles were added together (actions, parameters,
-    /// managed nodes), priority, group and error hook are those of all of them. Without a handle
-    /// before it, it is an [`Error::Parameter`] when the executor starts.
-    pub fn options(mut self, handling: HandleOptions) -> Self {
-        let Some(spec) = self.spec() else {
-            return self;
-        };
-        let spec: &mut WorkerSpec = &mut *spec;
-        let Some((entry, before)) = spec.entries.split_last_mut() else {
-            spec.rules.early = true;
-            return self;
-        };
-        for other in before.iter_mut().rev().take(entry.others.into()) {
-            other.treat(handling.shared());
-        }
-        entry.treat(handling);
+    pub fn capacity(mut self, handles: usize) -> Self {
+        self.0.spec(|spec| spec.rules.capacity = Some(handles));
         self
     }
 
-    /// Samples of the handle that was added last come before replies of `client` that arrive later.
-    pub(crate) fn ahead_of<S: Service>(mut self, client: &Client<S>) -> Self {
-        if let Some(entry) = self.spec().and_then(|s| s.entries.last()) {
-            client.lets_ahead(&entry.shared);
-        }
+    /// Options of the handle that was added last. (A [`WorkerHandle`](crate::WorkerHandle) takes
+    /// them before it adds one.) Where several handles were added together (actions, parameters,
+    /// managed nodes), priority, group and error hook apply to all of them. Without a handle before
+    /// it, it is an [`Error::Parameter`] when the executor starts.
+    pub fn options(mut self, options: HandleOptions) -> Self {
+        self.0.configure(options);
         self
-    }
-
-    /// So many handles before the last one belong to it.
-    pub(crate) fn together(mut self, others: u8) -> Self {
-        if let Some(entry) = self.spec().and_then(|s| s.entries.last_mut()) {
-            entry.others = others;
-        }
-        self
-    }
-
-    pub(crate) fn spec(&mut self) -> Option<&mut Static<WorkerSpec>> {
-        self.executor.workers.get_mut(self.index)
     }
 
     pub(crate) fn request(mut self, change: impl FnOnce(&mut WorkerRequest)) -> Self {
-        if let Some(spec) = self.spec() {
-            change(&mut spec.request);
-        }
+        self.0.spec(|spec| change(&mut spec.request));
         self
     }
 
-    /// A rule that [`rounds`](crate::executor::run::rounds) are for.
-    pub(crate) fn ruled(self, change: impl FnOnce(&mut Rules)) -> Self {
-        self.rules(|r| {
-            r.rounds = Some(&BY_RULES);
-            change(r);
-        })
-    }
-
-    fn rules(mut self, change: impl FnOnce(&mut Rules)) -> Self {
-        if let Some(spec) = self.spec() {
-            change(&mut spec.rules);
-        }
+    /// Gives the rounds a rule.
+    fn ruled(mut self, change: impl FnOnce(&mut Rules)) -> Self {
+        self.0.every_round();
+        self.0.spec(|spec| change(&mut spec.rules));
         self
     }
+}
 
-    pub(crate) fn add(
-        self,
-        make: impl FnOnce(&HandleFactory<'_>) -> Result<HandleEntry, Error>,
-    ) -> Result<Self, Error> {
-        self.add_numbered(0, make)
+impl Description<'_> {
+    fn spec<T>(&mut self, change: impl FnOnce(&mut WorkerSpec) -> T) -> Option<T> {
+        let spec = self.executor.workers.get_mut(self.index)?;
+        Some(change(spec))
     }
 
-    pub(crate) fn add_numbered(
+    fn configure(&mut self, options: HandleOptions) {
+        self.spec(|spec| {
+            let Some((entry, before)) = spec.entries.split_last_mut() else {
+                spec.rules.early = true;
+                return;
+            };
+            for other in before.iter_mut().rev().take(entry.others.into()) {
+                other.treat(options.shared());
+            }
+            entry.treat(options);
+        });
+    }
+}
+
+impl Target for Description<'_> {
+    type Added = AddHandles<Self>;
+    type AllAdded = AddHandles<Self>;
+    type Together = Self;
+
+    fn add(
         mut self,
-        number: usize,
+        numbering: Numbering,
         make: impl FnOnce(&HandleFactory<'_>) -> Result<HandleEntry, Error>,
-    ) -> Result<Self, Error> {
-        let Some(spec) = self.executor.workers.get(self.index) else {
-            return Ok(self);
+    ) -> Result<Self::Added, Error> {
+        let number = self.spec(|spec| {
+            let next = match numbering {
+                Numbering::None => return 0,
+                Numbering::Timers => &mut spec.timers,
+                Numbering::Guards => &mut spec.guards,
+            };
+            *next += 1;
+            *next - 1
+        });
+        let executor = &*self.executor;
+        let Some(spec) = executor.workers.get(self.index) else {
+            return Ok(AddHandles(self));
         };
         let entry = make(&HandleFactory {
-            context: &self.executor.context,
+            context: &executor.context,
             worker: &spec.request.name,
-            unique: &|id| self.executor.unique(id),
-            number,
+            unique: &|id| executor.unique(id),
+            number: number.unwrap_or(0),
         })?;
-        if let Some(spec) = self.spec() {
-            spec.add(entry);
-        }
-        Ok(self)
+        self.spec(|spec| spec.add(entry));
+        Ok(AddHandles(self))
+    }
+
+    fn every_round(&mut self) {
+        self.spec(|spec| spec.rules.rounds = Some(&BY_RULES));
+    }
+
+    fn together(self) -> Self {
+        self
+    }
+
+    fn all_added(mut self, others: u8) -> AddHandles<Self> {
+        self.spec(|spec| {
+            if let Some(entry) = spec.entries.last_mut() {
+                entry.others = others;
+            }
+        });
+        AddHandles(self)
+    }
+
+    fn last_inbox(&mut self) -> Option<Arc<Inbox>> {
+        self.spec(|spec| {
+            let (_, inbox) = spec.entries.last()?.shared.input.as_ref()?;
+            Some(Arc::clone(inbox))
+        })?
     }
 }

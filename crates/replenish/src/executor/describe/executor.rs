@@ -5,9 +5,8 @@ use crate::context::Context;
 use crate::event::{Event, Events};
 use crate::executor::run::state::WorkerSpec;
 use crate::executor::wake::stop::StopHandle;
-use crate::handoff::Stop;
 use crate::name::{concat, with_number};
-use crate::platform::Static;
+use crate::platform::{Dump, Static, recorder};
 use crate::sync::Arc;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -58,21 +57,19 @@ pub(crate) struct Options {
     pub(crate) enforcer_priority: u8,
     pub(crate) server: Kind,
     pub(crate) strict: bool,
-    #[cfg_attr(not(feature = "plan"), expect(dead_code, reason = "nothing is in it"))]
+    #[allow(dead_code, reason = "there is nothing in it without feature `plan`")]
     pub(crate) planning: Planning,
     pub(crate) lock_memory: bool,
     pub(crate) switch_log: bool,
     pub(crate) stop_grace: Duration,
+    pub(crate) recorder: recorder::Settings,
     pub(crate) events: Arc<Events>,
 }
 
 impl Executor {
     /// An executor without workers over `context`.
     pub fn new(context: &Context) -> Self {
-        let stop = StopHandle {
-            stop: Arc::new(Stop::new()),
-            middleware: Arc::clone(context.middleware()),
-        };
+        let stop = StopHandle::new(context.share_middleware());
         Self {
             context: context.clone(),
             workers: Vec::new(),
@@ -87,6 +84,7 @@ impl Executor {
                 lock_memory: false,
                 switch_log: true,
                 stop_grace: Duration::from_millis(120),
+                recorder: recorder::Settings::default(),
                 events: Arc::new(Events::default()),
             },
         }
@@ -135,6 +133,25 @@ impl Executor {
     /// (exact); otherwise a counter stands in (safe, less exact). Default: yes.
     pub fn switch_log(&mut self, on: bool) -> &mut Self {
         self.options.switch_log = on;
+        self
+    }
+
+    /// Bytes of memory in which each thread of this executor records its last events, 4096 to
+    /// 64 MiB: an event takes 32 bytes, a message about six events. 0: nothing is recorded.
+    /// Default: 256 KiB, on Linux; other systems record nothing.
+    ///
+    /// `replenish top` and `replenish trace` read it while the program runs, and after it was
+    /// killed. It stands in a file of the ledger's directory if that is in memory, else in
+    /// `/dev/shm/replenish-UID`; `REPLENISH_LIVE` names another directory, or is `off`.
+    pub fn recorder(&mut self, bytes: usize) -> &mut Self {
+        self.options.recorder.bytes = bytes;
+        self
+    }
+
+    /// Writes the recording to a file when something goes wrong: see [`Dump`]. Default: nothing is
+    /// written, and the recording goes with the executor.
+    pub fn dump(&mut self, dump: Dump) -> &mut Self {
+        self.options.recorder.dump = Some(dump);
         self
     }
 

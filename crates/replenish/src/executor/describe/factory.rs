@@ -4,11 +4,11 @@ use super::topic::Topic;
 use crate::context::{Context, Node, check_depth};
 use crate::error::Error;
 use crate::executor::handles::callback::{CallbackContext, CallbackResult};
-use crate::executor::handles::client::{Client, NoReply, Replies};
 use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::guard::{Guard, GuardCondition};
 use crate::executor::handles::options::HandleOptions;
-use crate::executor::handles::service::{ReplyLine, Responder, Server};
+use crate::executor::handles::replies::Replies;
+use crate::executor::handles::server::Server;
 use crate::executor::handles::state::HandleState;
 use crate::executor::handles::subscription::{RawSubscription, Subscription, ViewSubscription};
 use crate::executor::handles::timer::{Timer, TimerHandle};
@@ -16,17 +16,21 @@ use crate::executor::wake::schedule::Every;
 use crate::handoff::{Inbox, Keep};
 use crate::middleware::{EndpointSpec, ReaderId};
 use crate::name::{concat, with_number};
-use crate::platform::text;
+use crate::platform::{STD, text};
+use crate::process::Kind;
 use crate::qos::{History, Qos};
-use crate::sizes::{LARGEST, largest};
+use crate::service::client::Client;
+use crate::service::error::NoReply;
+use crate::service::responder::{ReplyWriter, Responder};
+use crate::service::size::{LARGEST, largest};
 use crate::sync::{Arc, Mutex};
 use alloc::boxed::Box;
 use alloc::string::String;
 use core::time::Duration;
 use replenish_msg::{Message, Service, Viewed};
 
-/// What making a handle needs to know.
-pub(crate) struct HandleFactory<'a> {
+/// The context in which handles are made.
+pub struct HandleFactory<'a> {
     pub(crate) context: &'a Context,
     /// The worker's name.
     pub(crate) worker: &'a str,
@@ -43,6 +47,8 @@ pub struct RawType<'a> {
     pub name: &'a str,
     /// The DDS name, `std_msgs::msg::dds_::Int32_`.
     pub dds_name: &'a str,
+    /// The type's hash, `RIHS01_` and 64 hexadecimal digits, if it is known.
+    pub type_hash: Option<&'a str>,
     /// The largest sample in bytes, 1..=65528.
     pub max_size: usize,
 }
@@ -54,6 +60,7 @@ impl RawType<'_> {
         RawType {
             name: M::TYPE_NAME,
             dds_name: M::DDS_TYPE_NAME,
+            type_hash: if STD { M::TYPE_HASH } else { None },
             max_size: M::MAX_SIZE,
         }
     }
@@ -61,9 +68,10 @@ impl RawType<'_> {
 
 impl HandleFactory<'_> {
     fn owned(&self, node: &Node) -> Result<(), Error> {
-        match node.context().is(self.context) {
-            true => Ok(()),
-            false => Err(Error::ForeignNode(node.name().into())),
+        if node.context().is(self.context) {
+            Ok(())
+        } else {
+            Err(Error::ForeignNode(node.name().into()))
         }
     }
 
@@ -76,7 +84,7 @@ impl HandleFactory<'_> {
         qos: Qos,
     ) -> Result<(String, ReaderId, Arc<Inbox>), Error> {
         self.owned(node)?;
-        let name = node.resolve(topic.name)?;
+        let name = node.resolve(Kind::Topic, topic.name)?;
         check_depth(&name, qos)?;
         let owner = || text!("topic {name}");
         let size = topic.max_size.unwrap_or(ty.max_size);
@@ -101,6 +109,7 @@ impl HandleFactory<'_> {
             topic: &name,
             type_name: ty.name,
             dds_type_name: ty.dds_name,
+            type_hash: ty.type_hash,
             qos,
             max_size: size,
             ingress: topic.ingress,
@@ -250,7 +259,7 @@ impl HandleFactory<'_> {
         R: CallbackResult + 'static,
     {
         self.owned(node)?;
-        let name = node.resolve(topic.name)?;
+        let name = node.resolve(Kind::Service, topic.name)?;
         check_depth(&name, qos)?;
         let middleware = self.context.middleware();
         let spec = node.service::<S>(&name, topic, qos)?;
@@ -264,15 +273,15 @@ impl HandleFactory<'_> {
         let inbox = Arc::new(Inbox::new(qos.depth.into(), spec.max_request, keep));
         let id = (self.unique)(concat(&[node.name(), "/srv:", &name]));
         let shared = HandleState::new(id, Some((reader, Arc::clone(&inbox))));
-        let line = ReplyLine {
-            middleware: Arc::clone(middleware),
+        let writer = ReplyWriter {
+            middleware: self.context.share_middleware(),
             writer,
             buffer: Mutex::new(alloc::vec![0; spec.max_response].into()),
         };
         let handle = Server::<S, F>::new(
             Arc::clone(&shared),
             (inbox, spec.max_request),
-            line,
+            writer,
             callback,
         );
         Ok(HandleEntry::new(shared, Box::new(handle)))
@@ -305,14 +314,15 @@ impl HandleFactory<'_> {
     }
 
     fn bound(&self, free: bool, shared: &HandleState) -> Result<(), Error> {
-        match free {
-            true => Ok(()),
-            false => Err(Error::parameter(
+        if free {
+            Ok(())
+        } else {
+            Err(Error::parameter(
                 text!("worker {:?}", self.worker),
                 "handle",
                 &shared.id,
                 "one that belongs to no callback yet",
-            )),
+            ))
         }
     }
 }

@@ -1,9 +1,18 @@
 //! The executor, its workers and their handles as the program describes them.
+//!
+//! ```text
+//!   executor ── worker() ──► builder: scheduling and rules of one worker
+//!      │                        │
+//!      │                       add: one method for each kind of handle ── factory ──► handle
+//!      │                        │                                           │
+//!      │                     (a worker that runs adds handles by it, too)  topic
+//!      └── planning: settings and results of admission (planning_disabled without feature `plan`)
+//! ```
 
+pub(crate) mod add;
 pub(crate) mod builder;
 pub(crate) mod executor;
 pub(crate) mod factory;
-mod handle_methods;
 #[cfg_attr(not(feature = "plan"), path = "planning_disabled.rs")]
 pub(crate) mod planning;
 pub(crate) mod topic;

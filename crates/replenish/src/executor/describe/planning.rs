@@ -1,9 +1,11 @@
 //! Settings and results of planning.
 
-use alloc::string::String;
+use crate::error::Error;
+use crate::executor::run::guarantee::adoption::{Adopted, AdoptedReport, Adoption};
+use alloc::string::{String, ToString};
 use alloc::vec::Vec;
-use replenish_plan::ledger::Reservation;
-use replenish_plan::{Machine, Plan};
+use replenish_plan::ledger::{Denied, LedgerError, Reservation};
+use replenish_plan::{FileError, GuaranteeError, Machine, Plan, Refusal};
 use std::path::PathBuf;
 
 /// The settings.
@@ -12,6 +14,7 @@ pub(crate) struct Planning {
     pub(crate) ledger: LedgerUse,
     pub(crate) machine: Option<Machine>,
     pub(crate) overlays: Vec<PathBuf>,
+    pub(crate) adopted: Vec<Adopted>,
 }
 
 impl Default for Planning {
@@ -21,6 +24,7 @@ impl Default for Planning {
             ledger: LedgerUse::Default,
             machine: None,
             overlays: Vec::new(),
+            adopted: Vec::new(),
         }
     }
 }
@@ -46,6 +50,8 @@ pub struct AdmissionReport {
     pub ledger: Option<PathBuf>,
     /// Limits of the guarantees, and files of the ledger that were left out.
     pub notes: Vec<String>,
+    /// Threads that others have started, by pattern, in the order in which they were asked for.
+    pub adopted: Vec<AdoptedReport>,
 }
 
 /// The result of admission.
@@ -56,4 +62,65 @@ pub(crate) struct Admission {
     pub(crate) fallback: Option<String>,
     /// Given back when the executor ends.
     pub(crate) place: Option<Reservation>,
+    /// Holds the budgets of adopted threads.
+    pub(crate) adoption: Option<Adoption>,
+}
+
+impl Admission {
+    /// The report up to this moment.
+    pub(crate) fn report(&self) -> AdmissionReport {
+        let mut report = self.report.clone();
+        report.adopted = self
+            .adoption
+            .as_ref()
+            .map_or_else(Vec::new, Adoption::report);
+        report
+    }
+
+    /// Gives everything back.
+    pub(crate) fn end(&mut self) {
+        self.adoption = None;
+        self.place = None;
+    }
+}
+
+impl From<GuaranteeError> for Error {
+    fn from(e: GuaranteeError) -> Self {
+        Self::Guarantee {
+            reason: e.to_string(),
+        }
+    }
+}
+
+impl From<Refusal> for Error {
+    fn from(refusal: Refusal) -> Self {
+        Self::NotAdmitted {
+            reason: refusal.sentence,
+        }
+    }
+}
+
+impl From<LedgerError> for Error {
+    fn from(e: LedgerError) -> Self {
+        Self::NotAdmitted {
+            reason: e.to_string(),
+        }
+    }
+}
+
+impl From<Denied> for Error {
+    fn from(e: Denied) -> Self {
+        match e {
+            Denied::Refused(refusal) => refusal.into(),
+            Denied::Ledger(e) => e.into(),
+        }
+    }
+}
+
+impl From<FileError> for Error {
+    fn from(e: FileError) -> Self {
+        Self::Overlay {
+            reason: e.to_string(),
+        }
+    }
 }

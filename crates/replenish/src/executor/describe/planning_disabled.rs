@@ -12,14 +12,23 @@ pub(crate) struct Planning {}
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub struct AdmissionReport {
-    /// What limits the guarantees: nothing.
+    /// Limits of the guarantees: none.
     pub notes: Vec<String>,
 }
 
-/// What admission has left behind.
+/// The results of admission.
 #[derive(Debug, Default)]
 pub(crate) struct Admission {
     pub(crate) report: AdmissionReport,
     pub(crate) fallback: Option<Text>,
-    pub(crate) place: Option<()>,
+}
+
+impl Admission {
+    /// The report.
+    pub(crate) fn report(&self) -> AdmissionReport {
+        self.report.clone()
+    }
+
+    /// Nothing to give back.
+    pub(crate) fn end(&mut self) {}
 }

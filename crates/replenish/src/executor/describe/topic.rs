@@ -43,7 +43,7 @@ impl<'a> Topic<'a> {
         }
     }
 
-    /// What the peer may send, so that a flood is stopped before it reaches this machine.
+    /// The rate that the peer may send, so that a flood is stopped before it reaches this machine.
     #[must_use]
     pub const fn ingress_limit(self, limit: IngressLimit) -> Self {
         Self {

@@ -1,4 +1,4 @@
-//! What a callback gets besides its message, and what it may return.
+//! The context that a callback gets besides its message, and the values that it may return.
 
 use super::env::Env;
 use super::state::HandleState;
@@ -8,7 +8,7 @@ use crate::handoff::{RequestIdentity, SampleInfo};
 use crate::middleware::PublishError;
 use crate::middleware::encoding::Encoding;
 use crate::middleware::remedy::BARRIER;
-use crate::platform::displayed;
+use crate::platform::{Mark, displayed, recorder};
 use crate::publisher::Publisher;
 use crate::sync::Ordering;
 use core::fmt;
@@ -22,7 +22,7 @@ pub struct CallbackContext<'a> {
     pub(crate) due: Nanos,
     pub(crate) started: Nanos,
     pub(crate) skipped: u64,
-    /// What is known about the sample, if there is one.
+    /// The information about the sample, if there is one.
     pub(crate) sample: Option<&'a SampleInfo>,
 }
 
@@ -117,7 +117,7 @@ impl CallbackContext<'_> {
         self.sample.map(|s| s.request).unwrap_or_default()
     }
 
-    /// What the worker's budget has left at this moment; `None` without a budget. Takes the
+    /// CPU time left in the worker's budget at this moment; `None` without a budget. Takes the
     /// enforcer's lock for a moment.
     #[must_use]
     pub fn remaining_budget(&self) -> Option<Nanos> {
@@ -150,6 +150,13 @@ impl CallbackContext<'_> {
                 })
             }
         }
+    }
+
+    /// Records that the callback has come to this point, with a value of the program's choice:
+    /// `replenish trace` shows it. Costs a reading of the clock; nothing where the executor does
+    /// not [record](crate::Executor::recorder).
+    pub fn mark(&self, mark: Mark, value: u64) {
+        recorder::mark(mark, value);
     }
 
     /// Asks the executor to stop. Returns at once; nothing new starts after this callback.
@@ -188,7 +195,7 @@ impl fmt::Debug for CallbackContext<'_> {
     }
 }
 
-/// What a callback may return: nothing, or a `Result` whose error is counted and reported.
+/// The return values of callbacks: nothing, or a `Result` whose error is counted and reported.
 ///
 /// An error never ends the executor and never stops the handle.
 pub trait CallbackResult {

@@ -3,6 +3,7 @@
 use super::state::HandleState;
 use crate::Nanos;
 use crate::executor::wake::stop::StopHandle;
+use crate::platform::recorder;
 use alloc::boxed::Box;
 use core::fmt;
 
@@ -55,6 +56,8 @@ fn judge(
     }
     let count = state.counters.deadline_misses.add(1);
     state.counters.worst_lateness.raise(lateness);
+    let end = ended.due.saturating_add(ended.response);
+    recorder::miss(state.name, end, lateness, within);
     let miss = DeadlineMiss {
         id: &state.id,
         due: ended.due,

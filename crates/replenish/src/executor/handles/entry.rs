@@ -9,16 +9,13 @@ use super::state::HandleState;
 use crate::Nanos;
 use crate::event::Event;
 use crate::executor::wake::lazy_now::LazyNow;
-use crate::platform;
-use crate::platform::ShortText;
+use crate::platform::{self, FULL, STD, ShortText, recorder};
 use crate::sync::{Arc, Ordering};
 use alloc::boxed::Box;
-#[cfg(feature = "full")]
-use alloc::vec::Vec;
 use replenish_os::clock;
 
 /// A handle on its worker's thread.
-pub(crate) struct HandleEntry {
+pub struct HandleEntry {
     pub(crate) shared: Arc<HandleState>,
     pub(crate) handle: Box<dyn Handle>,
     pub(crate) handling: HandleOptions,
@@ -30,12 +27,14 @@ pub(crate) struct HandleEntry {
     pub(crate) others: u8,
     /// It had something to do when the round began.
     pub(crate) ready: bool,
-    /// What was taken when the round began (Logical Execution Time).
+    /// The input taken when the round began (Logical Execution Time).
     taken: Option<Taken>,
     /// The next input is left out: a deadline was missed.
     skip: bool,
     /// From the start of the last callback to its end.
     pub(crate) took: Nanos,
+    /// The thread's CPU clock when the callback began, where its group states a length.
+    began: Nanos,
 }
 
 impl HandleEntry {
@@ -51,6 +50,7 @@ impl HandleEntry {
             taken: None,
             skip: false,
             took: 0,
+            began: 0,
         }
     }
 
@@ -90,19 +90,27 @@ impl HandleEntry {
     pub(crate) fn run(&mut self, env: &Env<'_>, from_snapshot: bool, even_without: bool) -> bool {
         self.took = 0;
         self.guarded(env, |entry| {
-            let taken = match from_snapshot {
-                true => entry.taken.take(),
-                false => entry.take(env),
+            let taken = if from_snapshot {
+                entry.taken.take()
+            } else {
+                entry.take(env)
             };
             let runs = taken.is_some() || even_without;
             let group = entry.handling.group.clone().filter(|_| runs);
             let held = group.as_ref().map(|g| g.enter(&entry.shared, env));
+            // A thread that waits for a lock may spin in the kernel: not the callback's time.
+            if FULL && group.as_ref().is_some_and(|g| g.length() != 0) {
+                entry.began = clock::thread_cpu();
+            }
             let started = clock::monotonic();
             match taken {
                 Some(taken) => entry.execute(env, taken, started, held),
                 None if even_without => {
+                    recorder::begin(entry.shared.name, started, started);
                     entry.handle.execute_empty(env, started);
-                    entry.took = clock::monotonic().saturating_sub(started);
+                    let end = clock::monotonic();
+                    recorder::end(end);
+                    entry.took = end.saturating_sub(started);
                     entry.shared.counters.without_input.add(1);
                 }
                 None => {}
@@ -111,12 +119,24 @@ impl HandleEntry {
         })
     }
 
+    /// The callback that ran last has taken so much CPU time.
+    pub(crate) fn judge(&self, used: Nanos, env: &Env<'_>) {
+        if let Some(group) = &self.handling.group
+            && group.length() != 0
+            && used.min(self.took) > group.length()
+        {
+            let held = clock::thread_cpu().saturating_sub(self.began);
+            group.judge(&self.shared, held, env);
+        }
+    }
+
     fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
         let taken = self.handle.take(env)?;
         if !core::mem::take(&mut self.skip) {
             return Some(taken);
         }
         let counters = &self.shared.counters;
+        recorder::skip(self.shared.name, 1);
         match self.shared.input {
             Some(_) => counters.discarded.add(1),
             None => counters.skipped.add(1),
@@ -130,13 +150,16 @@ impl HandleEntry {
         let latency = started.saturating_sub(taken.due);
         counters.worst_latency.raise(latency);
         self.shared.latency.record(latency);
+        recorder::begin(self.shared.name, started, taken.due);
         self.handle.execute(env, started);
         drop(held);
         if self.handle.was_spoiled() {
+            recorder::spoiled();
             return; // counted as such
         }
         counters.executed.add(1);
         let end = clock::monotonic();
+        recorder::end(end);
         self.took = end.saturating_sub(started);
         let response = end.saturating_sub(taken.due);
         self.shared.response.record(response);
@@ -151,6 +174,22 @@ impl HandleEntry {
         self.skip |= deadline.judge(ended, state, on_miss, env.stop);
     }
 
+    /// Drops what the callback owns; a panic in that is the handle's.
+    pub(crate) fn empty(&mut self, env: &Env<'_>) {
+        let started = clock::monotonic();
+        self.guarded(env, Self::drop_callback);
+        self.guarded(env, Self::drop_options);
+        self.took = clock::monotonic().saturating_sub(started);
+    }
+
+    fn drop_callback(&mut self) {
+        drop(core::mem::replace(&mut self.handle, Box::new(Empty)));
+    }
+
+    fn drop_options(&mut self) {
+        drop(core::mem::take(&mut self.handling));
+    }
+
     /// Runs the user's code; a panic stops the handle.
     fn guarded<T: Default>(&mut self, env: &Env<'_>, step: impl FnOnce(&mut Self) -> T) -> T {
         platform::guard(self, step, |entry, message| {
@@ -162,20 +201,36 @@ impl HandleEntry {
     #[cold]
     fn panicked(&mut self, message: &str, env: &Env<'_>) {
         self.stopped = true;
+        recorder::panicked(self.shared.name);
         self.shared.counters.panicked.store(true, Ordering::Relaxed);
         *self.shared.last_error.lock() = ShortText::of(&message);
         let handle = &self.shared.id;
         self.shared
             .report(1, &Event::CallbackPanicked { handle, message }, env.events);
-        self.shared.discard(true, env.stop);
+        self.shared.discard(true, env.middleware);
     }
 }
 
-/// Inserts behind the entries of the same or a higher priority.
-#[cfg(feature = "full")]
-pub(crate) fn insert(entries: &mut Vec<HandleEntry>, entry: HandleEntry) {
-    let priority = entry.handling.priority;
-    let mut others = entries.iter();
-    let at = others.position(|e| e.handling.priority < priority);
-    entries.insert(at.unwrap_or(entries.len()), entry);
+/// An entry whose callback has been dropped.
+struct Empty;
+
+impl Handle for Empty {
+    fn is_ready(&mut self, _: &LazyNow) -> bool {
+        false
+    }
+    fn take(&mut self, _: &Env<'_>) -> Option<Taken> {
+        None
+    }
+    fn execute(&mut self, _: &Env<'_>, _: Nanos) {}
+}
+
+/// Where nobody has [emptied](HandleEntry::empty) it, in an executor that never ran, too, a panic
+/// of what the callback owns must not end the thread that drops it, or two of them the process.
+impl Drop for HandleEntry {
+    fn drop(&mut self) {
+        if STD {
+            platform::guard(self, Self::drop_callback, |_, _| ());
+            platform::guard(self, Self::drop_options, |_, _| ());
+        }
+    }
 }

@@ -4,6 +4,7 @@ use super::outbox::Outbox;
 use crate::event::Events;
 use crate::executor::wake::stop::StopHandle;
 use crate::handoff::{Inbox, RingSlot};
+use crate::middleware::Middleware;
 use core::any::Any;
 use core::cell::RefCell;
 use replenish_os::Meter;
@@ -14,8 +15,12 @@ pub(crate) struct Env<'a> {
     pub(crate) stop: &'a StopHandle,
     pub(crate) events: &'a Events,
     pub(crate) meter: &'a Meter,
+    pub(crate) middleware: &'a dyn Middleware,
     /// The running executor, for changes of its handles. The room `change` knows its type.
-    #[cfg_attr(not(feature = "full"), expect(dead_code, reason = "none can"))]
+    #[allow(
+        dead_code,
+        reason = "handles of builds without feature `full` never change"
+    )]
     pub(crate) live: Option<&'a dyn Any>,
     /// Publications that wait for the end of the round.
     pub(crate) outbox: Option<&'a RefCell<Outbox>>,
@@ -29,7 +34,7 @@ impl Env<'_> {
         read_slot: &'h mut Option<RingSlot>,
     ) -> Option<&'h RingSlot> {
         if inbox.pop(read_slot)? {
-            self.stop.middleware.wake();
+            self.middleware.wake();
         }
         read_slot.as_ref()
     }

@@ -18,12 +18,17 @@
 //!   group waits for itself. Nobody can forbid that, but it is seen: whoever has waited for the
 //!   group for [`Group::patience`] tells so with the names of both ([`Event::Blocked`]), and tells
 //!   again when that time has doubled.
+//!
+//! A guarantee counts on the length of the critical sections for which its worker may wait
+//! ([`Group::holds`]): admission refuses a group without, and so does a change while the executor
+//! runs. A callback that takes longer is counted and told.
 
 use super::env::Env;
 use super::state::HandleState;
 use crate::Nanos;
 use crate::event::Event;
 use crate::executor::wake::schedule::nanos;
+use crate::platform::recorder;
 use crate::sync::{Arc, AtomicU64, Mutex, Ordering};
 use alloc::string::String;
 use core::fmt;
@@ -33,8 +38,13 @@ use replenish_os::{Tid, clock, current_tid};
 /// Handles whose callbacks never run at the same time, on whatever workers they are: in
 /// [`HandleOptions::group`](crate::HandleOptions::group). Clones are the same group.
 ///
-/// Whoever runs while others wait inherits the highest of their priorities. Waiting counts as
-/// blocking for a budget, and as latency for the handle.
+/// The callback that runs while others wait inherits the highest of their priorities. On Linux its
+/// worker pays for that time, and for what it uses after the end of its budget if it is to be
+/// suspended: it is stopped after the callback, not in it. Waiting counts as blocking for a budget,
+/// and as latency for the handle.
+///
+/// A worker with a guarantee may wait for each of the others, so its guarantee is admitted only if
+/// they state [for how long](Self::holds), and run on the same CPU.
 ///
 /// ```
 /// use replenish::{Context, Executor, Group, HandleOptions};
@@ -51,15 +61,19 @@ use replenish_os::{Tid, clock, current_tid};
 /// ```
 #[derive(Clone)]
 pub struct Group {
-    inner: Arc<Inner>,
+    pub(crate) inner: Arc<GroupInner>,
+    /// The longest callback; 0: not stated.
+    length: Nanos,
 }
 
-struct Inner {
+pub(crate) struct GroupInner {
     name: String,
     lock: Mutex<()>,
     patience: AtomicU64,
+    /// Callbacks that took longer than stated.
+    overruns: AtomicU64,
     /// Whose callback runs, and on which thread.
-    holder: Mutex<Option<(Tid, Arc<HandleState>)>>,
+    pub(crate) holder: Mutex<Option<(Tid, Arc<HandleState>)>>,
     ways: Ways,
 }
 
@@ -68,6 +82,7 @@ struct Inner {
 struct Ways {
     enter: for<'g> fn(&'g Group, &Arc<HandleState>, &Env<'_>) -> Held<'g>,
     leave: fn(&Group),
+    overrun: fn(&Group, &HandleState, Nanos, &Env<'_>),
 }
 
 /// The right to run, until dropped.
@@ -87,17 +102,51 @@ impl Group {
     #[must_use]
     pub fn new(name: &str) -> Self {
         Self {
-            inner: Arc::new(Inner {
+            inner: Arc::new(GroupInner {
                 name: name.into(),
                 lock: Mutex::new(()),
                 patience: AtomicU64::new(1_000_000_000),
+                overruns: AtomicU64::new(0),
                 holder: Mutex::new(None),
                 ways: Ways {
                     enter: Self::wait,
                     leave: |group| *group.inner.holder.lock() = None,
+                    overrun: Self::tell_overrun,
                 },
             }),
+            length: 0,
         }
+    }
+
+    /// How long a callback holds the group at most (the length of its critical section): CPU time,
+    /// and the time that it blocks meanwhile. It holds for the handles that this clone is given to,
+    /// so that each can state its own; a worker with a rate guarantee has stated it by its
+    /// execution time already.
+    ///
+    /// A guaranteed worker that shares the group waits that long at worst, which is part of the
+    /// bound that admission tests. A callback that needs more CPU time goes on; it is
+    /// [counted](Self::overruns) and [told](Event::HeldTooLong).
+    ///
+    /// ```
+    /// use replenish::{Group, HandleOptions};
+    /// use std::time::Duration;
+    /// let arm = Group::new("arm").holds(Duration::from_micros(200));
+    /// let quick = HandleOptions::new().group(&arm);
+    /// let slow = HandleOptions::new().group(&arm.clone().holds(Duration::from_millis(2)));
+    /// # let _ = (quick, slow);
+    /// ```
+    #[must_use]
+    pub fn holds(self, length: Duration) -> Self {
+        Self {
+            length: nanos(length).max(1),
+            ..self
+        }
+    }
+
+    /// How many callbacks of the group have needed more CPU time than they [stated](Self::holds).
+    #[must_use]
+    pub fn overruns(&self) -> u64 {
+        self.inner.overruns.load(Ordering::Relaxed)
     }
 
     /// How long a callback may wait for the group until that is [told](Event::Blocked); 1 s if not
@@ -122,15 +171,10 @@ impl Group {
 
     fn wait(&self, shared: &Arc<HandleState>, env: &Env<'_>) -> Held<'_> {
         let inner = &self.inner;
-        let begin = clock::monotonic();
-        let mut patience = inner.patience.load(Ordering::Relaxed);
-        let guard = loop {
-            if let Some(guard) = inner.lock.lock_until(begin.saturating_add(patience)) {
-                break guard;
-            }
-            self.tell(shared, clock::monotonic().saturating_sub(begin), env);
-            patience = patience.saturating_mul(2);
-        };
+        let guard = inner
+            .lock
+            .try_lock()
+            .unwrap_or_else(|| self.queue(shared, env));
         *inner.holder.lock() = Some((current_tid(), Arc::clone(shared)));
         Held {
             group: self,
@@ -138,12 +182,50 @@ impl Group {
         }
     }
 
-    /// Whether the caller is inside a callback of the group.
-    #[cfg(feature = "full")]
-    pub(crate) fn is_mine(&self) -> bool {
-        let me = current_tid();
-        let holder = self.inner.holder.lock();
-        holder.as_ref().is_some_and(|(tid, _)| *tid == me)
+    /// Waits for the callback that runs.
+    fn queue(
+        &self,
+        shared: &Arc<HandleState>,
+        env: &Env<'_>,
+    ) -> replenish_os::PiMutexGuard<'_, ()> {
+        let inner = &self.inner;
+        let begin = clock::monotonic();
+        let holder = inner.holder.lock().as_ref().map(|(_, handle)| handle.name);
+        recorder::queue(shared.name, begin, holder);
+        let mut patience = inner.patience.load(Ordering::Relaxed);
+        loop {
+            if let Some(guard) = inner.lock.lock_until(begin.saturating_add(patience)) {
+                return guard;
+            }
+            self.tell(shared, clock::monotonic().saturating_sub(begin), env);
+            patience = patience.saturating_mul(2);
+        }
+    }
+
+    /// The stated length of a callback; 0: none.
+    pub(crate) fn length(&self) -> Nanos {
+        self.length
+    }
+
+    /// A callback has taken so much CPU time.
+    pub(crate) fn judge(&self, shared: &HandleState, used: Nanos, env: &Env<'_>) {
+        let length = self.length();
+        if length != 0 && used > length {
+            (self.inner.ways.overrun)(self, shared, used, env);
+        }
+    }
+
+    #[cold]
+    fn tell_overrun(&self, shared: &HandleState, held: Nanos, env: &Env<'_>) {
+        let count = self.inner.overruns.fetch_add(1, Ordering::Relaxed) + 1;
+        let event = Event::HeldTooLong {
+            handle: &shared.id,
+            group: self.name(),
+            stated: self.length,
+            held,
+            count,
+        };
+        shared.report(count, &event, env.events);
     }
 
     #[cold]
@@ -161,29 +243,6 @@ impl Group {
             waited,
         };
         shared.report(1, &event, env.events);
-    }
-}
-
-/// The groups of an executor's handles.
-#[cfg(feature = "full")]
-#[derive(Default)]
-pub(crate) struct Groups(Mutex<alloc::vec::Vec<Group>>);
-
-#[cfg(feature = "full")]
-impl Groups {
-    /// A handle of it is about to come. Groups that nobody else has any more are forgotten.
-    /// Allocates.
-    pub(crate) fn note(&self, group: &Group) {
-        let mut known = self.0.lock();
-        known.retain(|g| Arc::strong_count(&g.inner) > 1);
-        if !known.iter().any(|g| Arc::ptr_eq(&g.inner, &group.inner)) {
-            known.push(group.clone());
-        }
-    }
-
-    /// Whether the caller is inside a callback of one of them.
-    pub(crate) fn has_mine(&self) -> bool {
-        self.0.lock().iter().any(Group::is_mine)
     }
 }
 

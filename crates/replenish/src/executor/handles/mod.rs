@@ -1,8 +1,16 @@
 //! Handles and their callbacks.
+//!
+//! ```text
+//!   entry: a handle in its worker's hands, treated by its options ──► group, deadline
+//!     └─ handle: the interface ◄── subscription · timer · guard · server · replies
+//!           └─ callback: what the program's function sees ──► env ──► outbox
+//!   state: what other threads see of a handle ──► departure: how it leaves
+//! ```
 
 pub(crate) mod callback;
-pub(crate) mod client;
 pub(crate) mod deadline;
+#[cfg_attr(not(feature = "full"), path = "departure_disabled.rs")]
+pub(crate) mod departure;
 pub(crate) mod entry;
 pub(crate) mod env;
 pub(crate) mod group;
@@ -10,7 +18,8 @@ pub(crate) mod guard;
 pub(crate) mod handle;
 pub(crate) mod options;
 pub(crate) mod outbox;
-pub(crate) mod service;
+pub(crate) mod replies;
+pub(crate) mod server;
 pub(crate) mod state;
 pub(crate) mod subscription;
 pub(crate) mod timer;

@@ -3,9 +3,9 @@
 use super::deadline::{Deadline, OnMiss};
 use super::group::Group;
 use super::state::ErrorHook;
-use crate::event::Event;
+use crate::event::{Event, Events};
 use crate::executor::wake::schedule::nanos;
-use alloc::boxed::Box;
+use crate::sync::Arc;
 use core::fmt;
 use core::time::Duration;
 
@@ -58,7 +58,7 @@ impl HandleOptions {
         }
     }
 
-    /// What happens when a timer's callback ends after the next release, or a given deadline.
+    /// The rule for a timer's callback that ends after the next release, or a given deadline.
     #[must_use]
     pub fn on_miss(self, on_miss: OnMiss) -> Self {
         Self { on_miss, ..self }
@@ -99,7 +99,7 @@ impl HandleOptions {
     #[must_use]
     pub fn on_error(self, hook: impl Fn(&Event<'_>) + Send + Sync + 'static) -> Self {
         Self {
-            hook: Some((Box::new(hook) as Box<dyn Fn(&Event<'_>) + Send + Sync>).into()),
+            hook: Some(Arc::new(Events::new(hook))),
             ..self
         }
     }

@@ -1,24 +1,22 @@
 //! The state of a handle that other threads see: counters, inbox, marks of its removal.
 
+use super::departure::Departure;
 use crate::event::{Event, Events};
-use crate::executor::wake::stop::StopHandle;
 use crate::handoff::Inbox;
 use crate::histogram::LiveHistogram;
-use crate::middleware::ReaderId;
-use crate::platform::{self, ShortText};
-use crate::stats::Counters;
-#[cfg(feature = "full")]
-use crate::sync::Notify;
+use crate::middleware::{Middleware, ReaderId};
+use crate::platform::{ShortText, recorder};
+use crate::stats::{Counters, HandleStats};
 use crate::sync::{Arc, AtomicBool, Mutex, Once, Ordering};
 use alloc::string::String;
 use core::fmt;
 use replenish_msg::DecodeError;
 
 /// A handle's own hook for what goes wrong with it.
-pub(crate) type ErrorHook = Arc<dyn Fn(&Event<'_>) + Send + Sync>;
+pub(crate) type ErrorHook = Arc<Events>;
 
-/// What is known about a handle outside its worker. What each message needs comes first, in one
-/// line of the cache: a core that has slept fetches each line from afar.
+/// A handle's state outside its worker. The fields that each message needs come first, in one line
+/// of the cache: a core that has slept fetches each line from afar.
 #[repr(C)]
 #[cfg_attr(feature = "std", repr(align(64)))]
 pub(crate) struct HandleState {
@@ -26,6 +24,8 @@ pub(crate) struct HandleState {
     pub(crate) removed: AtomicBool,
     /// A callback of it that runs shall end.
     pub(crate) cancelled: AtomicBool,
+    /// In recordings.
+    pub(crate) name: recorder::NameId,
     /// The reader of a subscription, service or client, and its inbox.
     pub(crate) input: Option<(ReaderId, Arc<Inbox>)>,
     pub(crate) counters: Counters,
@@ -36,17 +36,17 @@ pub(crate) struct HandleState {
     pub(crate) id: String,
     pub(crate) last_error: Mutex<ShortText>,
     pub(crate) hook: Once<ErrorHook>,
-    /// Set when the worker has let go of it.
-    #[cfg(feature = "full")]
-    pub(crate) gone: Notify,
-    /// The dispatcher brings it nothing any more.
-    #[cfg(feature = "full")]
-    pub(crate) unrouted: AtomicBool,
+    #[allow(
+        dead_code,
+        reason = "handles of builds without feature `full` never leave"
+    )]
+    pub(crate) departure: Departure,
 }
 
 impl HandleState {
     pub(crate) fn new(id: String, input: Option<(ReaderId, Arc<Inbox>)>) -> Arc<Self> {
         Arc::new(Self {
+            name: recorder::handle(&id),
             id,
             counters: Counters::default(),
             latency: LiveHistogram::default(),
@@ -56,10 +56,7 @@ impl HandleState {
             hook: Once::new(),
             removed: AtomicBool::new(false),
             cancelled: AtomicBool::new(false),
-            #[cfg(feature = "full")]
-            gone: Notify::new(),
-            #[cfg(feature = "full")]
-            unrouted: AtomicBool::new(false),
+            departure: Departure::new(),
         })
     }
 
@@ -71,8 +68,7 @@ impl HandleState {
     /// and everybody rarely.
     pub(crate) fn report(&self, count: u64, event: &Event<'_>, events: &Events) {
         if let Some(hook) = self.hook.get() {
-            // If it panics, the panic hook has said so; the handle goes on.
-            platform::guard(&mut (), |()| hook(event), |(), _| ());
+            hook.emit(event);
         }
         events.emit_rarely(count, event);
     }
@@ -103,7 +99,7 @@ impl HandleState {
     }
 
     /// Discards what waits, and with `close` everything that will come. Returns how many samples.
-    pub(crate) fn discard(&self, close: bool, stop: &StopHandle) -> u64 {
+    pub(crate) fn discard(&self, close: bool, middleware: &dyn Middleware) -> u64 {
         let Some((_, inbox)) = &self.input else {
             return 0;
         };
@@ -111,13 +107,20 @@ impl HandleState {
         let discarded = discarded as u64;
         self.counters.discarded.add(discarded);
         if wake {
-            stop.middleware.wake();
+            middleware.wake();
         }
         discarded
     }
 
+    /// The counters at this moment.
+    pub(crate) fn stats(&self, middleware: &dyn Middleware) -> HandleStats {
+        let reader = self.input.as_ref();
+        let lost = reader.map_or(0, |(reader, _)| middleware.lost(*reader));
+        self.counters.snapshot(self.waiting(), lost)
+    }
+
     /// Samples that wait for the worker.
-    pub(crate) fn waiting(&self) -> u64 {
+    fn waiting(&self) -> u64 {
         self.input
             .as_ref()
             .map_or(0, |(_, inbox)| inbox.waiting() as u64)

@@ -173,8 +173,8 @@ mod tests {
     use super::*;
     use crate::event::Events;
     use crate::executor::StopHandle;
-    use crate::handoff::{Keep, SampleInfo, Stop};
-    use crate::middleware::{InProcessBus, ReaderId};
+    use crate::handoff::{Keep, SampleInfo};
+    use crate::middleware::{InProcessBus, Middleware, ReaderId};
     use replenish_interfaces::std_msgs::msg;
     use replenish_os::Account;
     use std::sync::Mutex;
@@ -193,15 +193,14 @@ mod tests {
                 .push((text.start as usize, text.end as usize));
         };
         let mut handle = ViewSubscription::<msg::String, _>::new(shared, inbox, called);
-        let stop = StopHandle {
-            stop: Arc::new(Stop::new()),
-            middleware: Arc::new(InProcessBus::new().participant()),
-        };
+        let middleware: Arc<dyn Middleware> = Arc::new(InProcessBus::new().participant());
+        let stop = StopHandle::new(Arc::clone(&middleware));
         let env = Env {
             worker: "w",
             stop: &stop,
             events: &Events::default(),
             meter: &Account::unbudgeted().meter(),
+            middleware: &*middleware,
             live: None,
             outbox: None,
         };

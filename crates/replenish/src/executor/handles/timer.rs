@@ -22,6 +22,7 @@ use crate::executor::wake::doorbell::WakeHandle;
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::executor::wake::run_queue::RunQueue;
 use crate::executor::wake::schedule::{Every, Schedule, nanos};
+use crate::platform::recorder;
 use crate::sync::{Arc, AtomicBool, AtomicU64, Mutex, Once, Ordering, fence};
 use core::fmt;
 use core::time::Duration;
@@ -53,7 +54,7 @@ pub(crate) struct Control {
     wish: Mutex<Wish>,
     claimed: AtomicBool,
     wake: Once<WakeHandle>,
-    /// What the schedule said last.
+    /// The next release by the schedule's last answer.
     next: AtomicU64,
 }
 
@@ -197,9 +198,10 @@ where
             control.wake.set(wake.clone()).ok();
             fence(Ordering::SeqCst);
         }
-        let first = match self.every.autostart {
-            true => start.saturating_add(nanos(self.every.first_after)),
-            false => Nanos::MAX,
+        let first = if self.every.autostart {
+            start.saturating_add(nanos(self.every.first_after))
+        } else {
+            Nanos::MAX
         };
         self.schedule = Schedule::new(first, nanos(self.every.period), self.every.overrun);
     }
@@ -225,6 +227,9 @@ where
             self.schedule.cancel();
         }
         self.shared.counters.skipped.add(release.skipped);
+        if release.skipped > 0 {
+            recorder::skip(self.shared.name, release.skipped);
+        }
         self.skipped = release.skipped;
         self.due = release.at;
         let deadline = (!self.every.once).then(|| Deadline::of(self.schedule.period()));

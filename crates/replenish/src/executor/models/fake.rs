@@ -5,7 +5,6 @@
 use crate::Nanos;
 use crate::executor::wake::doorbell::{Doorbell, WakeHandle};
 use crate::executor::wake::stop::StopHandle;
-use crate::handoff::Stop;
 use crate::middleware::{
     EndpointSpec, Interest, LinkState, Middleware, MiddlewareError, PublishError, ReaderId, Room,
     SampleInfo, WriterId,
@@ -46,10 +45,7 @@ impl Fake {
 
     /// The stop of an executor over it.
     pub(super) fn stop_handle(&self) -> StopHandle {
-        StopHandle {
-            stop: Arc::new(Stop::new()),
-            middleware: Arc::new(self.clone()),
-        }
+        StopHandle::new(Arc::new(self.clone()))
     }
 
     /// How many readers were deleted.
@@ -79,7 +75,7 @@ impl Middleware for Fake {
         Ok(())
     }
 
-    /// What a writer publishes goes to the reader with the same number.
+    /// A writer's samples go to the reader with the same number.
     fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError> {
         self.change(|state| state.buffered.push((ReaderId(writer.0), payload[0])));
         Ok(())

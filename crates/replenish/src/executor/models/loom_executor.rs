@@ -7,6 +7,7 @@ use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::env::Env;
 use crate::executor::handles::handle::{Handle, Taken};
 use crate::executor::handles::state::HandleState;
+use crate::executor::run::accounting::CpuAccounting;
 use crate::executor::run::dispatcher::{Dispatcher, DispatcherCounters};
 use crate::executor::run::route_updates::RouteUpdates;
 
@@ -33,11 +34,7 @@ fn shared(input: Option<(ReaderId, Arc<Inbox>)>) -> Arc<HandleState> {
 
 /// To the worker that `wake` wakes.
 fn route(shared: &Arc<HandleState>, wake: &WakeHandle) -> Route {
-    Route {
-        shared: Arc::clone(shared),
-        wake: wake.clone(),
-        spare_slot: None,
-    }
+    Route::new(Arc::clone(shared), wake.clone())
 }
 
 /// A handle without input.
@@ -90,6 +87,7 @@ fn a_full_reader_leaves_the_interest_set_holds_up_nobody_and_comes_back() {
         let bell = Arc::clone(wake.bell());
         let mut dispatcher = Dispatcher {
             stop: stop.clone(),
+            middleware: Arc::new(middleware.clone()),
             events: Arc::new(Events::default()),
             counters: Arc::new(DispatcherCounters::default()),
             routes: shared.iter().map(|s| Some(route(s, &wake))).collect(),
@@ -178,7 +176,7 @@ fn a_route_that_goes_is_freed_by_the_one_who_asked() {
         };
         updates.reserve().unwrap().update(reader(0), None);
         middleware.wake();
-        while !shared.unrouted.load(Ordering::Acquire) {
+        while !shared.departure.is_unrouted() {
             thread::yield_now();
         }
         updates.free_retired();
@@ -202,9 +200,11 @@ fn give(worker: &mut Worker, shared: &Arc<HandleState>) {
 
 /// The worker's loop as far as its mailbox goes; `visit` is its round, which says whether to end.
 fn work(worker: &mut Worker, visit: impl Fn(&Worker) -> bool) {
+    let mut account = Account::unbudgeted();
+    let accounting = CpuAccounting::new(account.meter());
     worker.mailbox.open();
     loop {
-        worker.empty_mailbox();
+        worker.empty_mailbox(&mut account, &accounting);
         if visit(worker) {
             return;
         }
@@ -236,8 +236,8 @@ fn handles_of_two_threads_arrive() {
     });
 }
 
-/// A removal that has waited: no callback starts any more, the entry is freed on the remover's
-/// thread, and its place is free again.
+/// A removal that has waited: no callback starts any more, the worker has dropped the callback, and
+/// its place is free again.
 #[test]
 fn after_a_removal_no_callback_starts_and_the_place_is_free() {
     loom::model(|| {
@@ -263,7 +263,7 @@ fn after_a_removal_no_callback_starts_and_the_place_is_free() {
         };
         assert!(!shared.removed.swap(true, Ordering::AcqRel));
         assert!(mailbox.remove(&shared));
-        shared.gone.wait();
+        shared.departure.gone.wait();
         freed.store(true, Ordering::Release);
         mailbox.sweep();
         assert!(mailbox.reserve().is_ok());
@@ -283,12 +283,14 @@ fn nobody_waits_for_a_worker_that_has_ended() {
         let shared = shared(None);
         give(&mut worker, &shared);
         let ending = thread::spawn(move || {
+            let mut account = Account::unbudgeted();
+            let accounting = CpuAccounting::new(account.meter());
             worker.mailbox.open();
-            worker.empty_mailbox();
-            worker.end();
+            worker.empty_mailbox(&mut account, &accounting);
+            worker.end(&mut account, &accounting);
         });
         if mailbox.remove(&shared) {
-            shared.gone.wait();
+            shared.departure.gone.wait();
         } else {
             assert!(matches!(mailbox.reserve(), Err(Declined::Closed)));
         }

@@ -12,7 +12,7 @@ use loom::cell::UnsafeCell;
 use loom::thread;
 use replenish_os::Account;
 
-/// What callbacks of the group share; `loom` sees two that touch it at the same time.
+/// The value that callbacks of the group share; `loom` sees two that touch it at the same time.
 type Content = UnsafeCell<()>;
 
 /// A worker that runs one callback of the group; the handles that its events name as the holder.
@@ -27,12 +27,14 @@ fn work(group: &Group, content: &Content, id: &'static str) -> Vec<String> {
         note.lock().unwrap().push((*by).into());
     });
     let shared = HandleState::new(id.into(), None);
-    let stop = Fake::holding(&[]).stop_handle();
+    let middleware = Fake::holding(&[]);
+    let stop = middleware.stop_handle();
     let env = Env {
         worker: "w",
         stop: &stop,
         events: &events,
         meter: &Account::unbudgeted().meter(),
+        middleware: &middleware,
         live: None,
         outbox: None,
     };

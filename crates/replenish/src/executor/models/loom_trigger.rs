@@ -20,20 +20,23 @@ fn serve(condition: &GuardCondition, all: u64) -> u64 {
     let nothing = |_: &CallbackContext<'_>| ();
     let mut guard = Guard::new(Arc::clone(&shared), condition.clone(), nothing);
     guard.begin(0, &wake);
-    let stop = Fake::holding(&[]).stop_handle();
+    let middleware = Fake::holding(&[]);
+    let stop = middleware.stop_handle();
     let env = Env {
         worker: "w",
         stop: &stop,
         events: &Events::default(),
         meter: &Account::unbudgeted().meter(),
+        middleware: &middleware,
         live: None,
         outbox: None,
     };
     let mut callbacks = 0;
     while shared.counters.received.get() < all {
-        match guard.is_ready(&LazyNow::default()) && guard.take(&env).is_some() {
-            true => callbacks += 1,
-            false => drop(wake.bell().wait(None)),
+        if guard.is_ready(&LazyNow::default()) && guard.take(&env).is_some() {
+            callbacks += 1
+        } else {
+            drop(wake.bell().wait(None))
         }
     }
     assert_eq!(shared.counters.received.get(), all);

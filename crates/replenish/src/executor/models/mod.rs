@@ -4,6 +4,7 @@
 //!   models/ ─┬─ loom_executor   dispatcher and interest set, routes and handles that come and go
 //!            ├─ loom_local      an executor without threads falls asleep while input comes
 //!            ├─ loom_group      callbacks of one group on two workers
+//!            ├─ loom_bus       places of the in-process bus that are given out again
 //!            ├─ loom_timer      a timer's handle against the worker that serves the timer
 //!            ├─ loom_trigger    a guard condition's first trigger against the worker that begins
 //!            └─ fake            the middleware below them
@@ -16,6 +17,7 @@
 #![allow(clippy::unwrap_used, reason = "a model may panic")]
 
 mod fake;
+mod loom_bus;
 mod loom_executor;
 mod loom_group;
 mod loom_local;

@@ -1,5 +1,5 @@
-//! What a worker uses, split among its handles: whatever was used since the last callback ended
-//! belongs to the one that just ended, the way there included.
+//! A worker's CPU time, split among its handles: time used since the last callback ended belongs to
+//! the callback that just ended, the way there included.
 //!
 //! With a budget the account is asked after every callback. Without one it is the thread's CPU
 //! clock, a system call that may cost more than the callback. Brief ones are therefore read
@@ -14,6 +14,7 @@
 //! too little is made up for in the next parts.
 
 use crate::Nanos;
+use crate::platform::{STD, recorder};
 use crate::stats::Counters;
 use core::cell::Cell;
 use replenish_os::{Meter, Usage};
@@ -23,7 +24,7 @@ const BRIEF: Nanos = 20_000;
 /// Callbacks that are read together at most.
 const TOGETHER: u64 = 16;
 
-/// What the callbacks of one worker are charged; lives on its thread.
+/// The charges of one worker's callbacks; lives on its thread.
 pub(crate) struct CpuAccounting {
     pub(crate) meter: Meter,
     before: Cell<Usage>,
@@ -41,36 +42,39 @@ impl CpuAccounting {
         }
     }
 
-    /// A callback has ended, `took` after its start.
+    /// A callback has ended, `took` after its start: the CPU time that it took.
     #[inline]
-    pub(crate) fn settle(&self, counters: &Counters, took: Nanos) {
+    pub(crate) fn settle(&self, counters: &Counters, took: Nanos) -> Nanos {
         // A small kernel's clock costs no system call, and no room for the arithmetic.
-        if self.budgeted || cfg!(not(feature = "std")) {
+        if self.budgeted || !STD {
             return self.settle_budget(counters);
         }
         let mut split = self.split.get();
         let charge = split.brief(took).unwrap_or_else(|| {
             let now = self.meter.usage();
             let before = self.before.replace(now);
+            recorder::used(&now);
             split.read(now.cpu_high.saturating_sub(before.cpu_high), took)
         });
         counters.cpu_high.add(charge);
-        counters
-            .worst_execution
-            .raise(split.execution(charge, took));
+        let used = split.execution(charge, took);
+        counters.worst_execution.raise(used);
         self.split.set(split);
+        used
     }
 
-    fn settle_budget(&self, counters: &Counters) {
+    fn settle_budget(&self, counters: &Counters) -> Nanos {
         let now = self.meter.usage();
         let before = self.before.replace(now);
         let high = now.cpu_high.saturating_sub(before.cpu_high);
         let low = now.cpu_low.saturating_sub(before.cpu_low);
         counters.cpu_high.add(high);
         counters.cpu_background.add(low);
-        counters.worst_execution.raise(high.saturating_add(low));
+        let used = high.saturating_add(low);
+        counters.worst_execution.raise(used);
         let exhaustions = now.exhaustions.saturating_sub(before.exhaustions);
         counters.exhaustions.add(exhaustions);
+        used
     }
 }
 
@@ -81,9 +85,9 @@ struct Split {
     unread: u64,
     charged: Nanos,
     durations: Nanos,
-    /// What each is charged besides its duration; unknown before the first reading.
+    /// The charge of each callback besides its duration; unknown before the first reading.
     way: Option<Nanos>,
-    /// What was charged and not used at the last reading, as a negative number.
+    /// Time charged and not used at the last reading, as a negative number.
     error: i64,
     /// As much of that as is to be taken back from the next charges.
     back: Nanos,
@@ -96,7 +100,7 @@ impl Split {
         if took >= BRIEF || self.unread + 1 >= TOGETHER {
             return None;
         }
-        // What was charged too much before is not charged again.
+        // An earlier excess charge is not charged again.
         let whole = took + way;
         let charge = whole.saturating_sub(self.back);
         self.back -= whole - charge;
@@ -120,7 +124,7 @@ impl Split {
         charge
     }
 
-    /// What one callback used, of which `charge` may make up for others.
+    /// CPU time of one callback, of which `charge` may make up for others.
     fn execution(&self, charge: Nanos, took: Nanos) -> Nanos {
         match self.way {
             Some(way) if took < BRIEF => took + way,

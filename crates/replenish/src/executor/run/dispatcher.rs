@@ -19,6 +19,7 @@ use crate::executor::wake::stop::StopHandle;
 use crate::middleware::{
     IncompatibleQos, Interest, LinkState, Middleware, MiddlewareError, ReaderId, Room, SampleInfo,
 };
+use crate::platform::TEXTS;
 use crate::stats::Counter;
 use crate::sync::Arc;
 use alloc::vec::Vec;
@@ -29,7 +30,7 @@ use replenish_os::clock;
 /// the highest priority.
 const PAUSE: u64 = 10_000_000;
 
-/// What the dispatcher has done so far.
+/// The dispatcher's counters so far.
 #[derive(Debug, Default)]
 pub(crate) struct DispatcherCounters {
     pub(crate) rounds: Counter,
@@ -50,6 +51,7 @@ pub(crate) struct Watch {
 /// The dispatcher's state; lives on its thread.
 pub(crate) struct Dispatcher {
     pub(crate) stop: StopHandle,
+    pub(crate) middleware: Arc<dyn Middleware>,
     pub(crate) events: Arc<Events>,
     pub(crate) counters: Arc<DispatcherCounters>,
     /// By reader id.
@@ -63,13 +65,14 @@ pub(crate) struct Dispatcher {
 impl Dispatcher {
     /// Dispatches until a stop is requested.
     pub(crate) fn run(&mut self, account: &mut Account) {
+        self.updates.open();
         let mut watch = self.watch();
         while !self.stop.is_stopping() {
             self.round(&mut watch, account, None);
         }
     }
 
-    /// What it starts with: everybody's samples are wanted.
+    /// The state at the start: the samples of every reader are wanted.
     pub(crate) fn watch(&self) -> Watch {
         Watch {
             interest: self.everybody(),
@@ -86,7 +89,7 @@ impl Dispatcher {
         account: &mut Account,
         deadline: Option<Nanos>,
     ) {
-        let middleware: &dyn Middleware = &*self.stop.middleware;
+        let middleware: &dyn Middleware = &*self.middleware;
         let (interest, parked) = (&mut watch.interest, &mut watch.parked);
         self.updates
             .carry_out(middleware, &mut self.routes, interest, parked);
@@ -107,7 +110,7 @@ impl Dispatcher {
         {
             self.failed(&error, account, deadline);
         }
-        let middleware: &dyn Middleware = &*self.stop.middleware;
+        let middleware: &dyn Middleware = &*self.middleware;
         let news = middleware.status_generation();
         if news.is_none() || news != watch.news {
             watch.news = news;
@@ -118,20 +121,17 @@ impl Dispatcher {
     /// Tells what has become of the link, of endpoints that do not fit, and of samples too long.
     #[inline(never)]
     fn notice(&self, watch: &mut Watch) {
-        let middleware: &dyn Middleware = &*self.stop.middleware;
+        let middleware: &dyn Middleware = &*self.middleware;
         let up = middleware.link() == LinkState::Up;
         if up != watch.link_up {
             watch.link_up = up;
             self.events.emit(&Event::Link { up });
         }
-        // Somebody has to read it.
-        while cfg!(feature = "texts")
-            && let Some(clash) = middleware.next_incompatible_qos()
-        {
+        // Without texts nobody could read it.
+        while TEXTS && let Some(clash) = middleware.next_incompatible_qos() {
             self.clashed(&clash);
         }
-        #[cfg(feature = "texts")]
-        while let Some((reader, size)) = middleware.next_oversize() {
+        while TEXTS && let Some((reader, size)) = middleware.next_oversize() {
             let route = self.route(reader).into_iter();
             route.for_each(|route| route.refuse(size, &self.events));
         }
@@ -180,29 +180,29 @@ impl Dispatcher {
         interest: &mut Interest,
         parked: &mut Interest,
     ) -> Result<(), MiddlewareError> {
-        let Self {
-            stop,
-            events,
-            routes,
-            ..
-        } = self;
+        let routes = &mut self.routes;
+        let mut oversize = false;
         let mut sink = |reader: ReaderId, info: &SampleInfo, bytes: &[u8]| {
             let route = routes.get_mut(usize::from(reader.0));
             let Some(route) = route.and_then(Option::as_mut) else {
                 return Room::Left; // nobody subscribes to it any more
             };
             route.wake.defer();
-            match route.deliver(info, bytes, events) {
-                true => {
-                    parked.insert(reader);
-                    Room::Full
-                }
-                false => Room::Left,
+            let is_full = route.deliver(info, bytes);
+            oversize |= route.has_oversize();
+            if !is_full {
+                return Room::Left;
             }
+            parked.insert(reader);
+            Room::Full
         };
-        let middleware: &dyn Middleware = &*stop.middleware;
-        let taken = middleware.take(interest, &mut sink)?;
-        self.counters.samples.count(taken as u64);
+        let taken = self.middleware.take(interest, &mut sink);
+        if oversize {
+            // Not before: the middleware may hold locks while it takes, which hooks may want.
+            let routes = self.routes.iter_mut().flatten();
+            routes.for_each(|route| route.report_oversize(&self.events));
+        }
+        self.counters.samples.count(taken? as u64);
         Ok(())
     }
 

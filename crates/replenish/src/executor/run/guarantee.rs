@@ -1,3 +1,6 @@
-//! Guarantees, in builds with feature `plan`.
+//! Guarantees, in builds with feature `plan`: of workers, and of threads that others have started.
 
+pub(crate) mod adoption;
+
+pub use adoption::AdoptedReport;
 pub(crate) use replenish_plan::Guarantee;

@@ -18,3 +18,7 @@ impl fmt::Display for Guarantee {
         match *self {}
     }
 }
+
+/// No threads are adopted in builds without feature `plan`.
+#[derive(Debug, Clone, Copy)]
+pub enum AdoptedReport {}

@@ -3,9 +3,8 @@
 //! ```text
 //!   any thread                                  worker, between two callbacks
 //!   add: build the entry ──────► commands ────► insert, begin
-//!   remove: removed := true ───► commands ────► take out ──► retired, gone := set
-//!           wait for gone ◄──────────────────────────────────┘
-//!   free what was retired                       (memory is freed here, not on the worker)
+//!   remove: removed := true ───► commands ────► take out ──► drop the callback
+//!           wait for gone ◄──────────────────── gone := set ◄── retired: its slot is free
 //! ```
 //!
 //! Everything is preallocated: each of a worker's slots belongs to an entry in its hands, on its
@@ -19,7 +18,7 @@ use crate::sync::{Arc, Mutex};
 use alloc::boxed::Box;
 use replenish_os::{Tid, current_tid};
 
-/// What a worker is asked for.
+/// A change that a running worker is to make.
 pub(crate) enum Command {
     Add(HandleEntry),
     Remove(Arc<HandleState>),
@@ -107,12 +106,8 @@ impl Mailbox {
         self.queue.retire(entry.slot, entry, |_| ());
     }
 
-    /// Worker: it ends. Nobody waits any more for handles that were to be removed.
+    /// Worker: it ends. No command comes any more; those that wait are left to it.
     pub(crate) fn close(&self) {
-        self.queue.close(|command| {
-            if let Command::Remove(shared) = command {
-                shared.gone.set();
-            }
-        });
+        self.queue.close(|_| ());
     }
 }

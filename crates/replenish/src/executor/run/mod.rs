@@ -1,4 +1,16 @@
-//! The two loops, dispatcher and worker, and the rules of a worker's rounds.
+//! The two loops, and the parts between them.
+//!
+//! ```text
+//!   middleware ──► dispatcher ── routes ──► inbox, mark, bell ──► worker: a loop over its state
+//!                      ▲                                            │ ▲
+//!      route_updates: readers that come and go                      │ │     request, guarantee: the
+//!                                                                   │ │     scheduling asked for
+//!   accounting: CPU time of each callback ◄─────────────────────────┘ │
+//!                        mailbox ── commands: handles that come and go
+//!   rules ──► rounds: rounds other than the usual ones ──► round_stats: how many there were
+//! ```
+//!
+//! The files named `_disabled` stand in for their namesake in builds without its feature.
 
 pub(crate) mod accounting;
 #[cfg_attr(not(feature = "full"), path = "commands_disabled.rs")]
@@ -6,18 +18,15 @@ mod commands;
 pub(crate) mod dispatcher;
 #[cfg_attr(not(feature = "plan"), path = "guarantee_disabled.rs")]
 pub(crate) mod guarantee;
-#[cfg(feature = "full")]
+#[cfg_attr(not(feature = "full"), path = "mailbox_disabled.rs")]
 pub(crate) mod mailbox;
 pub(crate) mod request;
-#[cfg(feature = "texts")]
+#[cfg_attr(not(feature = "texts"), path = "round_stats_disabled.rs")]
 pub(crate) mod round_stats;
 pub(crate) mod rounds;
-#[cfg(feature = "full")]
+#[cfg_attr(not(feature = "full"), path = "route_updates_disabled.rs")]
 pub(crate) mod route_updates;
 pub(crate) mod routes;
 pub(crate) mod rules;
 pub(crate) mod state;
 mod worker;
-
-#[cfg(not(feature = "full"))]
-pub(crate) use crate::executor::change::fixed::{self as mailbox, self as route_updates};

@@ -1,21 +1,47 @@
 //! Rounds that a worker begins by the clock alone ([`every`](crate::WorkerBuilder::every)): how
-//! many, and how many were left out. Builds without feature `texts`, which have no report of them,
-//! count none.
+//! many were served, and how many were left out. `round_stats_disabled.rs` takes this file's place
+//! in builds without feature `texts`, which have no report of them.
 
 use crate::executor::wake::schedule::Release;
 use crate::stats::Counter;
 use crate::sync::Arc;
 use alloc::string::String;
+use core::fmt;
 
-/// The live counters; [`RoundStats`] is a snapshot of them.
+/// The live counters of one worker's rounds; [`RoundStats`] is a snapshot of them.
 #[derive(Debug, Default)]
-pub(crate) struct RoundCounters {
+struct RoundCounters {
     served: Counter,
     skipped: Counter,
 }
 
-/// What has become of the releases of [`WorkerBuilder::every`](crate::WorkerBuilder::every) since
-/// the start.
+/// The counters, if the worker's rounds begin by the clock.
+#[derive(Debug, Default)]
+pub(crate) struct RoundCount(Option<Arc<RoundCounters>>);
+
+impl RoundCount {
+    /// The rounds are counted from now on.
+    pub(crate) fn enable(&mut self) {
+        self.0.get_or_insert_default();
+    }
+
+    /// This release is served now.
+    pub(crate) fn note(&self, release: Release) {
+        if let Some(counters) = &self.0 {
+            counters.served.add(1);
+            counters.skipped.add(release.skipped);
+        }
+    }
+
+    /// The counters for the report on these rounds.
+    pub(crate) fn of(&self, worker: &Arc<str>) -> Option<WorkerRounds> {
+        let counters = Arc::clone(self.0.as_ref()?);
+        let worker = Arc::clone(worker);
+        Some(WorkerRounds { worker, counters })
+    }
+}
+
+/// Releases of [`WorkerBuilder::every`](crate::WorkerBuilder::every) since the start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub struct RoundStats {
@@ -32,31 +58,44 @@ pub struct RoundStats {
 pub struct RoundReport {
     /// The worker's name.
     pub worker: String,
-    /// What has become of the releases.
+    /// The releases of its rounds.
     pub stats: RoundStats,
 }
 
-impl RoundCounters {
-    /// This one is served now.
-    pub(crate) fn note(&self, release: Release) {
-        self.served.add(1);
-        self.skipped.add(release.skipped);
-    }
-
-    pub(crate) fn snapshot(&self) -> RoundStats {
-        RoundStats {
-            served: self.served.get(),
-            skipped: self.skipped.get(),
-        }
+impl fmt::Display for RoundReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { worker, stats } = self;
+        let (served, skipped) = (stats.served, stats.skipped);
+        write!(
+            f,
+            "{worker}: {served} rounds by the clock, {skipped} skipped"
+        )
     }
 }
 
-/// Of one worker.
-pub(crate) type WorkerRounds = (Arc<str>, Arc<RoundCounters>);
+/// The counters of one worker's rounds, with its name.
+pub(crate) struct WorkerRounds {
+    worker: Arc<str>,
+    counters: Arc<RoundCounters>,
+}
 
-pub(crate) fn report((worker, counters): &WorkerRounds) -> RoundReport {
-    RoundReport {
-        worker: String::from(&**worker),
-        stats: counters.snapshot(),
+impl WorkerRounds {
+    /// The counters at this moment, if the worker has this name.
+    pub(crate) fn stats_of(&self, worker: &str) -> Option<RoundStats> {
+        (*self.worker == *worker).then(|| self.stats())
+    }
+
+    fn stats(&self) -> RoundStats {
+        RoundStats {
+            served: self.counters.served.get(),
+            skipped: self.counters.skipped.get(),
+        }
+    }
+
+    pub(crate) fn report(&self) -> RoundReport {
+        RoundReport {
+            worker: String::from(&*self.worker),
+            stats: self.stats(),
+        }
     }
 }

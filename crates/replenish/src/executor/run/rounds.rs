@@ -6,14 +6,14 @@
 
 use super::accounting::CpuAccounting;
 use super::rules::{HandleStates, Semantics, Trigger};
-use super::state::{Rounds, Rules, Worker, WorkerSpec};
+use super::state::{Rounds, Worker, WorkerSpec};
 use crate::Nanos;
 use crate::error::Error;
-use crate::event::Event;
+use crate::event::{Event, Events};
 use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::outbox::Outbox;
 use crate::executor::wake::lazy_now::LazyNow;
-use crate::executor::wake::schedule::{Release, Schedule, nanos};
+use crate::executor::wake::schedule::{Schedule, nanos};
 use crate::name::concat;
 use crate::platform;
 use crate::platform::displayed;
@@ -32,10 +32,7 @@ pub(crate) static BY_RULES: Rounds = Rounds {
     want_all,
     step,
     next_wake,
-    end: |worker| {
-        let entries = &mut worker.spec.entries;
-        entries.iter_mut().for_each(HandleEntry::abandon);
-    },
+    end,
 };
 
 fn check(worker: &WorkerSpec) -> Result<(), Error> {
@@ -48,9 +45,10 @@ fn check(worker: &WorkerSpec) -> Result<(), Error> {
     }
     let batch = rules.batch.unwrap_or(1);
     if batch == 0 || let_ && batch > 1 {
-        let allowed = match let_ {
-            true => "1 with Logical Execution Time: a snapshot has one input per handle",
-            false => "1 or more",
+        let allowed = if let_ {
+            "1 with Logical Execution Time: a snapshot has one input per handle"
+        } else {
+            "1 or more"
         };
         return Err(Error::parameter(
             owner,
@@ -135,7 +133,7 @@ fn step(worker: &mut Worker, account: &mut Account, accounting: &CpuAccounting) 
         Some(grid) => match grid.serve(clock::monotonic()) {
             None => false,
             Some(release) => {
-                note(&worker.spec.rules, release);
+                worker.spec.rules.count.note(release);
                 round(worker, account, accounting);
                 true
             }
@@ -143,22 +141,15 @@ fn step(worker: &mut Worker, account: &mut Account, accounting: &CpuAccounting) 
     }
 }
 
-/// A round by the clock begins.
-fn note(rules: &Rules, release: Release) {
-    #[cfg(feature = "texts")]
-    rules.counters.iter().for_each(|c| c.note(release));
-    #[cfg(not(feature = "texts"))]
-    let _ = (rules, release);
-}
-
 /// A round, if the trigger allows it; whether it did anything.
 fn round(worker: &mut Worker, account: &mut Account, accounting: &CpuAccounting) -> bool {
     if worker.looks_at_all && !is_triggered(worker) {
         return false;
     }
-    let ended = match worker.looks_at_all {
-        true => worker.round::<true>(account, accounting),
-        false => worker.round::<false>(account, accounting),
+    let ended = if worker.looks_at_all {
+        worker.round::<true>(account, accounting)
+    } else {
+        worker.round::<false>(account, accounting)
     };
     let Ok(last) = ended else {
         return true;
@@ -196,8 +187,7 @@ fn is_triggered(worker: &mut Worker) -> bool {
                 condition,
                 |condition| condition(&states),
                 |_, message| {
-                    let handle = &concat(&[&spec.request.name, "/trigger"]);
-                    events.emit(&Event::CallbackPanicked { handle, message });
+                    trigger_panicked(events, &spec.request.name, message);
                     panicked = true;
                     false
                 },
@@ -205,9 +195,32 @@ fn is_triggered(worker: &mut Worker) -> bool {
         }
     };
     if panicked {
-        worker.spec.rules.trigger = Trigger::One(String::new()); // nothing, from now on
+        replace_trigger(worker, Trigger::One(String::new())); // nothing, from now on
     }
     is_met
+}
+
+/// Gives up what was taken, and drops what the trigger owns.
+fn end(worker: &mut Worker) {
+    let entries = &mut worker.spec.entries;
+    entries.iter_mut().for_each(HandleEntry::abandon);
+    replace_trigger(worker, Trigger::Any);
+}
+
+/// Another trigger; what the old one owns may panic as it is dropped.
+fn replace_trigger(worker: &mut Worker, trigger: Trigger) {
+    let old = core::mem::replace(&mut worker.spec.rules.trigger, trigger);
+    let (events, name) = (&worker.events, &worker.spec.request.name);
+    platform::guard(
+        &mut Some(old),
+        |old| drop(old.take()),
+        |_, message| trigger_panicked(events, name, message),
+    );
+}
+
+fn trigger_panicked(events: &Events, worker: &str, message: &str) {
+    let handle = &concat(&[worker, "/trigger"]);
+    events.emit(&Event::CallbackPanicked { handle, message });
 }
 
 fn next_wake(worker: &mut Worker) -> Option<Nanos> {

@@ -10,7 +10,8 @@ use super::routes::Route;
 use crate::error::Error;
 use crate::handoff::{CommandQueue, Reservation};
 use crate::middleware::{Interest, MAX_READERS, Middleware, ReaderId};
-use crate::sync::{Arc, Ordering};
+use crate::sync::{Arc, Mutex};
+use replenish_os::{Tid, current_tid};
 
 /// Another route for a reader, or none.
 pub(crate) struct RouteUpdate {
@@ -22,7 +23,10 @@ pub(crate) struct RouteUpdate {
 type Queue = CommandQueue<RouteUpdate, Option<Route>>;
 
 /// Changes of routes that are under way.
-pub(crate) struct RouteUpdates(Queue);
+pub(crate) struct RouteUpdates {
+    queue: Queue,
+    dispatcher: Mutex<Option<Tid>>,
+}
 
 /// A slot among the changes under way, for one of them; free again when dropped without one.
 pub(crate) struct RouteReservation<'q>(Reservation<'q, RouteUpdate, Option<Route>>);
@@ -42,7 +46,10 @@ impl RouteReservation<'_> {
 
 impl RouteUpdates {
     pub(crate) fn new() -> Arc<Self> {
-        Arc::new(Self(Queue::new(0..MAX_READERS, MAX_READERS)))
+        Arc::new(Self {
+            queue: Queue::new(0..MAX_READERS, MAX_READERS),
+            dispatcher: Mutex::new(None),
+        })
     }
 
     /// Reserves a slot, before any step that a change of a route must follow. Fails if too many are
@@ -53,12 +60,22 @@ impl RouteUpdates {
             what: "handles that come and go at the same time".into(),
             limit: MAX_READERS,
         };
-        self.0.reserve().map(RouteReservation).map_err(full)
+        self.queue.reserve().map(RouteReservation).map_err(full)
+    }
+
+    /// Dispatcher: the calling thread is the dispatcher.
+    pub(crate) fn open(&self) {
+        *self.dispatcher.lock() = Some(current_tid());
+    }
+
+    /// Whether the caller is the dispatcher, in a hook.
+    pub(crate) fn is_mine(&self) -> bool {
+        *self.dispatcher.lock() == Some(current_tid())
     }
 
     /// Frees what belonged to routes that are no more.
     pub(crate) fn free_retired(&self) {
-        self.0.free_retired();
+        self.queue.free_retired();
     }
 
     /// Dispatcher: carries the updates out. A reader without route is deleted at once: a later
@@ -70,7 +87,7 @@ impl RouteUpdates {
         interest: &mut Interest,
         parked: &mut Interest,
     ) {
-        while let Some(update) = self.0.next() {
+        while let Some(update) = self.queue.next() {
             let RouteUpdate {
                 slot,
                 reader,
@@ -90,9 +107,9 @@ impl RouteUpdates {
                 // A middleware that cannot do it keeps the reader; its samples are left out.
                 middleware.delete_reader(reader).ok();
             }
-            self.0.retire(slot, route, |old| {
+            self.queue.retire(slot, route, |old| {
                 if let Some(old) = old {
-                    old.shared.unrouted.store(true, Ordering::Release);
+                    old.shared.departure.unroute();
                 }
             });
         }

@@ -4,6 +4,7 @@ use crate::event::{Event, Events};
 use crate::executor::handles::state::HandleState;
 use crate::executor::wake::doorbell::WakeHandle;
 use crate::handoff::{DeliveryOutcome, RingSlot, SampleInfo};
+use crate::platform::recorder;
 use crate::sync::Arc;
 
 /// Where a reader's samples go.
@@ -13,42 +14,66 @@ pub(crate) struct Route {
     pub(crate) wake: WakeHandle,
     /// The dispatcher's empty buffer for its next sample.
     pub(crate) spare_slot: Option<RingSlot>,
+    /// Samples that were too long and are not reported yet, and the size of the last one.
+    oversize: (u32, usize),
 }
 
 impl Route {
+    pub(crate) const fn new(shared: Arc<HandleState>, wake: WakeHandle) -> Self {
+        Self {
+            shared,
+            wake,
+            spare_slot: None,
+            oversize: (0, 0),
+        }
+    }
+
     /// Puts a sample into the inbox, and marks the handle. Whether the reader is to leave the
     /// interest set, since there is no room for another.
-    pub(crate) fn deliver(&mut self, info: &SampleInfo, bytes: &[u8], events: &Events) -> bool {
+    pub(crate) fn deliver(&mut self, info: &SampleInfo, bytes: &[u8]) -> bool {
         let Some((_, inbox)) = &self.shared.input else {
             return false;
         };
         let counters = &self.shared.counters;
         counters.received.count(1);
+        recorder::take(self.shared.name, info.arrival, bytes.len());
         let delivery = inbox.deliver(&mut self.spare_slot, bytes, info);
         self.wake.mark();
         match delivery.outcome {
             DeliveryOutcome::Stored => {}
             DeliveryOutcome::ReplacedOldest | DeliveryOutcome::NoRoom => {
                 counters.dropped.add(1);
+                recorder::dropped(self.shared.name, info.arrival, bytes.len());
             }
             DeliveryOutcome::Closed => {
                 counters.discarded.add(1);
             }
-            DeliveryOutcome::Oversize => self.oversize(bytes.len(), events),
+            DeliveryOutcome::Oversize => self.oversize = (self.oversize.0 + 1, bytes.len()),
         }
         delivery.parked
     }
 
+    /// Whether samples were too long that are not reported yet.
+    pub(crate) const fn has_oversize(&self) -> bool {
+        self.oversize.0 > 0
+    }
+
+    /// Reports the samples that were too long, one by one.
+    #[cold]
+    pub(crate) fn report_oversize(&mut self, events: &Events) {
+        let (samples, size) = core::mem::take(&mut self.oversize);
+        (0..samples).for_each(|_| self.too_long(size, events));
+    }
+
     /// A sample has come that is too long for the handle, and that the middleware did not keep.
-    #[cfg(feature = "texts")]
     #[cold]
     pub(crate) fn refuse(&self, size: usize, events: &Events) {
         self.shared.counters.received.count(1);
-        self.oversize(size, events);
+        self.too_long(size, events);
     }
 
     #[cold]
-    fn oversize(&self, size: usize, events: &Events) {
+    fn too_long(&self, size: usize, events: &Events) {
         let count = self.shared.counters.oversize.add(1);
         let handle = &self.shared.id;
         let event = Event::Oversize {

@@ -6,7 +6,7 @@ use alloc::boxed::Box;
 use alloc::string::String;
 use core::fmt;
 
-/// What must be there for a worker to begin a round. It is looked at when something new has come
+/// The condition for a worker to begin a round. It is checked when something new has come
 /// (a sample, a release, a trigger), never in a loop: input that waits for the rest costs nothing.
 ///
 /// ```
@@ -30,7 +30,7 @@ pub enum Trigger {
     /// Nothing: a round begins at every tick of
     /// [`WorkerBuilder::every`](crate::WorkerBuilder::every), which it needs.
     Always,
-    /// What the function says. It is called on the worker with at least one handle ready. If it
+    /// The function decides. It is called on the worker with at least one handle ready. If it
     /// panics, that is an [`Event::CallbackPanicked`](crate::Event::CallbackPanicked) of
     /// `worker/trigger`, and no round begins any more.
     Custom(Box<dyn FnMut(&HandleStates<'_>) -> bool + Send>),
@@ -42,7 +42,7 @@ impl Trigger {
         Self::One(id.into())
     }
 
-    /// What `condition` says.
+    /// The function `condition` decides.
     pub fn custom(condition: impl FnMut(&HandleStates<'_>) -> bool + Send + 'static) -> Self {
         Self::Custom(Box::new(condition))
     }

@@ -9,8 +9,7 @@
 use super::accounting::CpuAccounting;
 use super::mailbox::Mailbox;
 use super::request::WorkerRequest;
-#[cfg(feature = "texts")]
-use super::round_stats::{RoundCounters, WorkerRounds};
+use super::round_stats::{RoundCount, WorkerRounds};
 use super::rules::{Semantics, Trigger};
 use crate::Nanos;
 use crate::error::Error;
@@ -22,7 +21,8 @@ use crate::executor::wake::doorbell::Doorbell;
 use crate::executor::wake::run_queue::RunQueue;
 use crate::executor::wake::schedule::{Every, Schedule};
 use crate::executor::wake::stop::StopHandle;
-use crate::platform::{Static, make_static, text};
+use crate::middleware::Middleware;
+use crate::platform::{self, STD, Static, make_static, text};
 use crate::sync::Arc;
 use alloc::vec::Vec;
 use core::cell::RefCell;
@@ -34,6 +34,8 @@ pub(crate) struct WorkerSpec {
     /// The policy that the plan chose when the executor started.
     pub(crate) policy: Policy,
     pub(crate) rules: Rules,
+    /// Its guarantee was admitted.
+    pub(crate) promised: bool,
     /// In the order they were added.
     pub(crate) entries: Vec<HandleEntry>,
     /// Timers and guard conditions, by number.
@@ -47,6 +49,7 @@ impl WorkerSpec {
             request: WorkerRequest::named(name),
             policy: Policy::Other,
             rules: Rules::default(),
+            promised: false,
             entries: Vec::new(),
             timers: 0,
             guards: 0,
@@ -92,10 +95,8 @@ impl WorkerSpec {
     }
 
     /// The counters of its rounds, if they go by the clock.
-    #[cfg(feature = "texts")]
     pub(crate) fn counted_rounds(&self) -> Option<WorkerRounds> {
-        let counters = self.rules.counters.as_ref()?;
-        Some((Arc::clone(&self.request.name), Arc::clone(counters)))
+        self.rules.count.of(&self.request.name)
     }
 
     /// No rule contradicts another.
@@ -126,7 +127,7 @@ impl WorkerSpec {
 
 /// Room for one more, where memory is short: as many as there are, and not as many again.
 pub(crate) fn one_more<T>(list: &mut Vec<T>) {
-    if cfg!(not(feature = "std")) {
+    if !STD {
         list.reserve_exact(1);
     }
 }
@@ -141,8 +142,7 @@ pub(crate) struct Rules {
     /// Rounds come by the clock alone.
     pub(crate) every: Option<Every>,
     /// Counts those rounds.
-    #[cfg(feature = "texts")]
-    pub(crate) counters: Option<Arc<RoundCounters>>,
+    pub(crate) count: RoundCount,
     /// Samples and bytes of the output barrier.
     pub(crate) barrier: Option<(usize, usize)>,
     /// The most handles, those added later included.
@@ -151,6 +151,15 @@ pub(crate) struct Rules {
     pub(crate) early: bool,
     /// The table that carries these rules out, if there are any.
     pub(crate) rounds: Option<&'static Rounds>,
+}
+
+/// Of an executor that never ran: what the trigger owns may panic as it is dropped.
+impl Drop for Rules {
+    fn drop(&mut self) {
+        if STD {
+            platform::guard(self, |rules| rules.trigger = Trigger::Any, |_, _| ());
+        }
+    }
 }
 
 impl Rules {
@@ -182,6 +191,7 @@ pub(crate) struct Worker {
     pub(crate) bell: Arc<Doorbell>,
     pub(crate) stop: StopHandle,
     pub(crate) events: Arc<Events>,
+    pub(crate) middleware: Arc<dyn Middleware>,
     pub(crate) run_queue: RunQueue,
     /// Each round looks at every handle, since the rules want to know of all.
     pub(crate) looks_at_all: bool,

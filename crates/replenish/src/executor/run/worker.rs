@@ -22,8 +22,9 @@ use crate::Nanos;
 use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::env::Env;
 use crate::executor::wake::lazy_now::LazyNow;
+use crate::platform::{DROPS, FULL, recorder};
 use core::any::Any;
-use replenish_os::Account;
+use replenish_os::{Account, Meter};
 
 impl Worker {
     /// The executor starts at this instant, from which timers count.
@@ -50,31 +51,64 @@ impl Worker {
         self.run_queue.reorder(&mut slots);
     }
 
-    /// Runs callbacks until a stop is requested.
+    /// Runs callbacks until a stop is requested. The account stays active: what the thread drops
+    /// after that is under the budget as well.
     pub(crate) fn run(&mut self, account: &mut Account, start: Nanos) {
         self.begin(start);
         let accounting = CpuAccounting::new(account.meter());
         account.activate(start);
         while !self.stop.is_stopping() {
-            self.empty_mailbox();
+            self.empty_mailbox(account, &accounting);
             if self.step(account, &accounting) || self.bell.take() {
                 continue;
             }
             let release = self.next_wake();
+            recorder::block();
             account.block();
             let woken = self.bell.wait(release);
-            account.activate(woken);
+            recorder::wake(woken.since, woken.awake);
+            account.activate(woken.since);
         }
-        account.block();
-        self.end();
+        self.end(account, &accounting);
     }
 
-    /// No callback runs any more.
-    pub(crate) fn end(&mut self) {
+    /// No callback runs any more. What the callbacks own is dropped here, under the budget.
+    pub(crate) fn end(&mut self, account: &mut Account, accounting: &CpuAccounting) {
         if let Some(rounds) = self.spec.rules.rounds {
             (rounds.end)(self);
         }
         self.mailbox.close();
+        if DROPS {
+            self.empty_mailbox(account, accounting);
+            while let Some(mut entry) = self.spec.entries.pop() {
+                self.empty(&mut entry, account, accounting);
+            }
+        }
+    }
+
+    /// Drops what a handle's callback owns, under the budget, and charges the handle for it.
+    pub(super) fn empty(
+        &self,
+        entry: &mut HandleEntry,
+        account: &mut Account,
+        accounting: &CpuAccounting,
+    ) {
+        account.callback_begin().ok(); // a stop does not keep it from being dropped
+        entry.empty(&self.env(&accounting.meter));
+        account.callback_end();
+        accounting.settle(&entry.shared.counters, entry.took);
+    }
+
+    fn env<'w>(&'w self, meter: &'w Meter) -> Env<'w> {
+        Env {
+            worker: &self.spec.request.name,
+            stop: &self.stop,
+            events: &self.events,
+            meter,
+            middleware: &*self.middleware,
+            live: self.live.as_ref().map(|live| live as &dyn Any),
+            outbox: self.outbox.as_ref(),
+        }
     }
 
     /// A round, if it is time for one; whether it did anything.
@@ -94,9 +128,9 @@ impl Worker {
     }
 
     /// Carries out what other threads have asked of this worker.
-    pub(crate) fn empty_mailbox(&mut self) {
+    pub(crate) fn empty_mailbox(&mut self, account: &mut Account, accounting: &CpuAccounting) {
         while let Some(command) = self.mailbox.next() {
-            self.apply(command);
+            self.apply(command, account, accounting);
         }
     }
 
@@ -114,6 +148,7 @@ impl Worker {
             stop: &self.stop,
             events: &self.events,
             meter: &accounting.meter,
+            middleware: &*self.middleware,
             live: self.live.as_ref().map(|live| live as &dyn Any),
             outbox: self.outbox.as_ref(),
         };
@@ -135,12 +170,11 @@ impl Worker {
         }
         let (mut last, mut from) = (None, 0);
         loop {
-            let next = match ALL {
-                true => Some(from),
-                false => {
-                    self.run_queue.release(&LazyNow::default());
-                    self.run_queue.next_from(from, self.bell.marks())
-                }
+            let next = if ALL {
+                Some(from)
+            } else {
+                self.run_queue.release(&LazyNow::default());
+                self.run_queue.next_from(from, self.bell.marks())
             };
             let entry = next.and_then(|at| Some((at, spec.entries.get_mut(at)?)));
             let Some((position, entry)) = entry else {
@@ -178,7 +212,7 @@ impl Worker {
 /// The executor stops: a round ends where it is.
 pub(crate) struct Stopping;
 
-/// What the turns of one round share.
+/// The values that the turns of one round share.
 struct Turn<'r> {
     env: &'r Env<'r>,
     account: &'r mut Account,
@@ -202,9 +236,10 @@ impl Turn<'_> {
         let mut ran = false;
         for n in 0..self.batch {
             let snapshot = ALL && self.snapshot;
-            let ready = match snapshot {
-                true => entry.ready && entry.is_live(),
-                false => entry.look(&LazyNow::default()),
+            let ready = if snapshot {
+                entry.ready && entry.is_live()
+            } else {
+                entry.look(&LazyNow::default())
             };
             let without = ALL && n == 0 && entry.handling.always && entry.is_live();
             if !ready && !without {
@@ -217,7 +252,10 @@ impl Turn<'_> {
             self.ran += 1;
             let took = entry.run(self.env, snapshot, without);
             self.account.callback_end();
-            self.accounting.settle(&entry.shared.counters, entry.took);
+            let used = self.accounting.settle(&entry.shared.counters, entry.took);
+            if FULL {
+                entry.judge(used, self.env); // admission counts on it, and is there only then
+            }
             if !took {
                 break;
             }

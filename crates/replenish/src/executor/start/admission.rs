@@ -6,8 +6,12 @@
 //!   the dispatcher           ─┘    (other programs)      └─ no: Error::NotAdmitted
 //! ```
 //!
-//! The planning itself is `replenish-plan`'s. A program without any guarantee keeps the policies it
-//! was given; it is still not let in where it would break what another program was promised.
+//! The planning itself is `replenish-plan`'s; `shared_groups` says who may wait for whom. A program
+//! without any guarantee keeps the policies it was given; it is still not let in where it would
+//! break what another program was promised.
+
+mod adoptions;
+mod shared_groups;
 
 use crate::error::Error;
 use crate::executor::describe::executor::Options;
@@ -17,27 +21,29 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use replenish_os::{self as os, Policy};
 use replenish_plan::ledger::{Denied, Found, Ledger};
-use replenish_plan::span::Exact;
 use replenish_plan::{
     Demand, ExecutorRequest, GuaranteeError, Machine, Plan, Request, Requirement, Worker,
 };
+use shared_groups::SharedGroups;
 use sporadic::Budget;
 
-/// What the dispatcher is taken to need at most where it has no budget and nobody said otherwise:
-/// a twentieth of a CPU, in ns.
+/// The dispatcher's assumed need where it has no budget and no other figure was given: a twentieth
+/// of a CPU, in ns.
 const DISPATCHER: (u64, u64) = (500_000, 10_000_000);
 
 /// Plans guaranteed workers and writes into the requests what was chosen for them.
 pub(crate) fn admit(workers: &mut [WorkerSpec], options: &mut Options) -> Result<Admission, Error> {
     let mut admission = Admission::default();
+    adoptions::check(&options.planning.adopted)?;
     if !options.planning.admission {
         return Ok(admission);
     }
     let guaranteed = workers.iter().any(|w| w.request.wants().is_some());
+    let promised = guaranteed || !options.planning.adopted.is_empty();
     let expert = workers
         .iter()
         .any(|w| is_real_time(w.request.policy.as_ref()));
-    if !(guaranteed || expert || is_real_time(options.dispatcher.as_ref())) {
+    if !(promised || expert || is_real_time(options.dispatcher.as_ref())) {
         return Ok(admission);
     }
     let mut request = request(workers, options, guaranteed)?;
@@ -65,20 +71,20 @@ pub(crate) fn admit(workers: &mut [WorkerSpec], options: &mut Options) -> Result
                     Some(admitted.plan)
                 }
                 Err(Denied::Refused(refusal)) => return Err(not_admitted(&refusal)),
-                Err(Denied::Ledger(e)) if guaranteed => return Err(not_admitted(&e)),
+                Err(Denied::Ledger(e)) if promised => return Err(not_admitted(&e)),
                 Err(Denied::Ledger(e)) => {
                     admission.report.notes.push(e.to_string());
                     None
                 }
             }
         }
-        Found::Nowhere(why) if options.strict && guaranteed => {
+        Found::Nowhere(why) if options.strict && promised => {
             return Err(Error::NotGranted {
                 what: "a place in the ledger of reservations".into(),
                 reason: why,
             });
         }
-        elsewhere if guaranteed => {
+        elsewhere if promised => {
             if let Found::Nowhere(why) = elsewhere {
                 admission.fallback = Some(alloc::format!(
                     "no reservation ledger: other programs' reservations are ignored and ours are not published ({why})"
@@ -89,9 +95,11 @@ pub(crate) fn admit(workers: &mut [WorkerSpec], options: &mut Options) -> Result
         _ => None,
     };
     if let Some(plan) = plan {
+        SharedGroups::counted(workers);
         apply(&plan, workers, options, guaranteed)?;
+        adoptions::apply(&plan, &mut options.planning.adopted);
         admission.report.notes.extend(plan.warnings.iter().cloned());
-        admission.report.plan = guaranteed.then_some(plan);
+        admission.report.plan = promised.then_some(plan);
     }
     Ok(admission)
 }
@@ -147,6 +155,8 @@ fn request(workers: &[WorkerSpec], options: &Options, guaranteed: bool) -> Resul
         },
         None => ExecutorRequest::None,
     };
+    let groups = SharedGroups::of(workers);
+    request.locks = groups.names();
     let unplanned = messages && options.dispatcher.is_none() && !guaranteed;
     for spec in workers {
         let asked = &spec.request;
@@ -156,15 +166,20 @@ fn request(workers: &[WorkerSpec], options: &Options, guaranteed: bool) -> Resul
                 Requirement::Guarantee(guarantee)
             }
             (None, Some(policy)) => Requirement::Policy(given(*policy, asked.budget.as_ref())),
+            (None, None) if groups.matter(spec) => Requirement::Policy(Policy::Other),
             (None, None) => continue,
         };
         let worker = Worker::with_policy(&*asked.name, Policy::Other);
         request.workers.push(Worker {
             scheduling,
             cpu: asked.cpu,
+            holds: groups.holds(spec),
             ..worker
         });
     }
+    request
+        .workers
+        .extend(adoptions::workers(&options.planning.adopted));
     if unplanned {
         let (cost, period) = DISPATCHER;
         let priority = options.enforcer_priority.saturating_sub(1);
@@ -178,15 +193,16 @@ fn request(workers: &[WorkerSpec], options: &Options, guaranteed: bool) -> Resul
 }
 
 fn out_of_range(asked: &crate::executor::run::request::WorkerRequest, e: &GuaranteeError) -> Error {
-    let (field, value) = match &asked.budget {
-        Some(budget) if asked.guarantee.is_none() => ("budget", budget.to_string()),
-        _ => (e.field, Exact(e.value).to_string()),
-    };
-    Error::Parameter {
-        owner: asked.owner(),
-        field,
-        value,
-        allowed: e.allowed(),
+    match &asked.budget {
+        Some(budget) if asked.guarantee.is_none() => Error::Parameter {
+            owner: asked.owner(),
+            field: "budget",
+            value: budget.to_string(),
+            allowed: e.to_string(),
+        },
+        _ => Error::Guarantee {
+            reason: alloc::format!("{}: {e}", asked.owner()),
+        },
     }
 }
 
@@ -227,6 +243,7 @@ fn apply(
         asked.cpu = planned.cpu;
         asked.budget = None;
         asked.guarantee = None;
+        spec.promised = true;
     }
     if let Some(executor) = plan
         .executor

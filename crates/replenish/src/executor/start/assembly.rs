@@ -3,7 +3,8 @@
 
 use crate::context::Context;
 use crate::event::Events;
-use crate::executor::change::live::{Live, Post, Registry};
+use crate::executor::change::live::{Live, Post};
+use crate::executor::change::registry::Registry;
 use crate::executor::handles::state::HandleState;
 use crate::executor::run::dispatcher::{Dispatcher, DispatcherCounters};
 use crate::executor::run::mailbox::Mailbox;
@@ -14,10 +15,11 @@ use crate::executor::wake::doorbell::{Doorbell, WakeHandle};
 use crate::executor::wake::run_queue::RunQueue;
 use crate::executor::wake::stop::StopHandle;
 use crate::middleware::MAX_READERS;
-use crate::platform::{Static, make_static};
+use crate::platform::{FULL, Static, make_static};
 use crate::sync::Arc;
 use alloc::boxed::Box;
 use alloc::vec::Vec;
+use replenish_os::Policy;
 
 /// The parts of an executor.
 pub(crate) struct Assembly {
@@ -36,13 +38,14 @@ pub(crate) fn assemble(
 ) -> Assembly {
     let mut dispatcher = Dispatcher {
         stop: stop.clone(),
+        middleware: context.share_middleware(),
         events: Arc::clone(events),
         counters: Arc::new(DispatcherCounters::default()),
         routes: Vec::new(),
         updates: RouteUpdates::new(),
         bells: Vec::with_capacity(specs.len()),
     };
-    if cfg!(feature = "full") {
+    if FULL {
         dispatcher.routes.resize_with(MAX_READERS, || None); // readers come without allocation
     }
     let (mut posts, mut limits) = (Vec::with_capacity(specs.len()), 0);
@@ -59,11 +62,14 @@ pub(crate) fn assemble(
             dispatcher.route_to(&entry.shared, mailbox.wake_handle(entry.slot));
         }
         limits += limit;
-        posts.push(Post::new(&spec.request.name, &mailbox, spec.numbers()));
+        let (name, urgent) = (&spec.request.name, spec.policy != Policy::Other);
+        let post = Post::new(name, &mailbox, spec.numbers(), urgent, spec.promised);
+        posts.push(post);
         let rounds = spec.rules.rounds;
         workers.push(make_static(Box::new(Worker {
             stop: stop.clone(),
             events: Arc::clone(events),
+            middleware: context.share_middleware(),
             mailbox,
             live: None,
             bell,
@@ -76,8 +82,11 @@ pub(crate) fn assemble(
         })));
     }
     let registry = Registry::new(handles, limits, workers.len());
-    let entries = workers.iter().flat_map(|worker| &worker.spec.entries);
-    let mut groups = entries.filter_map(|entry| entry.handling.group.as_ref());
+    let mut groups = workers.iter().flat_map(|worker| {
+        let entries = worker.spec.entries.iter();
+        let groups = entries.filter_map(|entry| entry.handling.group.as_ref());
+        groups.map(|group| (&worker.spec.request.name, group))
+    });
     let updates = &dispatcher.updates;
     let live = Live::new(context, stop, registry, updates, posts, &mut groups);
     for worker in &mut workers {
@@ -100,11 +109,7 @@ impl Dispatcher {
             self.routes.resize_with(place + 1, || None);
         }
         if let Some(route) = self.routes.get_mut(place) {
-            *route = Some(Route {
-                shared: Arc::clone(shared),
-                wake,
-                spare_slot: None,
-            });
+            *route = Some(Route::new(Arc::clone(shared), wake));
         }
     }
 }

@@ -10,10 +10,12 @@ use crate::error::Error;
 use crate::event::Event;
 use crate::executor::describe::executor::{Executor, Options};
 use crate::executor::run::dispatcher::Dispatcher;
-use crate::executor::run::state::Worker;
-use crate::executor::run::state::WorkerSpec;
+use crate::executor::run::round_stats::WorkerRounds;
+use crate::executor::run::state::{Worker, WorkerSpec};
 use crate::executor::wake::stop::StopHandle;
-use crate::platform::{Static, Text, join, make_static, text};
+use crate::platform::recorder::{self, Recording, ThreadFacts};
+use crate::platform::{BARE, STD, Static, Text, join, make_static, text};
+use crate::process::follow_clock;
 use crate::sync::{Arc, AtomicBool, Mutex, Notify};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -21,7 +23,7 @@ use replenish_os::clock;
 use replenish_os::{self as os, Enforcement, Enforcer, EnforcerConfig, Policy};
 
 /// Stack size in bytes where none was given.
-const STACK: usize = if cfg!(feature = "std") { 1 << 20 } else { 4096 };
+const STACK: usize = if STD { 1 << 20 } else { 4096 };
 
 impl Executor {
     /// Starts everything and blocks until somebody stops it.
@@ -48,6 +50,7 @@ impl Executor {
 
 #[inline(never)]
 fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
+    follow_clock(&mut executor)?;
     let template = make_static(planning::prepare(&mut executor)?);
     let Executor {
         context,
@@ -66,7 +69,7 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     let mut admission = make_static(planning::admit(&mut workers, &mut options)?);
     let priority = options.enforcer_priority;
     plan(&mut workers, &mut options.dispatcher, priority)?;
-    let claim = context.claim().ok_or(Error::ContextBusy)?;
+    let claim = context.claim(&stop).ok_or(Error::ContextBusy)?;
 
     let owner = Arc::new(Notify::new());
     stop.stop.join(Arc::clone(&owner));
@@ -80,10 +83,7 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     if options.lock_memory {
         starter.lock_memory()?;
     }
-    #[cfg(feature = "texts")]
-    let rounds = specs(&workers)
-        .filter_map(WorkerSpec::counted_rounds)
-        .collect();
+    let rounds = rounds_of(&workers);
     let Assembly {
         dispatcher,
         workers,
@@ -91,12 +91,17 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     } = assemble(&context, workers, &stop, &options.events);
     let counters = Arc::clone(&dispatcher.counters);
     let plans = starter.plans(dispatcher, workers);
+    let mut recording = record(&options, &plans)?;
     starter.enforcers(&plans)?;
     let mut threads = Vec::with_capacity(plans.len());
     if let Err(e) = starter.launch(plans, &mut threads) {
         return Err(abort(&mut threads, e));
     }
-    let fallbacks = starter.declare(admission.fallback.take());
+    if let Err(e) = planning::adopt(&mut admission, &options, &threads) {
+        return Err(abort(&mut threads, e));
+    }
+    let unseen = [admission.fallback.take(), recording.fallback.take()];
+    let fallbacks = starter.declare(unseen);
     let enforcers = core::mem::take(&mut starter.enforcers);
     let start = clock::monotonic();
     threads
@@ -104,6 +109,7 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         .for_each(|c| c.plan.launch(Launch::Go(start)));
     Ok(RunningExecutor {
         stop,
+        middleware: context.share_middleware(),
         owner,
         threads,
         enforcers,
@@ -115,17 +121,35 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         grace: options.stop_grace,
         claim: Some(claim),
         admission,
-        #[cfg(feature = "texts")]
         rounds,
         template,
         start,
+        recording,
         end: None,
     })
 }
 
-#[cfg(feature = "texts")]
-fn specs(workers: &[Static<WorkerSpec>]) -> impl Iterator<Item = &WorkerSpec> {
-    workers.iter().map(|worker| -> &WorkerSpec { worker })
+/// Lays out the recording of these threads.
+fn record(options: &Options, plans: &[Arc<ThreadPlan>]) -> Result<Recording, Error> {
+    let facts = plans.iter().enumerate().map(|(n, plan)| ThreadFacts {
+        slot: &plan.slot,
+        name: &plan.name,
+        dispatches: n == 0,
+        cpu: plan.cpu,
+        budget: match &plan.policy {
+            Policy::Sporadic(params) => Some((params.budget(), params.period())),
+            _ => None,
+        },
+    });
+    let bytes = options.recorder.bytes;
+    Recording::start(&options.recorder, facts)
+        .map_err(|why| Error::parameter("executor", "recorder", &bytes, why))
+}
+
+/// The counters of the rounds that begin by the clock.
+pub(crate) fn rounds_of(workers: &[Static<WorkerSpec>]) -> Vec<WorkerRounds> {
+    let workers = workers.iter().map(|worker| -> &WorkerSpec { worker });
+    workers.filter_map(WorkerSpec::counted_rounds).collect()
 }
 
 pub(crate) fn check_names(workers: &[Static<WorkerSpec>]) -> Result<(), Error> {
@@ -145,7 +169,7 @@ fn abort(threads: &mut Vec<StartedThread>, error: Error) -> Error {
         c.plan.launch(Launch::Abort);
     }
     // Where they are not joined, they end by themselves: nothing holds them up.
-    if cfg!(not(target_os = "none")) {
+    if !BARE {
         threads.drain(..).for_each(StartedThread::join);
     }
     error
@@ -158,7 +182,7 @@ fn thread_error(plan: &ThreadPlan, reason: Text) -> Error {
     }
 }
 
-/// What starting needs to know, and what it has to admit.
+/// The inputs of the start, and the requests that it could not fulfil.
 struct Starter<'a> {
     options: &'a Options,
     stop: &'a StopHandle,
@@ -167,7 +191,7 @@ struct Starter<'a> {
     refused: Refused,
 }
 
-/// What was asked for and is not in force.
+/// Requests that are not in force.
 #[derive(Default)]
 struct Refused {
     memory: Option<Text>,
@@ -175,7 +199,11 @@ struct Refused {
     policies: Vec<Text>,
     /// Threads whose budget has no enforcer.
     budgets: Vec<Text>,
-    /// What the kernel said first, with what would grant it.
+    /// Threads of which the kernel does not record when they block.
+    records: Vec<Text>,
+    /// Why not, of the first.
+    unrecorded: Option<Text>,
+    /// The kernel's first refusal, with the way to have the request granted.
     why: Option<Text>,
 }
 
@@ -233,6 +261,7 @@ impl Starter<'_> {
             ready: Mutex::new(None),
             launch: Mutex::new(None),
             finished: AtomicBool::new(false),
+            slot: recorder::ThreadSlot::default(),
         })
     }
 
@@ -251,7 +280,10 @@ impl Starter<'_> {
             let plan = &c.plan;
             loop {
                 match &*plan.ready.lock() {
-                    Some(Ok(_)) => break,
+                    Some(Ok(ready)) => {
+                        self.records(plan, &ready.meter)?;
+                        break;
+                    }
                     Some(Err(reason)) => return Err(thread_error(plan, reason.clone())),
                     None if plan.is_finished() => {
                         return Err(thread_error(plan, "it ended while it was set up".into()));
@@ -340,7 +372,16 @@ impl Starter<'_> {
             ..defaults
         };
         match Enforcer::start(config) {
-            Ok(enforcer) => Ok(Some(enforcer)),
+            Ok(enforcer) => {
+                if STD {
+                    let events = Arc::clone(&self.options.events);
+                    enforcer.on_fault(move |fault| {
+                        let message = &*text!("{fault}");
+                        events.emit(&Event::Fallback { message });
+                    });
+                }
+                Ok(Some(enforcer))
+            }
             Err(e) => self.refuse(plan, &e).map(|()| None),
         }
     }
@@ -377,13 +418,39 @@ impl Starter<'_> {
         Ok(())
     }
 
+    /// Takes note of a budgeted thread without the kernel's records of its blocking.
+    fn records(&mut self, plan: &ThreadPlan, meter: &os::Meter) -> Result<(), Error> {
+        if !STD {
+            return Ok(()); // small kernels' hooks see every switch
+        }
+        let Some(e) = meter.records_refused() else {
+            return Ok(());
+        };
+        let reason = text!(
+            "context-switch records: {e}. They need kernel.perf_event_paranoid of 2 at most, a \
+             descriptor each (ulimit -n), and locked memory (kernel.perf_event_mlock_kb, ulimit -l)"
+        );
+        if self.options.strict {
+            return Err(Error::NotGranted {
+                what: text!("exact account of blocking for {:?}", &*plan.name),
+                reason,
+            });
+        }
+        self.refused.records.push(Text::from(&*plan.name));
+        self.refused.unrecorded.get_or_insert(reason);
+        Ok(())
+    }
+
     /// Says once what is not in force.
-    fn declare(&mut self, unseen: Option<Text>) -> Vec<Text> {
-        if cfg!(target_os = "none") {
+    fn declare(&mut self, unseen: [Option<Text>; 2]) -> Vec<Text> {
+        if BARE {
             return Vec::new(); // nothing was refused
         }
         let refused = core::mem::take(&mut self.refused);
-        let mut fallbacks: Vec<Text> = refused.memory.into_iter().chain(unseen).collect();
+        let mut fallbacks: Vec<Text> = {
+            let unseen = unseen.into_iter().flatten();
+            refused.memory.into_iter().chain(unseen).collect()
+        };
         if let Some(why) = refused.why {
             let mut parts = Vec::new();
             if !refused.policies.is_empty() {
@@ -395,6 +462,12 @@ impl Starter<'_> {
                 parts.push(text!("budgets held at callback boundaries only: {who}"));
             }
             fallbacks.push(text!("{}. {why}", join(&parts, "; ")));
+        }
+        if let Some(why) = refused.unrecorded {
+            let who = join(&refused.records, ", ");
+            fallbacks.push(text!(
+                "budgets come back late if callbacks block or are preempted: {who}. {why}"
+            ));
         }
         for message in &fallbacks {
             self.options.events.emit(&Event::Fallback { message });

@@ -11,25 +11,22 @@
 //! nanoseconds: a limit of 200 us is 200 us, and no limit, however short, becomes a busy loop.
 
 use super::assembly::{Assembly, assemble};
-use super::report::{DispatcherReport, Report};
-use super::running::{handle_report, handle_stats};
+use super::report::{DispatcherReport, HandleReport, Report};
 use super::{launch, planning};
 use crate::Nanos;
 use crate::context::Claim;
 use crate::error::Error;
-#[cfg(feature = "full")]
-use crate::executor::change::live::ExecutorHandle;
 use crate::executor::change::live::Live;
 use crate::executor::describe::executor::Executor;
 use crate::executor::run::accounting::CpuAccounting;
 use crate::executor::run::dispatcher::{Dispatcher, Watch};
 use crate::executor::run::request::WorkerRequest;
-#[cfg(feature = "texts")]
-use crate::executor::run::round_stats::{self, RoundStats, WorkerRounds};
+use crate::executor::run::round_stats::{RoundStats, WorkerRounds};
 use crate::executor::run::state::Worker;
 use crate::executor::wake::schedule::{Every, Schedule, nanos};
 use crate::executor::wake::stop::StopHandle;
 use crate::platform::Static;
+use crate::process::follow_clock;
 use crate::stats::HandleStats;
 use crate::sync::Arc;
 use alloc::boxed::Box;
@@ -73,7 +70,7 @@ pub enum SpinEnd {
     Stopped,
 }
 
-/// What a spin has done.
+/// The result of a spin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct SpinResult {
@@ -113,7 +110,7 @@ pub struct LocalExecutor {
     dispatcher: Dispatcher,
     watch: Watch,
     workers: Vec<Static<Box<Worker>>>,
-    live: Arc<Live>,
+    pub(super) live: Arc<Live>,
     stop: StopHandle,
     period: Option<(Every, Schedule)>,
     start: Nanos,
@@ -123,6 +120,7 @@ pub struct LocalExecutor {
 }
 
 fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
+    follow_clock(&mut executor)?;
     planning::prepare(&mut executor)?;
     let Executor {
         context,
@@ -135,7 +133,7 @@ fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
         threadless(&spec.request)?;
         spec.check_rules()?;
     }
-    let claim = context.claim().ok_or(Error::ContextBusy)?;
+    let claim = context.claim(&stop).ok_or(Error::ContextBusy)?;
     // The dispatcher has no bells: nobody sleeps on them while samples are taken, and to ring would
     // end the next wait for nothing.
     let Assembly {
@@ -145,7 +143,7 @@ fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
     } = assemble(&context, workers, &stop, &options.events);
     let start = clock::monotonic();
     for worker in &mut workers {
-        worker.bell.forward_to(&stop.middleware);
+        worker.bell.forward_to(context.middleware());
         worker.begin(start);
     }
     Ok(LocalExecutor {
@@ -266,9 +264,10 @@ impl LocalExecutor {
         SpinResult {
             callbacks: self.ran() - before,
             skipped: released.map_or(0, |r| r.skipped),
-            end: match self.stop.is_stopping() {
-                true => SpinEnd::Stopped,
-                false => SpinEnd::Worked,
+            end: if self.stop.is_stopping() {
+                SpinEnd::Stopped
+            } else {
+                SpinEnd::Worked
             },
         }
     }
@@ -287,33 +286,20 @@ impl LocalExecutor {
         self.stop.clone()
     }
 
-    /// Adds and removes handles, from any thread; what was asked for between two spins happens at
-    /// the next.
-    #[cfg(feature = "full")]
-    #[must_use]
-    pub fn handle(&self) -> ExecutorHandle {
-        ExecutorHandle {
-            live: Arc::clone(&self.live),
-        }
-    }
-
     /// The counters of one handle. Does not allocate.
     #[must_use]
     pub fn stats(&self, id: &str) -> Option<HandleStats> {
         let (_, handle) = self.live.registry.find(id)?;
-        Some(handle_stats(&handle, &self.stop))
+        Some(handle.stats(&*self.dispatcher.middleware))
     }
 
-    /// What has become of the rounds of a worker that begin by the clock
+    /// The rounds of a worker that begin by the clock
     /// ([`WorkerBuilder::every`](crate::WorkerBuilder::every)). Does not allocate.
-    #[cfg(feature = "texts")]
     #[must_use]
     pub fn rounds(&self, worker: &str) -> Option<RoundStats> {
-        let (_, counters) = self.counted().find(|(name, _)| **name == *worker)?;
-        Some(counters.snapshot())
+        self.counted().find_map(|r| r.stats_of(worker))
     }
 
-    #[cfg(feature = "texts")]
     fn counted(&self) -> impl Iterator<Item = WorkerRounds> {
         self.workers.iter().filter_map(|w| w.spec.counted_rounds())
     }
@@ -323,20 +309,19 @@ impl LocalExecutor {
     pub fn report(&self) -> Report {
         let handles = self.live.registry.all();
         let handles = handles.iter();
-        let counters = &self.dispatcher.counters;
+        let Dispatcher {
+            counters,
+            middleware,
+            ..
+        } = &self.dispatcher;
         Report {
             elapsed: clock::monotonic().saturating_sub(self.start),
             threads: Vec::new(),
             handles: handles
-                .map(|(w, h)| handle_report(w, h, &self.stop))
+                .map(|(w, h)| HandleReport::of(w, h, &**middleware))
                 .collect(),
-            #[cfg(feature = "texts")]
-            rounds: self.counted().map(|b| round_stats::report(&b)).collect(),
-            dispatcher: DispatcherReport {
-                rounds: counters.rounds.get(),
-                samples: counters.samples.get(),
-                failures: counters.failures.get(),
-            },
+            rounds: self.counted().map(|rounds| rounds.report()).collect(),
+            dispatcher: DispatcherReport::of(counters),
             enforcers: Vec::new(),
             fallbacks: Vec::new(),
             admission: crate::executor::describe::planning::AdmissionReport::default(),
@@ -368,7 +353,7 @@ impl LocalExecutor {
             if self.stop.is_stopping() {
                 break;
             }
-            worker.empty_mailbox();
+            worker.empty_mailbox(&mut self.account, accounting);
             any |= worker.step(&mut self.account, accounting) && worker.may_go_on();
         }
         any
@@ -398,12 +383,11 @@ impl LocalExecutor {
             if deadline != Nanos::MAX && clock::monotonic() >= deadline {
                 break SpinEnd::TimedOut;
             }
-            let wake = match any {
-                true => 0,
-                false => {
-                    let releases = self.workers.iter_mut().filter_map(|w| w.next_wake());
-                    releases.min().unwrap_or(Nanos::MAX).min(deadline)
-                }
+            let wake = if any {
+                0
+            } else {
+                let releases = self.workers.iter_mut().filter_map(|w| w.next_wake());
+                releases.min().unwrap_or(Nanos::MAX).min(deadline)
             };
             self.bring(wake);
         };
@@ -419,7 +403,10 @@ impl LocalExecutor {
 impl Drop for LocalExecutor {
     fn drop(&mut self) {
         self.stop.stop(); // what is asked of it from now on is declined
-        self.workers.iter_mut().for_each(|w| w.end());
+        let accounting = CpuAccounting::new(self.account.meter());
+        for worker in &mut self.workers {
+            worker.end(&mut self.account, &accounting);
+        }
     }
 }
 

@@ -1,8 +1,20 @@
-//! From a description to what runs: plan, admission, threads, and the executor that runs.
+//! From a description to an executor that runs.
+//!
+//! ```text
+//!   planning: overlay ──► admission ──► plan ──► assembly ──► threads ──► running ──► report ──► table
+//!             (files)     (does it fit) (policies) (parts)       ▲           ▲          ▲
+//!                                                     launch ────┘           │          │
+//!   local: the same parts without threads ───────────────────────────────────┴──────────┘
+//!   dynamic: both hand out the handle of room `change`
+//! ```
+//!
+//! `planning_disabled` stands in for `planning` in builds without feature `plan`.
 
 #[cfg(feature = "plan")]
 mod admission;
 pub(crate) mod assembly;
+#[cfg(feature = "full")]
+mod dynamic;
 pub(crate) mod launch;
 pub(crate) mod local;
 #[cfg(feature = "plan")]

@@ -13,7 +13,7 @@ use crate::Nanos;
 use crate::error::Error;
 use crate::executor::run::request::WorkerRequest;
 use crate::executor::run::state::WorkerSpec;
-use crate::platform::{Static, Text, text};
+use crate::platform::{BARE, STD, Static, Text, text};
 use core::ops::RangeInclusive;
 use replenish_os::{MAX_REPL, ParamError, Params, Policy};
 use sporadic::Budget;
@@ -27,11 +27,7 @@ const BACKGROUND: u8 = 6;
 const DISPATCHER: u8 = 98;
 /// The smallest stack that is accepted, in bytes: what glibc accepts, or what a frame and the
 /// registers need.
-const MIN_STACK: usize = if cfg!(feature = "std") {
-    16 * 1024
-} else {
-    512
-};
+const MIN_STACK: usize = if STD { 16 * 1024 } else { 512 };
 
 /// Writes down the policy of each worker, and the dispatcher's where none is given. The requests
 /// have been [checked](check).
@@ -104,6 +100,21 @@ pub(crate) fn check(w: &WorkerRequest) -> Result<(), Error> {
     {
         let allowed = "a policy of this system: SCHED_SPORADIC is NuttX's";
         return Err(Error::parameter(w.owner(), "policy", policy, allowed));
+    }
+    if let Some(Policy::Sporadic(params)) = &w.policy
+        && params.max_repl() < 2
+        && !BARE
+    {
+        let allowed = text!(
+            "2 to {MAX_REPL}: with one pending replenishment each callback puts all of the budget \
+             off, until nothing is there for a period"
+        );
+        return Err(Error::parameter(
+            w.owner(),
+            "max_repl",
+            &params.max_repl(),
+            allowed,
+        ));
     }
     if let (Some(Policy::Deadline { .. }), Some(cpu)) = (&w.policy, w.cpu) {
         let allowed = "none: SCHED_DEADLINE threads cannot be pinned";

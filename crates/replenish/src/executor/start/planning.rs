@@ -3,17 +3,21 @@
 
 pub(crate) use super::admission::admit;
 use super::overlay;
+use super::running::StartedThread;
 use crate::error::Error;
 use crate::executor::describe::builder::WorkerBuilder;
-use crate::executor::describe::executor::Executor;
-use crate::executor::describe::planning::LedgerUse;
+use crate::executor::describe::executor::{Executor, Options};
+use crate::executor::describe::planning::{Admission, LedgerUse};
+use crate::executor::run::guarantee::adoption::{Adopted, Adoption};
 use crate::executor::run::request::WorkerRequest;
-use alloc::string::String;
+use alloc::string::{String, ToString};
+use replenish_plan::ledger::{Found, Ledger};
 use replenish_plan::{Guarantee, Machine};
+use sporadic::Budget;
 use std::path::PathBuf;
 
 impl WorkerRequest {
-    /// What is to be planned for it; `None`: it has a policy, or nothing.
+    /// The guarantee to plan for it; `None`: it has a policy, or nothing.
     pub(crate) fn wants(&self) -> Option<Guarantee> {
         match self.policy {
             Some(_) => None,
@@ -22,13 +26,95 @@ impl WorkerRequest {
     }
 }
 
+impl LedgerUse {
+    /// Where reservations would be kept, whether there are any or not.
+    fn directory(&self) -> Option<PathBuf> {
+        match self {
+            Self::At(directory) => Some(directory.clone()),
+            Self::Off => None,
+            Self::Default => match Ledger::look() {
+                Ok(Found::Here(ledger)) => Some(ledger.directory().into()),
+                _ => None,
+            },
+        }
+    }
+}
+
 /// Applies the deployment files; the file that describes what came of it.
 pub(crate) fn prepare(executor: &mut Executor) -> Result<String, Error> {
     overlay::apply_all(executor)?;
+    let options = &mut executor.options;
+    options.recorder.ledger = options.planning.ledger.directory();
     Ok(executor.template())
 }
 
+/// Starts to hold the budgets of threads that others have started, and finds those that run
+/// already.
+pub(crate) fn adopt(
+    admission: &mut Admission,
+    options: &Options,
+    threads: &[StartedThread],
+) -> Result<(), Error> {
+    let adopted = &options.planning.adopted;
+    if adopted.is_empty() {
+        return Ok(());
+    }
+    let own = threads.iter().map(StartedThread::tid).collect();
+    let refused = match Adoption::start(adopted, options.enforcer_priority, own) {
+        Ok(adoption) => {
+            admission.adoption = Some(adoption);
+            return Ok(());
+        }
+        Err(reason) => reason,
+    };
+    let patterns: Vec<&str> = adopted.iter().map(|a| a.pattern.as_str()).collect();
+    let what = alloc::format!("budgets for threads {}", patterns.join(", "));
+    if options.strict {
+        let reason = refused.to_string();
+        return Err(Error::NotGranted { what, reason });
+    }
+    let mut fallback = admission.fallback.take().unwrap_or_default();
+    if !fallback.is_empty() {
+        fallback.push_str("; ");
+    }
+    fallback.push_str(&alloc::format!("no {what}: {refused}"));
+    admission.fallback = Some(fallback);
+    Ok(())
+}
+
 impl Executor {
+    /// Gives threads of this process that others have started, a middleware or a library, one
+    /// budget
+    /// that they share. `pattern` is for their names: `*` stands for any characters, `?` for one.
+    /// Of
+    /// several patterns the first that fits counts.
+    ///
+    /// The budget is admitted like a guarantee. The threads run on one CPU, and without budget in
+    /// the
+    /// time-sharing class. New ones are looked for every 100 ms by an ordinary thread. Threads of
+    /// this
+    /// executor and threads that have a real-time priority of their own are left as they are. When
+    /// the
+    /// executor ends, everybody has what it had before. Linux; a
+    /// [`LocalExecutor`](crate::LocalExecutor)
+    /// adopts nobody.
+    ///
+    /// ```
+    /// # use replenish::{Budget, Context, Executor};
+    /// # use std::time::Duration;
+    /// # let mut exec = Executor::new(&Context::in_process());
+    /// let ms = Duration::from_millis;
+    /// exec.adopt("dds.*", Budget::of(ms(2)).every(ms(10)));
+    /// ```
+    pub fn adopt(&mut self, pattern: impl Into<String>, budget: Budget) -> &mut Self {
+        let pattern = pattern.into();
+        self.options
+            .planning
+            .adopted
+            .push(Adopted::new(pattern, budget));
+        self
+    }
+
     /// Whether guarantees are planned and tested before anything starts (default), together with
     /// what other programs on this host were promised. `false`: budgets get priorities by their
     /// periods, and nobody checks whether they fit.
@@ -50,9 +136,10 @@ impl Executor {
         self
     }
 
-    /// What the plan may use, and the overheads it counts with. Default: the CPUs this process may
-    /// use, what the kernel says about them, and the overheads that `replenish doctor --save` has
-    /// measured on this host, or [`Overheads::LINUX`](replenish_plan::Overheads).
+    /// The CPUs that the plan may use, and the overheads it counts with. Default: the CPUs this
+    /// process may use, the kernel's facts about them, and the overheads that
+    /// `replenish doctor --save` has measured on this host, or
+    /// [`Overheads::LINUX`](replenish_plan::Overheads).
     pub fn machine(&mut self, machine: Machine) -> &mut Self {
         self.options.planning.machine = Some(machine);
         self
@@ -74,8 +161,8 @@ impl Executor {
 }
 
 impl WorkerBuilder<'_> {
-    /// What the worker is guaranteed: CPU time per period, or callbacks at a rate; with a deadline,
-    /// an importance, a minimum and a desired amount, as you like. The executor chooses priority,
+    /// The worker's guarantee: CPU time per period, or callbacks at a rate; with a deadline, an
+    /// importance, a minimum and a desired amount, as you like. The executor chooses priority,
     /// background, CPU and number of replenishments, and does not start where it cannot keep the
     /// promise.
     pub fn guarantee(self, guarantee: impl Into<Guarantee>) -> Self {

@@ -1,6 +1,7 @@
 //! The start in builds without feature `plan`: workers have the policies and budgets that they were
 //! given. No test says whether they fit.
 
+use super::running::StartedThread;
 use crate::error::Error;
 use crate::executor::describe::executor::{Executor, Options};
 use crate::executor::describe::planning::Admission;
@@ -24,4 +25,13 @@ pub(crate) fn admit(_: &mut [Static<WorkerSpec>], _: &mut Options) -> Result<Adm
 )]
 pub(crate) fn prepare(_: &mut Executor) -> Result<String, Error> {
     Ok(String::new())
+}
+
+/// Nobody to adopt.
+#[expect(
+    clippy::unnecessary_wraps,
+    reason = "the signature of what it stands in for"
+)]
+pub(crate) fn adopt(_: &mut Admission, _: &Options, _: &[StartedThread]) -> Result<(), Error> {
+    Ok(())
 }

@@ -1,11 +1,13 @@
-//! What an executor has to say about itself: plain numbers, and a table for people.
+//! The report of an executor: plain numbers, and a table for people.
 
 use super::table::Table;
 use crate::Nanos;
 use crate::executor::describe::planning::AdmissionReport;
-#[cfg(feature = "texts")]
+use crate::executor::handles::state::HandleState;
+use crate::executor::run::dispatcher::DispatcherCounters;
 use crate::executor::run::round_stats::RoundReport;
 use crate::histogram::Histogram;
+use crate::middleware::Middleware;
 use crate::platform::Text;
 use crate::stats::HandleStats;
 use alloc::string::{String, ToString};
@@ -25,7 +27,6 @@ pub struct Report {
     pub handles: Vec<HandleReport>,
     /// The workers whose rounds begin by the clock
     /// ([`WorkerBuilder::every`](crate::WorkerBuilder::every)).
-    #[cfg(feature = "texts")]
     pub rounds: Vec<RoundReport>,
     /// The dispatcher's counters.
     pub dispatcher: DispatcherReport,
@@ -39,7 +40,7 @@ pub struct Report {
     pub stuck: Vec<String>,
 }
 
-/// What the dispatcher has done.
+/// The counters of the dispatcher.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub struct DispatcherReport {
@@ -51,7 +52,7 @@ pub struct DispatcherReport {
     pub failures: u64,
 }
 
-/// What was asked for a thread, what it got, and what it used.
+/// A thread's request, the policy it was granted, and its usage.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct ThreadReport {
@@ -87,6 +88,30 @@ pub struct HandleReport {
     pub response: Histogram,
     /// The last error a callback returned, or the panic's message; cut to 120 bytes.
     pub last_error: Option<String>,
+}
+
+impl DispatcherReport {
+    pub(crate) fn of(counters: &DispatcherCounters) -> Self {
+        Self {
+            rounds: counters.rounds.get(),
+            samples: counters.samples.get(),
+            failures: counters.failures.get(),
+        }
+    }
+}
+
+impl HandleReport {
+    pub(crate) fn of(worker: &str, handle: &HandleState, middleware: &dyn Middleware) -> Self {
+        let error = String::from(handle.last_error.lock().as_str());
+        Self {
+            id: handle.id.clone(),
+            worker: worker.into(),
+            stats: handle.stats(middleware),
+            latency: handle.latency.snapshot(),
+            response: handle.response.snapshot(),
+            last_error: Some(error).filter(|e| !e.is_empty()),
+        }
+    }
 }
 
 impl Report {
@@ -163,13 +188,8 @@ impl fmt::Display for Report {
             handles.add(cells, if s.panicked { "panicked" } else { "" });
         }
         write!(f, "{threads}{handles}")?;
-        #[cfg(feature = "texts")]
-        for RoundReport { worker, stats } in &self.rounds {
-            let (served, skipped) = (stats.served, stats.skipped);
-            writeln!(
-                f,
-                "{worker}: {served} rounds by the clock, {skipped} skipped"
-            )?;
+        for rounds in &self.rounds {
+            writeln!(f, "{rounds}")?;
         }
         for name in &self.stuck {
             writeln!(

@@ -13,16 +13,14 @@ use super::threads::{Ready, ThreadPlan};
 use crate::Nanos;
 use crate::context::Claim;
 use crate::event::{Event, Events};
-#[cfg(feature = "full")]
-use crate::executor::change::live::ExecutorHandle;
 use crate::executor::change::live::Live;
 use crate::executor::describe::planning::Admission;
-use crate::executor::handles::state::HandleState;
 use crate::executor::run::dispatcher::DispatcherCounters;
-#[cfg(feature = "texts")]
-use crate::executor::run::round_stats::{self, RoundStats, WorkerRounds};
+use crate::executor::run::round_stats::{RoundStats, WorkerRounds};
 use crate::executor::wake::schedule::nanos;
 use crate::executor::wake::stop::StopHandle;
+use crate::middleware::Middleware;
+use crate::platform::recorder::Recording;
 use crate::platform::{Static, Text, text};
 use crate::stats::HandleStats;
 use crate::sync::{Arc, Notify};
@@ -31,7 +29,7 @@ use alloc::vec::Vec;
 use core::fmt;
 use core::time::Duration;
 use replenish_os::clock;
-use replenish_os::{self as os, Enforcer, SchedClass, Thread, Usage};
+use replenish_os::{self as os, Enforcer, SchedClass, Thread, Tid, Usage};
 
 /// How long threads that have finished their work may take to end, in nanoseconds.
 const EPILOGUE: Nanos = 20_000_000;
@@ -47,6 +45,10 @@ impl StartedThread {
         Self { plan, thread }
     }
 
+    pub(crate) fn tid(&self) -> Tid {
+        self.thread.tid()
+    }
+
     /// Waits for the end of a thread that has finished its work; its panics are events already.
     pub(crate) fn join(self) {
         self.thread.join().ok();
@@ -60,6 +62,7 @@ pub(crate) type Enforcers = Vec<(Option<usize>, Option<Arc<Enforcer>>)>;
 #[must_use = "dropping it stops the executor"]
 pub struct RunningExecutor {
     pub(crate) stop: StopHandle,
+    pub(crate) middleware: Arc<dyn Middleware>,
     pub(crate) owner: Arc<Notify>,
     pub(crate) threads: Vec<StartedThread>,
     pub(crate) enforcers: Enforcers,
@@ -71,10 +74,10 @@ pub struct RunningExecutor {
     pub(crate) grace: Duration,
     pub(crate) claim: Option<Claim>,
     pub(crate) admission: Static<Admission>,
-    #[cfg(feature = "texts")]
     pub(crate) rounds: Vec<WorkerRounds>,
     pub(crate) template: Static<String>,
     pub(crate) start: Nanos,
+    pub(crate) recording: Recording,
     pub(crate) end: Option<Report>,
 }
 
@@ -83,15 +86,6 @@ impl RunningExecutor {
     #[must_use]
     pub fn stop_handle(&self) -> StopHandle {
         self.stop.clone()
-    }
-
-    /// Adds and removes handles while it runs.
-    #[cfg(feature = "full")]
-    #[must_use]
-    pub fn handle(&self) -> ExecutorHandle {
-        ExecutorHandle {
-            live: Arc::clone(&self.live),
-        }
     }
 
     /// Stops, joins and reports: within the grace period plus a few milliseconds, whatever the
@@ -120,18 +114,13 @@ impl RunningExecutor {
             threads: threads.collect(),
             handles: handles
                 .iter()
-                .map(|(w, h)| handle_report(w, h, &self.stop))
+                .map(|(w, h)| HandleReport::of(w, h, &*self.middleware))
                 .collect(),
-            #[cfg(feature = "texts")]
-            rounds: self.rounds.iter().map(round_stats::report).collect(),
-            dispatcher: DispatcherReport {
-                rounds: self.counters.rounds.get(),
-                samples: self.counters.samples.get(),
-                failures: self.counters.failures.get(),
-            },
+            rounds: self.rounds.iter().map(WorkerRounds::report).collect(),
+            dispatcher: DispatcherReport::of(&self.counters),
             enforcers: self.enforcers().map(|e| e.stats()).collect(),
             fallbacks: self.fallbacks.clone(),
-            admission: self.admission.report.clone(),
+            admission: self.admission.report(),
             stuck: self.stuck.clone(),
         }
     }
@@ -140,20 +129,17 @@ impl RunningExecutor {
     #[must_use]
     pub fn stats(&self, id: &str) -> Option<HandleStats> {
         let (_, handle) = self.live.registry.find(id)?;
-        Some(handle_stats(&handle, &self.stop))
+        Some(handle.stats(&*self.middleware))
     }
 
-    /// What has become of the rounds of a worker that begin by the clock
+    /// The rounds of a worker that begin by the clock
     /// ([`WorkerBuilder::every`](crate::WorkerBuilder::every)). Does not allocate.
-    #[cfg(feature = "texts")]
     #[must_use]
     pub fn rounds(&self, worker: &str) -> Option<RoundStats> {
-        let mut rounds = self.rounds.iter();
-        let (_, counters) = rounds.find(|(name, _)| **name == *worker)?;
-        Some(counters.snapshot())
+        self.rounds.iter().find_map(|r| r.stats_of(worker))
     }
 
-    /// What one worker, or the `dispatcher`, has used. Does not allocate.
+    /// The usage of one worker, or of the `dispatcher`. Does not allocate.
     #[must_use]
     pub fn usage(&self, thread: &str) -> Option<Usage> {
         let threads = self.threads.iter().find(|c| &*c.plan.name == thread)?;
@@ -172,7 +158,9 @@ impl RunningExecutor {
     pub fn discard_waiting(&self) -> u64 {
         let handles = self.live.registry.all();
         let handles = handles.iter();
-        handles.map(|(_, h)| h.discard(false, &self.stop)).sum()
+        handles
+            .map(|(_, h)| h.discard(false, &*self.middleware))
+            .sum()
     }
 
     fn enforcers(&self) -> impl Iterator<Item = &Arc<Enforcer>> {
@@ -189,30 +177,25 @@ impl RunningExecutor {
             meter.cancel();
         }
         let me = os::current_tid();
-        let awaited = |c: &StartedThread| !c.plan.is_finished() && c.thread.tid() != me;
+        let awaited = |c: &StartedThread| !c.plan.is_finished() && c.tid() != me;
         while self.threads.iter().any(awaited) {
             if !self.owner.wait_until(deadline) && clock::monotonic() >= deadline {
                 break;
             }
         }
         // Stuck ones first: one that spins at high priority would keep the others from ending.
+        let (stuck, events) = (&mut self.stuck, &self.events);
         for c in self.threads.iter().filter(|c| !c.plan.is_finished()) {
-            self.stuck.push(String::from(&*c.plan.name));
-            if let Some(meter) = c.plan.meter() {
-                meter.abandon();
-            }
-            os::set_priority(c.thread.tid(), SchedClass::Other).ok();
-            let thread = &c.plan.name;
-            self.events.emit(&Event::Stuck { thread });
+            leave_behind(&c.plan, c.tid(), stuck, events);
         }
         let mut report = self.report();
         let patience = clock::monotonic().saturating_add(EPILOGUE);
-        for c in self.threads.drain(..) {
-            let name = &c.plan.name;
-            if c.plan.is_finished() && c.thread.join_until(patience).is_err() {
-                // Done, but something above it on its CPU keeps it from ending.
-                self.stuck.push(String::from(&**name));
-                self.events.emit(&Event::Stuck { thread: name });
+        for StartedThread { plan, thread } in self.threads.drain(..) {
+            let tid = thread.tid();
+            if plan.is_finished() && thread.join_until(patience).is_err() {
+                // Done, but something above it on its CPU keeps it from ending, or the thread drops
+                // what callbacks have left in its thread locals.
+                leave_behind(&plan, tid, &mut self.stuck, &self.events);
             }
         }
         for enforcer in self.enforcers() {
@@ -222,7 +205,8 @@ impl RunningExecutor {
             core::mem::forget(self.claim.take()); // it may still be in the middleware
         }
         self.claim = None;
-        self.admission.place = None;
+        self.admission.end();
+        self.recording.end();
         report.stuck.clone_from(&self.stuck);
         self.end = Some(report.clone());
         report
@@ -246,23 +230,15 @@ impl fmt::Debug for RunningExecutor {
     }
 }
 
-/// The counters of one handle.
-pub(crate) fn handle_stats(handle: &HandleState, stop: &StopHandle) -> HandleStats {
-    let lost = handle.input.as_ref();
-    let lost = lost.map_or(0, |(reader, _)| stop.middleware.lost(*reader));
-    handle.counters.snapshot(handle.waiting(), lost)
-}
-
-pub(crate) fn handle_report(worker: &str, handle: &HandleState, stop: &StopHandle) -> HandleReport {
-    let error = String::from(handle.last_error.lock().as_str());
-    HandleReport {
-        id: handle.id.clone(),
-        worker: worker.into(),
-        stats: handle_stats(handle, stop),
-        latency: handle.latency.snapshot(),
-        response: handle.response.snapshot(),
-        last_error: Some(error).filter(|e| !e.is_empty()),
+/// Nobody waits for the thread any more, and it keeps neither budget nor priority.
+fn leave_behind(plan: &ThreadPlan, tid: Tid, stuck: &mut Vec<String>, events: &Events) {
+    let thread = &*plan.name;
+    stuck.push(String::from(thread));
+    if let Some(meter) = plan.meter() {
+        meter.abandon();
     }
+    os::set_priority(tid, SchedClass::Other).ok();
+    events.emit(&Event::Stuck { thread });
 }
 
 fn thread_report(plan: &ThreadPlan) -> ThreadReport {

@@ -37,9 +37,10 @@ impl<const N: usize> fmt::Display for Table<N> {
         for (cells, remark) in &self.rows {
             for (at, (cell, width)) in cells.iter().zip(widths).enumerate() {
                 let gap = if at == 0 { "" } else { "  " };
-                match at < self.names {
-                    true => write!(f, "{gap}{cell:<width$}")?,
-                    false => write!(f, "{gap}{cell:>width$}")?,
+                if at < self.names {
+                    write!(f, "{gap}{cell:<width$}")?;
+                } else {
+                    write!(f, "{gap}{cell:>width$}")?;
                 }
             }
             let gap = if remark.is_empty() { "" } else { "  " };

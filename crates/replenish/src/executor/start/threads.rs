@@ -15,13 +15,13 @@ use crate::event::{Event, Events};
 use crate::executor::run::dispatcher::Dispatcher;
 use crate::executor::run::state::Worker;
 use crate::executor::wake::stop::StopHandle;
-use crate::platform::{self, Static, Text, text};
+use crate::platform::{self, Static, TEXTS, Text, recorder, text};
 use crate::sync::{Arc, AtomicBool, Mutex, Notify, Ordering};
 use alloc::boxed::Box;
 use replenish_os::{self as os, Account, Enforcer, Meter, Params, Policy, Thread};
 use sporadic::Kind;
 
-/// What a thread does between launch and stop.
+/// The work of a thread between launch and stop.
 pub(crate) enum Role {
     Dispatcher(Static<Dispatcher>),
     Worker(Static<Box<Worker>>),
@@ -36,7 +36,7 @@ impl Role {
     }
 }
 
-/// What a thread of this executor is to be.
+/// The description of one thread of this executor.
 pub(crate) struct ThreadPlan {
     pub(crate) name: Arc<str>,
     pub(crate) policy: Policy,
@@ -53,9 +53,11 @@ pub(crate) struct ThreadPlan {
     pub(crate) ready: Mutex<Option<Result<Ready, Text>>>,
     pub(crate) launch: Mutex<Option<Launch>>,
     pub(crate) finished: AtomicBool,
+    /// Where it records.
+    pub(crate) slot: recorder::ThreadSlot,
 }
 
-/// Who enforces a thread's budget.
+/// The enforcer of a thread's budget.
 #[derive(Clone)]
 pub(crate) struct BudgetBinding {
     pub(crate) enforcer: Arc<Enforcer>,
@@ -118,14 +120,17 @@ impl ThreadPlan {
     }
 
     fn main(&self) {
-        let _finished = Finished(self); // dropped last: the account's final reading is in by then
+        let _finished = Finished(self);
         if self.prefault {
             // Without it callbacks meet page faults: slower, not wrong.
             os::memory::prefault_stack(self.stack_size).ok();
         }
         let enrolled = self.enroll();
-        let (mut account, ready) = match enrolled {
-            Ok((account, ready)) => (Some(account), Ok(ready)),
+        let (account, ready) = match enrolled {
+            Ok((account, ready)) => {
+                self.slot.install(&account, &ready.granted);
+                (Some(account), Ok(ready))
+            }
             Err(why) => (None, Err(why)),
         };
         *self.ready.lock() = Some(ready);
@@ -139,9 +144,10 @@ impl ThreadPlan {
             }
         };
         let role = self.role.lock().take();
-        let (Some(account), Some(role)) = (&mut account, role) else {
+        let (Some(mut account), Some(role)) = (account, role) else {
             return;
         };
+        platform::prepare_end();
         // Callbacks are caught one by one in the worker: what arrives here is our own mistake, or
         // a middleware's, and must not leave the others running without it.
         let panicked = |_: &mut Account, _: &str| {
@@ -149,7 +155,8 @@ impl ThreadPlan {
             let thread = &self.name;
             self.events.emit(&Event::ThreadPanicked { thread });
         };
-        platform::guard(account, |account| role.run(account, start), panicked);
+        platform::guard(&mut account, |account| role.run(account, start), panicked);
+        platform::end_with(account);
     }
 
     fn enroll(&self) -> Result<(Account, Ready), Text> {
@@ -166,9 +173,10 @@ impl ThreadPlan {
     }
 }
 
-/// What the kernel gave the thread, in words; it is not asked where there are none.
+/// The scheduling that the kernel granted, in words; the kernel is not asked in builds without
+/// texts.
 fn granted(meter: &Meter) -> Text {
-    match cfg!(feature = "texts").then(|| os::granted(meter.tid())) {
+    match TEXTS.then(|| os::granted(meter.tid())) {
         Some(Ok(granted)) => text!("{granted}"),
         Some(Err(e)) => text!("unknown: {e}"),
         None => text!("-"),

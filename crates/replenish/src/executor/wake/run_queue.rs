@@ -1,4 +1,4 @@
-//! What a worker's next round has to look at: handles that were marked, and releases that are due.
+//! The handles of a worker's next round: those that were marked, and those whose release is due.
 //!
 //! ```text
 //!   marks (by slot) ──► due (by position, that is in the order of execution) ──► looked at ──┐

@@ -4,7 +4,7 @@
 use crate::Nanos;
 use core::time::Duration;
 
-/// What happens to releases that fall into a callback or a preemption.
+/// The rule for releases that fall into a callback or a preemption.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Overrun {
     /// Only the latest is served, the others are counted as skipped. The phase is kept.
@@ -76,7 +76,7 @@ impl Every {
         }
     }
 
-    /// What happens to overrun releases.
+    /// The rule for overrun releases.
     #[must_use]
     pub const fn overrun(self, overrun: Overrun) -> Self {
         Self { overrun, ..self }

@@ -16,7 +16,18 @@ use core::fmt;
 #[derive(Clone)]
 pub struct StopHandle {
     pub(crate) stop: Arc<Stop>,
-    pub(crate) middleware: Arc<dyn Middleware>,
+    /// The dispatcher waits here.
+    waker: Arc<dyn Middleware>,
+}
+
+impl StopHandle {
+    /// Stops an executor whose dispatcher waits on `waker`.
+    pub(crate) fn new(waker: Arc<dyn Middleware>) -> Self {
+        Self {
+            stop: Arc::new(Stop::new()),
+            waker,
+        }
+    }
 }
 
 impl StopHandle {
@@ -24,7 +35,7 @@ impl StopHandle {
     /// to finish (see [`Executor::stop_grace`](crate::Executor::stop_grace)).
     pub fn stop(&self) {
         self.stop.request();
-        self.middleware.wake();
+        self.waker.wake();
     }
 
     /// Whether the end was asked for.

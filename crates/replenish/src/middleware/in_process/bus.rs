@@ -1,5 +1,14 @@
-//! What the lock of a bus protects: topics, participants, and how a sample gets into the queues of
+//! The state under a bus's lock: topics, participants, and the way of a sample into the queues of
 //! its readers.
+//!
+//! ```text
+//!   participant ── made ──► its place ── dropped ──► free: the next one gets it
+//!   topic ── first reader or writer ──► its place ── last one deleted ──► free
+//!   reader, writer ── created ──► its place ── deleted ──► free
+//! ```
+//!
+//! A number that outlives its place finds nobody there, or is told apart: a reply by the reader's
+//! [stamp](Reader::stamp), a buffer that comes back likewise.
 
 use super::notices::{Clashes, Oversizes};
 use crate::handoff::{Ring, SampleInfo};
@@ -17,12 +26,18 @@ const MAX_PARTICIPANTS: usize = 64;
 #[derive(Default)]
 pub(super) struct Bus {
     pub(super) topics: Vec<Topic>,
-    pub(super) participants: Vec<Participant>,
+    /// `None`: a place that is free.
+    participants: Vec<Option<Participant>>,
+    /// The next reader's stamp.
+    stamp: u32,
 }
 
+#[derive(Default)]
 pub(super) struct Topic {
     pub(super) name: String,
     pub(super) type_name: String,
+    /// Readers and writers; without any its place is free.
+    endpoints: usize,
     /// Participant and reader of each subscription.
     pub(super) readers: Vec<(usize, usize)>,
     /// Some writer and some reader do not fit together.
@@ -31,13 +46,13 @@ pub(super) struct Topic {
 
 pub(super) struct Participant {
     pub(super) bell: Arc<Notify>,
-    /// What its dispatcher waits for at this moment.
+    /// The readers for which its dispatcher waits at this moment.
     pub(super) waits_for: Option<Interest>,
     /// Where the next `take` starts to look, so that no reader starves the others.
     pub(super) next: usize,
     pub(super) readers: Vec<Reader>,
     pub(super) writers: Vec<Writer>,
-    /// What does not fit together, and was not told yet.
+    /// Endpoints whose QoS does not fit together, as far as it was not reported yet.
     pub(super) clashes: Arc<Clashes>,
 }
 
@@ -48,8 +63,8 @@ pub(super) struct Writer {
     pub(super) limit: usize,
     /// Samples sent so far.
     pub(super) sent: u64,
-    /// A client's reader of replies.
-    pub(super) replies: Option<usize>,
+    /// A client's reader of replies, and its stamp.
+    pub(super) replies: Option<(usize, u32)>,
     /// The latest samples, for readers that come late (transient local).
     pub(super) kept: Option<Ring>,
     /// It was deleted; its place is free.
@@ -58,6 +73,7 @@ pub(super) struct Writer {
 
 pub(super) struct Reader {
     pub(super) id: ReaderId,
+    pub(super) topic: usize,
     pub(super) requests: Qos,
     /// The largest sample it takes.
     pub(super) limit: usize,
@@ -69,28 +85,119 @@ pub(super) struct Reader {
     pub(super) lost: u64,
     /// It was deleted; its place is free.
     pub(super) deleted: bool,
-    /// How many readers have had this place before.
-    pub(super) generation: u32,
+    /// No other reader of the bus has had it: places are given out again, also to participants.
+    pub(super) stamp: u32,
 }
 
 impl Bus {
-    pub(super) fn topic(&mut self, spec: &EndpointSpec<'_>) -> Result<usize, MiddlewareError> {
-        if let Some(at) = self.topics.iter().position(|t| t.name == spec.topic) {
-            let existing = &self.topics.get(at).map(|t| t.type_name.clone());
-            return match existing {
-                Some(name) if name != spec.type_name => Err(MiddlewareError::TypeMismatch {
-                    existing: name.as_str().into(),
-                }),
-                _ => Ok(at),
-            };
+    /// Finds a place for a participant; if there is none, a place without anybody.
+    pub(super) fn enter(&mut self, participant: Participant) -> usize {
+        let free = self.participants.iter().position(Option::is_none);
+        let at = free.unwrap_or(self.participants.len());
+        match self.participants.get_mut(at) {
+            Some(place) => *place = Some(participant),
+            None if at < MAX_PARTICIPANTS => self.participants.push(Some(participant)),
+            None => {}
         }
-        self.topics.push(Topic {
+        at
+    }
+
+    /// A participant goes, and with it all that it has. To be dropped without the lock.
+    pub(super) fn leave(&mut self, me: usize) -> Option<Participant> {
+        let gone = self.participants.get_mut(me)?.take()?;
+        for (at, reader) in gone.readers.iter().enumerate() {
+            if !reader.deleted {
+                self.unsubscribe(reader.topic, (me, at));
+            }
+        }
+        for writer in gone.writers.iter().filter(|w| !w.deleted) {
+            self.part(writer.topic);
+        }
+        Some(gone)
+    }
+
+    pub(super) fn participant(&self, at: usize) -> Option<&Participant> {
+        self.participants.get(at)?.as_ref()
+    }
+
+    pub(super) fn participant_mut(&mut self, at: usize) -> Option<&mut Participant> {
+        self.participants.get_mut(at)?.as_mut()
+    }
+
+    /// The participants with their places.
+    pub(super) fn participants(&self) -> impl Iterator<Item = (usize, &Participant)> {
+        let places = self.participants.iter().enumerate();
+        places.filter_map(|(at, place)| Some((at, place.as_ref()?)))
+    }
+
+    /// The place of a topic, which has one endpoint more from now on.
+    pub(super) fn join(&mut self, spec: &EndpointSpec<'_>) -> Result<usize, MiddlewareError> {
+        let mut known = self.topics.iter_mut().enumerate();
+        if let Some((at, topic)) = known.find(|(_, t)| t.endpoints > 0 && t.name == spec.topic) {
+            if topic.type_name != spec.type_name {
+                return Err(MiddlewareError::TypeMismatch {
+                    existing: topic.type_name.as_str().into(),
+                });
+            }
+            topic.endpoints += 1;
+            return Ok(at);
+        }
+        let topic = Topic {
             name: spec.topic.into(),
             type_name: spec.type_name.into(),
-            readers: Vec::new(),
-            clashes: false,
-        });
-        Ok(self.topics.len() - 1)
+            endpoints: 1,
+            ..Topic::default()
+        };
+        let free = self.topics.iter().position(|t| t.endpoints == 0);
+        let at = free.unwrap_or(self.topics.len());
+        match self.topics.get_mut(at) {
+            Some(place) => *place = topic,
+            None => self.topics.push(topic),
+        }
+        Ok(at)
+    }
+
+    /// A topic has one endpoint less.
+    fn part(&mut self, topic: usize) {
+        if let Some(topic) = self.topics.get_mut(topic) {
+            topic.endpoints = topic.endpoints.saturating_sub(1);
+            if topic.endpoints == 0 {
+                *topic = Topic::default();
+            }
+        }
+    }
+
+    /// Participant and reader do not belong to the topic any more.
+    fn unsubscribe(&mut self, topic: usize, reader: (usize, usize)) {
+        if let Some(topic) = self.topics.get_mut(topic) {
+            topic.readers.retain(|r| *r != reader);
+        }
+        self.part(topic);
+    }
+
+    pub(super) fn delete_reader(&mut self, me: usize, at: usize) {
+        let reader = self.participant_mut(me).and_then(|p| p.readers.get_mut(at));
+        if let Some(reader) = reader.filter(|r| !r.deleted) {
+            reader.queue.clear();
+            reader.deleted = true;
+            let topic = reader.topic;
+            self.unsubscribe(topic, (me, at));
+        }
+    }
+
+    pub(super) fn delete_writer(&mut self, me: usize, at: usize) {
+        let writer = self.participant_mut(me).and_then(|p| p.writers.get_mut(at));
+        if let Some(writer) = writer.filter(|w| !w.deleted) {
+            writer.deleted = true;
+            let topic = writer.topic;
+            self.part(topic);
+        }
+    }
+
+    /// A number that no reader of this bus has.
+    pub(super) fn next_stamp(&mut self) -> u32 {
+        self.stamp = self.stamp.wrapping_add(1);
+        self.stamp
     }
 
     pub(super) fn me(&mut self, me: usize) -> Result<&mut Participant, MiddlewareError> {
@@ -98,13 +205,12 @@ impl Bus {
             what: label("participants of one in-process bus"),
             limit: MAX_PARTICIPANTS,
         };
-        let known = self.participants.get_mut(me);
-        known.filter(|_| me < MAX_PARTICIPANTS).ok_or(too_many)
+        self.participant_mut(me).ok_or(too_many)
     }
 
     /// Gives a reader that comes late what the topic's writers have kept.
     pub(super) fn catch_up(&self, topic: usize, reader: &mut Reader) {
-        let writers = self.participants.iter().flat_map(|p| &p.writers);
+        let writers = self.participants().flat_map(|(_, p)| &p.writers);
         let requests = reader.requests;
         let fits = |w: &&Writer| w.offers.check_offers(requests).is_ok();
         let mine = writers.filter(|w| w.topic == topic && !w.deleted && fits(w));
@@ -131,7 +237,7 @@ impl Bus {
             return (wake, full);
         };
         for &(p, r) in &topic.readers {
-            let Some(participant) = self.participants.get_mut(p) else {
+            let Some(Some(participant)) = self.participants.get_mut(p) else {
                 continue;
             };
             let Some(reader) = participant.readers.get_mut(r) else {
@@ -156,7 +262,7 @@ impl Bus {
     }
 }
 
-/// What has become of a sample for one reader.
+/// The fate of a sample at one reader.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Stored {
     Waits,

@@ -12,7 +12,7 @@ impl Bus {
             return 0;
         };
         let readers = on.readers.iter().filter_map(|(p, r)| {
-            let reader = self.participants.get(*p)?.readers.get(*r)?;
+            let reader = self.participant(*p)?.readers.get(*r)?;
             let clash = offers.check_offers(reader.requests).err()?;
             Some((*p, id(*r), clash))
         });
@@ -33,7 +33,7 @@ impl Bus {
         topic: usize,
         requests: Qos,
     ) -> u64 {
-        let everybody = self.participants.iter().enumerate();
+        let everybody = self.participants();
         let writers = everybody.flat_map(|(p, of)| of.writers.iter().map(move |w| (p, w)));
         let mine = writers.filter(|(_, w)| w.topic == topic && !w.deleted);
         let found = mine.filter_map(|(p, w)| Some((p, w.offers.check_offers(requests).err()?)));
@@ -57,9 +57,9 @@ impl Bus {
             return 0;
         };
         topic.clashes = true;
-        if let Some(of) = self.participants.get(participant) {
-            of.clashes
-                .add(IncompatibleQos::new(&topic.name, reader, clash));
+        let notice = IncompatibleQos::new(&topic.name, reader, clash);
+        if let Some(of) = self.participant(participant) {
+            of.clashes.add(notice);
         }
         1 << participant
     }

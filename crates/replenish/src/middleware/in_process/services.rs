@@ -2,7 +2,7 @@
 //! that the request's identity names.
 
 use super::bus::Stored;
-use super::{Bus, InProcess, SampleInfo, clock};
+use super::{Bus, InProcess, Reader, SampleInfo, clock};
 use crate::middleware::{
     EndpointSpec, Middleware, MiddlewareError, PublishError, ReaderId, RequestIdentity,
     ServiceSpec, WriterId,
@@ -21,6 +21,7 @@ fn endpoint<'a>(spec: &ServiceSpec<'a>, topic: &'a str, max_size: usize) -> Endp
         topic,
         type_name: spec.type_name,
         dds_type_name: spec.request_type,
+        type_hash: spec.type_hash,
         qos: spec.qos,
         max_size,
         ingress: IngressLimit::none(),
@@ -28,21 +29,22 @@ fn endpoint<'a>(spec: &ServiceSpec<'a>, topic: &'a str, max_size: usize) -> Endp
     }
 }
 
-/// Who is to get the reply: participant, reader, and which of those that had this place.
+/// The receiver of a reply: participant, reader, and the stamp of that reader among those that had
+/// its place.
 #[derive(Clone, Copy)]
 struct Addressee {
     participant: usize,
     reader: usize,
-    generation: u32,
+    stamp: u32,
 }
 
 impl Addressee {
     fn identity(self, number: u64) -> RequestIdentity {
         let mut guid = [0; 16];
         let (p, rest) = guid.split_at_mut(8);
-        let (g, r) = rest.split_at_mut(4);
+        let (s, r) = rest.split_at_mut(4);
         p.copy_from_slice(&(self.participant as u64).to_be_bytes());
-        g.copy_from_slice(&self.generation.to_be_bytes());
+        s.copy_from_slice(&self.stamp.to_be_bytes());
         let reader = u32::try_from(self.reader).unwrap_or(u32::MAX);
         r.copy_from_slice(&reader.to_be_bytes());
         RequestIdentity::of(guid, number)
@@ -51,11 +53,11 @@ impl Addressee {
     fn of(identity: &RequestIdentity) -> Option<Self> {
         let guid = identity.guid();
         let (p, rest) = guid.split_at(8);
-        let (g, r) = rest.split_at(4);
+        let (s, r) = rest.split_at(4);
         Some(Self {
             participant: usize::try_from(u64::from_be_bytes(p.try_into().ok()?)).ok()?,
             reader: usize::try_from(u32::from_be_bytes(r.try_into().ok()?)).ok()?,
-            generation: u32::from_be_bytes(g.try_into().ok()?),
+            stamp: u32::from_be_bytes(s.try_into().ok()?),
         })
     }
 }
@@ -69,8 +71,8 @@ impl InProcess {
         let reader = self.create_reader(&endpoint(spec, &topic, spec.max_request))?;
         // Replies are addressed, so the writer's topic has no readers.
         let nobody = alloc::format!("rr{}", spec.service);
-        let writer = self.create_writer(&endpoint(spec, &nobody, spec.max_response))?;
-        Ok((reader, writer))
+        let writer = self.create_writer(&endpoint(spec, &nobody, spec.max_response));
+        self.both(reader, writer)
     }
 
     pub(super) fn service_client(
@@ -80,13 +82,28 @@ impl InProcess {
         let nobody = alloc::format!("rr{}", spec.service);
         let reader = self.create_reader(&endpoint(spec, &nobody, spec.max_response))?;
         let topic = requests(spec);
-        let writer = self.create_writer(&endpoint(spec, &topic, spec.max_request))?;
+        let writer = self.create_writer(&endpoint(spec, &topic, spec.max_request));
+        let (reader, writer) = self.both(reader, writer)?;
         let mut bus = self.bus.state.lock();
-        let mine = &mut bus.me(self.me)?.writers;
-        if let Some(writer) = mine.get_mut(usize::from(writer.0)) {
-            writer.replies = Some(reader.0.into());
+        let mine = bus.me(self.me)?;
+        let at = usize::from(reader.0);
+        let stamp = mine.readers.get(at).map(|r| r.stamp);
+        if let Some(writer) = mine.writers.get_mut(usize::from(writer.0)) {
+            writer.replies = stamp.map(|stamp| (at, stamp));
         }
         Ok((reader, writer))
+    }
+
+    /// A reader does not stay without its writer.
+    fn both(
+        &self,
+        reader: ReaderId,
+        writer: Result<WriterId, MiddlewareError>,
+    ) -> Result<(ReaderId, WriterId), MiddlewareError> {
+        if writer.is_err() {
+            self.delete_reader(reader)?;
+        }
+        Ok((reader, writer?))
     }
 
     pub(super) fn send_request(
@@ -96,17 +113,19 @@ impl InProcess {
     ) -> Result<u64, PublishError> {
         let (wake, full, number) = {
             let mut bus = self.bus.state.lock();
-            let mine = bus.participants.get_mut(self.me);
+            let mine = bus.participant_mut(self.me);
             let mine = mine.ok_or(PublishError::UnknownWriter)?;
             let writer = mine.writers.get_mut(usize::from(client.0));
             let writer = writer.ok_or(PublishError::UnknownWriter)?;
-            let reader = writer.replies.ok_or(PublishError::UnknownWriter)?;
+            let (reader, stamp) = writer.replies.ok_or(PublishError::UnknownWriter)?;
             // A client that was removed hears no replies, so it sends no requests.
-            let replies = mine.readers.get(reader).filter(|r| !r.deleted);
+            let replies = mine.readers.get(reader);
+            let hears = |r: &&Reader| !r.deleted && r.stamp == stamp;
+            replies.filter(hears).ok_or(PublishError::UnknownWriter)?;
             let to = Addressee {
                 participant: self.me,
                 reader,
-                generation: replies.ok_or(PublishError::UnknownWriter)?.generation,
+                stamp,
             };
             let (size, limit) = (payload.len(), writer.limit);
             if size > limit {
@@ -123,9 +142,10 @@ impl InProcess {
             (wake, full, number)
         };
         self.bus.ring(wake);
-        match full {
-            true => Err(PublishError::Full),
-            false => Ok(number),
+        if full {
+            Err(PublishError::Full)
+        } else {
+            Ok(number)
         }
     }
 
@@ -137,7 +157,7 @@ impl InProcess {
     ) -> Result<(), PublishError> {
         let wake = {
             let mut bus = self.bus.state.lock();
-            let mine = bus.participants.get(self.me);
+            let mine = bus.participant(self.me);
             let writer = mine.and_then(|p| p.writers.get(usize::from(server.0)));
             let writer = writer.ok_or(PublishError::UnknownWriter)?;
             let (limit, offers) = (writer.limit, writer.offers);
@@ -158,12 +178,12 @@ impl InProcess {
 
     pub(super) fn knows_server(&self, client: WriterId) -> Option<bool> {
         let bus = self.bus.state.lock();
-        let mine = bus.participants.get(self.me)?;
+        let mine = bus.participant(self.me)?;
         let writer = mine.writers.get(usize::from(client.0))?;
-        let replies = mine.readers.get(writer.replies?)?.requests;
+        let replies = mine.readers.get(writer.replies?.0)?.requests;
         let mut servers = bus.topics.get(writer.topic)?.readers.iter();
         let served = servers.any(|(p, r)| {
-            let reader = bus.participants.get(*p).and_then(|p| p.readers.get(*r));
+            let reader = bus.participant(*p).and_then(|p| p.readers.get(*r));
             // A server has one quality of service for requests and replies.
             reader.is_some_and(|server| {
                 let hears = writer.offers.check_offers(server.requests).is_ok();
@@ -184,9 +204,9 @@ impl Bus {
     ) -> Result<u64, PublishError> {
         // A client that is gone is as a link that is down.
         let (p, r) = (to.participant, to.reader);
-        let participant = self.participants.get_mut(p).ok_or(PublishError::LinkDown)?;
+        let participant = self.participant_mut(p).ok_or(PublishError::LinkDown)?;
         let reader = participant.readers.get_mut(r);
-        let reader = reader.filter(|r| !r.deleted && r.generation == to.generation);
+        let reader = reader.filter(|r| !r.deleted && r.stamp == to.stamp);
         let reader = reader.ok_or(PublishError::LinkDown)?;
         if offers.check_offers(reader.requests).is_err() {
             return Ok(0); // they do not talk with each other; both were told

@@ -50,7 +50,7 @@ pub struct Xrce {
     pub(super) flags: Arc<StatusFlags>,
 }
 
-/// What an adapter and its session have counted.
+/// The counters of an adapter and its session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct XrceStats {
     /// Log-ins, losses, pings.
@@ -68,7 +68,7 @@ pub struct XrceStats {
 }
 
 impl Xrce {
-    /// What was counted so far.
+    /// The counters so far.
     #[must_use]
     pub fn stats(&self) -> XrceStats {
         let state = self.state.lock();
@@ -92,7 +92,7 @@ impl Xrce {
     ) -> io::Result<bool> {
         let (mut any, mut due) = (false, false);
         for _ in 0..self.waiting.batch(BATCH) {
-            // What one reading gives came at one time.
+            // All messages of one reading have the same arrival time.
             let mut begun = None;
             let received = self.transport.receive(&mut |message| {
                 let (now, state) = begun.get_or_insert_with(|| {
@@ -129,7 +129,7 @@ impl Xrce {
         state.tick(now);
         state.flush_deletes();
         state.grant();
-        // What is not sent is counted there; the session makes up for it.
+        // The session counts a message that is not sent, and repeats it.
         state
             .flush(now, &*self.transport, self.waiting.alarm())
             .ok();
@@ -151,7 +151,7 @@ impl Middleware for Xrce {
         }
         let mut state = self.state.lock();
         state.delete_reader(reader);
-        // What is not sent now goes out with the next round.
+        // A message that is not sent now goes out with the next round.
         state
             .flush(clock::monotonic(), &*self.transport, self.waiting.alarm())
             .ok();
@@ -223,7 +223,7 @@ impl Middleware for Xrce {
         if !FULL {
             return None;
         }
-        // Who waits for a server may be the only one who listens to the agent.
+        // A thread that waits for a server may be the only one that listens to the agent.
         let now = clock::monotonic();
         let mut known = None;
         let done = self.until(now, &mut |state| {
@@ -234,9 +234,10 @@ impl Middleware for Xrce {
     }
 
     fn next_incompatible_qos(&self) -> Option<IncompatibleQos> {
-        match TEXTS && self.flags.has_clash() {
-            true => self.state.lock().next_incompatible_qos(),
-            false => None,
+        if TEXTS && self.flags.has_clash() {
+            self.state.lock().next_incompatible_qos()
+        } else {
+            None
         }
     }
 

@@ -20,8 +20,8 @@ pub struct XrceConfig {
     /// Reliable datagrams that are kept until they are acknowledged, 1..=64; without `std` up to 4.
     pub window: u16,
     /// The largest sample that can be sent and received on a reliable topic, in bytes, up to 65528.
-    /// What the window can hold besides can be sent, too. Without the feature `full` (which `std`
-    /// brings) it is `mtu` - 12 at most.
+    /// A longer one that fits into the window can be sent, too. Without the feature `full` (which
+    /// `std` brings) it is `mtu` - 12 at most.
     pub max_sample: usize,
     /// Bytes for the descriptions of what was created, from which it is created anew at the next
     /// log-in, 64 or more: about 140 for a publisher and 175 for a subscription with short names.
@@ -172,14 +172,14 @@ pub enum ConnectError {
     Address {
         /// As it was given.
         agent: Text,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
     /// A setting is outside its range.
     Setting {
         /// Which one.
         field: &'static str,
-        /// What is allowed.
+        /// The allowed range.
         allowed: StaticText,
     },
     /// No agent answered in time.
@@ -198,9 +198,9 @@ pub enum ConnectError {
     },
     /// The operating system refused something else.
     Io {
-        /// What was tried.
+        /// The action that failed.
         what: StaticText,
-        /// What it says.
+        /// Its error.
         source: io::Error,
     },
 }

@@ -4,7 +4,10 @@ use super::adapter::Xrce;
 use super::config::{ConnectError, XrceConfig};
 use super::transport::{SerialTransport, TcpTransport, Udp};
 use crate::context::Context;
+use crate::error::Error;
+use alloc::format;
 use alloc::string::ToString;
+use replenish_args::RosArgs;
 use replenish_xrce::udp::UdpTransport;
 use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, ToSocketAddrs};
@@ -77,6 +80,67 @@ impl Context {
     /// If the line cannot be used, or no agent answers there within 1.5 s.
     pub fn xrce_serial(path: impl AsRef<Path>, baud: u32) -> Result<Self, ConnectError> {
         Xrce::serial_with(path.as_ref(), baud, XrceConfig::slow_line()).map(Self::new)
+    }
+}
+
+/// The variable that names the agent.
+const AGENT: &str = "REPLENISH_AGENT";
+
+impl Context {
+    /// The context of a ROS 2 program: its arguments behind `--ros-args` give names and parameters
+    /// ([`with_args`](Self::with_args)), SIGINT and SIGTERM end its executors
+    /// ([`stop_on_signals`](Self::stop_on_signals)), and the agent is named by the variable
+    /// `REPLENISH_AGENT`: `udp://HOST:PORT`, `tcp://HOST:PORT`, `serial://PATH@BAUD`, or
+    /// `in-process` for none; `udp://127.0.0.1:8888` if it is not set. `ROS_DOMAIN_ID` is its DDS
+    /// domain.
+    ///
+    /// ```no_run
+    /// # fn main() -> Result<(), replenish::Error> {
+    /// let ctx = replenish::Context::from_args()?;
+    /// let node = ctx.node("talker")?; // another one with `--ros-args -r __node:=other`
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Arguments`] for an argument or variable that cannot be used,
+    /// [`Error::Connect`] if no agent answers.
+    pub fn from_args() -> Result<Self, Error> {
+        let args = RosArgs::from_env()?;
+        let agent = std::env::var(AGENT).ok().filter(|agent| !agent.is_empty());
+        let agent = agent.as_deref().unwrap_or("udp://127.0.0.1:8888");
+        let domain = args.environment().domain.unwrap_or(0);
+        let context = Self::at(agent, domain)?;
+        context.stop_on_signals()?;
+        Ok(context.with_args(args))
+    }
+
+    fn at(agent: &str, domain: u8) -> Result<Self, Error> {
+        let config = |usual| XrceConfig {
+            domain: domain.into(),
+            ..usual
+        };
+        let wrong = || Error::Arguments {
+            reason: format!(
+                "{AGENT}, {agent}: allowed is udp://HOST:PORT, tcp://HOST:PORT, \
+                 serial://PATH@BAUD or in-process"
+            ),
+        };
+        if agent == "in-process" {
+            return Ok(Self::in_process());
+        }
+        let (transport, place) = agent.split_once("://").ok_or_else(wrong)?;
+        let xrce = match transport {
+            "udp" => Xrce::udp_with(place, config(XrceConfig::default())),
+            "tcp" => Xrce::tcp_with(place, config(XrceConfig::default())),
+            "serial" => {
+                let (path, baud) = place.rsplit_once('@').ok_or_else(wrong)?;
+                let baud = baud.parse().map_err(|_| wrong())?;
+                Xrce::serial_with(Path::new(path), baud, config(XrceConfig::slow_line()))
+            }
+            _ => return Err(wrong()),
+        };
+        Ok(Self::new(xrce?))
     }
 }
 

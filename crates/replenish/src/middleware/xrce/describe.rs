@@ -10,7 +10,7 @@ use replenish_xrce::wire::{
 
 /// A participant, a topic, a publisher, a subscriber, a data writer or a data reader.
 pub(super) struct Description<'a> {
-    /// What is described; its kind says how.
+    /// The described object; its kind gives the form.
     pub(super) object: ObjectId,
     /// The object that it belongs to; a participant's domain.
     pub(super) owner: [u8; 2],

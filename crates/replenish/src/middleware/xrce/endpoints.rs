@@ -3,12 +3,12 @@
 //! A node is a participant; a topic of a node a topic object, named as ROS 2 names topics on DDS;
 //! every writer has a publisher of its own and every reader a subscriber, as in micro-ROS.
 
-use super::backlog::Backlog;
+use super::backlog::{Backlog, Flow};
 use super::config::Settings;
 use super::describe::{Description, milliseconds};
 use super::errors::{request_error, setting};
-use super::limits::{MAX_NUMBER, OVERHEAD, number};
-use super::objects::{Flow, Reader, State, Topic, Writer};
+use super::limits::{MAX_NUMBER, OVERHEAD, least_depth, number};
+use super::objects::{Reader, State, Topic, Writer};
 use super::state::stream;
 use crate::middleware::{EndpointSpec, MiddlewareError};
 use crate::name::concat;
@@ -40,13 +40,15 @@ impl State {
             (false, false) => usize::from(settings.mtu).saturating_sub(OVERHEAD),
         };
         self.check(spec.max_size, limit, setting(reliable))?;
-        let (slot, number) = match writes {
-            true => (0, self.writer_number()?),
-            false => self.reader_place()?,
+        let (slot, number) = if writes {
+            (0, self.writer_number()?)
+        } else {
+            self.reader_place()?
         };
-        let (group, kind) = match writes {
-            true => (ObjectKind::Publisher, ObjectKind::DataWriter),
-            false => (ObjectKind::Subscriber, ObjectKind::DataReader),
+        let (group, kind) = if writes {
+            (ObjectKind::Publisher, ObjectKind::DataWriter)
+        } else {
+            (ObjectKind::Subscriber, ObjectKind::DataReader)
         };
         let (group, object) = (ObjectId::new(number, group), ObjectId::new(number, kind));
         let participant = self.participant(spec.node, settings.domain)?;
@@ -61,24 +63,18 @@ impl State {
         }
         let keep_last = spec.qos.history == History::KeepLast;
         let mut control = control(spec.ingress);
-        let depth = spec.qos.depth.max(1);
-        // What is lost on the way would never be asked for again, so best effort has no such thing.
+        let mut depth = spec.qos.depth.max(1);
+        // A lost sample would never be asked for again, so best effort holds nothing back.
         let counts = control.max_samples == DeliveryControl::UNLIMITED_SAMPLES;
         let holds_back = reliable && !keep_last && counts;
         if holds_back {
+            depth = depth.max(least_depth(max_size));
             control.max_samples = depth;
         }
         self.session
             .read(object, stream, control)
             .map_err(|error| request_error(&error))?;
-        let flow = holds_back.then(|| {
-            Box::new(Flow {
-                stream,
-                control,
-                depth: depth.into(),
-                granted: depth,
-            })
-        });
+        let flow = holds_back.then(|| Box::new(Flow::new(stream, control, depth)));
         let reader = Reader {
             object,
             topic,
@@ -97,7 +93,7 @@ impl State {
         !matches!(state, Some(RequestState::Queued | RequestState::Asked))
     }
 
-    /// What the agent said to the creation of `object`.
+    /// The agent's answer to the creation of `object`.
     pub(super) fn outcome(
         &self,
         object: ObjectId,

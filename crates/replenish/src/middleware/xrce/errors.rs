@@ -6,11 +6,12 @@ use crate::platform::{StaticText, io, label};
 use replenish_xrce::client::RequestError;
 use replenish_xrce::stream::PushError;
 
-/// What limits samples: the window of a reliable stream holds at least the largest one.
+/// The setting that limits samples: the window of a reliable stream holds at least the largest one.
 pub(super) const fn setting(reliable: bool) -> StaticText {
-    match reliable {
-        true => label("of reliable ones it is XrceConfig::max_sample, 1..=65528"),
-        false => label("of best-effort ones it is XrceConfig::mtu - 12, with an mtu of 64..=65507"),
+    if reliable {
+        label("of reliable ones it is XrceConfig::max_sample, 1..=65528")
+    } else {
+        label("of best-effort ones it is XrceConfig::mtu - 12, with an mtu of 64..=65507")
     }
 }
 

@@ -4,7 +4,7 @@ use crate::middleware::MiddlewareError;
 use crate::platform::{STD, StaticText, TEXTS};
 use replenish_xrce::features::DELIVERY;
 
-/// What a limit is with the standard library, and what without.
+/// A limit with the standard library, or `bare` without it.
 const fn limit(std: usize, bare: usize) -> usize {
     if STD { std } else { bare }
 }
@@ -17,6 +17,14 @@ pub(super) const REQUESTS: usize = limit(4096, 32);
 /// Streams of each kind and direction: one for each [`Criticality`](crate::Criticality), or one for
 /// both.
 pub(super) const STREAMS: usize = limit(2, 1);
+/// Reliable streams: requests have one of their own where there is room. A reader asks for more
+/// samples on it, also while a writer of this session waits, perhaps for that reader.
+pub(super) const RELIABLE_STREAMS: usize = limit(3, 1);
+/// Samples that a keep-all reader has room for at least, if they are small: so that it goes on
+/// where some of what it has asked for is lost on the way.
+pub(super) const fn least_depth(max_size: usize) -> u16 {
+    if STD && max_size <= 8 * 1024 { 8 } else { 1 }
+}
 /// Messages that wait for a missing one: agents keep sixteen; a microcontroller as many as it
 /// keeps.
 pub(super) const fn reorder(window: usize) -> usize {

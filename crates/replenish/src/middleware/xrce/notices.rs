@@ -1,5 +1,5 @@
-//! What the agent tells unasked: endpoints that do not talk because of their QoS, servers that come
-//! and go. Agents of replenish do; from others nothing is known.
+//! Notices that an agent of replenish sends unasked: endpoints that do not talk because of their
+//! QoS, servers that come and go. Other agents send none.
 
 use super::objects::State;
 use crate::middleware::{IncompatibleQos, ReaderId, WriterId};

@@ -1,14 +1,14 @@
-//! What the session lock protects, as plain structs: the session, its endpoints, and the objects at
-//! the agent that they stand for. The files that act on them import this one, and never the
+//! The state under the session lock, as plain structs: the session, its endpoints, and the objects
+//! at the agent that they stand for. The files that act on them import this one, and never the
 //! reverse.
 #![cfg_attr(
     not(feature = "full"),
     allow(dead_code, reason = "fields for endpoints that are deleted")
 )]
 
-use super::backlog::Backlog;
+use super::backlog::{Backlog, Flow};
 use super::flags::StatusFlags;
-use super::limits::{CLASHES, REQUESTS, STREAMS, WINDOW};
+use super::limits::{CLASHES, RELIABLE_STREAMS, REQUESTS, STREAMS, WINDOW};
 use super::registry::{Numbers, PendingDeletes, Slots};
 use super::socket_stats::SocketStats;
 use crate::Nanos;
@@ -18,9 +18,9 @@ use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
 use replenish_xrce::client::Session;
-use replenish_xrce::wire::{DeliveryControl, ObjectId, Status, StreamId};
+use replenish_xrce::wire::{ObjectId, RequestId, Status, StreamId};
 
-pub(super) type XrceSession = Session<Box<[u8]>, WINDOW, REQUESTS, STREAMS, STREAMS>;
+pub(super) type XrceSession = Session<Box<[u8]>, WINDOW, REQUESTS, STREAMS, RELIABLE_STREAMS>;
 
 pub(super) struct State {
     pub(super) session: Box<XrceSession>,
@@ -31,11 +31,11 @@ pub(super) struct State {
     pub(super) reader_numbers: Numbers,
     pub(super) writer_numbers: Numbers,
     pub(super) topic_numbers: Numbers,
-    /// What the agent is to delete.
+    /// Objects that the agent is to delete.
     pub(super) pending_deletes: PendingDeletes,
     /// The agent was lost, and what it may send after its return is to be determined anew.
     pub(super) regrant: bool,
-    /// What the timer is set to.
+    /// The instant to which the timer is set.
     pub(super) armed: Nanos,
     /// The transport has no room at the moment.
     pub(super) blocked: bool,
@@ -64,7 +64,7 @@ impl State {
     }
 }
 
-/// What messages from the agent are about.
+/// The targets of the agent's messages.
 #[derive(Default)]
 pub(super) struct Endpoints {
     pub(super) flags: Arc<StatusFlags>,
@@ -96,14 +96,15 @@ pub(super) struct Reader {
     pub(super) deleted: bool,
 }
 
-/// What a keep-all reader has asked its agent for: never more than it has room for.
-pub(super) struct Flow {
-    pub(super) stream: StreamId,
-    pub(super) control: DeliveryControl,
-    /// Samples it can keep.
-    pub(super) depth: usize,
-    /// Samples that may still come.
-    pub(super) granted: u16,
+impl Reader {
+    /// Counts a sample that `request` asked for, arrived or lost. Whether to ask for more now.
+    pub(super) fn spend(&mut self, request: RequestId) -> bool {
+        let Some(flow) = &mut self.flow else {
+            return false;
+        };
+        flow.arrived(request);
+        flow.is_spent()
+    }
 }
 
 pub(super) struct Writer {

@@ -48,7 +48,7 @@ impl Slots {
     }
 }
 
-/// What is to be deleted, and has not been sent.
+/// Deletions that have not been sent.
 #[derive(Debug)]
 pub(super) struct PendingDeletes(pub(super) Vec<(ObjectId, Option<StreamId>)>);
 

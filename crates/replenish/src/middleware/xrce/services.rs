@@ -128,9 +128,10 @@ impl State {
         let writer = writer.filter(|w| w.object.kind() == Ok(kind) && !w.closed);
         let writer = writer.ok_or(PublishError::UnknownWriter)?;
         let limit = writer.max_size;
-        match size > limit {
-            true => Err(PublishError::TooLarge { size, limit }),
-            false => Ok(writer),
+        if size > limit {
+            Err(PublishError::TooLarge { size, limit })
+        } else {
+            Ok(writer)
         }
     }
 

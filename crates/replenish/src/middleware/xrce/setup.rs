@@ -3,22 +3,20 @@
 use super::adapter::Xrce;
 use super::config::{ConnectError, Settings, XrceConfig};
 use super::errors::{io_error, request_error};
-use super::limits::{OVERHEAD, RESTORE, reorder};
+use super::limits::{OVERHEAD, RELIABLE_STREAMS, RESTORE, reorder};
 use super::objects::{Round, State, XrceSession};
-use super::state::stream;
 use super::time::wall_clock;
 use super::transport::Transport;
 use super::waiting::Waiting;
 use crate::Nanos;
 use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId, Room, WriterId};
 use crate::platform::{StaticText, io, label, make_static, zeroed};
-use crate::qos::Criticality;
 use crate::sync::Arc;
 use alloc::boxed::Box;
 use replenish_os::{PiMutex, clock};
 use replenish_xrce::client::{Config, ReliableBuffers, Session};
 use replenish_xrce::features::FRAGMENTS;
-use replenish_xrce::wire::{ClientKey, ObjectId};
+use replenish_xrce::wire::{ClientKey, ObjectId, StreamId};
 
 /// The longest wait without a look at the session: a dispatcher may have received the answer.
 const LOOK: Nanos = 5_000_000;
@@ -86,16 +84,18 @@ impl Xrce {
         writes: bool,
     ) -> Result<u16, MiddlewareError> {
         let (id, object) = self.state.lock().add(spec, &self.settings, writes)?;
-        let what = match writes {
-            true => label("create a data writer"),
-            false => label("create a data reader"),
+        let what = if writes {
+            label("create a data writer")
+        } else {
+            label("create a data reader")
         };
         let confirmed = self.confirm(object, what);
         if confirmed.is_err() {
             let mut state = self.state.lock();
-            match writes {
-                true => state.delete_writer(WriterId(id)),
-                false => state.delete_reader(ReaderId(id)),
+            if writes {
+                state.delete_writer(WriterId(id));
+            } else {
+                state.delete_reader(ReaderId(id));
             }
         }
         confirmed.map(|()| id)
@@ -173,14 +173,18 @@ impl Xrce {
 #[inline(never)]
 fn session(config: &XrceConfig) -> Box<XrceSession> {
     let mtu = usize::from(config.mtu);
-    // What fits a message needs no room to be taken apart and put together.
-    let sample = match FRAGMENTS && config.max_sample + OVERHEAD > mtu {
-        true => (config.max_sample + 8).next_multiple_of(4),
-        false => 0,
+    // A sample that fits a message needs no room to be taken apart and put together.
+    let sample = if FRAGMENTS && config.max_sample + OVERHEAD > mtu {
+        (config.max_sample + 8).next_multiple_of(4)
+    } else {
+        0
     };
-    let part = || match FRAGMENTS {
-        true => zeroed(sample),
-        false => Box::default(),
+    let part = || {
+        if FRAGMENTS {
+            zeroed(sample)
+        } else {
+            Box::default()
+        }
     };
     let reliable = |_| ReliableBuffers {
         output: zeroed(mtu * usize::from(config.window)),
@@ -197,11 +201,11 @@ fn session(config: &XrceConfig) -> Box<XrceSession> {
         ping: Some(config.ping),
         reliability: config.reliability,
         acks: config.acks,
-        requests: stream(true, Criticality::RealTime),
+        requests: StreamId::reliable(RELIABLE_STREAMS as u8 - 1),
         confirm_delivery: true,
         ..Config::new(ClientKey(config.client_key()))
     };
     let journal = zeroed(config.journal);
     let out = |_| zeroed(mtu);
-    Box::new(Session::made(session, journal, restore, out, reliable))
+    Box::new(Session::from_fn(session, journal, restore, out, reliable))
 }

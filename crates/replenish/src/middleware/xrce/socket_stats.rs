@@ -3,7 +3,7 @@
 use super::transport::Sent;
 use crate::platform::io;
 
-/// What an adapter has counted at its socket.
+/// The counters of an adapter's socket.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SocketStats {
     /// Datagrams that the socket's buffer had no room for. What was reliable in them is sent again.

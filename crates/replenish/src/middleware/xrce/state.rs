@@ -1,4 +1,4 @@
-//! What the session lock protects: the session, its readers and writers, and the timer that the
+//! The state under the session lock: the session, its readers and writers, and the timer that the
 //! dispatcher waits on.
 
 use super::limits::{CLASHES, STREAMS};
@@ -12,7 +12,7 @@ use crate::platform::{FULL, io};
 use crate::qos::Criticality;
 use replenish_xrce::client::{Event, SessionState, WriteError};
 use replenish_xrce::features::{DELIVERY, QUERIES};
-use replenish_xrce::wire::{DeliveryControl, Notice, ObjectId, StreamId};
+use replenish_xrce::wire::{DeliveryControl, Notice, ObjectId, RequestId, StreamId};
 
 /// How often the session is looked after at most while the transport takes nothing.
 const BLOCKED: Nanos = 5_000_000;
@@ -25,10 +25,24 @@ impl Endpoints {
     /// Something has come from the agent at `now`: samples go to where the round says, or wait.
     fn event(&mut self, now: Nanos, event: Event<'_>, round: &mut Round<'_, '_>) {
         let mut info = SampleInfo::at(now);
+        let mut read = RequestId::NONE;
         let (object, payload) = match event {
             Event::Data {
-                reader, payload, ..
-            } => (reader, payload),
+                reader,
+                request,
+                payload,
+            } => {
+                read = request;
+                (reader, payload)
+            }
+            Event::TooLong { reader, request } if FULL => {
+                let id = self.slots.get(reader.number());
+                if let Some(reader) = self.readers.get_mut(usize::from(id)) {
+                    reader.lost += 1;
+                    self.spent |= reader.spend(request);
+                }
+                return;
+            }
             Event::Request {
                 replier,
                 identity,
@@ -61,11 +75,8 @@ impl Endpoints {
         let Some(reader) = self.readers.get_mut(usize::from(id.0)) else {
             return;
         };
-        if let Some(flow) = &mut reader.flow {
-            flow.granted = flow.granted.saturating_sub(1);
-            self.spent |= flow.granted == 0;
-        }
-        // What is too long fits into no backlog: whom it is for refuses it, and says so.
+        self.spent |= reader.spend(read);
+        // A sample that is too long fits into no backlog: its reader refuses and reports it.
         let at_once = reader.backlog.is_empty() || payload.len() > reader.max_size;
         if at_once && round.interest.contains(id) {
             return round.give(id, &info, payload);
@@ -191,22 +202,35 @@ impl State {
         }
         for reader in &mut self.endpoints.readers {
             let flow = reader.flow.as_mut();
-            let Some(flow) = flow.filter(|flow| lost || flow.granted == 0) else {
+            let Some(flow) = flow.filter(|flow| lost || flow.is_spent()) else {
                 continue;
             };
-            let room = flow.depth.saturating_sub(reader.backlog.len());
+            if FULL && lost {
+                flow.lost();
+            }
+            let mut room = flow.depth.saturating_sub(reader.backlog.len());
+            if FULL {
+                room = room.saturating_sub(flow.expected());
+            }
             if lost || room >= flow.depth.div_ceil(2) {
                 let room = u16::try_from(room).unwrap_or(u16::MAX - 1);
                 let control = DeliveryControl {
                     max_samples: room,
                     ..flow.control
                 };
-                let asked = self.session.read(reader.object, flow.stream, control);
-                flow.granted = if asked.is_ok() { room } else { 0 };
+                if self
+                    .session
+                    .read(reader.object, flow.stream, control)
+                    .is_ok()
+                {
+                    flow.asked(room);
+                } else if !FULL {
+                    flow.lost();
+                }
             }
             // If there is no room or no way to ask now, the reader stays spent: it is asked for
             // later.
-            self.endpoints.spent |= flow.granted == 0;
+            self.endpoints.spent |= flow.is_spent();
         }
     }
 

@@ -1,4 +1,4 @@
-//! What the dispatcher's wait ends with: the transport's descriptor, the alarm, and the waker.
+//! The dispatcher's wait. It ends with the transport's descriptor, the alarm, or the waker.
 //! With descriptors; the same without any is in `waiting_disabled.rs`.
 
 use super::transport::Transport;
@@ -8,7 +8,7 @@ use crate::sync::{AtomicBool, AtomicU64, Ordering};
 use replenish_os::timer::TimerFd;
 use replenish_os::{PollFd, WaitSet, WakeFd, clock, poll};
 
-/// What a session waits on.
+/// The wait set of a session.
 pub(super) struct Waiting {
     waker: WakeFd,
     /// Waited for by those who are not to be woken.
@@ -103,9 +103,10 @@ impl Waiting {
     /// sleep there is most often just one: to look for a second costs a system call, and if there
     /// is one the next wait ends at once.
     pub(super) fn batch(&self, most: usize) -> usize {
-        match self.pressed.load(Ordering::Relaxed) {
-            true => most,
-            false => 1,
+        if self.pressed.load(Ordering::Relaxed) {
+            most
+        } else {
+            1
         }
     }
 

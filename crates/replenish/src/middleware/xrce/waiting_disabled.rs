@@ -1,11 +1,11 @@
-//! What the dispatcher's wait endpoints with, without descriptors: one signal, which the
-//! transport's interrupt, the waker and an alarm that became earlier set.
+//! The dispatcher's wait without descriptors. It ends with one signal, which the transport's
+//! interrupt, the waker and an alarm that became earlier set.
 //!
 //! ```text
 //!   dispatcher                               publisher
-//!   until := min(alarm, deadline)            alarm := earlier
-//!   announce until                           announced later than that? ring
-//!   alarm earlier meanwhile? again
+//!   announce "whenever"                      alarm := earlier
+//!   until := min(alarm, deadline)            announced later than that? ring
+//!   announce until
 //!   wait for the signal, or until
 //! ```
 
@@ -18,7 +18,7 @@ use replenish_os::clock;
 /// How often those look who cannot wait for the signal, in ns.
 const LOOK: Nanos = 1_000_000;
 
-/// What a session waits on.
+/// The wait of a session.
 pub(super) struct Waiting {
     alarm: Alarm,
 }
@@ -73,20 +73,17 @@ impl Waiting {
     ) -> io::Result<()> {
         let alarm = &self.alarm;
         let deadline = deadline.unwrap_or(Nanos::MAX);
-        loop {
-            let until = alarm.at.load(Ordering::SeqCst).min(deadline);
-            alarm.waits_until.store(until, Ordering::SeqCst);
-            if alarm.at.load(Ordering::SeqCst) < until {
-                continue;
-            }
-            if until == Nanos::MAX {
-                alarm.bell.wait();
-            } else {
-                alarm.bell.wait_until(until);
-            }
-            alarm.waits_until.store(0, Ordering::SeqCst);
-            return Ok(());
+        // From now on an alarm that is set rings, until it is known which ones are early enough.
+        alarm.waits_until.store(Nanos::MAX, Ordering::SeqCst);
+        let until = alarm.at.load(Ordering::SeqCst).min(deadline);
+        alarm.waits_until.store(until, Ordering::SeqCst);
+        if until == Nanos::MAX {
+            alarm.bell.wait();
+        } else {
+            alarm.bell.wait_until(until);
         }
+        alarm.waits_until.store(0, Ordering::SeqCst);
+        Ok(())
     }
 
     /// When the dispatcher's wait has ended: the clock is cheap here.

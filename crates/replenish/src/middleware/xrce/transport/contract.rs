@@ -5,7 +5,7 @@ use crate::platform::io;
 use core::fmt::Debug;
 pub use replenish_xrce::Sent;
 
-/// What a look at the transport's input gave.
+/// The result of a look at the transport's input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Received {
     /// Nothing was there.
@@ -26,7 +26,7 @@ pub trait Transport: Send + Sync + Debug + 'static {
     /// Hands over a message. It is called when [`ready_at`](Self::ready_at) has passed.
     ///
     /// # Errors
-    /// What the system says, except for what [`Sent`] has a name for.
+    /// The system's errors, except for those that [`Sent`] names.
     fn send(&self, now: Nanos, message: &[u8]) -> io::Result<Sent>;
 
     /// When the next message can be handed over; `Nanos::MAX` while only the descriptor can tell.
@@ -44,7 +44,7 @@ pub trait Transport: Send + Sync + Debug + 'static {
     /// what could not be written at once.
     ///
     /// # Errors
-    /// What the system says, except for "nothing there" and the end of a connection.
+    /// The system's errors, except for "nothing there" and the end of a connection.
     fn receive(&self, deliver: &mut dyn FnMut(&[u8])) -> io::Result<Received>;
 
     /// The descriptor that is readable when there is something to receive, if it is the same for
@@ -60,8 +60,8 @@ pub trait Transport: Send + Sync + Debug + 'static {
     #[cfg(feature = "std")]
     fn with_descriptor(&self, wait: &mut dyn FnMut(Option<std::os::fd::BorrowedFd<'_>>));
 
-    /// What to set, from then on, when there is something to receive and when messages can be sent
-    /// again after [`wants_write`](Self::wants_write). Called once, at set-up.
+    /// The bell to ring, from then on, when there is something to receive and when messages can be
+    /// sent again after [`wants_write`](Self::wants_write). Called once, at set-up.
     #[cfg(not(feature = "std"))]
     fn attach(&self, bell: &crate::sync::Arc<crate::sync::Notify>);
 }

@@ -3,7 +3,7 @@
 use super::super::contract::{Received, Sent, Transport};
 use crate::Nanos;
 use crate::platform::io::{self, ErrorKind};
-use crate::platform::{Static, make_static, zeroed};
+use crate::platform::{Static, TEXTS, make_static, zeroed};
 use crate::sync::{Arc, AtomicBool, Mutex, Notify, Ordering};
 use alloc::boxed::Box;
 use core::fmt;
@@ -35,8 +35,8 @@ pub trait Port: Send + Sync + 'static {
     /// Hands bytes to the line; how many of them it took. It rings the bell when it has room again.
     fn write(&self, bytes: &[u8]) -> usize;
 
-    /// What to ring when bytes have come, and when there is room again after a `write` that took
-    /// less than it was given: from an interrupt, or from a task. Called once, at set-up.
+    /// The bell to ring when bytes have come, and when there is room again after a `write` that
+    /// took less than it was given: from an interrupt, or from a task. Called once, at set-up.
     fn attach(&self, bell: &Arc<Notify>);
 
     /// Bits per second.
@@ -57,7 +57,7 @@ pub struct PortTransport<P> {
 /// The message that is on its way to the line.
 struct Outbox {
     buf: Box<[u8]>,
-    /// What the port has not taken.
+    /// The beginning of the bytes that the port has not taken.
     start: usize,
     end: usize,
     /// When the line will have sent everything it was given.
@@ -132,9 +132,10 @@ impl<P: Port> Transport for PortTransport<P> {
 
     fn ready_at(&self) -> Nanos {
         let outbox = self.outbox.lock();
-        match outbox.is_empty() {
-            true => outbox.busy_until.saturating_sub(AHEAD),
-            false => Nanos::MAX,
+        if outbox.is_empty() {
+            outbox.busy_until.saturating_sub(AHEAD)
+        } else {
+            Nanos::MAX
         }
     }
 
@@ -158,10 +159,11 @@ impl<P: Port> Transport for PortTransport<P> {
         }
         let bytes = piece.get(..len).unwrap_or(&[]);
         decoder.push(bytes, |_, message| deliver(message));
-        // What comes from now on rings.
-        Ok(match len < piece.len() {
-            true => Received::All,
-            false => Received::Something,
+        // Bytes that come from now on ring.
+        Ok(if len < piece.len() {
+            Received::All
+        } else {
+            Received::Something
         })
     }
 
@@ -172,6 +174,10 @@ impl<P: Port> Transport for PortTransport<P> {
 
 impl<P> fmt::Debug for PortTransport<P> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("PortTransport")
+        if TEXTS {
+            f.write_str("PortTransport")
+        } else {
+            Ok(())
+        }
     }
 }

@@ -45,7 +45,7 @@ impl SerialTransport {
     /// The line at `path`, at `baud` bits per second, with messages of up to `mtu` bytes.
     ///
     /// # Errors
-    /// What [`Tty::open`] says.
+    /// The errors of [`Tty::open`].
     pub fn open(path: &Path, baud: u32, mtu: u16) -> io::Result<Self> {
         let (line, mtu) = (Tty::open(path, baud)?, usize::from(mtu));
         Ok(Self {

@@ -1,12 +1,10 @@
 //! Messages as bytes, in buffers that are there before the executor starts: for services whose
 //! messages have unbounded fields and which shall not allocate. Views look into the bytes.
 
-use crate::context::Node;
-use crate::error::Error;
-use crate::executor::{CallbackContext, Responder, Topic, WorkerBuilder};
+use super::responder::Responder;
+use super::size::sized;
+use crate::executor::Topic;
 use crate::middleware::PublishError;
-use crate::qos::Qos;
-use crate::sizes::sized;
 use alloc::boxed::Box;
 use core::fmt;
 use core::marker::PhantomData;
@@ -130,18 +128,6 @@ impl fmt::Display for Unanswered {
     }
 }
 
-/// Where services whose messages are bytes can be added: a worker that is described, or one that
-/// runs.
-pub(crate) trait Serves: Sized {
-    /// Serves `S`: `answer` reads the request's bytes and writes the response's.
-    fn serve_bytes<S: Service>(
-        self,
-        node: &Node,
-        name: Topic<'_>,
-        answer: impl FnMut(&[u8], &mut CdrWriter<'_>) -> Result<(), Unanswered> + Send + 'static,
-    ) -> Result<Self, Error>;
-}
-
 /// Answers requests, with a response that is there before.
 pub(crate) fn answers<S: Service, A>(
     name: Topic<'_>,
@@ -163,19 +149,3 @@ where
 }
 
 pub(crate) type Answered = Result<(), Unanswered>;
-
-impl Serves for WorkerBuilder<'_> {
-    fn serve_bytes<S: Service>(
-        self,
-        node: &Node,
-        name: Topic<'_>,
-        answer: impl FnMut(&[u8], &mut CdrWriter<'_>) -> Result<(), Unanswered> + Send + 'static,
-    ) -> Result<Self, Error> {
-        let mut answer = answers::<S, _>(name, answer);
-        let called =
-            move |request: &Body<S::Request>, to: Responder<Bare<S>>, _: &CallbackContext<'_>| {
-                answer(request.payload(), to)
-            };
-        self.serve_later::<Bare<S>, _, _>(node, name, Qos::services(), called)
-    }
-}

@@ -1,20 +1,77 @@
-//! Adding handles to a worker that is described: one method for each kind.
+//! Adding handles to a worker: one method for each kind, for a worker that is described
+//! ([`WorkerBuilder`](crate::WorkerBuilder)) and for a worker that runs
+//! ([`WorkerHandle`](crate::WorkerHandle)).
 
-use super::builder::WorkerBuilder;
-use super::factory::RawType;
+use super::factory::{HandleFactory, RawType};
 use super::topic::Topic;
 use crate::context::Node;
 use crate::error::Error;
 use crate::executor::handles::callback::{CallbackContext, CallbackResult};
-use crate::executor::handles::client::{Client, NoReply};
+use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::guard::GuardCondition;
-use crate::executor::handles::service::Responder;
 use crate::executor::handles::timer::TimerHandle;
 use crate::executor::wake::schedule::Every;
+use crate::handoff::Inbox;
 use crate::qos::Qos;
-use replenish_msg::{Message, Service, Viewed};
+use crate::service::bytes::{Bare, Body, Unanswered, answers};
+use crate::service::client::Client;
+use crate::service::error::NoReply;
+use crate::service::responder::Responder;
+use crate::sync::Arc;
+use replenish_msg::{CdrWriter, Message, Service, Viewed};
 
-impl WorkerBuilder<'_> {
+/// Adds handles to a worker that is described ([`WorkerBuilder`](crate::WorkerBuilder)) or to one
+/// that runs ([`WorkerHandle`](crate::WorkerHandle)).
+///
+/// A builder returns itself from each method. A worker that runs returns the handle's id, or the
+/// ids where a method adds several handles: all of them, or none. A handle runs as soon as the
+/// worker has ended the callback it is in; a timer counts from now.
+pub struct AddHandles<T>(pub(crate) T);
+
+/// The worker that handles are added to. Implemented by this crate alone.
+pub trait Target: Sized {
+    /// The result of adding one handle.
+    type Added;
+    /// The result of adding several handles that belong together.
+    type AllAdded;
+    /// Takes handles that belong together.
+    type Together: Target<Added = AddHandles<Self::Together>, AllAdded = Self::AllAdded>;
+
+    /// Adds the handle that `make` makes.
+    fn add(
+        self,
+        numbering: Numbering,
+        make: impl FnOnce(&HandleFactory<'_>) -> Result<HandleEntry, Error>,
+    ) -> Result<Self::Added, Error>;
+
+    /// A handle whose callback runs in every round is about to come.
+    fn every_round(&mut self) {}
+
+    /// The next of several handles is the last one: all options apply to it.
+    fn next_is_last(&mut self) {}
+
+    /// Several handles that belong together are about to come.
+    fn together(self) -> Self::Together;
+
+    /// The handles that belong together are there: the last one and `others` before it.
+    fn all_added(self, others: u8) -> Self::AllAdded;
+
+    /// The inbox of the handle that was added last.
+    fn last_inbox(&mut self) -> Option<Arc<Inbox>>;
+}
+
+/// The numbers in the ids of handles without a topic.
+#[derive(Debug, Clone, Copy)]
+pub enum Numbering {
+    /// The handle has a topic.
+    None,
+    /// Timers are counted.
+    Timers,
+    /// Guard conditions are counted.
+    Guards,
+}
+
+impl<T: Target> AddHandles<T> {
     /// Calls `callback` for every message on `topic`, which is a name or a [`Topic`].
     ///
     /// Messages are decoded on this worker, into one message that is reused.
@@ -28,7 +85,7 @@ impl WorkerBuilder<'_> {
         topic: impl Into<Topic<'t>>,
         qos: Qos,
         mut callback: F,
-    ) -> Result<Self, Error>
+    ) -> Result<T::Added, Error>
     where
         M: Message,
         F: FnMut(&M, &CallbackContext<'_>) -> R + Send + 'static,
@@ -38,30 +95,34 @@ impl WorkerBuilder<'_> {
         let called = move |message: Option<&M>, cx: &CallbackContext<'_>| {
             message.map(|message| callback(message, cx))
         };
-        self.add(|factory| factory.subscription(node, topic, qos, called))
+        self.0.add(Numbering::None, |factory| {
+            factory.subscription(node, topic, qos, called)
+        })
     }
 
     /// Calls `callback` in every round of this worker: with a new message on `topic`, or with
-    /// `None`. What starts a round is up to the other handles, the [trigger](Self::trigger) and
-    /// [`every`](Self::every).
+    /// `None`. The other handles, the [trigger](crate::WorkerBuilder::trigger) and
+    /// [`every`](crate::WorkerBuilder::every) start the rounds.
     ///
     /// # Errors
     /// As [`subscribe`](Self::subscribe).
     pub fn subscribe_always<'t, M, F, R>(
-        self,
+        mut self,
         node: &Node,
         topic: impl Into<Topic<'t>>,
         qos: Qos,
         callback: F,
-    ) -> Result<Self, Error>
+    ) -> Result<T::Added, Error>
     where
         M: Message,
         F: FnMut(Option<&M>, &CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
     {
         let topic = topic.into();
-        self.ruled(|_| {})
-            .add(|factory| factory.always(node, topic, qos, callback))
+        self.0.every_round();
+        self.0.add(Numbering::None, |factory| {
+            factory.always(node, topic, qos, callback)
+        })
     }
 
     /// Calls `callback` with a view of every message on `topic`: strings and sequences stay in the
@@ -93,14 +154,16 @@ impl WorkerBuilder<'_> {
         topic: impl Into<Topic<'t>>,
         qos: Qos,
         callback: F,
-    ) -> Result<Self, Error>
+    ) -> Result<T::Added, Error>
     where
         M: Viewed,
         F: FnMut(&M::View<'_>, &CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
     {
         let topic = topic.into();
-        self.add(|factory| factory.view::<M, _, _>(node, topic, qos, callback))
+        self.0.add(Numbering::None, |factory| {
+            factory.view::<M, _, _>(node, topic, qos, callback)
+        })
     }
 
     /// Calls `callback` with the bytes of every sample on `topic`: CDR without encapsulation
@@ -115,13 +178,15 @@ impl WorkerBuilder<'_> {
         ty: RawType<'_>,
         qos: Qos,
         callback: F,
-    ) -> Result<Self, Error>
+    ) -> Result<T::Added, Error>
     where
         F: FnMut(&[u8], &CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
     {
         let topic = topic.into();
-        self.add(|factory| factory.raw(node, topic, ty, qos, callback))
+        self.0.add(Numbering::None, |factory| {
+            factory.raw(node, topic, ty, qos, callback)
+        })
     }
 
     /// Calls `callback` at every release of a timer, given as a period or an [`Every`].
@@ -130,7 +195,7 @@ impl WorkerBuilder<'_> {
     ///
     /// # Errors
     /// [`Error::Parameter`] for a period of 0.
-    pub fn timer<F, R>(self, every: impl Into<Every>, callback: F) -> Result<Self, Error>
+    pub fn timer<F, R>(self, every: impl Into<Every>, callback: F) -> Result<T::Added, Error>
     where
         F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
@@ -148,7 +213,7 @@ impl WorkerBuilder<'_> {
         handle: &TimerHandle,
         every: impl Into<Every>,
         callback: F,
-    ) -> Result<Self, Error>
+    ) -> Result<T::Added, Error>
     where
         F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
@@ -158,36 +223,31 @@ impl WorkerBuilder<'_> {
     }
 
     fn timed<F, R>(
-        mut self,
+        self,
         handle: Option<&TimerHandle>,
         every: Every,
         callback: F,
-    ) -> Result<Self, Error>
+    ) -> Result<T::Added, Error>
     where
         F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
     {
-        let number = self.spec().map_or(0, |s| {
-            s.timers += 1;
-            s.timers - 1
-        });
-        self.add_numbered(number, |factory| factory.timer(handle, every, callback))
+        self.0.add(Numbering::Timers, |factory| {
+            factory.timer(handle, every, callback)
+        })
     }
 
     /// Calls `callback` whenever `guard` was triggered.
     ///
     /// # Errors
     /// [`Error::Parameter`] if `guard` belongs to a callback already.
-    pub fn guard<F, R>(mut self, guard: &GuardCondition, callback: F) -> Result<Self, Error>
+    pub fn guard<F, R>(self, guard: &GuardCondition, callback: F) -> Result<T::Added, Error>
     where
         F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
     {
-        let number = self.spec().map_or(0, |s| {
-            s.guards += 1;
-            s.guards - 1
-        });
-        self.add_numbered(number, |factory| factory.guard(guard, callback))
+        self.0
+            .add(Numbering::Guards, |factory| factory.guard(guard, callback))
     }
 
     /// Serves `name`: calls `callback` with every request and a response to fill, which is then
@@ -202,7 +262,7 @@ impl WorkerBuilder<'_> {
         name: impl Into<Topic<'t>>,
         qos: Qos,
         mut callback: F,
-    ) -> Result<Self, Error>
+    ) -> Result<T::Added, Error>
     where
         S: Service,
         F: FnMut(&S::Request, &mut S::Response, &CallbackContext<'_>) + Send + 'static,
@@ -212,8 +272,7 @@ impl WorkerBuilder<'_> {
             callback(request, &mut response, cx);
             to.reply(&response)
         };
-        let name = name.into();
-        self.add(|factory| factory.server::<S, _, _>(node, name, qos, called))
+        self.serve_later::<S, _, _>(node, name, qos, called)
     }
 
     /// Serves `name`: calls `callback` with every request and the right to answer it, now or
@@ -227,14 +286,16 @@ impl WorkerBuilder<'_> {
         name: impl Into<Topic<'t>>,
         qos: Qos,
         callback: F,
-    ) -> Result<Self, Error>
+    ) -> Result<T::Added, Error>
     where
         S: Service,
         F: FnMut(&S::Request, Responder<S>, &CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
     {
         let name = name.into();
-        self.add(|factory| factory.server::<S, _, _>(node, name, qos, callback))
+        self.0.add(Numbering::None, |factory| {
+            factory.server::<S, _, _>(node, name, qos, callback)
+        })
     }
 
     /// Calls `callback` once for every request of `client`: with its reply, or with the reason why
@@ -243,12 +304,53 @@ impl WorkerBuilder<'_> {
     /// # Errors
     /// [`Error::Parameter`] if `client` belongs to a callback already; [`Error::ForeignNode`] if it
     /// is of another context than the executor's.
-    pub fn replies<S, F, R>(self, client: &Client<S>, callback: F) -> Result<Self, Error>
+    pub fn replies<S, F, R>(self, client: &Client<S>, callback: F) -> Result<T::Added, Error>
     where
         S: Service,
         F: FnMut(Result<&S::Response, NoReply>, &CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
     {
-        self.add(|factory| factory.replies(client, callback))
+        self.0
+            .add(Numbering::None, |factory| factory.replies(client, callback))
+    }
+
+    /// Serves `S`: `answer` reads the request's bytes and writes the response's.
+    pub(crate) fn serve_bytes<S: Service>(
+        self,
+        node: &Node,
+        name: Topic<'_>,
+        answer: impl FnMut(&[u8], &mut CdrWriter<'_>) -> Result<(), Unanswered> + Send + 'static,
+    ) -> Result<T::Added, Error> {
+        let mut answer = answers::<S, _>(name, answer);
+        let called =
+            move |request: &Body<S::Request>, to: Responder<Bare<S>>, _: &CallbackContext<'_>| {
+                answer(request.payload(), to)
+            };
+        self.serve_later::<Bare<S>, _, _>(node, name, Qos::services(), called)
+    }
+
+    /// Begins to add several handles that belong together: all of them, or none.
+    pub(crate) fn together(self) -> AddHandles<T::Together> {
+        AddHandles(self.0.together())
+    }
+
+    /// The next of several handles is the last one: all options apply to it.
+    pub(crate) fn last(mut self) -> Self {
+        self.0.next_is_last();
+        self
+    }
+
+    /// The handles that belong together are there: the last one and `others` before it.
+    pub(crate) fn all_added(self, others: u8) -> T::AllAdded {
+        self.0.all_added(others)
+    }
+
+    /// Samples of the handle that was added last are delivered before replies of `client` that
+    /// arrive later.
+    pub(crate) fn ahead_of<S: Service>(mut self, client: &Client<S>) -> Self {
+        if let Some(inbox) = self.0.last_inbox() {
+            client.lets_ahead(&inbox);
+        }
+        self
     }
 }

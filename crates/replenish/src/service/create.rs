@@ -1,12 +1,13 @@
 //! Clients of services, made by their node.
 
+use super::client::Client;
 use crate::context::{Node, check_depth};
 use crate::error::Error;
-use crate::executor::{Client, Topic};
+use crate::executor::Topic;
 use crate::handoff::{Inbox, Keep};
 use crate::platform::text;
+use crate::process::Kind;
 use crate::qos::Qos;
-use crate::sync::Arc;
 use core::time::Duration;
 use replenish_msg::Service;
 
@@ -26,7 +27,7 @@ impl Node {
         limit: Duration,
     ) -> Result<Client<S>, Error> {
         let topic = name.into();
-        let name = self.resolve(topic.name)?;
+        let name = self.resolve(Kind::Service, topic.name)?;
         check_depth(&name, qos)?;
         if limit == Duration::ZERO {
             let owner = text!("service {name}");
@@ -38,7 +39,7 @@ impl Node {
             .create_client(&spec)
             .map_err(|e| Error::endpoint("client", &name, e))?;
         let inbox = Inbox::new(qos.depth.into(), spec.max_response, Keep::Newest);
-        let middleware = Arc::clone(middleware);
+        let middleware = self.context().share_middleware();
         let (node, most) = (self.name().into(), qos.depth.into());
         let size = spec.max_request;
         Ok(Client::new(

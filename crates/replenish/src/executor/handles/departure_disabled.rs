@@ -1,0 +1,10 @@
+//! In the place of `departure` in builds without feature `full`: handles stay until the end.
+
+/// Nothing leaves.
+pub(crate) struct Departure;
+
+impl Departure {
+    pub(crate) const fn new() -> Self {
+        Self
+    }
+}

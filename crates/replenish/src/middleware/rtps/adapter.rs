@@ -1,0 +1,331 @@
+//! The adapter: a participant of ROS 2 as a [`Middleware`].
+
+use super::config::RtpsError;
+use super::inlets::{ALARM, Inlets, READERS, SHARED, WAKER};
+use super::new_end::{NewEnd, failed};
+use super::state::{Round, State};
+use super::stats::RtpsStats;
+use crate::Nanos;
+use crate::middleware::{
+    EndpointSpec, IncompatibleQos, Interest, LinkState, Middleware, MiddlewareError, PublishError,
+    ReaderId, RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
+};
+use crate::sync::{AtomicBool, AtomicUsize, Ordering};
+use core::fmt;
+use replenish_os::timer::TimerFd;
+use replenish_os::{PiMutex, SocketSet, WakeFd, clock};
+use replenish_rtps::endpoint::Header;
+use replenish_rtps::udp::{Sockets, UdpConfig};
+use std::io;
+use std::net::UdpSocket;
+
+/// Datagrams of one socket that are taken before the next socket has its turn.
+const BATCH: usize = 16;
+
+/// A participant of ROS 2 (RTPS 2.x over UDP), without an agent and without threads.
+///
+/// ```no_run
+/// use replenish::middleware::rtps::{Rtps, RtpsConfig};
+/// let participant = Rtps::open(&RtpsConfig::default())?;
+/// # Ok::<(), replenish::middleware::rtps::RtpsError>(())
+/// ```
+///
+/// Discovery, acknowledgements and repairs are the dispatcher's work: they happen while an executor
+/// spins. Dropping it says goodbye.
+pub struct Rtps {
+    pub(super) state: PiMutex<State>,
+    pub(super) inlets: PiMutex<Inlets>,
+    pub(super) sockets: Sockets,
+    pub(super) set: SocketSet,
+    pub(super) alarm: TimerFd,
+    pub(super) own_endpoints: usize,
+    /// Nobody is listened to but ourselves.
+    alone: bool,
+    waker: WakeFd,
+    /// Samples wait in the participant.
+    backlog: AtomicBool,
+    /// A dispatcher has waited once: it looks after discovery.
+    dispatched: AtomicBool,
+    news: AtomicUsize,
+}
+
+impl Rtps {
+    pub(super) fn over(config: &UdpConfig<'_>, alone: bool) -> Result<Self, RtpsError> {
+        let io = |what| move |source| RtpsError::Io { what, source };
+        let sockets = Sockets::open(config).map_err(RtpsError::Open)?;
+        let participant = sockets.participant(config, clock::monotonic());
+        let participant = participant.map_err(RtpsError::Open)?;
+        let set = SocketSet::new().map_err(io("make a wait set"))?;
+        let waker = WakeFd::new().map_err(io("make a waker"))?;
+        let alarm = TimerFd::new().map_err(io("make a timer"))?;
+        let add = || -> io::Result<()> {
+            set.add(&waker, WAKER, true)?;
+            set.add(&alarm, ALARM, true)?;
+            for (key, socket) in (SHARED..).zip(listened(&sockets, alone)) {
+                if let Some(socket) = socket {
+                    set.add(socket, key, true)?;
+                }
+            }
+            Ok(())
+        };
+        add().map_err(io("wait for sockets"))?;
+        let mut state = State::new(participant, config.datagram);
+        state.housekeep(clock::monotonic(), &alarm, &sockets);
+        Ok(Self {
+            state: PiMutex::new(state),
+            inlets: PiMutex::new(Inlets::new()),
+            sockets,
+            set,
+            alarm,
+            own_endpoints: config.limits.own_endpoints,
+            alone,
+            waker,
+            backlog: AtomicBool::new(false),
+            dispatched: AtomicBool::new(false),
+            news: AtomicUsize::new(0),
+        })
+    }
+
+    /// The counters so far.
+    #[must_use]
+    pub fn stats(&self) -> RtpsStats {
+        let state = self.state.lock();
+        RtpsStats {
+            dropped: state.readers.iter().map(|end| end.dropped).sum(),
+            participants: state.participant.participants().count(),
+            ..state.stats
+        }
+    }
+
+    /// Receives at a socket of the participant: discovery, acknowledgements, and what is sent to a
+    /// reader although it has another address.
+    fn receive_shared(&self, inlets: &mut Inlets, socket: &UdpSocket, round: &mut Round<'_, '_>) {
+        for _ in 0..BATCH {
+            let Some(datagram) = inlets.receive_from(socket) else {
+                return;
+            };
+            let now = clock::monotonic();
+            let mut state = self.state.lock();
+            state.receive(datagram, now);
+            state.hand_over_all(round, now);
+        }
+    }
+
+    fn receive_reader(&self, inlets: &mut Inlets, reader: ReaderId, round: &mut Round<'_, '_>) {
+        for _ in 0..BATCH {
+            // What there is no room for waits in the socket.
+            if !round.interest.contains(reader) {
+                return;
+            }
+            let Some((datagram, drops)) = inlets.receive(reader) else {
+                return;
+            };
+            let now = clock::monotonic();
+            let mut state = self.state.lock();
+            let end = state.readers.get_mut(usize::from(reader.0));
+            if let (Some(end), Some(drops)) = (end, drops) {
+                end.dropped = drops.into();
+            }
+            state.receive(datagram, now);
+            state.hand_over(reader, round, now);
+        }
+    }
+
+    /// Sends what is due, and keeps what the executor is to be told.
+    fn housekeep(&self, rung: bool) {
+        let now = clock::monotonic();
+        let mut state = self.state.lock();
+        if rung {
+            state.rung(now, &self.alarm);
+        }
+        state.housekeep(now, &self.alarm, &self.sockets);
+        self.backlog.store(state.has_backlog(), Ordering::Release);
+        if state.notice() {
+            self.news.fetch_add(1, Ordering::Release);
+        }
+    }
+
+    /// Where no dispatcher has begun, whoever waits for a peer has to listen to it.
+    pub(super) fn look_after_discovery(&self) {
+        if self.dispatched.load(Ordering::Acquire) {
+            return;
+        }
+        let mut nobody = Interest::empty();
+        let mut round = Round {
+            interest: &mut nobody,
+            sink: &mut |_, _, _| Room::Left,
+            taken: 0,
+        };
+        if let Some(mut inlets) = self.inlets.try_lock() {
+            for socket in listened(&self.sockets, self.alone).into_iter().flatten() {
+                self.receive_shared(&mut inlets, socket, &mut round);
+            }
+        }
+        self.housekeep(true);
+    }
+}
+
+/// The sockets of the participant that are received from: without discovery nobody is found.
+const fn listened(sockets: &Sockets, alone: bool) -> [Option<&UdpSocket>; 3] {
+    let [group, discovery, user] = sockets.all();
+    if alone {
+        [None, None, user]
+    } else {
+        [group, discovery, user]
+    }
+}
+
+impl Middleware for Rtps {
+    fn create_writer(&self, spec: &EndpointSpec<'_>) -> Result<WriterId, MiddlewareError> {
+        self.add_writer(&NewEnd::topic(spec)?)
+    }
+
+    fn create_reader(&self, spec: &EndpointSpec<'_>) -> Result<ReaderId, MiddlewareError> {
+        self.add_reader(&NewEnd::topic(spec)?)
+    }
+
+    fn delete_reader(&self, reader: ReaderId) -> Result<(), MiddlewareError> {
+        self.remove_reader(reader);
+        Ok(())
+    }
+
+    fn delete_writer(&self, writer: WriterId) {
+        self.remove_writer(writer);
+    }
+
+    fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError> {
+        self.look_after_discovery();
+        let now = clock::monotonic();
+        let mut state = self.state.lock();
+        let tools = (now, &self.alarm, &self.sockets);
+        let sent = state.write(writer, (&[], payload), Header::default(), tools);
+        sent.map(drop)
+    }
+
+    fn create_server(
+        &self,
+        spec: &ServiceSpec<'_>,
+    ) -> Result<(ReaderId, WriterId), MiddlewareError> {
+        self.set_up_server(spec)
+    }
+
+    fn create_client(
+        &self,
+        spec: &ServiceSpec<'_>,
+    ) -> Result<(ReaderId, WriterId), MiddlewareError> {
+        self.set_up_client(spec)
+    }
+
+    fn request(&self, client: WriterId, payload: &[u8]) -> Result<u64, PublishError> {
+        self.send_request(client, payload)
+    }
+
+    fn reply(
+        &self,
+        server: WriterId,
+        to: &RequestIdentity,
+        payload: &[u8],
+    ) -> Result<(), PublishError> {
+        self.send_reply(server, to, payload)
+    }
+
+    fn has_server(&self, client: WriterId) -> Option<bool> {
+        self.knows_server(client)
+    }
+
+    fn next_incompatible_qos(&self) -> Option<IncompatibleQos> {
+        self.state.lock().clashes.pop_front()
+    }
+
+    fn wait(&self, interest: &Interest, deadline: Option<Nanos>) -> Result<(), MiddlewareError> {
+        self.dispatched.store(true, Ordering::Release);
+        if self.backlog.load(Ordering::Acquire) && self.state.lock().has_sample(interest) {
+            return Ok(());
+        }
+        let error = |error: io::Error| failed("wait for the participant's sockets", &error);
+        self.inlets
+            .lock()
+            .follow(&self.set, interest)
+            .map_err(error)?;
+        let mut keys = [0; SocketSet::MOST];
+        let count = self.set.wait(deadline, &mut keys).map_err(error)?;
+        if keys.iter().take(count).any(|key| *key == WAKER) {
+            self.waker.clear();
+        }
+        self.inlets.lock().found(&keys, count);
+        Ok(())
+    }
+
+    fn take(
+        &self,
+        interest: &mut Interest,
+        sink: &mut dyn FnMut(ReaderId, &SampleInfo, &[u8]) -> Room,
+    ) -> Result<usize, MiddlewareError> {
+        let mut round = Round {
+            interest,
+            sink,
+            taken: 0,
+        };
+        if self.backlog.load(Ordering::Acquire) {
+            let now = clock::monotonic();
+            self.state.lock().hand_over_all(&mut round, now);
+        }
+        let mut rung = false;
+        let mut inlets = self.inlets.lock();
+        while let Some(key) = inlets.next_ready() {
+            let reader = key
+                .checked_sub(READERS)
+                .and_then(|at| u16::try_from(at).ok());
+            let shared = key
+                .checked_sub(SHARED)
+                .and_then(|at| usize::try_from(at).ok());
+            if let Some(reader) = reader {
+                self.receive_reader(&mut inlets, ReaderId(reader), &mut round);
+            } else if let Some(at) = shared {
+                let socket = self.sockets.all().get(at).copied().flatten();
+                if let Some(socket) = socket {
+                    self.receive_shared(&mut inlets, socket, &mut round);
+                }
+            } else {
+                rung |= key == ALARM;
+            }
+        }
+        drop(inlets);
+        let taken = round.taken;
+        self.housekeep(rung);
+        Ok(taken)
+    }
+
+    fn wake(&self) {
+        self.waker.wake();
+    }
+
+    fn status_generation(&self) -> Option<usize> {
+        Some(self.news.load(Ordering::Acquire))
+    }
+
+    fn link(&self) -> LinkState {
+        LinkState::Up
+    }
+
+    fn lost(&self, reader: ReaderId) -> u64 {
+        self.state.lock().lost(reader)
+    }
+}
+
+impl Drop for Rtps {
+    fn drop(&mut self) {
+        let now = clock::monotonic();
+        let state = self.state.get_mut();
+        state.participant.leave(now);
+        state.housekeep(now, &self.alarm, &self.sockets);
+    }
+}
+
+impl fmt::Debug for Rtps {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Rtps")
+            .field("stats", &self.stats())
+            .finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,154 @@
+//! Where and as whom to take part in a domain, and why that failed.
+
+use crate::error::Error;
+use crate::platform::text;
+use alloc::string::String;
+use alloc::vec::Vec;
+use core::fmt;
+use replenish_rtps::participant::Limits;
+use replenish_rtps::udp::OpenError;
+use std::io;
+use std::net::Ipv4Addr;
+
+/// Who is looked for without being named (`ROS_AUTOMATIC_DISCOVERY_RANGE`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum DiscoveryRange {
+    /// Nobody. Nodes of one context hear each other all the same.
+    Off,
+    /// Programs on this host.
+    Localhost,
+    /// Whoever multicast reaches.
+    #[default]
+    Subnet,
+}
+
+/// The settings of a participant.
+///
+/// ```
+/// use replenish::middleware::rtps::{DiscoveryRange, RtpsConfig};
+/// let config = RtpsConfig {
+///     domain: 7,
+///     range: DiscoveryRange::Localhost,
+///     ..RtpsConfig::default()
+/// };
+/// # let _ = config;
+/// ```
+#[derive(Debug, Clone)]
+pub struct RtpsConfig {
+    /// The domain, 0..=232 (`ROS_DOMAIN_ID`).
+    pub domain: u16,
+    /// Who is looked for.
+    pub range: DiscoveryRange,
+    /// Host names and IPv4 addresses that are looked for besides (`ROS_STATIC_PEERS`).
+    pub static_peers: Vec<String>,
+    /// The addresses of the interfaces that are used; empty: all that are up. At most four besides
+    /// loopback. With [`DiscoveryRange::Localhost`] loopback alone is used.
+    pub interfaces: Vec<Ipv4Addr>,
+    /// Bytes of a datagram, 1200..=65000. Longer samples go in several.
+    pub datagram: usize,
+    /// Participants of others that are known at a time, 1..=1000.
+    pub participants: usize,
+    /// Endpoints of others and our own that are known at a time, 1..=65536. About 700 bytes each.
+    pub endpoints: usize,
+    /// Our own publishers and our own subscriptions, 1..=1000 each.
+    pub own_endpoints: usize,
+    /// Peers of one of our endpoints, 1..=1000.
+    pub matches: usize,
+}
+
+impl Default for RtpsConfig {
+    /// Domain 0 on all interfaces, 64 participants with 2048 endpoints.
+    fn default() -> Self {
+        Self {
+            domain: 0,
+            range: DiscoveryRange::Subnet,
+            static_peers: Vec::new(),
+            interfaces: Vec::new(),
+            datagram: 1472,
+            participants: 64,
+            endpoints: 2048,
+            own_endpoints: 256,
+            matches: 32,
+        }
+    }
+}
+
+impl RtpsConfig {
+    pub(super) fn limits(&self) -> Limits {
+        Limits {
+            participants: self.participants,
+            endpoints: self.endpoints,
+            own_endpoints: self.own_endpoints,
+            matches: self.matches,
+            ..Limits::default()
+        }
+    }
+}
+
+/// Taking part in a domain failed.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum RtpsError {
+    /// A setting is outside its range.
+    Setting {
+        /// The environment's variable or the field.
+        field: &'static str,
+        /// The value it was given.
+        value: String,
+        /// The allowed range.
+        allowed: &'static str,
+    },
+    /// A static peer has no IPv4 address.
+    Peer {
+        /// As it was given.
+        peer: String,
+        /// The system's error.
+        source: io::Error,
+    },
+    /// The sockets or the participant could not be made.
+    Open(OpenError),
+    /// The operating system refused something else.
+    Io {
+        /// The action that failed.
+        what: &'static str,
+        /// Its error.
+        source: io::Error,
+    },
+}
+
+impl fmt::Display for RtpsError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Setting {
+                field,
+                value,
+                allowed,
+            } => write!(f, "{field} = {value:?} is not allowed: {allowed}"),
+            Self::Peer { peer, source } => write!(
+                f,
+                "the static peer {peer:?} has no IPv4 address (ROS_STATIC_PEERS is a list of host \
+                 names and addresses, separated by semicolons): {source}"
+            ),
+            Self::Open(error) => error.fmt(f),
+            Self::Io { what, source } => write!(f, "cannot {what}: {source}"),
+        }
+    }
+}
+
+impl core::error::Error for RtpsError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Setting { .. } => None,
+            Self::Open(error) => Some(error),
+            Self::Peer { source, .. } | Self::Io { source, .. } => Some(source),
+        }
+    }
+}
+
+impl From<RtpsError> for Error {
+    fn from(e: RtpsError) -> Self {
+        Self::Connect {
+            reason: text!("{e}"),
+        }
+    }
+}

@@ -1,0 +1,174 @@
+//! Making and removing readers and writers.
+
+use super::adapter::Rtps;
+use super::new_end::{NewEnd, failed};
+use super::qos::{name_too_long, places, refused};
+use super::state::{ReaderEnd, State, WriterEnd};
+use crate::middleware::{MAX_READERS, MiddlewareError, ReaderId, WriterId};
+use crate::platform::label;
+use replenish_os::clock;
+use replenish_rtps::participant as rtps;
+use replenish_rtps::ros::dds_topic;
+use replenish_rtps::wire::Locators;
+
+impl Rtps {
+    pub(super) fn add_writer(&self, new: &NewEnd<'_>) -> Result<WriterId, MiddlewareError> {
+        let topic = dds_topic(new.prefix, new.name).ok_or_else(name_too_long)?;
+        let now = clock::monotonic();
+        let state = &mut *self.state.lock();
+        let spec = new.spec(topic.as_str(), new.qos.depth.into());
+        let made = state.participant.create_writer(&spec, now);
+        let id = made.map_err(|error| refused(error, self.own_endpoints))?;
+        let end = WriterEnd {
+            id: Some(id),
+            node: new.node.into(),
+            topic: new.name.into(),
+            limit: new.max_size,
+            partner: None,
+        };
+        state.reserve(new.bytes());
+        let place = state.writers.iter().position(|end| end.id.is_none());
+        let at = place.unwrap_or(state.writers.len());
+        match state.writers.get_mut(at) {
+            Some(place) => *place = end,
+            None => state.writers.push(end),
+        }
+        let entered = state
+            .graph
+            .enter(&mut state.participant, new.node, id.entity(), now);
+        state.housekeep(now, &self.alarm, &self.sockets);
+        let writer = WriterId(number(at, "publishers of one context")?);
+        if let Err(error) = entered {
+            state.drop_writer(writer, now);
+            return Err(error);
+        }
+        Ok(writer)
+    }
+
+    pub(super) fn add_reader(&self, new: &NewEnd<'_>) -> Result<ReaderId, MiddlewareError> {
+        let topic = dds_topic(new.prefix, new.name).ok_or_else(name_too_long)?;
+        let socket = self.sockets.for_reader();
+        let (socket, unicast) = socket.map_err(|e| failed("open a reader's socket", &e))?;
+        let now = clock::monotonic();
+        let mut inlets = self.inlets.lock();
+        let state = &mut *self.state.lock();
+        let place = state.readers.iter().position(|end| end.id.is_none());
+        let at = place.unwrap_or(state.readers.len());
+        let reader = ReaderId(number(at, "subscriptions of one context")?);
+        let added = inlets.add(&self.set, reader, socket);
+        added.map_err(|e| failed("wait for a reader's socket", &e))?;
+        match state.new_reader(new, topic.as_str(), unicast, at, now) {
+            Ok(()) => {}
+            Err(error) => {
+                inlets.remove(reader);
+                return Err(refused(error, self.own_endpoints));
+            }
+        }
+        let entity = state
+            .readers
+            .get(at)
+            .and_then(|end| end.id)
+            .map(rtps::ReaderId::entity);
+        let entered = state.graph.enter(
+            &mut state.participant,
+            new.node,
+            entity.unwrap_or_default(),
+            now,
+        );
+        state.housekeep(now, &self.alarm, &self.sockets);
+        if let Err(error) = entered {
+            inlets.remove(reader);
+            state.drop_reader(reader, now);
+            return Err(error);
+        }
+        Ok(reader)
+    }
+
+    pub(super) fn remove_reader(&self, reader: ReaderId) {
+        let now = clock::monotonic();
+        self.inlets.lock().remove(reader);
+        let state = &mut *self.state.lock();
+        state.drop_reader(reader, now);
+        state.housekeep(now, &self.alarm, &self.sockets);
+    }
+
+    pub(super) fn remove_writer(&self, writer: WriterId) {
+        let now = clock::monotonic();
+        let state = &mut *self.state.lock();
+        state.drop_writer(writer, now);
+        state.housekeep(now, &self.alarm, &self.sockets);
+    }
+}
+
+impl State {
+    fn new_reader(
+        &mut self,
+        new: &NewEnd<'_>,
+        topic: &str,
+        unicast: Locators,
+        at: usize,
+        now: crate::Nanos,
+    ) -> Result<(), rtps::ConfigError> {
+        let spec = rtps::EndpointSpec {
+            unicast,
+            ..new.spec(topic, places(new.qos))
+        };
+        let id = self.participant.create_reader(&spec, now)?;
+        let end = ReaderEnd {
+            id: Some(id),
+            node: new.node.into(),
+            topic: new.name.into(),
+            limit: new.max_size,
+            dropped: 0,
+            unreadable: 0,
+            service: None,
+        };
+        match self.readers.get_mut(at) {
+            Some(place) => *place = end,
+            None => self.readers.push(end),
+        }
+        Ok(())
+    }
+
+    fn drop_reader(&mut self, reader: ReaderId, now: crate::Nanos) {
+        let Some(end) = self.readers.get_mut(usize::from(reader.0)) else {
+            return;
+        };
+        let Some(id) = end.id.take() else {
+            return;
+        };
+        end.service = None;
+        let node = core::mem::take(&mut end.node);
+        self.participant.remove_reader(id, now);
+        self.graph
+            .leave(&mut self.participant, &node, id.entity(), now);
+        // The writer of the same service goes with it.
+        let partner = self
+            .writers
+            .iter()
+            .position(|end| end.partner == Some(reader));
+        if let Some(writer) = partner.and_then(|at| u16::try_from(at).ok()) {
+            self.drop_writer(WriterId(writer), now);
+        }
+    }
+
+    fn drop_writer(&mut self, writer: WriterId, now: crate::Nanos) {
+        let Some(end) = self.writers.get_mut(usize::from(writer.0)) else {
+            return;
+        };
+        end.partner = None;
+        let Some(id) = end.id.take() else {
+            return;
+        };
+        let node = core::mem::take(&mut end.node);
+        self.participant.remove_writer(id, now);
+        self.graph
+            .leave(&mut self.participant, &node, id.entity(), now);
+    }
+}
+
+fn number(at: usize, what: &'static str) -> Result<u16, MiddlewareError> {
+    let (limit, what) = (MAX_READERS, label(what));
+    let number = u16::try_from(at).ok().filter(|_| at < limit);
+    number.ok_or(MiddlewareError::Capacity { what, limit })
+}

@@ -1,0 +1,39 @@
+//! ROS 2 without an agent: the executor's dispatcher is a participant of DDS itself.
+//!
+//! ```text
+//!   dispatcher                                          publishers (any thread)
+//!   wait: epoll on waker, alarm, discovery and           lock ─ write ─ send ─ unlock
+//!         the sockets of the readers of interest           (its own writer's datagrams alone)
+//!   take: receive ─ lock ─ handle ─ unlock, …
+//!         lock ─ announce, acknowledge, repair ─ unlock  (if any of it is due)
+//! ```
+//!
+//! Every reader has a socket of its own. The dispatcher polls the sockets whose readers have room.
+//! A flood on another topic fills that topic's socket, and the kernel drops and counts the rest of
+//! it before anybody spends time on it. No thread is made. One lock with priority inheritance
+//! protects the participant. It is held while bytes are handled and given to a socket, never across
+//! a wait.
+//!
+//! ```text
+//!   connect ─► endpoints · services ─► adapter ─► inlets: the sockets of readers
+//!     │              │                    └─────► state ─► graph · service_end
+//!     └─► environment └─► new_end                 below all: config · qos · stats
+//! ```
+
+mod adapter;
+mod config;
+mod connect;
+mod endpoints;
+mod environment;
+mod graph;
+mod inlets;
+mod new_end;
+mod qos;
+mod service_end;
+mod services;
+mod state;
+mod stats;
+
+pub use adapter::Rtps;
+pub use config::{DiscoveryRange, RtpsConfig, RtpsError};
+pub use stats::RtpsStats;

@@ -1,0 +1,89 @@
+//! Quality of service and names, as DDS has them.
+
+use crate::Nanos;
+use crate::middleware::MiddlewareError;
+use crate::platform::label;
+use crate::qos::{Durability, History, Qos, Reliability};
+use core::time::Duration;
+use replenish_rtps::participant::{ConfigError, Policy};
+use replenish_rtps::wire::{self, INFINITE, TypeHash};
+
+/// Bytes in front of a sample: its representation. Peers pad the end to a multiple of four.
+pub(super) const ENCAPSULATION: usize = 4;
+pub(super) const PADDING: usize = 3;
+/// Places of a reliable reader at least: samples that wait for a lost one.
+const WAITING: usize = 16;
+
+/// The quality of service that is announced and carried out.
+pub(super) fn dds(qos: Qos, keep_oldest: bool) -> wire::Qos {
+    let keep_all = qos.history == History::KeepAll || keep_oldest;
+    wire::Qos {
+        reliability: match qos.reliability {
+            Reliability::BestEffort => wire::Reliability::BestEffort,
+            Reliability::Reliable => wire::Reliability::Reliable,
+        },
+        durability: match qos.durability {
+            Durability::Volatile => wire::Durability::Volatile,
+            Durability::TransientLocal => wire::Durability::TransientLocal,
+        },
+        deadline: qos.deadline.map_or(INFINITE, nanos),
+        lifespan: qos.lifespan.map_or(INFINITE, nanos),
+        depth: if keep_all { 0 } else { qos.depth.into() },
+        ..wire::Qos::ros()
+    }
+}
+
+/// Places for samples that a reader has.
+pub(super) fn places(qos: Qos) -> usize {
+    let depth = usize::from(qos.depth);
+    match qos.reliability {
+        Reliability::Reliable => depth.max(WAITING),
+        Reliability::BestEffort => depth,
+    }
+}
+
+fn nanos(time: Duration) -> Nanos {
+    u64::try_from(time.as_nanos()).unwrap_or(Nanos::MAX)
+}
+
+/// The hash from its text, `RIHS01_` and 64 hexadecimal digits.
+pub(super) fn type_hash(text: Option<&str>) -> Option<TypeHash> {
+    let text = alloc::format!("typehash={};", text?);
+    TypeHash::find(text.as_bytes())
+}
+
+/// The policies as the bits of `IncompatibleQos::known_by_policy`.
+pub(super) fn policy_bit(policy: Policy) -> u8 {
+    match policy {
+        Policy::Reliability => 1,
+        Policy::Durability => 2,
+        Policy::Deadline => 4,
+        _ => 0,
+    }
+}
+
+pub(super) fn refused(error: ConfigError, own_endpoints: usize) -> MiddlewareError {
+    match error {
+        ConfigError::Range {
+            field: "sample_bytes",
+            value,
+            most,
+            ..
+        } => MiddlewareError::TooLarge {
+            size: usize::try_from(value).unwrap_or(usize::MAX),
+            limit: usize::try_from(most).unwrap_or(usize::MAX),
+            setting: label("that of a sample with its encapsulation is fixed"),
+        },
+        ConfigError::Range { .. } => {
+            MiddlewareError::Unsupported(label("names of topics and types over 255 bytes"))
+        }
+        _ => MiddlewareError::Capacity {
+            what: label("endpoints of the participant (RtpsConfig::own_endpoints)"),
+            limit: own_endpoints,
+        },
+    }
+}
+
+pub(super) fn name_too_long() -> MiddlewareError {
+    MiddlewareError::Unsupported(label("names of topics and types over 255 bytes"))
+}

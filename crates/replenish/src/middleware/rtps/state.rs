@@ -1,0 +1,310 @@
+//! [`State`]: the participant with its endpoints, under the adapter's lock.
+
+use super::graph::Graph;
+use super::qos::{PADDING, policy_bit};
+use super::service_end::ServiceEnd;
+use super::stats::RtpsStats;
+use crate::Nanos;
+use crate::middleware::{
+    IncompatibleQos, Interest, PublishError, ReaderId, Room, SampleInfo, WriterId,
+};
+use crate::platform::wall_clock;
+use alloc::boxed::Box;
+use alloc::collections::VecDeque;
+use alloc::vec;
+use alloc::vec::Vec;
+use replenish_os::timer::TimerFd;
+use replenish_rtps::endpoint::{Header, Reader, WriteError};
+use replenish_rtps::participant::{self as rtps, Event, Participant};
+use replenish_rtps::udp::Sockets;
+use replenish_rtps::wire::{CDR_LE, Encapsulated, Timestamp};
+
+/// Pairs of endpoints that do not fit and were not told of yet; more are left out.
+const CLASHES: usize = 64;
+
+/// A round of the dispatcher: who is interested, where samples go, how many went.
+pub(super) struct Round<'i, 's> {
+    pub(super) interest: &'i mut Interest,
+    pub(super) sink: &'s mut dyn FnMut(ReaderId, &SampleInfo, &[u8]) -> Room,
+    pub(super) taken: usize,
+}
+
+/// A reader of ours.
+pub(super) struct ReaderEnd {
+    /// `None`: deleted.
+    pub(super) id: Option<rtps::ReaderId>,
+    pub(super) node: Box<str>,
+    pub(super) topic: Box<str>,
+    pub(super) limit: usize,
+    /// Datagrams that the kernel has dropped at its socket.
+    pub(super) dropped: u64,
+    /// Samples that could not be read.
+    pub(super) unreadable: u64,
+    pub(super) service: Option<ServiceEnd>,
+}
+
+/// A writer of ours.
+pub(super) struct WriterEnd {
+    /// `None`: deleted.
+    pub(super) id: Option<rtps::WriterId>,
+    pub(super) node: Box<str>,
+    pub(super) topic: Box<str>,
+    pub(super) limit: usize,
+    /// Of a service: the reader at the same end.
+    pub(super) partner: Option<ReaderId>,
+}
+
+pub(super) struct State {
+    pub(super) participant: Participant,
+    pub(super) readers: Vec<ReaderEnd>,
+    pub(super) writers: Vec<WriterEnd>,
+    pub(super) graph: Graph,
+    /// A sample with its encapsulation, as long as the longest of any writer.
+    sample: Vec<u8>,
+    datagram: Box<[u8]>,
+    /// The time that the alarm is set to.
+    armed: Nanos,
+    pub(super) clashes: VecDeque<IncompatibleQos>,
+    pub(super) stats: RtpsStats,
+}
+
+impl State {
+    pub(super) fn new(participant: Participant, datagram: usize) -> Self {
+        Self {
+            participant,
+            readers: Vec::new(),
+            writers: Vec::new(),
+            graph: Graph::default(),
+            sample: Vec::new(),
+            datagram: vec![0; datagram].into_boxed_slice(),
+            armed: Nanos::MAX,
+            clashes: VecDeque::with_capacity(CLASHES),
+            stats: RtpsStats::default(),
+        }
+    }
+
+    /// Memory for samples of `bytes` with their encapsulation.
+    pub(super) fn reserve(&mut self, bytes: usize) {
+        let more = bytes.saturating_sub(self.sample.len());
+        self.sample.reserve(more);
+    }
+
+    /// Takes a datagram in.
+    pub(super) fn receive(&mut self, datagram: &[u8], now: Nanos) {
+        self.stats.received += 1;
+        let understood = self.participant.receive(datagram, now).is_ok();
+        self.stats.malformed += u64::from(!understood);
+    }
+
+    /// Whether a reader of interest has samples.
+    pub(super) fn has_sample(&self, interest: &Interest) -> bool {
+        let with_samples = |reader: ReaderId| self.ready(reader) > 0;
+        interest.iter().any(with_samples)
+    }
+
+    fn ready(&self, reader: ReaderId) -> usize {
+        let end = self.readers.get(usize::from(reader.0));
+        let id = end.and_then(|end| end.id);
+        let reader = id.and_then(|id| self.participant.reader(id));
+        reader.map_or(0, Reader::ready)
+    }
+
+    /// Whether any reader has samples left.
+    pub(super) fn has_backlog(&self) -> bool {
+        (0..)
+            .zip(&self.readers)
+            .any(|(at, _)| self.ready(ReaderId(at)) > 0)
+    }
+
+    /// Hands over the samples of every reader of interest.
+    pub(super) fn hand_over_all(&mut self, round: &mut Round<'_, '_>, now: Nanos) {
+        for at in 0..self.readers.len() {
+            if let Ok(at) = u16::try_from(at) {
+                self.hand_over(ReaderId(at), round, now);
+            }
+        }
+    }
+
+    /// Hands over the samples of one reader, as long as there is interest in it.
+    pub(super) fn hand_over(&mut self, reader: ReaderId, round: &mut Round<'_, '_>, now: Nanos) {
+        let Some(end) = self.readers.get_mut(usize::from(reader.0)) else {
+            return;
+        };
+        let Some(id) = end.id else {
+            return;
+        };
+        while round.interest.contains(reader) {
+            let Some(sample) = self.participant.take(id) else {
+                return;
+            };
+            if sample.gone.is_some() {
+                continue;
+            }
+            let mut info = SampleInfo {
+                source_timestamp: sample.source.map(|time| time.0),
+                sequence: u64::try_from(sample.sn).ok(),
+                ..SampleInfo::at(now)
+            };
+            let cdr = Encapsulated::decode(sample.payload).ok();
+            // Plain CDR, little endian: nobody in ROS 2 sends another one.
+            let Some(mut payload) = cdr
+                .filter(|cdr| cdr.representation == 1)
+                .map(|cdr| cdr.data)
+            else {
+                end.unreadable += 1;
+                continue;
+            };
+            if let Some(service) = &mut end.service {
+                let Some((request, rest)) = service.identify(&sample, payload) else {
+                    continue; // somebody else's
+                };
+                (info.request, payload) = (request, rest);
+            }
+            if payload.len() <= end.limit.saturating_add(PADDING) {
+                payload = payload.get(..end.limit).unwrap_or(payload);
+            }
+            round.taken += 1;
+            if (round.sink)(reader, &info, payload) == Room::Full {
+                round.interest.remove(reader);
+            }
+        }
+    }
+
+    /// Writes a sample and sends what its writer has to send: nothing of other writers.
+    pub(super) fn write(
+        &mut self,
+        writer: WriterId,
+        (head, payload): (&[u8], &[u8]),
+        header: Header,
+        (now, alarm, sockets): (Nanos, &TimerFd, &Sockets),
+    ) -> Result<u64, PublishError> {
+        let end = self.writers.get(usize::from(writer.0));
+        let end = end.ok_or(PublishError::UnknownWriter)?;
+        let id = end.id.ok_or(PublishError::UnknownWriter)?;
+        let (size, limit) = (payload.len(), end.limit);
+        if size > limit {
+            return Err(PublishError::TooLarge { size, limit });
+        }
+        self.sample.clear();
+        self.sample.extend_from_slice(&CDR_LE);
+        self.sample.extend_from_slice(head);
+        self.sample.extend_from_slice(payload);
+        let header = Header {
+            source: wall_clock()
+                .and_then(|time| u64::try_from(time.as_nanos()).ok())
+                .map(Timestamp),
+            ..header
+        };
+        let written = self.participant.write_with(id, &self.sample, &header, now);
+        let number = written.map_err(|error| match error {
+            WriteError::Full => PublishError::Full,
+            WriteError::TooLong { len, most } => PublishError::TooLarge {
+                size: len,
+                limit: most,
+            },
+            _ => PublishError::UnknownWriter,
+        })?;
+        while let Some((len, to)) = self
+            .participant
+            .transmit_writer(id, &mut self.datagram, now)
+        {
+            self.stats
+                .count(sockets.send(self.datagram.get(..len).unwrap_or(&[]), to));
+        }
+        let next = self
+            .participant
+            .writer(id)
+            .map_or(Nanos::MAX, |writer| writer.next_at(now));
+        if next < self.armed {
+            self.arm(next.max(now + 1), alarm);
+        }
+        Ok(number.unsigned_abs())
+    }
+
+    /// Sends everything that is due, and sets the alarm to the next time.
+    pub(super) fn housekeep(&mut self, now: Nanos, alarm: &TimerFd, sockets: &Sockets) {
+        if self.participant.next_at(now) <= now {
+            while let Some((len, to)) = self.participant.transmit(&mut self.datagram, now) {
+                self.stats
+                    .count(sockets.send(self.datagram.get(..len).unwrap_or(&[]), to));
+            }
+        }
+        // One that is due and cannot be sent is tried again, but not at once.
+        let next = match self.participant.next_at(now) {
+            due if due <= now => now.saturating_add(1_000_000),
+            next => next,
+        };
+        if next != self.armed {
+            self.arm(next, alarm);
+        }
+    }
+
+    fn arm(&mut self, at: Nanos, alarm: &TimerFd) {
+        let set = if at == Nanos::MAX {
+            alarm.disarm()
+        } else {
+            alarm.arm(at)
+        };
+        // One that cannot be set is tried again in the next round.
+        self.armed = if set.is_ok() { at } else { Nanos::MAX };
+    }
+
+    /// The alarm has rung.
+    pub(super) fn rung(&mut self, now: Nanos, alarm: &TimerFd) {
+        if self.armed <= now {
+            self.armed = Nanos::MAX;
+            alarm.disarm().ok();
+        }
+    }
+
+    /// Takes the participant's events; whether the executor has something to be told.
+    pub(super) fn notice(&mut self) -> bool {
+        let mut any = false;
+        while let Some(event) = self.participant.event() {
+            match event {
+                Event::Incompatible(ours, _, policy) => {
+                    let bit = policy_bit(policy);
+                    let reader = (0..)
+                        .zip(&self.readers)
+                        .find(|(_, end)| end.id.is_some_and(|id| id.entity() == ours.entity));
+                    let writer = self
+                        .writers
+                        .iter()
+                        .find(|end| end.id.is_some_and(|id| id.entity() == ours.entity));
+                    let topic = reader
+                        .map(|(_, end)| &end.topic)
+                        .or(writer.map(|end| &end.topic));
+                    let Some(topic) = topic.filter(|_| bit != 0 && self.clashes.len() < CLASHES)
+                    else {
+                        continue;
+                    };
+                    let reader = reader.map(|(at, _)| ReaderId(at));
+                    let clash = IncompatibleQos::known_by_policy(topic, reader, bit);
+                    self.clashes.push_back(clash);
+                    any = true;
+                }
+                Event::Full(_) => self.stats.left_out += 1,
+                _ => {}
+            }
+        }
+        any
+    }
+
+    /// Samples of a reader that were lost on the way to its inbox.
+    pub(super) fn lost(&self, reader: ReaderId) -> u64 {
+        let Some(end) = self.readers.get(usize::from(reader.0)) else {
+            return 0;
+        };
+        let reader = end.id.and_then(|id| self.participant.reader(id));
+        let stats = reader.map(Reader::stats).unwrap_or_default();
+        // A datagram of a reliable writer that the kernel drops comes again.
+        let dropped = reader.is_some_and(|reader| {
+            reader.qos().reliability == replenish_rtps::wire::Reliability::BestEffort
+        });
+        stats.lost
+            + stats.overwritten
+            + stats.too_long
+            + end.unreadable
+            + if dropped { end.dropped } else { 0 }
+    }
+}

@@ -1,0 +1,30 @@
+//! Counters of a participant.
+
+/// Counters of a participant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct RtpsStats {
+    /// Datagrams that were received.
+    pub received: u64,
+    /// Of them those that were not RTPS, or damaged.
+    pub malformed: u64,
+    /// Datagrams that were sent.
+    pub sent: u64,
+    /// Datagrams that the kernel did not take.
+    pub unsent: u64,
+    /// Datagrams that the kernel has dropped at readers' sockets, which were full.
+    pub dropped: u64,
+    /// Participants, endpoints and matches beyond the bounds of the settings.
+    pub left_out: u64,
+    /// Participants of others that are known now.
+    pub participants: usize,
+}
+
+impl RtpsStats {
+    pub(super) const fn count(&mut self, sent: bool) {
+        if sent {
+            self.sent += 1;
+        } else {
+            self.unsent += 1;
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! The ring of the calling thread, and the events that the executor records in it.
+//!
+//! A thread that records nothing pays a look at a thread local. No event allocates, waits or makes
+//! a system call; [`publish`] and [`mark`] read the clock, the others get times that were read
+//! anyway, or take the thread's last one.
+
+use super::names::{Mark, NameId};
+use super::trigger::{Armed, Cause};
+use crate::Nanos;
+use core::cell::RefCell;
+use replenish_os::live::SharedMemory;
+use replenish_os::{Usage, clock};
+use replenish_recorder::{Event, Kind, RunningTotals, Span, Writer, write_totals};
+use std::sync::Arc;
+
+/// The recording of one thread, in its own hands.
+pub(super) struct Local {
+    pub(super) memory: Arc<SharedMemory>,
+    pub(super) entry: Span,
+    pub(super) ring: Span,
+    pub(super) writer: Writer,
+    /// The time of the last event that had one.
+    pub(super) last: Nanos,
+    /// The handle whose callback has begun, its release, and its begin.
+    pub(super) open: Option<(NameId, Nanos, Nanos)>,
+    /// Where a dump is asked for.
+    pub(super) armed: Option<Arc<Armed>>,
+    /// A callback that takes longer asks for one; `Nanos::MAX`: none does.
+    pub(super) bound: Nanos,
+}
+
+thread_local! {
+    static LOCAL: RefCell<Option<Local>> = const { RefCell::new(None) };
+}
+
+/// The calling thread records from now on.
+pub(super) fn install(local: Local) {
+    LOCAL.with(|slot| slot.replace(Some(local)));
+}
+
+/// Not where the thread is at its end, and not in a signal handler that came upon an event.
+#[inline]
+fn with(step: impl FnOnce(&mut Local)) {
+    let step = |slot: &RefCell<Option<Local>>| {
+        if let Ok(mut slot) = slot.try_borrow_mut()
+            && let Some(local) = &mut *slot
+        {
+            step(local);
+        }
+    };
+    LOCAL.try_with(step).ok();
+}
+
+impl Local {
+    #[inline]
+    fn write(&mut self, time: Nanos, kind: Kind, name: NameId, a: u64, b: u64) {
+        self.last = self.last.max(time);
+        let event = Event {
+            time,
+            kind,
+            name: name.0,
+            a,
+            b,
+        };
+        self.writer.write(self.ring.of(&self.memory), &event);
+    }
+
+    fn end(&mut self, time: Nanos) {
+        if let Some((name, due, begun)) = self.open.take() {
+            self.write(time, Kind::End, name, due, 0);
+            if time.saturating_sub(begun) > self.bound {
+                self.trigger(Cause::Overrun);
+            }
+        }
+    }
+
+    #[cold]
+    fn trigger(&self, cause: Cause) {
+        if let Some(armed) = &self.armed {
+            armed.fire(cause, self.ring, self.writer.written());
+        }
+    }
+}
+
+const NONE: NameId = NameId(0);
+
+/// The dispatcher has taken a sample for this handle.
+#[inline]
+pub(crate) fn take(handle: NameId, arrival: Nanos, bytes: usize) {
+    with(|l| l.write(arrival, Kind::Take, handle, bytes as u64, 0));
+}
+
+/// The handle's inbox was full.
+#[inline]
+pub(crate) fn dropped(handle: NameId, arrival: Nanos, bytes: usize) {
+    with(|l| l.write(arrival, Kind::Drop, handle, bytes as u64, 0));
+}
+
+/// The worker became runnable at `since`, and its wait returned at `awake`.
+#[inline]
+pub(crate) fn wake(since: Nanos, awake: Nanos) {
+    with(|l| {
+        l.write(since, Kind::Wake, NONE, awake, 0);
+        l.last = l.last.max(awake);
+    });
+}
+
+/// The worker is about to wait.
+#[inline]
+pub(crate) fn block() {
+    with(|l| l.write(l.last, Kind::Block, NONE, 0, 0));
+}
+
+/// A callback starts.
+#[inline]
+pub(crate) fn begin(handle: NameId, started: Nanos, due: Nanos) {
+    with(|l| {
+        l.write(started, Kind::Begin, handle, due, 0);
+        l.open = Some((handle, due, started));
+    });
+}
+
+/// The callback that has begun has ended.
+#[inline]
+pub(crate) fn end(time: Nanos) {
+    with(|l| l.end(time));
+}
+
+/// The callback that has begun did not run: its input was unusable.
+#[cold]
+pub(crate) fn spoiled() {
+    with(|l| l.end(l.last));
+}
+
+/// The callback that has begun panicked; or another part of the handle did.
+#[cold]
+pub(crate) fn panicked(handle: NameId) {
+    with(|l| {
+        let now = clock::monotonic();
+        l.write(now, Kind::Panic, handle, 0, 0);
+        l.end(now);
+        l.trigger(Cause::Panic);
+    });
+}
+
+/// A callback ended after its deadline.
+#[cold]
+pub(crate) fn miss(handle: NameId, time: Nanos, lateness: Nanos, deadline: Nanos) {
+    with(|l| {
+        l.write(time, Kind::Miss, handle, lateness, deadline);
+        l.trigger(Cause::Miss);
+    });
+}
+
+/// Releases or samples are left out.
+#[cold]
+pub(crate) fn skip(handle: NameId, count: u64) {
+    with(|l| l.write(l.last, Kind::Skip, handle, count, 0));
+}
+
+/// The callback whose turn it is waits for its group since `since`; `holder` runs.
+#[cold]
+pub(crate) fn queue(handle: NameId, since: Nanos, holder: Option<NameId>) {
+    let holder = holder.map_or(0, |name| u64::from(name.0));
+    with(|l| l.write(since, Kind::Queue, handle, holder, 0));
+}
+
+/// A message was handed to the middleware.
+#[inline]
+pub(crate) fn publish(topic: NameId, bytes: usize, refused: bool) {
+    with(|l| {
+        let now = clock::monotonic();
+        l.write(now, Kind::Publish, topic, bytes as u64, u64::from(refused));
+    });
+}
+
+/// The program's mark.
+#[inline]
+pub(crate) fn mark(mark: Mark, value: u64) {
+    with(|l| l.write(clock::monotonic(), Kind::Mark, mark.0, value, 0));
+}
+
+/// The CPU time of a thread without a budget, which was read anyway.
+#[inline]
+pub(crate) fn used(usage: &Usage) {
+    with(|l| {
+        let totals = RunningTotals {
+            high: usage.cpu_high,
+            ..RunningTotals::default()
+        };
+        write_totals(l.entry.of(&l.memory), &totals);
+        l.write(l.last, Kind::Used, NONE, 0, usage.cpu_high);
+    });
+}

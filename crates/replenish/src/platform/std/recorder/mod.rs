@@ -1,0 +1,27 @@
+//! The flight recorder: the last events of the dispatcher and of every worker, in memory that
+//! others may read. `recorder_disabled.rs` takes this room's place without feature `std`.
+//!
+//! ```text
+//!   Executor::start ─► recording ─► the program's file (or memory alone): table of threads, rings
+//!                        │            ▲
+//!   a thread begins ─► ThreadSlot ─► local: the ring of the calling thread ◄── begin, end, take, …
+//!   a miss, an overrun, a panic, the stop ─► trigger ─► dumper: a thread of the idle class ─► a file
+//!   handles, topics, marks ─► names: ids of the process, written into every table
+//! ```
+
+mod dump;
+mod dumper;
+mod local;
+mod names;
+mod place;
+mod recording;
+mod trigger;
+
+pub use dump::Dump;
+pub(crate) use local::{
+    begin, block, dropped, end, mark, miss, panicked, publish, queue, skip, spoiled, take, used,
+    wake,
+};
+pub use names::Mark;
+pub(crate) use names::{NameId, handle, topic};
+pub(crate) use recording::{Recording, Settings, ThreadFacts, ThreadSlot};

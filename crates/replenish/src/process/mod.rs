@@ -1,0 +1,28 @@
+//! What an operating system gives a program besides time and threads: arguments and signals.
+//! `process_disabled.rs` takes this room's place without feature `std`.
+//!
+//! ```text
+//!   program: Context::{with_args, args, stop_on_signals, ok} ──► args · signals
+//!   context: names of nodes, topics, services; claims      ──► args · signals
+//!   parameter/server: values from outside                  ──► args
+//!   time: Node::{now, rate}, ros_timer, /clock             ──► clock
+//! ```
+
+mod args;
+mod clock;
+mod program;
+mod signals;
+mod time;
+
+pub(crate) use args::{Args, NodeTime};
+pub(crate) use clock::SimClock;
+pub(crate) use replenish_args::Kind;
+pub(crate) use signals::{Ends, Watched};
+pub(crate) use time::follow_clock;
+
+/// The part that users see.
+pub(crate) mod public {
+    pub use super::time::Rate;
+    /// The arguments of a ROS 2 program.
+    pub use replenish_args as args;
+}

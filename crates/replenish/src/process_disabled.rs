@@ -1,0 +1,72 @@
+//! In the place of `process` without feature `std`: no arguments, no signals.
+
+use crate::error::Error;
+use crate::name;
+use crate::parameter::{ParameterError, ParameterValue};
+use alloc::string::String;
+
+/// What a name is the name of.
+#[derive(Clone, Copy)]
+pub(crate) enum Kind {
+    Topic,
+    Service,
+    Action,
+}
+
+/// There are none.
+#[derive(Default)]
+pub(crate) struct Args;
+
+impl Args {
+    pub(crate) fn node(&self, _given: &str, full: String) -> Result<String, Error> {
+        Ok(full)
+    }
+
+    pub(crate) const fn time(&self, _node: &str, _clock: &SimClock) -> NodeTime {
+        NodeTime
+    }
+
+    pub(crate) fn name(&self, _kind: Kind, given: &str, node: &str) -> Result<String, Error> {
+        Ok(name::topic(given, node)?)
+    }
+
+    pub(crate) fn declared<R>(
+        &self,
+        _node: &str,
+        _name: &str,
+        (value, _): (ParameterValue<'_>, bool),
+        then: impl FnOnce(ParameterValue<'_>) -> Result<R, ParameterError>,
+    ) -> Result<R, ParameterError> {
+        then(value)
+    }
+}
+
+/// There is no simulation.
+#[derive(Default)]
+pub(crate) struct SimClock;
+
+/// The time of the machine.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NodeTime;
+
+/// Nobody follows a clock.
+pub(crate) const fn follow_clock<E>(_executor: &mut E) -> Result<(), Error> {
+    Ok(())
+}
+
+/// Nothing ends by signals.
+#[derive(Clone, Default)]
+pub(crate) struct Ends;
+
+impl Ends {
+    pub(crate) const fn watch<S>(&self, _stop: &S) -> Watched {
+        Watched
+    }
+}
+
+/// Nothing is watched.
+#[derive(Debug)]
+pub(crate) struct Watched;
+
+/// Users see nothing of it.
+pub(crate) mod public {}

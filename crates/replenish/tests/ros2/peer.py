@@ -1,0 +1,122 @@
+"""Genuine ROS 2 (rclpy) as the other side of our trials: says what it saw, one line each.
+
+peer.py topics N      publishes 1..N on to_ours, counts what comes back on from_ours
+peer.py late          publishes three latched texts, and takes those that were there before it
+peer.py graph         says the nodes, types and hashes that it sees, and when they are gone
+peer.py serve         has parameters; runs until it is killed
+peer.py ask NODE      sets and gets the parameters of NODE
+"""
+
+import sys
+import time
+
+import rclpy
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Int32, String
+
+
+def say(*words):
+    print(*words, flush=True)
+
+
+def until(node, done, seconds=50):
+    end = time.monotonic() + seconds
+    while not done():
+        if time.monotonic() > end:
+            say("timeout")
+            sys.exit(1)
+        rclpy.spin_once(node, timeout_sec=0.05)
+
+
+def topics(node, count):
+    for kind in ("reliable", "best_effort"):
+        policy = getattr(ReliabilityPolicy, kind.upper())
+        qos = QoSProfile(depth=500, reliability=policy)
+        seen = []
+        out = node.create_publisher(Int32, f"{kind}_to_ours", qos)
+        node.create_subscription(Int32, f"{kind}_from_ours", lambda m: seen.append(m.data), qos)
+
+        # Both sides know each other once something has come back; then until nothing more comes.
+        while not seen:
+            out.publish(Int32(data=0))
+            rclpy.spin_once(node, timeout_sec=0.1)
+        quiet = time.monotonic()
+        while time.monotonic() - quiet < 1:
+            before = len(seen)
+            rclpy.spin_once(node, timeout_sec=0.1)
+            quiet = quiet if len(seen) == before else time.monotonic()
+        seen.clear()
+        for number in range(1, count + 1):
+            out.publish(Int32(data=number))
+            rclpy.spin_once(node, timeout_sec=0.002)
+        if kind == "reliable":
+            until(node, lambda: len(seen) >= count)
+        else:
+            for _ in range(20):
+                rclpy.spin_once(node, timeout_sec=0.05)
+        say(kind, len(seen), seen == list(range(1, count + 1)))
+
+
+def late(node):
+    qos = QoSProfile(depth=3, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    seen = []
+    out = node.create_publisher(String, "latched_to_ours", qos)
+    for text in ("one", "two", "three"):
+        out.publish(String(data=text))
+    node.create_subscription(String, "latched_from_ours", lambda m: seen.append(m.data), qos)
+    say("ready")
+    until(node, lambda: len(seen) >= 3)
+    say("late", *seen)
+    while True:
+        rclpy.spin_once(node, timeout_sec=0.5)
+
+
+def graph(node):
+    topics = {
+        "publisher": lambda: node.get_publishers_info_by_topic("/ns/number"),
+        "subscription": lambda: node.get_subscriptions_info_by_topic("/ns/text"),
+    }
+    for kind, look in topics.items():
+        named = lambda: [i for i in look() if "UNKNOWN" not in i.node_name]
+        until(node, named)
+        info = named()[0]
+        say(kind, info.node_namespace, info.node_name, info.topic_type, info.topic_type_hash)
+    services = dict(node.get_service_names_and_types_by_node("ours", "/ns"))
+    say("service", *services.get("/ns/ours/get_parameters", ["none"]))
+    names = [f"{space.rstrip('/')}/{name}" for name, space in node.get_node_names_and_namespaces()]
+    say("node", "/ns/ours" in names)
+    until(node, lambda: not any(look() for look in topics.values()))
+    say("gone")
+
+
+def serve(node):
+    node.declare_parameter("gain", 3)
+    say("ready")
+    while True:
+        rclpy.spin_once(node, timeout_sec=0.5)
+
+
+def ask(node, name):
+    client = AsyncParameterClient(node, name)
+    until(node, client.services_are_ready)
+    right = 0
+    for number in range(100):
+        future = client.set_parameters([Parameter("gain", value=number)])
+        until(node, future.done)
+        future = client.get_parameters(["gain"])
+        until(node, future.done)
+        right += future.result().values[0].integer_value == number
+    say("asked", right)
+
+
+rclpy.init()
+peer = rclpy.create_node("peer", namespace="/peer")
+mode, *rest = sys.argv[1:]
+if mode == "topics":
+    topics(peer, int(rest[0]))
+elif mode == "ask":
+    ask(peer, rest[0])
+else:
+    {"late": late, "graph": graph, "serve": serve}[mode](peer)

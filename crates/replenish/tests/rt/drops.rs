@@ -1,0 +1,204 @@
+//! Code beside callbacks keeps to the budget: state that is dropped, and a stopped worker that
+//! ends its callback while the executor stops.
+
+use crate::common::{burn, cpu, eventually, executor};
+use replenish::{Budget, CallbackContext, Context, Every, Executor, Low, Params, Policy, Removal};
+use replenish_testkit::harness::{Trial, rt_trial};
+use replenish_testkit::watchdog::watchdog;
+use std::cell::RefCell;
+use std::fs::read_to_string;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+const LIMIT: Duration = Duration::from_secs(60);
+const MS: Duration = Duration::from_millis(1);
+const PRIORITY: u8 = 60;
+
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        rt_trial("state_is_dropped_under_the_budget_at_a_removal", removal),
+        rt_trial("state_is_dropped_under_the_budget_at_a_stop", stop),
+        rt_trial("thread_locals_are_dropped_under_the_budget", thread_locals),
+        rt_trial("a_stopped_worker_ends_its_callback_low_during_a_stop", low),
+    ]
+}
+
+/// CPU time, in ms, that the state of the callback takes when it is dropped.
+const DROP: u64 = 100;
+
+struct Slow;
+
+impl Drop for Slow {
+    fn drop(&mut self) {
+        burn(DROP);
+    }
+}
+
+/// A worker with 1 ms in an hour and a handle whose state is slow to drop.
+fn slow(exec: &mut Executor) {
+    let state = Slow;
+    exec.stop_grace(LIMIT);
+    exec.worker("w")
+        .policy(Policy::fifo(PRIORITY).unwrap())
+        .budget(Budget::of(MS).every(3_600_000 * MS))
+        .cpu(cpu())
+        .timer(Every::once(MS), move |_: &CallbackContext<'_>| {
+            let _ = &state;
+        })
+        .unwrap();
+}
+
+/// On b209253 the thread that removed the handle dropped it, at its own priority.
+fn removal() {
+    let _dog = watchdog("drop at a removal", LIMIT);
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    slow(&mut exec);
+    let running = exec.start().unwrap();
+    let stats = running
+        .handle()
+        .remove("w/timer:0", Removal::Wait(LIMIT))
+        .unwrap();
+    let usage = running.usage("w").unwrap();
+    assert!(usage.low && usage.exhaustions == 1, "{usage:?}");
+    let both = usage.cpu_high + usage.cpu_low;
+    assert!(
+        both >= DROP * 1_000_000 && usage.cpu_high < both / 2,
+        "{usage:?}"
+    );
+    assert!(
+        stats.cpu_high + stats.cpu_background >= DROP * 1_000_000,
+        "{stats:?}"
+    );
+}
+
+/// On b209253 the account was closed before: 119 ms at the high priority for a budget of 1 ms.
+fn stop() {
+    let _dog = watchdog("drop at a stop", LIMIT);
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    slow(&mut exec);
+    let running = exec.start().unwrap();
+    assert!(eventually(
+        || running.stats("w/timer:0").unwrap().executed == 1
+    ));
+    let report = running.stop();
+    assert!(report.stuck.is_empty(), "{report}");
+    let usage = report.thread("w").unwrap().usage;
+    let both = usage.cpu_high + usage.cpu_low;
+    assert!(
+        both >= DROP * 1_000_000 && usage.cpu_high < both / 2,
+        "{usage:?}"
+    );
+}
+
+/// A thread of this process by its name.
+fn thread(name: &str) -> Option<String> {
+    let threads = std::fs::read_dir("/proc/self/task").unwrap().flatten();
+    let mut paths = threads.map(|thread| thread.path().display().to_string());
+    paths.find(|path| read_to_string(format!("{path}/comm")).is_ok_and(|comm| comm.trim() == name))
+}
+
+/// Its real-time priority, and its CPU time in ns.
+fn state(thread: &str) -> Option<(u8, u64)> {
+    let stat = read_to_string(format!("{thread}/stat")).ok()?;
+    let (_, fields) = stat.rsplit_once(')')?;
+    let priority = fields.split_whitespace().nth(37)?.parse().ok()?;
+    let schedule = read_to_string(format!("{thread}/schedstat")).ok()?;
+    let cpu = schedule.split_whitespace().next()?.parse().ok()?;
+    Some((priority, cpu))
+}
+
+/// Sums what a thread uses at the high priority, as the kernel says.
+struct Watch {
+    ended: Arc<AtomicBool>,
+    sum: JoinHandle<u64>,
+}
+
+impl Watch {
+    fn over(name: &str) -> Self {
+        let thread = thread(name).unwrap();
+        let mut before = state(&thread).unwrap();
+        let ended = Arc::new(AtomicBool::new(false));
+        let end = Arc::clone(&ended);
+        let sum = std::thread::spawn(move || {
+            let mut high = 0;
+            while !end.load(Ordering::SeqCst) {
+                std::thread::sleep(MS);
+                let Some(now) = state(&thread) else {
+                    break;
+                };
+                if before.0 == PRIORITY && now.0 == PRIORITY {
+                    high += now.1 - before.1;
+                }
+                before = now;
+            }
+            high
+        });
+        Self { ended, sum }
+    }
+
+    fn end(self) -> u64 {
+        self.ended.store(true, Ordering::SeqCst);
+        self.sum.join().unwrap()
+    }
+}
+
+/// A thread drops its thread locals last. On b209253 nothing held it to its budget then: 100 ms at
+/// the high priority.
+fn thread_locals() {
+    thread_local! {
+        static LEFT: RefCell<Option<Slow>> = const { RefCell::new(None) };
+    }
+    let _dog = watchdog("thread locals", LIMIT);
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    exec.stop_grace(Duration::from_millis(DROP / 5));
+    let id = "leaves-locals";
+    exec.worker(id)
+        .policy(Policy::fifo(PRIORITY).unwrap())
+        .budget(Budget::of(MS).every(3_600_000 * MS))
+        .cpu(cpu())
+        .timer(Every::once(MS), |_| LEFT.set(Some(Slow)))
+        .unwrap();
+    let running = exec.start().unwrap();
+    let timer = format!("{id}/timer:0");
+    assert!(eventually(|| running.stats(&timer).unwrap().executed == 1));
+    let watch = Watch::over(id);
+    let report = running.stop();
+    assert_eq!(report.stuck, [id], "it is still dropping");
+    assert!(eventually(|| thread(id).is_none()));
+    let high = watch.end();
+    assert!(
+        high < DROP * 1_000_000 / 2,
+        "{high} ns at the high priority"
+    );
+}
+
+/// On b209253 a stop woke the stopped worker at its high priority, where it ran on until the grace
+/// was over: 379 of 400 ms.
+fn low() {
+    const GRACE: u64 = 400;
+    let _dog = watchdog("suspended during a stop", LIMIT);
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    exec.stop_grace(Duration::from_millis(GRACE));
+    let params = Params::new(PRIORITY, Low::Suspend, 5_000_000, 3_600_000_000_000, 4).unwrap();
+    exec.worker("stopped-worker")
+        .policy(Policy::sporadic(params).unwrap())
+        .cpu(cpu())
+        .timer(Every::once(MS), |_| burn(1000))
+        .unwrap();
+    let running = exec.start().unwrap();
+    let id = "stopped-worker";
+    assert!(eventually(|| running.usage(id).unwrap().low));
+    let watch = Watch::over(id);
+    drop(running.stop());
+    let high = watch.end();
+    assert!(
+        high < GRACE * 1_000_000 / 10,
+        "{high} ns at the high priority"
+    );
+}
