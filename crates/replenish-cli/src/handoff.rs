@@ -1,4 +1,4 @@
-//! What waking a thread costs: a caller and threads that answer it, all on one CPU.
+//! The cost of waking a thread: a caller and threads that answer it, all on one CPU.
 //!
 //! ```text
 //!   caller (98) ── there.set() ──► echo (97): the time at which it woke
@@ -22,7 +22,7 @@ pub const BLOCK: usize = 500;
 /// Blocks for an estimate: some thousand round trips.
 const ESTIMATE: usize = 6;
 
-/// What wakes a thread: one waiter, one value.
+/// A means of waking a thread: one waiter, one value.
 pub trait Cell: Send + Sync + 'static {
     /// Wakes the waiter.
     fn set(&self);

@@ -1,8 +1,9 @@
 //! The words of the `replenish` command that a robot needs, and what every word shares.
 //!
 //! ```text
-//!   commands    agent  plan  simulate  suggest  doctor
-//!                 │      │       │        │        │
+//!   commands    agent  plan  simulate  suggest  doctor   top  trace
+//!                 │      │       │        │        │       │     │
+//!   live          │      │       │        │        │       ▼     ▼   programs and their recordings
 //!   handoff       │      │       │        │        ▼   cost of waking a thread
 //!   supervised  ◄─┘      ▼       ▼        ▼            a process under an orchestrator
 //!   report               files, tables, pages          options  lock  machine  signals
@@ -20,6 +21,7 @@ pub mod print;
 mod commands;
 pub mod handoff;
 pub mod laboratory;
+mod live;
 pub mod lock;
 pub mod machine;
 pub mod options;

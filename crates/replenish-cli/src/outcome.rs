@@ -1,7 +1,7 @@
 //! How a command ends: exit codes and the sentence that goes with them.
 //!
 //! 0: it did what was asked. 1: it could not, and says why. 2: the command line was wrong
-//! (clap's own errors use the same code).
+//! (clap's own errors use the same code). `replenish run` ends with the code of its program.
 
 use std::fmt;
 use std::process::ExitCode;
@@ -13,6 +13,8 @@ pub enum Failure {
     Refused(String),
     /// An option has a value that cannot be: exit code 2.
     Usage(String),
+    /// The program that was run ended with this code, and has said why itself.
+    Program(u8),
 }
 
 impl Failure {
@@ -33,6 +35,7 @@ impl Failure {
         match self {
             Self::Refused(why) => Self::Refused(format!("{what}: {why}")),
             Self::Usage(why) => Self::Usage(format!("{what}: {why}")),
+            Self::Program(code) => Self::Program(code),
         }
     }
 
@@ -41,6 +44,7 @@ impl Failure {
         match self {
             Self::Refused(_) => ExitCode::from(1),
             Self::Usage(_) => ExitCode::from(2),
+            Self::Program(code) => ExitCode::from(*code),
         }
     }
 }
@@ -49,13 +53,14 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Refused(why) | Self::Usage(why) => f.write_str(why),
+            Self::Program(code) => write!(f, "the program ended with status {code}"),
         }
     }
 }
 
 impl std::error::Error for Failure {}
 
-/// What a command returns.
+/// The result of a command.
 pub type Outcome = Result<(), Failure>;
 
 /// Says why a command failed, if it did; the process's exit code.
@@ -63,6 +68,7 @@ pub type Outcome = Result<(), Failure>;
 pub fn end(outcome: Outcome) -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
+        Err(failure @ Failure::Program(_)) => failure.exit_code(),
         Err(failure) => {
             eprintln!("replenish: {failure}");
             failure.exit_code()

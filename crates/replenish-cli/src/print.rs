@@ -7,7 +7,7 @@
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, Write};
 
-/// What a shell sees of a program that SIGPIPE (13) has ended.
+/// The exit status that a shell sees of a program that SIGPIPE (13) has ended.
 const READER_GONE: i32 = 128 + 13;
 
 /// Writes to standard output, or ends the program.
@@ -20,10 +20,15 @@ pub fn err(text: Arguments<'_>) {
     written(io::stderr().write_fmt(text));
 }
 
+/// Ends the program as a shell expects it of one whose reader has gone.
+pub fn reader_gone() -> ! {
+    std::process::exit(READER_GONE)
+}
+
 fn written(outcome: io::Result<()>) {
     let Err(why) = outcome else { return };
     if why.kind() == ErrorKind::BrokenPipe {
-        std::process::exit(READER_GONE);
+        reader_gone();
     }
     // If standard error fails as well, no reader is left.
     writeln!(io::stderr(), "cannot write the output: {why}").ok();

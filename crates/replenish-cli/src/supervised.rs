@@ -8,7 +8,7 @@
 use crate::signals::Stop;
 use std::io::{BufRead, Write};
 
-/// What every supervised process reports.
+/// The report of a supervised process.
 #[derive(Debug, serde::Serialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
@@ -25,7 +25,7 @@ pub struct Ready {
     /// How budgets are held (pong only).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mode: Option<Mode>,
-    /// What was asked of the kernel for each thread, and what it gave.
+    /// Each thread's requested and granted scheduling.
     #[serde(default)]
     pub threads: Vec<ThreadRow>,
 }

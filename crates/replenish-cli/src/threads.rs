@@ -1,4 +1,4 @@
-//! What was asked for each thread and what the kernel says it has.
+//! Each thread's requested scheduling, and the one that the kernel reports.
 
 use crate::supervised::ThreadRow;
 use replenish_os::{Granted, Tid, granted};
@@ -26,16 +26,22 @@ fn policy(granted: &Granted) -> String {
 
 /// The first thread of this process that has this name; the kernel keeps 15 bytes of it.
 pub fn find(name: &str) -> Option<Tid> {
+    all(name).into_iter().next()
+}
+
+/// Every thread of this process that has this name, in the order of their ids.
+pub fn all(name: &str) -> Vec<Tid> {
     let wanted = name.as_bytes().get(..15).unwrap_or(name.as_bytes());
-    std::fs::read_dir("/proc/self/task")
-        .ok()?
-        .flatten()
-        .find_map(|task| {
-            let comm = std::fs::read_to_string(Path::new(&task.path()).join("comm")).ok()?;
-            let tid = task.file_name().to_str()?.parse().ok()?;
-            (comm.trim_end().as_bytes() == wanted).then_some(())?;
-            Tid::new(tid)
-        })
+    let tasks = std::fs::read_dir("/proc/self/task").into_iter().flatten();
+    let named = tasks.flatten().filter_map(|task| {
+        let comm = std::fs::read_to_string(Path::new(&task.path()).join("comm")).ok()?;
+        let tid = task.file_name().to_str()?.parse().ok()?;
+        (comm.trim_end().as_bytes() == wanted).then_some(())?;
+        Tid::new(tid)
+    });
+    let mut named: Vec<Tid> = named.collect();
+    named.sort_unstable_by_key(|tid| tid.get());
+    named
 }
 
 #[cfg(test)]

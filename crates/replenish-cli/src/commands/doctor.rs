@@ -20,7 +20,7 @@ const MEASURE: u64 = 2 * SEC;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Measure what enforcing costs here and keep it in this host's ledger: plans count with it
-    /// from then on
+    /// from then on.
     #[arg(long)]
     save: bool,
 
@@ -106,9 +106,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
         None => latency::measure(cpu, Policy::Other, MEASURE)?,
     };
     print(&findings, &latency);
-    let saved = match args.save {
-        true => Some(overheads::save(cpu, &latency, privilege.real_time())?),
-        false => None,
+    let saved = if args.save {
+        Some(overheads::save(cpu, &latency, privilege.real_time())?)
+    } else {
+        None
     };
     let json = serde_json::json!({
         "findings": findings, "latency_us": latency, "overheads_ns": saved,

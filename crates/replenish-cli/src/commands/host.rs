@@ -1,14 +1,14 @@
-//! What is known of this host before planning: what its programs have reserved, and what enforcing
-//! costs here.
+//! Facts about this host before planning: the reservations of its programs, and the costs of
+//! enforcement here.
 
 use crate::outcome::Failure;
 use replenish_plan::ledger::{Found, Ledger, VARIABLE};
 use replenish_plan::{Deployment, Promise};
 
-/// What was found.
+/// The facts that were found.
 #[derive(Debug, Default)]
 pub(crate) struct Host {
-    /// What programs that run have reserved.
+    /// The reservations of running programs.
     pub promised: Vec<Promise>,
     /// Whether the overheads were measured here.
     pub measured: bool,
@@ -44,7 +44,8 @@ impl Host {
         let view = ledger.view().map_err(Failure::refused)?;
         host.notes.extend(view.warnings);
         for entry in &view.entries {
-            host.promised.extend(entry.promises());
+            let first = Promise::next_lock(deployment.locks.len(), &host.promised);
+            host.promised.extend(entry.promises(first));
         }
         let cpus = &deployment.machine.cpus;
         let here = |p: &Promise| p.cpu.is_none_or(|cpu| cpus.contains(&cpu));

@@ -29,7 +29,7 @@ const CLASSES: [i64; 11] = [
 /// Wake-up latencies of one thread.
 #[derive(Debug, Clone, serde::Serialize)]
 pub(crate) struct Latency {
-    /// What the kernel granted to the thread.
+    /// The scheduling that the kernel granted to the thread.
     pub granted: String,
     /// The CPU it was pinned to.
     pub cpu: usize,

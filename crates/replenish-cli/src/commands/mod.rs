@@ -1,13 +1,19 @@
 //! The words of a robot's command: one module each.
 
+mod adopt;
 mod agent;
 mod doctor;
+mod foreign;
 mod host;
 mod latency;
 mod overheads;
 mod plan;
+mod run;
 mod simulate;
 mod suggest;
+mod top;
+mod trace;
+mod why;
 
 use crate::outcome::Outcome;
 
@@ -15,16 +21,29 @@ use crate::outcome::Outcome;
 #[derive(Debug, clap::Subcommand)]
 pub enum Command {
     /// Does a deployment file fit on its machine? The plan with its worst cases, or the reason why
-    /// not
+    /// not.
     Plan(plan::Args),
-    /// Run a deployment file in virtual time and draw its schedule
+    /// Run a deployment file in virtual time and draw its schedule.
     Simulate(simulate::Args),
-    /// Propose budgets for a program from what its threads take while it runs
+    /// Propose budgets for a program from what its threads take while it runs.
     Suggest(suggest::Args),
-    /// What this machine grants to real-time threads, with advice
+    /// Start a program and give its threads CPU budgets, without a change to the program.
+    Run(run::Args),
+    /// Give the threads of programs that run CPU budgets; what they had comes back at the end.
+    Adopt(adopt::Args),
+    /// Gives threads back what they had when its parent ends; started by `run` and `adopt`.
+    #[command(hide = true)]
+    Guardian(foreign::guardian::Args),
+    /// What this machine grants to real-time threads, with advice.
     Doctor(doctor::Args),
-    /// The agent alone: what ping and pong talk through
-    Agent(agent::Args),
+    /// Every program of this host with its workers: budgets, what they used, exhaustions.
+    Top(top::Args),
+    /// The last seconds of a program, running or killed, for Perfetto.
+    Trace(trace::Args),
+    /// Why callbacks were late: each one's response taken apart, and the change that would help.
+    Why(why::Args),
+    /// The agent alone: what ping and pong talk through.
+    Agent(Box<agent::Args>),
 }
 
 impl Command {
@@ -37,7 +56,13 @@ impl Command {
             Self::Plan(args) => plan::run(&args),
             Self::Simulate(args) => simulate::run(&args),
             Self::Suggest(args) => suggest::run(&args),
+            Self::Run(args) => run::run(&args),
+            Self::Adopt(args) => adopt::run(&args),
+            Self::Guardian(args) => foreign::guardian::run(&args),
             Self::Doctor(args) => doctor::run(&args),
+            Self::Top(args) => top::run(&args),
+            Self::Trace(args) => trace::run(&args),
+            Self::Why(args) => why::run(&args),
             Self::Agent(args) => agent::run(&args),
         }
     }

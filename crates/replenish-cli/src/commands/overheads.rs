@@ -7,10 +7,10 @@ use crate::time::Nanos;
 use replenish_plan::Overheads;
 use replenish_plan::ledger::{Found, Ledger};
 
-/// What was observed, times this: an observation is no bound.
+/// The factor on observed costs: an observation is no bound.
 const MARGIN: Nanos = 2;
 
-/// What was measured, in ns. The other overheads stay at their defaults.
+/// The measured overheads, in ns. The others stay at their defaults.
 #[derive(Debug, Clone, Copy, serde::Serialize)]
 pub(super) struct Measured {
     latency: Nanos,

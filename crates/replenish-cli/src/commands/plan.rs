@@ -18,15 +18,15 @@ use std::path::PathBuf;
 /// Options of `plan`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The deployment file, for example examples/robot/fits.toml
+    /// The deployment file, for example examples/robot/fits.toml.
     #[arg(value_name = "FILE")]
     file: PathBuf,
 
-    /// Print the table only, without the reasons
+    /// Print the table only, without the reasons.
     #[arg(long)]
     brief: bool,
 
-    /// Plan as if nothing else ran on this host, and with default overheads
+    /// Plan as if nothing else ran on this host, and with default overheads.
     #[arg(long)]
     ignore_ledger: bool,
 
@@ -318,7 +318,7 @@ fn chain_line(chain: &PlannedChain) -> String {
     }
 }
 
-/// What kind of policy it is, in a word.
+/// The kind of a policy, in a word.
 fn policy_name(policy: &Policy) -> &'static str {
     match policy {
         Policy::Other => "time-shared",

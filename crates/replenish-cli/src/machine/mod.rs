@@ -1,4 +1,5 @@
-//! What this machine is and grants: read from `/proc` and `/sys`, without privilege.
+//! This machine's properties and the rights it grants: read from `/proc` and `/sys`, without
+//! privilege.
 
 pub mod cpus;
 pub mod facts;
@@ -8,7 +9,7 @@ use replenish_os::Policy;
 use replenish_os::privilege::{Privilege, probe};
 use std::sync::OnceLock;
 
-/// What the kernel grants this process; found out once.
+/// The real-time rights that the kernel grants this process; found out once.
 pub fn privilege() -> &'static Privilege {
     static PRIVILEGE: OnceLock<Privilege> = OnceLock::new();
     PRIVILEGE.get_or_init(probe)

@@ -12,7 +12,10 @@ mod common;
 #[path = "../../../replenish/tests/common/fibonacci.rs"]
 mod fibonacci;
 
+mod deploy;
+mod hostile;
 mod laboratory;
+mod live;
 mod plan;
 #[cfg(feature = "dds")]
 mod ros2_client;

@@ -209,7 +209,7 @@ fn service(node: &mut ros2_client::Node) {
     }
 }
 
-/// What is heard of a goal from its beginning to its end: feedback, status and result.
+/// The messages about a goal from its beginning to its end: feedback, status and result.
 type Story = (Vec<Vec<i32>>, GoalStatusEnum, Vec<i32>);
 
 /// Sends a goal, cancels it after `cancel_after` messages of feedback, and listens to its end.

@@ -10,32 +10,32 @@ use std::net::IpAddr;
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "ROS 2")]
 pub(crate) struct Bridge {
-    /// Make the clients' topics, services and nodes those of DDS, too, so that ROS 2 sees them
+    /// Make the clients' topics, services and nodes those of DDS, too, so that ROS 2 sees them.
     #[arg(long)]
     dds: bool,
 
     /// The DDS domain of clients that say 0, which microcontrollers usually do; others have the
-    /// domain they say
+    /// domain they say.
     // Without `requires`: the environment variable may be there without --dds.
     #[arg(long, value_name = "N", env = "ROS_DOMAIN_ID", default_value_t = 0,
           value_parser = clap::value_parser!(u16).range(0..=i64::from(MAX_DOMAIN)))]
     domain: u16,
 
     /// The address of a network interface to use, or "all"; may be given several times. Without it
-    /// only programs on this machine are found. DDS knows no authentication
+    /// only programs on this machine are found. DDS knows no authentication.
     #[arg(long, value_name = "ADDRESS", requires = "dds", value_parser = parse_interface)]
     interface: Vec<Interface>,
 
-    /// How a reply says which request it answers
+    /// How a reply says which request it answers.
     #[arg(long, value_name = "FORM", requires = "dds", default_value = "auto")]
     services: Form,
 
-    /// List nodes in the form of ROS 2 Humble and older
+    /// List nodes in the form of ROS 2 Humble and older.
     #[arg(long, requires = "dds")]
     humble: bool,
 
     /// Nodes, writers, readers, requesters and repliers in DDS; the rest waits. Each takes about
-    /// four file descriptors
+    /// four file descriptors.
     #[arg(long, value_name = "N", requires = "dds",
           default_value_t = DdsLimits::DEFAULT.endpoints as u64,
           value_parser = clap::value_parser!(u64).range(1..=4096))]
@@ -45,11 +45,11 @@ pub(crate) struct Bridge {
 /// Whose form.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Form {
-    /// As the other side does it
+    /// As the other side does it.
     Auto,
-    /// As `rmw_fastrtps` and `rmw_connextdds` do it
+    /// As `rmw_fastrtps` and `rmw_connextdds` do it.
     Enhanced,
-    /// As `rmw_cyclonedds` does it
+    /// As `rmw_cyclonedds` does it.
     Cyclone,
 }
 
@@ -69,6 +69,11 @@ fn parse_interface(text: &str) -> Result<Interface, String> {
 }
 
 impl Bridge {
+    /// Whether there is a bridge.
+    pub(crate) fn is_on(&self) -> bool {
+        self.dds
+    }
+
     /// The agent's configuration with the bridge, if that was asked for.
     #[expect(
         clippy::unnecessary_wraps,

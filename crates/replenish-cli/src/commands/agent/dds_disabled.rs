@@ -7,12 +7,21 @@ use replenish_agent::AgentConfig;
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "ROS 2")]
 pub(crate) struct Bridge {
-    /// Make the clients' topics those of DDS, too: not in this build, which lacks the feature dds
+    /// Make the clients' topics those of DDS, too: not in this build, which lacks the feature dds.
     #[arg(long, num_args = 0.., allow_hyphen_values = true)]
     dds: Option<Vec<String>>,
 }
 
 impl Bridge {
+    /// Whether there is a bridge: this program has none.
+    #[expect(
+        clippy::unused_self,
+        reason = "with the feature dds it depends on an option"
+    )]
+    pub(crate) fn is_on(&self) -> bool {
+        false
+    }
+
     /// Refuses `--dds`.
     pub(crate) fn add_to(&self, config: AgentConfig) -> Result<AgentConfig, Failure> {
         match self.dds {

@@ -19,7 +19,7 @@ const LINES: u64 = 5;
 const WINDOW: Nanos = 10 * SEC;
 const LONGEST: Nanos = 1200 * SEC;
 
-/// What was logged of each kind.
+/// The number of logged messages of each kind.
 #[derive(Debug, Default)]
 pub(super) struct Log {
     kinds: BTreeMap<&'static str, Kind>,
@@ -45,18 +45,7 @@ impl Log {
         for rejection in &rejections.list {
             let name = rejection.reason.kind();
             *self.totals.entry(name).or_default() += 1;
-            let kind = self.kinds.entry(name).or_insert(Kind {
-                ends: now.saturating_add(WINDOW),
-                window: WINDOW,
-                shown: 0,
-                hidden: 0,
-            });
-            if kind.shown < LINES {
-                kind.shown += 1;
-                lines.push(rejection.to_string());
-            } else {
-                kind.hidden += 1;
-            }
+            lines.extend(self.line(name, || rejection.to_string(), now));
         }
         for (name, count) in &rejections.omitted {
             if let Some(kind) = self.kinds.get_mut(name) {
@@ -65,6 +54,27 @@ impl Log {
         }
         lines.extend(self.windows_over(now));
         lines
+    }
+
+    /// One line of a kind, unless there were too many of it; then it is counted.
+    pub(super) fn line(
+        &mut self,
+        name: &'static str,
+        text: impl FnOnce() -> String,
+        now: Nanos,
+    ) -> Option<String> {
+        let kind = self.kinds.entry(name).or_insert(Kind {
+            ends: now.saturating_add(WINDOW),
+            window: WINDOW,
+            shown: 0,
+            hidden: 0,
+        });
+        if kind.shown < LINES {
+            kind.shown += 1;
+            return Some(text());
+        }
+        kind.hidden += 1;
+        None
     }
 
     /// Closes the windows that are over; what they have hidden.
@@ -86,7 +96,7 @@ impl Log {
         lines
     }
 
-    /// What was hidden and not told yet, at the end.
+    /// The messages that were hidden and not reported yet, at the end.
     pub(super) fn rest(&mut self) -> Vec<String> {
         let kinds = std::mem::take(&mut self.kinds);
         let hidden = kinds.iter().filter(|(_, kind)| kind.hidden > 0);
@@ -115,6 +125,7 @@ mod tests {
             at: 0,
             peer: "udp 127.0.0.1:1".into(),
             key: None,
+            about: None,
             reason: Reason::Malformed { bytes: 3 },
         };
         Rejections {

@@ -1,9 +1,15 @@
 //! `replenish agent`: the agent alone, and what it is doing.
 
+mod access;
+mod bridge_rows;
+mod console;
 #[cfg_attr(not(feature = "dds"), path = "dds_disabled.rs")]
 mod dds;
 mod log;
 mod options;
+mod policy;
+#[cfg_attr(not(feature = "secure"), path = "secure_disabled.rs")]
+mod secure;
 mod status;
 mod view;
 mod watch;
@@ -16,9 +22,10 @@ use crate::signals::Stop;
 use crate::supervised::{self, Event, Ready};
 use crate::threads;
 use crate::time::SEC;
-use replenish_agent::{Agent, AgentConfig, AgentError, Stats, StopHandle};
+use access::AccessFile;
+use console::Console;
+use replenish_agent::{AccessList, Agent, AgentConfig, AgentError, MemoryBound, Stats, StopHandle};
 use replenish_os::{Policy, Thread, ThreadSpec, spawn};
-use std::io::Write;
 use std::path::PathBuf;
 use watch::Watcher;
 
@@ -40,21 +47,35 @@ pub struct Args {
     #[command(flatten)]
     service: options::Service,
 
+    /// The clients that may log in, from where, and the topics that each may write and read: a
+    /// TOML file with a table [[client]] for each (docs/agent.md). SIGHUP reads it again. Without
+    /// it every client may do everything.
+    #[arg(long, value_name = "FILE")]
+    access: Option<PathBuf>,
+
+    #[command(flatten)]
+    encrypted: secure::Ports,
+
     #[command(flatten)]
     bridge: dds::Bridge,
 
-    /// The CPU of its thread
+    /// The scheduling policy of its thread: other, fifo:PRIORITY or rr:PRIORITY, 1 to 99. Without
+    /// it the one that this command was started with, as by chrt.
+    #[arg(long, value_name = "POLICY", value_parser = policy::parse)]
+    policy: Option<Policy>,
+
+    /// The CPU of its thread.
     #[arg(long, value_name = "CPU")]
     cpu: Option<usize>,
 
     /// Show clients, topics and endpoints with their rates as a table, every so many seconds (1 if
-    /// not said). Without it SIGUSR1 asks for one
+    /// not said). Without it SIGUSR1 asks for one.
     #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "1",
           value_parser = clap::value_parser!(u64).range(1..=3600))]
     watch: Option<u64>,
 
     /// Write the state to this file as JSON: with every table, and at the end. A reader never finds
-    /// half of it
+    /// half of it.
     #[arg(long, value_name = "PATH")]
     json: Option<PathBuf>,
 
@@ -69,29 +90,47 @@ pub struct Args {
 /// Runs the agent until a signal.
 pub(crate) fn run(args: &Args) -> Outcome {
     cpus::check("--cpu", args.cpu)?;
+    // Before there are other threads: they inherit the ordinary policy.
+    let inherited = policy::take_over()?;
     files::check_writable(args.json.as_deref())?;
-    let stop = Stop::on_signals_and_questions()?;
+    let stop = if args.access.is_some() {
+        Stop::on_signals_questions_and_reloads()?
+    } else {
+        Stop::on_signals_and_questions()?
+    };
     let config = options::config(&args.transports, &args.bounds, &args.service)?;
-    let config = args.bridge.add_to(config)?;
+    let config = args.encrypted.add_to(config, args.transports.has_udp())?;
+    let mut config = args.bridge.add_to(config)?;
+    config.access = args.access.as_deref().map(access::read).transpose()?;
     let agent = Agent::bind(&config).map_err(Failure::refused)?;
+    let entries = config.access.as_ref().map_or(0, AccessList::len);
+    let access = args.access.clone();
+    let access = access.map(|path| AccessFile::new(path, agent.access_control(), entries));
     let address = agent.local_addr();
     let places = places(&agent, &config);
+    // Under the orchestrator it must not wait for other programs of a busy machine.
+    let policy = match args.policy {
+        Some(policy) => policy,
+        None if args.supervised && !args.ordinary => fifo_or_other(SUPPORT_PRIORITY),
+        None if args.supervised => Policy::Other,
+        None => inherited,
+    };
     let watcher = Watcher {
+        output: Console::output(),
+        error: Console::error(),
+        policy: policy.to_string(),
         inspector: agent.inspector(),
         address: address.to_string(),
         addresses: places.clone(),
         limits: config.limits,
+        bound: MemoryBound::of(&config),
+        access,
         every: args.watch.map(|seconds| seconds * SEC),
         json: args.json.clone(),
         quiet: args.supervised,
+        bridged: args.bridge.is_on(),
     };
-    warn_of_strangers(&agent);
-    // Under the orchestrator it must not wait for other programs of a busy machine.
-    let policy = if args.supervised && !args.ordinary {
-        fifo_or_other(SUPPORT_PRIORITY)
-    } else {
-        Policy::Other
-    };
+    watcher.warn_of_strangers(&agent);
     let handle = StopHandle::new();
     let thread = start(agent, policy, args.cpu, handle.clone(), stop.clone())?;
     if args.supervised {
@@ -104,10 +143,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
             threads: vec![row],
         }));
     } else {
-        println!(
-            "agent listening at {}; end it with SIGINT or SIGTERM",
-            places.join(", ")
-        );
+        watcher.announce(&places, &policy);
     }
     let seen = watcher.watch(&stop);
     handle.stop();
@@ -115,20 +151,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         .join()
         .map_err(|_| Failure::refused("the agent's thread panicked"))?
         .map_err(Failure::refused)?;
-    let outcome = seen.finish(&stats);
-    if !args.supervised {
-        // Whoever has read this may be gone already.
-        writeln!(
-            std::io::stdout(),
-            "{} sessions; {} samples in, {} out, {} dropped for want of room",
-            stats.clients_created,
-            stats.samples_in,
-            stats.samples_out,
-            stats.samples_dropped + stats.samples_refused
-        )
-        .ok();
-    }
-    outcome
+    seen.finish(&stats)
 }
 
 /// Everything it listens at, for people.
@@ -142,18 +165,8 @@ fn places(agent: &Agent, config: &AgentConfig) -> Vec<String> {
         .serial
         .iter()
         .map(|line| format!("{} ({} baud)", line.path.display(), line.baud));
-    udp.chain(tcp).chain(serial).collect()
-}
-
-/// Says so when other hosts can reach it.
-fn warn_of_strangers(agent: &Agent) {
-    let addresses = agent.udp_addrs().into_iter().chain(agent.tcp_addr());
-    for address in addresses.filter(|address| !address.ip().is_loopback()) {
-        eprintln!(
-            "note: {address} can be reached from other hosts, and XRCE knows no authentication: \
-             whoever reaches it can read and write every topic"
-        );
-    }
+    let encrypted = secure::places(agent);
+    udp.chain(tcp).chain(encrypted).chain(serial).collect()
 }
 
 /// The agent on a thread of its own; a socket that fails ends the command.

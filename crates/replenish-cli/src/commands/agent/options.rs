@@ -18,106 +18,130 @@ const PORT: u16 = 8888;
 pub(crate) struct Transports {
     /// A UDP address, IPv4 or IPv6 as `[::1]:8888`; may be given several times; port 0 for any free
     /// one. Without any address or line: 127.0.0.1:8888. For clients on other hosts 0.0.0.0:8888;
-    /// but XRCE knows no authentication: whoever reaches the address can read and write every topic
+    /// but XRCE knows no authentication: whoever reaches the address can read and write every
+    /// topic (see --access and --dtls).
     #[arg(long, visible_alias = "listen", value_name = "ADDRESS")]
     udp: Vec<SocketAddr>,
 
-    /// A TCP address
+    /// A TCP address.
     #[arg(long, value_name = "ADDRESS")]
     tcp: Option<SocketAddr>,
 
-    /// A serial line, as /dev/ttyUSB0, with the stock framing; may be given several times
+    /// A serial line, as /dev/ttyUSB0, with the stock framing; may be given several times.
     #[arg(long, value_name = "DEVICE")]
     serial: Vec<PathBuf>,
 
-    /// The baud rate of the serial lines; once for all of them or once for each, in their order
+    /// The baud rate of the serial lines; once for all of them or once for each, in their order.
     #[arg(long, value_name = "N", requires = "serial", default_value = "115200")]
     baud: Vec<u32>,
 }
 
-/// What clients may make the agent hold.
+/// Limits on memory that clients may make the agent hold.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "What clients may make it hold")]
 pub(crate) struct Bounds {
-    /// Clients at the same time
+    /// Clients at the same time.
     #[arg(long, value_name = "N", default_value_t = Limits::DEFAULT.clients as u64,
           value_parser = clap::value_parser!(u64).range(1..=4096))]
     clients: u64,
 
-    /// Entities of one client
+    /// Entities of one client.
     #[arg(long, value_name = "N", default_value_t = Limits::DEFAULT.entities as u64,
           value_parser = clap::value_parser!(u64).range(1..=4096))]
     entities: u64,
 
-    /// Streams of one client in each direction
+    /// Streams of one client in each direction.
     #[arg(long, value_name = "N", default_value_t = Limits::DEFAULT.streams as u64,
           value_parser = clap::value_parser!(u64).range(1..=16))]
     streams: u64,
 
-    /// Bytes that one client makes the agent keep: buffers of its streams and samples that wait
+    /// Bytes that all clients together make the agent keep; each has an equal part of its own.
+    /// Without it --clients times --client-memory.
+    #[arg(long, value_name = "BYTES", conflicts_with = "client_memory",
+          value_parser = clap::value_parser!(u64).range(4096..=1 << 40))]
+    memory: Option<u64>,
+
+    /// Bytes that one client makes the agent keep: buffers of its streams, its entities, and
+    /// samples that wait.
     #[arg(long, value_name = "BYTES", default_value_t = Limits::DEFAULT.client_bytes as u64,
           value_parser = clap::value_parser!(u64).range(4096..=1 << 40))]
     client_memory: u64,
 
-    /// Bytes of all samples that wait
-    #[arg(long, value_name = "BYTES", default_value_t = Limits::DEFAULT.queued_bytes as u64,
-          value_parser = clap::value_parser!(u64).range(1..=1 << 40))]
-    queue_memory: u64,
-
-    /// Bytes of one message to a client
+    /// Bytes of one message to a client.
     #[arg(long, value_name = "BYTES", default_value_t = Limits::DEFAULT.message as u64,
           value_parser = clap::value_parser!(u64).range(64..=65_535))]
     message: u64,
 
-    /// Bytes of one sample
+    /// Bytes of one sample.
     #[arg(long, value_name = "BYTES", default_value_t = Limits::DEFAULT.sample as u64,
           value_parser = clap::value_parser!(u64).range(1..=65_531))]
     sample: u64,
 
-    /// The most samples that a reader's queue keeps, whatever its QoS says
+    /// The most samples that a reader's queue keeps, whatever its QoS says.
     #[arg(long, value_name = "N", default_value_t = Limits::DEFAULT.max_depth as u64,
           value_parser = clap::value_parser!(u64).range(1..=65_535))]
     depth: u64,
 
-    /// Datagrams per second taken from one client; 0 for no limit
+    /// Datagrams per second taken from one client; 0 for no limit.
     #[arg(long, value_name = "N", default_value_t = Limits::DEFAULT.datagrams_per_second,
           value_parser = rate())]
     rate: u32,
 
-    /// Datagrams per second taken from all who have no session, together; 0 for no limit
+    /// Log-ins and pings per second taken from all who have no session, together; a quarter of it
+    /// from one host, a sixteenth from one address; 0 for no limit.
     #[arg(long, value_name = "N", default_value_t = Limits::DEFAULT.unauthenticated_per_second,
           value_parser = rate())]
     strangers_rate: u32,
 
-    /// Seconds of silence after which a client is forgotten
+    /// Bytes that leave for a UDP address for each byte from there, until it acknowledges
+    /// something: the source of a datagram can be forged. Samples wait for that. 0 for no limit,
+    /// for clients without any reliable stream.
+    #[arg(long, value_name = "N", default_value_t = Limits::DEFAULT.reflection,
+          value_parser = RangedU64ValueParser::<u32>::new().range(0..=1000))]
+    reflection: u32,
+
+    /// Seconds for which a reliable keep-all reader that is full holds up reliable keep-all writers
+    /// before samples for it are dropped. Without it as long as both live.
+    #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(0..=60))]
+    patience: Option<u64>,
+
+    /// Seconds of silence after which a client is forgotten.
     #[arg(long, value_name = "SECONDS", default_value_t = Limits::DEFAULT.silence / SECOND,
           value_parser = clap::value_parser!(u64).range(1..=86_400))]
     silence: u64,
 }
 
-/// What goes first.
+/// The precedence of clients and topics.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "What goes first")]
 pub(crate) struct Service {
     /// How urgent topics are on the way to clients: PATTERN=PRIORITY or PATTERN=PRIORITY:WEIGHT;
     /// may be given several times, the first that matches counts. A pattern is a ROS name (/scan,
     /// /arm/*) or a DDS one (rt/scan), * for any part; priority 0 to 7, the most urgent, 4 without
-    /// a rule; weight, samples in a turn among equals, 1 to 1000
+    /// a rule; weight, samples in a turn among equals, 1 to 1000.
     #[arg(long, value_name = "RULE", value_parser = parse_rule)]
     priority: Vec<TopicRule>,
 
-    /// Entities that clients describe by a name alone, in the format of eProsima's agent.refs
+    /// Entities that clients describe by a name alone, in the format of eProsima's agent.refs.
     #[arg(long, value_name = "FILE")]
     refs: Option<PathBuf>,
 }
 
 const SECOND: u64 = 1_000_000_000;
 
+/// The least that a client of `--memory` must have.
+const LEAST_SHARE: u64 = 4096;
+
 fn rate() -> RangedU64ValueParser<u32> {
     RangedU64ValueParser::new().range(0..=10_000_000)
 }
 
 impl Transports {
+    /// Whether a UDP address was given.
+    pub(crate) fn has_udp(&self) -> bool {
+        !self.udp.is_empty()
+    }
+
     /// Puts them into `config`.
     fn apply(&self, config: &mut AgentConfig) -> Result<(), Failure> {
         let other = self.tcp.is_some() || !self.serial.is_empty();
@@ -144,24 +168,35 @@ impl Transports {
 }
 
 impl Bounds {
-    fn limits(&self) -> Limits {
+    fn limits(&self) -> Result<Limits, Failure> {
         let size = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
         let max_depth = size(self.depth);
-        Limits {
+        let share = self.memory.map(|memory| memory / self.clients);
+        if share.is_some_and(|share| share < LEAST_SHARE) {
+            let least = self.clients.saturating_mul(LEAST_SHARE);
+            let allowed = format!("at least {least} for --clients {}", self.clients);
+            return Err(Failure::range(
+                "--memory",
+                self.memory.unwrap_or(0),
+                allowed,
+            ));
+        }
+        Ok(Limits {
             clients: size(self.clients),
             entities: size(self.entities),
             streams: size(self.streams),
             message: size(self.message),
             sample: size(self.sample),
-            queued_bytes: size(self.queue_memory),
-            client_bytes: size(self.client_memory),
+            client_bytes: size(share.unwrap_or(self.client_memory)),
             default_depth: Limits::DEFAULT.default_depth.min(max_depth),
             max_depth,
             datagrams_per_second: self.rate,
             unauthenticated_per_second: self.strangers_rate,
+            reflection: self.reflection,
+            writer_block_limit: self.patience.map(|seconds| seconds.saturating_mul(SECOND)),
             silence: self.silence.saturating_mul(SECOND),
             ..Limits::DEFAULT
-        }
+        })
     }
 }
 
@@ -172,7 +207,7 @@ pub(crate) fn config(
     service: &Service,
 ) -> Result<AgentConfig, Failure> {
     let mut config = AgentConfig {
-        limits: bounds.limits(),
+        limits: bounds.limits()?,
         rules: service.priority.clone(),
         ..AgentConfig::default()
     };

@@ -1,9 +1,10 @@
-//! What the agent is doing, with rates: the model behind the table and the JSON.
+//! The agent's activity, with rates: the model behind the table and the JSON.
 //!
 //! Rates are differences of two snapshots over the time between them; against the beginning if
 //! there was none before.
 
-use replenish_agent::{EntitySnapshot, Snapshot, Stats};
+use super::bridge_rows::BridgeRow;
+use replenish_agent::{EntitySnapshot, Refusal, Snapshot, Stats};
 use std::collections::BTreeMap;
 
 /// The state at one time. The names are a contract.
@@ -17,10 +18,44 @@ pub(crate) struct Status {
     pub(crate) topics: Vec<TopicRow>,
     /// Every entity of every client; what both writes and reads (services) has both halves.
     pub(crate) entities: Vec<EntityRow>,
+    /// The clients' nodes and endpoints in DDS; `None` without a bridge.
+    pub(crate) bridge: Option<Vec<BridgeRow>>,
+    /// The last log-ins, and the last requests, that were refused.
+    pub(crate) refusals: Vec<RefusalRow>,
     /// Bytes of all samples that wait.
     pub(crate) queued_bytes: usize,
     /// All counters since the start.
     pub(crate) stats: Stats,
+}
+
+/// A log-in or request that was refused.
+#[derive(Debug, Clone, serde::Serialize)]
+pub(crate) struct RefusalRow {
+    /// The client's key, and the entity's id; no id for a log-in.
+    pub(crate) client: String,
+    pub(crate) id: String,
+    /// `/chatter`, the service, or the node; empty where the request does not say it.
+    pub(crate) topic: String,
+    /// `std_msgs/msg/String`.
+    #[serde(rename = "type")]
+    pub(crate) type_name: String,
+    /// The answer.
+    pub(crate) status: String,
+    /// Why, as in the log.
+    pub(crate) reason: String,
+}
+
+impl From<&Refusal> for RefusalRow {
+    fn from(refusal: &Refusal) -> Self {
+        Self {
+            client: refusal.key.clone(),
+            id: refusal.id.clone(),
+            topic: refusal.name.clone(),
+            type_name: refusal.type_name.clone(),
+            status: refusal.status.clone(),
+            reason: refusal.reason.clone(),
+        }
+    }
 }
 
 /// One client.
@@ -40,6 +75,8 @@ pub(crate) struct ClientRow {
     pub(crate) bytes_in_per_second: f64,
     pub(crate) bytes_out_per_second: f64,
     pub(crate) rate_limited: u64,
+    /// Its address has shown that it receives.
+    pub(crate) echoed: bool,
     pub(crate) retransmitted: u64,
     pub(crate) unacknowledged: usize,
 }
@@ -76,7 +113,7 @@ pub(crate) struct EntityRow {
     pub(crate) reads: Option<Half>,
 }
 
-/// What an entity sends or receives.
+/// The traffic of an entity.
 #[derive(Debug, Clone, serde::Serialize)]
 pub(crate) struct Half {
     pub(crate) reliable: bool,
@@ -98,7 +135,7 @@ pub(crate) struct Half {
 }
 
 impl Status {
-    /// What `now` says; rates since `before`, or since `start` on the agent's clock.
+    /// The figures of `now`; rates since `before`, or since `start` on the agent's clock.
     pub(crate) fn new(now: &Snapshot, before: Option<&Snapshot>, start: u64) -> Self {
         let seconds = match before {
             Some(before) => now.seconds_since(before),
@@ -127,6 +164,7 @@ impl Status {
                 bytes_in_per_second: rate.of(client.bytes_in, was(|c| c.bytes_in)),
                 bytes_out_per_second: rate.of(client.bytes_out, was(|c| c.bytes_out)),
                 rate_limited: client.rate_limited,
+                echoed: client.echoed,
                 retransmitted: client.streams.iter().map(|s| s.resent).sum(),
                 unacknowledged: client.streams.iter().map(|s| s.unacknowledged).sum(),
             });
@@ -141,6 +179,11 @@ impl Status {
             clients,
             topics: topics(&entities),
             entities,
+            bridge: now
+                .bridge
+                .as_deref()
+                .map(|rows| rows.iter().map(BridgeRow::from).collect()),
+            refusals: now.refusals.iter().map(RefusalRow::from).collect(),
             queued_bytes: now.queued_bytes,
             stats: now.stats,
         }

@@ -1,5 +1,6 @@
 //! The agent's state as tables for people.
 
+use super::bridge_rows::BridgeRow;
 use super::status::{EntityRow, Half, Status};
 use crate::report::table::Table;
 
@@ -26,6 +27,7 @@ pub(super) fn tables(status: &Status, all: bool) -> String {
     text += &clients(status, most);
     text += &topics(status, most);
     text += &endpoints(status, most);
+    text += &bridge(status.bridge.as_deref().unwrap_or_default(), most);
     text
 }
 
@@ -119,6 +121,37 @@ fn endpoints(status: &Status, most: usize) -> String {
         ]);
     }
     finish(&table, halves.len(), most)
+}
+
+fn bridge(rows: &[BridgeRow], most: usize) -> String {
+    let mut table = Table::new(&[
+        "in ROS 2", "node", "kind", "type", "domain", "state", "matched", "not", "sent",
+        "received", "waiting", "dropped", "missed", "lost", "unheard",
+    ]);
+    for row in rows.iter().take(most) {
+        table.row([
+            printable(if row.topic.is_empty() {
+                "-"
+            } else {
+                &row.topic
+            }),
+            printable(&row.node),
+            row.kind.to_string(),
+            printable(&row.type_name),
+            row.domain.to_string(),
+            row.reason.as_deref().map_or(row.state.into(), printable),
+            row.matched.to_string(),
+            row.mismatched.to_string(),
+            row.sent.to_string(),
+            row.received.to_string(),
+            row.waiting.to_string(),
+            row.dropped.to_string(),
+            row.missed.to_string(),
+            row.lost.saturating_sub(row.returned).to_string(),
+            row.unheard.to_string(),
+        ]);
+    }
+    finish(&table, rows.len(), most)
 }
 
 /// Nothing for an empty table; says how many rows are not shown.

@@ -1,5 +1,8 @@
 //! Looking after a running agent: the table, the JSON, the log, until it ends.
 
+use super::access::AccessFile;
+use super::bridge_rows::BridgeLog;
+use super::console::Console;
 use super::log::Log;
 use super::status::Status;
 use super::view;
@@ -7,18 +10,24 @@ use crate::outcome::Outcome;
 use crate::report::files;
 use crate::signals::{Stop, Woken};
 use crate::time::{MS, Nanos, SEC};
-use replenish_agent::{Inspector, Limits, Snapshot, Stats};
-use replenish_os::clock;
+use replenish_agent::{Agent, Inspector, Limits, MemoryBound, Snapshot, Stats};
+use replenish_os::{Policy, clock};
 use serde_json::{Value, json};
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::time::Duration;
 
 /// How often the log is looked at.
 const LOG: Nanos = 500 * MS;
 
+/// How often the bridge is looked at for the log.
+const BRIDGE: Nanos = 5 * SEC;
+
 /// How long the agent may take to say what it is doing.
 const PATIENCE: Duration = Duration::from_secs(2);
+
+/// How long the end waits for a reader of standard output, and of standard error.
+const LAST_WORDS: Duration = Duration::from_millis(500);
 
 /// Looks after an agent.
 #[derive(Debug)]
@@ -28,33 +37,78 @@ pub(super) struct Watcher {
     pub(super) address: String,
     pub(super) addresses: Vec<String>,
     pub(super) limits: Limits,
+    /// The most memory of the process.
+    pub(super) bound: MemoryBound,
+    /// The clients that may log in.
+    pub(super) access: Option<AccessFile>,
     /// Between two tables; `None`: only when asked.
     pub(super) every: Option<Nanos>,
     pub(super) json: Option<PathBuf>,
     /// Nothing for people: another process reads what this one says.
     pub(super) quiet: bool,
+    /// There is a bridge to DDS, whose events belong into the log.
+    pub(super) bridged: bool,
+    /// The policy that the agent's thread was given.
+    pub(super) policy: String,
+    pub(super) output: Console,
+    pub(super) error: Console,
 }
 
-/// What a watcher knows at the end.
+/// A watcher's findings at the end.
 #[derive(Debug)]
 pub(super) struct Seen {
     watcher: Watcher,
     log: Log,
+    bridge: BridgeLog,
     start: Nanos,
     last: Option<Snapshot>,
 }
 
 impl Watcher {
+    /// Says where it listens.
+    pub(super) fn announce(&self, places: &[String], policy: &Policy) {
+        let places = places.join(", ");
+        let with = match policy {
+            Policy::Other => String::new(),
+            policy => format!(" with {policy}"),
+        };
+        self.output.write(format!(
+            "agent listening at {places}{with}; end it with SIGINT or SIGTERM\n"
+        ));
+    }
+
+    /// Says so when other hosts can reach it.
+    pub(super) fn warn_of_strangers(&self, agent: &Agent) {
+        let rights = match &self.access {
+            Some(_) => "a host that knows a listed key can log in with it",
+            None => "any host that reaches it can read and write every topic (see --access)",
+        };
+        let addresses = agent.udp_addrs().into_iter().chain(agent.tcp_addr());
+        for address in addresses.filter(|address| !address.ip().is_loopback()) {
+            self.error.write(format!(
+                "note: {address} can be reached from other hosts, and XRCE knows no \
+                 authentication: {rights}\n"
+            ));
+        }
+    }
+
+    /// One line of the log.
+    fn say(&self, line: &str) {
+        self.error.write(format!("agent: {line}\n"));
+    }
+
     /// Until `stop`.
     pub(super) fn watch(self, stop: &Stop) -> Seen {
         let start = clock::monotonic();
         let mut seen = Seen {
             watcher: self,
             log: Log::default(),
+            bridge: BridgeLog::default(),
             start,
             last: None,
         };
         let every = seen.watcher.every;
+        let mut bridge_at = start + BRIDGE;
         let mut table_at = every.map(|every| start + every);
         loop {
             let now = clock::monotonic();
@@ -62,10 +116,15 @@ impl Watcher {
             match stop.wait_or_asked(Duration::from_nanos(next.saturating_sub(now))) {
                 Woken::Stopped => break,
                 Woken::Asked => seen.refresh(true),
+                Woken::Reload => seen.reload(),
                 Woken::Time => {}
             }
             seen.write_log();
             let now = clock::monotonic();
+            if seen.watcher.bridged && bridge_at <= now {
+                seen.write_bridge_log();
+                bridge_at = now + BRIDGE;
+            }
             if let (Some(at), Some(every)) = (table_at, every)
                 && at <= now
             {
@@ -88,23 +147,25 @@ impl Seen {
         };
         let status = Status::new(&now, self.last.as_ref(), self.start);
         if !self.watcher.quiet {
-            let mut out = std::io::stdout().lock();
-            let clear = if !all && out.is_terminal() {
+            let clear = if !all && std::io::stdout().is_terminal() {
                 "\x1b[H\x1b[2J"
             } else {
                 ""
             };
             let text = format!("{clear}{}\n", view::tables(&status, all));
-            // Nobody may listen any more; the agent serves its clients all the same.
-            out.write_all(text.as_bytes())
-                .and_then(|()| out.flush())
-                .ok();
+            self.watcher.output.write(text);
         }
         let json = self.json(&status, &now.stats);
         if let Err(failure) = files::replace_json(self.watcher.json.as_deref(), &json) {
-            say(&failure.to_string());
+            self.watcher.say(&failure.to_string());
         }
         self.last = Some(now);
+    }
+
+    /// Reads the access list again.
+    fn reload(&mut self) {
+        let line = self.watcher.access.as_mut().map(AccessFile::reload);
+        self.say(&line.into_iter().collect::<Vec<_>>());
     }
 
     /// The lines that are due.
@@ -114,9 +175,19 @@ impl Seen {
         self.say(&lines);
     }
 
+    /// The lines about the bridge that are due.
+    fn write_bridge_log(&mut self) {
+        let snapshot = self.watcher.inspector.snapshot(PATIENCE);
+        if let Some(rows) = snapshot.and_then(|snapshot| snapshot.bridge) {
+            let now = clock::monotonic();
+            let lines = self.bridge.lines(&rows, &mut self.log, now);
+            self.say(&lines);
+        }
+    }
+
     fn say(&self, lines: &[String]) {
         if !self.watcher.quiet {
-            lines.iter().for_each(|line| say(line));
+            lines.iter().for_each(|line| self.watcher.say(line));
         }
     }
 
@@ -132,7 +203,19 @@ impl Seen {
         let last = self.last.take().unwrap_or(empty);
         let status = Status::new(&last, None, self.start);
         let json = self.json(&status, stats);
-        files::replace_json(self.watcher.json.as_deref(), &json)
+        let outcome = files::replace_json(self.watcher.json.as_deref(), &json);
+        if !self.watcher.quiet {
+            self.watcher.output.write(format!(
+                "{} sessions; {} samples in, {} out, {} dropped for want of room\n",
+                stats.clients_created,
+                stats.samples_in,
+                stats.samples_out,
+                stats.samples_dropped + stats.samples_refused
+            ));
+        }
+        self.watcher.output.finish(LAST_WORDS);
+        self.watcher.error.finish(LAST_WORDS);
+        outcome
     }
 
     /// The JSON. The names are a contract.
@@ -141,6 +224,11 @@ impl Seen {
             address,
             addresses,
             limits,
+            bound,
+            access,
+            policy,
+            output,
+            error,
             ..
         } = &self.watcher;
         let uptime = clock::monotonic().saturating_sub(self.start) as f64 / 1e9;
@@ -148,6 +236,8 @@ impl Seen {
             "address": address,
             "addresses": addresses,
             "uptime_seconds": uptime,
+            "policy": policy,
+            "texts_dropped": output.lost() + error.lost(),
             "sessions": stats.clients_created,
             "datagrams_in": stats.datagrams_in,
             "datagrams_out": stats.datagrams_out,
@@ -161,7 +251,10 @@ impl Seen {
             "clients": status.clients,
             "topics": status.topics,
             "entities": status.entities,
+            "bridge": status.bridge,
             "refused": self.log.totals(),
+            "refusals": status.refusals,
+            "access": access.as_ref().map(AccessFile::json),
             "stats": stats,
             "limits": {
                 "clients": limits.clients,
@@ -169,18 +262,16 @@ impl Seen {
                 "streams": limits.streams,
                 "message": limits.message,
                 "sample": limits.sample,
-                "queue_memory": limits.queued_bytes,
+                "memory": limits.memory(),
                 "client_memory": limits.client_bytes,
+                "process_memory": bound.total(),
                 "depth": limits.max_depth,
                 "rate": limits.datagrams_per_second,
                 "strangers_rate": limits.unauthenticated_per_second,
+                "reflection": limits.reflection,
+                "patience_seconds": limits.writer_block_limit.map(|ns| ns as f64 / SEC as f64),
                 "silence_seconds": limits.silence as f64 / SEC as f64,
             },
         })
     }
-}
-
-/// One line of the log.
-fn say(line: &str) {
-    writeln!(std::io::stderr(), "agent: {line}").ok(); // there is nobody else to tell
 }

@@ -161,7 +161,7 @@ fn draw_lane(body: &mut String, lane: &Lane, scale: &Scale, y: f64) -> f64 {
     y + if budgeted { LANE } else { PLAIN_LANE }
 }
 
-/// What the budget has left, as an area.
+/// CPU time left in the budget, as an area.
 fn curve(body: &mut String, lane: &Lane, scale: &Scale, top: f64) {
     let foot = top + CURVE;
     let height = |left: Nanos| foot - CURVE * left as f64 / lane.full as f64;

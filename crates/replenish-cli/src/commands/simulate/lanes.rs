@@ -14,7 +14,7 @@ pub(super) struct Lane {
     /// Its CPU by its place in the system; `None`: any.
     pub(super) cpu: Option<usize>,
     pub(super) bars: Vec<Bar>,
-    /// What its budget had left, as corners of a line; empty without a budget.
+    /// CPU time left in its budget, as corners of a line; empty without a budget.
     pub(super) budget: Vec<(Nanos, Nanos)>,
     /// The whole budget.
     pub(super) full: Nanos,

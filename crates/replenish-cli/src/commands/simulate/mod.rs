@@ -23,32 +23,32 @@ const TRACED: Nanos = 20_000 * MS;
 /// Options of `simulate`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The deployment file, for example examples/robot/fits.toml
+    /// The deployment file, for example examples/robot/fits.toml.
     #[arg(value_name = "FILE")]
     file: PathBuf,
 
-    /// How long, in seconds of virtual time
+    /// How long, in seconds of virtual time.
     #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=3600))]
     seconds: u64,
 
-    /// Draws other execution times and other lateness
+    /// Draws other execution times and other lateness.
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 
     /// How much is drawn, in milliseconds: from the start, or around the first missed deadline.
-    /// Without it, two of the longest periods
+    /// Without it, two of the longest periods.
     #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     show: Option<u64>,
 
-    /// Simulate it even if the plan is refused, to see what goes wrong
+    /// Simulate it even if the plan is refused, to see what goes wrong.
     #[arg(long)]
     anyway: bool,
 
-    /// Also write a page with the schedule drawn, for a browser
+    /// Also write a page with the schedule drawn, for a browser.
     #[arg(long, value_name = "PATH")]
     html: Option<PathBuf>,
 
-    /// Also write the drawing as SVG
+    /// Also write the drawing as SVG.
     #[arg(long, value_name = "PATH")]
     svg: Option<PathBuf>,
 
@@ -250,7 +250,7 @@ fn table(rows: &[Row]) -> Table {
     table
 }
 
-/// What a hurried reader wants to know.
+/// The result in a sentence, for a hurried reader.
 fn verdict(rows: &[Row], seconds: u64, admitted: bool) -> String {
     let late: Vec<String> = rows
         .iter()

@@ -31,36 +31,36 @@ const WIND_DOWN: Duration = Duration::from_secs(2);
 /// Options of `suggest`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A process that runs, instead of a program to start
+    /// A process that runs, instead of a program to start.
     #[arg(long, value_name = "PID", conflicts_with = "program",
           value_parser = clap::value_parser!(u32).range(1..))]
     pid: Option<u32>,
 
-    /// For how long to look, in seconds; a program that was started is ended then
+    /// For how long to look, in seconds; a program that was started is ended then.
     #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=86_400))]
     seconds: u64,
 
-    /// Period of the budgets, in milliseconds
+    /// Period of the budgets, in milliseconds.
     #[arg(long, value_name = "MS", default_value_t = 100, value_parser = options::period())]
     period: u64,
 
-    /// How much is added to the most that was seen, in percent
+    /// How much is added to the most that was seen, in percent.
     #[arg(long, value_name = "PERCENT", default_value_t = 20, value_parser = clap::value_parser!(u64).range(0..=400))]
     margin: u64,
 
-    /// Where to write the deployment file
+    /// Where to write the deployment file.
     #[arg(long, value_name = "PATH", default_value = "suggested.toml")]
     out: PathBuf,
 
     #[command(flatten)]
     json: JsonOption,
 
-    /// The program to start, and its arguments
+    /// The program to start, and its arguments.
     #[arg(last = true, value_name = "PROGRAM", required_unless_present = "pid")]
     program: Vec<String>,
 }
 
-/// What is suggested for one thread.
+/// The suggestion for one thread.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 struct Row {
     id: String,

@@ -1,0 +1,19 @@
+//! Budgets for programs of others: what `replenish run` and `replenish adopt` share.
+//!
+//! ```text
+//!   run, adopt ─► supervisor ─ looks for threads, gives them budgets
+//!                   │  │  └──► rules    which thread gets which budget
+//!                   │  └─────► control  a socket: --list, --release
+//!                   ▼
+//!                 guardian ─ another process: gives everything back if this one is killed
+//!                   └──► give_back ◄── supervisor
+//!   options ─ what both can be told        report ─ tables and JSON
+//! ```
+
+pub(super) mod control;
+mod give_back;
+pub(super) mod guardian;
+pub(super) mod options;
+pub(super) mod report;
+pub(super) mod rules;
+pub(super) mod supervisor;

@@ -1,0 +1,234 @@
+//! `replenish trace`: the last seconds of a program that runs, or of one that was killed.
+//!
+//! ```text
+//!   its file ─► events of each thread and budget ─► tracks ─► perfetto ─► OUT
+//!                                                               └─ protobuf
+//! ```
+
+mod perfetto;
+mod protobuf;
+mod tracks;
+
+use crate::live::{Program, select};
+use crate::options::{self, JsonOption};
+use crate::outcome::{Failure, Outcome};
+use crate::report::files;
+use crate::time::Nanos;
+use perfetto::Trace;
+use replenish_os::live::clocks;
+use replenish_recorder::{Copied, Event, Source, copy};
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+/// Options of `trace`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The program: its name, its process id, or its file (also of a program that was killed).
+    #[arg(value_name = "PROGRAM|FILE")]
+    program: String,
+
+    /// Write a Perfetto trace to this file: open it in <https://ui.perfetto.dev>.
+    #[arg(long, value_name = "OUT", required_unless_present = "dump")]
+    perfetto: Option<PathBuf>,
+
+    /// Write the recording itself to this file, as it is at this moment: `trace` and `why` read it
+    /// later, and elsewhere.
+    #[arg(long, value_name = "OUT")]
+    dump: Option<PathBuf>,
+
+    /// Only the end of the recording: 5s, 200ms. Without it, all that is there.
+    #[arg(long, value_name = "TIME", value_parser = options::last)]
+    last: Option<Nanos>,
+
+    #[command(flatten)]
+    json: JsonOption,
+}
+
+/// One ring in `--json`. The names are a contract.
+#[derive(Debug, serde::Serialize)]
+struct RingJson {
+    thread: String,
+    /// `thread` or `budget`.
+    ring: &'static str,
+    /// Events of the recording, before `--last`.
+    read: u64,
+    overwritten: u64,
+    torn: u64,
+    /// Events in the trace.
+    events: usize,
+}
+
+/// `trace --json`. The names are a contract.
+#[derive(Debug, serde::Serialize)]
+struct Json {
+    program: String,
+    pid: u32,
+    alive: bool,
+    /// From the first event in the trace to the last.
+    span_ns: Nanos,
+    rings: Vec<RingJson>,
+}
+
+/// The events of one thread.
+struct Recorded {
+    events: Vec<Event>,
+    budget: Vec<Event>,
+    copied: [Copied; 2],
+}
+
+fn record(program: &Program) -> Vec<Recorded> {
+    let threads = program.view.threads.iter();
+    let record = threads.map(|thread| {
+        let (mut events, first) = thread.events(&program.source);
+        let (budget, second) = thread.budget_events(&program.source);
+        // An arrival is older than the moment at which the dispatcher looked.
+        events.sort_by_key(|event| event.time);
+        Recorded {
+            events,
+            budget,
+            copied: [first, second],
+        }
+    });
+    record.collect()
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Outcome {
+    files::check_writable(args.perfetto.as_deref())?;
+    files::check_writable(args.dump.as_deref())?;
+    files::check_writable(args.json.json.as_deref())?;
+    let program = select(&args.program)?;
+    if let Some(out) = &args.dump {
+        dump(&program, out)?;
+    }
+    let mut recorded = record(&program);
+    let times = |recorded: &[Recorded]| -> Vec<Nanos> {
+        let all = recorded
+            .iter()
+            .flat_map(|r| r.events.iter().chain(&r.budget));
+        all.map(|e| e.time).collect()
+    };
+    let end = times(&recorded).into_iter().max().unwrap_or(0);
+    let from = end.saturating_sub(args.last.unwrap_or(end));
+    for each in &mut recorded {
+        each.events.retain(|e| e.time >= from);
+        each.budget.retain(|e| e.time >= from);
+    }
+    let begin = times(&recorded).into_iter().min().unwrap_or(end);
+    let json = summary(&program, &recorded, end - begin);
+    if let Some(out) = &args.perfetto {
+        let bytes = encode(&program, &recorded);
+        std::fs::write(out, &bytes).map_err(|e| at(out, e))?;
+        print(&json, out, bytes.len());
+    }
+    files::write_json(args.json.json.as_deref(), &json)
+}
+
+fn at(path: &Path, error: impl std::fmt::Display) -> Failure {
+    Failure::refused(format!("{}: {error}", path.display()))
+}
+
+/// Copies the recording while its program goes on.
+fn dump(program: &Program, out: &Path) -> Outcome {
+    let file = File::create(out).map_err(|e| at(out, e))?;
+    let (mut written, mut end) = (Ok(()), 0);
+    let copied = copy(&program.source, |offset, bytes| {
+        end = end.max(offset + bytes.len() as u64);
+        written = file.write_all_at(bytes, offset);
+        written.is_ok()
+    });
+    written.map_err(|e| at(out, e))?;
+    copied.map_err(|e| at(&program.path, e))?;
+    // Its header states the length, pages at the end included.
+    file.set_len(end.max(program.source.bytes()))
+        .map_err(|e| at(out, e))?;
+    println!(
+        "{} (pid {}): {} bytes in {}.",
+        program.view.program,
+        program.view.pid,
+        program.source.bytes(),
+        out.display()
+    );
+    Ok(())
+}
+
+fn encode(program: &Program, recorded: &[Recorded]) -> Vec<u8> {
+    let view = &program.view;
+    let mut snapshots = vec![view.clocks];
+    if program.alive {
+        snapshots.push(clocks()); // the same boot
+    }
+    let names = view.names(&program.source);
+    let name = |id: u32| match names.get(id as usize) {
+        Some(Some((_, name))) => name.clone(),
+        _ if id == 0 => String::new(),
+        _ => format!("#{id}"),
+    };
+    let threads: Vec<Vec<Event>> = recorded.iter().map(|r| r.events.clone()).collect();
+    let flows = tracks::flows(&threads);
+    let mut trace = Trace::new(view.pid, &snapshots);
+    let process = trace.process(view.pid, &view.program);
+    for ((n, thread), recorded) in (1..).zip(&view.threads).zip(recorded) {
+        // A thread that has not begun has no id, and needs one of its own here.
+        let tid = if thread.tid == 0 {
+            u64::from(view.pid) + n
+        } else {
+            thread.tid
+        };
+        let track = trace.thread(process, view.pid, tid, &thread.name);
+        let [left, levels, points] = tracks::of_budget(&recorded.budget, thread.totals.is_low);
+        trace.entries(track, &tracks::of_thread(&recorded.events, name, &flows));
+        trace.entries(track, &points);
+        if thread.budget.is_some() {
+            let counter = trace.counter(process, &format!("{}: budget left", thread.name));
+            trace.entries(counter, &left);
+            let state = trace.state(process, &format!("{}: level", thread.name));
+            trace.entries(state, &levels);
+        }
+    }
+    trace.into_bytes()
+}
+
+fn summary(program: &Program, recorded: &[Recorded], span_ns: Nanos) -> Json {
+    let view = &program.view;
+    let mut rings = Vec::new();
+    for (thread, recorded) in view.threads.iter().zip(recorded) {
+        let budget = thread.budget.map(|_| ("budget", &recorded.budget));
+        let both = [Some(("thread", &recorded.events)), budget];
+        for (ring, copied) in both.into_iter().zip(recorded.copied) {
+            rings.extend(ring.map(|(ring, events)| RingJson {
+                thread: thread.name.clone(),
+                ring,
+                read: copied.read,
+                overwritten: copied.overwritten,
+                torn: copied.torn,
+                events: events.len(),
+            }));
+        }
+    }
+    Json {
+        program: view.program.clone(),
+        pid: view.pid,
+        alive: program.alive,
+        span_ns,
+        rings,
+    }
+}
+
+fn print(json: &Json, out: &Path, bytes: usize) {
+    let events: usize = json.rings.iter().map(|r| r.events).sum();
+    let torn: u64 = json.rings.iter().map(|r| r.torn).sum();
+    println!(
+        "{} (pid {}, {}): {events} events of {:.3} s in {} ({bytes} bytes). Open it in \
+         https://ui.perfetto.dev",
+        json.program,
+        json.pid,
+        if json.alive { "running" } else { "ended" },
+        json.span_ns as f64 / 1e9,
+        out.display(),
+    );
+    if torn > 0 {
+        println!("{torn} records made no sense: the file was damaged.");
+    }
+}

@@ -1,0 +1,17 @@
+//! The robot's command where it needs real-time priority: `run`, `adopt` and `why`.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "tests may panic"
+)]
+
+mod foreign;
+mod why;
+
+fn main() {
+    replenish_testkit::harness::run_in_turn([
+        ("foreign", foreign::trials()),
+        ("why", why::trials()),
+    ])
+}
