@@ -1,0 +1,150 @@
+//! Programs that run: each budget's CPU time against the budget, and refusals without privilege.
+
+use crate::build::{COMPILERS, EXAMPLES, Example, Link, build, install, missing, run};
+use replenish_testkit::harness::{Trial, peer_trial, rt_trial};
+use std::path::Path;
+use std::process::Command;
+
+const MS: u64 = 1_000_000;
+
+/// One line of an example's report.
+#[derive(Debug)]
+struct Row {
+    name: String,
+    amount: u64,
+    period: u64,
+    elapsed: u64,
+    at_priority: u64,
+    exhaustions: u64,
+}
+
+fn rows(text: &str) -> Vec<Row> {
+    let rows = text
+        .lines()
+        .filter(|line| line.contains(" at_priority_ns "));
+    rows.map(|line| {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let of = |name: &str| {
+            let place = words.iter().position(|word| *word == name).unwrap();
+            words[place + 1].parse().unwrap()
+        };
+        Row {
+            name: words[0].into(),
+            amount: of("amount_ns"),
+            period: of("period_ns"),
+            elapsed: of("elapsed_ns"),
+            at_priority: of("at_priority_ns"),
+            exhaustions: of("exhaustions"),
+        }
+    })
+    .collect()
+}
+
+/// Runs a program for `seconds` on the last CPU; its output.
+fn on_last_cpu(program: &Path, seconds: f64) -> String {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap();
+    let mut lines = status.lines();
+    let list = lines.find_map(|line| line.strip_prefix("Cpus_allowed_list:"));
+    let cpu = list.unwrap().trim().rsplit([',', '-']).next().unwrap();
+    run(Command::new(program)
+        .env("REPLENISH_LEDGER", "off")
+        .args([&seconds.to_string(), cpu]))
+}
+
+/// The rows of a program, each within its budget.
+fn judged(program: &Path, seconds: f64) -> Vec<Row> {
+    let text = on_last_cpu(program, seconds);
+    eprint!("{text}");
+    let rows = rows(&text);
+    for row in &rows {
+        // One budget in each period that begins within the time, and one at its beginning.
+        let most = (row.elapsed / row.period + 1) * row.amount + MS;
+        assert!(row.at_priority <= most, "{row:?}");
+        assert!(row.exhaustions > 0, "{row:?}");
+        // Each had work for all of the time.
+        let least = row.elapsed / row.period * row.amount * 9 / 10;
+        assert!(row.at_priority >= least, "{row:?}");
+    }
+    rows
+}
+
+/// Under the sanitizers from each compiler, otherwise from one.
+fn holds(example: Example, names: &[&str], link: Link) {
+    let most = if link == Link::Checked { 2 } else { 1 };
+    let available = COMPILERS.into_iter().filter(|c| missing(c.1).is_none());
+    for compilers in available.take(most) {
+        let tree = install(&format!("run-{}-{link:?}", compilers.0));
+        let program = build(&tree, compilers, example, link);
+        let rows = judged(&program, 1.0);
+        let found: Vec<&str> = rows.iter().map(|row| row.name.as_str()).collect();
+        assert_eq!(found, names);
+    }
+}
+
+/// Ends, threads of others, many at once, forks, callback groups: see the program.
+fn semantics() {
+    let available = COMPILERS.into_iter().filter(|c| missing(c.1).is_none());
+    for compilers in available {
+        let tree = install(&format!("semantics-{}", compilers.0));
+        let source = Example("../crates/replenish-c/tests/programs/semantics.cpp");
+        let text = on_last_cpu(&build(&tree, compilers, source, Link::Checked), 0.0);
+        let parts = ["ends", "others", "many", "forks", "groups"].map(|part| format!("ok {part}"));
+        assert_eq!(text.lines().collect::<Vec<_>>(), parts);
+    }
+}
+
+/// Without the privilege every example ends with the commands that grant it.
+fn unprivileged() {
+    let tree = install("unprivileged");
+    for example in EXAMPLES {
+        let program = build(&tree, COMPILERS[0], example, Link::Checked);
+        let output = Command::new("setpriv")
+            .args([
+                "--bounding-set=-all",
+                "--inh-caps=-all",
+                "--reuid=65534",
+                "--clear-groups",
+            ])
+            .arg("--")
+            .arg(&program)
+            // The leak checker attaches to the process, which this user may not.
+            .env("ASAN_OPTIONS", "detect_leaks=0")
+            .output()
+            .unwrap();
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{text}");
+        assert!(text.starts_with("privilege missing: "), "{text}");
+        assert!(text.contains("setcap"), "{text}");
+    }
+}
+
+pub(crate) fn trials() -> Vec<Trial> {
+    let lacks = || missing("pkg-config").or(missing("g++"));
+    let mut trials = vec![peer_trial(
+        "without_privilege",
+        lacks().or(missing("setpriv")),
+        unprivileged,
+    )];
+    if let Some(why) = lacks() {
+        trials.push(peer_trial("budgets_hold", Some(why), || {}));
+        return trials;
+    }
+    let groups: &[&str] = &["control", "planner"];
+    let each = [
+        ("c", Example("c/budget.c"), &["worker"][..]),
+        ("cpp", Example("cpp/budgets.cpp"), groups),
+        (
+            "callback_groups",
+            Example("cpp/callback_groups.cpp"),
+            groups,
+        ),
+    ];
+    for (name, example, names) in each {
+        for link in [Link::Shared, Link::Checked] {
+            let name = format!("{name}_holds_its_budget_{link:?}").to_lowercase();
+            trials.push(rt_trial(&name, move || holds(example, names, link)));
+        }
+    }
+    trials.push(rt_trial("what_the_headers_promise", semantics));
+    trials
+}
