@@ -18,19 +18,19 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Two topics fight over one CPU; a budget decides. Ten seconds, then a table and a report
+    /// Two topics fight over one CPU; a budget decides. Ten seconds, then a table and a report.
     Demo(demo::Args),
-    /// The experiments of the paper, with the theoretical line beside the measured one
+    /// The experiments of the paper, with the theoretical line beside the measured one.
     #[command(subcommand)]
     Experiment(Experiment),
     #[command(flatten)]
     Robot(replenish_cli::Command),
-    /// Figures of the mechanisms next to a baseline measured in the same run
+    /// Figures of the mechanisms next to a baseline measured in the same run.
     #[command(subcommand)]
     Bench(Bench),
-    /// Ping alone: sends on two topics and counts the answers
+    /// Ping alone: sends on two topics and counts the answers.
     Ping(ping::Args),
-    /// Pong alone: answers, its workers under their scheduling policies
+    /// Pong alone: answers, its workers under their scheduling policies.
     Pong(pong::Args),
 }
 

@@ -15,35 +15,35 @@ use std::time::{Duration, Instant};
 /// Options of `ping`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Where the agent is
+    /// Where the agent is.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8888")]
     agent: SocketAddr,
 
-    /// Milliseconds between two messages of one topic
+    /// Milliseconds between two messages of one topic.
     #[arg(long, value_name = "MS", default_value_t = 10,
           value_parser = clap::value_parser!(u64).range(1..=10_000))]
     interval: u64,
 
     /// Send a pair, with its number, for each message on topic `tick` instead: the clock of a
-    /// board, whose time is not that of this machine
+    /// board, whose time is not that of this machine.
     #[arg(long, conflicts_with = "interval")]
     ticked: bool,
 
-    /// Messages of the low topic on top of each pair
+    /// Messages of the low topic on top of each pair.
     #[arg(long, value_name = "N", default_value_t = 0, requires = "ticked",
           value_parser = clap::value_parser!(u32).range(0..=100))]
     flood: u32,
 
     /// Also send back what comes on topics `sure` (reliable) and `loose` (best effort), on
-    /// `sure_back` and `loose_back`
+    /// `sure_back` and `loose_back`.
     #[arg(long, requires = "ticked")]
     echo: bool,
 
-    /// Stop after this time instead of at SIGINT or SIGTERM
+    /// Stop after this time instead of at SIGINT or SIGTERM.
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=86_400))]
     seconds: Option<u64>,
 
-    /// The CPU of its threads
+    /// The CPU of its threads.
     #[arg(long, value_name = "CPU")]
     cpu: Option<usize>,
 

@@ -20,42 +20,42 @@ use std::time::Duration;
 /// Options of `pong`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Where the agent is
+    /// Where the agent is.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8888")]
     agent: SocketAddr,
 
-    /// Budget of the high worker in milliseconds, at most the period
+    /// Budget of the high worker in milliseconds, at most the period.
     #[arg(long, value_name = "MS", default_value_t = 30, value_parser = options::budget())]
     budget: u64,
 
-    /// Period of the budget in milliseconds
+    /// Period of the budget in milliseconds.
     #[arg(long, value_name = "MS", default_value_t = 100, value_parser = options::period())]
     period: u64,
 
-    /// Priority of the high worker when its budget is used up
+    /// Priority of the high worker when its budget is used up.
     #[arg(long, value_name = "PRIORITY", default_value_t = BACKGROUND,
           value_parser = clap::value_parser!(u8).range(1..i64::from(HIGH_PRIORITY)))]
     background: u8,
 
-    /// Give the high worker plain FIFO instead of a budget
+    /// Give the high worker plain FIFO instead of a budget.
     #[arg(long, conflicts_with_all = ["budget", "background"])]
     fifo: bool,
 
-    /// CPU time that an answer takes, in milliseconds
+    /// CPU time that an answer takes, in milliseconds.
     #[arg(long, value_name = "MS", default_value_t = 10,
           value_parser = clap::value_parser!(u64).range(0..=1_000))]
     burst: u64,
 
-    /// The part of it that the low callback sleeps instead, in percent
+    /// The part of it that the low callback sleeps instead, in percent.
     #[arg(long, value_name = "PERCENT", default_value_t = 0,
           value_parser = clap::value_parser!(u8).range(0..=100))]
     low_sleep: u8,
 
-    /// The CPU of workers, dispatcher and enforcer; budgets are exact on a CPU of their own only
+    /// The CPU of workers, dispatcher and enforcer; budgets are exact on a CPU of their own only.
     #[arg(long, value_name = "CPU")]
     cpu: Option<usize>,
 
-    /// Refuse to start if budgets cannot be enforced in the middle of a callback
+    /// Refuse to start if budgets cannot be enforced in the middle of a callback.
     #[arg(long)]
     strict: bool,
 

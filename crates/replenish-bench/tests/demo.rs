@@ -22,6 +22,7 @@ fn main() {
         rt_program_trial("demo_json_and_identities", demo_json_and_identities),
         rt_program_trial("sweep_with_odd_values", sweep_with_odd_values),
         rt_program_trial("budgets_isolate_the_control_loop", isolation),
+        rt_program_trial("torture_judges_by_clocks_that_agree", torture),
         trial(
             "without_privilege_isolation_says_what_is_not_guaranteed",
             unprivileged_isolation,
@@ -65,6 +66,53 @@ fn measured(args: &[&str], path: &std::path::Path) -> (Output, serde_json::Value
         }
     }
     panic!("the machine does not give what is to be measured: three runs were disturbed");
+}
+
+/// Two random executors for two seconds each. The judge's clocks agree with `/proc` and with the
+/// executor's account, and the executors start and stop; by how much budgets are overrun is a
+/// matter of the machine, and of longer runs.
+fn torture() {
+    let scratch = Scratch::new("torture");
+    let path = scratch.path("torture.json");
+    let fixed = [
+        "bench",
+        "torture",
+        "--seconds",
+        "2",
+        "--seed",
+        "7",
+        "--seeds",
+    ];
+    let rest = ["2", "--no-shrink", "--json", path.to_str().unwrap()];
+    let output = run(&[&fixed[..], &rest[..]].concat());
+    let said = stderr(&output);
+    if said.contains("cannot mount tracefs") {
+        eprintln!("not judged: {said}");
+        return;
+    }
+    let j = json(&path);
+    assert_eq!(
+        (&j["seeds"], &j["seconds"]),
+        (&2.into(), &2.into()),
+        "{said}"
+    );
+    assert_eq!(j["ran"], serde_json::json!([7, 8]));
+    assert_eq!(output.status.success(), j["violations"] == 0, "{said}");
+    let judged = 2 - j["unjudged"].as_array().unwrap().len();
+    let worst = j["worst"].as_array().unwrap();
+    assert!(worst.len() == 10 || judged == 0, "{j}");
+    for distance in worst {
+        for field in ["seed", "bound_us", "measured_us"] {
+            assert!(distance[field].is_number(), "{distance}");
+        }
+        assert!(distance["case"].is_string(), "{distance}");
+    }
+    for failure in j["failures"].as_array().unwrap() {
+        let text = failure["text"].as_str().unwrap();
+        for wrong in ["account of", "trace of", "did not", "stuck", "ended with"] {
+            assert!(!text.contains(wrong), "{text}");
+        }
+    }
 }
 
 fn demo_json_and_identities() {

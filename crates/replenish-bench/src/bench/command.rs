@@ -1,23 +1,29 @@
 //! `replenish bench …`: which benchmark.
 
-use super::{dispatch, enforcement, handoff, load, round_trip, xrce};
+use super::{dispatch, enforcement, handoff, load, recorder, round_trip, soak, torture, xrce};
 use replenish_cli::outcome::Outcome;
 
 /// A benchmark with its options.
 #[derive(Debug, clap::Subcommand)]
 pub(crate) enum Bench {
-    /// How far budgets are overrun, against a POSIX CPU timer
+    /// How far budgets are overrun, against a POSIX CPU timer.
     Enforcement(enforcement::Args),
-    /// Waking a worker, against a bare futex
+    /// Waking a worker, against a bare futex.
     Handoff(handoff::Args),
-    /// The reliable streams over links that lose datagrams, in virtual time
+    /// The reliable streams over links that lose datagrams, in virtual time.
     Xrce(xrce::Args),
-    /// Client to agent to client, against a raw UDP echo
+    /// Client to agent to client, against a raw UDP echo.
     RoundTrip(round_trip::Args),
-    /// Many clients with many topics on real sockets, through one agent process
+    /// Many clients with many topics on real sockets, through one agent process.
     Load(load::Args),
-    /// What it costs to bring a message to its callback, for one handle and for a thousand
+    /// The cost of bringing a message to its callback, for one handle and for a thousand.
     Dispatch(dispatch::Args),
+    /// The flight recorder: the cost of an event, and what it adds to a message.
+    Recorder(recorder::Args),
+    /// Processes that are stopped and killed, and a bad link: what was acknowledged has arrived.
+    Soak(soak::Args),
+    /// Random executors, judged from outside against what budgets guarantee.
+    Torture(torture::Args),
 }
 
 /// Runs it.
@@ -29,5 +35,8 @@ pub(crate) fn run(which: Bench) -> Outcome {
         Bench::RoundTrip(args) => round_trip::run(&args),
         Bench::Load(args) => load::run(&args),
         Bench::Dispatch(args) => dispatch::run(&args),
+        Bench::Recorder(args) => recorder::run(&args),
+        Bench::Soak(args) => soak::run(&args),
+        Bench::Torture(args) => torture::run(&args),
     }
 }

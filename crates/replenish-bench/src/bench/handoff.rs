@@ -18,12 +18,12 @@ use replenish_os::baseline::BareFutex;
 /// Options of `bench handoff`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Round trips per primitive
+    /// Round trips per primitive.
     #[arg(long, value_name = "N", default_value_t = 20_000,
           value_parser = clap::value_parser!(u64).range(1_000..=1_000_000))]
     samples: u64,
 
-    /// The CPU of both threads
+    /// The CPU of both threads.
     #[arg(long, value_name = "CPU")]
     cpu: Option<usize>,
 

@@ -6,7 +6,10 @@
 //!           ─► handoff       waking a worker                     a bare futex
 //!           ─► round_trip    client to agent to client           a raw UDP echo
 //!           ─► load          many clients through one agent
+//!           ─► recorder      one event, a message with it       the same without
+//!           ─► soak          processes killed over a bad link     the promises of docs/acknowledged.md
 //!           ─► xrce          reliable streams over a bad link    sending everything again
+//!           ─► torture       random executors                    the bounds of budgets
 //! ```
 
 mod command;
@@ -14,7 +17,10 @@ mod dispatch;
 mod enforcement;
 mod handoff;
 mod load;
+mod recorder;
 mod round_trip;
+mod soak;
+mod torture;
 mod xrce;
 
 pub(crate) use command::{Bench, run};

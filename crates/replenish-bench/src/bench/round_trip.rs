@@ -42,21 +42,21 @@ const PATIENCE: Nanos = SEC;
 /// Options of `bench round-trip`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Round trips on each path
+    /// Round trips on each path.
     #[arg(long, value_name = "N", default_value_t = 10_000,
           value_parser = clap::value_parser!(u64).range(200..=1_000_000))]
     samples: u64,
 
-    /// Bytes of a message
+    /// Bytes of a message.
     #[arg(long, value_name = "BYTES", default_value_t = 64,
           value_parser = clap::value_parser!(u64).range(8..=900))]
     bytes: u64,
 
-    /// The CPU of the client
+    /// The CPU of the client.
     #[arg(long, value_name = "CPU")]
     cpu: Option<usize>,
 
-    /// The CPU of the agent and the echo; the client's unless told otherwise
+    /// The CPU of the agent and the echo; the client's unless told otherwise.
     #[arg(long, value_name = "CPU")]
     agent_cpu: Option<usize>,
 

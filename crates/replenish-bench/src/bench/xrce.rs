@@ -13,17 +13,17 @@ use replenish_cli::report::table::Table;
 /// Options of `bench xrce`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Datagrams lost in either direction, in percent, 0 to 90; several with commas
+    /// Datagrams lost in either direction, in percent, 0 to 90; several with commas.
     #[arg(long, value_name = "PERCENT", value_delimiter = ',', default_value = "0,1,10",
           value_parser = clap::value_parser!(u8).range(0..=90))]
     loss: Vec<u8>,
 
-    /// Samples at each point, 16 to 300 bytes, every five-hundredth of 50 kB
+    /// Samples at each point, 16 to 300 bytes, every five-hundredth of 50 kB.
     #[arg(long, value_name = "N", default_value_t = lossy::SAMPLES,
           value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     samples: u32,
 
-    /// The same seed gives the same figures
+    /// The same seed gives the same figures.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 

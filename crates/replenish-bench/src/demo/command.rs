@@ -24,23 +24,23 @@ const PERIOD: u64 = 100 * MS;
 /// Options of `demo`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// How long load is offered, pauses included
+    /// How long load is offered, pauses included.
     #[arg(long, value_name = "SECONDS", default_value_t = 10,
           value_parser = clap::value_parser!(u64).range(1..=600))]
     seconds: u64,
 
-    /// Offer the load without pauses: shows what the kernel's RT throttle takes
+    /// Offer the load without pauses: shows what the kernel's RT throttle takes.
     #[arg(long)]
     continuous: bool,
 
-    /// Refuse to run if budgets cannot be enforced in the middle of a callback
+    /// Refuse to run if budgets cannot be enforced in the middle of a callback.
     #[arg(long)]
     strict: bool,
 
     #[command(flatten)]
     json: JsonOption,
 
-    /// Where the report goes
+    /// Where the report goes.
     #[arg(long, value_name = "PATH", default_value = "report.html")]
     report: PathBuf,
 }

@@ -15,24 +15,24 @@ use replenish_cli::signals::Stop;
 /// Options of `experiment budget-sweep`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Budgets of the high worker in milliseconds, each at most the period
+    /// Budgets of the high worker in milliseconds, each at most the period.
     #[arg(long, value_name = "MS,MS,…", value_delimiter = ',',
           default_value = "10,20,30,40,50,60,70,80,90", value_parser = options::budget())]
     budgets: Vec<u64>,
 
-    /// Period of the budget in milliseconds
+    /// Period of the budget in milliseconds.
     #[arg(long, value_name = "MS", default_value_t = 100, value_parser = options::period())]
     period: u64,
 
-    /// Windows of load per budget
+    /// Windows of load per budget.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = options::windows())]
     windows: u64,
 
-    /// Leave out the case of two FIFO workers
+    /// Leave out the case of two FIFO workers.
     #[arg(long)]
     no_fifo: bool,
 
-    /// Refuse to run if budgets cannot be enforced in the middle of a callback
+    /// Refuse to run if budgets cannot be enforced in the middle of a callback.
     #[arg(long)]
     strict: bool,
 

@@ -6,14 +6,14 @@ use replenish_cli::outcome::Outcome;
 /// An experiment with its options.
 #[derive(Debug, clap::Subcommand)]
 pub(crate) enum Experiment {
-    /// Experiment 1: answers over the budget, and both workers under plain FIFO
+    /// Experiment 1: answers over the budget, and both workers under plain FIFO.
     BudgetSweep(budget_sweep::Args),
-    /// Experiment 2: the low worker sleeps; the high one uses what is left in the background
+    /// Experiment 2: the low worker sleeps; the high one uses what is left in the background.
     WorkConserving(work_conserving::Args),
     /// What a neighbour, a runaway callback and a flood do to a control loop, without and with
-    /// budgets
+    /// budgets.
     Isolation(isolation::Args),
-    /// The paper's open question: its measurements on NuttX, replayed with and without two bugs
+    /// The paper's open question: its measurements on NuttX, replayed with and without two bugs.
     NuttxHistory(nuttx_history::Args),
 }
 

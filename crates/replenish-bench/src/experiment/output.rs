@@ -13,20 +13,20 @@ pub(super) struct Files {
     #[command(flatten)]
     json: JsonOption,
 
-    /// Also write the points as CSV
+    /// Also write the points as CSV.
     #[arg(long, value_name = "PATH")]
     csv: Option<PathBuf>,
 
-    /// Also write the figure as SVG
+    /// Also write the figure as SVG.
     #[arg(long, value_name = "PATH")]
     svg: Option<PathBuf>,
 
-    /// Also write a page with figure, table and explanation
+    /// Also write a page with figure, table and explanation.
     #[arg(long, value_name = "PATH")]
     html: Option<PathBuf>,
 
     /// Report what was measured on a board instead of measuring; `cargo xtask board` writes the
-    /// file
+    /// file.
     #[arg(long, value_name = "PATH", hide = true)]
     pub(super) measured: Option<PathBuf>,
 }

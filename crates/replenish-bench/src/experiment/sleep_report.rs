@@ -6,14 +6,14 @@ use crate::load::simulated::Costs;
 use crate::report::figure::{self, Figure, HIGH, INK, LOW, Series, Style, THEORY};
 use crate::roles::protocol::Mode;
 use crate::testbench::orchestrator::Run;
-use crate::testbench::summary::PerWindow;
+use crate::testbench::summary::{PerWindow, round};
 use crate::testbench::windows::Repeated;
 use replenish_cli::outcome::Outcome;
 use replenish_cli::report::html::Page;
 use replenish_cli::report::table::{Table, count, percent};
 
 /// The columns of the CSV: names of the JSON.
-const COLUMNS: [&str; 15] = [
+const COLUMNS: [&str; 21] = [
     "sleep_percent",
     "high_cpu_percent",
     "theory_percent",
@@ -29,7 +29,16 @@ const COLUMNS: [&str; 15] = [
     "windows",
     "windows_repeated",
     "windows_disturbed",
+    "to_be_had_percent",
+    "dispatcher_cpu_percent",
+    "enforcer_cpu_percent",
+    "stolen_percent",
+    "idle_percent",
+    "others_percent",
 ];
+
+/// The budget of the high worker, in percent.
+const BUDGET: f64 = 30.0;
 
 /// One point of Experiment 2. The first three names are a contract.
 #[derive(Debug, Clone, serde::Serialize)]
@@ -52,6 +61,14 @@ pub(crate) struct SleepPoint {
     deviation: Option<Deviation>,
     high_priority_cpu_percent: f64,
     background_cpu_percent: f64,
+    /// The theory for what was there: without what the next ones but idle time took.
+    to_be_had_percent: f64,
+    dispatcher_cpu_percent: f64,
+    enforcer_cpu_percent: f64,
+    stolen_percent: f64,
+    idle_percent: f64,
+    /// Interrupts and other programs.
+    others_percent: f64,
     windows: u64,
     /// What the simulator was told about this machine, measured in this run.
     simulated_with_ns: Costs,
@@ -82,6 +99,12 @@ impl SleepPoint {
             deviation,
             high_priority_cpu_percent: s.high.high_priority_cpu_percent,
             background_cpu_percent: s.high.background_cpu_percent,
+            to_be_had_percent: s.to_be_had_percent(BUDGET),
+            dispatcher_cpu_percent: round(s.support_cpu_percent - s.enforcer_cpu_percent),
+            enforcer_cpu_percent: s.enforcer_cpu_percent,
+            stolen_percent: s.stolen_percent,
+            idle_percent: s.idle_percent,
+            others_percent: s.others_percent(),
             simulated_with_ns: run.end.costs,
             windows: s.windows,
             windows_repeated: s.windows_repeated,
@@ -131,6 +154,7 @@ pub(super) fn sleep(to: &Files, points: &[SleepPoint]) -> Outcome {
         table.row(p.row());
     }
     println!("{}", table.to_text());
+    println!("{}", missing(points).to_text());
     let agreement = deviation::agreement(points.iter().map(|p| p.deviation));
     println!("{agreement}");
     let told = points
@@ -162,6 +186,35 @@ pub(super) fn sleep(to: &Files, points: &[SleepPoint]) -> Outcome {
     );
     page.table(&table);
     output::write(to, &output::csv(&COLUMNS, &json), &json, &svg, page)
+}
+
+/// Where the CPU was that the high worker lacks, and what was to be had of it.
+fn missing(points: &[SleepPoint]) -> Table {
+    let mut table = Table::new(&[
+        "low sleeps %",
+        "high CPU",
+        "to be had",
+        "low CPU",
+        "dispatcher",
+        "enforcer",
+        "stolen",
+        "idle",
+        "interrupts, others",
+    ]);
+    for p in points {
+        table.row([
+            p.sleep_percent.to_string(),
+            percent(p.high_cpu_percent),
+            percent(p.to_be_had_percent),
+            percent(p.low_cpu_percent),
+            percent(p.dispatcher_cpu_percent),
+            percent(p.enforcer_cpu_percent),
+            percent(p.stolen_percent),
+            percent(p.idle_percent),
+            percent(p.others_percent),
+        ]);
+    }
+    table
 }
 
 fn figure(points: &[SleepPoint]) -> Figure {

@@ -15,17 +15,17 @@ use replenish_cli::signals::Stop;
 /// Options of `experiment work-conserving`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// How much of each 10 ms the low callback sleeps, in percent
+    /// How much of each 10 ms the low callback sleeps, in percent.
     #[arg(long, value_name = "PERCENT,…", value_delimiter = ',',
           default_value = "0,10,25,50,75,90,100",
           value_parser = clap::value_parser!(u8).range(0..=100))]
     sleep: Vec<u8>,
 
-    /// Windows of load per point
+    /// Windows of load per point.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = options::windows())]
     windows: u64,
 
-    /// Refuse to run if budgets cannot be enforced in the middle of a callback
+    /// Refuse to run if budgets cannot be enforced in the middle of a callback.
     #[arg(long)]
     strict: bool,
 

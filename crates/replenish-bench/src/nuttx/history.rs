@@ -100,7 +100,7 @@ fn replay_line(line: &str, bugs: Bugs) -> Option<Row> {
     fits.min_by_key(Row::total_difference)
 }
 
-/// (high, low, budget in ticks)
+/// (high, low, budget in ticks).
 fn sporadic_threads(experiment: u32, swept: u32) -> Vec<(u8, u8, u32)> {
     match experiment {
         1 => vec![(180, 20, swept)],

@@ -112,8 +112,19 @@ struct Snapshot {
     high: WorkerWindow,
     low: WorkerWindow,
     support: Nanos,
+    enforcers: Nanos,
     late: Nanos,
     stolen: Nanos,
+    idle: Nanos,
+}
+
+/// The time for which `cpu` had nothing to do, in ns since boot: the fourth column of `/proc/stat`.
+fn idle_time(cpu: usize) -> Option<Nanos> {
+    let stat = std::fs::read_to_string("/proc/stat").ok()?;
+    let name = format!("cpu{cpu} ");
+    let line = stat.lines().find_map(|line| line.strip_prefix(&name))?;
+    let ticks: Nanos = line.split_ascii_whitespace().nth(3)?.parse().ok()?;
+    Some(ticks.saturating_mul(10 * MS))
 }
 
 impl Snapshot {
@@ -138,8 +149,10 @@ impl Snapshot {
             high,
             low,
             support: dispatcher.cpu_high + dispatcher.cpu_low + enforcers,
+            enforcers,
             late,
             stolen: cpu.and_then(steal_time).unwrap_or(0),
+            idle: cpu.and_then(idle_time).unwrap_or(0),
         }
     }
 }
@@ -157,6 +170,8 @@ fn account(pong: &Pong, grid: &Grid, index: u64, from: &Snapshot, to: &Snapshot)
         high: worker(&from.high, &to.high),
         low: worker(&from.low, &to.low),
         support_cpu: to.support.saturating_sub(from.support),
+        enforcer_cpu: to.enforcers.saturating_sub(from.enforcers),
+        idle: to.idle.saturating_sub(from.idle),
         late: from.late.max(to.late),
         stolen: to.stolen.saturating_sub(from.stolen),
         high_slices: pong.high.cpu_trace.lock().take(start),

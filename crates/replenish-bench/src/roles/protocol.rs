@@ -61,6 +61,12 @@ pub(crate) struct PongWindow {
     pub low: WorkerWindow,
     /// CPU time of dispatcher and enforcer, which share the workers' CPU.
     pub support_cpu: Nanos,
+    /// The enforcers' part of it.
+    #[serde(default)]
+    pub enforcer_cpu: Nanos,
+    /// What nobody used of the measured CPU, in steps of 10 ms; 0 if the kernel does not say.
+    #[serde(default)]
+    pub idle: Nanos,
     /// How much later than asked the thread that takes the snapshots woke, at worst.
     pub late: Nanos,
     /// What the hypervisor took of the measured CPU meanwhile, in steps of 10 ms; 0 if the kernel

@@ -56,6 +56,12 @@ pub(crate) struct Summary {
     pub window_ms: f64,
     /// CPU time of dispatcher and enforcer, in percent of the windows.
     pub support_cpu_percent: f64,
+    /// The enforcers' part of it.
+    pub enforcer_cpu_percent: f64,
+    /// What the hypervisor took, in percent of the windows; each window's in steps of 10 ms.
+    pub stolen_percent: f64,
+    /// What nobody used, in percent of the windows; each window's in steps of 10 ms.
+    pub idle_percent: f64,
     /// How far the measured answers of one topic in one window are from it, at worst.
     pub simulated_worst_difference: Option<u64>,
     /// What neither worker nor dispatcher nor enforcer used, in percent of the windows.
@@ -90,6 +96,23 @@ pub(crate) struct PerWindow {
 }
 
 impl Summary {
+    /// What neither the workers nor the executor's own threads used, the hypervisor did not take
+    /// and was not idle: interrupts and other programs, in percent of the windows.
+    pub(crate) fn others_percent(&self) -> f64 {
+        round((self.unused_cpu_percent - self.stolen_percent - self.idle_percent).max(0.0))
+    }
+
+    /// The CPU time that was there for the high worker, in percent of the windows: the theory for a
+    /// machine without what dispatcher, enforcer, hypervisor and others took. The budget comes
+    /// first; what is missing is missing in the background. Idle time is not subtracted: it was
+    /// there.
+    pub(crate) fn to_be_had_percent(&self, budget_percent: f64) -> f64 {
+        let theory = self.high.expected_cpu_percent;
+        let there = 100.0 - self.support_cpu_percent - self.stolen_percent - self.others_percent();
+        let part = (there - budget_percent).max(0.0) / (100.0 - budget_percent).max(1.0);
+        round(budget_percent.min(theory) + (theory - budget_percent).max(0.0) * part)
+    }
+
     /// Adds what the simulator says about each window, which it is asked for by its number.
     pub(crate) fn simulated(
         mut self,
@@ -183,6 +206,9 @@ pub(crate) fn summarise(
         simulated_worst_difference: None,
         per_window: windows.iter().map(|w| PerWindow::of(w, grid)).collect(),
         support_cpu_percent: percent(support),
+        enforcer_cpu_percent: percent(windows.iter().map(|w| w.pong.enforcer_cpu).sum()),
+        stolen_percent: percent(windows.iter().map(|w| w.pong.stolen).sum()),
+        idle_percent: percent(windows.iter().map(|w| w.pong.idle).sum()),
         unused_cpu_percent: round((100.0 - as_f64(used) * 100.0 / time.max(1.0)).max(0.0)),
     }
 }
@@ -306,6 +332,25 @@ mod tests {
         assert_eq!(s.windows_repeated_because, repeated);
         assert_eq!(s.windows_disturbed, 1);
         assert_eq!(s.per_window[1].stolen_ms, 30.0);
+    }
+
+    #[test]
+    fn what_was_not_there_is_missing_in_the_background_and_idle_time_was_there() {
+        let spec = Spec::work_conserving(50);
+        let grid = Grid::windowed(0, spec.period, spec.interval);
+        let mut w = window(240, 132);
+        w.pong.support_cpu = 8 * MS;
+        w.pong.stolen = 10 * MS;
+        w.pong.idle = 10 * MS;
+        let s = summarise(&spec, &grid, &[w], Repeated::default());
+        assert_eq!(s.high.expected_cpu_percent, 65.0);
+        assert_eq!(
+            (s.support_cpu_percent, s.stolen_percent, s.idle_percent),
+            (2.0, 2.5, 2.5)
+        );
+        assert_eq!(s.others_percent(), 0.0);
+        // Half of 95.5 - 30.
+        assert_eq!(s.to_be_had_percent(30.0), 62.75);
     }
 
     #[test]

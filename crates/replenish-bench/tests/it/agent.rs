@@ -1,6 +1,6 @@
 //! The agent as a process: where it listens, what it shows, what it refuses, how it ends.
 
-use crate::common::{BIN, Running, Scratch, json, run, start, stderr};
+use crate::common::{BIN, Running, Scratch, free_port, json, run, start, stderr};
 use replenish_os::tty::Pty;
 use replenish_xrce::client::{PING_LEN, ping, pong};
 use replenish_xrce::framing::{
@@ -94,17 +94,19 @@ fn it_listens_at_several_addresses_of_both_families_and_over_tcp() {
 
 #[test]
 fn wrong_options_name_the_field_and_the_range() {
-    let cases: [(&[&str], &str, &str); 14] = [
+    let cases: [(&[&str], &str, &str); 16] = [
         (&["--udp", "localhost"], "--udp", "invalid"),
         (&["--clients", "0"], "--clients", "1..=4096"),
         (&["--entities", "5000"], "--entities", "1..=4096"),
         (&["--streams", "17"], "--streams", "1..=16"),
         (&["--client-memory", "100"], "--client-memory", "4096..="),
+        (&["--memory", "200000"], "--memory", "at least 262144"),
         (&["--message", "63"], "--message", "64..=65535"),
         (&["--sample", "70000"], "--sample", "1..=65531"),
         (&["--rate", "10000001"], "--rate", "0..=10000000"),
         (&["--silence", "0"], "--silence", "1..=86400"),
         (&["--watch", "0"], "--watch", "1..=3600"),
+        (&["--policy", "fifo:100"], "--policy", "fifo:1 to fifo:99"),
         (
             &["--priority", "/a=8"],
             "--priority",
@@ -335,4 +337,139 @@ fn a_client_too_many_is_refused_with_its_key_its_place_and_the_limit() {
     );
     agent.signal("TERM");
     assert!(agent.end(SOON).success());
+}
+
+#[test]
+fn an_access_list_is_read_again_on_sighup_and_a_wrong_one_changes_nothing() {
+    let scratch = Scratch::new("agent-access");
+    let (path, list) = (scratch.path("agent.json"), scratch.path("clients.toml"));
+    let write = |text: &str| std::fs::write(&list, text).unwrap();
+    let access = ["--access", list.to_str().unwrap()];
+    let wrong = "[[client]]\nkey = \"0\"\n";
+    write(wrong);
+    let refused = run(&[&["agent", "--udp", "127.0.0.1:0"], &access[..]].concat());
+    assert_eq!(refused.status.code(), Some(1));
+    let why = stderr(&refused);
+    assert!(
+        why.contains("line 2: client.key: allowed are eight"),
+        "{why}"
+    );
+
+    write("[[client]]\nkey = \"*\"\nfrom = [\"127.0.0.0/8\"]\n");
+    let json_to = ["--json", path.to_str().unwrap()];
+    let (mut agent, address) = agent(&[access, json_to].concat());
+    let (mut pong, _ping) = clients(&address);
+    write(wrong);
+    agent.signal("HUP");
+    agent.expect_line("kept the access list as it was", SOON);
+    pong.signal("TERM");
+    assert!(pong.end(SOON).success());
+
+    write("");
+    agent.signal("HUP");
+    agent.expect_line("read the access list again: 0 entries", SOON);
+    let line = agent.expect_line("the access list does not have its key", SOON);
+    assert!(line.contains("udp 127.0.0.1:"), "{line}");
+    agent.signal("TERM");
+    assert!(agent.end(SOON).success());
+    let told = json(&path);
+    let access = &told["access"];
+    assert_eq!(
+        (&access["loaded"], &access["failed"]),
+        (&2.into(), &1.into())
+    );
+    assert_eq!(access["entries"], 0);
+    assert!(told["stats"]["denied"].as_u64() >= Some(1), "{told}");
+}
+
+/// A command whose output goes into a pipe that is full, and that nobody reads.
+fn stuck(args: &[&str], output: bool) -> (std::process::Child, std::io::PipeReader) {
+    let (reader, mut writer) = std::io::pipe().unwrap();
+    std::io::Write::write_all(&mut writer, &[b'x'; 65_536]).unwrap(); // what a pipe takes
+    let mut command = Command::new(BIN);
+    command.args(args).stdin(Stdio::null());
+    if output {
+        command.stdout(writer).stderr(Stdio::null());
+    } else {
+        command.stderr(writer).stdout(Stdio::null());
+    }
+    (command.spawn().unwrap(), reader)
+}
+
+/// b209253 wrote the log from the thread that keeps the JSON and waits for signals: with a full
+/// pipe on standard error the JSON froze, and SIGTERM did not end the agent.
+#[test]
+fn an_agent_whose_output_nobody_reads_keeps_its_json_and_ends() {
+    for output in [true, false] {
+        let scratch = Scratch::new(&format!("agent-stuck-{output}"));
+        let path = scratch.path("agent.json");
+        let address = format!("127.0.0.1:{}", free_port());
+        let args = ["agent", "--udp", &address, "--watch", "--json"];
+        let (mut agent, _reader) = stuck(&[&args[..], &[path.to_str().unwrap()]].concat(), output);
+        let uptime = || {
+            let text = std::fs::read_to_string(&path).ok()?;
+            let value: Value = serde_json::from_str(&text).ok()?;
+            value["uptime_seconds"].as_f64()
+        };
+        eventually("there is JSON", || uptime().is_some());
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.send_to(b"rubbish", &address).unwrap(); // a line of the log
+        std::thread::sleep(Duration::from_millis(700));
+        let then = uptime();
+        eventually("the JSON goes on", || uptime() > then);
+        let pid = agent.id().to_string();
+        Command::new("kill").arg(&pid).status().unwrap();
+        eventually("SIGTERM ends it", || agent.try_wait().unwrap().is_some());
+        assert!(agent.wait().unwrap().success());
+        assert_eq!(json(&path)["refused"]["malformed"], 1);
+    }
+}
+
+/// The policy and the priority of every thread of a process, by the thread's name: `SCHED_OTHER` is
+/// 0, FIFO 1, RR 2.
+fn policies(pid: u32) -> Vec<(String, u32, u32)> {
+    let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).unwrap();
+    let stats =
+        tasks.filter_map(|task| std::fs::read_to_string(task.ok()?.path().join("stat")).ok());
+    let thread = |stat: String| {
+        let (head, fields) = stat.rsplit_once(')').unwrap();
+        let fields: Vec<&str> = fields.split_whitespace().collect();
+        let name = head.split_once('(').unwrap().1.to_owned();
+        (
+            name,
+            fields[38].parse().unwrap(),
+            fields[37].parse().unwrap(),
+        )
+    };
+    stats.map(thread).collect()
+}
+
+/// b209253 put its thread into time sharing, however it was started, and had no option.
+#[test]
+fn its_thread_keeps_the_policy_it_was_started_with_or_has_the_one_that_is_named() {
+    if !replenish_os::privilege::may_be_real_time() {
+        eprintln!("skipped: no real-time priority on this machine");
+        return;
+    }
+    let listening = ["agent", "--udp", "127.0.0.1:0"];
+    for (start, more, expected) in [
+        (&["chrt", "-f", "33"][..], &[][..], (1, 33)),
+        (&["chrt", "-r", "12"], &[], (2, 12)),
+        (&["chrt", "-f", "33"], &["--policy", "other"], (0, 0)),
+        (&["chrt", "-o", "0"], &["--policy", "fifo:7"], (1, 7)),
+        (&["chrt", "-o", "0"], &[], (0, 0)),
+    ] {
+        let args = [&start[1..], &[BIN], &listening, more].concat();
+        let mut agent = Running::start(start[0], &args);
+        agent.expect_line("listening at", SOON);
+        let threads = policies(agent.id());
+        for (name, policy, priority) in &threads {
+            let of_agent = name == "xrce-agent";
+            let expected = if of_agent { expected } else { (0, 0) };
+            assert_eq!((*policy, *priority), expected, "{name}: {args:?}");
+        }
+        assert!(threads.iter().any(|(name, ..)| name == "xrce-agent"));
+        agent.signal("TERM");
+        assert!(agent.end(SOON).success());
+    }
 }

@@ -45,6 +45,21 @@ fn on_bad_links_everything_arrives_once_and_repair_is_selective() {
     );
 }
 
+/// Processes are killed and stopped behind a link that loses a tenth of the datagrams.
+#[test]
+fn a_soak_of_processes_misses_nothing_that_was_acknowledged() {
+    let faults = "agent,stall,publisher,reader";
+    let fixed = ["--samples", "2000", "--stall", "700", "--faults", faults];
+    let result = bench("soak", &fixed);
+    for what in ["missing", "more", "damaged"] {
+        assert_eq!(result[what], 0, "{what}: {result}");
+    }
+    let acknowledged = result["acknowledged"].as_u64().unwrap();
+    assert!(acknowledged > 1200, "{result}");
+    assert!(result["datagrams"]["lost"].as_u64() > Some(100), "{result}");
+    assert_eq!(result["agents_killed"], 1, "{result}");
+}
+
 #[test]
 fn round_trips_come_back_on_every_path() {
     let result = bench("round-trip", &["--samples", "400"]);

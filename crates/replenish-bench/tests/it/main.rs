@@ -12,6 +12,7 @@ mod common;
 mod agent;
 mod bench;
 mod history;
+mod memory;
 mod nuttx;
 mod nuttx_page;
 mod nuttx_policy;

@@ -19,27 +19,27 @@ use replenish_os::{ThreadSpec, spawn};
 /// Options of `bench dispatch`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Subscriptions of the executor, on one worker
+    /// Subscriptions of the executor, on one worker.
     #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "1,10,100,1000",
           value_parser = clap::value_parser!(u16).range(1..=1000))]
     handles: Vec<u16>,
 
-    /// Messages per second, of all topics together
+    /// Messages per second, of all topics together.
     #[arg(long, value_name = "HZ", default_value_t = 1000,
           value_parser = clap::value_parser!(u64).range(10..=10_000))]
     rate: u64,
 
-    /// Times 0.4 s per point, of each receiver, in windows of 0.04 s or 10 messages
+    /// Times 0.4 s per point, of each receiver, in windows of 0.04 s or 10 messages.
     #[arg(long, value_name = "N", default_value_t = 10,
           value_parser = clap::value_parser!(u64).range(1..=1000))]
     windows: u64,
 
-    /// The CPU of those that receive
+    /// The CPU of those that receive.
     #[arg(long, value_name = "CPU")]
     cpu: Option<usize>,
 
     /// Let that CPU sleep between messages, which costs all of them more, by what the machine
-    /// forgets in its sleep. It is kept awake otherwise
+    /// forgets in its sleep. It is kept awake otherwise.
     #[arg(long)]
     asleep: bool,
 

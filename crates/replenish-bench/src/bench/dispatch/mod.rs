@@ -28,11 +28,13 @@
 //!     │                     └──► threads           their CPU time and switches
 //!     ├─► report                                   table and JSON
 //!     └─► awake                                    a thread that keeps the CPU busy
+//!   paired ─► window                               of `bench recorder`: recorder on and off
 //! ```
 
 mod awake;
 mod command;
 mod ours;
+mod paired;
 mod raw;
 mod receiver;
 mod report;
@@ -40,3 +42,4 @@ mod threads;
 mod window;
 
 pub(crate) use command::{Args, run};
+pub(crate) use paired::recorder_ratio;

@@ -40,6 +40,15 @@ enum Running {
 impl Ours {
     /// With a dispatcher and a worker.
     pub(super) fn start_threads(setting: Setting, handles: u16) -> Result<Self, Failure> {
+        Self::start_recorded(setting, handles, 256 << 10)
+    }
+
+    /// The same, with rings of so many bytes for its last events.
+    pub(super) fn start_recorded(
+        setting: Setting,
+        handles: u16,
+        recorder: usize,
+    ) -> Result<Self, Failure> {
         Self::with(
             setting,
             handles,
@@ -48,6 +57,7 @@ impl Ours {
                 let (context, mut executor) = connect(address)?;
                 executor.dispatcher(fifo_or_other(DISPATCHER_PRIORITY));
                 executor.dispatcher_cpu(setting.cpu);
+                executor.recorder(recorder);
                 let worker = executor.worker(WORKER).cpu(setting.cpu);
                 let worker = worker.policy(fifo_or_other(HIGH_PRIORITY));
                 subscribe(&context, worker, handles, &notes)?;
@@ -92,8 +102,9 @@ impl Ours {
         let stop = StopHandle::new();
         let (agent, address) = agent(setting, stop.clone())?;
         let received = Arc::new(Received::new(setting.rate));
+        let others = threads::known(threads);
         let running = start(address, Arc::clone(&received))?;
-        let tids = threads::named(threads)?;
+        let tids = threads::named(threads, &others)?;
         let sender = Context::xrce_udp(&address.to_string()).map_err(Failure::refused)?;
         let node = sender.node("sender").map_err(Failure::refused)?;
         let publisher = |n| node.publisher(&format!("bench_{n}"), Qos::best_effort());

@@ -137,9 +137,10 @@ impl Json {
                 ]);
             }
         }
-        let state = match self.awake {
-            true => "kept awake",
-            false => "asleep between messages",
+        let state = if self.awake {
+            "kept awake"
+        } else {
+            "asleep between messages"
         };
         println!(
             "{}  per message; CPU time and switches are those of the receiving threads, on CPU {} \

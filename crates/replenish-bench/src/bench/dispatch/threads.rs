@@ -2,7 +2,7 @@
 
 use crate::load::Nanos;
 use replenish_cli::outcome::Failure;
-use replenish_cli::threads::find;
+use replenish_cli::threads::all;
 use replenish_os::Tid;
 use replenish_os::clock::ThreadCpuClock;
 
@@ -26,13 +26,20 @@ impl Used {
     }
 }
 
-/// The threads of these names in this process.
-pub(super) fn named(names: &[&str]) -> Result<Vec<Tid>, Failure> {
+/// The threads of these names in this process that are not among `others`, which are those of
+/// another receiver.
+pub(super) fn named(names: &[&str], others: &[Tid]) -> Result<Vec<Tid>, Failure> {
     let missing = |name: &str| Failure::refused(format!("no thread {name} in this process"));
+    let new = |name: &str| all(name).into_iter().find(|tid| !others.contains(tid));
     let found = names
         .iter()
-        .map(|name| find(name).ok_or_else(|| missing(name)));
+        .map(|name| new(name).ok_or_else(|| missing(name)));
     found.collect()
+}
+
+/// The threads that have these names already.
+pub(super) fn known(names: &[&str]) -> Vec<Tid> {
+    names.iter().flat_map(|name| all(name)).collect()
 }
 
 /// What they have used together.

@@ -48,7 +48,7 @@ pub(super) fn windows(units: u64, rate: u64) -> u64 {
 }
 
 /// One window of one receiver; `None` if the machine stood still.
-fn window(of: &mut dyn Receiver, rate: u64) -> Result<Option<Window>, Failure> {
+pub(super) fn window(of: &mut dyn Receiver, rate: u64) -> Result<Option<Window>, Failure> {
     let interval = SEC / rate;
     let messages = messages(rate);
     of.received().take();

@@ -7,11 +7,13 @@
 //! ```text
 //!   command ─► spinners ──┐   workers under the enforcer
 //!           ─► baseline ──┴─► schedule   whose turn it is when
+//!           ─► shares         `--shares`: what hungry workers get in the long run
 //! ```
 
 mod baseline;
 mod command;
 mod schedule;
+mod shares;
 mod spinners;
 
 pub(crate) use command::{Args, run};

@@ -117,6 +117,8 @@ impl Spinners {
             high: vec![0; self.meters.len()],
             ..Measured::default()
         };
+        // What a worker uses on its way into the wait is charged to the window after it.
+        let mut at_last_end = None;
         for Window { start, end } in schedule.windows() {
             if stop.is_triggered() {
                 break;
@@ -125,6 +127,7 @@ impl Spinners {
             let from = self.snapshot();
             clock::sleep_until(end);
             let to = self.snapshot();
+            let charged_from = at_last_end.replace(to.high.clone()).unwrap_or(from.high);
             let used = to.all.saturating_sub(from.all);
             m.enforcer_cpu += to.enforcer.saturating_sub(from.enforcer);
             m.wakes += to.wakes.saturating_sub(from.wakes);
@@ -134,7 +137,7 @@ impl Spinners {
                 m.disturbed += 1;
             } else {
                 m.undisturbed_time += end - start;
-                for ((sum, from), to) in m.high.iter_mut().zip(from.high).zip(to.high) {
+                for ((sum, from), to) in m.high.iter_mut().zip(charged_from).zip(to.high) {
                     *sum += to.saturating_sub(from);
                 }
             }
@@ -175,7 +178,8 @@ fn failed(e: &dyn Display) -> Failure {
     Failure::refused(format!("budgeted workers: {e}"))
 }
 
-/// A worker: wants the CPU for the whole of every window.
+/// A worker: wants the CPU for the whole of every window. It takes no lock meanwhile: lowered with
+/// one in its hands, it would make the others block, and their budgets would come back in pieces.
 fn spin(mut account: Account, schedule: Schedule, stop: &Stop) {
     for Window { start, end } in schedule.windows() {
         clock::sleep_until(start);

@@ -22,7 +22,7 @@ const PAUSE: Duration = Duration::from_millis(150);
 /// Options of `experiment isolation`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Windows of half a second per case
+    /// Windows of half a second per case.
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = options::windows())]
     windows: u64,
 

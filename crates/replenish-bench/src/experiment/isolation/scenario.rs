@@ -200,9 +200,10 @@ fn start(
     }
     for (name, guarantee, priority) in needs {
         let mut worker = exec.worker(name).cpu(cpu);
-        worker = match budgets {
-            true => worker.guarantee(guarantee),
-            false => worker.policy(fifo(priority)?),
+        worker = if budgets {
+            worker.guarantee(guarantee)
+        } else {
+            worker.policy(fifo(priority)?)
         };
         let added = match name {
             "neighbour" => neighbour(worker, shared),

@@ -1,0 +1,36 @@
+//! The executor's account and the timeline, against the kernel's CPU clocks.
+
+use super::Finding;
+use super::view::View;
+use crate::load::Nanos;
+
+/// Both readings of a CPU clock take a moment, and so does the change of a priority, in ns.
+const READING: Nanos = 60_000;
+
+impl View<'_> {
+    /// The account's CPU time against the kernel's.
+    pub(super) fn account(&self) -> Option<Finding> {
+        let [first, last] = &self.evidence.accounts;
+        let (first, last) = (first.get(self.index)?, last.get(self.index)?);
+        let said = (last.high + last.low).saturating_sub(first.high + first.low);
+        let mine = || self.pieces().filter(|p| p.thread == self.thread);
+        let inside = mine().filter(|p| p.from >= first.after && p.to <= last.before);
+        let around = mine().filter(|p| p.to >= first.before && p.from <= last.after);
+        let least: Nanos = inside.map(|p| p.cpu).sum();
+        let most: Nanos = around.map(|p| p.cpu).sum();
+        let wrong = least.saturating_sub(said).max(said.saturating_sub(most));
+        Some(self.finding("account", READING, wrong, last.before))
+    }
+
+    /// The timeline against `/proc`.
+    pub(super) fn trace(&self) -> Option<Finding> {
+        let [first, last] = &self.evidence.clocks;
+        let clock = last
+            .get(self.index)?
+            .saturating_sub(*first.get(self.index)?);
+        let mine = self.pieces().filter(|p| p.thread == self.thread);
+        let traced: Nanos = mine.map(|p| p.cpu).sum();
+        let wrong = traced.abs_diff(clock);
+        Some(self.finding("trace", READING, wrong, self.evidence.to))
+    }
+}

@@ -1,0 +1,413 @@
+//! The kernel's scheduler trace as pieces of CPU time, each of one thread.
+//!
+//! `sched_switch` says who runs, at which effective priority (inheritance included), and whether
+//! the thread before wanted to go on; `sched_stat_runtime` is each advance of a thread's CPU clock.
+
+use crate::load::Nanos;
+use std::collections::BTreeMap;
+
+/// A stretch of one thread on the traced CPU.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Piece {
+    /// The kernel's id; 0 is the idle thread.
+    pub thread: i32,
+    /// Its effective real-time priority; 0 without one.
+    pub rank: u8,
+    pub from: Nanos,
+    pub to: Nanos,
+    /// The advance of its CPU clock, which may have begun some µs before `from`.
+    pub cpu: Nanos,
+    /// The thread waits afterwards.
+    pub waits: bool,
+    /// A more urgent thread of the case wanted the CPU, and the kernel did not let it (throttle,
+    /// fair server).
+    pub withheld: bool,
+}
+
+impl Piece {
+    pub(super) fn wall(&self) -> Nanos {
+        self.to.saturating_sub(self.from)
+    }
+}
+
+/// The pieces of one CPU, in order.
+#[derive(Debug, Default)]
+pub(super) struct Timeline {
+    pub pieces: Vec<Piece>,
+    /// From when to when the machine stood still, by the sign of a timer's interrupt that came late
+    /// or of a thread that was charged for more than the time it had. In order, apart.
+    pub still: Vec<(Nanos, Nanos)>,
+    /// The kernel had no room for some records: nothing can be said.
+    pub lost: bool,
+}
+
+impl Timeline {
+    /// How long the machine stood still in a stretch of time.
+    pub(super) fn stood_still(&self, from: Nanos, to: Nanos) -> Nanos {
+        let overlap = |(began, ended): (Nanos, Nanos)| ended.min(to) - began.max(from);
+        self.still_in(from, to).map(overlap).sum()
+    }
+
+    /// The times at which the machine stood still, if only for a part of this stretch.
+    pub(super) fn still_in(&self, from: Nanos, to: Nanos) -> impl Iterator<Item = (Nanos, Nanos)> {
+        let first = self.still.partition_point(|&(_, ended)| ended <= from);
+        let after = self.still.get(first..).unwrap_or_default().iter().copied();
+        after.take_while(move |&(began, _)| began < to)
+    }
+}
+
+/// An interrupt of a timer may be so late, and a switch of threads take so long.
+pub(super) const PUNCTUAL: Nanos = 20_000;
+
+/// The watchdog, which may hold the enforcer's lock, is charged for no more than this at once. A
+/// larger charge says that its CPU stood still.
+const LOOK: Nanos = 100_000;
+
+/// How many pieces ago a thread may have run whose clock another CPU has read.
+const RECENT: usize = 20_000;
+
+/// Reads the kernel's text line by line.
+#[derive(Debug)]
+pub(super) struct Reader {
+    cpu: usize,
+    timeline: Timeline,
+    now: Option<Current>,
+    /// The case's threads that want the CPU: priority, and since when.
+    ready: BTreeMap<i32, (u8, Nanos)>,
+    /// The enforcer, woken since then.
+    woken: Option<(i64, Nanos)>,
+    /// Timers that are set: address and time.
+    timers: BTreeMap<String, Nanos>,
+}
+
+/// The thread that runs, and where its current piece began.
+#[derive(Debug, Clone, Copy)]
+struct Current {
+    thread: i32,
+    rank: u8,
+    from: Nanos,
+    /// When it got the CPU.
+    switched: Nanos,
+    /// When it gave an inherited priority back.
+    lowered: Option<Nanos>,
+    /// Nothing was charged since it got the CPU.
+    fresh: bool,
+    /// It was given another priority while it ran, before this piece.
+    changed: Option<usize>,
+}
+
+impl Reader {
+    pub(super) fn new(cpu: usize) -> Self {
+        Self {
+            cpu,
+            timeline: Timeline::default(),
+            now: None,
+            ready: BTreeMap::new(),
+            woken: None,
+            timers: BTreeMap::new(),
+        }
+    }
+
+    /// Takes one line: `comm-123  [001] d..2. 12.345678: sched_switch: prev_comm=…`.
+    pub(super) fn line(&mut self, line: &str) {
+        self.note_interrupt(line);
+        if line.contains("[LOST ") {
+            self.timeline.lost = true;
+        } else if let Some((head, rest)) = line.split_once(": sched_switch: ") {
+            if on_cpu(head) == Some(self.cpu)
+                && let Some(at) = time(head)
+            {
+                self.switch(at, rest);
+            }
+        } else if let Some((head, rest)) = line.split_once(": sched_stat_runtime: ") {
+            // Another CPU may have asked for the clock: whose record it is, the thread says.
+            if let (Some(at), Some(thread), Some(cpu)) =
+                (time(head), number(rest, " pid="), number(rest, " runtime="))
+            {
+                let cpu = cpu.unsigned_abs();
+                if on_cpu(head) == Some(self.cpu) {
+                    self.note_switch(at, thread, cpu);
+                } else if rest.starts_with("comm=watchdog ") && cpu > LOOK {
+                    self.timeline
+                        .still
+                        .push((at.saturating_sub(cpu - LOOK), at));
+                }
+                self.ran(at, thread, cpu);
+            }
+        } else if let Some((head, rest)) = line.split_once(": sched_wakeup: ") {
+            if let (Some(at), Some(thread), Some(priority), Some(cpu)) = (
+                time(head),
+                number(rest, " pid="),
+                number(rest, " prio="),
+                number(rest, " target_cpu="),
+            ) && usize::try_from(cpu) == Ok(self.cpu)
+                && is_of_a_case(rest.strip_prefix("comm=").unwrap_or(rest))
+                // The other CPU's line may come when the thread has run already.
+                && self.now.is_none_or(|now| now.switched <= at)
+            {
+                self.wants(thread, rank(priority), at);
+                if rest.starts_with("comm=enforcer") {
+                    self.woken = Some((thread, at));
+                }
+            }
+        } else if let Some((head, rest)) = line.split_once(": sys_sched_set") {
+            // The enforcer gives a thread another priority: `scheduler(pid: 1f, …` or `param(…`.
+            let thread = rest.split_once("(pid: ").and_then(|(_, r)| hexadecimal(r));
+            if let (Some(at), Some(thread)) = (time(head), thread) {
+                self.ready.remove(&thread);
+                self.changed(at, thread);
+            }
+        } else if let Some((_, rest)) = line.split_once(": hrtimer_start: ") {
+            if let (Some(timer), Some(expires)) = (timer(rest), number(rest, " expires=")) {
+                self.timers.insert(timer, expires.unsigned_abs());
+            }
+        } else if let Some((head, rest)) = line.split_once(": hrtimer_expire_entry: ") {
+            if let (Some(at), Some(timer), Some(now)) =
+                (time(head), timer(rest), number(rest, " now="))
+                && let Some(expires) = self.timers.remove(&timer)
+            {
+                let late = now.unsigned_abs().saturating_sub(expires);
+                self.stood_still(late, at);
+            }
+        } else if let Some((head, rest)) = line.split_once(": sched_pi_setprio: ")
+            && let (Some(at), Some(thread), Some(priority)) =
+                (time(head), number(rest, " pid="), number(rest, " newprio="))
+            && let Some(now) = self.now.as_mut().filter(|n| i64::from(n.thread) == thread)
+        {
+            let before = *now;
+            now.rank = rank(priority);
+            now.from = at;
+            now.lowered = (now.rank < before.rank).then_some(at);
+            self.push(before, at, 0, false);
+        }
+    }
+
+    /// What has been read.
+    pub(super) fn finish(mut self) -> Timeline {
+        let mut still = std::mem::take(&mut self.timeline.still);
+        still.sort_unstable();
+        for (from, to) in still {
+            match self.timeline.still.last_mut() {
+                Some(last) if from <= last.1 => last.1 = last.1.max(to),
+                _ => self.timeline.still.push((from, to)),
+            }
+        }
+        self.timeline
+    }
+
+    /// A thread that is interrupted while it gives an inherited priority back goes on with that
+    /// afterwards.
+    fn note_interrupt(&mut self, line: &str) {
+        let Some(now) = self.now.as_mut().filter(|n| n.lowered.is_some()) else {
+            return;
+        };
+        let head = line.split_once(": ").map_or("", |(head, _)| head);
+        if let Some(at) = time(head)
+            && is_interrupt(head)
+            && on_cpu(head) == Some(self.cpu)
+            && now.lowered.is_some_and(|lowered| at <= lowered + PUNCTUAL)
+        {
+            now.lowered = Some(at);
+        }
+    }
+
+    /// The kernel charges a thread from the moment at which it was chosen, and traces the switch a
+    /// little later. If it is not a little, the machine stood still in between.
+    fn note_switch(&mut self, at: Nanos, thread: i64, cpu: Nanos) {
+        if let Some(now) = self.now
+            && now.fresh
+            && i64::from(now.thread) == thread
+        {
+            let had = at.saturating_sub(now.from);
+            self.stood_still(cpu.saturating_sub(had), now.from);
+        }
+    }
+
+    /// The machine stood still for so long, up to that time.
+    fn stood_still(&mut self, length: Nanos, until: Nanos) {
+        if length > PUNCTUAL {
+            let from = until.saturating_sub(length - PUNCTUAL);
+            self.timeline.still.push((from, until));
+        }
+    }
+
+    /// The thread gets another priority; if it runs, the watchdog on another CPU gives it.
+    fn changed(&mut self, at: Nanos, thread: i32) {
+        if let Some(now) = self.now.as_mut()
+            && now.thread == thread
+            && now.from <= at
+        {
+            let before = *now;
+            now.from = at;
+            self.push(before, at, 0, false);
+            let first = self.timeline.pieces.len();
+            self.now = self.now.map(|now| Current {
+                changed: Some(first),
+                ..now
+            });
+        }
+    }
+
+    /// The switch tells which priority that was: the thread has had it since then.
+    fn note_rank(&mut self, rank: u8) {
+        if let Some(now) = self.now.as_mut()
+            && let Some(first) = now.changed
+        {
+            now.rank = rank;
+            let thread = now.thread;
+            let since = self.timeline.pieces.get_mut(first..).unwrap_or_default();
+            let its = since.iter_mut().filter(|p| p.thread == thread);
+            its.for_each(|p| p.rank = rank);
+        }
+    }
+
+    fn ran(&mut self, at: Nanos, thread: i64, cpu: Nanos) {
+        if let Some(now) = self.now.as_mut()
+            && i64::from(now.thread) == thread
+            && now.from <= at
+        {
+            let before = *now;
+            now.from = at;
+            now.fresh = false;
+            self.push(before, at, cpu, false);
+        } else {
+            // The other CPU's line may come after the switch, by as much as the pipe holds back.
+            let mut pieces = self.timeline.pieces.iter_mut().rev().take(RECENT);
+            let its = |p: &&mut Piece| i64::from(p.thread) == thread && p.from <= at;
+            if let Some(then) = pieces.find(its) {
+                then.cpu += cpu;
+            }
+        }
+    }
+
+    fn switch(&mut self, at: Nanos, text: &str) {
+        let (before, after) = text.split_once(" ==> ").unwrap_or((text, ""));
+        let (Some(old), Some(rank_then), Some(thread), Some(next)) = (
+            number(before, " prev_pid="),
+            number(before, " prev_prio=").map(rank),
+            number(after, " next_pid="),
+            number(after, " next_prio=").map(rank),
+        ) else {
+            return;
+        };
+        let runnable = before
+            .rsplit_once(" prev_state=")
+            .is_some_and(|(_, state)| state.starts_with('R'));
+        self.note_rank(rank_then);
+        if let Some(now) = self.now.take().filter(|n| i64::from(n.thread) == old) {
+            self.push(now, at, 0, !runnable);
+        }
+        if let Some((_, woken)) = self.woken.take_if(|(enforcer, _)| *enforcer == thread) {
+            self.stood_still(at.saturating_sub(woken), at);
+        }
+        let thread = i32::try_from(thread).unwrap_or(0);
+        let comm = before.rsplit_once("prev_comm=").map_or("", |(_, c)| c);
+        if let Ok(old) = i32::try_from(old) {
+            self.ready.remove(&old);
+        }
+        if runnable && is_of_a_case(comm) {
+            // It would run if it might: no switch takes its time.
+            self.wants(old, rank_then, 0);
+        }
+        self.ready.remove(&thread);
+        self.now = Some(Current {
+            thread,
+            rank: next,
+            from: at,
+            switched: at,
+            lowered: None,
+            fresh: true,
+            changed: None,
+        });
+    }
+
+    /// A thread of this priority wants the CPU.
+    fn wants(&mut self, thread: i64, rank: u8, since: Nanos) {
+        if let Ok(thread) = i32::try_from(thread)
+            && rank > 0
+        {
+            self.ready.insert(thread, (rank, since));
+        }
+    }
+
+    fn push(&mut self, of: Current, to: Nanos, cpu: Nanos, waits: bool) {
+        let keeps_out = |(thread, (rank, since)): (&i32, &(u8, Nanos))| {
+            *thread != of.thread && *rank > of.rank && *since + PUNCTUAL <= to
+        };
+        // A thread that gives a lock back runs on until the kernel looks who is next.
+        let leaves = of.lowered.is_some_and(|at| to <= at + PUNCTUAL);
+        self.timeline.pieces.push(Piece {
+            thread: of.thread,
+            rank: of.rank,
+            from: of.from,
+            to,
+            cpu,
+            waits,
+            withheld: self.ready.iter().any(keeps_out) || leaves,
+        });
+    }
+}
+
+/// The real-time priority behind the kernel's number: 0 is FIFO 99, 98 is FIFO 1, less a deadline.
+fn rank(priority: i64) -> u8 {
+    match priority {
+        ..0 => 100,
+        0..=98 => u8::try_from(99 - priority).unwrap_or(0),
+        _ => 0,
+    }
+}
+
+/// The CPU in square brackets; a thread's name may have some as well, so the last ones count.
+fn on_cpu(head: &str) -> Option<usize> {
+    let (_, from) = head.rsplit_once('[')?;
+    from.split_once(']')?.0.parse().ok()
+}
+
+/// Whether the line was written in an interrupt: `[001] dNh2. 12.345678`.
+fn is_interrupt(head: &str) -> bool {
+    let flags = head.rsplit_once("] ").map_or("", |(_, rest)| rest);
+    let flags = flags.split_whitespace().next().unwrap_or("");
+    flags.contains(['h', 'H'])
+}
+
+/// Whether a thread of this name is a worker, or an enforcer: pinned, and at a priority that only
+/// the enforcer changes.
+fn is_of_a_case(comm: &str) -> bool {
+    let worker = comm.strip_prefix('w');
+    let worker = worker.and_then(|rest| rest.split_once(' '));
+    comm.starts_with("enforcer")
+        || worker.is_some_and(|(number, _)| number.bytes().all(|b| b.is_ascii_digit()))
+}
+
+/// The address of a timer of a file descriptor: an enforcer's.
+fn timer(text: &str) -> Option<String> {
+    let (address, _) = text
+        .strip_prefix("hrtimer=")?
+        .split_once(" function=timerfd_tmrproc ")?;
+    Some(address.to_string())
+}
+
+/// The time stamp that ends the head, in ns.
+fn time(head: &str) -> Option<Nanos> {
+    let (seconds, fraction) = head.rsplit_once(' ')?.1.split_once('.')?;
+    let micros: Nanos = fraction.parse().ok()?;
+    Some(seconds.parse::<Nanos>().ok()? * 1_000_000_000 + micros * 1000)
+}
+
+/// The number at the beginning, with or without `0x`.
+fn hexadecimal(text: &str) -> Option<i32> {
+    let text = text.strip_prefix("0x").unwrap_or(text);
+    let end = text.find(|c: char| !c.is_ascii_hexdigit());
+    i32::from_str_radix(text.get(..end.unwrap_or(text.len()))?, 16).ok()
+}
+
+/// The number after the last such key: names may contain anything, and stand in front.
+fn number(text: &str, key: &str) -> Option<i64> {
+    let (_, value) = text.rsplit_once(key)?;
+    let end = value.find(|c: char| c != '-' && !c.is_ascii_digit());
+    value.get(..end.unwrap_or(value.len()))?.parse().ok()
+}
+
+#[cfg(test)]
+#[path = "timeline_tests.rs"]
+mod tests;
