@@ -38,6 +38,7 @@ impl Burst {
     }
 }
 
+#[inline(never)] // one loop for the calibration and for what it is for
 fn spin(rounds: u32) {
     for i in 0..rounds {
         black_box(i);

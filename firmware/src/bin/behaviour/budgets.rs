@@ -7,7 +7,7 @@ use replenish_os::freertos::{kernel, tasks};
 use replenish_os::{Enforcer, EnforcerConfig, Low, Nanos, Notify, Params, clock, current_tid};
 use sporadic::Kind;
 
-fn enforcer() -> Arc<Enforcer> {
+pub fn enforcer() -> Arc<Enforcer> {
     match Enforcer::start(EnforcerConfig::on_cpu(0)) {
         Ok(enforcer) => enforcer,
         Err(e) => {

@@ -4,6 +4,7 @@
 //! - [`check`]: what every case uses: expectations, tasks, the order of events.
 //! - [`locks`]: priority inheritance.
 //! - [`budgets`]: suspension, blocking in callbacks, CPU time.
+//! - [`defects`]: budgets that were broken on Linux once.
 //! - [`waits`]: hand-off, timers, timeouts, sleep, the clock's overflow.
 //! - [`scheduling`]: policies granted and refused, equals in order, an idle board asleep.
 //! - [`failures`]: panics, the sealed heap, stacks that are too small.
@@ -16,6 +17,7 @@ extern crate alloc;
 
 mod budgets;
 mod check;
+mod defects;
 mod executor;
 mod failures;
 mod locks;
@@ -65,6 +67,11 @@ const CASES: &[(&str, Case)] = &[
     ("suspend", budgets::suspend),
     ("blocking-is-free", budgets::blocking_is_free),
     ("cpu-time-exact", budgets::cpu_time_exact),
+    ("defect-suspended-in-lock", defects::suspended_in_lock),
+    ("defect-inherited", defects::inherited),
+    ("defect-shares", defects::shares),
+    ("defect-small-and-blocking", defects::small_and_blocking),
+    ("defect-small-pieces", defects::small_pieces),
     ("hand-off", waits::hand_off),
     ("hand-off-interrupt", waits::hand_off_interrupt),
     ("timers-ordered", waits::timers_ordered),
