@@ -30,17 +30,17 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Task {
-    /// The emulated Olimex STM32-H405 board
+    /// The emulated Olimex STM32-H405 board.
     #[command(subcommand)]
     Board(Board),
-    /// Runs the stages of CI, all of them or those named; installs nothing
+    /// Runs the stages of CI, all of them or those named; installs nothing.
     Ci {
-        /// Which ones, in this order
+        /// Which ones, in this order.
         stages: Vec<ci::Stage>,
     },
-    /// Lists files of a crate that import each other in a circle; fails if there are any
+    /// Lists files of a crate that import each other in a circle; fails if there are any.
     Circles {
-        /// Crates to look at [default: every crate of this repository]
+        /// Crates to look at [default: every crate of this repository].
         crates: Vec<PathBuf>,
     },
 }

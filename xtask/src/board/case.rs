@@ -10,24 +10,24 @@ pub(crate) const BURST_MS: u64 = 10;
 /// The experiments on the board.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
 pub(crate) enum Name {
-    /// Experiment 1's sweep: budgets of 10 to 90 ms every 100 ms, and a FIFO worker below
+    /// Experiment 1's sweep: budgets of 10 to 90 ms every 100 ms, and a FIFO worker below.
     BudgetSweep,
-    /// Budgets that fit no tick: 37/90, 1/7; as long as the period; and none at all, both FIFO
+    /// Budgets that fit no tick: 37/90, 1/7; as long as the period; and none at all, both FIFO.
     OddBudgets,
-    /// Two, three and four budgeted workers that start 0, 1, 3, 10 and 30 ms apart
+    /// Two, three and four budgeted workers that start 0, 1, 3, 10 and 30 ms apart.
     Offsets,
-    /// A worker in an endless loop, with a budget, beside one that works
+    /// A worker in an endless loop, with a budget, beside one that works.
     Runaway,
-    /// The sweep on the executor: pings, answers, dispatcher and enforcer in one image
+    /// The sweep on the executor: pings, answers, dispatcher and enforcer in one image.
     Executor,
-    /// Experiment 2: the low callback sleeps for a part of its time, which goes to the high worker
+    /// Experiment 2: the low callback sleeps for a part of its time, which goes to the high worker.
     WorkConserving,
-    /// Two budgeted workers beside one whose topic is flooded
+    /// Two budgeted workers beside one whose topic is flooded.
     Flood,
-    /// The agent is killed while the board answers, and another one started
+    /// The agent is killed while the board answers, and another one started.
     Restart,
     /// Damaged bits on the line: each reliable sample arrives once, losses of the others are
-    /// counted
+    /// counted.
     Noise,
 }
 

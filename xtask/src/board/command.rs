@@ -9,48 +9,48 @@ use std::path::PathBuf;
 /// The board's tasks.
 #[derive(Subcommand)]
 pub(crate) enum Board {
-    /// Says what the host lacks, and how to install it; installs nothing
+    /// Says what the host lacks, and how to install it; installs nothing.
     Check,
-    /// Runs the board's tests: locks, budgets, waits, policies, panics, heap and stacks
+    /// Runs the board's tests: locks, budgets, waits, policies, panics, heap and stacks.
     Test {
-        /// Only cases whose name contains this
+        /// Only cases whose name contains this.
         filter: Option<String>,
-        /// Also write the result as JSON
+        /// Also write the result as JSON.
         #[arg(long, value_name = "PATH")]
         json: Option<PathBuf>,
     },
-    /// Prints what a context switch, a hand-off and other basic steps take, in instructions
+    /// Prints what a context switch, a hand-off and other basic steps take, in instructions.
     Bench {
-        /// Also write the result as JSON
+        /// Also write the result as JSON.
         #[arg(long, value_name = "PATH")]
         json: Option<PathBuf>,
     },
-    /// The paper's test bench: the board runs pong, this machine agent and ping
+    /// The paper's test bench: the board runs pong, this machine agent and ping.
     Demo {
-        /// How long, in seconds of the board's time
+        /// How long, in seconds of the board's time.
         #[arg(long, value_name = "SECONDS", default_value_t = 10,
               value_parser = clap::value_parser!(u64).range(1..=60))]
         seconds: u64,
-        /// Also write the result as JSON
+        /// Also write the result as JSON.
         #[arg(long, value_name = "PATH")]
         json: Option<PathBuf>,
     },
-    /// Runs an experiment on the board; fails if a count is off
+    /// Runs an experiment on the board; fails if a count is off.
     Experiment(options::Asked),
-    /// A message from the board to the host and back, beside the time of its bytes on the wire
+    /// A message from the board to the host and back, beside the time of its bytes on the wire.
     RoundTrip {
-        /// The line's rates, in bits per second
+        /// The line's rates, in bits per second.
         #[arg(long, value_name = "RATES", value_delimiter = ',', default_value = "115200,921600",
               value_parser = clap::value_parser!(u32).range(1_200..=4_000_000))]
         baud: Vec<u32>,
-        /// Also write the result as JSON
+        /// Also write the result as JSON.
         #[arg(long, value_name = "PATH")]
         json: Option<PathBuf>,
     },
     /// Prints flash and RAM of pong over executor and XRCE client, by part, and what each worker,
-    /// subscription, publisher and budget takes
+    /// subscription, publisher and budget takes.
     Size {
-        /// Also write the result as JSON
+        /// Also write the result as JSON.
         #[arg(long, value_name = "PATH")]
         json: Option<PathBuf>,
     },

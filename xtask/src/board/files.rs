@@ -11,16 +11,16 @@ use std::path::PathBuf;
 /// The files that were asked for.
 #[derive(clap::Args, Default)]
 pub(crate) struct Files {
-    /// Also write the result as JSON
+    /// Also write the result as JSON.
     #[arg(long, value_name = "PATH")]
     pub(crate) json: Option<PathBuf>,
-    /// Also write the points as CSV (budget-sweep, work-conserving)
+    /// Also write the points as CSV (budget-sweep, work-conserving).
     #[arg(long, value_name = "PATH")]
     pub(crate) csv: Option<PathBuf>,
-    /// Also write the figure as SVG (budget-sweep, work-conserving)
+    /// Also write the figure as SVG (budget-sweep, work-conserving).
     #[arg(long, value_name = "PATH")]
     pub(crate) svg: Option<PathBuf>,
-    /// Also write a page with figure, table and explanation (budget-sweep, work-conserving)
+    /// Also write a page with figure, table and explanation (budget-sweep, work-conserving).
     #[arg(long, value_name = "PATH")]
     pub(crate) html: Option<PathBuf>,
 }

@@ -43,9 +43,10 @@ const PROGRAM: &str = "REPLENISH_PROGRAM";
 /// Builds the host's program, `replenish`, if `REPLENISH_PROGRAM` does not name one; where it is.
 pub(crate) fn replenish() -> Outcome<PathBuf> {
     if let Some(program) = std::env::var_os(PROGRAM).map(PathBuf::from) {
-        return match program.is_file() {
-            true => Ok(program),
-            false => Err(format!("{PROGRAM}: there is no file {}", program.display())),
+        return if program.is_file() {
+            Ok(program)
+        } else {
+            Err(format!("{PROGRAM}: there is no file {}", program.display()))
         };
     }
     let status = Command::new("cargo")

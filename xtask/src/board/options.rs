@@ -11,12 +11,12 @@ const SECONDS: u64 = 10;
 /// An experiment as it was asked for.
 #[derive(clap::Args)]
 pub(crate) struct Asked {
-    /// Which one
+    /// Which one.
     pub(crate) name: Name,
-    /// Tasks that burn time, instead of executor and messages
+    /// Tasks that burn time, instead of executor and messages.
     #[arg(long)]
     pub(crate) tasks: bool,
-    /// How long each case lasts, in seconds of the board's time [default: 10]
+    /// How long each case lasts, in seconds of the board's time [default: 10].
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=60))]
     seconds: Option<u64>,
     #[command(flatten)]

@@ -94,9 +94,10 @@ fn build() -> Outcome<PathBuf> {
         .env_remove("RUSTFLAGS")
         .status()
         .map_err(|e| format!("cargo: {e}"))?;
-    match status.success() {
-        true => Ok(target.join(TARGET).join("size/executor-size")),
-        false => Err("tools/executor-size was not built".into()),
+    if status.success() {
+        Ok(target.join(TARGET).join("size/executor-size"))
+    } else {
+        Err("tools/executor-size was not built".into())
     }
 }
 

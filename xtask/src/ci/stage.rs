@@ -3,19 +3,19 @@
 /// A part of CI that can be run alone.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Stage {
-    /// Formatting, spelling, circles, lints of every workspace and feature set, documentation
+    /// Formatting, spelling, circles, lints of every workspace and feature set, documentation.
     Lint,
-    /// The README's test command, and the XRCE client as a microcontroller has it
+    /// The README's test command, and the XRCE client as a microcontroller has it.
     Test,
-    /// Every interleaving of the concurrent protocols
+    /// Every interleaving of the concurrent protocols.
     Loom,
-    /// The emulated boards, `NuttX`, and what images take
+    /// The emulated boards, `NuttX`, and what images take.
     Board,
-    /// Half a minute of fuzzing from the kept corpus
+    /// Half a minute of fuzzing from the kept corpus.
     Fuzz,
-    /// Foreign implementations against ours
+    /// Foreign implementations against ours.
     Peers,
-    /// Licences, sources and packages of the published crates
+    /// Licences, sources and packages of the published crates.
     Supply,
 }
 

@@ -171,7 +171,7 @@ fn test() -> Vec<Step> {
 
 fn loom() -> Vec<Step> {
     let models = Step::new(
-        "cargo test --release -p replenish-os -p replenish-handoff -p replenish --lib loom_",
+        "cargo test --release -p replenish-os -p replenish-handoff -p replenish-recorder -p replenish --lib loom_",
     );
     vec![
         models
