@@ -1,6 +1,6 @@
 //! The JSON that a board prints at its end, taken apart.
 
-use super::testbench::Run;
+use super::testbench::{Run, UNANSWERED};
 use serde_json::Value;
 
 /// Between two messages of a topic, in ms.
@@ -13,7 +13,7 @@ pub(crate) fn losses(run: &Run) -> Vec<String> {
     for path in [
         "/uart/overruns",
         "/uart/dropped",
-        "/uart/unanswered",
+        UNANSWERED,
         "/ticks_unsent",
         "/frames/damaged",
         "/heap_refused",

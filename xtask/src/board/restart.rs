@@ -12,7 +12,7 @@
 
 use super::case::{self, Worker};
 use super::report;
-use super::testbench::{Bench, Host, Run};
+use super::testbench::{Bench, Host, Run, UNANSWERED};
 use crate::output::{Outcome, write};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -49,7 +49,7 @@ pub(crate) fn run(seconds: u64, path: Option<&Path>) -> Outcome {
         top("link_lost"),
         top("link_back"),
         top("ticks_unsent"),
-        board.pointer("/uart/unanswered").unwrap_or(&json!(0)),
+        board.pointer(UNANSWERED).unwrap_or(&json!(0)),
         received(&run),
         answered(board),
     );
