@@ -18,7 +18,26 @@ pub(super) fn foreground(stages: &[Stage], tally: &mut Tally) -> Outcome {
     steps.into_iter().try_for_each(|step| run(&step, tally))
 }
 
+/// With more failed tests than this, a command is not run a second time.
+const FEW: usize = 3;
+
+/// A command in which a few tests failed counts by its second run, if it may have one: machines of
+/// CI stand still for seconds now and then. The log keeps both runs and names the tests.
 fn run(step: &Step, tally: &mut Tally) -> Outcome {
+    tally.begin();
+    let first = once(step, tally);
+    let failed = tally.failed().len();
+    if first.is_ok() || !step.counts_twice() || failed == 0 || failed > FEW {
+        return first;
+    }
+    let unsteady = tally.failed().join(", ");
+    tally.take_back();
+    println!("\nunsteady: {unsteady}: failed; the whole command runs once more");
+    tally.begin();
+    once(step, tally)
+}
+
+fn once(step: &Step, tally: &mut Tally) -> Outcome {
     let (line, began) = (step.line(), Instant::now());
     println!("\n== {line}");
     let fail = |e: &dyn std::fmt::Display| format!("{line}: {e}");

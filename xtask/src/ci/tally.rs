@@ -8,6 +8,10 @@ pub(super) struct Tally {
     times: Vec<(Duration, String)>,
     /// Passed, failed, ignored.
     tests: Option<[u64; 3]>,
+    /// The names of failed tests, of the command that runs.
+    failed: Vec<String>,
+    /// The last line belongs to the list of failures.
+    in_list: bool,
 }
 
 impl Tally {
@@ -16,8 +20,35 @@ impl Tally {
         self.times.push((time, line));
     }
 
-    /// Adds the counts if `line` closes a run of tests.
+    /// Forgets the names of failed tests.
+    pub(super) fn begin(&mut self) {
+        self.failed.clear();
+    }
+
+    /// Names of the tests that failed since [`begin`](Self::begin).
+    pub(super) fn failed(&self) -> &[String] {
+        &self.failed
+    }
+
+    /// Takes back the failures since [`begin`](Self::begin).
+    pub(super) fn take_back(&mut self) {
+        if let Some([_, failed, _]) = &mut self.tests {
+            *failed = failed.saturating_sub(self.failed.len() as u64);
+        }
+    }
+
+    /// Adds the counts if `line` closes a run of tests, and the name if it stands in the list of
+    /// failures.
     pub(super) fn line(&mut self, line: &str) {
+        if line == "failures:" {
+            self.in_list = true;
+            return;
+        }
+        if let Some(name) = line.strip_prefix("    ").filter(|_| self.in_list) {
+            self.failed.push(name.trim().to_owned());
+            return;
+        }
+        self.in_list = false;
         let Some(counts) = line.strip_prefix("test result: ") else {
             return;
         };
@@ -58,5 +89,20 @@ mod tests {
             .line("test result: FAILED. 3 passed; 1 failed; 0 ignored; 0 measured; 0 filtered out");
         tally.line("test a_result ... ok");
         assert_eq!(tally.tests, Some([8, 1, 2]));
+    }
+
+    #[test]
+    fn failed_tests_are_named_and_can_be_taken_back() {
+        let mut tally = Tally::default();
+        tally.begin();
+        let output = "test adopted::a ... ok\nfailures:\n\n---- adopted::they_share ----\n    at a.rs\n\n\
+                      failures:\n    adopted::they_share\n\n\
+                      test result: FAILED. 1 passed; 1 failed; 0 ignored; 0 measured";
+        output.lines().for_each(|line| tally.line(line));
+        assert_eq!(tally.failed(), ["adopted::they_share"]);
+        tally.take_back();
+        assert_eq!(tally.tests, Some([1, 0, 0]));
+        tally.begin();
+        assert!(tally.failed().is_empty());
     }
 }
