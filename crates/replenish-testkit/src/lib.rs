@@ -8,9 +8,10 @@
 //! - [`program`]: a built command, run to its end or beside the test.
 //! - [`sets`]: properties over random sets, on all CPUs.
 //! - [`signal`]: a real signal handler.
-//! - [`steal`]: a trial that failed while a hypervisor took the CPU away runs again.
+//! - [`steal`]: a trial that failed while the machine did not do its part runs again.
 //! - [`wall_clock`]: a wall clock that a test may set.
 //! - [`watchdog`]: ends a test process that hangs, naming what hung.
+//! - [`witness`]: sees how long the machine stood still.
 //!
 //! Never a dependency of shipped code.
 
@@ -23,6 +24,7 @@ pub mod signal;
 pub mod steal;
 pub mod wall_clock;
 pub mod watchdog;
+pub mod witness;
 
 #[doc(hidden)]
 pub use libc; // for the macro
