@@ -6,6 +6,7 @@
 //!   because the standard harness can only pass or fail.
 //! - [`alloc`]: a global allocator that counts, to prove that the hot path does not allocate.
 //! - [`program`]: a built command, run to its end or beside the test.
+//! - [`progress`]: waiting for an event, and lower bounds on progress.
 //! - [`sets`]: properties over random sets, on all CPUs.
 //! - [`signal`]: a real signal handler.
 //! - [`steal`]: a trial that failed while the machine did not do its part runs again.
@@ -18,6 +19,7 @@
 pub mod alloc;
 pub mod harness;
 pub mod program;
+pub mod progress;
 pub mod rt;
 pub mod sets;
 pub mod signal;
