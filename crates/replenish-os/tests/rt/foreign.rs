@@ -1,10 +1,11 @@
 //! Budgets for threads of other processes: shells that spin, and this very program with threads.
 
 use crate::common::{MS, cpu};
-use replenish_os::foreign::{self, BudgetId, Enforcer, ForeignThread, Original};
+use replenish_os::foreign::{self, BudgetId, BudgetUsage, Enforcer, ForeignThread, Original};
 use replenish_os::{CpuSet, EnforcerConfig, GrantedPolicy, SchedClass, Tid, clock, granted};
 use replenish_os::{set_affinity, set_priority};
 use replenish_testkit::harness::{Trial, rt_trial};
+use replenish_testkit::progress::{eventually, reaches};
 use sporadic::Budget;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -68,12 +69,17 @@ impl Program {
         Self::start(shell)
     }
 
-    fn this(what: &str) -> Self {
+    /// This program; its thread that waits for its parent, and `threads` more at least.
+    fn this(what: &str, threads: usize) -> Self {
         let mut this = Command::new(std::env::current_exe().unwrap());
         this.env(CHILD, what);
         let program = Self::start(this);
-        std::thread::sleep(Duration::from_millis(100)); // until it has its threads
+        assert!(eventually(|| program.tasks() > threads));
         program
+    }
+
+    fn tasks(&self) -> usize {
+        foreign::tasks(self.pid()).unwrap().len()
     }
 
     fn pid(&self) -> Tid {
@@ -115,9 +121,9 @@ fn sleep(ms: u64) {
     std::thread::sleep(Duration::from_millis(ms));
 }
 
-/// Over `ms`, the program's CPU time at the budget's priority is what the budget allows: in no less
-/// than 97 % of it, and in no more than the periods that begin within the time, and one.
-fn holds_its_budget(program: &Program, amount: u64, period: u64, ms: u64) {
+/// The program's CPU time at the budget's priority is what the budget allows: 97 % of it over some
+/// five periods in a row, and in all no more than the periods that begin within the time, and one.
+fn holds_its_budget(program: &Program, amount: u64, period: u64) -> BudgetUsage {
     let enforcer = enforcer();
     let id = budget(&enforcer, amount, period);
     // A budget may wait for its first thread: it had another 30 ms at once when it counted as used
@@ -125,7 +131,10 @@ fn holds_its_budget(program: &Program, amount: u64, period: u64, ms: u64) {
     sleep(period * 3 / 2);
     let from = clock::monotonic();
     enroll_all(&enforcer, id, program);
-    sleep(ms);
+    let used = || enforcer.usage(id).unwrap().high;
+    let (rate, five) = (amount as f64 / period as f64, 5 * period);
+    assert!(reaches(0.97 * rate, Duration::from_millis(five), used));
+    assert!(eventually(|| enforcer.usage(id).unwrap().exhaustions >= 10));
     let usage = enforcer.usage(id).unwrap();
     let elapsed = clock::monotonic() - from;
     let share = usage.high as f64 / elapsed as f64;
@@ -139,51 +148,36 @@ fn holds_its_budget(program: &Program, amount: u64, period: u64, ms: u64) {
         enforcer.stats()
     );
     assert!(usage.high <= most, "{usage:?} in {elapsed} ns");
-    assert!(
-        share >= 0.97 * amount as f64 / period as f64,
-        "{usage:?} in {elapsed} ns"
-    );
-    // One in every period, but for those in which the machine stood still.
-    let periods = elapsed / (period * MS);
-    assert!(usage.exhaustions >= periods * 2 / 3, "{usage:?}");
     assert_eq!(usage.refused, 0);
+    usage
 }
 
 fn two_programs_share_a_cpu_as_the_budget_says() {
     let (first, other) = (Program::shell(), Program::shell());
     set_affinity(other.pid(), &CpuSet::one(cpu())).unwrap();
     let before = other.cpu_time();
-    holds_its_budget(&first, 30, 100, 1500);
+    let usage = holds_its_budget(&first, 30, 100);
     let rest = other.cpu_time() - before;
-    assert!(
-        rest > 300 * MS,
-        "the other one got {} ms of 1500",
-        rest / MS
-    );
+    // Beyond its budget the first one is in the idle class, which hardly runs beside anybody.
+    assert!(rest > 2 * usage.background, "{rest} ns, {usage:?}");
 }
 
 fn eight_threads_share_one_budget() {
-    let program = Program::this("spin 8");
-    assert_eq!(
-        foreign::tasks(program.pid()).unwrap().len(),
-        9,
-        "and one that waits"
-    );
-    holds_its_budget(&program, 30, 100, 1500);
+    let program = Program::this("spin 8", 8);
+    assert_eq!(program.tasks(), 9, "and one that waits");
+    holds_its_budget(&program, 30, 100);
 }
 
 /// At one FIFO priority the first thread would have the whole budget of every period.
 fn threads_of_one_budget_take_turns() {
-    let program = Program::this("spin 4");
+    let program = Program::this("spin 4", 4);
     let enforcer = enforcer();
     let id = budget(&enforcer, 5, 20);
     enroll_all(&enforcer, id, &program);
-    sleep(1000);
-    let used: Vec<_> = enforcer
-        .threads()
-        .iter()
-        .map(|thread| thread.high)
-        .collect();
+    let used = || -> Vec<u64> { enforcer.threads().iter().map(|t| t.high).collect() };
+    // Forty periods' budget.
+    assert!(eventually(|| used().iter().sum::<u64>() >= 200 * MS));
+    let used = used();
     let sum: u64 = used.iter().sum();
     let shares = used.iter().filter(|used| **used > sum / 10).count();
     assert_eq!(shares, 4, "{used:?}");
@@ -244,7 +238,12 @@ fn what_it_starts_begins_without_its_priority() {
     let again = format!("while kill -0 $PPID 2>/dev/null; do sh -c '{SPIN}'; done");
     shell.args(["-c", &again]);
     let program = Program::start(shell);
-    sleep(30);
+    // This kernel may not list children.
+    let own = std::process::id().cast_signed();
+    let lists = !foreign::children(Tid::new(own).unwrap()).is_empty();
+    assert!(eventually(
+        || !lists || foreign::family(program.pid()).len() == 2
+    ));
     // The first one it had started: from now on under a budget.
     let first = foreign::family(program.pid());
     let enforcer = enforcer();
@@ -255,8 +254,11 @@ fn what_it_starts_begins_without_its_priority() {
             .args(["-9", &child.to_string()])
             .status()
             .unwrap();
-        sleep(100);
-        let family = foreign::family(program.pid());
+        let again = || foreign::family(program.pid());
+        assert!(eventually(|| again()
+            .get(1)
+            .is_some_and(|new| *new != child)));
+        let family = again();
         assert_eq!(family.len(), 2, "{family:?}");
         let has = granted(family[1]).unwrap();
         assert_eq!(has.priority, 0, "{has}");
@@ -266,10 +268,7 @@ fn what_it_starts_begins_without_its_priority() {
             .unwrap()
             .without_inheritance(cpu(), &first);
         assert_eq!(own, first);
-        Command::new("kill")
-            .args(["-9", &family[1].to_string()])
-            .status()
-            .unwrap();
+        // It ends with its parent; killed first, it would get a successor without one.
     } else {
         eprintln!("skipped: this kernel does not list children");
     }
@@ -282,17 +281,18 @@ fn a_program_may_exec() {
                  kill -0 $PPID 2>/dev/null && exec sh -c \"$0\" \"$0\"";
     shell.args(["-c", again, again]);
     let program = Program::start(shell);
-    holds_its_budget(&program, 30, 100, 1000);
+    holds_its_budget(&program, 30, 100);
 }
 
 /// Threads that live for a few milliseconds, a hundred each second: each is enrolled or gone.
 fn threads_may_come_and_go() {
-    let program = Program::this("come-and-go");
+    let program = Program::this("come-and-go", 1);
     let enforcer = enforcer();
     let id = budget(&enforcer, 2, 10);
     let (mut enrolled, mut ended) = (0, 0);
-    let until = clock::monotonic() + 1500 * MS;
-    while clock::monotonic() < until {
+    let begun = clock::monotonic();
+    while clock::monotonic() < begun + 1500 * MS || enrolled <= 20 {
+        assert!(clock::monotonic() < begun + 60_000 * MS, "{enrolled}");
         for tid in foreign::tasks(program.pid()).unwrap() {
             match ForeignThread::open(tid).and_then(|thread| enforcer.enroll(id, thread)) {
                 Ok(()) => enrolled += 1,
@@ -306,29 +306,28 @@ fn threads_may_come_and_go() {
         sleep(5);
     }
     eprintln!("{enrolled} enrolled, {ended} ended");
-    assert!(enrolled > 20, "{enrolled}");
     let left = enforcer.threads().len();
     assert_eq!(ended + left, enrolled);
     assert!(enforcer.usage(id).unwrap().high > 0);
     drop(program);
-    sleep(20);
     enforcer.inspect();
     assert_eq!(enforcer.threads(), [], "its process has ended");
 }
 
 /// With the kernel's records, a thread that waits gets its budget back a period after each use: 2
-/// ms of every 20 never run out of a budget of 5 in 20.
+/// ms of every 20 never run out of a budget of 5 in 20, but for pauses of the machine that its CPU
+/// clock counts. Without the records it runs out in every other period.
 fn a_program_that_waits_is_not_exhausted() {
-    let program = Program::this("sleepy");
+    let program = Program::this("sleepy", 1);
     let enforcer = enforcer();
     let id = budget(&enforcer, 5, 20);
     enroll_all(&enforcer, id, &program);
-    sleep(1500);
+    // Fifty rounds.
+    assert!(eventually(|| enforcer.usage(id).unwrap().high > 100 * MS));
     let usage = enforcer.usage(id).unwrap();
     eprintln!("{usage:?} {:?}", enforcer.stats());
-    assert!(usage.high > 50 * MS, "{usage:?}");
     if usage.sees_blocking {
-        assert!(usage.exhaustions <= 3, "{usage:?}");
+        assert!(usage.exhaustions <= 5, "{usage:?}");
     }
 }
 

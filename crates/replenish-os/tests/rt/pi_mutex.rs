@@ -26,13 +26,16 @@ pub(crate) fn trials() -> Vec<Trial> {
             let mutex = Arc::new(PiMutex::new(1));
             let held = mutex.lock();
             let theirs = Arc::clone(&mutex);
+            let (waited, has_waited) = mpsc::channel();
             let waiter = std::thread::spawn(move || {
                 let limit = clock::monotonic() + 3_000_000;
                 let none = theirs.lock_until(limit).is_none();
                 let late = clock::monotonic() >= limit;
+                waited.send(()).unwrap();
                 let there = theirs.lock_until(clock::monotonic() + 20_000_000_000);
                 (none, late, there.map(|g| *g))
             });
+            has_waited.recv().unwrap();
             std::thread::sleep(Duration::from_millis(20));
             drop(held);
             assert_eq!(waiter.join().unwrap(), (true, true, Some(1)));
@@ -118,11 +121,14 @@ fn high_overtakes_middle(lock: impl Fn(&dyn Fn()) + Send + Sync + 'static) -> bo
     let [hog_started, hog_ended] = [(); 2].map(|()| Arc::new(AtomicBool::new(false)));
     let (wake_high, high_woken) = mpsc::channel::<()>();
     let (wake_middle, middle_woken) = mpsc::channel::<()>();
+    let (placed, both_placed) = mpsc::channel::<()>();
 
     let high = std::thread::spawn({
         let (lock, hog_ended) = (Arc::clone(&lock), Arc::clone(&hog_ended));
+        let placed = placed.clone();
         move || {
             become_fifo(cpu, 80);
+            placed.send(()).unwrap();
             high_woken.recv().unwrap();
             let overtook = AtomicBool::new(false);
             lock(&|| overtook.store(!hog_ended.load(Ordering::SeqCst), Ordering::SeqCst));
@@ -133,6 +139,7 @@ fn high_overtakes_middle(lock: impl Fn(&dyn Fn()) + Send + Sync + 'static) -> bo
         let hog_started = Arc::clone(&hog_started);
         move || {
             become_fifo(cpu, 70);
+            placed.send(()).unwrap();
             middle_woken.recv().unwrap();
             hog_started.store(true, Ordering::SeqCst);
             wake_high.send(()).unwrap();
@@ -142,8 +149,8 @@ fn high_overtakes_middle(lock: impl Fn(&dyn Fn()) + Send + Sync + 'static) -> bo
     });
     let low = std::thread::spawn(move || {
         become_fifo(cpu, 30);
-        // Lets the two above reach their channels; they are above it on the same CPU.
-        clock::sleep_until(clock::monotonic() + 2 * MS);
+        // The two above it on the same CPU go on to their channels before it runs again.
+        both_placed.iter().take(2).for_each(drop);
         lock(&|| {
             wake_middle.send(()).unwrap();
             assert!(

@@ -2,7 +2,7 @@
 
 use crate::common::{MS, become_fifo, cpu, spin};
 use replenish_os::clock::{self, ThreadCpuClock};
-use replenish_os::{SchedClass, Tid, current_tid, demote_to_tail, promote, set_priority};
+use replenish_os::{SchedClass, Tid, current_tid, demote_to_tail, granted, promote, set_priority};
 use replenish_testkit::harness::{Trial, rt_trial, trial};
 use replenish_testkit::watchdog::watchdog;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -79,7 +79,11 @@ fn runs_next(lo: u8, lower: fn(Tid)) -> Next {
             become_fifo(cpu, 90);
             let (a, a_thread) = spinner(cpu, 60, &stop);
             let (b, b_thread) = spinner(cpu, lo, &stop);
-            clock::sleep_until(clock::monotonic() + MS); // A runs, B queues
+            // A runs, B queues; neither has done so if the machine stands still meanwhile.
+            let at = |tid, priority| granted(tid).unwrap().priority == priority;
+            while !(at(a, 60) && at(b, lo)) {
+                clock::sleep_until(clock::monotonic() + MS);
+            }
             let (clock_a, clock_b) = (ThreadCpuClock::of(a), ThreadCpuClock::of(b));
             let read = || (clock_a.read().unwrap(), clock_b.read().unwrap());
             lower(a);

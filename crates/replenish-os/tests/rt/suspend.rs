@@ -1,24 +1,20 @@
 //! Workers that are lowered or stopped while they hold locks: what they use then is a debt, nobody
 //! above them is kept, and nothing of a thread outlives it.
 
-use crate::common::{MS, burn, cpu, pin};
+use crate::common::{MS, become_fifo, burn, cpu};
 use replenish_os::{
     Account, CpuSet, Enforcer, EnforcerConfig, EnrollError, GrantedPolicy, Low, Meter, Params,
     PiMutex, SchedClass, clock, current_tid, granted, set_affinity, set_priority,
 };
 use replenish_testkit::harness::{Trial, rt_trial};
+use replenish_testkit::progress::eventually;
 use replenish_testkit::watchdog::watchdog;
+use replenish_testkit::witness::Witness;
 use sporadic::Kind;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
 use std::time::Duration;
-
-/// Priority first: in the time-sharing class it might never run where it is pinned.
-fn become_urgent(cpu: usize, priority: u8) {
-    set_priority(current_tid(), SchedClass::Fifo(priority)).unwrap();
-    pin(cpu);
-}
 
 fn enforcer(capacity: usize) -> Arc<Enforcer> {
     let config = EnforcerConfig {
@@ -38,7 +34,7 @@ fn worker<T: Send + 'static>(
     let enforcer = Arc::clone(enforcer);
     let (tx, rx) = mpsc::channel();
     let thread = std::thread::spawn(move || {
-        become_urgent(cpu(), 40);
+        become_fifo(cpu(), 40);
         let params = Params::new(40, low, budget * MS, 100 * MS, 16).unwrap();
         let mut account = enforcer.enroll(&params, Kind::Corrected).unwrap();
         tx.send(account.meter()).unwrap();
@@ -56,7 +52,7 @@ fn worker<T: Send + 'static>(
 /// its budget, and as it leaves the section it stops until the debt is paid. On b209253 it stayed
 /// FIFO 40 in the section, and went on 100 ms after its first activation.
 fn a_section_that_outlasts_the_budget_is_left_low_and_paid_for() {
-    let _dog = watchdog("a long section", Duration::from_secs(60));
+    let _dog = watchdog("a long section", Duration::from_secs(120));
     let enforcer = enforcer(8);
     let (thread, meter) = worker(&enforcer, Low::Suspend, 5, |_| {
         let mutex = PiMutex::new(());
@@ -85,7 +81,7 @@ fn a_section_that_outlasts_the_budget_is_left_low_and_paid_for() {
 /// A thread above everybody waits for the section of a worker that is stopped with it, below a
 /// thread that never yields: the worker inherits, finishes, and stops.
 fn a_waiter_is_kept_for_the_section_and_no_longer() {
-    let _dog = watchdog("a waiter", Duration::from_secs(60));
+    let _dog = watchdog("a waiter", Duration::from_secs(120));
     let enforcer = enforcer(8);
     let mutex = Arc::new(PiMutex::new(()));
     let exhausted = Arc::new(AtomicBool::new(false));
@@ -106,13 +102,12 @@ fn a_waiter_is_kept_for_the_section_and_no_longer() {
     let hog = std::thread::spawn({
         let over = over.clone();
         move || {
-            become_urgent(cpu(), 50);
-            let end = clock::monotonic() + 400 * MS;
-            while !over.load(Ordering::SeqCst) && clock::monotonic() < end {}
+            become_fifo(cpu(), 50);
+            crate::common::spin(&over);
         }
     });
     let high = std::thread::spawn(move || {
-        become_urgent(cpu(), 80);
+        become_fifo(cpu(), 80);
         drop(mutex.lock());
         !over.swap(true, Ordering::SeqCst)
     });
@@ -128,7 +123,7 @@ fn a_waiter_is_kept_for_the_section_and_no_longer() {
 /// and between them in the background. It inherits, at most its budget and one section, and then
 /// it pays. On b209253 it had 80 % of the CPU above the thread at 50, for a budget of 2 %.
 fn inherited_time_is_charged() {
-    let _dog = watchdog("inherited time", Duration::from_secs(60));
+    let _dog = watchdog("inherited time", Duration::from_secs(120));
     let enforcer = enforcer(8);
     let mutex = Arc::new(PiMutex::new(()));
     let stop = Arc::new(AtomicBool::new(false));
@@ -149,7 +144,7 @@ fn inherited_time_is_charged() {
     let high = std::thread::spawn({
         let (mutex, stop) = (mutex.clone(), stop.clone());
         move || {
-            become_urgent(cpu(), 80);
+            become_fifo(cpu(), 80);
             while !stop.load(Ordering::SeqCst) {
                 drop(mutex.lock());
                 there.send(()).unwrap();
@@ -158,9 +153,10 @@ fn inherited_time_is_charged() {
         }
     });
     has_waited.recv().unwrap(); // until then the background was free
-    let before = meter.usage();
-    clock::sleep_until(clock::monotonic() + 600 * MS);
-    let after = meter.usage();
+    let (from, before) = (clock::monotonic(), meter.usage());
+    clock::sleep_until(from + 600 * MS);
+    let (after, took) = (meter.usage(), clock::monotonic() - from);
+    let stops = eventually(|| meter.usage().low);
     stop.store(true, Ordering::SeqCst);
     meter.cancel();
     high.join().unwrap();
@@ -168,8 +164,9 @@ fn inherited_time_is_charged() {
     let used = after.cpu_high + after.cpu_low - before.cpu_high - before.cpu_low;
     // The idle CPU is free in the background, and yet the worker stops with the first section in
     // which it inherits as much as its budget: one for each of two budgets at most.
-    assert!(used <= 60 * MS, "{used} ns in 600 ms: {before:?} {after:?}");
-    assert!(after.low, "{after:?}");
+    let most = 60 * MS * took.div_ceil(650 * MS);
+    assert!(used <= most, "{used} ns in {took}: {before:?} {after:?}");
+    assert!(stops, "{after:?}");
 }
 
 /// A refused enrolment left a pointer to freed memory in its thread, and so did an account that was
@@ -203,7 +200,7 @@ fn nothing_of_an_account_stays_in_its_thread() {
 /// Threads race for the last places of an enforcer: those that get one, and those that do not, use
 /// locks afterwards.
 fn enrolments_race_for_the_last_places() {
-    let _dog = watchdog("enrolments", Duration::from_secs(60));
+    let _dog = watchdog("enrolments", Duration::from_secs(120));
     for _ in 0..20 {
         let enforcer = enforcer(3);
         let mutex = Arc::new(PiMutex::new(0));
@@ -229,22 +226,18 @@ fn enrolments_race_for_the_last_places() {
 /// A guard that is forgotten in one callback does not keep the thread from being stopped in the
 /// middle of the next. On b209253 it could never be stopped in a callback again.
 fn a_forgotten_guard_keeps_nothing_from_stopping() {
-    let _dog = watchdog("a forgotten guard", Duration::from_secs(60));
+    let _dog = watchdog("a forgotten guard", Duration::from_secs(120));
     let enforcer = enforcer(8);
     let (thread, meter) = worker(&enforcer, Low::Suspend, 10, |account| {
+        let begin = clock::monotonic();
         std::mem::forget(PiMutex::new(()).lock());
         account.callback_end();
         account.callback_begin().unwrap();
         burn(30 * MS);
-        (clock::monotonic(), clock::thread_cpu())
+        clock::monotonic() - begin
     });
-    let begin = clock::monotonic();
-    let (end, _) = thread.join().unwrap();
-    assert!(
-        end - begin >= 190 * MS,
-        "30 ms at 10 per 100 after {} ns",
-        end - begin
-    );
+    let took = thread.join().unwrap();
+    assert!(took >= 190 * MS, "30 ms at 10 per 100 after {took} ns");
     assert!(meter.usage().cpu_low < 2 * MS, "{:?}", meter.usage());
 }
 
@@ -252,7 +245,7 @@ fn a_forgotten_guard_keeps_nothing_from_stopping() {
 /// which takes the lock of the worker's heap. On b209253 that thread waited for the next
 /// replenishment whenever the worker had been stopped inside `malloc`: up to 99 ms.
 fn a_stopped_worker_does_not_keep_the_heap() {
-    let _dog = watchdog("the heap", Duration::from_secs(60));
+    let _dog = watchdog("the heap", Duration::from_secs(120));
     let enforcer = enforcer(8);
     let stop = Arc::new(AtomicBool::new(false));
     let (blocks, given) = mpsc::sync_channel::<Vec<u8>>(4096);
@@ -270,33 +263,39 @@ fn a_stopped_worker_does_not_keep_the_heap() {
             }
         }
     });
-    become_urgent(cpu(), 80);
-    let mut worst = 0;
-    let end = clock::monotonic() + 1_500 * MS;
-    while clock::monotonic() < end {
-        let begin = clock::monotonic();
+    become_fifo(cpu(), 80);
+    let (witness, from) = (Witness::start(), clock::monotonic());
+    let (mut worst, mut judged) = (0, 0);
+    let over = || clock::monotonic() - from >= 1_500 * MS && meter.usage().exhaustions >= 3;
+    while !over() || judged < 500 {
+        let (still, begin) = (witness.so_far(), clock::monotonic());
         drop(given.try_recv());
-        worst = worst.max(clock::monotonic() - begin);
+        let took = clock::monotonic() - begin;
+        // Everything is late when the machine stands still; the witness is above this thread.
+        if witness.so_far() == still {
+            worst = worst.max(took);
+            judged += 1;
+        }
         clock::sleep_until(clock::monotonic() + MS);
     }
+    let elapsed = clock::monotonic() - from;
     stop.store(true, Ordering::SeqCst);
     meter.cancel();
     thread.join().unwrap();
     let usage = meter.usage();
-    assert!(usage.exhaustions >= 3, "{usage:?}");
     assert!(worst < 20 * MS, "a free took {worst} ns");
     // What it used in the library after its budget is paid for later; the last stretch of it is
     // still owed. Each took up to 50 ms while a thread that runs was left alone for longer and
-    // longer. Unstopped it would be 1500.
+    // longer. Unstopped it would be all of the time.
     let used = usage.cpu_high + usage.cpu_low;
-    println!("{used} ns, {usage:?}");
-    assert!(used < 200 * MS, "{usage:?}");
+    println!("{used} ns of {elapsed}, {usage:?}");
+    assert!(used < elapsed / 10 + 50 * MS, "of {elapsed} ns: {usage:?}");
 }
 
 /// A worker that lives in the C library is moved from CPU to CPU while it is stopped and goes on,
 /// and supervision ends while it is there: it is stopped nowhere for good, and pays on either CPU.
 fn a_stopped_worker_is_moved_and_let_go_inside_the_c_library() {
-    let _dog = watchdog("moved in the C library", Duration::from_secs(60));
+    let _dog = watchdog("moved in the C library", Duration::from_secs(120));
     let enforcer = enforcer(8);
     let stop = Arc::new(AtomicBool::new(false));
     let (quit, (tell, told)) = (stop.clone(), mpsc::channel());
@@ -311,18 +310,16 @@ fn a_stopped_worker_is_moved_and_let_go_inside_the_c_library() {
         }
     });
     let tid = told.recv().unwrap();
-    let end = clock::monotonic() + 800 * MS;
-    let mut to = 0;
-    while clock::monotonic() < end {
+    let (from, mut to) = (clock::monotonic(), 0);
+    while clock::monotonic() - from < 800 * MS || meter.usage().exhaustions < 3 {
         set_affinity(tid, &CpuSet::one(to)).unwrap();
         to = 1 - to;
         std::thread::sleep(Duration::from_millis(7));
     }
     let usage = meter.usage();
     println!("{usage:?}");
-    assert!(usage.exhaustions >= 3, "{usage:?}");
-    let used = usage.cpu_high + usage.cpu_low;
-    assert!(used < 300 * MS, "of 800 ms: {usage:?}");
+    let (used, elapsed) = (usage.cpu_high + usage.cpu_low, clock::monotonic() - from);
+    assert!(used < elapsed / 10 + 220 * MS, "of {elapsed} ns: {usage:?}");
     // Low or high, stopped or not: nobody stops it any more, and it ends.
     meter.abandon();
     set_priority(tid, SchedClass::Other).unwrap();
@@ -332,7 +329,7 @@ fn a_stopped_worker_is_moved_and_let_go_inside_the_c_library() {
 
 /// A stop ends every wait for budget: the callback goes on, in the time-sharing class.
 fn a_cancelled_worker_finishes_low() {
-    let _dog = watchdog("cancel", Duration::from_secs(60));
+    let _dog = watchdog("cancel", Duration::from_secs(120));
     let enforcer = enforcer(8);
     let (thread, meter) = worker(&enforcer, Low::Suspend, 5, |account| {
         burn(30 * MS);

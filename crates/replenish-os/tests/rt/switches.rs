@@ -5,6 +5,8 @@ use replenish_os::{
     set_affinity, set_priority, voluntary_switches,
 };
 use replenish_testkit::harness::{Trial, rt_trial, trial};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 const MS: u64 = 1_000_000;
 
@@ -74,16 +76,18 @@ fn preemption_is_told_from_blocking() {
     let worker = std::thread::spawn(move || {
         place(10);
         let mut log = ContextSwitchLog::open(current_tid()).unwrap();
+        let ended = Arc::new(AtomicBool::new(false));
+        let end = Arc::clone(&ended);
         let high = std::thread::spawn(move || {
             place(20);
             for _ in 0..9 {
                 clock::sleep_until(clock::monotonic() + 2 * MS);
             }
+            end.store(true, Ordering::SeqCst);
         });
         // It inherits our priority and CPU: let it place itself.
         clock::sleep_until(clock::monotonic() + 2 * MS);
-        let end = clock::monotonic() + 20 * MS;
-        while clock::monotonic() < end {}
+        crate::common::spin(&ended);
         let switches = drain(&mut log);
         high.join().unwrap();
         switches

@@ -182,21 +182,28 @@ fn reset_on_fork() {
     }
 }
 
-/// Threads start above and below a hog that keeps their CPU for 200 ms: `spawn` returns before the
-/// hog ends, the one above runs at once, the one below has all it was given although it waits.
+/// Threads start above and below a hog that keeps their CPU: `spawn` returns before the hog ends,
+/// the one above runs at once, the one below has all it was given although it waits.
 fn beside_a_hog() {
     let cpu = cpu();
-    let ended = Arc::new(AtomicBool::new(false));
+    let (started, over, ended) = (
+        Notify::new(),
+        AtomicBool::new(false),
+        AtomicBool::new(false),
+    );
+    let [over, ended] = [over, ended].map(Arc::new);
+    let started = Arc::new(started);
     let fifo = |priority| Policy::fifo(priority).unwrap();
     let spec = ThreadSpec::new("hog").policy(fifo(50)).cpu(cpu);
     let hog = spawn(spec, {
-        let ended = Arc::clone(&ended);
+        let (started, over, ended) = (Arc::clone(&started), Arc::clone(&over), Arc::clone(&ended));
         move || {
-            crate::common::burn(200 * MS);
+            started.set();
+            crate::common::spin(&over);
             ended.store(true, Ordering::SeqCst);
         }
     });
-    clock::sleep_until(clock::monotonic() + 2 * MS); // it runs
+    started.wait();
     let look = || {
         let ended = Arc::clone(&ended);
         move || ended.load(Ordering::SeqCst)
@@ -212,6 +219,7 @@ fn beside_a_hog() {
         format!("FIFO 40, CPU {cpu}")
     );
     assert!(!above.join().unwrap(), "the thread above ran after the hog");
+    over.store(true, Ordering::SeqCst);
     assert!(
         below.join().unwrap(),
         "the thread below ran before the hog ended"

@@ -29,10 +29,11 @@ pub(crate) fn pin(cpu: usize) {
     assert_eq!(cpu, 0);
 }
 
-/// Pins the calling thread to [`cpu`] and makes it FIFO at `priority`.
+/// Makes the calling thread FIFO at `priority` and pins it to `cpu`. Priority first: in the
+/// time-sharing class it might never run where it is pinned.
 pub(crate) fn become_fifo(cpu: usize, priority: u8) {
-    pin(cpu);
     set_priority(current_tid(), SchedClass::Fifo(priority)).unwrap();
+    pin(cpu);
 }
 
 /// Burns CPU until `stop` is set or 2 s of its own CPU time are gone.
