@@ -18,7 +18,7 @@ pub mod scripted;
 use replenish::msg::{Service, std_msgs::Int32};
 use replenish::{Context, Event, Executor, RunningExecutor};
 use std::sync::{Arc, Condvar, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// A service that gives a number for a number.
 pub struct Echo;
@@ -29,19 +29,7 @@ impl Service for Echo {
     const TYPE_NAME: &'static str = "test_msgs/srv/Echo";
 }
 
-/// Waits until `condition` holds; `false` after a minute. For things that need no limit but must
-/// not hang a test, on a machine that is loaded, too.
-#[must_use]
-pub fn eventually(condition: impl Fn() -> bool) -> bool {
-    let end = Instant::now() + Duration::from_secs(60);
-    while !condition() {
-        if Instant::now() > end {
-            return false;
-        }
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    true
-}
+pub use replenish_testkit::progress::eventually;
 
 /// Waits until nothing more happens in the executor's dispatcher.
 pub fn quiet(running: &RunningExecutor) {

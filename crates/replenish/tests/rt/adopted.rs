@@ -6,6 +6,7 @@ use replenish::{AdoptedReport, Budget, Context, Error, Executor, RunningExecutor
 use replenish_os::foreign::Original;
 use replenish_os::{SchedClass, Tid, clock, current_tid, set_priority};
 use replenish_testkit::harness::{Trial, rt_trial, trial};
+use replenish_testkit::progress::reaches;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::Duration;
@@ -86,20 +87,18 @@ fn they_share_a_budget() {
         of(&running, "dds.*").threads,
         [("dds.udp.7412".to_owned(), first.tid)]
     );
+    // Like all of them before they are adopted; this one may be at any moment.
     let second = Theirs::start("dds.shm");
-    let had_second = second.has();
     assert!(eventually(|| of(&running, "dds.*").adopted == 2));
-    std::thread::sleep(Duration::from_millis(1000));
+    // A fifth of the CPU over some five periods in a row, and no more in all.
+    let used = || of(&running, "dds.*").cpu_high;
+    assert!(reaches(0.18, Duration::from_millis(250), used));
+    assert!(eventually(|| of(&running, "dds.*").exhaustions >= 10));
     let row = of(&running, "dds.*");
     let elapsed = clock::monotonic() - from;
     eprintln!("{row:?} in {elapsed} ns");
     let most = (elapsed / (50 * MS) + 1) * 10 * MS + MS;
     assert!(row.cpu_high <= most, "{row:?} in {elapsed} ns");
-    assert!(
-        row.cpu_high * 100 >= elapsed * 16,
-        "{row:?} in {elapsed} ns"
-    );
-    assert!(row.exhaustions >= 10, "{row:?}");
     assert_eq!((row.cpu, row.refused), (cpu(), None));
     assert_eq!(of(&running, "nobody*").adopted, 0);
     assert_eq!([&other, &urgent].map(Theirs::has), had[1..]);
@@ -111,7 +110,7 @@ fn they_share_a_budget() {
     assert_eq!(report.admission.adopted.len(), 2);
     assert!(report.fallbacks.is_empty(), "{:?}", report.fallbacks);
     assert_eq!([&first, &other, &urgent].map(Theirs::has), had);
-    assert_eq!(third.has(), had_second);
+    assert_eq!(third.has(), had[1], "an ordinary thread again");
 }
 
 /// The plan counts the budget: a worker that would fit without it is refused.

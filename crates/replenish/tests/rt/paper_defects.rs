@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-const LIMIT: Duration = Duration::from_secs(60);
+const LIMIT: Duration = Duration::from_secs(120);
 const MS: Duration = Duration::from_millis(1);
 
 pub(crate) fn trials() -> Vec<Trial> {
@@ -252,6 +252,7 @@ fn d09() {
     let ctx = Context::in_process();
     for _ in 0..50 {
         let (mut exec, _) = executor(&ctx);
+        exec.stop_grace(30_000 * MS);
         let used = Arc::new(AtomicU64::new(0));
         for name in ["a", "b", "c"] {
             let count = Arc::clone(&used);
@@ -387,7 +388,9 @@ fn d02() {
         .unwrap();
 
     let (mut exec, _) = executor(&ctx);
-    exec.dispatcher(fifo(90)).dispatcher_cpu(cpu);
+    exec.stop_grace(30_000 * MS)
+        .dispatcher(fifo(90))
+        .dispatcher_cpu(cpu);
     let heard = Arc::new(AtomicU64::new(0));
     let count = Arc::clone(&heard);
     exec.worker("high")
@@ -431,7 +434,7 @@ fn d02() {
             let spec = ThreadSpec::new("hog").policy(fifo(50)).cpu(cpu);
             spawn(spec, move || {
                 hogging.store(true, Ordering::SeqCst);
-                let end = clock::thread_cpu() + 100_000_000;
+                let end = clock::thread_cpu() + 900_000_000;
                 while clock::thread_cpu() < end && heard.load(Ordering::SeqCst) == before {}
                 heard.load(Ordering::SeqCst) > before
             })
@@ -481,15 +484,16 @@ fn d08() {
     }
 }
 
-/// D12: the paper's kernel charged wall time. 60 ms of sleep cost nothing here.
+/// D12: the paper's kernel charged wall time. 60 ms of sleep cost nothing here; charged, they would
+/// exhaust the budget.
 fn d12() {
     let _dog = watchdog("d12", LIMIT);
     let ctx = Context::in_process();
     let (mut exec, _) = executor(&ctx);
     exec.worker("w")
-        .budget(Budget::of(5 * MS).every(1000 * MS))
+        .budget(Budget::of(40 * MS).every(3_600_000 * MS))
         .cpu(cpu())
-        .timer(Every::period(1000 * MS).first_after(MS), |_| {
+        .timer(Every::once(MS), |_| {
             burn(1);
             std::thread::sleep(60 * MS);
             burn(1);
@@ -506,7 +510,10 @@ fn d12() {
         (0, 0),
         "{report}"
     );
-    assert!((2_000_000..4_000_000).contains(&stats.cpu_high), "{report}");
+    assert!(
+        (2_000_000..40_000_000).contains(&stats.cpu_high),
+        "{report}"
+    );
 }
 
 /// D13: a best-effort topic is flooded from the other CPU. The dispatcher, above everybody, has a
@@ -548,28 +555,30 @@ fn d13() {
             }
         })
     };
-    std::thread::sleep(50 * MS);
     let usage = |name| running.usage(name).unwrap();
+    let floods = |since| eventually(|| usage("dispatcher").exhaustions > since);
+    assert!(floods(0), "no flood: {}", running.report());
     let (start, before) = (clock::monotonic(), [usage("works"), usage("dispatcher")]);
     std::thread::sleep(320 * MS);
-    let (end, after) = (clock::monotonic(), [usage("works"), usage("dispatcher")]);
+    assert!(
+        floods(before[1].exhaustions),
+        "no flood: {}",
+        running.report()
+    );
+    let after = [usage("works"), usage("dispatcher")];
+    let end = clock::monotonic();
     done.store(true, Ordering::Relaxed);
     flood.join().unwrap();
     let report = running.stop();
     let dispatcher = after[1].cpu_high - before[1].cpu_high;
     let periods = (end - start) / 40_000_000 + 2;
     assert!(
-        after[1].exhaustions > before[1].exhaustions,
-        "no flood: {report}"
-    );
-    assert!(
         dispatcher <= periods * 4_000_000,
         "{dispatcher} ns: {report}"
     );
     let works = after[0].cpu_high - before[0].cpu_high;
     assert!(
-        works * 10 >= (end - start) * 7,
-        "{works} of {} ns: {report}",
-        end - start
+        works >= 4 * dispatcher,
+        "{works} ns beside {dispatcher}: {report}"
     );
 }

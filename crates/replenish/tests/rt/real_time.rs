@@ -9,12 +9,14 @@ use replenish::{
 };
 use replenish_os::{ThreadSpec, clock};
 use replenish_testkit::harness::{Trial, rt_trial};
+use replenish_testkit::progress::reaches;
 use replenish_testkit::watchdog::watchdog;
+use replenish_testkit::witness::Witness;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
-const LIMIT: Duration = Duration::from_secs(60);
+const LIMIT: Duration = Duration::from_secs(300);
 const MS: Duration = Duration::from_millis(1);
 
 pub(crate) fn trials() -> Vec<Trial> {
@@ -87,7 +89,7 @@ fn inherits() {
         .policy(fifo(30))
         .cpu(cpu)
         .guard(hog, move |_| {
-            let end = clock::thread_cpu() + 100_000_000;
+            let end = clock::thread_cpu() + 900_000_000;
             let before = seen.load(Ordering::SeqCst);
             while clock::thread_cpu() < end && rounds.load(Ordering::SeqCst) == before {}
             seen.store(rounds.load(Ordering::SeqCst), Ordering::SeqCst);
@@ -102,8 +104,8 @@ fn inherits() {
     }
 }
 
-/// Two workers that always have work, for a third of a second: the budgeted one gets its share at
-/// its priority, and the report says how, per thread and per handle.
+/// Two workers that always have work: the budgeted one gets its share at its priority, and the
+/// report says how, per thread and per handle.
 fn budget() {
     let _dog = watchdog("budget", LIMIT);
     let cpu = cpu();
@@ -122,9 +124,14 @@ fn budget() {
         .timer(at_once, |_| burn(1))
         .unwrap();
     let running = exec.start().unwrap();
-    std::thread::sleep(330 * MS);
-    let periods = running.report().elapsed / 40_000_000 + 1;
+    // A quarter of the CPU over some five periods in a row.
+    let used = || running.usage("high").unwrap().cpu_high;
+    assert!(reaches(0.24, 200 * MS, used));
+    assert!(eventually(
+        || running.usage("high").unwrap().exhaustions >= 6
+    ));
     let report = running.stop();
+    let periods = report.elapsed / 40_000_000 + 1;
     assert!(report.fallbacks.is_empty(), "{report}");
     let high = report.thread("high").unwrap();
     assert_eq!(high.enforcement, Some(Enforcement::SameCpu));
@@ -136,14 +143,7 @@ fn budget() {
         usage.cpu_high <= (periods + 1) * 10_000_000,
         "{usage:?} in {periods} periods"
     );
-    assert!(
-        usage.cpu_high >= (periods - 2) * 10_000_000,
-        "{usage:?} in {periods} periods"
-    );
-    assert!(
-        usage.exhaustions >= periods - 2 && high.overruns.count > 0,
-        "{report}"
-    );
+    assert!(high.overruns.count > 0, "{report}");
     let handle = report.handle("high/timer:0").unwrap().stats;
     assert!(handle.exhaustions > 0 && handle.cpu_high > 0);
     assert!(handle.cpu_high + handle.cpu_background <= usage.cpu_high + usage.cpu_low);
@@ -185,19 +185,18 @@ fn stuck() {
     assert!(eventually(
         || running.usage("loops").unwrap().exhaustions > 1
     ));
+    let ran = |i| executed(&running, &format!("fine {i}/timer:0")) > 0;
+    assert!(eventually(|| (0..3).all(ran)), "{}", running.report());
     let before = clock::monotonic();
     let report = running.stop();
     let took = clock::monotonic() - before;
     assert_eq!(report.stuck, ["loops"], "{report}");
-    assert!(took < 2_000_000_000, "{took} ns");
+    // For ever, if it waited for the loop; its grace is 120 ms.
+    assert!(took < 20_000_000_000, "{took} ns");
     assert!(log.has("loops has not ended in time"));
     let left = replenish_os::Tid::new(tid.load(Ordering::SeqCst).try_into().unwrap()).unwrap();
     let granted = replenish_os::granted(left).unwrap().to_string();
     assert!(granted.starts_with("OTHER"), "{granted}");
-    for i in 0..3 {
-        let id = format!("fine {i}/timer:0");
-        assert!(report.handle(&id).unwrap().stats.executed > 0, "{report}");
-    }
     release.store(true, Ordering::Relaxed);
     let gone = || replenish_os::granted(left).is_err();
     assert!(eventually(gone), "the thread does not end by itself");
@@ -208,6 +207,7 @@ fn suspended() {
     let _dog = watchdog("suspended", LIMIT);
     let ctx = Context::in_process();
     let (mut exec, _) = executor(&ctx);
+    exec.stop_grace(30_000 * MS);
     let budget = Budget::of(2 * MS).every(3_600_000 * MS).suspend();
     exec.worker("w")
         .budget(budget)
@@ -236,6 +236,7 @@ fn granted() {
     let node = ctx.node("n").unwrap();
     let out = node.publisher::<Int32>("t", Qos::reliable()).unwrap();
     let (mut exec, _) = executor(&ctx);
+    exec.stop_grace(30_000 * MS);
     let params =
         replenish::Params::new(70, replenish::Low::Background(6), 5_000_000, 50_000_000, 8);
     exec.dispatcher(Policy::sporadic(params.unwrap()).unwrap())
@@ -263,7 +264,9 @@ fn granted() {
     let running = exec.start().unwrap();
     for data in 0..100 {
         out.publish(&Int32 { data }).unwrap();
-        std::thread::sleep(MS / 2);
+        // No more under way than the queue holds.
+        let last = u64::try_from(data).unwrap();
+        assert!(eventually(|| executed(&running, "/n/sub:/t") + 5 > last));
     }
     assert!(eventually(|| executed(&running, "/n/sub:/t") == 100));
     let report = running.stop();
@@ -288,7 +291,6 @@ fn sixteen() {
     let _dog = watchdog("sixteen", LIMIT);
     let mut shares = Vec::new();
     for _ in 0..5 {
-        // The machine may stand still for milliseconds (a hypervisor): then once more.
         shares = share_of_fifteen();
         if shares.iter().all(|s| (0.99..=1.01).contains(s)) {
             return;
@@ -320,9 +322,10 @@ fn share_of_fifteen() -> Vec<f64> {
     }
     let running = exec.start().unwrap();
     // All budgets come back together, 100 ms apart; 90 ms later all are used up. Between two such
-    // moments everybody has used whole budgets, in whatever order. Who reads has to be there before
-    // the next ones come back, so it is above the workers; if the machine stood still then, the
-    // window is not judged and the next one is.
+    // moments everybody has used whole budgets, in whatever order. The reader has to be there
+    // before the next ones come back, so it is above the workers; a window in which the machine
+    // stood still is not judged, and the next one is.
+    let witness = Witness::napping(2 * MS);
     let start = clock::monotonic() - running.report().elapsed;
     let reader = ThreadSpec::new("reader").policy(Policy::fifo(97).unwrap());
     let read = move || {
@@ -334,11 +337,15 @@ fn share_of_fifteen() -> Vec<f64> {
         };
         let window = |n: u64| {
             let begin = start + 190_000_000 + n * 500_000_000;
-            let (before, after) = (used(begin), used(begin + 400_000_000));
+            let (before, still) = (used(begin), witness.so_far());
+            let after = used(begin + 400_000_000);
+            if witness.so_far() != still {
+                return None;
+            }
             let pairs = after?.into_iter().zip(before?);
             Some(pairs.map(|(a, b)| (a - b) as f64 / 20e6).collect())
         };
-        let shares = (0..20).find_map(window);
+        let shares = (0..100).find_map(window);
         (running, shares)
     };
     let reader = replenish_os::spawn(reader, read).unwrap();
@@ -349,6 +356,6 @@ fn share_of_fifteen() -> Vec<f64> {
     let took = clock::monotonic() - before;
     release.store(true, Ordering::Relaxed);
     assert_eq!(report.stuck, ["loops"], "{report}");
-    assert!(took < 1_000_000_000, "{took} ns");
+    assert!(took < 20_000_000_000, "{took} ns");
     shares
 }

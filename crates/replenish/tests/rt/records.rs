@@ -54,6 +54,7 @@ fn forty_workers(exec: &mut Executor) {
 fn told() {
     let ctx = Context::in_process();
     let (mut exec, log) = executor(&ctx);
+    exec.stop_grace(Duration::from_secs(30));
     forty_workers(&mut exec);
     let report = exec.start().unwrap().stop();
     assert_eq!(report.fallbacks, log.lines());

@@ -12,6 +12,8 @@ use std::time::Duration;
 
 const CHILD: &str = "REPLENISH_UNPRIVILEGED_CHILD";
 const MS: Duration = Duration::from_millis(1);
+/// For threads that have to end: they may wait for a CPU.
+const GRACE: Duration = Duration::from_secs(30);
 
 /// The second run, if this process is it.
 pub(crate) fn child() -> bool {
@@ -68,6 +70,7 @@ fn again(drop_privilege: bool) {
 fn fallback() {
     let ctx = Context::in_process();
     let (mut exec, log) = executor(&ctx);
+    exec.stop_grace(GRACE);
     for name in ["one", "two"] {
         exec.worker(name)
             .budget(Budget::of(3 * MS).every(100 * MS))
@@ -126,6 +129,7 @@ fn strict() {
 fn stop_while_deferred() {
     let ctx = Context::in_process();
     let (mut exec, _) = executor(&ctx);
+    exec.stop_grace(GRACE);
     exec.worker("w")
         .budget(Budget::of(MS).every(3_600_000 * MS))
         .timer(MS, |_| burn(2))
