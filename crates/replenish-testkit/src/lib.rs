@@ -10,6 +10,7 @@
 //! - [`sets`]: properties over random sets, on all CPUs.
 //! - [`signal`]: a real signal handler.
 //! - [`steal`]: a trial that failed while the machine did not do its part runs again.
+//! - [`tids`]: a thread with the kernel id of one that has ended.
 //! - [`wall_clock`]: a wall clock that a test may set.
 //! - [`watchdog`]: ends a test process that hangs, naming what hung.
 //! - [`witness`]: sees how long the machine stood still.
@@ -24,6 +25,7 @@ pub mod rt;
 pub mod sets;
 pub mod signal;
 pub mod steal;
+pub mod tids;
 pub mod wall_clock;
 pub mod watchdog;
 pub mod witness;

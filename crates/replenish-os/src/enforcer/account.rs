@@ -12,7 +12,7 @@ use crate::backend::tid::current_tid;
 use crate::pi_mutex::PiMutex;
 use crate::{Arc, Nanos, Notify, Tid};
 use alloc::boxed::Box;
-use core::sync::atomic::AtomicBool;
+use core::sync::atomic::{AtomicBool, Ordering};
 use sporadic::{Kind, Low, Params, Reservation};
 
 /// The account of one worker thread; owned and called by that thread alone.
@@ -110,6 +110,7 @@ impl Account {
         let inner = MeterState {
             tid,
             clock,
+            ended: AtomicBool::new(false),
             last_cpu: PiMutex::new(0),
             budget,
         };
@@ -178,6 +179,7 @@ impl Drop for Account {
     fn drop(&mut self) {
         let inner = &self.meter.0;
         *inner.last_cpu.lock() = inner.clock.read().unwrap_or(0);
+        inner.ended.store(true, Ordering::Release);
         self.meter.abandon();
         if let Some(b) = &inner.budget {
             b.suspend.detach();

@@ -10,7 +10,7 @@ use crate::backend::tid::current_tid;
 use crate::pi_mutex::PiMutex;
 use crate::{Arc, Nanos, Tid};
 use alloc::vec::Vec;
-use core::sync::atomic::Ordering;
+use core::sync::atomic::{AtomicBool, Ordering};
 
 /// Reads a worker's account from any thread, at any time; cheap to clone.
 #[derive(Clone, Debug)]
@@ -20,7 +20,9 @@ pub struct Meter(pub(super) Arc<MeterState>);
 pub(super) struct MeterState {
     pub(super) tid: Tid,
     pub(super) clock: ThreadCpuClock,
-    /// CPU time of an unbudgeted thread at its last reading, for after its end.
+    /// The thread's own account has ended: its id and its clock may be another thread's.
+    pub(super) ended: AtomicBool,
+    /// CPU time of an unbudgeted thread at that moment.
     pub(super) last_cpu: PiMutex<Nanos>,
     pub(super) budget: Option<Budgeted>,
 }
@@ -127,10 +129,13 @@ impl Meter {
 impl MeterState {
     /// CPU time so far. Its own clock is cheaper for a thread than that of any other.
     fn cpu(&self) -> Nanos {
+        if self.ended.load(Ordering::Acquire) {
+            return *self.last_cpu.lock();
+        }
         if current_tid() == self.tid {
             return clock::thread_cpu();
         }
-        let reading = self.clock.read();
-        reading.unwrap_or_else(|| *self.last_cpu.lock())
+        // It ends at this moment.
+        self.clock.read().unwrap_or_else(|| *self.last_cpu.lock())
     }
 }

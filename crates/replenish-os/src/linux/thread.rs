@@ -10,10 +10,14 @@
 //! moved itself there first would still be in the time-sharing class, and a real-time thread of
 //! any priority on that CPU could keep it from ever asking for its own. So `spawn` returns soon,
 //! even if the new thread will not run for a while.
+//!
+//! The kernel gives the id of a thread that has ended to another one, perhaps of another program.
+//! So the C library says whether a thread has ended: its handle stays valid until the join.
+#![expect(unsafe_code, reason = "pthread_getschedparam")]
 
 use super::affinity::{CpuSet, affinity, set_affinity};
 use super::clock;
-use super::sched::{SchedClass, reset_on_fork, set_scheduler};
+use super::sched::{SchedClass, set_priority, set_scheduler};
 use super::sched_attr;
 use super::spawn_error::SpawnError;
 use super::tid::current_tid;
@@ -24,6 +28,8 @@ use crate::Tid;
 use crate::notify::Notify;
 use std::any::Any;
 use std::io;
+use std::mem::MaybeUninit;
+use std::os::unix::thread::JoinHandleExt as _;
 use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
 
@@ -69,7 +75,7 @@ impl<T> Thread<T> {
         if !self.done.wait_until(deadline) {
             return Err(self);
         }
-        while !self.is_finished() || reset_on_fork(self.tid).is_ok() {
+        while !self.is_finished() || !self.has_ended() {
             let now = clock::monotonic();
             if now >= deadline {
                 self.done.set(); // for a later join_until
@@ -78,6 +84,22 @@ impl<T> Thread<T> {
             clock::sleep_until(deadline.min(now + POLL));
         }
         Ok(self.join())
+    }
+
+    /// Puts the thread into the time-sharing class, unless it has ended.
+    pub fn lower(&self) {
+        if !self.has_ended() {
+            set_priority(self.tid, SchedClass::Other).ok();
+        }
+    }
+
+    /// Whether the kernel knows it no more: its id may be another thread's by now.
+    fn has_ended(&self) -> bool {
+        let (mut policy, mut param) = (0, MaybeUninit::uninit());
+        let thread = self.handle.as_pthread_t();
+        // SAFETY: the handle is neither joined nor detached; both pointers live across the call.
+        let rc = unsafe { libc::pthread_getschedparam(thread, &mut policy, param.as_mut_ptr()) };
+        rc == libc::ESRCH
     }
 }
 

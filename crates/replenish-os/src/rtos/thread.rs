@@ -11,6 +11,7 @@ use crate::PiMutex;
 use crate::Tid;
 use crate::backend::port::launch;
 use crate::backend::port::task_slot::{self, TaskSlot};
+use crate::backend::sched::{SchedClass, set_priority};
 use crate::{Nanos, Notify, ThreadSpec};
 use alloc::boxed::Box;
 use core::any::Any;
@@ -62,6 +63,11 @@ impl<T> Thread<T> {
         } else {
             Err(self)
         }
+    }
+
+    /// Gives the task the lowest priority.
+    pub fn lower(&self) {
+        set_priority(self.tid(), SchedClass::Other).ok();
     }
 
     fn take(self) -> Result<T, Box<dyn Any + Send>> {

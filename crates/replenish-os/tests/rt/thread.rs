@@ -2,12 +2,13 @@
 
 use crate::common::{MS, cpu};
 use replenish_os::{
-    GrantedPolicy, Low, Notify, Params, Policy, SpawnError, ThreadSpec, affinity, clock,
-    current_tid, granted, spawn,
+    GrantedPolicy, Low, Notify, Params, Policy, SchedClass, SpawnError, ThreadSpec, affinity,
+    clock, current_tid, granted, set_priority, spawn,
 };
 use replenish_testkit::harness::{Trial, rt_trial, trial};
-use std::sync::Arc;
+use replenish_testkit::tids;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, mpsc};
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
@@ -23,6 +24,8 @@ pub(crate) fn trials() -> Vec<Trial> {
             stuck_thread,
         ),
         crate::unprivileged::trial(),
+        trial("a_thread_with_the_id_of_one_that_ended_is_another", reused)
+            .skipped_if(tids::missing()),
         rt_trial(
             "real_time_policies_are_in_force_before_user_code_runs",
             real_time_threads,
@@ -134,6 +137,30 @@ fn stuck_thread() {
             .unwrap()
             .is_err()
     );
+}
+
+/// It was waited for until the deadline, and put into the time-sharing class in place of the one
+/// that had ended.
+fn reused() {
+    let ended = spawn(ThreadSpec::new("ends"), || 7).unwrap();
+    let tid = ended.tid();
+    while tids::exists(tid.get()) {
+        std::thread::yield_now();
+    }
+    let (end, ends) = mpsc::channel::<()>();
+    let other = tids::reuse(tid.get(), move || ends.recv().is_err()).expect("no such id to be had");
+    set_priority(tid, SchedClass::Idle).unwrap();
+    let before = granted(tid).unwrap().policy;
+    ended.lower();
+    assert_eq!(granted(tid).unwrap().policy, before);
+    let deadline = clock::monotonic() + 10_000 * MS;
+    assert_eq!(ended.join_until(deadline).unwrap().unwrap(), 7);
+    assert!(
+        clock::monotonic() < deadline,
+        "it waited for another thread"
+    );
+    drop(end);
+    assert!(other.join().unwrap());
 }
 
 fn real_time_threads() {

@@ -3,12 +3,14 @@
 
 use crate::common::{burn, cpu, eventually, executor};
 use replenish::{Budget, CallbackContext, Context, Every, Executor, Low, Params, Policy, Removal};
+use replenish_os::{SchedClass, Usage};
 use replenish_testkit::harness::{Trial, rt_trial};
+use replenish_testkit::tids;
 use replenish_testkit::watchdog::watchdog;
 use std::cell::RefCell;
 use std::fs::read_to_string;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -22,6 +24,9 @@ pub(crate) fn trials() -> Vec<Trial> {
         rt_trial("state_is_dropped_under_the_budget_at_a_stop", stop),
         rt_trial("thread_locals_are_dropped_under_the_budget", thread_locals),
         rt_trial("a_stopped_worker_ends_its_callback_low_during_a_stop", low),
+        rt_trial("handles_that_come_and_go_are_on_the_account", changes),
+        rt_trial("a_thread_that_has_the_id_of_a_worker_is_left_alone", reused)
+            .skipped_if(tids::missing()),
     ]
 }
 
@@ -220,4 +225,89 @@ fn low() {
         high < GRACE * 1_000_000 / 4,
         "{high} ns at the high priority"
     );
+}
+
+/// A worker may have ended long before somebody joins it. It was reported as stuck then, and the
+/// thread that had its id lost its priority.
+fn reused() {
+    let _dog = watchdog("the id of a worker", LIMIT);
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    exec.worker("gone").timer(MS, |_| ()).unwrap();
+    let running = exec.start().unwrap();
+    let path = thread("gone").unwrap();
+    let tid: i32 = path.rsplit('/').next().unwrap().parse().unwrap();
+    running.stop_handle().stop();
+    assert!(eventually(|| !tids::exists(tid)));
+    let (end, ends) = mpsc::channel::<()>();
+    let stranger = tids::reuse(tid, move || ends.recv().is_err()).expect("no such id to be had");
+    let id = replenish_os::Tid::new(tid).unwrap();
+    replenish_os::set_priority(id, SchedClass::Fifo(PRIORITY)).unwrap();
+    let report = running.stop();
+    assert!(report.stuck.is_empty(), "{report}");
+    let (priority, _) = state(&path).unwrap();
+    assert_eq!(priority, PRIORITY);
+    drop(end);
+    assert!(stranger.join().unwrap());
+}
+
+/// Each nanosecond of the thread is on its account, those of handles that are added, run, removed
+/// and dropped, too.
+fn changes() {
+    static CLOCK: AtomicU64 = AtomicU64::new(0);
+    const PERIOD: u64 = 50_000_000;
+    const BUDGET: u64 = 10_000_000;
+    let _dog = watchdog("changes on the account", LIMIT);
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    let params = Params::new(PRIORITY, Low::Background(6), BUDGET, PERIOD, 16).unwrap();
+    exec.worker("counted")
+        .policy(Policy::sporadic(params).unwrap())
+        .cpu(cpu())
+        .capacity(4)
+        .timer(5 * MS, |_| burn(1))
+        .unwrap();
+    let running = exec.start().unwrap();
+    let began = replenish_os::clock::monotonic();
+    let change = running.handle();
+    let add = |body: fn(&CallbackContext<'_>)| {
+        let worker = change.worker("counted").unwrap();
+        worker.timer(MS, body).unwrap()
+    };
+    // The account of a thread that runs is exact at any moment: between its clock before and after.
+    let read = || {
+        let busy = add(|cx| {
+            while !cx.is_cancelled() && !cx.is_stopping() {
+                CLOCK.store(replenish_os::clock::thread_cpu(), Ordering::SeqCst);
+            }
+        });
+        let newer = |than| {
+            assert!(eventually(|| CLOCK.load(Ordering::SeqCst) > than));
+            CLOCK.load(Ordering::SeqCst)
+        };
+        let before = newer(CLOCK.load(Ordering::SeqCst));
+        let usage = running.usage("counted").unwrap();
+        // A reading of the clock that began after the account was read.
+        let after = newer(newer(CLOCK.load(Ordering::SeqCst)));
+        change.remove(&busy, Removal::Cancel(LIMIT)).unwrap();
+        (before, usage, after)
+    };
+    let first = read();
+    for round in 0..30 {
+        let id = add(|_| burn(1));
+        std::thread::sleep(3 * MS);
+        if round % 2 == 0 {
+            change.remove(&id, Removal::Wait(LIMIT)).unwrap();
+        } else {
+            change.remove(&id, Removal::Detach).unwrap();
+        }
+    }
+    let last = read();
+    let account = |usage: &Usage| usage.cpu_high + usage.cpu_low;
+    let used = account(&last.1) - account(&first.1);
+    let (least, most) = (last.0 - first.2, last.2 - first.0);
+    assert!((least..=most).contains(&used), "{first:?} {last:?}");
+    let periods = (replenish_os::clock::monotonic() - began) / PERIOD + 3;
+    assert!(last.1.cpu_high <= periods * BUDGET, "{periods} {last:?}");
+    assert!(running.stop().stuck.is_empty());
 }

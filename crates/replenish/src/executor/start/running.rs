@@ -29,7 +29,7 @@ use alloc::vec::Vec;
 use core::fmt;
 use core::time::Duration;
 use replenish_os::clock;
-use replenish_os::{self as os, Enforcer, SchedClass, Thread, Tid, Usage};
+use replenish_os::{self as os, Enforcer, Thread, Tid, Usage};
 
 /// How long threads that have finished their work may take to end, in nanoseconds.
 const EPILOGUE: Nanos = 20_000_000;
@@ -186,16 +186,17 @@ impl RunningExecutor {
         // Stuck ones first: one that spins at high priority would keep the others from ending.
         let (stuck, events) = (&mut self.stuck, &self.events);
         for c in self.threads.iter().filter(|c| !c.plan.is_finished()) {
-            leave_behind(&c.plan, c.tid(), stuck, events);
+            leave_behind(&c.plan, &c.thread, stuck, events);
         }
         let mut report = self.report();
         let patience = clock::monotonic().saturating_add(EPILOGUE);
         for StartedThread { plan, thread } in self.threads.drain(..) {
-            let tid = thread.tid();
-            if plan.is_finished() && thread.join_until(patience).is_err() {
+            if plan.is_finished()
+                && let Err(thread) = thread.join_until(patience)
+            {
                 // Done, but something above it on its CPU keeps it from ending, or the thread drops
                 // what callbacks have left in its thread locals.
-                leave_behind(&plan, tid, &mut self.stuck, &self.events);
+                leave_behind(&plan, &thread, &mut self.stuck, &self.events);
             }
         }
         for enforcer in self.enforcers() {
@@ -231,14 +232,14 @@ impl fmt::Debug for RunningExecutor {
 }
 
 /// Nobody waits for the thread any more, and it keeps neither budget nor priority.
-fn leave_behind(plan: &ThreadPlan, tid: Tid, stuck: &mut Vec<String>, events: &Events) {
-    let thread = &*plan.name;
-    stuck.push(String::from(thread));
+fn leave_behind(plan: &ThreadPlan, thread: &Thread<()>, stuck: &mut Vec<String>, events: &Events) {
+    let name = &*plan.name;
+    stuck.push(String::from(name));
     if let Some(meter) = plan.meter() {
         meter.abandon();
     }
-    os::set_priority(tid, SchedClass::Other).ok();
-    events.emit(&Event::Stuck { thread });
+    thread.lower();
+    events.emit(&Event::Stuck { thread: name });
 }
 
 fn thread_report(plan: &ThreadPlan) -> ThreadReport {
