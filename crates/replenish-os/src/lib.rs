@@ -135,11 +135,12 @@ pub use {
     pi_mutex::{PiMutex, PiMutexGuard},
 };
 
-/// A bare futex and a POSIX CPU timer: `replenish-bench` measures against them. They stay in this
-/// crate because they need `unsafe`.
+/// A bare futex and a POSIX CPU timer: `replenish-bench` measures against them. A change of user:
+/// it attacks with that. They stay in this crate because they need `unsafe`.
 #[cfg(all(target_os = "linux", not(nuttx_host), feature = "baseline"))]
 #[doc(hidden)]
 pub mod baseline {
     pub use crate::linux::bare_futex::BareFutex;
     pub use crate::linux::cpu_timer::CpuTimer;
+    pub use crate::linux::user::become_user;
 }

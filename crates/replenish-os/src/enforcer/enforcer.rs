@@ -108,10 +108,11 @@ impl Enforcer {
         }
     }
 
-    /// Whether a watchdog looks after this enforcer: on Linux with real-time priority.
+    /// Why no watchdog looks after this enforcer; `None` where one does, or where an enforcer needs
+    /// none: on small kernels, and without a thread of its own.
     #[must_use]
-    pub fn is_supervised(&self) -> bool {
-        self.supervision.as_ref().is_some_and(Supervision::is_on)
+    pub fn watchdog_refused(&self) -> Option<&SpawnError> {
+        self.supervision.as_ref()?.refused()
     }
 
     /// Has `hook` called with everything that the watchdog finds, on a thread without real-time

@@ -10,15 +10,24 @@
 //! ```
 //!
 //! The watchdog shares the enforcer's lock and its state machine, so that nothing is to be put
-//! straight when the enforcer comes back.
+//! straight when the enforcer comes back. The lock is held for a copy; the kernel is asked without
+//! it. Only what seems wrong is looked at again under the lock, and corrected there:
+//!
+//! ```text
+//!   under the lock    without it                      under the lock again, if need be
+//!   copy ───────────► ask for policies and CPUs ────► restore, judge, count
+//! ```
+//!
+//! A watchdog that is kept from its CPU in the middle of a look thus keeps no enforcer waiting.
 
-use super::config::{Enforcement, EnforcerConfig, Fault, NEVER};
+use super::config::{Enforcement, Fault, NEVER};
 use super::enforced_thread::EnforcedThread;
 use super::state::{EnforcedThreads, EnforcerState};
 use crate::backend::affinity::{CpuSet, affinity, set_affinity};
 use crate::backend::clock;
 use crate::backend::privilege::keep_priorities;
 use crate::backend::sched::{self, SchedClass};
+use crate::backend::spawn_error::SpawnError;
 use crate::backend::thread::spawn;
 use crate::backend::watchdog::{self, Watch};
 use crate::pi_mutex::PiMutex;
@@ -40,6 +49,8 @@ type Hook = Arc<dyn Fn(&Fault) + Send + Sync>;
 #[derive(Debug)]
 pub(super) struct Supervision {
     watch: Mutex<Option<Watch>>,
+    /// Why there is no watchdog.
+    refused: Option<SpawnError>,
     watched: Arc<Watched>,
 }
 
@@ -54,12 +65,29 @@ pub(super) struct Watched {
     known: PiMutex<Known>,
 }
 
-/// The faults of an enforcer that were reported already: each again when its count has doubled.
-#[derive(Default)]
+/// The watchdog's own notes on an enforcer. A fault is reported again when its count has doubled.
 struct Known {
     ended: bool,
     silent: u64,
     displaced: u64,
+    /// The workers of the look under way, with room for all.
+    workers: Vec<Worker>,
+}
+
+/// A worker as the enforcer believes it to be.
+struct Worker {
+    /// Its place among the enrolled threads.
+    index: usize,
+    tid: Tid,
+    given: Option<u8>,
+}
+
+/// The copy of one look.
+struct Glance {
+    /// The earliest check.
+    due: Nanos,
+    /// The shortest period.
+    period: Nanos,
 }
 
 impl core::fmt::Debug for Watched {
@@ -75,16 +103,20 @@ impl Supervision {
         keep_priorities();
         watched.enforcer.set(enforcer).ok(); // nobody else sets it
         let look = Arc::clone(&watched);
-        let watch = watchdog::watch(Arc::new(move || look.look()));
+        let (watch, refused) = match watchdog::watch(Arc::new(move || look.look())) {
+            Ok(watch) => (Some(watch), None),
+            Err(e) => (None, Some(e)),
+        };
         Self {
             watch: Mutex::new(watch),
+            refused,
             watched,
         }
     }
 
-    /// Whether there is a watchdog.
-    pub(super) fn is_on(&self) -> bool {
-        self.watch.lock().is_ok_and(|watch| watch.is_some())
+    /// Why there is no watchdog.
+    pub(super) const fn refused(&self) -> Option<&SpawnError> {
+        self.refused.as_ref()
     }
 
     pub(super) fn on_fault(&self, hook: impl Fn(&Fault) + Send + Sync + 'static) {
@@ -106,7 +138,12 @@ impl Watched {
             enforcer: OnceLock::new(),
             ended: AtomicBool::new(false),
             hook: PiMutex::new(None),
-            known: PiMutex::default(),
+            known: PiMutex::new(Known {
+                ended: false,
+                silent: 0,
+                displaced: 0,
+                workers: Vec::with_capacity(state.threads.lock().enrolled.capacity()),
+            }),
         })
     }
 
@@ -120,55 +157,88 @@ impl Watched {
     fn look(&self) -> Nanos {
         let now = clock::monotonic();
         let mut faults = Vec::new(); // allocates only where there is one
-        let mut pause = watchdog::LONGEST;
-        match self.state.threads.lock_until(now.saturating_add(PATIENCE)) {
-            Some(mut threads) => {
-                self.inspect(&mut threads, now, &mut faults);
-                for thread in threads.enrolled.iter().filter(|thread| thread.live) {
-                    pause = pause.min(thread.reservation.server().params().period());
-                }
-                threads.stats.faults += faults.len() as u64;
+        let mut known = self.known.lock();
+        let glance = self.copy(now, &mut known, &mut faults);
+        let late = match &glance {
+            Some(glance) => {
+                self.restore_enforcer(&mut known, &mut faults);
+                known.workers.retain(Worker::seems_changed);
+                now.saturating_sub(glance.due)
             }
-            None => self.silent(PATIENCE, &mut faults),
+            None => 0,
+        };
+        if late > OVERDUE || !known.workers.is_empty() || !faults.is_empty() {
+            self.correct(&mut known, &mut faults);
         }
+        drop(known);
         self.report(faults);
-        pause.max(watchdog::SHORTEST)
+        let pause = glance.map_or(watchdog::LONGEST, |glance| glance.period);
+        pause.clamp(watchdog::SHORTEST, watchdog::LONGEST)
     }
 
-    fn inspect(&self, threads: &mut EnforcedThreads, now: Nanos, faults: &mut Vec<Fault>) {
+    /// Copies, under the lock, what a look compares with the kernel's answers. `None`: there is
+    /// nothing to compare.
+    fn copy(&self, now: Nanos, known: &mut Known, faults: &mut Vec<Fault>) -> Option<Glance> {
+        known.workers.clear();
         let state = &self.state;
+        let Some(mut threads) = state.threads.lock_until(now.saturating_add(PATIENCE)) else {
+            known.silent(PATIENCE, faults);
+            return None;
+        };
+        if state.stop.load(Ordering::SeqCst) {
+            return None;
+        }
+        if self.ended.load(Ordering::SeqCst) {
+            state.lower_all(&mut threads); // the enforcer does not wait for the lock any more
+            if !core::mem::replace(&mut known.ended, true) {
+                faults.push(Fault::Ended);
+            }
+            return None;
+        }
+        let (mut due, mut period) = (NEVER, NEVER);
+        for (index, thread) in threads.enrolled.iter_mut().enumerate() {
+            if !thread.live {
+                continue;
+            }
+            due = due.min(thread.check_at());
+            period = period.min(thread.reservation.server().params().period());
+            faults.extend(thread.refusal());
+            known.workers.push(Worker {
+                index,
+                tid: thread.tid,
+                given: thread.supervised.given,
+            });
+        }
+        Some(Glance { due, period })
+    }
+
+    /// Puts right, under the lock, what is still wrong now, and counts the faults.
+    fn correct(&self, known: &mut Known, faults: &mut Vec<Fault>) {
+        let now = clock::monotonic();
+        let state = &self.state;
+        let Some(mut threads) = state.threads.lock_until(now.saturating_add(PATIENCE)) else {
+            return; // the next look finds it again
+        };
         if state.stop.load(Ordering::SeqCst) {
             return;
         }
-        if self.ended.load(Ordering::SeqCst) {
-            state.lower_all(threads);
-            if !core::mem::replace(&mut self.known.lock().ended, true) {
-                faults.push(Fault::Ended);
-            }
-            return;
-        }
-        self.restore_enforcer(&state.config, faults);
-        for thread in threads.enrolled.iter_mut().filter(|thread| thread.live) {
-            faults.extend(thread.fault());
+        for worker in known.workers.drain(..) {
+            let thread = threads.enrolled.get_mut(worker.index);
+            let live = thread.filter(|thread| thread.live);
+            faults.extend(live.and_then(EnforcedThread::foreign));
         }
         let due = threads.enrolled.iter().map(EnforcedThread::check_at);
         let late = now.saturating_sub(due.min().unwrap_or(NEVER));
-        if late > OVERDUE {
-            state.sweep(threads, Enforcement::OtherCpu); // the workers run meanwhile
-            self.silent(late, faults);
+        if late > OVERDUE && !self.ended.load(Ordering::SeqCst) {
+            state.sweep(&mut threads, Enforcement::OtherCpu); // the workers run meanwhile
+            known.silent(late, faults);
         }
-    }
-
-    fn silent(&self, late: Nanos, faults: &mut Vec<Fault>) {
-        let mut known = self.known.lock();
-        known.silent += 1;
-        if known.silent.is_power_of_two() {
-            faults.push(Fault::Silent { late });
-        }
+        threads.stats.faults += faults.len() as u64;
     }
 
     /// The enforcer has its priority and its CPU.
-    fn restore_enforcer(&self, config: &EnforcerConfig, faults: &mut Vec<Fault>) {
+    fn restore_enforcer(&self, known: &mut Known, faults: &mut Vec<Fault>) {
+        let config = &self.state.config;
         let Some(&enforcer) = self.enforcer.get() else {
             return;
         };
@@ -189,7 +259,6 @@ impl Watched {
             moved
         });
         if lowered || moved {
-            let mut known = self.known.lock();
             known.displaced += 1;
             if known.displaced.is_power_of_two() {
                 faults.push(Fault::Displaced);
@@ -229,14 +298,35 @@ impl EnforcedThread {
         sched::set_priority(self.tid, class).is_ok()
     }
 
-    /// The next fault of it to report.
-    fn fault(&mut self) -> Option<Fault> {
+    /// Restores its policy; the fault, if it is to be reported.
+    fn foreign(&mut self) -> Option<Fault> {
         let thread = self.tid;
-        if self.restore() && self.supervised.foreign.is_power_of_two() {
-            return Some(Fault::ForeignPolicy { thread });
-        }
+        let tell = self.restore() && self.supervised.foreign.is_power_of_two();
+        tell.then_some(Fault::ForeignPolicy { thread })
+    }
+
+    /// The kernel refuses to raise it, and nobody has reported that yet.
+    fn refusal(&mut self) -> Option<Fault> {
+        let thread = self.tid;
         let known = core::mem::replace(&mut self.supervised.reported, self.supervised.refused);
         (self.supervised.refused && !known).then_some(Fault::Refused { thread })
+    }
+}
+
+impl Known {
+    fn silent(&mut self, late: Nanos, faults: &mut Vec<Fault>) {
+        self.silent += 1;
+        if self.silent.is_power_of_two() {
+            faults.push(Fault::Silent { late });
+        }
+    }
+}
+
+impl Worker {
+    /// Whether it has a priority other than its own. The enforcer may have given it that since the
+    /// copy: then it is right.
+    fn seems_changed(&self) -> bool {
+        self.given.is_some() && sched::base_priority(self.tid).is_ok_and(|has| has != self.given)
     }
 }
 
@@ -274,7 +364,7 @@ mod tests {
     use super::*;
     use crate::backend::timer::TimerFd;
     use crate::enforcer::account::Account;
-    use crate::{Low, Params};
+    use crate::{EnforcerConfig, Low, Params};
     use sporadic::Kind;
 
     const MS: Nanos = 1_000_000;
@@ -293,5 +383,30 @@ mod tests {
         std::thread::spawn(move || theirs.run()).join().unwrap();
         assert!(watched.ended.load(Ordering::SeqCst));
         assert!(account.meter().usage().low);
+    }
+
+    /// The kernel is asked without the lock: the enforcer may change a priority between the copy
+    /// and the answer. That is no fault, and nothing is restored.
+    #[test]
+    fn a_change_of_the_enforcers_own_during_a_look_is_no_fault() {
+        let config = EnforcerConfig::unpinned();
+        let state = Arc::new(EnforcerState::new(config, Enforcement::Deferred, None));
+        let params = Params::new(60, Low::Background(6), 50 * MS, 100 * MS, 10).unwrap();
+        let account = Account::enroll(&state, &params, Kind::Corrected).unwrap();
+        let watched = Watched::of(&state);
+        let (mut known, mut faults) = (watched.known.lock(), Vec::new());
+        // This thread is in the time-sharing class. It was given another one before the copy.
+        let glance = watched.copy(0, &mut known, &mut faults).unwrap();
+        assert_eq!((known.workers.len(), glance.period), (1, 100 * MS));
+        known.workers.retain(Worker::seems_changed);
+        assert_eq!(known.workers.len(), 1);
+        state.threads.lock().enrolled[0].supervised.given = Some(0);
+        watched.correct(&mut known, &mut faults);
+        assert!(faults.is_empty(), "{faults:?}");
+        assert_eq!(state.threads.lock().stats.faults, 0);
+        watched.copy(0, &mut known, &mut faults).unwrap();
+        known.workers.retain(Worker::seems_changed);
+        assert!(known.workers.is_empty());
+        drop(account);
     }
 }

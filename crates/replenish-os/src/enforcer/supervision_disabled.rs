@@ -2,6 +2,7 @@
 
 use super::config::Fault;
 use super::state::EnforcerState;
+use crate::backend::spawn_error::SpawnError;
 use crate::{Arc, Tid};
 
 #[derive(Debug)]
@@ -26,8 +27,8 @@ impl Supervision {
     }
 
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
-    pub(super) const fn is_on(&self) -> bool {
-        false
+    pub(super) const fn refused(&self) -> Option<&SpawnError> {
+        None
     }
 
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]

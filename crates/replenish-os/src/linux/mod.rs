@@ -44,6 +44,8 @@ pub(crate) mod thread;
 pub(crate) mod tid;
 pub mod timer;
 pub mod tty;
+#[cfg(feature = "baseline")]
+pub(crate) mod user;
 pub(crate) mod wait_set;
 pub(crate) mod watchdog;
 

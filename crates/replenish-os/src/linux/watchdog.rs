@@ -12,6 +12,7 @@
 
 use super::clock;
 use super::sched_attr;
+use super::spawn_error::SpawnError;
 use super::thread::{Thread, spawn};
 use super::tid::current_tid;
 use crate::notify::Notify;
@@ -48,21 +49,23 @@ static BELL: LazyLock<Notify> = LazyLock::new(Notify::new);
 #[derive(Debug)]
 pub(crate) struct Watch(u64);
 
-/// Has `look` called from now on; `None` where the watchdog gets no real-time priority. Set-up
-/// only.
-pub(crate) fn watch(look: Arc<Look>) -> Option<Watch> {
+/// Has `look` called from now on. Set-up only.
+///
+/// # Errors
+/// [`SpawnError`] where the watchdog's thread cannot be started with real-time priority.
+pub(crate) fn watch(look: Arc<Look>) -> Result<Watch, SpawnError> {
     let mut watchdog = WATCHDOG.lock();
     if watchdog.thread.is_none() {
-        let policy = Policy::fifo(MAX_PRIORITY).ok()?;
-        let spec = ThreadSpec::new("watchdog").policy(policy).stack_size(STACK);
-        watchdog.thread = Some(spawn(spec, run).ok()?);
+        let priority = MAX_PRIORITY;
+        let spec = ThreadSpec::new("watchdog").policy(Policy::Fifo { priority }); // `spawn` checks
+        watchdog.thread = Some(spawn(spec.stack_size(STACK), run)?);
     }
     watchdog.given += 1;
     let id = watchdog.given;
     watchdog.looks.push((id, look));
     drop(watchdog);
     BELL.set();
-    Some(Watch(id))
+    Ok(Watch(id))
 }
 
 impl Drop for Watch {

@@ -25,7 +25,7 @@ fn enforcer() -> (Arc<Enforcer>, Faults) {
     let faults = Faults::default();
     let told = Arc::clone(&faults);
     enforcer.on_fault(move |fault| told.lock().unwrap().push(*fault));
-    assert!(enforcer.is_supervised());
+    assert!(enforcer.watchdog_refused().is_none());
     (enforcer, faults)
 }
 

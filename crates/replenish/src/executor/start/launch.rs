@@ -203,6 +203,8 @@ struct Refused {
     records: Vec<Text>,
     /// Why not, of the first.
     unrecorded: Option<Text>,
+    /// The fallback of enforcers without a watchdog, of the first.
+    watchdog: Option<Text>,
     /// The kernel's first refusal, with the way to have the request granted.
     why: Option<Text>,
 }
@@ -374,6 +376,7 @@ impl Starter<'_> {
         match Enforcer::start(config) {
             Ok(enforcer) => {
                 if STD {
+                    self.supervised(&enforcer)?;
                     let events = Arc::clone(&self.options.events);
                     enforcer.on_fault(move |fault| {
                         let message = &*text!("{fault}");
@@ -384,6 +387,22 @@ impl Starter<'_> {
             }
             Err(e) => self.refuse(plan, &e).map(|()| None),
         }
+    }
+
+    /// Takes note of an enforcer without a watchdog.
+    fn supervised(&mut self, enforcer: &Enforcer) -> Result<(), Error> {
+        let Some(e) = enforcer.watchdog_refused() else {
+            return Ok(());
+        };
+        if self.options.strict {
+            return Err(Error::NotGranted {
+                what: "a watchdog for the enforcer".into(),
+                reason: text!("{e}"),
+            });
+        }
+        let unwatched = || text!("nobody notices if an enforcer fails: its watchdog: {e}");
+        self.refused.watchdog.get_or_insert_with(unwatched);
+        Ok(())
     }
 
     /// Starts the thread, without its policy if that is not granted and need not be.
@@ -449,7 +468,8 @@ impl Starter<'_> {
         let refused = core::mem::take(&mut self.refused);
         let mut fallbacks: Vec<Text> = {
             let unseen = unseen.into_iter().flatten();
-            refused.memory.into_iter().chain(unseen).collect()
+            let missing = refused.memory.into_iter().chain(refused.watchdog);
+            missing.chain(unseen).collect()
         };
         if let Some(why) = refused.why {
             let mut parts = Vec::new();
