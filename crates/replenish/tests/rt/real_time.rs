@@ -285,21 +285,30 @@ fn granted() {
 }
 
 /// Issue 2, item 6, in full: sixteen budgets of 5 % each; one worker loops for ever, fifteen
-/// always have work. Over four periods each of the fifteen gets its share within 1 %, and the stop
+/// always have work. Over three periods each of the fifteen gets its share within 1 %, and the stop
 /// leaves the looping one behind.
 fn sixteen() {
     let _dog = watchdog("sixteen", LIMIT);
-    let mut shares = Vec::new();
-    for _ in 0..5 {
-        shares = share_of_fifteen();
-        if shares.iter().all(|s| (0.99..=1.01).contains(s)) {
-            return;
+    let witness = Witness::napping(2 * MS);
+    let mut wrong = Vec::new();
+    for _ in 0..100 {
+        let still = witness.settled();
+        match share_of_fifteen() {
+            Some(shares) if shares.iter().all(|s| (0.99..=1.01).contains(s)) => return,
+            // Budgets come back together no longer once the machine has stood still.
+            Some(shares) if witness.settled() == still => wrong.push(shares),
+            _ => {}
         }
+        assert!(wrong.len() < 5, "{wrong:?}");
     }
-    panic!("{shares:?}");
+    panic!(
+        "the machine stood still in every run but {}: {wrong:?}",
+        wrong.len()
+    );
 }
 
-fn share_of_fifteen() -> Vec<f64> {
+/// The shares in one window; none if its ends were not read in time.
+fn share_of_fifteen() -> Option<Vec<f64>> {
     let cpu = cpu();
     let ctx = Context::in_process();
     let (mut exec, _) = executor(&ctx);
@@ -323,9 +332,7 @@ fn share_of_fifteen() -> Vec<f64> {
     let running = exec.start().unwrap();
     // All budgets come back together, 100 ms apart; 90 ms later all are used up. Between two such
     // moments everybody has used whole budgets, in whatever order. The reader has to be there
-    // before the next ones come back, so it is above the workers; a window in which the machine
-    // stood still is not judged, and the next one is.
-    let witness = Witness::napping(2 * MS);
+    // before the next ones come back, so it is above the workers.
     let start = clock::monotonic() - running.report().elapsed;
     let reader = ThreadSpec::new("reader").policy(Policy::fifo(97).unwrap());
     let read = move || {
@@ -335,27 +342,22 @@ fn share_of_fifteen() -> Vec<f64> {
             let used = names.iter().map(usage).collect();
             (clock::monotonic() < at + 8_000_000).then_some(used)
         };
-        let window = |n: u64| {
-            let begin = start + 190_000_000 + n * 500_000_000;
-            let (before, still) = (used(begin), witness.so_far());
-            let after = used(begin + 400_000_000);
-            if witness.so_far() != still {
-                return None;
-            }
-            let pairs = after?.into_iter().zip(before?);
-            Some(pairs.map(|(a, b)| (a - b) as f64 / 20e6).collect())
-        };
-        let shares = (0..100).find_map(window);
-        (running, shares)
+        let begin = start + 190_000_000;
+        let ends = (used(begin), used(begin + 300_000_000));
+        (running, ends)
     };
     let reader = replenish_os::spawn(reader, read).unwrap();
-    let (running, shares) = reader.join().unwrap();
-    let shares: Vec<f64> = shares.expect("a window whose ends were read in time");
+    let (running, ends) = reader.join().unwrap();
     let before = clock::monotonic();
     let report = running.stop();
     let took = clock::monotonic() - before;
     release.store(true, Ordering::Relaxed);
     assert_eq!(report.stuck, ["loops"], "{report}");
     assert!(took < 20_000_000_000, "{took} ns");
-    shares
+    let pairs = ends.1?.into_iter().zip(ends.0?);
+    Some(
+        pairs
+            .map(|(after, before)| (after - before) as f64 / 15e6)
+            .collect(),
+    )
 }
