@@ -24,6 +24,10 @@ use replenish_agent::dds as replenish_dds;
 mod bridged;
 
 #[cfg(feature = "dds")]
+#[path = "support/cyclone.rs"]
+mod cyclone;
+
+#[cfg(feature = "dds")]
 fn main() {
     peers::main();
 }
@@ -31,22 +35,16 @@ fn main() {
 #[cfg(feature = "dds")]
 mod peers {
     use super::bridged::{Client, agent, domain, service_client, typed_client};
+    use super::cyclone::{self, Cyclone};
     use replenish_agent::{BridgeSnapshot, RunningAgent};
     use replenish_testkit::harness::{peer_trial, run};
     use replenish_xrce::wire::{ObjectKind, StreamId};
-    use std::io::{BufRead, BufReader};
-    use std::path::{Path, PathBuf};
-    use std::process::{Child, ChildStdout, Command, Stdio};
     use std::time::{Duration, Instant};
 
     const STRING: &str = "std_msgs::msg::dds_::String_";
 
     pub(super) fn main() {
-        let python = python();
-        let missing = (!python.exists()).then(|| {
-            let script = "crates/replenish-agent/tests/peers/setup.sh";
-            format!("no {}: run {script}", python.display())
-        });
+        let missing = cyclone::missing();
         let trial = |name, body: fn()| peer_trial(name, missing.clone(), body);
         run(vec![
             trial("cyclone_echoes_what_a_client_publishes", echo),
@@ -57,63 +55,6 @@ mod peers {
             trial("cyclone_answers_a_client", cyclone_answers),
             trial("a_client_answers_cyclone", client_answers),
         ]);
-    }
-
-    fn python() -> PathBuf {
-        let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap();
-        let dir = std::env::var_os("CARGO_TARGET_DIR").map_or(target.to_path_buf(), PathBuf::from);
-        // A relative one is meant from the workspace's root.
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-        root.join(dir).join("peers/cyclonedds/bin/python")
-    }
-
-    /// The foreign program. Ends with this.
-    struct Cyclone {
-        child: Child,
-        output: BufReader<ChildStdout>,
-    }
-
-    impl Cyclone {
-        fn start(domain: u16, arguments: &[&str]) -> Self {
-            let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/peers/cyclone.py");
-            let (mode, rest) = arguments.split_first().unwrap();
-            let mut child = Command::new(python())
-                .args([script, mode, &domain.to_string()])
-                .args(rest)
-                .env("LEASE", "2")
-                .stdout(Stdio::piped())
-                .spawn()
-                .unwrap();
-            let output = BufReader::new(child.stdout.take().unwrap());
-            let mut cyclone = Self { child, output };
-            cyclone.says("ready");
-            cyclone
-        }
-
-        /// Stops or continues all of its threads.
-        fn signal(&self, signal: &str) {
-            let kill = format!("kill -{signal} {}", self.child.id());
-            assert!(
-                Command::new("sh")
-                    .args(["-c", &kill])
-                    .status()
-                    .unwrap()
-                    .success()
-            );
-        }
-
-        fn says(&mut self, expected: &str) {
-            let mut line = String::new();
-            self.output.read_line(&mut line).unwrap();
-            assert_eq!(line.trim(), expected);
-        }
-    }
-
-    impl Drop for Cyclone {
-        fn drop(&mut self) {
-            drop(self.child.kill());
-            drop(self.child.wait());
-        }
     }
 
     /// Waits until each endpoint in DDS talks with somebody.

@@ -20,6 +20,8 @@ mod schedule;
 mod session;
 #[path = "../support/sim.rs"]
 mod sim;
+#[path = "../support/stock_client.rs"]
+mod stock_client;
 #[path = "../support/mod.rs"]
 mod support;
 #[path = "../support/wire.rs"]

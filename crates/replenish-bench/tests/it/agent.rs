@@ -383,10 +383,14 @@ fn an_access_list_is_read_again_on_sighup_and_a_wrong_one_changes_nothing() {
 }
 
 /// A command whose output goes into a pipe that is full, and that nobody reads.
-fn stuck(args: &[&str], output: bool) -> (std::process::Child, std::io::PipeReader) {
+pub(crate) fn stuck(
+    program: &str,
+    args: &[&str],
+    output: bool,
+) -> (std::process::Child, std::io::PipeReader) {
     let (reader, mut writer) = std::io::pipe().unwrap();
     std::io::Write::write_all(&mut writer, &[b'x'; 65_536]).unwrap(); // what a pipe takes
-    let mut command = Command::new(BIN);
+    let mut command = Command::new(program);
     command.args(args).stdin(Stdio::null());
     if output {
         command.stdout(writer).stderr(Stdio::null());
@@ -405,7 +409,11 @@ fn an_agent_whose_output_nobody_reads_keeps_its_json_and_ends() {
         let path = scratch.path("agent.json");
         let address = format!("127.0.0.1:{}", free_port());
         let args = ["agent", "--udp", &address, "--watch", "--json"];
-        let (mut agent, _reader) = stuck(&[&args[..], &[path.to_str().unwrap()]].concat(), output);
+        let (mut agent, _reader) = stuck(
+            BIN,
+            &[&args[..], &[path.to_str().unwrap()]].concat(),
+            output,
+        );
         let uptime = || {
             let text = std::fs::read_to_string(&path).ok()?;
             let value: Value = serde_json::from_str(&text).ok()?;
@@ -427,7 +435,7 @@ fn an_agent_whose_output_nobody_reads_keeps_its_json_and_ends() {
 
 /// The policy and the priority of every thread of a process, by the thread's name: `SCHED_OTHER` is
 /// 0, FIFO 1, RR 2.
-fn policies(pid: u32) -> Vec<(String, u32, u32)> {
+pub(crate) fn policies(pid: u32) -> Vec<(String, u32, u32)> {
     let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).unwrap();
     let stats =
         tasks.filter_map(|task| std::fs::read_to_string(task.ok()?.path().join("stat")).ok());

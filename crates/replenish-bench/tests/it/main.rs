@@ -9,7 +9,13 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+#[path = "../../../replenish-agent/tests/support/cyclone.rs"]
+mod cyclone;
+#[path = "../../../replenish-agent/tests/support/stock_client.rs"]
+mod stock_client;
+
 mod agent;
+mod attacker;
 mod bench;
 mod history;
 mod memory;

@@ -1,6 +1,6 @@
 //! Ten ways to make an agent take memory.
 
-use super::attacker::{Raw, SESSION, host, log_in, message, questions, send};
+use crate::attacker::{Raw, SESSION, host, log_in, message, questions, send};
 use replenish_xrce::wire::{
     EndpointQos, ObjectKind, QOS_DURABILITY_TRANSIENT_LOCAL, QOS_RELIABLE, StreamId,
 };
@@ -53,8 +53,7 @@ fn durable() -> EndpointQos<'static> {
 }
 
 /// Every client keeps as much as it may: samples without a byte in them, which cost most, long
-/// ones,
-/// and histories.
+/// ones, and histories.
 fn full_queues(at: Target) -> Vec<Raw> {
     let mut all = Vec::new();
     for key in 1..=CLIENTS {
@@ -80,7 +79,7 @@ fn full_queues(at: Target) -> Vec<Raw> {
 }
 
 /// Every client has as many requesters as it may, with four names each.
-fn long_names(at: Target) -> Vec<Raw> {
+pub(crate) fn long_names(at: Target) -> Vec<Raw> {
     let mut all = Vec::new();
     for key in 1..=CLIENTS {
         let mut raw = Raw::open(at.tcp, key, 512);

@@ -2,9 +2,9 @@
 //! them:
 //! `cargo test -p replenish-bench --test it memory::floods -- --nocapture`.
 
-use super::attacker::{Raw, SESSION, answer, base, host, log_in, message, questions};
 use super::attacks::Target;
 use super::{Scratch, Victim};
+use crate::attacker::{Raw, SESSION, answer, base, host, log_in, message, questions, subscription};
 use replenish_xrce::framing::Prefixed;
 use replenish_xrce::wire::{Delete, EndpointQos, ObjectId, Status, StreamId};
 use std::io::Read;
@@ -22,8 +22,8 @@ const AGAIN: Duration = Duration::from_millis(250);
 /// Hosts of honest clients; attackers are below.
 const ELSEWHERE: u32 = 10_000;
 
-type Flood = fn(Target, &AtomicBool);
-type Honest = fn(Target, u32) -> bool;
+pub(crate) type Flood = fn(Target, &AtomicBool);
+pub(crate) type Honest = fn(Target, u32) -> bool;
 
 /// A12: one host has all places, and a sign of life from each all the time.
 fn log_ins(at: Target, stop: &AtomicBool) {
@@ -109,61 +109,63 @@ fn honest_tcp(at: Target, number: u32) -> bool {
     false
 }
 
+/// The floods.
+pub(crate) const FLOODS: [(&str, Flood, Honest); 3] = [
+    ("A12: 64 log-ins from one host, lively", log_ins, honest_udp),
+    (
+        "A13: 80 TCP connections without log-in",
+        idle_connections,
+        honest_tcp,
+    ),
+    ("A14: junk from one address and one host", junk, honest_udp),
+];
+
+/// How many of so many honest clients log in within two seconds during a flood, and the slowest.
+pub(crate) fn during(at: Target, flood: Flood, honest: Honest, clients: u32) -> (u32, Duration) {
+    let stop = AtomicBool::new(false);
+    let (mut in_time, mut slowest) = (0, Duration::ZERO);
+    std::thread::scope(|scope| {
+        scope.spawn(|| flood(at, &stop));
+        std::thread::sleep(Duration::from_secs(2));
+        for number in 0..clients {
+            let begin = Instant::now();
+            in_time += u32::from(honest(at, number));
+            slowest = slowest.max(begin.elapsed());
+        }
+        stop.store(true, Ordering::Relaxed);
+    });
+    (in_time, slowest)
+}
+
 /// 100 of 100 clients log in within two seconds, whatever others do. On b209253 64 log-ins, idle
 /// connections or junk kept all, all or half of them out.
 #[test]
 fn honest_clients_log_in_during_floods() {
     let scratch = Scratch::new("floods");
     println!("| flood | honest log-ins within 2 s | slowest |\n|---|---|---|");
-    let floods: [(&str, Flood, Honest); 3] = [
-        ("A12: 64 log-ins from one host, lively", log_ins, honest_udp),
-        (
-            "A13: 80 TCP connections without log-in",
-            idle_connections,
-            honest_tcp,
-        ),
-        ("A14: junk from one address and one host", junk, honest_udp),
-    ];
-    for (number, (name, flood, honest)) in floods.into_iter().enumerate() {
+    for (number, (name, flood, honest)) in FLOODS.into_iter().enumerate() {
         let victim = Victim::with(&scratch, &number.to_string(), &[]);
-        let (at, stop) = (victim.at, AtomicBool::new(false));
-        let (mut in_time, mut slowest) = (0, Duration::ZERO);
-        std::thread::scope(|scope| {
-            scope.spawn(|| flood(at, &stop));
-            std::thread::sleep(Duration::from_secs(2));
-            for number in 0..HONEST {
-                let begin = Instant::now();
-                in_time += u32::from(honest(at, number));
-                slowest = slowest.max(begin.elapsed());
-            }
-            stop.store(true, Ordering::Relaxed);
-        });
+        let (in_time, slowest) = during(victim.at, flood, honest, HONEST);
         println!("| {name} | {in_time} of {HONEST} | {slowest:.0?} |");
         assert_eq!(in_time, HONEST, "{name}");
     }
 }
 
-/// At most three times the bytes of an address leave for it before it acknowledges anything. On
-/// b209253 315 bytes made it send 701 kB.
-#[test]
-fn a_forged_source_is_sent_little() {
-    let scratch = Scratch::new("reflection");
-    let victim = Victim::with(&scratch, "r", &[]);
-    let mut talker = Raw::open(victim.at.tcp, 1, 512);
+/// Bytes from an address that acknowledges nothing, and to it, while others talk.
+pub(crate) fn reflected(at: Target) -> (usize, usize) {
+    let mut talker = Raw::open(at.tcp, 1, 512);
     talker.topic(1, "t");
     talker.writer(1, 1, EndpointQos::default());
     let forged = host(1);
     forged.set_nonblocking(true).unwrap();
     let mut from = 0;
     let mut send = |bytes: &[u8]| {
-        forged.send_to(bytes, victim.at.udp).unwrap();
+        forged.send_to(bytes, at.udp).unwrap();
         from += bytes.len();
         std::thread::sleep(Duration::from_millis(1));
     };
     send(&log_in(9, 512));
-    super::attacker::subscription(9, "t")
-        .iter()
-        .for_each(|bytes| send(bytes));
+    subscription(9, "t").iter().for_each(|bytes| send(bytes));
     send(&questions(9, SESSION, 1400));
     send(&questions(9, SESSION.before_login(), 1400));
     let (mut to, mut buf) = (0, [0; 65_535]);
@@ -174,6 +176,16 @@ fn a_forged_source_is_sent_little() {
             to += len;
         }
     }
+    (from, to)
+}
+
+/// At most three times the bytes of an address leave for it before it acknowledges anything. On
+/// b209253 315 bytes made it send 701 kB.
+#[test]
+fn a_forged_source_is_sent_little() {
+    let scratch = Scratch::new("reflection");
+    let victim = Victim::with(&scratch, "r", &[]);
+    let (from, to) = reflected(victim.at);
     println!(
         "reflection: {from} bytes in, {to} out: {:.2} times",
         to as f64 / from as f64

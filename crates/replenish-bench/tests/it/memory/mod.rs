@@ -1,12 +1,11 @@
 //! An agent's process under attack: its memory against the bound that it states, and, in `floods`,
 //! what is left to others.
 
-mod attacker;
-mod attacks;
-mod floods;
+pub(crate) mod attacks;
+pub(crate) mod floods;
 
-use crate::common::{Running, Scratch, json, start};
-use attacker::SENT;
+use crate::attacker::SENT;
+use crate::common::{BIN, Running, Scratch, json};
 use attacks::{ATTACKS, CLIENTS, SAMPLE, Target};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -18,7 +17,7 @@ const MIB: f64 = 1024.0 * 1024.0;
 /// Bytes that all clients together may make it keep.
 const MEMORY: u64 = 64 << 20;
 
-/// The first address after `from` in a line.
+/// The address of this kind in a line.
 fn address(line: &str, kind: &str) -> std::net::SocketAddr {
     let place = line.split([',', ' ']).collect::<Vec<_>>();
     let at = place
@@ -29,10 +28,10 @@ fn address(line: &str, kind: &str) -> std::net::SocketAddr {
 }
 
 /// An agent that shows everything all the time.
-struct Victim {
-    running: Running,
+pub(crate) struct Victim {
+    pub(crate) running: Running,
     json: PathBuf,
-    at: Target,
+    pub(crate) at: Target,
 }
 
 impl Victim {
@@ -49,6 +48,11 @@ impl Victim {
 
     /// One with these options.
     fn with(scratch: &Scratch, name: &str, limits: &[String]) -> Self {
+        Self::of(BIN, scratch, name, limits)
+    }
+
+    /// One of another program.
+    pub(crate) fn of(program: &str, scratch: &Scratch, name: &str, limits: &[String]) -> Self {
         let json = scratch.path(&format!("{name}.json"));
         let args = [
             "agent".into(),
@@ -58,7 +62,7 @@ impl Victim {
             format!("--json={}", json.display()),
         ];
         let args: Vec<&str> = args.iter().chain(limits).map(String::as_str).collect();
-        let mut running = start(&args);
+        let mut running = Running::start(program, &args);
         let line = running.expect_line("listening at", SOON);
         let at = Target {
             udp: address(&line, "(UDP)"),
@@ -68,7 +72,7 @@ impl Victim {
     }
 
     /// The most bytes that it ever had resident.
-    fn peak(&self) -> u64 {
+    pub(crate) fn peak(&self) -> u64 {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.running.id()));
         let status = status.expect("it lives");
         let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
@@ -77,7 +81,7 @@ impl Victim {
     }
 
     /// Waits until it has shown its state anew, twice.
-    fn shows(&self) -> serde_json::Value {
+    pub(crate) fn shows(&self) -> serde_json::Value {
         for _ in 0..2 {
             let before = modified(&self.json);
             let end = Instant::now() + SOON;

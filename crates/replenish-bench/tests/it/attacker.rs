@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 pub(crate) const SESSION: SessionId = SessionId(0x81);
 
-/// How long an agent may take nothing from a connection.
+/// How long an agent may take nothing from a connection, unless a test says otherwise.
 const STUCK: Duration = Duration::from_secs(2);
 
 thread_local! {
@@ -114,6 +114,8 @@ pub(crate) struct Raw {
     pub(crate) key: u32,
     /// Read what the agent sends, and forget it.
     pub(crate) reads: bool,
+    /// How long the agent may take nothing.
+    pub(crate) patience: Duration,
     loose: u16,
 }
 
@@ -126,6 +128,7 @@ impl Raw {
             stream,
             key,
             reads: true,
+            patience: STUCK,
             loose: 0,
         }
     }
@@ -155,7 +158,7 @@ impl Raw {
                     bytes = &bytes[len..];
                     last = Instant::now();
                 }
-                Err(e) if e.kind() == ErrorKind::WouldBlock && last.elapsed() < STUCK => {
+                Err(e) if e.kind() == ErrorKind::WouldBlock && last.elapsed() < self.patience => {
                     std::thread::sleep(Duration::from_micros(200));
                 }
                 Err(_) => return false,
@@ -183,14 +186,19 @@ impl Raw {
         self.frame(&message)
     }
 
-    /// A topic with its publisher and subscriber, all called `number`.
+    /// A topic of type "T" with its publisher and subscriber, all called `number`.
     pub(crate) fn topic(&mut self, number: u16, name: &str) {
+        self.typed_topic(number, name, "T");
+    }
+
+    /// The same with a type.
+    pub(crate) fn typed_topic(&mut self, number: u16, name: &str, type_name: &str) {
         self.control(|message| {
             let participant = ObjectId::new(1, ObjectKind::Participant);
             let repr = Representation::Binary(TopicBinary {
                 name,
                 type_reference: None,
-                type_name: Some("T"),
+                type_name: Some(type_name),
             });
             let id = |kind| ObjectId::new(number, kind);
             push(
