@@ -24,5 +24,6 @@ mod nuttx_page;
 mod nuttx_policy;
 mod paper;
 mod roles;
+mod rows;
 mod stream_lossy;
 mod suggest;
