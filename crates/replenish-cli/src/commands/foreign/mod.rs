@@ -2,15 +2,18 @@
 //!
 //! ```text
 //!   run, adopt ─► supervisor ─ looks for threads, gives them budgets
-//!                   │  │  └──► rules    which thread gets which budget
+//!                   │  │  │└─► budgets ─► rules   which thread gets which budget
+//!                   │  │  └──► figures ─► report  tables and JSON
 //!                   │  └─────► control  a socket: --list, --release
 //!                   ▼
 //!                 guardian ─ another process: gives everything back if this one is killed
 //!                   └──► give_back ◄── supervisor
-//!   options ─ what both can be told        report ─ tables and JSON
+//!   options ─ what both can be told
 //! ```
 
+mod budgets;
 pub(super) mod control;
+mod figures;
 mod give_back;
 pub(super) mod guardian;
 pub(super) mod options;

@@ -8,20 +8,17 @@
 //!                  └ another policy or CPU: changed back
 //! ```
 
+use super::budgets::Budgets;
 use super::control::{Control, Program};
+use super::figures::Figures;
 use super::give_back::settle;
 use super::guardian::Guardian;
 use super::options::Options;
-use super::report::{Report, Share, ThreadRow};
-use super::rules::{Background, Rule};
+use super::report::Report;
 use crate::outcome::Failure;
-use crate::time::{MS, Nanos, SEC};
-use replenish_os::foreign::{
-    BudgetId, Enforcer, ForeignThread, Original, ThreadUsage, family, name, start_of, tasks,
-};
-use replenish_os::{EnforcerConfig, SchedClass, SpawnError, Tid};
-use replenish_os::{affinity, clock, current_tid, privilege};
-use sporadic::Budget;
+use crate::time::{Nanos, SEC};
+use replenish_os::foreign::{ForeignThread, Original, ThreadUsage, family, name, start_of, tasks};
+use replenish_os::{SchedClass, Tid, affinity, clock, current_tid, privilege};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -32,41 +29,18 @@ const FAMILY: u64 = 5;
 const NAMES: u64 = 50;
 /// A thread gets its name soon after its beginning.
 const YOUNG: Nanos = SEC;
-/// Names of threads that have ended; more share one row.
-const MOST_NAMES: usize = 256;
-/// Notes that are kept.
-const MOST_NOTES: usize = 16;
-/// Threads that share one budget at most.
-const CAPACITY: usize = 512;
-/// The longest distance between two looks of the enforcer at a thread that does not run.
-const LONGEST_CHECK: Nanos = 5 * MS;
 
 /// Budgets, and the programs that have them.
 #[derive(Debug)]
 pub(crate) struct Supervisor {
-    enforcer: Enforcer,
+    budgets: Budgets,
     guardian: Guardian,
     control: Control,
-    terms: Vec<Terms>,
-    background: Background,
+    figures: Figures,
     roots: BTreeMap<Tid, Root>,
     processes: BTreeMap<Tid, Process>,
     threads: BTreeMap<Tid, Known>,
-    ended: BTreeMap<(String, BudgetId), ThreadRow>,
-    notes: Vec<String>,
-    displaced: u64,
     looks: u64,
-    began: Nanos,
-}
-
-/// A rule with its budget.
-#[derive(Debug)]
-struct Terms {
-    rule: Rule,
-    id: BudgetId,
-    priority: u8,
-    /// When its first thread came.
-    began: Option<Nanos>,
 }
 
 #[derive(Debug)]
@@ -95,8 +69,7 @@ impl Supervisor {
     /// Starts the enforcer and the guardian.
     pub(crate) fn start(options: &Options) -> Result<Self, Failure> {
         let rules = options.rules()?;
-        let background = options.background;
-        if background.0 == SchedClass::Idle && !privilege::probe().cap_sys_nice {
+        if options.background.0 == SchedClass::Idle && !privilege::probe().cap_sys_nice {
             return Err(Failure::refused(
                 "a thread comes back from `--background idle` only by CAP_SYS_NICE, which this \
                  process has not: give --background other, or the capability (replenish doctor)",
@@ -104,49 +77,21 @@ impl Supervisor {
         }
         let allowed = affinity(current_tid()).map_err(Failure::refused)?;
         let cpu = options.cpu.or_else(|| allowed.iter().last()).unwrap_or(0);
-        let mut config = EnforcerConfig::on_cpu(cpu);
-        config.capacity = CAPACITY;
-        config.tuning.max_backoff = LONGEST_CHECK;
-        let enforcer = Enforcer::start(config).map_err(|e| match e {
-            SpawnError::Cpu { .. } => Failure::Usage(format!("--cpu {cpu}: {e}")),
-            e => Failure::refused(e),
-        })?;
-        let mut terms = Vec::new();
-        for rule in rules {
-            let amount = rule.amount;
-            let priority = amount.priority.unwrap_or(options.priority);
-            let budget = Budget::of(Duration::from_nanos(amount.amount));
-            let budget = budget.every(Duration::from_nanos(amount.period));
-            let id = enforcer
-                .budget(priority, budget, background.0)
-                .map_err(|e| Failure::Usage(format!("--thread {}: {e}", rule.pattern)))?;
-            terms.push(Terms {
-                rule,
-                id,
-                priority,
-                began: None,
-            });
-        }
         Ok(Self {
+            budgets: Budgets::start(options, rules, cpu)?,
             guardian: Guardian::start(cpu)?,
             control: Control::start()?,
-            enforcer,
-            terms,
-            background,
+            figures: Figures::start(),
             roots: BTreeMap::new(),
             processes: BTreeMap::new(),
             threads: BTreeMap::new(),
-            ended: BTreeMap::new(),
-            notes: Vec::new(),
-            displaced: 0,
             looks: 0,
-            began: clock::monotonic(),
         })
     }
 
     /// The CPU of all budgets.
     pub(crate) fn cpu(&self) -> usize {
-        self.enforcer.cpu()
+        self.budgets.enforcer.cpu()
     }
 
     /// The guardian's process.
@@ -187,11 +132,11 @@ impl Supervisor {
         for pid in self.control.releases() {
             self.release(pid)?;
         }
-        let found = self.enforcer.inspect();
-        self.displaced += found.displaced;
+        let found = self.budgets.enforcer.inspect();
+        self.figures.displaced += found.displaced;
         for usage in found.ended {
             self.guardian.forget(usage.tid)?;
-            self.keep(usage);
+            self.figures.keep(usage, &self.budgets);
         }
         if self.looks.is_multiple_of(FAMILY) {
             self.look_for_processes()?;
@@ -298,10 +243,13 @@ impl Supervisor {
             Ok(thread) => thread,
             Err(e) if e.is_gone() => return Ok(()),
             Err(e) if first.is_none() => return Err(Failure::refused(e)),
-            Err(e) => return self.note(e.to_string()),
+            Err(e) => {
+                self.figures.note(e.to_string());
+                return Ok(());
+            }
         };
         let original = self.original(&thread, first);
-        let rule = self.rule(tid, thread.name());
+        let rule = self.budgets.rule(tid, thread.name());
         let known = Known {
             name: thread.name().to_string(),
             since: now,
@@ -311,13 +259,13 @@ impl Supervisor {
         };
         self.threads.insert(tid, known);
         match rule {
-            Some(rule) => {
-                let enrolled = self.enroll(rule, thread.with_original(original));
-                match enrolled {
-                    Err(Failure::Refused(why)) if first.is_some() => self.note(why),
-                    enrolled => enrolled,
+            Some(rule) => match self.enroll(rule, thread.with_original(original)) {
+                Err(Failure::Refused(why)) if first.is_some() => {
+                    self.figures.note(why);
+                    Ok(())
                 }
-            }
+                enrolled => enrolled,
+            },
             None => {
                 if let Some(first) = first {
                     settle(tid, self.cpu(), first);
@@ -328,32 +276,18 @@ impl Supervisor {
     }
 
     fn enroll(&mut self, rule: usize, thread: ForeignThread) -> Result<(), Failure> {
-        let Some(terms) = self.terms.get_mut(rule) else {
-            return Ok(());
-        };
         let tid = thread.tid();
         self.guardian.hold(tid, thread.start(), thread.original())?;
-        // Before: this process may be kept waiting between the two, and the share be too high.
-        let now = clock::monotonic();
-        match self.enforcer.enroll(terms.id, thread) {
-            Ok(()) => {
-                terms.began.get_or_insert(now);
-                Ok(())
-            }
-            Err(e) => {
-                self.guardian.forget(tid)?;
-                if e.is_gone() {
-                    Ok(())
-                } else {
-                    Err(Failure::refused(e))
-                }
-            }
+        let enrolled = self.budgets.enroll(rule, thread);
+        if !matches!(enrolled, Ok(true)) {
+            self.guardian.forget(tid)?;
         }
+        enrolled.map(|_| ())
     }
 
     /// A thread has another name: perhaps another rule is about it.
     fn rename(&mut self, tid: Tid, name: String) -> Result<(), Failure> {
-        let rule = self.rule(tid, &name);
+        let rule = self.budgets.rule(tid, &name);
         let Some(known) = self.threads.get_mut(&tid) else {
             return Ok(());
         };
@@ -363,9 +297,9 @@ impl Supervisor {
         if before == rule {
             return Ok(());
         }
-        if let Some(usage) = self.enforcer.release(tid) {
+        if let Some(usage) = self.budgets.enforcer.release(tid) {
             self.guardian.forget(tid)?;
-            self.keep(usage);
+            self.figures.keep(usage, &self.budgets);
         }
         let Ok(thread) = ForeignThread::open(tid) else {
             return Ok(()); // it has ended
@@ -374,15 +308,12 @@ impl Supervisor {
             return self.guardian.leave_alone(tid, thread.start());
         };
         match self.enroll(rule, thread.with_original(original)) {
-            Err(Failure::Refused(why)) => self.note(why),
+            Err(Failure::Refused(why)) => {
+                self.figures.note(why);
+                Ok(())
+            }
             enrolled => enrolled,
         }
-    }
-
-    fn rule(&self, tid: Tid, name: &str) -> Option<usize> {
-        self.terms
-            .iter()
-            .position(|terms| terms.rule.is_about(tid, name))
     }
 
     /// Gives a program back what its threads had.
@@ -393,12 +324,12 @@ impl Supervisor {
         let processes: Vec<_> = processes
             .map(|(pid, process)| (*pid, process.first))
             .collect();
-        for usage in self.enforcer.threads() {
+        for usage in self.budgets.enforcer.threads() {
             if processes.iter().any(|(pid, _)| *pid == usage.pid)
-                && let Some(usage) = self.enforcer.release(usage.tid)
+                && let Some(usage) = self.budgets.enforcer.release(usage.tid)
             {
                 self.guardian.forget(usage.tid)?;
-                self.keep(usage);
+                self.figures.keep(usage, &self.budgets);
             }
         }
         for (pid, first) in processes {
@@ -415,61 +346,10 @@ impl Supervisor {
         Ok(())
     }
 
-    /// The figures of a thread that has ended, or has its budget no more.
-    fn keep(&mut self, usage: ThreadUsage) {
-        let row = self.row(&usage);
-        let known = self.ended.len() < MOST_NAMES;
-        let mut key = (usage.name, usage.budget);
-        if !known && !self.ended.contains_key(&key) {
-            key.0 = "others".into();
-        }
-        let name = key.0.clone();
-        let sum = self.ended.entry(key).or_insert_with(|| ThreadRow {
-            name,
-            count: 0,
-            high_ns: 0,
-            background_ns: 0,
-            ..row.clone()
-        });
-        sum.count += 1;
-        (sum.pid, sum.tid) = (row.pid, row.tid);
-        sum.high_ns += row.high_ns;
-        sum.background_ns += row.background_ns;
-    }
-
-    fn row(&self, usage: &ThreadUsage) -> ThreadRow {
-        let terms = self.terms.iter().find(|terms| terms.id == usage.budget);
-        let amount = terms.map(|terms| terms.rule.amount);
-        let priority = terms.map_or(0, |terms| terms.priority);
-        ThreadRow {
-            name: usage.name.clone(),
-            pid: usage.pid.get(),
-            tid: usage.tid.get(),
-            count: 1,
-            policy: format!("FIFO {priority}, then {}", self.background),
-            budget_ns: amount.map_or(0, |amount| amount.amount),
-            period_ns: amount.map_or(0, |amount| amount.period),
-            high_ns: usage.high,
-            background_ns: usage.background,
-            exhaustions: self
-                .enforcer
-                .usage(usage.budget)
-                .map_or(0, |of| of.exhaustions),
-        }
-    }
-
-    fn note(&mut self, why: String) -> Result<(), Failure> {
-        if self.notes.len() < MOST_NOTES && !self.notes.contains(&why) {
-            self.notes.push(why);
-        }
-        Ok(())
-    }
-
     /// Answers the next `--list`.
     fn tell(&self) {
-        let threads = self.enforcer.threads();
-        let budgets: Vec<_> = self.terms.iter().map(Terms::to_string).collect();
-        let budgets = budgets.join(", ");
+        let threads = self.budgets.enforcer.threads();
+        let budgets = self.budgets.to_string();
         let program = |(pid, root): (&Tid, &Root)| {
             let of = |thread: &&ThreadUsage| {
                 let process = self.processes.get(&thread.pid);
@@ -488,56 +368,12 @@ impl Supervisor {
 
     /// The figures up to now.
     pub(crate) fn report(&self) -> Report {
-        let now = clock::monotonic();
-        let share = |terms: &Terms| {
-            let usage = self.enforcer.usage(terms.id)?;
-            let elapsed = now.saturating_sub(terms.began?).max(1);
-            let percent = |ns: Nanos| ns as f64 * 100.0 / elapsed as f64;
-            let amount = terms.rule.amount;
-            let allowed = amount.amount as f64 * 100.0 / amount.period as f64;
-            Some(Share {
-                name: terms.rule.pattern.clone(),
-                percent: percent(usage.high),
-                error_percent: percent(usage.high) - allowed,
-                budget_percent: allowed,
-                background_percent: percent(usage.background),
-                elapsed_ns: elapsed,
-                exhaustions: usage.exhaustions,
-                sees_blocking: usage.sees_blocking,
-            })
+        let name = |tid| {
+            let known = self.threads.get(&Tid::new(tid)?)?;
+            Some(known.name.as_str())
         };
-        let shares: Vec<_> = self.terms.iter().filter_map(share).collect();
-        let live = self.enforcer.threads();
-        let mut threads: Vec<_> = live.iter().map(|usage| self.row(usage)).collect();
-        threads.extend(self.ended.values().cloned());
-        for row in &mut threads {
-            // The names that they have by now.
-            if let Some(known) = Tid::new(row.tid).and_then(|tid| self.threads.get(&tid)) {
-                row.name.clone_from(&known.name);
-            }
-        }
-        let mut notes = self.notes.clone();
-        if shares.iter().any(|share| !share.sees_blocking) {
-            notes.push(
-                "the kernel's switch records were refused (kernel.perf_event_paranoid): budgets of \
-                 threads that wait come back later than they could"
-                    .into(),
-            );
-        }
-        let unused = self.terms.iter().filter(|terms| terms.began.is_none());
-        notes.extend(unused.map(|terms| format!("no thread fitted '{}'", terms.rule.pattern)));
-        let stats = self.enforcer.stats();
-        Report {
-            elapsed_ns: now.saturating_sub(self.began),
-            cpu: self.cpu(),
-            enforcer_ns: stats.cpu,
-            enforcer_wakes: stats.wakes,
-            threads,
-            shares,
-            displaced: self.displaced,
-            guardians_replaced: self.guardian.replaced,
-            notes,
-        }
+        self.figures
+            .report(&self.budgets, self.guardian.replaced, name)
     }
 
     /// Gives every thread back what it had; the figures.
@@ -547,23 +383,8 @@ impl Supervisor {
         for root in roots {
             self.release(root)?;
         }
-        self.enforcer.release_all();
+        self.budgets.enforcer.release_all();
         self.guardian.dismiss();
         Ok(report)
-    }
-}
-
-impl std::fmt::Display for Terms {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let amount = self.rule.amount;
-        let exact = replenish_plan::span::Exact;
-        write!(
-            f,
-            "{}={}/{}@{}",
-            self.rule.pattern,
-            exact(amount.amount),
-            exact(amount.period),
-            self.priority
-        )
     }
 }
