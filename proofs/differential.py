@@ -31,11 +31,11 @@ def history(rng, calls):
             ran = rng.choice([0, span, rng.randint(0, span)])
             since, before = now, cpu
             now, cpu = now + span, cpu + ran
-            gaps = []
+            intervals = []
             if rng.random() < 0.4:
                 cuts = sorted(rng.randint(since, now) for _ in range(2 * rng.randint(1, 3)))
-                gaps = [(rng.randint(0, ran), a, b) for a, b in zip(cuts[::2], cuts[1::2])]
-            readings = None if rng.random() < 0.3 else gaps
+                intervals = [(rng.randint(0, ran), a, b) for a, b in zip(cuts[::2], cuts[1::2])]
+            readings = None if rng.random() < 0.3 else intervals
             name = rng.choice(
                 ["activate", "activate", "block", "judge", "judge", "judge", "observe"]
                 + ["raised", "lowered", "refused", "pull_in", "owe"]
@@ -57,7 +57,7 @@ def line_of(call, readings):
         if readings is None:
             words.append("unknown")
         else:
-            words += [f"gap {ran} {out} {back}" for ran, out, back in readings]
+            words += [f"interval {ran} {out} {back}" for ran, out, back in readings]
     return " ".join(words)
 
 

@@ -191,7 +191,7 @@ class Reservation:
         return not self.runnable and self.level == HIGH
 
     def account(self, now, cpu, readings):
-        """`readings`: a list of gaps (ran, out_at, in_at), or None for unknown."""
+        """`readings`: a list of intervals (ran, out_at, in_at), or None for unknown."""
         used = minus(cpu, self.cpu_mark)
         self.cpu_mark = larger(self.cpu_mark, cpu)
         self.read_at = larger(self.read_at, now)

@@ -242,10 +242,10 @@ def is_checked(r):
 def calls():
     """Each call with what is reported to it."""
     now, cpu, woken, amount = Int("now"), Int("cpu"), Int("woken"), Int("amount")
-    for gaps in (None, [(Int("ran"), Int("out_at"), Int("in_at"))]):
-        yield "judge", lambda r: r.judge(now, cpu, gaps)
-        yield "observe", lambda r: r.observe(now, cpu, gaps)
-        yield "block", lambda r: r.block(now, cpu, gaps)
+    for intervals in (None, [(Int("ran"), Int("out_at"), Int("in_at"))]):
+        yield "judge", lambda r: r.judge(now, cpu, intervals)
+        yield "observe", lambda r: r.observe(now, cpu, intervals)
+        yield "block", lambda r: r.block(now, cpu, intervals)
     yield "activate", lambda r: r.activate(woken, now, cpu)
     yield "applied", lambda r: r.applied(HIGH, now, cpu)
     yield "applied", lambda r: r.applied(LOW, now, cpu)

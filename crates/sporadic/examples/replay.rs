@@ -1,10 +1,11 @@
 //! Replays calls on a reservation and prints its state after each, for `proofs/differential.py`.
 //!
-//! One call a line, as in `judge 30 12 gap 5 10 20`; `new N B T min_chunk slack min_rearm
+//! One call a line, as in `judge 30 12 interval 5 10 20`; `new N B T min_chunk slack min_rearm
 //! max_backoff` starts afresh.
 
 use sporadic::{
-    Corrected, Gap, Level, Low, Nanos, ParamError, Params, Readings, Reservation, Tuning, Verdict,
+    BlockedInterval, Corrected, Level, Low, Nanos, ParamError, Params, Readings, Reservation,
+    Tuning, Verdict,
 };
 use std::io::{BufWriter, Write, stdin, stdout};
 
@@ -60,13 +61,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let line = line?;
         let mut words = line.split_whitespace();
         let name = words.next().unwrap_or_default();
-        let (mut numbers, mut gaps, mut unknown) = (Vec::new(), Vec::new(), false);
+        let (mut numbers, mut intervals, mut unknown) = (Vec::new(), Vec::new(), false);
         while let Some(word) = words.next() {
             let mut next = || words.next().unwrap_or_default().parse::<Nanos>();
             match word {
-                "gap" => {
+                "interval" => {
                     let (ran, out_at, in_at) = (next()?, next()?, next()?);
-                    gaps.push(Gap { ran, out_at, in_at });
+                    intervals.push(BlockedInterval { ran, out_at, in_at });
                 }
                 "unknown" => unknown = true,
                 number => numbers.push(number.parse()?),
@@ -75,7 +76,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let readings = if unknown {
             Readings::Unknown
         } else {
-            Readings::Exact(&gaps)
+            Readings::Exact(&intervals)
         };
         let mut verdict = None;
         if name == "new" {

@@ -68,7 +68,7 @@ pub use params::{Low, ParamError, Params};
 pub use policy::{MAX_PRIORITY, MIN_RUNTIME, Policy, PolicyError};
 #[cfg(feature = "posix")]
 pub use posix::Posix;
-pub use reservation::{Counters, Gap, Readings, Reservation, Tuning, Verdict};
+pub use reservation::{BlockedInterval, Counters, Readings, Reservation, Tuning, Verdict};
 pub use ring::Chunk;
 pub use server::{BudgetServer, Level};
 pub use units::{Nanos, WholeUnits};

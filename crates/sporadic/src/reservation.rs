@@ -101,8 +101,8 @@ impl Tuning {
 
 /// A stretch inside a callback in which the thread was blocked, as context-switch records show it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Gap {
-    /// CPU time consumed between the previous reading (or the previous gap) and `out_at`.
+pub struct BlockedInterval {
+    /// CPU time consumed between the previous reading (or the previous interval) and `out_at`.
     pub ran: Nanos,
     /// When the thread blocked.
     pub out_at: Nanos,
@@ -116,13 +116,13 @@ pub enum Readings<'a> {
     /// The thread blocked in these stretches, the earliest first, and in no others. Without any, it
     /// was running or preempted all the time. A counter of voluntary switches that has not moved
     /// proves that, unless the thread was already blocked at the previous reading.
-    Exact(&'a [Gap]),
+    Exact(&'a [BlockedInterval]),
     /// The thread may have blocked at any time: nobody records it, or records were lost.
     Unknown,
 }
 
 /// The thread did not block.
-const NO_GAPS: Readings<'static> = Readings::Exact(&[]);
+const NOT_BLOCKED: Readings<'static> = Readings::Exact(&[]);
 
 /// The change that the owner of a reservation must make after a call.
 #[must_use]
@@ -245,7 +245,7 @@ impl<S: BudgetServer> Reservation<S> {
         self.runnable = true;
         self.server.activate(woken.max(self.read_at).min(now));
         self.backoff = 0;
-        self.account(now, cpu, NO_GAPS);
+        self.account(now, cpu, NOT_BLOCKED);
         self.replan(now);
     }
 
@@ -308,7 +308,7 @@ impl<S: BudgetServer> Reservation<S> {
     pub fn applied(&mut self, level: Level, now: Nanos, cpu: Nanos) -> Option<i64> {
         let late = cpu.saturating_sub(self.cpu_mark);
         let overrun = self.margin.saturating_add(signed(late));
-        self.account(now, cpu, NO_GAPS);
+        self.account(now, cpu, NOT_BLOCKED);
         let before = core::mem::replace(&mut self.level, level);
         if before == level {
             return None;
@@ -366,18 +366,6 @@ impl<S: BudgetServer> Reservation<S> {
         self.backoff > 0
     }
 
-    /// Re-initialises the server (POSIX: `sched_setparam` starts afresh), keeping the counters.
-    pub fn replace_server(&mut self, server: S, now: Nanos, cpu: Nanos) -> Verdict {
-        self.account(now, cpu, NO_GAPS);
-        self.server = server;
-        self.advance = 0;
-        if self.runnable {
-            self.server.activate(now);
-        }
-        self.check_at = NEVER;
-        self.decide(now)
-    }
-
     /// Nothing can happen to a thread that waits at the high level, and the server must not see
     /// time pass, or a wake-up before now could no longer be told it.
     fn sleeps_funded(&self) -> bool {
@@ -397,14 +385,14 @@ impl<S: BudgetServer> Reservation<S> {
         self.counters.cpu_low += used - rest;
         if self.runnable {
             match readings {
-                Readings::Exact(gaps) => {
-                    for gap in gaps {
-                        let ran = gap.ran.min(rest);
+                Readings::Exact(intervals) => {
+                    for interval in intervals {
+                        let ran = interval.ran.min(rest);
                         rest -= ran;
                         let due = self.unpaid(ran);
-                        self.server.charge(due, gap.out_at);
-                        self.server.block(gap.out_at);
-                        self.server.activate(gap.in_at);
+                        self.server.charge(due, interval.out_at);
+                        self.server.block(interval.out_at);
+                        self.server.activate(interval.in_at);
                         self.counters.blocked_inside += 1;
                     }
                 }

@@ -2,8 +2,8 @@
 //!
 //! ```text
 //!   loses the CPU, in its ready list ──► preempted: cpu += now - in_at
-//!   loses the CPU, not in it         ──► blocked:   cpu += now - in_at, a gap opens
-//!   gets the CPU, at the same now    ──► in_at = now, an open gap is complete
+//!   loses the CPU, not in it         ──► blocked:   cpu += now - in_at, an interval opens
+//!   gets the CPU, at the same now    ──► in_at = now, an open interval is complete
 //! ```
 //!
 //! Slots are made at set-up, linked into one list and never freed. Time in interrupts counts for

@@ -5,16 +5,16 @@
 
 use crate::Nanos;
 use crate::linux::context_switches::{ContextSwitch, SwitchDirection};
-use sporadic::{Gap, Readings};
+use sporadic::{BlockedInterval, Readings};
 
-/// More gaps than this in one reading are joined to the last one; joining is safe (a later
+/// More intervals than this in one reading are joined to the last one; joining is safe (a later
 /// activation delays a replenishment).
-const MAX_GAPS: usize = 16;
+const MAX_INTERVALS: usize = 16;
 
 /// The reader's state between two readings.
 #[derive(Clone, Debug)]
-pub(crate) struct GapTracker {
-    gaps: [Gap; MAX_GAPS],
+pub(crate) struct BlockedIntervals {
+    intervals: [BlockedInterval; MAX_INTERVALS],
     len: usize,
     ran: Nanos,
     in_at: Nanos,
@@ -24,15 +24,15 @@ pub(crate) struct GapTracker {
     incomplete: bool,
 }
 
-impl GapTracker {
+impl BlockedIntervals {
     pub(crate) const fn new() -> Self {
-        const NONE: Gap = Gap {
+        const NONE: BlockedInterval = BlockedInterval {
             ran: 0,
             out_at: 0,
             in_at: 0,
         };
         Self {
-            gaps: [NONE; MAX_GAPS],
+            intervals: [NONE; MAX_INTERVALS],
             len: 0,
             ran: 0,
             in_at: 0,
@@ -74,7 +74,7 @@ impl GapTracker {
                 self.on_cpu = true;
                 self.in_at = switch.time;
                 if let Some(out_at) = self.blocked_at.take() {
-                    self.push(Gap {
+                    self.push(BlockedInterval {
                         ran: self.ran,
                         out_at,
                         in_at: switch.time,
@@ -103,20 +103,20 @@ impl GapTracker {
         if self.incomplete {
             Readings::Unknown
         } else {
-            Readings::Exact(self.gaps())
+            Readings::Exact(self.intervals())
         }
     }
 
-    fn gaps(&self) -> &[Gap] {
-        self.gaps.get(..self.len).unwrap_or(&[])
+    fn intervals(&self) -> &[BlockedInterval] {
+        self.intervals.get(..self.len).unwrap_or(&[])
     }
 
-    fn push(&mut self, gap: Gap) {
-        if let Some(place) = self.gaps.get_mut(self.len) {
-            *place = gap;
+    fn push(&mut self, interval: BlockedInterval) {
+        if let Some(place) = self.intervals.get_mut(self.len) {
+            *place = interval;
             self.len += 1;
-        } else if let Some(last) = self.gaps.last_mut() {
-            last.in_at = gap.in_at;
+        } else if let Some(last) = self.intervals.last_mut() {
+            last.in_at = interval.in_at;
         }
     }
 }
@@ -140,7 +140,7 @@ mod tests {
 
     #[test]
     fn preemption_is_no_gap_and_blocking_is_one() {
-        let mut t = GapTracker::new();
+        let mut t = BlockedIntervals::new();
         t.restart(100);
         for s in [
             out(110, true),
@@ -152,8 +152,8 @@ mod tests {
             t.feed(s);
         }
         assert_eq!(
-            t.gaps(),
-            [Gap {
+            t.intervals(),
+            [BlockedInterval {
                 ran: 15,
                 out_at: 125,
                 in_at: 200
@@ -163,15 +163,15 @@ mod tests {
 
     #[test]
     fn a_block_that_spans_two_readings_is_seen_in_the_second() {
-        let mut t = GapTracker::new();
+        let mut t = BlockedIntervals::new();
         t.restart(0);
         t.feed(out(10, false));
-        assert_eq!(t.gaps(), []);
+        assert_eq!(t.intervals(), []);
         t.next_reading(50);
         t.feed(inn(70));
         assert_eq!(
-            t.gaps(),
-            [Gap {
+            t.intervals(),
+            [BlockedInterval {
                 ran: 0,
                 out_at: 10,
                 in_at: 70
@@ -182,7 +182,7 @@ mod tests {
     /// On b209253 the thread counted as off the CPU for ever: nobody read its clock again.
     #[test]
     fn after_a_loss_the_last_record_is_not_believed() {
-        let mut t = GapTracker::new();
+        let mut t = BlockedIntervals::new();
         t.restart(0);
         t.feed(out(10, false));
         assert!(t.is_off_cpu());
@@ -192,8 +192,8 @@ mod tests {
         t.feed(inn(70));
         t.feed(out(80, false));
         t.feed(inn(90));
-        let gap = |ran, out_at, in_at| Gap { ran, out_at, in_at };
-        assert_eq!(t.gaps(), [gap(0, 50, 70), gap(10, 80, 90)]);
+        let interval = |ran, out_at, in_at| BlockedInterval { ran, out_at, in_at };
+        assert_eq!(t.intervals(), [interval(0, 50, 70), interval(10, 80, 90)]);
         t.lost(100);
         assert_eq!(t.readings(), Readings::Unknown);
         t.next_reading(100);
@@ -204,13 +204,13 @@ mod tests {
 
     #[test]
     fn too_many_gaps_are_joined_at_the_later_time() {
-        let mut t = GapTracker::new();
+        let mut t = BlockedIntervals::new();
         t.restart(0);
         for i in 0..40 {
             t.feed(out(10 * i + 5, false));
             t.feed(inn(10 * i + 9));
         }
-        assert_eq!(t.gaps().len(), MAX_GAPS);
-        assert_eq!(t.gaps()[MAX_GAPS - 1].in_at, 399);
+        assert_eq!(t.intervals().len(), MAX_INTERVALS);
+        assert_eq!(t.intervals()[MAX_INTERVALS - 1].in_at, 399);
     }
 }

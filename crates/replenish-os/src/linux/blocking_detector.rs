@@ -1,7 +1,7 @@
 //! Which stretches of a callback its thread spent blocked: from the kernel's records where it
 //! keeps them ([`ContextSwitchLog`]).
 
-use super::blocked_intervals::GapTracker;
+use super::blocked_intervals::BlockedIntervals;
 use super::clock::ThreadCpuClock;
 use super::config::OsError;
 use super::context_switches::{ContextSwitch, ContextSwitchLog, SwitchDirection};
@@ -36,7 +36,7 @@ impl Switch {
 #[derive(Debug)]
 pub(crate) struct BlockingDetector {
     switches: Option<ContextSwitchLog>,
-    gaps: GapTracker,
+    intervals: BlockedIntervals,
     lock_waits: LockWaits,
 }
 
@@ -52,7 +52,7 @@ impl BlockingDetector {
         };
         let detector = Self {
             switches,
-            gaps: GapTracker::new(),
+            intervals: BlockedIntervals::new(),
             lock_waits: LockWaits::of(tid),
         };
         (detector, refused)
@@ -71,7 +71,7 @@ impl BlockingDetector {
     /// Whether the records show that the thread has not had the CPU since the last reading; saves
     /// a system call per preempted worker and check.
     pub(crate) fn has_not_run(&self) -> bool {
-        self.gaps.is_off_cpu()
+        self.intervals.is_off_cpu()
             && self
                 .switches
                 .as_ref()
@@ -80,12 +80,12 @@ impl BlockingDetector {
 
     /// Whether the records up to the last reading end with the thread off the CPU.
     pub(crate) fn is_off_cpu(&self) -> bool {
-        self.switches.is_some() && self.gaps.is_off_cpu()
+        self.switches.is_some() && self.intervals.is_off_cpu()
     }
 
     /// A reading without records in it.
     pub(crate) fn skip_reading(&mut self, now: Nanos) {
-        self.gaps.next_reading(now);
+        self.intervals.next_reading(now);
     }
 
     /// Reads the records from `since`, the last reading, up to `now`, and the thread's CPU clock;
@@ -97,20 +97,20 @@ impl BlockingDetector {
         now: Nanos,
         mut each: impl FnMut(Nanos, Switch),
     ) -> Option<Nanos> {
-        self.gaps.next_reading(since);
+        self.intervals.next_reading(since);
         if let Some(log) = &mut self.switches {
-            let (gaps, waits) = (&mut self.gaps, &self.lock_waits);
+            let (intervals, waits) = (&mut self.intervals, &self.lock_waits);
             let mut feed = |switch: ContextSwitch| {
                 let switch = switch.unless(|at| waits.cover(at));
                 each(switch.time, Switch::of(switch.kind));
-                gaps.feed(switch);
+                intervals.feed(switch);
             };
             if log.drain(&mut feed).lost {
                 each(now, Switch::In);
-                self.gaps.lost(now);
+                self.intervals.lost(now);
             }
         } else {
-            self.gaps.lost(now);
+            self.intervals.lost(now);
         }
         clock.read()
     }
@@ -127,13 +127,13 @@ impl BlockingDetector {
         if let Some(log) = &mut self.switches {
             log.drain(&mut |switch| each(switch.time, Switch::of(switch.kind)));
         }
-        self.gaps.restart(now);
+        self.intervals.restart(now);
         cpu
     }
 
     /// It is not known when the thread blocked.
     pub(crate) fn lost(&mut self, now: Nanos) {
-        self.gaps.lost(now);
+        self.intervals.lost(now);
     }
 
     /// There is no cheap way to be told of a CPU clock: the timer is set by the time.
@@ -150,11 +150,11 @@ impl BlockingDetector {
 
     /// An open block belongs to a suspension by the enforcer and does not count.
     pub(crate) fn forget_block(&mut self) {
-        self.gaps.forget_block();
+        self.intervals.forget_block();
     }
 
     /// The blocking stretches of the last reading.
     pub(crate) fn readings(&self) -> Readings<'_> {
-        self.gaps.readings()
+        self.intervals.readings()
     }
 }

@@ -1,29 +1,29 @@
 //! The stretches for which a thread was blocked, between two readings by its enforcer.
 
 use crate::Nanos;
-use sporadic::Gap;
+use sporadic::BlockedInterval;
 
 /// Intervals kept between two readings; more are joined to the last one, which is safe (a later
 /// activation delays a replenishment).
-const MAX_GAPS: usize = 4;
+const MAX_INTERVALS: usize = 4;
 
 /// The blocking stretches since they were last taken.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BlockedIntervals {
-    pub(crate) list: [Gap; MAX_GAPS],
+    pub(crate) list: [BlockedInterval; MAX_INTERVALS],
     pub(crate) len: usize,
-    /// CPU clock up to which gaps have counted.
+    /// CPU clock up to which intervals have counted.
     mark: Nanos,
     open: Option<Nanos>,
 }
 
 impl BlockedIntervals {
     pub(crate) const fn new() -> Self {
-        const NONE: [Gap; MAX_GAPS] = [Gap {
+        const NONE: [BlockedInterval; MAX_INTERVALS] = [BlockedInterval {
             ran: 0,
             out_at: 0,
             in_at: 0,
-        }; MAX_GAPS];
+        }; MAX_INTERVALS];
         Self {
             list: NONE,
             len: 0,
@@ -52,13 +52,13 @@ impl BlockedIntervals {
         let Some(out_at) = self.open.take() else {
             return;
         };
-        let gap = Gap {
+        let interval = BlockedInterval {
             ran: cpu.saturating_sub(self.mark),
             out_at,
             in_at: now,
         };
         if let Some(place) = self.list.get_mut(self.len) {
-            *place = gap;
+            *place = interval;
             self.len += 1;
             self.mark = cpu;
         } else if let Some(last) = self.list.last_mut() {

@@ -9,7 +9,7 @@ use sporadic::{
 
 const US: u64 = 1_000;
 const TUNING: Tuning = Tuning::LINUX;
-const NO_GAPS: Readings<'static> = Readings::Exact(&[]);
+const NOT_BLOCKED: Readings<'static> = Readings::Exact(&[]);
 
 /// A hungry worker alone on a CPU. While it is low it is in sections that somebody waits for, one
 /// after another, until it has inherited its budget again; then it stands still.
@@ -105,7 +105,7 @@ impl Hungry {
     }
 
     fn judge(&mut self) {
-        let verdict = self.r.judge(self.now, self.cpu, NO_GAPS);
+        let verdict = self.r.judge(self.now, self.cpu, NOT_BLOCKED);
         if let Some(level) = verdict.change {
             self.r.applied(level, self.now, self.cpu);
         }
@@ -125,7 +125,7 @@ impl Hungry {
         for &(used, pause) in pieces {
             let left = self.r.server().available(self.now) / 2;
             self.run(used.min(left));
-            self.r.block(self.now, self.cpu, NO_GAPS);
+            self.r.block(self.now, self.cpu, NOT_BLOCKED);
             self.now += pause;
             self.anchors.push((self.now, self.urgent));
             self.r.activate(self.now, self.now, self.cpu);

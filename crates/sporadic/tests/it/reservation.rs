@@ -2,12 +2,14 @@
 //! unseen, and still no CPU time escapes the account and no check comes later than promised.
 
 use proptest::prelude::*;
-use sporadic::{Corrected, Gap, Level, Low, Nanos, Params, Readings, Reservation, Tuning, Verdict};
+use sporadic::{
+    BlockedInterval, Corrected, Level, Low, Nanos, Params, Readings, Reservation, Tuning, Verdict,
+};
 
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
 const TUNING: Tuning = Tuning::LINUX;
-const NO_GAPS: Readings<'static> = Readings::Exact(&[]);
+const NOT_BLOCKED: Readings<'static> = Readings::Exact(&[]);
 
 /// A thread, its CPU clock and its supervisor in virtual time.
 struct Sim {
@@ -54,7 +56,7 @@ impl Sim {
     }
 
     fn block(&mut self) {
-        self.r.block(self.now, self.cpu, NO_GAPS);
+        self.r.block(self.now, self.cpu, NOT_BLOCKED);
     }
 
     /// Lets `span` pass; the thread consumes all of it or nothing. Checks come when they are due,
@@ -70,7 +72,7 @@ impl Sim {
             self.turn += 1;
             self.advance(fires - self.now, on_cpu);
             self.checks += 1;
-            let v = self.r.judge(self.now, self.cpu, NO_GAPS);
+            let v = self.r.judge(self.now, self.cpu, NOT_BLOCKED);
             self.obey(v);
         }
         self.advance(end.saturating_sub(self.now), on_cpu);
@@ -190,11 +192,11 @@ fn a_reading_can_bring_the_check_nearer() {
     let server = Corrected::<1>::new(params, 0).unwrap();
     let mut r = Reservation::new(server, TUNING, 0, 0);
     r.activate(0, 0, 0);
-    r.block(4 * MS, 4 * MS, NO_GAPS);
+    r.block(4 * MS, 4 * MS, NOT_BLOCKED);
     r.activate(5 * MS, 5 * MS, 4 * MS);
-    let verdict = r.judge(21 * MS, 4 * MS, NO_GAPS); // preempted until now, and all is due
+    let verdict = r.judge(21 * MS, 4 * MS, NOT_BLOCKED); // preempted until now, and all is due
     assert_eq!((verdict.change, r.check_at()), (None, Some(31 * MS)));
-    r.observe(23 * MS, 5 * MS, NO_GAPS);
+    r.observe(23 * MS, 5 * MS, NOT_BLOCKED);
     let chunks: Vec<_> = r.server().chunks().map(|c| (c.time, c.amount)).collect();
     assert_eq!(chunks, [(5 * MS, 5 * MS), (25 * MS, 5 * MS)]);
     assert_eq!(r.check_at(), Some(28 * MS));
@@ -208,12 +210,12 @@ fn blocking_inside_a_callback_starts_a_new_activation() {
     sim.activate();
     sim.now = 60 * MS;
     sim.cpu = 10 * MS;
-    let gap = Gap {
+    let interval = BlockedInterval {
         ran: 5 * MS,
         out_at: 5 * MS,
         in_at: 55 * MS,
     };
-    let v = sim.r.judge(sim.now, sim.cpu, Readings::Exact(&[gap]));
+    let v = sim.r.judge(sim.now, sim.cpu, Readings::Exact(&[interval]));
     sim.obey(v);
     assert_eq!(sim.r.level(), Level::Low);
     let back: Vec<_> = sim
@@ -230,7 +232,7 @@ fn waiting_for_the_cpu_does_not_delay_the_replenishment() {
     let mut sim = Sim::new(10 * MS, 100 * MS, vec![0]);
     sim.pass(20 * MS, false);
     // Woken at 5 ms, kept off the CPU until 20 ms; an observer reads the account meanwhile.
-    sim.r.observe(sim.now, sim.cpu, NO_GAPS);
+    sim.r.observe(sim.now, sim.cpu, NOT_BLOCKED);
     sim.r.activate(5 * MS, sim.now, sim.cpu);
     sim.pass(30 * MS, true);
     assert_eq!(sim.r.level(), Level::Low);
@@ -289,7 +291,7 @@ fn a_replenishment_during_the_change_of_level_is_not_missed() {
     let mut sim = Sim::new(10 * MS, 100 * MS, vec![0]);
     sim.activate();
     sim.advance(10 * MS, true);
-    let verdict = sim.r.judge(sim.now, sim.cpu, NO_GAPS);
+    let verdict = sim.r.judge(sim.now, sim.cpu, NOT_BLOCKED);
     assert_eq!(verdict.change, Some(Level::Low));
     sim.now = 100 * MS;
     sim.obey(verdict);
@@ -380,11 +382,11 @@ fn a_large_budget_has_more_slack_and_a_small_one_keeps_its_precision() {
     let mut r = Reservation::new(server, TUNING.for_budget(params.budget()), 0, 0);
     r.activate(0, 0, 0);
     let left = 15 * US;
-    let verdict = r.judge(5 * MS, 5 * MS - left, NO_GAPS);
+    let verdict = r.judge(5 * MS, 5 * MS - left, NOT_BLOCKED);
     assert_eq!(verdict.change, Some(Level::Low));
     assert_eq!(r.applied(Level::Low, 5 * MS, 5 * MS - left), Some(-15_000));
     // It is not lost: the next round is longer by as much.
-    let verdict = r.judge(100 * MS, 5 * MS - left, NO_GAPS);
+    let verdict = r.judge(100 * MS, 5 * MS - left, NOT_BLOCKED);
     assert_eq!(verdict.change, Some(Level::High));
     let _ = r.applied(Level::High, 100 * MS, 5 * MS - left);
     let (_, cpu) = (r.last_reading(), r.limit().unwrap());

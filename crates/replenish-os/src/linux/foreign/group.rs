@@ -5,7 +5,7 @@
 
 use super::member::{Classes, Member};
 use super::usage::{BudgetId, BudgetUsage, ThreadUsage};
-use crate::linux::blocked_intervals::GapTracker;
+use crate::linux::blocked_intervals::BlockedIntervals;
 use crate::linux::config::MAX_REPL;
 use crate::linux::context_switches::SwitchDirection;
 use crate::{Level, Nanos, Tid};
@@ -34,7 +34,7 @@ pub(super) struct Group {
     reservation: Reservation<Server<MAX_REPL>>,
     /// The budget of a period.
     amount: Nanos,
-    gaps: GapTracker,
+    intervals: BlockedIntervals,
     /// CPU time of all threads, as the reservation counts it.
     cpu: Nanos,
     /// CPU time that may still be behind the wall clock.
@@ -59,7 +59,7 @@ impl Group {
             retired: false,
             reservation: Reservation::new(server, tuning, now, 0),
             amount: params.budget(),
-            gaps: GapTracker::new(),
+            intervals: BlockedIntervals::new(),
             cpu: 0,
             behind: 0,
             refused: 0,
@@ -84,9 +84,9 @@ impl Group {
     pub(super) fn welcome(&mut self, now: Nanos, events: &mut Vec<Event>) {
         if self.members.iter().all(|member| member.ended) {
             self.read(now, events);
-            let readings = self.gaps.readings();
+            let readings = self.intervals.readings();
             self.reservation.block(now, self.cpu, readings);
-            self.gaps.restart(now);
+            self.intervals.restart(now);
             self.reservation.activate(now, now, self.cpu);
         }
         self.judge(now, events);
@@ -95,7 +95,9 @@ impl Group {
     /// Reads all threads and decides. Returns whether the level changed.
     pub(super) fn judge(&mut self, now: Nanos, events: &mut Vec<Event>) -> bool {
         self.read(now, events);
-        let verdict = self.reservation.judge(now, self.cpu, self.gaps.readings());
+        let verdict = self
+            .reservation
+            .judge(now, self.cpu, self.intervals.readings());
         let Some(level) = verdict.change else {
             return false;
         };
@@ -146,14 +148,14 @@ impl Group {
     pub(super) fn observe(&mut self, now: Nanos, events: &mut Vec<Event>) {
         self.read(now, events);
         self.reservation
-            .observe(now, self.cpu, self.gaps.readings());
+            .observe(now, self.cpu, self.intervals.readings());
     }
 
     /// Reads the switches and the CPU clocks of all threads.
     fn read(&mut self, now: Nanos, events: &mut Vec<Event>) {
         let (_, since) = self.reservation.last_reading();
         let level = self.level();
-        self.gaps.next_reading(since);
+        self.intervals.next_reading(since);
         events.clear();
         let (mut used, mut exact) = (0, true);
         for (place, member) in self.members.iter_mut().enumerate() {
@@ -188,7 +190,7 @@ impl Group {
                     member.switched(kind);
                 }
             }
-            self.gaps.lost(now);
+            self.intervals.lost(now);
         }
         self.cpu += self.believed(used, now.saturating_sub(since));
     }
@@ -217,7 +219,7 @@ impl Group {
                 SwitchDirection::In => SwitchDirection::In,
             };
             let switch = crate::ContextSwitch { time, kind };
-            self.gaps.feed(switch);
+            self.intervals.feed(switch);
         }
     }
 

@@ -5,7 +5,8 @@
 use super::busiest_window;
 use proptest::prelude::*;
 use sporadic::{
-    BudgetServer, Corrected, Gap, Level, Low, Nanos, Params, Readings, Reservation, Tuning, Verdict,
+    BlockedInterval, BudgetServer, Corrected, Level, Low, Nanos, Params, Readings, Reservation,
+    Tuning, Verdict,
 };
 
 /// Room for replenishments.
@@ -95,7 +96,7 @@ pub struct World {
     pub high: Vec<(Nanos, Nanos)>,
     /// Changes refused so far.
     pub refused: u64,
-    gaps: Vec<Gap>,
+    intervals: Vec<BlockedInterval>,
     ran: Nanos,
     blocked: Option<Nanos>,
     /// It blocked, or was blocked, since the last reading.
@@ -125,7 +126,7 @@ impl World {
             cpu: 0,
             high: Vec::new(),
             refused: 0,
-            gaps: Vec::new(),
+            intervals: Vec::new(),
             ran: 0,
             blocked: None,
             was_blocked: false,
@@ -146,7 +147,7 @@ impl World {
                 self.pass(span, Does::Nothing);
                 let out_at = self.blocked.take().unwrap();
                 let (ran, in_at) = (core::mem::take(&mut self.ran), self.now);
-                self.gaps.push(Gap { ran, out_at, in_at });
+                self.intervals.push(BlockedInterval { ran, out_at, in_at });
             }
             Step::Wait { span, held_up } => {
                 let (now, cpu) = (self.now, self.cpu);
@@ -168,7 +169,7 @@ impl World {
     }
 
     fn activate(&mut self, woken: Nanos) {
-        self.gaps.clear();
+        self.intervals.clear();
         (self.ran, self.was_blocked) = (0, false);
         self.r.activate(woken, self.now, self.cpu);
     }
@@ -178,12 +179,12 @@ impl World {
         &mut self,
         call: impl FnOnce(&mut Reservation<Corrected<ROOM>>, Readings<'_>) -> T,
     ) -> T {
-        let gaps = core::mem::take(&mut self.gaps);
+        let intervals = core::mem::take(&mut self.intervals);
         let blocked = core::mem::replace(&mut self.was_blocked, self.blocked.is_some());
         self.ran = 0;
         let readings = match self.setup.knowledge {
-            Knowledge::Records => Readings::Exact(&gaps),
-            Knowledge::Overflow(room) if gaps.len() <= room => Readings::Exact(&gaps),
+            Knowledge::Records => Readings::Exact(&intervals),
+            Knowledge::Overflow(room) if intervals.len() <= room => Readings::Exact(&intervals),
             Knowledge::Counter if !blocked => Readings::Exact(&[]),
             _ => Readings::Unknown,
         };
