@@ -15,11 +15,10 @@ use replenish_rtps::ros::{
 use replenish_rtps::udp::{UdpConfig, UdpParticipant};
 use replenish_rtps::wire::{CDR_LE, Qos, TypeHash};
 use replenish_testkit::harness::{peer_trial, run};
+use replenish_testkit::peer::{self, Peer};
 use std::collections::VecDeque;
-use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
-use std::sync::mpsc::{Receiver, channel};
+use std::path::PathBuf;
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 /// How long anything may take on a busy machine.
@@ -28,14 +27,8 @@ const PATIENCE: Duration = Duration::from_secs(60);
 const STRING: &str = "df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18";
 
 fn main() {
-    let trial = |name, peer: &'static str, body: fn()| {
-        let python = python(peer);
-        let missing = (!python.exists()).then(|| {
-            let script = "crates/replenish-rtps/tests/peers/setup.sh";
-            format!("no {}: run {script}", python.display())
-        });
-        peer_trial(name, missing, body)
-    };
+    let trial =
+        |name, peer: &'static str, body: fn()| peer_trial(name, peer::missing(&python(peer)), body);
     run(vec![
         trial("rclpy_sends_everything_back", "rclpy", || {
             echo(&RCLPY);
@@ -48,11 +41,7 @@ fn main() {
 }
 
 fn python(peer: &str) -> PathBuf {
-    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap();
-    let dir = std::env::var_os("CARGO_TARGET_DIR").map_or(target.to_path_buf(), PathBuf::from);
-    // A relative one is meant from the workspace's root.
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    root.join(dir).join("peers").join(peer).join("bin/python")
+    peer::python(env!("CARGO_TARGET_TMPDIR"), peer)
 }
 
 struct PeerKind {
@@ -73,41 +62,10 @@ const CYCLONE: PeerKind = PeerKind {
     domain: 1,
 };
 
-/// The foreign program. Ends with this.
-struct Peer {
-    child: Child,
-    lines: Receiver<String>,
-}
-
-impl Peer {
-    fn start(kind: &PeerKind, domain: u16) -> Self {
-        let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/peers/");
-        let mut child = Command::new(python(kind.environment))
-            .arg(format!("{dir}{}", kind.script))
-            .env("ROS_DOMAIN_ID", domain.to_string())
-            .env("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
-            .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let output = BufReader::new(child.stdout.take().unwrap());
-        let (send, lines) = channel();
-        std::thread::spawn(move || {
-            for line in output.lines().map_while(Result::ok) {
-                if send.send(line).is_err() {
-                    break;
-                }
-            }
-        });
-        Peer { child, lines }
-    }
-}
-
-impl Drop for Peer {
-    fn drop(&mut self) {
-        drop(self.child.kill());
-        drop(self.child.wait());
-    }
+fn start(kind: &PeerKind, domain: u16) -> Peer {
+    let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/peers/");
+    let mut command = Command::new(python(kind.environment));
+    Peer::start(command.arg(format!("{dir}{}", kind.script)), domain)
 }
 
 /// A node with /ping, /latched and /pong.
@@ -243,7 +201,7 @@ fn echo(kind: &PeerKind) {
         assert!(ours.write(latched, &sample));
         expected.push_back(sample);
     }
-    let _peer = Peer::start(kind, domain);
+    let _peer = start(kind, domain);
     let begin = Instant::now();
     let mut next = 3;
     let mut received = 0;
@@ -287,7 +245,7 @@ fn graph() {
     let domain = domain(2);
     let mut ours = Ours::new(domain);
     let hash = ours.hash;
-    let peer = Peer::start(&RCLPY, domain);
+    let peer = start(&RCLPY, domain);
     let begin = Instant::now();
     let mut wanted = vec!["publisher", "subscription"];
     while !wanted.is_empty() {

@@ -5,6 +5,7 @@
 //! - [`harness`]: trials that count as *ignored* (skipped) at run time, through `libtest-mimic`,
 //!   because the standard harness can only pass or fail.
 //! - [`alloc`]: a global allocator that counts, to prove that the hot path does not allocate.
+//! - [`peer`]: a foreign ROS 2 program in Python.
 //! - [`program`]: a built command, run to its end or beside the test.
 //! - [`progress`]: waiting for an event, and lower bounds on progress.
 //! - [`sets`]: properties over random sets, on all CPUs.
@@ -19,6 +20,7 @@
 
 pub mod alloc;
 pub mod harness;
+pub mod peer;
 pub mod program;
 pub mod progress;
 pub mod rt;
