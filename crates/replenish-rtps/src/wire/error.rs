@@ -1,6 +1,10 @@
 //! Errors of bytes from the wire, and of buffers to write them to.
 
 use core::fmt;
+use replenish_wire::ReadError;
+
+/// A bounds-checked cursor over received CDR.
+pub type Reader<'a> = replenish_wire::Reader<'a, WireError>;
 
 /// Why bytes could not be decoded, or a value not be encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,3 +73,12 @@ impl fmt::Display for WireError {
 }
 
 impl core::error::Error for WireError {}
+
+impl ReadError for WireError {
+    fn truncated(needed: usize, left: usize) -> Self {
+        Self::Truncated { needed, left }
+    }
+    fn bad_string() -> Self {
+        Self::BadString
+    }
+}

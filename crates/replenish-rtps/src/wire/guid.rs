@@ -67,12 +67,6 @@ impl EntityId {
         matches!(self.kind() & 0x3f, 0x04 | 0x07)
     }
 
-    /// Whether the protocol itself defines the entity.
-    #[must_use]
-    pub const fn is_builtin(self) -> bool {
-        self.kind() & 0xc0 == 0xc0
-    }
-
     pub(super) fn decode(r: &mut Reader<'_>) -> Result<Self, WireError> {
         r.array().map(EntityId)
     }

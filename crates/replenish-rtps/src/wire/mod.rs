@@ -8,7 +8,7 @@
 //!   message ──► submessage ──► sets (sequence numbers), guid, time
 //!                    └───────► parameters ──► inline QoS
 //!   participant (SPDP), endpoint (SEDP) ──► parameters, qos, locator, payload
-//!   reader, writer: CDR          error: malformed bytes, short buffers
+//!   writer (and Reader, of replenish-wire): CDR     error: malformed bytes, short buffers
 //! ```
 //!
 //! Encoding always writes little endian; decoding takes both byte orders. Decoding never panics:
@@ -24,7 +24,6 @@ mod parameters;
 mod participant;
 mod payload;
 mod qos;
-mod reader;
 mod related;
 mod sets;
 mod submessage;
@@ -32,7 +31,7 @@ mod time;
 mod writer;
 
 pub use endpoint::{EndpointData, Partitions, TypeHash, disposal, disposed_entity, is_disposal};
-pub use error::WireError;
+pub use error::{Reader, WireError};
 pub use guid::{EntityId, Guid, GuidPrefix};
 pub use locator::{Locator, Locators};
 pub use message::{HEADER, Message, MessageWriter, Submessages, VENDOR, VERSION};
@@ -40,7 +39,6 @@ pub use parameters::{Parameter, ParameterWriter, Parameters, pid};
 pub use participant::{ParticipantData, builtin};
 pub use payload::{CDR_LE, Encapsulated, PL_CDR_LE};
 pub use qos::{Durability, LivelinessKind, Qos, Reliability, Representations};
-pub use reader::Reader;
 pub use related::{SampleIdentity, put_related_request, related_request};
 pub use sets::{Bits, FragmentSet, MAX_SEQUENCE_NUMBER, SequenceNumber, SequenceSet};
 pub use submessage::{

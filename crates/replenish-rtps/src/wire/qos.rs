@@ -46,8 +46,6 @@ impl Representations {
     pub const XCDR1: Representations = Representations(1);
     /// XCDR2.
     pub const XCDR2: Representations = Representations(4);
-    /// Both.
-    pub const ANY_CDR: Representations = Representations(5);
 
     /// Whether a sample that `self` writes can be read by `reader`.
     #[must_use]

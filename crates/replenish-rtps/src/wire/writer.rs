@@ -1,6 +1,7 @@
 //! [`Writer`]: little-endian CDR into a buffer.
 
 use super::WireError;
+use replenish_wire::padding;
 
 /// Writes little-endian CDR; alignment counts from the buffer's start or the last
 /// [`Writer::set_origin`].
@@ -98,11 +99,8 @@ impl<'a> Writer<'a> {
 
     /// Zeros up to the next multiple of `to` (a power of two, at most 8).
     pub fn align(&mut self, to: usize) {
-        let over = self.pos.wrapping_sub(self.origin) & to.wrapping_sub(1);
-        if over != 0 {
-            let zeros = [0; 8];
-            self.put(zeros.get(..to.wrapping_sub(over)).unwrap_or(&zeros));
-        }
+        let pad = padding(self.pos.wrapping_sub(self.origin), to);
+        self.put([0; 8].get(..pad).unwrap_or(&[0; 8]));
     }
 
     /// One byte.

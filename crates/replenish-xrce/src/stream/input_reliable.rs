@@ -12,7 +12,7 @@ use super::consume::{InputStats, consume};
 use super::reassembly::Reassembly;
 use crate::SeqNum;
 use crate::counter::count;
-use crate::time::{NEVER, Nanos, ever, later};
+use crate::time::{NEVER, Nanos, later};
 use crate::wire::{AckNack, StreamId, Submessage};
 
 /// Messages that can wait for a missing one at most. An acknowledgement names sixteen.
@@ -233,12 +233,8 @@ where
         self.take_ack()
     }
 
-    /// When [`InputReliable::take_ack_at`] has something to send, once it was asked.
-    pub const fn ack_deadline(&self) -> Option<Nanos> {
-        ever(self.ack_at)
-    }
-
-    /// The same, [`NEVER`] for none.
+    /// When [`InputReliable::take_ack_at`] has something to send, once it was asked; [`NEVER`] for
+    /// nothing.
     pub(crate) const fn ack_due_at(&self) -> Nanos {
         self.ack_at
     }

@@ -176,7 +176,7 @@ impl<'a> ReadData<'a> {
         plain(r.u8()?)?;
         let filter = r.option(Reader::string)?;
         let control = r.option(|r| {
-            r.skip_length(8)?;
+            skip_length(r, 8)?;
             Ok(DeliveryControl {
                 max_samples: r.u16()?,
                 max_elapsed_s: r.u16()?,
@@ -191,4 +191,15 @@ impl<'a> ReadData<'a> {
             control,
         })
     }
+}
+
+/// Steps over the length that the specification puts before an appendable structure of `size`
+/// bytes (XCDR2's DHEADER), if it is there: eProsima's implementations leave it out, and the bytes
+/// that follow tell the two apart.
+fn skip_length(r: &mut Reader<'_>, size: u16) -> Result<(), WireError> {
+    let mut ahead = *r;
+    if ahead.u32()? == u32::from(size) && ahead.left() >= usize::from(size) {
+        *r = ahead;
+    }
+    Ok(())
 }

@@ -171,8 +171,6 @@ impl ObjectId {
     pub const AGENT: ObjectId = ObjectId(0xfffd);
     /// The client itself: DELETE of it ends the session.
     pub const CLIENT: ObjectId = ObjectId(0xfffe);
-    /// No object.
-    pub const INVALID: ObjectId = ObjectId(0);
 
     /// Object `id` (the low 12 bits count) of kind `kind`.
     #[must_use]

@@ -8,7 +8,7 @@
 //!   message ──► body ──► login, info, create (entity, endpoint), access, service, notice,
 //!      │                 reliability, time          one file for the submessages of a topic
 //!      └──► header ──► ids                          encode: building messages
-//!   reader, writer, padding: CDR                    error: malformed bytes, short buffers
+//!   writer (and Reader, of replenish-wire): CDR     error: malformed bytes, short buffers
 //! ```
 //!
 //! Bodies are CDR with alignment counted from the body's own start and the byte order of flag bit
@@ -28,8 +28,6 @@ mod info;
 mod login;
 mod message;
 mod notice;
-mod padding;
-mod reader;
 mod reliability;
 mod service;
 mod time;
@@ -46,7 +44,7 @@ pub use endpoint::{
     ReaderQos, WriterQos,
 };
 pub use entity::{GroupBinary, ParticipantBinary, ServiceBinary, TopicBinary};
-pub use error::WireError;
+pub use error::{Reader, WireError};
 pub use header::{FLAG_LITTLE_ENDIAN, Header, StreamHeader, SubmessageId};
 pub use ids::{
     BaseRequest, ClientKey, ObjectId, ObjectKind, RequestId, SessionId, Status, StreamId,
@@ -55,12 +53,11 @@ pub use info::{AgentInfo, GetInfo, INFO_ACTIVITY, INFO_CONFIGURATION, Info};
 pub use login::{COOKIE, CreateClient, Properties, StatusAgent, StatusReply, VENDOR, VERSION};
 pub use message::{Message, Submessage, Submessages};
 pub use notice::Notice;
-pub(crate) use padding::padding;
-pub use reader::Reader;
 pub use reliability::{
     AckNack, Confirmation, Confirmed, DELIVERY, DELIVERY_BACK, DELIVERY_CONFIRMED, DELIVERY_NEW,
     Fragment, Heartbeat, Reset,
 };
+pub(crate) use replenish_wire::padding;
 pub use service::{SampleIdentity, WriteReply};
 pub use time::{Timestamp, TimestampReply, WireTime};
 pub use writer::Writer;

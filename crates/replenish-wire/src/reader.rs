@@ -1,16 +1,26 @@
 //! [`Reader`]: a bounds-checked cursor over received CDR.
 
-use super::{WireError, padding};
+use crate::padding;
+use core::marker::PhantomData;
+
+/// The error of a protocol, made from the two things that a [`Reader`] can find.
+pub trait ReadError: Sized {
+    /// The next field needs `needed` bytes, and `left` are left.
+    fn truncated(needed: usize, left: usize) -> Self;
+    /// A string is not UTF-8, or has a NUL inside.
+    fn bad_string() -> Self;
+}
 
 /// Reads CDR from a slice; alignment counts from the slice's start.
-#[derive(Clone, Debug)]
-pub struct Reader<'a> {
+#[derive(Clone, Copy, Debug)]
+pub struct Reader<'a, E> {
     bytes: &'a [u8],
     pos: usize,
     little: bool,
+    error: PhantomData<E>,
 }
 
-impl<'a> Reader<'a> {
+impl<'a, E: ReadError> Reader<'a, E> {
     /// A reader at the start of `bytes`.
     #[must_use]
     pub const fn new(bytes: &'a [u8], little_endian: bool) -> Self {
@@ -18,6 +28,7 @@ impl<'a> Reader<'a> {
             bytes,
             pos: 0,
             little: little_endian,
+            error: PhantomData,
         }
     }
 
@@ -27,17 +38,20 @@ impl<'a> Reader<'a> {
         self.little
     }
 
+    /// Bytes that are left.
+    #[must_use]
+    pub const fn left(&self) -> usize {
+        self.bytes.len().saturating_sub(self.pos)
+    }
+
     /// The next `n` bytes, without alignment.
     ///
     /// # Errors
-    /// [`WireError::Truncated`] if fewer are left.
-    pub fn take(&mut self, n: usize) -> Result<&'a [u8], WireError> {
+    /// [`ReadError::truncated`] if fewer are left.
+    pub fn take(&mut self, n: usize) -> Result<&'a [u8], E> {
         let rest = self.bytes.get(self.pos..).unwrap_or(&[]);
         let Some((head, _)) = rest.split_at_checked(n) else {
-            return Err(WireError::Truncated {
-                needed: n,
-                left: rest.len(),
-            });
+            return Err(E::truncated(n, rest.len()));
         };
         self.pos = self.pos.saturating_add(n);
         Ok(head)
@@ -53,44 +67,41 @@ impl<'a> Reader<'a> {
     /// Skips to the next multiple of `to` (a power of two).
     ///
     /// # Errors
-    /// [`WireError::Truncated`] if the bytes end before it.
-    pub fn align(&mut self, to: usize) -> Result<(), WireError> {
+    /// [`ReadError::truncated`] if the bytes end before it.
+    pub fn align(&mut self, to: usize) -> Result<(), E> {
         self.take(padding(self.pos, to)).map(|_| ())
     }
 
     /// The next `N` bytes as an array, without alignment.
     ///
     /// # Errors
-    /// [`WireError::Truncated`].
-    pub fn array<const N: usize>(&mut self) -> Result<[u8; N], WireError> {
+    /// [`ReadError::truncated`].
+    pub fn array<const N: usize>(&mut self) -> Result<[u8; N], E> {
         let bytes = self.take(N)?;
-        <[u8; N]>::try_from(bytes).map_err(|_| WireError::Truncated {
-            needed: N,
-            left: bytes.len(),
-        })
+        <[u8; N]>::try_from(bytes).map_err(|_| E::truncated(N, bytes.len()))
     }
 
     /// One byte.
     ///
     /// # Errors
-    /// [`WireError::Truncated`].
-    pub fn u8(&mut self) -> Result<u8, WireError> {
+    /// [`ReadError::truncated`].
+    pub fn u8(&mut self) -> Result<u8, E> {
         self.array::<1>().map(|[byte]| byte)
     }
 
     /// A boolean; every byte but 0 is true.
     ///
     /// # Errors
-    /// [`WireError::Truncated`].
-    pub fn bool(&mut self) -> Result<bool, WireError> {
+    /// [`ReadError::truncated`].
+    pub fn bool(&mut self) -> Result<bool, E> {
         self.u8().map(|byte| byte != 0)
     }
 
     /// An aligned 16-bit number.
     ///
     /// # Errors
-    /// [`WireError::Truncated`].
-    pub fn u16(&mut self) -> Result<u16, WireError> {
+    /// [`ReadError::truncated`].
+    pub fn u16(&mut self) -> Result<u16, E> {
         self.align(2)?;
         let bytes = self.array()?;
         Ok(if self.little {
@@ -103,16 +114,16 @@ impl<'a> Reader<'a> {
     /// An aligned signed 16-bit number.
     ///
     /// # Errors
-    /// [`WireError::Truncated`].
-    pub fn i16(&mut self) -> Result<i16, WireError> {
+    /// [`ReadError::truncated`].
+    pub fn i16(&mut self) -> Result<i16, E> {
         self.u16().map(u16::cast_signed)
     }
 
     /// An aligned 32-bit number.
     ///
     /// # Errors
-    /// [`WireError::Truncated`].
-    pub fn u32(&mut self) -> Result<u32, WireError> {
+    /// [`ReadError::truncated`].
+    pub fn u32(&mut self) -> Result<u32, E> {
         self.align(4)?;
         let bytes = self.array()?;
         Ok(if self.little {
@@ -122,11 +133,19 @@ impl<'a> Reader<'a> {
         })
     }
 
+    /// An aligned signed 32-bit number.
+    ///
+    /// # Errors
+    /// [`ReadError::truncated`].
+    pub fn i32(&mut self) -> Result<i32, E> {
+        self.u32().map(u32::cast_signed)
+    }
+
     /// A length-prefixed run of bytes.
     ///
     /// # Errors
-    /// [`WireError::Truncated`], also for a length that no message can hold.
-    pub fn bytes(&mut self) -> Result<&'a [u8], WireError> {
+    /// [`ReadError::truncated`], also for a length that no message can hold.
+    pub fn bytes(&mut self) -> Result<&'a [u8], E> {
         let len = self.u32()?;
         self.take(usize::try_from(len).unwrap_or(usize::MAX))
     }
@@ -134,38 +153,24 @@ impl<'a> Reader<'a> {
     /// A string; its terminating NUL is not part of the result.
     ///
     /// # Errors
-    /// [`WireError::Truncated`], [`WireError::BadString`].
-    pub fn string(&mut self) -> Result<&'a str, WireError> {
+    /// [`ReadError::truncated`], [`ReadError::bad_string`].
+    pub fn string(&mut self) -> Result<&'a str, E> {
         let bytes = self.bytes()?;
         let bytes = bytes.strip_suffix(&[0]).unwrap_or(bytes);
         if bytes.contains(&0) {
-            return Err(WireError::BadString);
+            return Err(E::bad_string());
         }
-        core::str::from_utf8(bytes).map_err(|_| WireError::BadString)
-    }
-
-    /// Steps over the length that the specification puts before an appendable structure of `size`
-    /// bytes (XCDR2's DHEADER) and eProsima's implementations leave out, if it is there: it is told
-    /// from the structure's own beginning by the bytes that follow.
-    ///
-    /// # Errors
-    /// [`WireError::Truncated`].
-    pub(super) fn skip_length(&mut self, size: u16) -> Result<(), WireError> {
-        let mut ahead = self.clone();
-        if ahead.u32()? == u32::from(size) && ahead.rest().len() >= usize::from(size) {
-            self.u32()?;
-        }
-        Ok(())
+        core::str::from_utf8(bytes).map_err(|_| E::bad_string())
     }
 
     /// A boolean and, if it is true, what `read` reads.
     ///
     /// # Errors
-    /// [`WireError::Truncated`] and those of `read`.
+    /// [`ReadError::truncated`] and those of `read`.
     pub fn option<T>(
         &mut self,
-        read: impl FnOnce(&mut Self) -> Result<T, WireError>,
-    ) -> Result<Option<T>, WireError> {
+        read: impl FnOnce(&mut Self) -> Result<T, E>,
+    ) -> Result<Option<T>, E> {
         if self.bool()? {
             read(self).map(Some)
         } else {
@@ -178,24 +183,41 @@ impl<'a> Reader<'a> {
 mod tests {
     use super::*;
 
+    #[derive(Debug, PartialEq)]
+    enum Found {
+        Truncated { needed: usize, left: usize },
+        BadString,
+    }
+
+    impl ReadError for Found {
+        fn truncated(needed: usize, left: usize) -> Self {
+            Self::Truncated { needed, left }
+        }
+        fn bad_string() -> Self {
+            Self::BadString
+        }
+    }
+
+    type Reader<'a> = super::Reader<'a, Found>;
+
     #[test]
     fn big_endian_is_read_and_absurd_lengths_are_refused() {
         let mut r = Reader::new(&[0, 1, 0, 0, 0, 0, 0, 2, 0xff, 0xff, 0xff, 0xff], false);
         assert_eq!((r.u16(), r.u32()), (Ok(1), Ok(2)));
         assert_eq!(
             r.bytes(),
-            Err(WireError::Truncated {
+            Err(Found::Truncated {
                 needed: u32::MAX as usize,
                 left: 0
             })
         );
         assert_eq!(
             Reader::new(&[3, 0, 0, 0, b'a', 0, b'b'], true).string(),
-            Err(WireError::BadString)
+            Err(Found::BadString)
         );
         assert_eq!(
             Reader::new(&[1, 0, 0, 0, 0xff], true).string(),
-            Err(WireError::BadString)
+            Err(Found::BadString)
         );
         assert_eq!(Reader::new(&[0, 0, 0, 0], true).string(), Ok(""));
     }
