@@ -14,10 +14,9 @@
 //! # Features
 //! | feature | default | what it brings |
 //! |---|---|---|
-//! | `std` | yes | UDP, TCP and serial lines of Linux; panics caught callback by callback; brings `full` and `texts` |
+//! | `std` | yes | UDP, TCP and serial lines of Linux; [`Context::ros2`]: ROS 2 without an agent; panics caught callback by callback; brings `full` and `texts` |
 //! | `plan` | yes | guarantees, admission, deployment files; brings `std` |
 //! | `xrce` | yes | the micro-ROS middleware |
-//! | `rtps` | yes | [`Context::ros2`]: ROS 2 without an agent; brings `std` |
 //! | `full` | with `std` | services, actions, handles that come and go, histograms, long samples, the server of POSIX |
 //! | `texts` | with `std` | errors and reports in words, [`Event::Incompatible`] |
 //! | `log` | no | events go to the program's logger |

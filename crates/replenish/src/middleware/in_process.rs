@@ -9,9 +9,10 @@ mod clashes;
 mod notices;
 mod services;
 
+use super::places::{free_number, put};
 use super::{
-    EndpointSpec, IncompatibleQos, Interest, LinkState, MAX_READERS, Middleware, MiddlewareError,
-    PublishError, ReaderId, RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
+    EndpointSpec, IncompatibleQos, Interest, LinkState, Middleware, MiddlewareError, PublishError,
+    ReaderId, RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
 };
 use crate::Nanos;
 use crate::handoff::Ring;
@@ -129,13 +130,10 @@ impl Middleware for InProcess {
     fn create_writer(&self, spec: &EndpointSpec<'_>) -> Result<WriterId, MiddlewareError> {
         let late = spec.qos.durability == Durability::TransientLocal;
         let mut bus = self.bus.state.lock();
-        let writers = &mut bus.me(self.me)?.writers;
-        let free = writers.iter().position(|w| w.deleted);
-        let index = free.unwrap_or(writers.len());
-        let id = bounded(index, "writers of one context")?;
+        let writers = &bus.me(self.me)?.writers;
+        let id = free_number(writers, |w| w.deleted, "writers of one context")?;
         let topic = bus.join(spec)?;
         let told = bus.compare_writer(self.me, topic, spec.qos);
-        let writers = &mut bus.me(self.me)?.writers;
         let writer = Writer {
             topic,
             offers: spec.qos,
@@ -145,10 +143,7 @@ impl Middleware for InProcess {
             kept: late.then(|| Ring::new(spec.qos.depth.into(), spec.max_size)),
             deleted: false,
         };
-        match writers.get_mut(index) {
-            Some(place) => *place = writer,
-            None => writers.push(writer),
-        }
+        put(&mut bus.me(self.me)?.writers, id.into(), writer);
         drop(bus);
         self.bus.ring(told);
         Ok(WriterId(id))
@@ -176,22 +171,17 @@ impl Middleware for InProcess {
             stamp: 0,
         };
         let mut bus = self.bus.state.lock();
-        let mine = &mut bus.me(self.me)?.readers;
-        let index = mine.iter().position(|r| r.deleted).unwrap_or(mine.len());
-        let id = bounded(index, "readers of one context")?;
+        let readers = &bus.me(self.me)?.readers;
+        let id = free_number(readers, |r| r.deleted, "readers of one context")?;
         let topic = bus.join(spec)?;
         (reader.id, reader.topic) = (ReaderId(id), topic);
         reader.stamp = bus.next_stamp();
         if spec.qos.durability == Durability::TransientLocal {
             bus.catch_up(topic, &mut reader);
         }
-        let mine = &mut bus.me(self.me)?.readers;
-        match mine.get_mut(index) {
-            Some(place) => *place = reader,
-            None => mine.push(reader),
-        }
+        put(&mut bus.me(self.me)?.readers, id.into(), reader);
         if let Some(topic) = bus.topics.get_mut(topic) {
-            topic.readers.push((self.me, index));
+            topic.readers.push((self.me, id.into()));
         }
         let told = bus.compare_reader(self.me, ReaderId(id), topic, spec.qos);
         drop(bus);
@@ -365,12 +355,6 @@ impl InProcess {
         let mut bus = self.bus.state.lock();
         bus.me(self.me).ok()?.readers.get_mut(at).map(f)
     }
-}
-
-fn bounded(index: usize, what: &'static str) -> Result<u16, MiddlewareError> {
-    let (limit, what) = (MAX_READERS, label(what));
-    let id = u16::try_from(index).ok().filter(|_| index < limit);
-    id.ok_or(MiddlewareError::Capacity { what, limit })
 }
 
 /// Nanoseconds since the Unix epoch.

@@ -19,7 +19,7 @@
 //!
 //! ```text
 //!   in_process · xrce · rtps ─► contract: Middleware ─► incompatible_qos · interest ─► ids
-//!   encoding · remedy · error: payloads, and what can go wrong with them
+//!   encoding · remedy · error: payloads, and what can go wrong with them      places: endpoints
 //! ```
 
 mod contract;
@@ -30,6 +30,7 @@ mod ids;
 mod in_process;
 mod incompatible_qos;
 mod interest;
+mod places;
 pub(crate) mod remedy;
 #[cfg(feature = "std")]
 pub mod rtps;

@@ -12,6 +12,7 @@
 
 use super::notices::{Clashes, Oversizes};
 use crate::handoff::{Ring, SampleInfo};
+use crate::middleware::places::{free_place, put};
 use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId};
 use crate::platform::{TEXTS, label};
 use crate::qos::Qos;
@@ -92,12 +93,9 @@ pub(super) struct Reader {
 impl Bus {
     /// Finds a place for a participant; if there is none, a place without anybody.
     pub(super) fn enter(&mut self, participant: Participant) -> usize {
-        let free = self.participants.iter().position(Option::is_none);
-        let at = free.unwrap_or(self.participants.len());
-        match self.participants.get_mut(at) {
-            Some(place) => *place = Some(participant),
-            None if at < MAX_PARTICIPANTS => self.participants.push(Some(participant)),
-            None => {}
+        let at = free_place(&self.participants, Option::is_none);
+        if at < MAX_PARTICIPANTS {
+            put(&mut self.participants, at, Some(participant));
         }
         at
     }
@@ -148,12 +146,8 @@ impl Bus {
             endpoints: 1,
             ..Topic::default()
         };
-        let free = self.topics.iter().position(|t| t.endpoints == 0);
-        let at = free.unwrap_or(self.topics.len());
-        match self.topics.get_mut(at) {
-            Some(place) => *place = topic,
-            None => self.topics.push(topic),
-        }
+        let at = free_place(&self.topics, |t| t.endpoints == 0);
+        put(&mut self.topics, at, topic);
         Ok(at)
     }
 

@@ -4,8 +4,8 @@ use super::adapter::Rtps;
 use super::new_end::{NewEnd, failed};
 use super::qos::{name_too_long, places, refused};
 use super::state::{ReaderEnd, State, WriterEnd};
-use crate::middleware::{MAX_READERS, MiddlewareError, ReaderId, WriterId};
-use crate::platform::label;
+use crate::middleware::places::{free_number, put};
+use crate::middleware::{MiddlewareError, ReaderId, WriterId};
 use replenish_os::clock;
 use replenish_rtps::participant as rtps;
 use replenish_rtps::ros::dds_topic;
@@ -16,6 +16,8 @@ impl Rtps {
         let topic = dds_topic(new.prefix, new.name).ok_or_else(name_too_long)?;
         let now = clock::monotonic();
         let state = &mut *self.state.lock();
+        let free = |end: &WriterEnd| end.id.is_none();
+        let number = free_number(&state.writers, free, "publishers of one context")?;
         let spec = new.spec(topic.as_str(), new.qos.depth.into());
         let made = state.participant.create_writer(&spec, now);
         let id = made.map_err(|error| refused(error, self.own_endpoints))?;
@@ -27,17 +29,12 @@ impl Rtps {
             partner: None,
         };
         state.reserve(new.bytes());
-        let place = state.writers.iter().position(|end| end.id.is_none());
-        let at = place.unwrap_or(state.writers.len());
-        match state.writers.get_mut(at) {
-            Some(place) => *place = end,
-            None => state.writers.push(end),
-        }
+        put(&mut state.writers, number.into(), end);
         let entered = state
             .graph
             .enter(&mut state.participant, new.node, id.entity(), now);
         state.housekeep(now, &self.alarm, &self.sockets);
-        let writer = WriterId(number(at, "publishers of one context")?);
+        let writer = WriterId(number);
         if let Err(error) = entered {
             state.drop_writer(writer, now);
             return Err(error);
@@ -52,9 +49,9 @@ impl Rtps {
         let now = clock::monotonic();
         let mut inlets = self.inlets.lock();
         let state = &mut *self.state.lock();
-        let place = state.readers.iter().position(|end| end.id.is_none());
-        let at = place.unwrap_or(state.readers.len());
-        let reader = ReaderId(number(at, "subscriptions of one context")?);
+        let free = |end: &ReaderEnd| end.id.is_none();
+        let number = free_number(&state.readers, free, "subscriptions of one context")?;
+        let (reader, at) = (ReaderId(number), number.into());
         let added = inlets.add(&self.set, reader, socket);
         added.map_err(|e| failed("wait for a reader's socket", &e))?;
         match state.new_reader(new, topic.as_str(), unicast, at, now) {
@@ -123,10 +120,7 @@ impl State {
             unreadable: 0,
             service: None,
         };
-        match self.readers.get_mut(at) {
-            Some(place) => *place = end,
-            None => self.readers.push(end),
-        }
+        put(&mut self.readers, at, end);
         Ok(())
     }
 
@@ -165,10 +159,4 @@ impl State {
         self.graph
             .leave(&mut self.participant, &node, id.entity(), now);
     }
-}
-
-fn number(at: usize, what: &'static str) -> Result<u16, MiddlewareError> {
-    let (limit, what) = (MAX_READERS, label(what));
-    let number = u16::try_from(at).ok().filter(|_| at < limit);
-    number.ok_or(MiddlewareError::Capacity { what, limit })
 }

@@ -11,6 +11,7 @@
 
 use super::limits::MAX_NUMBER;
 use super::objects::{Reader, State, Writer};
+use crate::middleware::places::{free_place, put};
 use crate::middleware::{MAX_READERS, MiddlewareError, ReaderId, WriterId};
 use crate::platform::label;
 use replenish_xrce::wire::{ObjectId, ObjectKind, StreamId};
@@ -33,8 +34,7 @@ impl State {
     pub(super) fn reader_place(&mut self) -> Result<(usize, u16), MiddlewareError> {
         let (what, limit) = (label("readers"), MAX_READERS);
         let full = MiddlewareError::Capacity { what, limit };
-        let free = self.endpoints.readers.iter().position(|r| r.deleted);
-        let slot = free.unwrap_or(self.endpoints.readers.len());
+        let slot = free_place(&self.endpoints.readers, |r| r.deleted);
         let readers = &self.endpoints.readers;
         let taken = |number| {
             let same = |r: &Reader| !r.deleted && r.object.number() == number;
@@ -49,10 +49,7 @@ impl State {
     pub(super) fn place_reader(&mut self, slot: usize, reader: Reader) -> ReaderId {
         let id = u16::try_from(slot).unwrap_or(u16::MAX);
         self.endpoints.slots.set(reader.object.number(), id);
-        match self.endpoints.readers.get_mut(slot) {
-            Some(place) => *place = reader,
-            None => self.endpoints.readers.push(reader),
-        }
+        put(&mut self.endpoints.readers, slot, reader);
         ReaderId(id)
     }
 
@@ -150,12 +147,8 @@ impl State {
 
     /// Puts a writer where there is room.
     pub(super) fn place_writer(&mut self, writer: Writer) -> WriterId {
-        let free = self.endpoints.writers.iter().position(|w| w.free);
-        let slot = free.unwrap_or(self.endpoints.writers.len());
-        match self.endpoints.writers.get_mut(slot) {
-            Some(place) => *place = writer,
-            None => self.endpoints.writers.push(writer),
-        }
+        let slot = free_place(&self.endpoints.writers, |w| w.free);
+        put(&mut self.endpoints.writers, slot, writer);
         WriterId(u16::try_from(slot).unwrap_or(u16::MAX))
     }
 
