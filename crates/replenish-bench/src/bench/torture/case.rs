@@ -19,6 +19,13 @@ pub(super) struct Case {
     pub stops: Vec<Stop>,
     /// A handle comes and goes so often; 0: none does.
     pub churn_every: Nanos,
+    /// So long after the start the program may raise no thread any more.
+    #[serde(default)]
+    pub drops_at: Option<Nanos>,
+    /// The executor pins no worker, and so no enforcer. The program may use the CPU under test
+    /// only, where the judge looks.
+    #[serde(default)]
+    pub unpinned: bool,
 }
 
 /// A budgeted worker.
@@ -36,6 +43,9 @@ pub(super) struct Worker {
     pub group: Option<u8>,
     /// A second handle panics once.
     pub panics: bool,
+    /// The executor chooses its priorities, and tests whether it can keep the promise.
+    #[serde(default)]
+    pub guaranteed: bool,
 }
 
 /// The work of a worker's callbacks.
@@ -75,29 +85,30 @@ impl Worker {
         matches!(self.work, Work::Endless) && self.group.is_none() && !self.panics
     }
 
-    /// The most that it may have at a priority that it inherits, beyond its budget, since it was
-    /// lowered last. One that is suspended finishes its section; one with a background priority
-    /// may go on until it has inherited as much as its budget.
-    pub(super) fn inherits(&self) -> Nanos {
-        match (self.group, self.background) {
-            (None, _) => 0,
-            (Some(_), None) => self.section(),
-            (Some(_), Some(_)) => self.budget + self.section(),
-        }
-    }
-
-    /// The longest time it holds its group for.
-    pub(super) fn section(&self) -> Nanos {
+    /// The longest time it holds its group for; `None`: without end.
+    pub(super) fn section(&self) -> Option<Nanos> {
         match self.work {
+            _ if self.group.is_none() => Some(0),
+            Work::Endless | Work::Sleepy { .. } => None,
             Work::BackToBack { burn }
             | Work::Periodic { burn, .. }
-            | Work::Messages { burn, .. }
-                if self.group.is_some() =>
-            {
-                burn
-            }
-            _ => 0,
+            | Work::Messages { burn, .. } => Some(burn),
         }
+    }
+}
+
+impl Case {
+    /// The most that a worker may have at a priority that it inherits, beyond its budget, since it
+    /// was lowered last. One that is suspended finishes its section; one with a background priority
+    /// may go on until it has inherited as much as its budget. `None`: the section has no end, and
+    /// its group waits for it.
+    pub(super) fn inherits(&self, worker: &Worker) -> Option<Nanos> {
+        let shares = |other: &&Worker| other.group == worker.group;
+        if worker.group.is_none() || self.workers.iter().filter(shares).count() < 2 {
+            return Some(0); // nobody waits for it
+        }
+        let goes_on = worker.background.map_or(0, |_| worker.budget);
+        worker.section().map(|section| goes_on + section)
     }
 }
 
@@ -123,13 +134,17 @@ impl fmt::Display for Case {
         add(count(Worker::is_hungry), "endless")?;
         add(count(|w| w.background.is_none()), "suspended")?;
         add(count(|w| w.group.is_some()), "in groups")?;
+        add(count(|w| w.section().is_none()), "endless in groups")?;
         add(count(|w| w.panics), "that panic")?;
+        add(count(|w| w.guaranteed), "guaranteed")?;
         add(self.strangers.len(), "strangers")?;
         add(self.stops.len(), "stops")?;
         add(
             usize::from(self.churn_every > 0),
             "handle that comes and goes",
         )?;
+        add(usize::from(self.drops_at.is_some()), "privilege dropped")?;
+        add(usize::from(self.unpinned), "CPU for unpinned threads")?;
         add(usize::from(!self.records), "without switch records")
     }
 }

@@ -4,13 +4,13 @@ use super::case::{self, Case, Stranger, Work, Worker};
 use crate::load::{MS, Nanos};
 use replenish::msg::std_msgs::Int32;
 use replenish::{
-    CallbackContext, Context, Executor, Group, HandleOptions, Low, Node, Params, Policy, Publisher,
-    Qos, Removal, RunningExecutor,
+    CallbackContext, Context, Error, Executor, Group, Guarantee, HandleOptions, Low, Node, Params,
+    Policy, Publisher, Qos, Removal, RunningExecutor,
 };
 use replenish_cli::outcome::{Failure, Outcome};
 use replenish_cli::signals::Stop;
 use replenish_cli::supervised::emit;
-use replenish_os::{CpuSet, ThreadSpec, clock};
+use replenish_os::{CpuSet, ThreadSpec, baseline, clock};
 use serde::{Deserialize, Serialize};
 use std::io::BufRead as _;
 use std::time::Duration;
@@ -25,11 +25,22 @@ pub(super) struct Order {
     pub support: usize,
 }
 
+/// The line that has the child give up its privileges.
+pub(super) const DROP: &str = "drop";
+
+/// The user that it is then: nobody.
+const NOBODY: u32 = 65534;
+
 /// The child's answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) enum News {
     /// All threads run.
-    Started { fallbacks: Vec<String> },
+    Started {
+        fallbacks: Vec<String>,
+        /// The workers as they are: the executor has chosen priorities and more for those with a
+        /// guarantee, or has refused to keep all promises, and given none.
+        workers: Vec<Worker>,
+    },
     /// The executor's own account, worker by worker.
     Account(Vec<Reading>),
     /// It has stopped.
@@ -47,7 +58,7 @@ pub(super) struct Reading {
     pub replenishments: u64,
 }
 
-/// Runs the case until standard input ends. Each line asks for the account.
+/// Runs the case until standard input ends. Each line but [`DROP`] asks for the account.
 pub(super) fn run() -> Outcome {
     let mut lines = std::io::stdin().lock().lines().map_while(Result::ok);
     let order = lines.next().unwrap_or_default();
@@ -56,16 +67,22 @@ pub(super) fn run() -> Outcome {
     let (me, support) = (replenish_os::current_tid(), CpuSet::one(order.support));
     replenish_os::set_affinity(me, &support).map_err(Failure::refused)?;
     let stop = Stop::default();
-    let running = start(&order, &stop)?;
+    let (running, workers) = start(&order, &stop)?;
     let fallbacks = running.report().fallbacks;
     let fallbacks = fallbacks.iter().map(ToString::to_string).collect();
-    emit(&News::Started { fallbacks });
+    emit(&News::Started { fallbacks, workers });
     let workers = order.case.workers.len();
     std::thread::scope(|scope| {
         if order.case.churn_every > 0 {
             scope.spawn(|| churn(&running, workers, order.case.churn_every, &stop));
         }
-        for _ in lines {
+        for line in lines {
+            if line == DROP {
+                // It waits for every thread, and some get no CPU before the executor stops, once
+                // nobody raises them. Refused, the privileges stay, and so do the bounds.
+                std::thread::spawn(|| baseline::become_user(NOBODY).ok());
+                continue;
+            }
             emit(&News::Account(account(&running, workers)));
         }
         stop.trigger();
@@ -75,7 +92,45 @@ pub(super) fn run() -> Outcome {
     Ok(())
 }
 
-fn start(order: &Order, stop: &Stop) -> Result<RunningExecutor, Failure> {
+/// Starts the case, without its guarantees if not all can be kept; the workers as they are then.
+fn start(order: &Order, stop: &Stop) -> Result<(RunningExecutor, Vec<Worker>), Failure> {
+    let mut workers = order.case.workers.clone();
+    let (running, publishers) = match executor(order, &workers)? {
+        Ok(started) => started,
+        Err(Error::NotAdmitted { .. }) => {
+            workers.iter_mut().for_each(|w| w.guaranteed = false);
+            executor(order, &workers)?.map_err(Failure::refused)?
+        }
+        Err(e) => return Err(Failure::refused(e)),
+    };
+    for (publisher, every) in publishers {
+        publish(publisher, every, stop);
+    }
+    for stranger in &order.case.strangers {
+        strange(*stranger, order.cpu, stop)?;
+    }
+    let plan = running.report().admission.plan;
+    let planned = plan.iter().flat_map(|plan| &plan.workers);
+    for (worker, planned) in workers.iter_mut().zip(planned) {
+        if let (true, Policy::Sporadic(params)) = (worker.guaranteed, planned.policy) {
+            worker.priority = params.priority();
+            (worker.budget, worker.period) = (params.budget(), params.period());
+            worker.max_repl = params.max_repl();
+            worker.background = match params.low() {
+                Low::Background(priority) => Some(priority),
+                Low::Suspend => None,
+            };
+        }
+    }
+    Ok((running, workers))
+}
+
+/// The publishers of a case, with the time from one message to the next.
+type Publishers = Vec<(Publisher<Int32>, Nanos)>;
+/// An executor, or why it does not start.
+type Tried = Result<(RunningExecutor, Publishers), Error>;
+
+fn executor(order: &Order, workers: &[Worker]) -> Result<Tried, Failure> {
     let context = Context::in_process();
     let node = context.node("torture").map_err(Failure::refused)?;
     let mut executor = Executor::new(&context);
@@ -87,41 +142,54 @@ fn start(order: &Order, stop: &Stop) -> Result<RunningExecutor, Failure> {
         .stop_grace(Duration::from_secs(3))
         .on_event(|_| ());
     let groups: Vec<Group> = (0..=u8::MAX).map(|n| Group::new(&n.to_string())).collect();
-    for (index, worker) in order.case.workers.iter().enumerate() {
+    let mut publishers = Publishers::new();
+    for (index, worker) in workers.iter().enumerate() {
         let group = worker.group.and_then(|g| groups.get(usize::from(g)));
-        add(
-            &mut executor,
-            &node,
-            (index, worker),
-            (order.cpu, group),
-            stop,
-        )?;
+        let group = group.map(|group| match worker.section() {
+            // With the interrupts that hit it; a guarantee beside one without end is refused.
+            Some(section) => group.clone().holds(Duration::from_nanos(section + MS)),
+            None => group.clone(),
+        });
+        let cpu = (!order.case.unpinned).then_some(order.cpu);
+        let publisher = add(&mut executor, &node, (index, worker), (cpu, group))?;
+        publishers.extend(publisher);
     }
-    let running = executor.start().map_err(Failure::refused)?;
-    for stranger in &order.case.strangers {
-        strange(*stranger, order.cpu, stop)?;
-    }
-    Ok(running)
+    // Threads that are not pinned begin on the CPUs of this one.
+    let me = replenish_os::current_tid();
+    let place = |cpu| replenish_os::set_affinity(me, &CpuSet::one(cpu)).map_err(Failure::refused);
+    place(if order.case.unpinned {
+        order.cpu
+    } else {
+        order.support
+    })?;
+    let started = executor.start();
+    place(order.support)?;
+    Ok(started.map(|running| (running, publishers)))
 }
 
 fn add(
     executor: &mut Executor,
     node: &Node,
     (index, worker): (usize, &Worker),
-    (cpu, group): (usize, Option<&Group>),
-    stop: &Stop,
-) -> Result<(), Failure> {
+    (cpu, group): (Option<usize>, Option<Group>),
+) -> Result<Option<(Publisher<Int32>, Nanos)>, Failure> {
     let low = worker.background.map_or(Low::Suspend, Low::Background);
     let (budget, period) = (worker.budget, worker.period);
     let params = Params::new(worker.priority, low, budget, period, worker.max_repl);
     let policy = Policy::sporadic(params.map_err(Failure::refused)?).map_err(Failure::refused)?;
     let name = case::name(index);
-    let builder = executor
-        .worker(&name)
-        .policy(policy)
-        .cpu(cpu)
-        .capacity(4)
-        .stack_size(128 << 10);
+    let builder = executor.worker(&name).capacity(4).stack_size(128 << 10);
+    let builder = if worker.guaranteed {
+        let (budget, period) = (Duration::from_nanos(budget), Duration::from_nanos(period));
+        builder.guarantee(Guarantee::of(budget).every(period))
+    } else {
+        builder.policy(policy)
+    };
+    let builder = match cpu {
+        Some(cpu) => builder.cpu(cpu),
+        None => builder,
+    };
+    let mut publishes = None;
     let often = Duration::from_millis(1);
     let builder = match worker.work {
         Work::Endless => builder.timer(often, |cx| while !cx.is_stopping() {}),
@@ -137,7 +205,7 @@ fn add(
         }),
         Work::Messages { every, burn } => {
             let publisher = node.publisher::<Int32>(&name, Qos::reliable());
-            publish(publisher.map_err(Failure::refused)?, every, stop);
+            publishes = Some((publisher.map_err(Failure::refused)?, every));
             let topic = name.as_str();
             builder.subscribe(node, topic, Qos::reliable(), move |_: &Int32, cx| {
                 burn_for(burn, cx);
@@ -145,7 +213,7 @@ fn add(
         }
     };
     let mut builder = builder.map_err(Failure::refused)?;
-    if let Some(group) = group {
+    if let Some(group) = &group {
         builder = builder.options(HandleOptions::new().group(group));
     }
     if worker.panics {
@@ -159,7 +227,7 @@ fn add(
         let every = Duration::from_nanos(worker.period);
         builder.timer(every, panics).map_err(Failure::refused)?;
     }
-    Ok(())
+    Ok(publishes)
 }
 
 /// Consumes so much CPU time of the calling thread.

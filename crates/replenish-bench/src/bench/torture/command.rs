@@ -226,6 +226,7 @@ impl Bench {
                 *repeated += 1;
                 continue;
             }
+            let case = &shown.case;
             let findings = if shown.faults.is_empty() {
                 judge::judge(case, &shown.evidence)
             } else {

@@ -29,6 +29,14 @@ pub(super) enum Feature {
     Panics,
     /// No context-switch records.
     NoRecords,
+    /// The right to raise a thread is taken away at run time.
+    Privileges,
+    /// Workers and enforcers that are not pinned.
+    Unpinned,
+    /// Workers with guarantees, whose priorities the executor chooses.
+    Guarantees,
+    /// Callbacks in groups that never end.
+    Endless,
 }
 
 /// Odd reservations: budget and period.
@@ -88,13 +96,46 @@ pub(super) fn case(seed: u64, seconds: u64, features: &[Feature]) -> Case {
         Vec::new()
     };
     stops.sort_by_key(|s| s.at);
-    Case {
+    let mut case = Case {
         seed,
         records,
         workers,
         strangers,
         stops,
         churn_every: if handles { r.within(2, 50) * MS } else { 0 },
+        drops_at: None,
+        unpinned: false,
+    };
+    disturb(&mut case, length, features);
+    case
+}
+
+/// The later features. Their numbers are a sequence of their own, so that a seed without them is
+/// the case that it was.
+fn disturb(case: &mut Case, length: Nanos, features: &[Feature]) {
+    let mut r = Random::new(case.seed ^ 0x6469_7374_7572_6273);
+    let mut has = |feature: Feature, chance: u64| {
+        let drawn = r.percent(chance);
+        drawn && features.contains(&feature)
+    };
+    let drops = has(Feature::Privileges, 20);
+    case.unpinned = has(Feature::Unpinned, 20);
+    // The planner pins whom it gives a guarantee.
+    let guarantees = has(Feature::Guarantees, 25) && !case.unpinned;
+    let endless = has(Feature::Endless, 50);
+    let at = r.within(length / 5, length * 4 / 5);
+    case.drops_at = drops.then_some(at);
+    for worker in &mut case.workers {
+        worker.guaranteed = r.percent(40) && guarantees;
+        let sleep = worker.period / r.within(1, 8);
+        let burn = worker.budget / r.within(1, 4);
+        let work = r.one_of(
+            &[Work::Endless, Work::Sleepy { burn, sleep }],
+            Work::Endless,
+        );
+        if r.percent(25) && endless && worker.group.is_some() {
+            worker.work = work;
+        }
     }
 }
 
@@ -158,6 +199,7 @@ fn worker(
         work,
         group,
         panics: panics && r.percent(30),
+        guaranteed: false,
     })
 }
 
@@ -192,6 +234,40 @@ mod tests {
     use super::*;
     use clap::ValueEnum as _;
 
+    /// Everything but the later features.
+    const OLDER: [Feature; 7] = [
+        Feature::Groups,
+        Feature::Blocking,
+        Feature::Strangers,
+        Feature::Stops,
+        Feature::Handles,
+        Feature::Panics,
+        Feature::NoRecords,
+    ];
+
+    /// A failure of an earlier session can be looked for by its seed.
+    #[test]
+    fn the_later_features_leave_the_rest_of_a_case_alone() {
+        let mut found = [0; 4];
+        for seed in 0..400 {
+            let (old, new) = (
+                case(seed, 20, &OLDER),
+                case(seed, 20, Feature::value_variants()),
+            );
+            let mut without = new.clone();
+            (without.drops_at, without.unpinned) = (None, false);
+            for (worker, before) in without.workers.iter_mut().zip(&old.workers) {
+                found[0] += usize::from(worker.guaranteed);
+                found[1] += usize::from(worker.section().is_none());
+                (worker.guaranteed, worker.work) = (false, before.work);
+            }
+            found[2] += usize::from(new.drops_at.is_some());
+            found[3] += usize::from(new.unpinned);
+            assert_eq!(without, old);
+        }
+        assert!(found.iter().all(|n| *n > 10), "{found:?}");
+    }
+
     #[test]
     fn sets_fit_whatever_the_seed() {
         let mut sizes = [0_usize; 41];
@@ -210,7 +286,8 @@ mod tests {
                 assert!(w.budget >= 50 * US && w.period <= 230 * MS + MS, "{w:?}");
                 assert!(w.budget < w.period && (2..=100).contains(&w.max_repl));
                 assert!(w.background.is_none_or(|b| b < w.priority));
-                assert!(w.group.is_none() || w.section() <= 230 * MS);
+                assert!(w.section().is_none_or(|section| section <= 230 * MS));
+                assert!(case.inherits(w).is_none_or(|all| all <= 460 * MS));
             }
         }
         assert!(
@@ -226,6 +303,9 @@ mod tests {
             assert!(plain.records && plain.strangers.is_empty() && plain.stops.is_empty());
             assert!(plain.workers.iter().all(|w| w.group.is_none() && !w.panics));
             assert_eq!(plain, case(seed, 20, &[]), "a seed replays");
+            assert!(plain.drops_at.is_none() && !plain.unpinned);
+            let endless = |w: &Worker| w.guaranteed || w.section().is_none();
+            assert!(!case(seed, 20, &OLDER).workers.iter().any(endless));
         }
     }
 }

@@ -27,7 +27,10 @@ fn smaller(case: &Case) -> Vec<Case> {
     without(&|c| c.stops.truncate(1));
     without(&|c| c.churn_every = 0);
     without(&|c| c.records = true);
+    without(&|c| c.drops_at = None);
+    without(&|c| c.unpinned = false);
     without(&|c| c.workers.iter_mut().for_each(|w| w.panics = false));
+    without(&|c| c.workers.iter_mut().for_each(|w| w.guaranteed = false));
     without(&|c| c.workers.iter_mut().for_each(|w| w.group = None));
     all.retain(|c| !c.workers.is_empty());
     all

@@ -1,7 +1,7 @@
 //! One case: the child, the disturbances from outside, and the evidence.
 
 use super::case::{Case, name};
-use super::child::{News, Order};
+use super::child::{DROP, News, Order};
 use super::judge::{Evidence, Halt};
 use super::tracefs::Trace;
 use crate::load::{MS, Nanos};
@@ -26,6 +26,8 @@ const LONGEST_REST: Nanos = 2_000 * MS;
 
 /// The outcome of a case.
 pub(super) struct Shown {
+    /// The case as it ran: the executor chooses the priorities of guarantees.
+    pub case: Case,
     pub evidence: Evidence,
     pub fallbacks: Vec<String>,
     /// The executor did not do what it must: a sentence each.
@@ -49,8 +51,12 @@ pub(super) fn run(
         support: cpus.support,
     })?;
     let mut faults = Vec::new();
+    let mut case = case.clone();
     let fallbacks = match child.hear() {
-        Some(News::Started { fallbacks }) => fallbacks,
+        Some(News::Started { fallbacks, workers }) => {
+            case.workers = workers;
+            fallbacks
+        }
         other => {
             faults.push(format!("the executor did not start: {other:?}"));
             Vec::new()
@@ -60,7 +66,7 @@ pub(super) fn run(
     let stolen = || replenish_os::steal_time(cpus.measured).unwrap_or(0);
     let before = stolen();
     if faults.is_empty() {
-        observe(&mut child, case, seconds, stop, &mut evidence)?;
+        observe(&mut child, &case, seconds, stop, &mut evidence)?;
         child.stdin = None;
         match child.hear() {
             Some(News::Ended { stuck }) if stuck.is_empty() => {}
@@ -75,6 +81,7 @@ pub(super) fn run(
     let stolen = stolen().saturating_sub(before);
     evidence.timeline = trace.finish()?;
     Ok(Shown {
+        case,
         evidence,
         fallbacks,
         faults,
@@ -110,8 +117,13 @@ fn observe(
     let end = evidence.from + seconds * 1000 * MS;
     sleep_until(evidence.from + 50 * MS)?;
     evidence.accounts[0] = child.account();
+    let mut drops_at = case.drops_at.map(|after| evidence.from + after);
     for halt in &case.stops {
         let at = evidence.from + halt.at;
+        if let Some(drop) = drops_at.take_if(|drop| *drop < at) {
+            sleep_until(drop)?;
+            child.say(DROP);
+        }
         if at < clock::monotonic() || at + halt.lasts + 100 * MS > end {
             continue;
         }
@@ -120,6 +132,10 @@ fn observe(
         child.signal("STOP")?;
         sleep_until(clock::monotonic() + halt.lasts)?;
         evidence.halts.push(child.go_on(stopped)?);
+    }
+    if let Some(drop) = drops_at {
+        sleep_until(drop)?;
+        child.say(DROP);
     }
     sleep_until(end.saturating_sub(50 * MS))?;
     evidence.accounts[1] = child.account();

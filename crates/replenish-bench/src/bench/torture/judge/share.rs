@@ -16,7 +16,7 @@ impl View<'_> {
     /// The share of a thread that always wanted the CPU.
     pub(super) fn share(&self, case: &Case) -> Vec<Finding> {
         let grouped = case.workers.iter().any(|w| w.group.is_some());
-        if !self.worker.is_hungry() || grouped {
+        if !self.worker.is_hungry() || grouped || case.drops_at.is_some() {
             return Vec::new();
         }
         let spans = self.evidence.spans();

@@ -22,10 +22,13 @@ fn case() -> Case {
             work: Work::Endless,
             group: None,
             panics: false,
+            guaranteed: false,
         }],
         strangers: Vec::new(),
         stops: Vec::new(),
         churn_every: 0,
+        drops_at: None,
+        unpinned: false,
     }
 }
 
@@ -258,6 +261,8 @@ fn in_a_group(background: Option<u8>) -> Case {
     worker.background = background;
     worker.group = Some(0);
     worker.work = Work::BackToBack { burn: 2 * MS };
+    let other = worker.clone(); // without a thread
+    case.workers.push(other);
     case
 }
 
@@ -396,4 +401,38 @@ fn a_share_without_records_lacks_what_others_had() {
     let share = judge(&case, &kept);
     let share = share.iter().find(|f| f.promise == "share").unwrap();
     assert!(share.beyond() <= 0, "{share:?}");
+}
+
+/// Torture, seed 18 of another session: a worker that could not be lowered for 8 ms was within its
+/// bound until that was a period ago, and paid for 160 periods.
+#[test]
+fn a_debt_of_the_machine_is_paid_back_at_the_rate() {
+    let background = in_a_group(Some(1));
+    let after = |from, to| {
+        let mut still = evidence(&[(50, 0, 60), (70, from, to)], 900);
+        let before = worst("rate", &background, &still);
+        still.timeline.still = vec![((START + 10) * MS, (START + 60) * MS)];
+        (before, worst("rate", &background, &still))
+    };
+    let (before, inherited) = after(320, 332);
+    assert!(before > 0 && inherited <= 0, "{before} {inherited}");
+    let (_, more) = after(320, 342);
+    assert!(more > 0, "10 ms beyond its sections");
+    let (_, paid) = after(700, 742);
+    assert!(paid > 0, "of the debt nothing is left");
+}
+
+/// A section that never ends has no bound, but for who waits for nobody.
+#[test]
+fn an_endless_section_has_a_bound_if_nobody_waits_for_it() {
+    let mut shared = in_a_group(Some(1));
+    let stretches = evidence(&[(50, 0, 10), (70, 20, 60)], 300);
+    shared.workers[0].work = Work::Endless;
+    let all = judge(&shared, &stretches);
+    assert!(
+        all.iter()
+            .all(|f| f.promise != "window" && f.promise != "rate")
+    );
+    shared.workers.truncate(1);
+    assert!(worst("window", &shared, &stretches) > 0);
 }

@@ -38,6 +38,30 @@ impl Sums {
     }
 }
 
+/// The debt of the machine that stood still: `docs/servers.md` proves that what is left of it is
+/// all that a thread may have beyond its bound.
+#[derive(Default)]
+struct Debt {
+    /// In units of 1/T: nothing is rounded.
+    left: u128,
+    at: Nanos,
+}
+
+impl Debt {
+    /// Up to that time it is paid back at B/T.
+    fn pay(&mut self, at: Nanos, budget: Nanos) {
+        let paid = u128::from(at.saturating_sub(self.at)) * u128::from(budget);
+        self.left = self.left.saturating_sub(paid);
+        self.at = at;
+    }
+
+    /// It grows; the sum.
+    fn owe(&mut self, more: Nanos, period: Nanos) -> Nanos {
+        self.left += u128::from(more) * u128::from(period);
+        Nanos::try_from(self.left.div_ceil(u128::from(period))).unwrap_or(Nanos::MAX)
+    }
+}
+
 impl View<'_> {
     /// The stretches at high priority, from the first anchor on.
     fn high(&self) -> Vec<High> {
@@ -79,12 +103,13 @@ impl View<'_> {
         all
     }
 
-    /// The fullest window, and the fullest time since some moment.
-    pub(super) fn upper(&self) -> [Finding; 2] {
+    /// The fullest window, and the fullest time since some moment, of a worker that may inherit so
+    /// much.
+    pub(super) fn upper(&self, inherits: Nanos) -> [Finding; 2] {
         let (budget, period) = (self.worker.budget, self.worker.period);
         // While it makes no progress its checks are put off (docs/servers.md, the stated latency).
         let put_off = Tuning::LINUX.backoff(budget);
-        let bound = budget + self.worker.inherits() + latency(budget) + put_off;
+        let bound = budget + inherits + latency(budget) + put_off;
         let high = self.high();
         let (used, more) = (Sums::of(&high, |p| p.cpu), Sums::of(&high, |p| p.beyond));
         // Of all anchors so far, the least that had been used by then, less what had come back.
@@ -94,7 +119,8 @@ impl View<'_> {
         };
         let mut window = self.finding("window", bound, 0, 0);
         let mut rate = self.finding("rate", bound, 0, 0);
-        let (mut anchor, mut end, mut recent, mut least) = (None, 0, 0, i128::MAX);
+        let (mut anchor, mut end, mut least) = (None, 0, i128::MAX);
+        let mut debt = Debt::default();
         for (index, piece) in high.iter().enumerate() {
             if anchor != Some(piece.anchor) {
                 anchor = Some(piece.anchor);
@@ -114,12 +140,10 @@ impl View<'_> {
                 }
                 least = least.min(balance(used.between(0, index), piece.anchor));
             }
-            while high.get(recent).is_some_and(|p| p.to + period < piece.to) {
-                recent += 1;
-            }
             let since = balance(used.between(0, index + 1), piece.to) - least;
             let since = u64::try_from(since).unwrap_or(0);
-            let allowed = bound + more.between(recent, index + 1);
+            debt.pay(piece.to, budget);
+            let allowed = bound + debt.owe(piece.beyond, period);
             let found = self.finding("rate", allowed, since, piece.from);
             if found.beyond() > rate.beyond() {
                 rate = found;

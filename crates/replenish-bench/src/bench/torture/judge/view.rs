@@ -20,7 +20,9 @@ pub(in super::super) fn judge(case: &Case, evidence: &Evidence) -> Vec<Finding> 
             index,
             thread,
         };
-        found.extend(view.upper());
+        if let Some(inherits) = case.inherits(worker) {
+            found.extend(view.upper(inherits));
+        }
         found.extend(view.share(case));
         found.extend(view.account());
         found.extend(view.trace());
