@@ -1,6 +1,8 @@
 //! `replenish bench …`: which benchmark.
 
-use super::{dispatch, enforcement, handoff, load, recorder, round_trip, soak, torture, xrce};
+use super::{
+    dispatch, enforcement, handoff, load, recorder, round_trip, secure, soak, torture, xrce,
+};
 use replenish_cli::outcome::Outcome;
 
 /// A benchmark with its options.
@@ -14,6 +16,8 @@ pub(crate) enum Bench {
     Xrce(xrce::Args),
     /// Client to agent to client, against a raw UDP echo.
     RoundTrip(round_trip::Args),
+    /// The same over DTLS and TLS, against UDP and TCP in the clear.
+    Secure(secure::Args),
     /// Many clients with many topics on real sockets, through one agent process.
     Load(load::Args),
     /// The cost of bringing a message to its callback, for one handle and for a thousand.
@@ -33,6 +37,7 @@ pub(crate) fn run(which: Bench) -> Outcome {
         Bench::Handoff(args) => handoff::run(&args),
         Bench::Xrce(args) => xrce::run(&args),
         Bench::RoundTrip(args) => round_trip::run(&args),
+        Bench::Secure(args) => secure::run(&args),
         Bench::Load(args) => load::run(&args),
         Bench::Dispatch(args) => dispatch::run(&args),
         Bench::Recorder(args) => recorder::run(&args),

@@ -5,6 +5,7 @@
 //!           ─► enforcement   how far budgets are overrun         a POSIX CPU timer
 //!           ─► handoff       waking a worker                     a bare futex
 //!           ─► round_trip    client to agent to client           a raw UDP echo
+//!           ─► secure        the same over DTLS and TLS       UDP and TCP in the clear
 //!           ─► load          many clients through one agent
 //!           ─► recorder      one event, a message with it       the same without
 //!           ─► soak          processes killed over a bad link     the promises of docs/acknowledged.md
@@ -19,6 +20,8 @@ mod handoff;
 mod load;
 mod recorder;
 mod round_trip;
+#[cfg_attr(not(feature = "secure"), path = "secure_disabled.rs")]
+mod secure;
 mod soak;
 mod torture;
 mod xrce;

@@ -79,6 +79,40 @@ fn round_trips_come_back_on_every_path() {
 }
 
 #[test]
+fn encrypted_round_trips_come_back_beside_those_in_the_clear() {
+    let result = bench("secure", &["--samples", "200"]);
+    let points = result["points"].as_array().unwrap();
+    let of = |point: &Value| {
+        let text = |key: &str| point[key].as_str().unwrap().to_owned();
+        (
+            text("path"),
+            text("plain"),
+            point["bytes"].as_u64().unwrap(),
+        )
+    };
+    let pairs = [
+        ("udp", "udp"),
+        ("dtls", "udp"),
+        ("tcp", "tcp"),
+        ("tls", "tcp"),
+    ];
+    let expected = [64, 1024].map(|bytes| pairs.map(|(a, b)| (a.into(), b.into(), bytes)));
+    assert_eq!(points.iter().map(of).collect::<Vec<_>>(), expected.concat());
+    for point in points {
+        assert_eq!(point["lost"], 0, "{point}");
+        assert!(point["samples"].as_u64().unwrap() >= 200, "{point}");
+        let figure = |key: &str| point[key].as_f64().unwrap();
+        assert!(figure("p50_us") > 0.0 && figure("p50_us") <= figure("p99_us"));
+        assert!(figure("agent_cpu_us_per_message") > 0.0, "{point}");
+        let ratios = ["ratio_p50", "ratio_p99", "ratio_agent_cpu"];
+        let plain = point["path"] == point["plain"];
+        for ratio in ratios.map(figure) {
+            assert!(ratio > 0.0 && (!plain || ratio == 1.0), "{point}");
+        }
+    }
+}
+
+#[test]
 fn sixteen_clients_lose_nothing() {
     let result = bench("load", &["--clients", "16", "--seconds", "3"]);
     let count = |key: &str| result[key].as_u64().unwrap();
@@ -150,6 +184,7 @@ fn wrong_options_name_the_range() {
         (["xrce", "--loss", "91"], "--loss", "0..=90"),
         (["xrce", "--samples", "0"], "--samples", "1..=10000000"),
         (["round-trip", "--bytes", "7"], "--bytes", "8..=900"),
+        (["secure", "--samples", "199"], "--samples", "200..=1000000"),
         (["load", "--clients", "1"], "--clients", "2..=256"),
         (["load", "--rate", "1001"], "--rate", "1..=1000"),
         (["dispatch", "--handles", "1,1001"], "--handles", "1..=1000"),
