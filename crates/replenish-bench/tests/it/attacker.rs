@@ -9,9 +9,11 @@ use replenish_xrce::wire::{
     ReaderQos, Representation, RequestId, ServiceBinary, SessionId, Status, StreamId, TopicBinary,
     VENDOR, VERSION, WriteData, WriterQos,
 };
+use rustls::{ClientConfig, ClientConnection};
 use std::cell::Cell;
-use std::io::{ErrorKind, Read, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpStream, UdpSocket};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 pub(crate) const SESSION: SessionId = SessionId(0x81);
@@ -111,6 +113,8 @@ pub(crate) fn send(socket: &UdpSocket, agent: SocketAddr, bytes: &[u8]) {
 /// A client on a TCP connection.
 pub(crate) struct Raw {
     pub(crate) stream: TcpStream,
+    /// The connection is encrypted.
+    tls: Option<Box<ClientConnection>>,
     pub(crate) key: u32,
     /// Read what the agent sends, and forget it.
     pub(crate) reads: bool,
@@ -126,6 +130,7 @@ impl Raw {
         stream.set_nonblocking(true).unwrap();
         Self {
             stream,
+            tls: None,
             key,
             reads: true,
             patience: STUCK,
@@ -136,13 +141,57 @@ impl Raw {
     /// A client with a session and a participant, which takes messages of `mtu` bytes.
     pub(crate) fn open(agent: SocketAddr, key: u32, mtu: u16) -> Self {
         let mut raw = Self::connect(agent, key);
-        raw.frame(&log_in(key, mtu));
-        raw.control(|message| {
+        raw.log_in(mtu);
+        raw
+    }
+
+    /// The same over TLS.
+    pub(crate) fn open_tls(agent: SocketAddr, key: u32, mtu: u16, config: ClientConfig) -> Self {
+        let mut raw = Self::connect(agent, key);
+        let name = "agent".try_into().unwrap();
+        let mut tls = ClientConnection::new(Arc::new(config), name).unwrap();
+        raw.stream.set_nonblocking(false).unwrap();
+        while tls.is_handshaking() {
+            tls.complete_io(&mut raw.stream).unwrap();
+        }
+        raw.stream.set_nonblocking(true).unwrap();
+        raw.tls = Some(Box::new(tls));
+        raw.log_in(mtu);
+        raw
+    }
+
+    fn log_in(&mut self, mtu: u16) {
+        self.frame(&log_in(self.key, mtu));
+        self.control(|message| {
             let repr = Representation::Binary(ParticipantBinary::default());
             let entity = Entity::Participant { repr, domain: 0 };
             push(message, ObjectId::new(1, ObjectKind::Participant), entity);
         });
-        raw
+    }
+
+    /// Reads all that waits, and forgets it.
+    fn forget(&mut self) {
+        let mut buf = [0; 65_536];
+        let Some(tls) = &mut self.tls else {
+            while self.stream.read(&mut buf).is_ok_and(|len| len > 0) {}
+            return;
+        };
+        while tls.read_tls(&mut self.stream).is_ok_and(|len| len > 0) {
+            tls.process_new_packets().unwrap();
+            while tls.reader().read(&mut buf).is_ok_and(|len| len > 0) {}
+        }
+    }
+
+    fn write_some(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let Some(tls) = &mut self.tls else {
+            return self.stream.write(bytes);
+        };
+        while tls.wants_write() {
+            tls.write_tls(&mut self.stream)?;
+        }
+        let len = tls.writer().write(bytes)?;
+        while tls.wants_write() && tls.write_tls(&mut self.stream).is_ok() {}
+        Ok(len)
     }
 
     /// Sends bytes; false once the agent takes nothing for a while, or has closed.
@@ -150,9 +199,9 @@ impl Raw {
         let mut last = Instant::now();
         while !bytes.is_empty() {
             if self.reads {
-                while self.stream.read(&mut [0; 65_536]).is_ok_and(|len| len > 0) {}
+                self.forget();
             }
-            match self.stream.write(bytes) {
+            match self.write_some(bytes) {
                 Ok(len) => {
                     count(len);
                     bytes = &bytes[len..];

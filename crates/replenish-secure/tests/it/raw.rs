@@ -19,6 +19,8 @@ pub(crate) struct Raw {
     dtls: Dtls,
     pub(crate) connected: bool,
     pub(crate) messages: Vec<Vec<u8>>,
+    /// Datagrams so far.
+    pub(crate) sent: usize,
     buf: Vec<u8>,
 }
 
@@ -27,6 +29,7 @@ impl Raw {
         let config = Config::builder()
             .dtls12_cipher_suites(&[Dtls12CipherSuite::PSK_AES128_CCM_8])
             .dtls13_cipher_suites(&[])
+            .mtu(16_384)
             .flight_start_rto(Duration::from_millis(250))
             .with_psk_client(identity.as_bytes().to_vec(), Arc::new(Key(key.to_vec())))
             .build()
@@ -44,6 +47,7 @@ impl Raw {
             dtls,
             connected: false,
             messages: Vec::new(),
+            sent: 0,
             buf: vec![0; 20_000],
         }
     }
@@ -55,6 +59,7 @@ impl Raw {
             match self.dtls.poll_output(&mut self.buf) {
                 Output::Packet(datagram) => {
                     self.socket.send(datagram).unwrap();
+                    self.sent += 1;
                     sent.push(datagram.to_vec());
                 }
                 Output::ApplicationData(message) => self.messages.push(message.to_vec()),

@@ -123,12 +123,16 @@ fn fragments(at: Target) -> Vec<Raw> {
 
 /// Subscribers on connections that nobody reads, while others write, and ask.
 fn unread(at: Target) -> Vec<Raw> {
-    let mut talker = Raw::open(at.tcp, 100, 512);
+    let readers = (1..CLIENTS).map(|key| Raw::open(at.tcp, key, u16::MAX));
+    starve(Raw::open(at.tcp, 100, 512), readers)
+}
+
+/// `talker` writes for `readers`, which ask for everything and read next to nothing.
+pub(crate) fn starve(mut talker: Raw, readers: impl Iterator<Item = Raw>) -> Vec<Raw> {
     talker.topic(1, "unread");
     talker.writer(1, 1, EndpointQos::default());
     let mut all = Vec::new();
-    for key in 1..CLIENTS {
-        let mut raw = Raw::open(at.tcp, key, u16::MAX);
+    for mut raw in readers {
         raw.reads = false;
         raw.topic(1, "unread");
         for number in 1..=20 {

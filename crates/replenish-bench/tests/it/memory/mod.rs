@@ -1,7 +1,8 @@
-//! An agent's process under attack: its memory against the bound that it states, and, in `floods`,
-//! what is left to others.
+//! An agent's process under attack: its memory against the bound that it states, in `encrypted`
+//! with DTLS and TLS; and, in `floods`, the places and the CPU time that others keep.
 
 pub(crate) mod attacks;
+mod encrypted;
 pub(crate) mod floods;
 
 use crate::attacker::SENT;
@@ -32,6 +33,8 @@ pub(crate) struct Victim {
     pub(crate) running: Running,
     json: PathBuf,
     pub(crate) at: Target,
+    /// Where it listens, as it says.
+    line: String,
 }
 
 impl Victim {
@@ -68,7 +71,17 @@ impl Victim {
             udp: address(&line, "(UDP)"),
             tcp: address(&line, "(TCP)"),
         };
-        Self { running, json, at }
+        Self {
+            running,
+            json,
+            at,
+            line,
+        }
+    }
+
+    /// The most bytes that it states.
+    fn bound(&self) -> u64 {
+        self.shows()["limits"]["process_memory"].as_u64().unwrap()
     }
 
     /// The most bytes that it ever had resident.
@@ -111,7 +124,7 @@ fn no_attack_takes_more_memory_than_the_documented_bound() {
     println!("| attack | sent MB | charged MiB | resident MiB | bound MiB |");
     println!("|---|---|---|---|---|");
     let idle = Victim::start(&scratch, ATTACKS.len());
-    let bound = idle.shows()["limits"]["process_memory"].as_u64().unwrap();
+    let bound = idle.bound();
     let row = |name: &str, sent: u64, charged: u64, peak: u64| {
         println!(
             "| {name} | {:.1} | {:.1} | {:.1} | {:.1} |",
