@@ -60,6 +60,12 @@ impl AccessList {
         self.len() == 0
     }
 
+    /// Whether there are pre-shared keys in it, which others may not read.
+    #[must_use]
+    pub fn has_keys(&self) -> bool {
+        self.grants.values().any(|grant| grant.psk.is_some())
+    }
+
     /// The rights of a client at `host`, which is `None` on a serial line, whose transport has
     /// shown that it is `identity`; or the part of its log-in that is not in the list.
     pub(crate) fn find(

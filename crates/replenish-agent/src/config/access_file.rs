@@ -362,5 +362,8 @@ mod tests {
         let deep = format!("client = {}", "[".repeat(100_000));
         assert!(AccessList::parse(&deep).is_err());
         assert!(AccessList::parse(&" ".repeat(MAX_FILE + 1)).is_err());
+        let clients = "[[client]]\n".repeat(MAX_CLIENTS + 1);
+        let error = AccessList::parse(&clients).unwrap_err().to_string();
+        assert!(error.ends_with("65537 entries: allowed up to 65536"), "{error}");
     }
 }

@@ -19,3 +19,5 @@ mod live;
 mod plan;
 #[cfg(feature = "dds")]
 mod ros2_client;
+#[cfg(feature = "secure")]
+mod secure;

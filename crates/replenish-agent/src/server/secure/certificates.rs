@@ -6,7 +6,7 @@ use crate::report::HandshakeError;
 use replenish_xrce::wire::ClientKey;
 use rustls::client::danger::HandshakeSignatureValid;
 use rustls::crypto::{WebPkiSupportedAlgorithms, verify_tls13_signature};
-use rustls::pki_types::pem::PemObject;
+use rustls::pki_types::pem::{self, PemObject};
 use rustls::pki_types::{CertificateDer, PrivateKeyDer, UnixTime};
 use rustls::server::danger::{ClientCertVerified, ClientCertVerifier};
 use rustls::{CertificateError, DigitallySignedStruct, DistinguishedName, Error, SignatureScheme};
@@ -34,7 +34,10 @@ pub(super) fn own(
         return Err(failed(path, &"it has no certificate in PEM form"));
     }
     let key = PrivateKeyDer::from_pem_file(&config.key);
-    let key = key.map_err(|why| failed(&config.key, &why))?;
+    let key = key.map_err(|why| match why {
+        pem::Error::NoItemsFound => failed(&config.key, &"it has no private key in PEM form"),
+        why => failed(&config.key, &why),
+    })?;
     Ok((chain, key))
 }
 

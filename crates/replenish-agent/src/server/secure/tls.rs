@@ -42,7 +42,12 @@ impl TlsPort {
             .unwrap_or_default();
         let unusable = |why: rustls::Error| AgentError::Credentials {
             path: tls.key.clone(),
-            reason: why.to_string(),
+            reason: match why {
+                rustls::Error::InconsistentKeys(_) => {
+                    format!("it is not the private key of {}", tls.certificate.display())
+                }
+                why => why.to_string(),
+            },
         };
         let mut server = ServerConfig::builder_with_provider(provider)
             .with_protocol_versions(&[&TLS13])

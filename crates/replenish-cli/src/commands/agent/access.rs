@@ -1,5 +1,6 @@
 //! The access list: `--access FILE`, read at the start and at each SIGHUP.
 
+use super::private;
 use crate::outcome::Failure;
 use replenish_agent::{AccessControl, AccessList};
 use serde_json::{Value, json};
@@ -27,13 +28,18 @@ pub(super) fn read(path: &Path) -> Result<AccessList, Failure> {
 }
 
 fn load(path: &Path) -> Result<AccessList, String> {
-    let shown = path.display().to_string().escape_debug().to_string();
+    let shown = private::shown(path);
     let unreadable = |why: std::io::Error| format!("cannot read {shown}: {why}");
     let file = File::open(path).map_err(unreadable)?;
+    let found = file.metadata().map_err(unreadable)?;
     let mut text = String::new();
     let mut file = file.take(MAX_FILE + 1);
     file.read_to_string(&mut text).map_err(unreadable)?;
-    AccessList::parse(&text).map_err(|why| format!("{shown}: {why}"))
+    let list = AccessList::parse(&text).map_err(|why| format!("{shown}: {why}"))?;
+    if list.has_keys() {
+        private::check(path, &found).map_err(|why| format!("cannot use {shown}: {why}"))?;
+    }
+    Ok(list)
 }
 
 impl AccessFile {

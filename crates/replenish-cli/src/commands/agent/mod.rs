@@ -8,6 +8,7 @@ mod dds;
 mod log;
 mod options;
 mod policy;
+mod private;
 #[cfg_attr(not(feature = "secure"), path = "secure_disabled.rs")]
 mod secure;
 mod status;

@@ -1,9 +1,10 @@
 //! The encrypted ports: `--dtls` and `--tls`, with the agent's certificate.
 
+use super::private;
 use crate::outcome::Failure;
 use replenish_agent::{Agent, AgentConfig, SecureConfig, TlsConfig};
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Where to listen for clients that encrypt and show who they are.
 #[derive(Debug, Clone, clap::Args)]
@@ -31,14 +32,16 @@ pub(crate) struct Ports {
 
 impl Ports {
     /// Adds the ports to `config`. `plain`: a UDP port was asked for, too.
-    #[expect(clippy::unnecessary_wraps, reason = "without the feature it refuses")]
     pub(crate) fn add_to(&self, config: AgentConfig, plain: bool) -> Result<AgentConfig, Failure> {
         let tls = match (self.tls, &self.certificate, &self.key) {
-            (Some(addr), Some(certificate), Some(key)) => Some(TlsConfig {
-                addr,
-                certificate: certificate.clone(),
-                key: key.clone(),
-            }),
+            (Some(addr), Some(certificate), Some(key)) => {
+                check_key(key)?;
+                Some(TlsConfig {
+                    addr,
+                    certificate: certificate.clone(),
+                    key: key.clone(),
+                })
+            }
             _ => None,
         };
         let secure = SecureConfig {
@@ -51,6 +54,14 @@ impl Ports {
             ..config
         })
     }
+}
+
+/// Refuses a private key that is not there, or that other accounts can read.
+fn check_key(path: &Path) -> Result<(), Failure> {
+    let checked = std::fs::metadata(path).map_err(|why| why.to_string());
+    let checked = checked.and_then(|found| private::check(path, &found));
+    let shown = private::shown(path);
+    checked.map_err(|why| Failure::refused(format!("cannot use {shown}: {why}")))
 }
 
 /// The encrypted ports, for people.

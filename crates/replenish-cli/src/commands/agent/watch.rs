@@ -14,6 +14,7 @@ use replenish_agent::{Agent, Inspector, Limits, MemoryBound, Snapshot, Stats};
 use replenish_os::{Policy, clock};
 use serde_json::{Value, json};
 use std::io::IsTerminal;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -79,17 +80,10 @@ impl Watcher {
 
     /// Says so when other hosts can reach it.
     pub(super) fn warn_of_strangers(&self, agent: &Agent) {
-        let rights = match &self.access {
-            Some(_) => "a host that knows a listed key can log in with it",
-            None => "any host that reaches it can read and write every topic (see --access)",
-        };
         let addresses = agent.udp_addrs().into_iter().chain(agent.tcp_addr());
-        for address in addresses.filter(|address| !address.ip().is_loopback()) {
-            self.error.write(format!(
-                "note: {address} can be reached from other hosts, and XRCE knows no \
-                 authentication: {rights}\n"
-            ));
-        }
+        addresses
+            .filter_map(|address| warning(address, self.access.is_some()))
+            .for_each(|text| self.error.write(text));
     }
 
     /// One line of the log.
@@ -136,6 +130,21 @@ impl Watcher {
         seen.last = seen.watcher.inspector.snapshot(PATIENCE).or(seen.last);
         seen
     }
+}
+
+/// A text about a plain port that other hosts can reach.
+fn warning(address: SocketAddr, listed: bool) -> Option<String> {
+    let rights = if listed {
+        "a host that knows a listed key can log in with it"
+    } else {
+        "any host that reaches it can read and write every topic (see --access)"
+    };
+    (!address.ip().is_loopback()).then(|| {
+        format!(
+            "note: {address} can be reached from other hosts, and XRCE knows no authentication: \
+             {rights}\n"
+        )
+    })
 }
 
 impl Seen {
@@ -273,5 +282,24 @@ impl Seen {
                 "silence_seconds": limits.silence as f64 / SEC as f64,
             },
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plain_port_that_other_hosts_reach_is_warned_of() {
+        let at = |text: &str| text.parse().unwrap();
+        for loopback in ["127.0.0.1:8888", "[::1]:8888"] {
+            assert_eq!(warning(at(loopback), false), None);
+        }
+        for open in ["0.0.0.0:8888", "[::]:8888", "192.168.7.1:8888"] {
+            let text = warning(at(open), false).unwrap();
+            assert!(text.contains(open) && text.contains("every topic (see --access)"));
+            let text = warning(at(open), true).unwrap();
+            assert!(text.contains("a listed key"), "{text}");
+        }
     }
 }
