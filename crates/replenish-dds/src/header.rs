@@ -1,9 +1,10 @@
-//! The header that `rmw_cyclonedds` puts before requests and replies, and who uses it.
+//! How requests and replies say whose they are, in both forms.
 //!
-//! 16 bytes, so that the message after it keeps its alignment: 8 that name the client, and a signed
-//! 64-bit sequence number, both little-endian.
-
-use rustdds::GUID;
+//! - `rmw_cyclonedds` puts a header before the message, of 16 bytes, so that the message keeps its
+//!   alignment: 8 that name the client, and a signed 64-bit sequence number, both little-endian.
+//! - `rmw_fastrtps` and others send an identity beside it, as DDS-RPC's enhanced mapping has it.
+//!
+//! Plain bytes and numbers alone: `fuzz/targets/services.rs` compiles this file.
 
 /// The first two bytes of the GUIDs of Eclipse Cyclone DDS: its vendor id, where DDSI-RTPS 2.2 and
 /// later (9.3.1.5) put it.
@@ -39,9 +40,21 @@ impl Header {
     }
 }
 
-/// Whether a participant is Cyclone's.
-pub(crate) fn is_cyclone(guid: &GUID) -> bool {
-    guid.prefix.as_ref().starts_with(&CYCLONE)
+/// Whether a participant is Cyclone's, by the prefix of its GUIDs.
+pub(crate) fn is_cyclone(prefix: &[u8]) -> bool {
+    prefix.starts_with(&CYCLONE)
+}
+
+/// A GUID and a sequence number.
+pub(crate) type Identity = ([u8; 16], i64);
+
+/// The identity that the reply to a request goes to: the request's own, unless it says another.
+/// `rmw_fastrtps` says the reader that waits for the reply, and leaves the number open.
+pub(crate) fn enhanced(own: Identity, related: Option<Identity>) -> Identity {
+    let Some((guid, number)) = related.filter(|(guid, _)| *guid != [0; 16]) else {
+        return own;
+    };
+    (guid, if number <= 0 { own.1 } else { number })
 }
 
 #[cfg(test)]

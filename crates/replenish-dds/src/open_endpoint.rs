@@ -222,8 +222,7 @@ impl OpenEndpoint {
             Role::Plain => Some(plain(payload)),
             Role::Requester { last, .. } => {
                 let request = request?;
-                let all_cyclone =
-                    !self.readers.is_empty() && self.readers.iter().all(header::is_cyclone);
+                let all_cyclone = !self.readers.is_empty() && self.readers.iter().all(is_cyclone);
                 let form = match self.services {
                     ServiceMapping::Enhanced => Form::Enhanced,
                     ServiceMapping::Cyclone => Form::Cyclone,
@@ -340,7 +339,7 @@ impl OpenEndpoint {
             return None;
         }
         let cyclone = match self.services {
-            ServiceMapping::Auto => header::is_cyclone(&from),
+            ServiceMapping::Auto => is_cyclone(&from),
             ServiceMapping::Enhanced => false,
             ServiceMapping::Cyclone => true,
         };
@@ -426,20 +425,13 @@ fn client(writer: GUID) -> [u8; 8] {
     client
 }
 
-/// The identity to answer to: the request's own, unless it says another. `rmw_fastrtps` says the
-/// reader that waits for the reply, and leaves the number open.
+fn is_cyclone(guid: &GUID) -> bool {
+    header::is_cyclone(guid.prefix.as_ref())
+}
+
+/// The identity to answer to.
 fn enhanced(from: GUID, sequence: i64, related: Option<SampleIdentity>) -> RequestId {
-    let own = RequestId {
-        guid: from.to_bytes(),
-        sequence,
-    };
-    let Some(related) = related.filter(|id| id.writer_guid != GUID::GUID_UNKNOWN) else {
-        return own;
-    };
-    let number = related.sequence_number;
-    let open = number == SequenceNumber::UNKNOWN || i64::from(number) <= 0;
-    RequestId {
-        guid: related.writer_guid.to_bytes(),
-        sequence: if open { sequence } else { i64::from(number) },
-    }
+    let related = related.map(|id| (id.writer_guid.to_bytes(), i64::from(id.sequence_number)));
+    let (guid, sequence) = header::enhanced((from.to_bytes(), sequence), related);
+    RequestId { guid, sequence }
 }
