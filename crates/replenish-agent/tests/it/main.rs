@@ -36,6 +36,7 @@ mod dds;
 mod endpoints;
 mod forged;
 mod hostile;
+mod killed;
 mod links;
 mod load;
 mod memory_bound;

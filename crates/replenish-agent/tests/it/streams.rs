@@ -259,6 +259,33 @@ fn a_line_that_ends_takes_its_sessions_with_it_and_the_agent_goes_on() {
     echo(&mut other, StreamId::RELIABLE, b"fine");
 }
 
+/// The device's name is a link to the plugged device, as in `/dev/serial/by-id`.
+#[test]
+fn a_line_that_is_back_is_opened_again() {
+    let files = replenish_testkit::program::Scratch::new("serial-back");
+    let name = files.path("tty");
+    let plug = || {
+        let pty = Pty::open().unwrap();
+        std::fs::remove_file(&name).ok();
+        std::os::unix::fs::symlink(pty.path(), &name).unwrap();
+        pty
+    };
+    let first = plug();
+    let config = AgentConfig {
+        serial: vec![SerialConfig::new(&name)],
+        ..config()
+    };
+    let agent = start(&config);
+    let open = |pty: Pty| {
+        let carrier = Carrier::serial(pty.tty, 1, 0);
+        Live::open(carrier, 1, "loop", "loop", StreamId::RELIABLE)
+    };
+    drop(open(first));
+    eventually("the session ends", || agent.stats().clients == 0);
+    let mut live = open(plug());
+    echo(&mut live, StreamId::RELIABLE, b"back");
+}
+
 #[test]
 fn a_line_that_cannot_be_opened_is_named() {
     let with = |serial| AgentConfig {
