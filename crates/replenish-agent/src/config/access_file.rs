@@ -364,6 +364,9 @@ mod tests {
         assert!(AccessList::parse(&" ".repeat(MAX_FILE + 1)).is_err());
         let clients = "[[client]]\n".repeat(MAX_CLIENTS + 1);
         let error = AccessList::parse(&clients).unwrap_err().to_string();
-        assert!(error.ends_with("65537 entries: allowed up to 65536"), "{error}");
+        assert!(
+            error.ends_with("65537 entries: allowed up to 65536"),
+            "{error}"
+        );
     }
 }

@@ -1,5 +1,5 @@
-//! A reliable keep-all reader that is killed, and starts again: for how long its old session holds up
-//! the writers, and that nothing acknowledged is missing afterwards.
+//! A reliable keep-all reader that is killed, and starts again: for how long its old session holds
+//! up the writers, and that nothing acknowledged is missing afterwards.
 
 use crate::support::{Client, Got, MS, World, payloads};
 use replenish_agent::Limits;

@@ -17,10 +17,9 @@ fn exists(crates: &Path, test: &str) -> bool {
     files.iter().any(|file| {
         let text = std::fs::read_to_string(file).unwrap_or_default();
         let lines: Vec<&str> = text.lines().map(str::trim).collect();
-        let here = lines
+        lines
             .windows(2)
-            .any(|pair| pair[0] == "#[test]" && pair[1].starts_with(&format!("fn {name}()")));
-        here
+            .any(|pair| pair[0] == "#[test]" && pair[1].starts_with(&format!("fn {name}()")))
     })
 }
 

@@ -28,7 +28,7 @@ impl Credentials {
         let name = format!("replenish-secure-{}", std::process::id());
         let dir = std::env::temp_dir().join(name);
         let made = DirBuilder::new().mode(0o700).create(&dir);
-        made.map_err(|why| failed(&dir.display(), &why))?;
+        made.map_err(|why| failed(dir.display(), &why))?;
         let this = Self { dir, psk };
         for name in ["agent", "client"] {
             let made = rcgen::generate_simple_self_signed(vec![name.to_owned()]);
@@ -41,7 +41,7 @@ impl Credentials {
 
     fn write(&self, name: &str, text: &str) -> Result<(), Failure> {
         let path = self.dir.join(name);
-        std::fs::write(&path, text).map_err(|why| failed(&path.display(), &why))
+        std::fs::write(&path, text).map_err(|why| failed(path.display(), &why))
     }
 
     /// An agent with all four ports on loopback.
