@@ -14,6 +14,7 @@ use replenish_rtps::ros::{
 };
 use replenish_rtps::udp::{UdpConfig, UdpParticipant};
 use replenish_rtps::wire::{CDR_LE, Qos, TypeHash};
+use replenish_testkit::domain::domain;
 use replenish_testkit::harness::{peer_trial, run};
 use replenish_testkit::peer::{self, Peer};
 use std::collections::VecDeque;
@@ -47,19 +48,15 @@ fn python(peer: &str) -> PathBuf {
 struct PeerKind {
     environment: &'static str,
     script: &'static str,
-    /// Domains of the two peers' trials differ: trials run side by side.
-    domain: u16,
 }
 
 const RCLPY: PeerKind = PeerKind {
     environment: "rclpy",
     script: "rclpy_echo.py",
-    domain: 0,
 };
 const CYCLONE: PeerKind = PeerKind {
     environment: "cyclonedds",
     script: "cyclone_echo.py",
-    domain: 1,
 };
 
 fn start(kind: &PeerKind, domain: u16) -> Peer {
@@ -184,15 +181,10 @@ fn trimmed(payload: &[u8]) -> &[u8] {
     &payload[..8 + len]
 }
 
-fn domain(base: u16) -> u16 {
-    // Domains from 70 to 99, which other tests of this project do not use.
-    70 + base + u16::try_from(std::process::id() % 10).unwrap() * 3
-}
-
 /// Latched samples from before the peer was there, then 200 short and long ones: all come back,
 /// once and in order, longer ones than a datagram in fragments both ways.
 fn echo(kind: &PeerKind) {
-    let domain = domain(kind.domain);
+    let domain = domain();
     let mut ours = Ours::new(domain);
     let mut expected = VecDeque::new();
     for number in 0..3 {
@@ -242,7 +234,7 @@ fn echo(kind: &PeerKind) {
 /// Node, type and type hash as genuine `get_publishers_info_by_topic` has them, and that they are
 /// gone after a goodbye.
 fn graph() {
-    let domain = domain(2);
+    let domain = domain();
     let mut ours = Ours::new(domain);
     let hash = ours.hash;
     let peer = start(&RCLPY, domain);

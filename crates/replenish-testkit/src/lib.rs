@@ -4,6 +4,7 @@
 //!   real-time tests from running side by side, and the rule for skipping.
 //! - [`harness`]: trials that count as *ignored* (skipped) at run time, through `libtest-mimic`,
 //!   because the standard harness can only pass or fail.
+//! - [`domain`]: DDS domains that no other test on this machine uses.
 //! - [`alloc`]: a global allocator that counts, to prove that the hot path does not allocate.
 //! - [`peer`]: a foreign ROS 2 program in Python.
 //! - [`program`]: a built command, run to its end or beside the test.
@@ -19,6 +20,7 @@
 //! Never a dependency of shipped code.
 
 pub mod alloc;
+pub mod domain;
 pub mod harness;
 pub mod peer;
 pub mod program;

@@ -7,20 +7,12 @@ use crate::replenish_dds::{
     Qos, Topic,
 };
 use replenish_os::{PollFd, WakeFd, clock, poll};
+pub(crate) use replenish_testkit::domain::domain;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU16, Ordering};
 use std::time::{Duration, Instant};
 
 /// How long anything may take on a busy machine.
-const PATIENCE: Duration = Duration::from_secs(30);
-
-/// A domain that other tests of this machine hardly use, another one at each call.
-pub(crate) fn domain() -> u16 {
-    static NEXT: AtomicU16 = AtomicU16::new(0);
-    // Above 101 the ports are among those that the kernel hands out to others.
-    let process = u16::try_from(std::process::id() % 9).unwrap();
-    10 + process * 10 + NEXT.fetch_add(1, Ordering::Relaxed) % 10
-}
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A program with DDS.
 pub(crate) struct Program {
