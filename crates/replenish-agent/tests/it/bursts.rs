@@ -2,6 +2,7 @@
 
 use crate::support::reader;
 use replenish_agent::{Agent, AgentConfig, RunningAgent};
+use replenish_testkit::steal;
 use replenish_xrce::SeqNum;
 use replenish_xrce::framing::{Prefixed, prefix};
 use replenish_xrce::wire::{
@@ -15,6 +16,9 @@ use std::net::{Ipv4Addr, SocketAddr, TcpStream, UdpSocket};
 use std::time::{Duration, Instant};
 
 const SESSION: SessionId = SessionId(0x81);
+
+/// How long anything may take on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A client on TCP that says everything without waiting for an answer.
 struct Raw {
@@ -42,8 +46,7 @@ impl Raw {
     /// The same, which does not ask for any sample.
     fn writer(agent: SocketAddr, key: u8, topic: &str) -> Self {
         let stream = TcpStream::connect(agent).unwrap();
-        let timeout = Some(Duration::from_secs(5));
-        stream.set_read_timeout(timeout).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
         let mut raw = Self {
             stream,
             key: ClientKey([key; 4]),
@@ -191,6 +194,10 @@ fn a_burst_passes_through_a_short_queue() {
 /// stock ones have it, sent its samples in bursts that far apart: 18 of 300 were lost.
 #[test]
 fn a_client_with_nagle_s_algorithm_is_acknowledged_at_once() {
+    steal::unstalled("nagle", &nagle);
+}
+
+fn nagle() {
     let agent = start();
     let mut reader = Raw::open(agent.tcp_addr().unwrap(), 2, "b");
     // The writer gets nothing back, which would carry acknowledgements.
@@ -222,12 +229,12 @@ fn a_client_with_nagle_s_algorithm_is_acknowledged_at_once() {
     assert!(lags[150] < Duration::from_millis(15), "{:?}", lags[150]);
 }
 
-/// The mean round trip of pings over UDP while samples for the others arrive.
+/// The round trip of pings over UDP while samples for the others arrive: the least median of ten,
+/// since others of this machine make some of them longer.
 fn round_trip(agent: &RunningAgent, noise: &mut Raw) -> Duration {
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     socket.connect(agent.local_addr()).unwrap();
-    let timeout = Some(Duration::from_secs(5));
-    socket.set_read_timeout(timeout).unwrap();
+    socket.set_read_timeout(Some(PATIENCE)).unwrap();
     let session = SESSION.before_login();
     let header = Header::new(session, StreamId::NONE, SeqNum(0), ClientKey([9; 4]));
     let get = GetInfo {
@@ -241,26 +248,34 @@ fn round_trip(agent: &RunningAgent, noise: &mut Raw) -> Duration {
     let mut message = MessageWriter::new(&mut buf, &header).unwrap();
     message.push_padded(&get).unwrap();
     let ping = message.finish().to_vec();
-    let mut times = Vec::new();
-    for _ in 0..1000 {
+    let mut ping = || {
         let bytes = noise.sample(&[0; 400]);
         noise.stream.write_all(&bytes).unwrap();
         let start = Instant::now();
         socket.send(&ping).unwrap();
         socket.recv(&mut [0; 100]).unwrap();
-        times.push(start.elapsed());
-    }
-    times.sort();
-    times[500]
+        start.elapsed()
+    };
+    let medians = (0..10).map(|_| {
+        let mut times: Vec<Duration> = (0..100).map(|_| ping()).collect();
+        times.sort();
+        times[50]
+    });
+    medians.min().unwrap()
 }
 
 /// Every datagram looked for the clients of every link that takes nothing: with 60 of them the
 /// round trip of others went from 38 to 170 us.
 #[test]
 fn connections_that_nobody_reads_cost_others_little() {
+    steal::unstalled("stuck connections", &stuck_connections);
+}
+
+fn stuck_connections() {
     let limits = replenish_agent::Limits {
         unauthenticated_per_second: 0,
         clients: 80,
+        silence: 3_600_000_000_000, // the stuck ones never show that they live
         ..Default::default()
     };
     let config = AgentConfig {
@@ -280,9 +295,10 @@ fn connections_that_nobody_reads_cost_others_little() {
     let (mut out, mut quiet) = (0, 0);
     while quiet < 20 {
         let bytes = flood.sample(&[0; 480]);
-        let end = Instant::now() + Duration::from_secs(5);
+        let end = Instant::now() + PATIENCE;
         let mut rest = &bytes[..];
-        while !rest.is_empty() && Instant::now() < end {
+        while !rest.is_empty() {
+            assert!(Instant::now() < end, "the agent reads no more");
             match flood.stream.write(rest) {
                 Ok(len) => rest = &rest[len..],
                 Err(e) if e.kind() == ErrorKind::WouldBlock => {}

@@ -23,7 +23,7 @@ fn start(config: &AgentConfig) -> RunningAgent {
 
 /// Waits for something the agent does by itself.
 fn eventually(what: &str, done: impl Fn() -> bool) {
-    let deadline = Instant::now() + Duration::from_secs(10);
+    let deadline = Instant::now() + Duration::from_secs(60);
     while !done() {
         assert!(Instant::now() < deadline, "in vain: {what}");
         std::thread::sleep(Duration::from_millis(5));
@@ -148,7 +148,7 @@ fn connections_on_which_nobody_logs_in_keep_no_places() {
     let mut live = Live::open(Carrier::tcp(addr), 1, "a", "a", StreamId::RELIABLE);
     echo(&mut live, StreamId::RELIABLE, b"room");
     // The others go by themselves, although something comes on them all the time.
-    let deadline = Instant::now() + Duration::from_secs(30);
+    let deadline = Instant::now() + Duration::from_secs(60);
     while drip() > 0 {
         assert!(Instant::now() < deadline);
         live.turn(100_000_000);
@@ -170,7 +170,7 @@ fn a_connection_that_takes_nothing_holds_up_nobody() {
     let stuck = Live::open(Carrier::tcp(addr), 1, "x", "flood", StreamId::BEST_EFFORT);
     let mut live = Live::open(Carrier::tcp(addr), 2, "flood", "x", StreamId::BEST_EFFORT);
     let dropped = || agent.stats().samples_dropped;
-    let deadline = Instant::now() + Duration::from_secs(15);
+    let deadline = Instant::now() + Duration::from_secs(60);
     while dropped() < 1000 {
         for _ in 0..100 {
             live.write(StreamId::BEST_EFFORT, &[7; 400]);

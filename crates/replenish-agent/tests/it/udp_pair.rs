@@ -43,7 +43,7 @@ impl Live {
     }
 
     fn until(&mut self, done: impl Fn(&Self) -> bool) {
-        let deadline = Instant::now() + Duration::from_secs(20);
+        let deadline = Instant::now() + Duration::from_secs(60);
         let mut buf = [0; 2048];
         loop {
             while let Some(bytes) = self

@@ -9,7 +9,7 @@ pub(crate) use program::{Program, domain};
 use replenish_agent::dds::{DdsLimits, Topic};
 use replenish_agent::{Agent, AgentConfig, DdsBridge, RunningAgent};
 use replenish_xrce::client::{
-    Buffers, Config, Event, PingPolicy, ReliableBuffers, Session, SessionState,
+    Buffers, Config, Event, PingPolicy, ReliableBuffers, RequestState, Session, SessionState,
 };
 use replenish_xrce::wire::{
     ClientKey, CreationMode, DataReaderBinary, DataWriterBinary, DeliveryControl, EndpointQos,
@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 pub(crate) const INT32: &str = "std_msgs::msg::dds_::Int32_";
 
 const MS: u64 = 1_000_000;
-const TIMEOUT: Duration = Duration::from_secs(30);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// An agent on loopback whose clients are in `domain`.
 pub(crate) fn agent(domain: u16) -> RunningAgent {
@@ -173,7 +173,11 @@ pub(crate) fn writers(agent: &RunningAgent, key: u8, topics: &[(String, &str)]) 
     let now = client.now();
     client.session.connect(now);
     client.until(|client| client.session.state() == SessionState::Up);
-    client.idle(Duration::from_millis(300));
+    for (number, _) in (1..).zip(topics) {
+        let writer = id(number, ObjectKind::DataWriter);
+        let is_open = |state| matches!(state, Some(RequestState::Queued | RequestState::Asked));
+        client.until(|client| !is_open(client.session.creation(writer)));
+    }
     client
 }
 

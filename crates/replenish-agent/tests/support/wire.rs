@@ -170,7 +170,7 @@ impl Live {
     }
 
     pub(crate) fn until(&mut self, done: impl Fn(&Self) -> bool) {
-        let deadline = clock::monotonic() + 20_000 * MS;
+        let deadline = clock::monotonic() + 60_000 * MS;
         while !done(self) {
             assert!(clock::monotonic() < deadline, "{:?}", self.session.state());
             self.turn(100 * MS);
