@@ -7,7 +7,7 @@ use replenish::msg::wire::Encode;
 use replenish::msg::{CdrError, CdrReader, CdrWriter, Message, Service};
 use replenish::{
     Budget, Context, Descriptor, Executor, Outcome, ParameterOptions, ParameterValue, Policy, Qos,
-    Transition,
+    SpinEnd, Transition,
 };
 use replenish_interfaces::lifecycle_msgs::srv::GetState;
 use replenish_interfaces::rcl_interfaces::msg::{ParameterValueView, ParameterView};
@@ -172,7 +172,7 @@ fn parameters() {
         client.call(&Raw).unwrap();
         local.spin_for(Duration::from_micros(300));
     }
-    local.spin_for(Duration::from_millis(10));
+    while local.spin_some(Duration::from_millis(10)).end == SpinEnd::Worked {}
     assert_eq!(ALLOC.disarm(), 0);
     let served = local.stats("/n/srv:/n/set_parameters").unwrap();
     assert_eq!((served.executed, served.errors), (100, 0));
@@ -216,7 +216,7 @@ fn managed() {
         client.call(&GetStateRaw).unwrap();
         local.spin_for(Duration::from_micros(300));
     }
-    local.spin_for(Duration::from_millis(10));
+    while local.spin_some(Duration::from_millis(10)).end == SpinEnd::Worked {}
     assert_eq!(ALLOC.disarm(), 0);
     assert_eq!(local.stats("/n/sub:/t").unwrap().executed, 50);
     let served = local.stats("/n/srv:/n/get_state").unwrap();

@@ -6,6 +6,7 @@ use replenish::middleware::rtps::{DiscoveryRange, Rtps, RtpsConfig};
 use replenish::msg::std_msgs::{Int32, UInt8MultiArray};
 use replenish::{Context, PublishError, Qos};
 use replenish_testkit::alloc::exempt_this_thread;
+use replenish_testkit::domain::domain;
 use replenish_testkit::harness::{Trial, trial};
 use replenish_testkit::watchdog::watchdog;
 use std::sync::Arc;
@@ -25,7 +26,7 @@ fn allocations() {
     const MESSAGES: i32 = 5000;
     let _dog = watchdog("allocations over RTPS", Duration::from_secs(120));
     let config = RtpsConfig {
-        domain: 10 + u16::try_from(std::process::id() % 10).unwrap(),
+        domain: domain(),
         range: DiscoveryRange::Localhost,
         ..RtpsConfig::default()
     };

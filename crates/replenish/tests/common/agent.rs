@@ -11,6 +11,7 @@ use std::time::Duration;
 /// Stops and is joined when it is dropped.
 pub struct TestAgent {
     pub address: SocketAddr,
+    pub tcp: Option<SocketAddr>,
     inspector: Inspector,
     stop: StopHandle,
     thread: Option<JoinHandle<()>>,
@@ -27,7 +28,7 @@ impl TestAgent {
 
     pub fn with(config: &AgentConfig) -> Self {
         let mut agent = Agent::bind(config).unwrap();
-        let (address, stop) = (agent.local_addr(), StopHandle::new());
+        let (address, tcp, stop) = (agent.local_addr(), agent.tcp_addr(), StopHandle::new());
         let (handle, inspector) = (stop.clone(), agent.inspector());
         let run = move || {
             exempt_this_thread();
@@ -36,6 +37,7 @@ impl TestAgent {
         let thread = Some(std::thread::spawn(run));
         TestAgent {
             address,
+            tcp,
             inspector,
             stop,
             thread,

@@ -1,5 +1,5 @@
-//! Helpers of the executor's tests: waiting for a condition, a gate to hold a callback, quiet
-//! events, and a middleware that does what a script says.
+//! Helpers of the executor's tests: waiting for a condition or for rest, a gate to hold a callback,
+//! quiet events, and a middleware that does what a script says.
 #![allow(
     dead_code,
     unreachable_pub,
@@ -16,7 +16,7 @@ pub mod relay;
 pub mod scripted;
 
 use replenish::msg::{Service, std_msgs::Int32};
-use replenish::{Context, Event, Executor, RunningExecutor};
+use replenish::{Context, Event, Executor};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
@@ -31,17 +31,15 @@ impl Service for Echo {
 
 pub use replenish_testkit::progress::eventually;
 
-/// Waits until nothing more happens in the executor's dispatcher.
-pub fn quiet(running: &RunningExecutor) {
-    let mut rounds = running.report().dispatcher.rounds;
-    loop {
-        std::thread::sleep(Duration::from_millis(20));
-        let now = running.report().dispatcher.rounds;
-        if now == rounds {
-            return;
-        }
-        rounds = now;
-    }
+/// Waits for 100 ms in which `state` stays the same; `false` after a minute. A loaded machine lets
+/// a thread come to rest late; a thread that spins never rests.
+#[must_use]
+pub fn settles<T: PartialEq>(state: impl Fn() -> T) -> bool {
+    eventually(|| {
+        let before = state();
+        std::thread::sleep(Duration::from_millis(100));
+        state() == before
+    })
 }
 
 /// Holds callbacks until it is opened.

@@ -225,7 +225,7 @@ fn a_callback_that_never_returns_is_reported_as_stuck_and_left_behind() {
     assert_eq!(report.stuck, ["loops"]);
     assert!(log.has("loops has not ended in time"));
     assert!(took >= Duration::from_millis(120), "no grace: {took:?}");
-    assert!(took < Duration::from_secs(2), "{took:?}");
+    assert!(took < LIMIT / 2, "{took:?}");
     assert!(report.handle("fine/timer:0").unwrap().stats.executed > 0);
     gate.open(); // lets the thread end
 }

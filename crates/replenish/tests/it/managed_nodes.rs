@@ -193,7 +193,7 @@ fn publishers_are_silent_unless_the_node_is_active() {
     assert!(publish());
     lifecycle.change(Transition::Deactivate).unwrap();
     assert!(!publish());
-    local.spin_for(Duration::from_millis(5));
+    while local.spin_some(Duration::from_millis(5)).end == SpinEnd::Worked {}
     assert_eq!(*seen.lock().unwrap(), [3]);
     assert_eq!(publisher.clone().withheld(), 3);
 }

@@ -1,6 +1,6 @@
 //! The start of a round, the order of its callbacks, and the input that they see.
 
-use crate::common::{eventually, executor};
+use crate::common::{Gate, eventually, executor, settles};
 use replenish::msg::std_msgs::Int32;
 use replenish::{
     Context, Executor, GuardCondition, HandleOptions, Node, OnMiss, Overrun, Publisher, Qos,
@@ -83,11 +83,8 @@ fn a_trigger_waits_for_all_without_spinning() {
         assert!(eventually(
             || running.stats("/n/sub:/a").unwrap().waiting == 1
         ));
-        std::thread::sleep(10 * MS);
-        let before = running.usage("w").unwrap().cpu_high;
-        std::thread::sleep(50 * MS);
-        let after = running.usage("w").unwrap().cpu_high;
-        assert_eq!(after, before, "{name} spins");
+        let cpu = || running.usage("w").unwrap().cpu_high;
+        assert!(settles(cpu), "{name} spins");
         assert!(seen.lock().unwrap().is_empty(), "{name}");
         b.publish(&int(2)).unwrap();
         assert!(eventually(|| seen.lock().unwrap().len() == 2), "{name}");
@@ -109,10 +106,7 @@ fn a_due_timer_waits_for_the_rest_without_spinning() {
         .unwrap();
     let out = rig.a.clone();
     let running = rig.exec.start().unwrap();
-    std::thread::sleep(20 * MS);
-    let before = running.usage("w").unwrap().cpu_high;
-    std::thread::sleep(50 * MS);
-    assert_eq!(running.usage("w").unwrap().cpu_high, before, "it spins");
+    assert!(settles(|| running.usage("w").unwrap().cpu_high), "it spins");
     out.publish(&int(1)).unwrap();
     let executed = |id: &str| running.stats(id).unwrap().executed;
     assert!(eventually(
@@ -298,18 +292,30 @@ fn several_messages_per_round_if_asked_for() {
         let mut rig = rig();
         let (a, b) = (rig.note('a'), rig.note('b'));
         let qos = Qos::reliable().keep_last(10);
+        // Holds the first round until all messages are there.
+        let (gate, first) = (Gate::closed(), GuardCondition::new());
+        let pass = gate.clone();
+        first.trigger();
         rig.exec
             .worker("w")
             .messages_per_round(batch)
-            .every(replenish::Every::period(2 * MS).first_after(50 * MS))
+            .every(2 * MS)
+            .guard(&first, move |_| pass.pass())
+            .unwrap()
             .subscribe(&rig.node, "a", qos, a)
             .unwrap()
             .subscribe(&rig.node, "b", qos, b)
             .unwrap();
         let (a, b, seen) = (rig.a.clone(), rig.b.clone(), Arc::clone(&rig.seen));
         let running = rig.exec.start().unwrap();
+        gate.arrived();
         (0..5).for_each(|n| a.publish(&int(n)).unwrap());
         (0..3).for_each(|n| b.publish(&int(n)).unwrap());
+        let waiting = |id: &str| running.stats(id).unwrap().waiting;
+        assert!(eventually(
+            || (waiting("/n/sub:/a"), waiting("/n/sub:/b")) == (5, 3)
+        ));
+        gate.open();
         assert!(eventually(|| seen.lock().unwrap().len() == 8));
         let got: String = seen.lock().unwrap().iter().map(|(c, _)| *c).collect();
         assert_eq!(got, order);

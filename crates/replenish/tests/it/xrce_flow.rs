@@ -49,7 +49,7 @@ fn a_full_normal_topic_does_not_hold_up_a_real_time_one() {
     let mut interest = Interest::empty();
     interest.insert(reader);
     let mut heard = 0;
-    let end = Instant::now() + Duration::from_secs(5);
+    let end = Instant::now() + Duration::from_secs(60);
     while heard == 0 && Instant::now() < end {
         let deadline = clock::monotonic() + 10_000_000;
         middleware.wait(&interest, Some(deadline)).unwrap();
@@ -236,13 +236,13 @@ fn a_flood_is_stopped_at_the_agent() {
     let running = exec.start().unwrap();
     let start = Instant::now();
     let mut sent = 0;
-    while start.elapsed() < Duration::from_secs(1) {
+    while sent < 1000 || heard.load(Ordering::SeqCst) < 2 {
         sent += i32::from(flood.publish(&Int32 { data: sent }).is_ok());
         std::thread::sleep(Duration::from_micros(500));
     }
-    let heard = heard.load(Ordering::SeqCst);
-    assert!(sent > 100, "{sent}");
-    assert!((2..=25).contains(&heard), "{heard} of {sent} in 1 s");
+    let heard = u128::try_from(heard.load(Ordering::SeqCst)).unwrap();
+    let most = 1 + start.elapsed().as_millis() / 50;
+    assert!(heard <= most, "{heard} of {sent}, {most} at most");
     running.stop();
 }
 

@@ -51,11 +51,9 @@ def topics(node, count):
         for number in range(1, count + 1):
             out.publish(Int32(data=number))
             rclpy.spin_once(node, timeout_sec=0.002)
-        if kind == "reliable":
-            until(node, lambda: len(seen) >= count)
-        else:
-            for _ in range(20):
-                rclpy.spin_once(node, timeout_sec=0.05)
+        until(node, lambda: len(seen) >= count)
+        for _ in range(10):
+            rclpy.spin_once(node, timeout_sec=0.05)
         say(kind, len(seen), seen == list(range(1, count + 1)))
 
 
@@ -83,8 +81,9 @@ def graph(node):
         until(node, named)
         info = named()[0]
         say(kind, info.node_namespace, info.node_name, info.topic_type, info.topic_type_hash)
-    services = dict(node.get_service_names_and_types_by_node("ours", "/ns"))
-    say("service", *services.get("/ns/ours/get_parameters", ["none"]))
+    services = lambda: dict(node.get_service_names_and_types_by_node("ours", "/ns"))
+    until(node, lambda: "/ns/ours/get_parameters" in services())
+    say("service", *services()["/ns/ours/get_parameters"])
     names = [f"{space.rstrip('/')}/{name}" for name, space in node.get_node_names_and_namespaces()]
     say("node", "/ns/ours" in names)
     until(node, lambda: not any(look() for look in topics.values()))
