@@ -17,6 +17,9 @@ use std::os::unix::fs::PermissionsExt;
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
+/// How long anything may take on a busy machine.
+const SOON: Duration = Duration::from_secs(60);
+
 fn main() {
     run_trials(vec![
         rt_program_trial("demo_json_and_identities", demo_json_and_identities),
@@ -365,8 +368,8 @@ fn agent_dies() {
         .status()
         .unwrap();
     assert!(killed.success());
-    demo.expect_line("agent process ended unexpectedly", Duration::from_secs(3));
-    assert_eq!(demo.end(Duration::from_secs(3)).code(), Some(1));
+    demo.expect_line("agent process ended unexpectedly", SOON);
+    assert_eq!(demo.end(SOON).code(), Some(1));
     assert_eq!(still_running(&parts), [] as [u32; 0]);
 }
 
@@ -375,8 +378,8 @@ fn signal_ends_all() {
     let (mut demo, parts) = demo_in_progress(&scratch);
     assert_eq!(parts.len(), 3, "{parts:?}");
     demo.signal("TERM");
-    demo.expect_line("interrupted", Duration::from_secs(3));
-    assert_eq!(demo.end(Duration::from_secs(3)).code(), Some(1));
+    demo.expect_line("interrupted", SOON);
+    assert_eq!(demo.end(SOON).code(), Some(1));
     assert_eq!(still_running(&parts), [] as [u32; 0]);
 }
 

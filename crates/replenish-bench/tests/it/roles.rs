@@ -7,7 +7,8 @@ use std::net::UdpSocket;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-const SOON: Duration = Duration::from_secs(5);
+/// How long anything may take on a busy machine.
+const SOON: Duration = Duration::from_secs(60);
 
 #[test]
 fn a_port_in_use_is_named_at_once() {
@@ -56,7 +57,7 @@ fn ping_and_pong_by_hand_and_a_clean_end_on_signals() {
         "--json",
         path.to_str().unwrap(),
     ]);
-    assert!(ping.end(Duration::from_secs(10)).success());
+    assert!(ping.end(SOON).success());
     let totals = json(&path);
     for topic in 0..2 {
         let sent = totals["sent"][topic].as_u64().unwrap();

@@ -56,7 +56,7 @@ fn unfinished_handshakes_are_bounded_for_each_host_and_end() {
         let hello = raw.drain().remove(0);
         let mut buf = [0; 2048];
         raw.socket
-            .set_read_timeout(Some(Duration::from_secs(5)))
+            .set_read_timeout(Some(Duration::from_secs(60)))
             .unwrap();
         let len = raw.socket.recv(&mut buf).unwrap();
         assert_eq!(len, 60);
@@ -101,13 +101,13 @@ fn a_cookie_is_good_for_the_address_that_got_it() {
     let hello = raw.drain().remove(0);
     let mut buf = [0; 2048];
     raw.socket
-        .set_read_timeout(Some(Duration::from_secs(5)))
+        .set_read_timeout(Some(Duration::from_secs(60)))
         .unwrap();
     let len = raw.socket.recv(&mut buf).unwrap();
     let second = with_cookie(&hello, &buf[28..len]);
     let thief = UdpSocket::bind("127.0.0.1:0").unwrap();
     thief
-        .set_read_timeout(Some(Duration::from_secs(5)))
+        .set_read_timeout(Some(Duration::from_secs(60)))
         .unwrap();
     thief.send_to(&second, agent.dtls).unwrap();
     let len = thief.recv(&mut buf).unwrap();

@@ -5,6 +5,7 @@
 use super::attacks::Target;
 use super::{Scratch, Victim};
 use crate::attacker::{Raw, SESSION, answer, base, host, log_in, message, questions, subscription};
+use replenish_testkit::steal;
 use replenish_xrce::framing::Prefixed;
 use replenish_xrce::wire::{Delete, EndpointQos, ObjectId, Status, StreamId};
 use std::io::Read;
@@ -141,6 +142,10 @@ pub(crate) fn during(at: Target, flood: Flood, honest: Honest, clients: u32) -> 
 /// connections or junk kept all, all or half of them out.
 #[test]
 fn honest_clients_log_in_during_floods() {
+    steal::unstalled("floods", &floods);
+}
+
+fn floods() {
     let scratch = Scratch::new("floods");
     println!("| flood | honest log-ins within 2 s | slowest |\n|---|---|---|");
     for (number, (name, flood, honest)) in FLOODS.into_iter().enumerate() {
@@ -196,6 +201,11 @@ fn a_forged_source_is_sent_little() {
 /// No log-in takes the key of a client that answers.
 #[test]
 fn no_key_is_taken_over_from_a_client_that_answers() {
+    steal::unstalled("takeovers", &takeovers);
+}
+
+/// The owner answers in time on a machine that keeps up.
+fn takeovers() {
     let scratch = Scratch::new("takeovers");
     let victim = Victim::with(&scratch, "t", &[]);
     let owner = host(1);

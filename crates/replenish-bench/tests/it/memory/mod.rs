@@ -11,7 +11,8 @@ use attacks::{ATTACKS, CLIENTS, SAMPLE, Target};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-const SOON: Duration = Duration::from_secs(20);
+/// How long anything may take on a busy machine.
+const SOON: Duration = Duration::from_secs(60);
 
 const MIB: f64 = 1024.0 * 1024.0;
 
