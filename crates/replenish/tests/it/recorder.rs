@@ -292,7 +292,7 @@ fn a_recorder_of_0_bytes_records_nothing_and_other_sizes_have_a_range() {
 const LATE: Duration = Duration::from_secs(1);
 
 /// A worker whose callback does this once, at its third release, and then ticks on 20 times: its
-/// ring holds all of that, however late the thread that writes dumps, in the idle class, gets to it.
+/// ring holds all of that, however late the idle-class thread that writes dumps gets to it.
 fn dumping(
     directory: &Directory,
     dump: Dump,
