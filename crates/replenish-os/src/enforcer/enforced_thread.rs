@@ -247,6 +247,11 @@ impl EnforcedThread {
             (_, Level::High, Low::Background(_)) => {
                 let raised = promote(self.tid, high);
                 self.suspend.resume(); // from the stop after too much inherited time
+                if raised.is_err() && !sched::has_level(self.tid, high, level) {
+                    // Low for another period: what it inherits in it is bounded as well.
+                    self.suspend
+                        .lower(self.inherited.saturating_add(params.budget()));
+                }
                 raised
             }
             (_, Level::Low, Low::Suspend) => self
