@@ -78,6 +78,8 @@ pub(super) struct Reader {
     woken: Option<(i64, Nanos)>,
     /// Timers that are set: address and time.
     timers: BTreeMap<String, Nanos>,
+    /// Charges of threads whose piece has not been read: when, who, how much.
+    early: Vec<(Nanos, i64, Nanos)>,
 }
 
 /// The thread that runs, and where its current piece began.
@@ -105,6 +107,7 @@ impl Reader {
             ready: BTreeMap::new(),
             woken: None,
             timers: BTreeMap::new(),
+            early: Vec::new(),
         }
     }
 
@@ -184,6 +187,11 @@ impl Reader {
 
     /// What has been read.
     pub(super) fn finish(mut self) -> Timeline {
+        for (at, thread, cpu) in std::mem::take(&mut self.early) {
+            if let Some(piece) = self.last_piece(at, thread) {
+                piece.cpu += cpu;
+            }
+        }
         let mut still = std::mem::take(&mut self.timeline.still);
         still.sort_unstable();
         for (from, to) in still {
@@ -271,13 +279,21 @@ impl Reader {
             now.fresh = false;
             self.push(before, at, cpu, false);
         } else {
-            // The other CPU's line may come after the switch, by as much as the pipe holds back.
-            let mut pieces = self.timeline.pieces.iter_mut().rev().take(RECENT);
-            let its = |p: &&mut Piece| i64::from(p.thread) == thread && p.from <= at;
-            if let Some(then) = pieces.find(its) {
-                then.cpu += cpu;
+            // The other CPU's line may come after the switch that ends the piece, by as much as the
+            // pipe holds back; or before the switch that begins it, which the pipe then holds back.
+            match self.last_piece(at, thread).filter(|p| at <= p.to) {
+                Some(then) => then.cpu += cpu,
+                None => self.early.push((at, thread, cpu)),
             }
         }
+    }
+
+    /// The thread's last piece that had begun by then.
+    fn last_piece(&mut self, at: Nanos, thread: i64) -> Option<&mut Piece> {
+        let pieces = &mut self.timeline.pieces;
+        let after = pieces.partition_point(|p| p.from <= at);
+        let mut recent = pieces.get_mut(..after)?.iter_mut().rev().take(RECENT);
+        recent.find(|p| i64::from(p.thread) == thread)
     }
 
     fn switch(&mut self, at: Nanos, text: &str) {

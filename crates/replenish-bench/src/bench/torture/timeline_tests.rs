@@ -250,3 +250,25 @@ fn ranks_are_those_of_sched_fifo() {
         [100, 99, 60, 1, 0]
     );
 }
+
+/// A reader of the trace that is held up between the buffers of two CPUs gets another CPU's reading
+/// of a clock before the switch to the thread. The charge went to the thread's stretch before, and
+/// the judge's time may begin in between.
+#[test]
+fn a_charge_that_comes_before_its_thread_s_switch_belongs_behind_it() {
+    let mut reader = Reader::new(1);
+    let lines = "\
+        idle-0 [001] d..2. 12.000100: sched_switch: prev_comm=swapper/1 prev_pid=0 prev_prio=120 prev_state=R ==> next_comm=w1 next_pid=9 next_prio=39
+        w1-9   [001] d..2. 12.000200: sched_switch: prev_comm=w1 prev_pid=9 prev_prio=39 prev_state=S ==> next_comm=swapper/1 next_pid=0 next_prio=120
+        main-5 [000] d..2. 12.000900: sched_stat_runtime: comm=w1 pid=9 runtime=467000 [ns]
+        idle-0 [001] d..2. 12.000433: sched_switch: prev_comm=swapper/1 prev_pid=0 prev_prio=120 prev_state=R ==> next_comm=w1 next_pid=9 next_prio=39
+        w1-9   [001] d..2. 12.000950: sched_stat_runtime: comm=w1 pid=9 runtime=50000 [ns]
+        w1-9   [001] d..2. 12.000951: sched_switch: prev_comm=w1 prev_pid=9 prev_prio=39 prev_state=S ==> next_comm=swapper/1 next_pid=0 next_prio=120";
+    lines.lines().for_each(|l| reader.line(l));
+    let pieces = reader.finish().pieces;
+    let cpu_from = |from: Nanos| -> Nanos {
+        let later = pieces.iter().filter(|p| p.from % 1_000_000 >= from);
+        later.filter(|p| p.thread == 9).map(|p| p.cpu).sum()
+    };
+    assert_eq!((cpu_from(0), cpu_from(433_000)), (517_000, 517_000));
+}

@@ -240,17 +240,19 @@ impl Child {
     }
 
     /// Waits until every thread has stopped: one that has not had the CPU since the signal has some
-    /// instructions to go, and its CPU clock would be read too early.
+    /// instructions to go, and its CPU clock would be read too early. A thread that is said to be
+    /// stopped may still be on its way off the CPU, and is charged when it gets there: both looks
+    /// must find all of them stopped.
     fn rest(&self) {
         let end = clock::monotonic() + LONGEST_REST;
-        loop {
+        let mut looks = 0;
+        while looks < 2 && clock::monotonic() < end {
             clock::sleep_until(clock::monotonic() + REST);
             let tasks = fs::read_dir(self.path()).into_iter().flatten().flatten();
             // One that has ended since has no state.
             let mut states = tasks.flat_map(|task| fs::read_to_string(task.path().join("stat")));
-            if states.all(|stat| is_stopped(&stat)) || clock::monotonic() > end {
-                return;
-            }
+            let all_stopped = states.all(|stat| is_stopped(&stat));
+            looks = if all_stopped { looks + 1 } else { 0 };
         }
     }
 
