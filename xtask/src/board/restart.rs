@@ -28,7 +28,10 @@ pub(crate) fn run(seconds: u64, path: Option<&Path>) -> Outcome {
     let mut words = vec![length.to_string()];
     words.extend(workers.iter().map(Worker::word));
     words.push(format!("restart={}", length / 5));
-    let run = bench.run(&words, Host::default())?;
+    // The board's time runs ahead while a loaded host starts the second agent: then that is lost
+    // as well.
+    let once = |run: &Run| report::number(&run.board, "link_lost") == 1.0;
+    let run = bench.run_until(&words, Host::default(), once)?;
     let board = &run.board;
     println!("topic   answers   until the kill   after the return   refused   CPU within budget");
     for worker in report::workers(board) {
@@ -78,7 +81,7 @@ pub(crate) fn run(seconds: u64, path: Option<&Path>) -> Outcome {
     }
 }
 
-/// Checks the counts that do not depend on the host's speed.
+/// Checks the counts of a run in which the host was fast enough to lose one agent only.
 fn judge(run: &Run) -> Vec<String> {
     let mut wrong = Vec::new();
     let mut hold = |what: bool, why: String| {

@@ -77,21 +77,26 @@ impl Bench {
         self.run_until(words, host, |_| true)
     }
 
-    /// As [`run`](Self::run), for a run in which the host owes an answer to every tick: a run in
-    /// which the host lost one says nothing about the board, and is repeated too. The third run
-    /// counts as it is.
+    /// As [`run`](Self::run), for a run in which the host owes an answer to every tick.
     pub(crate) fn run_answered(&self, words: &[String], host: Host) -> Outcome<Run> {
         self.run_until(words, host, |run| {
             run.board.pointer(UNANSWERED) == Some(&Value::from(0))
         })
     }
 
-    fn run_until(&self, words: &[String], host: Host, complete: fn(&Run) -> bool) -> Outcome<Run> {
+    /// As [`run`](Self::run), and a run in which the host did not do its part says nothing about
+    /// the board: it is repeated too. The third run counts as it is.
+    pub(crate) fn run_until(
+        &self,
+        words: &[String],
+        host: Host,
+        host_did_its_part: fn(&Run) -> bool,
+    ) -> Outcome<Run> {
         for _ in 1..RUNS {
             match self.once(words, host) {
                 Err(what) if what.contains(NO_END) => eprintln!("{what}\nrun again"),
-                Ok(run) if !complete(&run) => {
-                    eprintln!("{words:?}: the host left ticks without an answer\nrun again");
+                Ok(run) if !host_did_its_part(&run) => {
+                    eprintln!("{words:?}: the host was too slow, or lost a tick\nrun again");
                 }
                 end => return end,
             }
