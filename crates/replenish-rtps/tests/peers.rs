@@ -254,11 +254,18 @@ fn graph() {
             wanted.retain(|wanted| *wanted != kind);
         }
     }
-    let theirs = ours.node.participant().endpoints();
-    let pong = theirs
-        .filter(|known| known.topic() == "rt/pong")
-        .collect::<Vec<_>>();
-    assert_eq!((pong.len(), pong[0].type_hash), (1, Some(hash)));
+    // They may see us before we see them.
+    let hashes = loop {
+        assert!(begin.elapsed() < PATIENCE, "their endpoint is not seen");
+        ours.step();
+        let theirs = ours.node.participant().endpoints();
+        let pong = theirs.filter(|known| known.topic() == "rt/pong");
+        let hashes: Vec<_> = pong.map(|known| known.type_hash).collect();
+        if !hashes.is_empty() {
+            break hashes;
+        }
+    };
+    assert_eq!(hashes, [Some(hash)]);
     drop(ours);
     assert_eq!(peer.lines.recv_timeout(PATIENCE).as_deref(), Ok("gone"));
 }

@@ -18,21 +18,33 @@ pub(super) fn foreground(stages: &[Stage], tally: &mut Tally) -> Outcome {
     steps.into_iter().try_for_each(|step| run(&step, tally))
 }
 
-/// With more failed tests than this, a command is not run a second time.
+/// With more failed tests than this, a command is not run again.
 const FEW: usize = 3;
 
-/// A command in which a few tests failed counts by its second run, if it may have one: machines of
-/// CI stand still for seconds now and then. The log keeps both runs and names the tests.
+/// A command runs so often at most.
+const RUNS: usize = 3;
+
+/// A command in which a few tests failed runs again, if it may: machines of CI stand still for
+/// seconds now and then. A test that fails twice has failed. The log keeps every run and names the
+/// tests.
 fn run(step: &Step, tally: &mut Tally) -> Outcome {
-    tally.begin();
-    let first = once(step, tally);
-    let failed = tally.failed().len();
-    if first.is_ok() || !step.counts_twice() || failed == 0 || failed > FEW {
-        return first;
+    let mut unsteady: Vec<String> = Vec::new();
+    for _ in 1..RUNS {
+        tally.begin();
+        let outcome = once(step, tally);
+        let failed = tally.failed();
+        let twice = failed.iter().any(|name| unsteady.contains(name));
+        if outcome.is_ok() || !step.may_repeat() || twice || failed.is_empty() || failed.len() > FEW
+        {
+            return outcome;
+        }
+        println!(
+            "\nunsteady: {}: failed; the whole command runs again",
+            failed.join(", ")
+        );
+        unsteady.extend_from_slice(failed);
+        tally.take_back();
     }
-    let unsteady = tally.failed().join(", ");
-    tally.take_back();
-    println!("\nunsteady: {unsteady}: failed; the whole command runs once more");
     tally.begin();
     once(step, tally)
 }

@@ -30,7 +30,7 @@ pub(super) struct Step {
     words: Vec<String>,
     folder: &'static str,
     variables: BTreeMap<&'static str, String>,
-    twice: bool,
+    repeats: bool,
 }
 
 impl Step {
@@ -40,7 +40,7 @@ impl Step {
             words: line.split_whitespace().map(str::to_owned).collect(),
             folder: ".",
             variables: BTreeMap::new(),
-            twice: false,
+            repeats: false,
         }
     }
 
@@ -60,15 +60,15 @@ impl Step {
         self.with("CARGO_TARGET_DIR", target.display().to_string())
     }
 
-    /// Its second run counts if a few tests fail in the first.
-    fn at_most_twice(mut self) -> Self {
-        self.twice = true;
+    /// It runs again if a few tests fail in it.
+    fn repeatable(mut self) -> Self {
+        self.repeats = true;
         self
     }
 
-    /// Whether its second run counts if a few tests fail in the first.
-    pub(super) fn counts_twice(&self) -> bool {
-        self.twice
+    /// Whether it runs again if a few tests fail in it.
+    pub(super) fn may_repeat(&self) -> bool {
+        self.repeats
     }
 
     /// The command as a person would type it.
@@ -112,7 +112,7 @@ pub(super) fn steps(stage: Stage) -> Vec<Step> {
             vec![
                 Step::new("cargo test --locked --manifest-path peers/Cargo.toml")
                     .building_in("peers")
-                    .at_most_twice(),
+                    .repeatable(),
             ]
         }
         Stage::Supply => supply(),
@@ -177,7 +177,7 @@ fn nuttx(command: &str, end: &str) -> Step {
 fn test() -> Vec<Step> {
     vec![
         // The README's command.
-        Step::new("cargo test --workspace").at_most_twice(),
+        Step::new("cargo test --workspace").repeatable(),
         // The XRCE client as it is on a microcontroller, against the same captures and scripts.
         Step::new("cargo test -p replenish-xrce --no-default-features"),
     ]

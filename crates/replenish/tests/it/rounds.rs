@@ -177,14 +177,16 @@ fn logical_execution_time_shows_the_start_of_the_round() {
             .unwrap();
         let seen = Arc::clone(&rig.seen);
         let running = rig.exec.start().unwrap();
-        assert!(eventually(|| seen.lock().unwrap().len() >= 10));
+        let lets = semantics == Semantics::LogicalExecutionTime;
+        assert!(eventually(|| {
+            let seen = seen.lock().unwrap();
+            // On a busy machine a sample arrives in its own round now and then only.
+            seen.len() >= 10 && (lets || seen.iter().any(|(_, age)| *age == 0))
+        }));
         drop(running);
         let ages: Vec<i32> = rig.seen.lock().unwrap().iter().map(|(_, a)| *a).collect();
-        match semantics {
-            // All that was published in earlier rounds, nothing of this round.
-            Semantics::LogicalExecutionTime => assert!(ages.iter().all(|a| *a >= 1), "{ages:?}"),
-            Semantics::TakeThenExecute => assert!(ages.contains(&0), "{ages:?}"),
-        }
+        // All that was published in earlier rounds, nothing of this round.
+        assert!(!lets || ages.iter().all(|a| *a >= 1), "{ages:?}");
     }
 }
 
