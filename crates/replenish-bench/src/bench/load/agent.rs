@@ -35,6 +35,9 @@ struct Sample {
     at: Nanos,
     resident: u64,
     cpu_seconds: f64,
+    /// Time so far that threads were ready and had no CPU: the agent's, the clients', and what the
+    /// hypervisor kept of all CPUs, in ns.
+    waited: [Nanos; 3],
 }
 
 /// What became of it.
@@ -46,6 +49,9 @@ pub(super) struct Seen {
     pub(super) resident: (u64, u64),
     /// CPUs it kept busy.
     pub(super) cpus: f64,
+    /// The cause of the tail, in ns: how long the agent and the clients were ready and had no CPU,
+    /// and what the hypervisor kept of all CPUs.
+    pub(super) waited: [Nanos; 3],
 }
 
 impl AgentProcess {
@@ -95,6 +101,11 @@ impl AgentProcess {
             at,
             resident,
             cpu_seconds: cpu_seconds(id).unwrap_or(0.0),
+            waited: [
+                waited(id),
+                waited(std::process::id()),
+                (0..).map_while(replenish_os::steal_time).sum(),
+            ],
         });
     }
 
@@ -120,6 +131,7 @@ impl AgentProcess {
             counters,
             resident: (early.resident, last.resident),
             cpus: (last.cpu_seconds - first.cpu_seconds) / seconds.max(1e-9),
+            waited: std::array::from_fn(|i| last.waited[i].saturating_sub(first.waited[i])),
         })
     }
 }
@@ -130,6 +142,15 @@ fn resident(id: u32) -> Option<u64> {
     let line = status.lines().find_map(|l| l.strip_prefix("VmRSS:"))?;
     let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kib * 1024)
+}
+
+/// How long the threads of a process were ready and had no CPU, in ns.
+fn waited(id: u32) -> Nanos {
+    let tasks = std::fs::read_dir(format!("/proc/{id}/task"));
+    let of = |stat: String| stat.split_whitespace().nth(1)?.parse::<Nanos>().ok();
+    let tasks = tasks.into_iter().flatten().flatten();
+    let stats = tasks.filter_map(|task| facts::read(task.path().join("schedstat")));
+    stats.filter_map(of).sum()
 }
 
 /// CPU time of a process, user and system.

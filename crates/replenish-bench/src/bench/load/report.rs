@@ -40,6 +40,10 @@ pub(super) struct Json {
     p50_us: i64,
     p99_us: i64,
     max_us: i64,
+    /// While their threads were ready: the tail comes from there if not from the agent.
+    agent_waited_ms: f64,
+    clients_waited_ms: f64,
+    stolen_ms: f64,
     disconnected: u64,
 }
 
@@ -51,6 +55,7 @@ pub(super) fn json(args: &Args, load: &Load, tally: &Tally, agent: &Seen) -> Jso
     let latencies = Sorted::new(tally.latencies.iter().copied().map(i64::from).collect());
     let (early, end) = agent.resident;
     let rate = tally.received as f64 / seconds.max(1e-9);
+    let [agent_waited_ms, clients_waited_ms, stolen_ms] = agent.waited.map(|ns| ns as f64 / 1e6);
     let signed = |bytes: u64| i64::try_from(bytes).unwrap_or(i64::MAX);
     Json {
         clients: args.clients,
@@ -79,6 +84,9 @@ pub(super) fn json(args: &Args, load: &Load, tally: &Tally, agent: &Seen) -> Jso
         p50_us: latencies.median(),
         p99_us: latencies.percentile(99),
         max_us: latencies.max(),
+        agent_waited_ms,
+        clients_waited_ms,
+        stolen_ms,
         disconnected: tally.disconnected,
     }
 }
@@ -86,6 +94,7 @@ pub(super) fn json(args: &Args, load: &Load, tally: &Tally, agent: &Seen) -> Jso
 /// The table.
 pub(super) fn print(json: &Json) {
     let mut table = Table::new(&["what", "figure"]);
+    let ms = |ms: f64| format!("{ms:.1} ms");
     let kib = |bytes: u64| format!("{} KiB", bytes / 1024);
     let rows = [
         ("samples sent", json.sent.to_string()),
@@ -96,6 +105,9 @@ pub(super) fn print(json: &Json) {
         ("p50", format!("{} us", json.p50_us)),
         ("p99", format!("{} us", json.p99_us)),
         ("max", format!("{} us", json.max_us)),
+        ("agent waited for a CPU", ms(json.agent_waited_ms)),
+        ("clients waited for a CPU", ms(json.clients_waited_ms)),
+        ("stolen by the hypervisor", ms(json.stolen_ms)),
         (
             "agent's CPU",
             format!("{:.0} % of one", json.agent_cpus * 100.0),
