@@ -12,9 +12,10 @@ use std::time::Duration;
 
 const CHILD: &str = "REPLENISH_FOREIGN_CHILD";
 
-/// A shell's endless work: until its parent has ended, so that nothing of a trial stays.
-const SPIN: &str = "while kill -0 $PPID 2>/dev/null; do \
-                    i=0; while [ $i -lt 9999 ]; do i=$((i+1)); done; done";
+/// A shell's long work: until its parent has ended, so that nothing of a trial stays. A shell whose
+/// parent had ended before it began sees its new one, which may live for ever: hence the count.
+const SPIN: &str = "n=0; while [ $n -lt 20000 ] && [ $PPID -gt 1 ] && kill -0 $PPID 2>/dev/null; do \
+                    n=$((n+1)); i=0; while [ $i -lt 9999 ]; do i=$((i+1)); done; done";
 
 /// Whether this process is a foreign program of a trial.
 pub(crate) fn is_child() -> bool {
