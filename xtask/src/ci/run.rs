@@ -10,7 +10,8 @@ use std::io::{BufRead as _, BufReader};
 use std::os::unix::process::CommandExt as _;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
-use std::time::Instant;
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::{Duration, Instant};
 
 /// Runs the stages one after another; prints each line as it comes and counts tests.
 pub(super) fn foreground(stages: &[Stage], tally: &mut Tally) -> Outcome {
@@ -59,7 +60,7 @@ fn once(step: &Step, tally: &mut Tally) -> Outcome {
     command.stdin(Stdio::null()).stdout(copy).stderr(writer);
     let mut child = command.spawn().map_err(|e| fail(&e))?;
     drop(command); // and with it our ends of the pipe for writing
-    show(reader, tally);
+    follow(reader, &mut child, tally);
     let status = child.wait().map_err(|e| fail(&e))?;
     tally.took(began.elapsed(), line.clone());
     if status.success() {
@@ -69,14 +70,38 @@ fn once(step: &Step, tally: &mut Tally) -> Outcome {
     }
 }
 
-/// Prints what somebody writes, and counts the tests in it.
+/// After a command has ended its output may be quiet for so long.
+const QUIET: Duration = Duration::from_secs(2);
+
+/// Prints a command's output to its end. A process that the command left behind holds the pipe open
+/// and is not waited for.
+fn follow(text: impl std::io::Read + Send + 'static, child: &mut Child, tally: &mut Tally) {
+    let (tell, lines) = mpsc::channel();
+    std::thread::spawn(move || {
+        let lines = BufReader::new(text).split(b'\n').map_while(Result::ok);
+        lines.into_iter().try_for_each(|line| tell.send(line)).ok();
+    });
+    loop {
+        match lines.recv_timeout(QUIET) {
+            Ok(line) => say(&line, tally),
+            Err(RecvTimeoutError::Timeout) if matches!(child.try_wait(), Ok(None)) => {}
+            Err(_) => break,
+        }
+    }
+}
+
+/// Prints what somebody has written, and counts the tests in it.
 fn show(text: impl std::io::Read, tally: &mut Tally) {
     let lines = BufReader::new(text).split(b'\n').map_while(Result::ok);
     for line in lines {
-        let line = String::from_utf8_lossy(&line);
-        println!("{line}");
-        tally.line(&line);
+        say(&line, tally);
     }
+}
+
+fn say(line: &[u8], tally: &mut Tally) {
+    let line = String::from_utf8_lossy(line);
+    println!("{line}");
+    tally.line(&line);
 }
 
 /// Stages in a process of their own, with the processor time that others leave.
@@ -151,5 +176,24 @@ impl Drop for Beside {
             child.wait().ok();
         }
         std::fs::remove_file(&self.said).ok();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_process_that_a_command_left_behind_is_not_waited_for() {
+        let (reader, writer) = std::io::pipe().unwrap();
+        let mut command = Command::new("sh");
+        command.args(["-c", "sleep 60 & echo 'failures:'; echo '    a_test'"]);
+        let mut child = command.stdout(writer).spawn().unwrap();
+        drop(command);
+        let (began, mut tally) = (Instant::now(), Tally::default());
+        follow(reader, &mut child, &mut tally);
+        assert!(child.wait().unwrap().success());
+        assert_eq!(tally.failed(), ["a_test"]);
+        assert!(began.elapsed() < Duration::from_secs(30));
     }
 }
