@@ -9,7 +9,7 @@ use crate::parameters::{self, Override};
 use crate::pattern;
 use crate::rule::{Kind, Target};
 
-/// What a program was started with. Empty by default: then every name stays as it is.
+/// The arguments of a program. Empty by default: then every name stays as it is.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct RosArgs {
     said: Said,
@@ -73,7 +73,7 @@ impl RosArgs {
         self.said.enclave.as_deref().or(variable)
     }
 
-    /// What they say about logging.
+    /// The options about logging.
     #[must_use]
     pub fn log(&self) -> &LogArgs {
         &self.said.log

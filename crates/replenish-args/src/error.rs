@@ -7,7 +7,7 @@ use std::fmt;
 pub struct ArgsError {
     /// Where: `argument 3`, `robot.yaml:4:7`, `ROS_DOMAIN_ID`.
     pub place: String,
-    /// What was written there.
+    /// The text that was written there.
     pub text: String,
     /// The problem, and what is allowed.
     pub problem: String,

@@ -1,4 +1,4 @@
-//! What the arguments say about logging. The logger that obeys is the program's.
+//! The options about logging. The logger that obeys is the program's.
 
 /// A severity, as `rcutils` names them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -32,7 +32,7 @@ impl LogLevel {
     }
 }
 
-/// What the arguments say about logging.
+/// The options about logging.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct LogArgs {

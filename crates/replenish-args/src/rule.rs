@@ -3,7 +3,7 @@
 use crate::name::{self, is_token};
 use crate::pattern;
 
-/// What a name is the name of.
+/// The kind of thing that a name stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// A topic: rules for all names, and those with `rostopic://`.

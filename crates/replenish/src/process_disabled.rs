@@ -5,7 +5,7 @@ use crate::name;
 use crate::parameter::{ParameterError, ParameterValue};
 use alloc::string::String;
 
-/// What a name is the name of.
+/// The kind of thing that a name stands for.
 #[derive(Clone, Copy)]
 pub(crate) enum Kind {
     Topic,

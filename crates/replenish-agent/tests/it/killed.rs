@@ -79,7 +79,8 @@ fn a_killed_reader_that_returns_with_another_key_holds_up_writers_until_it_was_s
     }
     assert!(world.now - killed_at >= silence, "ended too early");
     assert_eq!(world.agent.stats().clients, 2, "the killed one has gone");
-    // What waited for it alone is counted; it was acknowledged before the other reader was there.
+    // Samples that waited for it alone are counted; they were acknowledged before the other reader
+    // was there.
     assert!(world.agent.stats().samples_orphaned > 0);
     for number in waiting + 1..waiting + 100 {
         talker.write(world, 1, &[number; 4]);

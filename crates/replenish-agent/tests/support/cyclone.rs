@@ -13,7 +13,7 @@ const SCRIPT: &str = concat!(
     "/../replenish-agent/tests/peers/cyclone.py"
 );
 
-/// What is missing, and the way to get it.
+/// The missing part, and the way to get it.
 pub(crate) fn missing() -> Option<String> {
     let python = python();
     (!python.exists()).then(|| {

@@ -12,7 +12,7 @@ fn python() -> PathBuf {
     peer::python(env!("CARGO_TARGET_TMPDIR"), "rclpy")
 }
 
-/// What is missing, and how to get it.
+/// The missing part, and how to get it.
 pub(crate) fn missing() -> Option<String> {
     peer::missing(&python())
 }
