@@ -106,8 +106,7 @@ impl Reader {
     /// A place for a sample that is new; makes room for it by the reader's history.
     fn admit(&mut self, at: usize, sn: SequenceNumber, len: usize) -> Option<usize> {
         let writer = self.writers.get_mut(at)?;
-        writer.unheard = false;
-        writer.last = writer.last.max(sn);
+        writer.heard_sample(sn);
         if writer.has(sn) || self.store.find(writer.guid, sn).is_some() {
             self.stats.duplicates += 1;
             return None;

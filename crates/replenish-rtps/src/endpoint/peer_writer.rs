@@ -12,6 +12,10 @@ pub(crate) struct PeerWriter {
     pub(crate) guid: Guid,
     pub(crate) to: SocketAddr,
     pub(crate) reliable: bool,
+    /// It sends what it had written before the match.
+    pub(crate) late: bool,
+    /// The first number that counts as lost if it does not come. `None`: nothing was heard yet.
+    pub(crate) promised: Option<SequenceNumber>,
     /// All below have arrived or will not come.
     pub(crate) next: SequenceNumber,
     /// Bit i: `next + i` has arrived or will not come. Bit 0 is never set between calls.
@@ -28,11 +32,13 @@ pub(crate) struct PeerWriter {
 }
 
 impl PeerWriter {
-    pub(crate) const fn new(guid: Guid, to: SocketAddr, reliable: bool) -> Self {
+    pub(crate) const fn new(guid: Guid, to: SocketAddr, reliable: bool, late: bool) -> Self {
         PeerWriter {
             guid,
             to,
             reliable,
+            late,
+            promised: None,
             next: 1,
             seen: [0; 4],
             last: 0,
@@ -42,6 +48,34 @@ impl PeerWriter {
             ack: reliable,
             unheard: true,
         }
+    }
+
+    /// A sample has come. A writer that does not send earlier samples has promised none before it.
+    pub(crate) fn heard_sample(&mut self, sn: SequenceNumber) {
+        self.unheard = false;
+        self.last = self.last.max(sn);
+        if !self.late && self.promised.is_none() {
+            self.promised = Some(sn);
+        }
+    }
+
+    /// A heartbeat has come; returns the first number that counts as lost.
+    ///
+    /// Whether the writer wrote a sample before the match or after it, a first heartbeat does not
+    /// say: such a sample is asked for, and does not count.
+    pub(crate) fn heard_heartbeat(
+        &mut self,
+        first: SequenceNumber,
+        last: SequenceNumber,
+    ) -> SequenceNumber {
+        self.unheard = false;
+        self.last = self.last.max(last);
+        let begin = if self.late {
+            first
+        } else {
+            last.saturating_add(1)
+        };
+        *self.promised.get_or_insert(begin)
     }
 
     fn at(&self, sn: SequenceNumber) -> Option<(usize, u64)> {

@@ -14,7 +14,9 @@
 
 use super::peer_writer::PeerWriter;
 use super::store::{Slot, State, Store};
-use crate::wire::{Guid, GuidPrefix, Qos, Reliability, SampleIdentity, SequenceNumber, Timestamp};
+use crate::wire::{
+    Durability, Guid, GuidPrefix, Qos, Reliability, SampleIdentity, SequenceNumber, Timestamp,
+};
 use alloc::vec::Vec;
 use core::net::SocketAddr;
 
@@ -38,7 +40,8 @@ pub struct ReaderStats {
     pub duplicates: u64,
     /// Samples that were overwritten before they were read.
     pub overwritten: u64,
-    /// Samples of reliable writers that will not come: their writers had them no longer.
+    /// Samples of reliable writers that will not come: their writers had them no longer. Samples
+    /// that a late reader was not promised do not count.
     pub lost: u64,
     /// Samples that are longer than the limit, or in more fragments than it allows.
     pub too_long: u64,
@@ -132,7 +135,10 @@ impl Reader {
         }
         let reliable = self.qos.reliability == Reliability::Reliable
             && qos.reliability == Reliability::Reliable;
-        self.writers.push(PeerWriter::new(guid, to, reliable));
+        let late = self.qos.durability >= Durability::TransientLocal
+            && qos.durability >= Durability::TransientLocal;
+        let writer = PeerWriter::new(guid, to, reliable, late);
+        self.writers.push(writer);
         true
     }
 

@@ -22,12 +22,9 @@ impl Reader {
             return;
         }
         writer.heartbeat_count = Some(body.count);
-        writer.last = writer.last.max(body.last);
-        let first_time = writer.unheard;
-        writer.unheard = false;
-        let missed = self.give_up_below(at, body.first);
-        // What a late reader has never been promised is not lost.
-        self.stats.lost += if first_time { 0 } else { missed };
+        let promised = writer.heard_heartbeat(body.first, body.last);
+        self.give_up_below(at, promised.min(body.first));
+        self.stats.lost += self.give_up_below(at, body.first);
         if let Some(writer) = self.writers.get_mut(at) {
             writer.ack |= !body.final_flag || writer.next <= writer.last;
         }

@@ -3,7 +3,8 @@
 use proptest::prelude::*;
 use replenish_rtps::endpoint::{Reader, ReaderLimits, WriteError, Writer, WriterLimits};
 use replenish_rtps::wire::{
-    CDR_LE, EntityId, Guid, GuidPrefix, Message, MessageWriter, Nanos, Qos, Reliability, Submessage,
+    CDR_LE, Data, EntityId, Guid, GuidPrefix, Heartbeat, Message, MessageWriter, Nanos, Payload,
+    Qos, Reliability, Submessage,
 };
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -261,4 +262,58 @@ proptest! {
         let first = if latched { count.saturating_sub(depth) } else { count };
         prop_assert_eq!(numbers, (first..=count).collect::<Vec<_>>());
     }
+}
+
+/// A late reader of a volatile writer was promised nothing from before the match. It counts what
+/// the writer drops afterwards, and nothing else.
+#[test]
+fn a_late_reader_does_not_count_samples_from_before_the_match() {
+    let qos = Qos {
+        depth: 4,
+        ..Qos::ros()
+    };
+    let heartbeat = |first, last, count| Heartbeat {
+        reader: EntityId::default(),
+        writer: EntityId::writer(1),
+        first,
+        last,
+        count,
+        final_flag: false,
+        liveliness: false,
+    };
+    let data = |sn, payload| Data {
+        reader: EntityId::default(),
+        writer: EntityId::writer(1),
+        sn,
+        inline_qos: None,
+        payload: Payload::Data(payload),
+    };
+    let payload = payload(1, 4);
+    let to: SocketAddr = "127.0.0.1:1".parse().unwrap();
+    let late = || {
+        let room = ReaderLimits {
+            samples: 8,
+            sample_bytes: 64,
+            writers: 1,
+        };
+        let mut reader = Reader::new(Guid::new(R, EntityId::reader(1)), qos, &room);
+        let writer = Guid::new(W, EntityId::writer(1));
+        assert!(reader.add_writer(writer, &qos, to));
+        reader
+    };
+    // A sample is the first thing that it hears.
+    let mut reader = late();
+    reader.data(W, &data(57, &payload), None);
+    reader.heartbeat(W, &heartbeat(54, 57, 1));
+    assert_eq!(reader.stats().lost, 0);
+    // 58 and 59 were written after the match and are gone.
+    reader.heartbeat(W, &heartbeat(60, 63, 2));
+    assert_eq!((reader.stats().received, reader.stats().lost), (1, 2));
+    // A heartbeat is: of the samples up to its last nobody can say.
+    let mut reader = late();
+    reader.heartbeat(W, &heartbeat(1, 56, 1));
+    reader.heartbeat(W, &heartbeat(53, 56, 2));
+    assert_eq!(reader.stats().lost, 0);
+    reader.heartbeat(W, &heartbeat(60, 63, 3));
+    assert_eq!(reader.stats().lost, 3);
 }
