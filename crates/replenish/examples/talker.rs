@@ -2,8 +2,8 @@
 //! Ctrl-C ends it with a report.
 //!
 //! Run: `REPLENISH_AGENT=in-process cargo run -p replenish --example talker -- --ros-args
-//! -r chatter:=/news -p period_ms:=100`; without the variable it talks through the agent at
-//! `127.0.0.1:8888`.
+//! -r chatter:=/news -p period_ms:=100`; with `REPLENISH_AGENT=ros2` it talks with ROS 2 itself,
+//! and without the variable through the agent at `127.0.0.1:8888`.
 
 use replenish::msg::std_msgs::String;
 use replenish::{Context, Descriptor, Error, Executor, ParameterOptions, Qos};

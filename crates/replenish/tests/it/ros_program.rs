@@ -4,10 +4,12 @@
 use crate::common::{Echo, eventually, executor};
 use crate::examples::program;
 use replenish::args::{Environment, RosArgs};
-use replenish::msg::std_msgs::Int32;
+use replenish::middleware::rtps::{DiscoveryRange, Rtps, RtpsConfig};
+use replenish::msg::std_msgs::{Int32, String as Text};
 use replenish::{
     Context, Descriptor, Error, ParameterErrorKind, ParameterOptions, ParameterValue, Qos,
 };
+use replenish_testkit::domain::domain;
 use replenish_testkit::program::{Running, Scratch, stderr};
 use std::os::unix::process::ExitStatusExt;
 use std::sync::Arc;
@@ -89,8 +91,43 @@ fn errors_of_a_main_are_sentences() {
     assert_eq!(
         refused(&[("REPLENISH_AGENT", "localhost")], &[]),
         "Error: REPLENISH_AGENT, localhost: allowed is udp://HOST:PORT, tcp://HOST:PORT, \
-         serial://PATH@BAUD or in-process\n"
+         serial://PATH@BAUD, ros2 or in-process\n"
     );
+}
+
+/// Another participant of the domain hears the program: it is in ROS 2 itself.
+#[test]
+fn a_program_joins_ros_2_without_an_agent() {
+    let domain = domain();
+    let variables = [
+        "REPLENISH_AGENT=ros2",
+        "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST",
+        &format!("ROS_DOMAIN_ID={domain}"),
+    ];
+    let args = ["--ros-args", "-r", "chatter:=/news", "-p", "period_ms:=5"];
+    let mut talker = started(program("talker").to_str().unwrap(), &variables, &args);
+    let config = RtpsConfig {
+        domain,
+        range: DiscoveryRange::Localhost,
+        ..RtpsConfig::default()
+    };
+    let ctx = Context::new(Rtps::open(&config).unwrap());
+    let node = ctx.node("listener").unwrap();
+    let heard = Arc::new(AtomicU64::new(0));
+    let count = Arc::clone(&heard);
+    let (mut exec, _) = executor(&ctx);
+    exec.worker("w")
+        .subscribe(&node, "/news", Qos::reliable(), move |text: &Text, _| {
+            assert!(text.data.starts_with("Hello World: "));
+            count.fetch_add(1, Ordering::SeqCst);
+        })
+        .unwrap();
+    let running = exec.start().unwrap();
+    assert!(eventually(|| heard.load(Ordering::SeqCst) > 20));
+    talker.signal("INT");
+    talker.expect_line("/talker/sub:/news", LIMIT);
+    assert_eq!(talker.end(LIMIT).code(), Some(0));
+    drop(running.stop());
 }
 
 /// The process of the next test: a callback that goes on after the first signal.

@@ -89,10 +89,10 @@ const AGENT: &str = "REPLENISH_AGENT";
 impl Context {
     /// The context of a ROS 2 program: its arguments behind `--ros-args` give names and parameters
     /// ([`with_args`](Self::with_args)), SIGINT and SIGTERM end its executors
-    /// ([`stop_on_signals`](Self::stop_on_signals)), and the agent is named by the variable
-    /// `REPLENISH_AGENT`: `udp://HOST:PORT`, `tcp://HOST:PORT`, `serial://PATH@BAUD`, or
-    /// `in-process` for none; `udp://127.0.0.1:8888` if it is not set. `ROS_DOMAIN_ID` is its DDS
-    /// domain.
+    /// ([`stop_on_signals`](Self::stop_on_signals)), and the variable `REPLENISH_AGENT` says where
+    /// it connects: to the agent at `udp://HOST:PORT`, `tcp://HOST:PORT` or `serial://PATH@BAUD`;
+    /// with `ros2` to ROS 2 itself, as [`ros2`](Self::ros2) does; with `in-process` to nobody. It
+    /// is `udp://127.0.0.1:8888` if it is not set. `ROS_DOMAIN_ID` is the DDS domain.
     ///
     /// ```no_run
     /// # fn main() -> Result<(), replenish::Error> {
@@ -104,7 +104,7 @@ impl Context {
     ///
     /// # Errors
     /// [`Error::Arguments`] for an argument or variable that cannot be used,
-    /// [`Error::Connect`] if no agent answers.
+    /// [`Error::Connect`] if no agent answers, or ROS 2 cannot be joined.
     pub fn from_args() -> Result<Self, Error> {
         let args = RosArgs::from_env()?;
         let agent = std::env::var(AGENT).ok().filter(|agent| !agent.is_empty());
@@ -123,11 +123,13 @@ impl Context {
         let wrong = || Error::Arguments {
             reason: format!(
                 "{AGENT}, {agent}: allowed is udp://HOST:PORT, tcp://HOST:PORT, \
-                 serial://PATH@BAUD or in-process"
+                 serial://PATH@BAUD, ros2 or in-process"
             ),
         };
-        if agent == "in-process" {
-            return Ok(Self::in_process());
+        match agent {
+            "in-process" => return Ok(Self::in_process()),
+            "ros2" => return Ok(Self::ros2()?),
+            _ => {}
         }
         let (transport, place) = agent.split_once("://").ok_or_else(wrong)?;
         let xrce = match transport {
