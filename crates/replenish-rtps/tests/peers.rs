@@ -31,13 +31,13 @@ fn main() {
     let trial =
         |name, peer: &'static str, body: fn()| peer_trial(name, peer::missing(&python(peer)), body);
     run(vec![
-        trial("rclpy_sends_everything_back", "rclpy", || {
+        trial("rclpy_sends_everything_back", "kilted", || {
             echo(&RCLPY);
         }),
         trial("cyclone_sends_everything_back", "cyclonedds", || {
             echo(&CYCLONE);
         }),
-        trial("rclpy_sees_node_type_and_hash", "rclpy", graph),
+        trial("rclpy_sees_node_type_and_hash", "kilted", graph),
     ]);
 }
 
@@ -51,7 +51,7 @@ struct PeerKind {
 }
 
 const RCLPY: PeerKind = PeerKind {
-    environment: "rclpy",
+    environment: "kilted",
     script: "rclpy_echo.py",
 };
 const CYCLONE: PeerKind = PeerKind {

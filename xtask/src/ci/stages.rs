@@ -108,13 +108,7 @@ pub(super) fn steps(stage: Stage) -> Vec<Step> {
         Stage::Loom => loom(),
         Stage::Board => board(),
         Stage::Fuzz => vec![Step::new("fuzz/run 30").building_in("fuzz")],
-        Stage::Peers => {
-            vec![
-                Step::new("cargo test --locked --manifest-path peers/Cargo.toml")
-                    .building_in("peers")
-                    .repeatable(),
-            ]
-        }
+        Stage::Peers => peers(),
         Stage::Supply => supply(),
     }
 }
@@ -180,6 +174,21 @@ fn test() -> Vec<Step> {
         Step::new("cargo test --workspace").repeatable(),
         // The XRCE client as it is on a microcontroller, against the same captures and scripts.
         Step::new("cargo test -p replenish-xrce --no-default-features"),
+    ]
+}
+
+/// Foreign implementations. One that is not installed is a failure here.
+fn peers() -> Vec<Step> {
+    let required = |line| {
+        let step = Step::new(line).with("REPLENISH_REQUIRE_PEERS", "1");
+        step.repeatable()
+    };
+    vec![
+        Step::new("cargo test --locked --manifest-path peers/Cargo.toml")
+            .building_in("peers")
+            .repeatable(),
+        required("cargo test -p replenish-rtps --test peers"),
+        required("cargo test -p replenish --test ros2"),
     ]
 }
 

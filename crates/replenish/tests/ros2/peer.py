@@ -3,8 +3,10 @@
 peer.py topics N      publishes 1..N on to_ours, counts what comes back on from_ours
 peer.py late          publishes three latched texts, and takes those that were there before it
 peer.py graph         says the nodes, types and hashes that it sees, and when they are gone
-peer.py serve         has parameters; runs until it is killed
+peer.py client N      asks twice N times
+peer.py serve         has parameters and the service twice; runs until it is killed
 peer.py ask NODE      sets and gets the parameters of NODE
+peer.py action_client N, action_server, manage N, managed    in the files beside this one
 """
 
 import sys
@@ -15,6 +17,7 @@ from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Int32, String
+from test_msgs.srv import BasicTypes
 
 
 def say(*words):
@@ -90,7 +93,26 @@ def graph(node):
     say("gone")
 
 
+def client(node, count):
+    client = node.create_client(BasicTypes, "twice")
+    until(node, client.service_is_ready)
+    right = 0
+    for number in range(count):
+        text = f"text {number}"
+        future = client.call_async(BasicTypes.Request(int64_value=number, string_value=text))
+        until(node, future.done)
+        answer = future.result()
+        right += answer.int64_value == 2 * number and answer.string_value == text[::-1]
+    say("answered", right)
+
+
 def serve(node):
+    def twice(request, response):
+        response.int64_value = 2 * request.int64_value
+        response.string_value = request.string_value[::-1]
+        return response
+
+    node.create_service(BasicTypes, "twice", twice)
     node.declare_parameter("gain", 3)
     say("ready")
     while True:
@@ -111,11 +133,29 @@ def ask(node, name):
 
 
 rclpy.init()
-peer = rclpy.create_node("peer", namespace="/peer")
 mode, *rest = sys.argv[1:]
+if mode == "managed":
+    import peer_lifecycle
+
+    peer_lifecycle.managed(say)
+peer = rclpy.create_node("peer", namespace="/peer")
 if mode == "topics":
     topics(peer, int(rest[0]))
+elif mode == "client":
+    client(peer, int(rest[0]))
 elif mode == "ask":
     ask(peer, rest[0])
+elif mode == "action_client":
+    import peer_actions
+
+    peer_actions.action_client(peer, int(rest[0]), say, until)
+elif mode == "action_server":
+    import peer_actions
+
+    peer_actions.action_server(peer, say)
+elif mode == "manage":
+    import peer_lifecycle
+
+    peer_lifecycle.manage(peer, int(rest[0]), say, until)
 else:
     {"late": late, "graph": graph, "serve": serve}[mode](peer)

@@ -1,0 +1,36 @@
+//! What rclpy sees of our nodes: names, types, type hashes, services, and that they are gone.
+
+use crate::peer::{Distro, Peer};
+use crate::support::{executor, node};
+use replenish::msg::std_msgs::{Int32, String as Text};
+use replenish::{ParameterOptions, Qos};
+
+pub(crate) fn graph(distro: Distro) {
+    let (node, domain) = node("/ns/ours");
+    let parameters = node.parameters(ParameterOptions::new()).unwrap();
+    let out = node.publisher::<Int32>("number", Qos::reliable()).unwrap();
+    let mut exec = executor(&node);
+    exec.worker("w")
+        .subscribe(&node, "text", Qos::reliable(), |_: &Text, _| ())
+        .unwrap()
+        .parameters(&parameters)
+        .unwrap();
+    let running = exec.start().unwrap();
+    let peer = Peer::start(distro, domain, &["graph"]);
+    let hash = |hash: Option<&'static str>| hash.unwrap();
+    let number = hash(<Int32 as replenish::msg::Message>::TYPE_HASH);
+    let text = hash(<Text as replenish::msg::Message>::TYPE_HASH);
+    assert_eq!(
+        peer.line(),
+        format!("publisher /ns ours std_msgs/msg/Int32 {number}")
+    );
+    assert_eq!(
+        peer.line(),
+        format!("subscription /ns ours std_msgs/msg/String {text}")
+    );
+    assert_eq!(peer.line(), "service rcl_interfaces/srv/GetParameters");
+    assert_eq!(peer.line(), "node True");
+    // The last holder of the context says goodbye.
+    drop((running.stop(), parameters, out, node));
+    assert_eq!(peer.line(), "gone");
+}
