@@ -19,8 +19,11 @@ mod topics;
 use peer::Distro;
 use replenish_testkit::harness::{peer_trial, run};
 
+/// A trial's name and its body.
+type Trial = (&'static str, fn(Distro));
+
 /// The trials that every distribution goes through.
-const TRIALS: [(&str, fn(Distro)); 11] = [
+const TRIALS: [Trial; 11] = [
     ("topics_there_and_back", topics::topics),
     ("late_joiners_both_ways", topics::late_joiners),
     ("node_types_and_hashes_are_seen", graph::graph),
