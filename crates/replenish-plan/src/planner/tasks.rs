@@ -148,8 +148,13 @@ pub(super) fn parameters(
     machine: &Machine,
     costs: &Costs,
 ) -> Option<Params> {
-    let budget = amount.checked_add(extra)?;
     let period = server_period(seat, costs)?;
+    let exact = amount.checked_add(extra)?;
+    // Whole microseconds where there is room: reports print them in full.
+    let whole = exact
+        .checked_next_multiple_of(1_000)
+        .filter(|b| extra > 0 && *b <= period);
+    let budget = whole.unwrap_or(exact);
     let low = if seat.suspend {
         Low::Suspend
     } else if machine.is_throttled() {

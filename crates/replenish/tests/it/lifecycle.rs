@@ -2,7 +2,7 @@
 
 use crate::common::{Gate, eventually, executor};
 use replenish::msg::std_msgs::Int32;
-use replenish::{Context, Error, Every, Overrun, Qos};
+use replenish::{Context, Error, Every, Executor, Guarantee, Overrun, ParameterOptions, Qos};
 use replenish_testkit::watchdog::watchdog;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -321,4 +321,46 @@ fn the_tables_of_a_report_line_up_with_long_names() {
     for line in handles..lines.len() {
         assert_eq!(ends(line), ends(handles), "{text}");
     }
+}
+
+#[test]
+fn a_report_has_what_was_asked_for_and_one_line_for_services_without_a_request() {
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let mut exec = Executor::new(&ctx);
+    exec.no_ledger();
+    let guarantee = Guarantee::at(100.0).taking(MS).deadline(5 * MS);
+    let parameters = node.parameters(ParameterOptions::new()).unwrap();
+    exec.worker("control")
+        .guarantee(guarantee)
+        .timer(10 * MS, |cx| {
+            cx.stop();
+        })
+        .unwrap();
+    exec.worker("services").parameters(&parameters).unwrap();
+    let text = exec.spin().unwrap().to_string();
+    let line = |head: &str| text.lines().find(|l| l.starts_with(head)).unwrap_or("");
+    let added = line("control: ");
+    assert!(
+        added.starts_with("control: 1 ms for each callback, and "),
+        "{text}"
+    );
+    assert!(added.ends_with(" us for switching and enforcing"), "{text}");
+    assert_eq!(
+        line("no request"),
+        "no request: 6 services of services",
+        "{text}"
+    );
+    let heads: Vec<&str> = line("handle ")
+        .split("  ")
+        .filter(|h| !h.is_empty())
+        .collect();
+    let names = [
+        "handle", "received", "executed", "not run", "errors", "late",
+    ];
+    assert_eq!(
+        heads.iter().map(|h| h.trim()).take(6).collect::<Vec<_>>(),
+        names
+    );
+    assert!(!text.contains("/srv:"), "{text}");
 }

@@ -2,10 +2,12 @@
 
 use crate::error::Error;
 use crate::executor::run::guarantee::adoption::{Adopted, AdoptedReport, Adoption};
+use alloc::format;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use replenish_plan::ledger::{Denied, LedgerError, Reservation};
 use replenish_plan::{FileError, GuaranteeError, Machine, Plan, Refusal};
+use sporadic::WholeUnits;
 use std::path::PathBuf;
 
 /// The settings.
@@ -52,6 +54,26 @@ pub struct AdmissionReport {
     pub notes: Vec<String>,
     /// Threads that others have started, by pattern, in the order in which they were asked for.
     pub adopted: Vec<AdoptedReport>,
+}
+
+impl AdmissionReport {
+    /// A sentence for each budget that is larger than the user said.
+    pub(crate) fn additions(&self) -> impl Iterator<Item = String> + '_ {
+        let workers = self.plan.iter().flat_map(|plan| &plan.workers);
+        workers.filter_map(|worker| {
+            let (asked, params) = worker.amount.zip(worker.policy.params())?;
+            let added = params
+                .budget()
+                .checked_sub(asked)
+                .filter(|added| *added > 0)?;
+            Some(format!(
+                "{}: {} for each callback, and {} for switching and enforcing",
+                worker.name,
+                WholeUnits(asked),
+                WholeUnits(added)
+            ))
+        })
+    }
 }
 
 /// The result of admission.

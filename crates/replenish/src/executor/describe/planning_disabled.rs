@@ -16,6 +16,13 @@ pub struct AdmissionReport {
     pub notes: Vec<String>,
 }
 
+impl AdmissionReport {
+    /// No budget is larger than the user said.
+    pub(crate) fn additions(&self) -> impl Iterator<Item = String> + '_ {
+        core::iter::empty()
+    }
+}
+
 /// The results of admission.
 #[derive(Debug, Default)]
 pub(crate) struct Admission {

@@ -1,7 +1,7 @@
 //! From a description to an executor that runs.
 //!
 //! ```text
-//!   planning: overlay ──► admission ──► plan ──► assembly ──► threads ──► running ──► report ──► table
+//!   planning: overlay ──► admission ──► plan ──► assembly ──► threads ──► running ──► report ──► report_text ──► table
 //!             (files)     (does it fit) (policies) (parts)       ▲           ▲          ▲
 //!                                                     launch ────┘           │          │
 //!   local: the same parts without threads ───────────────────────────────────┴──────────┘
@@ -23,6 +23,7 @@ pub(crate) mod plan;
 #[cfg_attr(not(feature = "plan"), path = "planning_disabled.rs")]
 mod planning;
 pub(crate) mod report;
+mod report_text;
 pub(crate) mod running;
 mod table;
 mod threads;

@@ -1,6 +1,5 @@
-//! The report of an executor: plain numbers, and a table for people.
+//! The report of an executor: plain numbers. `report_text` prints them.
 
-use super::table::Table;
 use crate::Nanos;
 use crate::executor::describe::planning::AdmissionReport;
 use crate::executor::handles::state::HandleState;
@@ -10,9 +9,8 @@ use crate::histogram::Histogram;
 use crate::middleware::Middleware;
 use crate::platform::Text;
 use crate::stats::HandleStats;
-use alloc::string::{String, ToString};
+use alloc::string::String;
 use alloc::vec::Vec;
-use core::fmt;
 use replenish_os::{Enforcement, EnforcerStats, OverrunSummary, Usage};
 
 /// Everything an executor knows about itself, at one moment or at its end.
@@ -125,78 +123,5 @@ impl Report {
     #[must_use]
     pub fn thread(&self, name: &str) -> Option<&ThreadReport> {
         self.threads.iter().find(|t| t.name == name)
-    }
-}
-
-impl fmt::Display for Report {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for line in &self.fallbacks {
-            writeln!(f, "not guaranteed: {line}")?;
-        }
-        for line in &self.admission.notes {
-            writeln!(f, "note: {line}")?;
-        }
-        let heads = [
-            "thread",
-            "requested",
-            "granted",
-            "high ms",
-            "low ms",
-            "exh.",
-            "overrun us 50/99",
-        ];
-        let mut threads = Table::new(3, heads);
-        for t in &self.threads {
-            let (median, p99) = (t.overruns.median, t.overruns.p99);
-            let overrun = match t.overruns.count {
-                0 => String::from("-"),
-                _ => alloc::format!("{}/{}", median / 1000, p99 / 1000),
-            };
-            let cells = [
-                t.name.clone(),
-                t.requested.to_string(),
-                t.granted.to_string(),
-                (t.usage.cpu_high / 1_000_000).to_string(),
-                (t.usage.cpu_low / 1_000_000).to_string(),
-                t.usage.exhaustions.to_string(),
-                overrun,
-            ];
-            threads.add(cells, "");
-        }
-        let heads = [
-            "handle",
-            "received",
-            "executed",
-            "dropped",
-            "errors",
-            "latency us",
-            "CPU us",
-        ];
-        let mut handles = Table::new(1, heads);
-        for h in &self.handles {
-            let s = &h.stats;
-            let bad = s.dropped + s.oversize + s.undecodable + s.discarded + s.lost + s.skipped;
-            let cells = [
-                h.id.clone(),
-                s.received.to_string(),
-                s.executed.to_string(),
-                bad.to_string(),
-                s.errors.to_string(),
-                (s.worst_latency / 1000).to_string(),
-                (s.worst_execution / 1000).to_string(),
-            ];
-            handles.add(cells, if s.panicked { "panicked" } else { "" });
-        }
-        write!(f, "{threads}{handles}")?;
-        for rounds in &self.rounds {
-            writeln!(f, "{rounds}")?;
-        }
-        for name in &self.stuck {
-            writeln!(
-                f,
-                "stuck: {name} did not end in time; demoted and left behind"
-            )?;
-        }
-        Ok(())
     }
 }
