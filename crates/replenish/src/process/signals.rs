@@ -1,12 +1,12 @@
-//! SIGINT and SIGTERM: the first ends the executors that asked for it, the second the process.
+//! SIGINT and SIGTERM: the first ends the executors that asked for it, a second one the process.
 //!
 //! ```text
-//!   signal ──► handler: flag set already? the default, at once
-//!                 └─ no: set it ──► thread "signals" ──► stop of each watched executor
+//!   signal ──► handler: armed? the default, at once
+//!                 └─ no: thread "signals" ──► stop of each watched executor ──► armed after 0.3 s
 //! ```
 //!
-//! The flag is looked at and set in the handler, so that a second signal needs no thread that gets
-//! the CPU. No handler is installed before somebody asks.
+//! A launcher passes a Ctrl-C on that the terminal has sent to the program as well, so signals that
+//! come together count as one. No handler is installed before somebody asks.
 
 use crate::error::Error;
 use crate::executor::StopHandle;
@@ -18,8 +18,11 @@ use signal_hook::iterator::Signals;
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::Duration;
 
 const SIGNALS: [i32; 2] = [SIGINT, SIGTERM];
+/// Signals that come within this time of the first are the same wish.
+const TOGETHER: Duration = Duration::from_millis(300);
 
 struct Process {
     ended: Arc<AtomicBool>,
@@ -91,10 +94,11 @@ impl Process {
 
 fn install() -> io::Result<Process> {
     let ended = Arc::new(AtomicBool::new(false));
+    let armed = Arc::new(AtomicBool::new(false));
     // The thread's end of it first: a signal between the two would be lost otherwise.
     let mut signals = Signals::new(SIGNALS)?;
     for signal in SIGNALS {
-        flag::register_conditional_default(signal, Arc::clone(&ended))?;
+        flag::register_conditional_default(signal, Arc::clone(&armed))?;
         flag::register(signal, Arc::clone(&ended))?;
     }
     let work = move || {
@@ -102,6 +106,8 @@ fn install() -> io::Result<Process> {
             if let Some(process) = process() {
                 process.lock().1.iter().for_each(|(_, stop)| stop.stop());
             }
+            std::thread::sleep(TOGETHER);
+            armed.store(true, Ordering::Release);
         }
     };
     std::thread::Builder::new()
