@@ -15,6 +15,7 @@
 //!   doorbell        what a worker sleeps on            │ ready_set   handles with input
 //!   inbox           samples of one subscription        │ ring        its buffers   │ sample
 //!   flag            triggers of a guard condition      │ stop        the stop request
+//!   line_queue      lines of a log, from many threads to one
 //!   sync            names of locks, cells and atomics  │ once        cells without std, and models
 //!   models          every interleaving (`--cfg loom`)
 //! ```
@@ -30,6 +31,7 @@ mod command_queue;
 mod doorbell;
 mod flag;
 mod inbox;
+mod line_queue;
 #[cfg(all(test, loom))]
 mod models;
 #[cfg(not(all(feature = "std", not(loom))))]
@@ -44,6 +46,7 @@ pub use command_queue::{CommandQueue, Declined, Reservation};
 pub use doorbell::{Doorbell, Wake, WakeHandle, Woken};
 pub use flag::Flag;
 pub use inbox::{Delivery, DeliveryOutcome, Inbox, Keep};
+pub use line_queue::{LineQueue, LineReader};
 pub use ready_set::ReadySet;
 pub use ring::{Ring, RingSlot};
 pub use sample::{RequestIdentity, SampleInfo};
