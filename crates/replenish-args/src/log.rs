@@ -1,4 +1,4 @@
-//! The options about logging. The logger that obeys is the program's.
+//! The options about logging. The loggers of nodes obey them.
 
 /// A severity, as `rcutils` names them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -29,6 +29,43 @@ impl LogLevel {
             "fatal" => Self::Fatal,
             _ => return None,
         })
+    }
+
+    /// Its number in messages: 10 for debug to 50 for fatal.
+    #[must_use]
+    pub const fn number(self) -> u8 {
+        match self {
+            Self::Debug => 10,
+            Self::Info => 20,
+            Self::Warn => 30,
+            Self::Error => 40,
+            Self::Fatal => 50,
+        }
+    }
+
+    /// By its number in messages.
+    #[must_use]
+    pub const fn numbered(number: u32) -> Option<Self> {
+        Some(match number {
+            10 => Self::Debug,
+            20 => Self::Info,
+            30 => Self::Warn,
+            40 => Self::Error,
+            50 => Self::Fatal,
+            _ => return None,
+        })
+    }
+
+    /// Its name on the console: `DEBUG` to `FATAL`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Debug => "DEBUG",
+            Self::Info => "INFO",
+            Self::Warn => "WARN",
+            Self::Error => "ERROR",
+            Self::Fatal => "FATAL",
+        }
     }
 }
 
