@@ -5,7 +5,7 @@ use crate::executor::{StopHandle, Topic};
 use crate::middleware::{EndpointSpec, InProcessBus, LinkState, Middleware, ServiceSpec};
 use crate::name;
 use crate::platform::{STD, text};
-use crate::process::{Args, Ends, Kind, NodeTime, SimClock, Watched};
+use crate::process::{Args, Ends, Kind, Loggers, NodeTime, SimClock, Watched};
 use crate::publisher::Publisher;
 use crate::qos::{IngressLimit, Qos};
 use crate::service::size::{largest, sized};
@@ -29,6 +29,7 @@ struct Inner {
     args: Args,
     ends: Ends,
     clock: SimClock,
+    loggers: Loggers,
 }
 
 impl Context {
@@ -47,6 +48,7 @@ impl Context {
                 args,
                 ends,
                 clock: Default::default(),
+                loggers: Default::default(),
             }),
         }
     }
@@ -61,6 +63,11 @@ impl Context {
     #[allow(dead_code, reason = "there is no simulation without feature `std`")]
     pub(crate) fn sim_clock(&self) -> &SimClock {
         &self.inner.clock
+    }
+
+    #[allow(dead_code, reason = "there are no loggers without feature `std`")]
+    pub(crate) fn loggers(&self) -> &Loggers {
+        &self.inner.loggers
     }
 
     /// The node that has this name in full.
@@ -153,6 +160,7 @@ pub(crate) struct Claim {
 
 impl Drop for Claim {
     fn drop(&mut self) {
+        self.context.inner.loggers.flush();
         self.context.inner.spinning.store(false, Ordering::Release);
     }
 }

@@ -45,6 +45,14 @@ impl Args {
 #[derive(Default)]
 pub(crate) struct SimClock;
 
+/// There are no loggers.
+#[derive(Default)]
+pub(crate) struct Loggers;
+
+impl Loggers {
+    pub(crate) const fn flush(&self) {}
+}
+
 /// The time of the machine.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NodeTime;

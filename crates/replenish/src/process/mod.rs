@@ -5,23 +5,27 @@
 //!   program: Context::{with_args, args, stop_on_signals, ok} ──► args · signals
 //!   context: names of nodes, topics, services; claims      ──► args · signals
 //!   parameter/server: values from outside                  ──► args
+//!   log: Node::logger, log_info! …, /rosout             ──► args
 //!   time: Node::{now, rate}, ros_timer, /clock             ──► clock
 //! ```
 
 mod args;
 mod clock;
+mod log;
 mod program;
 mod signals;
 mod time;
 
 pub(crate) use args::{Args, NodeTime};
 pub(crate) use clock::SimClock;
+pub(crate) use log::Loggers;
 pub(crate) use replenish_args::Kind;
 pub(crate) use signals::{Ends, Watched};
 pub(crate) use time::follow_clock;
 
 /// The part that users see.
 pub(crate) mod public {
+    pub use super::log::{LogRule, LogSite, LogTo, Logger};
     pub use super::time::Rate;
     /// The arguments of a ROS 2 program.
     pub use replenish_args as args;

@@ -3,12 +3,14 @@
 
 use crate::ALLOC;
 use crate::common::eventually;
+use replenish::args::{Environment, LogLevel, RosArgs};
 use replenish::msg::Service;
 use replenish::msg::std_msgs::Int32;
 use replenish::{
     Client, Context, Every, Executor, GuardCondition, HandleOptions, OnMiss, Overrun, Qos, RawType,
-    Report, Semantics, TimerHandle, Trigger,
+    Report, Semantics, TimerHandle, Topic, Trigger, log_debug, log_info,
 };
+use replenish_interfaces::rcl_interfaces::msg::{Log, LogView};
 use replenish_interfaces::std_msgs::msg as text;
 use replenish_testkit::alloc::exempt_this_thread;
 use replenish_testkit::harness::{Trial, trial};
@@ -26,6 +28,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     vec![
         trial("no_kind_of_handle_allocates", kinds),
         trial("no_rule_of_a_worker_allocates", rules),
+        trial("no_line_of_a_log_allocates", logs),
     ]
 }
 
@@ -179,5 +182,37 @@ fn rules() {
             .unwrap()
             .options(HandleOptions::new().priority(7));
     }
+    runs_without(exec);
+}
+
+/// Callbacks log, and so do threads beside them; the thread that writes allocates nothing, either.
+fn logs() {
+    let _dog = watchdog("logs", LIMIT);
+    let line = "p --ros-args --disable-stdout-logs"
+        .split(' ')
+        .map(String::from);
+    let args = RosArgs::parse(line, &Environment::default()).unwrap();
+    let ctx = Context::in_process().with_args(args);
+    let node = ctx.node("n").unwrap();
+    let mut exec = quiet_executor(&ctx);
+    for worker in ["a", "b"] {
+        let logger = node.logger().child(worker);
+        let mut n = 0;
+        exec.worker(worker)
+            .timer(MS, move |_| {
+                n += 1;
+                log_info!(logger, "line {n} of {:?}", logger.name());
+                log_info!(logger.once(), "first");
+                log_info!(logger.throttle(MS * 10), "{:600}", "cut");
+                log_debug!(logger, "not enabled");
+                logger.set_level(LogLevel::Info);
+            })
+            .unwrap();
+    }
+    let qos = Qos::reliable().keep_last(100);
+    let topic = Topic::named("/rosout").max_size(1400);
+    exec.worker("listener")
+        .subscribe_view::<Log, _, _>(&node, topic, qos, |_: &LogView<'_>, _| ())
+        .unwrap();
     runs_without(exec);
 }

@@ -23,6 +23,7 @@ mod handles;
 mod hooks;
 mod interfaces;
 mod lifecycle;
+mod logs;
 mod managed_nodes;
 mod matching;
 mod messages;

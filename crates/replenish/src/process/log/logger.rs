@@ -1,0 +1,160 @@
+//! A logger, and how often a place may speak through it.
+
+use super::line::{Draft, Head};
+use super::loggers::{Log, Named};
+use crate::Nanos;
+use crate::executor::nanos;
+use core::fmt;
+use core::time::Duration;
+use replenish_args::LogLevel;
+use std::sync::Arc;
+
+/// The logger of a [node](crate::Node::logger), or a [child](Self::child) of it. Clones are the
+/// same logger; any thread may use them.
+///
+/// [`log_info!`](crate::log_info) and its siblings write through it, in real-time callbacks, too:
+/// a line is formatted on the caller's stack and put into a queue of 512 lines, without a lock, an
+/// allocation or a wait. One ordinary thread of the context takes the lines to the console and to
+/// `/rosout`. While the queue is full, lines are lost; a warning then says how many. A text of more
+/// than 464 bytes is cut and ends in `…`.
+///
+/// ```
+/// use replenish::{Context, log_info, log_warn};
+/// use std::time::Duration;
+///
+/// let ctx = Context::in_process();
+/// let logger = ctx.node("robot/arm")?.logger();
+/// assert_eq!(logger.name(), "robot.arm");
+/// log_info!(logger, "joint {} moves", 3);
+/// for _ in 0..100 {
+///     log_warn!(logger.throttle(Duration::from_secs(1)), "it is warm"); // once a second
+/// }
+/// # Ok::<(), replenish::Error>(())
+/// ```
+#[derive(Clone)]
+pub struct Logger {
+    named: Arc<Named>,
+    log: Arc<Log>,
+}
+
+impl Logger {
+    pub(super) const fn new(named: Arc<Named>, log: Arc<Log>) -> Self {
+        Self { named, log }
+    }
+
+    /// The name, `robot.arm` for the node `/robot/arm`.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.named.name
+    }
+
+    /// The logger `NAME.name`, which has the level of this one unless it gets its own. For set-up:
+    /// the first call for a name allocates. The 4096th logger of a context has no children.
+    #[must_use]
+    pub fn child(&self, name: &str) -> Self {
+        self.log.child(self, name)
+    }
+
+    /// Lines below this level are not written. `Info`, unless `--log-level`, this method or the
+    /// service `~/set_logger_levels` said another one for this logger or a parent.
+    #[must_use]
+    pub fn level(&self) -> LogLevel {
+        self.named.level()
+    }
+
+    /// Sets the level of this logger, and of its children that have none of their own. Returns
+    /// whether it could: 64 names of a context, each of up to 256 bytes, may have levels besides
+    /// those of the arguments.
+    pub fn set_level(&self, level: LogLevel) -> bool {
+        self.log
+            .core()
+            .set_level(&self.named.name, Some(level))
+            .is_ok()
+    }
+
+    /// Whether a line of this level is written. One load.
+    #[must_use]
+    pub fn is_enabled(&self, level: LogLevel) -> bool {
+        self.named.passes(level)
+    }
+
+    /// For the first time only that the place in the source is reached.
+    #[must_use]
+    pub const fn once(&self) -> LogRule<'_> {
+        LogRule {
+            logger: self,
+            rule: Rule::Once,
+        }
+    }
+
+    /// At most once in this time for each place in the source; steady time.
+    #[must_use]
+    pub fn throttle(&self, pause: Duration) -> LogRule<'_> {
+        LogRule {
+            logger: self,
+            rule: Rule::Throttle(nanos(pause)),
+        }
+    }
+
+    pub(super) fn id(&self) -> u16 {
+        self.named.id
+    }
+
+    pub(super) fn named(&self) -> &Named {
+        &self.named
+    }
+
+    pub(super) fn push(&self, draft: &Draft, head: Head) {
+        self.log.core().push(draft, head);
+    }
+}
+
+impl fmt::Debug for Logger {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Logger")
+            .field("name", &self.name())
+            .field("level", &self.level())
+            .finish_non_exhaustive()
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Rule {
+    Always,
+    Once,
+    Throttle(Nanos),
+}
+
+/// A logger and how often a place may speak: [`Logger::once`], [`Logger::throttle`].
+#[derive(Debug, Clone, Copy)]
+pub struct LogRule<'a> {
+    pub(super) logger: &'a Logger,
+    pub(super) rule: Rule,
+}
+
+/// The first argument of the macros: a [`Logger`] or a [`LogRule`].
+pub trait LogTo {
+    /// The logger, and how often.
+    fn log_rule(&self) -> LogRule<'_>;
+}
+
+impl LogTo for Logger {
+    fn log_rule(&self) -> LogRule<'_> {
+        LogRule {
+            logger: self,
+            rule: Rule::Always,
+        }
+    }
+}
+
+impl LogTo for LogRule<'_> {
+    fn log_rule(&self) -> LogRule<'_> {
+        *self
+    }
+}
+
+impl<T: LogTo + ?Sized> LogTo for &T {
+    fn log_rule(&self) -> LogRule<'_> {
+        (**self).log_rule()
+    }
+}

@@ -1,0 +1,95 @@
+//! A place in the source that logs: its file and line, and how often it may speak.
+
+use super::line::{Draft, Head};
+use super::logger::{LogRule, Rule};
+use crate::platform::wall_clock;
+use core::fmt;
+use replenish_args::LogLevel;
+use replenish_os::clock;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, AtomicU16, AtomicU64, AtomicUsize, Ordering};
+
+/// Sites beyond so many appear on `/rosout` without file and line.
+const MOST: usize = 2048;
+/// The number of a site that came too late for the table.
+const NONE: u16 = u16::MAX;
+
+static SITES: [OnceLock<&LogSite>; MOST] = [const { OnceLock::new() }; MOST];
+static NEXT: AtomicUsize = AtomicUsize::new(0);
+
+/// A place in the source that logs. The macros make one for each of their uses.
+#[doc(hidden)]
+#[derive(Debug)]
+pub struct LogSite {
+    pub(super) file: &'static str,
+    pub(super) line: u32,
+    pub(super) module: &'static str,
+    /// Its place in the table, counted from 1; 0 before it has one.
+    number: AtomicU16,
+    said: AtomicBool,
+    /// When it may speak again, if it is throttled.
+    next: AtomicU64,
+}
+
+/// The site with this number.
+pub(super) fn site(number: u16) -> Option<&'static LogSite> {
+    let at = usize::from(number).checked_sub(1)?;
+    SITES.get(at)?.get().copied()
+}
+
+impl LogSite {
+    #[doc(hidden)]
+    #[must_use]
+    pub const fn new(file: &'static str, line: u32, module: &'static str) -> Self {
+        Self {
+            file,
+            line,
+            module,
+            number: AtomicU16::new(0),
+            said: AtomicBool::new(false),
+            next: AtomicU64::new(0),
+        }
+    }
+
+    #[doc(hidden)]
+    pub fn passes(&self, level: LogLevel, rule: &LogRule<'_>) -> bool {
+        rule.logger.is_enabled(level)
+            && match rule.rule {
+                Rule::Always => true,
+                Rule::Once => !self.said.swap(true, Ordering::Relaxed),
+                Rule::Throttle(pause) => {
+                    let (now, next) = (clock::monotonic(), self.next.load(Ordering::Relaxed));
+                    let then = now.saturating_add(pause);
+                    let order = Ordering::Relaxed;
+                    now >= next && self.next.compare_exchange(next, then, order, order).is_ok()
+                }
+            }
+    }
+
+    #[doc(hidden)]
+    pub fn log(&'static self, level: LogLevel, rule: &LogRule<'_>, text: fmt::Arguments<'_>) {
+        let since_1970 = wall_clock().unwrap_or_default().as_nanos();
+        let head = Head {
+            stamp: u64::try_from(since_1970).unwrap_or(u64::MAX),
+            level,
+            logger: rule.logger.id(),
+            site: self.number(),
+        };
+        rule.logger.push(&Draft::of(text), head);
+    }
+
+    /// Two threads that come first at once take a number each: one of them is not used.
+    fn number(&'static self) -> u16 {
+        match self.number.load(Ordering::Relaxed) {
+            0 => {
+                let at = NEXT.fetch_add(1, Ordering::Relaxed);
+                let free = SITES.get(at).is_some_and(|slot| slot.set(self).is_ok());
+                let number = u16::try_from(at + 1).ok().filter(|_| free);
+                let number = number.unwrap_or(NONE);
+                self.number.store(number, Ordering::Relaxed);
+                number
+            }
+            number => number,
+        }
+    }
+}
