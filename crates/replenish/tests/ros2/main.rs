@@ -11,6 +11,7 @@
 mod actions;
 mod graph;
 mod lifecycle;
+mod logs;
 mod peer;
 mod services;
 mod support;
@@ -23,7 +24,7 @@ use replenish_testkit::harness::{peer_trial, run};
 type Trial = (&'static str, fn(Distro));
 
 /// The trials that every distribution goes through.
-const TRIALS: [Trial; 11] = [
+const TRIALS: [Trial; 12] = [
     ("topics_there_and_back", topics::topics),
     ("late_joiners_both_ways", topics::late_joiners),
     ("node_types_and_hashes_are_seen", graph::graph),
@@ -35,6 +36,7 @@ const TRIALS: [Trial; 11] = [
     ("we_send_goals_to_an_action_of_rclpy", actions::client),
     ("rclpy_manages_our_node", lifecycle::managed),
     ("we_manage_a_node_of_rclpy", lifecycle::manager),
+    ("rclpy_reads_our_log_and_sets_its_level", logs::logs),
 ];
 
 fn main() {

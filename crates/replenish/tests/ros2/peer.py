@@ -6,7 +6,7 @@ peer.py graph         says the nodes, types and hashes that it sees, and when th
 peer.py client N      asks twice N times
 peer.py serve         has parameters and the service twice; runs until it is killed
 peer.py ask NODE      sets and gets the parameters of NODE
-peer.py action_client N, action_server, manage N, managed    in the files beside this one
+peer.py action_client N, action_server, manage N, managed, logs NODE    in the files beside this one
 """
 
 import sys
@@ -145,6 +145,10 @@ elif mode == "client":
     client(peer, int(rest[0]))
 elif mode == "ask":
     ask(peer, rest[0])
+elif mode == "logs":
+    import peer_logs
+
+    peer_logs.logs(peer, rest[0], say, until)
 elif mode == "action_client":
     import peer_actions
 
