@@ -46,9 +46,12 @@ pub(super) struct Console {
 impl Console {
     /// As the variables say; `colours` goes before them.
     pub(super) fn from_env(colours: Option<bool>) -> Self {
-        let terminal = |stdout| match stdout {
-            true => io::stdout().is_terminal(),
-            false => io::stderr().is_terminal(),
+        let terminal = |stdout| {
+            if stdout {
+                io::stdout().is_terminal()
+            } else {
+                io::stderr().is_terminal()
+            }
         };
         Self::new(|name| std::env::var(name).ok(), colours, terminal)
     }

@@ -167,7 +167,7 @@ impl Log {
         });
         let theirs = Arc::clone(&core);
         let thread = spawn(ThreadSpec::new("log"), move || {
-            writer::run(&theirs, console)
+            writer::run(&theirs, console);
         });
         if let Err(e) = &thread {
             crate::platform::tell(&format_args!("no log: {e}"));
