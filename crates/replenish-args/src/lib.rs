@@ -3,7 +3,8 @@
 //! ```text
 //!   arguments ─► flags ─┬─► rule ─► pattern · name      (-r)
 //!                       ├─► parameters ─► yaml ─► value (-p, --params-file)
-//!                       └─► log                         (--log-level, --disable-…-logs)
+//!                       └─► log ─► levels               (--log-level, --disable-…-logs)
+//!   console: how lines of a log look
 //!   environment: ROS_NAMESPACE, ROS_DOMAIN_ID, …
 //! ```
 //!
@@ -26,9 +27,11 @@
 #![forbid(unsafe_code)]
 
 mod arguments;
+mod console;
 mod environment;
 mod error;
 mod flags;
+mod levels;
 mod log;
 mod name;
 mod parameters;
@@ -38,8 +41,10 @@ mod value;
 mod yaml;
 
 pub use arguments::RosArgs;
+pub use console::{ConsoleFormat, LogLine};
 pub use environment::Environment;
 pub use error::ArgsError;
+pub use levels::LogLevels;
 pub use log::{LogArgs, LogLevel};
 pub use parameters::Override;
 pub use rule::Kind;

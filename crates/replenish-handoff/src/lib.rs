@@ -15,7 +15,7 @@
 //!   doorbell        what a worker sleeps on            │ ready_set   handles with input
 //!   inbox           samples of one subscription        │ ring        its buffers   │ sample
 //!   flag            triggers of a guard condition      │ stop        the stop request
-//!   line_queue      lines of a log, from many threads to one
+//!   line_queue      lines of a log, from many threads to one     │ line        as words
 //!   sync            names of locks, cells and atomics  │ once        cells without std, and models
 //!   models          every interleaving (`--cfg loom`)
 //! ```
@@ -31,6 +31,7 @@ mod command_queue;
 mod doorbell;
 mod flag;
 mod inbox;
+mod line;
 mod line_queue;
 #[cfg(all(test, loom))]
 mod models;
@@ -46,6 +47,7 @@ pub use command_queue::{CommandQueue, Declined, Reservation};
 pub use doorbell::{Doorbell, Wake, WakeHandle, Woken};
 pub use flag::Flag;
 pub use inbox::{Delivery, DeliveryOutcome, Inbox, Keep};
+pub use line::{LINE_TEXT, LINE_WORDS, LineDraft, LineHead, read_line};
 pub use line_queue::{LineQueue, LineReader};
 pub use ready_set::ReadySet;
 pub use ring::{Ring, RingSlot};

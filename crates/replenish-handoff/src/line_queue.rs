@@ -36,7 +36,8 @@ pub struct LineReader {
 }
 
 impl<const WORDS: usize> LineQueue<WORDS> {
-    /// With room for `lines` lines, rounded up to a power of two of at least 2. Allocates here only.
+    /// With room for `lines` lines, rounded up to a power of two of at least 2. Allocates here
+    /// only.
     #[must_use]
     pub fn new(lines: usize) -> Self {
         let slots = lines.max(2).next_power_of_two();

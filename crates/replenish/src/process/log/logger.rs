@@ -1,13 +1,19 @@
 //! A logger, and how often a place may speak through it.
 
-use super::line::{Draft, Head};
-use super::loggers::{Log, Named};
+use super::core::Named;
+use super::loggers::Log;
+use super::site::LogSite;
 use crate::Nanos;
 use crate::executor::nanos;
+use crate::handoff::{LineDraft, LineHead};
+use crate::platform::wall_clock;
 use core::fmt;
 use core::time::Duration;
 use replenish_args::LogLevel;
+use replenish_os::clock;
+use std::format;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 /// The logger of a [node](crate::Node::logger), or a [child](Self::child) of it. Clones are the
 /// same logger; any thread may use them.
@@ -52,7 +58,10 @@ impl Logger {
     /// the first call for a name allocates. The 4096th logger of a context has no children.
     #[must_use]
     pub fn child(&self, name: &str) -> Self {
-        self.log.child(self, name)
+        let core = self.log.core();
+        let rosout = core.target(self.named.id).and_then(|own| own.rosout);
+        let named = core.named(&format!("{}.{name}", self.name()), rosout);
+        Self::new(named, Arc::clone(&self.log))
     }
 
     /// Lines below this level are not written. `Info`, unless `--log-level`, this method or the
@@ -94,18 +103,6 @@ impl Logger {
             logger: self,
             rule: Rule::Throttle(nanos(pause)),
         }
-    }
-
-    pub(super) fn id(&self) -> u16 {
-        self.named.id
-    }
-
-    pub(super) fn named(&self) -> &Named {
-        &self.named
-    }
-
-    pub(super) fn push(&self, draft: &Draft, head: Head) {
-        self.log.core().push(draft, head);
     }
 }
 
@@ -156,5 +153,34 @@ impl LogTo for LogRule<'_> {
 impl<T: LogTo + ?Sized> LogTo for &T {
     fn log_rule(&self) -> LogRule<'_> {
         (**self).log_rule()
+    }
+}
+
+impl LogSite {
+    #[doc(hidden)]
+    pub fn passes(&self, level: LogLevel, rule: &LogRule<'_>) -> bool {
+        rule.logger.is_enabled(level)
+            && match rule.rule {
+                Rule::Always => true,
+                Rule::Once => !self.said.swap(true, Ordering::Relaxed),
+                Rule::Throttle(pause) => {
+                    let (now, next) = (clock::monotonic(), self.next.load(Ordering::Relaxed));
+                    let then = now.saturating_add(pause);
+                    let order = Ordering::Relaxed;
+                    now >= next && self.next.compare_exchange(next, then, order, order).is_ok()
+                }
+            }
+    }
+
+    #[doc(hidden)]
+    pub fn log(&'static self, level: LogLevel, rule: &LogRule<'_>, text: fmt::Arguments<'_>) {
+        let since_1970 = wall_clock().unwrap_or_default().as_nanos();
+        let head = LineHead {
+            stamp: u64::try_from(since_1970).unwrap_or(u64::MAX),
+            level: level.number(),
+            logger: rule.logger.named.id,
+            site: self.number(),
+        };
+        rule.logger.log.core().push(&LineDraft::of(text), head);
     }
 }

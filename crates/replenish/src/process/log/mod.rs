@@ -1,20 +1,20 @@
 //! The log of a context: loggers of nodes, for callbacks in real time, too.
 //!
 //! ```text
-//!   log_info!(logger, …) ─► site: once, throttle ─► line: formatted on the stack
-//!                                                    │ no lock, no allocation
-//!   console  ◄─┐                                     ▼
+//!   log_info!(logger, …) ─► logger: once, throttle ─► line: formatted on the stack
+//!                                                      │ no lock, no allocation
+//!   console  ◄─┐                                       ▼
 //!   /rosout  ◄─┴─ writer: one ordinary thread ◄── LineQueue, bounded: lines too many are counted
 //!
-//!   loggers: names and publishers │ levels │ services: levels from outside │ macros
+//!   core: names, publishers, levels, the queue │ loggers: a context's │ node: a node's
+//!   site: places in the source │ services: levels from outside │ macros
 //! ```
 
-mod console;
-mod levels;
-mod line;
+mod core;
 mod logger;
 mod loggers;
 mod macros;
+mod node;
 mod services;
 mod site;
 mod writer;

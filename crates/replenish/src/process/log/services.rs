@@ -1,6 +1,6 @@
 //! Levels from outside: `~/get_logger_levels` and `~/set_logger_levels`, on one worker.
 
-use super::loggers::Core;
+use super::core::Core;
 use crate::context::Node;
 use crate::error::Error;
 use crate::executor::{AddHandles, Target, Topic};

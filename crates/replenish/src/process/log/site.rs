@@ -1,11 +1,5 @@
 //! A place in the source that logs: its file and line, and how often it may speak.
 
-use super::line::{Draft, Head};
-use super::logger::{LogRule, Rule};
-use crate::platform::wall_clock;
-use core::fmt;
-use replenish_args::LogLevel;
-use replenish_os::clock;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU16, AtomicU64, AtomicUsize, Ordering};
 
@@ -26,9 +20,9 @@ pub struct LogSite {
     pub(super) module: &'static str,
     /// Its place in the table, counted from 1; 0 before it has one.
     number: AtomicU16,
-    said: AtomicBool,
+    pub(super) said: AtomicBool,
     /// When it may speak again, if it is throttled.
-    next: AtomicU64,
+    pub(super) next: AtomicU64,
 }
 
 /// The site with this number.
@@ -51,35 +45,8 @@ impl LogSite {
         }
     }
 
-    #[doc(hidden)]
-    pub fn passes(&self, level: LogLevel, rule: &LogRule<'_>) -> bool {
-        rule.logger.is_enabled(level)
-            && match rule.rule {
-                Rule::Always => true,
-                Rule::Once => !self.said.swap(true, Ordering::Relaxed),
-                Rule::Throttle(pause) => {
-                    let (now, next) = (clock::monotonic(), self.next.load(Ordering::Relaxed));
-                    let then = now.saturating_add(pause);
-                    let order = Ordering::Relaxed;
-                    now >= next && self.next.compare_exchange(next, then, order, order).is_ok()
-                }
-            }
-    }
-
-    #[doc(hidden)]
-    pub fn log(&'static self, level: LogLevel, rule: &LogRule<'_>, text: fmt::Arguments<'_>) {
-        let since_1970 = wall_clock().unwrap_or_default().as_nanos();
-        let head = Head {
-            stamp: u64::try_from(since_1970).unwrap_or(u64::MAX),
-            level,
-            logger: rule.logger.id(),
-            site: self.number(),
-        };
-        rule.logger.push(&Draft::of(text), head);
-    }
-
     /// Two threads that come first at once take a number each: one of them is not used.
-    fn number(&'static self) -> u16 {
+    pub(super) fn number(&'static self) -> u16 {
         match self.number.load(Ordering::Relaxed) {
             0 => {
                 let at = NEXT.fetch_add(1, Ordering::Relaxed);

@@ -1,26 +1,62 @@
-//! The thread that takes lines to the console and to `/rosout`: an ordinary one, so that it may wait
-//! for a console. It allocates for lines about the log itself alone.
+//! The thread that takes lines to the console and to `/rosout`: an ordinary one, which may wait for
+//! a console. It allocates for lines about the log itself alone.
 
-use super::console::{Console, Shown};
-use super::line;
-use super::loggers::{Core, LINES, Target};
+use super::core::{Core, LINES, Target};
 use super::site::site;
-use crate::handoff::LineReader;
+use crate::handoff::{LINE_TEXT, LineHead, LineReader, read_line};
 use crate::platform::wall_clock;
 use core::sync::atomic::Ordering;
-use replenish_args::LogLevel;
+use replenish_args::{ConsoleFormat, LogLevel, LogLine};
 use replenish_interfaces::rcl_interfaces::msg::LogView;
 use replenish_msg::builtin_interfaces::Time;
 use std::format;
+use std::io::{self, IsTerminal, Write};
+use std::string::String;
 
 /// The logger of lines about the log.
 const OWN: &str = "replenish.log";
 /// The longest file or module name on `/rosout`; the end of a longer one.
 const NAME: usize = 200;
 
+/// The console, and the line that is shown, kept for its room.
+pub(super) struct Console {
+    format: ConsoleFormat,
+    out: String,
+}
+
+impl Console {
+    /// As the variables say; `colours` goes before them.
+    pub(super) fn from_env(colours: Option<bool>) -> Self {
+        let terminal = |stdout| {
+            if stdout {
+                io::stdout().is_terminal()
+            } else {
+                io::stderr().is_terminal()
+            }
+        };
+        let variable = |name: &str| std::env::var(name).ok();
+        Self {
+            format: ConsoleFormat::read(variable, colours, terminal),
+            out: String::with_capacity(1024),
+        }
+    }
+
+    /// Writes the line. On a console that nobody reads any more, it is not said.
+    fn show(&mut self, line: &LogLine<'_>) {
+        self.out.clear();
+        self.format.write(line, &mut self.out);
+        let text = self.out.as_bytes();
+        if self.format.stdout() {
+            io::stdout().lock().write_all(text).ok();
+        } else {
+            io::stderr().write_all(text).ok();
+        }
+    }
+}
+
 /// Until the log has ended and all lines are written.
 pub(super) fn run(core: &Core, console: Option<Console>) {
-    let (mut reader, mut room) = (LineReader::default(), [0; line::LONGEST]);
+    let (mut reader, mut room) = (LineReader::default(), [0; LINE_TEXT]);
     let mut writer = Writer {
         core,
         console,
@@ -30,9 +66,8 @@ pub(super) fn run(core: &Core, console: Option<Console>) {
     loop {
         let ended = core.ended.load(Ordering::Acquire);
         while let Some(words) = core.queue.pop(&mut reader) {
-            if let Some((head, text)) = line::read(&words, &mut room) {
-                writer.line(head, text);
-            }
+            let (head, text) = read_line(&words, &mut room);
+            writer.line(head, text);
             core.written.store(reader.taken(), Ordering::Release);
         }
         writer.say_lost();
@@ -53,14 +88,14 @@ struct Writer<'a> {
 }
 
 impl Writer<'_> {
-    fn line(&mut self, head: line::Head, text: &str) {
+    fn line(&mut self, head: LineHead, text: &str) {
         let Some(target) = self.core.target(head.logger) else {
             return;
         };
         let site = site(head.site);
-        let shown = Shown {
+        let shown = LogLine {
             stamp: head.stamp,
-            level: head.level,
+            level: LogLevel::numbered(head.level.into()).unwrap_or(LogLevel::Info),
             name: &target.named.name,
             text,
             file: site.map_or("", |s| end_of(s.file)),
@@ -70,7 +105,7 @@ impl Writer<'_> {
         self.show(&shown, &target);
     }
 
-    fn show(&mut self, line: &Shown<'_>, target: &Target) {
+    fn show(&mut self, line: &LogLine<'_>, target: &Target) {
         if let Some(console) = &mut self.console {
             console.show(line);
         }
@@ -111,7 +146,7 @@ impl Writer<'_> {
     /// A line about the log itself; on `/rosout`, too, if it can be.
     fn own(&mut self, text: &str) {
         let since_1970 = wall_clock().unwrap_or_default().as_nanos();
-        let shown = Shown {
+        let shown = LogLine {
             stamp: u64::try_from(since_1970).unwrap_or(u64::MAX),
             level: LogLevel::Warn,
             name: OWN,

@@ -1,24 +1,28 @@
-//! Lines on the console, as `rcutils` shows them.
+//! Lines of a log as `rcutils` shows them. Writing them is the caller's.
 
+use crate::log::LogLevel;
 use core::fmt::Write;
-use replenish_args::LogLevel;
-use std::io::{self, IsTerminal};
-use std::string::String;
-use std::vec::Vec;
 
 /// `rcutils`' default.
 const USUAL: &str = "[{severity}] [{time}] [{name}]: {message}";
 
-/// A line with everything that may be shown of it.
-pub(super) struct Shown<'a> {
+/// A line of a log, with everything that may be shown of it.
+#[derive(Debug, Clone, Copy)]
+pub struct LogLine<'a> {
     /// The wall clock in nanoseconds since 1970.
-    pub(super) stamp: u64,
-    pub(super) level: LogLevel,
-    pub(super) name: &'a str,
-    pub(super) text: &'a str,
-    pub(super) file: &'a str,
-    pub(super) function: &'a str,
-    pub(super) line: u32,
+    pub stamp: u64,
+    /// Its severity.
+    pub level: LogLevel,
+    /// The logger's name.
+    pub name: &'a str,
+    /// The message.
+    pub text: &'a str,
+    /// The source file.
+    pub file: &'a str,
+    /// The function or module.
+    pub function: &'a str,
+    /// The line in the file.
+    pub line: u32,
 }
 
 #[derive(Debug, PartialEq, Eq)]
@@ -34,29 +38,20 @@ enum Part {
     Line,
 }
 
-/// Where lines go, and how they look.
-pub(super) struct Console {
+/// How lines of a log look, and whether they go to standard output instead of standard error.
+#[derive(Debug)]
+pub struct ConsoleFormat {
     parts: Vec<Part>,
     colours: bool,
     stdout: bool,
-    /// The line that is shown, kept for its room.
-    out: String,
 }
 
-impl Console {
-    /// As the variables say; `colours` goes before them.
-    pub(super) fn from_env(colours: Option<bool>) -> Self {
-        let terminal = |stdout| {
-            if stdout {
-                io::stdout().is_terminal()
-            } else {
-                io::stderr().is_terminal()
-            }
-        };
-        Self::new(|name| std::env::var(name).ok(), colours, terminal)
-    }
-
-    fn new(
+impl ConsoleFormat {
+    /// As variables say that `variable` gives: `RCUTILS_CONSOLE_OUTPUT_FORMAT`,
+    /// `RCUTILS_COLORIZED_OUTPUT`, `NO_COLOR`, `RCUTILS_LOGGING_USE_STDOUT`. `colours` goes before
+    /// them. `terminal`: whether standard output (true) or standard error is one.
+    #[must_use]
+    pub fn read(
         variable: impl Fn(&str) -> Option<String>,
         colours: Option<bool>,
         terminal: impl Fn(bool) -> bool,
@@ -73,24 +68,17 @@ impl Console {
             parts: parts(format.as_deref().unwrap_or(USUAL)),
             colours: colours.or(said).unwrap_or_else(|| terminal(stdout)),
             stdout,
-            out: String::with_capacity(1024),
         }
     }
 
-    /// Writes the line. On a console that nobody reads any more, it is not said.
-    pub(super) fn show(&mut self, line: &Shown<'_>) {
-        self.out.clear();
-        self.put(line);
-        let text = &self.out;
-        if self.stdout {
-            io::Write::write_all(&mut io::stdout().lock(), text.as_bytes()).ok();
-        } else {
-            io::Write::write_all(&mut io::stderr(), text.as_bytes()).ok();
-        }
+    /// Whether lines go to standard output.
+    #[must_use]
+    pub const fn stdout(&self) -> bool {
+        self.stdout
     }
 
-    fn put(&mut self, line: &Shown<'_>) {
-        let out = &mut self.out;
+    /// Appends a line with its end, which allocates if there is no room.
+    pub fn write(&self, line: &LogLine<'_>, out: &mut String) {
         let (before, after) = match line.level {
             _ if !self.colours => ("", ""),
             LogLevel::Debug => ("\x1b[32m", "\x1b[0m"),
@@ -184,7 +172,7 @@ mod tests {
             let found = variables.iter().find(|(n, _)| *n == name);
             found.map(|(_, value)| String::from(*value))
         };
-        let line = Shown {
+        let line = LogLine {
             stamp: 1_700_000_000_000_000_042,
             level: LogLevel::Warn,
             name: "robot.arm",
@@ -193,9 +181,9 @@ mod tests {
             function: "robot::arm",
             line: 7,
         };
-        let mut console = Console::new(value, colours, |_| terminal);
-        console.put(&line);
-        console.out
+        let mut out = String::new();
+        ConsoleFormat::read(value, colours, |_| terminal).write(&line, &mut out);
+        out
     }
 
     #[test]

@@ -1,23 +1,25 @@
 //! The levels of names. Room for those that are set later is there from the start: nothing
 //! allocates when a service sets one.
 
-use replenish_args::{LogArgs, LogLevel};
-use std::string::String;
-use std::vec::Vec;
+use crate::log::{LogArgs, LogLevel};
 
 /// Names that may get a level besides those of the arguments.
 const ROOM: usize = 64;
 /// The longest such name, in bytes.
 const LONGEST: usize = 256;
 
-/// A level for each of some names, and one for all others.
-pub(super) struct Levels {
+/// A level for each of some loggers, and one for all others. 64 names, each of up to 256 bytes, can
+/// be set besides those of the arguments.
+#[derive(Debug)]
+pub struct LogLevels {
     all: Option<LogLevel>,
     names: Vec<(String, Option<LogLevel>)>,
 }
 
-impl Levels {
-    pub(super) fn new(args: &LogArgs) -> Self {
+impl LogLevels {
+    /// The levels that the arguments say. Allocates here only.
+    #[must_use]
+    pub fn new(args: &LogArgs) -> Self {
         let mut names: Vec<(String, Option<LogLevel>)> = Vec::new();
         for (name, level) in &args.loggers {
             names.retain(|(n, _)| n != name); // the last that was said counts
@@ -32,7 +34,8 @@ impl Levels {
     }
 
     /// The level that was said for this very name; the empty one stands for all.
-    pub(super) fn own(&self, name: &str) -> Option<LogLevel> {
+    #[must_use]
+    pub fn own(&self, name: &str) -> Option<LogLevel> {
         if name.is_empty() {
             return self.all;
         }
@@ -40,8 +43,10 @@ impl Levels {
         found.and_then(|(_, level)| *level)
     }
 
-    /// The level of the name, or of the nearest parent that has one (`robot` for `robot.arm`).
-    pub(super) fn of(&self, name: &str) -> LogLevel {
+    /// The level of the name, or of the nearest parent that has one (`robot` for `robot.arm`);
+    /// `Info` without any.
+    #[must_use]
+    pub fn of(&self, name: &str) -> LogLevel {
         let mut name = name;
         loop {
             if let Some(level) = self.own(name) {
@@ -55,8 +60,11 @@ impl Levels {
         }
     }
 
-    /// Sets the level of a name, or takes it away. The error says why it cannot.
-    pub(super) fn set(&mut self, name: &str, level: Option<LogLevel>) -> Result<(), &'static str> {
+    /// Sets the level of a name, or takes it away.
+    ///
+    /// # Errors
+    /// The reason, for a name that is too long or one too many.
+    pub fn set(&mut self, name: &str, level: Option<LogLevel>) -> Result<(), &'static str> {
         if name.is_empty() {
             self.all = level;
             return Ok(());
@@ -85,13 +93,15 @@ mod tests {
 
     #[test]
     fn a_level_holds_for_a_name_and_its_children_until_it_is_taken_away() {
-        let mut args = LogArgs::default();
-        args.level = Some(LogLevel::Warn);
-        args.loggers = vec![
-            ("a.b".into(), LogLevel::Fatal),
-            ("a.b".into(), LogLevel::Debug),
-        ];
-        let mut levels = Levels::new(&args);
+        let args = LogArgs {
+            level: Some(LogLevel::Warn),
+            loggers: vec![
+                ("a.b".into(), LogLevel::Fatal),
+                ("a.b".into(), LogLevel::Debug),
+            ],
+            ..LogArgs::default()
+        };
+        let mut levels = LogLevels::new(&args);
         assert_eq!(levels.of("a"), LogLevel::Warn);
         assert_eq!(levels.of("a.b.c"), LogLevel::Debug);
         assert_eq!(levels.of("a.bc"), LogLevel::Warn);
@@ -106,7 +116,7 @@ mod tests {
 
     #[test]
     fn names_that_lose_their_level_make_room() {
-        let mut levels = Levels::new(&LogArgs::default());
+        let mut levels = LogLevels::new(&LogArgs::default());
         for round in 0..3 {
             for n in 0..ROOM {
                 levels

@@ -1,36 +1,38 @@
-//! A line of the log as words: what a real-time thread writes, and the writer's thread reads.
+//! A line of a log as words: a real-time thread writes them, an ordinary one reads them.
 
 use core::fmt;
-use replenish_args::LogLevel;
 
 /// Words of a line in the queue: the stamp, the numbers, the text.
-pub(super) const WORDS: usize = 60;
+pub const LINE_WORDS: usize = 60;
 /// The longest text in bytes; a longer one is cut and ends in `…`.
-pub(super) const LONGEST: usize = (WORDS - 2) * 8;
+pub const LINE_TEXT: usize = (LINE_WORDS - 2) * 8;
 const DOTS: &str = "…";
 
-/// Everything but the text.
+/// Everything of a line but its text. What the numbers mean is the user's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Head {
+pub struct LineHead {
     /// The wall clock in nanoseconds since 1970.
-    pub(super) stamp: u64,
-    pub(super) level: LogLevel,
-    /// The logger's place in the table.
-    pub(super) logger: u16,
-    /// The site's number.
-    pub(super) site: u16,
+    pub stamp: u64,
+    /// The severity.
+    pub level: u8,
+    /// The logger's number.
+    pub logger: u16,
+    /// The number of the place in the source.
+    pub site: u16,
 }
 
 /// A line that is being written, on the stack of its thread.
-pub(super) struct Draft {
-    bytes: [u8; LONGEST],
+pub struct LineDraft {
+    bytes: [u8; LINE_TEXT],
     len: usize,
 }
 
-impl Draft {
-    pub(super) fn of(text: fmt::Arguments<'_>) -> Self {
+impl LineDraft {
+    /// Formats the text.
+    #[must_use]
+    pub fn of(text: fmt::Arguments<'_>) -> Self {
         let mut draft = Self {
-            bytes: [0; LONGEST],
+            bytes: [0; LINE_TEXT],
             len: 0,
         };
         if fmt::Write::write_fmt(&mut draft, text).is_err() && draft.is_nearly_full() {
@@ -41,12 +43,12 @@ impl Draft {
 
     /// The writing ended for want of room, not by an error of the program's own.
     const fn is_nearly_full(&self) -> bool {
-        self.len + 4 > LONGEST
+        self.len + 4 > LINE_TEXT
     }
 
     fn cut(&mut self) {
         let text = core::str::from_utf8(self.bytes.get(..self.len).unwrap_or_default());
-        let end = text.map_or(0, |text| text.floor(LONGEST - DOTS.len()));
+        let end = text.map_or(0, |text| text.floor(LINE_TEXT - DOTS.len()));
         self.len = end;
         self.put(DOTS.as_bytes());
     }
@@ -60,11 +62,12 @@ impl Draft {
     }
 
     /// As words, and how many of them.
-    pub(super) fn words(&self, head: Head) -> ([u64; WORDS], usize) {
-        let mut words = [0; WORDS];
+    #[must_use]
+    pub fn words(&self, head: LineHead) -> ([u64; LINE_WORDS], usize) {
+        let mut words = [0; LINE_WORDS];
         let [stamp, numbers, text @ ..] = &mut words;
         *stamp = head.stamp;
-        *numbers = u64::from(head.level.number())
+        *numbers = u64::from(head.level)
             | u64::from(head.logger) << 8
             | u64::from(head.site) << 24
             | (self.len as u64) << 40;
@@ -80,9 +83,9 @@ impl Draft {
     }
 }
 
-impl fmt::Write for Draft {
+impl fmt::Write for LineDraft {
     fn write_str(&mut self, s: &str) -> fmt::Result {
-        let end = s.floor(LONGEST - self.len);
+        let end = s.floor(LINE_TEXT - self.len);
         self.put(s.as_bytes().get(..end).unwrap_or_default());
         if end < s.len() {
             Err(fmt::Error)
@@ -107,16 +110,17 @@ impl Floor for str {
     }
 }
 
-/// The line that these words are, its text in `room`; `None` if its level makes no sense.
-pub(super) fn read<'a>(
-    words: &[u64; WORDS],
-    room: &'a mut [u8; LONGEST],
-) -> Option<(Head, &'a str)> {
+/// The line that these words are, its text in `room`.
+#[must_use]
+pub fn read_line<'a>(
+    words: &[u64; LINE_WORDS],
+    room: &'a mut [u8; LINE_TEXT],
+) -> (LineHead, &'a str) {
     let [stamp, numbers, text @ ..] = words;
     let part = |from: u32| (numbers >> from & 0xffff) as u16;
-    let head = Head {
+    let head = LineHead {
         stamp: *stamp,
-        level: LogLevel::numbered((numbers & 0xff) as u32)?,
+        level: (numbers & 0xff) as u8,
         logger: part(8),
         site: part(24),
     };
@@ -125,24 +129,25 @@ pub(super) fn read<'a>(
         *to = from;
     }
     let text = room.get(..usize::from(part(40))).unwrap_or_default();
-    Some((head, core::str::from_utf8(text).unwrap_or_default()))
+    (head, core::str::from_utf8(text).unwrap_or_default())
 }
 
-#[cfg(test)]
+#[cfg(all(test, not(loom)))]
 mod tests {
     use super::*;
+    use alloc::string::String;
 
     fn back(text: &str) -> String {
-        let head = Head {
+        let head = LineHead {
             stamp: u64::MAX,
-            level: LogLevel::Fatal,
+            level: 50,
             logger: 4095,
             site: u16::MAX,
         };
-        let (words, used) = Draft::of(format_args!("{text}")).words(head);
+        let (words, used) = LineDraft::of(format_args!("{text}")).words(head);
         assert!(words.iter().skip(used).all(|word| *word == 0));
-        let mut room = [0; LONGEST];
-        let (same, text) = read(&words, &mut room).unwrap();
+        let mut room = [0; LINE_TEXT];
+        let (same, text) = read_line(&words, &mut room);
         assert_eq!(same, head);
         text.into()
     }
@@ -152,11 +157,11 @@ mod tests {
         for text in ["", "x", "12345678", "größer als vorher"] {
             assert_eq!(back(text), text);
         }
-        let fits = "x".repeat(LONGEST);
+        let fits = "x".repeat(LINE_TEXT);
         assert_eq!(back(&fits), fits);
-        let cut = "x".repeat(LONGEST - 3) + "…";
-        assert_eq!(back(&("x".repeat(LONGEST) + "y")), cut);
-        let wide = "ä".repeat(LONGEST); // the 461st byte is in the middle of an ä
-        assert_eq!(back(&wide), "ä".repeat((LONGEST - 3) / 2) + "…");
+        let cut = "x".repeat(LINE_TEXT - 3) + "…";
+        assert_eq!(back(&("x".repeat(LINE_TEXT) + "y")), cut);
+        let wide = "ä".repeat(LINE_TEXT); // the 461st byte is in the middle of an ä
+        assert_eq!(back(&wide), "ä".repeat((LINE_TEXT - 3) / 2) + "…");
     }
 }
