@@ -141,6 +141,12 @@ impl Writer {
         reliable.all(|reader| reader.acked > last)
     }
 
+    /// Whether a reliable reader of the participant `prefix` has everything up to `sn`.
+    pub(crate) fn is_acknowledged_by(&self, prefix: GuidPrefix, sn: SequenceNumber) -> bool {
+        let mut readers = self.readers.iter();
+        readers.any(|reader| reader.reliable && reader.guid.prefix == prefix && reader.acked > sn)
+    }
+
     /// Sends `payload`, with its encapsulation, to every matched reader. `source` is the time that
     /// it bears, of the wall clock.
     ///

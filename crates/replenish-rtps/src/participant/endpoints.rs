@@ -3,7 +3,8 @@
 use super::event::{Bound, Event, Policy};
 use super::matching::incompatible;
 use super::remote::RemoteEndpoint;
-use super::state::{Own, Participant};
+use super::state::{Own, Participant, ReaderId, WriterId};
+use crate::endpoint::Writer;
 use crate::wire::{EntityId, Guid, GuidPrefix, Nanos, Qos};
 
 /// Whether they belong together: `None` if their topics differ, else the first obstacle.
@@ -23,6 +24,33 @@ fn fit<E>(own: &Own<E>, remote: &RemoteEndpoint, offered: &Qos, asked: &Qos) -> 
 type Fit = Result<(), Policy>;
 
 impl Participant {
+    /// Whether a participant is matched by both, and has acknowledged the announcements of both.
+    ///
+    /// Who was found may not have found us yet: it ignores a request, or a reply goes to nobody.
+    #[must_use]
+    pub fn has_counterpart(&self, writer: WriterId, reader: ReaderId) -> bool {
+        let mut writers = self.writers.iter();
+        let mut readers = self.readers.iter();
+        let (Some(writer), Some(reader)) = (
+            writers.find(|own| own.endpoint.entity() == writer.entity()),
+            readers.find(|own| own.endpoint.guid().entity == reader.entity()),
+        ) else {
+            return false;
+        };
+        let mut matched = writer.endpoint.readers();
+        matched.any(|Guid { prefix, .. }| {
+            let knows = |sedp: &Writer, number| {
+                prefix == self.prefix || sedp.is_acknowledged_by(prefix, number)
+            };
+            reader
+                .endpoint
+                .writers()
+                .any(|theirs| theirs.prefix == prefix)
+                && knows(&self.publications.0, writer.announced)
+                && knows(&self.subscriptions.0, reader.announced)
+        })
+    }
+
     /// A new writer of ours meets every reader that is known.
     pub(super) fn match_writer(&mut self, entity: EntityId, now: Nanos) {
         for at in 0..self.remotes.len() {

@@ -137,8 +137,7 @@ impl Rtps {
         let partner = state.partner(client).ok()?;
         let writer = state.writers.get(usize::from(client.0))?.id?;
         let reader = state.readers.get(usize::from(partner.0))?.id?;
-        let asks = state.participant.writer(writer)?.matched() > 0;
-        Some(asks && state.participant.reader(reader)?.matched() > 0)
+        Some(state.participant.has_counterpart(writer, reader))
     }
 }
 
