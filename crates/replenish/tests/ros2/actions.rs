@@ -1,6 +1,6 @@
 //! Actions: rclpy's client and our server, our client and rclpy's server.
 
-use crate::peer::{Distro, Peer};
+use crate::peer::{Foreign, Peer};
 use crate::support::{budget, eventually, executor, node};
 use replenish::{
     ActionClient, ActionOptions, CallbackContext, GoalHandle, GoalId, GoalState, GoalUpdate,
@@ -53,7 +53,7 @@ fn pursue(goals: &Pursued) {
 }
 
 /// rclpy sends goals to a server of ours: reached, canceled, rejected.
-pub(crate) fn server(distro: Distro) {
+pub(crate) fn server(foreign: Foreign) {
     let (node, domain) = node("/peer/ours");
     let goals = Pursued::default();
     let (begun, timed) = (Arc::clone(&goals), Arc::clone(&goals));
@@ -73,7 +73,7 @@ pub(crate) fn server(distro: Distro) {
         .timer(Duration::from_millis(10), move |_| pursue(&timed))
         .unwrap();
     let running = exec.start().unwrap();
-    let peer = Peer::start(distro, domain, &["action_client", &GOALS.to_string()]);
+    let peer = Peer::start(foreign, domain, &["action_client", &GOALS.to_string()]);
     assert_eq!(peer.line(), format!("succeeded {GOALS} of {GOALS}"));
     assert_eq!(peer.line(), "canceled 5 True");
     assert_eq!(peer.line(), "rejected True");
@@ -96,7 +96,7 @@ fn of(heard: &Heard, id: GoalId, kind: &str) -> Vec<String> {
 }
 
 /// We send goals to a server of rclpy: reached, canceled, rejected.
-pub(crate) fn client(distro: Distro) {
+pub(crate) fn client(foreign: Foreign) {
     let (node, domain) = node("/peer/ours");
     let options = ActionOptions::goals(4).feedback_depth(100);
     let client: ActionClient<Fibonacci> = node.action_client("fib", options).unwrap();
@@ -116,7 +116,7 @@ pub(crate) fn client(distro: Distro) {
         })
         .unwrap();
     let running = exec.start().unwrap();
-    let peer = Peer::start(distro, domain, &["action_server"]);
+    let peer = Peer::start(foreign, domain, &["action_server"]);
     assert_eq!(peer.line(), "ready");
     assert!(client.wait_for_server(Duration::from_secs(60)).unwrap());
     let send = |order: usize| {

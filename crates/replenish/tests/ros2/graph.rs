@@ -1,11 +1,11 @@
 //! What rclpy sees of our nodes: names, types, type hashes, services, and that they are gone.
 
-use crate::peer::{Distro, Peer};
+use crate::peer::{Foreign, Peer};
 use crate::support::{executor, node};
 use replenish::msg::std_msgs::{Int32, String as Text};
 use replenish::{ParameterOptions, Qos};
 
-pub(crate) fn graph(distro: Distro) {
+pub(crate) fn graph(foreign: Foreign) {
     let (node, domain) = node("/ns/ours");
     let parameters = node.parameters(ParameterOptions::new()).unwrap();
     let out = node.publisher::<Int32>("number", Qos::reliable()).unwrap();
@@ -16,7 +16,7 @@ pub(crate) fn graph(distro: Distro) {
         .parameters(&parameters)
         .unwrap();
     let running = exec.start().unwrap();
-    let peer = Peer::start(distro, domain, &["graph"]);
+    let peer = Peer::start(foreign, domain, &["graph"]);
     let hash = |hash: Option<&'static str>| hash.unwrap();
     let number = hash(<Int32 as replenish::msg::Message>::TYPE_HASH);
     let text = hash(<Text as replenish::msg::Message>::TYPE_HASH);

@@ -1,6 +1,6 @@
 //! Managed nodes: rclpy manages ours, and we manage rclpy's.
 
-use crate::peer::{Distro, Peer};
+use crate::peer::{Foreign, Peer};
 use crate::support::{budget, eventually, executor, node};
 use replenish::{Outcome, Qos, Transition};
 use replenish_interfaces::lifecycle_msgs::msg::{Transition as Asked, TransitionEvent};
@@ -15,7 +15,7 @@ const ROUNDS: usize = 5;
 const ROUND: [(u8, u8); 4] = [(1, 2), (3, 3), (4, 2), (2, 1)];
 
 /// rclpy leads a node of ours through its states, and hears of each.
-pub(crate) fn managed(distro: Distro) {
+pub(crate) fn managed(foreign: Foreign) {
     let (node, domain) = node("/peer/ours");
     let lifecycle = node.lifecycle().unwrap();
     let configured = Arc::new(AtomicUsize::new(0));
@@ -31,7 +31,7 @@ pub(crate) fn managed(distro: Distro) {
         .lifecycle(&lifecycle)
         .unwrap();
     let running = exec.start().unwrap();
-    let peer = Peer::start(distro, domain, &["manage", &ROUNDS.to_string()]);
+    let peer = Peer::start(foreign, domain, &["manage", &ROUNDS.to_string()]);
     let changes = ROUNDS * ROUND.len();
     assert_eq!(peer.line(), format!("changed {changes} of {changes}"));
     assert_eq!(peer.line(), format!("events {}", 2 * changes));
@@ -42,7 +42,7 @@ pub(crate) fn managed(distro: Distro) {
 }
 
 /// We lead a node of rclpy through its states, and hear of each.
-pub(crate) fn manager(distro: Distro) {
+pub(crate) fn manager(foreign: Foreign) {
     let (node, domain) = node("/peer/ours");
     let limit = Duration::from_secs(60);
     let change = node
@@ -83,7 +83,7 @@ pub(crate) fn manager(distro: Distro) {
         )
         .unwrap();
     let running = exec.start().unwrap();
-    let peer = Peer::start(distro, domain, &["managed"]);
+    let peer = Peer::start(foreign, domain, &["managed"]);
     assert_eq!(peer.line(), "ready");
     assert!(change.wait_for_server(limit).unwrap() && state.wait_for_server(limit).unwrap());
     let count = |kind: &str| {

@@ -1,6 +1,6 @@
-//! Executors of ours in ROS 2 itself: genuine rclpy (Kilted and Jazzy, with Fast DDS) at the other
-//! end, no agent. `crates/replenish-rtps/tests/peers/setup.sh` installs it; without it these trials
-//! count as ignored.
+//! Executors of ours in ROS 2 itself, no agent: genuine rclpy (Kilted and Jazzy, with Fast DDS) and
+//! programs on bare DDS at the other end. `crates/replenish-rtps/tests/peers/setup.sh` installs
+//! them; without them these trials count as ignored.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -9,6 +9,7 @@
 )]
 
 mod actions;
+mod dds;
 mod graph;
 mod lifecycle;
 mod logs;
@@ -17,11 +18,11 @@ mod services;
 mod support;
 mod topics;
 
-use peer::Distro;
+use peer::Foreign;
 use replenish_testkit::harness::{peer_trial, run};
 
 /// A trial's name and its body.
-type Trial = (&'static str, fn(Distro));
+type Trial = (&'static str, fn(Foreign));
 
 /// The trials that every distribution goes through.
 const TRIALS: [Trial; 12] = [
@@ -39,12 +40,21 @@ const TRIALS: [Trial; 12] = [
     ("rclpy_reads_our_log_and_sets_its_level", logs::logs),
 ];
 
+/// The trials of implementations of bare DDS.
+const DDS_TRIALS: [Trial; 3] = [
+    ("topics_there_and_back", topics::topics),
+    ("it_asks_our_service", dds::server),
+    ("we_ask_its_service", dds::client),
+];
+
 fn main() {
+    let ros = Foreign::ROS.map(|foreign| (foreign, &TRIALS[..]));
+    let dds = Foreign::DDS.map(|foreign| (foreign, &DDS_TRIALS[..]));
     let mut trials = Vec::new();
-    for distro in Distro::ALL {
-        for (name, body) in TRIALS {
-            let name = format!("{}::{name}", distro.name());
-            trials.push(peer_trial(&name, distro.missing(), move || body(distro)));
+    for (foreign, list) in ros.into_iter().chain(dds) {
+        for &(name, body) in list {
+            let name = format!("{}::{name}", foreign.name());
+            trials.push(peer_trial(&name, foreign.missing(), move || body(foreign)));
         }
     }
     run(trials);

@@ -1,4 +1,4 @@
-//! rclpy in a process of its own.
+//! A foreign program in a process of its own.
 
 use replenish_testkit::peer;
 use std::path::PathBuf;
@@ -8,30 +8,54 @@ use std::time::Duration;
 /// How long a line may take on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(90);
 
-/// A distribution of ROS 2.
+/// A foreign implementation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Distro {
+pub(crate) enum Foreign {
+    /// rclpy of ROS 2 Kilted.
     Kilted,
+    /// rclpy of ROS 2 Jazzy.
     Jazzy,
+    /// Cyclone DDS 11, from the package index.
+    Cyclone11,
+    /// Cyclone DDS 0.10, from Debian.
+    Cyclone010,
+    /// Fast DDS 2.9, from Debian.
+    FastDds29,
 }
 
-impl Distro {
-    pub(crate) const ALL: [Self; 2] = [Self::Kilted, Self::Jazzy];
+impl Foreign {
+    pub(crate) const ROS: [Self; 2] = [Self::Kilted, Self::Jazzy];
+    pub(crate) const DDS: [Self; 3] = [Self::Cyclone11, Self::Cyclone010, Self::FastDds29];
 
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Kilted => "kilted",
             Self::Jazzy => "jazzy",
+            Self::Cyclone11 => "cyclone_11",
+            Self::Cyclone010 => "cyclone_0_10",
+            Self::FastDds29 => "fastdds_2_9",
         }
     }
 
-    fn python(self) -> PathBuf {
-        peer::python(env!("CARGO_TARGET_TMPDIR"), self.name())
+    /// The interpreter or program, and the script that it runs.
+    fn program(self) -> (PathBuf, Option<&'static str>) {
+        let python = |environment| peer::python(env!("CARGO_TARGET_TMPDIR"), environment);
+        let (here, debian) = (
+            concat!(env!("CARGO_MANIFEST_DIR"), "/tests/ros2/peer.py"),
+            python("debian"),
+        );
+        let cyclone = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/ros2/foreign/cyclone.py");
+        match self {
+            Self::Kilted | Self::Jazzy => (python(self.name()), Some(here)),
+            Self::Cyclone11 => (python("cyclonedds"), Some(cyclone)),
+            Self::Cyclone010 => (debian.with_file_name("cyclone"), None),
+            Self::FastDds29 => (debian.with_file_name("fastdds"), None),
+        }
     }
 
     /// The missing part, and how to get it.
     pub(crate) fn missing(self) -> Option<String> {
-        peer::missing(&self.python())
+        peer::missing(&self.program().0)
     }
 }
 
@@ -39,10 +63,11 @@ impl Distro {
 pub(crate) struct Peer(peer::Peer);
 
 impl Peer {
-    pub(crate) fn start(distro: Distro, domain: u16, args: &[&str]) -> Self {
-        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/ros2/peer.py");
-        let mut command = Command::new(distro.python());
-        Self(peer::Peer::start(command.arg(script).args(args), domain))
+    pub(crate) fn start(foreign: Foreign, domain: u16, args: &[&str]) -> Self {
+        let (program, script) = foreign.program();
+        let mut command = Command::new(program);
+        command.args(script).args(args);
+        Self(peer::Peer::start(&mut command, domain))
     }
 
     /// The next line that it says.

@@ -1,6 +1,6 @@
 //! Services and parameters: rclpy as client and as server.
 
-use crate::peer::{Distro, Peer};
+use crate::peer::{Foreign, Peer};
 use crate::support::{budget, eventually, executor, node};
 use replenish::{Descriptor, ParameterOptions, Qos};
 use replenish_interfaces::rcl_interfaces::srv;
@@ -18,7 +18,7 @@ fn answer(request: &BasicTypesRequest, response: &mut BasicTypesResponse) {
 }
 
 /// rclpy asks a service of ours, which runs on a worker with a budget.
-pub(crate) fn server(distro: Distro) {
+pub(crate) fn server(foreign: Foreign) {
     let (node, domain) = node("/peer/ours");
     let mut exec = executor(&node);
     exec.worker("server")
@@ -33,7 +33,7 @@ pub(crate) fn server(distro: Distro) {
         )
         .unwrap();
     let running = exec.start().unwrap();
-    let peer = Peer::start(distro, domain, &["client", &REQUESTS.to_string()]);
+    let peer = Peer::start(foreign, domain, &["client", &REQUESTS.to_string()]);
     assert_eq!(peer.line(), format!("answered {REQUESTS}"));
     let report = running.stop();
     let served = report
@@ -45,7 +45,7 @@ pub(crate) fn server(distro: Distro) {
 }
 
 /// We ask a service of rclpy.
-pub(crate) fn client(distro: Distro) {
+pub(crate) fn client(foreign: Foreign) {
     let (node, domain) = node("/peer/ours");
     let limit = Duration::from_secs(60);
     let client = node
@@ -63,7 +63,7 @@ pub(crate) fn client(distro: Distro) {
         })
         .unwrap();
     let running = exec.start().unwrap();
-    let peer = Peer::start(distro, domain, &["serve"]);
+    let peer = Peer::start(foreign, domain, &["serve"]);
     assert_eq!(peer.line(), "ready");
     assert!(client.wait_for_server(limit).unwrap());
     let mut expected = Vec::new();
@@ -86,20 +86,20 @@ pub(crate) fn client(distro: Distro) {
 }
 
 /// rclpy sets and gets a parameter of ours a hundred times.
-pub(crate) fn parameter_server(distro: Distro) {
+pub(crate) fn parameter_server(foreign: Foreign) {
     let (node, domain) = node("/peer/ours");
     let parameters = node.parameters(ParameterOptions::new()).unwrap();
     parameters.declare("gain", 0, Descriptor::new()).unwrap();
     let mut exec = executor(&node);
     exec.worker("parameters").parameters(&parameters).unwrap();
     let running = exec.start().unwrap();
-    let peer = Peer::start(distro, domain, &["ask", "/peer/ours"]);
+    let peer = Peer::start(foreign, domain, &["ask", "/peer/ours"]);
     assert_eq!(peer.line(), "asked 100");
     drop(running.stop());
 }
 
 /// We ask rclpy's own service a hundred times.
-pub(crate) fn parameter_client(distro: Distro) {
+pub(crate) fn parameter_client(foreign: Foreign) {
     let (node, domain) = node("/peer/ours");
     let limit = Duration::from_secs(60);
     let client = node
@@ -120,7 +120,7 @@ pub(crate) fn parameter_client(distro: Distro) {
         )
         .unwrap();
     let running = exec.start().unwrap();
-    let peer = Peer::start(distro, domain, &["serve"]);
+    let peer = Peer::start(foreign, domain, &["serve"]);
     assert_eq!(peer.line(), "ready");
     assert!(client.wait_for_server(limit).unwrap());
     let mut request = srv::GetParametersRequest::default();

@@ -1,6 +1,6 @@
 //! Topics both ways: reliable, best effort, and transient local to whoever comes late.
 
-use crate::peer::{Distro, Peer};
+use crate::peer::{Foreign, Peer};
 use crate::support::{eventually, executor, node};
 use replenish::msg::std_msgs::{Int32, String as Text};
 use replenish::{Budget, Qos};
@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 /// 200 numbers from rclpy come back to it through a worker with a budget: reliable, best effort.
-pub(crate) fn topics(distro: Distro) {
+pub(crate) fn topics(foreign: Foreign) {
     let (node, domain) = node("/peer/ours");
     let mut exec = executor(&node);
     for (kind, qos) in [
@@ -29,7 +29,7 @@ pub(crate) fn topics(distro: Distro) {
             .unwrap();
     }
     let running = exec.start().unwrap();
-    let peer = Peer::start(distro, domain, &["topics", "200"]);
+    let peer = Peer::start(foreign, domain, &["topics", "200"]);
     assert_eq!(peer.line(), "reliable 200 True");
     assert_eq!(peer.line(), "best_effort 200 True");
     for kind in ["reliable", "best_effort"] {
@@ -44,7 +44,7 @@ pub(crate) fn topics(distro: Distro) {
     drop(running.stop());
 }
 
-pub(crate) fn late_joiners(distro: Distro) {
+pub(crate) fn late_joiners(foreign: Foreign) {
     let (node, domain) = node("/peer/ours");
     let latched = Qos::reliable().keep_last(3).transient_local();
     let out = node
@@ -54,7 +54,7 @@ pub(crate) fn late_joiners(distro: Distro) {
         let data = text.try_into().unwrap();
         out.publish(&Text { data }).unwrap();
     }
-    let peer = Peer::start(distro, domain, &["late"]);
+    let peer = Peer::start(foreign, domain, &["late"]);
     assert_eq!(peer.line(), "ready");
     let heard = Arc::new(Mutex::new(Vec::new()));
     let sink = Arc::clone(&heard);

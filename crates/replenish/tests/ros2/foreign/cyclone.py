@@ -1,0 +1,132 @@
+"""Eclipse Cyclone DDS 11 in peer.py's place, as rmw_cyclonedds would write to the network.
+
+cyclone.py topics N   as peer.py does
+cyclone.py client N   asks /peer/add N times
+cyclone.py serve      serves /peer/add; runs until it is killed
+"""
+
+import os
+import sys
+import time
+from dataclasses import dataclass
+
+os.environ["CYCLONEDDS_URI"] = (
+    '<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="127.0.0.1"/>'
+    "</Interfaces></General><Discovery><ParticipantIndex>auto</ParticipantIndex><Peers>"
+    '<Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>'
+)
+
+from cyclonedds.core import Policy, Qos
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.idl import IdlStruct
+from cyclonedds.idl.types import int32, int64, uint64
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from cyclonedds.util import duration
+
+SERVICE = "example_interfaces::srv::dds_::AddTwoInts"
+CLIENT = 0x0102030405060708
+
+
+@dataclass
+class Int32(IdlStruct, typename="std_msgs::msg::dds_::Int32_"):
+    data: int32
+
+
+# Requests and replies begin with the header of rmw_cyclonedds: who asks, and which request it is.
+@dataclass
+class Request(IdlStruct, typename=SERVICE + "_Request_"):
+    guid: uint64
+    seq: int64
+    a: int64
+    b: int64
+
+
+@dataclass
+class Reply(IdlStruct, typename=SERVICE + "_Response_"):
+    guid: uint64
+    seq: int64
+    sum: int64
+
+
+participant = DomainParticipant(int(os.environ["ROS_DOMAIN_ID"]))
+RELIABLE = Policy.Reliability.Reliable(duration(seconds=10))
+
+
+def say(*words):
+    print(*words, flush=True)
+
+
+def qos(reliability=RELIABLE):
+    return Qos(reliability, Policy.Durability.Volatile, Policy.History.KeepLast(500))
+
+
+def reader(name, kind, qos=qos()):
+    return DataReader(participant, Topic(participant, name, kind), qos=qos)
+
+
+def writer(name, kind, qos=qos()):
+    return DataWriter(participant, Topic(participant, name, kind), qos=qos)
+
+
+def valid(reader):
+    # A sample without valid data says that a writer is gone.
+    return [sample for sample in reader.take(500) if sample.sample_info.valid_data]
+
+
+def topics(count):
+    kinds = {"reliable": RELIABLE, "best_effort": Policy.Reliability.BestEffort}
+    for kind, reliability in kinds.items():
+        out = writer(f"rt/peer/{kind}_to_ours", Int32, qos(reliability))
+        back = reader(f"rt/peer/{kind}_from_ours", Int32, qos(reliability))
+        # Both sides know each other once something has come back; then until nothing more comes.
+        while not valid(back):
+            out.write(Int32(data=0))
+            time.sleep(0.1)
+        quiet = time.monotonic()
+        while time.monotonic() - quiet < 1:
+            quiet = time.monotonic() if valid(back) else quiet
+            time.sleep(0.01)
+        seen = []
+        for number in range(1, count + 1):
+            out.write(Int32(data=number))
+            time.sleep(0.002)
+            seen += [sample.data for sample in valid(back)]
+        end = time.monotonic() + 50
+        while len(seen) < count and time.monotonic() < end:
+            seen += [sample.data for sample in valid(back)]
+            time.sleep(0.01)
+        time.sleep(0.5)
+        seen += [sample.data for sample in valid(back)]
+        say(kind, len(seen), seen == list(range(1, count + 1)))
+
+
+def client(count):
+    answers, asks = reader("rr/peer/addReply", Reply), writer("rq/peer/addRequest", Request)
+    while not (asks.get_matched_subscriptions() and answers.get_matched_publications()):
+        time.sleep(0.01)
+    # The server may see the reader of replies a little later than the writer of requests.
+    time.sleep(0.5)
+    right = 0
+    for seq in range(1, count + 1):
+        asks.write(Request(guid=CLIENT, seq=seq, a=seq, b=1000))
+        end = time.monotonic() + 50
+        while not (replies := valid(answers)) and time.monotonic() < end:
+            time.sleep(0.001)
+        got = [(reply.guid, reply.seq, reply.sum) for reply in replies]
+        right += got == [(CLIENT, seq, seq + 1000)]
+    say("answered", right)
+
+
+def serve():
+    asked, answers = reader("rq/peer/addRequest", Request), writer("rr/peer/addReply", Reply)
+    say("ready")
+    while True:
+        for ask in valid(asked):
+            answers.write(Reply(guid=ask.guid, seq=ask.seq, sum=ask.a + ask.b))
+        time.sleep(0.001)
+
+
+mode, *rest = sys.argv[1:]
+{"topics": topics, "client": client, "serve": serve}[mode](*map(int, rest))
