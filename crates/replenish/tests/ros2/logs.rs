@@ -1,6 +1,6 @@
 //! rclpy reads our log, and sets the levels of our loggers.
 
-use crate::peer::{Distro, Peer};
+use crate::peer::{Foreign, Peer};
 use crate::support::{executor, node};
 use replenish::args::LogLevel;
 use replenish::{log_debug, log_info, log_warn};
@@ -17,13 +17,13 @@ impl Drop for Ends<'_> {
 }
 
 /// rclpy comes late, reads the lines that it missed, and sets a level.
-pub(crate) fn logs(distro: Distro) {
+pub(crate) fn logs(foreign: Foreign) {
     let (node, domain) = node("/peer/ours");
     let logger = node.logger();
     let mut exec = executor(&node);
     exec.worker("levels").logger_levels(&node).unwrap();
     let running = exec.start().unwrap();
-    let peer = Peer::start(distro, domain, &["logs", "/peer/ours"]);
+    let peer = Peer::start(foreign, domain, &["logs", "/peer/ours"]);
     // A line lives for ten seconds, and rclpy may take longer to begin.
     let heard = AtomicBool::new(false);
     std::thread::scope(|scope| {
