@@ -110,4 +110,9 @@ pub type Nanos = u64;
 #[doc = include_str!("../../../docs/compile-time.md")]
 #[doc = include_str!("../../../docs/see-it.md")]
 #[doc = include_str!("../../../docs/ros-program.md")]
+#[doc = include_str!("../../../docs/tutorial.md")]
+#[doc = include_str!("../../../docs/from-rclcpp.md")]
+#[doc = include_str!("../../../docs/from-rclrs.md")]
+#[doc = include_str!("../../../docs/from-rclc.md")]
+#[doc = include_str!("../../../docs/from-micro-ros.md")]
 struct DocumentedExamples;

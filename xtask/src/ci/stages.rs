@@ -122,6 +122,7 @@ fn lint() -> Vec<Step> {
         Step::new("cargo fmt --all --check"),
         Step::new("tools/spelling.sh"),
         Step::new("tools/limits.sh"),
+        Step::new("tools/book.sh"),
         Step::new("cargo xtask circles"),
         clippy("--workspace --all-targets"),
     ];

@@ -41,6 +41,7 @@ mod rounds;
 mod rtps;
 mod services;
 mod spin;
+mod tutorial;
 mod xrce;
 mod xrce_flow;
 mod xrce_link;
