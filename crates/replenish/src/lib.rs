@@ -9,6 +9,7 @@
 //! - [`Executor::recorder`], [`Mark`]: the last events of every thread, readable from outside.
 //! - [`Executor::dump`], [`Dump`]: the same in a file when something goes wrong.
 //! - [`Report`]: what every thread got from the kernel and what every handle has been through.
+//! - [`prelude`]: the names that most programs use. [`interfaces`]: messages, services, actions.
 //! - [`middleware`]: the seam between the executor and whatever carries the bytes.
 //!
 //! # Features
@@ -49,11 +50,12 @@ mod stats;
 use replenish_handoff::{self as handoff, sync};
 
 pub mod middleware;
+pub mod prelude;
 pub mod qos;
 
 pub use action::{
-    ActionClient, ActionOptions, GoalError, GoalEvent, GoalHandle, GoalId, GoalState, GoalUpdate,
-    Lost, NewGoal,
+    AcceptedGoal, ActionClient, ActionOptions, GoalCall, GoalError, GoalEvent, GoalHandle, GoalId,
+    GoalState, GoalUpdate, Lost, NewGoal, ResultCall,
 };
 pub use compatibility::QosClash;
 pub use context::{Context, Node};
@@ -85,6 +87,9 @@ pub use platform::{Dump, Mark, StaticText, Text};
 pub use process::public::*;
 pub use publisher::Publisher;
 pub use qos::{Criticality, IngressLimit, Qos};
+/// The packages of interfaces that ROS 2 programs use most, generated. A program that needs others
+/// depends on `replenish-interfaces` with their features.
+pub use replenish_interfaces as interfaces;
 pub use replenish_msg as msg;
 pub use replenish_os::{
     Enforcement, EnforcerStats, Low, OverrunSummary, ParamError, Params, Policy, PolicyError,
@@ -93,6 +98,7 @@ pub use replenish_os::{
 /// Planning, deployment files, the ledger.
 #[cfg(feature = "plan")]
 pub use replenish_plan::{self as planning, Guarantee};
+pub use service::call::Call;
 pub use service::client::Client;
 pub use service::error::{CallError, NoReply};
 pub use service::responder::Responder;

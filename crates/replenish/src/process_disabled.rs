@@ -76,5 +76,8 @@ impl Ends {
 #[derive(Debug)]
 pub(crate) struct Watched;
 
+/// There is nothing to import.
+pub(crate) mod prelude {}
+
 /// Users see nothing of it.
 pub(crate) mod public {}

@@ -31,7 +31,7 @@ use replenish_msg::action_msgs::{
     CancelGoal, CancelGoalRequest, CancelGoalResponse, GoalInfo, GoalStatusArray, MAX_GOALS,
 };
 use replenish_msg::builtin_interfaces::Time;
-use replenish_msg::{CdrWriter, Message, heapless};
+use replenish_msg::{CdrError, CdrWriter, Message, heapless};
 
 /// Something was heard of a goal.
 #[non_exhaustive]
@@ -116,7 +116,7 @@ pub(super) struct Inner<A: Action> {
     pub(super) node: Node,
     pub(super) name: String,
     pub(super) options: ActionOptions,
-    ids: Ids,
+    pub(super) ids: Ids,
     goals: Mutex<Goals>,
 }
 
@@ -183,12 +183,7 @@ impl<A: Action> ActionClient<A> {
         if goals.sent.len() >= limit && !inner.send.is_gone() {
             return Err(CallError::TooMany { limit });
         }
-        let sent = inner.send.call_with(|room| {
-            let mut w = CdrWriter::new(room);
-            id.encode(&mut w)?;
-            goal.encode(&mut w)?;
-            Ok(w.len())
-        });
+        let sent = inner.send.call_with(|room| encode(id, goal, room));
         let number = sent.map_err(|e| match e {
             CallError::Send(e) => CallError::Send(e.remedied_by(ACTION)),
             other => other,
@@ -283,6 +278,14 @@ impl<A: Action> fmt::Debug for ActionClient<A> {
             .field("action", &self.inner.name)
             .finish_non_exhaustive()
     }
+}
+
+/// Writes the request that sends a goal.
+pub(super) fn encode(id: GoalId, goal: &impl Message, room: &mut [u8]) -> Result<usize, CdrError> {
+    let mut w = CdrWriter::new(room);
+    id.encode(&mut w)?;
+    goal.encode(&mut w)?;
+    Ok(w.len())
 }
 
 /// Handles the server's answers on the worker; `tell` is the user's callback.

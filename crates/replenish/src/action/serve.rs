@@ -89,9 +89,10 @@ impl<T: Target> AddHandles<T> {
         let (ends, begins) = (core.part("get_result"), core.part("send_goal"));
         let ends = options.topic::<GetResultResponse<A>>(&ends);
         let begins = options.topic::<SendGoalRequest<A>>(&begins);
+        let id = alloc::format!("{}/timer:{}", node.name(), core.part("expiry"));
         let worker = self
             .together()
-            .timer_with(&timer, OFF, expiry(&core))?
+            .named_timer(&id, &timer, OFF, expiry(&core))?
             .serve_later::<GetResult<A>, _, _>(node, ends, qos, results(&core))?
             .serve_later::<CancelGoal, _, _>(
                 node,

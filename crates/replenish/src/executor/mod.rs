@@ -41,7 +41,7 @@ pub(crate) mod wake;
 #[cfg(feature = "full")]
 pub use change::{ExecutorHandle, Removal, WorkerHandle};
 pub use describe::add::AddHandles;
-pub(crate) use describe::add::Target;
+pub(crate) use describe::add::{Numbering, Target};
 pub use describe::builder::WorkerBuilder;
 pub use describe::executor::Executor;
 pub use describe::factory::RawType;

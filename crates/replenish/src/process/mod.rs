@@ -23,6 +23,12 @@ pub(crate) use replenish_args::Kind;
 pub(crate) use signals::{Ends, Watched};
 pub(crate) use time::follow_clock;
 
+/// The part that users see, and import with everything else.
+pub(crate) mod prelude {
+    pub use super::log::Logger;
+    pub use crate::{log_debug, log_error, log_fatal, log_info, log_warn};
+}
+
 /// The part that users see.
 pub(crate) mod public {
     pub use super::log::{LogRule, LogSite, LogTo, Logger};

@@ -38,8 +38,8 @@ impl Context {
 
     /// From now on SIGINT (Ctrl-C) and SIGTERM stop the executors of this context that start after
     /// this call, as [`StopHandle::stop`](crate::StopHandle::stop) does: `spin` returns its report,
-    /// and `main` goes on. A second signal, 0.3 s later or more, ends the process at once. A library
-    /// leaves this to its program; [`from_args`](Self::from_args) does it.
+    /// and `main` goes on. A second signal, 0.3 s later or more, ends the process at once. A
+    /// library leaves this to its program; [`from_args`](Self::from_args) does it.
     ///
     /// # Errors
     /// [`Error::Thread`] if the system refuses handlers or a thread.

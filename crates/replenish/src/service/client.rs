@@ -16,22 +16,22 @@ use crate::middleware::encoding::Encoding;
 use crate::middleware::remedy::SERVICE;
 use crate::middleware::{Middleware, MiddlewareError, ReaderId, WriterId};
 use crate::platform::label;
+use crate::service::calls::Calls;
 use crate::service::error::CallError;
 use crate::sync::{Arc, AtomicBool, Mutex, Once, Ordering};
 use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
-use core::marker::PhantomData;
 use core::sync::atomic::fence;
 use core::time::Duration;
 use replenish_msg::{CdrError, Service};
 use replenish_os::clock;
 
 /// Sends requests of one service. Clones are the same client; any thread may use them.
-pub struct Client<S> {
+pub struct Client<S: Service> {
     pub(crate) inner: Arc<ClientInner>,
-    service: PhantomData<fn(&S)>,
+    calls: Arc<Once<Arc<Calls<S>>>>,
 }
 
 pub(crate) struct ClientInner {
@@ -129,7 +129,7 @@ impl<S: Service> Client<S> {
         };
         Self {
             inner: Arc::new(inner),
-            service: PhantomData,
+            calls: Arc::new(Once::new()),
         }
     }
 
@@ -204,6 +204,21 @@ impl<S: Service> Client<S> {
         }
     }
 
+    /// How many requests may wait for their replies.
+    pub(crate) fn most(&self) -> usize {
+        self.inner.table.lock().most
+    }
+
+    /// Replies that are awaited, if a worker takes them.
+    pub(crate) fn calls(&self) -> Option<Arc<Calls<S>>> {
+        self.calls.get().map(Arc::clone)
+    }
+
+    /// A worker takes replies that are awaited.
+    pub(crate) fn set_calls(&self, calls: Arc<Calls<S>>) {
+        self.calls.set(calls).ok();
+    }
+
     /// The fully qualified service name.
     #[must_use]
     pub fn service(&self) -> &str {
@@ -232,16 +247,16 @@ impl<S: Service> Client<S> {
     }
 }
 
-impl<S> Clone for Client<S> {
+impl<S: Service> Clone for Client<S> {
     fn clone(&self) -> Self {
         Self {
             inner: Arc::clone(&self.inner),
-            service: PhantomData,
+            calls: Arc::clone(&self.calls),
         }
     }
 }
 
-impl<S> fmt::Debug for Client<S> {
+impl<S: Service> fmt::Debug for Client<S> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Client")
             .field("service", &self.inner.name)

@@ -43,6 +43,8 @@ pub enum CallError {
     Gone,
     /// The middleware did not send it.
     Send(PublishError),
+    /// It was sent, and awaited in vain: [`Client::call_async`](crate::Client::call_async).
+    NoReply(NoReply),
 }
 
 impl fmt::Display for CallError {
@@ -56,6 +58,7 @@ impl fmt::Display for CallError {
                 "the client's callback for replies is gone: its executor has ended, it was removed, or it panicked",
             ),
             Self::Send(e) => e.fmt(f),
+            Self::NoReply(e) => e.fmt(f),
         }
     }
 }

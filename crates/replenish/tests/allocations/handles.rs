@@ -29,6 +29,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("no_kind_of_handle_allocates", kinds),
         trial("no_rule_of_a_worker_allocates", rules),
         trial("no_line_of_a_log_allocates", logs),
+        trial("no_future_allocates", futures),
     ]
 }
 
@@ -213,6 +214,56 @@ fn logs() {
     let topic = Topic::named("/rosout").max_size(1400);
     exec.worker("listener")
         .subscribe_view::<Log, _, _>(&node, topic, qos, |_: &LogView<'_>, _| ())
+        .unwrap();
+    runs_without(exec);
+}
+
+/// Every kind of async callback awaits a call in each of its turns.
+fn futures() {
+    let _dog = watchdog("futures", LIMIT);
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let qos = Qos::reliable().keep_last(8);
+    let out = node.publisher::<Int32>("t", qos).unwrap();
+    let client: Client<Double> = node.client("double", qos, LIMIT).unwrap();
+    let outer: Client<Double> = node.client("outer", qos, LIMIT).unwrap();
+    let [of_timer, of_topic, of_outer, of_task] = [(); 4].map(|()| client.clone());
+    let outer_of_timer = outer.clone();
+    let mut exec = quiet_executor(&ctx);
+    exec.worker("server")
+        .serve::<Double, _>(&node, "double", qos, |request, response, _| {
+            response.data = 2 * request.data;
+        })
+        .unwrap();
+    exec.worker("w")
+        .calls(&client)
+        .unwrap()
+        .calls(&outer)
+        .unwrap()
+        .timer_async(MS, move || {
+            let (client, outer, out) = (of_timer.clone(), outer_of_timer.clone(), out.clone());
+            async move {
+                let one = client.call_async(&Int32 { data: 1 }).await;
+                let two = outer.call_async(&one.unwrap()).await;
+                out.publish(&two.unwrap())
+            }
+        })
+        .unwrap()
+        .subscribe_async(&node, "t", qos, move |message: Int32| {
+            let client = of_topic.clone();
+            async move { client.call_async(&message).await.map(|_| ()) }
+        })
+        .unwrap()
+        .serve_async::<Double, _, _>(&node, "outer", qos, move |request: Int32| {
+            let client = of_outer.clone();
+            async move { client.call_async(&request).await.unwrap() }
+        })
+        .unwrap()
+        .task(async move {
+            loop {
+                of_task.call_async(&Int32 { data: 3 }).await.unwrap();
+            }
+        })
         .unwrap();
     runs_without(exec);
 }

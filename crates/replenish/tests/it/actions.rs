@@ -502,7 +502,12 @@ fn results_expire_and_every_status_is_taken() {
         )
     };
     assert!(eventually(|| taken() == (0, 0)), "{:?}", taken());
-    let expiries = || serving.stats("serve/timer:0").unwrap().executed;
+    let expiries = || {
+        serving
+            .stats("/server/timer:/fib/_action/expiry")
+            .unwrap()
+            .executed
+    };
     assert!(
         eventually(|| expiries() == 1),
         "it runs when there is something to do"

@@ -18,6 +18,7 @@ mod dispatch;
 mod drops;
 mod durability;
 mod examples;
+mod futures;
 mod groups;
 mod handles;
 mod hooks;

@@ -2,10 +2,11 @@
 //! priority. (Inheritance, wake-up order and floods are among the paper's flaws, `paper_defects`.)
 
 use crate::common::{burn, cpu, eventually, executor};
+use replenish::args::{Environment, RosArgs};
 use replenish::msg::std_msgs::Int32;
 use replenish::{
     Budget, Context, Enforcement, Every, Group, GuardCondition, HandleOptions, Policy, Qos,
-    RunningExecutor,
+    RunningExecutor, WorkerBuilder, log_info,
 };
 use replenish_os::{ThreadSpec, clock};
 use replenish_testkit::harness::{Trial, rt_trial};
@@ -22,6 +23,7 @@ const MS: Duration = Duration::from_millis(1);
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
         rt_trial("a_budget_is_held_and_what_it_does_is_reported", budget),
+        rt_trial("a_budget_holds_futures_that_log", futures),
         rt_trial(
             "a_loop_at_high_priority_does_not_keep_stop_from_returning",
             stuck,
@@ -107,17 +109,66 @@ fn inherits() {
 /// Two workers that always have work: the budgeted one gets its share at its priority, and the
 /// report says how, per thread and per handle.
 fn budget() {
+    let at_once = Every::period(MS).first_after(Duration::ZERO);
+    held("high/timer:0", |high| {
+        high.timer(at_once, |_| burn(1)).unwrap();
+    });
+}
+
+/// Two futures that never wait for anything but their turn, and log in each.
+fn futures() {
+    let line = "p --ros-args --disable-stdout-logs"
+        .split(' ')
+        .map(String::from);
+    let args = RosArgs::parse(line, &Environment::default()).unwrap();
+    let ctx = Context::in_process().with_args(args);
+    let turns = [(); 2].map(|()| Arc::new(AtomicU64::new(0)));
+    let logger = ctx.node("n").unwrap().logger();
+    held("high/guard:0", |mut high| {
+        for turns in &turns {
+            let (turns, logger) = (Arc::clone(turns), logger.clone());
+            high = high
+                .task(async move {
+                    loop {
+                        burn(1);
+                        let n = turns.fetch_add(1, Ordering::Relaxed);
+                        log_info!(logger, "turn {n}");
+                        turn().await;
+                    }
+                })
+                .unwrap();
+        }
+    });
+    let [a, b] = turns.map(|turns| turns.load(Ordering::Relaxed));
+    assert!(a > 20 && a.abs_diff(b) <= 1, "{a} and {b} turns");
+}
+
+/// Gives the turn to the other handles of the worker.
+async fn turn() {
+    let mut waited = false;
+    std::future::poll_fn(|cx| {
+        if std::mem::replace(&mut waited, true) {
+            return std::task::Poll::Ready(());
+        }
+        cx.waker().wake_by_ref();
+        std::task::Poll::Pending
+    })
+    .await;
+}
+
+/// A worker with a budget and more to do than that, as `work` adds it, beside a busy one below it.
+fn held(handle: &str, work: impl FnOnce(WorkerBuilder<'_>)) {
     let _dog = watchdog("budget", LIMIT);
     let cpu = cpu();
     let ctx = Context::in_process();
     let (mut exec, _) = executor(&ctx);
     let at_once = Every::period(MS).first_after(Duration::ZERO);
-    exec.worker("high")
+    let high = exec
+        .worker("high")
         .policy(fifo(60))
         .budget(Budget::of(10 * MS).every(40 * MS))
-        .cpu(cpu)
-        .timer(at_once, |_| burn(1))
-        .unwrap();
+        .cpu(cpu);
+    work(high);
     exec.worker("low")
         .policy(fifo(50))
         .cpu(cpu)
@@ -144,7 +195,7 @@ fn budget() {
         "{usage:?} in {periods} periods"
     );
     assert!(high.overruns.count > 0, "{report}");
-    let handle = report.handle("high/timer:0").unwrap().stats;
+    let handle = report.handle(handle).unwrap().stats;
     assert!(handle.exhaustions > 0 && handle.cpu_high > 0);
     assert!(handle.cpu_high + handle.cpu_background <= usage.cpu_high + usage.cpu_low);
     let low = report.thread("low").unwrap().usage.cpu_high;

@@ -304,14 +304,17 @@ impl<T: Target> AddHandles<T> {
     /// # Errors
     /// [`Error::Parameter`] if `client` belongs to a callback already; [`Error::ForeignNode`] if it
     /// is of another context than the executor's.
-    pub fn replies<S, F, R>(self, client: &Client<S>, callback: F) -> Result<T::Added, Error>
+    pub fn replies<S, F, R>(self, client: &Client<S>, mut callback: F) -> Result<T::Added, Error>
     where
         S: Service,
         F: FnMut(Result<&S::Response, NoReply>, &CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
     {
+        let called = move |reply: Result<&mut S::Response, NoReply>, cx: &CallbackContext<'_>| {
+            callback(reply.map(|reply| &*reply), cx)
+        };
         self.0
-            .add(Numbering::None, |factory| factory.replies(client, callback))
+            .add(Numbering::None, |factory| factory.replies(client, called))
     }
 
     /// Serves `S`: `answer` reads the request's bytes and writes the response's.
@@ -327,6 +330,23 @@ impl<T: Target> AddHandles<T> {
                 answer(request.payload(), to)
             };
         self.serve_later::<Bare<S>, _, _>(node, name, Qos::services(), called)
+    }
+
+    /// A timer that belongs to something with a name: it does not count among the worker's.
+    pub(crate) fn named_timer<F, R>(
+        self,
+        id: &str,
+        handle: &TimerHandle,
+        every: Every,
+        callback: F,
+    ) -> Result<T::Added, Error>
+    where
+        F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        self.0.add(Numbering::None, |factory| {
+            factory.named_timer(id, handle, every, callback)
+        })
     }
 
     /// Begins to add several handles that belong together: all of them, or none.

@@ -222,7 +222,36 @@ impl HandleFactory<'_> {
             let owner = text!("timer of worker {:?}", self.worker);
             return Err(Error::parameter(owner, "period", &0, "1 ns or more"));
         }
-        let shared = self.nameless("timer");
+        self.timer_of(self.nameless("timer"), handle, every, callback)
+    }
+
+    /// A timer that belongs to something with a name, which is its id.
+    pub(crate) fn named_timer<F, R>(
+        &self,
+        id: &str,
+        handle: &TimerHandle,
+        every: Every,
+        callback: F,
+    ) -> Result<HandleEntry, Error>
+    where
+        F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let shared = HandleState::new((self.unique)(id.into()), None);
+        self.timer_of(shared, Some(handle), every, callback)
+    }
+
+    fn timer_of<F, R>(
+        &self,
+        shared: Arc<HandleState>,
+        handle: Option<&TimerHandle>,
+        every: Every,
+        callback: F,
+    ) -> Result<HandleEntry, Error>
+    where
+        F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
         if let Some(handle) = handle {
             self.bound(handle.claim(), &shared)?;
         }
@@ -294,7 +323,7 @@ impl HandleFactory<'_> {
     ) -> Result<HandleEntry, Error>
     where
         S: Service,
-        F: FnMut(Result<&S::Response, NoReply>, &CallbackContext<'_>) -> R + Send + 'static,
+        F: FnMut(Result<&mut S::Response, NoReply>, &CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
     {
         let inner = &client.inner;

@@ -10,6 +10,7 @@
 //! ```
 
 pub(crate) mod add;
+mod add_async;
 pub(crate) mod builder;
 pub(crate) mod executor;
 pub(crate) mod factory;

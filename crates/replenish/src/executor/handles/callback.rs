@@ -207,6 +207,21 @@ impl CallbackResult for () {
     fn inspect(self, _report: &mut dyn FnMut(&dyn fmt::Display)) {}
 }
 
+/// Names the type `!`, which stable Rust has and does not name. It leaves this crate as `!` alone.
+pub trait Returns {
+    /// The type that a function returns.
+    type Value;
+}
+
+impl<T> Returns for fn() -> T {
+    type Value = T;
+}
+
+/// A future that never ends: `async { loop { … } }`.
+impl CallbackResult for <fn() -> ! as Returns>::Value {
+    fn inspect(self, _report: &mut dyn FnMut(&dyn fmt::Display)) {}
+}
+
 impl<E: fmt::Display> CallbackResult for Result<(), E> {
     fn inspect(self, report: &mut dyn FnMut(&dyn fmt::Display)) {
         if let Err(e) = self {

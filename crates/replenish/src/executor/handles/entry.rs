@@ -54,6 +54,11 @@ impl HandleEntry {
         }
     }
 
+    /// The handle, for a handle around it.
+    pub(crate) fn take_handle(&mut self) -> Box<dyn Handle> {
+        core::mem::replace(&mut self.handle, Box::new(Empty))
+    }
+
     /// From now on it is treated like this.
     pub(crate) fn treat(&mut self, mut handling: HandleOptions) {
         handling.always |= self.handling.always;
@@ -183,7 +188,7 @@ impl HandleEntry {
     }
 
     fn drop_callback(&mut self) {
-        drop(core::mem::replace(&mut self.handle, Box::new(Empty)));
+        drop(self.take_handle());
     }
 
     fn drop_options(&mut self) {

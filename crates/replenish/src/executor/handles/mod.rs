@@ -3,10 +3,12 @@
 //! ```text
 //!   entry: a handle in its worker's hands, treated by its options ──► group, deadline
 //!     └─ handle: the interface ◄── subscription · timer · guard · server · replies
+//!           │  asynchronous: one with a future ──► waker
 //!           └─ callback: what the program's function sees ──► env ──► outbox
 //!   state: what other threads see of a handle ──► departure: how it leaves
 //! ```
 
+pub(crate) mod asynchronous;
 pub(crate) mod callback;
 pub(crate) mod deadline;
 #[cfg_attr(not(feature = "full"), path = "departure_disabled.rs")]
@@ -23,3 +25,4 @@ pub(crate) mod server;
 pub(crate) mod state;
 pub(crate) mod subscription;
 pub(crate) mod timer;
+mod waker;

@@ -68,7 +68,7 @@ impl<S: Service, F> Drop for Replies<S, F> {
 impl<S, F, R> Handle for Replies<S, F>
 where
     S: Service,
-    F: FnMut(Result<&S::Response, NoReply>, &CallbackContext<'_>) -> R + Send,
+    F: FnMut(Result<&mut S::Response, NoReply>, &CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
     fn begin(&mut self, _start: Nanos, wake: &WakeHandle) {
@@ -121,7 +121,7 @@ where
         let cx = CallbackContext::about(&self.info, env, &self.shared, started);
         let reply = match self.missing {
             Some(why) => Err(why),
-            None => Ok(&self.response),
+            None => Ok(&mut self.response),
         };
         let result = (self.callback)(reply, &cx);
         result.inspect(&mut |e| self.shared.failed(e, env.events));

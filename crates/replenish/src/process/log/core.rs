@@ -1,5 +1,5 @@
-//! The state that loggers and the writer's thread share: names, publishers of `/rosout`, levels, and
-//! the queue of lines.
+//! The state that loggers and the writer's thread share: names, publishers of `/rosout`, levels,
+//! and the queue of lines.
 
 use crate::handoff::{LINE_WORDS, LineDraft, LineHead, LineQueue};
 use crate::publisher::Publisher;

@@ -1,0 +1,155 @@
+//! A handle whose callback makes a future.
+//!
+//! ```text
+//!             input, and its future is not done            done
+//!   waiting ──────────────────────────────────► in flight ──────► waiting
+//!      │                                          │     ▲
+//!      └── input, and its future is done at once  └─────┘ woken: polled
+//! ```
+//!
+//! In flight it takes no input: samples wait in the inbox as its quality says, releases of a timer
+//! are skipped.
+
+use super::callback::CallbackResult;
+use super::entry::HandleEntry;
+use super::env::Env;
+use super::handle::{Handle, Taken};
+use super::state::HandleState;
+use super::waker::HandleWaker;
+use crate::Nanos;
+use crate::executor::wake::doorbell::WakeHandle;
+use crate::executor::wake::lazy_now::LazyNow;
+use crate::executor::wake::run_queue::RunQueue;
+use crate::sync::{Arc, Mutex};
+use alloc::boxed::Box;
+use core::future::Future;
+use core::pin::Pin;
+use core::task::{Context, Waker};
+use replenish_os::clock;
+
+/// The room for a handle's future. The handle and its callback share it on one thread: the lock is
+/// never contended.
+pub(crate) type Room<F> = Arc<Mutex<Pin<Box<Option<F>>>>>;
+
+/// An empty room.
+pub(crate) fn room<F>() -> Room<F> {
+    Arc::new(Mutex::new(Box::pin(None)))
+}
+
+/// Puts a future into its room.
+pub(crate) fn put<F>(room: &Room<F>, future: F) {
+    room.lock().as_mut().set(Some(future));
+}
+
+struct Async<F> {
+    /// Takes the input and calls the callback, which makes a future.
+    input: Box<dyn Handle>,
+    shared: Arc<HandleState>,
+    room: Room<F>,
+    waker: alloc::sync::Arc<HandleWaker>,
+    as_waker: Waker,
+    in_flight: bool,
+}
+
+/// The handle of an entry, whose callback puts futures into `room`. With one in it already, it is
+/// in flight from the start.
+pub(crate) fn polled<F, R>(mut entry: HandleEntry, room: Room<F>) -> HandleEntry
+where
+    F: Future<Output = R> + Send + 'static,
+    R: CallbackResult + 'static,
+{
+    let waker = HandleWaker::new();
+    let as_waker = Waker::from(alloc::sync::Arc::clone(&waker));
+    let in_flight = room.lock().is_some();
+    if in_flight {
+        as_waker.wake_by_ref();
+    }
+    let shared = Arc::clone(&entry.shared);
+    let input = entry.take_handle();
+    entry.handle = Box::new(Async {
+        input,
+        shared,
+        room,
+        waker,
+        as_waker,
+        in_flight,
+    });
+    entry
+}
+
+impl<F, R> Async<F>
+where
+    F: Future<Output = R>,
+    R: CallbackResult,
+{
+    fn poll(&mut self) -> Option<R> {
+        let mut room = self.room.lock();
+        let future = room.as_mut().as_pin_mut()?;
+        match future.poll(&mut Context::from_waker(&self.as_waker)) {
+            core::task::Poll::Pending => {
+                self.in_flight = true;
+                None
+            }
+            core::task::Poll::Ready(result) => {
+                room.as_mut().set(None);
+                self.in_flight = false;
+                Some(result)
+            }
+        }
+    }
+}
+
+impl<F, R> Handle for Async<F>
+where
+    F: Future<Output = R> + Send,
+    R: CallbackResult,
+{
+    fn begin(&mut self, start: Nanos, wake: &WakeHandle) {
+        self.waker.begin(wake);
+        self.input.begin(start, wake);
+    }
+
+    fn is_ready(&mut self, now: &LazyNow) -> bool {
+        if self.in_flight {
+            self.waker.is_woken()
+        } else {
+            self.input.is_ready(now)
+        }
+    }
+
+    fn next_release(&mut self) -> Option<Nanos> {
+        self.input.next_release().filter(|_| !self.in_flight)
+    }
+
+    fn note_release(&mut self, position: usize, run_queue: &mut RunQueue) {
+        if !self.in_flight {
+            self.input.note_release(position, run_queue);
+        } else if self.input.next_release().is_some() {
+            run_queue.next_release_of(position, None);
+        }
+    }
+
+    fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
+        let woken = self.waker.take(); // of an earlier future, if none is in flight
+        if !self.in_flight {
+            return self.input.take(env);
+        }
+        woken.then(|| Taken {
+            due: clock::monotonic(),
+            deadline: None,
+        })
+    }
+
+    fn execute(&mut self, env: &Env<'_>, started: Nanos) {
+        if !self.in_flight {
+            self.input.execute(env, started);
+        }
+        if let Some(result) = self.poll() {
+            result.inspect(&mut |e| self.shared.failed(e, env.events));
+        }
+    }
+
+    fn was_spoiled(&mut self) -> bool {
+        self.input.was_spoiled()
+    }
+}

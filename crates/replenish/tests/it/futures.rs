@@ -1,0 +1,335 @@
+//! Async callbacks: they interleave on one worker, end with it, and are counted as callbacks.
+
+use crate::common::fibonacci::{Fibonacci, Numbers, Order};
+use crate::common::{Echo, Gate, eventually, executor};
+use replenish::msg::std_msgs::Int32;
+use replenish::{
+    ActionOptions, CallError, Client, Context, Every, GoalHandle, GoalState, NewGoal, NoReply, Qos,
+    Responder,
+};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+const LIMIT: Duration = Duration::from_secs(60);
+const MS: Duration = Duration::from_millis(1);
+
+type Lines = Arc<Mutex<Vec<String>>>;
+/// Requests that wait for their replies.
+type Open = Arc<Mutex<Vec<(i32, Responder<Echo>)>>>;
+
+fn note(lines: &Lines, text: impl Into<String>) {
+    lines.lock().unwrap().push(text.into());
+}
+
+fn number(data: i32) -> Int32 {
+    Int32 { data }
+}
+
+/// A client of the service `name`, and the requests that the server has got and not answered.
+fn held(exec: &mut replenish::Executor, ctx: &Context, name: &'static str) -> (Client<Echo>, Open) {
+    let node = ctx.node("n").unwrap();
+    let open = Arc::new(Mutex::new(Vec::new()));
+    let sink = Arc::clone(&open);
+    exec.worker(&format!("server of {name}"))
+        .serve_later::<Echo, _, _>(&node, name, Qos::services(), move |request, to, _| {
+            sink.lock().unwrap().push((request.data, to));
+        })
+        .unwrap();
+    let client = node.client(name, Qos::services(), LIMIT).unwrap();
+    (client, open)
+}
+
+/// Two callbacks of one worker wait at the same time; the one that waits holds up nobody.
+#[test]
+fn callbacks_interleave_while_one_awaits() {
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    let node = ctx.node("n").unwrap();
+    let (client, open) = held(&mut exec, &ctx, "echo");
+    let lines = Lines::default();
+    let ticks = Arc::new(AtomicU64::new(0));
+    let count = Arc::clone(&ticks);
+    let mut worker = exec.worker("w").calls(&client).unwrap();
+    for topic in ["a", "b"] {
+        let (client, lines) = (client.clone(), Arc::clone(&lines));
+        worker = worker
+            .subscribe_async(&node, topic, Qos::reliable(), move |m: Int32| {
+                let (client, lines) = (client.clone(), Arc::clone(&lines));
+                async move {
+                    note(&lines, format!("{topic} {} begins", m.data));
+                    let reply = client.call_async(&m).await?;
+                    note(&lines, format!("{topic} {} has {}", m.data, reply.data));
+                    Ok::<(), CallError>(())
+                }
+            })
+            .unwrap();
+    }
+    worker
+        .timer(MS, move |_| {
+            count.fetch_add(1, Ordering::Relaxed);
+        })
+        .unwrap();
+    let running = exec.start().unwrap();
+    let out = |topic| node.publisher::<Int32>(topic, Qos::reliable()).unwrap();
+    let (a, b) = (out("a"), out("b"));
+    a.publish(&number(1)).unwrap();
+    a.publish(&number(2)).unwrap(); // waits in the subscription
+    assert!(eventually(|| open.lock().unwrap().len() == 1));
+    b.publish(&number(3)).unwrap();
+    assert!(eventually(|| open.lock().unwrap().len() == 2));
+    let before = ticks.load(Ordering::Relaxed);
+    assert!(eventually(|| ticks.load(Ordering::Relaxed) > before + 5));
+    let reply = |at: usize| {
+        let (data, to) = open.lock().unwrap().remove(at);
+        to.reply(&number(10 * data)).unwrap();
+    };
+    reply(1);
+    assert!(eventually(|| lines.lock().unwrap().len() == 3));
+    reply(0);
+    assert!(eventually(|| lines.lock().unwrap().len() == 5));
+    assert!(eventually(|| open.lock().unwrap().len() == 1));
+    reply(0);
+    assert!(eventually(|| lines.lock().unwrap().len() == 6));
+    assert_eq!(
+        *lines.lock().unwrap(),
+        [
+            "a 1 begins",
+            "b 3 begins",
+            "b 3 has 30",
+            "a 1 has 10",
+            "a 2 begins",
+            "a 2 has 20"
+        ]
+    );
+    // A poll is a callback: one to begin, one to end.
+    let stats = running.stats("/n/sub:/a").unwrap();
+    assert_eq!((stats.received, stats.executed), (2, 4));
+    drop(running.stop());
+}
+
+#[test]
+fn a_call_ends_at_its_limit_when_it_is_dropped_and_with_its_worker() {
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    let node = ctx.node("n").unwrap();
+    let (client, open) = held(&mut exec, &ctx, "echo");
+    let short: Client<Echo> = node.client("nobody", Qos::services(), 20 * MS).unwrap();
+    assert_eq!(
+        client.call_blocking(&number(0), MS).unwrap_err(),
+        CallError::NoCallback
+    );
+    let outcomes = Arc::new(Mutex::new(Vec::new()));
+    let (sink, waits) = (Arc::clone(&outcomes), short.clone());
+    exec.worker("w")
+        .calls(&client)
+        .unwrap()
+        .calls(&short)
+        .unwrap()
+        .task(async move {
+            let outcome = waits.call_async(&number(1)).await;
+            sink.lock().unwrap().push(outcome.map(|n| n.data));
+        })
+        .unwrap();
+    let running = exec.start().unwrap();
+    let timed_out = Err(CallError::NoReply(NoReply::TimedOut));
+    assert!(eventually(|| *outcomes.lock().unwrap() == [timed_out]));
+    assert_eq!(
+        client.call_blocking(&number(2), 20 * MS),
+        Err(CallError::NoReply(NoReply::TimedOut))
+    );
+    // Its reply comes late, and reaches nobody else.
+    assert!(eventually(|| open.lock().unwrap().len() == 1));
+    let (_, late) = open.lock().unwrap().pop().unwrap();
+    std::thread::scope(|scope| {
+        let next = scope.spawn(|| client.call_blocking(&number(3), LIMIT));
+        assert!(eventually(|| open.lock().unwrap().len() == 1));
+        late.reply(&number(2)).unwrap();
+        let (data, to) = open.lock().unwrap().pop().unwrap();
+        to.reply(&number(data)).unwrap();
+        assert_eq!(next.join().unwrap().unwrap().data, 3);
+    });
+    // As many calls as the quality says, and places come back.
+    for round in 1..=3 {
+        let calls: Vec<_> = (0..10).map(|n| client.call_async(&number(n))).collect();
+        let more = client.call_blocking(&number(99), LIMIT);
+        assert_eq!(more.unwrap_err(), CallError::TooMany { limit: 10 });
+        assert!(eventually(|| open.lock().unwrap().len() == 10));
+        drop(calls);
+        for (data, to) in open.lock().unwrap().drain(..) {
+            to.reply(&number(data)).unwrap();
+        }
+        let settled = 2 + 10 * round;
+        let replies = || running.stats("/n/cli:/echo").unwrap().executed;
+        assert!(eventually(|| replies() == settled), "{}", replies());
+    }
+    // A worker that ends wakes those who wait for it.
+    std::thread::scope(|scope| {
+        let last = scope.spawn(|| client.call_blocking(&number(4), LIMIT));
+        assert!(eventually(|| open.lock().unwrap().len() == 1));
+        drop(running.stop());
+        assert_eq!(last.join().unwrap().unwrap_err(), CallError::Gone);
+    });
+}
+
+/// Says so when it is dropped.
+struct Dropped(Arc<AtomicBool>);
+
+impl Drop for Dropped {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+#[test]
+fn a_future_is_dropped_when_it_is_done_and_with_its_worker() {
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    let (client, open) = held(&mut exec, &ctx, "echo");
+    let flags = [(); 2].map(|()| Arc::new(AtomicBool::new(false)));
+    let [done, stuck] = flags.clone().map(Dropped);
+    let gate = Gate::closed();
+    let (gate2, waits) = (gate.clone(), client.clone());
+    exec.worker("w")
+        .calls(&client)
+        .unwrap()
+        .task(async move {
+            let _done = done;
+            gate2.pass();
+        })
+        .unwrap()
+        .task(async move {
+            let _stuck = stuck;
+            waits.call_async(&number(1)).await.map(|_| ())
+        })
+        .unwrap();
+    let dropped = || flags.clone().map(|flag| flag.load(Ordering::Relaxed));
+    let running = exec.start().unwrap();
+    gate.arrived();
+    assert_eq!(dropped(), [false, false]);
+    gate.open();
+    assert!(eventually(|| dropped() == [true, false]));
+    assert!(eventually(|| open.lock().unwrap().len() == 1));
+    drop(running.stop());
+    assert_eq!(dropped(), [true, true]);
+}
+
+#[test]
+fn services_and_timers_await_too() {
+    let ctx = Context::in_process();
+    let (mut exec, events) = executor(&ctx);
+    let node = ctx.node("n").unwrap();
+    let (inner, open) = held(&mut exec, &ctx, "inner");
+    let outer: Client<Echo> = node.client("outer", Qos::services(), LIMIT).unwrap();
+    let (through, slow) = (inner.clone(), inner.clone());
+    let runs = Arc::new(AtomicU64::new(0));
+    let count = Arc::clone(&runs);
+    exec.worker("w")
+        .calls(&inner)
+        .unwrap()
+        .serve_async::<Echo, _, _>(&node, "outer", Qos::services(), move |request: Int32| {
+            let client = through.clone();
+            async move {
+                let inner = client.call_async(&request).await;
+                number(inner.map_or(-1, |n| n.data + 1))
+            }
+        })
+        .unwrap()
+        .timer_async(Every::period(MS), move || {
+            let (client, count) = (slow.clone(), Arc::clone(&count));
+            async move {
+                count.fetch_add(1, Ordering::Relaxed);
+                client.call_async(&number(-5)).await?;
+                Err::<(), CallError>(CallError::Gone)
+            }
+        })
+        .unwrap();
+    exec.worker("outer").calls(&outer).unwrap();
+    let running = exec.start().unwrap();
+    std::thread::scope(|scope| {
+        let reply = scope.spawn(|| outer.call_blocking(&number(7), LIMIT));
+        assert!(eventually(|| open.lock().unwrap().len() == 2));
+        std::thread::sleep(20 * MS); // releases that find the timer's future in flight
+        assert_eq!(runs.load(Ordering::Relaxed), 1);
+        for (data, to) in open.lock().unwrap().drain(..) {
+            to.reply(&number(data * 10)).unwrap();
+        }
+        assert_eq!(reply.join().unwrap().unwrap().data, 71);
+    });
+    assert!(eventually(|| runs.load(Ordering::Relaxed) == 2));
+    drop(running.stop());
+    // An error of a future is an error of its handle.
+    assert!(events.has("w/timer:"), "{:?}", events.lines());
+}
+
+/// A goal's end is awaited, its cancelling too; a rejected one gives nothing.
+#[test]
+fn goals_are_awaited() {
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    let node = ctx.node("n").unwrap();
+    let options = ActionOptions::goals(4);
+    let client = node.action_client::<Fibonacci>("fib", options).unwrap();
+    let pursued: Arc<Mutex<Vec<GoalHandle<Fibonacci>>>> = Arc::default();
+    let sink = Arc::clone(&pursued);
+    exec.worker("server")
+        .serve_action::<Fibonacci, _, _, _>(
+            &node,
+            "fib",
+            options,
+            move |goal: &Order, new: NewGoal<Fibonacci>, _| {
+                if goal.order < 0 {
+                    return new.reject();
+                }
+                sink.lock().unwrap().push(new.accept()?);
+                Ok(())
+            },
+            |_, _| true,
+        )
+        .unwrap();
+    let lines = Lines::default();
+    let (sink, sends) = (Arc::clone(&lines), client.clone());
+    exec.worker("client")
+        .goals(&client)
+        .unwrap()
+        .task(async move {
+            for order in [-1, 3, 4] {
+                let goal = Order { order };
+                let Some(goal) = sends.send_async(&goal).await? else {
+                    note(&sink, format!("{order} is rejected"));
+                    continue;
+                };
+                if order == 4 {
+                    let answer = goal.cancel().await;
+                    note(&sink, format!("cancel: {}", answer.unwrap().return_code));
+                }
+                let (state, result) = goal.result().await?;
+                note(&sink, format!("{order} {state} {:?}", result.sequence));
+            }
+            Ok::<(), replenish::Lost>(())
+        })
+        .unwrap();
+    let running = exec.start().unwrap();
+    let next = || {
+        assert!(eventually(|| !pursued.lock().unwrap().is_empty()));
+        pursued.lock().unwrap().pop().unwrap()
+    };
+    let goal = next();
+    let mut result = Numbers::default();
+    result.sequence.extend([0, 1, 1]);
+    goal.succeed(&result).unwrap();
+    let goal = next();
+    assert!(eventually(|| goal.state() == Some(GoalState::Canceling)));
+    goal.canceled(&result).unwrap();
+    assert!(eventually(|| lines.lock().unwrap().len() == 4));
+    assert_eq!(
+        *lines.lock().unwrap(),
+        [
+            "-1 is rejected",
+            "3 succeeded [0, 1, 1]",
+            "cancel: 0",
+            "4 canceled [0, 1, 1]"
+        ]
+    );
+    drop(running.stop());
+}
