@@ -110,7 +110,7 @@ fn inherits() {
 /// report says how, per thread and per handle.
 fn budget() {
     let at_once = Every::period(MS).first_after(Duration::ZERO);
-    held("high/timer:0", |high| {
+    held(&["high/timer:0"], |high| {
         high.timer(at_once, |_| burn(1)).unwrap();
     });
 }
@@ -124,7 +124,7 @@ fn futures() {
     let ctx = Context::in_process().with_args(args);
     let turns = [(); 2].map(|()| Arc::new(AtomicU64::new(0)));
     let logger = ctx.node("n").unwrap().logger();
-    held("high/guard:0", |mut high| {
+    held(&["high/guard:0", "high/guard:1"], |mut high| {
         for turns in &turns {
             let (turns, logger) = (Arc::clone(turns), logger.clone());
             high = high
@@ -157,7 +157,7 @@ async fn turn() {
 }
 
 /// A worker with a budget and more to do than that, as `work` adds it, beside a busy one below it.
-fn held(handle: &str, work: impl FnOnce(WorkerBuilder<'_>)) {
+fn held(handles: &[&str], work: impl FnOnce(WorkerBuilder<'_>)) {
     let _dog = watchdog("budget", LIMIT);
     let cpu = cpu();
     let ctx = Context::in_process();
@@ -195,9 +195,15 @@ fn held(handle: &str, work: impl FnOnce(WorkerBuilder<'_>)) {
         "{usage:?} in {periods} periods"
     );
     assert!(high.overruns.count > 0, "{report}");
-    let handle = report.handle(handle).unwrap().stats;
-    assert!(handle.exhaustions > 0 && handle.cpu_high > 0);
-    assert!(handle.cpu_high + handle.cpu_background <= usage.cpu_high + usage.cpu_low);
+    let stats = handles.iter().map(|id| report.handle(id).unwrap().stats);
+    let (mut exhaustions, mut used) = (0, 0);
+    for handle in stats {
+        assert!(handle.cpu_high > 0);
+        exhaustions += handle.exhaustions;
+        used += handle.cpu_high + handle.cpu_background;
+    }
+    assert!(exhaustions > 0);
+    assert!(used <= usage.cpu_high + usage.cpu_low);
     let low = report.thread("low").unwrap().usage.cpu_high;
     assert!(low > usage.cpu_high, "{report}");
 }
