@@ -158,6 +158,11 @@ impl Inbox {
         state.ring.waiting().next().map(|s| s.info().arrival)
     }
 
+    /// Bytes of the memory for its samples.
+    pub fn memory(&self) -> usize {
+        self.state.lock().ring.memory()
+    }
+
     /// How many samples wait.
     pub fn waiting(&self) -> usize {
         self.waiting.load(Ordering::Acquire)

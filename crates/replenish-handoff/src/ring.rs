@@ -128,6 +128,13 @@ impl Ring {
         ring
     }
 
+    /// Bytes of all its buffers.
+    pub fn memory(&self) -> usize {
+        let size = |slot: &RingSlot| slot.0.bytes.len();
+        let each = self.free.first().or(self.waiting.front()).map_or(0, size);
+        each.saturating_mul(self.depth + 2)
+    }
+
     /// A buffer to fill; `None` only while another filler or reader holds too many.
     pub fn spare(&mut self) -> Option<RingSlot> {
         self.free.pop()

@@ -3,6 +3,7 @@
 use crate::wire::{Guid, GuidPrefix, Nanos, SampleIdentity, SequenceNumber, Timestamp};
 use alloc::boxed::Box;
 use alloc::vec;
+use alloc::vec::Vec;
 
 /// A sample, without its bytes.
 #[derive(Clone, Copy, Debug, Default)]
@@ -27,12 +28,51 @@ impl Change {
     }
 }
 
+/// The bytes of a sample to be written, with the encapsulation.
+#[derive(Debug)]
+pub enum Body<'a> {
+    /// Parts that are copied, one after another.
+    Parts(&'a [&'a [u8]]),
+    /// The first bytes of a buffer. If the buffer is exactly as long as the longest sample, nothing
+    /// is copied: the writer keeps it and leaves an old one of the same length in its place.
+    Buffer(&'a mut Box<[u8]>, usize),
+}
+
+impl Body<'_> {
+    pub(crate) fn len(&self) -> usize {
+        match self {
+            Body::Parts(parts) => parts.iter().map(|part| part.len()).sum(),
+            Body::Buffer(_, len) => *len,
+        }
+    }
+
+    /// Moves the bytes into `room`, which is long enough.
+    fn put(self, room: &mut Box<[u8]>) {
+        match self {
+            Body::Parts(parts) => copy(parts, room),
+            Body::Buffer(buffer, _) if buffer.len() == room.len() => core::mem::swap(room, buffer),
+            Body::Buffer(buffer, len) => copy(&[buffer.get(..len).unwrap_or(&[])], room),
+        }
+    }
+}
+
+fn copy(parts: &[&[u8]], mut room: &mut [u8]) {
+    for part in parts {
+        let Some((to, rest)) = room.split_at_mut_checked(part.len()) else {
+            return;
+        };
+        to.copy_from_slice(part);
+        room = rest;
+    }
+}
+
 /// Places for samples. A sample has the place of its number, counted round; a writer of discovery,
 /// which takes samples out of the middle, falls back to any free place.
 #[derive(Debug)]
 pub(crate) struct History {
     changes: Box<[Change]>,
-    bytes: Box<[u8]>,
+    /// A buffer for each place.
+    bytes: Box<[Box<[u8]>]>,
     size: usize,
     first: SequenceNumber,
     last: SequenceNumber,
@@ -44,7 +84,7 @@ impl History {
         let depth = depth.max(1);
         History {
             changes: vec![Change::default(); depth].into_boxed_slice(),
-            bytes: vec![0; depth.saturating_mul(size)].into_boxed_slice(),
+            bytes: (0..depth).map(|_| buffer(size)).collect::<Vec<_>>().into(),
             size,
             first: 1,
             last: 0,
@@ -86,8 +126,7 @@ impl History {
         }
         let place = self.place(sn)?;
         let change = self.changes.get(place)?;
-        let from = place.saturating_mul(self.size);
-        let bytes = self.bytes.get(from..from.saturating_add(change.len))?;
+        let bytes = self.bytes.get(place)?.get(..change.len)?;
         Some((change, bytes))
     }
 
@@ -106,7 +145,7 @@ impl History {
 
     /// Keeps a sample that is at most [`History::size`] long; the first one goes if there is no
     /// place. Returns its number.
-    pub(crate) fn add(&mut self, mut change: Change, payload: &[u8]) -> SequenceNumber {
+    pub(crate) fn add(&mut self, mut change: Change, body: Body<'_>) -> SequenceNumber {
         if self.is_full() {
             self.remove(self.first);
         }
@@ -118,12 +157,10 @@ impl History {
         } else {
             self.changes.iter().position(free).unwrap_or(home)
         };
-        let from = place.saturating_mul(self.size);
         change.sn = sn;
-        change.len = payload.len().min(self.size);
-        let room = self.bytes.get_mut(from..from.saturating_add(change.len));
-        for (to, from) in room.unwrap_or_default().iter_mut().zip(payload) {
-            *to = *from;
+        change.len = body.len().min(self.size);
+        if let Some(room) = self.bytes.get_mut(place) {
+            body.put(room);
         }
         if let Some(slot) = self.changes.get_mut(place) {
             *slot = change;
@@ -168,4 +205,8 @@ impl History {
         let change = self.changes.get(self.home(sn));
         change.is_some_and(|change| change.sn == sn)
     }
+}
+
+fn buffer(size: usize) -> Box<[u8]> {
+    vec![0; size].into_boxed_slice()
 }

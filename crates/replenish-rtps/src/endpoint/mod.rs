@@ -15,5 +15,6 @@ mod send;
 mod store;
 mod writer;
 
+pub use history::Body;
 pub use reader::{Reader, ReaderLimits, ReaderStats, Sample};
 pub use writer::{Header, WriteError, Writer, WriterLimits};

@@ -8,7 +8,7 @@
 //!   an ACKNACK that asks for something: what it asks for is sent, the time begins anew
 //! ```
 
-use super::history::{Change, History};
+use super::history::{Body, Change, History};
 use super::peer_reader::{Fragments, PeerReader};
 use crate::wire::{
     AckNack, Durability, EntityId, Guid, GuidPrefix, INFINITE, NackFrag, Nanos, Qos, Reliability,
@@ -162,33 +162,34 @@ impl Writer {
             source,
             ..Header::default()
         };
-        self.write_with(payload, &header, now)
+        self.write_with(Body::Parts(&[payload]), &header, now)
     }
 
-    /// Sends `payload`, with its encapsulation, as `header` says.
+    /// Sends a sample as `header` says.
     ///
     /// # Errors
     /// [`WriteError::TooLong`], [`WriteError::Full`].
     pub fn write_with(
         &mut self,
-        payload: &[u8],
+        body: Body<'_>,
         header: &Header,
         now: Nanos,
     ) -> Result<SequenceNumber, WriteError> {
-        self.add(payload, None, header, now)
+        self.add(body, None, header, now)
     }
 
     /// Says that the endpoint or participant `gone` is no more.
     pub(crate) fn dispose(&mut self, gone: Guid, now: Nanos) -> SequenceNumber {
         self.forget_a_disposal();
-        self.add(&[], Some(gone), &Header::default(), now)
+        self.add(Body::Parts(&[]), Some(gone), &Header::default(), now)
             .unwrap_or(0)
     }
 
     /// Announces an instance of discovery. What is announced stays until it is forgotten.
     pub(crate) fn announce_instance(&mut self, bytes: &[u8], now: Nanos) -> SequenceNumber {
         self.forget_a_disposal();
-        self.add(bytes, None, &Header::default(), now).unwrap_or(0)
+        self.add(Body::Parts(&[bytes]), None, &Header::default(), now)
+            .unwrap_or(0)
     }
 
     /// Makes room: discovery keeps as many disposals as there may be instances.
@@ -201,24 +202,18 @@ impl Writer {
 
     fn add(
         &mut self,
-        payload: &[u8],
+        body: Body<'_>,
         gone: Option<Guid>,
         header: &Header,
         now: Nanos,
     ) -> Result<SequenceNumber, WriteError> {
-        let (len, most) = (payload.len(), self.history.size());
+        let (len, most) = (body.len(), self.history.size());
         if len > most {
             return Err(WriteError::TooLong { len, most });
         }
         self.expire(now);
-        if self.qos.depth == 0 && self.history.is_full() {
-            let oldest = self.history.first();
-            let lacks = |reader: &PeerReader| {
-                reader.next <= oldest || (reader.reliable && reader.acked <= oldest)
-            };
-            if self.readers.iter().any(lacks) {
-                return Err(WriteError::Full);
-            }
+        if self.is_full() {
+            return Err(WriteError::Full);
         }
         let change = Change {
             source: header.source,
@@ -228,12 +223,25 @@ impl Writer {
             gone,
             ..Change::default()
         };
-        let sn = self.history.add(change, payload);
+        let sn = self.history.add(change, body);
         if self.readers.iter().any(|reader| reader.reliable) {
             self.pace = FIRST_HEARTBEAT;
             self.heartbeat_at = self.heartbeat_at.min(now.saturating_add(FIRST_HEARTBEAT));
         }
         Ok(sn)
+    }
+
+    /// Whether the next sample is refused, since all are to be kept and a reader lacks the oldest.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        if self.qos.depth != 0 || !self.history.is_full() {
+            return false;
+        }
+        let oldest = self.history.first();
+        let lacks = |reader: &PeerReader| {
+            reader.next <= oldest || (reader.reliable && reader.acked <= oldest)
+        };
+        self.readers.iter().any(lacks)
     }
 
     /// Forgets a sample; readers that lack it hear that it will not come.

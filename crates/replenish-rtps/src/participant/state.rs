@@ -3,7 +3,9 @@
 use super::config::{ConfigError, EndpointSpec, ParticipantConfig};
 use super::event::{Bound, Event};
 use super::remote::{RemoteEndpoint, RemoteParticipant, Text};
-use crate::endpoint::{Header, Reader, ReaderLimits, Sample, WriteError, Writer, WriterLimits};
+use crate::endpoint::{
+    Body, Header, Reader, ReaderLimits, Sample, WriteError, Writer, WriterLimits,
+};
 use crate::wire::{
     EndpointData, EntityId, Guid, GuidPrefix, Locators, Nanos, ParticipantData, Qos,
     SequenceNumber, Timestamp, TypeHash, Writer as Cdr, disposal,
@@ -285,14 +287,14 @@ impl Participant {
     pub fn write_with(
         &mut self,
         id: WriterId,
-        payload: &[u8],
+        body: Body<'_>,
         header: &Header,
         now: Nanos,
     ) -> Result<SequenceNumber, WriteError> {
         let mut writers = self.writers.iter_mut();
         let own = writers.find(|own| own.endpoint.entity() == id.0);
         let own = own.ok_or(WriteError::NoWriter)?;
-        own.endpoint.write_with(payload, header, now)
+        own.endpoint.write_with(body, header, now)
     }
 
     /// Sends a sample; see [`Writer::write`].
@@ -310,7 +312,7 @@ impl Participant {
             source,
             ..Header::default()
         };
-        self.write_with(id, payload, &header, now)
+        self.write_with(id, Body::Parts(&[payload]), &header, now)
     }
 
     /// Takes the next sample of a reader; see [`Reader::take`].

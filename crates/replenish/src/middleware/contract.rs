@@ -98,6 +98,14 @@ pub trait Middleware: Send + Sync + 'static {
     /// When the peer refuses or does not answer, or a bound is reached.
     fn create_reader(&self, spec: &EndpointSpec<'_>) -> Result<ReaderId, MiddlewareError>;
 
+    /// The longest sample, in bytes, of a reader with this quality of service, or of a writer if
+    /// `writes`. An endpoint whose program states no size is made for samples of the type's usual
+    /// size or of this one, whichever is less.
+    fn longest(&self, qos: &Qos, writes: bool) -> usize {
+        let _ = (qos, writes);
+        usize::MAX
+    }
+
     /// Deletes a reader; its id may be given out again. Any thread, like
     /// [`create_reader`](Self::create_reader). [`wait`](Self::wait) and [`take`](Self::take) have
     /// no interest in it any more.
@@ -237,6 +245,12 @@ pub trait Middleware: Send + Sync + 'static {
 
     /// Whether samples can be exchanged at the moment.
     fn link(&self) -> LinkState;
+
+    /// Bytes that the middleware itself has taken for samples of `reader`.
+    fn memory(&self, reader: ReaderId) -> usize {
+        let _ = reader;
+        0
+    }
 
     /// Samples of `reader` that the middleware itself had to drop because its own buffer was full.
     fn lost(&self, reader: ReaderId) -> u64 {

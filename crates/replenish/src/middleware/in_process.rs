@@ -1,11 +1,13 @@
 //! Topics inside one process: for tests, and for nodes that live together.
 //!
-//! One lock with priority inheritance guards a bus; it is held while one sample's bytes are copied
-//! into the queues of its readers, or while one buffer changes hands, never across a wait. Every
-//! queue is allocated when its reader is created.
+//! One lock with priority inheritance guards a bus; it is held while one short sample's bytes are
+//! copied into the queues of its readers, or while one buffer changes hands, never across a wait.
+//! Long samples are copied without it (`long`). Every queue is allocated when its reader is
+//! created.
 
 mod bus;
 mod clashes;
+mod long;
 mod notices;
 mod services;
 
@@ -21,7 +23,7 @@ use crate::platform::label;
 use crate::qos::{Durability, History, IngressLimit, Reliability};
 use crate::sync::{Arc, Mutex, Notify};
 use alloc::vec::Vec;
-use bus::{Bus, Participant, Reader, Writer, id};
+use bus::{Bus, LONG, LONG_SAMPLES, Participant, Reader, Writer, id};
 use core::fmt;
 use notices::{Clashes, Oversizes};
 use replenish_os::clock;
@@ -203,28 +205,20 @@ impl Middleware for InProcess {
     /// Delivers to every reader of the topic. [`PublishError::Full`] if a reliable reader that
     /// keeps all had no room; the others have got the sample.
     fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError> {
+        if LONG_SAMPLES && payload.len() >= LONG {
+            return self.publish_long(writer, payload);
+        }
         let (wake, full) = {
             let mut bus = self.bus.state.lock();
-            let mine = bus.participant_mut(self.me);
-            let writer = mine.and_then(|p| p.writers.get_mut(usize::from(writer.0)));
-            let writer = writer.filter(|w| !w.deleted);
-            let writer = writer.ok_or(PublishError::UnknownWriter)?;
-            let (size, limit) = (payload.len(), writer.limit);
-            if size > limit {
-                return Err(PublishError::TooLarge { size, limit });
-            }
-            writer.sent += 1;
-            let info = SampleInfo {
-                source_timestamp: wall_clock(),
-                sequence: Some(writer.sent),
-                ..SampleInfo::at(clock::monotonic())
-            };
+            let (writer, info) = bus.begin(self.me, writer, payload.len())?;
             let topic = (writer.topic, writer.offers);
             if let Some(kept) = &mut writer.kept
                 && let Some(mut slot) = kept.spare()
             {
                 slot.fill(payload, &info);
-                kept.push(slot);
+                if let Some(oldest) = kept.push(slot) {
+                    kept.give_back(oldest);
+                }
             }
             bus.distribute(topic, payload, &info)
         };
@@ -345,8 +339,39 @@ impl Middleware for InProcess {
         self.oversizes.next()
     }
 
+    fn memory(&self, reader: ReaderId) -> usize {
+        self.reader(reader.0.into(), |r| r.queue.memory())
+            .unwrap_or(0)
+    }
+
     fn lost(&self, reader: ReaderId) -> u64 {
         self.reader(reader.0.into(), |r| r.lost).unwrap_or(0)
+    }
+}
+
+impl Bus {
+    /// The writer of a sample of `size` bytes, and the sample's facts.
+    fn begin(
+        &mut self,
+        me: usize,
+        writer: WriterId,
+        size: usize,
+    ) -> Result<(&mut Writer, SampleInfo), PublishError> {
+        let mine = self.participant_mut(me);
+        let writer = mine.and_then(|p| p.writers.get_mut(usize::from(writer.0)));
+        let writer = writer.filter(|w| !w.deleted);
+        let writer = writer.ok_or(PublishError::UnknownWriter)?;
+        let limit = writer.limit;
+        if size > limit {
+            return Err(PublishError::TooLarge { size, limit });
+        }
+        writer.sent += 1;
+        let info = SampleInfo {
+            source_timestamp: wall_clock(),
+            sequence: Some(writer.sent),
+            ..SampleInfo::at(clock::monotonic())
+        };
+        Ok((writer, info))
     }
 }
 

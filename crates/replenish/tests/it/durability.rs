@@ -16,7 +16,7 @@ fn late_subscriptions_get_what_is_kept(ctx: &Context) {
     let (mut exec, _) = executor(ctx);
     exec.worker("w").capacity(3);
     let running = exec.start().unwrap();
-    for data in 1..=5 {
+    for data in 1..=9 {
         out.publish(&Int32 { data }).unwrap();
     }
     let [late, volatile] = [(); 2].map(|()| Arc::new(Mutex::new(Vec::new())));
@@ -31,11 +31,11 @@ fn late_subscriptions_get_what_is_kept(ctx: &Context) {
             .unwrap();
     }
     assert!(eventually(|| late.lock().unwrap().len() == 3));
-    assert_eq!(*late.lock().unwrap(), [3, 4, 5]);
-    out.publish(&Int32 { data: 6 }).unwrap();
+    assert_eq!(*late.lock().unwrap(), [7, 8, 9]);
+    out.publish(&Int32 { data: 10 }).unwrap();
     assert!(eventually(|| volatile.lock().unwrap().len() == 1));
     assert!(eventually(|| late.lock().unwrap().len() == 4));
-    assert_eq!(*volatile.lock().unwrap(), [6]);
+    assert_eq!(*volatile.lock().unwrap(), [10]);
     drop(out); // what it has kept goes with it
     let change = running.handle();
     let worker = change.worker("w").unwrap();

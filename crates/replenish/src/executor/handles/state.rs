@@ -119,6 +119,14 @@ impl HandleState {
         self.counters.snapshot(self.waiting(), lost)
     }
 
+    /// Bytes that were taken for its samples, here and in the middleware.
+    pub(crate) fn memory(&self, middleware: &dyn Middleware) -> usize {
+        let input = self.input.as_ref();
+        input.map_or(0, |(reader, inbox)| {
+            inbox.memory().saturating_add(middleware.memory(*reader))
+        })
+    }
+
     /// Samples that wait for the worker.
     fn waiting(&self) -> u64 {
         self.input

@@ -84,6 +84,8 @@ pub struct HandleReport {
     pub latency: Histogram,
     /// From release to the end of the callback.
     pub response: Histogram,
+    /// Bytes that were taken at set-up for its samples, those of the middleware included.
+    pub memory: usize,
     /// The last error a callback returned, or the panic's message; cut to 120 bytes.
     pub last_error: Option<String>,
 }
@@ -107,6 +109,7 @@ impl HandleReport {
             stats: handle.stats(middleware),
             latency: handle.latency.snapshot(),
             response: handle.response.snapshot(),
+            memory: handle.memory(middleware),
             last_error: Some(error).filter(|e| !e.is_empty()),
         }
     }

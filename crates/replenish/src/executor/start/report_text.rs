@@ -25,6 +25,7 @@ impl fmt::Display for Report {
         }
         write!(f, "{}", handles(self))?;
         idle_services(self, f)?;
+        memory(self, f)?;
         for rounds in &self.rounds {
             writeln!(f, "{rounds}")?;
         }
@@ -68,6 +69,15 @@ fn threads(report: &Report) -> Table<7> {
         table.add(cells, "");
     }
     table
+}
+
+/// The handles whose samples take a megabyte or more.
+fn memory(report: &Report, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    for h in report.handles.iter().filter(|h| h.memory >= 1_000_000) {
+        let (mega, tenth) = (h.memory / 1_000_000, h.memory / 100_000 % 10);
+        writeln!(f, "memory: {mega}.{tenth} MB for samples of {}", h.id)?;
+    }
+    Ok(())
 }
 
 /// Whether this is a service that nobody has asked for anything.

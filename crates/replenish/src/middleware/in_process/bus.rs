@@ -11,10 +11,10 @@
 //! [stamp](Reader::stamp), a buffer that comes back likewise.
 
 use super::notices::{Clashes, Oversizes};
-use crate::handoff::{Ring, SampleInfo};
+use crate::handoff::{Ring, RingSlot, SampleInfo};
 use crate::middleware::places::{free_place, put};
 use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId};
-use crate::platform::{TEXTS, label};
+use crate::platform::{STD, TEXTS, label};
 use crate::qos::Qos;
 use crate::sync::{Arc, Notify};
 use alloc::string::String;
@@ -24,13 +24,17 @@ use replenish_os::clock;
 /// The most participants of one bus.
 const MAX_PARTICIPANTS: usize = 64;
 
+/// Whether long samples are copied without the lock, and their least length in bytes.
+pub(super) const LONG_SAMPLES: bool = STD;
+pub(super) const LONG: usize = 16 * 1024;
+
 #[derive(Default)]
 pub(super) struct Bus {
     pub(super) topics: Vec<Topic>,
     /// `None`: a place that is free.
     participants: Vec<Option<Participant>>,
-    /// The next reader's stamp.
-    stamp: u32,
+    /// The last reader's stamp.
+    pub(super) stamp: u32,
 }
 
 #[derive(Default)]
@@ -268,28 +272,51 @@ pub(super) enum Stored {
 impl Reader {
     /// Anything that did not find room is counted, or told.
     pub(super) fn store(&mut self, payload: &[u8], info: &SampleInfo) -> Stored {
-        if payload.len() > self.limit {
-            // Without texts nobody asks.
-            if TEXTS && self.oversizes.add((self.id, payload.len())) {
-                return Stored::TooLong;
+        match self.room(payload.len()) {
+            Ok(mut slot) => {
+                slot.fill(payload, info); // it fits
+                self.keep(slot)
             }
-            self.lost += 1;
-            return Stored::Lost;
+            Err(fate) => fate,
         }
-        if (self.keep_all || self.keep_oldest) && self.queue.is_full() {
-            self.lost += 1;
-            return Stored::Lost;
+    }
+
+    /// A buffer for a sample of `len` bytes, or the fate of a sample that finds none.
+    pub(super) fn room(&mut self, len: usize) -> Result<RingSlot, Stored> {
+        // Without texts nobody asks.
+        if len > self.limit && TEXTS && self.oversizes.add((self.id, len)) {
+            return Err(Stored::TooLong);
         }
-        let Some(mut slot) = self.queue.spare() else {
-            self.lost += 1;
-            return Stored::Lost;
+        let spare = if len > self.limit || self.refuses() {
+            None
+        } else {
+            self.queue.spare()
         };
-        slot.fill(payload, info); // it fits
+        spare.ok_or_else(|| self.lose())
+    }
+
+    /// Lets a filled buffer wait.
+    pub(super) fn keep(&mut self, slot: RingSlot) -> Stored {
+        // While one was filled without the lock, another one may have taken the last place.
+        if LONG_SAMPLES && self.refuses() {
+            self.queue.give_back(slot);
+            return self.lose();
+        }
         if let Some(oldest) = self.queue.push(slot) {
             self.queue.give_back(oldest);
             self.lost += 1;
         }
         Stored::Waits
+    }
+
+    /// Whether a new sample is lost, rather than the oldest.
+    fn refuses(&self) -> bool {
+        (self.keep_all || self.keep_oldest) && self.queue.is_full()
+    }
+
+    const fn lose(&mut self) -> Stored {
+        self.lost += 1;
+        Stored::Lost
     }
 }
 

@@ -14,13 +14,15 @@ use crate::sync::{AtomicBool, AtomicUsize, Ordering};
 use core::fmt;
 use replenish_os::timer::TimerFd;
 use replenish_os::{PiMutex, SocketSet, WakeFd, clock};
-use replenish_rtps::endpoint::Header;
 use replenish_rtps::udp::{Sockets, UdpConfig};
 use std::io;
 use std::net::UdpSocket;
 
 /// Datagrams of one socket that are taken before the next socket has its turn.
 const BATCH: usize = 16;
+
+/// Datagrams that one round of housekeeping sends; more wait for the next one.
+const DATAGRAMS: usize = 1024;
 
 /// A participant of ROS 2 (RTPS 2.x over UDP), without an agent and without threads.
 ///
@@ -138,7 +140,18 @@ impl Rtps {
         if rung {
             state.rung(now, &self.alarm);
         }
-        state.housekeep(now, &self.alarm, &self.sockets);
+        if state.is_due(now) {
+            for _ in 0..DATAGRAMS {
+                let sent = state.send_next(now, &self.sockets);
+                // A thread that publishes has its turn after each datagram.
+                drop(state);
+                state = self.state.lock();
+                if !sent {
+                    break;
+                }
+            }
+        }
+        state.arm_next(now, &self.alarm);
         self.backlog.store(state.has_backlog(), Ordering::Release);
         if state.notice() {
             self.news.fetch_add(1, Ordering::Release);
@@ -195,11 +208,7 @@ impl Middleware for Rtps {
 
     fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError> {
         self.look_after_discovery();
-        let now = clock::monotonic();
-        let mut state = self.state.lock();
-        let tools = (now, &self.alarm, &self.sockets);
-        let sent = state.write(writer, (&[], payload), Header::default(), tools);
-        sent.map(drop)
+        self.send_sample(writer, payload)
     }
 
     fn create_server(
@@ -306,6 +315,12 @@ impl Middleware for Rtps {
 
     fn link(&self) -> LinkState {
         LinkState::Up
+    }
+
+    fn memory(&self, reader: ReaderId) -> usize {
+        let state = self.state.lock();
+        let end = state.readers.get(usize::from(reader.0));
+        end.map_or(0, |end| end.memory)
     }
 
     fn lost(&self, reader: ReaderId) -> u64 {

@@ -3,9 +3,11 @@
 use super::adapter::Rtps;
 use super::new_end::{NewEnd, failed};
 use super::qos::{name_too_long, places, refused};
+use super::send::LONG;
 use super::state::{ReaderEnd, State, WriterEnd};
 use crate::middleware::places::{free_number, put};
 use crate::middleware::{MiddlewareError, ReaderId, WriterId};
+use crate::platform::zeroed;
 use replenish_os::clock;
 use replenish_rtps::participant as rtps;
 use replenish_rtps::ros::dds_topic;
@@ -26,9 +28,9 @@ impl Rtps {
             node: new.node.into(),
             topic: new.name.into(),
             limit: new.max_size,
+            spare: (new.head == 0 && new.max_size >= LONG).then(|| zeroed(new.bytes())),
             partner: None,
         };
-        state.reserve(new.bytes());
         put(&mut state.writers, number.into(), end);
         let entered = state
             .graph
@@ -106,9 +108,10 @@ impl State {
         at: usize,
         now: crate::Nanos,
     ) -> Result<(), rtps::ConfigError> {
+        let places = places(new.qos, new.bytes());
         let spec = rtps::EndpointSpec {
             unicast,
-            ..new.spec(topic, places(new.qos))
+            ..new.spec(topic, places)
         };
         let id = self.participant.create_reader(&spec, now)?;
         let end = ReaderEnd {
@@ -116,6 +119,7 @@ impl State {
             node: new.node.into(),
             topic: new.name.into(),
             limit: new.max_size,
+            memory: places.saturating_mul(new.bytes()),
             dropped: 0,
             unreadable: 0,
             service: None,
@@ -151,6 +155,7 @@ impl State {
             return;
         };
         end.partner = None;
+        end.spare = None;
         let Some(id) = end.id.take() else {
             return;
         };

@@ -2,10 +2,10 @@
 //!
 //! ```text
 //!   dispatcher                                          publishers (any thread)
-//!   wait: epoll on waker, alarm, discovery and           lock ─ write ─ send ─ unlock
-//!         the sockets of the readers of interest           (its own writer's datagrams alone)
-//!   take: receive ─ lock ─ handle ─ unlock, …
-//!         lock ─ announce, acknowledge, repair ─ unlock  (if any of it is due)
+//!   wait: epoll on waker, alarm, discovery and           lock ─ write ─ unlock
+//!         the sockets of the readers of interest         lock ─ send ─ unlock, …
+//!   take: receive ─ lock ─ handle ─ unlock, …              (its own writer's datagrams alone)
+//!         lock ─ announce, acknowledge, repair ─ unlock, …  (if any of it is due)
 //! ```
 //!
 //! Every reader has a socket of its own. The dispatcher polls the sockets whose readers have room.
@@ -18,6 +18,7 @@
 //!   connect ─► endpoints · services ─► adapter ─► inlets: the sockets of readers
 //!     │              │                    └─────► state ─► graph · service_end
 //!     └─► environment └─► new_end                 below all: config · qos · stats
+//!   send: the publisher's part
 //! ```
 
 mod adapter;
@@ -29,6 +30,7 @@ mod graph;
 mod inlets;
 mod new_end;
 mod qos;
+mod send;
 mod service_end;
 mod services;
 mod state;

@@ -11,8 +11,10 @@ use replenish_rtps::wire::{self, INFINITE, TypeHash};
 /// Bytes in front of a sample: its representation. Peers pad the end to a multiple of four.
 pub(super) const ENCAPSULATION: usize = 4;
 pub(super) const PADDING: usize = 3;
-/// Places of a reliable reader at least: samples that wait for a lost one.
+/// Places of a reliable reader at least: samples that wait for a lost one; of long samples fewer,
+/// as many as take so many bytes, and two in any case.
 const WAITING: usize = 16;
+const WAITING_BYTES: usize = 1 << 20;
 
 /// The quality of service that is announced and carried out.
 pub(super) fn dds(qos: Qos, keep_oldest: bool) -> wire::Qos {
@@ -33,11 +35,12 @@ pub(super) fn dds(qos: Qos, keep_oldest: bool) -> wire::Qos {
     }
 }
 
-/// Places for samples that a reader has.
-pub(super) fn places(qos: Qos) -> usize {
+/// Places for samples of `bytes` that a reader has.
+pub(super) fn places(qos: Qos, bytes: usize) -> usize {
     let depth = usize::from(qos.depth);
+    let waiting = WAITING_BYTES.checked_div(bytes).unwrap_or(WAITING);
     match qos.reliability {
-        Reliability::Reliable => depth.max(WAITING),
+        Reliability::Reliable => depth.max(waiting.clamp(2, WAITING)),
         Reliability::BestEffort => depth,
     }
 }

@@ -9,10 +9,10 @@ use crate::middleware::{
 };
 use crate::qos::Qos;
 use replenish_os::clock;
-use replenish_rtps::endpoint::Header;
+use replenish_rtps::endpoint::{Body, Header};
 use replenish_rtps::participant as rtps;
 use replenish_rtps::ros::Prefix;
-use replenish_rtps::wire::{Guid, Reader as Cdr, SampleIdentity};
+use replenish_rtps::wire::{CDR_LE, Guid, Reader as Cdr, SampleIdentity};
 
 /// The vendor of Eclipse Cyclone DDS.
 const CYCLONE: [u8; 2] = [1, 0x10];
@@ -68,7 +68,8 @@ impl Rtps {
         payload: &[u8],
     ) -> Result<u64, PublishError> {
         let now = clock::monotonic();
-        let state = &mut *self.state.lock();
+        let mut guard = self.state.lock();
+        let state = &mut *guard;
         let partner = state.partner(client)?;
         let cyclone = state.asks_cyclone(client);
         let service = state.readers.get_mut(usize::from(partner.0));
@@ -87,13 +88,16 @@ impl Rtps {
             ..Header::default()
         };
         let head = if cyclone { head.as_slice() } else { &[] };
-        let now = (now, &self.alarm, &self.sockets);
-        let written = state.write(client, (head, payload), header, now)?;
+        let (id, _) = state.writer(client, payload.len())?;
+        let body = Body::Parts(&[&CDR_LE, head, payload]);
+        let written = state.write(id, body, header, now)?;
         let service = state.readers.get_mut(usize::from(partner.0));
         if let Some(ServiceEnd::Client { sent, .. }) = service.and_then(|end| end.service.as_mut())
         {
             *sent = written;
         }
+        drop(guard);
+        self.send_of(id, now);
         Ok(written)
     }
 
@@ -104,7 +108,8 @@ impl Rtps {
         payload: &[u8],
     ) -> Result<(), PublishError> {
         let now = clock::monotonic();
-        let state = &mut *self.state.lock();
+        let mut guard = self.state.lock();
+        let state = &mut *guard;
         let partner = state.partner(server)?;
         let bytes = to.guid();
         let guid = Guid::decode(&mut Cdr::new(&bytes, true));
@@ -126,8 +131,12 @@ impl Rtps {
             ..Header::default()
         };
         let head = head.as_ref().map_or(&[][..], |head| head.as_slice());
-        let now = (now, &self.alarm, &self.sockets);
-        state.write(server, (head, payload), header, now).map(drop)
+        let (id, _) = state.writer(server, payload.len())?;
+        let body = Body::Parts(&[&CDR_LE, head, payload]);
+        state.write(id, body, header, now)?;
+        drop(guard);
+        self.send_of(id, now);
+        Ok(())
     }
 
     pub(super) fn knows_server(&self, client: WriterId) -> Option<bool> {

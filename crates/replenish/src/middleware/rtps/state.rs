@@ -14,10 +14,11 @@ use alloc::collections::VecDeque;
 use alloc::vec;
 use alloc::vec::Vec;
 use replenish_os::timer::TimerFd;
-use replenish_rtps::endpoint::{Header, Reader, WriteError};
+use replenish_rtps::endpoint::{Body, Header, Reader, WriteError};
 use replenish_rtps::participant::{self as rtps, Event, Participant};
 use replenish_rtps::udp::Sockets;
-use replenish_rtps::wire::{CDR_LE, Encapsulated, Timestamp};
+use replenish_rtps::wire::{Encapsulated, Timestamp};
+use std::net::SocketAddr;
 
 /// Pairs of endpoints that do not fit and were not told of yet; more are left out.
 const CLASHES: usize = 64;
@@ -36,6 +37,8 @@ pub(super) struct ReaderEnd {
     pub(super) node: Box<str>,
     pub(super) topic: Box<str>,
     pub(super) limit: usize,
+    /// Bytes of the memory for its samples.
+    pub(super) memory: usize,
     /// Datagrams that the kernel has dropped at its socket.
     pub(super) dropped: u64,
     /// Samples that could not be read.
@@ -50,6 +53,8 @@ pub(super) struct WriterEnd {
     pub(super) node: Box<str>,
     pub(super) topic: Box<str>,
     pub(super) limit: usize,
+    /// A buffer for a long sample, which is filled without the lock.
+    pub(super) spare: Option<Box<[u8]>>,
     /// Of a service: the reader at the same end.
     pub(super) partner: Option<ReaderId>,
 }
@@ -59,8 +64,6 @@ pub(super) struct State {
     pub(super) readers: Vec<ReaderEnd>,
     pub(super) writers: Vec<WriterEnd>,
     pub(super) graph: Graph,
-    /// A sample with its encapsulation, as long as the longest of any writer.
-    sample: Vec<u8>,
     datagram: Box<[u8]>,
     /// The time that the alarm is set to.
     armed: Nanos,
@@ -75,18 +78,11 @@ impl State {
             readers: Vec::new(),
             writers: Vec::new(),
             graph: Graph::default(),
-            sample: Vec::new(),
             datagram: vec![0; datagram].into_boxed_slice(),
             armed: Nanos::MAX,
             clashes: VecDeque::with_capacity(CLASHES),
             stats: RtpsStats::default(),
         }
-    }
-
-    /// Memory for samples of `bytes` with their encapsulation.
-    pub(super) fn reserve(&mut self, bytes: usize) {
-        let more = bytes.saturating_sub(self.sample.len());
-        self.sample.reserve(more);
     }
 
     /// Takes a datagram in.
@@ -170,32 +166,50 @@ impl State {
         }
     }
 
-    /// Writes a sample and sends what its writer has to send: nothing of other writers.
-    pub(super) fn write(
+    /// The writer, if it takes samples of `size` bytes.
+    pub(super) fn writer(
         &mut self,
         writer: WriterId,
-        (head, payload): (&[u8], &[u8]),
-        header: Header,
-        (now, alarm, sockets): (Nanos, &TimerFd, &Sockets),
-    ) -> Result<u64, PublishError> {
-        let end = self.writers.get(usize::from(writer.0));
+        size: usize,
+    ) -> Result<(rtps::WriterId, &mut WriterEnd), PublishError> {
+        let end = self.writers.get_mut(usize::from(writer.0));
         let end = end.ok_or(PublishError::UnknownWriter)?;
         let id = end.id.ok_or(PublishError::UnknownWriter)?;
-        let (size, limit) = (payload.len(), end.limit);
+        let limit = end.limit;
         if size > limit {
             return Err(PublishError::TooLarge { size, limit });
         }
-        self.sample.clear();
-        self.sample.extend_from_slice(&CDR_LE);
-        self.sample.extend_from_slice(head);
-        self.sample.extend_from_slice(payload);
+        Ok((id, end))
+    }
+
+    /// Returns the buffer for long samples, if the writer is still the same.
+    pub(super) fn give_back(
+        &mut self,
+        writer: WriterId,
+        id: rtps::WriterId,
+        buffer: Option<Box<[u8]>>,
+    ) {
+        let end = self.writers.get_mut(usize::from(writer.0));
+        if let Some(end) = end.filter(|end| end.id == Some(id)) {
+            end.spare = buffer;
+        }
+    }
+
+    /// Keeps a sample, to be sent by its writer.
+    pub(super) fn write(
+        &mut self,
+        writer: rtps::WriterId,
+        body: Body<'_>,
+        header: Header,
+        now: Nanos,
+    ) -> Result<u64, PublishError> {
         let header = Header {
             source: wall_clock()
                 .and_then(|time| u64::try_from(time.as_nanos()).ok())
                 .map(Timestamp),
             ..header
         };
-        let written = self.participant.write_with(id, &self.sample, &header, now);
+        let written = self.participant.write_with(writer, body, &header, now);
         let number = written.map_err(|error| match error {
             WriteError::Full => PublishError::Full,
             WriteError::TooLong { len, most } => PublishError::TooLarge {
@@ -204,31 +218,63 @@ impl State {
             },
             _ => PublishError::UnknownWriter,
         })?;
-        while let Some((len, to)) = self
+        Ok(number.unsigned_abs())
+    }
+
+    /// Sends the next datagram of a writer, nothing of other writers; `false`, and the alarm is
+    /// set, if there is none for now.
+    pub(super) fn send_of(
+        &mut self,
+        writer: rtps::WriterId,
+        now: Nanos,
+        (alarm, sockets): (&TimerFd, &Sockets),
+    ) -> bool {
+        let next = self
             .participant
-            .transmit_writer(id, &mut self.datagram, now)
-        {
-            self.stats
-                .count(sockets.send(self.datagram.get(..len).unwrap_or(&[]), to));
+            .transmit_writer(writer, &mut self.datagram, now);
+        if let Some((len, to)) = next {
+            self.put(sockets, len, to);
+            return true;
         }
         let next = self
             .participant
-            .writer(id)
+            .writer(writer)
             .map_or(Nanos::MAX, |writer| writer.next_at(now));
         if next < self.armed {
             self.arm(next.max(now + 1), alarm);
         }
-        Ok(number.unsigned_abs())
+        false
     }
 
-    /// Sends everything that is due, and sets the alarm to the next time.
+    /// Sends the next datagram that is due; `false` if none is.
+    pub(super) fn send_next(&mut self, now: Nanos, sockets: &Sockets) -> bool {
+        let next = self.participant.transmit(&mut self.datagram, now);
+        next.is_some_and(|(len, to)| {
+            self.put(sockets, len, to);
+            true
+        })
+    }
+
+    fn put(&mut self, sockets: &Sockets, len: usize, to: SocketAddr) {
+        let datagram = self.datagram.get(..len).unwrap_or(&[]);
+        self.stats.count(sockets.send(datagram, to));
+    }
+
+    /// Whether something is to be sent.
+    pub(super) fn is_due(&self, now: Nanos) -> bool {
+        self.participant.next_at(now) <= now
+    }
+
+    /// Sends everything that is due, and sets the alarm to the next time: at set-up and at the end.
     pub(super) fn housekeep(&mut self, now: Nanos, alarm: &TimerFd, sockets: &Sockets) {
-        if self.participant.next_at(now) <= now {
-            while let Some((len, to)) = self.participant.transmit(&mut self.datagram, now) {
-                self.stats
-                    .count(sockets.send(self.datagram.get(..len).unwrap_or(&[]), to));
-            }
+        if self.is_due(now) {
+            while self.send_next(now, sockets) {}
         }
+        self.arm_next(now, alarm);
+    }
+
+    /// Sets the alarm to the next time at which something is to be sent.
+    pub(super) fn arm_next(&mut self, now: Nanos, alarm: &TimerFd) {
         // One that is due and cannot be sent is tried again, but not at once.
         let next = match self.participant.next_at(now) {
             due if due <= now => now.saturating_add(1_000_000),

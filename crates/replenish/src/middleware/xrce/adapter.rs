@@ -13,6 +13,7 @@ use crate::middleware::{
     ReaderId, RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
 };
 use crate::platform::{DROPS, FULL, Static, TEXTS, io, label};
+use crate::qos::Qos;
 use crate::sync::Arc;
 use core::fmt;
 use replenish_os::{PiMutex, clock};
@@ -143,6 +144,15 @@ impl Middleware for Xrce {
 
     fn create_reader(&self, spec: &EndpointSpec<'_>) -> Result<ReaderId, MiddlewareError> {
         self.set_up(spec, false).map(ReaderId)
+    }
+
+    fn longest(&self, qos: &Qos, writes: bool) -> usize {
+        let state = self.state.lock();
+        // Without any room the endpoint is refused with the setting that limits it.
+        match state.longest(qos, &self.settings, writes) {
+            0 => usize::MAX,
+            longest => longest,
+        }
     }
 
     fn delete_reader(&self, reader: ReaderId) -> Result<(), MiddlewareError> {

@@ -34,11 +34,7 @@ impl State {
     ) -> Result<(u16, ObjectId), MiddlewareError> {
         let reliable = spec.qos.reliability == Reliability::Reliable;
         let stream = stream(reliable, spec.qos.criticality);
-        let limit = match (writes, reliable) {
-            (true, _) => self.session.limit(stream).unwrap_or(0),
-            (false, true) => settings.max_sample,
-            (false, false) => usize::from(settings.mtu).saturating_sub(OVERHEAD),
-        };
+        let limit = self.longest(&spec.qos, settings, writes);
         self.check(spec.max_size, limit, setting(reliable))?;
         let (slot, number) = if writes {
             (0, self.writer_number()?)
@@ -85,6 +81,19 @@ impl State {
             deleted: false,
         };
         Ok((self.place_reader(slot, reader).0, object))
+    }
+
+    /// The longest sample of a writer or reader.
+    pub(super) fn longest(&self, qos: &Qos, settings: &Settings, writes: bool) -> usize {
+        let reliable = qos.reliability == Reliability::Reliable;
+        match (writes, reliable) {
+            (true, _) => {
+                let stream = stream(reliable, qos.criticality);
+                self.session.limit(stream).unwrap_or(0)
+            }
+            (false, true) => settings.max_sample,
+            (false, false) => usize::from(settings.mtu).saturating_sub(OVERHEAD),
+        }
     }
 
     /// Whether the agent has said something to the creation of `object`, or never will.

@@ -1,0 +1,67 @@
+//! Sending samples on the publisher's thread.
+//!
+//! The lock is held for one datagram at a time and never while a long sample is copied. So a sample
+//! of another publisher goes out between two fragments of a camera's image.
+
+use super::adapter::Rtps;
+use crate::middleware::{PublishError, WriterId};
+use replenish_os::clock;
+use replenish_rtps::endpoint::{Body, Header, Writer};
+use replenish_rtps::participant as rtps;
+use replenish_rtps::wire::CDR_LE;
+
+/// Samples from this length on, in bytes, are copied without the lock.
+pub(super) const LONG: usize = 16 * 1024;
+
+impl Rtps {
+    /// Sends a sample of a topic.
+    pub(super) fn send_sample(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError> {
+        let now = clock::monotonic();
+        let (id, spare) = {
+            let mut state = self.state.lock();
+            let (id, end) = state.writer(writer, payload.len())?;
+            let long = payload.len() >= LONG;
+            // Without a spare one, another thread publishes with the same writer.
+            let spare = if long { end.spare.take() } else { None };
+            let full = |writer: &Writer| writer.is_full();
+            if spare.is_some() && state.participant.writer(id).is_some_and(full) {
+                // Refused before the bytes are copied: a publisher may ask often.
+                state.give_back(writer, id, spare);
+                return Err(PublishError::Full);
+            }
+            if spare.is_none() {
+                let parts = Body::Parts(&[&CDR_LE, payload]);
+                state.write(id, parts, Header::default(), now)?;
+            }
+            (id, spare)
+        };
+        if let Some(mut buffer) = spare {
+            let len = fill(&mut buffer, payload);
+            let mut state = self.state.lock();
+            let body = Body::Buffer(&mut buffer, len);
+            let written = state.write(id, body, Header::default(), now);
+            state.give_back(writer, id, Some(buffer));
+            written?;
+        }
+        self.send_of(id, now);
+        Ok(())
+    }
+
+    /// Sends what a writer has to send: nothing of other writers.
+    pub(super) fn send_of(&self, writer: rtps::WriterId, now: crate::Nanos) {
+        let tools = (&self.alarm, &self.sockets);
+        while self.state.lock().send_of(writer, now, tools) {}
+    }
+}
+
+/// Puts a sample with its encapsulation into a buffer that is long enough; its length.
+fn fill(buffer: &mut [u8], payload: &[u8]) -> usize {
+    let len = CDR_LE.len().saturating_add(payload.len());
+    if let Some((head, rest)) = buffer.split_at_mut_checked(CDR_LE.len()) {
+        head.copy_from_slice(&CDR_LE);
+        if let Some(room) = rest.get_mut(..payload.len()) {
+            room.copy_from_slice(payload);
+        }
+    }
+    len
+}
