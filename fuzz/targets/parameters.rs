@@ -33,7 +33,7 @@ fn world() -> World {
     let node = context.node("arm").unwrap();
     let options = ParameterOptions::new()
         .parameters(8)
-        .message_bytes(2048)
+        .max_size(2048)
         .allow_undeclared();
     let parameters = node.parameters(options).unwrap();
     let range = Descriptor::new().integer_range(-3, 7, 3);

@@ -8,7 +8,7 @@ use crate::platform::{STD, text};
 use crate::process::{Args, Ends, Kind, Loggers, NodeTime, SimClock, Watched};
 use crate::publisher::Publisher;
 use crate::qos::{IngressLimit, Qos};
-use crate::service::size::{largest, sized};
+use crate::service::size::{checked, largest, sized, sizes};
 use crate::sync::{Arc, AtomicBool, Ordering};
 use alloc::boxed::Box;
 use alloc::string::String;
@@ -187,35 +187,25 @@ impl Node {
     }
 
     /// A publisher of `M` on `topic`, which is expanded against this node's name
-    /// (`scan`, `/scan`, `~/scan`).
+    /// (`scan`, `/scan`, `~/scan`); a [`Topic`] says how large a message may be, too. The memory
+    /// for it, and for the messages that its quality of service keeps, is taken here.
     ///
     /// # Errors
-    /// [`Error::Name`], [`Error::Parameter`] for a depth of 0 or above [`Qos::MAX_DEPTH`],
-    /// [`Error::Middleware`] when it cannot be created.
-    pub fn publisher<M: Message>(&self, topic: &str, qos: Qos) -> Result<Publisher<M>, Error> {
-        self.publisher_sized(topic, qos, M::MAX_SIZE)
-    }
-
-    /// As [`publisher`](Self::publisher), for messages of up to `max_size` bytes: more than
-    /// `MAX_SIZE` where a type has unbounded fields, or less to save memory.
-    /// 1 ≤ `max_size` ≤ `MAX_SIZE`, or 65528 for a type with unbounded fields.
-    ///
-    /// # Errors
-    /// As `publisher`; [`Error::Parameter`] for a size out of range.
-    pub fn publisher_sized<M: Message>(
+    /// [`Error::Name`], [`Error::Parameter`] for a depth of 0 or above [`Qos::MAX_DEPTH`], a size
+    /// out of range, and settings of a subscription, [`Error::Middleware`] when it cannot be
+    /// created.
+    pub fn publisher<'t, M: Message>(
         &self,
-        topic: &str,
+        topic: impl Into<Topic<'t>>,
         qos: Qos,
-        max_size: usize,
     ) -> Result<Publisher<M>, Error> {
-        let topic = self.resolve(Kind::Topic, topic)?;
+        let asked = topic.into();
+        let topic = self.resolve(Kind::Topic, asked.name)?;
         check_depth(&topic, qos)?;
-        let most = largest::<M>();
-        if max_size > most || max_size == 0 && most > 0 {
-            let allowed = text!("1..={most} bytes");
-            let owner = text!("topic {topic}");
-            return Err(Error::parameter(owner, "max_size", &max_size, allowed));
-        }
+        asked.check_plain("topic", &topic, "of a subscription only")?;
+        let (usual, most) = sizes::<M>();
+        let usual = usual.min(self.context.middleware().longest(&qos, true));
+        let max_size = checked(("topic", &topic), asked.max_size, (usual, most), qos)?;
         let spec = self.endpoint::<M>(&topic, qos, max_size);
         let writer = self
             .context
@@ -238,16 +228,10 @@ impl Node {
         topic: Topic<'_>,
         qos: Qos,
     ) -> Result<ServiceSpec<'a>, Error> {
-        let owner = || text!("service {name}");
         let most = largest::<S::Request>().max(largest::<S::Response>());
-        if let Some(size) = topic.max_size.filter(|size| !(1..=most).contains(size)) {
-            let allowed = text!("1..={most} bytes");
-            return Err(Error::parameter(owner(), "max_size", &size, allowed));
-        }
-        if topic.keep_oldest || topic.ingress != IngressLimit::none() {
-            let (field, allowed) = ("keep_oldest, ingress_limit", "with topics only");
-            return Err(Error::parameter(owner(), field, &"set", allowed));
-        }
+        let usual = S::Request::MAX_SIZE.max(S::Response::MAX_SIZE);
+        checked(("service", name), topic.max_size, (usual, most), qos)?;
+        topic.check_plain("service", name, "with topics only")?;
         Ok(ServiceSpec {
             node: &self.name,
             service: name,

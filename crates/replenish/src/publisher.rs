@@ -1,9 +1,10 @@
 //! Publishing from any thread.
 
 use crate::middleware::encoding::Encoding;
-use crate::middleware::remedy::PUBLISHER;
+use crate::middleware::remedy::SIZE;
 use crate::middleware::{Middleware, PublishError, WriterId};
 use crate::platform::{recorder, zeroed};
+use crate::stats::Counter;
 use crate::sync::{Arc, Mutex};
 use alloc::boxed::Box;
 use alloc::string::String;
@@ -30,6 +31,7 @@ struct Inner {
     /// In recordings.
     name: recorder::NameId,
     buffer: Mutex<Box<[u8]>>,
+    too_long: Counter,
 }
 
 impl Drop for Inner {
@@ -54,6 +56,7 @@ impl<M: Message> Publisher<M> {
                 name: recorder::topic(&topic),
                 topic,
                 buffer: Mutex::new(buffer),
+                too_long: Counter::default(),
             }),
             message: PhantomData,
         }
@@ -64,7 +67,7 @@ impl<M: Message> Publisher<M> {
     ///
     /// # Errors
     /// When the message was not sent; see [`PublishError`]. [`PublishError::TooLong`] of a type
-    /// with unbounded fields asks for [`Node::publisher_sized`](crate::Node::publisher_sized).
+    /// with unbounded fields asks for [`Topic::max_size`](crate::Topic::max_size).
     pub fn publish(&self, message: &M) -> Result<(), PublishError> {
         self.publish_with(|room| replenish_msg::encode(message, room))
     }
@@ -88,7 +91,10 @@ impl<M: Message> Publisher<M> {
     ) -> Result<(), PublishError> {
         let mut buffer = self.inner.buffer.lock();
         let encoded = encode(&mut buffer);
-        let len = encoded.map_err(|e| Encoding::of::<M>(PUBLISHER).failed(e, &buffer))?;
+        let len = encoded.map_err(|e| {
+            self.inner.too_long.add(1);
+            Encoding::of::<M>(SIZE).failed(e, &buffer)
+        })?;
         let payload = buffer.get(..len).unwrap_or_default();
         let sent = self.inner.middleware.publish(self.inner.writer, payload);
         recorder::publish(self.inner.name, len, sent.is_err());
@@ -118,6 +124,12 @@ impl<M: Message> Publisher<M> {
     /// Where encoded samples go.
     pub(crate) fn target(&self) -> (&Arc<dyn Middleware>, WriterId) {
         (&self.inner.middleware, self.inner.writer)
+    }
+
+    /// Messages that were refused since they were longer than the topic's size or a field's bound.
+    #[must_use]
+    pub fn too_long(&self) -> u64 {
+        self.inner.too_long.get()
     }
 
     /// The fully qualified topic name.

@@ -15,7 +15,6 @@ use super::state::GoalState;
 use crate::context::Node;
 use crate::error::Error;
 use crate::executor::CallbackResult;
-use crate::middleware::remedy::ACTION;
 use crate::service::client::Client;
 use crate::service::error::{CallError, NoReply};
 use crate::sync::{Arc, Mutex};
@@ -184,10 +183,7 @@ impl<A: Action> ActionClient<A> {
             return Err(CallError::TooMany { limit });
         }
         let sent = inner.send.call_with(|room| encode(id, goal, room));
-        let number = sent.map_err(|e| match e {
-            CallError::Send(e) => CallError::Send(e.remedied_by(ACTION)),
-            other => other,
-        })?;
+        let number = sent?;
         goals.sent.push(Sent {
             id,
             number,

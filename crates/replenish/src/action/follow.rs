@@ -5,8 +5,7 @@ use super::goal::GoalId;
 use super::{ActionOptions, part, status_qos};
 use crate::context::Node;
 use crate::error::Error;
-use crate::executor::{AddHandles, CallbackContext, CallbackResult, Target};
-use crate::process::Kind;
+use crate::executor::{AddHandles, CallbackContext, CallbackResult, Target, Topic};
 use crate::qos::Qos;
 use crate::service::error::NoReply;
 use crate::sync::{Arc, Mutex};
@@ -19,18 +18,18 @@ use replenish_msg::action_msgs::{CancelGoal, GoalStatusArray};
 
 impl Node {
     /// A client of the action `name`, which is expanded as topics are, with up to `options.goals`
-    /// goals at a time.
+    /// goals at a time. A [`Topic`] says the largest size of its messages, too.
     ///
     /// # Errors
-    /// [`Error::Name`], [`Error::Parameter`] for an option out of range, [`Error::Middleware`] when
-    /// a part cannot be created.
-    pub fn action_client<A: Action>(
+    /// [`Error::Name`], [`Error::Parameter`] for an option or size out of range,
+    /// [`Error::Middleware`] when a part cannot be created.
+    pub fn action_client<'t, A: Action>(
         &self,
-        name: &str,
+        name: impl Into<Topic<'t>>,
         options: ActionOptions,
     ) -> Result<ActionClient<A>, Error> {
-        let name = self.resolve(Kind::Action, name)?;
-        options.check(&name)?;
+        let topic = name.into();
+        let (name, options) = options.of(self, &topic)?;
         let qos = options.services();
         let (send, result) = (part(&name, "send_goal"), part(&name, "get_result"));
         let send = options.topic::<SendGoalRequest<A>>(&send);

@@ -39,9 +39,13 @@ pub use goal_error::GoalError;
 pub use pursue::{AcceptedGoal, GoalCall, ResultCall};
 pub use state::{GoalEvent, GoalState};
 
+use crate::context::Node;
 use crate::error::Error;
 use crate::executor::Topic;
+use crate::middleware::remedy::LARGEST;
+use crate::process::Kind;
 use crate::qos::Qos;
+use crate::service::size::checked;
 use alloc::string::String;
 use core::time::Duration;
 use replenish_msg::Message;
@@ -121,15 +125,14 @@ impl ActionOptions {
         }
     }
 
-    /// Both: goals, results and feedback of types with unbounded fields take up to so many bytes,
-    /// 1..=65528, the 16 of the goal's id included; to be said on both sides. A server keeps
-    /// one result of this size for each of its goals. Default: 4 KiB beyond the fixed part.
-    #[must_use]
-    pub const fn max_size(self, bytes: usize) -> Self {
-        Self {
-            size: Some(bytes),
-            ..self
-        }
+    /// The name in full of the action that `topic` asks for, and the options for it.
+    fn of(self, node: &Node, topic: &Topic<'_>) -> Result<(String, Self), Error> {
+        let name = node.resolve(Kind::Action, topic.name)?;
+        let size = topic.max_size;
+        let options = Self { size, ..self };
+        options.check(&name)?;
+        topic.check_plain("action", &name, "with topics only")?;
+        Ok((name, options))
     }
 
     /// The topic or service `name` with messages of this size.
@@ -154,9 +157,7 @@ impl ActionOptions {
                 return Err(Error::parameter(owner(), field, &value, "1..=64"));
             }
         }
-        if let Some(size) = self.size.filter(|size| !(1..=65_528).contains(size)) {
-            return Err(Error::parameter(owner(), "max_size", &size, "1..=65528"));
-        }
+        checked(("action", name), self.size, (0, LARGEST), self.services())?;
         if !(1..=Qos::MAX_DEPTH).contains(&self.feedback) {
             let depth = self.feedback;
             return Err(Error::parameter(

@@ -6,13 +6,13 @@ use super::{ActionOptions, part, status_qos};
 use crate::context::Node;
 use crate::error::Error;
 use crate::executor::{
-    AddHandles, CallbackContext, CallbackResult, Every, Target, TimerHandle, nanos,
+    AddHandles, CallbackContext, CallbackResult, Every, Target, TimerHandle, Topic, nanos,
 };
 use crate::middleware::PublishError;
-use crate::process::Kind;
 use crate::qos::Qos;
 use crate::service::responder::Responder;
 use crate::sync::Arc;
+use alloc::string::String;
 use core::fmt;
 use core::time::Duration;
 use replenish_msg::Message;
@@ -22,7 +22,8 @@ use replenish_msg::action::{
 use replenish_msg::action_msgs::{CancelGoal, CancelGoalRequest, CancelGoalResponse};
 
 impl<T: Target> AddHandles<T> {
-    /// Serves the action `name`, with up to `options.goals` goals at a time.
+    /// Serves the action `name`, with up to `options.goals` goals at a time. A [`Topic`] says the
+    /// largest size of its messages, too.
     ///
     /// `goal` is called with every goal that comes and the right to [accept](NewGoal::accept) it,
     /// now or later; what it returns by that is a [`GoalHandle`](crate::GoalHandle), with which the
@@ -69,10 +70,10 @@ impl<T: Target> AddHandles<T> {
     /// # Errors
     /// [`Error::Name`], [`Error::ForeignNode`], [`Error::Parameter`] for an option out of range,
     /// [`Error::Middleware`] when a part cannot be created.
-    pub fn serve_action<A, G, C, R>(
+    pub fn serve_action<'t, A, G, C, R>(
         self,
         node: &Node,
-        name: &str,
+        name: impl Into<Topic<'t>>,
         options: ActionOptions,
         goal: G,
         cancel: C,
@@ -84,6 +85,8 @@ impl<T: Target> AddHandles<T> {
         R: CallbackResult + 'static,
     {
         let timer = TimerHandle::new();
+        let topic = name.into();
+        let (name, options) = options.of(node, &topic)?;
         let core = core::<A>(node, name, options, timer.clone())?;
         let qos = options.services();
         let (ends, begins) = (core.part("get_result"), core.part("send_goal"));
@@ -112,15 +115,13 @@ const OFF: Every = Every::once(Duration::from_secs(1)).not_started();
 /// Everything but the handles.
 fn core<A: Action>(
     node: &Node,
-    name: &str,
+    name: String,
     options: ActionOptions,
     timer: TimerHandle,
 ) -> Result<Arc<Core<A>>, Error> {
-    let name = node.resolve(Kind::Action, name)?;
-    options.check(&name)?;
-    let size = options.size::<FeedbackMessage<A>>();
-    let size = size.unwrap_or(FeedbackMessage::<A>::MAX_SIZE);
-    let feedback = node.publisher_sized(&part(&name, "feedback"), Qos::reliable(), size)?;
+    let feedback = part(&name, "feedback");
+    let feedback = options.topic::<FeedbackMessage<A>>(&feedback);
+    let feedback = node.publisher(feedback, Qos::reliable())?;
     let status = node.publisher(&part(&name, "status"), status_qos())?;
     let size = options.size::<GetResultResponse<A>>();
     let size = size.unwrap_or(GetResultResponse::<A>::MAX_SIZE);

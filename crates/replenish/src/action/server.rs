@@ -18,7 +18,7 @@ use crate::Nanos;
 use crate::executor::TimerHandle;
 use crate::middleware::PublishError;
 use crate::middleware::encoding::Encoding;
-use crate::middleware::remedy::ACTION;
+use crate::middleware::remedy::SIZE;
 use crate::platform;
 use crate::publisher::Publisher;
 use crate::service::responder::Responder;
@@ -186,7 +186,7 @@ impl<A: Action> Core<A> {
             let mut w = CdrWriter::new(room);
             let encoded = w.i8(end.status()).and_then(|()| result.encode(&mut w));
             let len = w.len();
-            let encoding = Encoding::of::<GetResultResponse<A>>(ACTION);
+            let encoding = Encoding::of::<GetResultResponse<A>>(SIZE);
             encoded.map_err(|e| encoding.failed(e, room)).map(|()| len)
         };
         let ended = state.table.end(ticket, event, clock::monotonic(), encode);
@@ -216,7 +216,7 @@ impl<A: Action> Core<A> {
             feedback.encode(&mut w)?;
             Ok(w.len())
         });
-        sent.map_err(|e| GoalError::Send(e.remedied_by(ACTION)))
+        sent.map_err(GoalError::Send)
     }
 }
 

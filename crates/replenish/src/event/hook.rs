@@ -73,8 +73,7 @@ mod tests {
         assert_eq!(told.len(), 10); // 1, 2, 4, … 512
         assert_eq!(
             told[0],
-            "/n/sub:/t: sample of 9 bytes does not fit (1 times): see max_size, or message_bytes of \
-             parameters"
+            "/n/sub:/t: sample of 9 bytes does not fit (1 times): see max_size"
         );
     }
 }

@@ -46,7 +46,7 @@ pub enum Event<'a> {
     },
     /// A sample, request or reply was larger than its handle takes: the type's usual size, what
     /// [`Topic::max_size`](crate::Topic::max_size) says, or for parameters
-    /// [`ParameterOptions::message_bytes`](crate::ParameterOptions::message_bytes).
+    /// [`ParameterOptions::max_size`](crate::ParameterOptions::max_size).
     Oversize {
         /// The handle's id.
         handle: &'a str,
@@ -148,7 +148,7 @@ impl fmt::Display for Event<'_> {
             } => {
                 write!(
                     f,
-                    "{handle}: sample of {size} bytes does not fit ({count} times): see max_size, or message_bytes of parameters"
+                    "{handle}: sample of {size} bytes does not fit ({count} times): see max_size"
                 )
             }
             Self::Blocked {

@@ -3,7 +3,7 @@
 use super::machine::State;
 use super::node::Lifecycle;
 use crate::error::Error;
-use crate::executor::CallbackContext;
+use crate::executor::{CallbackContext, Topic};
 use crate::middleware::PublishError;
 use crate::publisher::Publisher;
 use crate::qos::Qos;
@@ -16,9 +16,9 @@ impl Lifecycle {
     ///
     /// # Errors
     /// As [`Node::publisher`](crate::Node::publisher).
-    pub fn publisher<M: Message>(
+    pub fn publisher<'t, M: Message>(
         &self,
-        topic: &str,
+        topic: impl Into<Topic<'t>>,
         qos: Qos,
     ) -> Result<ManagedPublisher<M>, Error> {
         let publisher = self.inner.node.publisher(topic, qos)?;

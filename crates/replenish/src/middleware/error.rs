@@ -1,5 +1,6 @@
 //! Errors between the executor and the bytes.
 
+use super::remedy::LARGEST;
 use crate::platform::{StaticText, TEXTS, Text};
 use core::fmt;
 use replenish_msg::CdrError;
@@ -66,7 +67,7 @@ impl fmt::Display for MiddlewareError {
                 write!(
                     f,
                     "samples of up to {size} bytes do not fit, the limit is {limit}: {setting}; \
-                     Node::publisher_sized and Topic::max_size ask for shorter samples"
+                     Topic::max_size asks for shorter samples"
                 )
             }
             Self::Unsupported(what) => write!(f, "not supported by this middleware: {what}"),
@@ -122,7 +123,7 @@ pub enum PublishError {
         size: usize,
         /// Bytes of the buffer.
         limit: usize,
-        /// The way to a longer buffer, up to 65528 bytes.
+        /// The way to a longer buffer, up to 16777216 bytes.
         remedy: &'static str,
     },
     /// The encoded sample is larger than the writer allows.
@@ -160,7 +161,7 @@ impl fmt::Display for PublishError {
                 write!(
                     f,
                     "{of}{field}{colon}the message takes {size} bytes or more, its buffer has {limit}; \
-                     {remedy} makes room, for up to 65528"
+                     {remedy} makes room, for up to {LARGEST}"
                 )
             }
             Self::TooLarge { size, limit } => {
@@ -175,16 +176,6 @@ impl fmt::Display for PublishError {
 }
 
 impl core::error::Error for PublishError {}
-
-impl PublishError {
-    /// The same with another call that makes a longer buffer.
-    pub(crate) const fn remedied_by(mut self, by: &'static str) -> Self {
-        if let Self::TooLong { remedy, .. } = &mut self {
-            *remedy = by;
-        }
-        self
-    }
-}
 
 fn os_error(errno: i32) -> impl fmt::Display {
     crate::platform::io::Error::from_raw_os_error(errno)

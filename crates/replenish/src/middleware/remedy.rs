@@ -1,10 +1,10 @@
-//! Calls that make a longer buffer, for [`PublishError::TooLong`](super::PublishError::TooLong).
+//! Calls that make a longer buffer, for
+//! [`PublishError::TooLong`](super::PublishError::TooLong), and how long it may be.
 
-/// In a publisher.
-pub(crate) const PUBLISHER: &str = "Node::publisher_sized";
-/// In a service's client or server.
-pub(crate) const SERVICE: &str = "Topic::max_size";
-/// In an action's client or server.
-pub(crate) const ACTION: &str = "ActionOptions::max_size";
+/// The largest sample, in bytes: 16 MiB.
+pub(crate) const LARGEST: usize = 16 << 20;
+
+/// At an end of a topic, service or action.
+pub(crate) const SIZE: &str = "Topic::max_size";
 /// In an output barrier.
 pub(crate) const BARRIER: &str = "WorkerBuilder::output_barrier";

@@ -6,6 +6,7 @@ use super::store::{Bounds, Buffer, Mark, Table};
 use super::value::{FromParameter, ParameterValue, type_name};
 use crate::context::Node;
 use crate::error::Error;
+use crate::middleware::remedy::LARGEST;
 use crate::platform::{ShortText, wall_time};
 use crate::publisher::Publisher;
 use crate::qos::Qos;
@@ -71,12 +72,12 @@ impl ParameterOptions {
         self
     }
 
-    /// Requests and responses of the services of up to so many bytes, 512..=65528; 4100 if not
+    /// Requests and responses of the services of up to so many bytes, 512..=16777216; 4100 if not
     /// said. A list of all names takes 9 more than the name for each, and their prefixes as much
     /// again at most; each of the six services keeps two such messages, and its middleware those
     /// that wait.
     #[must_use]
-    pub const fn message_bytes(mut self, most: usize) -> Self {
+    pub const fn max_size(mut self, most: usize) -> Self {
         self.message = most;
         self
     }
@@ -170,12 +171,7 @@ impl Node {
             ("parameters", bounds.parameters, 1..=1024, "1..=1024"),
             ("name_bytes", bounds.name, 1..=255, "1..=255"),
             ("value_bytes", bounds.value, 8..=3072, "8..=3072"),
-            (
-                "message_bytes",
-                options.message,
-                512..=65_528,
-                "512..=65528",
-            ),
+            ("max_size", options.message, 512..=LARGEST, "512..=16777216"),
         ];
         for (field, value, range, allowed) in checks {
             if !range.contains(&value) {

@@ -21,7 +21,7 @@ use replenish_msg::{CdrError, CdrWriter, View};
 impl<T: Target> AddHandles<T> {
     /// Serves a node's parameters to others: six handles with the services of ROS 2. Requests and
     /// responses take up to
-    /// [`ParameterOptions::message_bytes`](crate::ParameterOptions::message_bytes) each; a response
+    /// [`ParameterOptions::max_size`](crate::ParameterOptions::max_size) each; a response
     /// that does not fit is an error of its handle, a request an
     /// [`Event::Oversize`](crate::Event::Oversize).
     ///

@@ -121,7 +121,7 @@ impl fmt::Display for Unanswered {
             Self::Request(e) => write!(f, "not such a request: {e}"),
             Self::Response(e) => write!(f, "the response cannot be encoded: {e}"),
             Self::TooLong { limit } => {
-                write!(f, "the response takes more than message_bytes: {limit}")
+                write!(f, "the response takes more than max_size: {limit}")
             }
             Self::Reply(e) => write!(f, "the response was not sent: {e}"),
         }

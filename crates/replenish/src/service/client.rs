@@ -13,7 +13,7 @@ use crate::executor::wake::doorbell::WakeHandle;
 use crate::executor::wake::schedule::nanos;
 use crate::handoff::Inbox;
 use crate::middleware::encoding::Encoding;
-use crate::middleware::remedy::SERVICE;
+use crate::middleware::remedy::SIZE;
 use crate::middleware::{Middleware, MiddlewareError, ReaderId, WriterId};
 use crate::platform::label;
 use crate::service::calls::Calls;
@@ -164,7 +164,7 @@ impl<S: Service> Client<S> {
                 return Err(CallError::TooMany { limit });
             }
             let encoded = encode(&mut table.buffer);
-            let encoding = Encoding::of::<S::Request>(SERVICE);
+            let encoding = Encoding::of::<S::Request>(SIZE);
             let len = encoded.map_err(|e| CallError::Send(encoding.failed(e, &table.buffer)))?;
             let payload = table.buffer.get(..len).unwrap_or_default();
             let sent = inner.middleware.request(inner.writer, payload);

@@ -2,7 +2,7 @@
 
 use crate::handoff::RequestIdentity;
 use crate::middleware::encoding::Encoding;
-use crate::middleware::remedy::SERVICE;
+use crate::middleware::remedy::SIZE;
 use crate::middleware::{Middleware, PublishError, WriterId};
 use crate::sync::{Arc, Mutex};
 use alloc::boxed::Box;
@@ -20,7 +20,7 @@ pub(crate) struct ReplyWriter {
 impl ReplyWriter {
     fn send<M: Message>(&self, to: &RequestIdentity, reply: &M) -> Result<(), PublishError> {
         let mut buffer = self.buffer.lock();
-        let encoding = Encoding::of::<M>(SERVICE);
+        let encoding = Encoding::of::<M>(SIZE);
         let encoded = replenish_msg::encode(reply, &mut buffer);
         let len = encoded.map_err(|e| encoding.failed(e, &buffer))?;
         let payload = buffer.get(..len).unwrap_or_default();

@@ -10,7 +10,7 @@ use replenish::{
 use replenish_interfaces::example_interfaces::action::{
     Fibonacci, FibonacciFeedback, FibonacciGoal, FibonacciResult,
 };
-use replenish_interfaces::sensor_msgs::msg::{Image, ImageView};
+use replenish_interfaces::sensor_msgs::msg::{Image, ImageView, Imu};
 use replenish_interfaces::std_msgs::msg::HeaderView;
 use replenish_testkit::watchdog::watchdog;
 use std::sync::{Arc, Mutex};
@@ -26,7 +26,9 @@ fn an_image_goes_through_owned_and_as_a_view() {
     let node = ctx.node("n").unwrap();
     let qos = Qos::reliable();
     let size = 20_000;
-    let out = node.publisher_sized::<Image>("image", qos, size).unwrap();
+    let out = node
+        .publisher::<Image>(Topic::named("image").max_size(size), qos)
+        .unwrap();
     let (owned, seen) = (Arc::new(Mutex::new(Vec::new())), Arc::new(Mutex::new(0)));
     let (to_owned, to_seen) = (Arc::clone(&owned), Arc::clone(&seen));
     let raw = RawType {
@@ -74,12 +76,12 @@ fn sizes_out_of_range_are_refused_with_the_range() {
     let (mut exec, _log) = executor(&ctx);
     let node = ctx.node("n").unwrap();
     let qos = Qos::reliable();
-    for size in [0, 65_529] {
+    for size in [0, 16_777_217] {
         let error = node
-            .publisher_sized::<Image>("image", qos, size)
+            .publisher::<Image>(Topic::named("image").max_size(size), qos)
             .unwrap_err();
         assert!(matches!(error, Error::Parameter { .. }), "{error}");
-        assert!(error.to_string().contains("1..=65528 bytes"), "{error}");
+        assert!(error.to_string().contains("1..=16777216 bytes"), "{error}");
         let topic = Topic::named("image").max_size(size);
         let worker = exec.worker("w");
         let error = worker.subscribe(&node, topic, qos, |_: &Image, _| ());
@@ -88,7 +90,7 @@ fn sizes_out_of_range_are_refused_with_the_range() {
                 .map(drop)
                 .unwrap_err()
                 .to_string()
-                .contains("1..=65528 bytes")
+                .contains("1..=16777216 bytes")
         );
     }
 }
@@ -138,7 +140,9 @@ fn views_are_subscribed_to_and_what_is_none_is_counted() {
     let node = ctx.node("n").unwrap();
     let size = 60_000;
     let qos = Qos::reliable();
-    let out = node.publisher_sized::<Image>("image", qos, size).unwrap();
+    let out = node
+        .publisher::<Image>(Topic::named("image").max_size(size), qos)
+        .unwrap();
     let seen = Arc::new(Mutex::new(Vec::new()));
     let (to, late) = (Arc::clone(&seen), Arc::clone(&seen));
     let topic = Topic::named("image").max_size(size);
@@ -161,7 +165,7 @@ fn views_are_subscribed_to_and_what_is_none_is_counted() {
     assert!(eventually(|| seen.lock().unwrap().len() == 1));
     assert_eq!(seen.lock().unwrap()[0], ("mono8".into(), 150_000));
 
-    let bytes = node.publisher_sized::<Bytes>("image", qos, 64);
+    let bytes = node.publisher::<Bytes>(Topic::named("image").max_size(64), qos);
     bytes.unwrap().publish(&Bytes).unwrap();
     let stats = || running.stats("/n/sub:/image").unwrap();
     assert!(eventually(|| stats().undecodable == 1));
@@ -244,7 +248,7 @@ fn services_with_unbounded_fields_take_messages_of_the_size_asked_for() {
     let error = none.unwrap_err().to_string();
     assert_eq!(
         error,
-        "service /r: max_size = 0 is not allowed: 1..=65528 bytes"
+        "service /r: max_size = 0 is not allowed: 1..=16777216 bytes"
     );
 }
 
@@ -264,7 +268,7 @@ fn raw_samples_may_be_as_large_as_asked() {
         cx.stop();
     });
     worker.unwrap();
-    let out = node.publisher_sized::<Image>("image", Qos::reliable(), 40_000);
+    let out = node.publisher::<Image>(Topic::named("image").max_size(40_000), Qos::reliable());
     let data = vec![0; 30_000];
     let image = ImageView {
         data: &data,
@@ -282,7 +286,8 @@ fn actions_with_unbounded_fields_take_messages_of_the_size_asked_for() {
     let ctx = Context::in_process();
     let node = ctx.node("n").unwrap();
     let (mut exec, _) = executor(&ctx);
-    let options = ActionOptions::goals(2).max_size(60_000);
+    let options = ActionOptions::goals(2);
+    let large = Topic::named("f").max_size(60_000);
     let sequence = vec![7; 12_500];
     let (feedback, result) = (sequence.clone(), sequence.clone());
     let serve = move |_: &FibonacciGoal, new: NewGoal<Fibonacci>, _: &CallbackContext<'_>| {
@@ -293,9 +298,9 @@ fn actions_with_unbounded_fields_take_messages_of_the_size_asked_for() {
         goal.succeed(&FibonacciResult { sequence })
     };
     exec.worker("s")
-        .serve_action(&node, "f", options, serve, |_, _| true)
+        .serve_action(&node, large, options, serve, |_, _| true)
         .unwrap();
-    let client = node.action_client::<Fibonacci>("f", options).unwrap();
+    let client = node.action_client::<Fibonacci>(large, options).unwrap();
     let heard = Arc::new(Mutex::new((0, 0)));
     let note = Arc::clone(&heard);
     exec.worker("c")
@@ -310,11 +315,11 @@ fn actions_with_unbounded_fields_take_messages_of_the_size_asked_for() {
     let _running = exec.start().unwrap();
     client.send(&FibonacciGoal { order: 1 }).unwrap();
     assert!(eventually(|| *heard.lock().unwrap() == (12_500, 12_500)));
-    for size in [0, 65_529] {
-        let none = node.action_client::<Fibonacci>("g", options.max_size(size));
+    for size in [0, 16_777_217] {
+        let none = node.action_client::<Fibonacci>(Topic::named("g").max_size(size), options);
         assert_eq!(
             none.unwrap_err().to_string(),
-            format!("action /g: max_size = {size} is not allowed: 1..=65528")
+            format!("action /g: max_size = {size} is not allowed: 1..=16777216 bytes")
         );
     }
 }
@@ -331,7 +336,7 @@ fn a_message_longer_than_its_buffer_names_field_length_limit_and_remedy() {
     let says = |error: &dyn std::error::Error, field, (size, limit): (usize, usize), remedy| {
         let expected = format!(
             "field {field}: the message takes {size} bytes or more, its buffer has {limit}; {remedy} \
-             makes room, for up to 65528"
+             makes room, for up to 16777216"
         );
         assert_eq!(error.to_string(), expected);
     };
@@ -345,16 +350,18 @@ fn a_message_longer_than_its_buffer_names_field_length_limit_and_remedy() {
         data,
         ..ImageView::default()
     };
-    let out = node.publisher_sized::<Image>("image", qos, 1000).unwrap();
+    let out = node
+        .publisher::<Image>(Topic::named("image").max_size(1000), qos)
+        .unwrap();
     // Stamp, two empty texts, width, height, …: 48 bytes before the 4096.
     let image = view("", &data[..]);
     let mut whole = vec![0; 8192];
     let long = image.encode_to(&mut whole).unwrap();
     let error = out.publish_view(&image).unwrap_err();
-    says(&error, "data", (long, 1000), "Node::publisher_sized");
+    says(&error, "data", (long, 1000), "Topic::max_size");
     let name = "x".repeat(2000);
     let error = out.publish_view(&view(&name, &[])).unwrap_err();
-    says(&error, "header", (12 + 2000, 1000), "Node::publisher_sized");
+    says(&error, "header", (12 + 2000, 1000), "Topic::max_size");
 
     let service = Topic::named("repeat").max_size(100);
     let client = node
@@ -386,8 +393,9 @@ fn a_message_longer_than_its_buffer_names_field_length_limit_and_remedy() {
         || running.stats("w/timer:0").unwrap().executed > 0
     ));
 
-    let options = ActionOptions::goals(1).max_size(100);
-    let actions = node.action_client::<Fibonacci>("fib", options).unwrap();
+    let options = ActionOptions::goals(1);
+    let short = Topic::named("fib").max_size(100);
+    let actions = node.action_client::<Fibonacci>(short, options).unwrap();
     let sequence = vec![1; 1000];
     let (mut exec, log) = executor(&ctx);
     drop(running);
@@ -399,12 +407,12 @@ fn a_message_longer_than_its_buffer_names_field_length_limit_and_remedy() {
                 sequence: sequence.clone(),
             })
             .unwrap_err();
-        let text = "field feedback: the message takes 4020 bytes or more, its buffer has 100; ActionOptions";
+        let text = "field feedback: the message takes 4020 bytes or more, its buffer has 100; Topic::max_size";
         assert!(error.to_string().contains(text), "{error}");
         goal.succeed(&FibonacciResult { sequence })
     };
     exec.worker("w")
-        .serve_action(&node, "fib", options, serve, |_, _| true)
+        .serve_action(&node, short, options, serve, |_, _| true)
         .unwrap();
     exec.worker("follow")
         .follow(&actions, |_, _, _| ())
@@ -412,7 +420,7 @@ fn a_message_longer_than_its_buffer_names_field_length_limit_and_remedy() {
     let _running = exec.start().unwrap();
     actions.send(&FibonacciGoal::default()).unwrap();
     let failed =
-        "field result: the message takes 4008 bytes or more, its buffer has 100; ActionOptions";
+        "field result: the message takes 4008 bytes or more, its buffer has 100; Topic::max_size";
     assert!(eventually(|| log.has(failed)), "{:?}", log.lines());
 }
 
@@ -423,37 +431,68 @@ fn what_a_session_has_no_room_for_names_the_setting_and_its_range() {
     use replenish::middleware::xrce::{Xrce, XrceConfig};
     let agent = crate::common::agent::TestAgent::start("127.0.0.1:0");
     let node = agent.context().node("n").unwrap();
+    let asked = Topic::named("image").max_size(501);
     let error = node
-        .publisher::<Image>("image", Qos::best_effort())
+        .publisher::<Image>(asked, Qos::best_effort())
         .unwrap_err();
-    let size = Image::MAX_SIZE;
-    let expected = format!(
-        "publisher /image: samples of up to {size} bytes do not fit, the limit is 500: of best-effort \
-         ones it is XrceConfig::mtu - 12, with an mtu of 64..=65507; Node::publisher_sized and \
-         Topic::max_size ask for shorter samples"
-    );
+    let expected = "publisher /image: samples of up to 501 bytes do not fit, the limit is 500: of \
+         best-effort ones it is XrceConfig::mtu - 12, with an mtu of 64..=65507; Topic::max_size \
+         asks for shorter samples";
     assert_eq!(error.to_string(), expected);
     let (mut exec, _) = executor(node.context());
     let subscribed =
         exec.worker("w")
-            .subscribe(&node, "image", Qos::best_effort(), |_: &Image, _| ());
+            .subscribe(&node, asked, Qos::best_effort(), |_: &Image, _| ());
     let error = subscribed.err().unwrap().to_string();
     assert_eq!(error, expected.replace("publisher /", "subscription /"));
-    let reliable = node.publisher_sized::<Image>("large", Qos::reliable(), 65_528);
+    let reliable = node.publisher::<Image>(Topic::named("large").max_size(65_528), Qos::reliable());
     let error = reliable.unwrap_err().to_string();
     assert!(
         error.contains("of reliable ones it is XrceConfig::max_sample, 1..=65528"),
         "{error}"
     );
-    node.publisher_sized::<Image>("image", Qos::best_effort(), 500)
+    node.publisher::<Image>(Topic::named("image").max_size(500), Qos::best_effort())
         .unwrap();
 
     let config = XrceConfig {
-        mtu: u16::try_from(size + 12).unwrap(),
+        mtu: u16::try_from(Image::MAX_SIZE + 12).unwrap(),
         ..XrceConfig::default()
     };
     let wide = Context::new(Xrce::udp_with(&agent.address.to_string(), config).unwrap());
     let node = wide.node("n").unwrap();
-    node.publisher::<Image>("image", Qos::best_effort())
+    let whole = Topic::named("image").max_size(Image::MAX_SIZE);
+    node.publisher::<Image>(whole, Qos::best_effort()).unwrap();
+}
+
+/// An `Imu` could be longer than a datagram; those that are sent are not.
+#[test]
+fn a_session_limits_what_is_sent_and_not_what_could_be() {
+    let _dog = watchdog("Imu over the default session", LIMIT);
+    let agent = crate::common::agent::TestAgent::start("127.0.0.1:0");
+    let ctx = agent.context();
+    let node = ctx.node("n").unwrap();
+    let out = node.publisher::<Imu>("imu", Qos::sensor_data()).unwrap();
+    let heard = Arc::new(Mutex::new(Vec::new()));
+    let sink = Arc::clone(&heard);
+    let (mut exec, _) = executor(&ctx);
+    exec.worker("w")
+        .subscribe(&node, "imu", Qos::sensor_data(), move |m: &Imu, _| {
+            sink.lock().unwrap().push(m.header.frame_id.clone());
+        })
         .unwrap();
+    let running = exec.start().unwrap();
+    let mut imu = Imu::default();
+    imu.header.frame_id = "imu_link".into();
+    assert!(eventually(|| {
+        out.publish(&imu).unwrap();
+        heard.lock().unwrap().iter().any(|name| name == "imu_link")
+    }));
+    assert_eq!(out.too_long(), 0);
+    imu.header.frame_id = "x".repeat(600);
+    let error = out.publish(&imu).unwrap_err().to_string();
+    let expected = "field header: the message takes 612 bytes or more, its buffer has 500; \
+                    Topic::max_size makes room, for up to 16777216";
+    assert_eq!(error, expected);
+    assert_eq!(out.too_long(), 1);
+    drop(running.stop());
 }

@@ -23,6 +23,7 @@ mod groups;
 mod handles;
 mod hooks;
 mod interfaces;
+mod large;
 mod lifecycle;
 mod logs;
 mod managed_nodes;

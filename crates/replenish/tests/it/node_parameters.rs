@@ -155,11 +155,8 @@ fn limits_are_errors_that_name_them_and_change_nothing() {
         (ParameterOptions::new().parameters(0), "parameters"),
         (ParameterOptions::new().name_bytes(256), "name_bytes"),
         (ParameterOptions::new().value_bytes(7), "value_bytes"),
-        (ParameterOptions::new().message_bytes(511), "message_bytes"),
-        (
-            ParameterOptions::new().message_bytes(65_529),
-            "message_bytes",
-        ),
+        (ParameterOptions::new().max_size(511), "max_size"),
+        (ParameterOptions::new().max_size(16_777_217), "max_size"),
     ] {
         let error = node.parameters(options).unwrap_err();
         assert!(matches!(error, Error::Parameter { field: f, .. } if f == field));
@@ -249,7 +246,7 @@ where
 fn messages_beyond_the_limit_are_told_with_it_and_the_limit_can_be_raised() {
     let _dog = watchdog("long lists", LIMIT * 2);
     let many = ParameterOptions::new().parameters(200);
-    for (options, fits) in [(many, false), (many.message_bytes(30_000), true)] {
+    for (options, fits) in [(many, false), (many.max_size(30_000), true)] {
         let bus = InProcessBus::new();
         let node = node(&bus);
         let p = node.parameters(options).unwrap();
@@ -279,7 +276,7 @@ fn messages_beyond_the_limit_are_told_with_it_and_the_limit_can_be_raised() {
             let _spins = exec.start().unwrap();
             client.call(&srv::ListParametersRequest::default()).unwrap();
             assert!(crate::common::eventually(|| failed().is_some()));
-            let text = "the response takes more than message_bytes: 4100";
+            let text = "the response takes more than max_size: 4100";
             assert_eq!(failed().as_deref(), Some(text));
             continue;
         }
@@ -555,7 +552,7 @@ fn a_callback_of_setting_gives_another_one() {
 fn requests_too_long_are_told(server: &Context, asker: &Context) {
     let _dog = watchdog("long requests", LIMIT * 2);
     let node = server.node("robot/arm").unwrap();
-    let few = ParameterOptions::new().message_bytes(512);
+    let few = ParameterOptions::new().max_size(512);
     let p = node.parameters(few).unwrap();
     let lifecycle = node.lifecycle().unwrap();
     let (mut exec, log) = executor(server);
@@ -601,7 +598,7 @@ fn requests_too_long_are_told(server: &Context, asker: &Context) {
     let get_id = "/robot/arm/srv:/robot/arm/get_parameters";
     assert!(crate::common::eventually(|| stats(get_id).oversize == 1));
     // Length of the list, length of the text, text, NUL.
-    let line = "get_parameters: sample of 609 bytes does not fit (1 times): see max_size, or message_bytes";
+    let line = "get_parameters: sample of 609 bytes does not fit (1 times): see max_size";
     assert!(
         crate::common::eventually(|| log.has(line)),
         "{:?}",

@@ -99,11 +99,15 @@ fn sizes_of_rounds_and_barriers_have_their_ranges() {
             64,
             "output_barrier.samples = 4097 is not allowed: 1..=4096",
         ),
-        (1, 0, "output_barrier.bytes = 0 is not allowed: 1..=65528"),
+        (
+            1,
+            0,
+            "output_barrier.bytes = 0 is not allowed: 1..=16777216",
+        ),
         (
             1,
             usize::MAX,
-            "output_barrier.bytes = 18446744073709551615 is not allowed: 1..=65528",
+            "output_barrier.bytes = 18446744073709551615 is not allowed: 1..=16777216",
         ),
     ] {
         assert_eq!(

@@ -94,7 +94,8 @@ impl WorkerBuilder<'_> {
 
     /// Samples that callbacks publish through
     /// [`CallbackContext::publish`](crate::CallbackContext::publish) go out when the round ends: up
-    /// to `samples` per round, 1..=4096, of up to `bytes` bytes each, 1..=65528.
+    /// to `samples` per round, 1..=4096, of up to `bytes` bytes each, 1..=16777216, and
+    /// 1 GiB together.
     pub fn output_barrier(self, samples: usize, bytes: usize) -> Self {
         self.ruled(|r| r.barrier = Some((samples, bytes)))
     }

@@ -14,6 +14,7 @@ use crate::executor::handles::subscription::{RawSubscription, Subscription, View
 use crate::executor::handles::timer::{Timer, TimerHandle};
 use crate::executor::wake::schedule::Every;
 use crate::handoff::{Inbox, Keep};
+use crate::middleware::remedy::LARGEST;
 use crate::middleware::{EndpointSpec, ReaderId};
 use crate::name::{concat, with_number};
 use crate::platform::{STD, text};
@@ -22,7 +23,7 @@ use crate::qos::{History, Qos};
 use crate::service::client::Client;
 use crate::service::error::NoReply;
 use crate::service::responder::{ReplyWriter, Responder};
-use crate::service::size::{LARGEST, largest};
+use crate::service::size::{checked, sizes};
 use crate::sync::{Arc, Mutex};
 use alloc::boxed::Box;
 use alloc::string::String;
@@ -49,7 +50,7 @@ pub struct RawType<'a> {
     pub dds_name: &'a str,
     /// The type's hash, `RIHS01_` and 64 hexadecimal digits, if it is known.
     pub type_hash: Option<&'a str>,
-    /// The largest sample in bytes, 1..=65528.
+    /// The largest sample in bytes, 1..=16777216, unless a [`Topic`] says another one.
     pub max_size: usize,
 }
 
@@ -80,18 +81,16 @@ impl HandleFactory<'_> {
         &self,
         node: &Node,
         topic: Topic<'_>,
-        (ty, most): (RawType<'_>, usize),
+        (ty, (usual, most)): (RawType<'_>, (usize, usize)),
         qos: Qos,
     ) -> Result<(String, ReaderId, Arc<Inbox>), Error> {
         self.owned(node)?;
         let name = node.resolve(Kind::Topic, topic.name)?;
         check_depth(&name, qos)?;
         let owner = || text!("topic {name}");
-        let size = topic.max_size.unwrap_or(ty.max_size);
-        if topic.max_size.is_some() && !(1..=most).contains(&size) {
-            let allowed = text!("1..={most} bytes");
-            return Err(Error::parameter(owner(), "max_size", &size, allowed));
-        }
+        let middleware = self.context.middleware();
+        let usual = usual.min(middleware.longest(&qos, false));
+        let size = checked(("topic", &name), topic.max_size, (usual, most), qos)?;
         if let Some((field, value, allowed)) = topic.ingress.violation() {
             return Err(Error::parameter(owner(), field, &value, allowed));
         }
@@ -115,7 +114,6 @@ impl HandleFactory<'_> {
             ingress: topic.ingress,
             keep_oldest: topic.keep_oldest,
         };
-        let middleware = self.context.middleware();
         let reader = middleware
             .create_reader(&spec)
             .map_err(|e| Error::endpoint("subscription", &name, e))?;
@@ -137,7 +135,7 @@ impl HandleFactory<'_> {
         R: CallbackResult + 'static,
     {
         let (id, reader, inbox) =
-            self.input(node, topic, (RawType::of::<M>(), largest::<M>()), qos)?;
+            self.input(node, topic, (RawType::of::<M>(), sizes::<M>()), qos)?;
         let shared = HandleState::new(id, Some((reader, Arc::clone(&inbox))));
         let handle = Subscription::<M, F>::new(Arc::clone(&shared), inbox, callback);
         Ok(HandleEntry::new(shared, Box::new(handle)))
@@ -174,7 +172,7 @@ impl HandleFactory<'_> {
         R: CallbackResult + 'static,
     {
         let (id, reader, inbox) =
-            self.input(node, topic, (RawType::of::<M>(), largest::<M>()), qos)?;
+            self.input(node, topic, (RawType::of::<M>(), sizes::<M>()), qos)?;
         let shared = HandleState::new(id, Some((reader, Arc::clone(&inbox))));
         let handle = ViewSubscription::<M, F>::new(Arc::clone(&shared), inbox, callback);
         Ok(HandleEntry::new(shared, Box::new(handle)))
@@ -194,7 +192,7 @@ impl HandleFactory<'_> {
     {
         if !(1..=LARGEST).contains(&ty.max_size) {
             let owner = text!("topic {}", topic.name);
-            let allowed = "1..=65528 bytes";
+            let allowed = text!("1..={LARGEST} bytes");
             return Err(Error::parameter(owner, "max_size", &ty.max_size, allowed));
         }
         if ty.name.is_empty() || ty.dds_name.is_empty() {
@@ -202,7 +200,7 @@ impl HandleFactory<'_> {
             let allowed = "a name and a DDS name";
             return Err(Error::parameter(owner, "type", &"\"\"", allowed));
         }
-        let (id, reader, inbox) = self.input(node, topic, (ty, LARGEST), qos)?;
+        let (id, reader, inbox) = self.input(node, topic, (ty, (ty.max_size, LARGEST)), qos)?;
         let shared = HandleState::new(id, Some((reader, Arc::clone(&inbox))));
         let handle = RawSubscription::new(Arc::clone(&shared), inbox, callback);
         Ok(HandleEntry::new(shared, Box::new(handle)))

@@ -1,16 +1,18 @@
-//! How a subscription asks for its topic, and a service or client for its messages' size.
+//! How an endpoint asks for its topic, service or action, and for the size of its messages.
 
+use crate::error::Error;
+use crate::platform::{STD, text};
 use crate::qos::IngressLimit;
 use alloc::string::String;
 
-/// A topic as a subscription asks for it: its name, and possibly bounds on what comes. A service or
-/// client has a name and a size alone.
+/// A topic, service or action as one of its ends asks for it: its name, and how large its messages
+/// may be. A subscription has bounds on what comes besides.
 ///
 /// ```
 /// use replenish::Topic;
-/// let small = Topic::named("text").max_size(64);
+/// let camera = Topic::named("image").max_size(2_000_000);
 /// let usual: Topic = "text".into();
-/// # let _ = (small, usual);
+/// # let _ = (camera, usual);
 /// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Topic<'a> {
@@ -32,9 +34,14 @@ impl<'a> Topic<'a> {
         }
     }
 
-    /// Slots of this many bytes instead of `Message::MAX_SIZE`. Larger samples are dropped,
-    /// counted and reported. 1 ≤ `bytes` ≤ `MAX_SIZE`, or 65528 for a type with unbounded fields
-    /// (`Message::BOUNDED` says which).
+    /// Messages of up to this many bytes instead of `Message::MAX_SIZE`: 1 ≤ `bytes` ≤ `MAX_SIZE`,
+    /// or 16777216 (16 MiB) for a type with unbounded fields (`Message::BOUNDED` says which).
+    ///
+    /// An endpoint takes memory for as many samples of this size as its depth says, at most 1 GiB,
+    /// when it is made. A larger message is an error at its publisher; a subscription drops, counts
+    /// and reports it. A service's requests and responses are meant, each of its own; an action's
+    /// goals, results and feedback, the 16 bytes of the goal's id included. Their two ends each say
+    /// the size. An action's server keeps one result of this size for each of its goals.
     #[must_use]
     pub const fn max_size(self, bytes: usize) -> Self {
         Self {
@@ -50,6 +57,20 @@ impl<'a> Topic<'a> {
             ingress: limit,
             ..self
         }
+    }
+
+    /// Refuses what a subscription alone can have.
+    pub(crate) fn check_plain(
+        &self,
+        kind: &str,
+        name: &str,
+        allowed: &'static str,
+    ) -> Result<(), Error> {
+        if STD && (self.keep_oldest || self.ingress != IngressLimit::none()) {
+            let (owner, field) = (text!("{kind} {name}"), "keep_oldest, ingress_limit");
+            return Err(Error::parameter(owner, field, &"set", allowed));
+        }
+        Ok(())
     }
 
     /// With keep-last history: while `depth` samples wait, the *new* one is dropped (and counted).

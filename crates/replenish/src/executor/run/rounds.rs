@@ -14,9 +14,11 @@ use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::outbox::Outbox;
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::executor::wake::schedule::{Schedule, nanos};
+use crate::middleware::remedy::LARGEST;
 use crate::name::concat;
 use crate::platform;
-use crate::platform::displayed;
+use crate::platform::{displayed, text};
+use crate::service::size::MEMORY;
 use alloc::string::String;
 use core::cell::RefCell;
 use replenish_os::{Account, clock};
@@ -98,13 +100,19 @@ fn check_barrier(worker: &WorkerSpec) -> Result<(), Error> {
     };
     let fields = [
         ("output_barrier.samples", samples, 4096, "1..=4096"),
-        ("output_barrier.bytes", bytes, 65_528, "1..=65528"),
+        ("output_barrier.bytes", bytes, LARGEST, "1..=16777216"),
     ];
     for (field, value, most, allowed) in fields {
         if !(1..=most).contains(&value) {
             let owner = worker.request.owner();
             return Err(Error::parameter(owner, field, &value, allowed));
         }
+    }
+    let most = MEMORY.checked_div(bytes).unwrap_or(MEMORY);
+    if samples > most {
+        let (owner, field) = (worker.request.owner(), "output_barrier.samples");
+        let allowed = text!("1..={most} samples of {bytes} bytes, 1 GiB");
+        return Err(Error::parameter(owner, field, &samples, allowed));
     }
     Ok(())
 }

@@ -3,6 +3,7 @@
 use super::logger::Logger;
 use super::loggers::Log;
 use crate::context::Node;
+use crate::executor::Topic;
 use crate::qos::Qos;
 use core::time::Duration;
 use std::string::String;
@@ -33,7 +34,7 @@ impl Node {
             .args()
             .log()
             .rosout
-            .then(|| self.publisher_sized("/rosout", ROSOUT, MESSAGE));
+            .then(|| self.publisher(Topic::named("/rosout").max_size(MESSAGE), ROSOUT));
         let (rosout, refused) = match made {
             None => (None, None),
             Some(Ok(publisher)) => (Some(publisher), None),
