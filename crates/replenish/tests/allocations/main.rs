@@ -13,6 +13,7 @@ mod common;
 mod actions;
 mod executor;
 mod handles;
+mod large;
 mod rtps;
 mod xrce;
 
@@ -26,6 +27,7 @@ fn main() {
         ("actions", actions::trials()),
         ("executor", executor::trials()),
         ("handles", handles::trials()),
+        ("large", large::trials()),
         ("rtps", rtps::trials()),
         ("xrce", xrce::trials()),
     ])

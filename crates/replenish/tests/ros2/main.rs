@@ -11,6 +11,7 @@
 mod actions;
 mod dds;
 mod graph;
+mod large;
 mod lifecycle;
 mod logs;
 mod peer;
@@ -25,9 +26,10 @@ use replenish_testkit::harness::{peer_trial, run};
 type Trial = (&'static str, fn(Foreign));
 
 /// The trials that every distribution goes through.
-const TRIALS: [Trial; 12] = [
+const TRIALS: [Trial; 13] = [
     ("topics_there_and_back", topics::topics),
     ("late_joiners_both_ways", topics::late_joiners),
+    ("megabytes_there_and_back", large::images),
     ("node_types_and_hashes_are_seen", graph::graph),
     ("rclpy_asks_our_service", services::server),
     ("we_ask_a_service_of_rclpy", services::client),

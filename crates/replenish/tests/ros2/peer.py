@@ -6,7 +6,7 @@ peer.py graph         says the nodes, types and hashes that it sees, and when th
 peer.py client N      asks twice N times
 peer.py serve         has parameters and the service twice; runs until it is killed
 peer.py ask NODE      sets and gets the parameters of NODE
-peer.py action_client N, action_server, manage N, managed, logs NODE    in the files beside this one
+peer.py action_client N, action_server, images N, manage N, managed, logs NODE: in the files beside
 """
 
 import sys
@@ -157,6 +157,10 @@ elif mode == "action_server":
     import peer_actions
 
     peer_actions.action_server(peer, say)
+elif mode == "images":
+    import peer_large
+
+    peer_large.images(peer, int(rest[0]), say, until)
 elif mode == "manage":
     import peer_lifecycle
 

@@ -1,0 +1,85 @@
+//! Samples of a megabyte allocate nothing either, once they have their memory.
+
+use crate::ALLOC;
+use crate::common::{eventually, executor};
+use replenish::middleware::rtps::{DiscoveryRange, Rtps, RtpsConfig};
+use replenish::{Context, PublishError, Qos, Topic};
+use replenish_interfaces::sensor_msgs::msg::{Image, ImageView};
+use replenish_testkit::alloc::exempt_this_thread;
+use replenish_testkit::domain::domain;
+use replenish_testkit::harness::{Trial, trial};
+use replenish_testkit::watchdog::watchdog;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
+
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        trial("nothing_allocates_for_a_megabyte_in_one_process", || {
+            let ctx = Context::in_process();
+            allocations(&ctx, &ctx);
+        }),
+        trial("nothing_allocates_for_a_megabyte_over_rtps", || {
+            let config = RtpsConfig {
+                domain: domain(),
+                range: DiscoveryRange::Localhost,
+                ..RtpsConfig::default()
+            };
+            let [camera, viewer] = [(); 2].map(|()| Context::new(Rtps::open(&config).unwrap()));
+            allocations(&camera, &viewer);
+        }),
+    ]
+}
+
+fn allocations(camera: &Context, viewer: &Context) {
+    const IMAGES: u32 = 30;
+    let _dog = watchdog("allocations for a megabyte", Duration::from_secs(180));
+    let space = format!("p{}", std::process::id());
+    let topic = Topic::named("image").max_size(1_000_100);
+    let qos = Qos::reliable().keep_all(2);
+    let node = camera.node(&format!("{space}/camera")).unwrap();
+    let out = node.publisher::<Image>(topic, qos).unwrap();
+    let node = viewer.node(&format!("{space}/viewer")).unwrap();
+    let heard = Arc::new(AtomicU32::new(0));
+    let count = Arc::clone(&heard);
+    let (mut exec, _) = executor(viewer);
+    exec.worker("viewer")
+        .subscribe_view::<Image, _, _>(&node, topic, qos, move |image, _| {
+            count.fetch_add(u32::from(image.data.len() == 1_000_000), Ordering::SeqCst);
+        })
+        .unwrap();
+    let viewer = exec.start().unwrap();
+    // In one process the viewer's dispatcher serves both.
+    let camera = executor(camera).0.start().ok();
+    let data = vec![7; 1_000_000];
+    let image = ImageView {
+        encoding: "mono8",
+        data: &data,
+        ..ImageView::default()
+    };
+    assert!(eventually(|| {
+        out.publish_view(&image).ok();
+        std::thread::sleep(Duration::from_millis(50));
+        heard.load(Ordering::SeqCst) > 0
+    }));
+    assert!(eventually(|| {
+        let before = heard.load(Ordering::SeqCst);
+        std::thread::sleep(Duration::from_millis(300));
+        before == heard.load(Ordering::SeqCst)
+    }));
+    let first = heard.load(Ordering::SeqCst);
+    exempt_this_thread();
+    ALLOC.arm();
+    for _ in 0..IMAGES {
+        while let Err(error) = out.publish_view(&image) {
+            assert_eq!(error, PublishError::Full);
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+    let all = || heard.load(Ordering::SeqCst) - first >= IMAGES;
+    assert!(eventually(all), "{heard:?}");
+    let counted = ALLOC.disarm();
+    let report = viewer.stop();
+    drop(camera.map(replenish::RunningExecutor::stop));
+    assert_eq!(counted, 0, "{report}");
+}
