@@ -59,9 +59,12 @@ impl Timeline {
 /// An interrupt of a timer may be so late, and a switch of threads take so long.
 pub(super) const PUNCTUAL: Nanos = 20_000;
 
-/// The watchdog, which may hold the enforcer's lock, is charged for no more than this at once. A
-/// larger charge says that its CPU stood still.
+/// A thread that may hold the enforcer's lock is charged for no more than this at once. A larger
+/// charge says that its CPU stood still.
 const LOOK: Nanos = 100_000;
+
+/// The enforcer's priority: no worker and no stranger has it of its own.
+const ENFORCER: u8 = 99;
 
 /// How many pieces ago a thread may have run whose clock another CPU has read.
 const RECENT: usize = 20_000;
@@ -76,6 +79,8 @@ pub(super) struct Reader {
     ready: BTreeMap<i32, (u8, Nanos)>,
     /// The enforcer, woken since then.
     woken: Option<(i64, Nanos)>,
+    /// The last line of this CPU was the beginning of a timer's interrupt, then.
+    expired: Option<Nanos>,
     /// Timers that are set: address and time.
     timers: BTreeMap<String, Nanos>,
     /// Charges of threads whose piece has not been read: when, who, how much.
@@ -87,6 +92,7 @@ pub(super) struct Reader {
 struct Current {
     thread: i32,
     rank: u8,
+    of_a_case: bool,
     from: Nanos,
     /// When it got the CPU.
     switched: Nanos,
@@ -106,6 +112,7 @@ impl Reader {
             now: None,
             ready: BTreeMap::new(),
             woken: None,
+            expired: None,
             timers: BTreeMap::new(),
             early: Vec::new(),
         }
@@ -114,6 +121,8 @@ impl Reader {
     /// Takes one line: `comm-123  [001] d..2. 12.345678: sched_switch: prev_comm=…`.
     pub(super) fn line(&mut self, line: &str) {
         self.note_interrupt(line);
+        let head = line.split_once(": ").map_or("", |(head, _)| head);
+        let expired = self.expired.take_if(|_| on_cpu(head) == Some(self.cpu));
         if line.contains("[LOST ") {
             self.timeline.lost = true;
         } else if let Some((head, rest)) = line.split_once(": sched_switch: ") {
@@ -129,11 +138,14 @@ impl Reader {
             {
                 let cpu = cpu.unsigned_abs();
                 if on_cpu(head) == Some(self.cpu) {
+                    if is_of(head, thread) {
+                        self.note_untraced_switch(at, thread, cpu);
+                    }
                     self.note_switch(at, thread, cpu);
-                } else if rest.starts_with("comm=watchdog ") && cpu > LOOK {
-                    self.timeline
-                        .still
-                        .push((at.saturating_sub(cpu - LOOK), at));
+                }
+                if cpu > LOOK && self.has_enforcers_lock(rest, thread) {
+                    let since = at.saturating_sub(cpu - LOOK);
+                    self.timeline.still.push((since, at));
                 }
                 self.ran(at, thread, cpu);
             }
@@ -150,6 +162,8 @@ impl Reader {
             {
                 self.wants(thread, rank(priority), at);
                 if rest.starts_with("comm=enforcer") {
+                    // By that interrupt, which does nothing else before.
+                    self.stood_still(at.saturating_sub(expired.unwrap_or(at)), at);
                     self.woken = Some((thread, at));
                 }
             }
@@ -169,8 +183,10 @@ impl Reader {
                 (time(head), timer(rest), number(rest, " now="))
                 && let Some(expires) = self.timers.remove(&timer)
             {
-                let late = now.unsigned_abs().saturating_sub(expires);
+                // It may stand still between the kernel's look at the time and this record.
+                let late = now.unsigned_abs().max(at).saturating_sub(expires);
                 self.stood_still(late, at);
+                self.expired = Some(at);
             }
         } else if let Some((head, rest)) = line.split_once(": sched_pi_setprio: ")
             && let (Some(at), Some(thread), Some(priority)) =
@@ -213,9 +229,29 @@ impl Reader {
         if let Some(at) = time(head)
             && is_interrupt(head)
             && on_cpu(head) == Some(self.cpu)
-            && now.lowered.is_some_and(|lowered| at <= lowered + PUNCTUAL)
+            // It comes in time, and its record may be as late.
+            && now.lowered.is_some_and(|lowered| at <= lowered + 2 * PUNCTUAL)
         {
             now.lowered = Some(at);
+        }
+    }
+
+    /// Some machines do not trace each switch from the idle thread, or from a thread of their own:
+    /// the first charge tells when it was, and the wake-up, or the next switch, at which priority.
+    fn note_untraced_switch(&mut self, at: Nanos, thread: i64, cpu: Nanos) {
+        let Some(before) = self.now.filter(|now| i64::from(now.thread) != thread) else {
+            return;
+        };
+        // Its own charge is missing, too.
+        self.timeline.lost |= before.of_a_case;
+        let from = at.saturating_sub(cpu).max(before.from);
+        self.push(before, from, 0, false);
+        let first = self.timeline.pieces.len();
+        let known = i32::try_from(thread).ok().and_then(|t| self.ready.get(&t));
+        let known = known.map(|&(rank, _)| rank);
+        self.chosen(from, thread, known.unwrap_or(0), known.is_some());
+        if let Some(now) = self.now.as_mut() {
+            now.changed = known.is_none().then_some(first);
         }
     }
 
@@ -237,6 +273,16 @@ impl Reader {
             let from = until.saturating_sub(length - PUNCTUAL);
             self.timeline.still.push((from, until));
         }
+    }
+
+    /// Whether the thread of this charge may hold the enforcer's lock: a worker that inherits the
+    /// enforcer's priority does, and the watchdog, on another CPU, may.
+    fn has_enforcers_lock(&self, charge: &str, thread: i64) -> bool {
+        let inherits = |now: &Current| {
+            i64::from(now.thread) == thread && now.rank == ENFORCER && charge.starts_with("comm=w")
+        };
+        let here = self.now.as_ref().is_some_and(inherits);
+        here || charge.starts_with("comm=watchdog ")
     }
 
     /// The thread gets another priority; if it runs, the watchdog on another CPU gives it.
@@ -313,10 +359,6 @@ impl Reader {
         if let Some(now) = self.now.take().filter(|n| i64::from(n.thread) == old) {
             self.push(now, at, 0, !runnable);
         }
-        if let Some((_, woken)) = self.woken.take_if(|(enforcer, _)| *enforcer == thread) {
-            self.stood_still(at.saturating_sub(woken), at);
-        }
-        let thread = i32::try_from(thread).unwrap_or(0);
         let comm = before.rsplit_once("prev_comm=").map_or("", |(_, c)| c);
         if let Ok(old) = i32::try_from(old) {
             self.ready.remove(&old);
@@ -325,10 +367,21 @@ impl Reader {
             // It would run if it might: no switch takes its time.
             self.wants(old, rank_then, 0);
         }
+        let comm = after.strip_prefix("next_comm=").unwrap_or(after);
+        self.chosen(at, thread, next, is_of_a_case(comm));
+    }
+
+    /// The thread gets the CPU.
+    fn chosen(&mut self, at: Nanos, thread: i64, rank: u8, of_a_case: bool) {
+        if let Some((_, woken)) = self.woken.take_if(|(enforcer, _)| *enforcer == thread) {
+            self.stood_still(at.saturating_sub(woken), at);
+        }
+        let thread = i32::try_from(thread).unwrap_or(0);
         self.ready.remove(&thread);
         self.now = Some(Current {
             thread,
-            rank: next,
+            rank,
+            of_a_case,
             from: at,
             switched: at,
             lowered: None,
@@ -377,6 +430,13 @@ fn rank(priority: i64) -> u8 {
 fn on_cpu(head: &str) -> Option<usize> {
     let (_, from) = head.rsplit_once('[')?;
     from.split_once(']')?.0.parse().ok()
+}
+
+/// Whether the line was written by this thread: `w [000]-9 [001] d..2. 12.000150`.
+fn is_of(head: &str, thread: i64) -> bool {
+    let writer = head.rsplit_once('[').map_or("", |(writer, _)| writer);
+    let id = writer.trim_end().rsplit_once('-').map(|(_, id)| id.parse());
+    id == Some(Ok(thread))
 }
 
 /// Whether the line was written in an interrupt: `[001] dNh2. 12.345678`.
