@@ -178,8 +178,11 @@ class Reservation:
         self.replan(now)
 
     def refused(self, now):
-        pause = smaller(paths.divide(self.server.period, 8)[0], 100_000_000)
-        self.check_at = now + larger(pause, self.max_backoff)
+        if self.level == HIGH:
+            pause = self.longest_backoff()
+        else:
+            pause = larger(smaller(paths.divide(self.server.period, 2)[0], 100_000_000), self.max_backoff)
+        self.check_at = now + pause
 
     def pull_in(self, now):
         if paths.holds(self.backoff == 0) or not self.runnable or self.level == LOW:

@@ -52,7 +52,7 @@ use crate::{BudgetServer, Level, Nanos};
 /// The end of time, in the place of no time at all.
 const NEVER: Nanos = Nanos::MAX;
 
-/// From a refused change to the next attempt, at most.
+/// From a refused raise to the next attempt, at most.
 const LONGEST_REFUSAL: Nanos = 100_000_000;
 
 /// The enforcer's constants, all in nanoseconds. They depend on the machine, not on the load.
@@ -332,11 +332,18 @@ impl<S: BudgetServer> Reservation<S> {
 
     /// The verdict could not be carried out, for instance because a privilege is gone. The thread
     /// keeps its level: what it consumes at the high one beyond its budget is a debt. The next
-    /// check, which gives the same verdict again, is due an eighth of a period later, but after
-    /// 100 ms at most, and not before [`Tuning::max_backoff`].
+    /// check, which gives the same verdict again, is due as soon as a check may be put off
+    /// ([`Tuning::backoff`]) where the thread could not be lowered. A raise waits for half a
+    /// period, but for 100 ms at most, and not less than [`Tuning::max_backoff`].
     pub fn refused(&mut self, now: Nanos) {
-        let pause = LONGEST_REFUSAL.min(self.server.params().period() / 8);
-        self.check_at = now.saturating_add(pause.max(self.tuning.max_backoff));
+        let params = self.server.params();
+        let pause = match self.level {
+            Level::High => self.tuning.backoff(params.budget()),
+            Level::Low => LONGEST_REFUSAL
+                .min(params.period() / 2)
+                .max(self.tuning.max_backoff),
+        };
+        self.check_at = now.saturating_add(pause);
     }
 
     /// The CPU became free: a check that was put off for want of progress is due again when the

@@ -232,17 +232,28 @@ impl EnforcedThread {
         late: u64,
         mode: Enforcement,
     ) -> JudgeOutcome {
-        let Some(level) = verdict.change else {
-            return JudgeOutcome::Unchanged;
-        };
         let params = self.reservation.server().params();
         let (high, low) = (params.priority(), params.low());
+        let Some(level) = verdict.change else {
+            if self.reservation.level() == Level::High && self.supervised.is_refused() {
+                // Funded again, it must not lower itself any more. If it is about to, the watchdog
+                // restores it.
+                self.suspend.resume();
+                self.supervised.note(Some(high), true);
+            }
+            return JudgeOutcome::Unchanged;
+        };
         let done = match (mode, level, low) {
             (Enforcement::Deferred, _, _) if cfg!(not(target_os = "none")) => Ok(()),
             (_, Level::Low, Low::Background(low)) => {
                 self.suspend
                     .lower(self.inherited.saturating_add(params.budget()));
-                demote_to_tail(self.tid, low)
+                let lowered = demote_to_tail(self.tid, low);
+                if lowered.is_err() && !sched::has_level(self.tid, high, level) {
+                    self.suspend.resume(); // it is high, and nothing that it inherits stops it
+                    self.suspend.lower_itself(self.tid, low);
+                }
+                lowered
             }
             (_, Level::High, Low::Background(_)) => {
                 let raised = promote(self.tid, high);
@@ -274,7 +285,9 @@ impl EnforcedThread {
                 (now, self.cpu(now))
             }
         };
-        let obeyed = done.is_ok() || sched::has_level(self.tid, high, level);
+        // One that stops needs no priority for that: refused, it is low all the same.
+        let stops = level == Level::Low && low == Low::Suspend;
+        let obeyed = done.is_ok() || stops || sched::has_level(self.tid, high, level);
         let low = if let Low::Background(low) = low {
             low
         } else {

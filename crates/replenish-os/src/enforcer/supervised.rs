@@ -89,6 +89,11 @@ impl Supervised {
         }
     }
 
+    /// Whether the last change was refused.
+    pub(super) const fn is_refused(&self) -> bool {
+        self.refused
+    }
+
     /// A change of priority was carried out as far as it is `given`. Its level is in force if it
     /// was `obeyed`.
     pub(super) const fn note(&mut self, given: Option<u8>, obeyed: bool) {

@@ -14,6 +14,11 @@ impl Supervised {
     }
 
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn is_refused(&self) -> bool {
+        false
+    }
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
     pub(super) const fn note(&mut self, _: Option<u8>, _: bool) {}
 
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]

@@ -60,6 +60,10 @@ impl SuspendCell {
         self.resume();
     }
 
+    /// No priority is refused here.
+    #[expect(clippy::unused_self, reason = "the other back end's name")]
+    pub(crate) const fn lower_itself(&self, _: Tid, _low: u8) {}
+
     /// Inherited time is not counted here.
     #[expect(clippy::unused_self, reason = "the other back end's name")]
     pub(crate) const fn lower(&self, _allowance: Nanos) {}

@@ -15,7 +15,7 @@ use super::suspension::Suspension;
 use super::tid::current_tid;
 use std::cell::Cell;
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicI32, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicI32, AtomicU16, AtomicU32, Ordering};
 
 static FIRST: OnceLock<&'static Slot> = OnceLock::new();
 
@@ -31,11 +31,37 @@ thread_local! {
 pub(super) struct Slot {
     pub(super) suspension: Suspension,
     pub(super) retry: Retry,
+    pub(super) demand: Demand,
     /// The thread, 0 once it has ended.
     tid: AtomicI32,
     /// The thread and every handle. At 0 the place is free.
     users: AtomicU32,
     next: OnceLock<&'static Slot>,
+}
+
+/// The low priority that the thread is to give itself, since the kernel refuses it to the enforcer.
+#[derive(Debug)]
+pub(super) struct Demand(AtomicU16);
+
+impl Demand {
+    const NONE: u16 = u16::MAX;
+
+    const fn new() -> Self {
+        Self(AtomicU16::new(Self::NONE))
+    }
+
+    pub(super) fn make(&self, priority: u8) {
+        self.0.store(priority.into(), Ordering::Release);
+    }
+
+    pub(super) fn withdraw(&self) {
+        self.0.store(Self::NONE, Ordering::Release);
+    }
+
+    /// By the thread itself: the priority, once. Async-signal-safe.
+    pub(super) fn take(&self) -> Option<u8> {
+        u8::try_from(self.0.swap(Self::NONE, Ordering::AcqRel)).ok()
+    }
 }
 
 /// The enforcer's hold on a place: as long as there is one no other thread gets it.
@@ -62,6 +88,10 @@ impl SlotHandle {
 
     pub(super) fn retry(&self) -> &Retry {
         &self.0.retry
+    }
+
+    pub(super) fn demand(&self) -> &Demand {
+        &self.0.demand
     }
 }
 
@@ -110,6 +140,7 @@ fn take() -> &'static Slot {
             let (success, failure) = (Ordering::Acquire, Ordering::Relaxed);
             if slot.users.compare_exchange(0, 1, success, failure).is_ok() {
                 slot.suspension.reset();
+                slot.demand.withdraw();
                 return slot;
             }
             link = &slot.next;
@@ -118,6 +149,7 @@ fn take() -> &'static Slot {
             &*Box::leak(Box::new(Slot {
                 suspension: Suspension::new(),
                 retry: Retry::new(),
+                demand: Demand::new(),
                 tid: AtomicI32::new(0),
                 users: AtomicU32::new(1),
                 next: OnceLock::new(),

@@ -14,6 +14,10 @@
 //! standard output, another allocator, a C library that is linked statically. A thread that waits
 //! for one of them waits for the next replenishment of the stopped worker.
 //!
+//! While a program changes its user (`setuid`), the C library changes thread by thread, and the
+//! kernel refuses an enforcer that is somebody else than its worker to lower it. A thread may
+//! always lower itself: the handler does it then.
+//!
 //! ```text
 //!   enforcer: lower, stop ─► signal ─► handler ── in the C library? ── yes: look again soon
 //!                                         │ no
@@ -26,18 +30,26 @@ use super::c_library;
 use super::clock::{self, ThreadCpuClock};
 use super::sched::{self, SchedClass};
 use super::supervised::{self, SlotHandle};
+use super::tid::current_tid;
 use crate::{Nanos, Tid};
 use std::ffi::{c_int, c_void};
 use std::io;
 use std::ptr;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// The signal has its handler; without one it would end the process.
+static HANDLED: AtomicBool = AtomicBool::new(false);
 
 /// One worker, as its enforcer stops, lowers and raises it.
 #[derive(Debug)]
 pub(crate) struct SuspendCell(SlotHandle);
 
 impl SuspendCell {
-    /// That of the calling thread. Allocates.
+    /// That of the calling thread, which can lower itself from now on. Allocates.
     pub(crate) fn new() -> Self {
+        if install_handler().is_ok() {
+            HANDLED.store(true, Ordering::Release);
+        }
         let mine = SlotHandle::mine();
         mine.suspension().renew();
         Self(mine)
@@ -58,11 +70,15 @@ impl SuspendCell {
     /// Stops the thread: at once if it is in a callback (`running`), else before its next one.
     ///
     /// # Errors
-    /// Where its priority could not be lowered; it is stopped all the same, outside sections.
+    /// Where its priority could not be lowered; it is stopped all the same, outside sections, and
+    /// lowers itself if it is in a callback.
     pub(crate) fn suspend(&self, tid: Tid, running: bool) -> io::Result<()> {
         self.0.suspension().stop();
         let lowered = sched::set_priority(tid, SchedClass::Other);
         if running {
+            if lowered.is_err() {
+                self.0.demand().make(0);
+            }
             signal_thread(tid);
         }
         lowered
@@ -74,8 +90,18 @@ impl SuspendCell {
         self.0.suspension().lower(allowance);
     }
 
+    /// The kernel refused to lower the thread to this priority, 0 being the time-sharing class: the
+    /// thread does it itself, unless it is [resumed](Self::resume) before.
+    pub(crate) fn lower_itself(&self, tid: Tid, low: u8) {
+        if HANDLED.load(Ordering::Acquire) {
+            self.0.demand().make(low);
+            signal_thread(tid);
+        }
+    }
+
     /// The thread goes on. Its priority is the caller's to set, before.
     pub(crate) fn resume(&self) {
+        self.0.demand().withdraw();
         self.0.suspension().raise();
     }
 
@@ -152,13 +178,18 @@ fn signal_thread(tid: Tid) {
 }
 
 /// Async-signal-safe: a thread local without a destructor that enrolment has touched before, in
-/// memory that is never freed; atomics; the system calls of futex and timer.
+/// memory that is never freed; atomics; the system calls of scheduler, futex and timer.
 extern "C" fn handler(_: c_int, _: *mut libc::siginfo_t, context: *mut c_void) {
     // SAFETY: errno is thread-local and always there; it is restored below.
     let errno = unsafe { libc::__errno_location() };
     // SAFETY: as above.
     let saved = unsafe { *errno };
-    if let Some(slot) = supervised::mine()
+    let mine = supervised::mine();
+    if let Some(low) = mine.and_then(|slot| slot.demand.take()) {
+        // Refused to a thread that others have changed: then the enforcer sees it.
+        sched::demote_to_tail(current_tid(), low).ok();
+    }
+    if let Some(slot) = mine
         && slot.suspension.stops_here()
     {
         // SAFETY: the third argument of a handler installed with SA_SIGINFO.

@@ -34,6 +34,8 @@ impl SuspendCell {
         Ok(())
     }
 
+    pub(crate) const fn lower_itself(&self, _: Tid, _low: u8) {}
+
     pub(crate) const fn cancel(&self) {}
 
     /// Inherited time is not counted here.

@@ -17,6 +17,8 @@ mod foreign_own;
 mod nuttx;
 mod pi_mutex;
 #[cfg(not(nuttx_host))]
+mod refused;
+#[cfg(not(nuttx_host))]
 mod sched;
 #[cfg(not(nuttx_host))]
 mod supervision;
@@ -48,6 +50,9 @@ fn main() {
     if supervision::is_child() {
         supervision::child();
     }
+    if refused::is_child() {
+        refused::child();
+    }
     if foreign::is_child() {
         foreign::child();
     }
@@ -56,6 +61,7 @@ fn main() {
         ("foreign", foreign::trials()),
         ("foreign_own", foreign_own::trials()),
         ("pi_mutex", pi_mutex::trials()),
+        ("refused", refused::trials()),
         ("sched", sched::trials()),
         ("suspend", suspend::trials()),
         ("supervision", supervision::trials()),

@@ -393,14 +393,23 @@ fn a_large_budget_has_more_slack_and_a_small_one_keeps_its_precision() {
     assert_eq!(cpu, 10 * MS);
 }
 
-/// Refusals are tried again after a bounded time: with a period of 10 s it was 1.25 s.
+/// Refusals are tried again after a bounded time. A thread that cannot be lowered uses more than
+/// its budget: it was tried again an eighth of a period later, 1.25 s with a period of 10 s.
 #[test]
-fn a_refused_change_is_tried_again_within_100_ms() {
-    for (period, pause) in [(MS, MS), (80 * MS, 10 * MS), (10_000 * MS, 100 * MS)] {
-        let params = Params::new(60, Low::Background(6), MS / 2, period, 16).unwrap();
-        let server = Corrected::<16>::new(params, 0).unwrap();
-        let mut r = Reservation::new(server, TUNING, 0, 0);
-        r.refused(7);
-        assert_eq!(r.check_at(), Some(7 + pause));
+fn a_refused_change_is_tried_again_soon_if_the_thread_takes_too_much() {
+    for (period, low) in [(MS, MS), (80 * MS, 40 * MS), (10_000 * MS, 100 * MS)] {
+        for (budget, high) in [(MS / 10, MS / 20), (MS / 2, MS / 8)] {
+            let params = Params::new(60, Low::Background(6), budget, period, 16).unwrap();
+            let server = Corrected::<16>::new(params, 0).unwrap();
+            let mut r = Reservation::new(server, TUNING, 0, 0);
+            r.activate(0, 0, 0);
+            r.refused(7);
+            assert_eq!(r.check_at(), Some(7 + high));
+            let verdict = r.judge(budget, budget, NOT_BLOCKED);
+            assert_eq!(verdict.change, Some(Level::Low));
+            let _ = r.applied(Level::Low, budget, budget);
+            r.refused(budget);
+            assert_eq!(r.check_at(), Some(budget + low));
+        }
     }
 }

@@ -65,7 +65,7 @@ impl Setup {
         latest.max(0).cast_unsigned()
     }
 
-    /// The longest that refused changes can follow each other.
+    /// The longest that a lowering can be refused.
     fn longest_refusal(&self) -> Nanos {
         let twice = self.refusals.iter().chain(&self.refusals);
         let (mut row, mut longest) = (0, 0);
@@ -73,7 +73,7 @@ impl Setup {
             row = if refused { row + 1 } else { 0 };
             longest = longest.max(row);
         }
-        longest * ((self.period / 8).max(self.tuning.max_backoff) + self.latest())
+        longest * (self.tuning.backoff(self.budget) + self.latest() + self.change_takes)
     }
 
     /// The stated latency: how much more than its budget a thread can consume.
@@ -81,7 +81,7 @@ impl Setup {
         let put_off = self.tuning.backoff(self.budget).max(self.tuning.min_rearm);
         let lower = self.latest() + put_off + self.change_takes;
         let raise = self.latest() + self.change_takes;
-        lower + raise + self.tuning.slack + 2 * self.longest_refusal()
+        lower + raise + self.tuning.slack + self.longest_refusal()
     }
 }
 
@@ -96,6 +96,8 @@ pub struct World {
     pub high: Vec<(Nanos, Nanos)>,
     /// Changes refused so far.
     pub refused: u64,
+    /// A raise was refused: the thread was kept from its level, as if by others from the CPU.
+    pub kept_low: bool,
     intervals: Vec<BlockedInterval>,
     ran: Nanos,
     blocked: Option<Nanos>,
@@ -126,6 +128,7 @@ impl World {
             cpu: 0,
             high: Vec::new(),
             refused: 0,
+            kept_low: false,
             intervals: Vec::new(),
             ran: 0,
             blocked: None,
@@ -224,6 +227,7 @@ impl World {
         self.verdicts += 1;
         if !refusals.is_empty() && refusals[verdict % refusals.len()] {
             self.refused += 1;
+            self.kept_low |= level == Level::High;
             self.r.refused(self.now);
         } else {
             let _ = self.r.applied(level, self.now, self.cpu);
@@ -282,6 +286,7 @@ impl World {
     /// (a): in windows of one to three periods at most that many budgets, `more` budgets for a
     /// thread that was kept waiting, and the stated latency.
     pub fn check_windows(&self, more: Nanos) {
+        let more = more.max(u64::from(self.kept_low));
         for periods in 1..=3 {
             let most = busiest_window(&self.high, periods * self.setup.period);
             let bound = (periods + more) * self.setup.budget + self.setup.stated();
