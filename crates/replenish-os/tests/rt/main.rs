@@ -13,6 +13,8 @@ mod enforcer;
 mod foreign;
 #[cfg(not(nuttx_host))]
 mod foreign_own;
+#[cfg(not(nuttx_host))]
+mod migration;
 #[cfg(nuttx_host)]
 mod nuttx;
 mod pi_mutex;
@@ -60,6 +62,7 @@ fn main() {
         ("enforcer", enforcer::trials()),
         ("foreign", foreign::trials()),
         ("foreign_own", foreign_own::trials()),
+        ("migration", migration::trials()),
         ("pi_mutex", pi_mutex::trials()),
         ("refused", refused::trials()),
         ("sched", sched::trials()),
