@@ -26,7 +26,8 @@ impl Emit<'_> {
         text
     }
 
-    /// `impl Service` or `impl Action`, for a type that stands for the interface as a whole.
+    /// `impl Service` or `impl Action`, for a type that stands for the interface as a whole, and
+    /// its parts in the other spelling.
     fn whole(&self, interface: &Interface) -> String {
         let parts = &interface.parts;
         let inline = parts.iter().all(|p| self.registry.facts(&p.name).inline);
@@ -41,9 +42,14 @@ impl Emit<'_> {
             "srv" => ("Service", &["Request", "Response"]),
             _ => ("Action", &["Goal", "Result", "Feedback"]),
         };
-        let mut body = String::new();
+        let (mut body, mut spellings) = (String::new(), String::new());
         for (role, part) in roles.iter().zip(parts) {
-            body.push_str(&format!("    type {role} = {};\n", self.path(&part.name)));
+            let path = self.path(&part.name);
+            body.push_str(&format!("    type {role} = {path};\n"));
+            spellings.push_str(&format!(
+                "\n/// `{rust}{role}` in the spelling of rclrs and of C.\n{gate}\
+                 #[allow(non_camel_case_types)]\npub type {rust}_{role} = {path};\n"
+            ));
         }
         body.push_str(&format!(
             "    const TYPE_NAME: &'static str = \"{name}\";\n"
@@ -59,7 +65,7 @@ impl Emit<'_> {
         format!(
             "\n/// `{name}`\n{gate}#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]\n\
              pub struct {rust};\n\n\
-             {gate}impl {runtime}::{implemented} for {rust} {{\n{body}}}\n"
+             {gate}impl {runtime}::{implemented} for {rust} {{\n{body}}}\n{spellings}"
         )
     }
 }

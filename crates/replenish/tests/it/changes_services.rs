@@ -7,7 +7,7 @@ use replenish::msg::Service;
 use replenish::msg::std_msgs::{Int32, Int64};
 use replenish::{
     ActionClient, ActionOptions, CallbackContext, Client, Context, Error, GoalState, GoalUpdate,
-    NewGoal, PublishError, Qos, Removal, Responder, RunningExecutor,
+    NewGoal, ParameterOptions, PublishError, Qos, Removal, Responder, RunningExecutor,
 };
 use replenish_testkit::watchdog::watchdog;
 use std::sync::atomic::{AtomicI64, Ordering};
@@ -195,4 +195,44 @@ fn actions_come_and_go_whole() {
             .unwrap()
             .is_empty()
     );
+}
+
+/// A builder says the ids of what was added last; a timer's id does not change with an action or
+/// parameters before it; what the builder says can be removed.
+#[test]
+fn ids_are_stable_and_the_builder_says_them() {
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let (mut exec, _) = executor(&ctx);
+    let ids = |worker: &replenish::WorkerBuilder<'_>| -> Vec<String> {
+        worker.added().map(String::from).collect()
+    };
+    let worker = exec.worker("w");
+    assert!(ids(&worker).is_empty());
+    let worker = worker
+        .serve_action::<Fibonacci, _, _, _>(
+            &node,
+            "fib",
+            ActionOptions::goals(2),
+            |_: &Order, new: NewGoal<Fibonacci>, _| new.reject(),
+            |_, _| true,
+        )
+        .unwrap();
+    let action = ids(&worker);
+    let parts = ["timer:/fib/_action/expiry", "srv:/fib/_action/get_result"];
+    assert_eq!(action[..2], parts.map(|part| format!("/n/{part}")));
+    assert_eq!(action.len(), 4);
+    let parameters = node.parameters(ParameterOptions::new()).unwrap();
+    let worker = worker.parameters(&parameters).unwrap();
+    assert_eq!(ids(&worker).len(), 6);
+    let worker = worker.timer(MS, |_| ()).unwrap();
+    assert_eq!(ids(&worker), ["w/timer:0"]);
+    let worker = worker.task(async {}).unwrap();
+    assert_eq!(ids(&worker), ["w/guard:0"]);
+    let running = exec.start().unwrap();
+    for id in action {
+        running.handle().remove(&id, LONG).unwrap();
+    }
+    assert_eq!(running.report().handles.len(), 8);
+    assert!(running.stats("w/timer:0").is_some());
 }

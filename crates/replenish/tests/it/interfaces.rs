@@ -496,3 +496,14 @@ fn a_session_limits_what_is_sent_and_not_what_could_be() {
     assert_eq!(out.too_long(), 1);
     drop(running.stop());
 }
+
+/// The types of a service and an action have the names that rclrs gives them, too.
+#[test]
+fn parts_have_both_spellings() {
+    use replenish::interfaces::example_interfaces::action::{Fibonacci_Goal, FibonacciGoal};
+    use replenish::interfaces::std_srvs::srv::{SetBool_Request, SetBoolRequest};
+    let request: SetBool_Request = SetBoolRequest { data: true };
+    assert_eq!(request, SetBool_Request { data: true });
+    let goal: FibonacciGoal = Fibonacci_Goal { order: 3 };
+    assert_eq!(goal.order, 3);
+}

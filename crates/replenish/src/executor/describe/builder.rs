@@ -116,6 +116,32 @@ impl WorkerBuilder<'_> {
         self
     }
 
+    /// The ids of the handle that was added last, or of those that were added together (actions,
+    /// parameters, managed nodes), in their order: for
+    /// [`ExecutorHandle::remove`](crate::ExecutorHandle::remove), triggers and statistics. Empty
+    /// before the first handle.
+    ///
+    /// ```
+    /// # use replenish::{Context, Error, Executor};
+    /// # use std::time::Duration;
+    /// # fn main() -> Result<(), Error> {
+    /// # let ctx = Context::in_process();
+    /// # let mut exec = Executor::new(&ctx);
+    /// let worker = exec.worker("w").timer(Duration::from_millis(1), |_| ())?;
+    /// assert!(worker.added().eq(["w/timer:0"]));
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn added(&self) -> impl Iterator<Item = &str> {
+        let spec = self.0.executor.workers.get(self.0.index);
+        let entries = spec.map_or(&[][..], |spec| &spec.entries);
+        let count = entries
+            .last()
+            .map_or(0, |last| 1 + usize::from(last.others));
+        let first = entries.len().saturating_sub(count);
+        entries.iter().skip(first).map(|entry| &*entry.shared.id)
+    }
+
     pub(crate) fn request(mut self, change: impl FnOnce(&mut WorkerRequest)) -> Self {
         self.0.spec(|spec| change(&mut spec.request));
         self
