@@ -2,7 +2,8 @@
 //!
 //! Blocks of `sh` are run, the block of `rust` becomes `src/main.rs`, and a block of `text` is what
 //! the command before it prints. Figures may differ, and so may columns behind the second: they
-//! depend on the machine. `…` stands for anything. The package is built from this checkout and its lock file, offline.
+//! depend on the machine. `…` stands for anything. The package is built from this checkout and its
+//! lock file, offline.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
