@@ -152,14 +152,18 @@ fn a_camera_that_asks_for_too_much_is_refused() {
 }
 
 #[test]
-fn its_deployment_file_is_the_template_of_the_program() {
-    let ctx = Context::in_process();
-    let mut exec = Executor::new(&ctx);
-    exec.no_ledger();
-    robot_app::rover(&ctx, &mut exec).unwrap();
-    let running = exec.start().unwrap();
-    let template = running.template().to_owned();
-    running.stop();
+fn it_describes_itself_and_does_not_start() {
+    let path = ledger("template").with_extension("toml");
+    let output = Command::new(env!("CARGO_BIN_EXE_robot-app"))
+        .env("REPLENISH_AGENT", "in-process")
+        .env("REPLENISH_TEMPLATE", &path)
+        .output()
+        .unwrap();
+    let template = std::fs::read_to_string(&path).unwrap();
+    std::fs::remove_file(&path).ok();
+    assert_eq!(output.status.code(), Some(1));
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("written; nothing was started"), "{said}");
     let kept = std::fs::read_to_string(file("robot.toml")).unwrap();
     let (_, kept) = kept.split_once("\n\n").unwrap();
     assert_eq!(

@@ -11,6 +11,7 @@ mod plan;
 mod run;
 mod simulate;
 mod suggest;
+mod template;
 mod top;
 mod trace;
 mod why;
@@ -25,6 +26,8 @@ pub enum Command {
     Plan(plan::Args),
     /// Run a deployment file in virtual time and draw its schedule.
     Simulate(simulate::Args),
+    /// The deployment file of a program as it describes itself; nothing of it runs.
+    Template(template::Args),
     /// Propose budgets for a program from what its threads take while it runs.
     Suggest(suggest::Args),
     /// Start a program and give its threads CPU budgets, without a change to the program.
@@ -55,6 +58,7 @@ impl Command {
         match self {
             Self::Plan(args) => plan::run(&args),
             Self::Simulate(args) => simulate::run(&args),
+            Self::Template(args) => template::run(&args),
             Self::Suggest(args) => suggest::run(&args),
             Self::Run(args) => run::run(&args),
             Self::Adopt(args) => adopt::run(&args),

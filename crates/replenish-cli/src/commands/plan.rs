@@ -5,6 +5,7 @@
 //! why and what would fit.
 
 use super::host::Host;
+use crate::machine::cpus;
 use crate::options::JsonOption;
 use crate::outcome::{Failure, Outcome};
 use crate::report::files;
@@ -58,6 +59,9 @@ struct Row {
 pub(crate) fn run(args: &Args) -> Outcome {
     files::check_writable(args.json.json.as_deref())?;
     let mut deployment = Deployment::read(&args.file).map_err(Failure::refused)?;
+    deployment
+        .on_host(cpus::allowed())
+        .map_err(Failure::refused)?;
     let host = Host::look(&mut deployment, args.ignore_ledger)?;
     let name = args.file.display();
     match deployment.plan_beside(&host.promised) {

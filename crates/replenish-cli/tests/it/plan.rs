@@ -239,3 +239,44 @@ fn a_file_that_makes_no_sense_is_refused_with_its_place() {
         }
     }
 }
+
+#[test]
+fn a_file_without_a_machine_is_planned_for_this_host() {
+    let scratch = Scratch::new("host");
+    let path = scratch.path("host.toml");
+    let worker = |cpu: usize| {
+        let guarantee = r#"guarantee = { budget = "1 ms", period = "10 ms" }"#;
+        format!("[[worker]]\nname = \"a\"\ncpu = {cpu}\n{guarantee}\n")
+    };
+    let cpus = replenish_cli::machine::cpus::allowed();
+    let last = cpus.last().copied().unwrap();
+    std::fs::write(&path, worker(last)).unwrap();
+    let output = run(&["plan", path.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    for cpu in &cpus {
+        assert!(stdout(&output).contains(&format!("CPU {cpu}: ")), "{cpu}");
+    }
+    for word in ["plan", "simulate"] {
+        std::fs::write(&path, worker(1023)).unwrap();
+        let output = run(&[word, path.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(1));
+        let expected = format!("its cpu: allowed {cpus:?}, the CPUs of this host");
+        assert!(stderr(&output).contains(&expected), "{}", stderr(&output));
+    }
+}
+
+#[test]
+fn a_program_describes_itself() {
+    let script = r#"echo 'name = "a"' > "$REPLENISH_TEMPLATE"; exit 1"#;
+    let output = run(&["template", "--", "sh", "-c", script]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(stdout(&output), "name = \"a\"\n");
+
+    let output = run(&["template", "--", "sh", "-c", "echo no robot >&2; exit 3"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(
+        stderr(&output).trim(),
+        "replenish: sh ended (exit status: 3) before an executor of replenish would have started; \
+         its last words: no robot"
+    );
+}

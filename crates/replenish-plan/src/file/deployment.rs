@@ -107,6 +107,23 @@ impl Deployment {
         }
     }
 
+    /// Plans for these CPUs if the file does not say which there are.
+    ///
+    /// # Errors
+    /// The first worker that is pinned to another one.
+    pub fn on_host(&mut self, cpus: Vec<usize>) -> Result<(), FileError> {
+        if self.machine_given {
+            return Ok(());
+        }
+        let elsewhere = |w: &Described| w.cpu.is_some_and(|cpu| !cpus.contains(&cpu));
+        if let Some(worker) = self.workers.iter().position(elsewhere) {
+            let message = format!("its cpu: allowed {cpus:?}, the CPUs of this host");
+            return Err(self.error_at_worker(worker, &message));
+        }
+        self.machine.cpus = cpus;
+        Ok(())
+    }
+
     /// Counts with these overheads where the file does not say others.
     pub fn measured(&mut self, overheads: &Overheads) {
         let own = self.machine.overheads.all_mut().into_iter();

@@ -14,6 +14,8 @@ pub(super) type Found<T> = Result<T, FileError>;
 pub const MAX_FILE: u64 = 4 << 20;
 /// More workers are refused.
 pub const MAX_WORKERS: usize = 4096;
+/// The highest number that a CPU may have: `machine.cpus` counts as far.
+const MAX_CPU: usize = 1023;
 
 impl Deployment {
     /// Reads a file.
@@ -53,10 +55,13 @@ impl Deployment {
 /// Parses the whole file.
 fn parse(source: Source) -> Found<Deployment> {
     let file: schema::File = toml::from_str(&source.text).map_err(|e| source.wrong_toml(&e))?;
-    let parser = Parser { source: &source };
     let machine_given = file.machine.cpus.is_some();
+    let parser = Parser {
+        source: &source,
+        machine_given,
+    };
     let overheads_given = file.machine.overheads.all().map(Option::is_some);
-    let machine = parser.machine(&file.machine)?;
+    let mut machine = parser.machine(&file.machine)?;
     if file.worker.len() > MAX_WORKERS {
         let message = format!("{} workers: allowed up to {MAX_WORKERS}", file.worker.len());
         return Err(source.error(&(0..0), message));
@@ -68,6 +73,16 @@ fn parse(source: Source) -> Found<Deployment> {
         workers.push(parser.worker(worker, &file.worker, &machine, &mut locks)?);
     }
     let executor = parser.executor(&file.executor, &machine, &workers)?;
+    if !machine_given {
+        let pinned = workers.iter().filter_map(|w| w.cpu);
+        let own = match &executor {
+            ExecutorRequest::Planned { cpu } | ExecutorRequest::Policy { cpu, .. } => *cpu,
+            ExecutorRequest::None => None,
+        };
+        machine.cpus.extend(pinned.chain(own));
+        machine.cpus.sort_unstable();
+        machine.cpus.dedup();
+    }
     let chains = file.chain.iter().map(|c| parser.chain(c, &workers));
     let chains = chains.collect::<Found<Vec<_>>>()?;
     for chain in &chains {
@@ -106,6 +121,8 @@ fn link(chain: &Chain, workers: &mut [Described]) {
 
 pub(super) struct Parser<'s> {
     pub(super) source: &'s Source,
+    /// Whether the file says which CPUs there are.
+    machine_given: bool,
 }
 
 impl Parser<'_> {
@@ -180,8 +197,11 @@ impl Parser<'_> {
 
     fn cpu(&self, cpu: Option<&Spanned<usize>>, machine: &Machine) -> Found<Option<usize>> {
         match cpu {
-            Some(cpu) if !machine.cpus.contains(cpu.get_ref()) => {
+            Some(cpu) if self.machine_given && !machine.cpus.contains(cpu.get_ref()) => {
                 self.wrong(cpu, format!("allowed {:?} (machine.cpus)", machine.cpus))
+            }
+            Some(cpu) if *cpu.get_ref() > MAX_CPU => {
+                self.wrong(cpu, format!("allowed 0 to {MAX_CPU}"))
             }
             other => Ok(other.map(|cpu| *cpu.get_ref())),
         }

@@ -87,10 +87,16 @@ fn what_makes_no_sense_is_refused_with_its_place() {
             "unknown field",
         ),
         (
-            "[[worker]]\nname = \"a\"\ncpu = 7\n",
-            "3:7",
+            "[machine]\ncpus = 1\n[[worker]]\nname = \"a\"\ncpu = 7\n",
+            "5:7",
             "worker.cpu",
             "allowed [0]",
+        ),
+        (
+            "[[worker]]\nname = \"a\"\ncpu = 1024\n",
+            "3:7",
+            "worker.cpu",
+            "allowed 0 to 1023",
         ),
         (
             "[[worker]]\nname = \"a\"\n[[worker]]\nname = \"a\"\n",

@@ -7,6 +7,7 @@ mod gantt;
 mod lanes;
 
 use super::plan::ms;
+use crate::machine::cpus;
 use crate::options::JsonOption;
 use crate::outcome::{Failure, Outcome};
 use crate::report::files;
@@ -80,7 +81,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
     for path in [&args.json.json, &args.svg, &args.html] {
         files::check_writable(path.as_deref())?;
     }
-    let deployment = Deployment::read(&args.file).map_err(Failure::refused)?;
+    let mut deployment = Deployment::read(&args.file).map_err(Failure::refused)?;
+    deployment
+        .on_host(cpus::allowed())
+        .map_err(Failure::refused)?;
     let (plan, refusal) = planned(args, &deployment)?;
     let system = deployment.system(&plan);
     let horizon = args.seconds.saturating_mul(1_000 * MS);

@@ -23,6 +23,9 @@ use std::path::{Path, PathBuf};
 /// Names a deployment file that is applied last.
 pub(crate) const VARIABLE: &str = "REPLENISH_OVERLAY";
 
+/// Names a file that gets the description of the executor, which does not start then.
+const TEMPLATE: &str = "REPLENISH_TEMPLATE";
+
 /// Applies the files that were named in the program and in the environment.
 pub(crate) fn apply_all(executor: &mut Executor) -> Result<(), Error> {
     let mut files = core::mem::take(&mut executor.options.planning.overlays);
@@ -132,6 +135,22 @@ fn ids(workers: &[WorkerSpec], moved: &[HandleEntry]) -> String {
     } else {
         ids.join(", ")
     }
+}
+
+/// Writes the template where [`TEMPLATE`] says, and refuses to start then: the program is asked for
+/// its description, and a robot should not move for that.
+pub(crate) fn hand_out(template: &str) -> Result<(), Error> {
+    let Some(path) = std::env::var_os(TEMPLATE).filter(|v| !v.is_empty()) else {
+        return Ok(());
+    };
+    let path = PathBuf::from(path);
+    let done = match std::fs::write(&path, template) {
+        Ok(()) => "written; nothing was started".to_string(),
+        Err(e) => e.to_string(),
+    };
+    Err(Error::Overlay {
+        reason: alloc::format!("{TEMPLATE}, {}: {done}", path.display()),
+    })
 }
 
 /// The file that describes these workers as they are.

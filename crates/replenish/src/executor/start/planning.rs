@@ -45,7 +45,9 @@ pub(crate) fn prepare(executor: &mut Executor) -> Result<String, Error> {
     overlay::apply_all(executor)?;
     let options = &mut executor.options;
     options.recorder.ledger = options.planning.ledger.directory();
-    Ok(executor.template())
+    let template = executor.template();
+    overlay::hand_out(&template)?;
+    Ok(template)
 }
 
 /// Starts to hold the budgets of threads that others have started, and finds those that run
