@@ -1,5 +1,5 @@
-//! A worker that is not pinned, and is moved from one CPU to another from outside while it runs: its
-//! share, its bound and its account stay what they are.
+//! A worker that is not pinned, and is moved from one CPU to another from outside while it runs:
+//! its share, its bound and its account stay what they are.
 
 use crate::common::{MS, burn, cpu};
 use replenish_os::{
