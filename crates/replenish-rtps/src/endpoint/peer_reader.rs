@@ -37,14 +37,6 @@ pub(crate) struct PeerReader {
 }
 
 impl PeerReader {
-    /// Whether `count` is newer than the last one that was seen.
-    pub(crate) const fn is_new(last: Option<u32>, count: u32) -> bool {
-        match last {
-            None => true,
-            Some(last) => count.wrapping_sub(last).cast_signed() > 0,
-        }
-    }
-
     /// Takes the first requested sample.
     pub(crate) fn take_request(&mut self) -> Option<SequenceNumber> {
         let sn = self.requested.iter().next()?;

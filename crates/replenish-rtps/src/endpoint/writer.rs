@@ -316,19 +316,22 @@ impl Writer {
         self.readers.iter().map(|reader| reader.guid)
     }
 
-    /// A reader of `from` says what it has.
-    pub fn acknack(&mut self, from: GuidPrefix, body: &AckNack, now: Nanos) {
+    /// A reader of `from` says what it has. Returns whether it begins anew: it had lost us for a
+    /// while, or the ACKNACK was overtaken by a later one.
+    pub fn acknack(&mut self, from: GuidPrefix, body: &AckNack, now: Nanos) -> bool {
         let guid = Guid::new(from, body.reader);
         let last = self.history.last();
         let found = self.readers.iter_mut().find(|reader| reader.guid == guid);
         let Some(reader) = found.filter(|reader| reader.reliable) else {
-            return;
+            return false;
         };
-        if !PeerReader::is_new(reader.ack_count, body.count) {
-            return;
+        let base = body.state.base.clamp(0, last.saturating_add(1));
+        // A reader that had lost us counts from the beginning: a lower count is no older.
+        let anew = base.max(1) < reader.acked;
+        if reader.ack_count == Some(body.count) && !anew {
+            return false;
         }
         reader.ack_count = Some(body.count);
-        let base = body.state.base.clamp(0, last.saturating_add(1));
         reader.acked = reader.acked.max(base);
         // Samples that were not sent yet come by themselves.
         let mut requested = SequenceSet::empty(base);
@@ -342,6 +345,7 @@ impl Writer {
             self.pace = FIRST_HEARTBEAT;
             self.heartbeat_at = self.heartbeat_at.min(now.saturating_add(FIRST_HEARTBEAT));
         }
+        anew
     }
 
     /// A reader of `from` says which fragments it lacks.
@@ -351,7 +355,7 @@ impl Writer {
         let Some(reader) = found.filter(|reader| reader.reliable) else {
             return;
         };
-        if !PeerReader::is_new(reader.nack_frag_count, body.count) || body.sn >= reader.next {
+        if reader.nack_frag_count == Some(body.count) || body.sn >= reader.next {
             return;
         }
         reader.nack_frag_count = Some(body.count);

@@ -57,6 +57,9 @@ pub struct ParticipantConfig<'a> {
     pub limits: Limits,
 }
 
+/// The lease that ROS 2 participants have, in nanoseconds.
+pub const DEFAULT_LEASE: Nanos = 20_000_000_000;
+
 impl ParticipantConfig<'_> {
     /// A participant of domain 0 without addresses, that is announced for 20 s.
     #[must_use]
@@ -67,7 +70,7 @@ impl ParticipantConfig<'_> {
             discovery: Locators::NONE,
             user: Locators::NONE,
             announce_to: &[],
-            lease: 20_000_000_000,
+            lease: DEFAULT_LEASE,
             name: "/",
             enclave: "/",
             datagram: 1472,

@@ -16,6 +16,9 @@ pub enum Event {
     Unmatched(Guid, Guid),
     /// Two endpoints of a topic cannot exchange samples: ours, theirs, why.
     Incompatible(Guid, Guid, Policy),
+    /// A reader asks for what it had acknowledged, because it had lost us for a while: ours and
+    /// theirs. A late ACKNACK looks the same.
+    Anew(Guid, Guid),
     /// A bound was reached, and something was left out.
     Full(Bound),
 }

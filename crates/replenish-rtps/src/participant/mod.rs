@@ -22,7 +22,7 @@ mod remote;
 mod state;
 mod transmit;
 
-pub use config::{ConfigError, EndpointSpec, Limits, ParticipantConfig};
+pub use config::{ConfigError, DEFAULT_LEASE, EndpointSpec, Limits, ParticipantConfig};
 pub use event::{Bound, Event, Policy};
 pub use matching::incompatible;
 pub use remote::{RemoteEndpoint, RemoteParticipant};

@@ -84,10 +84,15 @@ impl Participant {
             Submessage::AckNack(body) => {
                 let writers = self.writers.iter_mut().map(|own| &mut own.endpoint);
                 let discovery = [&mut self.publications.0, &mut self.subscriptions.0];
+                let mut anew = false;
                 for writer in writers.chain(discovery) {
                     if writer.entity() == body.writer {
-                        writer.acknack(from, body, now);
+                        anew = writer.acknack(from, body, now);
                     }
+                }
+                if anew {
+                    let ours = Guid::new(self.prefix, body.writer);
+                    self.report(Event::Anew(ours, Guid::new(from, body.reader)));
                 }
             }
             Submessage::NackFrag(body) => {

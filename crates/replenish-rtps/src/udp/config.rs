@@ -1,6 +1,7 @@
 //! Where and as whom to take part, and why that failed.
 
-use crate::participant::{ConfigError, Limits};
+use crate::participant::{ConfigError, DEFAULT_LEASE, Limits};
+use crate::wire::Nanos;
 use core::fmt;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -17,6 +18,8 @@ pub struct UdpConfig<'a> {
     pub multicast: bool,
     /// Addresses that announcements go to besides.
     pub peers: &'a [SocketAddr],
+    /// How long others wait for a sign of life before they forget us, in nanoseconds, 1 s to 1 h.
+    pub lease: Nanos,
     /// The enclave, in ROS 2 `/`.
     pub enclave: &'a str,
     /// Bytes of a datagram, 1200 to 65 000.
@@ -33,6 +36,7 @@ impl Default for UdpConfig<'_> {
             interfaces: &[Ipv4Addr::LOCALHOST],
             multicast: true,
             peers: &[],
+            lease: DEFAULT_LEASE,
             enclave: "/",
             datagram: 1472,
             limits: Limits::default(),

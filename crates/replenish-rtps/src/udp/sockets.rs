@@ -91,6 +91,7 @@ impl Sockets {
             discovery: address(&self.discovery)?,
             user: address(&self.user)?,
             announce_to: &announce_to,
+            lease: config.lease,
             enclave: config.enclave,
             datagram: config.datagram,
             limits: config.limits,

@@ -3,8 +3,8 @@
 use proptest::prelude::*;
 use replenish_rtps::endpoint::{Reader, ReaderLimits, WriteError, Writer, WriterLimits};
 use replenish_rtps::wire::{
-    CDR_LE, Data, EntityId, Guid, GuidPrefix, Heartbeat, Message, MessageWriter, Nanos, Payload,
-    Qos, Reliability, Submessage,
+    AckNack, CDR_LE, Data, EntityId, Guid, GuidPrefix, Heartbeat, Message, MessageWriter, Nanos,
+    Payload, Qos, Reliability, SequenceSet, Submessage,
 };
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -147,7 +147,9 @@ impl Pair {
                 Submessage::DataFrag(data) if to_reader => self.reader.data_frag(W, &data, None),
                 Submessage::Heartbeat(body) if to_reader => self.reader.heartbeat(W, &body),
                 Submessage::Gap(body) if to_reader => self.reader.gap(W, &body),
-                Submessage::AckNack(body) => self.writer.acknack(R, &body, self.now),
+                Submessage::AckNack(body) => {
+                    self.writer.acknack(R, &body, self.now);
+                }
                 Submessage::NackFrag(body) => self.writer.nack_frag(R, &body, self.now),
                 _ => {}
             }
@@ -316,4 +318,52 @@ fn a_late_reader_does_not_count_samples_from_before_the_match() {
     assert_eq!(reader.stats().lost, 0);
     reader.heartbeat(W, &heartbeat(60, 63, 3));
     assert_eq!(reader.stats().lost, 3);
+}
+
+/// A reader that lost the writer for a while counts its ACKNACKs from the beginning, and gets what
+/// it asks for again.
+#[test]
+fn a_reader_that_begins_anew_is_served() {
+    let mut pair = Pair::new(Qos::latched(4), 4, 1, 0);
+    for number in 1..=3 {
+        let sample = payload(number, 4);
+        pair.writer.write(&sample, None, pair.now).unwrap();
+    }
+    for _ in 0..200 {
+        pair.step();
+    }
+    assert!(pair.writer.is_acknowledged());
+    let mut state = SequenceSet::empty(1);
+    for sn in 1..=3 {
+        state.insert(sn);
+    }
+    let ask = |state, count| AckNack {
+        reader: EntityId::reader(1),
+        writer: EntityId::writer(1),
+        state,
+        count,
+        final_flag: false,
+    };
+    let sent = |pair: &mut Pair| {
+        let (mut buf, mut samples) = ([0; 1472], 0);
+        loop {
+            let mut m = MessageWriter::new(&mut buf, W).unwrap();
+            if pair.writer.transmit(pair.now, &mut m).is_none() {
+                break samples;
+            }
+            let message = Message::decode(m.message()).unwrap();
+            let data = |part: &Result<Submessage<'_>, _>| matches!(part, Ok(Submessage::Data(_)));
+            samples += message.submessages().filter(data).count();
+        }
+    };
+    assert_eq!(sent(&mut pair), 0);
+    assert!(pair.writer.acknack(R, &ask(state, 1), pair.now));
+    assert_eq!(sent(&mut pair), 3);
+    // One that has everything is not new.
+    assert!(
+        !pair
+            .writer
+            .acknack(R, &ask(SequenceSet::empty(4), 2), pair.now)
+    );
+    assert_eq!(sent(&mut pair), 0);
 }

@@ -124,6 +124,14 @@ pub(crate) fn client(foreign: Foreign) {
         client.send(&FibonacciGoal { order }).unwrap()
     };
     let all = || format!("{:?}", heard.lock().unwrap());
+    // Feedback is volatile: both sides know each other once some of it has come.
+    let known = || {
+        let id = send(3);
+        assert!(eventually(|| !of(&heard, id, "result").is_empty()));
+        std::thread::sleep(Duration::from_millis(500));
+        !of(&heard, id, "feedback").is_empty()
+    };
+    assert!((0..20).any(|_| known()), "{}", all());
     for goal in 0..GOALS {
         let (order, id) = (order(goal), send(order(goal)));
         let feedback = || of(&heard, id, "feedback");

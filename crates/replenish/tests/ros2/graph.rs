@@ -4,6 +4,7 @@ use crate::peer::{Foreign, Peer};
 use crate::support::{executor, node};
 use replenish::msg::std_msgs::{Int32, String as Text};
 use replenish::{ParameterOptions, Qos};
+use std::time::{Duration, Instant};
 
 pub(crate) fn graph(foreign: Foreign) {
     let (node, domain) = node("/ns/ours");
@@ -31,6 +32,11 @@ pub(crate) fn graph(foreign: Foreign) {
     assert_eq!(peer.line(), "service rcl_interfaces/srv/GetParameters");
     assert_eq!(peer.line(), "node True");
     // The last holder of the context says goodbye.
+    let begin = Instant::now();
     drop((running.stop(), parameters, out, node));
     assert_eq!(peer.line(), "gone");
+    // By the goodbye, and not by the lease of 20 s.
+    let gone = begin.elapsed();
+    assert!(gone < Duration::from_secs(10), "gone after {gone:?}");
+    println!("{}: gone after {gone:?}", foreign.name());
 }

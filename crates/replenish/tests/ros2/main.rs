@@ -15,9 +15,12 @@ mod large;
 mod lifecycle;
 mod logs;
 mod peer;
+mod presence;
 mod services;
 mod support;
 mod topics;
+#[path = "../../../replenish-interfaces/tests/support/types.rs"]
+mod types;
 
 use peer::Foreign;
 use replenish_testkit::harness::{peer_trial, run};
@@ -26,7 +29,7 @@ use replenish_testkit::harness::{peer_trial, run};
 type Trial = (&'static str, fn(Foreign));
 
 /// The trials that every distribution goes through.
-const TRIALS: [Trial; 13] = [
+const TRIALS: [Trial; 15] = [
     ("topics_there_and_back", topics::topics),
     ("late_joiners_both_ways", topics::late_joiners),
     ("megabytes_there_and_back", large::images),
@@ -37,6 +40,8 @@ const TRIALS: [Trial; 13] = [
     ("we_ask_parameters_of_rclpy", services::parameter_client),
     ("rclpy_sends_goals_to_our_action", actions::server),
     ("we_send_goals_to_an_action_of_rclpy", actions::client),
+    ("every_message_has_its_hash", presence::hashes),
+    ("a_paused_node_is_back", presence::pauses),
     ("rclpy_manages_our_node", lifecycle::managed),
     ("we_manage_a_node_of_rclpy", lifecycle::manager),
     ("rclpy_reads_our_log_and_sets_its_level", logs::logs),
@@ -50,6 +55,7 @@ const DDS_TRIALS: [Trial; 3] = [
 ];
 
 fn main() {
+    presence::child();
     let ros = Foreign::ROS.map(|foreign| (foreign, &TRIALS[..]));
     let dds = Foreign::DDS.map(|foreign| (foreign, &DDS_TRIALS[..]));
     let mut trials = Vec::new();

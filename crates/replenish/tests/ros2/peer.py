@@ -6,7 +6,8 @@ peer.py graph         says the nodes, types and hashes that it sees, and when th
 peer.py client N      asks twice N times
 peer.py serve         has parameters and the service twice; runs until it is killed
 peer.py ask NODE      sets and gets the parameters of NODE
-peer.py action_client N, action_server, images N, manage N, managed, logs NODE: in the files beside
+peer.py action_client N, action_server, images N, manage N, managed, logs NODE, hashes FILE, watch:
+                      in the files beside this one
 """
 
 import sys
@@ -161,6 +162,14 @@ elif mode == "images":
     import peer_large
 
     peer_large.images(peer, int(rest[0]), say, until)
+elif mode == "hashes":
+    import peer_graph
+
+    peer_graph.hashes(peer, rest[0], say, until)
+elif mode == "watch":
+    import peer_graph
+
+    peer_graph.watch(peer, say)
 elif mode == "manage":
     import peer_lifecycle
 

@@ -2,6 +2,7 @@
 
 import time
 
+import rclpy
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -32,6 +33,15 @@ class Goal:
 def action_client(node, count, say, until):
     client = ActionClient(node, Fibonacci, "fib")
     until(node, client.server_is_ready)
+    # Feedback is volatile: both sides know each other once some of it has come.
+    known = False
+    while not known:
+        goal = Goal(node, client, 3, until)
+        ended = goal.handle.get_result_async()
+        until(node, ended.done)
+        for _ in range(10):
+            rclpy.spin_once(node, timeout_sec=0.05)
+        known = bool(goal.feedback)
     right = 0
     for number in range(count):
         order = 3 + number % 8

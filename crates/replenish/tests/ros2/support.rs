@@ -10,11 +10,19 @@ pub(crate) fn node(name: &str) -> (Node, u16) {
     let domain = domain();
     let config = RtpsConfig {
         domain,
-        range: DiscoveryRange::Localhost,
         ..RtpsConfig::default()
     };
+    (node_with(name, &config), domain)
+}
+
+/// On this host alone.
+pub(crate) fn node_with(name: &str, config: &RtpsConfig) -> Node {
+    let config = RtpsConfig {
+        range: DiscoveryRange::Localhost,
+        ..config.clone()
+    };
     let ctx = Context::new(Rtps::open(&config).unwrap());
-    (ctx.node(name).unwrap(), domain)
+    ctx.node(name).unwrap()
 }
 
 pub(crate) fn executor(node: &Node) -> Executor {

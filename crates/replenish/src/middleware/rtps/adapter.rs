@@ -140,6 +140,7 @@ impl Rtps {
         if rung {
             state.rung(now, &self.alarm);
         }
+        let news = state.notice(now);
         if state.is_due(now) {
             for _ in 0..DATAGRAMS {
                 let sent = state.send_next(now, &self.sockets);
@@ -153,7 +154,7 @@ impl Rtps {
         }
         state.arm_next(now, &self.alarm);
         self.backlog.store(state.has_backlog(), Ordering::Release);
-        if state.notice() {
+        if news {
             self.news.fetch_add(1, Ordering::Release);
         }
     }

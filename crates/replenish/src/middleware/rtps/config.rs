@@ -5,7 +5,8 @@ use crate::platform::text;
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
-use replenish_rtps::participant::Limits;
+use core::time::Duration;
+use replenish_rtps::participant::{DEFAULT_LEASE, Limits};
 use replenish_rtps::udp::OpenError;
 use std::io;
 use std::net::Ipv4Addr;
@@ -44,6 +45,8 @@ pub struct RtpsConfig {
     /// The addresses of the interfaces that are used; empty: all that are up. At most four besides
     /// loopback. With [`DiscoveryRange::Localhost`] loopback alone is used.
     pub interfaces: Vec<Ipv4Addr>,
+    /// How long others wait for a sign of life before they forget this participant: 1 s to 1 h.
+    pub lease: Duration,
     /// Bytes of a datagram, 1200..=65000. Longer samples go in several.
     pub datagram: usize,
     /// Participants of others that are known at a time, 1..=1000.
@@ -64,6 +67,7 @@ impl Default for RtpsConfig {
             range: DiscoveryRange::Subnet,
             static_peers: Vec::new(),
             interfaces: Vec::new(),
+            lease: Duration::from_nanos(DEFAULT_LEASE),
             datagram: 1472,
             participants: 64,
             endpoints: 2048,

@@ -45,6 +45,7 @@ impl Rtps {
             interfaces: &interfaces,
             multicast: config.range == DiscoveryRange::Subnet,
             peers: &peers,
+            lease: u64::try_from(config.lease.as_nanos()).unwrap_or(u64::MAX),
             enclave: "/",
             datagram: config.datagram,
             limits: config.limits(),

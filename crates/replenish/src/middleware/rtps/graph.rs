@@ -69,6 +69,20 @@ impl Graph {
         self.tell(participant, now).ok();
     }
 
+    /// Whether this is the writer of `ros_discovery_info`.
+    pub(super) fn is_written_by(&self, entity: EntityId) -> bool {
+        self.writer.is_some_and(|writer| writer.entity() == entity)
+    }
+
+    /// Writes the message again, for a participant that had lost this one.
+    ///
+    /// Fast DDS forgets the names of nodes then, but not which samples it had.
+    pub(super) fn repeat(&mut self, participant: &mut Participant, now: Nanos) {
+        if self.writer.is_some() {
+            self.tell(participant, now).ok();
+        }
+    }
+
     fn tell(&mut self, participant: &mut Participant, now: Nanos) -> Result<(), MiddlewareError> {
         let full = |_| MiddlewareError::Capacity {
             what: label("nodes and endpoints in ros_discovery_info, of 32 kB"),

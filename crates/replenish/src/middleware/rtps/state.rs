@@ -68,6 +68,8 @@ pub(super) struct State {
     /// The time that the alarm is set to.
     armed: Nanos,
     pub(super) clashes: VecDeque<IncompatibleQos>,
+    /// A participant was lost once.
+    lost_any: bool,
     pub(super) stats: RtpsStats,
 }
 
@@ -81,6 +83,7 @@ impl State {
             datagram: vec![0; datagram].into_boxed_slice(),
             armed: Nanos::MAX,
             clashes: VecDeque::with_capacity(CLASHES),
+            lost_any: false,
             stats: RtpsStats::default(),
         }
     }
@@ -304,8 +307,9 @@ impl State {
     }
 
     /// Takes the participant's events; whether the executor has something to be told.
-    pub(super) fn notice(&mut self) -> bool {
+    pub(super) fn notice(&mut self, now: Nanos) -> bool {
         let mut any = false;
+        let mut repeat = false;
         while let Some(event) = self.participant.event() {
             match event {
                 Event::Incompatible(ours, _, policy) => {
@@ -330,8 +334,14 @@ impl State {
                     any = true;
                 }
                 Event::Full(_) => self.stats.left_out += 1,
+                Event::ParticipantLost(_) => self.lost_any = true,
+                Event::ParticipantFound(_) => repeat |= self.lost_any,
+                Event::Anew(ours, _) => repeat |= self.graph.is_written_by(ours.entity),
                 _ => {}
             }
+        }
+        if repeat {
+            self.graph.repeat(&mut self.participant, now);
         }
         any
     }
