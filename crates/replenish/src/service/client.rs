@@ -211,7 +211,7 @@ impl<S: Service> Client<S> {
 
     /// Replies that are awaited, if a worker takes them.
     pub(crate) fn calls(&self) -> Option<Arc<Calls<S>>> {
-        self.calls.get().map(Arc::clone)
+        self.calls.get().cloned()
     }
 
     /// A worker takes replies that are awaited.
