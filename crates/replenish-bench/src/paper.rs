@@ -23,15 +23,15 @@ const QUEUE: usize = usize::MAX;
 pub struct Point {
     /// The high worker's budget, period and background priority; `None`: FIFO.
     pub reservation: Option<(Nanos, Nanos, u8)>,
-    /// What the dispatcher consumes for a message.
+    /// CPU time of the dispatcher for a message.
     pub dispatch: Nanos,
-    /// What the high worker consumes for an answer.
+    /// CPU time of the high worker for an answer.
     pub high: Nanos,
-    /// What the low worker consumes for an answer.
+    /// CPU time of the low worker for an answer.
     pub low: Nanos,
     /// How long the low worker sleeps in each answer, after that (experiment 2).
     pub low_sleep: Nanos,
-    /// What the low worker consumes for the answer after its sleep.
+    /// CPU time of the low worker for the answer after its sleep.
     pub low_after_sleep: Nanos,
     /// When the messages of topic high arrive, from the start of the window on.
     pub arrivals_high: Releases,
@@ -142,7 +142,7 @@ impl Point {
     }
 }
 
-/// What one window gave. CPU times in ns.
+/// The results of one window. CPU times in ns.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Answers to the high topic.

@@ -32,7 +32,7 @@ pub struct Woken {
     pub awake: Nanos,
 }
 
-/// Whatever else a worker may wait on.
+/// A middleware that a worker waits on instead of its bell.
 pub trait Wake {
     /// Ends the current wait, or the next one. Async-signal-safe.
     fn wake(&self);

@@ -1,4 +1,4 @@
-//! What stands where in the file, and writing all of it but the rings.
+//! The layout of the file, and the writing of all of it but the rings.
 
 use crate::checksum::checksum;
 use crate::ring;

@@ -27,7 +27,7 @@ pub enum SecureError {
     Refused {
         /// Its address.
         agent: String,
-        /// What the handshake failed of.
+        /// The cause of the handshake's failure.
         reason: String,
     },
     /// Everything else, as without encryption.

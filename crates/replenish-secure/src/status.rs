@@ -1,4 +1,4 @@
-//! What became of a handshake, for the error of a client that could not connect.
+//! The outcome of a handshake, for the error of a client that could not connect.
 
 use std::sync::{Mutex, PoisonError};
 

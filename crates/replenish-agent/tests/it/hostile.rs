@@ -1,5 +1,6 @@
-//! Whatever arrives, from whomever, in whatever order: the agent goes on, keeps its bounds, and
-//! serves the next client as if nothing had been.
+//! The agent survives any message of any sender, in any order.
+//!
+//! It goes on, keeps its bounds, and serves the next client as if nothing had been.
 
 use crate::support::{Client, Got, MS, World, data};
 use proptest::collection::vec;

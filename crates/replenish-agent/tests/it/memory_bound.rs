@@ -31,7 +31,7 @@ fn the_page_adds_up_the_bound() {
     assert_eq!(sum, bound.total());
 }
 
-/// Whatever the limits are, nothing overflows, and more is never less.
+/// No limits make the bound overflow, and a higher limit never makes it smaller.
 #[test]
 fn the_bound_grows_with_every_limit() {
     let total = |change: fn(&mut Limits)| {

@@ -1,5 +1,7 @@
-//! What was measured on NuttX under QEMU (an emulated Olimex E407, counted instructions),
-//! replayed: three files of rows, in bursts of 10 ms done in 10 s.
+//! The measurements on NuttX under QEMU, replayed.
+//!
+//! The machine is an emulated Olimex E407 with counted instructions. The data are three files of
+//! rows: bursts of 10 ms done in 10 s.
 //!
 //! The measuring programs are known by their output alone. Free here are, per row, how long before
 //! the measurement the sporadic threads had been created ([`Row::skew_ticks`]), one calibration per
@@ -169,8 +171,9 @@ struct Machine {
 }
 
 impl Machine {
-    /// What a burst of "10 ms" takes, from the rows with FIFO only: 998 (994 at the 10 ms tick)
-    /// of them in 10 s.
+    /// CPU time of a burst of "10 ms".
+    ///
+    /// The rows with FIFO only give it: 998 bursts in 10 s (994 at the 10 ms tick).
     fn burst(&self) -> Nanos {
         if self.tick_us == 10_000 {
             10_060_000
@@ -179,9 +182,11 @@ impl Machine {
         }
     }
 
-    /// What a burst of a sporadic thread takes more than one of a FIFO thread: in each tick the
-    /// kernel counts its slot as well. 280 ns: with a budget of half the period and a tick of 0.1
-    /// ms, 14 ms of 10 s are missing in the file, which are 50 000 ticks of that thread.
+    /// CPU time of a burst of a sporadic thread beyond that of a FIFO thread.
+    ///
+    /// In each tick the kernel counts the slot of the sporadic thread as well, for 280 ns: with a
+    /// budget of half the period and a tick of 0.1 ms, 14 ms of 10 s are missing in the file, which
+    /// are 50 000 ticks of that thread.
     fn sporadic_cost(&self) -> Nanos {
         Nanos::from(10_000 / self.tick_us) * 280
     }

@@ -2,9 +2,10 @@
 //!
 //! The data: apache/nuttx issue 2935 (2021) and the comment in the demo's source, 44 rows in four
 //! experiments, CPU time in ms of busy threads in 10 s, tick 1 ms, period 100 ms, `max_repl` 100.
-//! What is not known of the runs, and therefore free here: how many ticks before the measurement
-//! began each sporadic thread had been created ([`SKEWS`]), and how long a "millisecond" of the
-//! calibrated busy loop really took ([`CALIBRATION`], one factor for all rows).
+//! Two facts about the runs are unknown, and therefore free here: how many ticks before the
+//! measurement began each sporadic thread had been created ([`SKEWS`]), and how long a
+//! "millisecond" of the calibrated busy loop really took ([`CALIBRATION`], one factor for all
+//! rows).
 
 use super::{Kernel, NuttxPolicy, NuttxThread, Program};
 
@@ -163,7 +164,7 @@ pub struct Fixed {
     pub simulated_ms: u64,
 }
 
-/// What the fixes did not mend: six measurements of a kernel without the bugs, replayed.
+/// Six replayed measurements of a kernel without the bugs: the thread still misses its budget.
 pub fn after_the_fixes() -> Vec<Fixed> {
     let measured = [
         (0, 41_749),

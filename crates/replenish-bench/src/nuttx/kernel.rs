@@ -41,7 +41,7 @@ pub enum NuttxPolicy {
     },
 }
 
-/// What a thread does.
+/// The program of a thread: when the thread computes, and when it sleeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Program {
     /// Runs for ever.
@@ -60,11 +60,11 @@ pub enum Program {
 /// A thread and when it is created.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NuttxThread {
-    /// How it is scheduled.
+    /// The scheduling policy of the thread.
     pub policy: NuttxPolicy,
-    /// What it does.
+    /// The work of the thread.
     pub program: Program,
-    /// The tick of its creation. Its slots start there.
+    /// The tick of the thread's creation. The slots of the thread start there.
     pub created: u32,
 }
 

@@ -1,5 +1,7 @@
-//! What NuttX calls `SCHED_SPORADIC`: a free-running generator of time slots, emulated tick by
-//! tick, to explain measurements. **Not a budget server**; never schedule anything with it.
+//! The policy that NuttX calls `SCHED_SPORADIC`: a free-running generator of time slots.
+//!
+//! It is emulated tick by tick, to explain measurements. **Not a budget server**; never schedule
+//! anything with it.
 //!
 //! ```text
 //!                  start
@@ -45,7 +47,7 @@ enum Phase {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Slot {
     phase: Phase,
-    /// What the slot gives, in ticks; 32 bits as in C, also for what was negative there.
+    /// Ticks that the slot gives; 32 bits as in C, also for numbers that are negative there.
     budget: u32,
 }
 
@@ -59,7 +61,7 @@ pub struct Arm {
     pub delay: i32,
 }
 
-/// What the kernel must do after an event: first start the timers, then set the level.
+/// Changes that the kernel must make after an event: first start the timers, then set the level.
 #[must_use]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Effects {

@@ -65,11 +65,11 @@ pub(crate) fn line(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> 
 /// A figure: axes from 0, a legend, lines.
 #[derive(Debug, Clone)]
 pub(crate) struct Figure {
-    /// What it shows.
+    /// The title.
     pub title: String,
-    /// What the horizontal axis is, with its unit.
+    /// The label of the horizontal axis, with the unit.
     pub x_label: String,
-    /// What the vertical axis is, with its unit.
+    /// The label of the vertical axis, with the unit.
     pub y_label: String,
     /// End of the horizontal axis.
     pub x_max: f64,

@@ -1,4 +1,4 @@
-//! What a run shows: progress on the terminal, and figures.
+//! Output of a run: progress on the terminal, and figures.
 
 pub(crate) mod figure;
 pub(crate) mod progress;

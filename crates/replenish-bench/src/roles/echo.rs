@@ -7,7 +7,7 @@ use replenish_cli::outcome::Failure;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// What was sent back on one topic.
+/// Messages of one topic, counted where they are sent back.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
 pub(crate) struct Echoed {
     /// Messages received.
@@ -66,7 +66,7 @@ impl Echo {
         Ok((worker, echo))
     }
 
-    /// What was counted so far: sure, loose.
+    /// The counts so far, of topics sure and loose.
     pub(crate) fn totals(&self) -> [Echoed; 2] {
         let get = |n: &AtomicU64| n.load(Ordering::Relaxed);
         self.0.each_ref().map(|count| Echoed {

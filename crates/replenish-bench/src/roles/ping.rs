@@ -63,7 +63,7 @@ pub(crate) struct Totals {
     pub answered: [u64; 2],
     /// Messages that could not be sent.
     pub failed: u64,
-    /// What was sent back, on topics sure and loose.
+    /// Messages sent back, on topics sure and loose.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub echoed: Option<[Echoed; 2]>,
 }
@@ -155,7 +155,7 @@ fn panicked(e: &dyn Display) -> Failure {
 }
 
 impl Ping {
-    /// What to tell when set-up is done.
+    /// Ping's report that set-up is done.
     pub(crate) fn ready(&self) -> Ready {
         let rows = [
             ("sender", SENDER_PRIORITY),

@@ -42,7 +42,7 @@ pub(crate) struct Config {
     pub strict: bool,
 }
 
-/// What a topic's callback and the monitor share.
+/// State that a topic's callback and the monitor share.
 #[derive(Debug)]
 pub(crate) struct Topic {
     /// Answers published.
@@ -283,7 +283,7 @@ fn note(text: &str, supervised: bool) {
 }
 
 impl Pong {
-    /// What to tell when set-up is done.
+    /// Pong's report that set-up is done.
     pub(crate) fn ready(&self) -> Ready {
         Ready {
             address: None,
@@ -301,7 +301,7 @@ impl Pong {
     }
 }
 
-/// What a message and an answer cost on average, over the whole life of pong.
+/// Average costs of a message and of an answer, over the whole life of pong.
 fn costs(report: &Report, [high, low]: &[Arc<Topic>; 2]) -> Costs {
     let used = |name: &str| {
         let thread = report.thread(name);

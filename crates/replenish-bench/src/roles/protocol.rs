@@ -1,4 +1,4 @@
-//! What the processes of one run say to each other: one JSON object per line.
+//! Messages among the processes of one run: one JSON object per line.
 //!
 //! ```text
 //!   orchestrator ── stdin: one Grid, later end of file = "stop" ──► agent, ping, pong
@@ -11,7 +11,7 @@ use crate::load::Nanos;
 use crate::load::simulated::{Arrivals, Costs};
 pub(crate) use replenish_cli::supervised::{Mode, Ready, ThreadRow};
 
-/// What a part reports.
+/// A report of a part to the orchestrator.
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub(crate) enum Event {
@@ -64,13 +64,14 @@ pub(crate) struct PongWindow {
     /// The enforcers' part of it.
     #[serde(default)]
     pub enforcer_cpu: Nanos,
-    /// What nobody used of the measured CPU, in steps of 10 ms; 0 if the kernel does not say.
+    /// Idle time of the measured CPU, in steps of 10 ms; 0 if the kernel does not say.
     #[serde(default)]
     pub idle: Nanos,
     /// How much later than asked the thread that takes the snapshots woke, at worst.
     pub late: Nanos,
-    /// What the hypervisor took of the measured CPU meanwhile, in steps of 10 ms; 0 if the kernel
-    /// does not say.
+    /// Time of the measured CPU that the hypervisor took.
+    ///
+    /// In steps of 10 ms; 0 if the kernel does not say.
     #[serde(default)]
     pub stolen: Nanos,
     /// When the high worker had the CPU: pairs of start and end, relative to the window.
@@ -101,7 +102,7 @@ pub(crate) struct PingWindow {
 pub(crate) struct PongEnd {
     /// CPU time beyond the budget at the high priority, per exhaustion.
     pub overrun_us: Overrun,
-    /// What messages and answers cost besides the work of the callbacks.
+    /// Costs of messages and answers besides the work of the callbacks.
     #[serde(default)]
     pub costs: Costs,
     /// When the messages of topic high were taken.
@@ -127,6 +128,6 @@ pub(crate) struct Overrun {
     pub count: u64,
     /// Demotions that were late because the machine itself stood still; not part of the above.
     pub stall_count: u64,
-    /// What they overran; of many, the worst.
+    /// Overruns of the late demotions; of many, the worst.
     pub stalls: Vec<f64>,
 }

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-/// What the sender works with.
+/// The sender's publishers, counters and interval.
 pub(crate) struct Sender {
     /// The two topics: high, low.
     pub topics: [Publisher<Int32>; 2],

@@ -1,5 +1,6 @@
-//! What pong notes about each message, so that the simulator can be given what really came in:
-//! written by the workers, read when they have ended.
+//! Pong's notes about each message: the simulator replays the real arrivals.
+//!
+//! The workers write the notes. They are read when the workers have ended.
 
 use crate::load::Nanos;
 use crate::load::grid::Grid;

@@ -11,12 +11,12 @@ use std::process::{ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
-/// What the reader thread of a child sends to the orchestrator.
+/// A message of a child's reader thread to the orchestrator.
 #[derive(Debug)]
 pub(crate) enum News {
     /// The part said something.
     Event(&'static str, Event),
-    /// Its output ended: it has exited, or is about to.
+    /// The part's output ended: the part has exited, or is about to.
     Ended(&'static str),
 }
 

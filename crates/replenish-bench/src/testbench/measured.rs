@@ -24,13 +24,13 @@ pub(crate) struct Measured {
 pub(crate) struct Point {
     /// The budget of the high worker; absent for two FIFO workers.
     pub budget_ms: Option<u64>,
-    /// What the low callback slept, in percent.
+    /// Sleep of the low callback, in percent.
     pub sleep_percent: u8,
     /// The length of the window.
     length_ms: u64,
-    /// What the board measured.
+    /// Measurements of the board.
     pong: PongWindow,
-    /// What ping counted.
+    /// Counts of ping.
     ping: PingWindow,
 }
 
@@ -82,8 +82,10 @@ impl Point {
         })
     }
 
-    /// What the simulator is told. On the board an answer takes its burst by the worker's CPU
-    /// clock, handling included; one that has nothing to burn takes what was measured.
+    /// The costs that the simulator counts with.
+    ///
+    /// On the board an answer takes its burst by the worker's CPU clock, handling included. An
+    /// answer without a burst takes the measured CPU time.
     fn costs(&self, spec: &Spec) -> Costs {
         let messages = self.ping.sent_high.saturating_add(self.ping.sent_low);
         let answer = |burn: Nanos, cpu: Nanos, answered: u64| {

@@ -26,7 +26,7 @@ const SILENCE: Nanos = 1_300 * MS;
 /// A part must have ended within this time after it was told to.
 const WIND_DOWN: Duration = Duration::from_secs(2);
 
-/// What to run.
+/// The plan of a run: load, windows and CPUs.
 #[derive(Debug, Clone)]
 pub(crate) struct Plan {
     /// The load.
@@ -37,11 +37,11 @@ pub(crate) struct Plan {
     pub continuous: bool,
     /// Refuses to run without real enforcement.
     pub strict: bool,
-    /// Who runs where.
+    /// The CPUs of the parts.
     pub cpus: Cpus,
 }
 
-/// What came out.
+/// The result of a run.
 #[derive(Debug, Clone)]
 pub(crate) struct Run {
     /// When load was offered.
@@ -56,7 +56,7 @@ pub(crate) struct Run {
     pub threads: Vec<ThreadRow>,
     /// Pong's statistics.
     pub end: PongEnd,
-    /// What the parts had to say.
+    /// Notes of the parts, each with the name of its part.
     pub notes: Vec<String>,
 }
 
@@ -156,7 +156,9 @@ pub(crate) fn run(
     })
 }
 
-/// What counts: as many windows as asked for may be offered again, and at least [`REPEATS`].
+/// The collector of the windows that count.
+///
+/// As many windows as asked for may be offered again, and at least [`REPEATS`].
 fn collector(plan: &Plan, grid: &Grid, mode: Mode) -> Collector {
     let repeats = if plan.continuous {
         0

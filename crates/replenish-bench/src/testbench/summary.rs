@@ -58,13 +58,13 @@ pub(crate) struct Summary {
     pub support_cpu_percent: f64,
     /// The enforcers' part of it.
     pub enforcer_cpu_percent: f64,
-    /// What the hypervisor took, in percent of the windows; each window's in steps of 10 ms.
+    /// CPU time that the hypervisor took, in percent of the windows; steps of 10 ms in each window.
     pub stolen_percent: f64,
-    /// What nobody used, in percent of the windows; each window's in steps of 10 ms.
+    /// Idle time of the CPU, in percent of the windows; steps of 10 ms in each window.
     pub idle_percent: f64,
     /// How far the measured answers of one topic in one window are from it, at worst.
     pub simulated_worst_difference: Option<u64>,
-    /// What neither worker nor dispatcher nor enforcer used, in percent of the windows.
+    /// CPU time that no worker, dispatcher or enforcer used, in percent of the windows.
     pub unused_cpu_percent: f64,
     /// Each window that counts, in order.
     pub per_window: Vec<PerWindow>,
@@ -87,7 +87,7 @@ pub(crate) struct PerWindow {
     pub low_answered: u64,
     /// Times the budget ran out.
     pub exhaustions: u64,
-    /// What the hypervisor took of the CPU, in steps of 10 ms.
+    /// CPU time that the hypervisor took, in steps of 10 ms.
     pub stolen_ms: f64,
     /// Why it should not count, if it does only because no repeats were left.
     pub disturbed: Option<Void>,
@@ -96,8 +96,10 @@ pub(crate) struct PerWindow {
 }
 
 impl Summary {
-    /// What neither the workers nor the executor's own threads used, the hypervisor did not take
-    /// and was not idle: interrupts and other programs, in percent of the windows.
+    /// CPU time of interrupts and other programs, in percent of the windows.
+    ///
+    /// The workers and the executor's own threads did not use that time, the hypervisor did not
+    /// take it, and the CPU was not idle.
     pub(crate) fn others_percent(&self) -> f64 {
         round((self.unused_cpu_percent - self.stolen_percent - self.idle_percent).max(0.0))
     }

@@ -26,9 +26,9 @@ pub(crate) const REPEATS: u64 = 20;
 /// Both accounts of one window.
 #[derive(Debug, Clone)]
 pub(crate) struct Window {
-    /// What pong measured.
+    /// Pong's account of the window.
     pub pong: PongWindow,
-    /// What ping measured.
+    /// Ping's account of the window.
     pub ping: PingWindow,
     /// Why it should not count, if it does only because no repeats were left.
     pub disturbed: Option<Void>,

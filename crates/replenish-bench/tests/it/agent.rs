@@ -208,7 +208,7 @@ fn a_serial_line_alone_is_served_and_opens_no_port() {
     assert!(agent.end(SOON).success());
 }
 
-/// What `--json` has of two clients that talk.
+/// The `--json` report of two clients that talk, checked.
 fn check_json(path: &Path) -> Value {
     let told = json(path);
     assert_eq!(list(&told, "clients").len(), 2, "{told:#}");

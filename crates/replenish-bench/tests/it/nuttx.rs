@@ -1,4 +1,4 @@
-//! What was measured on NuttX, on the board and under QEMU, against the emulation.
+//! Measurements on NuttX, on the board and under QEMU, against the emulation.
 
 use replenish_bench::nuttx::emulated::{Row, experiment_1, experiment_2, two_threads};
 use replenish_bench::nuttx::history::{Bugs, after_the_fixes, replay};

@@ -104,7 +104,7 @@ fn only_what_was_lost_is_sent_again() {
     for loss in [1, 10] {
         let outcome = run(3, steady(loss), load(20_000, 54, 600));
         let (resent, sent) = (outcome.stats.resent, outcome.stats.sent);
-        // What the link has lost includes heartbeats and retransmissions.
+        // Heartbeats and retransmissions are among the datagrams that the link has lost.
         assert!(resent <= outcome.datagrams_lost + sent / 100, "{outcome:?}");
     }
     let outcome = run(3, steady(0), load(20_000, 54, 600));

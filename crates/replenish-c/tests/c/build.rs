@@ -42,7 +42,7 @@ pub(crate) fn here(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
 }
 
-/// What to say if `tool` is not there.
+/// The message that `tool` is missing, if it is not there.
 pub(crate) fn missing(tool: &str) -> Option<String> {
     let there = Command::new(tool).arg("--version").output();
     let there = there.is_ok_and(|output| output.status.success());

@@ -70,7 +70,7 @@ fn the_interface_is_the_kept_one() {
 fn the_library_has_the_headers_symbols() {
     let library = std::env::current_exe().unwrap();
     let library = library.with_file_name("libreplenish_c.so");
-    // Who can link this test has it: it comes with the linker.
+    // A machine that can link this test has `nm`: it comes with the linker.
     let mut nm = Command::new("nm");
     let output = nm
         .args(["-D", "--defined-only"])

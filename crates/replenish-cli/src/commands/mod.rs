@@ -37,7 +37,7 @@ pub enum Command {
     /// Gives threads back what they had when its parent ends; started by `run` and `adopt`.
     #[command(hide = true)]
     Guardian(foreign::guardian::Args),
-    /// What this machine grants to real-time threads, with advice.
+    /// Show what this machine grants to real-time threads, with advice.
     Doctor(doctor::Args),
     /// Every program of this host with its workers: budgets, what they used, exhaustions.
     Top(top::Args),

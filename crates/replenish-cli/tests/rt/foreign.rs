@@ -183,7 +183,7 @@ fn a_killed_supervisor_leaves_nothing_behind() {
     assert!(fastest < Duration::from_millis(500), "{fastest:?}");
 }
 
-/// What a program starts while it is under a budget is put right as well.
+/// A child that a program under a budget starts gets back the program's policy as well.
 fn children_of_an_adopted_program_are_put_right() {
     let scratch = Scratch::new("adopt-children");
     let go = scratch.path("go");

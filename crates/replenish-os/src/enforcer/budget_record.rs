@@ -1,5 +1,7 @@
-//! What an enforcer records of a worker's budget. Whoever holds the enforcer's lock writes: its
-//! thread, the worker, or the watchdog; so there is one writer at a time.
+//! An enforcer's record of a worker's budget.
+//!
+//! The holder of the enforcer's lock writes: the enforcer's thread, the worker, or the watchdog. So
+//! there is one writer at a time.
 
 use super::config::AnyServer;
 use crate::backend::live::SharedMemory;

@@ -35,7 +35,7 @@ pub fn connect_tcp(addr: SocketAddr) -> io::Result<TcpStream> {
 /// own ways after a while: call this after each read. One system call, and a packet if one is due.
 ///
 /// # Errors
-/// What `setsockopt(2)` says.
+/// The errors of `setsockopt(2)`.
 pub fn acknowledge_at_once(stream: &TcpStream) -> io::Result<()> {
     Ok(sockopt::set_tcp_quickack(stream, true)?)
 }

@@ -26,7 +26,7 @@ pub(crate) fn is_child() -> bool {
 /// `sleepy` works for 2 ms of every 20.
 pub(crate) fn child() -> ! {
     let what = std::env::var(CHILD).unwrap();
-    // Whatever becomes of the trial, nothing of it stays.
+    // Nothing of the trial stays, however it ends.
     let parent = std::os::unix::process::parent_id();
     std::thread::spawn(move || {
         while std::os::unix::process::parent_id() == parent {

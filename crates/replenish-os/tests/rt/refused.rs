@@ -256,7 +256,7 @@ fn inherits() {
     clock::sleep_until(from + 24 * PERIOD);
     let (took, span) = (used() - before, clock::monotonic() - from);
     println!("{took} ns of {span}, {:?}", rig.enforcer.stats());
-    // What it uses while nobody waits is free: a tenth of a millisecond in each section.
+    // The worker's CPU time while nobody waits is free: a tenth of a millisecond in each section.
     let most = span / PERIOD * BUDGET + 2 * BUDGET + 2 * SECTION + span / 50;
     let waits = has_waited.try_iter().count();
     stop.store(true, Ordering::Relaxed);

@@ -284,9 +284,9 @@ fn a_stopped_worker_does_not_keep_the_heap() {
     thread.join().unwrap();
     let usage = meter.usage();
     assert!(worst < 20 * MS, "a free took {worst} ns");
-    // What it used in the library after its budget is paid for later; the last stretch of it is
-    // still owed. Each took up to 50 ms while a thread that runs was left alone for longer and
-    // longer. Unstopped it would be all of the time.
+    // The worker pays later for CPU time in the library after its budget; the last stretch of it is
+    // still owed. Each stretch took up to 50 ms while a thread that runs was left alone for longer
+    // and longer. An unstopped worker would use all of the time.
     let used = usage.cpu_high + usage.cpu_low;
     println!("{used} ns of {elapsed}, {usage:?}");
     assert!(used < elapsed / 10 + 50 * MS, "of {elapsed} ns: {usage:?}");

@@ -1,4 +1,4 @@
-//! Who may log in: keys, certificates, client keys, topics, and what a new list ends.
+//! Log-in of clients: keys, certificates, client keys, topics, and sessions that a new list ends.
 
 use crate::agent::{LIMIT, Secure, eventually, psk};
 use crate::raw::Raw;

@@ -30,7 +30,7 @@ pub struct AckPolicy {
 }
 
 impl AckPolicy {
-    /// Whatever has arrived is acknowledged at the next opportunity.
+    /// Each message is acknowledged at the next opportunity.
     pub const IMMEDIATE: AckPolicy = AckPolicy { every: 1, delay: 0 };
     /// One acknowledgement for eight messages or 5 ms, for slow links.
     pub const BATCHED: AckPolicy = AckPolicy {

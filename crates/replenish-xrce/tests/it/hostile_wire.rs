@@ -1,5 +1,6 @@
-//! Whatever bytes arrive, decoding ends with a value or an error, and what was decoded from
-//! anything can be encoded and decoded again to the same value.
+//! Decoding of any bytes ends with a value or an error.
+//!
+//! A value that was decoded from any bytes can be encoded, and decoded again to the same value.
 
 use std::sync::OnceLock;
 

@@ -1,6 +1,8 @@
-//! What fell on b209253 (A1 to A19), attacked from outside: a program by its path, over sockets,
-//! files and signals, with requests that b209253 and today's program understand. Each row begins
-//! with a control that both pass, so that a row that falls falls by its attack.
+//! The attacks that b209253 fell to (A1 to A19), from outside.
+//!
+//! The path of the attacked program is given. The attacks come over sockets, files and signals,
+//! with requests that b209253 and today's program understand. Each row begins with a control that
+//! both pass, so that a row that falls falls by its attack.
 //!
 //! ```sh
 //! test="cargo test -p replenish-bench --features dds --test it rows::"

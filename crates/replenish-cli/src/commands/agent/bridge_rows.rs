@@ -94,7 +94,7 @@ impl BridgeRow {
         format!("{topic}node {}, client {}", self.node, self.client)
     }
 
-    /// What has happened since `before`.
+    /// Messages for the user about the changes since `before`.
     fn news(&self, before: &Self) -> Vec<String> {
         let title = self.title();
         let mut news = Vec::new();

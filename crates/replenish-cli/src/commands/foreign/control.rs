@@ -61,7 +61,7 @@ impl Control {
         Ok(control)
     }
 
-    /// What it has, for the next question.
+    /// Sets the programs that the next question is answered with.
     pub(super) fn tell(&self, programs: Vec<Program>) {
         self.shared().programs = programs;
     }

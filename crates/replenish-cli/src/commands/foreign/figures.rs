@@ -12,7 +12,7 @@ const MOST_NAMES: usize = 256;
 /// Notes that are kept.
 const MOST_NOTES: usize = 16;
 
-/// What has happened since the start.
+/// Figures since the start: ended threads, notes, and threads that were displaced.
 #[derive(Debug)]
 pub(super) struct Figures {
     ended: BTreeMap<(String, BudgetId), ThreadRow>,

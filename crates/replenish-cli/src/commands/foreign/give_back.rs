@@ -7,11 +7,11 @@ use std::collections::BTreeMap;
 /// By number: when a thread or process began, and what it had.
 pub(super) type Held = BTreeMap<Tid, (u64, Original)>;
 
-/// What is to be given back.
+/// The threads and processes that get back their policy and CPUs.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Charge {
     pub(super) threads: Held,
-    /// What the first thread of each process had.
+    /// The original policy and CPUs of the first thread of each process.
     pub(super) processes: Held,
     /// Threads without a budget that are as they want to be, and when they began.
     pub(super) alone: BTreeMap<Tid, u64>,

@@ -1,4 +1,4 @@
-//! What the threads got: a table, and JSON.
+//! The figures of threads and budgets: a table, and JSON.
 
 use crate::outcome::Failure;
 use crate::report::files;

@@ -95,7 +95,7 @@ impl Rule {
     }
 }
 
-/// What becomes of a thread without budget: `idle`, `other`, or a FIFO priority.
+/// The policy of a thread without budget: `idle`, `other`, or a FIFO priority.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Background(pub(super) SchedClass);
 

@@ -52,7 +52,7 @@ struct Root {
 #[derive(Debug)]
 struct Process {
     root: Tid,
-    /// What its first thread had.
+    /// The original policy and CPUs of the process's first thread.
     first: Original,
 }
 

@@ -10,7 +10,7 @@ pub(super) struct Entry {
     pub(super) what: What,
 }
 
-/// What it shows.
+/// The content of an entry: the begin or end of a slice, a point, or a value of the budget.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum What {
     /// A slice begins; the flow that ends there.

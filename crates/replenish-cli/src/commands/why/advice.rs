@@ -103,7 +103,7 @@ impl Planner {
         })
     }
 
-    /// What to change, as a sentence; lines of the deployment file stand in back quotes.
+    /// The proposed change as a sentence; lines of the deployment file stand in back quotes.
     pub(super) fn change(
         &mut self,
         recorded: &Recorded,

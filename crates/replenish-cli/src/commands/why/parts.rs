@@ -63,7 +63,7 @@ pub(super) enum By {
     Unrecorded,
     /// Unknown whether the callback waited, or an unrecorded thread ran.
     Unknown,
-    /// Whatever came after this publication or mark.
+    /// An unknown party, after this publication or mark of the late callback.
     After(u32),
 }
 

@@ -52,7 +52,7 @@ fn at<T: Timed>(all: &[T], time: u64) -> Option<&T> {
     last.time().covers(time).then_some(last)
 }
 
-/// Those that have time in common with `whole`, of some in their order.
+/// The items of `all`, which are in order, that have time in common with `whole`.
 pub(super) fn within<T: Timed>(all: &[T], whole: Stretch) -> impl Iterator<Item = &T> {
     let n = all.partition_point(|one| one.time().to <= whole.from);
     let rest = all.iter().skip(n);

@@ -47,7 +47,7 @@ pub enum ForeignError {
     },
     /// No place is left.
     Full {
-        /// What there is no place for: threads, or budgets.
+        /// The kind that has no place left: threads, or budgets.
         what: &'static str,
         /// How many there can be.
         capacity: usize,
@@ -70,9 +70,9 @@ pub enum ForeignError {
     Refused {
         /// The thread.
         tid: Tid,
-        /// What was to be changed: its policy, its CPU.
+        /// The property that was to be changed: the policy, the CPU.
         what: &'static str,
-        /// What the kernel answered.
+        /// The kernel's error.
         source: io::Error,
     },
 }

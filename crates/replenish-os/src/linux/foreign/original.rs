@@ -1,4 +1,4 @@
-//! What a foreign thread had before it got a budget, and how it gets that back.
+//! Policy and CPUs of a foreign thread before it got a budget, and how it gets them back.
 
 use super::processes::start_of;
 use crate::Tid;
@@ -25,7 +25,7 @@ pub struct Original {
 }
 
 impl Original {
-    /// What thread `tid` has at this moment.
+    /// The policy and CPUs of thread `tid` at this moment.
     ///
     /// # Errors
     /// `ESRCH` if the thread has ended.
@@ -83,9 +83,11 @@ impl Original {
         self.priority
     }
 
-    /// What a thread that was found with this really had, if it began under an enforcer on `cpu` in
-    /// a program whose first thread had `first`. A thread inherits its creator's CPU, and the class
-    /// of the background: neither is its own.
+    /// The policy and CPUs without those that a thread inherited from an enforced creator.
+    ///
+    /// `self` was found at a thread that began under an enforcer on `cpu`, in a program whose first
+    /// thread had `first`. A thread inherits its creator's CPU, and the class of the background:
+    /// neither is its own.
     #[must_use]
     pub fn without_inheritance(self, cpu: usize, first: &Self) -> Self {
         let inherited = match i32::try_from(self.policy) {

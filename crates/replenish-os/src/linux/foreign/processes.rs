@@ -77,7 +77,7 @@ pub(super) fn is_zombie(tid: Tid) -> bool {
     Stat::of(tid).is_none_or(|stat| stat.is_over())
 }
 
-/// What is used of `/proc/PID/task/TID/stat`.
+/// The fields of `/proc/PID/task/TID/stat` that are used.
 pub(super) struct Stat {
     pub(super) state: char,
     pub(super) flags: u64,

@@ -120,7 +120,7 @@ impl ForeignThread {
         &self.name
     }
 
-    /// What it had when it was opened, and gets back.
+    /// The policy and CPUs that the thread had when it was opened, and gets back.
     #[must_use]
     pub fn original(&self) -> &Original {
         &self.original

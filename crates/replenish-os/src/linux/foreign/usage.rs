@@ -1,4 +1,4 @@
-//! What budgets and threads have used, for a reader.
+//! CPU time that budgets and threads have used, for a reader.
 
 use crate::{Level, Nanos, Tid};
 
@@ -44,7 +44,7 @@ pub struct ThreadUsage {
     pub background: Nanos,
 }
 
-/// What an [`Enforcer::inspect`](super::Enforcer::inspect) found.
+/// The findings of an [`Enforcer::inspect`](super::Enforcer::inspect).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Inspection {
     /// Threads that have ended since the last one, with their last figures.
