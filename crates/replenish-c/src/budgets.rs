@@ -208,8 +208,8 @@ impl Budgets {
 }
 
 impl Held {
-    /// Threads that have ended leave, and those that changed their policy get theirs again. What is
-    /// found of other budgets on the CPU is counted here.
+    /// Threads that have ended leave. Threads that changed their policy or CPU get theirs again, and
+    /// are counted.
     fn look_after(&self) {
         let found = self.enforcer.inspect();
         self.displaced.fetch_add(found.displaced, Ordering::Relaxed);

@@ -8,7 +8,7 @@ pub const LINE_WORDS: usize = 60;
 pub const LINE_TEXT: usize = (LINE_WORDS - 2) * 8;
 const DOTS: &str = "…";
 
-/// Everything of a line but its text. What the numbers mean is the user's.
+/// Everything of a line but its text. The user gives the numbers their meaning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LineHead {
     /// The wall clock in nanoseconds since 1970.

@@ -21,7 +21,7 @@
 //! [`action_msgs`], [`unique_identifier_msgs`].
 //! Other interfaces are generated from their `.msg`, `.srv` and `.action` files by
 //! `replenish-msg-gen`, and `replenish-interfaces` is the common ones; both build on [`wire`],
-//! [`view`] and [`structure`]. What is not here: XCDR2, `long double`.
+//! [`view`] and [`structure`]. XCDR2 and `long double` are missing.
 //!
 //! Bytes are the bare CDR payload, as DDS-XRCE carries it. DDS itself puts a 4-byte
 //! encapsulation header in front of the same bytes.

@@ -32,7 +32,7 @@ pub trait Message: Default + Send + 'static {
     ///
     /// # Errors
     /// [`CdrError::EndOfBuffer`] when `w` has no room; never so if it had
-    /// [`MAX_SIZE`](Self::MAX_SIZE) bytes. What was written before stays written.
+    /// [`MAX_SIZE`](Self::MAX_SIZE) bytes. Bytes written before stay written.
     fn encode(&self, w: &mut CdrWriter<'_>) -> Result<(), CdrError>;
 
     /// Replaces this value by the next message in `r`.

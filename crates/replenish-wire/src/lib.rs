@@ -1,7 +1,7 @@
 //! A bounds-checked cursor over received CDR, for the decoders of RTPS and of DDS-XRCE.
 //!
 //! Each protocol has an error of its own, which says the two things that a reader can find:
-//! [`ReadError`]. Whatever the bytes, nothing here panics.
+//! [`ReadError`]. No bytes make this crate panic.
 //!
 //! Messages of ROS 2 are read by `replenish-msg`, which decodes in place and names the place of an
 //! error.

@@ -10,8 +10,8 @@
 //!
 //! Only [`judge`](Reservation::judge) gives verdicts, and the thread itself never calls it: a
 //! thread that lowered itself could be preempted for good before it has set the timer that raises
-//! it again. What it does call ([`activate`](Reservation::activate),
-//! [`block`](Reservation::block)) at most asks for a check at once.
+//! it again. The calls of the thread ([`activate`](Reservation::activate),
+//! [`block`](Reservation::block)) at most ask for a check at once.
 //!
 //! ```text
 //!                      activate ──────────────► Runnable ─┐ judge: still funded

@@ -5,8 +5,8 @@ use replenish_xrce::Nanos;
 const SECOND: Nanos = 1_000_000_000;
 
 /// A token bucket in its time form: instead of tokens it keeps the time at which it would be full
-/// again (the generic cell rate algorithm of ITU-T I.371). What is larger than a second's worth
-/// goes when the bucket is full, and the next waits accordingly longer.
+/// again (the generic cell rate algorithm of ITU-T I.371). An amount above a second's worth goes
+/// when the bucket is full, and the next one waits accordingly longer.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RateLimiter {
     /// Units per second; at least 1.

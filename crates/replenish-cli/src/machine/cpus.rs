@@ -58,7 +58,7 @@ pub fn check(option: &str, cpu: Option<usize>) -> Result<(), Failure> {
     }
 }
 
-/// Reads a kernel CPU list: `0-3,5`. What cannot be read is left out.
+/// Reads a kernel CPU list: `0-3,5`. A part that cannot be read is left out.
 fn parse_list(list: &str) -> Vec<usize> {
     let mut cpus = Vec::new();
     for part in list.trim().split(',') {

@@ -1,6 +1,5 @@
 //! `memcpy` and its relatives, `memcmp`, `strlen` and the division of 64-bit numbers in 290 bytes,
-//! for Cortex-M3 and later, with feature `compact`. Those that Rust brings are unrolled and take
-//! 4.6 kB.
+//! for Cortex-M3 and later, with feature `compact`. Rust's own are unrolled and take 4.6 kB.
 //!
 //! Words are read and written where they lie: the processor does that at any address in memory
 //! (`UNALIGN_TRP` has to be off, as it is after reset).

@@ -5,8 +5,8 @@ use rustix::net::{RecvFlags, recv};
 use std::io;
 use std::os::fd::AsFd;
 
-/// Takes the next datagram that a connected socket has; its length. What does not fit into `into`
-/// is cut off. Waits if the socket is one that waits; signals end that.
+/// Takes the next datagram that a connected socket has; its length. Bytes that do not fit into
+/// `into` are cut off. Waits if the socket is one that waits; signals end that.
 ///
 /// # Errors
 /// `EAGAIN` if there is none and the socket does not wait, `EINTR`, and what `recv(2)` says of

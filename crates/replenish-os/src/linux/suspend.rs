@@ -5,7 +5,7 @@
 //! one of our locks, or everybody behind that lock would wait for a replenishment, inheritance or
 //! not: inside a critical section ([`PiMutex`](crate::PiMutex), and a group's callback is one) it
 //! goes on in the time-sharing class, at the priority of a waiter if there is one, and stops as it
-//! leaves the section. Whatever it uses until then is a debt of its budget.
+//! leaves the section. CPU time until then is a debt of the worker's budget.
 //!
 //! The C library has locks, too, and they inherit nothing: a thread that is interrupted in there
 //! (`malloc`, `printf`) goes on in the time-sharing class for another 20 us, and again. One that

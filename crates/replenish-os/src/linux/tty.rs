@@ -30,8 +30,8 @@ pub fn baud_rates() -> impl Iterator<Item = u32> {
 pub struct Tty(File);
 
 impl Tty {
-    /// Opens the terminal at `path`, which does not become the controlling one. What had arrived
-    /// before is dropped.
+    /// Opens the terminal at `path`, which does not become the controlling one. Bytes that
+    /// had arrived before are dropped.
     ///
     /// # Errors
     /// `InvalidInput` for a rate that is not among [`baud_rates`]; `ENOTTY` if `path` is not a

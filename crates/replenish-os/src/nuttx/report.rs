@@ -27,8 +27,8 @@ pub struct SystemInfo {
     pub time_bytes: u32,
     /// Resolution of the clock in nanoseconds; 1 for a clock of the image's.
     pub resolution: Nanos,
-    /// The system's tick in nanoseconds: waits end at its multiples, and so do budgets. What one
-    /// is overrun by is paid back by the next.
+    /// The system's tick in nanoseconds: waits end at its multiples, and so do budgets. The
+    /// next budget pays back the overrun of one.
     pub tick: Nanos,
     /// Whether CPU time and blocking are told by switch hooks. Always, but on a host.
     pub switch_hooks: bool,

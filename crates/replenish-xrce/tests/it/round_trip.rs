@@ -403,7 +403,7 @@ fn a_delivery_control_with_its_length() {
     assert_eq!(read.control.unwrap().max_samples, 8);
 }
 
-/// The same of ACKNACK and HEARTBEAT. What is five bytes long is never taken for it.
+/// The same of ACKNACK and HEARTBEAT. A bare body has five bytes and is never taken for that form.
 #[test]
 fn an_acknack_and_a_heartbeat_with_their_length() {
     for id in [SubmessageId::AckNack, SubmessageId::Heartbeat] {
