@@ -208,8 +208,8 @@ impl Budgets {
 }
 
 impl Held {
-    /// Threads that have ended leave. Threads that changed their policy or CPU get theirs again, and
-    /// are counted.
+    /// Threads that have ended leave. Threads that changed their policy or CPU get theirs again,
+    /// and are counted.
     fn look_after(&self) {
         let found = self.enforcer.inspect();
         self.displaced.fetch_add(found.displaced, Ordering::Relaxed);
