@@ -33,10 +33,10 @@ pub(crate) struct Client {
     notes: Notes,
 }
 
-/// What happened to a session besides samples.
+/// Events of a session other than samples.
 #[derive(Debug, Default)]
 struct Notes {
-    /// It has lost its agent.
+    /// The session has lost its agent.
     lost: bool,
     /// An object that the agent has refused.
     refused: Option<(ObjectId, Status)>,
@@ -259,7 +259,7 @@ impl Client {
         self.session.next_deadline()
     }
 
-    /// What to wait for.
+    /// The transport of the session, for a thread that waits for datagrams.
     pub(crate) fn transport(&self) -> &UdpTransport {
         &self.transport
     }

@@ -59,7 +59,7 @@ fn calm(witness: &Witness) {
 /// in ns.
 const LATE: u64 = 50_000_000;
 
-/// What may excuse a failure.
+/// A disturbance by the machine that may excuse a failure, as measured so far.
 struct Disturbance<'a> {
     /// The clause that names it in the log.
     said: &'static str,

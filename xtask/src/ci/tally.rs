@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-/// What a run of stages adds up.
+/// The sums of a run of stages: times, counts of tests, and names of failed tests.
 #[derive(Default)]
 pub(super) struct Tally {
     times: Vec<(Duration, String)>,

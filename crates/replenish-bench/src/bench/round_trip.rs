@@ -186,7 +186,7 @@ impl Path for ThroughAgent {
     }
 }
 
-/// What one path gave.
+/// Measurements of one path.
 #[derive(Debug, Default)]
 struct Record {
     times: Vec<i64>,
@@ -279,7 +279,7 @@ fn echo(policy: Policy, cpu: usize, ended: Arc<AtomicBool>) -> Result<Server, Fa
         while !ended.load(Ordering::Acquire) {
             let (len, from) = socket.recv_from(&mut buf).map_err(Failure::refused)?;
             let message = buf.get(..len).unwrap_or_default();
-            // Whoever is gone does not miss it.
+            // A client that has gone does not miss the answer.
             socket.send_to(message, from).ok();
         }
         Ok(())

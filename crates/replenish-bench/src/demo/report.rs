@@ -1,4 +1,4 @@
-//! What `demo` tells: JSON, tables, and the page that explains itself.
+//! The output of `demo`: JSON, tables, and the page that explains itself.
 
 use crate::load::spec::High;
 use crate::report::timeline;
@@ -45,7 +45,7 @@ pub(crate) fn json<'a>(plan: &Plan, run: &'a Run) -> DemoJson<'a> {
     }
 }
 
-/// What `kernel.sched_rt_runtime_us` keeps from the real-time threads of a CPU, in percent.
+/// Share of a CPU that `kernel.sched_rt_runtime_us` keeps from real-time threads, in percent.
 fn throttle_limit() -> Option<f64> {
     let period = replenish_cli::machine::facts::number("/proc/sys/kernel/sched_rt_period_us")?;
     let runtime = replenish_cli::machine::privilege()

@@ -10,8 +10,7 @@ pub(crate) enum Experiment {
     BudgetSweep(budget_sweep::Args),
     /// Experiment 2: the low worker sleeps; the high one uses what is left in the background.
     WorkConserving(work_conserving::Args),
-    /// What a neighbour, a runaway callback and a flood do to a control loop, without and with
-    /// budgets.
+    /// A control loop beside a neighbour, a runaway callback and a flood, without and with budgets.
     Isolation(isolation::Args),
     /// The paper's open question: its measurements on NuttX, replayed with and without two bugs.
     NuttxHistory(nuttx_history::Args),

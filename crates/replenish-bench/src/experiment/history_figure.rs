@@ -10,7 +10,7 @@ use replenish_cli::outcome::Failure;
 const SECOND: RGBColor = RGBColor(0x2f, 0x85, 0x5a);
 /// Names, colours and what they are, in the order of the columns of experiments 2 to 4.
 const THREADS: [(&str, RGBColor); 3] = [("S1", HIGH), ("S2", SECOND), ("FIFO", LOW)];
-/// What each experiment varies.
+/// The titles of the panels: the number of each experiment, and the variable.
 const TITLES: [&str; 4] = [
     "1: S1 varies, no S2",
     "2: S1 varies, S2 30 ms",

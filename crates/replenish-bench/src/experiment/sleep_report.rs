@@ -50,7 +50,7 @@ pub(crate) struct SleepPoint {
     high_answered: u64,
     low_answered: u64,
     expected_high: u64,
-    /// What the simulator gives for these windows.
+    /// Answers that the simulator gives for these windows.
     simulated_high_answered: Option<u64>,
     simulated_low_answered: Option<u64>,
     /// How far measured and simulated counts are apart, per window, for the topic that is worse.
@@ -70,7 +70,7 @@ pub(crate) struct SleepPoint {
     /// Interrupts and other programs.
     others_percent: f64,
     windows: u64,
-    /// What the simulator was told about this machine, measured in this run.
+    /// Costs of this machine, measured in this run, that the simulator was given.
     simulated_with_ns: Costs,
     windows_repeated: u64,
     windows_repeated_because: Repeated,

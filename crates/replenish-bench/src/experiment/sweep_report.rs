@@ -44,7 +44,7 @@ pub(crate) struct SweepPoint {
     low_answered: u64,
     expected_high: u64,
     expected_low: u64,
-    /// What the simulator gives for these windows.
+    /// Answers that the simulator gives for these windows.
     simulated_high_answered: Option<u64>,
     simulated_low_answered: Option<u64>,
     /// How far measured and simulated counts are apart, per window, for the topic that is worse.
@@ -62,7 +62,7 @@ pub(crate) struct SweepPoint {
     windows_repeated: u64,
     windows_repeated_because: Repeated,
     windows_disturbed: u64,
-    /// What the simulator was told about this machine, measured in this run.
+    /// Costs of this machine, measured in this run, that the simulator was given.
     simulated_with_ns: Costs,
     overrun_us: Overrun,
     per_window: Vec<PerWindow>,

@@ -1,7 +1,8 @@
-//! What the simulator says a window gives: the same load on the same budget servers, in virtual
-//! time. Of the machine it is told, as measured in the same run, when each message was taken
-//! ([`Arrivals`]) and what a message and an answer cost ([`Costs`]); nothing is fitted to the
-//! number of answers.
+//! The simulator's answers of a window: the same load on the same budget servers, in virtual time.
+//!
+//! The simulator is given two measurements of the machine from the same run: when each message was
+//! taken ([`Arrivals`]), and the costs of a message and an answer ([`Costs`]). Nothing is fitted to
+//! the number of answers.
 //!
 //! Arrivals are replayed, not drawn: when the low callback sleeps for nearly all of its time, it
 //! takes its turns in the some 50 us between two bursts of the high one, so that a message 20 us
@@ -14,7 +15,7 @@ use crate::paper::Point;
 use replenish_cli::outcome::Failure;
 use replenish_sim::{Platform, Releases};
 
-/// What this machine adds to the work that callbacks are asked to do, in ns of CPU time on average.
+/// CPU time that this machine adds to the work of callbacks, in ns on average.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Costs {
     /// Dispatcher and enforcer, per message.
@@ -54,10 +55,10 @@ impl Arrivals {
     }
 }
 
-/// What the simulator is told about the machine.
+/// Measurements of the machine that the simulator is given.
 #[derive(Debug, Clone)]
 pub(crate) struct Measured<'a> {
-    /// What things cost.
+    /// The costs of messages and answers.
     pub costs: Costs,
     /// When the messages came: of topic high, of topic low.
     pub arrivals: [&'a Arrivals; 2],

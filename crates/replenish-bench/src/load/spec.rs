@@ -1,4 +1,4 @@
-//! What one run offers: budget, priorities, and how the callbacks behave.
+//! The load of one run: budget, priorities, and behaviour of the callbacks.
 
 use super::{MS, Nanos};
 
@@ -95,8 +95,9 @@ impl Spec {
         }
     }
 
-    /// What a callback has to burn so that an answer takes `cpu` all in all: receiving, decoding
-    /// and sending are part of it, and 1 % of the burst is left for them.
+    /// CPU time that a callback has to burn so that an answer takes `cpu` all in all.
+    ///
+    /// 1 % of the burst is left for receiving, decoding and sending.
     pub(crate) fn net(&self, cpu: Nanos) -> Nanos {
         cpu.saturating_sub(self.burst / 100)
     }

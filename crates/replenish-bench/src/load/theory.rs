@@ -1,4 +1,4 @@
-//! What a window must give if budgets hold exactly and nothing else needs the CPU.
+//! Answers that a window must give if budgets hold exactly and nothing else needs the CPU.
 //!
 //! With a backlog on both topics a window of `n` periods gives the high worker `n · B` at its
 //! high priority; the low worker has what is left; if that is more than it asks for, the high

@@ -27,7 +27,7 @@ pub enum Direction {
     Back,
 }
 
-/// What becomes of a datagram: the delay of each copy that arrives.
+/// The fate of a datagram: the delay of each copy that arrives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fate {
     /// Of the datagram; `None` if it is lost.
@@ -57,7 +57,7 @@ impl Random {
 }
 
 impl Link {
-    /// What becomes of datagram `number` of `direction`.
+    /// The fate of datagram `number` of `direction`, always the same for one `seed`.
     #[must_use]
     pub fn fate(&self, seed: u64, direction: Direction, number: u64) -> Fate {
         let way = match direction {
@@ -85,7 +85,7 @@ impl Link {
 /// Arrival, then order of sending, then where to and what.
 type Flight = Reverse<(Nanos, u64, Direction, Vec<u8>)>;
 
-/// What is under way on a link.
+/// The datagrams under way on a link, and counts of the others.
 #[derive(Debug)]
 pub(super) struct Air {
     link: Link,

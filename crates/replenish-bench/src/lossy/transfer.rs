@@ -17,7 +17,7 @@ const WINDOW: usize = 16;
 const IN_FLIGHT: usize = 32;
 const LONGEST: usize = 65_528;
 
-/// What is sent.
+/// The samples to send: number and sizes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Load {
     /// How many samples.
@@ -62,7 +62,7 @@ pub enum Repair {
     GoBackN,
 }
 
-/// What a run gave.
+/// The outcome of a run: counts, duration, and a digest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outcome {
     /// Samples written.
@@ -73,7 +73,7 @@ pub struct Outcome {
     pub duplicated: u64,
     /// Samples that did not arrive, or not unharmed.
     pub lost: u64,
-    /// What the sender has counted.
+    /// The counters of the sender.
     pub stats: OutputStats,
     /// Datagrams of the sender, heartbeats included, that the link has lost.
     pub datagrams_lost: u64,
@@ -251,7 +251,7 @@ impl Run {
         }
     }
 
-    /// What a go-back-N sender sends again: everything, if the first gap is certain to be one.
+    /// The repairs of a go-back-N sender: everything, if the first gap is certain to be one.
     fn everything(&self, first_unacked: SeqNum, missing: u16) -> u16 {
         let gap = u16::try_from(missing.trailing_zeros()).unwrap_or(0);
         let sent_at = self.sent_at.get(in_flight(first_unacked.plus(gap)));

@@ -16,9 +16,9 @@
 //!   sees the other. Only those can open it who may write to the directory.
 //! - Every file is new when it is written, and no link is followed: nobody's file outside of the
 //!   directory is touched.
-//! - Who may write to the directory may reserve. An entry that makes no sense is left out, with a
-//!   warning that names the file: it could only have been written by somebody with that right, and
-//!   must not keep the others from starting. [`Ledger::strict`] makes it an error.
+//! - An account that may write to the directory may reserve. An entry that makes no sense is left
+//!   out, with a warning that names the file: only somebody with that right can have written the
+//!   entry, and it must not keep the others from starting. [`Ledger::strict`] makes it an error.
 //! - Sizes are bounded: 1024 live entries of 256 KiB and 1024 threads each.
 //!
 //! Locks do not reach across hosts, nor does the directory have to outlive a reboot.

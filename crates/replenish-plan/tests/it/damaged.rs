@@ -102,7 +102,7 @@ fn damage_is_an_error_or_a_plan() {
                 planned += 1;
                 let system = file.system(&plan);
                 system.check().unwrap_or_else(|e| panic!("{e}\n{text}"));
-                // What is released a million times a second makes a long run: a few of them do.
+                // A worker with a million releases a second makes a long run: a few such runs do.
                 if seed % 20 == 0 && !text.contains("kHz") && !text.contains("1 ns") {
                     simulate(&system, &Options::until(200_000_000)).unwrap();
                 }

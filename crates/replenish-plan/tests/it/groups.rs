@@ -90,7 +90,7 @@ fn the_bound_of_a_guarantee_counts_the_longest_callback_of_its_group() {
     );
 }
 
-/// Whoever inherits a priority delays all below it, members of the group or not.
+/// A worker that inherits a priority delays all below it, members of the group or not.
 #[test]
 fn a_holder_delays_those_between_it_and_the_one_that_waits_for_it() {
     let between = Worker::guaranteed("between", Guarantee::at(50.0).taking(ms(2)));
@@ -163,7 +163,7 @@ fn whoever_shares_a_group_shares_a_cpu() {
     assert!(said.contains("SCHED_DEADLINE"), "{said}");
 }
 
-/// What one program's workers wait for each other counts when the next program is planned.
+/// Waits among the workers of one program count when the next program is planned.
 #[test]
 fn the_next_program_finds_the_groups_of_the_first() {
     let directory = std::env::temp_dir().join(format!("replenish-groups-{}", std::process::id()));

@@ -154,9 +154,9 @@ fn files_that_make_no_sense_are_named_and_left_out() {
     let dir = Dir::new("garbage");
     let ledger = Ledger::open(&dir.0).unwrap();
     let path = |name: &str| dir.0.join(name);
-    // What a dead owner left: removed, whatever it holds.
+    // The entry of a dead owner: removed, whatever it holds.
     fs::write(path("dead.entry"), "garbage").unwrap();
-    // What a program keeps locked as its own.
+    // Files that a program keeps locked as its own.
     let locked = |name: &str, text: &[u8]| {
         fs::write(path(name), text).unwrap();
         let file = File::options().write(true).open(path(name)).unwrap();

@@ -174,8 +174,10 @@ fn an_account_that_may_not_reserve_sees_what_is_reserved() {
     assert_eq!(ledger.view().unwrap().entries.len(), 1);
 }
 
-/// Whatever another account or this one waits for or holds: with b209253 one that waited for the
-/// owner's lock got it when the owner died, and 60 % stayed reserved.
+/// Locks that this or another account holds or waits for keep no reservation of the dead.
+///
+/// With b209253 a program that waited for the owner's lock got the lock when the owner died, and
+/// 60 % stayed reserved.
 #[test]
 fn the_reservations_of_the_dead_are_gone_whoever_waits() {
     let dir = Dir::new("waiters");

@@ -4,7 +4,7 @@
 use replenish_plan::{ExecutorRequest, Guarantee, Machine, Refusal, Request, Worker, plan};
 use std::time::{Duration, Instant};
 
-/// What the workers ask for.
+/// The form of the guarantee that the workers ask for.
 #[derive(Debug, Clone, Copy)]
 enum Kind {
     /// An amount per period.

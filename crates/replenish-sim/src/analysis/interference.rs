@@ -1,4 +1,4 @@
-//! Who delays a thread at a priority, and by how much in a window of a given length.
+//! The threads that delay a thread at a priority, and their delay in a window of a given length.
 
 use super::{Costs, Scheduling, Task};
 use crate::Nanos;
@@ -24,12 +24,12 @@ pub(super) struct Interference {
     switches: u64,
     /// The share of the CPU that it takes in the long run.
     rate: f64,
-    /// What jitter brings forward, on average.
+    /// CPU time of others that jitter brings forward, on average, in ns.
     early: f64,
 }
 
 impl Interference {
-    /// What delays `tasks[index]` at its own priority; `None`: somebody can do so without limit.
+    /// The delay of `tasks[index]` at its own priority; `None` if the delay has no limit.
     ///
     /// - Equal priorities count as higher ones.
     /// - A FIFO thread of higher priority: its jobs, with their switches to it and back (BTW95). If

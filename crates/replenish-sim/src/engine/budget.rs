@@ -101,7 +101,7 @@ impl Sim<'_> {
         }
     }
 
-    /// What a thread at the high level may still consume, if a kernel watches it.
+    /// CPU time that a thread at the high level may still consume, if a kernel watches the budget.
     fn funds(&self, id: usize) -> Option<Nanos> {
         let state = &self.states[id];
         let budget = state.budget.as_ref()?;

@@ -105,8 +105,8 @@ impl<'a> Sim<'a> {
 
     fn run(&mut self) -> Result<(), SimError> {
         loop {
-            // What ends now has ended, and who has used up its budget is judged, before a timer of
-            // now can come between.
+            // Jobs that end now have ended, and threads that have used up their budgets are
+            // judged, before a timer of now can come between.
             if self.cpus.iter().any(|cpu| self.has_ended(cpu).is_some()) {
                 self.settle()?;
             }

@@ -1,4 +1,4 @@
-//! What recording adds to a message: two executors that differ in that alone, in turns.
+//! Cost of recording per message: two executors that differ in recording alone, in turns.
 
 use super::awake::Awake;
 use super::ours::Ours;

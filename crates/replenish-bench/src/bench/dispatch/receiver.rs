@@ -6,7 +6,7 @@ use replenish_cli::outcome::{Failure, Outcome};
 use replenish_os::clock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// What all windows of a run have in common, and how many they are.
+/// Settings that all windows of a run have in common, and the number of windows.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Setting {
     pub(super) rate: u64,
@@ -16,7 +16,7 @@ pub(super) struct Setting {
     pub(super) awake: bool,
 }
 
-/// What was received in a window: written by the receiver, read when it is over.
+/// Messages received in a window: noted by the receiver, read when the window is over.
 #[derive(Debug)]
 pub(super) struct Received {
     times: Box<[AtomicU64]>,
@@ -57,7 +57,7 @@ pub(super) trait Receiver {
     /// Sends message `n`; what it carries is the time before its sending.
     fn send(&mut self, n: u64) -> Outcome;
 
-    /// What has come.
+    /// The messages that have come, and the time that each took.
     fn received(&self) -> &Received;
 
     /// CPU time and voluntary context switches of its threads so far.

@@ -6,7 +6,7 @@ use replenish_cli::threads::all;
 use replenish_os::Tid;
 use replenish_os::clock::ThreadCpuClock;
 
-/// What threads have used.
+/// CPU time of threads, and how often the threads blocked.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Used {
     /// CPU time.
@@ -42,7 +42,7 @@ pub(super) fn known(names: &[&str]) -> Vec<Tid> {
     names.iter().flat_map(|name| all(name)).collect()
 }
 
-/// What they have used together.
+/// The sum over all `threads`, by the accounts of the kernel.
 pub(super) fn used(threads: &[Tid]) -> Result<Used, Failure> {
     let mut sum = Used::default();
     for tid in threads {

@@ -27,7 +27,7 @@ pub(super) struct Window {
     pub sent: u64,
     /// How long each took that came.
     pub times: Vec<i64>,
-    /// What the receiving threads used.
+    /// CPU time and context switches of the receiving threads.
     pub used: Used,
 }
 

@@ -23,7 +23,7 @@ use replenish_os::{ThreadSpec, clock, spawn};
 
 /// The period of every budget.
 const PERIOD: Nanos = 100 * MS;
-/// What the budgets sum up to, per period.
+/// The sum of all budgets, per period.
 const TOTAL: Nanos = 80 * MS;
 
 /// Options of `bench enforcement`.

@@ -19,7 +19,7 @@ pub(super) struct Spinners {
     meters: Vec<Meter>,
 }
 
-/// What one run measured.
+/// Measurements of one run.
 #[derive(Debug, Default)]
 pub(super) struct Measured {
     /// CPU time beyond the budget per exhaustion, in nanoseconds.
@@ -117,7 +117,7 @@ impl Spinners {
             high: vec![0; self.meters.len()],
             ..Measured::default()
         };
-        // What a worker uses on its way into the wait is charged to the window after it.
+        // CPU time of a worker on its way into the wait is charged to the next window.
         let mut at_last_end = None;
         for Window { start, end } in schedule.windows() {
             if stop.is_triggered() {

@@ -22,14 +22,14 @@ const TICKS: f64 = 100.0;
 pub(super) struct AgentProcess {
     child: Child,
     address: SocketAddr,
-    /// What it says when it ends.
+    /// The file that the agent writes when it ends.
     json: PathBuf,
     samples: Vec<Sample>,
     /// Keeps its events from being refused.
     _news: Receiver<News>,
 }
 
-/// What the kernel knows about it at one time.
+/// The accounts of the kernel about the agent at one time.
 #[derive(Debug, Clone, Copy)]
 struct Sample {
     at: Nanos,
@@ -40,14 +40,14 @@ struct Sample {
     waited: [Nanos; 3],
 }
 
-/// What became of it.
+/// Measurements of an agent that has ended.
 #[derive(Debug)]
 pub(super) struct Seen {
-    /// Its own counters.
+    /// The counters of the agent itself.
     pub(super) counters: serde_json::Value,
     /// Resident bytes after ten seconds, or as near to that as there is, and at the end.
     pub(super) resident: (u64, u64),
-    /// CPUs it kept busy.
+    /// CPUs that the agent kept busy.
     pub(super) cpus: f64,
     /// The cause of the tail, in ns: how long the agent and the clients were ready and had no CPU,
     /// and what the hypervisor kept of all CPUs.

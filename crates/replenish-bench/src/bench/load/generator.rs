@@ -28,7 +28,7 @@ const BATCH: usize = 32;
 /// counts as lost is not a moment in which the machine did something else.
 pub(super) const DEPTH: u16 = 1000;
 
-/// What is offered.
+/// The load that the clients offer.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Load {
     pub(super) clients: u16,
@@ -47,7 +47,7 @@ impl Load {
     }
 }
 
-/// What was counted.
+/// Counts of samples and messages, of one thread's clients or of all.
 #[derive(Debug, Default)]
 pub(super) struct Tally {
     pub(super) sent: u64,
@@ -294,7 +294,7 @@ impl Member {
                 *written += 1;
                 tally.sent += 1;
             }
-            // What had to wait goes on when an acknowledgement comes, which wakes the thread.
+            // A blocked write goes on when an acknowledgement comes, which wakes the thread.
             if *written < load.samples && at(*written) > now {
                 next = next.into_iter().chain([at(*written)]).min();
             }

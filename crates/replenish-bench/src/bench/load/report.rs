@@ -1,4 +1,4 @@
-//! What `bench load` says: a table, the JSON, and whether it held.
+//! The report of `bench load`: a table, the JSON, and the verdict.
 
 use super::agent::Seen;
 use super::generator::{Load, Tally};

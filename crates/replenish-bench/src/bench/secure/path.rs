@@ -130,7 +130,7 @@ impl Path {
         self.drive(clock::monotonic() + MS, &mut |_| ())
     }
 
-    /// What a dispatcher does, once.
+    /// One turn of a dispatcher: waits until `until` at most, then takes the samples.
     fn drive(&mut self, until: Nanos, got: &mut dyn FnMut(&[u8])) -> Result<(), Failure> {
         let waited = self.session.wait(&self.interest, Some(until));
         waited.map_err(Failure::refused)?;

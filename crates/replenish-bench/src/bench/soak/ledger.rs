@@ -1,4 +1,4 @@
-//! What was acknowledged and what has arrived, and the soak's verdict.
+//! The samples that were acknowledged or have arrived, and the soak's verdict.
 
 use std::ops::Range;
 use std::time::{Duration, Instant};

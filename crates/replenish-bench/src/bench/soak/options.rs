@@ -43,7 +43,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     pub(super) json: JsonOption,
 
-    /// What this process is, if it is one of the soak's own.
+    /// The part of the soak that this process plays, if the soak started the process.
     #[arg(long, hide = true, requires = "at")]
     pub(super) part: Option<Part>,
 

@@ -159,7 +159,7 @@ impl World {
         })
     }
 
-    /// What the last publisher knows.
+    /// Enters the acknowledgements that the last publisher knows of.
     pub(super) fn end(&mut self) {
         let (_, acknowledged) = self.said();
         guard(&self.ledger).acknowledge(self.first..acknowledged.max(self.first));

@@ -201,7 +201,7 @@ impl Reader {
         }
     }
 
-    /// What has been read.
+    /// The timeline, with early readings added to their pieces and standstills merged.
     pub(super) fn finish(mut self) -> Timeline {
         for (at, thread, cpu) in std::mem::take(&mut self.early) {
             if let Some(piece) = self.last_piece(at, thread) {

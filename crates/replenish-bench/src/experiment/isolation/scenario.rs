@@ -38,7 +38,7 @@ pub(super) const CALM: Nanos = 100 * MS;
 /// From the epoch to the end.
 pub(super) const WINDOW: Nanos = 500 * MS;
 
-/// What goes wrong.
+/// The disturbance of the control loop in one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Disturbance {
     /// Nothing: the three workers as they are meant to be.
@@ -81,7 +81,7 @@ impl Disturbance {
     }
 }
 
-/// What one release of the control loop came to. Times in ns.
+/// The response to one release of the control loop. Times in ns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Response {
     /// Its release, counted from the epoch.
@@ -98,17 +98,17 @@ pub(super) struct Window {
     pub(super) responses: Vec<Response>,
     /// The longest time that the machine stood still for the probe.
     pub(super) stall: Nanos,
-    /// What the hypervisor says it took of the CPU meanwhile, in steps of 10 ms.
+    /// CPU time that the hypervisor says it took meanwhile, in steps of 10 ms.
     pub(super) stolen: Nanos,
     /// Messages that the sender offered.
     pub(super) sent: u64,
     /// Whether budgets were held at callback boundaries only.
     pub(super) deferred: bool,
-    /// What the executor could not get.
+    /// Requests of the executor that the machine did not grant.
     pub(super) fallbacks: Vec<String>,
 }
 
-/// What the callbacks share.
+/// State that the callbacks share.
 struct Shared {
     disturbance: Disturbance,
     /// When the disturbance begins; `MAX` until known.

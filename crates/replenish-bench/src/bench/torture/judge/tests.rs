@@ -243,7 +243,7 @@ fn a_machine_that_stands_still_is_no_violation() {
     assert!(idle.beyond() > 0, "while the thread waited: {idle:?}");
 }
 
-/// What becomes due while the machine stands still comes when it goes on: no window begins there.
+/// Events that fall due during a standstill come after the standstill: no window begins there.
 #[test]
 fn no_window_begins_as_the_machine_goes_on() {
     let mut late = evidence(&[(50, 0, 10), (50, 195, 205), (50, 205, 215)], 400);

@@ -94,7 +94,7 @@ impl View<'_> {
                 && !p.withheld
                 && p.to > p.from
                 && !self.settles(p.to)
-                // What was due while the machine stood still is still to come.
+                // An event that fell due while the machine stood still is yet to come.
                 && timeline.stood_still(p.to.saturating_sub(LATE), p.to) == 0
             {
                 anchor = Some(p.to);
