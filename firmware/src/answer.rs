@@ -10,7 +10,7 @@ use replenish::msg::std_msgs::Int32;
 use replenish_os::freertos::AtomicU64;
 use replenish_os::{Notify, clock};
 
-/// What all workers and the main task share.
+/// The begin of the run, shared by all workers and the main task.
 #[derive(Debug, Default)]
 pub struct Scene {
     /// When the first message of the run reached a callback, in ns; 0: none has.
@@ -19,7 +19,7 @@ pub struct Scene {
     pub begin: Notify,
 }
 
-/// What a worker has done.
+/// Counts of a worker's answers.
 #[derive(Debug, Default)]
 pub struct Count {
     /// Answers published.
@@ -36,9 +36,9 @@ pub struct Count {
 pub struct Answer {
     /// Which worker.
     pub worker: Worker,
-    /// What others see of it.
+    /// The worker's counts, which other tasks read.
     pub count: Arc<Count>,
-    /// What it shares.
+    /// The begin of the run, shared with the other workers.
     pub scene: Arc<Scene>,
     /// Its topic.
     pub pong: Arc<Publisher<Int32>>,
@@ -46,9 +46,9 @@ pub struct Answer {
     pub burst: Burst,
     /// CPU time of an answer, in ns.
     pub cpu: u64,
-    /// What it sleeps after that, in ns.
+    /// Sleep of an answer after its CPU time, in ns.
     pub sleep: u64,
-    /// What the worker's CPU clock is to say when the answer that is worked on is done.
+    /// Reading of the worker's CPU clock at which the present answer is done.
     pub target: Option<u64>,
 }
 

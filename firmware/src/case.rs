@@ -45,7 +45,7 @@ pub struct Case {
 /// Reads a case.
 ///
 /// # Errors
-/// What was not understood.
+/// A sentence on the part that is missing or wrong.
 pub fn read(text: &str) -> Result<Case, &'static str> {
     let mut words = text.split_ascii_whitespace().skip(1);
     let length = words.next().and_then(|w| w.parse::<u64>().ok());

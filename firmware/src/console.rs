@@ -60,7 +60,7 @@ fn call(operation: usize, argument: usize) -> usize {
     result
 }
 
-/// What the host gave the image as its command line, up to the size of `buffer`.
+/// The command line that the host gave the image, up to the size of `buffer`.
 pub fn command_line(buffer: &mut [u8]) -> &str {
     let mut block = [buffer.as_mut_ptr() as usize, buffer.len()];
     if call(0x15, block.as_mut_ptr() as usize) != 0 {

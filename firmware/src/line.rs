@@ -1,5 +1,7 @@
-//! What QEMU's USART lacks: a line that takes time, disturbs bytes if it is told to, and a host
-//! that is neither faster nor slower than the board.
+//! The line and the host that QEMU's USART lacks.
+//!
+//! The line takes time and disturbs bytes on demand. The host is neither faster nor slower than the
+//! board.
 //!
 //! ```text
 //!   host ─► USART ─► INCOMING ──┐ one byte per byte time (TIM3) ┌──► RX ring
@@ -46,12 +48,12 @@ static PASSED: AtomicU32 = AtomicU32::new(0);
 static DAMAGED: AtomicU32 = AtomicU32::new(0);
 /// Samples that the host owes; 0: nothing is expected.
 static EXPECTED: AtomicU32 = AtomicU32::new(0);
-/// What must have left before: bytes of the TX ring, modulo 2^32.
+/// Output that must have left before the clock stands still: bytes of the TX ring, modulo 2^32.
 static AFTER: AtomicU32 = AtomicU32::new(0);
 static SAMPLES: AtomicU32 = AtomicU32::new(0);
 static UNANSWERED: AtomicU32 = AtomicU32::new(0);
 
-/// What interrupts share; all of them have the same priority.
+/// State that the interrupts share; all of them have the same priority.
 struct Shared(UnsafeCell<State>);
 
 struct State {
@@ -70,7 +72,7 @@ static STATE: Shared = Shared(UnsafeCell::new(State {
     fresh: false,
 }));
 
-/// What the line has done to the traffic.
+/// Counts of the damage to the traffic, and of the host's missing answers.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Counts {
     /// Bytes that lost a bit on purpose.
@@ -79,7 +81,7 @@ pub struct Counts {
     pub unanswered: u32,
 }
 
-/// What was counted so far.
+/// The counts so far.
 pub fn counts() -> Counts {
     Counts {
         damaged: DAMAGED.load(Ordering::Relaxed),
@@ -208,7 +210,7 @@ fn await_host(frames: &mut Frames, elapsed: &dyn Fn() -> u64) {
     usart2::listen(true);
 }
 
-/// What becomes of a byte on the line.
+/// The byte as it leaves the line: with the noise, one of its bits may be flipped.
 fn passed(byte: u8) -> u8 {
     let n = PASSED.load(Ordering::Relaxed).wrapping_add(1);
     PASSED.store(n, Ordering::Relaxed);

@@ -4,7 +4,7 @@
 use crate::case::{self, Case};
 use alloc::string::String;
 
-/// What a run is to be.
+/// The settings of a run.
 #[derive(Debug)]
 pub struct Options {
     /// Length and workers.
@@ -29,7 +29,7 @@ pub struct Options {
 /// Reads them.
 ///
 /// # Errors
-/// What was not understood.
+/// A sentence on the part that is missing or wrong.
 pub fn read(text: &str) -> Result<Options, &'static str> {
     let mut options = Options {
         case: Case {

@@ -9,7 +9,7 @@ use replenish_os::Notify;
 #[derive(Clone, Debug)]
 pub struct SharedPort(Arc<PortTransport<Usart2>>);
 
-/// What became of the frames that were received.
+/// Counts of the frames that were received.
 #[derive(Clone, Copy, Debug)]
 pub struct Frames {
     /// Whole and right.
@@ -24,7 +24,7 @@ impl SharedPort {
         Self(Arc::new(PortTransport::new(port, mtu)))
     }
 
-    /// What was counted so far.
+    /// The counts so far.
     pub fn stats(&self) -> Frames {
         let stats = self.0.stats();
         Frames {

@@ -13,8 +13,10 @@ use core::ptr;
 use core::sync::atomic::{AtomicPtr, Ordering};
 use replenish_os::freertos::AtomicU64;
 
-/// What the timers are clocked with: QEMU's model of this chip says 1 GHz, and cannot be told
-/// otherwise; a real board at 168 MHz has twice its APB1 clock.
+/// Clock of the timers, in Hz.
+///
+/// QEMU's model of this chip has 1 GHz, which cannot be changed. A real board at 168 MHz has twice
+/// its APB1 clock.
 const TIMER_HZ: u32 = if cfg!(feature = "hardware") {
     84_000_000
 } else {
@@ -52,15 +54,15 @@ pub fn start() {
     enable_interrupt(IRQ_TIM5);
 }
 
-/// What the alarm is set to.
+/// The time that the alarm is set to.
 static ARMED: AtomicU64 = AtomicU64::new(u64::MAX);
 
-/// What makes a time of TIM2's count.
+/// The terms that turn TIM2's count into a time.
 struct Reckoning {
     /// The time at count 0, in ns, modulo 2^64: grows with each overflow, and shrinks by what the
     /// clock stood still.
     base: u64,
-    /// What the clock says while it stands still, in ns; 0: it runs.
+    /// The time that the clock gives while it stands still, in ns; 0: it runs.
     stands: u64,
     /// The count when it was read last.
     last: u32,
@@ -72,8 +74,9 @@ static RECKONING: Held = Held(UnsafeCell::new(Reckoning {
     last: 0,
 }));
 
-/// What is reached with all interrupts masked only: every switch reads it, and a mask of its own
-/// would cost as much as the clock.
+/// State that is reached with all interrupts masked only.
+///
+/// Every switch reads it, and a mask of its own would cost as much as the clock.
 struct Held(UnsafeCell<Reckoning>);
 
 // SAFETY: one core, and nothing interrupts who reaches it.

@@ -96,13 +96,13 @@ fuzz_target!(|bytes: &[u8]| {
         };
         world.stranger.take(&mut interest, &mut sink).unwrap();
         assert!(answers <= 1);
-        // Whatever was asked for, the declared ones keep their types and ranges.
+        // The declared parameters keep their types and ranges under any request.
         let gain: i64 = world.parameters.get("gain.p").unwrap();
         assert!([-3, 0, 3, 6, 7].contains(&gain));
         let d: f64 = world.parameters.get("gain.d").unwrap();
         assert!((0.0..=1.0).contains(&d));
         world.parameters.get::<String>("name").unwrap();
-        // Those that were set without being declared go again: inputs know nothing of each other.
+        // Undeclared parameters that were set go again: inputs know nothing of each other.
         if bytes.len().is_multiple_of(16) {
             *world = self::world();
         }

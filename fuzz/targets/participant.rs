@@ -101,7 +101,7 @@ fuzz_target!(|bytes: &[u8]| {
             }
             3 => now += Nanos::from(how) * MS,
             4 => now += Nanos::from(how) * Nanos::from(how) * MS,
-            // What was held back comes late, and once more.
+            // Datagrams that were held back come late, the newest first.
             5 => {
                 for old in held.iter().rev().take(how.into()) {
                     let _ = one.participant.receive(old, now);

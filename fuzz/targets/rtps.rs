@@ -16,7 +16,7 @@ fuzz_target!(|bytes: &[u8]| {
         let Ok(mut m) = MessageWriter::new(&mut buf, message.prefix) else {
             return;
         };
-        // What was understood can be written, and is then understood in the same way.
+        // A submessage that was understood can be written, and is then understood in the same way.
         let written = match part {
             Submessage::AckNack(body) => m.acknack(&body),
             Submessage::Heartbeat(body) => m.heartbeat(&body),

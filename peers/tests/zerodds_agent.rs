@@ -29,7 +29,7 @@ fn echo(key: u8, reliable: bool) {
         }
     };
     until("the session", &mut ours, &Ours::is_up);
-    // Whatever matches its readers and writers takes a while.
+    // The foreign agent takes a while to match its readers and writers.
     std::thread::sleep(Duration::from_millis(500));
     for number in 0..100_usize {
         ours.write(&[number as u8; 40], reliable);

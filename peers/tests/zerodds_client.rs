@@ -82,7 +82,7 @@ fn best_effort() {
     theirs_to_theirs(false);
 }
 
-/// What `Theirs` puts right is needed: as it comes from them, the first sample is the only one.
+/// The correction in `Theirs` is needed: without it the first sample is the only one.
 #[test]
 fn best_effort_as_they_number_it() {
     let agent = agent();
@@ -92,7 +92,7 @@ fn best_effort_as_they_number_it() {
     for number in 0..5 {
         client.write(&sample(number), false);
     }
-    // What is reliable comes after it, and gets through.
+    // A reliable sample comes after the first one, and gets through.
     client.write(b"last", true);
     until("the last sample", || {
         client.turn();

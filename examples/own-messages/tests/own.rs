@@ -1,4 +1,4 @@
-//! What the generator made of `robot_msgs`.
+//! The code that the generator made of `robot_msgs`.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

@@ -1,4 +1,4 @@
-//! What others ask the rover: its health, a self-test, and to drive so far.
+//! The rover's answers to other programs: its health, a self-test, a drive over a distance.
 
 use crate::rover_msgs::action::{Drive, DriveFeedback, DriveGoal, DriveResult};
 use crate::rover_msgs::{msg::Health, srv::SelfTest};

@@ -1,4 +1,5 @@
-//! What switching and handing over cost, in instructions: under QEMU's `-icount` each takes 8 ns.
+//! The cost of switching and handing over, in instructions: under QEMU's `-icount` each takes 8 ns.
+//!
 //! Every figure is the mean of 1000 rounds, which are all alike, less what an empty round costs.
 #![no_std]
 #![no_main]
@@ -153,7 +154,7 @@ fn lock_and_unlock() -> u32 {
     each(|| *lock.lock() += 1)
 }
 
-/// What a budget costs a worker that wakes, works and waits again within it.
+/// The cost of a budget to a worker that wakes, works and waits again within it.
 fn activate_and_block() -> u32 {
     let enforcer = Enforcer::start(EnforcerConfig::on_cpu(0));
     let params = Params::new(50, Low::Background(6), 50_000_000, 100_000_000, 10);

@@ -17,7 +17,7 @@ use replenish_os::freertos::{SealedHeap, kernel, panicked, start, tasks};
 #[global_allocator]
 static HEAP: SealedHeap<{ 96 * 1024 }> = SealedHeap::new();
 
-/// What is measured, in ns.
+/// Length of the measurement, in ns.
 const LENGTH: u64 = 10_000_000_000;
 
 /// A worker's stack; it uses 2.8 kB.

@@ -1,6 +1,7 @@
-//! What pong takes of the heap, step by step: its agent is in the image, behind the port, and says
-//! yes to everything. The words of the command line: how many workers, 1 to 4, and `plain` if they
-//! have no budgets.
+//! The heap that pong takes, step by step.
+//!
+//! Its agent is in the image, behind the port, and says yes to everything. The words of the command
+//! line: how many workers, 1 to 4, and `plain` if they have no budgets.
 //!
 //! ```text
 //!   client ─► frames ─► agent: log-in? yes · object? yes, and acknowledged ─► frames ─► client
@@ -43,7 +44,7 @@ extern "C" fn image_main() -> ! {
     console::exit(false)
 }
 
-/// What the heap gave since the last look.
+/// Use of the heap at the last look, in bytes: each step is the difference to it.
 struct Steps(usize);
 
 impl Steps {

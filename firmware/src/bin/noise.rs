@@ -28,7 +28,7 @@ const MAIN: u8 = 40;
 /// Keeps the board busy while it waits for the host at set-up: virtual time would jump.
 static AWAKE: AtomicBool = AtomicBool::new(true);
 
-/// What came back on one topic.
+/// Answers that came back on one topic.
 struct Back {
     received: AtomicU32,
     /// With a number not above the one before.

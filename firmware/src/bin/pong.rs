@@ -247,7 +247,7 @@ fn rehearse(tick: &Publisher<Int32>, workers: &[Running]) {
     }
 }
 
-/// What the clock notes around a restart of the agent.
+/// Each worker's answers at the marks that the clock sets around a restart of the agent.
 struct Restart(Vec<(Arc<Count>, Arc<[AtomicU32; 2]>)>);
 
 impl Restart {

@@ -30,7 +30,7 @@ const MAIN: u8 = 40;
 /// Keeps the board busy while it waits for the host at set-up: virtual time would jump.
 static AWAKE: AtomicBool = AtomicBool::new(true);
 
-/// What the callback tells.
+/// The number and the time of the last answer, which the callback leaves for the main task.
 #[derive(Default)]
 struct Back {
     number: AtomicI32,

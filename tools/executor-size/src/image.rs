@@ -9,7 +9,7 @@ use replenish_os::freertos::SealedHeap;
 #[global_allocator]
 static HEAP: SealedHeap<16> = SealedHeap::new();
 
-/// What stands for the port: the compiler may not guess what it holds.
+/// The port's stand-in: the compiler may not guess its value.
 static PORT: AtomicU8 = AtomicU8::new(0);
 
 #[panic_handler]

@@ -1,5 +1,7 @@
-//! What the tests on Linux assert, asked of the system itself: hand-off, waits, timers, locks with
-//! inheritance, blocking inside callbacks, a panic. Each prints `ok` or `FAILED`.
+//! The assertions of the tests on Linux, checked on the system itself.
+//!
+//! Hand-off, waits, timers, locks with inheritance, blocking inside callbacks, a panic: each prints
+//! `ok` or `FAILED`.
 
 use crate::say;
 use alloc::sync::Arc;

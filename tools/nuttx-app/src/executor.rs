@@ -8,7 +8,7 @@ use replenish::msg::std_msgs::Int32;
 use replenish::{Budget, Context, Error, Executor, Policy, Qos};
 use replenish_os::clock;
 
-/// What is measured, in ns.
+/// Length of the measurement, in ns.
 const LENGTH: u64 = 10_000_000_000;
 const STACK: usize = 6144;
 

@@ -9,7 +9,7 @@
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
-/// What stands for the port and the clock: the compiler may not guess what they hold.
+/// The port's stand-in, as [`CLOCK`] is the clock's: the compiler may not guess their values.
 static PORT: AtomicU8 = AtomicU8::new(0);
 static CLOCK: AtomicU32 = AtomicU32::new(0);
 

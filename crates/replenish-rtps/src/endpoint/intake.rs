@@ -196,7 +196,7 @@ impl Reader {
         }
     }
 
-    /// What has arrived in order becomes ready.
+    /// Makes the held samples ready that no missing sample precedes.
     pub(super) fn settle(&mut self, at: usize) {
         let Some(writer) = self.writers.get_mut(at) else {
             return;

@@ -1,4 +1,4 @@
-//! What a reader lacks: heartbeats and gaps come in, ACKNACK and `NACK_FRAG` go out.
+//! Repair of a reader's losses: heartbeats and gaps come in, ACKNACK and `NACK_FRAG` go out.
 
 use super::peer_writer::WINDOW;
 use super::reader::Reader;

@@ -1,4 +1,4 @@
-//! What a writer sends next to a reader: repairs, then new samples, then a heartbeat.
+//! The next message of a writer to a reader: repairs, then new samples, then a heartbeat.
 
 use super::history::Change;
 use super::peer_reader::Fragments;
@@ -54,7 +54,7 @@ impl Writer {
     }
 }
 
-/// What became of one step.
+/// The result of one step of filling a message.
 enum Step {
     /// Something was added to the message.
     Added,

@@ -36,7 +36,7 @@ pub struct WriterLimits {
     pub fragment_bytes: u16,
 }
 
-/// What goes with a sample's bytes.
+/// The data that is sent along with a sample's bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Header {
     /// The time that it bears, of the wall clock.

@@ -1,4 +1,4 @@
-//! What a participant is made of.
+//! The settings of a participant and its bounds on memory.
 
 use crate::wire::{GuidPrefix, Locators, Nanos, Qos, TypeHash};
 use core::fmt;

@@ -26,7 +26,8 @@ type Fit = Result<(), Policy>;
 impl Participant {
     /// Whether a participant is matched by both, and has acknowledged the announcements of both.
     ///
-    /// Who was found may not have found us yet: it ignores a request, or a reply goes to nobody.
+    /// A participant that was found may not have found ours yet: it would ignore a request, or its
+    /// reply would reach nobody.
     #[must_use]
     pub fn has_counterpart(&self, writer: WriterId, reader: ReaderId) -> bool {
         let mut writers = self.writers.iter();

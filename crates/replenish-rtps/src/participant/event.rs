@@ -1,4 +1,4 @@
-//! What a participant reports.
+//! The events that a participant reports: peers, matches, bounds that were reached.
 
 use crate::wire::{Guid, GuidPrefix};
 

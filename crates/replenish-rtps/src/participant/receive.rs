@@ -1,4 +1,4 @@
-//! What a participant does with a datagram.
+//! Datagrams that come in: each submessage goes to its reader, its writer or discovery.
 
 use super::event::{Bound, Event};
 use super::remote::{RemoteEndpoint, RemoteParticipant};

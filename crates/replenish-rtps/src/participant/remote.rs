@@ -1,4 +1,4 @@
-//! What is known of participants and endpoints of others.
+//! Participants and endpoints of other processes, as their announcements describe them.
 
 use crate::wire::{EndpointData, Guid, GuidPrefix, Nanos, ParticipantData, Qos, TypeHash};
 use core::net::{Ipv4Addr, SocketAddr};

@@ -1,4 +1,4 @@
-//! What a participant sends next.
+//! The next datagram of a participant: an announcement, an answer of a reader, or samples.
 
 use super::state::{Participant, WriterId};
 use crate::endpoint::Reader;

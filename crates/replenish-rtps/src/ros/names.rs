@@ -2,7 +2,7 @@
 
 use core::fmt::{self, Write};
 
-/// What a topic of DDS is for.
+/// The use that ROS 2 makes of a topic of DDS; the prefix of its name says it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Prefix {
     /// `rt`: a topic.

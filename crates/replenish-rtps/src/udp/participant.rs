@@ -102,7 +102,7 @@ impl UdpParticipant {
             tv_sec: i64::try_from(wait.as_secs()).unwrap_or(i64::MAX),
             tv_nsec: wait.subsec_nanos().into(),
         };
-        // Those that are not there are neither waited for nor ready.
+        // A socket that is not open is neither waited for nor ready.
         let fds = self.sockets.all();
         let flags = |fd: Option<&UdpSocket>| fd.map_or(PollFlags::empty(), |_| PollFlags::IN);
         let Some(any) = fds.into_iter().flatten().next() else {

@@ -205,7 +205,7 @@ impl<'a> MessageWriter<'a> {
         self.submessage(id::PAD, 0, |_| {})
     }
 
-    /// What a reader has and lacks.
+    /// Adds an ACKNACK: the samples that a reader has and lacks.
     ///
     /// # Errors
     /// [`WireError::NoRoom`].
@@ -218,7 +218,7 @@ impl<'a> MessageWriter<'a> {
         })
     }
 
-    /// What a writer has.
+    /// Adds a HEARTBEAT: the range of samples that a writer has.
     ///
     /// # Errors
     /// [`WireError::NoRoom`].

@@ -18,11 +18,11 @@ pub enum Reliability {
 pub enum Durability {
     /// None.
     Volatile,
-    /// Those that the writer keeps while it lives.
+    /// The samples that the writer keeps while it lives.
     TransientLocal,
-    /// Those that a service keeps while the system runs.
+    /// The samples that a service keeps while the system runs.
     Transient,
-    /// Those that a service keeps on disk.
+    /// The samples that a service keeps on disk.
     Persistent,
 }
 

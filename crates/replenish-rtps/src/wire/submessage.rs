@@ -26,9 +26,9 @@ pub(super) const LITTLE_ENDIAN: u8 = 1;
 pub enum Submessage<'a> {
     /// Nothing.
     Pad,
-    /// What a reader has and lacks.
+    /// The samples that a reader has and lacks.
     AckNack(AckNack),
-    /// What a writer has.
+    /// The range of samples that a writer has.
     Heartbeat(Heartbeat),
     /// Samples that will not come.
     Gap(Gap),
@@ -50,7 +50,7 @@ pub enum Submessage<'a> {
     Other(u8),
 }
 
-/// What a reader has and lacks.
+/// The samples that a reader has and lacks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AckNack {
     /// The reader.
@@ -65,7 +65,7 @@ pub struct AckNack {
     pub final_flag: bool,
 }
 
-/// What a writer has.
+/// The range of samples that a writer has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heartbeat {
     /// The reader, or [`EntityId::UNKNOWN`].
@@ -127,7 +127,7 @@ pub struct HeartbeatFrag {
     pub count: u32,
 }
 
-/// What a DATA carries.
+/// The content of a DATA besides its inline QoS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Payload<'a> {
     /// Only inline QoS.

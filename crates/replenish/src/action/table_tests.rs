@@ -210,8 +210,10 @@ fn step() -> impl Strategy<Value = Step> {
 }
 
 proptest! {
-    /// Whatever happens: no goal is in two places, nothing ever leaves an end, tickets of goals
-    /// that are gone do nothing, who has asked is told once or was told no, and the limit holds.
+    /// The promises of a table hold after any history.
+    ///
+    /// No goal is in two places, and none leaves a final state. A ticket of a goal that is gone
+    /// does nothing. Each request for a result has one answer or a refusal. The limit holds.
     #[test]
     fn any_history_keeps_its_promises(steps in prop::collection::vec(step(), 0..200)) {
         const GOALS: usize = 3;

@@ -110,7 +110,7 @@ impl Table {
         self.slots.iter().filter(known)
     }
 
-    /// Those that are staged so.
+    /// The parameters with a staged change of the kind `mark`.
     pub(crate) fn marked(&self, mark: Mark) -> impl Iterator<Item = &Slot> + Clone {
         self.slots.iter().filter(move |s| s.mark == Some(mark))
     }

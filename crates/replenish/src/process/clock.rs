@@ -18,7 +18,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex as PlainMutex, OnceLock, PoisonError};
 use std::time::Duration;
 
-/// What a release of a timer does.
+/// The timer's side of a release.
 pub(super) trait Release: Send {
     /// It is due.
     fn release(&self);

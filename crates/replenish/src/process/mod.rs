@@ -1,4 +1,5 @@
-//! What an operating system gives a program besides time and threads: arguments and signals.
+//! A program's arguments, signals, logs and ROS time: its surroundings in an operating system.
+//!
 //! `process_disabled.rs` takes this room's place without feature `std`.
 //!
 //! ```text

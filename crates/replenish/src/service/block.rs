@@ -22,7 +22,7 @@ impl Wake for Bell {
     }
 }
 
-/// What the future gives, or `None` after `limit`.
+/// Waits for the future: its output, or `None` after `limit`.
 pub(super) fn block_on<F: Future>(future: F, limit: Duration) -> Option<F::Output> {
     let deadline = clock::monotonic().saturating_add(nanos(limit));
     let bell = Arc::new(Bell(Notify::new()));

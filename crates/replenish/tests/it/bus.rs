@@ -321,8 +321,10 @@ impl Model {
 }
 
 proptest! {
-    /// Whatever comes and goes: each reader gets the samples of its own topic since it came, and no
-    /// other; a topic has a type for as long as somebody has it.
+    /// Each reader gets the samples of its own topic since it came, and no other.
+    ///
+    /// Participants, readers and writers come and go in any order. A topic has a type for as long
+    /// as it has a reader or a writer.
     #[test]
     fn places_are_given_out_again_and_nobody_hears_samples_of_another(
         steps in proptest::collection::vec(step(), 1..200),

@@ -93,7 +93,7 @@ fn a_megabyte_reaches_three_workers_in_one_process_and_comes_back() {
         let data = pixels(number);
         assert!(eventually(|| {
             let (sent, room) = (send(&out, number, &data), a.lock().unwrap().len());
-            // Whoever had room has got the image: a second one is not sent for the others.
+            // Each reader with room has got the image: a second one is not sent for the others.
             sent || panic!("no room for image {number} with {room} taken")
         }));
         let all = |heard: &Heard| heard.lock().unwrap().len() > number as usize;
@@ -118,7 +118,7 @@ fn a_megabyte_reaches_three_workers_in_one_process_and_comes_back() {
     );
 }
 
-/// Who comes late gets the long sample that the writer has kept; who cannot take it is told.
+/// A late reader gets the long samples that the writer has kept; one too short learns of it.
 #[test]
 fn long_samples_are_kept_for_late_readers_and_refused_by_short_ones() {
     let bus = InProcessBus::new();
@@ -313,7 +313,7 @@ fn a_control_message_overtakes_a_camera() {
     assert!(numbers.eq(expected.take(before)), "in order, none twice");
 }
 
-/// What would need more memory than an endpoint may take is refused with the range.
+/// A depth that needs more memory than an endpoint may take is refused with the range.
 #[test]
 fn too_many_large_samples_are_refused_with_the_range() {
     let ctx = Context::in_process();

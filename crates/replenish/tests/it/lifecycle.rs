@@ -287,7 +287,7 @@ fn timers_release_on_their_grid_whatever_the_callback_does() {
     assert_eq!(catch_up.skipped, 0);
 }
 
-/// Whatever names there are: each column ends where its head ends, or begins where it begins.
+/// Each column ends or begins where its head does, with short and with long names.
 #[test]
 fn the_tables_of_a_report_line_up_with_long_names() {
     let _dog = watchdog("tables", LIMIT);

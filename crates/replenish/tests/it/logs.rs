@@ -25,7 +25,7 @@ fn with(line: &str) -> Context {
 
 type Lines = Arc<Mutex<Vec<Log>>>;
 
-/// What comes on `/rosout`, from now on.
+/// The messages that come on `/rosout`, from now on.
 fn heard(exec: &mut replenish::Executor, ctx: &Context) -> Lines {
     let lines = Lines::default();
     let sink = Arc::clone(&lines);

@@ -30,7 +30,7 @@ fn talker(args: &[&str]) -> Running {
     started(program("talker").to_str().unwrap(), &[], args)
 }
 
-/// What a `main` shows that returns an error.
+/// The standard error of a talker whose `main` returns an error.
 fn refused(variables: &[(&str, &str)], args: &[&str]) -> String {
     let output = std::process::Command::new(program("talker"))
         .args(args)

@@ -1,4 +1,4 @@
-//! What rclpy sees of our nodes: names, types, type hashes, services, and that they are gone.
+//! Our nodes in the graph of rclpy: names, types, type hashes, services, and their end.
 
 use crate::peer::{Foreign, Peer};
 use crate::support::{executor, node};

@@ -1,4 +1,4 @@
-//! What every case uses.
+//! The tools of every case: expectations, tasks, the order of events.
 
 use alloc::sync::Arc;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -46,7 +46,7 @@ pub fn task<T: Send + 'static>(
     }
 }
 
-/// What the task returned; the case ends if it does not.
+/// The value that the task returned; the case fails at once if the task panicked.
 pub fn join<T>(thread: Thread<T>) -> T {
     match thread.join() {
         Ok(value) => value,

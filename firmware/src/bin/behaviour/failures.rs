@@ -1,4 +1,4 @@
-//! What goes wrong: panics, allocations after the seal, stacks that are too small.
+//! Failures on the board: panics, allocations after the seal, stacks that are too small.
 
 use crate::HEAP;
 use crate::check::{MS, hold, join, task};
@@ -94,7 +94,7 @@ pub fn heap_sealed(burst: Burst) {
     );
 }
 
-/// Who asks whether there is memory is told so, and goes on.
+/// A task that handles a refused allocation goes on.
 pub fn heap_refusal_handled(_: Burst) {
     HEAP.seal();
     let mut list: Vec<u8> = Vec::new();

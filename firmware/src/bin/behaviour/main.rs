@@ -1,7 +1,9 @@
-//! What the FreeRTOS back end promises, case by case, each on a fresh boot: the command line names
-//! the case, `cargo xtask board test` runs them all and knows which are to end badly.
+//! The promises of the FreeRTOS back end, case by case, each on a fresh boot.
 //!
-//! - [`check`]: what every case uses: expectations, tasks, the order of events.
+//! The command line names the case. `cargo xtask board test` runs all cases and knows which are to
+//! end badly.
+//!
+//! - [`check`]: the tools of every case: expectations, tasks, the order of events.
 //! - [`locks`]: priority inheritance.
 //! - [`budgets`]: suspension, blocking in callbacks, CPU time.
 //! - [`defects`]: budgets that were broken on Linux once.

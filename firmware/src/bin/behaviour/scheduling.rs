@@ -10,7 +10,7 @@ use replenish_os::{
 };
 use sporadic::Kind;
 
-/// What the kernel says is what was asked for.
+/// The kernel grants the priority and the stack that were asked for.
 pub fn granted_as_asked(_: Burst) {
     for priority in [1, 2, 50, 98, 99] {
         let task = task("asked", priority, move || {
@@ -39,7 +39,7 @@ pub fn granted_as_asked(_: Burst) {
     hold!(matches!(told, Ok(Ok(1))), "{told:?} instead of FIFO 1");
 }
 
-/// What cannot be granted is an error that says what could.
+/// A policy or a CPU that cannot be granted is an error that says what could.
 pub fn refused(_: Burst) {
     let ask = |policy, cpu| {
         let spec = ThreadSpec::new("asked").policy(policy).cpu(cpu);

@@ -12,7 +12,7 @@ pub(crate) struct Registry(Mutex<Known>);
 
 struct Known {
     handles: Vec<(Arc<str>, Arc<HandleState>)>,
-    /// Those that were removed while a callback ran, which has not ended in time.
+    /// Handles that were removed while their callback ran, which has not ended in time.
     leaving: Vec<(Arc<str>, Arc<HandleState>)>,
     claimed: Vec<String>,
 }

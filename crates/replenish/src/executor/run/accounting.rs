@@ -161,8 +161,9 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever callbacks take: at every reading, all that was charged is all that was used, or
-        /// more by what is known to be too much; and that is one batch's worth at most.
+        /// The charged time is the used time plus a known excess, at every reading.
+        ///
+        /// The callbacks take any time. The excess is one batch's worth at most.
         #[test]
         fn what_is_charged_is_what_is_used(
             callbacks in proptest::collection::vec((0..2 * BRIEF, 0..2 * BRIEF), 1..300),

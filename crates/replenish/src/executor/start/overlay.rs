@@ -3,7 +3,7 @@
 //! - A `[[worker]]` whose name the program has sets or overrides that worker's scheduling.
 //! - The handles it lists run on it, in that order, wherever the program had put them. A name the
 //!   program does not have makes a new worker for the handles it lists.
-//! - What the program does not have is an error with line and column.
+//! - A handle that the program does not have is an error with line and column.
 //!
 //! And the other way round: the file that describes the program as it is.
 

@@ -115,7 +115,7 @@ impl Rtps {
 
     fn receive_reader(&self, inlets: &mut Inlets, reader: ReaderId, round: &mut Round<'_, '_>) {
         for _ in 0..BATCH {
-            // What there is no room for waits in the socket.
+            // A datagram for a reader without room waits in the socket.
             if !round.interest.contains(reader) {
                 return;
             }

@@ -11,14 +11,14 @@ use replenish_rtps::udp::OpenError;
 use std::io;
 use std::net::Ipv4Addr;
 
-/// Who is looked for without being named (`ROS_AUTOMATIC_DISCOVERY_RANGE`).
+/// The participants that are looked for without being named (`ROS_AUTOMATIC_DISCOVERY_RANGE`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum DiscoveryRange {
     /// Nobody. Nodes of one context hear each other all the same.
     Off,
     /// Programs on this host.
     Localhost,
-    /// Whoever multicast reaches.
+    /// All programs that multicast reaches.
     #[default]
     Subnet,
 }
@@ -38,7 +38,7 @@ pub enum DiscoveryRange {
 pub struct RtpsConfig {
     /// The domain, 0..=232 (`ROS_DOMAIN_ID`).
     pub domain: u16,
-    /// Who is looked for.
+    /// The participants that are looked for without being named.
     pub range: DiscoveryRange,
     /// Host names and IPv4 addresses that are looked for besides (`ROS_STATIC_PEERS`).
     pub static_peers: Vec<String>,

@@ -18,7 +18,7 @@ const CLIENTS: usize = 64;
 /// Bytes in front of the payload in Cyclone's form.
 pub(super) const HEAD: usize = 16;
 
-/// What a reader knows of the service it belongs to.
+/// A reader's end of a service, with the names and numbers that identify requests.
 pub(super) enum ServiceEnd {
     /// Requests come in.
     Server {

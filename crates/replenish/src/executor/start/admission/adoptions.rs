@@ -43,7 +43,7 @@ fn name(asked: &Adopted) -> String {
     format!("adopt {}", asked.pattern)
 }
 
-/// What the plan is asked for.
+/// The workers that the plan is asked to place: one for each pattern.
 pub(super) fn workers(adopted: &[Adopted]) -> impl Iterator<Item = Worker> {
     let worker = |asked: &Adopted| Worker::guaranteed(name(asked), asked.budget.into());
     adopted.iter().map(worker)

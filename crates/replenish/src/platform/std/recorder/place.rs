@@ -40,7 +40,7 @@ impl Drop for Place {
     }
 }
 
-/// What the environment says.
+/// The value of [`VARIABLE`].
 pub(super) enum Wanted {
     Off,
     Here(PathBuf),
