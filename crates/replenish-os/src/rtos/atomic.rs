@@ -4,9 +4,10 @@
 use super::critical_section::Guarded;
 use core::sync::atomic::Ordering;
 
-/// As `core::sync::atomic::AtomicU64`, where the processor has none. Each access is
-/// sequentially consistent, in any requested order: there is one core, and the mask keeps the
-/// compiler from moving accesses.
+/// As `core::sync::atomic::AtomicU64`, where the processor has none.
+///
+/// Each access is sequentially consistent, in any requested order: there is one core, and the
+/// mask keeps the compiler from moving accesses.
 #[derive(Debug)]
 pub struct AtomicU64(Guarded<u64>);
 
