@@ -5,7 +5,9 @@
 
 use crate::outcome::{Failure, Outcome};
 use crate::report::files;
-use std::path::PathBuf;
+use std::fs::{DirBuilder, File};
+use std::os::unix::fs::DirBuilderExt as _;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -29,10 +31,16 @@ pub struct Args {
 /// Asks the program.
 pub(crate) fn run(args: &Args) -> Outcome {
     files::check_writable(args.out.as_deref())?;
-    let name = format!("replenish-template-{}.toml", std::process::id());
-    let path = std::env::temp_dir().join(name);
-    let template = ask(&args.program, &path);
-    std::fs::remove_file(&path).ok();
+    // A directory of our own: a link that somebody left in a shared one would be followed.
+    let name = format!("replenish-template-{}", std::process::id());
+    let directory = std::env::temp_dir().join(name);
+    let private = |e| Failure::refused(format!("cannot make {}: {e}", directory.display()));
+    DirBuilder::new()
+        .mode(0o700)
+        .create(&directory)
+        .map_err(private)?;
+    let template = ask(&args.program, &directory);
+    std::fs::remove_dir_all(&directory).ok();
     let template = template?;
     match &args.out {
         Some(out) => files::write(out, &template),
@@ -43,16 +51,18 @@ pub(crate) fn run(args: &Args) -> Outcome {
     }
 }
 
-fn ask(program: &[String], path: &std::path::Path) -> Result<String, Failure> {
+fn ask(program: &[String], directory: &Path) -> Result<String, Failure> {
+    let (template, words) = (directory.join("template.toml"), directory.join("words"));
+    let heard = File::create(&words).map_err(Failure::refused)?; // a pipe would fill
     let (program, arguments) = program
         .split_first()
         .ok_or_else(|| Failure::Usage("a program is needed".into()))?;
     let mut child = Command::new(program)
         .args(arguments)
-        .env("REPLENISH_TEMPLATE", path)
+        .env("REPLENISH_TEMPLATE", &template)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
-        .stderr(Stdio::piped())
+        .stderr(heard)
         .spawn()
         .map_err(|e| Failure::refused(format!("cannot start {program}: {e}")))?;
     let end = Instant::now() + LIMIT;
@@ -62,12 +72,12 @@ fn ask(program: &[String], path: &std::path::Path) -> Result<String, Failure> {
         }
         std::thread::sleep(LOOK);
     }
-    let output = child.wait_with_output().map_err(Failure::refused)?;
-    std::fs::read_to_string(path).map_err(|_| {
-        let said = String::from_utf8_lossy(&output.stderr);
+    let status = child.wait().map_err(Failure::refused)?;
+    std::fs::read_to_string(template).map_err(|_| {
+        let said = std::fs::read(&words).unwrap_or_default();
+        let said = String::from_utf8_lossy(&said);
         Failure::refused(format!(
-            "{program} ended ({}) before an executor of replenish would have started; its last words: {}",
-            output.status,
+            "{program} ended ({status}) before an executor of replenish would have started; its last words: {}",
             said.lines().last().unwrap_or("none")
         ))
     })

@@ -267,7 +267,8 @@ fn a_file_without_a_machine_is_planned_for_this_host() {
 
 #[test]
 fn a_program_describes_itself() {
-    let script = r#"echo 'name = "a"' > "$REPLENISH_TEMPLATE"; exit 1"#;
+    // It has much to say before, more than a pipe holds.
+    let script = r#"seq 100000 >&2; echo 'name = "a"' > "$REPLENISH_TEMPLATE"; exit 1"#;
     let output = run(&["template", "--", "sh", "-c", script]);
     assert!(output.status.success(), "{}", stderr(&output));
     assert_eq!(stdout(&output), "name = \"a\"\n");
