@@ -151,11 +151,12 @@ fn a_camera_that_asks_for_too_much_is_refused() {
     );
 }
 
-#[test]
-fn it_describes_itself_and_does_not_start() {
-    let path = ledger("template").with_extension("toml");
+/// The rover's description of itself, with an overlay or without.
+fn described(name: &str, overlay: &str) -> String {
+    let path = ledger(name).with_extension("toml");
     let output = Command::new(env!("CARGO_BIN_EXE_robot-app"))
         .env("REPLENISH_AGENT", "in-process")
+        .env("REPLENISH_OVERLAY", overlay)
         .env("REPLENISH_TEMPLATE", &path)
         .output()
         .unwrap();
@@ -164,6 +165,21 @@ fn it_describes_itself_and_does_not_start() {
     assert_eq!(output.status.code(), Some(1));
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(said.contains("written; nothing was started"), "{said}");
+    template
+}
+
+#[test]
+fn a_description_has_what_an_overlay_says_even_if_it_does_not_fit() {
+    let overlay = file("overload.toml");
+    let template = described("overlaid", overlay.to_str().unwrap());
+    let wish = r#"guarantee = { budget = "90 ms", period = "100 ms" }"#;
+    assert!(template.contains(wish), "{template}");
+    assert_eq!(template.matches("\ncpu = 0\n").count(), 2, "{template}");
+}
+
+#[test]
+fn it_describes_itself_and_does_not_start() {
+    let template = described("template", "");
     let kept = std::fs::read_to_string(file("robot.toml")).unwrap();
     let (_, kept) = kept.split_once("\n\n").unwrap();
     assert_eq!(

@@ -176,7 +176,7 @@ fn lowers_itself() {
             while !until.load(Ordering::Relaxed) {}
         },
     );
-    // Nobody raises it again either: it is low, with a budget that it does not get.
+    // The enforcer may not raise the worker again either: the worker is low, with a budget.
     let waits = || {
         let usage = rig.meter.usage();
         usage.low && usage.available > 0

@@ -122,7 +122,7 @@ impl<S: Service> Calls<S> {
         }
     }
 
-    /// Nobody wants the reply of this place.
+    /// The place is free again: its call was dropped, and its reply is not wanted.
     pub(crate) fn give_up(&self, at: usize) {
         if let Some(place) = self.table.lock().places.get_mut(at) {
             place.state = State::Free;
