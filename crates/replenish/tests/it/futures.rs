@@ -5,7 +5,7 @@ use crate::common::{Echo, Gate, eventually, executor};
 use replenish::msg::std_msgs::Int32;
 use replenish::{
     ActionOptions, CallError, Client, Context, Every, GoalHandle, GoalState, NewGoal, NoReply, Qos,
-    Responder,
+    Removal, Responder,
 };
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -331,5 +331,41 @@ fn goals_are_awaited() {
             "4 canceled [0, 1, 1]"
         ]
     );
+    drop(running.stop());
+}
+
+#[test]
+fn a_handle_whose_future_waits_can_be_removed() {
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    let (client, open) = held(&mut exec, &ctx, "echo");
+    let flag = Arc::new(AtomicBool::new(false));
+    let (removed, waits) = (Dropped(flag.clone()), client.clone());
+    let answered = Arc::new(AtomicU64::new(0));
+    let (counts, asks) = (answered.clone(), client.clone());
+    exec.worker("w")
+        .calls(&client)
+        .unwrap()
+        .task(async move {
+            let _removed = removed;
+            waits.call_async(&number(1)).await.map(|_| ())
+        })
+        .unwrap()
+        .task(async move {
+            let reply = asks.call_async(&number(2)).await?;
+            counts.store(u64::try_from(reply.data).unwrap_or(0), Ordering::Relaxed);
+            Ok::<_, CallError>(())
+        })
+        .unwrap();
+    let running = exec.start().unwrap();
+    assert!(eventually(|| open.lock().unwrap().len() == 2));
+    let change = running.handle();
+    change.remove("w/guard:0", Removal::Wait(LIMIT)).unwrap();
+    assert!(flag.load(Ordering::Relaxed));
+    // The reply that nobody awaits any more, and the other one, arrive at the same worker.
+    for (data, responder) in open.lock().unwrap().drain(..) {
+        responder.reply(&number(data)).unwrap();
+    }
+    assert!(eventually(|| answered.load(Ordering::Relaxed) == 2));
     drop(running.stop());
 }
