@@ -8,6 +8,7 @@ and a test must fail for each. A mutant that passes either is printed, and is an
 import importlib
 import os
 import re
+import resource
 import shutil
 import signal
 import subprocess
@@ -17,6 +18,9 @@ from pathlib import Path
 import model
 import paths
 import prove
+
+# A mutant's log may grow without end. Its tests get no more memory than this; they need a tenth.
+MEMORY = 2 << 30
 
 ROOT = Path(__file__).resolve().parent.parent
 CRATE = ROOT / "crates/sporadic"
@@ -118,6 +122,10 @@ def refuted(name, old, new):
     return None
 
 
+def limited():
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+
+
 def test(directory):
     """The tests that fail; None if all pass. Compiling has no time limit, the tests have."""
     command = ["cargo", "test", "--quiet", "--offline", "--test", "it"]
@@ -125,7 +133,8 @@ def test(directory):
     subprocess.run([*command, "--no-run"], cwd=directory, check=True, env=env)
     pipe = subprocess.PIPE
     with subprocess.Popen(
-        command, cwd=directory, stdout=pipe, stderr=pipe, text=True, env=env, start_new_session=True
+        command, cwd=directory, stdout=pipe, stderr=pipe, text=True, env=env, start_new_session=True,
+        preexec_fn=limited,
     ) as run:
         try:
             out, errors = run.communicate(timeout=300)
@@ -143,11 +152,12 @@ def main():
     COPY.mkdir(parents=True, exist_ok=True)
     for part in ("src", "tests"):
         shutil.rmtree(COPY / part, ignore_errors=True)
-        shutil.copytree(CRATE / part, COPY / part)
+        # Newer than what a run that was cut short has built of a mutant.
+        shutil.copytree(CRATE / part, COPY / part, copy_function=shutil.copyfile)
     (COPY / "Cargo.toml").write_text(MANIFEST)
     shutil.copy(ROOT / "Cargo.lock", COPY / "Cargo.lock")
     assert test(COPY) is None, "the tests fail without a mutant"
-    alive = 0
+    alive, mutants = 0, 0
     for name, file, line, change, of_model, of_mutant in MUTANTS:
         if names and name not in names:
             continue
@@ -156,9 +166,11 @@ def main():
         failed = test(COPY)
         (COPY / "src" / file).write_text(original)
         refutation = refuted(name, of_model, of_mutant)
+        mutants += 1
         alive += (failed is None) + (refutation is None)
         tests = f"{len(failed)} tests, such as {failed[0]}" if failed else "NO TEST"
         print(f"{name}:\n  proof: {refutation or 'NOTHING FAILS'}\n  tests: {tests}", flush=True)
+    print(f"{mutants} mutants, {alive} times not seen")
     if alive:
         raise SystemExit(f"{alive} times a mutant was not seen")
 
