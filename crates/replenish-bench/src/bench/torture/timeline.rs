@@ -66,6 +66,11 @@ const LOOK: Nanos = 100_000;
 /// The enforcer's priority: no worker and no stranger has it of its own.
 const ENFORCER: u8 = 99;
 
+/// Called by the timer of a file descriptor: an enforcer's.
+const ENFORCERS: &str = "timerfd_tmrproc";
+/// Called by the timer of a thread that sleeps. A worker's is set where it expires: it is pinned.
+const SLEEPERS: &str = "hrtimer_wakeup";
+
 /// How many pieces ago a thread may have run whose clock another CPU has read.
 const RECENT: usize = 20_000;
 
@@ -174,19 +179,21 @@ impl Reader {
                 self.ready.remove(&thread);
                 self.changed(at, thread);
             }
-        } else if let Some((_, rest)) = line.split_once(": hrtimer_start: ") {
-            if let (Some(timer), Some(expires)) = (timer(rest), number(rest, " expires=")) {
+        } else if let Some((head, rest)) = line.split_once(": hrtimer_start: ") {
+            if let (Some((timer, kind)), Some(expires)) = (timer(rest), number(rest, " expires="))
+                && (kind == ENFORCERS || kind == SLEEPERS && is_of_a_case(head.trim_start()))
+            {
                 self.timers.insert(timer, expires.unsigned_abs());
             }
         } else if let Some((head, rest)) = line.split_once(": hrtimer_expire_entry: ") {
-            if let (Some(at), Some(timer), Some(now)) =
+            if let (Some(at), Some((timer, kind)), Some(now)) =
                 (time(head), timer(rest), number(rest, " now="))
                 && let Some(expires) = self.timers.remove(&timer)
             {
                 // It may stand still between the kernel's look at the time and this record.
                 let late = now.unsigned_abs().max(at).saturating_sub(expires);
                 self.stood_still(late, at);
-                self.expired = Some(at);
+                self.expired = (kind == ENFORCERS).then_some(at);
             }
         } else if let Some((head, rest)) = line.split_once(": sched_pi_setprio: ")
             && let (Some(at), Some(thread), Some(priority)) =
@@ -446,21 +453,19 @@ fn is_interrupt(head: &str) -> bool {
     flags.contains(['h', 'H'])
 }
 
-/// Whether a thread of this name is a worker, or an enforcer: pinned, and at a priority that only
-/// the enforcer changes.
+/// Whether a thread of this name, with a space or its number behind it, is a worker or an enforcer:
+/// pinned, and at a priority that only the enforcer changes.
 fn is_of_a_case(comm: &str) -> bool {
     let worker = comm.strip_prefix('w');
-    let worker = worker.and_then(|rest| rest.split_once(' '));
+    let worker = worker.and_then(|rest| rest.split_once([' ', '-']));
     comm.starts_with("enforcer")
         || worker.is_some_and(|(number, _)| number.bytes().all(|b| b.is_ascii_digit()))
 }
 
-/// The address of a timer of a file descriptor: an enforcer's.
-fn timer(text: &str) -> Option<String> {
-    let (address, _) = text
-        .strip_prefix("hrtimer=")?
-        .split_once(" function=timerfd_tmrproc ")?;
-    Some(address.to_string())
+/// The address of a timer, and the function that it calls.
+fn timer(text: &str) -> Option<(String, &str)> {
+    let (address, rest) = text.strip_prefix("hrtimer=")?.split_once(" function=")?;
+    Some((address.to_string(), rest.split_once(' ')?.0))
 }
 
 /// The time stamp that ends the head, in ns.

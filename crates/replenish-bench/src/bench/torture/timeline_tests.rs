@@ -361,3 +361,21 @@ fn a_timer_s_interrupt_is_as_late_as_its_record() {
     lines.lines().for_each(|l| reader.line(l));
     assert_eq!(reader.finish().still, [(674_294_622_000, 674_295_461_000)]);
 }
+
+/// Seed 98: for 1.4 ms no timer's interrupt came to the CPU, and a worker began so much later than
+/// it was due. It had budget waiting then, and the judge did not know.
+#[test]
+fn a_worker_that_is_woken_late_shows_that_the_machine_stood_still() {
+    let mut reader = Reader::new(1);
+    let lines = "\
+        w0-7186    [001] d..1. 13844.977692: hrtimer_start: hrtimer=75b7f26c function=hrtimer_wakeup expires=13844978527612 softexpires=13844978527612 mode=ABS was_armed=0
+        cc-8    [001] d..1. 13844.977693: hrtimer_start: hrtimer=00ab function=hrtimer_wakeup expires=13844978000000 softexpires=13844978000000 mode=ABS was_armed=0
+        opt cgu.03-7306    [001] d.h.. 13844.979945: hrtimer_expire_entry: hrtimer=00ab function=hrtimer_wakeup now=13844979944490
+        opt cgu.03-7306    [001] d.h.. 13844.979946: hrtimer_expire_entry: hrtimer=75b7f26c function=hrtimer_wakeup now=13844979944490";
+    lines.lines().for_each(|l| reader.line(l));
+    // A thread of others may have been on another CPU since: its timer may be another one.
+    assert_eq!(
+        reader.finish().still,
+        [(13_844_978_547_612, 13_844_979_946_000)]
+    );
+}
