@@ -225,6 +225,24 @@ impl EnforcedThread {
         self.suspend.resume();
     }
 
+    /// The last change was refused, and the level in force is the right one by now.
+    fn settle_refusal(&mut self, high: u8, low: Low) {
+        match (self.reservation.level(), low) {
+            // Funded again, it must not lower itself any more. If it is about to, the watchdog
+            // restores it.
+            (Level::High, _) => {
+                self.suspend.resume();
+                self.supervised.note(Some(high), true);
+            }
+            // It was let go, and has used its budget in the time-sharing class.
+            (Level::Low, Low::Suspend) => {
+                let runs = self.reservation.is_runnable();
+                self.suspend.suspend(self.tid, runs).ok(); // it is there already
+            }
+            (Level::Low, Low::Background(_)) => {}
+        }
+    }
+
     pub(super) fn obey(
         &mut self,
         verdict: Verdict,
@@ -235,11 +253,8 @@ impl EnforcedThread {
         let params = self.reservation.server().params();
         let (high, low) = (params.priority(), params.low());
         let Some(level) = verdict.change else {
-            if self.reservation.level() == Level::High && self.supervised.is_refused() {
-                // Funded again, it must not lower itself any more. If it is about to, the watchdog
-                // restores it.
-                self.suspend.resume();
-                self.supervised.note(Some(high), true);
+            if self.supervised.is_refused() {
+                self.settle_refusal(high, low);
             }
             return JudgeOutcome::Unchanged;
         };
@@ -270,7 +285,13 @@ impl EnforcedThread {
                 .suspend(self.tid, self.reservation.is_runnable()),
             (_, Level::High, Low::Suspend) => {
                 self.detector.forget_block();
-                self.suspend.resume_at(self.tid, high)
+                let raised = self.suspend.resume_at(self.tid, high);
+                if raised.is_err() && !sched::has_level(self.tid, high, level) {
+                    // It goes on in the time-sharing class, for its budget and no longer.
+                    self.suspend
+                        .lower(self.inherited.saturating_add(params.budget()));
+                }
+                raised
             }
         };
         // Where the enforcer is on the worker's CPU, no time has passed for the worker, and its
@@ -311,3 +332,6 @@ impl EnforcedThread {
         }
     }
 }
+
+#[cfg(all(test, target_os = "linux", not(nuttx_host), not(loom)))]
+mod tests;

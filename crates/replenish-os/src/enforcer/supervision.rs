@@ -283,7 +283,7 @@ impl Watched {
 impl EnforcedThread {
     /// Gives the thread the priority again that it was given last, if it has another one. Returns
     /// whether it had.
-    fn restore(&mut self) -> bool {
+    pub(super) fn restore(&mut self) -> bool {
         let (Some(given), Ok(has)) = (self.supervised.given, sched::base_priority(self.tid)) else {
             return false;
         };

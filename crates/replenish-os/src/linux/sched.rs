@@ -34,6 +34,10 @@ pub enum SchedClass {
 /// `EINVAL` for a priority outside `1..=99`, `EPERM` without the privilege, `ESRCH` if the
 /// thread has ended.
 pub fn set_priority(tid: Tid, class: SchedClass) -> io::Result<()> {
+    #[cfg(test)]
+    if let Some(answer) = pretended::set(class) {
+        return answer;
+    }
     set_scheduler(tid, class, reset_on_fork(tid)?)
 }
 
@@ -43,6 +47,10 @@ pub fn set_priority(tid: Tid, class: SchedClass) -> io::Result<()> {
 /// # Errors
 /// As [`set_priority`].
 pub fn promote(tid: Tid, hi: u8) -> io::Result<()> {
+    #[cfg(test)]
+    if let Some(answer) = pretended::set(SchedClass::Fifo(hi)) {
+        return answer;
+    }
     match set_param(tid, hi) {
         // Not in a real-time class any more (somebody changed it): set the class too.
         Err(e) if e.raw_os_error() == Some(libc::EINVAL) => set_priority(tid, SchedClass::Fifo(hi)),
@@ -62,6 +70,10 @@ pub fn promote(tid: Tid, hi: u8) -> io::Result<()> {
 /// # Errors
 /// As [`set_priority`]; if the second step fails, the thread is left below `lo`.
 pub fn demote_to_tail(tid: Tid, lo: u8) -> io::Result<()> {
+    #[cfg(test)]
+    if let Some(answer) = pretended::set(SchedClass::Fifo(lo)) {
+        return answer;
+    }
     if lo == 0 {
         return set_priority(tid, SchedClass::Other);
     }
@@ -87,6 +99,10 @@ pub fn demote_to_tail(tid: Tid, lo: u8) -> io::Result<()> {
 /// # Errors
 /// `ESRCH` if the thread has ended.
 pub(crate) fn base_priority(tid: Tid) -> io::Result<Option<u8>> {
+    #[cfg(test)]
+    if let Some(thread) = pretended::get() {
+        return Ok(Some(thread.priority));
+    }
     let attr = sched_attr::get(tid)?;
     let class = i32::try_from(attr.sched_policy).unwrap_or(-1);
     Ok(match class {
@@ -157,5 +173,49 @@ struct SchedParam {
 fn param(priority: u8) -> SchedParam {
     SchedParam {
         priority: priority.into(),
+    }
+}
+
+/// A kernel of one thread, for tests in virtual time: it grants or refuses every change.
+#[cfg(test)]
+pub(crate) mod pretended {
+    use super::SchedClass;
+    use std::cell::Cell;
+    use std::io;
+
+    /// The thread as this kernel has it.
+    #[derive(Clone, Copy, Debug)]
+    pub(crate) struct Pretended {
+        /// Its FIFO priority, 0 in the time-sharing class.
+        pub(crate) priority: u8,
+        /// Whether the next change is refused.
+        pub(crate) refuses: bool,
+    }
+
+    thread_local! {
+        static THREAD: Cell<Option<Pretended>> = const { Cell::new(None) };
+    }
+
+    /// From now on the calling thread's changes of any priority go to this thread.
+    pub(crate) fn begin(thread: Pretended) {
+        THREAD.set(Some(thread));
+    }
+
+    pub(crate) fn get() -> Option<Pretended> {
+        THREAD.get()
+    }
+
+    /// `None` where the real kernel is asked.
+    pub(super) fn set(class: SchedClass) -> Option<io::Result<()>> {
+        let thread = THREAD.get()?;
+        if thread.refuses {
+            return Some(Err(io::Error::from_raw_os_error(libc::EPERM)));
+        }
+        let priority = match class {
+            SchedClass::Fifo(priority) => priority,
+            _ => 0,
+        };
+        THREAD.set(Some(Pretended { priority, ..thread }));
+        Some(Ok(()))
     }
 }

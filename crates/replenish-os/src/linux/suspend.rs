@@ -130,6 +130,17 @@ impl SuspendCell {
     pub(crate) fn inherited(&self, cpu: Nanos) -> Nanos {
         self.0.suspension().boosted(cpu)
     }
+
+    /// The priority that the handler gives the thread.
+    #[cfg(test)]
+    pub(crate) fn taken_demand(&self) -> Option<u8> {
+        self.0.demand().take()
+    }
+
+    #[cfg(test)]
+    pub(crate) fn suspension(&self) -> &super::suspension::Suspension {
+        self.0.suspension()
+    }
 }
 
 /// A lock of ours is about to be taken by this thread.

@@ -226,6 +226,26 @@ impl Suspension {
         }
     }
 
+    // --- a test in virtual time, in which nobody sleeps ---
+
+    /// The end of a section, the last one. Whether the thread stops there.
+    #[cfg(test)]
+    pub(crate) fn end_section(&self, cpu: Nanos) -> bool {
+        self.end_boost(cpu);
+        self.is_stopped()
+    }
+
+    #[cfg(test)]
+    pub(crate) fn is_stopped(&self) -> bool {
+        stops(self.word.0.load(Ordering::SeqCst))
+    }
+
+    /// Whether nothing lowers or stops the thread.
+    #[cfg(test)]
+    pub(crate) fn is_free(&self) -> bool {
+        self.word.0.load(Ordering::SeqCst) == 0
+    }
+
     // --- any thread ---
 
     /// From now on nothing stops the thread.
