@@ -3,7 +3,8 @@
 
 use proptest::prelude::*;
 use sporadic::{
-    BlockedInterval, Corrected, Level, Low, Nanos, Params, Readings, Reservation, Tuning, Verdict,
+    BlockedInterval, BudgetServer, Corrected, Level, Low, Nanos, Params, Readings, Reservation,
+    Tuning, Verdict,
 };
 
 const US: u64 = 1_000;
@@ -412,4 +413,86 @@ fn a_refused_change_is_tried_again_soon_if_the_thread_takes_too_much() {
             assert_eq!(r.check_at(), Some(budget + low));
         }
     }
+}
+
+/// A server that writes down when its thread became runnable, with its budget always there.
+struct Spy(Params, Vec<Nanos>);
+
+impl BudgetServer for Spy {
+    fn params(&self) -> &Params {
+        &self.0
+    }
+    fn activate(&mut self, now: Nanos) {
+        self.1.push(now);
+    }
+    fn block(&mut self, _: Nanos) {}
+    fn charge(&mut self, _: Nanos, _: Nanos) {}
+    fn update(&mut self, _: Nanos) -> Level {
+        Level::High
+    }
+    fn available(&self, _: Nanos) -> Nanos {
+        self.0.budget()
+    }
+    fn next_replenishment(&self) -> Option<Nanos> {
+        None
+    }
+    fn pending(&self) -> usize {
+        0
+    }
+}
+
+fn spied() -> Reservation<Spy> {
+    let params = Params::new(60, Low::Background(6), 10 * MS, 100 * MS, 4).unwrap();
+    Reservation::new(Spy(params, Vec::new()), TUNING, 0, 0)
+}
+
+#[test]
+fn a_wake_up_lies_between_the_last_reading_and_now() {
+    let mut r = spied();
+    r.activate(0, 0, 0);
+    r.block(10 * MS, 2 * MS, NOT_BLOCKED);
+    r.activate(3 * MS, 20 * MS, 2 * MS); // before the wait began
+    r.block(30 * MS, 3 * MS, NOT_BLOCKED);
+    r.activate(35 * MS, 40 * MS, 3 * MS);
+    r.block(50 * MS, 4 * MS, NOT_BLOCKED);
+    r.activate(70 * MS, 60 * MS, 4 * MS); // after now
+    assert_eq!(r.server().1, [0, 10 * MS, 35 * MS, 60 * MS]);
+}
+
+#[test]
+fn less_than_an_eighth_of_the_time_is_no_progress() {
+    for (used, idle) in [(MS - 1, 1), (MS, 0), (2 * MS, 0), (0, 1)] {
+        let mut r = spied();
+        r.activate(0, 0, 0);
+        let verdict = r.judge(8 * MS, used, NOT_BLOCKED);
+        assert_eq!(verdict.change, None);
+        assert_eq!(r.counters().idle_checks, idle, "{used}");
+        assert_eq!(r.is_backed_off(), idle == 1, "{used}");
+        assert_eq!(r.counters().early_checks, 1);
+    }
+    // A thread that waits makes no progress and is not checked for it.
+    let mut r = spied();
+    assert_eq!(r.judge(8 * MS, 0, NOT_BLOCKED).change, None);
+    assert_eq!((r.counters().idle_checks, r.check_at()), (0, None));
+}
+
+#[test]
+fn checks_without_progress_double_up_to_a_quarter_of_the_budget() {
+    let mut r = spied();
+    r.activate(0, 0, 0);
+    let longest = TUNING.backoff(10 * MS);
+    assert_eq!(longest, MS, "max_backoff");
+    assert_eq!((TUNING.backoff(MS), TUNING.backoff(1)), (MS / 4, 50 * US));
+    let mut now = 0;
+    for _ in 0..12 {
+        now += 10 * MS;
+        assert_eq!(r.judge(now, 0, NOT_BLOCKED).change, None);
+        // The budget is whole: the check for its end is farther away than any back-off.
+        assert_eq!(r.check_at(), Some(now + 10 * MS));
+    }
+    assert_eq!(r.counters().idle_checks, 12);
+    assert!(r.is_backed_off());
+    // Progress ends it.
+    assert_eq!(r.judge(now + MS, MS, NOT_BLOCKED).change, None);
+    assert!(!r.is_backed_off());
 }
