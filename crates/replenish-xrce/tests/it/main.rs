@@ -17,3 +17,4 @@ mod session_link;
 mod session_lossy;
 mod session_streams;
 mod stream_output;
+mod stream_pace;
