@@ -5,7 +5,7 @@
 //!   stream    best-effort and reliable streams, both directions, fragments
 //!   framing   messages on serial lines and TCP
 //!   wire      the codec: headers of messages and submessages, all bodies, ids
-//!   udp       a socket to the agent (feature `std`)
+//!   udp       a socket to the agent (feature `std`)    reach  whether it is there
 //!   sent      the fate of a datagram, for every transport
 //!   seq       sequence numbers       features  this build's features
 //!   counter   counters of events     time      times and intervals
@@ -15,7 +15,7 @@
 //! few lengths would, and every position is checked where it is used. Counters and times end at
 //! their greatest value.
 //!
-//! Only `udp` allocates, reads a clock or touches a socket; storage is the caller's. The
+//! Only `udp` and `reach` allocate, read a clock or touch a socket; storage is the caller's. The
 //! specification is OMG DDS-XRCE 1.0 (formal/20-02-01). Where eProsima's implementation differs
 //! from it, this crate has the implementation's wire form, which micro-ROS speaks.
 #![no_std]
@@ -29,6 +29,8 @@ pub mod client;
 mod counter;
 pub mod features;
 pub mod framing;
+#[cfg(all(feature = "std", unix))]
+mod reach;
 mod sent;
 pub mod seq;
 pub mod stream;
@@ -37,6 +39,8 @@ mod time;
 pub mod udp;
 pub mod wire;
 
+#[cfg(all(feature = "std", unix))]
+pub use reach::ping_agent;
 pub use sent::Sent;
 pub use seq::SeqNum;
 pub use time::Nanos;
