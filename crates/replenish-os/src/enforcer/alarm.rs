@@ -43,3 +43,29 @@ impl Alarm {
         self.0 = NEVER;
     }
 }
+
+#[cfg(all(test, not(loom)))]
+mod tests {
+    use super::*;
+    use core::cell::RefCell;
+
+    #[test]
+    fn it_is_set_earlier_alone_and_anew_once_it_has_fired_or_was_refused() {
+        let mut alarm = Alarm::new();
+        let armed = RefCell::new(alloc::vec::Vec::new());
+        let arm = |at| {
+            armed.borrow_mut().push(at);
+            if at == 13 { Err(()) } else { Ok(()) }
+        };
+        for at in [100, 100, 150, 50] {
+            alarm.set(at, arm).unwrap();
+        }
+        assert_eq!(*armed.borrow(), [100, 50]);
+        alarm.set(13, arm).unwrap_err();
+        alarm.set(40, arm).unwrap(); // not as late as one that counts as set at 13
+        assert_eq!(*armed.borrow(), [100, 50, 13, 40]);
+        alarm.fired();
+        alarm.set(90, arm).unwrap();
+        assert_eq!(*armed.borrow(), [100, 50, 13, 40, 90]);
+    }
+}

@@ -138,6 +138,7 @@ pub(crate) fn summarise(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use alloc::vec;
 
     #[test]
     fn percentiles_are_those_of_the_newest_and_stalls_stand_apart() {
@@ -159,6 +160,21 @@ mod tests {
                 overrun: 9_999_999
             })
         );
+    }
+
+    #[test]
+    fn a_demotion_late_by_the_limit_is_no_stall_and_the_delayst_is_the_worst() {
+        let mut o = Overruns::default();
+        o.record(7, STALL);
+        let delays = [3, 9, 9, 5];
+        for (overrun, late) in (0..).zip(delays) {
+            o.record(overrun, STALL + late);
+        }
+        let mut sample = Vec::new();
+        let (count, stalls, worst) = o.copy_into(&mut sample);
+        assert_eq!((count, stalls, sample), (1, 4, vec![7]));
+        let (late, overrun) = (STALL + 9, 1);
+        assert_eq!(worst, Some(Stall { late, overrun }), "the first of two");
     }
 
     #[test]
