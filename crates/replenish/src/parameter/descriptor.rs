@@ -52,7 +52,8 @@ impl Descriptor {
         }
     }
 
-    /// It keeps its first value.
+    /// Nobody sets it but its own node with
+    /// [`Parameters::set_own`](crate::Parameters::set_own).
     #[must_use]
     pub fn read_only(self) -> Self {
         Self {
@@ -71,7 +72,7 @@ impl Descriptor {
     }
 
     /// Integers, and elements of integer arrays, are `from`, `from + step`, … up to `to`, or `to`.
-    /// A step of 0 allows all between.
+    /// A step of 0 allows all between. Not for parameters of another type.
     #[must_use]
     pub fn integer_range(self, from: i64, to: i64, step: u64) -> Self {
         Self {
@@ -80,7 +81,8 @@ impl Descriptor {
         }
     }
 
-    /// Doubles, and elements of double arrays, likewise; to within rounding, and never NaN.
+    /// Doubles, and elements of double arrays, likewise; to within rounding, and never NaN. Not for
+    /// parameters of another type.
     #[must_use]
     pub fn double_range(self, from: f64, to: f64, step: f64) -> Self {
         Self {
@@ -89,8 +91,20 @@ impl Descriptor {
         }
     }
 
-    /// The first contradiction within the descriptor itself.
-    pub(crate) fn check(&self, name: &str) -> Result<(), ParameterError> {
+    /// The first contradiction within the descriptor itself, or to a parameter of type `known`.
+    pub(crate) fn check(&self, name: &str, known: u8) -> Result<(), ParameterError> {
+        let ranges = [
+            ("integer_range", self.integers.is_some(), [2, 7]),
+            ("double_range", self.doubles.is_some(), [3, 8]),
+        ];
+        for (range, given, types) in ranges {
+            if given && !self.dynamic && known != 0 && !types.contains(&known) {
+                let (is, [one, many]) = (type_name(known), types.map(type_name));
+                let allowed = format_args!("for types {one} and {many}");
+                let text = format_args!("{name}: it is of type {is}, {range} is {allowed}");
+                return Err(ParameterError::new(ParameterErrorKind::Type, text));
+            }
+        }
         let wrong = |text| Err(ParameterError::new(ParameterErrorKind::Range, text));
         if let Some((from, to, _)) = self.integers
             && from > to

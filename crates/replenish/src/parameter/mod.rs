@@ -11,13 +11,14 @@
 //! - [`value`]: what a parameter can be. [`descriptor`]: what it may be. [`store`]: the table,
 //!   pure.
 //! - [`error`]: what can go wrong. [`server`]: setting with callbacks and events. [`services`]: the
-//!   six services of ROS 2.
+//!   six services of ROS 2. [`owner`]: the node's own rights.
 //!
 //! All buffers are there when the parameters are made: so many parameters with values of so many
 //! bytes. One more, or a longer one, is an error that names the limit.
 
 mod descriptor;
 mod error;
+mod owner;
 mod server;
 mod services;
 mod store;

@@ -2,7 +2,7 @@
 
 use super::descriptor::Descriptor;
 use super::error::{ParameterError, ParameterErrorKind as Kind};
-use super::store::{Bounds, Buffer, Mark, Table};
+use super::store::{Bounds, Buffer, Mark, Setter, Table};
 use super::value::{FromParameter, ParameterValue, type_name};
 use crate::context::Node;
 use crate::error::Error;
@@ -44,6 +44,7 @@ impl ParameterOptions {
                 name: 64,
                 value: 256,
                 undeclared: false,
+                removable: false,
             },
             events: true,
             message: 4100,
@@ -87,6 +88,14 @@ impl ParameterOptions {
     #[must_use]
     pub const fn allow_undeclared(mut self) -> Self {
         self.bounds.undeclared = true;
+        self
+    }
+
+    /// Others undeclare a parameter by setting it to nothing, unless it is read-only, as they do
+    /// with rclc. Otherwise only what [came by being set](Self::allow_undeclared) goes that way.
+    #[must_use]
+    pub const fn others_may_undeclare(mut self) -> Self {
+        self.bounds.removable = true;
         self
     }
 
@@ -142,7 +151,7 @@ pub struct Parameters {
 pub(crate) struct Inner {
     pub(crate) node: Node,
     pub(crate) table: Mutex<Table>,
-    setters: Mutex<Setters>,
+    pub(super) setters: Mutex<Setters>,
     /// Callbacks that a callback has given: they are asked from the next time on.
     late: Mutex<(Vec<Veto>, Vec<After>)>,
     /// The thread that has the setters' lock: a callback that sets must not wait for itself.
@@ -152,7 +161,7 @@ pub(crate) struct Inner {
     pub(super) message: usize,
 }
 
-struct Setters {
+pub(super) struct Setters {
     vetoes: Vec<Veto>,
     after: Vec<After>,
     old: Buffer,
@@ -230,10 +239,11 @@ impl Parameters {
         })
     }
 
-    /// Removes a parameter.
+    /// Removes a parameter. A [veto](Self::veto) is asked with
+    /// [`NotSet`](ParameterValue::NotSet) as the new value.
     ///
     /// # Errors
-    /// If there is none of this name, or it is read-only.
+    /// If there is none of this name, it is read-only, or a callback refuses.
     pub fn undeclare(&self, name: &str) -> Result<(), ParameterError> {
         let wish = core::iter::once((name, ParameterValue::NotSet));
         self.change(|table| table.undeclare(name), wish)
@@ -248,7 +258,7 @@ impl Parameters {
         name: &str,
         value: impl Into<ParameterValue<'v>>,
     ) -> Result<(), ParameterError> {
-        self.set_all(core::iter::once((name, value.into())))
+        self.set_all(Setter::Node, core::iter::once((name, value.into())))
     }
 
     /// Sets several parameters, all or none: whoever reads does not see some of them changed and
@@ -260,14 +270,19 @@ impl Parameters {
         &self,
         wishes: &[(&str, ParameterValue<'_>)],
     ) -> Result<(), ParameterError> {
-        self.set_all(wishes.iter().map(|(name, value)| (*name, value.clone())))
+        let wishes = wishes.iter().map(|(name, value)| (*name, value.clone()));
+        self.set_all(Setter::Node, wishes)
     }
 
-    pub(crate) fn set_all<'v>(&self, wishes: impl Wishes<'v>) -> Result<(), ParameterError> {
+    pub(super) fn set_all<'v>(
+        &self,
+        setter: Setter,
+        wishes: impl Wishes<'v>,
+    ) -> Result<(), ParameterError> {
         let all = wishes.clone();
         let stage = |table: &mut Table| {
             let mut all = all;
-            all.try_for_each(|(name, value)| table.stage(name, &value))
+            all.try_for_each(|(name, value)| table.stage(name, &value, setter))
         };
         self.change(stage, wishes)
     }
@@ -340,10 +355,7 @@ impl Parameters {
         wishes: impl Wishes<'v>,
     ) -> Result<(), ParameterError> {
         let inner = &*self.inner;
-        if inner.is_mine() {
-            let text = format_args!("a parameter was set from a callback of setting parameters");
-            return Err(ParameterError::new(Kind::Nested, text));
-        }
+        inner.not_nested()?;
         let mut setters = inner.setters.lock();
         inner.setter.store(me(), Ordering::Relaxed);
         let _turn = Turn(inner);
@@ -438,6 +450,15 @@ impl Inner {
     /// Whether the calling thread sets: it is in one of the callbacks.
     fn is_mine(&self) -> bool {
         self.setter.load(Ordering::Relaxed) == me()
+    }
+
+    /// A callback of setting must not wait for itself.
+    pub(super) fn not_nested(&self) -> Result<(), ParameterError> {
+        if !self.is_mine() {
+            return Ok(());
+        }
+        let text = format_args!("a parameter was set from a callback of setting parameters");
+        Err(ParameterError::new(Kind::Nested, text))
     }
 
     /// Tells others what is staged. An event that cannot be sent is left out: who missed it asks.

@@ -5,7 +5,7 @@
 
 use super::error::{ParameterError, ParameterErrorKind};
 use super::server::{Inner, Parameters};
-use super::store::Slot;
+use super::store::{Setter, Slot};
 use super::value::ParameterValue;
 use crate::error::Error;
 use crate::executor::{AddHandles, Target, Topic};
@@ -139,7 +139,8 @@ fn set(of: &Parameters, request: &[u8], w: &mut CdrWriter<'_>) -> Result<(), Una
     w.sequence(request.parameters.len())?;
     for parameter in request.parameters.iter() {
         let outcome = known(&parameter);
-        let outcome = outcome.and_then(|()| of.set_all(core::iter::once(wish(&parameter))));
+        let outcome =
+            outcome.and_then(|()| of.set_all(Setter::Others, core::iter::once(wish(&parameter))));
         result(outcome, w)?;
     }
     Ok(())
@@ -153,7 +154,7 @@ fn set_atomically(
     let request = srv::SetParametersAtomicallyRequestView::from_payload(request)?;
     let wishes = request.parameters.iter();
     let outcome = wishes.clone().try_for_each(|p| known(&p));
-    let outcome = outcome.and_then(|()| of.set_all(wishes.map(|p| wish(&p))));
+    let outcome = outcome.and_then(|()| of.set_all(Setter::Others, wishes.map(|p| wish(&p))));
     Ok(result(outcome, w)?)
 }
 

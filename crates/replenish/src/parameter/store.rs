@@ -72,6 +72,17 @@ pub(crate) struct Slot {
     pub(crate) mark: Option<Mark>,
 }
 
+/// The side that sets a parameter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Setter {
+    /// The node, by the rules that hold for others, too.
+    Node,
+    /// The node, its read-only parameters included.
+    Owner,
+    /// Another node, through the services.
+    Others,
+}
+
 /// Bounds of the table.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Bounds {
@@ -79,6 +90,8 @@ pub(crate) struct Bounds {
     pub(crate) name: usize,
     pub(crate) value: usize,
     pub(crate) undeclared: bool,
+    /// Others undeclare a parameter by setting it to nothing.
+    pub(crate) removable: bool,
 }
 
 pub(crate) struct Table {
@@ -131,7 +144,7 @@ impl Table {
         value: &ParameterValue<'_>,
         descriptor: Descriptor,
     ) -> Result<(), ParameterError> {
-        descriptor.check(name)?;
+        descriptor.check(name, value.type_number())?;
         descriptor.admit(name, value)?;
         if self.position(name).is_some() {
             let text = format_args!("{name}: there is such a parameter already");
@@ -176,11 +189,26 @@ impl Table {
         Ok(())
     }
 
+    /// Another descriptor for a parameter, whose value must be allowed by it. Gives the old one.
+    pub(crate) fn describe(
+        &mut self,
+        name: &str,
+        descriptor: Descriptor,
+    ) -> Result<Descriptor, ParameterError> {
+        let at = self.position(name);
+        let slot = at.and_then(|at| self.slots.get_mut(at));
+        let slot = slot.ok_or_else(|| ParameterError::unknown(name))?;
+        descriptor.check(name, slot.kind)?;
+        descriptor.admit(name, &slot.now.value())?;
+        Ok(core::mem::replace(&mut slot.descriptor, descriptor))
+    }
+
     /// Stages another value.
     pub(crate) fn stage(
         &mut self,
         name: &str,
         value: &ParameterValue<'_>,
+        setter: Setter,
     ) -> Result<(), ParameterError> {
         let Some(at) = self.position(name) else {
             if self.bounds.undeclared && *value != ParameterValue::NotSet {
@@ -189,12 +217,18 @@ impl Table {
             }
             return Err(ParameterError::unknown(name));
         };
-        let bytes = self.bounds.value;
+        let Bounds {
+            value: bytes,
+            removable,
+            ..
+        } = self.bounds;
         let slot = self.slots.get_mut(at);
         let slot = slot.ok_or_else(|| ParameterError::unknown(name))?;
-        if slot.descriptor.read_only {
-            let text = format_args!("{name}: it is read-only");
-            return Err(ParameterError::new(Kind::ReadOnly, text));
+        if slot.descriptor.read_only && setter != Setter::Owner {
+            return Err(read_only(name));
+        }
+        if removable && setter == Setter::Others && *value == ParameterValue::NotSet {
+            return self.undeclare(name);
         }
         slot.descriptor.admits_type(name, slot.kind, value)?;
         slot.descriptor.admit(name, value)?;
@@ -215,8 +249,7 @@ impl Table {
         let slot = at.and_then(|at| self.slots.get_mut(at));
         let slot = slot.ok_or_else(|| ParameterError::unknown(name))?;
         if slot.descriptor.read_only {
-            let text = format_args!("{name}: it is read-only");
-            return Err(ParameterError::new(Kind::ReadOnly, text));
+            return Err(read_only(name));
         }
         slot.next.keep(&ParameterValue::NotSet);
         slot.mark = Some(Mark::Deleted);
@@ -242,6 +275,10 @@ impl Table {
             slot.mark = None;
         }
     }
+}
+
+fn read_only(name: &str) -> ParameterError {
+    ParameterError::new(Kind::ReadOnly, format_args!("{name}: it is read-only"))
 }
 
 fn too_large(name: &str, bytes: usize) -> ParameterError {

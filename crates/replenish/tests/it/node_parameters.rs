@@ -19,15 +19,15 @@ use std::time::Duration;
 
 const LIMIT: Duration = Duration::from_secs(30);
 
-fn node(bus: &InProcessBus) -> Node {
+pub(crate) fn node(bus: &InProcessBus) -> Node {
     Context::new(bus.participant()).node("robot/arm").unwrap()
 }
 
-fn parameters(options: ParameterOptions) -> Parameters {
+pub(crate) fn parameters(options: ParameterOptions) -> Parameters {
     node(&InProcessBus::new()).parameters(options).unwrap()
 }
 
-fn kind<T>(result: Result<T, ParameterError>) -> Kind {
+pub(crate) fn kind<T>(result: Result<T, ParameterError>) -> Kind {
     result.err().expect("an error").kind()
 }
 
@@ -201,7 +201,11 @@ fn callbacks_refuse_all_or_hear_of_what_was_set() {
 }
 
 /// The answer to a client in another context.
-fn ask<S: Service>(bus: &InProcessBus, service: &str, request: &S::Request) -> S::Response
+pub(crate) fn ask<S: Service>(
+    bus: &InProcessBus,
+    service: &str,
+    request: &S::Request,
+) -> S::Response
 where
     S::Response: Clone,
 {
@@ -294,7 +298,7 @@ fn named(names: &[&str]) -> Vec<String> {
     names.iter().map(|n| (*n).to_owned()).collect()
 }
 
-fn double(name: &str, value: f64) -> Parameter {
+pub(crate) fn double(name: &str, value: f64) -> Parameter {
     Parameter {
         name: name.into(),
         value: Sent {
