@@ -54,7 +54,8 @@ pub(super) struct Inner {
     pub(super) callbacks: Mutex<Callbacks>,
     /// The thread that makes a transition: its callback must not wait for itself.
     pub(super) busy: AtomicU64,
-    pub(super) events: Publisher<TransitionEvent>,
+    /// `None`: transitions are nobody else's business.
+    pub(super) events: Option<Publisher<TransitionEvent>>,
 }
 
 #[derive(Default)]
@@ -90,17 +91,29 @@ impl Node {
     /// # Errors
     /// [`Error::Middleware`] when `~/transition_event` cannot be published.
     pub fn lifecycle(&self) -> Result<Lifecycle, Error> {
+        let events = self.publisher("~/transition_event", Qos::reliable())?;
+        Ok(self.managed(Some(events)))
+    }
+
+    /// The same without a topic of transitions: the node makes them itself, and nobody in the
+    /// network sees that it is managed, as with `enable_communication_interface = false` in rclcpp.
+    #[must_use]
+    pub fn lifecycle_unseen(&self) -> Lifecycle {
+        self.managed(None)
+    }
+
+    fn managed(&self, events: Option<Publisher<TransitionEvent>>) -> Lifecycle {
         let inner = Inner {
             node: self.clone(),
             state: AtomicU64::new(State::Unconfigured.id().into()),
             turn: Mutex::new(()),
             callbacks: Mutex::new(Callbacks::default()),
             busy: AtomicU64::new(0),
-            events: self.publisher("~/transition_event", Qos::reliable())?,
+            events,
         };
-        Ok(Lifecycle {
+        Lifecycle {
             inner: Arc::new(inner),
-        })
+        }
     }
 }
 
@@ -229,6 +242,9 @@ impl Inner {
     /// out.
     fn follow(&self, arrow: &Arrow) {
         self.state.store(arrow.to.id().into(), Ordering::Release);
+        let Some(events) = &self.events else {
+            return;
+        };
         let stamp = platform::wall_time();
         let seconds = u64::try_from(stamp.sec).unwrap_or(0);
         let event = TransitionEventView {
@@ -237,7 +253,7 @@ impl Inner {
             start_state: described(arrow.from),
             goal_state: described(arrow.to),
         };
-        self.events.publish_with(|room| event.encode_to(room)).ok();
+        events.publish_with(|room| event.encode_to(room)).ok();
     }
 }
 

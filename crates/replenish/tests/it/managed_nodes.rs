@@ -376,3 +376,39 @@ fn others_ask_for_transitions_and_hear_of_them() {
         "{report}"
     );
 }
+
+/// rclcpp's `enable_communication_interface = false`.
+#[test]
+fn a_managed_node_may_keep_its_transitions_to_itself() {
+    let _dog = watchdog("unseen node", LIMIT);
+    let ctx = Context::in_process();
+    let (listener, heard) = (ctx.node("listener").unwrap(), Arc::new(Mutex::new(0)));
+    let (mut exec, _) = executor(&ctx);
+    for name in ["seen", "unseen"] {
+        let count = Arc::clone(&heard);
+        let hear = move |_: &TransitionEvent, _: &replenish::CallbackContext<'_>| {
+            assert_eq!(name, "seen");
+            *count.lock().unwrap() += 1;
+        };
+        let topic = format!("/{name}/transition_event");
+        let qos = Qos::reliable().keep_last(10);
+        let worker = exec.worker(name);
+        worker.subscribe(&listener, &*topic, qos, hear).unwrap();
+    }
+    let mut local = exec.local().unwrap();
+    let seen = ctx.node("seen").unwrap().lifecycle().unwrap();
+    let unseen = ctx.node("unseen").unwrap().lifecycle_unseen();
+    unseen.on_transition(Transition::Activate, |_| Outcome::Failure);
+    for node in [&unseen, &seen] {
+        assert_eq!(node.change(Transition::Configure), Ok(State::Inactive));
+    }
+    unseen.change(Transition::Activate).unwrap_err();
+    assert_eq!(
+        unseen.state(),
+        State::Inactive,
+        "it is managed all the same"
+    );
+    local.spin_while(LIMIT, || *heard.lock().unwrap() < 2);
+    assert_eq!(local.spin_some(Duration::ZERO).callbacks, 0);
+    assert_eq!(*heard.lock().unwrap(), 2, "configure, and its success");
+}
