@@ -22,7 +22,13 @@ pub(crate) mod live {
     pub(crate) struct Post;
 
     impl Post {
-        pub(crate) const fn new(_: &Arc<str>, _: &Arc<Mailbox>, _: u64, _: bool, _: bool) -> Self {
+        pub(crate) const fn new(
+            _: &Arc<str>,
+            _: &Arc<Mailbox>,
+            _: u64,
+            _: bool,
+            _: (bool, bool),
+        ) -> Self {
             Self
         }
     }

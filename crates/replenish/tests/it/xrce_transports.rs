@@ -212,3 +212,46 @@ fn a_transport_of_ones_own_is_as_good() {
     all_come_back(&ctx, 100);
     assert!(*sent.lock().unwrap() > 100);
 }
+
+#[test]
+fn an_agent_is_pinged_before_there_is_a_session() {
+    let _dog = watchdog("ping", LIMIT);
+    for place in ["127.0.0.1:0", "[::1]:0"] {
+        let agent = TestAgent::start(place);
+        let address = agent.address.to_string();
+        let second = Duration::from_secs(1);
+        let answer = Xrce::ping_udp(&address, second, 30).unwrap();
+        assert!(answer.is_some_and(|time| time <= second), "{answer:?}");
+        assert!(agent.snapshot().clients.is_empty(), "nothing is remembered");
+    }
+    // A port that nobody has, and one whose owner says something else.
+    let other = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let silent = other.local_addr().unwrap();
+    let chatter = std::thread::spawn(move || {
+        let mut room = [0; 64];
+        for _ in 0..3 {
+            let (len, from) = other.recv_from(&mut room).unwrap();
+            other.send_to(&room[..len], from).unwrap(); // its own question, and no answer
+        }
+    });
+    let began = std::time::Instant::now();
+    let patience = Duration::from_millis(20);
+    assert_eq!(
+        Xrce::ping_udp(&silent.to_string(), patience, 3).unwrap(),
+        None
+    );
+    assert!(began.elapsed() >= 3 * patience);
+    chatter.join().unwrap();
+    assert_eq!(
+        Xrce::ping_udp(&silent.to_string(), patience, 2).unwrap(),
+        None
+    );
+    assert_eq!(
+        Xrce::ping_udp(&silent.to_string(), patience, 0).unwrap(),
+        None
+    );
+    let error = Xrce::ping_udp("nowhere", patience, 1)
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("nowhere"), "{error}");
+}

@@ -19,6 +19,8 @@ pub(crate) struct Post {
     pub(crate) mailbox: Arc<Mailbox>,
     /// Numbers for the ids of timers and guard conditions.
     pub(crate) number: AtomicU64,
+    /// Its rounds begin by the clock.
+    pub(super) clocked: bool,
     /// It is real-time.
     urgent: bool,
     /// Its guarantee was admitted.
@@ -42,13 +44,14 @@ impl Post {
         name: &Arc<str>,
         mailbox: &Arc<Mailbox>,
         number: u64,
-        urgent: bool,
-        promised: bool,
+        clocked: bool,
+        (urgent, promised): (bool, bool),
     ) -> Self {
         Self {
             name: Arc::clone(name),
             mailbox: Arc::clone(mailbox),
             number: AtomicU64::new(number),
+            clocked,
             urgent,
             promised,
         }

@@ -1,4 +1,4 @@
-//! Handles that come and go while the executor runs, from any thread.
+//! Handles that come and go, and triggers that change, while the executor runs, from any thread.
 //!
 //! ```text
 //!   handle: ExecutorHandle ── worker(name) ──► worker_handle ── add ──┐
@@ -6,6 +6,7 @@
 //!      └──────────────────────────────────────────────────────────────┘     │      updates (`run`)
 //!                                        registry: handles by id ◄──────────┤
 //!                                        groups: who may join, who may wait ┘
+//!   worker_handle ── trigger: set_trigger ──► mailbox
 //! ```
 //!
 //! `change_disabled` takes this room's place in builds without feature `full`.
@@ -14,6 +15,7 @@ mod groups;
 pub(crate) mod handle;
 pub(crate) mod live;
 pub(crate) mod registry;
+mod trigger;
 mod worker_handle;
 
 pub use handle::{ExecutorHandle, Removal};

@@ -69,6 +69,13 @@ impl ExecutorHandle {
     }
 }
 
+impl<'e> WorkerHandle<'e> {
+    /// The executor, and its worker.
+    pub(super) fn place(self) -> (&'e Arc<Live>, &'e Post) {
+        (self.0.live, self.0.post)
+    }
+}
+
 impl WorkerHandle<'_> {
     /// Options of the handle that is added next. Where several are added together (actions,
     /// parameters, managed nodes), priority, group and error hook apply to all of them.

@@ -11,7 +11,7 @@ use alloc::vec::Vec;
 use replenish_os::{Account, clock};
 
 impl Worker {
-    /// Takes a handle over, or lets go of one.
+    /// Takes a handle over, lets go of one, or begins rounds by another trigger.
     pub(super) fn apply(
         &mut self,
         command: Command,
@@ -38,6 +38,11 @@ impl Worker {
                     self.mailbox.retire(entry);
                 }
                 handle.departure.gone.set();
+            }
+            Command::Trigger(swap) => {
+                swap.swap(&mut self.spec.rules.trigger);
+                self.spec.rules.rounds.get_or_insert(&BY_RULES);
+                self.reordered();
             }
         }
     }

@@ -5,6 +5,7 @@
 //!   add: build the entry ──────► commands ────► insert, begin
 //!   remove: removed := true ───► commands ────► take out ──► drop the callback
 //!           wait for gone ◄──────────────────── gone := set ◄── retired: its slot is free
+//!   trigger ──────► swap ──────► commands ────► swap with the old one, which the sender drops
 //! ```
 //!
 //! Everything is preallocated: each of a worker's slots belongs to an entry in its hands, on its
@@ -12,21 +13,57 @@
 
 use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::state::HandleState;
+use crate::executor::run::rules::Trigger;
 use crate::executor::wake::doorbell::{Doorbell, WakeHandle};
 use crate::handoff::{CommandQueue, Declined, Reservation};
+use crate::platform;
 use crate::sync::{Arc, Mutex};
 use alloc::boxed::Box;
+use alloc::vec::Vec;
 use replenish_os::{Tid, current_tid};
 
 /// A change that a running worker is to make.
 pub(crate) enum Command {
     Add(HandleEntry),
     Remove(Arc<HandleState>),
+    Trigger(Arc<TriggerSwap>),
+}
+
+/// A trigger on its way to a worker, and then the one that it has replaced on its way back.
+pub(crate) struct TriggerSwap(Mutex<Option<Trigger>>);
+
+impl TriggerSwap {
+    /// Worker: takes the new trigger and leaves the old one, so that it frees no memory.
+    pub(super) fn swap(&self, trigger: &mut Trigger) {
+        if let Some(place) = &mut *self.0.lock() {
+            core::mem::swap(place, trigger);
+        }
+    }
+}
+
+/// The closure of a trigger may panic as it is dropped.
+impl Drop for TriggerSwap {
+    fn drop(&mut self) {
+        platform::guard(self, |swap| drop(swap.0.lock().take()), |_, _| ());
+    }
+}
+
+/// Triggers that may be on their way at a time.
+const TRIGGERS: usize = 16;
+
+/// Why a trigger was not sent.
+pub(crate) enum NotSent {
+    /// The worker has ended.
+    Ended,
+    /// So many are on their way.
+    TooMany(usize),
 }
 
 /// The way to one worker.
 pub(crate) struct Mailbox {
     queue: CommandQueue<Command, HandleEntry>,
+    /// Triggers on their way, and those that came back.
+    swaps: Mutex<Vec<Arc<TriggerSwap>>>,
     worker: Mutex<Option<Tid>>,
     bell: Arc<Doorbell>,
 }
@@ -35,7 +72,8 @@ impl Mailbox {
     /// For a worker with `used` handles, in the first slots, that may have `limit`.
     pub(crate) fn new(used: usize, limit: usize, bell: Arc<Doorbell>) -> Arc<Self> {
         Arc::new(Self {
-            queue: CommandQueue::new(used..limit, 2 * limit),
+            queue: CommandQueue::new(used..limit, 2 * limit + TRIGGERS),
+            swaps: Mutex::new(Vec::new()),
             worker: Mutex::new(None),
             bell,
         })
@@ -77,6 +115,28 @@ impl Mailbox {
         sent.is_ok()
     }
 
+    /// Sends another trigger; drops those that came back.
+    pub(crate) fn set_trigger(&self, trigger: Trigger) -> Result<(), NotSent> {
+        let swap = Arc::new(TriggerSwap(Mutex::new(Some(trigger))));
+        let mut back = Vec::new();
+        {
+            let mut swaps = self.swaps.lock();
+            // The worker is done with those that nobody else has.
+            while let Some(at) = swaps.iter().position(|s| Arc::strong_count(s) == 1) {
+                back.push(swaps.swap_remove(at));
+            }
+            if swaps.len() >= TRIGGERS {
+                return Err(NotSent::TooMany(TRIGGERS));
+            }
+            let sent = self.queue.push(Command::Trigger(Arc::clone(&swap)));
+            sent.map_err(|_| NotSent::Ended)?;
+            swaps.push(swap);
+        }
+        drop(back); // without the lock: closures of the user are dropped here
+        self.bell.force();
+        Ok(())
+    }
+
     /// Frees what the worker has retired, unless the caller is the worker.
     pub(crate) fn sweep(&self) {
         if !self.is_mine() {
@@ -94,6 +154,11 @@ impl Mailbox {
     /// Worker: the calling thread is the worker.
     pub(crate) fn open(&self) {
         *self.worker.lock() = Some(current_tid());
+    }
+
+    /// Worker: whether a command waits.
+    pub(crate) fn is_waiting(&self) -> bool {
+        self.queue.is_waiting()
     }
 
     /// Worker: the next command.

@@ -6,7 +6,7 @@
 
 use super::accounting::CpuAccounting;
 use super::rules::{HandleStates, Semantics, Trigger};
-use super::state::{Rounds, Worker, WorkerSpec};
+use super::state::{Intake, Rounds, Worker, WorkerSpec};
 use crate::Nanos;
 use crate::error::Error;
 use crate::event::{Event, Events};
@@ -41,7 +41,7 @@ fn check(worker: &WorkerSpec) -> Result<(), Error> {
     let owner = worker.request.owner();
     let rules = &worker.rules;
     let let_ = rules.semantics == Semantics::LogicalExecutionTime;
-    if matches!(rules.trigger, Trigger::Always) && rules.every.is_none() {
+    if rules.is_unconditional() && !rules.spun {
         let allowed = "with .every(…) only: something has to start the rounds";
         return Err(Error::parameter(owner, "trigger", &"Always", allowed));
     }
@@ -135,14 +135,19 @@ fn want_all(worker: &Worker) -> bool {
     !in_turn
 }
 
-fn step(worker: &mut Worker, account: &mut Account, accounting: &CpuAccounting) -> bool {
+fn step(
+    worker: &mut Worker,
+    account: &mut Account,
+    accounting: &CpuAccounting,
+    intake: Intake<'_>,
+) -> bool {
     match &mut worker.grid {
-        None => round(worker, account, accounting),
+        None => round(worker, account, accounting, intake),
         Some(grid) => match grid.serve(clock::monotonic()) {
             None => false,
             Some(release) => {
                 worker.spec.rules.count.note(release);
-                round(worker, account, accounting);
+                round(worker, account, accounting, intake);
                 true
             }
         },
@@ -150,14 +155,19 @@ fn step(worker: &mut Worker, account: &mut Account, accounting: &CpuAccounting) 
 }
 
 /// A round, if the trigger allows it; whether it did anything.
-fn round(worker: &mut Worker, account: &mut Account, accounting: &CpuAccounting) -> bool {
+fn round(
+    worker: &mut Worker,
+    account: &mut Account,
+    accounting: &CpuAccounting,
+    intake: Intake<'_>,
+) -> bool {
     if worker.looks_at_all && !is_triggered(worker) {
         return false;
     }
     let ended = if worker.looks_at_all {
-        worker.round::<true>(account, accounting)
+        worker.round::<true>(account, accounting, intake)
     } else {
-        worker.round::<false>(account, accounting)
+        worker.round::<false>(account, accounting, intake)
     };
     let Ok(last) = ended else {
         return true;
@@ -240,7 +250,7 @@ fn next_wake(worker: &mut Worker) -> Option<Nanos> {
     }
     // A release that is due already waits for the trigger's other conditions, not for time.
     let overdue = match worker.spec.rules.trigger {
-        Trigger::Any => 0,
+        Trigger::Any | Trigger::Always => 0,
         _ => clock::monotonic(),
     };
     let live = worker.spec.entries.iter_mut().filter(|e| e.is_live());

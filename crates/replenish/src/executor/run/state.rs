@@ -145,6 +145,8 @@ pub(crate) struct Rules {
     pub(crate) count: RoundCount,
     /// Samples and bytes of the output barrier.
     pub(crate) barrier: Option<(usize, usize)>,
+    /// Rounds begin when the program spins: the worker has no thread.
+    pub(crate) spun: bool,
     /// The most handles, those added later included.
     pub(crate) capacity: Option<usize>,
     /// Options were given before there was a handle.
@@ -167,7 +169,16 @@ impl Rules {
     pub(crate) fn takes_first(&self) -> bool {
         self.semantics == Semantics::LogicalExecutionTime
     }
+
+    /// A round begins whenever the program spins, with or without input.
+    pub(crate) const fn is_unconditional(&self) -> bool {
+        matches!(self.trigger, Trigger::Always) && self.every.is_none()
+    }
 }
+
+/// Takes what has come meanwhile, between two callbacks: for workers without a thread, whose thread
+/// is the dispatcher's as well.
+pub(crate) type Intake<'i> = &'i mut dyn FnMut(&mut Account);
 
 /// The functions that carry out rules other than the usual one. A worker reaches them through this
 /// table alone, so that programs without such rules do not carry the code.
@@ -179,7 +190,7 @@ pub(crate) struct Rounds {
     pub(crate) begin: fn(&mut Worker, Nanos),
     /// Whether each round must look at every handle.
     pub(crate) want_all: fn(&Worker) -> bool,
-    pub(crate) step: fn(&mut Worker, &mut Account, &CpuAccounting) -> bool,
+    pub(crate) step: fn(&mut Worker, &mut Account, &CpuAccounting, Intake<'_>) -> bool,
     pub(crate) next_wake: fn(&mut Worker) -> Option<Nanos>,
     pub(crate) end: fn(&mut Worker),
 }

@@ -17,7 +17,7 @@
 //! nor is waited for.
 
 use super::accounting::CpuAccounting;
-use super::state::{Worker, WorkerSpec};
+use super::state::{Intake, Worker, WorkerSpec};
 use crate::Nanos;
 use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::env::Env;
@@ -111,20 +111,45 @@ impl Worker {
         }
     }
 
-    /// A round, if it is time for one; whether it did anything.
-    pub(crate) fn step(&mut self, account: &mut Account, accounting: &CpuAccounting) -> bool {
+    /// The same with `intake` between two callbacks, so that the second sees what came meanwhile.
+    /// meanwhile.
+    fn step(&mut self, account: &mut Account, accounting: &CpuAccounting) -> bool {
+        self.step_with(account, accounting, &mut |_| ())
+    }
+
+    /// The same, with `intake` between two callbacks, so that the second sees what came meanwhile.
+    pub(crate) fn step_with(
+        &mut self,
+        account: &mut Account,
+        accounting: &CpuAccounting,
+        intake: Intake<'_>,
+    ) -> bool {
         if let Some(rounds) = self.spec.rules.rounds {
-            return (rounds.step)(self, account, accounting);
+            return (rounds.step)(self, account, accounting, intake);
         }
-        match self.round::<false>(account, accounting) {
+        match self.round::<false>(account, accounting, intake) {
             Ok(last) => last.is_some() || self.run_queue.is_due(),
             Err(Stopping) => true,
         }
     }
 
     /// After a round that did something: whether another one may find input that was there already.
-    pub(crate) fn may_go_on(&self) -> bool {
+    pub(crate) fn may_go_on(&mut self) -> bool {
+        if self.spec.rules.is_unconditional() {
+            return self.has_input();
+        }
         self.looks_at_all || self.run_queue.is_due()
+    }
+
+    /// After a round in which another worker may have been rung: whether to look for that.
+    pub(crate) fn may_have_been_rung(&mut self) -> bool {
+        !self.spec.rules.is_unconditional() || self.has_input()
+    }
+
+    fn has_input(&mut self) -> bool {
+        let now = LazyNow::default();
+        let mut entries = self.spec.entries.iter_mut();
+        entries.any(|entry| entry.look(&now)) || self.mailbox.is_waiting()
     }
 
     /// Carries out what other threads have asked of this worker.
@@ -140,6 +165,7 @@ impl Worker {
         &mut self,
         account: &mut Account,
         accounting: &CpuAccounting,
+        intake: Intake<'_>,
     ) -> Result<Option<usize>, Stopping> {
         let spec: &mut WorkerSpec = &mut self.spec;
         let snapshot = ALL && spec.rules.takes_first();
@@ -181,6 +207,9 @@ impl Worker {
                 break;
             };
             from = position + 1;
+            if FULL && last.is_some() && !snapshot && (!ALL || entry.ready) {
+                intake(turn.account);
+            }
             match turn.of::<ALL>(entry) {
                 None => {
                     self.ran += turn.ran;

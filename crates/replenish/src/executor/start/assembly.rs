@@ -63,7 +63,9 @@ pub(crate) fn assemble(
         }
         limits += limit;
         let (name, urgent) = (&spec.request.name, spec.policy != Policy::Other);
-        let post = Post::new(name, &mailbox, spec.numbers(), urgent, spec.promised);
+        let clocked = spec.rules.every.is_some();
+        let ranks = (urgent, spec.promised);
+        let post = Post::new(name, &mailbox, spec.numbers(), clocked, ranks);
         posts.push(post);
         let rounds = spec.rules.rounds;
         workers.push(make_static(Box::new(Worker {

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //!   ┌─► take what has come (the middleware's wait ends at once)
-//!   │   workers in the order they were described: a round each, by its own rules
+//!   │   workers in the order they were described: a round each, by its own rules; between two
+//!   │   callbacks what came meanwhile is taken, but for Logical Execution Time
 //!   │   nothing ran? wait for data, a release, a guard condition, a change, the limit
 //!   └───┘
 //! ```
@@ -87,7 +88,10 @@ pub struct SpinResult {
 /// That thread keeps the scheduling it has.
 ///
 /// Triggers, order, semantics, output barriers, deadlines and counters are those of a
-/// [worker](Executor::worker); several workers take turns in the order they were described. After
+/// [worker](Executor::worker); several workers take turns in the order they were described. A
+/// handle that is due in a round gets what came while earlier callbacks of the round ran, unless
+/// its worker has Logical Execution Time. With [`Trigger::Always`](crate::Trigger::Always)
+/// each spin begins a round, and so does all that comes while it spins: no clock is needed. After
 /// it is made nothing allocates. Timers count from when it is made. Between two spins nothing
 /// happens: samples wait in the middleware.
 ///
@@ -124,13 +128,14 @@ fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
     planning::prepare(&mut executor)?;
     let Executor {
         context,
-        workers,
+        mut workers,
         stop,
         options,
     } = executor;
     launch::check_names(&workers)?;
-    for spec in &workers {
+    for spec in &mut workers {
         threadless(&spec.request)?;
+        spec.rules.spun = true;
         spec.check_rules()?;
     }
     let claim = context.claim(&stop).ok_or(Error::ContextBusy)?;
@@ -348,15 +353,28 @@ impl LocalExecutor {
 
     /// Every worker in its turn; whether there may be more to do without new input.
     fn pass(&mut self, accounting: &CpuAccounting) -> bool {
-        let mut any = false;
-        for worker in &mut self.workers {
-            if self.stop.is_stopping() {
+        let Self {
+            dispatcher,
+            watch,
+            workers,
+            account,
+            stop,
+            ..
+        } = self;
+        let (mut any, mut taken) = (false, false);
+        let mut intake = |account: &mut Account| {
+            taken = true;
+            dispatcher.round(watch, account, Some(0));
+        };
+        for worker in workers.iter_mut() {
+            if stop.is_stopping() {
                 break;
             }
-            worker.empty_mailbox(&mut self.account, accounting);
-            any |= worker.step(&mut self.account, accounting) && worker.may_go_on();
+            worker.empty_mailbox(account, accounting);
+            any |= worker.step_with(account, accounting, &mut intake) && worker.may_go_on();
         }
-        any
+        // That may have taken the ring for a worker that had its turn.
+        any || taken && workers.iter_mut().any(|worker| worker.may_have_been_rung())
     }
 
     fn turn(

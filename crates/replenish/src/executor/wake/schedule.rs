@@ -244,6 +244,16 @@ mod tests {
         assert_eq!(got, want);
     }
 
+    /// A release that begins when the next one is due has lost its phase; a moment earlier it has
+    /// not.
+    #[test]
+    fn delay_keeps_the_phase_of_a_release_less_than_a_period_late() {
+        let got = served(Overrun::Delay, &[19, 20, 30]);
+        assert_eq!(got, [Some((10, 0)), Some((20, 0)), Some((30, 0))]);
+        let got = served(Overrun::Delay, &[20, 29, 30]);
+        assert_eq!(got, [Some((10, 0)), None, Some((30, 0))]);
+    }
+
     #[test]
     fn releases_at_the_end_of_time_do_not_overflow() {
         let mut s = Schedule::new(Nanos::MAX - 1, Nanos::MAX, Overrun::Skip);

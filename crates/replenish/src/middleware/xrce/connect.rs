@@ -8,10 +8,12 @@ use crate::error::Error;
 use alloc::format;
 use alloc::string::ToString;
 use replenish_args::RosArgs;
+use replenish_xrce::ping_agent;
 use replenish_xrce::udp::UdpTransport;
 use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::Path;
+use std::time::Duration;
 
 impl Xrce {
     /// Connects over UDP to the agent at `agent`, an address and port, with the default settings.
@@ -51,6 +53,21 @@ impl Xrce {
         let agent = path.display().to_string();
         let transport = SerialTransport::open(path, baud, config.mtu).map_err(address(&agent))?;
         Self::over(&agent, transport, config)
+    }
+
+    /// Asks over UDP whether there is an agent at `agent`, an address and port.
+    ///
+    /// There is no session for it. It asks up to `attempts` times, each with this much `patience`
+    /// for the answer, and gives the round trip, `None` if nobody answers.
+    ///
+    /// # Errors
+    /// [`ConnectError`] for an address that cannot be resolved or used.
+    pub fn ping_udp(
+        agent: &str,
+        patience: Duration,
+        attempts: u32,
+    ) -> Result<Option<Duration>, ConnectError> {
+        ping_agent(resolve(agent)?, patience, attempts).map_err(address(agent))
     }
 }
 
