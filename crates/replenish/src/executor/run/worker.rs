@@ -111,13 +111,13 @@ impl Worker {
         }
     }
 
-    /// The same with `intake` between two callbacks, so that the second sees what came meanwhile.
-    /// meanwhile.
+    /// A round, if it is time for one; whether it did anything. The dispatcher's thread brings
+    /// input meanwhile.
     fn step(&mut self, account: &mut Account, accounting: &CpuAccounting) -> bool {
         self.step_with(account, accounting, &mut |_| ())
     }
 
-    /// The same, with `intake` between two callbacks, so that the second sees what came meanwhile.
+    /// The same, with `intake` between two callbacks: the second sees what came meanwhile.
     pub(crate) fn step_with(
         &mut self,
         account: &mut Account,
