@@ -262,13 +262,24 @@ impl ThreadView {
 
     /// The events of the thread that are still there, in the order of writing.
     pub fn events<S: Source + ?Sized>(&self, source: &S) -> (Vec<Event>, Copied) {
-        events(source, self.ring)
+        events(source, self.ring, 0)
+    }
+
+    /// The events from record `from` on that are still there: [`Copied::next`] of the call before.
+    /// Reads no more of the file than it returns.
+    pub fn events_since<S: Source + ?Sized>(&self, source: &S, from: u64) -> (Vec<Event>, Copied) {
+        events(source, self.ring, from)
+    }
+
+    /// Records that the thread has written so far.
+    pub fn written<S: Source + ?Sized>(&self, source: &S) -> u64 {
+        counters(source, self.ring.0).map_or(0, |(_, done)| done)
     }
 
     /// The events of its budget; none without a budget.
     pub fn budget_events<S: Source + ?Sized>(&self, source: &S) -> (Vec<Event>, Copied) {
         self.budget_ring
-            .map_or_else(Default::default, |ring| events(source, ring))
+            .map_or_else(Default::default, |ring| events(source, ring, 0))
     }
 }
 
@@ -279,26 +290,40 @@ pub(crate) fn counters<S: Source + ?Sized>(source: &S, offset: u64) -> Option<(u
     read.then(|| (word(&head, 0), word(&head, 1)))
 }
 
-fn events<S: Source + ?Sized>(source: &S, (offset, bytes): (u64, u64)) -> (Vec<Event>, Copied) {
+fn events<S: Source + ?Sized>(
+    source: &S,
+    (offset, bytes): (u64, u64),
+    since: u64,
+) -> (Vec<Event>, Copied) {
     let words = usize::try_from(bytes / 8).unwrap_or(0);
     let slots = ring::slots(words);
     let Some((_, end)) = counters(source, offset).filter(|_| slots > 0) else {
         return Default::default();
     };
-    let from = ring::first(0, end, slots);
-    let len = usize::try_from((end - from).min(slots)).unwrap_or(0);
-    let mut copy = vec![0; usize::try_from(slots).unwrap_or(0) * 32];
-    if len == 0 || !source.fill(offset + 64, &mut copy) {
+    let from = ring::first(since, end, slots);
+    let count = (end - from).min(slots);
+    let len = usize::try_from(count).unwrap_or(0);
+    // The records lie in one piece, or in two: up to the end of the ring, and from its start.
+    let start = from % slots;
+    let split = count.min(slots - start);
+    let mut copy = vec![0; len * 32];
+    let (first, second) = copy.split_at_mut(usize::try_from(split).unwrap_or(0) * 32);
+    let here = offset + 64;
+    let filled =
+        source.fill(here + start * 32, first) && (second.is_empty() || source.fill(here, second));
+    if !filled {
         return Default::default();
     }
     let Some((begun, _)) = counters(source, offset) else {
         return Default::default();
     };
     let slot = |at: usize| {
-        let bytes = part(&copy, at.checked_mul(32)?, 32);
+        let at = (at as u64).wrapping_sub(start) % slots;
+        let bytes = part(&copy, usize::try_from(at).ok()?.checked_mul(32)?, 32);
         Some([0, 1, 2, 3].map(|n| word(bytes, n)))
     };
     let mut events = Vec::with_capacity(len);
-    let copied = ring::kept(0, from..end, begun, slots, slot, |event| events.push(event));
+    let range = from..from + count;
+    let copied = ring::kept(since, range, begun, slots, slot, |event| events.push(event));
     (events, copied)
 }
