@@ -11,7 +11,7 @@
 //!   one-shot timers.
 //! - [`poll`], [`WakeFd`], `SocketSet`: waiting on descriptors, and waking such a wait.
 //! - [`connect_tcp`]: TCP without waiting for the other side.
-//! - [`tty`]: serial lines and pseudo-terminals.
+//! - [`tty`]: serial lines and pseudo-terminals; [`Terminal`]: drawing on the user's.
 //! - [`config`]: the error of a setting that is out of its range.
 //! - [`memory`]: locking memory and touching stacks, so that page faults stay out.
 //! - [`live`], [`BudgetRecord`]: memory that others may read, and what is recorded of a budget.
@@ -33,7 +33,7 @@
 //! | `Low::Suspend` | yes | yes | refused at enrolment |
 //! | `memory`, `privilege::may_be_real_time` | yes | yes, nothing to do | the same |
 //! | `poll`, `PollFd` | descriptors | no: `WakeFd::wait_until` waits for a wake-up alone | the same |
-//! | `foreign`, `ContextSwitchLog`, `machine_info`, `steal_time`, affinity, `tty`, `connect_tcp` | yes | no | no |
+//! | `foreign`, `ContextSwitchLog`, `machine_info`, `steal_time`, affinity, `tty`, `Terminal`, `connect_tcp` | yes | no | no |
 //! | heap that can be sealed, panics | no | `freertos` (also start, interrupts) | `nuttx` (also the check at start) |
 //!
 //! Feature `posix` (default) brings budgets held by the server of POSIX; `compact` small memory
@@ -102,6 +102,7 @@ pub use backend::{
     socket_set::SocketSet,
     steal_time::steal_time,
     tcp::{acknowledge_at_once, connect_tcp},
+    terminal::Terminal,
     tty,
     wait_set::WaitSet,
 };

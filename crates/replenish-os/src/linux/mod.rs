@@ -40,6 +40,7 @@ pub(crate) mod suspend;
 pub(crate) mod suspension;
 mod sys;
 pub(crate) mod tcp;
+pub(crate) mod terminal;
 pub(crate) mod thread;
 pub(crate) mod tid;
 pub mod timer;
