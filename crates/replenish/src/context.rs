@@ -5,7 +5,7 @@ use crate::executor::{StopHandle, Topic};
 use crate::middleware::{EndpointSpec, InProcessBus, LinkState, Middleware, ServiceSpec};
 use crate::name;
 use crate::platform::{STD, text};
-use crate::process::{Args, Ends, Kind, Loggers, NodeTime, SimClock, Watched};
+use crate::process::{Args, Ends, FirstNode, Kind, Loggers, NodeTime, SimClock, Watched};
 use crate::publisher::Publisher;
 use crate::qos::{IngressLimit, Qos};
 use crate::service::size::{checked, largest, sized, sizes};
@@ -30,6 +30,7 @@ struct Inner {
     ends: Ends,
     clock: SimClock,
     loggers: Loggers,
+    first_node: FirstNode,
 }
 
 impl Context {
@@ -49,6 +50,7 @@ impl Context {
                 ends,
                 clock: Default::default(),
                 loggers: Default::default(),
+                first_node: Default::default(),
             }),
         }
     }
@@ -68,6 +70,11 @@ impl Context {
     #[allow(dead_code, reason = "there are no loggers without feature `std`")]
     pub(crate) fn loggers(&self) -> &Loggers {
         &self.inner.loggers
+    }
+
+    #[allow(dead_code, reason = "nobody asks for it without feature `std`")]
+    pub(crate) fn first_node(&self) -> &FirstNode {
+        &self.inner.first_node
     }
 
     /// The node that has this name in full.
@@ -104,6 +111,7 @@ impl Context {
     /// [`Error::Name`] for a name that ROS does not allow.
     pub fn node(&self, name: &str) -> Result<Node, Error> {
         let full = self.inner.args.node(name, name::node(name)?)?;
+        self.inner.first_node.note(&full);
         Ok(Node {
             context: self.clone(),
             time: self.inner.args.time(&full, &self.inner.clock),

@@ -6,6 +6,7 @@
 use crate::Nanos;
 use crate::platform::FULL;
 use crate::sync::{Ordering, unmodelled::AtomicU64};
+use crate::window::{LiveWindow, Window};
 
 /// Buckets of a histogram; none in builds that have no room for them.
 const BUCKETS: usize = if FULL { 102 } else { 0 };
@@ -13,28 +14,41 @@ const BUCKETS: usize = if FULL { 102 } else { 0 };
 const FIRST: u32 = 10;
 
 /// A histogram that is being written.
-pub(crate) struct LiveHistogram([AtomicU64; BUCKETS]);
+pub(crate) struct LiveHistogram {
+    counts: [AtomicU64; BUCKETS],
+    window: LiveWindow,
+}
 
 impl Default for LiveHistogram {
     fn default() -> Self {
-        Self(core::array::from_fn(|_| AtomicU64::new(0)))
+        Self {
+            counts: core::array::from_fn(|_| AtomicU64::new(0)),
+            window: LiveWindow::default(),
+        }
     }
 }
 
 impl LiveHistogram {
     /// Counts one value.
     pub(crate) fn record(&self, value: Nanos) {
-        if let Some(count) = self.0.get(bucket(value)) {
+        if let Some(count) = self.counts.get(bucket(value)) {
             count.fetch_add(1, Ordering::Relaxed);
+            self.window.record(value);
         }
     }
 
     pub(crate) fn snapshot(&self) -> Histogram {
         let counts = core::array::from_fn(|i| {
-            let count = self.0.get(i);
+            let count = self.counts.get(i);
             count.map_or(0, |c| c.load(Ordering::Relaxed))
         });
         Histogram { counts }
+    }
+
+    /// The values since the last call: for one reader.
+    #[allow(dead_code, reason = "nobody publishes it without feature `std`")]
+    pub(crate) fn take_window(&self) -> Window {
+        self.window.take()
     }
 }
 
@@ -123,5 +137,33 @@ mod tests {
             assert!((exact..exact + exact / 4 + 1024).contains(&got), "{got}");
         }
         assert_eq!(LiveHistogram::default().snapshot().percentile(99), 0);
+    }
+
+    #[test]
+    fn a_window_holds_the_values_since_the_last_look() {
+        let live = LiveWindow::default();
+        assert_eq!(live.take(), Window::default());
+        for _ in 0..2 {
+            (1..=9_u64).for_each(|n| live.record(n * 1_000_000));
+            let seen = live.take();
+            assert_eq!((seen.count, seen.min, seen.max), (9, 1_000_000, 9_000_000));
+            assert!((seen.average - 5e6).abs() < 1.0, "{seen:?}");
+            // (4² + 3² + 2² + 1²) · 2 / 9 ms²
+            assert!(
+                (seen.variance.sqrt() - 2_581_988.9).abs() < 100.0,
+                "{seen:?}"
+            );
+        }
+        assert_eq!(live.take().count, 0);
+    }
+
+    #[test]
+    fn the_longest_values_leave_mean_and_extremes_right() {
+        let live = LiveWindow::default();
+        let long = 34_000_000_000;
+        (0..100).for_each(|_| live.record(long));
+        let seen = live.take();
+        assert_eq!((seen.count, seen.min, seen.max), (100, long, long));
+        assert!(seen.variance.sqrt() < 1000.0, "{seen:?}");
     }
 }

@@ -46,6 +46,7 @@ mod process;
 mod publisher;
 mod service;
 mod stats;
+mod window;
 
 use replenish_handoff::{self as handoff, sync};
 

@@ -1,8 +1,11 @@
 //! In the place of `process` without feature `std`: no arguments, no signals.
 
 use crate::error::Error;
+use crate::event::Events;
 use crate::name;
 use crate::parameter::{ParameterError, ParameterValue};
+use crate::platform::Text;
+use crate::sync::Arc;
 use alloc::string::String;
 
 /// The kind of thing that a name stands for.
@@ -51,6 +54,37 @@ pub(crate) struct Loggers;
 
 impl Loggers {
     pub(crate) const fn flush(&self) {}
+}
+
+/// There are no diagnostics.
+#[derive(Default)]
+pub(crate) struct DiagnosticsChoice;
+
+/// Nobody asks for a node.
+#[derive(Default)]
+pub(crate) struct FirstNode;
+
+impl FirstNode {
+    pub(crate) const fn note(&self, _name: &str) {}
+}
+
+/// Nothing is published.
+pub(crate) struct Diagnostics {
+    pub(crate) fallback: Option<Text>,
+}
+
+impl Diagnostics {
+    pub(crate) const fn start<C, P, L>(
+        _context: &C,
+        _choice: &DiagnosticsChoice,
+        _plans: &[P],
+        _live: &L,
+        _events: &Arc<Events>,
+    ) -> Self {
+        Self { fallback: None }
+    }
+
+    pub(crate) const fn end(&mut self) {}
 }
 
 /// The time of the machine.

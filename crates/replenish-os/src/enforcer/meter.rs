@@ -84,6 +84,18 @@ impl Meter {
         summarise(&mut sample, totals)
     }
 
+    /// How many demotions were late by more than [`STALL`](super::STALL) nanoseconds. Takes the
+    /// enforcer's lock briefly (with priority inheritance) and does not allocate.
+    #[must_use]
+    pub fn stalls(&self) -> u64 {
+        let Some(b) = &self.0.budget else {
+            return 0;
+        };
+        let threads = b.enforcer.threads.lock();
+        let thread = threads.enrolled.get(b.index);
+        thread.map_or(0, |thread| thread.overruns.stalls())
+    }
+
     /// The samples behind [`overruns`](Self::overruns). Allocates: not for the hot path.
     #[must_use]
     pub fn overrun_samples(&self) -> OverrunSamples {

@@ -108,6 +108,11 @@ impl Overruns {
         (self.count, self.stalls, self.worst)
     }
 
+    /// Stalls seen in all.
+    pub(crate) const fn stalls(&self) -> u64 {
+        self.stalls
+    }
+
     /// The newest stalls, in no order. Does not allocate: called under the enforcer's lock.
     pub(crate) fn newest_stalls(&self) -> ([Stall; STALLS_KEPT], usize) {
         let kept = usize::try_from(self.stalls).unwrap_or(STALLS_KEPT);

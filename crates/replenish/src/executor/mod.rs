@@ -38,6 +38,8 @@ mod run;
 mod start;
 pub(crate) mod wake;
 
+#[allow(unused_imports, reason = "for diagnostics, which need feature `std`")]
+pub(crate) use change::live::Live;
 #[cfg(feature = "full")]
 pub use change::{ExecutorHandle, Removal, WorkerHandle};
 pub use describe::add::AddHandles;
@@ -52,6 +54,8 @@ pub use handles::deadline::{DeadlineMiss, OnMiss};
 pub use handles::group::Group;
 pub use handles::guard::GuardCondition;
 pub use handles::options::HandleOptions;
+#[allow(unused_imports, reason = "for diagnostics, which need feature `std`")]
+pub(crate) use handles::state::HandleState;
 pub use handles::timer::TimerHandle;
 pub use run::guarantee::AdoptedReport;
 pub use run::round_stats::{RoundReport, RoundStats};
@@ -59,6 +63,8 @@ pub use run::rules::{HandleStates, Semantics, Trigger};
 pub use start::local::{LocalExecutor, SpinEnd, SpinResult};
 pub use start::report::{DispatcherReport, HandleReport, Report, ThreadReport};
 pub use start::running::RunningExecutor;
+#[allow(unused_imports, reason = "for diagnostics, which need feature `std`")]
+pub(crate) use start::threads::ThreadPlan;
 pub(crate) use wake::schedule::nanos;
 pub use wake::schedule::{Every, Overrun};
 pub use wake::stop::StopHandle;

@@ -106,6 +106,12 @@ pub trait Middleware: Send + Sync + 'static {
         usize::MAX
     }
 
+    /// Whether it is ROS 2 itself, whose tools listen to `/diagnostics` and `/statistics`: an
+    /// executor publishes them then, unless its program says otherwise.
+    fn is_ros(&self) -> bool {
+        false
+    }
+
     /// Deletes a reader; its id may be given out again. Any thread, like
     /// [`create_reader`](Self::create_reader). [`wait`](Self::wait) and [`take`](Self::take) have
     /// no interest in it any more.

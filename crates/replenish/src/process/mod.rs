@@ -8,10 +8,12 @@
 //!   parameter/server: values from outside                  ──► args
 //!   log: Node::logger, log_info! …, /rosout             ──► args
 //!   time: Node::{now, rate}, ros_timer, /clock             ──► clock
+//!   diagnostics: Executor::diagnostics, /diagnostics, /statistics
 //! ```
 
 mod args;
 mod clock;
+mod diagnostics;
 mod log;
 mod program;
 mod signals;
@@ -19,6 +21,7 @@ mod time;
 
 pub(crate) use args::{Args, NodeTime};
 pub(crate) use clock::SimClock;
+pub(crate) use diagnostics::{Diagnostics, DiagnosticsChoice, FirstNode};
 pub(crate) use log::Loggers;
 pub(crate) use replenish_args::Kind;
 pub(crate) use signals::{Ends, Watched};

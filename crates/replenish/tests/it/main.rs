@@ -14,6 +14,7 @@ mod bus;
 mod changes;
 mod changes_own;
 mod changes_services;
+mod diagnostics;
 mod dispatch;
 mod drops;
 mod durability;

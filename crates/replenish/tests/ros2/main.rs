@@ -10,6 +10,7 @@
 
 mod actions;
 mod dds;
+mod diagnostics;
 mod graph;
 mod large;
 mod lifecycle;
@@ -65,5 +66,15 @@ fn main() {
             trials.push(peer_trial(&name, foreign.missing(), move || body(foreign)));
         }
     }
+    for foreign in Foreign::ROS {
+        let name = format!("{}::rclpy_reads_our_diagnostics", foreign.name());
+        let missing = foreign.missing_package("diagnostic_msgs");
+        let body = move || diagnostics::diagnostics(foreign);
+        trials.push(peer_trial(&name, missing, body));
+    }
+    let cyclone = Foreign::Cyclone11;
+    let name = format!("{}::it_reads_our_statistics", cyclone.name());
+    let body = move || diagnostics::statistics(cyclone);
+    trials.push(peer_trial(&name, cyclone.missing(), body));
     run(trials);
 }

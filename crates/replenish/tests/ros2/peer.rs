@@ -2,7 +2,7 @@
 
 use replenish_testkit::peer;
 use std::path::PathBuf;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
 /// How long a line may take on a busy machine.
@@ -56,6 +56,20 @@ impl Foreign {
     /// The missing part, and how to get it.
     pub(crate) fn missing(self) -> Option<String> {
         peer::missing(&self.program().0)
+    }
+}
+
+impl Foreign {
+    /// As [`missing`](Self::missing), or the Python package that an older environment lacks.
+    pub(crate) fn missing_package(self, package: &str) -> Option<String> {
+        self.missing().or_else(|| {
+            let mut python = Command::new(self.program().0);
+            let import = format!("import {package}");
+            let status = python.args(["-c", &import]).stderr(Stdio::null()).status();
+            let there = status.is_ok_and(|status| status.success());
+            let setup = "crates/replenish-rtps/tests/peers/setup.sh";
+            (!there).then(|| format!("no {package} in {}: run {setup}", self.name()))
+        })
     }
 }
 

@@ -57,6 +57,12 @@ impl Post {
         }
     }
 
+    /// Whether its guarantee was admitted.
+    #[allow(dead_code, reason = "diagnostics need feature `std`")]
+    pub(crate) const fn is_promised(&self) -> bool {
+        self.promised
+    }
+
     fn member(&self, counted: Nanos) -> Member {
         Member {
             worker: Arc::clone(&self.name),

@@ -51,6 +51,22 @@ impl Registry {
         self.0.lock().handles.clone()
     }
 
+    /// Fills `out` with every handle. Allocates if `out` lacks room, and then without the lock.
+    #[allow(dead_code, reason = "diagnostics need feature `std`")]
+    pub(crate) fn copy_into(&self, out: &mut Vec<(Arc<str>, Arc<HandleState>)>) {
+        out.clear(); // a handle that has left may be dropped here: not with the lock
+        loop {
+            let known = self.0.lock();
+            let count = known.handles.len();
+            if count <= out.capacity() {
+                out.extend(known.handles.iter().cloned());
+                return;
+            }
+            drop(known);
+            out.reserve(count);
+        }
+    }
+
     /// One more handle, which `hand_over` gives to its worker meanwhile: nobody can ask for it
     /// before it is on its way, and its first callback finds it here.
     pub(super) fn enter<E>(

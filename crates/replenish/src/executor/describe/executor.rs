@@ -7,6 +7,7 @@ use crate::executor::run::state::WorkerSpec;
 use crate::executor::wake::stop::StopHandle;
 use crate::name::{concat, with_number};
 use crate::platform::{Dump, Static, recorder};
+use crate::process::DiagnosticsChoice;
 use crate::sync::Arc;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -63,6 +64,8 @@ pub(crate) struct Options {
     pub(crate) switch_log: bool,
     pub(crate) stop_grace: Duration,
     pub(crate) recorder: recorder::Settings,
+    #[allow(dead_code, reason = "nobody reads it without feature `std`")]
+    pub(crate) diagnostics: DiagnosticsChoice,
     pub(crate) events: Arc<Events>,
 }
 
@@ -85,6 +88,7 @@ impl Executor {
                 switch_log: true,
                 stop_grace: Duration::from_millis(120),
                 recorder: recorder::Settings::default(),
+                diagnostics: Default::default(),
                 events: Arc::new(Events::default()),
             },
         }

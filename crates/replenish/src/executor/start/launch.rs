@@ -15,7 +15,7 @@ use crate::executor::run::state::{Worker, WorkerSpec};
 use crate::executor::wake::stop::StopHandle;
 use crate::platform::recorder::{self, Recording, ThreadFacts};
 use crate::platform::{BARE, STD, Static, Text, join, make_static, text};
-use crate::process::follow_clock;
+use crate::process::{Diagnostics, follow_clock};
 use crate::sync::{Arc, AtomicBool, Mutex, Notify};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -93,6 +93,8 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     let plans = starter.plans(dispatcher, workers);
     let mut recording = record(&options, &plans)?;
     starter.enforcers(&plans)?;
+    let (choice, events) = (&options.diagnostics, &options.events);
+    let mut diagnostics = Diagnostics::start(&context, choice, &plans, &live, events);
     let mut threads = Vec::with_capacity(plans.len());
     if let Err(e) = starter.launch(plans, &mut threads) {
         return Err(abort(&mut threads, e));
@@ -100,7 +102,11 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     if let Err(e) = planning::adopt(&mut admission, &options, &threads) {
         return Err(abort(&mut threads, e));
     }
-    let unseen = [admission.fallback.take(), recording.fallback.take()];
+    let unseen = [
+        admission.fallback.take(),
+        recording.fallback.take(),
+        diagnostics.fallback.take(),
+    ];
     let fallbacks = starter.declare(unseen);
     let enforcers = core::mem::take(&mut starter.enforcers);
     let start = clock::monotonic();
@@ -125,6 +131,7 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         template,
         start,
         recording,
+        diagnostics,
         end: None,
     })
 }
@@ -461,7 +468,7 @@ impl Starter<'_> {
     }
 
     /// Says once what is not in force.
-    fn declare(&mut self, unseen: [Option<Text>; 2]) -> Vec<Text> {
+    fn declare(&mut self, unseen: [Option<Text>; 3]) -> Vec<Text> {
         if BARE {
             return Vec::new(); // nothing was refused
         }

@@ -26,4 +26,4 @@ pub(crate) mod report;
 mod report_text;
 pub(crate) mod running;
 mod table;
-mod threads;
+pub(crate) mod threads;

@@ -22,6 +22,7 @@ use crate::executor::wake::stop::StopHandle;
 use crate::middleware::Middleware;
 use crate::platform::recorder::Recording;
 use crate::platform::{Static, Text, text};
+use crate::process::Diagnostics;
 use crate::stats::HandleStats;
 use crate::sync::{Arc, Notify};
 use alloc::string::String;
@@ -78,6 +79,7 @@ pub struct RunningExecutor {
     pub(crate) template: Static<String>,
     pub(crate) start: Nanos,
     pub(crate) recording: Recording,
+    pub(crate) diagnostics: Diagnostics,
     pub(crate) end: Option<Report>,
 }
 
@@ -188,6 +190,7 @@ impl RunningExecutor {
         for c in self.threads.iter().filter(|c| !c.plan.is_finished()) {
             leave_behind(&c.plan, &c.thread, stuck, events);
         }
+        self.diagnostics.end();
         let mut report = self.report();
         let patience = clock::monotonic().saturating_add(EPILOGUE);
         for StartedThread { plan, thread } in self.threads.drain(..) {

@@ -198,6 +198,10 @@ impl Middleware for Rtps {
         self.add_reader(&NewEnd::topic(spec)?)
     }
 
+    fn is_ros(&self) -> bool {
+        true
+    }
+
     fn delete_reader(&self, reader: ReaderId) -> Result<(), MiddlewareError> {
         self.remove_reader(reader);
         Ok(())

@@ -2,6 +2,7 @@
 
 cyclone.py topics N   as peer.py does
 cyclone.py client N   asks /peer/add N times
+cyclone.py statistics N  says what N kinds of figures on /statistics are
 cyclone.py serve      serves /peer/add; runs until it is killed
 """
 
@@ -19,7 +20,7 @@ os.environ["CYCLONEDDS_URI"] = (
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import int32, int64, uint64
+from cyclonedds.idl.types import float64, int32, int64, sequence, uint8, uint32, uint64
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
@@ -48,6 +49,28 @@ class Reply(IdlStruct, typename=SERVICE + "_Response_"):
     guid: uint64
     seq: int64
     sum: int64
+
+
+@dataclass
+class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
+    sec: int32
+    nanosec: uint32
+
+
+@dataclass
+class Point(IdlStruct, typename="statistics_msgs::msg::dds_::StatisticDataPoint_"):
+    data_type: uint8
+    data: float64
+
+
+@dataclass
+class Metrics(IdlStruct, typename="statistics_msgs::msg::dds_::MetricsMessage_"):
+    measurement_source_name: str
+    metrics_source: str
+    unit: str
+    window_start: Time
+    window_stop: Time
+    statistics: sequence[Point]
 
 
 participant = DomainParticipant(int(os.environ["ROS_DOMAIN_ID"]))
@@ -128,5 +151,19 @@ def serve():
         time.sleep(0.001)
 
 
+def statistics(count):
+    figures, seen = reader("rt/statistics", Metrics), {}
+    while len(seen) < count:
+        for m in valid(figures):
+            seen[m.measurement_source_name, m.metrics_source] = m
+        time.sleep(0.01)
+    for name, m in sorted(seen.items()):
+        mean, low, high, deviation, calls = (point.data for point in m.statistics)
+        least = 5 if name == ("late/timer:0", "response") else 0
+        right = least <= low <= mean <= high and deviation >= 0 and calls >= 1
+        right &= m.window_start.sec <= m.window_stop.sec
+        say(*name, m.unit, [point.data_type for point in m.statistics], right)
+
+
 mode, *rest = sys.argv[1:]
-{"topics": topics, "client": client, "serve": serve}[mode](*map(int, rest))
+{"topics": topics, "client": client, "serve": serve, "statistics": statistics}[mode](*map(int, rest))

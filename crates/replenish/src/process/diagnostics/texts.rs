@@ -1,0 +1,42 @@
+//! Texts of bounded length in strings that are kept: rewriting one does not allocate.
+
+use core::fmt::{self, Write};
+use std::string::String;
+
+/// Rewrites `text`, at most `limit` bytes of it.
+pub(super) fn put(text: &mut String, limit: usize, new: fmt::Arguments<'_>) {
+    text.clear();
+    Bounded { text, limit }.write_fmt(new).ok(); // cut where it is full
+}
+
+/// An empty text with room for `limit` bytes.
+pub(super) fn with_room(limit: usize) -> String {
+    String::with_capacity(limit)
+}
+
+/// Adds `new` to `text`, after a comma if it is not the first.
+pub(super) fn join(text: &mut String, limit: usize, new: fmt::Arguments<'_>) {
+    let comma = if text.is_empty() { "" } else { ", " };
+    let mut bounded = Bounded { text, limit };
+    bounded.write_fmt(format_args!("{comma}{new}")).ok(); // cut where it is full
+}
+
+struct Bounded<'a> {
+    text: &'a mut String,
+    limit: usize,
+}
+
+impl Write for Bounded<'_> {
+    fn write_str(&mut self, part: &str) -> fmt::Result {
+        let room = self.limit.saturating_sub(self.text.len());
+        let mut cut = room.min(part.len());
+        while !part.is_char_boundary(cut) {
+            cut -= 1;
+        }
+        self.text.push_str(part.get(..cut).unwrap_or_default());
+        if cut < part.len() {
+            return Err(fmt::Error);
+        }
+        Ok(())
+    }
+}
