@@ -60,6 +60,21 @@ impl LogLevels {
         }
     }
 
+    /// The lowest level that the name, or a child of it, has.
+    #[must_use]
+    pub fn lowest(&self, name: &str) -> LogLevel {
+        let is_child = |n: &str| {
+            n.strip_prefix(name)
+                .is_some_and(|rest| rest.starts_with('.'))
+        };
+        let children = self.names.iter().filter(|(n, _)| is_child(n));
+        let levels = children.filter_map(|(_, level)| *level);
+        levels
+            .chain([self.of(name)])
+            .min_by_key(|level| level.number())
+            .unwrap_or(LogLevel::Info)
+    }
+
     /// Sets the level of a name, or takes it away.
     ///
     /// # Errors

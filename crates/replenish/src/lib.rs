@@ -56,7 +56,7 @@ pub mod qos;
 
 pub use action::{
     AcceptedGoal, ActionClient, ActionOptions, GoalCall, GoalError, GoalEvent, GoalHandle, GoalId,
-    GoalState, GoalUpdate, Lost, NewGoal, ResultCall,
+    GoalState, GoalUpdate, Lost, NewGoal, ResultCall, RunningGoal,
 };
 pub use compatibility::QosClash;
 pub use context::{Context, Node};
@@ -117,6 +117,7 @@ pub type Nanos = u64;
 #[doc = include_str!("../../../docs/compile-time.md")]
 #[doc = include_str!("../../../docs/see-it.md")]
 #[doc = include_str!("../../../docs/ros-program.md")]
+#[doc = include_str!("../../../docs/json.md")]
 #[doc = include_str!("../../../docs/tutorial.md")]
 #[doc = include_str!("../../../docs/from-rclcpp.md")]
 #[doc = include_str!("../../../docs/from-rclrs.md")]

@@ -1,9 +1,10 @@
 //! Publishing from any thread.
 
+use crate::error::Error;
 use crate::middleware::encoding::Encoding;
 use crate::middleware::remedy::SIZE;
-use crate::middleware::{Middleware, PublishError, WriterId};
-use crate::platform::{recorder, zeroed};
+use crate::middleware::{Middleware, MiddlewareError, PublishError, WriterId};
+use crate::platform::{label, recorder, zeroed};
 use crate::stats::Counter;
 use crate::sync::{Arc, Mutex};
 use alloc::boxed::Box;
@@ -130,6 +131,35 @@ impl<M: Message> Publisher<M> {
     #[must_use]
     pub fn too_long(&self) -> u64 {
         self.inner.too_long.get()
+    }
+
+    /// How many subscriptions get its messages at this moment, those of other programs included;
+    /// `None` where the middleware does not know: DDS-XRCE. Does not wait.
+    #[must_use]
+    pub fn subscriptions(&self) -> Option<usize> {
+        self.inner.middleware.matched_readers(self.inner.writer)
+    }
+
+    /// Waits until a subscription gets its messages, up to so long; looks every millisecond. For
+    /// set-up.
+    ///
+    /// # Errors
+    /// [`Error::Middleware`] where the middleware does not know: DDS-XRCE.
+    pub fn wait_for_subscription(&self, limit: Duration) -> Result<bool, Error> {
+        let limit = u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX);
+        let deadline = clock::monotonic().saturating_add(limit);
+        loop {
+            match self.subscriptions() {
+                None => {
+                    let unknown = label("to know of subscriptions, which no agent tells");
+                    let unknown = MiddlewareError::Unsupported(unknown);
+                    return Err(Error::endpoint("publisher", &self.inner.topic, unknown));
+                }
+                Some(0) if clock::monotonic() >= deadline => return Ok(false),
+                Some(0) => clock::sleep_until(clock::monotonic().saturating_add(1_000_000)),
+                Some(_) => return Ok(true),
+            }
+        }
     }
 
     /// The fully qualified topic name.

@@ -219,6 +219,19 @@ impl Qos {
         Self::reliable()
     }
 
+    /// Reliable, keep last 1000: the profile of the services of parameters in ROS 2.
+    #[must_use]
+    pub const fn parameters() -> Self {
+        Self::services().keep_last(1000)
+    }
+
+    /// The profile of an endpoint that says nothing, as [`Qos::default`]: reliable, keep last 10.
+    /// (In ROS 2 each middleware has its own.)
+    #[must_use]
+    pub const fn system_default() -> Self {
+        Self::reliable()
+    }
+
     /// Reliable, keep last 1000: the profile of `/parameter_events` in ROS 2.
     #[must_use]
     pub const fn parameter_events() -> Self {

@@ -143,7 +143,7 @@ impl<A: Action> GoalHandle<A> {
     /// # Errors
     /// [`GoalError::Ended`], [`GoalError::Expired`]; [`GoalError::Send`].
     pub fn feedback(&self, feedback: &A::Feedback) -> Result<(), GoalError> {
-        self.core.publish(self, feedback)
+        self.core.publish(self.ticket, self.id, feedback)
     }
 
     /// Ends the goal: it has been reached.

@@ -15,8 +15,8 @@
 //! - [`state`]: a goal's states. [`table`]: the goals of a server. Both pure.
 //! - [`goal`]: goals in the hands of those who pursue them; [`goal_error`]. [`server`], on
 //!   [`server_core`]: the state they share. [`client`]: those who sent them.
-//! - [`serve`], [`follow`]: how workers get the handles. [`pursue`]: goals that are awaited.
-//!   [`ids`]: names and stamps of goals.
+//! - [`serve`], [`serve_async`], [`follow`]: how workers get the handles. [`pursue`]: goals that
+//!   are awaited. [`ids`]: names and stamps of goals.
 //!
 //! Everything is allocated when the server or client is made; how many goals there can be is said
 //! there, and one more is rejected (server) or an error (client) that names the limit.
@@ -28,6 +28,7 @@ pub(crate) mod goal_error;
 mod ids;
 mod pursue;
 mod serve;
+mod serve_async;
 mod server;
 mod server_core;
 mod state;
@@ -37,6 +38,7 @@ pub use client::{ActionClient, GoalUpdate, Lost};
 pub use goal::{GoalHandle, GoalId, NewGoal};
 pub use goal_error::GoalError;
 pub use pursue::{AcceptedGoal, GoalCall, ResultCall};
+pub use serve_async::RunningGoal;
 pub use state::{GoalEvent, GoalState};
 
 use crate::context::Node;

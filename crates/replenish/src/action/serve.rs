@@ -84,28 +84,80 @@ impl<T: Target> AddHandles<T> {
         C: FnMut(GoalId, &CallbackContext<'_>) -> bool + Send + 'static,
         R: CallbackResult + 'static,
     {
-        let timer = TimerHandle::new();
         let topic = name.into();
-        let (name, options) = options.of(node, &topic)?;
+        let server = Server::<A>::new(node, &topic, options)?;
+        let worker = server.add(self.together(), node, goal, cancel)?;
+        Ok(worker.all_added(3))
+    }
+}
+
+/// A server whose handles are to be added.
+pub(super) struct Server<A: Action> {
+    pub(super) core: Arc<Core<A>>,
+    options: ActionOptions,
+    timer: TimerHandle,
+}
+
+impl<A: Action> Server<A> {
+    pub(super) fn new(
+        node: &Node,
+        topic: &Topic<'_>,
+        options: ActionOptions,
+    ) -> Result<Self, Error> {
+        let timer = TimerHandle::new();
+        let (name, options) = options.of(node, topic)?;
         let core = core::<A>(node, name, options, timer.clone())?;
+        Ok(Self {
+            core,
+            options,
+            timer,
+        })
+    }
+
+    /// The most goals at a time.
+    pub(super) fn goals(&self) -> usize {
+        self.options.goals
+    }
+
+    /// The id of a handle that has no topic.
+    pub(super) fn id(&self, node: &Node, kind: &str, which: &str) -> String {
+        alloc::format!("{}/{kind}:{}", node.name(), self.core.part(which))
+    }
+
+    /// Adds the four handles that every server has.
+    pub(super) fn add<T, G, C, R>(
+        &self,
+        worker: AddHandles<T>,
+        node: &Node,
+        goal: G,
+        cancel: C,
+    ) -> Result<AddHandles<T>, Error>
+    where
+        T: Target<Added = AddHandles<T>>,
+        G: FnMut(&A::Goal, NewGoal<A>, &CallbackContext<'_>) -> R + Send + 'static,
+        C: FnMut(GoalId, &CallbackContext<'_>) -> bool + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let Self {
+            core,
+            options,
+            timer,
+        } = self;
         let qos = options.services();
         let (ends, begins) = (core.part("get_result"), core.part("send_goal"));
         let ends = options.topic::<GetResultResponse<A>>(&ends);
         let begins = options.topic::<SendGoalRequest<A>>(&begins);
-        let id = alloc::format!("{}/timer:{}", node.name(), core.part("expiry"));
-        let worker = self
-            .together()
-            .named_timer(&id, &timer, OFF, expiry(&core))?
-            .serve_later::<GetResult<A>, _, _>(node, ends, qos, results(&core))?
+        worker
+            .named_timer(&self.id(node, "timer", "expiry"), timer, OFF, expiry(core))?
+            .serve_later::<GetResult<A>, _, _>(node, ends, qos, results(core))?
             .serve_later::<CancelGoal, _, _>(
                 node,
                 &core.part("cancel_goal"),
                 qos,
-                cancels(&core, cancel),
+                cancels(core, cancel),
             )?
             .last()
-            .serve_later::<SendGoal<A>, _, _>(node, begins, qos, goals(&core, goal))?;
-        Ok(worker.all_added(3))
+            .serve_later::<SendGoal<A>, _, _>(node, begins, qos, goals(core, goal))
     }
 }
 

@@ -9,7 +9,7 @@
 //!   timer ───────► results expire; what could not be sent is sent again
 //! ```
 
-use super::goal::{GoalHandle, GoalId, NewGoal};
+use super::goal::{GoalId, NewGoal};
 use super::goal_error::GoalError;
 use super::server_core::{Core, CoreState};
 use super::state::{GoalEvent, GoalState};
@@ -49,6 +49,7 @@ impl<A: Action> Core<A> {
                 table: Table::new(goals, askers, size, keep),
                 statuses: GoalStatusArray::default(),
                 untold: false,
+                failed: None,
                 armed: Nanos::MAX,
             }),
             feedback,
@@ -134,7 +135,16 @@ impl<A: Action> Core<A> {
             self.tell(&mut state);
         }
         self.arm(&mut state);
-        delivered.map_err(GoalError::Send)
+        let failed = state.failed.take().map_or(Ok(()), Err);
+        delivered.map_err(GoalError::Send).and(failed)
+    }
+
+    /// A goal's future has ended with an error that has no callback to return from: the timer
+    /// reports it.
+    pub(super) fn fail(&self, why: GoalError) {
+        let mut state = self.state.lock();
+        state.failed = Some(why);
+        self.arm(&mut state);
     }
 
     /// Publishes the states of all goals; later, if that does not work now.
@@ -153,7 +163,7 @@ impl<A: Action> Core<A> {
     /// Sees to it that the timer is due when there is something to do.
     fn arm(&self, state: &mut CoreState<A>) {
         let now = clock::monotonic();
-        let retry = state.untold || state.table.has_undelivered();
+        let retry = state.untold || state.failed.is_some() || state.table.has_undelivered();
         let retry = retry.then(|| now.saturating_add(RETRY));
         let next = [retry, state.table.next_expiry()];
         let Some(next) = next.into_iter().flatten().min() else {
@@ -201,10 +211,11 @@ impl<A: Action> Core<A> {
 
     pub(super) fn publish(
         &self,
-        goal: &GoalHandle<A>,
+        ticket: Ticket,
+        id: GoalId,
         feedback: &A::Feedback,
     ) -> Result<(), GoalError> {
-        let state = self.state.lock().table.state(goal.ticket);
+        let state = self.state.lock().table.state(ticket);
         match state {
             None => return Err(GoalError::Expired),
             Some(state) if state.is_terminal() => return Err(GoalError::Ended { state }),
@@ -212,7 +223,7 @@ impl<A: Action> Core<A> {
         }
         let sent = self.feedback.publish_with(|room| {
             let mut w = CdrWriter::new(room);
-            goal.id.encode(&mut w)?;
+            id.encode(&mut w)?;
             feedback.encode(&mut w)?;
             Ok(w.len())
         });

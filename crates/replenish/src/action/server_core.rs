@@ -1,5 +1,6 @@
 //! The state that a server and its goals share, behind one lock.
 
+use super::goal_error::GoalError;
 use super::table::Table;
 use crate::Nanos;
 use crate::executor::TimerHandle;
@@ -25,6 +26,8 @@ pub(super) struct CoreState<A: Action> {
     pub(super) statuses: GoalStatusArray,
     /// The statuses have changed, and nobody was told.
     pub(super) untold: bool,
+    /// The error of a goal's future, for the timer to report.
+    pub(super) failed: Option<GoalError>,
     /// When the timer is due.
     pub(super) armed: Nanos,
 }

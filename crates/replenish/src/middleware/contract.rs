@@ -195,6 +195,20 @@ pub trait Middleware: Send + Sync + 'static {
         None
     }
 
+    /// How many readers this writer's samples reach, those of other programs included; `None` where
+    /// the middleware does not know. Does not wait.
+    fn matched_readers(&self, writer: WriterId) -> Option<usize> {
+        let _ = writer;
+        None
+    }
+
+    /// How many writers' samples this reader gets; `None` where the middleware does not know. Does
+    /// not wait.
+    fn matched_writers(&self, reader: ReaderId) -> Option<usize> {
+        let _ = reader;
+        None
+    }
+
     /// The next pair of endpoints that was found not to fit together, of which one is of this end;
     /// each is told once. Called by the dispatcher when there are [news](Self::status_generation).
     fn next_incompatible_qos(&self) -> Option<IncompatibleQos> {

@@ -8,6 +8,7 @@
 mod bus;
 mod clashes;
 mod long;
+mod matched;
 mod notices;
 mod services;
 
@@ -259,6 +260,14 @@ impl Middleware for InProcess {
 
     fn has_server(&self, client: WriterId) -> Option<bool> {
         self.knows_server(client)
+    }
+
+    fn matched_readers(&self, writer: WriterId) -> Option<usize> {
+        self.count_readers(writer)
+    }
+
+    fn matched_writers(&self, reader: ReaderId) -> Option<usize> {
+        self.count_writers(reader)
     }
 
     fn wait(&self, interest: &Interest, deadline: Option<Nanos>) -> Result<(), MiddlewareError> {

@@ -8,6 +8,7 @@
 //!   features ── STD · BARE · FULL · TEXTS · LOG · DROPS, as constants
 //!   std ─────── wall clock, random bits, panics, standard error, io,   │ std_disabled
 //!   │           recorder: the last events of each thread               │ recorder_disabled
+//!   │           sleeping: the alarms of a future                       │ sleeping_disabled
 //!   │                                                                   io::Error  │ io (without std)
 //!   text ────── Text · StaticText · text! · label · displayed · join               │ text_disabled
 //!   short_text ─ ShortText: no allocation
@@ -33,7 +34,9 @@ mod wall_time;
 #[allow(unreachable_pub, reason = "public as middleware::xrce::io")]
 pub use self::std::io;
 pub use self::std::recorder::{Dump, Mark};
-pub(crate) use self::std::{end_with, guard, prepare_end, random, recorder, tell, wall_clock};
+pub(crate) use self::std::{
+    end_with, guard, prepare_end, random, recorder, sleeping, tell, wall_clock,
+};
 pub(crate) use buffer::zeroed;
 #[allow(unused_imports, reason = "builds without feature xrce ask for fewer")]
 pub(crate) use features::{BARE, DROPS, FULL, LOG, STD, TEXTS};

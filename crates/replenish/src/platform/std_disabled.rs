@@ -8,6 +8,8 @@
 pub mod io;
 #[path = "recorder_disabled.rs"]
 pub(crate) mod recorder;
+#[path = "sleeping_disabled.rs"]
+pub(crate) mod sleeping;
 
 use crate::sync::{Ordering, unmodelled::AtomicU64};
 use core::time::Duration;

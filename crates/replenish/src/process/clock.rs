@@ -10,10 +10,12 @@
 use crate::Nanos;
 use crate::executor::Every;
 use crate::executor::wake::schedule::{Overrun, Schedule, nanos};
+use crate::platform::sleeping::Places;
 use crate::sync::{Arc, Mutex};
 use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
+use core::task::Waker;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex as PlainMutex, OnceLock, PoisonError};
 use std::time::Duration;
@@ -35,12 +37,17 @@ struct Inner {
     /// In nanoseconds; 0 before the first message.
     now: AtomicU64,
     timers: Mutex<Vec<Timer>>,
+    /// Futures that sleep, and until when.
+    sleepers: Mutex<Places<SLEEPERS>>,
     /// For threads that wait: [`Rate`](super::time::Rate).
     turn: PlainMutex<()>,
     changed: Condvar,
     /// The first node that goes by it: the subscriber of `/clock`.
     follower: OnceLock<String>,
 }
+
+/// The most futures that a message wakes by themselves.
+const SLEEPERS: usize = 64;
 
 struct Timer {
     every: Every,
@@ -96,9 +103,34 @@ impl SimClock {
                 }
                 timer.advance(now);
             }
+            self.wake_sleepers(before, now);
         }
         drop(self.0.turn.lock().unwrap_or_else(PoisonError::into_inner));
         self.0.changed.notify_all();
+    }
+
+    /// Wakes those that are due, and all of them where time begins or jumps backwards.
+    fn wake_sleepers(&self, before: Nanos, now: Nanos) {
+        let all = before == 0 || now < before;
+        loop {
+            let due = self.0.sleepers.lock().take_due(now, all);
+            match due {
+                Some(waker) => waker.wake(),
+                None => return,
+            }
+        }
+    }
+
+    /// Wakes `waker` once when the time is `due`. The number of the sleep, to
+    /// [forget](Self::forget) it; `None` if there is no place left.
+    pub(super) fn remember(&self, due: Nanos, waker: &Waker) -> Option<u64> {
+        self.0.sleepers.lock().begin(due, waker)
+    }
+
+    /// This sleep is given up.
+    pub(super) fn forget(&self, number: u64) {
+        let forgotten = self.0.sleepers.lock().end(number);
+        drop(forgotten);
     }
 
     /// A timer that begins now, or with the first message.

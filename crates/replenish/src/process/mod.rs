@@ -7,6 +7,8 @@
 //!   context: names of nodes, topics, services; claims      ──► args · signals
 //!   parameter/server: values from outside                  ──► args
 //!   log: Node::logger, log_info! …, /rosout             ──► args
+//!   sleep: sleep, sleep_until, Node::sleep                 ──► clock
+//!   report_json: Report::to_json
 //!   time: Node::{now, rate}, ros_timer, /clock             ──► clock
 //!   diagnostics: Executor::diagnostics, /diagnostics, /statistics
 //! ```
@@ -16,7 +18,9 @@ mod clock;
 mod diagnostics;
 mod log;
 mod program;
+mod report_json;
 mod signals;
+mod sleep;
 mod time;
 
 pub(crate) use args::{Args, NodeTime};
@@ -36,6 +40,7 @@ pub(crate) mod prelude {
 /// The part that users see.
 pub(crate) mod public {
     pub use super::log::{LogRule, LogSite, LogTo, Logger};
+    pub use super::sleep::{Sleep, sleep, sleep_until};
     pub use super::time::Rate;
     /// The arguments of a ROS 2 program.
     pub use replenish_args as args;

@@ -5,7 +5,7 @@ use crate::common::fibonacci::{Fibonacci, Numbers, Order};
 use crate::common::{eventually, executor};
 use replenish::{
     ActionClient, ActionOptions, CallError, CallbackContext, Context, GoalHandle, GoalState,
-    GoalUpdate, Lost, NewGoal,
+    GoalUpdate, Lost, NewGoal, RunningGoal, sleep,
 };
 use replenish_testkit::alloc::exempt_this_thread;
 use replenish_testkit::harness::{Trial, trial};
@@ -15,7 +15,10 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 pub(crate) fn trials() -> Vec<Trial> {
-    vec![trial("nothing_allocates_for_actions", allocations)]
+    vec![
+        trial("nothing_allocates_for_actions", allocations),
+        trial("nothing_allocates_for_goals_that_are_futures", futures),
+    ]
 }
 
 /// Goals and their orders.
@@ -92,5 +95,57 @@ fn allocations() {
     // A goal that finds the table full is rejected, too, and a result may expire before it is asked
     // for.
     assert!(ended[3].load(Ordering::SeqCst) >= GOALS / 4, "{ended:?}");
+    drop(running);
+}
+
+/// Hundreds of goals, one after another, each a future that sleeps.
+fn futures() {
+    const GOALS: u64 = 300;
+    let _dog = watchdog("allocations of goals", Duration::from_secs(120));
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let (mut exec, _) = executor(&ctx);
+    let options = ActionOptions::goals(4);
+    let client: ActionClient<Fibonacci> = node.action_client("fib", options).unwrap();
+    exec.worker("serve")
+        .serve_action_async(
+            &node,
+            "fib",
+            options,
+            |goal: &Order| goal.order != 3,
+            |goal, running: RunningGoal<Fibonacci>| async move {
+                let numbers = Numbers::of(20);
+                sleep(Duration::from_micros(100)).await;
+                running.feedback(&numbers).map_err(|_| Numbers::default())?;
+                if goal.order == 1 {
+                    Err(numbers)
+                } else {
+                    Ok(numbers)
+                }
+            },
+        )
+        .unwrap();
+    let ended = Arc::new(AtomicU64::new(0));
+    let count = Arc::clone(&ended);
+    let sender = client.clone();
+    let task = async move {
+        for order in (0..4).cycle() {
+            let goal = match sender.send_async(&Order { order }).await {
+                Ok(Some(goal)) => goal.result().await.map(|_| ()),
+                other => other.map(|_| ()),
+            };
+            goal.unwrap();
+            count.fetch_add(1, Ordering::SeqCst);
+        }
+    };
+    exec.worker("w").goals(&client).unwrap().task(task).unwrap();
+    let running = exec.start().unwrap();
+    exempt_this_thread();
+    let done = || ended.load(Ordering::SeqCst);
+    assert!(eventually(|| done() > 8)); // every thread has begun
+    ALLOC.arm();
+    let first = done();
+    assert!(eventually(|| done() >= first + GOALS), "{}", done());
+    assert_eq!(ALLOC.disarm(), 0);
     drop(running);
 }

@@ -8,7 +8,7 @@ use replenish::msg::Service;
 use replenish::msg::std_msgs::Int32;
 use replenish::{
     Client, Context, Every, Executor, GuardCondition, HandleOptions, OnMiss, Overrun, Qos, RawType,
-    Report, Semantics, TimerHandle, Topic, Trigger, log_debug, log_info,
+    Report, Semantics, TimerHandle, Topic, Trigger, log_debug, log_info, sleep,
 };
 use replenish_interfaces::rcl_interfaces::msg::{Log, LogView};
 use replenish_interfaces::std_msgs::msg as text;
@@ -195,6 +195,7 @@ fn logs() {
     let args = RosArgs::parse(line, &Environment::default()).unwrap();
     let ctx = Context::in_process().with_args(args);
     let node = ctx.node("n").unwrap();
+    node.logger().install().unwrap();
     let mut exec = quiet_executor(&ctx);
     for worker in ["a", "b"] {
         let logger = node.logger().child(worker);
@@ -206,6 +207,8 @@ fn logs() {
                 log_info!(logger.once(), "first");
                 log_info!(logger.throttle(MS * 10), "{:600}", "cut");
                 log_debug!(logger, "not enabled");
+                log::info!(target: "library::part", "line {n} of the facade");
+                log::trace!("not enabled");
                 logger.set_level(LogLevel::Info);
             })
             .unwrap();
@@ -262,6 +265,12 @@ fn futures() {
         .task(async move {
             loop {
                 of_task.call_async(&Int32 { data: 3 }).await.unwrap();
+            }
+        })
+        .unwrap()
+        .task(async {
+            loop {
+                sleep(MS).await;
             }
         })
         .unwrap();

@@ -4,11 +4,15 @@ use crate::common::fibonacci::{Fibonacci, Numbers, Order};
 use crate::common::{Echo, Gate, eventually, executor};
 use replenish::msg::std_msgs::Int32;
 use replenish::{
-    ActionOptions, CallError, Client, Context, Every, GoalHandle, GoalState, NewGoal, NoReply, Qos,
-    Removal, Responder,
+    ActionClient, ActionOptions, CallError, Client, Context, Every, GoalHandle, GoalState, NewGoal,
+    NoReply, Qos, Removal, Responder, RunningGoal, Sleep, sleep, sleep_until,
 };
+use replenish_os::clock;
+use std::future::{Future, poll_fn};
+use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
+use std::task::Poll;
 use std::time::Duration;
 
 const LIMIT: Duration = Duration::from_secs(60);
@@ -368,4 +372,209 @@ fn a_handle_whose_future_waits_can_be_removed() {
     }
     assert!(eventually(|| answered.load(Ordering::Relaxed) == 2));
     drop(running.stop());
+}
+
+/// Sleeps end at their times in their order, each with one poll, and the worker goes on meanwhile.
+#[test]
+fn sleeps_end_in_their_order_and_hold_up_nobody() {
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    let (lines, stop) = (Lines::default(), exec.stop_handle());
+    let start = clock::monotonic() + 20_000_000;
+    let mut worker = exec.worker("w").timer(MS, |_| ()).unwrap();
+    for (name, offset) in [("third", 90_000_000), ("first", 0), ("second", 50_000_000)] {
+        let (lines, stop) = (Arc::clone(&lines), stop.clone());
+        let task = async move {
+            for part in 1..=3 {
+                let due = start + offset + part * 1_000_000;
+                sleep_until(due).await;
+                assert!(clock::monotonic() >= due);
+            }
+            note(&lines, name);
+            if name == "third" {
+                sleep(MS).await;
+                sleep(Duration::ZERO).await; // is over when it is polled first
+                stop.stop();
+            }
+        };
+        worker = worker.task(task).unwrap();
+    }
+    let report = exec.spin().unwrap();
+    assert_eq!(*lines.lock().unwrap(), ["first", "second", "third"]);
+    let executed = |id: &str| report.handle(id).unwrap().stats.executed;
+    assert!(executed("w/timer:0") > 10);
+    // The first poll, and at most one for each sleep: two that are due at once take one.
+    for (id, most) in [("w/guard:0", 5), ("w/guard:1", 4), ("w/guard:2", 4)] {
+        assert!((2..=most).contains(&executed(id)), "{id}: {}", executed(id));
+    }
+}
+
+/// More sleeps at a time than have a place, some of which are given up.
+#[test]
+fn a_future_may_have_many_sleeps() {
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    let (node, stop) = (ctx.node("n").unwrap(), exec.stop_handle());
+    let out = node.publisher::<Int32>("t", Qos::reliable()).unwrap();
+    let (served, count) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicU64::new(0)));
+    let seen = Arc::clone(&served);
+    exec.worker("w")
+        .subscribe_async(&node, "t", Qos::reliable(), move |_: Int32| {
+            let (seen, count) = (Arc::clone(&seen), Arc::clone(&count));
+            let stop = stop.clone();
+            async move {
+                let all: [Sleep; 20] = std::array::from_fn(|n| sleep(MS * (n as u32 + 1)));
+                let mut all = all.map(Some);
+                all[3] = None;
+                poll_fn(|cx| {
+                    let mut waits = false;
+                    for place in &mut all {
+                        if let Some(sleep) = place {
+                            match Pin::new(sleep).poll(cx) {
+                                Poll::Ready(()) => *place = None,
+                                Poll::Pending => waits = true,
+                            }
+                        }
+                    }
+                    if waits {
+                        Poll::Pending
+                    } else {
+                        Poll::Ready(())
+                    }
+                })
+                .await;
+                drop(sleep(LIMIT));
+                if seen.fetch_add(1, Ordering::SeqCst) + 1 == 3 {
+                    stop.stop();
+                }
+                count.fetch_add(1, Ordering::SeqCst);
+            }
+        })
+        .unwrap();
+    for n in 0..3 {
+        out.publish(&number(n)).unwrap();
+    }
+    exec.spin().unwrap();
+    assert_eq!(served.load(Ordering::SeqCst), 3);
+}
+
+/// A goal's order says how it ends; all are pursued at the same time on one worker.
+#[test]
+fn a_server_of_futures_ends_goals_as_they_say() {
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    let node = ctx.node("n").unwrap();
+    let client: ActionClient<Fibonacci> =
+        node.action_client("fib", ActionOptions::goals(4)).unwrap();
+    let server = exec
+        .worker("server")
+        .serve_action_async(
+            &node,
+            "fib",
+            ActionOptions::goals(4),
+            |goal: &Order| goal.order >= 0,
+            |goal, running: RunningGoal<Fibonacci>| async move {
+                let order = usize::try_from(goal.order).unwrap();
+                let mut numbers = Numbers::begin();
+                while numbers.sequence.len() < order && !running.is_canceling() {
+                    sleep(MS).await;
+                    if goal.order < 64 {
+                        numbers.grow();
+                    }
+                    running.feedback(&numbers).map_err(|_| Numbers::default())?;
+                }
+                if goal.order == 13 {
+                    Err(numbers)
+                } else {
+                    Ok(numbers)
+                }
+            },
+        )
+        .unwrap();
+    let ids: Vec<_> = server.added().map(String::from).collect();
+    assert_eq!(ids.len(), 5, "{ids:?}");
+    assert_eq!(ids[0], "/n/task:/fib/_action/goals");
+    let (lines, stop) = (Lines::default(), exec.stop_handle());
+    let sink = Arc::clone(&lines);
+    let sender = client.clone();
+    let task = async move {
+        let endless = sender
+            .send_async(&Order { order: 100 })
+            .await
+            .unwrap()
+            .unwrap();
+        for order in [10, 13, -1, 1] {
+            let line = match sender.send_async(&Order { order }).await.unwrap() {
+                None => format!("{order} rejected"),
+                Some(goal) => {
+                    let (state, numbers) = goal.result().await.unwrap();
+                    format!("{order} {state} {}", numbers.sequence.len())
+                }
+            };
+            note(&sink, line);
+        }
+        endless.cancel().await.unwrap();
+        let (state, numbers) = endless.result().await.unwrap();
+        note(&sink, format!("{state} {}", numbers.sequence.len()));
+        stop.stop();
+    };
+    exec.worker("w").goals(&client).unwrap().task(task).unwrap();
+    exec.spin().unwrap();
+    assert_eq!(
+        *lines.lock().unwrap(),
+        [
+            "10 succeeded 10",
+            "13 aborted 13",
+            "-1 rejected",
+            "1 succeeded 2",
+            "canceled 2"
+        ]
+    );
+}
+
+/// The goals of a server that is removed are aborted: nobody waits for ever.
+#[test]
+fn goals_end_with_the_server_that_pursues_them() {
+    let ctx = Context::in_process();
+    let (mut exec, _) = executor(&ctx);
+    let node = ctx.node("n").unwrap();
+    let client: ActionClient<Fibonacci> =
+        node.action_client("fib", ActionOptions::goals(2)).unwrap();
+    let pursue = |_, running: RunningGoal<Fibonacci>| async move {
+        sleep(LIMIT).await;
+        drop(running);
+        Ok(Numbers::default())
+    };
+    let server = exec.worker("server").serve_action_async(
+        &node,
+        "fib",
+        ActionOptions::goals(2),
+        |_: &Order| true,
+        pursue,
+    );
+    let task = server.unwrap().added().next().unwrap().to_string();
+    let (begun, ended) = (Arc::new(AtomicBool::new(false)), Lines::default());
+    let sender = client.clone();
+    let (begins, lines) = (Arc::clone(&begun), Arc::clone(&ended));
+    exec.worker("w")
+        .goals(&client)
+        .unwrap()
+        .task(async move {
+            let goal = sender
+                .send_async(&Order { order: 1 })
+                .await
+                .unwrap()
+                .unwrap();
+            begins.store(true, Ordering::SeqCst);
+            note(&lines, goal.result().await.unwrap().0.to_string());
+        })
+        .unwrap();
+    let running = exec.start().unwrap();
+    assert!(eventually(|| begun.load(Ordering::SeqCst)));
+    running
+        .handle()
+        .remove(&task, Removal::Wait(LIMIT))
+        .unwrap();
+    assert!(eventually(|| *ended.lock().unwrap() == ["aborted"]));
+    running.stop();
 }

@@ -277,3 +277,57 @@ fn lines_too_many_are_counted_and_the_program_goes_on() {
     assert!(lost > 0);
     assert_eq!(seen + lost, LINES);
 }
+
+/// Lines of the `log` facade, which one context of a process has: no other test installs it.
+#[test]
+fn lines_of_a_library_have_the_name_and_the_level_of_their_target() {
+    let levels = "--log-level n.noisy:=error --log-level n.deep.x:=debug";
+    let ctx = with(levels);
+    let (mut exec, _) = executor(&ctx);
+    let lines = heard(&mut exec, &ctx);
+    let logger = ctx.node("n").unwrap().logger();
+    logger.install().unwrap();
+    logger.install().unwrap(); // again: nothing changes
+    let other = with("").node("other").unwrap().logger().install();
+    assert_eq!(
+        other.unwrap_err().to_string(),
+        "logger other: install = set is not allowed: the first logger of the `log` facade: the \
+         process has another one"
+    );
+    let running = exec.start().unwrap();
+    log::info!(target: "serial::posix", "opened {}", 7);
+    log::debug!(target: "serial::posix", "below");
+    log::warn!(target: "noisy", "below its own");
+    log::error!(target: "noisy::part", "broken");
+    log::debug!(target: "deep::x", "own level");
+    log::debug!(target: "deep", "below");
+    log::info!("of this crate");
+    // The thread that writes judges the levels: it is to have written what they are changed for.
+    let heard = |text: &str| eventually(|| texts(&lines).iter().any(|t| t == text));
+    assert!(heard("of this crate"));
+    logger.set_level(LogLevel::Debug);
+    log::trace!(target: "serial", "as debug");
+    assert!(heard("as debug"));
+    logger.set_level(LogLevel::Error);
+    log::warn!(target: "serial", "below again");
+    log::debug!(target: "deep::x", "end");
+    assert!(heard("end"));
+    drop(running.stop());
+    let lines = lines.lock().unwrap();
+    let told = lines.iter().map(|l| (l.level, &*l.name, &*l.msg));
+    // Other tests of this process may use libraries that log.
+    let told = told.filter(|(_, name, _)| !name.starts_with("n.rustdds"));
+    let told: Vec<_> = told.collect();
+    assert_eq!(
+        told,
+        [
+            (20, "n.serial.posix", "opened 7"),
+            (40, "n.noisy.part", "broken"),
+            (10, "n.deep.x", "own level"),
+            (20, "n.it.logs", "of this crate"),
+            (10, "n.serial", "as debug"),
+            (10, "n.deep.x", "end"),
+        ]
+    );
+    assert!(lines.iter().all(|line| line.stamp.sec > 0));
+}

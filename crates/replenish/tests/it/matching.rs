@@ -282,3 +282,70 @@ fn an_agent_that_does_not_tell_of_servers_is_an_error_that_says_so() {
     stop.store(true, Ordering::SeqCst);
     relay.join().unwrap();
 }
+
+/// A publisher and a subscription know how many peers they have, as those come and go.
+pub(crate) fn peers_are_counted(publishing: &Context, subscribing: &Context) {
+    let _dog = watchdog("peers", LIMIT);
+    let here = publishing.node("here").unwrap();
+    let there = subscribing.node("there").unwrap();
+    let out = here.publisher::<Int32>("t", Qos::best_effort()).unwrap();
+    assert_eq!(out.subscriptions(), Some(0));
+    assert_eq!(out.wait_for_subscription(MS), Ok(false));
+    let (mut exec, _) = executor(subscribing);
+    exec.worker("w")
+        .subscribe(&there, "t", Qos::best_effort(), |_: &Int32, _| ())
+        .unwrap()
+        .subscribe(&there, "other", Qos::best_effort(), |_: &Int32, _| ())
+        .unwrap()
+        .timer(MS, |_| ())
+        .unwrap();
+    // It does not fit, and is nobody's peer.
+    exec.worker("strict")
+        .subscribe(&there, "t", Qos::reliable(), |_: &Int32, _| ())
+        .unwrap();
+    let running = exec.start().unwrap();
+    assert_eq!(out.wait_for_subscription(LIMIT), Ok(true));
+    assert_eq!(out.subscriptions(), Some(1));
+    let matched = |id: &str| {
+        let report = running.report();
+        report
+            .handles
+            .iter()
+            .find(|h| h.id.starts_with(id))
+            .unwrap()
+            .matched
+    };
+    let of = "/there/sub:/t";
+    assert!(eventually(|| matched(of) == Some(1)));
+    assert_eq!(matched("/there/sub:/other"), Some(0));
+    assert_eq!(matched("w/timer:0"), None);
+    let second = here.publisher::<Int32>("t", Qos::reliable()).unwrap();
+    assert!(eventually(|| matched(of) == Some(2)));
+    assert!(eventually(|| second.subscriptions() == Some(2)));
+    drop(out);
+    assert!(eventually(|| matched(of) == Some(1)));
+    let gone = running.handle().remove(of, Removal::Wait(LIMIT));
+    assert!(gone.is_ok(), "{gone:?}");
+    assert!(eventually(|| second.subscriptions() == Some(1)));
+    drop(running.stop());
+}
+
+#[test]
+fn peers_are_counted_in_one_process() {
+    let ctx = Context::in_process();
+    peers_are_counted(&ctx, &ctx);
+}
+
+#[test]
+fn no_agent_tells_of_subscriptions() {
+    let agent = TestAgent::start("127.0.0.1:0");
+    let node = agent.context().node("n").unwrap();
+    let out = node.publisher::<Int32>("t", Qos::reliable()).unwrap();
+    assert_eq!(out.subscriptions(), None);
+    let error = out.wait_for_subscription(MS).unwrap_err();
+    let text = error.to_string();
+    assert!(
+        text.contains("subscriptions, which no agent tells"),
+        "{text}"
+    );
+}

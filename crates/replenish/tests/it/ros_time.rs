@@ -211,3 +211,48 @@ fn what_cannot_be_is_refused() {
         assert_eq!(error, start);
     }
 }
+
+/// A sleep begins with the first message, ends at its time, and starts over when time jumps back.
+#[test]
+fn sleeps_follow_the_clock_of_a_simulation() {
+    let world = World::new("--ros-args -p use_sim_time:=true");
+    let node = world.ctx.node("n").unwrap();
+    let (mut exec, _) = executor(&world.ctx);
+    let (count, woken) = counter();
+    let (sleeper, wakes) = (node.clone(), Arc::clone(&count));
+    exec.worker("w")
+        .task(async move {
+            loop {
+                sleeper.sleep(SECOND).await;
+                wakes.fetch_add(1, Ordering::SeqCst);
+            }
+        })
+        .unwrap();
+    // More than have a place: they look by themselves.
+    let mut many = exec.worker("many");
+    for _ in 0..70 {
+        let (sleeper, wakes) = (node.clone(), Arc::clone(&count));
+        let one = async move {
+            sleeper.sleep(1000 * SECOND).await;
+            wakes.fetch_add(100, Ordering::SeqCst);
+        };
+        many = many.task(one).unwrap();
+    }
+    let running = exec.start().unwrap();
+    assert!(settles(&woken) && woken() == 0);
+    world.tell(&node, 100_000);
+    assert!(settles(&woken) && woken() == 0);
+    world.tell(&node, 101_000);
+    assert!(eventually(|| woken() == 1));
+    world.tell(&node, 101_900);
+    assert!(settles(&woken) && woken() == 1);
+    world.tell(&node, 50_000); // starts over
+    assert!(settles(&woken) && woken() == 1);
+    world.tell(&node, 50_900);
+    assert!(settles(&woken) && woken() == 1);
+    world.tell(&node, 51_000);
+    assert!(eventually(|| woken() == 2));
+    world.tell(&node, 2_000_000);
+    assert!(eventually(|| woken() == 3 + 7000));
+    running.stop();
+}

@@ -441,3 +441,9 @@ fn services_answer_each_request_once() {
         drop(running);
     }
 }
+
+#[test]
+fn peers_of_two_participants_are_counted() {
+    let config = config();
+    crate::matching::peers_are_counted(&open(&config), &open(&config));
+}

@@ -72,6 +72,22 @@ impl<T: Target> AddHandles<T> {
         })
     }
 
+    /// A future that belongs to something with a name: it does not count among the guard
+    /// conditions.
+    pub(crate) fn named_task<F, R>(self, id: &str, future: F) -> Result<T::Added, Error>
+    where
+        F: Future<Output = R> + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        self.0.add(Numbering::None, |factory| {
+            let room = room();
+            put(&room, future);
+            let none = |_: &CallbackContext<'_>| ();
+            let entry = factory.named_guard(id, &GuardCondition::new(), none)?;
+            Ok(polled(entry, room))
+        })
+    }
+
     /// As [`subscribe`](Self::subscribe), with a callback that gives a future, for a message of its
     /// own. While the future waits the worker runs its other handles, and messages wait in the
     /// subscription as its quality says. A type with strings or sequences on the heap is cloned

@@ -267,7 +267,34 @@ impl HandleFactory<'_> {
         F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
         R: CallbackResult + 'static,
     {
-        let shared = self.nameless("guard");
+        self.guard_of(self.nameless("guard"), guard, callback)
+    }
+
+    /// A guard condition that belongs to something with a name, which is its id.
+    pub(crate) fn named_guard<F, R>(
+        &self,
+        id: &str,
+        guard: &GuardCondition,
+        callback: F,
+    ) -> Result<HandleEntry, Error>
+    where
+        F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
+        let shared = HandleState::new((self.unique)(id.into()), None);
+        self.guard_of(shared, guard, callback)
+    }
+
+    fn guard_of<F, R>(
+        &self,
+        shared: Arc<HandleState>,
+        guard: &GuardCondition,
+        callback: F,
+    ) -> Result<HandleEntry, Error>
+    where
+        F: FnMut(&CallbackContext<'_>) -> R + Send + 'static,
+        R: CallbackResult + 'static,
+    {
         self.bound(guard.claim(), &shared)?;
         let handle = Guard::new(Arc::clone(&shared), guard.clone(), callback);
         Ok(HandleEntry::new(shared, Box::new(handle)))

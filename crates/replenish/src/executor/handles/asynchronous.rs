@@ -8,7 +8,7 @@
 //! ```
 //!
 //! In flight it takes no input: samples wait in the inbox as its quality says, releases of a timer
-//! are skipped.
+//! are skipped. A future that sleeps has left its alarms here: they are the handle's releases.
 
 use super::callback::CallbackResult;
 use super::entry::HandleEntry;
@@ -20,6 +20,7 @@ use crate::Nanos;
 use crate::executor::wake::doorbell::WakeHandle;
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::executor::wake::run_queue::RunQueue;
+use crate::platform::sleeping::{self, Alarms};
 use crate::sync::{Arc, Mutex};
 use alloc::boxed::Box;
 use core::future::Future;
@@ -49,6 +50,9 @@ struct Async<F> {
     waker: alloc::sync::Arc<HandleWaker>,
     as_waker: Waker,
     in_flight: bool,
+    alarms: alloc::sync::Arc<Alarms>,
+    /// The run queue knows a release of this handle that may be an alarm.
+    alarmed: bool,
 }
 
 /// The handle of an entry, whose callback puts futures into `room`. With one in it already, it is
@@ -73,6 +77,8 @@ where
         waker,
         as_waker,
         in_flight,
+        alarms: alloc::sync::Arc::default(),
+        alarmed: false,
     });
     entry
 }
@@ -85,7 +91,8 @@ where
     fn poll(&mut self) -> Option<R> {
         let mut room = self.room.lock();
         let future = room.as_mut().as_pin_mut()?;
-        match future.poll(&mut Context::from_waker(&self.as_waker)) {
+        let mut cx = Context::from_waker(&self.as_waker);
+        match sleeping::polling(&self.alarms, || future.poll(&mut cx)) {
             core::task::Poll::Pending => {
                 self.in_flight = true;
                 None
@@ -111,6 +118,10 @@ where
 
     fn is_ready(&mut self, now: &LazyNow) -> bool {
         if self.in_flight {
+            let next = self.alarms.next();
+            if next.is_some_and(|due| due <= now.get()) && self.alarms.expire(now.get()) {
+                self.as_waker.wake_by_ref();
+            }
             self.waker.is_woken()
         } else {
             self.input.is_ready(now)
@@ -118,14 +129,21 @@ where
     }
 
     fn next_release(&mut self) -> Option<Nanos> {
-        self.input.next_release().filter(|_| !self.in_flight)
+        if self.in_flight {
+            self.alarms.next()
+        } else {
+            self.input.next_release()
+        }
     }
 
     fn note_release(&mut self, position: usize, run_queue: &mut RunQueue) {
-        if !self.in_flight {
+        let alarm = self.alarms.next().filter(|_| self.in_flight);
+        let alarmed = core::mem::replace(&mut self.alarmed, alarm.is_some());
+        if alarmed || alarm.is_some() || self.in_flight && self.input.next_release().is_some() {
+            let next = self.next_release();
+            run_queue.next_release_of(position, next);
+        } else if !self.in_flight {
             self.input.note_release(position, run_queue);
-        } else if self.input.next_release().is_some() {
-            run_queue.next_release_of(position, None);
         }
     }
 

@@ -5,7 +5,7 @@ use crate::event::{Event, Events};
 use crate::handoff::Inbox;
 use crate::histogram::LiveHistogram;
 use crate::middleware::{Middleware, ReaderId};
-use crate::platform::{ShortText, recorder};
+use crate::platform::{FULL, ShortText, recorder};
 use crate::stats::{Counters, HandleStats};
 use crate::sync::{Arc, AtomicBool, Mutex, Once, Ordering};
 use alloc::string::String;
@@ -125,6 +125,12 @@ impl HandleState {
         input.map_or(0, |(reader, inbox)| {
             inbox.memory().saturating_add(middleware.memory(*reader))
         })
+    }
+
+    /// The writers that its reader hears, as far as the middleware knows.
+    pub(crate) fn matched(&self, middleware: &dyn Middleware) -> Option<usize> {
+        let (reader, _) = self.input.as_ref().filter(|_| FULL)?;
+        middleware.matched_writers(*reader)
     }
 
     /// Samples that wait for the worker.

@@ -86,6 +86,9 @@ pub struct HandleReport {
     pub response: Histogram,
     /// Bytes that were taken at set-up for its samples, those of the middleware included.
     pub memory: usize,
+    /// How many publishers (of a service, clients) its subscription hears; `None` for a handle
+    /// without one, and where the middleware does not know: DDS-XRCE.
+    pub matched: Option<usize>,
     /// The last error a callback returned, or the panic's message; cut to 120 bytes.
     pub last_error: Option<String>,
 }
@@ -110,6 +113,7 @@ impl HandleReport {
             latency: handle.latency.snapshot(),
             response: handle.response.snapshot(),
             memory: handle.memory(middleware),
+            matched: handle.matched(middleware),
             last_error: Some(error).filter(|e| !e.is_empty()),
         }
     }

@@ -247,6 +247,14 @@ impl Middleware for Rtps {
         self.knows_server(client)
     }
 
+    fn matched_readers(&self, writer: WriterId) -> Option<usize> {
+        self.count_readers(writer)
+    }
+
+    fn matched_writers(&self, reader: ReaderId) -> Option<usize> {
+        self.count_writers(reader)
+    }
+
     fn next_incompatible_qos(&self) -> Option<IncompatibleQos> {
         self.state.lock().clashes.pop_front()
     }

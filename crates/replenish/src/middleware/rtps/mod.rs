@@ -28,6 +28,7 @@ mod endpoints;
 mod environment;
 mod graph;
 mod inlets;
+mod matched;
 mod new_end;
 mod qos;
 mod send;

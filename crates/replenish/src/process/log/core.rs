@@ -4,6 +4,7 @@
 use crate::handoff::{LINE_WORDS, LineDraft, LineHead, LineQueue};
 use crate::publisher::Publisher;
 use crate::sync::{Mutex, Notify};
+use log::LevelFilter;
 use replenish_args::{LogArgs, LogLevel, LogLevels};
 use replenish_interfaces::rcl_interfaces::msg::Log as LogMessage;
 use replenish_os::clock;
@@ -42,12 +43,32 @@ pub(super) struct Target {
     pub(super) rosout: Option<Publisher<LogMessage>>,
 }
 
+/// The levels of the `log` facade that pass `lowest`.
+fn filter(lowest: LogLevel) -> LevelFilter {
+    match lowest {
+        LogLevel::Fatal => LevelFilter::Off,
+        LogLevel::Error => LevelFilter::Error,
+        LogLevel::Warn => LevelFilter::Warn,
+        LogLevel::Info => LevelFilter::Info,
+        _ => LevelFilter::Trace,
+    }
+}
+
 struct Table {
     targets: Vec<Target>,
     levels: LogLevels,
+    /// The logger that lines of the `log` facade go to.
+    facade: Option<Box<str>>,
 }
 
 impl Table {
+    /// The facade lets lines pass that one of its names lets pass.
+    fn let_facade_pass(&self) {
+        if let Some(name) = &self.facade {
+            log::set_max_level(filter(self.levels.lowest(name)));
+        }
+    }
+
     fn find(&self, name: &str) -> Option<&Target> {
         self.targets.iter().find(|t| &*t.named.name == name)
     }
@@ -92,6 +113,7 @@ impl Core {
             table: Mutex::new(Table {
                 targets: Vec::new(),
                 levels: LogLevels::new(args),
+                facade: None,
             }),
             queue: LineQueue::new(LINES),
             notify: Notify::new(),
@@ -138,11 +160,24 @@ impl Core {
     ) -> Result<(), &'static str> {
         let mut table = self.table.lock();
         table.levels.set(name, level)?;
+        table.let_facade_pass();
         for target in &table.targets {
             let level = table.levels.of(&target.named.name);
             target.named.level.store(level.number(), Ordering::Relaxed);
         }
         Ok(())
+    }
+
+    /// Lines of the `log` facade go to the logger `name` from now on.
+    pub(super) fn let_facade_pass(&self, name: &str) {
+        let mut table = self.table.lock();
+        table.facade = Some(name.into());
+        table.let_facade_pass();
+    }
+
+    /// Whether a line of this name and level is written.
+    pub(super) fn passes(&self, name: &str, level: LogLevel) -> bool {
+        level.number() >= self.table.lock().levels.of(name).number()
     }
 
     /// Waits until the lines up to now are written, up to a second.

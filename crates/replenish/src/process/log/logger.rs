@@ -1,6 +1,6 @@
 //! A logger, and how often a place may speak through it.
 
-use super::core::Named;
+use super::core::{Core, Named};
 use super::loggers::Log;
 use super::site::LogSite;
 use crate::Nanos;
@@ -46,6 +46,14 @@ pub struct Logger {
 impl Logger {
     pub(super) const fn new(named: Arc<Named>, log: Arc<Log>) -> Self {
         Self { named, log }
+    }
+
+    pub(super) fn core(&self) -> &Arc<Core> {
+        self.log.core()
+    }
+
+    pub(super) fn id(&self) -> u16 {
+        self.named.id
     }
 
     /// The name, `robot.arm` for the node `/robot/arm`.

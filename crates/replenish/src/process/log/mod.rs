@@ -6,11 +6,14 @@
 //!   console  ◄─┐                                       ▼
 //!   /rosout  ◄─┴─ writer: one ordinary thread ◄── LineQueue, bounded: lines too many are counted
 //!
+//!   facade: the `log` crate's lines, by the name of their target ──► foreign ◄── writer
 //!   core: names, publishers, levels, the queue │ loggers: a context's │ node: a node's
 //!   site: places in the source │ services: levels from outside │ macros
 //! ```
 
 mod core;
+mod facade;
+mod foreign;
 mod logger;
 mod loggers;
 mod macros;

@@ -2,6 +2,7 @@
 //! a console. It allocates for lines about the log itself alone.
 
 use super::core::{Core, LINES, Target};
+use super::foreign;
 use super::site::site;
 use crate::handoff::{LINE_TEXT, LineHead, LineReader, read_line};
 use crate::platform::wall_clock;
@@ -62,6 +63,7 @@ pub(super) fn run(core: &Core, console: Option<Console>) {
         console,
         lost: 0,
         rosout_failed: false,
+        name: String::with_capacity(512),
     };
     loop {
         let ended = core.ended.load(Ordering::Acquire);
@@ -85,6 +87,8 @@ struct Writer<'a> {
     lost: u64,
     /// A publisher's refusal was said.
     rosout_failed: bool,
+    /// The name of a line from the facade, kept for its room.
+    name: String,
 }
 
 impl Writer<'_> {
@@ -92,10 +96,29 @@ impl Writer<'_> {
         let Some(target) = self.core.target(head.logger) else {
             return;
         };
+        let level = LogLevel::numbered(head.level.into()).unwrap_or(LogLevel::Info);
+        if let Some((from, text)) = foreign::split(head, text) {
+            let mut name = core::mem::take(&mut self.name);
+            foreign::name(&target.named.name, from, &mut name);
+            if self.core.passes(&name, level) {
+                let shown = LogLine {
+                    stamp: head.stamp,
+                    level,
+                    name: &name,
+                    text,
+                    file: "",
+                    function: from,
+                    line: 0,
+                };
+                self.show(&shown, &target);
+            }
+            self.name = name;
+            return;
+        }
         let site = site(head.site);
         let shown = LogLine {
             stamp: head.stamp,
-            level: LogLevel::numbered(head.level.into()).unwrap_or(LogLevel::Info),
+            level,
             name: &target.named.name,
             text,
             file: site.map_or("", |s| end_of(s.file)),

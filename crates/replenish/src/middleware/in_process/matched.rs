@@ -1,0 +1,30 @@
+//! How many peers an endpoint of a bus has: those of its topic whose quality fits.
+
+use super::InProcess;
+use crate::middleware::{ReaderId, WriterId};
+
+impl InProcess {
+    pub(super) fn count_readers(&self, writer: WriterId) -> Option<usize> {
+        let bus = self.bus.state.lock();
+        let mine = bus.participant(self.me)?;
+        let writer = mine.writers.get(usize::from(writer.0))?;
+        let readers = bus.topics.get(writer.topic)?.readers.iter();
+        let fits = readers.filter(|(p, r)| {
+            let reader = bus.participant(*p).and_then(|p| p.readers.get(*r));
+            reader.is_some_and(|reader| writer.offers.check_offers(reader.requests).is_ok())
+        });
+        Some(fits.count())
+    }
+
+    pub(super) fn count_writers(&self, reader: ReaderId) -> Option<usize> {
+        let bus = self.bus.state.lock();
+        let mine = bus.participant(self.me)?;
+        let reader = mine.readers.get(usize::from(reader.0))?;
+        let writers = bus.participants().flat_map(|(_, p)| &p.writers);
+        let fits = writers.filter(|writer| {
+            let of_topic = !writer.deleted && writer.topic == reader.topic;
+            of_topic && writer.offers.check_offers(reader.requests).is_ok()
+        });
+        Some(fits.count())
+    }
+}
