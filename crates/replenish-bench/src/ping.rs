@@ -100,7 +100,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if !args.supervised {
         println!("in total: {}", line(&Totals::default(), &totals));
     }
-    files::write_json(args.json.json.as_deref(), &totals)
+    files::write_json(args.json.json.as_deref(), "ping", &totals)
 }
 
 fn line(before: &Totals, now: &Totals) -> String {

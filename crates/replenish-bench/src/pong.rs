@@ -129,7 +129,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         "overrun_us": end.overrun_us,
         "stuck": end.stuck,
     });
-    files::write_json(args.json.json.as_deref(), &json)
+    files::write_json(args.json.json.as_deref(), "pong", &json)
 }
 
 fn config(args: &Args) -> Config {

@@ -113,7 +113,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         json.samples,
         json.granted
     );
-    files::write_json(args.json.json.as_deref(), &json)
+    files::write_json(args.json.json.as_deref(), "bench-handoff", &json)
 }
 
 fn times(s: &Sorted) -> Times {

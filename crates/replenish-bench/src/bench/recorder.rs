@@ -192,5 +192,5 @@ pub(crate) fn run(args: &Args) -> Outcome {
         println!("CPU time of a message with the recorder on against off: {ratio:.4}");
     }
     println!("LTTng-UST: not measured");
-    files::write_json(args.json.json.as_deref(), &json)
+    files::write_json(args.json.json.as_deref(), "bench-recorder", &json)
 }

@@ -241,7 +241,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         granted,
     };
     print(&json);
-    files::write_json(args.json.json.as_deref(), &json)?;
+    files::write_json(args.json.json.as_deref(), "bench-round-trip", &json)?;
     match json.points.iter().find(|point| point.lost > 0) {
         Some(point) => Err(Failure::refused(format!(
             "{} messages of {} did not come back",

@@ -110,7 +110,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         seed: args.seed,
         points,
     };
-    files::write_json(args.json.json.as_deref(), &json)?;
+    files::write_json(args.json.json.as_deref(), "bench-xrce", &json)?;
     match json.points.iter().find(|point| !point.is_whole()) {
         Some(point) => Err(Failure::refused(format!(
             "at {} % loss {} of {} samples were delivered, {} twice, {} lost",

@@ -70,7 +70,11 @@ pub(crate) fn run(args: &Args) -> Outcome {
         );
     }
     files::write(&args.report, &report::html(&plan, &run, privilege)?)?;
-    files::write_json(args.json.json.as_deref(), &report::json(&plan, &run))?;
+    files::write_json(
+        args.json.json.as_deref(),
+        "demo",
+        &report::json(&plan, &run),
+    )?;
     let path = std::path::absolute(&args.report).unwrap_or_else(|_| args.report.clone());
     println!("\nThe plots and what they mean: {}", path.display());
     Ok(())

@@ -95,7 +95,14 @@ fn report(to: &Files, rows: &[HistoryRow]) -> Outcome {
          ticks before the measurement began, with and without the bugs alike.",
     );
     page.table(&table);
-    output::write(to, &csv(rows), &json, &svg, page)
+    output::write(
+        to,
+        "experiment-nuttx-history",
+        &csv(rows),
+        &json,
+        &svg,
+        page,
+    )
 }
 
 /// One line per row; S2's cells are empty in experiment 1.

@@ -79,12 +79,13 @@ pub(super) fn tell_repeated(points: impl Iterator<Item = (Repeated, u64)>) {
 /// Writes the files that were asked for.
 pub(super) fn write(
     to: &Files,
+    document: &str,
     csv: &str,
     json: &serde_json::Value,
     svg: &str,
     page: Page,
 ) -> Outcome {
-    files::write_json(to.json.json.as_deref(), json)?;
+    files::write_json(to.json.json.as_deref(), document, json)?;
     if let Some(path) = &to.csv {
         files::write(path, csv)?;
     }

@@ -185,7 +185,14 @@ pub(super) fn sleep(to: &Files, points: &[SleepPoint]) -> Outcome {
         "CPU time of the high worker. Marks: measured. Dashed: theory.",
     );
     page.table(&table);
-    output::write(to, &output::csv(&COLUMNS, &json), &json, &svg, page)
+    output::write(
+        to,
+        "experiment-work-conserving",
+        &output::csv(&COLUMNS, &json),
+        &json,
+        &svg,
+        page,
+    )
 }
 
 /// Where the CPU was that the high worker lacks, and what was to be had of it.

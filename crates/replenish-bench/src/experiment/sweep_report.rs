@@ -182,7 +182,14 @@ pub(super) fn sweep(
          one less per window is normal for low, whose last answer the end of the window cuts off.",
     );
     page.table(&table);
-    output::write(to, &output::csv(&COLUMNS, &json), &json, &svg, page)
+    output::write(
+        to,
+        "experiment-budget-sweep",
+        &output::csv(&COLUMNS, &json),
+        &json,
+        &svg,
+        page,
+    )
 }
 
 fn figure(period: u64, points: &[SweepPoint], fifo: Option<&SweepPoint>) -> Figure {

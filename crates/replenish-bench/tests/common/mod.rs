@@ -6,6 +6,9 @@
     reason = "a helper of tests, shared by several targets"
 )]
 
+#[path = "../../../replenish-cli/tests/it/schema.rs"]
+mod schema;
+
 pub(crate) use replenish_testkit::program::{Running, Scratch, free_port, stderr, stdout};
 use std::path::Path;
 use std::process::Output;
@@ -23,7 +26,7 @@ pub(crate) fn start(args: &[&str]) -> Running {
     Running::start(BIN, args)
 }
 
-/// A JSON file.
+/// A JSON file of a command, held to its schema.
 pub(crate) fn json(path: &Path) -> serde_json::Value {
-    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+    schema::read(path)
 }

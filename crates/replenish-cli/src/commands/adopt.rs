@@ -99,5 +99,6 @@ fn list(args: &Args) -> Outcome {
         ]);
     }
     println!("{}", table.to_text());
-    files::write_json(args.options.json.json.as_deref(), &programs)
+    let json = serde_json::json!({ "programs": programs });
+    files::write_json(args.options.json.json.as_deref(), "programs", &json)
 }

@@ -114,7 +114,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let json = serde_json::json!({
         "findings": findings, "latency_us": latency, "overheads_ns": saved,
     });
-    files::write_json(args.json.json.as_deref(), &json)
+    files::write_json(args.json.json.as_deref(), "doctor", &json)
 }
 
 fn print(findings: &[Finding], latency: &Latency) {

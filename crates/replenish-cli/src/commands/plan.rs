@@ -72,7 +72,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
                 println!("{note}");
             }
             let json = admitted(&deployment, &plan, &host);
-            files::write_json(args.json.json.as_deref(), &json)
+            files::write_json(args.json.json.as_deref(), "plan", &json)
         }
         Err(refusal) => {
             let json = serde_json::json!({
@@ -90,7 +90,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
                 "beside": owners(&host),
                 "overheads_measured": host.measured,
             });
-            files::write_json(args.json.json.as_deref(), &json)?;
+            files::write_json(args.json.json.as_deref(), "plan", &json)?;
             if let Some(attempt) = refusal.attempt.as_deref().filter(|_| !args.brief) {
                 println!("What was tried, for orientation; it does not hold:\n");
                 println!("{}", table(attempt).to_text());

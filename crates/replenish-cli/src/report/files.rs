@@ -1,4 +1,5 @@
-//! Writing results: JSON, CSV and text files, with errors that name the file.
+//! Writing results: JSON, CSV and text files, with errors that name the file. A JSON file begins
+//! with its document's name and version (docs/json.md); its schema is in docs/schemas.
 
 use crate::outcome::Failure;
 use std::path::Path;
@@ -12,13 +13,36 @@ pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
         .map_err(|e| Failure::refused(format!("cannot write {}: {e}", path.display())))
 }
 
-/// Writes `value` as indented JSON to `path`, if there is one.
+/// The version of all documents. It grows when a name or a meaning changes, not with a new name.
+const VERSION: u32 = 1;
+
+/// A result with the two names that every document begins with.
+#[derive(serde::Serialize)]
+struct Document<'a, T> {
+    document: &'a str,
+    version: u32,
+    #[serde(flatten)]
+    value: &'a T,
+}
+
+/// Writes `value`, a structure or a map, as indented JSON to `path`, if there is one.
+///
+/// `document` is the command in one word (`plan`, `bench-load`).
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_json<T: serde::Serialize>(path: Option<&Path>, value: &T) -> Result<(), Failure> {
+pub fn write_json<T: serde::Serialize>(
+    path: Option<&Path>,
+    document: &str,
+    value: &T,
+) -> Result<(), Failure> {
     let Some(path) = path else { return Ok(()) };
-    let text = serde_json::to_string_pretty(value)
+    let document = Document {
+        document,
+        version: VERSION,
+        value,
+    };
+    let text = serde_json::to_string_pretty(&document)
         .map_err(|e| Failure::refused(format!("cannot encode {}: {e}", path.display())))?;
     write(path, &(text + "\n"))
 }
@@ -31,15 +55,19 @@ pub fn write_json<T: serde::Serialize>(path: Option<&Path>, value: &T) -> Result
 ///
 /// # Errors
 /// The file cannot be written or renamed.
-pub fn replace_json<T: serde::Serialize>(path: Option<&Path>, value: &T) -> Result<(), Failure> {
+pub fn replace_json<T: serde::Serialize>(
+    path: Option<&Path>,
+    document: &str,
+    value: &T,
+) -> Result<(), Failure> {
     let Some(path) = path else { return Ok(()) };
     if !std::fs::symlink_metadata(path).is_ok_and(|file| file.is_file()) {
-        return write_json(Some(path), value);
+        return write_json(Some(path), document, value);
     }
     let mut name = path.file_name().unwrap_or_default().to_os_string();
     name.push(format!(".{}.tmp", std::process::id()));
     let beside = path.with_file_name(name);
-    write_json(Some(&beside), value)?;
+    write_json(Some(&beside), document, value)?;
     std::fs::rename(&beside, path).map_err(|e| {
         std::fs::remove_file(&beside).ok();
         Failure::refused(format!("cannot replace {}: {e}", path.display()))
@@ -105,10 +133,13 @@ mod tests {
         let path = dir.join("x.json");
         for number in 1..=2 {
             check_writable(Some(&path)).unwrap();
-            replace_json(Some(&path), &number).unwrap();
+            let value = serde_json::json!({ "number": number });
+            replace_json(Some(&path), "count", &value).unwrap();
             assert_eq!(
                 std::fs::read_to_string(&path).unwrap(),
-                format!("{number}\n")
+                format!(
+                    "{{\n  \"document\": \"count\",\n  \"version\": 1,\n  \"number\": {number}\n}}\n"
+                )
             );
         }
         assert_eq!(std::fs::read_dir(&dir).unwrap().count(), 1);

@@ -13,7 +13,7 @@ pub(crate) fn run(args: &[&str]) -> Output {
     replenish_testkit::program::run(BIN, args)
 }
 
-/// A JSON file.
+/// A JSON file of a command, held to its schema.
 pub(crate) fn json(path: &Path) -> serde_json::Value {
-    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+    crate::schema::read(path)
 }

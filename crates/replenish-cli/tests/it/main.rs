@@ -19,5 +19,7 @@ mod live;
 mod plan;
 #[cfg(feature = "dds")]
 mod ros2_client;
+mod schema;
+mod schemas;
 #[cfg(feature = "secure")]
 mod secure;

@@ -84,7 +84,7 @@ fn until(what: &str, holds: impl Fn() -> bool) {
 }
 
 fn json(path: &std::path::Path) -> serde_json::Value {
-    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+    crate::schema::read(path)
 }
 
 /// Two programs on one CPU, 30/100 and the rest, found by their names as children of the shell that
@@ -258,7 +258,7 @@ fn programs_are_listed_and_released() {
         stdout(&output)
     );
     let list = json(&file);
-    let ours = list
+    let ours = list["programs"]
         .as_array()
         .unwrap()
         .iter()

@@ -7,6 +7,8 @@
 )]
 
 mod foreign;
+#[path = "../it/schema.rs"]
+mod schema;
 mod why;
 
 fn main() {

@@ -562,8 +562,7 @@ fn judge(case: &Case, scratch: &Scratch, d: u64) -> Result<(), String> {
         stranger.join().unwrap();
     }
     assert!(output.status.success(), "{}", stderr(&output));
-    let text = std::fs::read_to_string(&out).unwrap();
-    let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let json = crate::schema::read(&out);
     let mut answers: BTreeMap<String, usize> = BTreeMap::new();
     let late = json["late"].as_array().unwrap();
     let mut of_handle = 0;

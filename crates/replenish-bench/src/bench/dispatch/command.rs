@@ -99,5 +99,5 @@ pub(crate) fn run(args: &Args) -> Outcome {
     awake.map_or(Ok(()), Awake::stop)?;
     let json = Json::new(points, setting);
     json.print();
-    files::write_json(args.json.json.as_deref(), &json)
+    files::write_json(args.json.json.as_deref(), "bench-dispatch", &json)
 }

@@ -134,6 +134,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     }
     files::write_json(
         args.json.json.as_deref(),
+        "bench-enforcement",
         &serde_json::json!({ "points": points }),
     )
 }
@@ -152,6 +153,7 @@ fn measure_shares(cpu: usize, support: usize, seconds: u64, stop: &Stop, args: &
     println!("  CPU time by the kernel's clocks of the threads, which stop without budget.");
     files::write_json(
         args.json.json.as_deref(),
+        "bench-shares",
         &serde_json::json!({ "shares": shares }),
     )
 }

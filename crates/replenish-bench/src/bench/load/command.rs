@@ -31,6 +31,6 @@ pub(crate) fn run(args: &Args) -> Outcome {
     }
     let json = report::json(args, &load, &tally, &agent);
     report::print(&json);
-    files::write_json(args.json.json.as_deref(), &json)?;
+    files::write_json(args.json.json.as_deref(), "bench-load", &json)?;
     report::verdict(&json)
 }

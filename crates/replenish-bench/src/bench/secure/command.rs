@@ -68,6 +68,6 @@ pub(crate) fn run(args: &Args) -> Outcome {
 
     let json = Json::new(measured, client_cpu, agent_cpu);
     json.print();
-    files::write_json(args.json.json.as_deref(), &json)?;
+    files::write_json(args.json.json.as_deref(), "bench-secure", &json)?;
     json.check()
 }

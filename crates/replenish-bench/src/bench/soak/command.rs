@@ -71,7 +71,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     };
     drop(world);
     println!("{}", text(&json));
-    files::write_json(args.json.json.as_deref(), &json)?;
+    files::write_json(args.json.json.as_deref(), "bench-soak", &json)?;
     let verdict = &json.verdict;
     if verdict.missing + verdict.more + verdict.damaged > 0 {
         return Err(Failure::refused(format!(

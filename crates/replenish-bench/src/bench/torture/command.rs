@@ -146,10 +146,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
             let _alone = lock::acquire()?;
             bench.seed(&case, &mut totals)?;
         }
-        files::replace_json(args.json.json.as_deref(), &totals)?;
+        files::replace_json(args.json.json.as_deref(), "bench-torture", &totals)?;
     }
     report(&totals);
-    files::write_json(args.json.json.as_deref(), &totals)?;
+    files::write_json(args.json.json.as_deref(), "bench-torture", &totals)?;
     end(&totals)
 }
 
@@ -349,7 +349,7 @@ fn judge_again(args: &Args, path: &Path) -> Outcome {
     totals.violations = findings.iter().filter(|f| f.beyond() > 0).count() as u64;
     totals.add(findings.iter().map(|f| Distance::of(&case, f)));
     report(&totals);
-    files::write_json(args.json.json.as_deref(), &totals)?;
+    files::write_json(args.json.json.as_deref(), "bench-torture", &totals)?;
     end(&totals)
 }
 

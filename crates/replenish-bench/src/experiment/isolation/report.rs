@@ -102,7 +102,7 @@ pub(super) fn write(to: &Files, cases: &[Case]) -> Outcome {
     });
     let svg = figure::draw(cases)?;
     let page = page(&table, &svg, &verdict, deferred);
-    output::write(to, &csv(cases), &json, &svg, page)
+    output::write(to, "experiment-isolation", &csv(cases), &json, &svg, page)
 }
 
 fn verdict(rows: &[Row]) -> String {

@@ -165,7 +165,7 @@ impl Seen {
             self.watcher.output.write(text);
         }
         let json = self.json(&status, &now.stats);
-        if let Err(failure) = files::replace_json(self.watcher.json.as_deref(), &json) {
+        if let Err(failure) = files::replace_json(self.watcher.json.as_deref(), "agent", &json) {
             self.watcher.say(&failure.to_string());
         }
         self.last = Some(now);
@@ -212,7 +212,7 @@ impl Seen {
         let last = self.last.take().unwrap_or(empty);
         let status = Status::new(&last, None, self.start);
         let json = self.json(&status, stats);
-        let outcome = files::replace_json(self.watcher.json.as_deref(), &json);
+        let outcome = files::replace_json(self.watcher.json.as_deref(), "agent", &json);
         if !self.watcher.quiet {
             self.watcher.output.write(format!(
                 "{} sessions; {} samples in, {} out, {} dropped for want of room\n",

@@ -111,6 +111,6 @@ impl Report {
         for note in &self.notes {
             eprintln!("note: {note}");
         }
-        files::write_json(json, self)
+        files::write_json(json, "budgets", self)
     }
 }

@@ -134,7 +134,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         "workers": rows,
         "cpus": cpus(&deployment, &outcome),
     });
-    files::write_json(args.json.json.as_deref(), &json)
+    files::write_json(args.json.json.as_deref(), "simulate", &json)
 }
 
 /// The plan, and why it is refused if it is and is to be simulated all the same.

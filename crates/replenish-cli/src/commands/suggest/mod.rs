@@ -187,7 +187,7 @@ fn report(args: &Args, rows: &[Row]) -> Outcome {
         "workers": rows,
         "file": args.out.display().to_string(),
     });
-    files::write_json(args.json.json.as_deref(), &json)
+    files::write_json(args.json.json.as_deref(), "suggest", &json)
 }
 
 fn template(args: &Args, rows: &[Row]) -> Template {

@@ -118,7 +118,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         warnings,
     };
     print(&json);
-    files::write_json(args.json.json.as_deref(), &json)
+    files::write_json(args.json.json.as_deref(), "top", &json)
 }
 
 fn print(json: &Json) {

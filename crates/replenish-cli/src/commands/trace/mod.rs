@@ -122,7 +122,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         std::fs::write(out, &bytes).map_err(|e| at(out, e))?;
         print(&json, out, bytes.len());
     }
-    files::write_json(args.json.json.as_deref(), &json)
+    files::write_json(args.json.json.as_deref(), "trace", &json)
 }
 
 fn at(path: &Path, error: impl std::fmt::Display) -> Failure {

@@ -107,7 +107,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         left_out,
     };
     print(&json);
-    files::write_json(args.json.json.as_deref(), &json)
+    files::write_json(args.json.json.as_deref(), "why", &json)
 }
 
 fn explain(recorded: &Recorded, n: usize, late: &Late, planner: &mut advice::Planner) -> LateJson {
