@@ -8,7 +8,7 @@
 //!             assign: CPUs ──► cpu: priorities, tasks, bounds ──► does every deadline hold?
 //!                 │ yes                                               │ no
 //!                 ▼                                                   ▼
-//!             elastic: more, by importance (search)               refusal: who, why
+//!             elastic: more, by importance (search)               refusal: who, why (neighbours: beside whom)
 //!                 ▼                                                   ▼
 //!             describe: a plan, with its rationale                alternatives: what would fit
 //! ```
@@ -19,6 +19,7 @@ mod cpu;
 mod describe;
 mod elastic;
 pub(crate) mod locks;
+mod neighbours;
 mod placement;
 mod plan;
 mod planning;

@@ -1,7 +1,9 @@
 //! A plan: what every thread of a request gets, and why.
 
+use super::neighbours::percent;
 use crate::Nanos;
 use sporadic::Policy;
+use std::fmt;
 
 /// A schedule in which every guarantee holds.
 #[derive(Debug, Clone, PartialEq)]
@@ -88,4 +90,16 @@ pub struct CpuLoad {
     pub reserved: f64,
     /// The share that may be.
     pub allowed: f64,
+}
+
+impl fmt::Display for CpuLoad {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "CPU {}: {} reserved, {:.0} % can be.",
+            self.cpu,
+            percent(self.reserved),
+            self.allowed * 100.0
+        )
+    }
 }

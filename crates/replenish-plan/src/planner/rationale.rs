@@ -1,5 +1,6 @@
 //! Why each choice was made: the last column of the table.
 
+use super::neighbours::percent;
 use super::placement::ThreadPlan;
 use super::plan::PlannedWorker;
 use crate::span::{Exact, Rounded};
@@ -70,7 +71,7 @@ pub(super) fn worker(
         Some(cpu) => format!("CPU {cpu}: asked for"),
         None if machine.cpus.len() == 1 => "the only CPU".into(),
         None if seat.together.is_some() => "this CPU: room for all that share its groups".into(),
-        None => format!("this CPU: room for it, {:.1} % reserved now", share * 100.0),
+        None => format!("this CPU: room for it, {} reserved now", percent(share)),
     });
     reasons.push(if seat.per_job {
         format!(

@@ -5,6 +5,7 @@ use super::assign::{self, Placed};
 use super::cpu::{Failure, Victim};
 use super::describe::{describe, waits};
 use super::locks::UNKNOWN;
+use super::neighbours;
 use super::plan::Plan;
 use super::problem::{Problem, Whose};
 use super::search::search;
@@ -149,13 +150,12 @@ fn reason(
     } else {
         format!("on CPU {cpu}")
     };
-    let plan = placed.plans.get(at);
-    // Rounded up, so that it never looks like what is allowed.
-    let share = (plan.map_or(0.0, |p| p.share) * 1000.0).ceil() / 10.0;
+    let share = placed.plans.get(at).map_or(0.0, |plan| plan.share);
     let most = problem.request.machine.real_time_share * 100.0;
     let Some(victim) = assign::whose(problem, placed, at, failure.victim) else {
-        let others = others(problem, placed, at);
-        return format!("{cpu} {share:.1} % would be reserved{others}, {most:.0} % are allowed");
+        let share = neighbours::percent(share);
+        let whose = neighbours::shares(problem, placed, at, newcomer);
+        return format!("{cpu} {share} would be reserved{whose}, {most:.0} % are allowed");
     };
     let who = if victim == newcomer {
         "it".into()
@@ -168,14 +168,15 @@ fn reason(
     };
     let allowed = Rounded(failure.allowed);
     let waiting = waiting(problem, placed, at, victim);
+    let beside = neighbours::beside(problem, placed, at, victim);
     match failure.bound {
         Some(bound) => format!(
-            "{cpu} {who}{promised} could take up to {} where its deadline allows {allowed}{waiting}",
+            "{cpu} {who}{promised} could take up to {} where its deadline allows {allowed}{waiting}{beside}",
             Rounded(bound),
         ),
         None => {
             format!(
-                "{cpu} {who}{promised} would not be certain to make its deadline of {allowed}{waiting}"
+                "{cpu} {who}{promised} would not be certain to make its deadline of {allowed}{waiting}{beside}"
             )
         }
     }
@@ -194,29 +195,6 @@ fn waiting(problem: &Problem<'_>, placed: &Placed, at: usize, victim: Whose) -> 
     };
     let waits = waits(problem, threads, fixed, index);
     waits.iter().map(|wait| format!(" ({wait})")).collect()
-}
-
-/// How much of it other programs have, if any.
-fn others(problem: &Problem<'_>, placed: &Placed, at: usize) -> String {
-    let fixed = placed.fixed.get(at).map_or(&[][..], Vec::as_slice);
-    let promised = |i: &usize| {
-        let (whose, _, _) = problem.fixed.get(*i)?;
-        matches!(whose, Whose::Promise(_)).then_some((*i, *whose))
-    };
-    let promised: Vec<(usize, Whose)> = fixed.iter().filter_map(promised).collect();
-    let Some((_, first)) = promised.first() else {
-        return String::new();
-    };
-    let indices: Vec<usize> = promised.iter().map(|(i, _)| *i).collect();
-    let share = assign::test(problem, &[], &indices, &[]).share * 100.0;
-    let more = match promised.len() {
-        1 => String::new(),
-        n => format!(" and {} more", n - 1),
-    };
-    format!(
-        " ({share:.1} % by other programs: {}{more})",
-        problem.name(*first)
-    )
 }
 
 /// A remedy.
