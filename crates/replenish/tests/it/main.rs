@@ -34,6 +34,7 @@ mod misuse;
 mod node_parameters;
 mod node_parameters_own;
 mod nodes;
+mod overlay_names;
 mod parameters;
 mod parity;
 mod recorder;

@@ -177,7 +177,8 @@ fn errors_of_operations_become_the_error_of_main() {
     let node = ctx.node("robot").unwrap();
     assert_eq!(
         shown(Context::xrce_udp("no port").unwrap_err()),
-        "the agent's address no port cannot be used: invalid socket address"
+        "the agent's address no port cannot be used: invalid socket address: allowed is an IP \
+         address or a host, and a port, as 192.168.7.1:8888"
     );
     assert_eq!(
         shown(Context::xrce_serial("/nowhere", 115_200).unwrap_err()),

@@ -3,6 +3,8 @@
 //! - A `[[worker]]` whose name the program has sets or overrides that worker's scheduling.
 //! - The handles it lists run on it, in that order, wherever the program had put them. A name the
 //!   program does not have makes a new worker for the handles it lists.
+//! - Without handles, a name as the kernel shows it, cut after 15 bytes, means the one worker whose
+//!   name begins like this; `replenish suggest` knows no other name of a thread without a recording.
 //! - A handle that the program does not have is an error with line and column.
 //!
 //! And the other way round: the file that describes the program as it is.
@@ -25,6 +27,9 @@ pub(crate) const VARIABLE: &str = "REPLENISH_OVERLAY";
 
 /// Names a file that gets the description of the executor, which does not start then.
 const TEMPLATE: &str = "REPLENISH_TEMPLATE";
+
+/// The kernel keeps so many bytes of a thread's name.
+const KEPT: usize = 15;
 
 /// Applies the files that were named in the program and in the environment.
 pub(crate) fn apply_all(executor: &mut Executor) -> Result<(), Error> {
@@ -64,7 +69,12 @@ fn apply(executor: &mut Executor, path: &Path) -> Result<(), Error> {
             .workers
             .iter()
             .position(|w| *w.request.name == *described.name);
-        let at = match known {
+        let cut = match moved.as_slice() {
+            [] => by_cut_name(&executor.workers, &described.name),
+            _ => Ok(None),
+        };
+        let cut = cut.map_err(|message| wrong(file.error_at_worker(index, &message)));
+        let at = match known.map_or(cut, |at| Ok(Some(at)))? {
             Some(at) => at,
             None if moved.is_empty() => {
                 let names: Vec<_> = executor.workers.iter().map(|w| &*w.request.name).collect();
@@ -101,6 +111,33 @@ fn apply(executor: &mut Executor, path: &Path) -> Result<(), Error> {
         executor.options.planning.machine = Some(file.machine.clone());
     }
     Ok(())
+}
+
+/// The worker whose name the kernel cuts to `name`.
+///
+/// # Errors
+/// The sentence about several such workers.
+fn by_cut_name(workers: &[WorkerSpec], name: &str) -> Result<Option<usize>, String> {
+    let cut = |w: &&WorkerSpec| w.request.name.len() > KEPT && shown(&w.request.name) == name;
+    let meant: Vec<&str> = workers
+        .iter()
+        .filter(cut)
+        .map(|w| &*w.request.name)
+        .collect();
+    match meant.as_slice() {
+        [] => Ok(None),
+        [one] => Ok(workers.iter().position(|w| *w.request.name == **one)),
+        several => Err(alloc::format!(
+            "the name {name:?} is cut after {KEPT} bytes and may be any of {}; write the whole name",
+            several.join(", ")
+        )),
+    }
+}
+
+/// A name as the kernel shows it: no more than [`KEPT`] bytes, and no half of a character.
+fn shown(name: &str) -> &str {
+    let end = (0..=KEPT).rev().find(|end| name.is_char_boundary(*end));
+    name.get(..end.unwrap_or(0)).unwrap_or(name)
 }
 
 fn schedule(request: &mut WorkerRequest, described: &Described) {

@@ -11,7 +11,7 @@ use replenish_args::RosArgs;
 use replenish_xrce::ping_agent;
 use replenish_xrce::udp::UdpTransport;
 use std::io::{self, ErrorKind};
-use std::net::{SocketAddr, ToSocketAddrs};
+use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use std::path::Path;
 use std::time::Duration;
 
@@ -170,8 +170,22 @@ fn address(agent: &str) -> impl Fn(io::Error) -> ConnectError {
     }
 }
 
+/// The port of an agent whose address names none: that of stock agents.
+const PORT: u16 = 8888;
+
 fn resolve(agent: &str) -> Result<SocketAddr, ConnectError> {
-    let mut resolved = agent.to_socket_addrs().map_err(address(agent))?;
+    if let Ok(host) = agent.parse::<IpAddr>() {
+        return Ok((host, PORT).into());
+    }
+    let explained = |e: io::Error| match e.kind() {
+        ErrorKind::InvalidInput => io::Error::new(
+            ErrorKind::InvalidInput,
+            format!("{e}: allowed is an IP address or a host, and a port, as 192.168.7.1:{PORT}"),
+        ),
+        _ => e,
+    };
+    let resolved = agent.to_socket_addrs().map_err(explained);
+    let mut resolved = resolved.map_err(address(agent))?;
     let none = || address(agent)(io::Error::from(ErrorKind::NotFound));
     resolved.next().ok_or_else(none)
 }
