@@ -5,7 +5,7 @@ use crate::roles::ping::{self, Config, Totals};
 use crate::roles::protocol::Event;
 use crate::roles::supervised::{self, SharedGrid};
 use replenish_cli::machine::cpus;
-use replenish_cli::options::JsonOption;
+use replenish_cli::options::{JsonOption, address};
 use replenish_cli::outcome::Outcome;
 use replenish_cli::report::files;
 use replenish_cli::signals::Stop;
@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Where the agent is.
-    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8888")]
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8888", value_parser = address)]
     agent: SocketAddr,
 
     /// Milliseconds between two messages of one topic.

@@ -7,7 +7,7 @@ use crate::roles::pong::{self, Config};
 use crate::roles::protocol::Event;
 use crate::roles::supervised::{self, SharedGrid};
 use replenish_cli::machine::cpus;
-use replenish_cli::options::JsonOption;
+use replenish_cli::options::{JsonOption, address};
 use replenish_cli::outcome::{Failure, Outcome};
 use replenish_cli::report::files;
 use replenish_cli::report::table::Table;
@@ -21,7 +21,7 @@ use std::time::Duration;
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Where the agent is.
-    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8888")]
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8888", value_parser = address)]
     agent: SocketAddr,
 
     /// Budget of the high worker in milliseconds, at most the period.

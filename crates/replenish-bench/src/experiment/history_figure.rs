@@ -2,6 +2,7 @@
 
 use super::history_row::HistoryRow;
 use crate::report::figure::{GRID, HIGH, INK, LOW, failed};
+use crate::report::picture::{self, Tips};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use replenish_cli::outcome::Failure;
@@ -25,12 +26,15 @@ type Times = fn(&HistoryRow) -> &[u64];
 
 /// Draws the two rows of four panels.
 pub(super) fn draw(rows: &[HistoryRow]) -> Result<String, Failure> {
-    let mut svg = String::new();
-    draw_all(&mut svg, rows).map_err(|e| failed(&*e))?;
-    Ok(svg)
+    let (mut svg, mut tips) = (String::new(), Tips::default());
+    draw_all((&mut svg, &mut tips), rows).map_err(|e| failed(&*e))?;
+    Ok(picture::finished(&svg, &tips))
 }
 
-fn draw_all(svg: &mut String, rows: &[HistoryRow]) -> Result<(), Box<dyn std::error::Error>> {
+fn draw_all(
+    (svg, tips): (&mut String, &mut Tips),
+    rows: &[HistoryRow],
+) -> Result<(), Box<dyn std::error::Error>> {
     let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
     root.fill(&WHITE)?;
     let (legend, body) = root.split_vertically(LEGEND);
@@ -48,7 +52,7 @@ fn draw_all(svg: &mut String, rows: &[HistoryRow]) -> Result<(), Box<dyn std::er
             ("sans-serif", 17, &BLACK).into_text_style(&root),
         )?;
         for (panel, experiment) in half.split_evenly((1, 4)).iter().zip(1..) {
-            draw_panel(panel, experiment, rows, simulated)?;
+            draw_panel(panel, experiment, (rows, simulated), tips)?;
         }
     }
     root.present()?;
@@ -74,8 +78,8 @@ fn draw_legend(area: &Area<'_>) -> Result<(), Box<dyn std::error::Error>> {
 fn draw_panel(
     panel: &Area<'_>,
     experiment: u32,
-    rows: &[HistoryRow],
-    simulated: Times,
+    (rows, simulated): (&[HistoryRow], Times),
+    tips: &mut Tips,
 ) -> Result<(), Box<dyn std::error::Error>> {
     let title = usize::try_from(experiment - 1)
         .ok()
@@ -103,7 +107,7 @@ fn draw_panel(
         .light_line_style(TRANSPARENT)
         .draw()?;
     let rows: Vec<_> = rows.iter().filter(|r| r.experiment == experiment).collect();
-    for (n, (_, color)) in THREADS.into_iter().enumerate() {
+    for (n, (name, color)) in THREADS.into_iter().enumerate() {
         // Without S2 the FIFO thread is the second column.
         let column = |times: &[u64]| match (times.len(), n) {
             (2, 1) => None,
@@ -119,6 +123,10 @@ fn draw_panel(
         };
         chart.draw_series(LineSeries::new(points(simulated), color.stroke_width(2)))?;
         let marks = points(|r| &r.measured_ms);
+        for (x, y) in &marks {
+            let text = format!("{name}: {y} ms measured at a budget of {x} ms");
+            tips.point(chart.backend_coord(&(*x, *y)), &text);
+        }
         chart.draw_series(
             marks
                 .into_iter()

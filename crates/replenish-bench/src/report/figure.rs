@@ -1,10 +1,8 @@
 //! Line figures as SVG text, in one style: measured points are marked, theory is dashed.
 
-use plotters::coord::ranged1d::{BoldPoints, DefaultFormatting, KeyPointHint, Ranged};
-use plotters::coord::types::RangedCoordf64;
+use super::picture::{self, LEGEND, Sign, Tips};
 use plotters::prelude::*;
 use replenish_cli::outcome::Failure;
-use std::ops::Range;
 
 /// The worker with the budget.
 pub(crate) const HIGH: RGBColor = RGBColor(0x25, 0x63, 0xa8);
@@ -62,7 +60,7 @@ pub(crate) fn line(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> 
     line
 }
 
-/// A figure: axes from 0, a legend, lines.
+/// A figure: axes from 0, lines, a legend beside them.
 #[derive(Debug, Clone)]
 pub(crate) struct Figure {
     /// The title.
@@ -77,29 +75,29 @@ pub(crate) struct Figure {
     pub series: Vec<Series>,
 }
 
+/// Width and height, legend included.
+const SIZE: (u32, u32) = (1000, 460);
+
 impl Figure {
     /// Draws the figure.
     pub(crate) fn to_svg(&self) -> Result<String, Failure> {
-        let mut svg = String::new();
-        self.draw(&mut svg).map_err(|e| failed(&*e))?;
-        Ok(svg)
+        let (mut svg, mut tips) = (String::new(), Tips::default());
+        self.draw(&mut svg, &mut tips).map_err(|e| failed(&*e))?;
+        Ok(picture::finished(&svg, &tips))
     }
 
-    fn draw(&self, svg: &mut String) -> Result<(), Box<dyn std::error::Error>> {
-        let top = self
-            .series
-            .iter()
-            .flat_map(|s| &s.points)
-            .map(|p| p.1)
-            .fold(1.0, f64::max);
-        let root = SVGBackend::with_string(svg, (860, 520)).into_drawing_area();
+    fn draw(&self, svg: &mut String, tips: &mut Tips) -> Result<(), Box<dyn std::error::Error>> {
+        let values = self.series.iter().flat_map(|s| &s.points).map(|p| p.1);
+        let top = values.fold(1.0, f64::max);
+        let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
         root.fill(&WHITE)?;
-        let mut chart = ChartBuilder::on(&root)
+        let (plot, beside) = root.split_horizontally(SIZE.0 - LEGEND);
+        let mut chart = ChartBuilder::on(&plot)
             .caption(&self.title, ("sans-serif", 21, &BLACK))
             .margin(14)
             .x_label_area_size(46)
             .y_label_area_size(62)
-            .build_cartesian_2d(0.0..self.x_max, Marked::new(top * 1.6, top, 11))?;
+            .build_cartesian_2d(0.0..self.x_max, 0.0..top * 1.06)?;
         chart
             .configure_mesh()
             .x_desc(&self.x_label)
@@ -128,83 +126,53 @@ impl Figure {
                 Style::Measured => {
                     let line = color.mix(0.35).stroke_width(4);
                     chart.draw_series(LineSeries::new(points.clone(), line))?;
-                    chart
-                        .draw_series(points.map(|p| Circle::new(p, 4, color.filled())))?
-                        .label(s.label.as_str())
-                        .legend(move |(x, y)| Circle::new((x + 11, y), 4, color.filled()));
+                    chart.draw_series(points.map(|p| Circle::new(p, 4, color.filled())))?;
                 }
                 Style::Theory => {
                     let line = color.stroke_width(1);
-                    let drawn = chart.draw_series(DashedLineSeries::new(points, 6, 4, line))?;
-                    if s.label.is_empty() {
-                        continue; // one entry in the legend stands for all dashed lines
-                    }
-                    drawn.label(s.label.as_str()).legend(move |(x, y)| {
-                        let dash = |from, to| PathElement::new([(from, 0), (to, 0)], line);
-                        EmptyElement::at((x, y)) + dash(0, 6) + dash(10, 16)
-                    });
+                    chart.draw_series(DashedLineSeries::new(points, 6, 4, line))?;
                 }
                 Style::Simulated => {
-                    let ring = move |at| Circle::new(at, 8, color.stroke_width(1));
-                    let drawn = chart
+                    chart
                         .draw_series(points.map(|at| Circle::new(at, 8, color.stroke_width(1))))?;
-                    if !s.label.is_empty() {
-                        drawn
-                            .label(s.label.as_str())
-                            .legend(move |(x, y)| ring((x + 11, y)));
-                    }
                 }
                 Style::Reference => {
                     let thin = color.mix(0.55).stroke_width(1);
-                    chart
-                        .draw_series(LineSeries::new(points, thin))?
-                        .label(s.label.as_str())
-                        .legend(move |(x, y)| PathElement::new([(x, y), (x + 22, y)], thin));
+                    chart.draw_series(LineSeries::new(points, thin))?;
                 }
             }
         }
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::UpperMiddle)
-            .label_font(("sans-serif", 16, &BLACK))
-            .background_style(WHITE.mix(0.88))
-            .border_style(GRID)
-            .draw()?;
+        // Behind the drawing, so that the pointer finds measured marks before simulated ones.
+        for s in self.series.iter().rev().filter(|s| s.style.has_marks()) {
+            for (x, y) in &s.points {
+                let text = format!("{}: {y} at {x} ({})", s.label, self.x_label);
+                tips.point(chart.backend_coord(&(*x, *y)), &text);
+            }
+        }
+        let lines: Vec<_> = self
+            .series
+            .iter()
+            .filter(|s| !s.label.is_empty()) // one line stands for all dashed ones
+            .map(|s| (s.style.sign(), s.color, s.label.clone()))
+            .collect();
+        picture::legend(&beside, &lines)?;
         root.present()?;
         Ok(())
     }
 }
 
-/// An axis that has marks on its lower part only: above is room for the legend, not for values.
-pub(crate) struct Marked {
-    axis: RangedCoordf64,
-    marks: Vec<f64>,
-}
-
-impl Marked {
-    /// From 0 to `end`, with up to so many marks as would fit all of it, but none above `top`.
-    pub(crate) fn new(end: f64, top: f64, marks: usize) -> Self {
-        let axis = RangedCoordf64::from(0.0..end);
-        let mut marks = axis.key_points(BoldPoints(marks));
-        marks.retain(|value| *value <= top * 1.02);
-        Self { axis, marks }
-    }
-}
-
-impl Ranged for Marked {
-    type FormatOption = DefaultFormatting;
-    type ValueType = f64;
-
-    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
-        self.axis.map(value, limit)
+impl Style {
+    fn sign(self) -> Sign {
+        match self {
+            Self::Measured => Sign::Dots,
+            Self::Theory => Sign::Dashes,
+            Self::Simulated => Sign::Ring,
+            Self::Reference => Sign::Line,
+        }
     }
 
-    fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<f64> {
-        self.marks.clone()
-    }
-
-    fn range(&self) -> Range<f64> {
-        self.axis.range()
+    fn has_marks(self) -> bool {
+        matches!(self, Self::Measured | Self::Simulated)
     }
 }
 
@@ -239,9 +207,28 @@ mod tests {
     }
 
     #[test]
-    fn the_room_of_the_legend_has_no_marks() {
-        let axis = Marked::new(160.0, 100.0, 9);
-        assert_eq!(axis.marks, [0.0, 20.0, 40.0, 60.0, 80.0, 100.0]);
-        assert_eq!(axis.range(), 0.0..160.0);
+    fn the_legend_stands_beside_the_plot_and_marks_have_texts() {
+        let figure = Figure {
+            title: "t".into(),
+            x_label: "budget, ms".into(),
+            y_label: "answers".into(),
+            x_max: 100.0,
+            series: vec![Series::new(
+                "high, measured",
+                HIGH,
+                Style::Measured,
+                vec![(30.0, 120.0)],
+            )],
+        };
+        let svg = figure.to_svg().unwrap();
+        assert!(svg.contains("<title>high, measured: 120 at 30 (budget, ms)</title>"));
+        // The only text with the label is right of the plot.
+        let label = svg.find("\nhigh, measured\n").unwrap();
+        let tag = svg[..label].rfind("<text x=\"").unwrap();
+        let x: String = svg[tag + 9..]
+            .chars()
+            .take_while(char::is_ascii_digit)
+            .collect();
+        assert!(x.parse::<u32>().unwrap() >= SIZE.0 - LEGEND, "{x}");
     }
 }

@@ -43,9 +43,13 @@ fn a_running_pong_gets_budgets_that_can_be_planned() {
         let number = |key: &str| worker[key].as_f64().unwrap();
         assert!(number("max_observed_ms") > 0.0, "{worker:#}");
         assert!(number("samples") > 10.0);
+        // Its messages come every 20 ms or so; a busy machine may hold up some of them.
+        let period = number("period_ms");
+        assert!((5.0..=50.0).contains(&period), "{worker:#}");
+        assert!(number("wakes_every_ms") >= period * 0.95, "{worker:#}");
         let with_margin = number("max_observed_ms") * 1.2;
         let suggested = number("suggested_budget_ms");
-        assert!(suggested >= with_margin.min(100.0) - 1e-6, "{worker:#}");
+        assert!(suggested >= with_margin.min(period) - 1e-6, "{worker:#}");
         assert!(suggested <= with_margin + 0.11, "{worker:#}");
     }
     assert!(workers.iter().all(|w| w["id"] != "dispatcher"));

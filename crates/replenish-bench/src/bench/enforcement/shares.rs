@@ -15,7 +15,7 @@ use crate::load::spec::{ENFORCER_PRIORITY, MAX_REPL};
 use crate::load::{MS, Nanos};
 use crate::testbench::summary::as_f64;
 use replenish_cli::outcome::Failure;
-use replenish_cli::report::table::Table;
+use replenish_cli::report::table::{Table, signed_percent};
 use replenish_cli::signals::Stop;
 use replenish_os::clock::ThreadCpuClock;
 use replenish_os::{Enforcer, EnforcerConfig, Policy, Thread, ThreadSpec, clock, spawn};
@@ -193,7 +193,7 @@ pub(super) fn table(shares: &[Share]) -> Table {
             s.periods.to_string(),
             format!("{:.4} %", s.due_percent),
             format!("{:.4} %", s.had_percent),
-            format!("{:+.3} %", s.worst_deviation_percent),
+            signed_percent(s.worst_deviation_percent),
             format!("{:.2} %", s.enforcer_cpu_percent),
         ]);
     }

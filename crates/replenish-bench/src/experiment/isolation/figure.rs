@@ -4,6 +4,7 @@ use super::case::Case;
 use super::scenario::{CALM, Disturbance, PERIOD, WINDOW};
 use crate::load::{MS, Nanos};
 use crate::report::figure::{GRID, HIGH, INK, LOW, THEORY, failed};
+use crate::report::picture::{self, Tips};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use replenish_cli::outcome::Failure;
@@ -17,19 +18,22 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// Draws the four panels.
 pub(super) fn draw(cases: &[Case]) -> Result<String, Failure> {
-    let mut svg = String::new();
-    draw_all(&mut svg, cases).map_err(|e| failed(&*e))?;
-    Ok(svg)
+    let (mut svg, mut tips) = (String::new(), Tips::default());
+    draw_all((&mut svg, &mut tips), cases).map_err(|e| failed(&*e))?;
+    Ok(picture::finished(&svg, &tips))
 }
 
-fn draw_all(svg: &mut String, cases: &[Case]) -> Result<(), Box<dyn std::error::Error>> {
+fn draw_all(
+    (svg, tips): (&mut String, &mut Tips),
+    cases: &[Case],
+) -> Result<(), Box<dyn std::error::Error>> {
     let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
     root.fill(&WHITE)?;
     let (legend, body) = root.split_vertically(LEGEND);
     draw_legend(&legend)?;
     let panels = body.split_evenly((2, 2));
     for (panel, disturbance) in panels.iter().zip(Disturbance::ALL) {
-        draw_panel(panel, disturbance, cases)?;
+        draw_panel(panel, disturbance, cases, tips)?;
     }
     root.present()?;
     Ok(())
@@ -57,6 +61,7 @@ fn draw_panel(
     panel: &Area<'_>,
     disturbance: Disturbance,
     cases: &[Case],
+    tips: &mut Tips,
 ) -> Result<(), Box<dyn std::error::Error>> {
     let ms = |t: Nanos| t as f64 / MS as f64;
     let mut chart = ChartBuilder::on(panel)
@@ -95,6 +100,13 @@ fn draw_panel(
                 (at, r.ended)
             })
             .collect();
+        for ((release, took), ended) in &points {
+            let mark = chart.backend_coord(&(*release, *took));
+            let end = if *ended { "" } else { ", not ended" };
+            let with = if budgets { "with" } else { "without" };
+            let text = format!("{with} budgets: {took:.2} ms, released at {release:.0} ms{end}");
+            tips.point(mark, &text);
+        }
         let ended = points.iter().filter(|p| p.1);
         chart.draw_series(ended.map(|p| Circle::new(p.0, 3, color.mix(0.7).filled())))?;
         let open = points.iter().filter(|p| !p.1);
