@@ -24,7 +24,7 @@ pub(crate) fn run(stages: &[Stage]) -> Outcome {
 /// no clock runs beside them. The tests have the machine to themselves.
 fn all(tally: &mut Tally) -> Outcome {
     foreground(&[Stage::Lint], tally)?;
-    let beside = Beside::start(&[Stage::Supply, Stage::Fuzz, Stage::Loom])?;
+    let beside = Beside::start(&[Stage::Supply, Stage::Arch, Stage::Fuzz, Stage::Loom])?;
     foreground(&[Stage::Board], tally)?;
     beside.join(tally)?;
     foreground(&[Stage::Test, Stage::Peers], tally)

@@ -15,6 +15,8 @@ pub(crate) enum Stage {
     Fuzz,
     /// Foreign implementations against ours.
     Peers,
+    /// Other architectures and C libraries, and the oldest compiler.
+    Arch,
     /// Licences, sources and packages of the published crates.
     Supply,
 }

@@ -109,6 +109,7 @@ pub(super) fn steps(stage: Stage) -> Vec<Step> {
         Stage::Board => board(),
         Stage::Fuzz => vec![Step::new("fuzz/run 30").building_in("fuzz")],
         Stage::Peers => peers(),
+        Stage::Arch => arch(),
         Stage::Supply => supply(),
     }
 }
@@ -204,6 +205,45 @@ fn loom() -> Vec<Step> {
             .building_in("loom"),
     ]
 }
+
+/// What a robot's program is built of, for machines that CI has not; the compiler of C is for `ring`.
+const ROBOT: &str = "-p replenish -p replenish-cli -p replenish-c";
+/// Crates whose tests need no thread of another policy, no socket and no clock: an emulated processor
+/// runs them.
+const PURE: &str = "-p sporadic -p replenish-wire -p replenish-msg -p replenish-recorder";
+
+/// Other architectures and C libraries, and the oldest compiler that the manifest names.
+fn arch() -> Vec<Step> {
+    let check = |target: &str, cc: &str| {
+        let variable = match target {
+            "x86_64-unknown-linux-musl" => "CC_x86_64_unknown_linux_musl",
+            "aarch64-unknown-linux-musl" => "CC_aarch64_unknown_linux_musl",
+            _ => "CC_aarch64_unknown_linux_gnu",
+        };
+        Step::new(&format!("cargo check --locked --target {target} {ROBOT}"))
+            .with(variable, cc)
+            .building_in("arch")
+    };
+    let arm = "aarch64-linux-gnu-gcc";
+    vec![
+        check("aarch64-unknown-linux-gnu", arm),
+        check("aarch64-unknown-linux-musl", arm),
+        check("x86_64-unknown-linux-musl", "cc"),
+        Step::new(&format!(
+            "cargo test --locked --target aarch64-unknown-linux-gnu {PURE} --lib --tests"
+        ))
+        .with("CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER", arm)
+        .with(
+            "CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER",
+            "qemu-aarch64-static -L /usr/aarch64-linux-gnu",
+        )
+        .building_in("arch"),
+        Step::new(&format!("cargo +{OLDEST} check --locked {ROBOT}")).building_in("arch"),
+    ]
+}
+
+/// The oldest compiler, as the root manifest has it.
+const OLDEST: &str = env!("CARGO_PKG_RUST_VERSION");
 
 /// Licences, bans and sources of dependencies, and whether every published crate packs.
 fn supply() -> Vec<Step> {
