@@ -1,6 +1,7 @@
 //! The words of the `replenish` command that a robot needs, and what every word shares.
 //!
 //! ```text
+//!   command_line   the words below, completions, manual pages, -v and -q
 //!   commands    agent  plan  simulate  suggest  doctor   top  trace
 //!                 │      │       │        │        │       │     │
 //!   live          │      │       │        │        │       ▼     ▼   programs and their recordings
@@ -17,13 +18,19 @@
 #[macro_use]
 #[doc(hidden)]
 pub mod print;
+#[macro_use]
+#[doc(hidden)]
+pub mod verbosity;
 
+mod command_line;
 mod commands;
+mod completions;
 pub mod handoff;
 pub mod laboratory;
 mod live;
 pub mod lock;
 pub mod machine;
+mod manual;
 pub mod options;
 pub mod outcome;
 pub mod report;
@@ -32,4 +39,5 @@ pub mod supervised;
 pub mod threads;
 pub mod time;
 
+pub use command_line::Cli;
 pub use commands::Command;

@@ -28,7 +28,7 @@ pub fn acquire() -> Result<RunLock, Failure> {
     match file.try_lock() {
         Ok(()) => {}
         Err(TryLockError::WouldBlock) => {
-            eprintln!(
+            remark!(
                 "waiting for another real-time run on this machine ({})",
                 path.display()
             );

@@ -71,7 +71,7 @@ fn supervise(supervisor: &mut Supervisor, args: &Args, stop: &Stop) -> Outcome {
         let range = || Failure::range("PID", pid, format!("1 to {}", i32::MAX));
         supervisor.adopt(number.ok_or_else(range)?)?;
     }
-    eprintln!(
+    remark!(
         "adopted on CPU {}; guardian: process {}",
         supervisor.cpu(),
         supervisor.guardian()

@@ -97,7 +97,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     findings.extend([perf(), cpus(), virtual_machine()]);
 
     let _alone = lock::acquire()?;
-    eprintln!("measuring wake-ups for {} s …", MEASURE / SEC);
+    remark!("measuring wake-ups for {} s …", MEASURE / SEC);
     let fifo = Policy::fifo(99)
         .ok()
         .and_then(|p| latency::measure(cpu, p, MEASURE).ok());

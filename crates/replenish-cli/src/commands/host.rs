@@ -41,6 +41,10 @@ impl Host {
             deployment.measured(&measured);
             host.measured = true;
         }
+        detail!(
+            "the ledger of reservations is {}",
+            ledger.directory().display()
+        );
         let view = ledger.view().map_err(Failure::refused)?;
         host.notes.extend(view.warnings);
         for entry in &view.entries {

@@ -97,7 +97,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
                 println!("{}", loads(&attempt.cpus));
             }
             for note in &host.notes {
-                eprintln!("{note}");
+                remark!("{note}");
             }
             Err(Failure::refused(format!("{name} is refused: {refusal}")))
         }
@@ -184,7 +184,8 @@ impl Row {
     }
 
     fn cells(&self) -> [String; 9] {
-        let time = |ms: Option<f64>| ms.map_or_else(|| "-".into(), |ms| format!("{ms:.3} ms"));
+        // As the reasons and refusals print it.
+        let time = |ms: Option<f64>| ms.map_or_else(|| "-".into(), |ms| short(nanos(ms)));
         [
             self.id.clone(),
             self.cpu.map_or_else(|| "any".into(), |cpu| cpu.to_string()),
@@ -296,16 +297,8 @@ fn table(plan: &Plan) -> Table {
 
 /// One line per CPU.
 fn loads(cpus: &[CpuLoad]) -> String {
-    let line = |c: &CpuLoad| {
-        let percent = |share: f64| share * 100.0;
-        format!(
-            "CPU {}: {:.1} % reserved, {:.0} % can be.",
-            c.cpu,
-            percent(c.reserved),
-            percent(c.allowed)
-        )
-    };
-    cpus.iter().map(line).collect::<Vec<_>>().join("\n")
+    let lines: Vec<String> = cpus.iter().map(ToString::to_string).collect();
+    lines.join("\n")
 }
 
 fn chain_line(chain: &PlannedChain) -> String {
@@ -335,6 +328,14 @@ fn policy_name(policy: &Policy) -> &'static str {
 /// Nanoseconds in milliseconds.
 pub(super) fn ms(span: replenish_plan::Nanos) -> f64 {
     span as f64 / 1e6
+}
+
+/// Milliseconds in nanoseconds.
+fn nanos(ms: f64) -> replenish_plan::Nanos {
+    #[expect(clippy::cast_sign_loss, reason = "no time of a plan is below 0")]
+    {
+        (ms * 1e6).round() as replenish_plan::Nanos
+    }
 }
 
 fn round(x: f64) -> f64 {

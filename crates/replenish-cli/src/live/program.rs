@@ -70,6 +70,7 @@ pub(crate) struct Found {
 pub(crate) fn all() -> Found {
     let mut found = Found::default();
     for directory in directories() {
+        detail!("looking for recordings in {}", directory.display());
         let entries = std::fs::read_dir(&directory).into_iter().flatten();
         for path in entries.take(MAX_FILES).flatten().map(|entry| entry.path()) {
             if path.extension() != Some(OsStr::new("live")) {

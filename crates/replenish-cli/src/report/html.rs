@@ -2,16 +2,22 @@
 
 use super::table::{Table, is_number};
 
+/// A wide figure or table scrolls by itself, so that the page fits on a phone.
 const STYLE: &str = "\
-body{font:16px/1.55 system-ui,sans-serif;max-width:58rem;margin:2.5rem auto;padding:0 1.2rem;color:#1c2733;background:#fff}\
+:root{color-scheme:light dark;--ink:#1c2733;--paper:#fff;--soft:#52606d;--line:#e4e7eb;--head:#9aa5b1;\
+--box:#f2f6fb;--edge:#2563a8;--warn:#fdf6ec;--warnedge:#b45309;--code:#f0f2f5}\
+@media(prefers-color-scheme:dark){:root{--ink:#e6e9ed;--paper:#14191f;--soft:#a9b4bf;--line:#2a333d;--head:#5b6876;\
+--box:#1b2836;--edge:#5b9be0;--warn:#2e2415;--warnedge:#d98a2b;--code:#232c36}}\
+body{font:16px/1.55 system-ui,sans-serif;max-width:62rem;margin:2.5rem auto;padding:0 1.2rem;color:var(--ink);background:var(--paper)}\
 h1{font-size:1.7rem;line-height:1.25;margin-bottom:.2rem}h2{font-size:1.15rem;margin-top:2.2rem}\
-.lead{color:#52606d;margin-top:0}.answer{border-left:4px solid #2563a8;background:#f2f6fb;padding:.7rem 1rem}\
-.warning{border-left-color:#b45309;background:#fdf6ec}\
-table{border-collapse:collapse;font-size:.92rem;margin:.8rem 0}th{text-align:left;border-bottom:2px solid #9aa5b1}\
-th,td{padding:.28rem .9rem .28rem 0;vertical-align:bottom}td{border-bottom:1px solid #e4e7eb}\
+.lead{color:var(--soft);margin-top:0}.answer{border-left:4px solid var(--edge);background:var(--box);padding:.7rem 1rem}\
+.warning{border-left-color:var(--warnedge);background:var(--warn)}\
+.wide{overflow-x:auto}table{border-collapse:collapse;font-size:.92rem;margin:.8rem 0}\
+th{text-align:left;border-bottom:2px solid var(--head)}\
+th,td{padding:.28rem .9rem .28rem 0;vertical-align:bottom}td{border-bottom:1px solid var(--line)}\
 td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}td.n{white-space:nowrap}\
-figure{margin:1rem 0}figure svg{max-width:100%;height:auto}figcaption{color:#52606d;font-size:.9rem}\
-code{background:#f0f2f5;padding:.1em .3em;border-radius:3px;font-size:.9em}footer{color:#7b8794;font-size:.85rem;margin-top:3rem}";
+figure{margin:1rem 0}figure svg{width:100%;min-width:40rem;height:auto}figcaption{color:var(--soft);font-size:.9rem}\
+code{background:var(--code);padding:.1em .3em;border-radius:3px;font-size:.9em}footer{color:var(--soft);font-size:.85rem;margin-top:3rem}";
 
 /// A page under construction.
 #[derive(Debug)]
@@ -81,18 +87,18 @@ impl Page {
                 .collect();
             format!("<tr>{cells}</tr>\n")
         };
-        self.body.push_str("<table>\n");
+        self.body.push_str("<div class=\"wide\"><table>\n");
         self.body.push_str(&line(head, "th"));
         for row in rows {
             self.body.push_str(&line(row, "td"));
         }
-        self.body.push_str("</table>\n");
+        self.body.push_str("</table></div>\n");
     }
 
     /// A figure: SVG text as it is, and a caption.
     pub fn figure(&mut self, svg: &str, caption: &str) {
         self.body.push_str(&format!(
-            "<figure>\n{svg}\n<figcaption>{}</figcaption></figure>\n",
+            "<figure>\n<div class=\"wide\">{svg}</div>\n<figcaption>{}</figcaption></figure>\n",
             inline(caption)
         ));
     }
@@ -112,7 +118,7 @@ impl Page {
     pub fn finish(self, footer: &str) -> String {
         format!(
             "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\
-             <meta name=\"viewport\" content=\"width=device-width\">\n\
+             <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n\
              <title>{}</title>\n<style>{STYLE}</style></head>\n<body>\n{}<footer>{}</footer>\n\
              </body></html>\n",
             escape(&self.title),
@@ -153,5 +159,22 @@ mod tests {
         let html = page.finish("");
         assert!(html.contains("a &lt; b") && html.contains("&lt;script&gt;"));
         assert!(!html.contains("<script>") && html.contains("<code>code</code>"));
+    }
+
+    #[test]
+    fn a_page_fits_a_phone_and_a_dark_screen() {
+        let mut page = Page::new("t", "");
+        let mut table = Table::new(&["a"]);
+        table.row(["1"]);
+        page.table(&table);
+        page.figure("<svg></svg>", "");
+        let html = page.finish("");
+        assert!(html.contains("width=device-width,initial-scale=1"));
+        assert!(html.contains("prefers-color-scheme:dark"));
+        assert_eq!(html.matches("<div class=\"wide\">").count(), 2);
+        assert_eq!(html.matches("<div").count(), html.matches("</div>").count());
+        // Each colour outside of the two lists is one of them.
+        let rules = STYLE.split("body{").nth(1).unwrap();
+        assert!(!rules.contains('#'), "{rules}");
     }
 }

@@ -69,17 +69,43 @@ pub fn count(n: Option<u64>) -> String {
 
 /// A percentage for people: `30.00 %`.
 pub fn percent(x: f64) -> String {
-    format!("{x:.2} %")
+    percent_with(x, 2)
 }
 
-/// A signed percentage for people: `+0.03 %`.
+/// A percentage with so many decimals; never `-0.0 %`.
+pub fn percent_with(x: f64, decimals: usize) -> String {
+    format!("{:.decimals$} %", without_minus_zero(x, decimals))
+}
+
+/// A signed percentage for people: `+0.030 %`, and `0.000 %` without a sign.
 pub fn signed_percent(x: f64) -> String {
-    format!("{x:+.3} %")
+    match without_minus_zero(x, 3) {
+        0.0 => "0.000 %".into(),
+        x => format!("{x:+.3} %"),
+    }
+}
+
+/// The number as it will be printed: with so many decimals, and without the sign of a zero.
+fn without_minus_zero(x: f64, decimals: usize) -> f64 {
+    let scale = 10f64.powi(i32::try_from(decimals).unwrap_or(0));
+    if (x * scale).abs() < 0.5 { 0.0 } else { x }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_zero_has_no_sign() {
+        for x in [0.0, -0.0, 0.0004, -0.0004, -0.0] {
+            assert_eq!(signed_percent(x), "0.000 %", "{x}");
+            assert_eq!(percent(x), "0.00 %", "{x}");
+        }
+        assert_eq!(percent_with(-0.04, 1), "0.0 %");
+        assert_eq!(signed_percent(-0.0006), "-0.001 %");
+        assert_eq!(signed_percent(0.0306), "+0.031 %");
+        assert_eq!(percent_with(-0.06, 1), "-0.1 %");
+    }
 
     #[test]
     fn numbers_go_right_and_words_left() {

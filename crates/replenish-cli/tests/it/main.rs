@@ -6,6 +6,7 @@
     reason = "tests may panic"
 )]
 
+mod command_line;
 mod common;
 #[cfg(feature = "dds")]
 #[allow(unreachable_pub, reason = "shared with other tests")]

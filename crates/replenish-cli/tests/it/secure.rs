@@ -91,8 +91,8 @@ fn wrong_options_and_files_are_refused_in_these_words() {
         (
             "--dtls localhost --access @list".into(),
             2,
-            "error: invalid value 'localhost' for '--dtls <ADDRESS>': invalid socket address \
-             syntax\n"
+            "error: invalid value 'localhost' for '--dtls <ADDRESS>': allowed is an IP address, \
+             with a port or without one (then 8889): 192.168.7.1:8889, [::1]:8889\n"
                 .into(),
         ),
         (

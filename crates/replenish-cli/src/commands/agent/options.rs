@@ -3,28 +3,26 @@
 //! Groups: where to listen, what clients may make it hold, what goes first. Ranges are those of
 //! [`Limits`]; a value outside is refused with the option's name and the range.
 
+use crate::options::{AGENT_PORT, address};
 use crate::outcome::Failure;
 use clap::builder::RangedU64ValueParser;
 use replenish_agent::{AgentConfig, ConfigError, Limits, Profiles, SerialConfig, TopicRule};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 
-/// The port that stock agents use.
-const PORT: u16 = 8888;
-
 /// Where to listen.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Where to listen")]
 pub(crate) struct Transports {
-    /// A UDP address, IPv4 or IPv6 as `[::1]:8888`; may be given several times; port 0 for any free
-    /// one. Without any address or line: 127.0.0.1:8888. For clients on other hosts 0.0.0.0:8888;
+    /// A UDP address, IPv4 or IPv6 as `[::1]:8888`; may be given several times; without a port
+    /// 8888, port 0 for any free one. Without any address or line: 127.0.0.1:8888. For clients on other hosts 0.0.0.0:8888;
     /// but XRCE knows no authentication: whoever reaches the address can read and write every
     /// topic (see --access and --dtls).
-    #[arg(long, visible_alias = "listen", value_name = "ADDRESS")]
+    #[arg(long, visible_alias = "listen", value_name = "ADDRESS", value_parser = address)]
     udp: Vec<SocketAddr>,
 
-    /// A TCP address.
-    #[arg(long, value_name = "ADDRESS")]
+    /// A TCP address; without a port 8888.
+    #[arg(long, value_name = "ADDRESS", value_parser = address)]
     tcp: Option<SocketAddr>,
 
     /// A serial line, as /dev/ttyUSB0, with the stock framing; may be given several times.
@@ -147,7 +145,7 @@ impl Transports {
         let other = self.tcp.is_some() || !self.serial.is_empty();
         config.without_udp = self.udp.is_empty() && other;
         let first = self.udp.first().copied();
-        config.addr = first.unwrap_or_else(|| (Ipv4Addr::LOCALHOST, PORT).into());
+        config.addr = first.unwrap_or_else(|| (Ipv4Addr::LOCALHOST, AGENT_PORT).into());
         config.more_udp = self.udp.iter().skip(1).copied().collect();
         config.tcp = self.tcp;
         let lines = self.serial.len();

@@ -1,6 +1,7 @@
 //! The encrypted ports: `--dtls` and `--tls`, with the agent's certificate.
 
 use super::private;
+use crate::options::encrypted_address;
 use crate::outcome::Failure;
 use replenish_agent::{Agent, AgentConfig, SecureConfig, TlsConfig};
 use std::net::SocketAddr;
@@ -11,13 +12,14 @@ use std::path::{Path, PathBuf};
 #[command(next_help_heading = "Encryption")]
 pub(crate) struct Ports {
     /// A UDP address for DTLS 1.2 with the pre-shared keys of --access. Without --udp no other UDP
-    /// port is opened.
-    #[arg(long, value_name = "ADDRESS", requires = "access")]
+    /// port is opened. Without a port in it 8889.
+    #[arg(long, value_name = "ADDRESS", requires = "access", value_parser = encrypted_address)]
     dtls: Option<SocketAddr>,
 
     /// A TCP address for TLS 1.3 with the certificates of --access. Without --udp no UDP port is
-    /// opened.
-    #[arg(long, value_name = "ADDRESS", requires_all = ["access", "certificate", "key"])]
+    /// opened. Without a port in it 8889.
+    #[arg(long, value_name = "ADDRESS", requires_all = ["access", "certificate", "key"],
+          value_parser = encrypted_address)]
     tls: Option<SocketAddr>,
 
     /// The agent's certificate for --tls, in PEM form; its SHA-256 is shown at the start, for

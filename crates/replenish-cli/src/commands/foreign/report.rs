@@ -96,7 +96,7 @@ impl Report {
                 row.exhaustions.to_string(),
             ]);
         }
-        eprintln!("{}", table.to_text());
+        remark!("{}", table.to_text());
         let mut table = Table::new(&["budget of", "allowed", "at priority", "error", "background"]);
         for share in &self.shares {
             table.row([
@@ -107,9 +107,9 @@ impl Report {
                 percent(share.background_percent),
             ]);
         }
-        eprintln!("{}", table.to_text());
+        remark!("{}", table.to_text());
         for note in &self.notes {
-            eprintln!("note: {note}");
+            remark!("note: {note}");
         }
         files::write_json(json, "budgets", self)
     }

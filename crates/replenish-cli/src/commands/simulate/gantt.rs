@@ -7,7 +7,8 @@
 //!                   ▴    ▴    releases                      ──► ms
 //! ```
 
-use super::lanes::Lane;
+use super::lanes::{Bar, Lane};
+use crate::commands::plan::short;
 use crate::report::html::escape;
 use replenish_plan::Nanos;
 use std::fmt::Write;
@@ -26,6 +27,8 @@ const PLAIN_LANE: f64 = 38.0;
 const CURVE: f64 = 22.0;
 const BAR: f64 = 16.0;
 const FOOT: f64 = 44.0;
+/// No bar is narrower.
+const NARROWEST: f64 = 1.0;
 /// More lanes than that are not drawn.
 const MOST_LANES: usize = 60;
 /// More shapes than that per lane cannot be told apart.
@@ -67,16 +70,20 @@ pub(super) fn draw(lanes: &[Lane], cpus: &[usize], shown: Range<Nanos>) -> Strin
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" width=\"{WIDTH}\" \
          height=\"{height}\" font-family=\"sans-serif\">\n<style>{STYLE}</style>\n\
-         <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n{}{body}</svg>\n",
+         <rect class=\"paper\" width=\"100%\" height=\"100%\"/>\n{}{body}</svg>\n",
         legend()
     )
 }
 
+// Edges are crisp: a bar narrower than a pixel must not pale into the colour of the background.
 const STYLE: &str = "\
-.cpu{font-size:16px;font-weight:bold;fill:#1c2733}.name{font-size:14px;fill:#1c2733}\
+.paper{fill:#fff}.cpu{font-size:16px;font-weight:bold;fill:#1c2733}.name{font-size:14px;fill:#1c2733}\
 .sub{font-size:11px;fill:#52606d}.axis{font-size:12px;fill:#52606d}\
+.run,.back,.plain,.late{shape-rendering:crispEdges}\
 .run{fill:#2563a8}.back{fill:#a9c6e6}.plain{fill:#d97a1e}.curve{fill:#e8f3ec;stroke:#2f855a;stroke-width:1.2}\
-.grid{stroke:#e4e7eb}.line{stroke:#9aa5b1}.release{fill:#52606d}.late{fill:#c53030}";
+.grid{stroke:#e4e7eb}.line{stroke:#9aa5b1}.release{fill:#52606d}.late{fill:#c53030}\
+@media(prefers-color-scheme:dark){.paper{fill:#14191f}.cpu,.name{fill:#e6e9ed}.sub,.axis,.release{fill:#a9b4bf}\
+.run{fill:#5b9be0}.back{fill:#3b5878}.curve{fill:#1c3328}.grid{stroke:#2a333d}.line{stroke:#5b6876}.late{fill:#f56565}}";
 
 struct Scale {
     from: Nanos,
@@ -117,18 +124,21 @@ fn draw_lane(body: &mut String, lane: &Lane, scale: &Scale, y: f64) -> f64 {
     }
     let bars = lane.bars.iter();
     let bars = bars.filter(|b| b.to > scale.from && b.from < scale.to());
-    for bar in bars.take(MOST_SHAPES) {
+    let mut bars: Vec<_> = bars.take(MOST_SHAPES).collect();
+    bars.sort_by_key(|bar| !bar.background); // a narrow bar within the budget is not covered
+    for bar in bars {
         let class = match (budgeted, bar.background) {
             (_, true) => "back",
             (true, false) => "run",
             (false, false) => "plain",
         };
         let (from, to) = (scale.x(bar.from), scale.x(bar.to));
-        let width = (to - from).max(0.4);
+        let width = (to - from).max(NARROWEST);
+        let title = title(lane, bar);
         shape(
             body,
             format_args!(
-                "<rect class=\"{class}\" x=\"{from:.2}\" y=\"{bar_top:.1}\" width=\"{width:.2}\" height=\"{BAR}\"/>"
+                "<rect class=\"{class}\" x=\"{from:.2}\" y=\"{bar_top:.1}\" width=\"{width:.2}\" height=\"{BAR}\"><title>{title}</title></rect>"
             ),
         );
     }
@@ -151,14 +161,27 @@ fn draw_lane(body: &mut String, lane: &Lane, scale: &Scale, y: f64) -> f64 {
     {
         let x = scale.x(*late) - 1.5;
         let (top, height) = (bar_top - 3.0, BAR + 6.0);
+        let title = format!("{}: ends late, at {}", escape(&lane.name), short(*late));
         shape(
             body,
             format_args!(
-                "<rect class=\"late\" x=\"{x:.2}\" y=\"{top:.1}\" width=\"3\" height=\"{height}\"/>"
+                "<rect class=\"late\" x=\"{x:.2}\" y=\"{top:.1}\" width=\"3\" height=\"{height}\"><title>{title}</title></rect>"
             ),
         );
     }
     y + if budgeted { LANE } else { PLAIN_LANE }
+}
+
+/// The text under the pointer.
+fn title(lane: &Lane, bar: &Bar) -> String {
+    let how = match (lane.full > 0, bar.background) {
+        (_, true) => ", in the background",
+        (true, false) => ", within its budget",
+        (false, false) => "",
+    };
+    let took = short(bar.to.saturating_sub(bar.from));
+    let name = escape(&lane.name);
+    format!("{name}: runs {took} from {} on{how}", short(bar.from))
 }
 
 /// CPU time left in the budget, as an area.
@@ -280,7 +303,6 @@ fn append(body: &mut String, what: std::fmt::Arguments<'_>) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::lanes::Bar;
     use super::*;
 
     #[test]
@@ -311,6 +333,37 @@ mod tests {
             assert!(svg.contains(text), "{text}");
         }
         assert!(!svg.contains("a<b"));
+    }
+
+    #[test]
+    fn a_narrow_bar_keeps_its_colour() {
+        let bar = |from, to, background| Bar {
+            from,
+            to,
+            background,
+        };
+        let lane = Lane {
+            name: "w".into(),
+            policy: String::new(),
+            cpu: Some(0),
+            bars: vec![bar(0, 1, false), bar(1, 900_000, true)],
+            budget: Vec::new(),
+            full: 10,
+            releases: Vec::new(),
+            late: Vec::new(),
+        };
+        let svg = draw(&[lane], &[0], 0..1_000_000);
+        let budget = svg.find("<rect class=\"run\" x=\"220.00\"").unwrap();
+        let background = svg.find("<rect class=\"back\" x=\"220.00\"").unwrap();
+        assert!(
+            background < budget,
+            "the budget is drawn over the background"
+        );
+        assert!(svg[budget..].contains("width=\"1.00\""));
+        assert!(
+            svg[budget..].contains("<title>w: runs 1 ns from 0 ns on, within its budget</title>")
+        );
+        assert!(STYLE.contains("crispEdges"));
     }
 
     #[test]

@@ -12,7 +12,7 @@ use crate::options::JsonOption;
 use crate::outcome::{Failure, Outcome};
 use crate::report::files;
 use crate::report::html::Page;
-use crate::report::table::Table;
+use crate::report::table::{Table, percent};
 use replenish_plan::{Deployment, Nanos, Plan, Requirement};
 use replenish_sim::{Options, Outcome as Simulated, System, ThreadOutcome, simulate};
 use std::path::PathBuf;
@@ -246,8 +246,8 @@ fn table(rows: &[Row]) -> Table {
                 Some(_) => r.misses.to_string(),
                 None => "-".into(),
             },
-            format!("{:.2} %", r.cpu_percent),
-            format!("{:.2} %", r.background_cpu_percent),
+            percent(r.cpu_percent),
+            percent(r.background_cpu_percent),
             r.exhaustions.to_string(),
         ]);
     }

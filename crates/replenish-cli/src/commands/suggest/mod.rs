@@ -6,15 +6,16 @@
 //! seen, and how often was looked.
 
 mod observe;
+mod rhythm;
 
 use super::plan::ms;
 use crate::options::{self, JsonOption};
 use crate::outcome::{Failure, Outcome};
 use crate::report::files;
-use crate::report::table::Table;
+use crate::report::table::{Table, percent};
 use crate::signals::Stop;
 use crate::time::{MS, Nanos};
-use observe::{Observer, Seen};
+use observe::{Observer, Seen, recorded};
 use replenish_os::clock;
 use replenish_plan::{Guarantee, Template, TemplateWorker};
 use std::path::PathBuf;
@@ -22,7 +23,9 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// Between two samples.
-const SAMPLE: Duration = Duration::from_millis(10);
+const SAMPLE: Duration = Duration::from_millis(2);
+/// Between two looks at the program's recording, for the names of its threads.
+const NAMES: Duration = Duration::from_secs(1);
 /// Budgets are rounded up to this.
 const STEP: Nanos = MS / 10;
 /// How long a program may take to end after it was asked to.
@@ -40,9 +43,10 @@ pub struct Args {
     #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=86_400))]
     seconds: u64,
 
-    /// Period of the budgets, in milliseconds.
-    #[arg(long, value_name = "MS", default_value_t = 100, value_parser = options::period())]
-    period: u64,
+    /// Period of all budgets, in milliseconds. Without it each thread's own: how often it waits for
+    /// something to do, as the kernel counts it; 100 if it hardly did.
+    #[arg(long, value_name = "MS", value_parser = options::period())]
+    period: Option<u64>,
 
     /// How much is added to the most that was seen, in percent.
     #[arg(long, value_name = "PERCENT", default_value_t = 20, value_parser = clap::value_parser!(u64).range(0..=400))]
@@ -66,6 +70,10 @@ struct Row {
     id: String,
     /// How many had this name; the hungriest counts.
     threads: u64,
+    /// The kernel may have cut the name.
+    name_may_be_cut: bool,
+    /// The mean time between two waits, if it waited often enough to tell.
+    wakes_every_ms: Option<f64>,
     /// The most CPU time seen in any period. Not a bound.
     max_observed_ms: f64,
     /// Periods that were looked at.
@@ -76,6 +84,8 @@ struct Row {
     cpu_percent: f64,
     #[serde(skip)]
     budget: Nanos,
+    #[serde(skip)]
+    period: Nanos,
 }
 
 /// Looks, suggests, writes.
@@ -105,8 +115,9 @@ fn observe(args: &Args, stop: &Stop) -> Result<Vec<Row>, Failure> {
     };
     let pid = started.as_ref().map_or(args.pid, |s| Some(s.0.id()));
     let pid = pid.ok_or_else(|| Failure::Usage("either --pid or a program is needed".into()))?;
-    eprintln!("watching process {pid} for {} s …", args.seconds);
-    let mut observer = Observer::new(pid, options::ms(args.period));
+    remark!("watching process {pid} for {} s …", args.seconds);
+    let mut observer = Observer::new(pid, args.period.map(options::ms));
+    let (mut names, mut named) = (Vec::new(), None::<Instant>);
     let end = Instant::now() + Duration::from_secs(args.seconds);
     let mut seen = false;
     while Instant::now() < end {
@@ -115,6 +126,13 @@ fn observe(args: &Args, stop: &Stop) -> Result<Vec<Row>, Failure> {
             break;
         }
         seen = true;
+        // While it runs: its recording ends with it.
+        if named.is_none_or(|at| at.elapsed() >= NAMES) {
+            named = Some(Instant::now());
+            names = recorded(pid).into_iter().chain(names).collect();
+            names.sort_unstable();
+            names.dedup();
+        }
         if stop.wait(SAMPLE) {
             break; // what was seen so far counts
         }
@@ -125,37 +143,45 @@ fn observe(args: &Args, stop: &Stop) -> Result<Vec<Row>, Failure> {
             "there is no process {pid} whose threads can be seen"
         )));
     }
-    let rows: Vec<Row> = observer.workers().iter().map(|w| row(args, w)).collect();
+    let rows: Vec<Row> = observer
+        .workers(&names)
+        .iter()
+        .map(|w| row(args, w))
+        .collect();
     if rows.is_empty() {
         return Err(Failure::refused(format!(
             "process {pid} had no thread besides its first one for {} ms",
-            args.period
+            args.period.unwrap_or(rhythm::UNKNOWN)
         )));
     }
     Ok(rows)
 }
 
 fn row(args: &Args, seen: &Seen) -> Row {
-    let period = options::ms(args.period);
+    let period = seen.period;
     let with_margin = seen.most.saturating_mul(100 + args.margin) / 100;
     let budget = with_margin.div_ceil(STEP).max(1) * STEP;
     let budget = budget.min(period);
     Row {
         id: seen.name.replace('/', "-"),
         threads: seen.threads,
+        name_may_be_cut: seen.may_be_cut(),
+        wakes_every_ms: seen.rhythm.interval().map(ms),
         max_observed_ms: ms(seen.most),
         samples: seen.windows,
         margin_percent: args.margin,
         suggested_budget_ms: ms(budget),
         period_ms: ms(period),
-        cpu_percent: (seen.percent() * 1e3).round() / 1e3,
+        cpu_percent: (seen.rhythm.percent() * 1e3).round() / 1e3,
         budget,
+        period,
     }
 }
 
 fn report(args: &Args, rows: &[Row]) -> Outcome {
     let mut table = Table::new(&[
         "worker",
+        "wakes every",
         "most seen",
         "in any",
         "looked at",
@@ -166,12 +192,14 @@ fn report(args: &Args, rows: &[Row]) -> Outcome {
     for r in rows {
         table.row([
             r.id.clone(),
+            r.wakes_every_ms
+                .map_or_else(|| "-".into(), |every| format!("{every:.1} ms")),
             format!("{:.3} ms", r.max_observed_ms),
             format!("{:.0} ms", r.period_ms),
             format!("{} times", r.samples),
             format!("{} %", r.margin_percent),
             format!("{:.1} ms", r.suggested_budget_ms),
-            format!("{:.2} %", r.cpu_percent),
+            percent(r.cpu_percent),
         ]);
     }
     println!("{}", table.to_text());
@@ -192,13 +220,10 @@ fn report(args: &Args, rows: &[Row]) -> Outcome {
 
 fn template(args: &Args, rows: &[Row]) -> Template {
     let worker = |r: &Row| TemplateWorker {
-        comments: vec![format!(
-            "most seen: {:.3} ms in any {} ms, {} periods looked at; + {} %",
-            r.max_observed_ms, args.period, r.samples, r.margin_percent
-        )],
+        comments: comments(args, r),
         name: r.id.clone(),
         guarantee: Some(
-            Guarantee::of(Duration::from_nanos(r.budget)).every(Duration::from_millis(args.period)),
+            Guarantee::of(Duration::from_nanos(r.budget)).every(Duration::from_nanos(r.period)),
         ),
         ..TemplateWorker::default()
     };
@@ -206,11 +231,31 @@ fn template(args: &Args, rows: &[Row]) -> Template {
         header: vec![
             "Suggested by `replenish suggest` from measured CPU times.".into(),
             "Measurements, not bounds: what did not happen while it looked is not in here.".into(),
-            "Periods are a guess: give each worker the period that its job has.".into(),
+            "Periods are a guess from how often a thread waits: correct them by its job.".into(),
         ],
         machine: None,
         workers: rows.iter().map(worker).collect(),
     }
+}
+
+/// Where the figures of a worker come from.
+fn comments(args: &Args, r: &Row) -> Vec<String> {
+    let mut comments = vec![match (args.period, r.wakes_every_ms) {
+        (Some(_), _) => "period: as asked for".into(),
+        (None, Some(every)) => format!("period: it wakes every {every:.1} ms"),
+        (None, None) => "period: it hardly waited, so that 100 ms is no more than a start".into(),
+    }];
+    comments.push(format!(
+        "most seen: {:.3} ms in any {} ms, {} periods looked at; + {} %",
+        r.max_observed_ms, r.period_ms, r.samples, r.margin_percent
+    ));
+    if r.name_may_be_cut {
+        comments.push(
+            "the kernel keeps 15 bytes of a name: the worker whose name begins like this is meant"
+                .into(),
+        );
+    }
+    comments
 }
 
 /// A program of ours: asked to end, then ended, when dropped.

@@ -4,72 +4,58 @@
 //! The kernel brings the number of a thread that runs up to date at its timer tick (1 to 10 ms) and
 //! whenever it stops running, so a window can be off by that much at each end.
 
+use super::rhythm::{Rhythm, Sample};
+use crate::live;
 use crate::time::Nanos;
+use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
-use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
+
+/// The kernel keeps so many bytes of a thread's name.
+const KEPT: usize = 15;
 
 /// One thread's consumption so far.
 #[derive(Debug, Clone)]
 pub(super) struct Seen {
-    /// Its name; the kernel keeps 15 bytes.
+    /// Its name: whole if the program has a recording that says it, else what the kernel keeps.
     pub(super) name: String,
-    /// CPU times at the latest samples, within one window: (time, CPU time).
-    recent: VecDeque<(Nanos, Nanos)>,
-    /// The most it has taken in a window.
+    pub(super) rhythm: Rhythm,
+    /// The most it has taken in any of its periods.
     pub(super) most: Nanos,
-    /// Windows looked at: each sample ends one.
+    /// Its period.
+    pub(super) period: Nanos,
+    /// Periods looked at.
     pub(super) windows: u64,
     /// Threads of this name, one after another or side by side.
     pub(super) threads: u64,
-    first: (Nanos, Nanos),
-    last: (Nanos, Nanos),
 }
 
 impl Seen {
-    fn new(name: String, at: (Nanos, Nanos)) -> Self {
-        Self {
+    /// `None` if it was not looked at for a whole period.
+    fn new(name: String, rhythm: Rhythm) -> Option<Self> {
+        let window = rhythm.window()?;
+        Some(Self {
             name,
-            recent: VecDeque::new(),
-            most: 0,
-            windows: 0,
+            rhythm,
+            most: window.most,
+            period: window.length,
+            windows: window.count,
             threads: 1,
-            first: at,
-            last: at,
-        }
-    }
-
-    fn sample(&mut self, now: Nanos, cpu: Nanos, window: Nanos) {
-        self.last = (now, cpu);
-        self.recent.push_back((now, cpu));
-        // The oldest sample that is a whole window ago stays.
-        while self.recent.get(1).is_some_and(|(t, _)| now - t >= window) {
-            self.recent.pop_front();
-        }
-        if let Some(&(from, before)) = self.recent.front()
-            && now - from >= window
-        {
-            // A late sample makes the window longer; what is more is taken as evenly spread.
-            let used = u128::from(cpu.saturating_sub(before)) * u128::from(window);
-            let used = used / u128::from((now - from).max(1));
-            self.most = self.most.max(Nanos::try_from(used).unwrap_or(Nanos::MAX));
-            self.windows += 1;
-        }
+        })
     }
 
     fn join(&mut self, other: Self) {
         let (windows, threads) = (self.windows + other.windows, self.threads + other.threads);
-        if other.most > self.most {
+        let load = |seen: &Self| u128::from(seen.most) * 1_000_000 / u128::from(seen.period.max(1));
+        if load(&other) > load(self) {
             *self = other;
         }
         (self.windows, self.threads) = (windows, threads);
     }
 
-    /// The share of one CPU it took all in all, in percent.
-    pub(super) fn percent(&self) -> f64 {
-        let (from, before) = self.first;
-        let (to, after) = self.last;
-        after.saturating_sub(before) as f64 * 100.0 / to.saturating_sub(from).max(1) as f64
+    /// Whether the kernel may have cut its name.
+    pub(super) fn may_be_cut(&self) -> bool {
+        is_cut(&self.name)
     }
 }
 
@@ -78,17 +64,18 @@ impl Seen {
 pub(super) struct Observer {
     tasks: PathBuf,
     main: u32,
-    window: Nanos,
-    threads: BTreeMap<u32, Seen>,
+    period: Option<Nanos>,
+    /// Names as the kernel has them.
+    threads: BTreeMap<u32, (String, Rhythm)>,
 }
 
 impl Observer {
-    /// Looks at this process in windows of this length.
-    pub(super) fn new(pid: u32, window: Nanos) -> Self {
+    /// Looks at this process in periods of this length; without one, in each thread's own.
+    pub(super) fn new(pid: u32, period: Option<Nanos>) -> Self {
         Self {
             tasks: PathBuf::from(format!("/proc/{pid}/task")),
             main: pid,
-            window,
+            period,
             threads: BTreeMap::new(),
         }
     }
@@ -108,11 +95,17 @@ impl Observer {
                 continue;
             };
             any = true;
-            let seen = self.threads.entry(tid).or_insert_with(|| {
-                let name = read("comm").unwrap_or_default();
-                Seen::new(name.trim_end().to_string(), (now, cpu))
+            let waits = read("status").and_then(|text| waits(&text)).unwrap_or(0);
+            let sample = Sample {
+                time: now,
+                cpu,
+                waits,
+            };
+            let (_, rhythm) = self.threads.entry(tid).or_insert_with(|| {
+                let name = std::fs::read(task.path().join("comm")).unwrap_or_default();
+                (text(&name), Rhythm::new(self.period, sample))
             });
-            seen.sample(now, cpu, self.window);
+            rhythm.sample(sample);
         }
         any
     }
@@ -120,13 +113,16 @@ impl Observer {
     /// The threads except the process's first one and those that an executor brings along itself,
     /// by name: of several threads of one name, the hungriest speaks for all. Threads that were not
     /// given a name, and so have that of the program, count only if there are no others.
-    pub(super) fn workers(mut self) -> Vec<Seen> {
-        let program = self.threads.remove(&self.main).map(|main| main.name);
+    pub(super) fn workers(mut self, recorded: &[(u32, String)]) -> Vec<Seen> {
+        let program = self.threads.remove(&self.main).map(|(name, _)| name);
         let mut by_name = BTreeMap::<String, Seen>::new();
-        for seen in self.threads.into_values() {
-            if seen.name == "dispatcher" || seen.name.starts_with("enforcer") || seen.windows == 0 {
+        for (tid, (name, rhythm)) in self.threads {
+            if name == "dispatcher" || name.starts_with("enforcer") {
                 continue;
             }
+            let Some(seen) = Seen::new(whole(tid, name, recorded), rhythm) else {
+                continue;
+            };
             match by_name.entry(seen.name.clone()) {
                 Entry::Vacant(place) => drop(place.insert(seen)),
                 Entry::Occupied(mut place) => place.get_mut().join(seen),
@@ -139,6 +135,45 @@ impl Observer {
     }
 }
 
+/// The threads of process `pid` as its recording names them; none if it has no recording.
+pub(super) fn recorded(pid: u32) -> Vec<(u32, String)> {
+    let programs = live::all().programs.into_iter();
+    let mut threads = Vec::new();
+    for program in programs.filter(|p| p.alive && p.view.pid == pid) {
+        for thread in program.view.threads {
+            threads.extend(u32::try_from(thread.tid).map(|tid| (tid, thread.name)));
+        }
+    }
+    threads
+}
+
+/// Whether a name is as long as the kernel keeps it; a character of up to four bytes may be gone.
+fn is_cut(name: &str) -> bool {
+    (KEPT - 3..=KEPT).contains(&name.len()) && (name.len() == KEPT || !name.is_ascii())
+}
+
+/// The whole name of a thread whose name the kernel may have cut.
+fn whole(tid: u32, name: String, recorded: &[(u32, String)]) -> String {
+    let of = |(t, whole): &&(u32, String)| *t == tid && whole.starts_with(&name);
+    match recorded.iter().find(of) {
+        Some((_, whole)) if is_cut(&name) => whole.clone(),
+        _ => name,
+    }
+}
+
+/// A thread's name without a character that the kernel has cut in two.
+fn text(comm: &[u8]) -> String {
+    let name = String::from_utf8_lossy(comm);
+    name.trim_end().trim_end_matches('\u{fffd}').to_string()
+}
+
+/// How often a thread has given the CPU back by itself.
+fn waits(status: &str) -> Option<u64> {
+    let mut lines = status.lines();
+    let count = lines.find_map(|line| line.strip_prefix("voluntary_ctxt_switches:"))?;
+    count.trim().parse().ok()
+}
+
 /// The first field: CPU time in ns.
 fn cpu_time(schedstat: &str) -> Option<Nanos> {
     schedstat.split_whitespace().next()?.parse().ok()
@@ -148,20 +183,27 @@ fn cpu_time(schedstat: &str) -> Option<Nanos> {
 mod tests {
     use super::*;
 
-    const MS: Nanos = 1_000_000;
+    #[test]
+    fn a_recording_completes_a_cut_name() {
+        let recorded = [(7, "camera_pipeline_left".to_string())];
+        let whole = |tid, name: &str| whole(tid, name.to_string(), &recorded);
+        assert_eq!(whole(7, "camera_pipeline"), "camera_pipeline_left");
+        assert_eq!(whole(8, "camera_pipeline"), "camera_pipeline");
+        assert_eq!(whole(7, "another_thread_"), "another_thread_");
+        assert_eq!(whole(7, "camera"), "camera");
+        assert_eq!(text(b"name\n"), "name");
+        assert_eq!(
+            text("größe_der_größe".as_bytes().get(..15).unwrap()),
+            "größe_der_gr"
+        );
+        assert!(is_cut("größe_der_gr") && !is_cut("camera_left_"));
+    }
 
     #[test]
-    fn the_most_of_any_window_is_found_wherever_it_begins() {
-        let mut seen = Seen::new("w".into(), (0, 0));
-        let mut cpu = 0;
-        for step in 0..=100 {
-            // 1 ms in every 10, but 5 in each of the four steps from 33 on.
-            cpu += if (33..37).contains(&step) { 5 } else { 1 } * MS;
-            seen.sample(step * 10 * MS, cpu, 100 * MS);
-        }
-        assert_eq!(seen.most, (4 * 5 + 6) * MS);
-        assert_eq!(seen.windows, 91);
-        assert!(seen.recent.len() <= 12);
+    fn waits_are_voluntary_switches() {
+        let status = "Name:\tx\nvoluntary_ctxt_switches:\t42\nnonvoluntary_ctxt_switches:\t7\n";
+        assert_eq!(waits(status), Some(42));
+        assert_eq!(waits("nonvoluntary_ctxt_switches:\t7\n"), None);
     }
 
     #[test]
@@ -172,6 +214,6 @@ mod tests {
 
     #[test]
     fn a_process_that_is_gone_is_no_sample() {
-        assert!(!Observer::new(u32::MAX, MS).sample(0));
+        assert!(!Observer::new(u32::MAX, None).sample(0));
     }
 }
