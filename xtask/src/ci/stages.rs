@@ -206,10 +206,10 @@ fn loom() -> Vec<Step> {
     ]
 }
 
-/// What a robot's program is built of, for machines that CI has not; the compiler of C is for `ring`.
+/// A robot's program, for machines that CI has not. The compiler of C is for `ring`.
 const ROBOT: &str = "-p replenish -p replenish-cli -p replenish-c";
-/// Crates whose tests need no thread of another policy, no socket and no clock: an emulated processor
-/// runs them.
+/// Crates whose tests need no thread of another policy, no socket and no clock: an emulated
+/// processor runs them.
 const PURE: &str = "-p sporadic -p replenish-wire -p replenish-msg -p replenish-recorder";
 
 /// Other architectures and C libraries, and the oldest compiler that the manifest names.

@@ -1,5 +1,5 @@
-//! `examples/ros2_package`: built by `CMake` as colcon does, installed as `ros2 run` and `ros2 launch`
-//! look for it, and run as they start it.
+//! `examples/ros2_package`: built by `CMake` as colcon does, installed as `ros2 run` and
+//! `ros2 launch` look for it, and run as they start it.
 
 use crate::{empty, missing, repository, succeeds};
 use replenish_testkit::harness::{Trial, peer_trial};

@@ -8,7 +8,7 @@
 //!             assign: CPUs ──► cpu: priorities, tasks, bounds ──► does every deadline hold?
 //!                 │ yes                                               │ no
 //!                 ▼                                                   ▼
-//!             elastic: more, by importance (search)               refusal: who, why (neighbours: beside whom)
+//!             elastic: more, by importance (search)               refusal: who, why, beside whom
 //!                 ▼                                                   ▼
 //!             describe: a plan, with its rationale                alternatives: what would fit
 //! ```

@@ -4,7 +4,7 @@
 //! - The handles it lists run on it, in that order, wherever the program had put them. A name the
 //!   program does not have makes a new worker for the handles it lists.
 //! - Without handles, a name as the kernel shows it, cut after 15 bytes, means the one worker whose
-//!   name begins like this; `replenish suggest` knows no other name of a thread without a recording.
+//!   name begins like this: `replenish suggest` knows no other name of threads without recording.
 //! - A handle that the program does not have is an error with line and column.
 //!
 //! And the other way round: the file that describes the program as it is.
