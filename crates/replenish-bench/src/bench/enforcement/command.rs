@@ -1,5 +1,6 @@
 //! Options, windows in turns, and figures of `bench enforcement`.
 
+use super::bare_timer::BareTimer;
 use super::baseline::Baseline;
 use super::schedule::Schedule;
 use super::shares;
@@ -34,7 +35,7 @@ pub(crate) struct Args {
           value_parser = clap::value_parser!(u64).range(1..=64))]
     workers: Vec<u64>,
 
-    /// Windows of 0.4 s per number of workers, and as many for the baseline.
+    /// Windows of 0.4 s per number of workers, as many for the baseline and for the bare timer.
     #[arg(long, value_name = "N", default_value_t = 30, value_parser = options::windows())]
     windows: u64,
 
@@ -92,6 +93,9 @@ struct Point {
     windows_disturbed: u64,
     enforcer_wakes_per_second: f64,
     budget_ms: f64,
+    /// A thread that makes the enforcer's system calls at its times, and decides nothing.
+    bare_cpu_percent: f64,
+    bare_wakes_per_second: f64,
 }
 
 /// Runs the benchmark.
@@ -122,7 +126,8 @@ pub(crate) fn run(args: &Args) -> Outcome {
     println!("{}", table(&points).to_text());
     println!(
         "  Overrun: CPU time at high priority beyond the budget, by the worker's CPU clock.\n  \
-         Ratio: median of a POSIX CPU timer in the same run over ours (at least 1 us)."
+         Ratio: median of a POSIX CPU timer in the same run over ours (at least 1 us).\n  \
+         Bare: a thread that makes the enforcer's system calls at its times and decides nothing."
     );
     for p in points.iter().filter(|p| !p.stalls.is_empty()) {
         println!(
@@ -166,10 +171,11 @@ fn measure(
     stop: &Stop,
 ) -> Result<Point, Failure> {
     let budget = TOTAL / workers.max(1);
-    let (ours, theirs) = Schedule::pair(clock::monotonic() + LEAD + workers * MS, windows);
+    let [ours, theirs, bare] = Schedule::turns(clock::monotonic() + LEAD + workers * MS, windows);
     let count = usize::try_from(workers).unwrap_or(1);
     let spinners = Spinners::start(cpu, count, budget, PERIOD, ours, stop)?;
     let baseline = Baseline::start(cpu, budget, theirs, stop)?;
+    let bare = BareTimer::start(cpu, count, budget, PERIOD, bare, stop)?;
 
     let spec = ThreadSpec::new("monitor")
         .policy(fifo_or_other(MONITOR_PRIORITY))
@@ -194,6 +200,7 @@ fn measure(
         .join()
         .map_err(|_| Failure::refused("the monitor panicked"))??;
     let posix = Sorted::new(baseline.finish()?);
+    let bare = bare.finish()?;
     let overruns = Sorted::new(m.overruns);
 
     let expected = as_f64(budget) * as_f64(m.undisturbed_time) / as_f64(PERIOD);
@@ -214,6 +221,8 @@ fn measure(
         windows_disturbed: m.disturbed,
         enforcer_wakes_per_second: round(m.wakes as f64 * 1e9 / as_f64(m.time.max(1))),
         budget_ms: as_f64(budget) / 1e6,
+        bare_cpu_percent: round(as_f64(bare.cpu) * 100.0 / as_f64(bare.time.max(1))),
+        bare_wakes_per_second: round(bare.wakes as f64 * 1e9 / as_f64(bare.time.max(1))),
     })
 }
 
@@ -228,6 +237,9 @@ fn table(points: &[Point]) -> Table {
         "POSIX timer median us",
         "ratio",
         "enforcer CPU",
+        "wakes/s",
+        "bare CPU",
+        "bare wakes/s",
         "worst share error",
         "disturbed",
     ]);
@@ -242,6 +254,9 @@ fn table(points: &[Point]) -> Table {
             format!("{:.0}", p.posix_timer_overrun_us.median),
             format!("{:.0}", p.ratio),
             format!("{:.3} %", p.enforcer_cpu_percent),
+            format!("{:.0}", p.enforcer_wakes_per_second),
+            format!("{:.3} %", p.bare_cpu_percent),
+            format!("{:.0}", p.bare_wakes_per_second),
             percent(p.worst_budget_error_percent),
             p.windows_disturbed.to_string(),
         ]);
