@@ -271,6 +271,14 @@ fn memory_locking(privilege: &Privilege) -> Finding {
     let advice =
         "raise it: `ulimit -l unlimited`, LimitMEMLOCK=infinity in a systemd unit, or CAP_IPC_LOCK";
     match &privilege.memory_lock {
+        // The kernel moves locked pages too, unless it is built with PREEMPT_RT.
+        Ok(()) if facts::number("/proc/sys/vm/compact_unevictable_allowed") == Some(1) => {
+            Finding::limited(
+                "memory locking",
+                "granted; but the kernel may move locked pages, and a thread that needs one waits",
+                "`sysctl vm.compact_unevictable_allowed=0`",
+            )
+        }
         Ok(()) => Finding::good(
             "memory locking",
             "granted: no page fault can delay a worker",

@@ -53,6 +53,10 @@ pub struct EnforcerConfig {
     /// Whether to record context switches, so that blocking inside callbacks is seen exactly.
     /// Where the kernel refuses, the voluntary-switch counter stands in (less exact, safe).
     pub switch_log: bool,
+    /// Whether the program stays in memory ([`memory::keep_program`](crate::memory::keep_program)),
+    /// so that the enforcer never waits for a disk. A refusal:
+    /// [`Enforcer::memory_refused`](crate::Enforcer::memory_refused).
+    pub keep_memory: bool,
 }
 
 impl EnforcerConfig {
@@ -75,6 +79,7 @@ impl EnforcerConfig {
             capacity: backend::config::ENFORCER_CAPACITY,
             tuning: Tuning::LINUX,
             switch_log: true,
+            keep_memory: true,
         }
     }
 }

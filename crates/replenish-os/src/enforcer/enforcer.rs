@@ -7,6 +7,7 @@ use super::supervision::{Supervision, Watched};
 use crate::backend;
 use crate::backend::clock::ThreadCpuClock;
 use crate::backend::console::complain;
+use crate::backend::memory::{self, LockError};
 use crate::backend::spawn_error::SpawnError;
 use crate::backend::thread::{Thread, spawn};
 use crate::backend::timer::TimerFd;
@@ -24,6 +25,7 @@ pub struct Enforcer {
     thread: PiMutex<Option<Thread<()>>>,
     cpu_clock: Option<ThreadCpuClock>,
     supervision: Option<Supervision>,
+    unlocked: Option<LockError>,
 }
 
 impl Enforcer {
@@ -51,17 +53,21 @@ impl Enforcer {
         if let Some(cpu) = config.cpu {
             spec = spec.cpu(cpu);
         }
+        let keep = config.keep_memory;
         let state = Arc::new(EnforcerState::new(config, mode, Some(timer)));
         let watched = Watched::of(&state);
         let theirs = Arc::clone(&watched);
         let thread = spawn(spec, move || theirs.run())?;
         let cpu_clock = Some(ThreadCpuClock::of(thread.tid()));
         let supervision = Some(Supervision::of(watched, thread.tid()));
+        // With the thread, whose stack is mapped now.
+        let unlocked = keep.then(memory::keep_program).and_then(Result::err);
         Ok(Arc::new(Self {
             state,
             thread: PiMutex::new(Some(thread)),
             cpu_clock,
             supervision,
+            unlocked,
         }))
     }
 
@@ -76,6 +82,7 @@ impl Enforcer {
             thread: PiMutex::new(None),
             cpu_clock: None,
             supervision: None,
+            unlocked: None,
         })
     }
 
@@ -113,6 +120,14 @@ impl Enforcer {
     #[must_use]
     pub fn watchdog_refused(&self) -> Option<&SpawnError> {
         self.supervision.as_ref()?.refused()
+    }
+
+    /// Why the program is not kept in memory, where [`EnforcerConfig::keep_memory`] asked for it.
+    ///
+    /// The enforcer may wait for a disk when memory runs short then, and budgets end late.
+    #[must_use]
+    pub const fn memory_refused(&self) -> Option<&LockError> {
+        self.unlocked.as_ref()
     }
 
     /// Has `hook` called with everything that the watchdog finds, on a thread without real-time

@@ -1,9 +1,14 @@
 //! Keeping page faults out of real-time code: lock what is mapped, touch stacks beforehand.
-#![expect(unsafe_code, reason = "pthread_getattr_np")]
+//!
+//! When memory runs short, the kernel takes pages of a program's file back, and reads them from
+//! the disk again when the program gets there. An enforcer that waits for its own instructions
+//! lowers nobody: with [`keep_program`] budgets hold beside a compiler that fills the memory.
+#![expect(unsafe_code, reason = "pthread_getattr_np, mlock")]
 
 use super::privilege::{Limit, probes};
-use rustix::mm::{MlockAllFlags, mlockall, munlockall};
+use rustix::mm::{MlockAllFlags, mlock, mlockall, munlockall};
 use rustix::process::Resource;
+use std::collections::HashSet;
 use std::fmt;
 use std::hint::black_box;
 use std::io;
@@ -27,7 +32,7 @@ pub fn lock_all() -> Result<(), LockError> {
     let refused = |source| LockError {
         source,
         limit,
-        mapped,
+        needs: Needs::Everything(mapped),
     };
     let capable = probes::effective_capabilities().contains(probes::CAP_IPC_LOCK);
     if !capable
@@ -40,7 +45,75 @@ pub fn lock_all() -> Result<(), LockError> {
     mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|e| refused(e.into()))
 }
 
-/// Takes [`lock_all`] back (`munlockall(2)`).
+/// Keeps the program and its libraries in memory (`mlock(2)` of their mappings): all of them that
+/// are loaded now, read in whole.
+///
+/// Other memory is not locked, unlike with [`lock_all`]: a process that gives up its privileges
+/// later may go on to allocate, and without swap the kernel cannot take that memory anyway. May be
+/// called again and from any thread; [`unlock_all`] takes it back. Set-up only: it allocates.
+///
+/// # Errors
+/// If `RLIMIT_MEMLOCK` is too small, without `CAP_IPC_LOCK`. A part may be locked then.
+pub fn keep_program() -> Result<(), LockError> {
+    let maps = std::fs::read_to_string("/proc/self/maps").unwrap_or_default();
+    let mappings = program_mappings(&maps);
+    for &(from, to) in &mappings {
+        // SAFETY: locking changes no byte; a range that somebody has unmapped meanwhile is an
+        // error.
+        let locked = unsafe {
+            mlock(
+                std::ptr::without_provenance_mut(from),
+                to.saturating_sub(from),
+            )
+        };
+        locked.map_err(|e| {
+            let sizes = mappings.iter().map(|(from, to)| to.saturating_sub(*from));
+            LockError {
+                source: e.into(),
+                limit: probes::limit(Resource::Memlock),
+                needs: Needs::Program(sizes.sum::<usize>() as u64),
+            }
+        })?;
+    }
+    Ok(())
+}
+
+/// Address ranges of files that hold instructions, their constants included.
+fn program_mappings(maps: &str) -> Vec<(usize, usize)> {
+    let mappings: Vec<_> = maps.lines().filter_map(mapping).collect();
+    let programs: HashSet<&str> = mappings
+        .iter()
+        .filter(|m| m.executable)
+        .map(|m| m.file)
+        .collect();
+    let theirs = mappings.iter().filter(|m| programs.contains(m.file));
+    theirs.map(|m| m.range).collect()
+}
+
+/// A private, readable mapping of a file.
+#[derive(Debug, PartialEq, Eq)]
+struct Mapping<'a> {
+    range: (usize, usize),
+    executable: bool,
+    file: &'a str,
+}
+
+/// A line of `/proc/self/maps`: `from-to rwxp offset device inode path`.
+fn mapping(line: &str) -> Option<Mapping<'_>> {
+    let (range, rest) = line.split_once(' ')?;
+    let (from, to) = range.split_once('-')?;
+    let address = |hex| usize::from_str_radix(hex, 16).ok();
+    let rights = rest.get(..4)?.as_bytes();
+    let file = rest.get(rest.find('/')?..)?;
+    let readable = rights.first() == Some(&b'r') && rights.get(3) == Some(&b'p');
+    readable.then_some(Mapping {
+        range: (address(from)?, address(to)?),
+        executable: rights.get(2) == Some(&b'x'),
+        file,
+    })
+}
+
+/// Takes [`lock_all`] and [`keep_program`] back (`munlockall(2)`).
 ///
 /// # Errors
 /// None that the kernel documents.
@@ -53,26 +126,47 @@ pub fn unlock_all() -> io::Result<()> {
 pub struct LockError {
     source: io::Error,
     limit: Limit,
-    mapped: u64,
+    needs: Needs,
+}
+
+/// Bytes that were to be locked.
+#[derive(Debug)]
+enum Needs {
+    /// All that the process has mapped, and [`HEADROOM`].
+    Everything(u64),
+    /// The program and its libraries.
+    Program(u64),
 }
 
 impl fmt::Display for LockError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            source,
-            limit,
-            mapped,
-        } = self;
-        let (mapped, room) = (mapped >> 10, HEADROOM >> 10);
-        write!(f, "memory was not locked: {source}; RLIMIT_MEMLOCK is ")?;
-        match limit.soft {
+        write!(
+            f,
+            "memory was not locked: {}; RLIMIT_MEMLOCK is ",
+            self.source
+        )?;
+        match self.limit.soft {
             Some(bytes) => write!(f, "{} KiB", bytes >> 10)?,
             None => f.write_str("unlimited")?,
         }
-        write!(
-            f,
-            ", this process has {mapped} KiB mapped and needs {room} KiB to grow into: raise the \
-             limit (ulimit -l unlimited, docker --ulimit memlock=-1) or grant CAP_IPC_LOCK"
+        match self.needs {
+            Needs::Everything(bytes) => write!(
+                f,
+                ", this process has {} KiB mapped and needs {} KiB to grow into",
+                bytes >> 10,
+                HEADROOM >> 10
+            ),
+            Needs::Program(bytes) => {
+                write!(
+                    f,
+                    ", the program and its libraries have {} KiB",
+                    bytes >> 10
+                )
+            }
+        }?;
+        f.write_str(
+            ": raise the limit (ulimit -l unlimited, docker --ulimit memlock=-1) or grant \
+             CAP_IPC_LOCK",
         )
     }
 }
@@ -127,5 +221,31 @@ fn stack_end() -> io::Result<usize> {
         Ok(low.addr())
     } else {
         Err(io::Error::from_raw_os_error(rc))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_is_what_has_instructions() {
+        let maps = "\
+55d0a000-55d0b000 r--p 00000000 fe:00 42                         /opt/my robot/talker
+55d0b000-55d0f000 r-xp 00001000 fe:00 42                         /opt/my robot/talker
+55d0f000-55d10000 rw-p 00005000 fe:00 42                         /opt/my robot/talker
+55d20000-55d30000 rw-p 00000000 00:00 0                          [heap]
+7f000000-7f800000 r--p 00000000 fe:00 43                         /opt/weights.bin
+7f900000-7f910000 rw-s 00000000 00:19 7                          /dev/shm/replenish-0/1-0.live
+7fa00000-7fa01000 ---p 00000000 fe:00 42                         /opt/my robot/talker
+7ffc0000-7ffd0000 r-xp 00000000 00:00 0                          [vdso]
+";
+        let program = [
+            (0x55d0_a000, 0x55d0_b000),
+            (0x55d0_b000, 0x55d0_f000),
+            (0x55d0_f000, 0x55d1_0000),
+        ];
+        assert_eq!(program_mappings(maps), program);
+        assert_eq!(program_mappings("\n-\nxyz r-xp 0 0 0 /a\n5-6 r"), []);
     }
 }

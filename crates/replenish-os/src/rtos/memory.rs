@@ -13,6 +13,14 @@ pub const fn lock_all() -> Result<(), LockError> {
     Ok(())
 }
 
+/// Everything stays in memory.
+///
+/// # Errors
+/// None; as on Linux.
+pub const fn keep_program() -> Result<(), LockError> {
+    Ok(())
+}
+
 /// Stacks are whole from the start.
 ///
 /// # Errors

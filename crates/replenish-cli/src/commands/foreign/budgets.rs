@@ -44,6 +44,9 @@ impl Budgets {
             SpawnError::Cpu { .. } => Failure::Usage(format!("--cpu {cpu}: {e}")),
             e => Failure::refused(e),
         })?;
+        if let Some(e) = enforcer.memory_refused() {
+            eprintln!("replenish: budgets end late when memory runs short: {e}");
+        }
         let background = options.background;
         let mut terms = Vec::new();
         for rule in rules {

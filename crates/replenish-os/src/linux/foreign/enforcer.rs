@@ -13,6 +13,7 @@ use crate::linux::clock::{self, ThreadCpuClock};
 use crate::linux::config::ENFORCER_STACK;
 use crate::linux::console::complain;
 use crate::linux::context_switches::ContextSwitchLog;
+use crate::linux::memory::{self, LockError};
 use crate::linux::sched::SchedClass;
 use crate::linux::spawn_error::SpawnError;
 use crate::linux::thread::{Thread, spawn};
@@ -33,8 +34,7 @@ const REPLENISHMENTS: u16 = 16;
 const RINGS: usize = 32;
 
 /// Gives budgets to foreign threads, of other processes or of this one, and gives the threads back
-/// what they had when it is
-/// dropped.
+/// what they had when it is dropped.
 ///
 /// May be used from any thread. When its process is killed, nobody gives anything back: keep
 /// [`Original`](super::Original)s in another process (`replenish run` does).
@@ -44,6 +44,7 @@ pub struct Enforcer {
     thread: PiMutex<Option<Thread<()>>>,
     cpu_clock: ThreadCpuClock,
     cpu: usize,
+    unlocked: Option<LockError>,
 }
 
 #[derive(Debug)]
@@ -82,7 +83,9 @@ impl Enforcer {
         });
         let theirs = Arc::clone(&state);
         let thread = spawn(spec, move || theirs.run())?;
+        let keep = state.config.keep_memory;
         Ok(Self {
+            unlocked: keep.then(memory::keep_program).and_then(Result::err),
             state,
             cpu_clock: ThreadCpuClock::of(thread.tid()),
             thread: PiMutex::new(Some(thread)),
@@ -94,6 +97,12 @@ impl Enforcer {
     #[must_use]
     pub fn cpu(&self) -> usize {
         self.cpu
+    }
+
+    /// As [`crate::Enforcer::memory_refused`].
+    #[must_use]
+    pub const fn memory_refused(&self) -> Option<&LockError> {
+        self.unlocked.as_ref()
     }
 
     /// A new budget, without a thread: FIFO `priority` (1 to 98) while there is some left,

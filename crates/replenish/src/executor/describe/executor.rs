@@ -60,7 +60,8 @@ pub(crate) struct Options {
     pub(crate) strict: bool,
     #[allow(dead_code, reason = "there is nothing in it without feature `plan`")]
     pub(crate) planning: Planning,
-    pub(crate) lock_memory: bool,
+    /// `None`: the program stays in memory where there is a budget.
+    pub(crate) lock_memory: Option<bool>,
     pub(crate) switch_log: bool,
     pub(crate) stop_grace: Duration,
     pub(crate) recorder: recorder::Settings,
@@ -84,7 +85,7 @@ impl Executor {
                 server: Kind::Corrected,
                 strict: false,
                 planning: Planning::default(),
-                lock_memory: false,
+                lock_memory: None,
                 switch_log: true,
                 stop_grace: Duration::from_millis(120),
                 recorder: recorder::Settings::default(),
@@ -126,10 +127,17 @@ impl Executor {
         self
     }
 
-    /// Locks the process's memory and touches the threads' stacks before the first callback, so
-    /// that callbacks meet no page fault. Default: no.
+    /// Whether the process's memory is locked.
+    ///
+    /// `true`: all of it, and the threads' stacks are touched before the first callback, so that
+    /// callbacks meet no page fault. `false`: nothing; a budget may end late while the kernel reads
+    /// a page of the program back from the disk.
+    ///
+    /// Default: in an executor with a budget, the program and its libraries stay in memory, and
+    /// nothing else is locked. Where the limit of locked memory forbids that, it is a fallback,
+    /// told once and kept in the report, also with [`strict`](Self::strict).
     pub fn lock_memory(&mut self, lock: bool) -> &mut Self {
-        self.options.lock_memory = lock;
+        self.options.lock_memory = Some(lock);
         self
     }
 

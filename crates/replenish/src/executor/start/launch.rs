@@ -80,7 +80,7 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         enforcers: Vec::new(),
         refused: Refused::default(),
     });
-    if options.lock_memory {
+    if options.lock_memory == Some(true) {
         starter.lock_memory()?;
     }
     let rounds = rounds_of(&workers);
@@ -260,7 +260,7 @@ impl Starter<'_> {
             policy,
             cpu,
             stack_size: stack_size.unwrap_or(STACK),
-            prefault: self.options.lock_memory,
+            prefault: self.options.lock_memory == Some(true),
             bell,
             owner: Arc::clone(self.owner),
             stop: self.stop.clone(),
@@ -378,12 +378,17 @@ impl Starter<'_> {
             priority: self.options.enforcer_priority,
             capacity,
             switch_log: self.options.switch_log,
+            keep_memory: self.options.lock_memory.is_none(),
             ..defaults
         };
         match Enforcer::start(config) {
             Ok(enforcer) => {
                 if STD {
                     self.supervised(&enforcer)?;
+                    if let Some(e) = enforcer.memory_refused() {
+                        let late = || text!("budgets end late when memory runs short: {e}");
+                        self.refused.memory.get_or_insert_with(late);
+                    }
                     let events = Arc::clone(&self.options.events);
                     enforcer.on_fault(move |fault| {
                         let message = &*text!("{fault}");

@@ -50,7 +50,7 @@ impl Executor {
         let asked = [
             ("dispatcher", options.dispatcher.is_some()),
             ("dispatcher_cpu", options.dispatcher_cpu.is_some()),
-            ("lock_memory", options.lock_memory),
+            ("lock_memory", options.lock_memory == Some(true)),
         ];
         if let Some((field, _)) = asked.iter().find(|(_, asked)| *asked) {
             let allowed = "none in Executor::local: the thread that spins is yours";
