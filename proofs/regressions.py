@@ -2,7 +2,7 @@
 """Undoes each mending of `docs/enforcement.md` (C1 to C19, S), one line at a time, in a copy of the
 workspace, and runs the row's test there: it must pass before, and fail or hang after.
 
-    regressions.py [row…]       for instance C7 S
+    regressions.py [row or crate…]      for instance C7 sporadic
 """
 
 import os
@@ -137,9 +137,19 @@ REGRESSIONS = [
     ("S", WATCHDOG,
      "            state.sweep(&mut threads, Enforcement::OtherCpu); // the workers run meanwhile\n", "",
      OS, "rt", "a_silent_enforcer_is_reported_and_its_worker_lowered"),
+    ("S", "crates/replenish-os/src/enforcer/change_user.rs",
+     "let helper = spawn(spec, move || help(&theirs));", "let helper = spawn(spec, move || drop(theirs));",
+     OS, "rt", "a_program_that_gives_up_its_user_waits_for_no_budget"),
     ("S", WATCHDOG,
      "                self.restore_enforcer(&mut known, &mut faults);\n", "",
      OS, "rt", "an_enforcer_that_lost_its_priority_gets_it_back"),
+    ("S", "crates/replenish-os/src/enforcer/enforced_thread.rs",
+     "                self.suspend.resume();\n                self.supervised.note(Some(high), true);\n",
+     "                self.supervised.note(Some(high), true);\n",
+     OS, "lib", "while_changes_are_refused_a_worker_has_its_budget_and_no_more"),
+    ("S", "crates/replenish-os/src/enforcer/enforced_thread.rs",
+     "                self.suspend.suspend(self.tid, runs).ok(); // it is there already\n", "                let _ = runs;\n",
+     OS, "lib", "while_changes_are_refused_a_worker_has_its_budget_and_no_more"),
     ("S", "crates/replenish-os/src/linux/suspension.rs",
      "        self.kept.store(held, Ordering::Relaxed);\n", "",
      OS, "rt", "a_forgotten_guard_keeps_nothing_from_stopping"),
@@ -215,7 +225,7 @@ def outcome(package, target, test):
 
 def main():
     rows = sys.argv[1:]
-    wanted = [r for r in REGRESSIONS if not rows or r[0] in rows]
+    wanted = [r for r in REGRESSIONS if not rows or r[0] in rows or r[4] in rows]
     copied()
     for package, target, test in dict.fromkeys(r[4:] for r in wanted):
         before = outcome(package, target, test)

@@ -19,7 +19,7 @@
 //! - [`SchedClass`], [`set_priority`], [`promote`], [`demote_to_tail`]: what an enforcer does to
 //!   the threads it watches.
 //! - [`privilege`], [`machine_info`]: the privileges of this process, the commands that grant the
-//!   missing ones, and the kind of machine.
+//!   missing ones, and the kind of machine. [`change_user`]: giving them up while budgets are held.
 //!
 //! Time is `u64` nanoseconds of `CLOCK_MONOTONIC` ([`Nanos`]) unless said otherwise.
 //! Every `unsafe` block lives in a module of its own topic under the back end's directory.
@@ -116,12 +116,12 @@ pub use backend::{
     thread::{Thread, spawn},
     timer, voluntary_switches,
 };
-#[cfg(all(target_os = "linux", not(nuttx_host)))]
-pub use enforcer::BudgetRecord;
 pub use enforcer::{
     Account, Enforcement, Enforcer, EnforcerConfig, EnforcerStats, EnrollError, Fault, MAX_REPL,
     Meter, OverrunSamples, OverrunSummary, STALL, Stall, Stopped, Usage,
 };
+#[cfg(all(target_os = "linux", not(nuttx_host)))]
+pub use enforcer::{BudgetRecord, change_user};
 #[cfg(loom)]
 pub use modelled::{PiMutex, PiMutexGuard, clock, current_tid};
 pub use notify::Notify;

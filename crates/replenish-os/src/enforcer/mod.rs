@@ -56,6 +56,7 @@
 //!
 //!   budget_record ─ what a recorder sees of a budget (Linux; below supervised) ◄─ recorded
 //!   supervision ─ a look of the watchdog at an enforcer (over state and enforced_thread)
+//!       └─► change_user ─ threads that do not get the CPU for a change of user (Linux)
 //! ```
 //!
 //! The same code runs on every back end. `crate::backend` brings the differences: the timer, CPU
@@ -69,6 +70,8 @@ pub(crate) mod alarm;
 #[cfg(all(target_os = "linux", not(nuttx_host)))]
 mod budget_record;
 mod budgeted;
+#[cfg(all(target_os = "linux", not(nuttx_host)))]
+mod change_user;
 mod config;
 mod enforced_thread;
 #[expect(clippy::module_inception, reason = "the folder is named after it")]
@@ -94,6 +97,8 @@ pub use account::Account;
 #[cfg(all(target_os = "linux", not(nuttx_host)))]
 pub use budget_record::BudgetRecord;
 pub use budgeted::Stopped;
+#[cfg(all(target_os = "linux", not(nuttx_host)))]
+pub use change_user::change_user;
 pub use config::{Enforcement, EnforcerConfig, EnforcerStats, EnrollError, Fault, MAX_REPL};
 pub use enforcer::Enforcer;
 pub use meter::Meter;

@@ -20,6 +20,7 @@
 //!
 //! A watchdog that is kept from its CPU in the middle of a look thus keeps no enforcer waiting.
 
+use super::change_user;
 use super::config::{Enforcement, Fault, NEVER};
 use super::enforced_thread::EnforcedThread;
 use super::state::{EnforcedThreads, EnforcerState};
@@ -28,10 +29,9 @@ use crate::backend::clock;
 use crate::backend::privilege::keep_priorities;
 use crate::backend::sched::{self, SchedClass};
 use crate::backend::spawn_error::SpawnError;
-use crate::backend::thread::spawn;
 use crate::backend::watchdog::{self, Watch};
 use crate::pi_mutex::PiMutex;
-use crate::{Arc, Level, Nanos, ThreadSpec, Tid};
+use crate::{Arc, Level, Nanos, Tid};
 use core::sync::atomic::{AtomicBool, Ordering};
 use sporadic::{BudgetServer, Verdict};
 use std::sync::{Mutex, OnceLock};
@@ -101,6 +101,7 @@ impl Supervision {
     /// gives up its privileges, as far as its hard limit allows.
     pub(super) fn of(watched: Arc<Watched>, enforcer: Tid) -> Self {
         keep_priorities();
+        change_user::note(&watched.state);
         watched.enforcer.set(enforcer).ok(); // nobody else sets it
         let look = Arc::clone(&watched);
         let (watch, refused) = match watchdog::watch(Arc::new(move || look.look())) {
@@ -266,7 +267,7 @@ impl Watched {
         }
     }
 
-    /// Calls the hook on a thread of its own: it is the user's code, at no real-time priority.
+    /// Calls the hook on another thread: it is the user's code, at no real-time priority.
     fn report(&self, faults: Vec<Fault>) {
         if faults.is_empty() {
             return;
@@ -274,9 +275,7 @@ impl Watched {
         let Some(hook) = self.hook.lock().clone() else {
             return;
         };
-        let call = move || faults.iter().for_each(|fault| hook(fault));
-        // Without a thread nobody hears of it; the counters tell all the same.
-        spawn(ThreadSpec::new("fault").stack_size(256 * 1024), call).ok();
+        watchdog::call(move || faults.iter().for_each(|fault| hook(fault)));
     }
 }
 

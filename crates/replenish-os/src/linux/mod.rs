@@ -10,6 +10,7 @@ pub(crate) mod bare_futex;
 mod blocked_intervals;
 pub(crate) mod blocking_detector;
 mod c_library;
+pub(crate) mod change_of_user;
 pub mod clock;
 pub(crate) mod config;
 pub(crate) mod console;

@@ -9,6 +9,9 @@
 //! It runs under `SCHED_DEADLINE` where the kernel allows that: then no thread of any FIFO priority
 //! keeps it waiting, on whichever CPU it is. Its reservation is 0.5 ms in 10 ms; a look takes some
 //! 20 µs.
+//!
+//! A second thread, which starts with it, tells the user: no thread can start in the middle of
+//! `setuid`, and there is much to tell then.
 
 use super::clock;
 use super::sched_attr;
@@ -18,7 +21,9 @@ use super::tid::current_tid;
 use crate::notify::Notify;
 use crate::pi_mutex::PiMutex;
 use crate::{MAX_PRIORITY, Nanos, Policy, ThreadSpec};
-use std::sync::{Arc, LazyLock};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 /// From one look to the next at least, in nanoseconds.
 pub(crate) const SHORTEST: Nanos = 10_000_000;
@@ -27,6 +32,10 @@ pub(crate) const LONGEST: Nanos = 100_000_000;
 
 const RUNTIME: Nanos = 500_000;
 const STACK: usize = 128 * 1024;
+/// Of the thread that runs the user's hooks.
+const TELLER_STACK: usize = 256 * 1024;
+/// So many calls of hooks wait; further ones are dropped, and the counters tell of them.
+const WAITING: usize = 64;
 
 /// Looks once, and says after how long to look again.
 type Look = dyn Fn() -> Nanos + Send + Sync;
@@ -42,6 +51,12 @@ static WATCHDOG: PiMutex<Watchdog> = PiMutex::new(Watchdog {
     given: 0,
     thread: None,
 });
+
+/// A call of the user's hook.
+type Call = Box<dyn FnOnce() + Send>;
+
+/// The way to the thread that calls; it ends with the watchdog.
+static CALLS: Mutex<Option<SyncSender<Call>>> = Mutex::new(None);
 
 static BELL: LazyLock<Notify> = LazyLock::new(Notify::new);
 
@@ -59,6 +74,7 @@ pub(crate) fn watch(look: Arc<Look>) -> Result<Watch, SpawnError> {
         let priority = MAX_PRIORITY;
         let spec = ThreadSpec::new("watchdog").policy(Policy::Fifo { priority }); // `spawn` checks
         watchdog.thread = Some(spawn(spec.stack_size(STACK), run)?);
+        start_teller();
     }
     watchdog.given += 1;
     let id = watchdog.given;
@@ -66,6 +82,28 @@ pub(crate) fn watch(look: Arc<Look>) -> Result<Watch, SpawnError> {
     drop(watchdog);
     BELL.set();
     Ok(Watch(id))
+}
+
+/// Calls the hook on a thread without real-time priority, soon.
+pub(crate) fn call(call: impl FnOnce() + Send + 'static) {
+    let calls = CALLS.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(calls) = &*calls {
+        calls.try_send(Box::new(call)).ok();
+    }
+}
+
+/// Without this thread nobody hears of a fault; the counters tell all the same.
+fn start_teller() {
+    let (calls, waiting) = sync_channel::<Call>(WAITING);
+    let tell = move || {
+        for call in waiting {
+            catch_unwind(AssertUnwindSafe(call)).ok(); // the hook's own, and told by its message
+        }
+    };
+    let spec = ThreadSpec::new("faults").stack_size(TELLER_STACK);
+    if spawn(spec, tell).is_ok() {
+        *CALLS.lock().unwrap_or_else(PoisonError::into_inner) = Some(calls);
+    }
 }
 
 impl Drop for Watch {
@@ -90,6 +128,8 @@ fn run() {
             let mut watchdog = WATCHDOG.lock();
             if watchdog.looks.is_empty() {
                 watchdog.thread = None;
+                // What it was given it tells.
+                *CALLS.lock().unwrap_or_else(PoisonError::into_inner) = None;
                 return;
             }
             for (_, look) in &watchdog.looks {

@@ -7,6 +7,8 @@
     reason = "tests may panic"
 )]
 
+#[cfg(not(nuttx_host))]
+mod change_user;
 mod common;
 mod enforcer;
 #[cfg(not(nuttx_host))]
@@ -52,6 +54,9 @@ fn main() {
     if supervision::is_child() {
         supervision::child();
     }
+    if change_user::is_child() {
+        change_user::child();
+    }
     if refused::is_child() {
         refused::child();
     }
@@ -59,6 +64,7 @@ fn main() {
         foreign::child();
     }
     run_in_turn([
+        ("change_user", change_user::trials()),
         ("enforcer", enforcer::trials()),
         ("foreign", foreign::trials()),
         ("foreign_own", foreign_own::trials()),
