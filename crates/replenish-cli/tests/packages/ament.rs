@@ -4,6 +4,7 @@
 use crate::{empty, missing, repository, succeeds};
 use replenish_testkit::harness::{Trial, peer_trial};
 use replenish_testkit::program::Running;
+use replenish_testkit::rt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
@@ -52,6 +53,10 @@ fn installed() {
     let index = prefix.join("share/ament_index/resource_index/packages");
     assert!(index.join(name).is_file(), "no {name} in the index");
     let share = prefix.join("share").join(name);
+    // colcon's `setup.bash` puts the prefix where ROS 2 searches.
+    let hook = std::fs::read_to_string(share.join("local_setup.dsv")).unwrap();
+    assert_eq!(hook, "prepend-non-duplicate;AMENT_PREFIX_PATH;\n");
+    assert!(package.contains("<build_type>ament_cmake</build_type>"));
     assert!(share.join("package.xml").is_file());
 
     // `ros2 launch`: the launch file starts a program of this package with files that exist.
@@ -80,6 +85,8 @@ fn installed() {
         "-p",
         "period_ms:=20",
     ];
+    // Its worker is real-time if it may be: trials of that kind run one at a time.
+    let _alone = rt::lock().unwrap();
     let mut heart = Running::start("env", &words);
     heart.expect_line("/robot/heart beats on /heartbeat", SOON);
     std::thread::sleep(Duration::from_millis(300));

@@ -11,6 +11,7 @@ mod ament;
 mod container;
 mod crates;
 mod debian;
+mod said;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -54,5 +55,6 @@ fn main() {
         ("container", container::trials()),
         ("crates", crates::trials()),
         ("debian", debian::trials()),
+        ("said", said::trials()),
     ])
 }

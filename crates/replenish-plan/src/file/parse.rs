@@ -197,9 +197,10 @@ impl Parser<'_> {
 
     fn cpu(&self, cpu: Option<&Spanned<usize>>, machine: &Machine) -> Found<Option<usize>> {
         match cpu {
-            Some(cpu) if self.machine_given && !machine.cpus.contains(cpu.get_ref()) => {
-                self.wrong(cpu, format!("allowed {:?} (machine.cpus)", machine.cpus))
-            }
+            Some(cpu) if self.machine_given && !machine.cpus.contains(cpu.get_ref()) => self.wrong(
+                cpu,
+                format!("it is none of machine.cpus: allowed {:?}", machine.cpus),
+            ),
             Some(cpu) if *cpu.get_ref() > MAX_CPU => {
                 self.wrong(cpu, format!("allowed 0 to {MAX_CPU}"))
             }

@@ -35,14 +35,14 @@ impl FromStr for Amount {
         };
         let (amount, period) = spans
             .split_once('/')
-            .ok_or_else(|| format!("{text:?}: expected TIME/PERIOD, for example 30ms/100ms"))?;
+            .ok_or("expected TIME/PERIOD, for example 30ms/100ms")?;
         let (amount, period) = (span::parse(amount)?, span::parse(period)?);
         if !(SHORTEST..=LONGEST).contains(&period) {
-            return Err(format!("{text:?}: the period must be 1 ms to 900 ms"));
+            return Err("the period must be 1 ms to 900 ms".into());
         }
         if amount < 100_000 || amount > period {
             return Err(format!(
-                "{text:?}: the budget must be 100 us to its period, {}",
+                "the budget must be 100 us to its period, {}",
                 span::Exact(period)
             ));
         }
@@ -65,18 +65,16 @@ impl FromStr for Rule {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (pattern, amount) = text.rsplit_once('=').ok_or_else(|| {
-            format!("{text:?}: expected PATTERN=TIME/PERIOD, for example 'dds.*=2ms/10ms'")
-        })?;
+        let (pattern, amount) = text
+            .rsplit_once('=')
+            .ok_or("expected PATTERN=TIME/PERIOD, for example 'dds.*=2ms/10ms'")?;
         if pattern.is_empty() || pattern.len() > 64 || pattern.contains(char::is_control) {
-            return Err(format!(
-                "{text:?}: the pattern must have 1 to 64 characters"
-            ));
+            return Err("the pattern must have 1 to 64 characters".into());
         }
         if let Some(tid) = pattern.strip_prefix("tid:")
             && tid.parse().ok().and_then(Tid::new).is_none()
         {
-            return Err(format!("{text:?}: {tid:?} is no thread number"));
+            return Err(format!("{tid:?} is no thread number"));
         }
         Ok(Self {
             pattern: pattern.into(),
