@@ -6,7 +6,7 @@ use super::tally::Tally;
 use crate::output::Outcome;
 use std::time::Instant;
 
-/// Runs the stages in the order given; all of them if none is.
+/// Runs the stages in the order given; if none is, all but `arch`, which is asked for by name.
 ///
 /// # Errors
 /// The first command that failed.
@@ -24,7 +24,7 @@ pub(crate) fn run(stages: &[Stage]) -> Outcome {
 /// no clock runs beside them. The tests have the machine to themselves.
 fn all(tally: &mut Tally) -> Outcome {
     foreground(&[Stage::Lint], tally)?;
-    let beside = Beside::start(&[Stage::Supply, Stage::Arch, Stage::Fuzz, Stage::Loom])?;
+    let beside = Beside::start(&[Stage::Supply, Stage::Fuzz, Stage::Loom])?;
     foreground(&[Stage::Board], tally)?;
     beside.join(tally)?;
     foreground(&[Stage::Test, Stage::Peers], tally)
