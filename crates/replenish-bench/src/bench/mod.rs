@@ -18,6 +18,7 @@ mod dispatch;
 mod enforcement;
 mod handoff;
 mod load;
+mod lttng;
 mod recorder;
 mod round_trip;
 #[cfg_attr(not(feature = "secure"), path = "secure_disabled.rs")]

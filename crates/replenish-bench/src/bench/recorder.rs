@@ -4,7 +4,7 @@
 //! The rings are those that an executor's threads have: 256 KiB in memory that was touched. Costs
 //! are the least of the rounds: what a machine adds, it adds to some.
 
-use super::dispatch;
+use super::{dispatch, lttng};
 use replenish_cli::lock;
 use replenish_cli::machine::cpus::{self, Cpus};
 use replenish_cli::options::JsonOption;
@@ -61,7 +61,7 @@ struct Json {
     read: u64,
     /// Records that it got or lost: all that were written.
     written: u64,
-    /// An `LTTng-UST` tracepoint: not measured.
+    /// An `LTTng-UST` tracepoint with the same fields, in a session in memory; `null` if it is missing.
     lttng_ns: Option<f64>,
     /// CPU time per message of an executor that records against one that does not: the median over
     /// pairs of windows.
@@ -180,6 +180,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
             .join()
             .map_err(|_| Failure::refused("the writer panicked"))??
     };
+    json.lttng_ns = lttng::measure_or_say(cpu);
     if args.windows > 0 {
         json.dispatch_ratio = Some(dispatch::recorder_ratio(cpu, args.windows)?);
     }
@@ -191,6 +192,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if let Some(ratio) = json.dispatch_ratio {
         println!("CPU time of a message with the recorder on against off: {ratio:.4}");
     }
-    println!("LTTng-UST: not measured");
+    match json.lttng_ns {
+        Some(ns) => println!("A tracepoint of LTTng-UST: {ns:.2} ns"),
+        None => println!("LTTng-UST: not measured"),
+    }
     files::write_json(args.json.json.as_deref(), "bench-recorder", &json)
 }
