@@ -39,7 +39,8 @@ pub(crate) struct Program {
 }
 
 impl Program {
-    fn open(path: &Path) -> Result<Self, String> {
+    /// Opens a recording; the error says why it is left out.
+    pub(crate) fn open(path: &Path) -> Result<Self, String> {
         let file = open_plain(path).map_err(|e| e.to_string())?;
         let bytes = file.metadata().map_err(|e| e.to_string())?.len();
         let alive = matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock));

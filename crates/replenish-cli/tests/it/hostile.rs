@@ -107,8 +107,8 @@ fn damaged_recordings_do_no_harm() {
         .map(|n| directory.join(format!("{n}.live")))
         .collect();
     let mut seeded = Seeded(19);
-    let [out, trace] = ["out.json", "out.pftrace"].map(|name| scratch.path(name));
-    let [out_path, trace_path] = [&out, &trace].map(|path| path.to_str().unwrap());
+    let [out, trace, svg] = ["out.json", "out.pftrace", "out.svg"].map(|name| scratch.path(name));
+    let [out_path, trace_path, svg_path] = [&out, &trace, &svg].map(|path| path.to_str().unwrap());
     let (mut taken, mut left_out) = (0, 0);
     for round in 0..inputs.div_ceil(FILES) {
         // Damage adds up for a few rounds.
@@ -131,6 +131,9 @@ fn damaged_recordings_do_no_harm() {
         assert_eq!(programs.len() + warnings.len(), FILES, "round {round}");
         taken += programs.len();
         left_out += warnings.len();
+        let live = ["top", "--every", "100ms", "--ended", "--svg", svg_path];
+        let output = bounded(&directory, &live);
+        assert!(output.status.success(), "{}", stderr(&output));
         let one = paths[round % FILES].to_str().unwrap();
         for args in [
             ["trace", one, "--perfetto", trace_path].as_slice(),

@@ -95,6 +95,10 @@ impl Program {
         }
     }
 
+    pub(crate) fn directory(&self) -> &Path {
+        &self.directory
+    }
+
     pub(crate) fn file(&self) -> PathBuf {
         let mut entries = std::fs::read_dir(&self.directory).unwrap();
         entries.next().unwrap().unwrap().path()

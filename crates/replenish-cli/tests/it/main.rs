@@ -13,6 +13,7 @@ mod common;
 #[path = "../../../replenish/tests/common/fibonacci.rs"]
 mod fibonacci;
 
+mod ctf;
 mod deploy;
 mod hostile;
 mod laboratory;
@@ -24,3 +25,4 @@ mod schema;
 mod schemas;
 #[cfg(feature = "secure")]
 mod secure;
+mod top;

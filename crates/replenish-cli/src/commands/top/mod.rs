@@ -1,165 +1,88 @@
 //! `replenish top`: every program of this host with its workers, from their recordings.
+//!
+//! ```text
+//!   files of programs ─► once: table, JSON
+//!                     └► reading: what has happened since the look before ◄─ machine: /proc
+//!                          └► screen │ detail ─► canvas ─► terminal, or a picture
+//!   keys ─► state: order, selection            interactive: the loop around them
+//! ```
 
-use crate::live::{Found, Program, all};
+mod canvas;
+mod detail;
+mod interactive;
+mod machine;
+mod once;
+mod reading;
+mod screen;
+mod state;
+
 use crate::options::JsonOption;
 use crate::outcome::{Failure, Outcome};
 use crate::report::files;
-use crate::report::table::Table;
-use crate::time::Nanos;
-use replenish_recorder::{Role, ThreadView};
+use replenish_os::Terminal;
+use std::path::PathBuf;
+use std::time::Duration;
 
 /// Options of `top`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Print the table once and end. There is no other way yet.
-    #[arg(long, required = true)]
+    /// Print the table once and end.
+    #[arg(long)]
     once: bool,
 
     /// Programs that were killed or have crashed, too.
     #[arg(long)]
     ended: bool,
 
+    /// Between two looks: 1s, 500ms.
+    #[arg(long, value_name = "TIME", value_parser = crate::options::last, default_value = "1s",
+          conflicts_with = "once")]
+    every: crate::time::Nanos,
+
+    /// Look twice, draw the screen into this file as a picture, and end.
+    #[arg(long, value_name = "OUT.svg", conflicts_with = "once")]
+    svg: Option<PathBuf>,
+
+    /// With `--svg`: this worker alone, with its histogram and its last second.
+    #[arg(long, value_name = "WORKER", requires = "svg")]
+    worker: Option<String>,
+
+    /// Columns of the picture.
+    #[arg(long, value_name = "N", requires = "svg", default_value_t = 150,
+          value_parser = clap::value_parser!(u16).range(20..=400))]
+    columns: u16,
+
     #[command(flatten)]
     json: JsonOption,
 }
 
-/// One worker. The names are a contract.
-#[derive(Debug, serde::Serialize)]
-struct WorkerJson {
-    name: String,
-    tid: u64,
-    /// The CPU that it is pinned to.
-    cpu: Option<u64>,
-    /// As the kernel granted it.
-    policy: String,
-    budget_ns: Option<Nanos>,
-    period_ns: Option<Nanos>,
-    /// CPU time so far, at both levels. Of a worker without a budget, as of its last reading.
-    used_ns: Nanos,
-    /// The part of it at the low level.
-    background_ns: Nanos,
-    available_ns: Option<Nanos>,
-    /// `high` or `background`.
-    level: Option<&'static str>,
-    exhaustions: u64,
-    replenishments: u64,
-}
-
-/// One program. The names are a contract.
-#[derive(Debug, serde::Serialize)]
-struct ProgramJson {
-    program: String,
-    /// In its own pid namespace.
-    pid: u32,
-    alive: bool,
-    file: String,
-    /// Dumps that it has written, and triggers that got none.
-    dumps: u64,
-    dumps_suppressed: u64,
-    workers: Vec<WorkerJson>,
-}
-
-/// `top --json`. The names are a contract.
-#[derive(Debug, serde::Serialize)]
-struct Json {
-    programs: Vec<ProgramJson>,
-    /// Files that were left out, and why.
-    warnings: Vec<String>,
-}
-
-impl WorkerJson {
-    fn of(thread: &ThreadView) -> Self {
-        let totals = thread.totals;
-        let budget = thread.budget;
-        let level = if totals.is_low { "background" } else { "high" };
-        Self {
-            name: thread.name.clone(),
-            tid: thread.tid,
-            cpu: thread.cpu,
-            policy: thread.policy.clone(),
-            budget_ns: budget.map(|(budget, _)| budget),
-            period_ns: budget.map(|(_, period)| period),
-            used_ns: totals.high.saturating_add(totals.low),
-            background_ns: totals.low,
-            available_ns: budget.map(|_| totals.available),
-            level: budget.map(|_| level),
-            exhaustions: totals.exhaustions,
-            replenishments: totals.replenishments,
-        }
-    }
-}
-
-impl ProgramJson {
-    fn of(program: &Program) -> Self {
-        let view = &program.view;
-        let workers = view.threads.iter().filter(|t| t.role == Role::Worker);
-        Self {
-            program: view.program.clone(),
-            pid: view.pid,
-            alive: program.alive,
-            file: program.path.display().to_string(),
-            dumps: view.dumps,
-            dumps_suppressed: view.dumps_suppressed,
-            workers: workers.map(WorkerJson::of).collect(),
-        }
-    }
-}
-
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
-    if !args.once {
-        return Err(Failure::Usage("--once is required".into()));
+    if args.once {
+        files::check_writable(args.json.json.as_deref())?;
+        let json = once::Json::look(args.ended);
+        once::print(&json);
+        return files::write_json(args.json.json.as_deref(), "top", &json);
     }
-    files::check_writable(args.json.json.as_deref())?;
-    let Found { programs, warnings } = all();
-    let shown = programs.iter().filter(|p| p.alive || args.ended);
-    let json = Json {
-        programs: shown.map(ProgramJson::of).collect(),
-        warnings,
-    };
-    print(&json);
-    files::write_json(args.json.json.as_deref(), "top", &json)
-}
-
-fn print(json: &Json) {
-    let mut table = Table::new(&[
-        "program",
-        "pid",
-        "worker",
-        "cpu",
-        "policy",
-        "budget ms",
-        "period ms",
-        "left ms",
-        "level",
-        "used ms",
-        "exhausted",
-    ]);
-    let ms = |ns: Nanos| format!("{:.3}", ns as f64 / 1e6);
-    let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".into());
-    for program in &json.programs {
-        let state = if program.alive { "" } else { " (ended)" };
-        let name = format!("{}{state}", program.program);
-        for worker in &program.workers {
-            table.row([
-                name.clone(),
-                program.pid.to_string(),
-                worker.name.clone(),
-                or_dash(worker.cpu.map(|cpu| cpu.to_string())),
-                worker.policy.clone(),
-                or_dash(worker.budget_ns.map(ms)),
-                or_dash(worker.period_ns.map(ms)),
-                or_dash(worker.available_ns.map(ms)),
-                or_dash(worker.level.map(Into::into)),
-                ms(worker.used_ns),
-                worker.exhaustions.to_string(),
-            ]);
-        }
+    if args.json.json.is_some() {
+        return Err(Failure::Usage("--json is allowed with --once only".into()));
     }
-    if json.programs.is_empty() {
-        println!("No program of replenish runs here, or this account may not read its recording.");
-    } else {
-        print!("{}", table.to_text());
+    let every = Duration::from_nanos(args.every);
+    if !(Duration::from_millis(100)..=Duration::from_secs(60)).contains(&every) {
+        return Err(Failure::range(
+            "--every",
+            format!("{every:?}"),
+            "100ms to 60s",
+        ));
     }
-    json.warnings.iter().for_each(|w| println!("  {w}"));
+    if let Some(out) = &args.svg {
+        files::check_writable(Some(out))?;
+        let worker = args.worker.as_deref();
+        return interactive::picture(out, worker, every, args.ended, args.columns.into());
+    }
+    if !Terminal::is_there() {
+        let why = "--once is needed where standard input or output is no terminal";
+        return Err(Failure::Usage(why.into()));
+    }
+    interactive::run(every, args.ended)
 }

@@ -2,9 +2,10 @@
 //!
 //! ```text
 //!   its file ─► events of each thread and budget ─► tracks ─► perfetto ─► OUT
-//!                                                               └─ protobuf
+//!                                               └─ ctf ─► DIR   └─ protobuf
 //! ```
 
+mod ctf;
 mod perfetto;
 mod protobuf;
 mod tracks;
@@ -14,6 +15,7 @@ use crate::options::{self, JsonOption};
 use crate::outcome::{Failure, Outcome};
 use crate::report::files;
 use crate::time::Nanos;
+use ctf::Stream;
 use perfetto::Trace;
 use replenish_os::live::clocks;
 use replenish_recorder::{Copied, Event, Source, copy};
@@ -29,8 +31,13 @@ pub struct Args {
     program: String,
 
     /// Write a Perfetto trace to this file: open it in <https://ui.perfetto.dev>.
-    #[arg(long, value_name = "OUT", required_unless_present = "dump")]
+    #[arg(long, value_name = "OUT", required_unless_present_any = ["ctf", "dump"])]
     perfetto: Option<PathBuf>,
+
+    /// Write CTF with the names of ROS 2's tracepoints to this directory, which is made:
+    /// babeltrace2, `tracetools_analysis` and Trace Compass read it.
+    #[arg(long, value_name = "DIR")]
+    ctf: Option<PathBuf>,
 
     /// Write the recording itself to this file, as it is at this moment: `trace` and `why` read it
     /// later, and elsewhere.
@@ -102,7 +109,54 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if let Some(out) = &args.dump {
         dump(&program, out)?;
     }
-    let mut recorded = record(&program);
+    let (recorded, span) = last(&program, args.last);
+    let json = summary(&program, &recorded, span);
+    if let Some(out) = &args.perfetto {
+        let bytes = encode(&program, &recorded);
+        std::fs::write(out, &bytes).map_err(|e| at(out, e))?;
+        print(&json, out, bytes.len());
+    }
+    if let Some(out) = &args.ctf {
+        write_ctf(&program, &recorded, out)?;
+    }
+    files::write_json(args.json.json.as_deref(), "trace", &json)
+}
+
+/// Makes the directory, so that nothing else is in it.
+fn write_ctf(program: &Program, recorded: &[Recorded], out: &Path) -> Outcome {
+    let view = &program.view;
+    let names = view.names(&program.source);
+    let streams = view.threads.iter().zip(recorded);
+    let streams: Vec<Stream<'_>> = streams
+        .map(|(thread, recorded)| Stream {
+            tid: thread.tid,
+            name: &thread.name,
+            events: &recorded.events,
+        })
+        .collect();
+    let ctf = ctf::encode(view.pid, view.clocks, &names, &streams);
+    std::fs::create_dir(out).map_err(|e| at(out, e))?;
+    let write = |name: String, bytes: &[u8]| {
+        let path = out.join(name);
+        std::fs::write(&path, bytes).map_err(|e| at(&path, e))
+    };
+    write("metadata".into(), ctf.metadata.as_bytes())?;
+    for (n, stream) in ctf.streams.iter().enumerate() {
+        write(format!("thread-{n}"), stream)?;
+    }
+    println!(
+        "{} (pid {}): {} callbacks in {}. Read it with babeltrace2 or tracetools_analysis",
+        view.program,
+        view.pid,
+        ctf.callbacks,
+        out.display()
+    );
+    Ok(())
+}
+
+/// The end of the recording, and how long it is.
+fn last(program: &Program, last: Option<Nanos>) -> (Vec<Recorded>, Nanos) {
+    let mut recorded = record(program);
     let times = |recorded: &[Recorded]| -> Vec<Nanos> {
         let all = recorded
             .iter()
@@ -110,19 +164,20 @@ pub(crate) fn run(args: &Args) -> Outcome {
         all.map(|e| e.time).collect()
     };
     let end = times(&recorded).into_iter().max().unwrap_or(0);
-    let from = end.saturating_sub(args.last.unwrap_or(end));
+    let from = end.saturating_sub(last.unwrap_or(end));
     for each in &mut recorded {
         each.events.retain(|e| e.time >= from);
         each.budget.retain(|e| e.time >= from);
     }
     let begin = times(&recorded).into_iter().min().unwrap_or(end);
-    let json = summary(&program, &recorded, end - begin);
-    if let Some(out) = &args.perfetto {
-        let bytes = encode(&program, &recorded);
-        std::fs::write(out, &bytes).map_err(|e| at(out, e))?;
-        print(&json, out, bytes.len());
-    }
-    files::write_json(args.json.json.as_deref(), "trace", &json)
+    (recorded, end - begin)
+}
+
+/// Writes a Perfetto trace of the last part of a recording.
+pub(crate) fn save(file: &Path, out: &Path, part: Nanos) -> Outcome {
+    let program = Program::open(file).map_err(|e| at(file, e))?;
+    let (recorded, _) = last(&program, Some(part));
+    std::fs::write(out, encode(&program, &recorded)).map_err(|e| at(out, e))
 }
 
 fn at(path: &Path, error: impl std::fmt::Display) -> Failure {
