@@ -1,5 +1,5 @@
-//! One LTTng-UST tracepoint, measured beside ours where `LTTng` is installed: a C program of its own,
-//! built here, in a session of its own.
+//! One LTTng-UST tracepoint, measured beside ours where `LTTng` is installed: a C program, built
+//! here, in a session of its own.
 //!
 //! `apt install liblttng-ust-dev lttng-tools gcc` brings the parts.
 

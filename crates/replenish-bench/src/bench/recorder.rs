@@ -61,7 +61,7 @@ struct Json {
     read: u64,
     /// Records that it got or lost: all that were written.
     written: u64,
-    /// An `LTTng-UST` tracepoint with the same fields, in a session in memory; `null` if it is missing.
+    /// An `LTTng-UST` tracepoint with the same fields, recorded in memory; `null` without one.
     lttng_ns: Option<f64>,
     /// CPU time per message of an executor that records against one that does not: the median over
     /// pairs of windows.

@@ -3,7 +3,7 @@
 use crate::time::Nanos;
 use std::collections::HashMap;
 
-/// Nanoseconds of a tick of `/proc`: `USER_HZ` is 100 on every architecture of Linux that we run on.
+/// Nanoseconds of a tick of `/proc`: `USER_HZ` is 100 on every architecture of Linux.
 const TICK: Nanos = 10_000_000;
 
 /// What `/proc/stat` said last.
