@@ -23,6 +23,8 @@ from mutants_list import BEFORE, GROUPS
 ROOT = Path(__file__).resolve().parent.parent
 COPY = ROOT / "target/mutants/tree"
 MOST = 300  # seconds that the tests may take; a mutant may hang
+# Each mutant is built and runs once: what is quick to build is quick.
+QUICK = ["debug=false", "incremental=true", "package.{}.opt-level=1"]
 
 
 def tree():
@@ -51,9 +53,12 @@ class Tests:
     """The tests of one group of mutants: what is built, and which of it runs."""
 
     def __init__(self, group, target):
-        self.build = ["cargo", "test", "--quiet", "-p", group["crate"], *group["target"]]
+        crate = group["crate"]
+        quick = [word for line in QUICK for word in ("--config", "profile.dev." + line.format(crate))]
+        self.build = ["cargo", "test", "--quiet", "-p", crate, *quick, *group["target"]]
         self.filters = group["tests"]
-        self.environment = {"CARGO_TARGET_DIR": str(target), "RUST_BACKTRACE": "0", **os.environ}
+        usual = {"RUST_BACKTRACE": "0", "PROPTEST_CASES": "64"}
+        self.environment = {**usual, **os.environ, "CARGO_TARGET_DIR": str(target)}
 
     def compiles(self):
         """Compiling has no time limit."""
@@ -93,7 +98,8 @@ def group_of(group, words, target):
     if not wanted:
         return 0, [], []
     tests = Tests(group, target)
-    print(f"== {group['name']}: {' '.join([*tests.build, '--', *tests.filters])}", flush=True)
+    named = ["-p", group["crate"], *group["target"], "--", *group["tests"]]
+    print(f"== {group['name']}: cargo test {' '.join(named)}", flush=True)
     broken = tests.compiles() or tests.failure()
     if broken:
         raise SystemExit(f"without a mutant: {broken}")
