@@ -89,6 +89,7 @@ fn a_repair_is_repeated_three_times_at_growing_distances() {
     // Named missing once more: the repetitions begin anew.
     stream.acknowledge(5_000 * MILLI, SeqNum(0), 0b01);
     assert_eq!(sent(&mut stream, 6_000 * MILLI), [0]);
+    assert_eq!(sent(&mut stream, 6_200 * MILLI), [0]);
 }
 
 #[test]
@@ -269,6 +270,8 @@ fn a_reset_forgets_what_was_announced_kept_and_to_be_acknowledged() {
     stream.heartbeat(SeqNum(5));
     stream.receive(SeqNum(3), &[0; 0], |_| ());
     assert_eq!(stream.ack().missing, 0b11_0111);
+    stream.heartbeat(SeqNum(2)); // an older one comes late
+    assert_eq!(stream.ack().missing, 0b11_0111);
     stream.reset();
     assert!(!stream.ack_due());
     let ack = stream.ack();
@@ -279,4 +282,24 @@ fn a_reset_forgets_what_was_announced_kept_and_to_be_acknowledged() {
     assert_eq!((delivered, stream.next_expected()), (1, SeqNum(1)));
     stream.receive(SeqNum(2), &[0; 0], |_| ());
     assert_eq!(stream.ack().missing, 0b1);
+    stream.receive(SeqNum(1), &[0; 0], |_| ());
+    assert_eq!(
+        stream.next_expected(),
+        SeqNum(3),
+        "3 was of the last session"
+    );
+}
+
+#[test]
+#[cfg_attr(not(feature = "rtt"), ignore = "needs the feature `rtt`")]
+fn a_reset_forgets_the_round_trip() {
+    let mut stream = measured();
+    let header = stream.header();
+    stream.reset(header);
+    let at = 100 * MILLI;
+    assert_eq!(send(&mut stream, 1, at), [0]);
+    stream.acknowledge(at + MILLI, SeqNum(0), 0b1);
+    // As long as none was measured an answer may take twice the time to the first heartbeat.
+    assert_eq!(sent(&mut stream, at + 20 * MILLI - 1), [0_u16; 0]);
+    assert_eq!(sent(&mut stream, at + 20 * MILLI), [0]);
 }
