@@ -496,3 +496,16 @@ fn checks_without_progress_double_up_to_a_quarter_of_the_budget() {
     assert_eq!(r.judge(now + MS, MS, NOT_BLOCKED).change, None);
     assert!(!r.is_backed_off());
 }
+
+#[test]
+fn a_limit_of_cpu_time_is_no_nearer_than_a_check() {
+    let of = |budget| {
+        let params = Params::new(60, Low::Background(6), budget, 100 * MS, 4).unwrap();
+        let mut r = Reservation::new(Spy(params, Vec::new()), TUNING, 0, 0);
+        assert_eq!(r.limit(), None, "it waits");
+        r.activate(0, 0, 7);
+        r.limit()
+    };
+    assert_eq!(of(1), Some(7 + TUNING.min_rearm));
+    assert_eq!(of(MS), Some(7 + MS));
+}
