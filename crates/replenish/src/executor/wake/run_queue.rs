@@ -172,6 +172,18 @@ mod tests {
     }
 
     #[test]
+    fn a_round_does_not_go_back_within_a_word_either() {
+        let (mut run_queue, marks) = run_queue(8);
+        for at in [0, 2, 5] {
+            run_queue.insert(at);
+        }
+        assert_eq!(run_queue.next_from(1, &marks), Some(2));
+        assert_eq!(run_queue.next_from(3, &marks), Some(5));
+        assert_eq!(run_queue.next_from(6, &marks), None);
+        assert_eq!(run_queue.next_from(0, &marks), Some(0));
+    }
+
+    #[test]
     fn releases_are_due_at_their_time_and_the_earliest_is_known() {
         let (mut run_queue, marks) = run_queue(3);
         assert_eq!(run_queue.earliest(), None);

@@ -272,6 +272,7 @@ mod tests {
         s.cancel();
         s.change_period(7);
         assert_eq!(s.serve(1_000_000), None);
+        assert_eq!(s.serve(Nanos::MAX), None, "not at the end of time either");
         s.restart(50);
         assert_eq!(s.next(), 57);
     }
