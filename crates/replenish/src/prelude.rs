@@ -24,7 +24,9 @@
 //!
 //! `Error` is not among them, since most programs have one of their own.
 
-pub use crate::action::{ActionClient, ActionOptions, GoalHandle, GoalState, GoalUpdate, NewGoal};
+pub use crate::action::{
+    ActionClient, ActionOptions, GoalHandle, GoalState, GoalUpdate, NewGoal, RunningGoal,
+};
 pub use crate::context::{Context, Node};
 pub use crate::event::Event;
 pub use crate::executor::{

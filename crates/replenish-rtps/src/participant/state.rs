@@ -357,6 +357,11 @@ impl Participant {
             .filter(move |known| known.guid.prefix != own)
     }
 
+    /// The endpoints that are known, our own included.
+    pub fn all_endpoints(&self) -> impl Iterator<Item = &RemoteEndpoint> {
+        self.remotes.iter()
+    }
+
     /// Takes the oldest event.
     pub fn event(&mut self) -> Option<Event> {
         self.events.pop_front()

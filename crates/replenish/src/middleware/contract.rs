@@ -56,6 +56,21 @@ pub struct ServiceSpec<'a> {
     pub max_response: usize,
 }
 
+/// An endpoint of the graph, of this program or of another one.
+#[derive(Debug, Clone, Copy)]
+pub struct GraphEnd<'a> {
+    /// Fully qualified name of its topic or service, `"/chatter"`.
+    pub name: &'a str,
+    /// `"std_msgs/msg/Int32"`, `"example_interfaces/srv/AddTwoInts"`.
+    pub type_name: &'a str,
+    /// Whether it is an end of a service: a server reads, a client writes.
+    pub service: bool,
+    /// Whether it writes.
+    pub writes: bool,
+    /// Its quality, as far as it says it.
+    pub qos: Qos,
+}
+
 /// The answer to a delivered sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Room {
@@ -207,6 +222,12 @@ pub trait Middleware: Send + Sync + 'static {
     fn matched_writers(&self, reader: ReaderId) -> Option<usize> {
         let _ = reader;
         None
+    }
+
+    /// Calls `each` for every endpoint that is known; `false` where the middleware does not know of
+    /// any but its own. `each` does not call back into the middleware.
+    fn graph(&self, _each: &mut dyn FnMut(&GraphEnd<'_>)) -> bool {
+        false
     }
 
     /// The next pair of endpoints that was found not to fit together, of which one is of this end;

@@ -14,8 +14,8 @@ mod services;
 
 use super::places::{free_number, put};
 use super::{
-    EndpointSpec, IncompatibleQos, Interest, LinkState, Middleware, MiddlewareError, PublishError,
-    ReaderId, RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
+    EndpointSpec, GraphEnd, IncompatibleQos, Interest, LinkState, Middleware, MiddlewareError,
+    PublishError, ReaderId, RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
 };
 use crate::Nanos;
 use crate::handoff::Ring;
@@ -264,6 +264,11 @@ impl Middleware for InProcess {
 
     fn matched_readers(&self, writer: WriterId) -> Option<usize> {
         self.count_readers(writer)
+    }
+
+    fn graph(&self, each: &mut dyn FnMut(&GraphEnd<'_>)) -> bool {
+        self.every_end(each);
+        true
     }
 
     fn matched_writers(&self, reader: ReaderId) -> Option<usize> {

@@ -38,7 +38,7 @@ pub mod rtps;
 pub mod xrce;
 
 pub use crate::handoff::{RequestIdentity, SampleInfo};
-pub use contract::{EndpointSpec, LinkState, Middleware, Room, ServiceSpec};
+pub use contract::{EndpointSpec, GraphEnd, LinkState, Middleware, Room, ServiceSpec};
 pub use error::{MiddlewareError, PublishError};
 pub use ids::{ReaderId, WriterId};
 pub use in_process::{InProcess, InProcessBus};

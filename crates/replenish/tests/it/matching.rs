@@ -6,6 +6,7 @@ use crate::common::{Log, eventually, executor};
 use replenish::msg::Service;
 use replenish::msg::std_msgs::Int32;
 use replenish::{Client, Context, Error, Event, HandleOptions, Qos, Removal};
+use replenish_interfaces::std_srvs::srv::SetBool;
 use replenish_testkit::watchdog::watchdog;
 use std::net::UdpSocket;
 use std::sync::Arc;
@@ -274,6 +275,11 @@ fn an_agent_that_does_not_tell_of_servers_is_an_error_that_says_so() {
     let error = client.wait_for_server(LIMIT).unwrap_err();
     assert!(matches!(error, Error::Middleware { .. }));
     let text = error.to_string();
+    let graph = node.graph().unwrap_err().to_string();
+    assert!(
+        graph.contains("to know the graph, which no agent tells"),
+        "{graph}"
+    );
     assert!(
         text.contains("client /square") && text.contains("this agent does not tell"),
         "{text}"
@@ -334,6 +340,64 @@ pub(crate) fn peers_are_counted(publishing: &Context, subscribing: &Context) {
 fn peers_are_counted_in_one_process() {
     let ctx = Context::in_process();
     peers_are_counted(&ctx, &ctx);
+}
+
+/// Both ends see the topics and services of both, with types and qualities, until they go.
+pub(crate) fn the_graph_is_known(one: &Context, other: &Context) {
+    let _dog = watchdog("graph", LIMIT);
+    let here = one.node("here").unwrap();
+    let there = other.node("there").unwrap();
+    let strict = Qos::reliable().transient_local().deadline(100 * MS);
+    let out = here.publisher::<Int32>("t", strict).unwrap();
+    let client: Client<SetBool> = here.client("set", Qos::services(), LIMIT).unwrap();
+    let (mut exec, _) = executor(other);
+    exec.worker("w")
+        .subscribe(&there, "t", Qos::sensor_data(), |_: &Int32, _| ())
+        .unwrap()
+        .serve::<SetBool, _>(&there, "set", Qos::services(), |_, _, _| ())
+        .unwrap();
+    let running = exec.start().unwrap();
+    for node in [&here, &there] {
+        assert!(eventually(|| {
+            let graph = node.graph().unwrap();
+            let service = graph.service("/set");
+            let ends = graph
+                .topic("/t")
+                .map(|t| (t.publishers.len(), t.subscriptions.len()));
+            ends == Some((1, 1)) && service.is_some_and(|s| (s.servers, s.clients) == (1, 1))
+        }));
+        let graph = node.graph().unwrap();
+        let topic = graph.topic("/t").unwrap();
+        assert_eq!(topic.type_name, "std_msgs/msg/Int32");
+        let [offered, asked] = [topic.publishers[0], topic.subscriptions[0]];
+        assert_eq!(
+            (offered.reliability, offered.durability),
+            (strict.reliability, strict.durability)
+        );
+        assert_eq!(offered.deadline, strict.deadline);
+        assert_eq!(asked.reliability, Qos::sensor_data().reliability);
+        assert_eq!(
+            graph.service("/set").unwrap().type_name,
+            "std_srvs/srv/SetBool"
+        );
+        assert!(
+            graph.topics.iter().all(|t| t.name.starts_with('/')),
+            "{graph:?}"
+        );
+    }
+    drop((out, client));
+    assert!(eventually(|| {
+        let graph = there.graph().unwrap();
+        let left = graph.topic("/t").map(|t| t.publishers.len());
+        left == Some(0) && graph.service("/set").is_some_and(|s| s.servers == 1)
+    }));
+    drop(running.stop());
+}
+
+#[test]
+fn the_graph_is_known_in_one_process() {
+    let ctx = Context::in_process();
+    the_graph_is_known(&ctx, &ctx);
 }
 
 #[test]

@@ -447,3 +447,9 @@ fn peers_of_two_participants_are_counted() {
     let config = config();
     crate::matching::peers_are_counted(&open(&config), &open(&config));
 }
+
+#[test]
+fn two_participants_know_the_graph() {
+    let config = config();
+    crate::matching::the_graph_is_known(&open(&config), &open(&config));
+}

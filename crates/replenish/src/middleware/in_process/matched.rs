@@ -1,7 +1,8 @@
-//! How many peers an endpoint of a bus has: those of its topic whose quality fits.
+//! How many peers an endpoint of a bus has: those of its topic whose quality fits. All endpoints.
 
 use super::InProcess;
-use crate::middleware::{ReaderId, WriterId};
+use crate::middleware::{GraphEnd, ReaderId, WriterId};
+use crate::qos::Qos;
 
 impl InProcess {
     pub(super) fn count_readers(&self, writer: WriterId) -> Option<usize> {
@@ -26,5 +27,33 @@ impl InProcess {
             of_topic && writer.offers.check_offers(reader.requests).is_ok()
         });
         Some(fits.count())
+    }
+
+    pub(super) fn every_end(&self, each: &mut dyn FnMut(&GraphEnd<'_>)) {
+        let bus = self.bus.state.lock();
+        let mut tell = |topic: usize, writes: bool, qos: Qos| {
+            let Some(topic) = bus.topics.get(topic) else {
+                return;
+            };
+            let requests = topic.name.strip_prefix("rq");
+            if requests.is_none() && !topic.name.starts_with('/') {
+                return; // replies: their service is known by its requests
+            }
+            each(&GraphEnd {
+                name: requests.unwrap_or(&topic.name),
+                type_name: &topic.type_name,
+                service: requests.is_some(),
+                writes,
+                qos,
+            });
+        };
+        for (_, participant) in bus.participants() {
+            for writer in participant.writers.iter().filter(|w| !w.deleted) {
+                tell(writer.topic, true, writer.offers);
+            }
+            for reader in participant.readers.iter().filter(|r| !r.deleted) {
+                tell(reader.topic, false, reader.requests);
+            }
+        }
     }
 }

@@ -7,8 +7,8 @@ use super::state::{Round, State};
 use super::stats::RtpsStats;
 use crate::Nanos;
 use crate::middleware::{
-    EndpointSpec, IncompatibleQos, Interest, LinkState, Middleware, MiddlewareError, PublishError,
-    ReaderId, RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
+    EndpointSpec, GraphEnd, IncompatibleQos, Interest, LinkState, Middleware, MiddlewareError,
+    PublishError, ReaderId, RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
 };
 use crate::sync::{AtomicBool, AtomicUsize, Ordering};
 use core::fmt;
@@ -249,6 +249,11 @@ impl Middleware for Rtps {
 
     fn matched_readers(&self, writer: WriterId) -> Option<usize> {
         self.count_readers(writer)
+    }
+
+    fn graph(&self, each: &mut dyn FnMut(&GraphEnd<'_>)) -> bool {
+        self.every_end(each);
+        true
     }
 
     fn matched_writers(&self, reader: ReaderId) -> Option<usize> {

@@ -1,8 +1,11 @@
-//! How many peers an endpoint has, those of this participant included.
+//! How many peers an endpoint has, those of this participant included. All endpoints of the
+//! domain, in the names of ROS 2.
 
 use super::adapter::Rtps;
-use crate::middleware::{ReaderId, WriterId};
+use super::qos::ros;
+use crate::middleware::{GraphEnd, ReaderId, WriterId};
 use replenish_rtps::endpoint::{Reader, Writer};
+use replenish_rtps::ros::{Prefix, ros_topic, ros_type};
 
 impl Rtps {
     pub(super) fn count_readers(&self, writer: WriterId) -> Option<usize> {
@@ -18,5 +21,32 @@ impl Rtps {
         let state = self.state.lock();
         let id = state.readers.get(usize::from(reader.0))?.id?;
         state.participant.reader(id).map(Reader::matched)
+    }
+
+    /// Endpoints that ROS 2 has not made are left out, and so are replies: their service is known
+    /// by its requests.
+    pub(super) fn every_end(&self, each: &mut dyn FnMut(&GraphEnd<'_>)) {
+        self.look_after_discovery();
+        let state = self.state.lock();
+        for end in state.participant.all_endpoints() {
+            let (Some((prefix, name)), Some(dds)) =
+                (ros_topic(end.topic()), ros_type(end.type_name()))
+            else {
+                continue;
+            };
+            let service = prefix != Prefix::Topic;
+            if prefix == Prefix::Reply {
+                continue;
+            }
+            let type_name = dds.as_str();
+            let requested = type_name.strip_suffix("_Request").filter(|_| service);
+            each(&GraphEnd {
+                name,
+                type_name: requested.unwrap_or(type_name),
+                service,
+                writes: !end.guid.entity.is_reader(),
+                qos: ros(&end.qos),
+            });
+        }
     }
 }

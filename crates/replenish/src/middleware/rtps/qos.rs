@@ -35,6 +35,31 @@ pub(super) fn dds(qos: Qos, keep_oldest: bool) -> wire::Qos {
     }
 }
 
+/// The quality of service of an endpoint that was announced.
+pub(super) fn ros(qos: &wire::Qos) -> Qos {
+    let time = |time: Nanos| (time != INFINITE).then(|| Duration::from_nanos(time));
+    let depth = u16::try_from(qos.depth).unwrap_or(u16::MAX);
+    Qos {
+        reliability: match qos.reliability {
+            wire::Reliability::BestEffort => Reliability::BestEffort,
+            wire::Reliability::Reliable => Reliability::Reliable,
+        },
+        durability: match qos.durability {
+            wire::Durability::Volatile => Durability::Volatile,
+            _ => Durability::TransientLocal,
+        },
+        deadline: time(qos.deadline),
+        lifespan: time(qos.lifespan),
+        history: if depth == 0 {
+            History::KeepAll
+        } else {
+            History::KeepLast
+        },
+        depth,
+        ..Qos::reliable()
+    }
+}
+
 /// Places for samples of `bytes` that a reader has.
 pub(super) fn places(qos: Qos, bytes: usize) -> usize {
     let depth = usize::from(qos.depth);
