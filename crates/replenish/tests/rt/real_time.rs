@@ -6,7 +6,7 @@ use replenish::args::{Environment, RosArgs};
 use replenish::msg::std_msgs::Int32;
 use replenish::{
     Budget, Context, Enforcement, Every, Group, GuardCondition, HandleOptions, Policy, Qos,
-    RunningExecutor, WorkerBuilder, log_info,
+    RunningExecutor, WorkerBuilder, log_info, sleep,
 };
 use replenish_os::{ThreadSpec, clock};
 use replenish_testkit::harness::{Trial, rt_trial};
@@ -24,6 +24,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     vec![
         rt_trial("a_budget_is_held_and_what_it_does_is_reported", budget),
         rt_trial("a_budget_holds_futures_that_log", futures),
+        rt_trial("a_budget_holds_futures_that_sleep", sleepers),
         rt_trial(
             "a_loop_at_high_priority_does_not_keep_stop_from_returning",
             stuck,
@@ -141,6 +142,21 @@ fn futures() {
     });
     let [a, b] = turns.map(|turns| turns.load(Ordering::Relaxed));
     assert!(a > 20 && a.abs_diff(b) <= 1, "{a} and {b} turns");
+}
+
+/// Futures that sleep for less time than the others need the worker.
+fn sleepers() {
+    held(&["high/guard:0", "high/guard:1"], |mut high| {
+        for _ in 0..2 {
+            let task = async {
+                loop {
+                    burn(1);
+                    sleep(MS / 10).await;
+                }
+            };
+            high = high.task(task).unwrap();
+        }
+    });
 }
 
 /// Gives the turn to the other handles of the worker.
