@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn a_demotion_late_by_the_limit_is_no_stall_and_the_delayst_is_the_worst() {
+    fn a_demotion_late_by_the_limit_is_no_stall_and_the_latest_is_the_worst() {
         let mut o = Overruns::default();
         o.record(7, STALL);
         let delays = [3, 9, 9, 5];
