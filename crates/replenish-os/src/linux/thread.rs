@@ -96,7 +96,8 @@ impl<T> Thread<T> {
     /// Whether the kernel knows it no more: its id may be another thread's by now.
     fn has_ended(&self) -> bool {
         let (mut policy, mut param) = (0, MaybeUninit::uninit());
-        let thread = self.handle.as_pthread_t();
+        // The standard library has an integer where libc may have a pointer (musl).
+        let thread = self.handle.as_pthread_t() as libc::pthread_t;
         // SAFETY: the handle is neither joined nor detached; both pointers live across the call.
         let rc = unsafe { libc::pthread_getschedparam(thread, &mut policy, param.as_mut_ptr()) };
         rc == libc::ESRCH
