@@ -20,9 +20,11 @@ libraries=$(dirname "$(find "$dir/root/usr/lib" -name libddsc.so.0.10.2)")
 [ -e "$libraries/libfastrtps.so.2.9.1" ]
 include="$dir/root/usr/include"
 flags="-O1 -I$include -I$include/ddsc -I$include/$(basename "$libraries") -I$dir/bin"
-# Libraries of libraries are named too, and the old tag is used: they are looked for here.
+# Libraries of libraries are named too, and the old tag is used: they are looked for here, from the
+# program's place on, so that the target directory may be moved.
+here="\$ORIGIN/$(realpath --relative-to="$dir/bin" "$libraries")"
 shared=$(cd "$libraries" && printf -- '-l:%s ' libiceoryx_*.so.2)
-link="-L$libraries -Wl,--disable-new-dtags -Wl,-rpath,$libraries -Wl,-rpath-link,$libraries"
+link="-L$libraries -Wl,--disable-new-dtags -Wl,-rpath,$here -Wl,-rpath-link,$libraries"
 LD_LIBRARY_PATH="$libraries" "$dir/root/usr/bin/idlc" -o "$dir/bin" "$sources/types.idl"
 # shellcheck disable=SC2086
 gcc $flags "$sources/cyclone.c" "$dir/bin/types.c" -Wl,--no-as-needed $link -lddsc $shared -o "$dir/bin/cyclone"
