@@ -118,6 +118,7 @@ pub type Nanos = u64;
 #[doc = include_str!("../../../docs/see-it.md")]
 #[doc = include_str!("../../../docs/ros-program.md")]
 #[doc = include_str!("../../../docs/json.md")]
+#[doc = include_str!("../../../docs/qos.md")]
 #[doc = include_str!("../../../docs/actions.md")]
 #[doc = include_str!("../../../docs/tutorial.md")]
 #[doc = include_str!("../../../docs/from-rclcpp.md")]

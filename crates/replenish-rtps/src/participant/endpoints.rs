@@ -91,6 +91,7 @@ impl Participant {
                 if known && fit.is_err() {
                     own.endpoint.remove_reader(theirs);
                 }
+                own.status.met(known, fit, taken);
                 self.report_pair(ours, theirs, known, fit, taken);
             }
         } else {
@@ -110,6 +111,7 @@ impl Participant {
                 if known && fit.is_err() {
                     own.endpoint.remove_writer(theirs);
                 }
+                own.status.met(known, fit, taken);
                 self.report_pair(ours, theirs, known, fit, taken);
             }
         }

@@ -47,6 +47,24 @@ pub enum Policy {
     Partition,
 }
 
+impl Policy {
+    /// Its name, in lower case.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Policy::Type => "type",
+            Policy::Reliability => "reliability",
+            Policy::Durability => "durability",
+            Policy::Deadline => "deadline",
+            Policy::Liveliness => "liveliness",
+            Policy::Ownership => "ownership",
+            Policy::DestinationOrder => "destination order",
+            Policy::Representation => "data representation",
+            Policy::Partition => "partition",
+        }
+    }
+}
+
 /// A bound of [`Limits`](super::Limits).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]

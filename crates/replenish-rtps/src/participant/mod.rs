@@ -20,6 +20,7 @@ mod matching;
 mod receive;
 mod remote;
 mod state;
+mod status;
 mod transmit;
 
 pub use config::{ConfigError, DEFAULT_LEASE, EndpointSpec, Limits, ParticipantConfig};
@@ -27,3 +28,4 @@ pub use event::{Bound, Event, Policy};
 pub use matching::incompatible;
 pub use remote::{RemoteEndpoint, RemoteParticipant};
 pub use state::{Participant, ReaderId, WriterId};
+pub use status::EndpointStatus;

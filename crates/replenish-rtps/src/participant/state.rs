@@ -3,6 +3,7 @@
 use super::config::{ConfigError, EndpointSpec, ParticipantConfig};
 use super::event::{Bound, Event};
 use super::remote::{RemoteEndpoint, RemoteParticipant, Text};
+use super::status::EndpointStatus;
 use crate::endpoint::{
     Body, Header, Reader, ReaderLimits, Sample, WriteError, Writer, WriterLimits,
 };
@@ -53,6 +54,8 @@ pub(super) struct Own<E> {
     pub(super) type_name: Text,
     /// The number of its announcement.
     pub(super) announced: SequenceNumber,
+    /// What has become of it, but for its peers of this moment.
+    pub(super) status: EndpointStatus,
 }
 
 /// Everything that one process has in a domain.
@@ -187,6 +190,7 @@ impl Participant {
             topic,
             type_name,
             announced: announce(&mut self.publications.0, guid, spec, now),
+            status: EndpointStatus::default(),
         });
         self.match_writer(guid.entity, now);
         self.meet_own(guid, spec, now);
@@ -217,6 +221,7 @@ impl Participant {
             topic,
             type_name,
             announced: announce(&mut self.subscriptions.0, guid, spec, now),
+            status: EndpointStatus::default(),
         });
         self.match_reader(guid.entity, now);
         self.meet_own(guid, spec, now);

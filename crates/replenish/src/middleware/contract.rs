@@ -4,10 +4,12 @@ use super::error::{MiddlewareError, PublishError};
 use super::ids::{ReaderId, WriterId};
 use super::incompatible_qos::IncompatibleQos;
 use super::interest::Interest;
+use super::watch::{End, Watch};
 use crate::Nanos;
 use crate::handoff::{RequestIdentity, SampleInfo};
 use crate::platform::label;
 use crate::qos::{IngressLimit, Qos};
+use crate::sync::Arc;
 
 /// The topic, type and QoS of a reader or writer. Names are valid ROS names when they get here.
 #[derive(Debug, Clone, Copy)]
@@ -228,6 +230,21 @@ pub trait Middleware: Send + Sync + 'static {
     /// any but its own. `each` does not call back into the middleware.
     fn graph(&self, _each: &mut dyn FnMut(&GraphEnd<'_>)) -> bool {
         false
+    }
+
+    /// Tells `watch` of what becomes of an endpoint, first of what has become of it so far, then of
+    /// each change, from the thread that calls [`take`](Self::take). An endpoint has one watch at a
+    /// time. Set-up, like a reader.
+    ///
+    /// # Errors
+    /// [`MiddlewareError::Unsupported`] where the middleware does not know;
+    /// [`MiddlewareError::Capacity`] if it has a watch that is not
+    /// [closed](Watch::is_closed).
+    fn watch(&self, end: End, watch: &Arc<dyn Watch>) -> Result<(), MiddlewareError> {
+        let _ = (end, watch);
+        Err(MiddlewareError::Unsupported(label(
+            "events of endpoints, which no agent tells",
+        )))
     }
 
     /// The next pair of endpoints that was found not to fit together, of which one is of this end;

@@ -11,8 +11,10 @@ mod long;
 mod matched;
 mod notices;
 mod services;
+mod watched;
 
 use super::places::{free_number, put};
+use super::watch::{End, EndStatus, Watch, Watches};
 use super::{
     EndpointSpec, GraphEnd, IncompatibleQos, Interest, LinkState, Middleware, MiddlewareError,
     PublishError, ReaderId, RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
@@ -68,6 +70,7 @@ impl InProcessBus {
             readers: Vec::new(),
             writers: Vec::new(),
             clashes: Arc::clone(&clashes),
+            watches: Watches::default(),
         });
         InProcess {
             bus: self.clone(),
@@ -116,8 +119,12 @@ pub struct InProcess {
 
 impl Drop for InProcess {
     fn drop(&mut self) {
-        let gone = self.bus.state.lock().leave(self.me);
+        let (gone, told) = {
+            let mut bus = self.bus.state.lock();
+            (bus.leave(self.me), bus.watchers())
+        };
         drop(gone); // its memory is freed without the lock
+        self.bus.ring(told);
     }
 }
 
@@ -136,7 +143,8 @@ impl Middleware for InProcess {
         let writers = &bus.me(self.me)?.writers;
         let id = free_number(writers, |w| w.deleted, "writers of one context")?;
         let topic = bus.join(spec)?;
-        let told = bus.compare_writer(self.me, topic, spec.qos);
+        let mut status = EndStatus::default();
+        let told = bus.compare_writer(self.me, topic, spec.qos, &mut status);
         let writer = Writer {
             topic,
             offers: spec.qos,
@@ -144,6 +152,7 @@ impl Middleware for InProcess {
             sent: 0,
             replies: None,
             kept: late.then(|| Ring::new(spec.qos.depth.into(), spec.max_size)),
+            status,
             deleted: false,
         };
         put(&mut bus.me(self.me)?.writers, id.into(), writer);
@@ -170,6 +179,7 @@ impl Middleware for InProcess {
             keep_oldest: spec.keep_oldest,
             reliable: spec.qos.reliability == Reliability::Reliable,
             lost: 0,
+            status: EndStatus::default(),
             deleted: false,
             stamp: 0,
         };
@@ -193,14 +203,22 @@ impl Middleware for InProcess {
     }
 
     fn delete_reader(&self, reader: ReaderId) -> Result<(), MiddlewareError> {
-        let mut bus = self.bus.state.lock();
-        bus.delete_reader(self.me, reader.0.into());
+        let told = {
+            let mut bus = self.bus.state.lock();
+            bus.delete_reader(self.me, reader.0.into());
+            bus.watchers()
+        };
+        self.bus.ring(told);
         Ok(())
     }
 
     fn delete_writer(&self, writer: WriterId) {
-        let mut bus = self.bus.state.lock();
-        bus.delete_writer(self.me, writer.0.into());
+        let told = {
+            let mut bus = self.bus.state.lock();
+            bus.delete_writer(self.me, writer.0.into());
+            bus.watchers()
+        };
+        self.bus.ring(told);
     }
 
     /// Delivers to every reader of the topic. [`PublishError::Full`] if a reliable reader that
@@ -263,7 +281,7 @@ impl Middleware for InProcess {
     }
 
     fn matched_readers(&self, writer: WriterId) -> Option<usize> {
-        self.count_readers(writer)
+        self.bus.state.lock().count_readers(self.me, writer)
     }
 
     fn graph(&self, each: &mut dyn FnMut(&GraphEnd<'_>)) -> bool {
@@ -272,7 +290,11 @@ impl Middleware for InProcess {
     }
 
     fn matched_writers(&self, reader: ReaderId) -> Option<usize> {
-        self.count_writers(reader)
+        self.bus.state.lock().count_writers(self.me, reader)
+    }
+
+    fn watch(&self, end: End, watch: &Arc<dyn Watch>) -> Result<(), MiddlewareError> {
+        self.add_watch(end, watch)
     }
 
     fn wait(&self, interest: &Interest, deadline: Option<Nanos>) -> Result<(), MiddlewareError> {
@@ -299,10 +321,10 @@ impl Middleware for InProcess {
         sink: &mut dyn FnMut(ReaderId, &SampleInfo, &[u8]) -> Room,
     ) -> Result<usize, MiddlewareError> {
         let mut taken = 0;
-        let (mut at, readers) = {
+        let (mut at, readers, watched) = {
             let mut bus = self.bus.state.lock();
             let me = bus.me(self.me)?;
-            (me.next, me.readers.len())
+            (me.next, me.readers.len(), !me.watches.is_empty())
         };
         let mut idle = 0; // readers in a row that had nothing
         while taken < BATCH && idle < readers {
@@ -334,6 +356,9 @@ impl Middleware for InProcess {
             });
         }
         self.bus.state.lock().me(self.me)?.next = at;
+        if watched {
+            self.tell_watches();
+        }
         Ok(taken)
     }
 

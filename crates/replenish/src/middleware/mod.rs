@@ -18,7 +18,7 @@
 //! reader *outside* the set never ends a wait, so that nothing is missed and nothing is spun on.
 //!
 //! ```text
-//!   in_process · xrce · rtps ─► contract: Middleware ─► incompatible_qos · interest ─► ids
+//!   in_process · xrce · rtps ─► contract: Middleware ─► incompatible_qos · interest · watch ─► ids
 //!   encoding · remedy · error: payloads, and what can go wrong with them      places: endpoints
 //! ```
 
@@ -34,6 +34,7 @@ mod places;
 pub(crate) mod remedy;
 #[cfg(feature = "std")]
 pub mod rtps;
+mod watch;
 #[cfg(feature = "xrce")]
 pub mod xrce;
 
@@ -44,3 +45,4 @@ pub use ids::{ReaderId, WriterId};
 pub use in_process::{InProcess, InProcessBus};
 pub use incompatible_qos::IncompatibleQos;
 pub use interest::{Interest, MAX_READERS};
+pub use watch::{End, EndStatus, Watch};

@@ -8,7 +8,7 @@
 //!   parameter/server: values from outside                  ──► args
 //!   log: Node::logger, log_info! …, /rosout             ──► args
 //!   sleep: sleep, sleep_until, Node::sleep                 ──► clock
-//!   graph: Node::graph
+//!   graph: Node::graph      events: on_event
 //!   report_json: Report::to_json
 //!   time: Node::{now, rate}, ros_timer, /clock             ──► clock
 //!   diagnostics: Executor::diagnostics, /diagnostics, /statistics
@@ -17,6 +17,7 @@
 mod args;
 mod clock;
 mod diagnostics;
+mod events;
 mod graph;
 mod log;
 mod program;
@@ -35,6 +36,7 @@ pub(crate) use time::follow_clock;
 
 /// The part that users see, and import with everything else.
 pub(crate) mod prelude {
+    pub use super::events::QosEvent;
     pub use super::log::Logger;
     pub use super::sleep::{sleep, sleep_until};
     pub use crate::{log_debug, log_error, log_fatal, log_info, log_warn};
@@ -42,6 +44,7 @@ pub(crate) mod prelude {
 
 /// The part that users see.
 pub(crate) mod public {
+    pub use super::events::{Count, EventSource, QosEvent};
     pub use super::graph::{Graph, GraphService, GraphTopic};
     pub use super::log::{LogRule, LogSite, LogTo, Logger};
     pub use super::sleep::{Sleep, sleep, sleep_until};

@@ -37,6 +37,7 @@ mod nodes;
 mod overlay_names;
 mod parameters;
 mod parity;
+mod qos_events;
 mod recorder;
 mod recorder_identities;
 mod refusals;

@@ -11,6 +11,7 @@ use crate::executor::handles::options::HandleOptions;
 use crate::executor::run::mailbox::Command;
 use crate::executor::run::routes::Route;
 use crate::handoff::{Declined, Inbox};
+use crate::middleware::ReaderId;
 use crate::platform::text;
 use crate::sync::{Arc, Ordering};
 use alloc::boxed::Box;
@@ -149,6 +150,11 @@ impl<'e> Target for Running<'e> {
     fn last_inbox(&mut self) -> Option<Arc<Inbox>> {
         None
     }
+
+    fn reader_of(&mut self, id: &str) -> Option<ReaderId> {
+        let (_, shared) = self.live.registry.find(id)?;
+        shared.input.as_ref().map(|(reader, _)| *reader)
+    }
 }
 
 impl Target for HandleGroup<'_> {
@@ -191,6 +197,10 @@ impl Target for HandleGroup<'_> {
     fn last_inbox(&mut self) -> Option<Arc<Inbox>> {
         let (_, shared) = self.worker.live.registry.find(self.ids.last()?)?;
         shared.input.as_ref().map(|(_, inbox)| Arc::clone(inbox))
+    }
+
+    fn reader_of(&mut self, id: &str) -> Option<ReaderId> {
+        self.worker.reader_of(id)
     }
 }
 

@@ -12,6 +12,7 @@ use crate::executor::handles::guard::GuardCondition;
 use crate::executor::handles::timer::TimerHandle;
 use crate::executor::wake::schedule::Every;
 use crate::handoff::Inbox;
+use crate::middleware::ReaderId;
 use crate::qos::Qos;
 use crate::service::bytes::{Bare, Body, Unanswered, answers};
 use crate::service::client::Client;
@@ -58,6 +59,10 @@ pub trait Target: Sized {
 
     /// The inbox of the handle that was added last.
     fn last_inbox(&mut self) -> Option<Arc<Inbox>>;
+
+    /// The reader of the executor's handle with this id.
+    #[allow(dead_code, reason = "nobody asks for it without feature `std`")]
+    fn reader_of(&mut self, id: &str) -> Option<ReaderId>;
 }
 
 /// The numbers in the ids of handles without a topic.

@@ -12,6 +12,7 @@ use crate::executor::run::rules::{Semantics, Trigger};
 use crate::executor::run::state::{Rules, WorkerSpec, one_more};
 use crate::executor::wake::schedule::Every;
 use crate::handoff::Inbox;
+use crate::middleware::ReaderId;
 use crate::sync::Arc;
 use replenish_os::Policy;
 use sporadic::Budget;
@@ -230,5 +231,11 @@ impl Target for Description<'_> {
             let (_, inbox) = spec.entries.last()?.shared.input.as_ref()?;
             Some(Arc::clone(inbox))
         })?
+    }
+
+    fn reader_of(&mut self, id: &str) -> Option<ReaderId> {
+        let mut entries = self.executor.workers.iter().flat_map(|spec| &spec.entries);
+        let entry = entries.find(|entry| entry.shared.id == id)?;
+        entry.shared.input.as_ref().map(|(reader, _)| *reader)
     }
 }

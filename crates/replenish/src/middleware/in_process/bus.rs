@@ -13,7 +13,8 @@
 use super::notices::{Clashes, Oversizes};
 use crate::handoff::{Ring, RingSlot, SampleInfo};
 use crate::middleware::places::{free_place, put};
-use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId};
+use crate::middleware::watch::{End, EndStatus, Watches};
+use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId, WriterId};
 use crate::platform::{STD, TEXTS, label};
 use crate::qos::Qos;
 use crate::sync::{Arc, Notify};
@@ -59,6 +60,8 @@ pub(super) struct Participant {
     pub(super) writers: Vec<Writer>,
     /// Endpoints whose QoS does not fit together, as far as it was not reported yet.
     pub(super) clashes: Arc<Clashes>,
+    /// Endpoints that a program watches.
+    pub(super) watches: Watches,
 }
 
 pub(super) struct Writer {
@@ -72,6 +75,8 @@ pub(super) struct Writer {
     pub(super) replies: Option<(usize, u32)>,
     /// The latest samples, for readers that come late (transient local).
     pub(super) kept: Option<Ring>,
+    /// What has become of it, but for its peers of this moment.
+    pub(super) status: EndStatus,
     /// It was deleted; its place is free.
     pub(super) deleted: bool,
 }
@@ -88,6 +93,8 @@ pub(super) struct Reader {
     pub(super) keep_oldest: bool,
     pub(super) reliable: bool,
     pub(super) lost: u64,
+    /// What has become of it, but for its peers of this moment.
+    pub(super) status: EndStatus,
     /// It was deleted; its place is free.
     pub(super) deleted: bool,
     /// No other reader of the bus has had it: places are given out again, also to participants.
@@ -130,6 +137,12 @@ impl Bus {
     pub(super) fn participants(&self) -> impl Iterator<Item = (usize, &Participant)> {
         let places = self.participants.iter().enumerate();
         places.filter_map(|(at, place)| Some((at, place.as_ref()?)))
+    }
+
+    /// As [`participants`](Self::participants).
+    pub(super) fn participants_mut(&mut self) -> impl Iterator<Item = (usize, &mut Participant)> {
+        let places = self.participants.iter_mut().enumerate();
+        places.filter_map(|(at, place)| Some((at, place.as_mut()?)))
     }
 
     /// The place of a topic, which has one endpoint more from now on.
@@ -178,7 +191,8 @@ impl Bus {
         if let Some(reader) = reader.filter(|r| !r.deleted) {
             reader.queue.clear();
             reader.deleted = true;
-            let topic = reader.topic;
+            let (topic, end) = (reader.topic, End::Reader(reader.id));
+            self.unwatch(me, end);
             self.unsubscribe(topic, (me, at));
         }
     }
@@ -188,8 +202,14 @@ impl Bus {
         if let Some(writer) = writer.filter(|w| !w.deleted) {
             writer.deleted = true;
             let topic = writer.topic;
+            self.unwatch(me, End::Writer(WriterId(id(at).0)));
             self.part(topic);
         }
+    }
+
+    fn unwatch(&mut self, me: usize, end: End) {
+        let participant = self.participant_mut(me).into_iter();
+        participant.for_each(|participant| participant.watches.remove(end));
     }
 
     /// A number that no reader of this bus has.
@@ -253,7 +273,10 @@ impl Bus {
                     }
                 }
                 Stored::TooLong => wake |= 1 << p,
-                Stored::Lost => full |= reader.reliable && reader.keep_all,
+                Stored::Lost => {
+                    full |= reader.reliable && reader.keep_all;
+                    wake |= u64::from(!participant.watches.is_empty()) << p;
+                }
             }
         }
         (wake, full)

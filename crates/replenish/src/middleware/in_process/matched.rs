@@ -1,34 +1,35 @@
 //! How many peers an endpoint of a bus has: those of its topic whose quality fits. All endpoints.
 
 use super::InProcess;
+use super::bus::Bus;
 use crate::middleware::{GraphEnd, ReaderId, WriterId};
 use crate::qos::Qos;
 
-impl InProcess {
-    pub(super) fn count_readers(&self, writer: WriterId) -> Option<usize> {
-        let bus = self.bus.state.lock();
-        let mine = bus.participant(self.me)?;
+impl Bus {
+    pub(super) fn count_readers(&self, me: usize, writer: WriterId) -> Option<usize> {
+        let mine = self.participant(me)?;
         let writer = mine.writers.get(usize::from(writer.0))?;
-        let readers = bus.topics.get(writer.topic)?.readers.iter();
+        let readers = self.topics.get(writer.topic)?.readers.iter();
         let fits = readers.filter(|(p, r)| {
-            let reader = bus.participant(*p).and_then(|p| p.readers.get(*r));
+            let reader = self.participant(*p).and_then(|p| p.readers.get(*r));
             reader.is_some_and(|reader| writer.offers.check_offers(reader.requests).is_ok())
         });
         Some(fits.count())
     }
 
-    pub(super) fn count_writers(&self, reader: ReaderId) -> Option<usize> {
-        let bus = self.bus.state.lock();
-        let mine = bus.participant(self.me)?;
+    pub(super) fn count_writers(&self, me: usize, reader: ReaderId) -> Option<usize> {
+        let mine = self.participant(me)?;
         let reader = mine.readers.get(usize::from(reader.0))?;
-        let writers = bus.participants().flat_map(|(_, p)| &p.writers);
+        let writers = self.participants().flat_map(|(_, p)| &p.writers);
         let fits = writers.filter(|writer| {
             let of_topic = !writer.deleted && writer.topic == reader.topic;
             of_topic && writer.offers.check_offers(reader.requests).is_ok()
         });
         Some(fits.count())
     }
+}
 
+impl InProcess {
     pub(super) fn every_end(&self, each: &mut dyn FnMut(&GraphEnd<'_>)) {
         let bus = self.bus.state.lock();
         let mut tell = |topic: usize, writes: bool, qos: Qos| {

@@ -6,11 +6,12 @@ use super::new_end::{NewEnd, failed};
 use super::state::{Round, State};
 use super::stats::RtpsStats;
 use crate::Nanos;
+use crate::middleware::watch::{End, Watch};
 use crate::middleware::{
     EndpointSpec, GraphEnd, IncompatibleQos, Interest, LinkState, Middleware, MiddlewareError,
     PublishError, ReaderId, RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
 };
-use crate::sync::{AtomicBool, AtomicUsize, Ordering};
+use crate::sync::{Arc, AtomicBool, AtomicUsize, Ordering};
 use core::fmt;
 use replenish_os::timer::TimerFd;
 use replenish_os::{PiMutex, SocketSet, WakeFd, clock};
@@ -43,7 +44,7 @@ pub struct Rtps {
     pub(super) own_endpoints: usize,
     /// Nobody is listened to but ourselves.
     alone: bool,
-    waker: WakeFd,
+    pub(super) waker: WakeFd,
     /// Samples wait in the participant.
     backlog: AtomicBool,
     /// A dispatcher has waited once: it looks after discovery.
@@ -154,8 +155,13 @@ impl Rtps {
         }
         state.arm_next(now, &self.alarm);
         self.backlog.store(state.has_backlog(), Ordering::Release);
+        let watched = !state.watches.is_empty();
+        drop(state);
         if news {
             self.news.fetch_add(1, Ordering::Release);
+        }
+        if watched {
+            self.tell_watches();
         }
     }
 
@@ -262,6 +268,10 @@ impl Middleware for Rtps {
 
     fn next_incompatible_qos(&self) -> Option<IncompatibleQos> {
         self.state.lock().clashes.pop_front()
+    }
+
+    fn watch(&self, end: End, watch: &Arc<dyn Watch>) -> Result<(), MiddlewareError> {
+        self.add_watch(end, watch)
     }
 
     fn wait(&self, interest: &Interest, deadline: Option<Nanos>) -> Result<(), MiddlewareError> {

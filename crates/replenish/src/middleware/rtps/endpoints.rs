@@ -6,6 +6,7 @@ use super::qos::{name_too_long, places, refused};
 use super::send::LONG;
 use super::state::{ReaderEnd, State, WriterEnd};
 use crate::middleware::places::{free_number, put};
+use crate::middleware::watch::End;
 use crate::middleware::{MiddlewareError, ReaderId, WriterId};
 use crate::platform::zeroed;
 use replenish_os::clock;
@@ -35,7 +36,7 @@ impl Rtps {
         let entered = state
             .graph
             .enter(&mut state.participant, new.node, id.entity(), now);
-        state.housekeep(now, &self.alarm, &self.sockets);
+        self.has_changed(state, now);
         let writer = WriterId(number);
         if let Err(error) = entered {
             state.drop_writer(writer, now);
@@ -74,7 +75,7 @@ impl Rtps {
             entity.unwrap_or_default(),
             now,
         );
-        state.housekeep(now, &self.alarm, &self.sockets);
+        self.has_changed(state, now);
         if let Err(error) = entered {
             inlets.remove(reader);
             state.drop_reader(reader, now);
@@ -88,14 +89,22 @@ impl Rtps {
         self.inlets.lock().remove(reader);
         let state = &mut *self.state.lock();
         state.drop_reader(reader, now);
-        state.housekeep(now, &self.alarm, &self.sockets);
+        self.has_changed(state, now);
     }
 
     pub(super) fn remove_writer(&self, writer: WriterId) {
         let now = clock::monotonic();
         let state = &mut *self.state.lock();
         state.drop_writer(writer, now);
+        self.has_changed(state, now);
+    }
+
+    /// An endpoint of ours has come or gone: sends what is due. The dispatcher tells watches.
+    fn has_changed(&self, state: &mut State, now: crate::Nanos) {
         state.housekeep(now, &self.alarm, &self.sockets);
+        if !state.watches.is_empty() {
+            self.waker.wake();
+        }
     }
 }
 
@@ -136,6 +145,7 @@ impl State {
             return;
         };
         end.service = None;
+        self.watches.remove(End::Reader(reader));
         let node = core::mem::take(&mut end.node);
         self.participant.remove_reader(id, now);
         self.graph
@@ -156,6 +166,7 @@ impl State {
         };
         end.partner = None;
         end.spare = None;
+        self.watches.remove(End::Writer(writer));
         let Some(id) = end.id.take() else {
             return;
         };

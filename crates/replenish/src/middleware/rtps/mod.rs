@@ -18,7 +18,7 @@
 //!   connect ─► endpoints · services ─► adapter ─► inlets: the sockets of readers
 //!     │              │                    └─────► state ─► graph · service_end
 //!     └─► environment └─► new_end                 below all: config · qos · stats
-//!   send: the publisher's part
+//!   send: the publisher's part          watched: endpoints that a program watches
 //! ```
 
 mod adapter;
@@ -36,6 +36,7 @@ mod service_end;
 mod services;
 mod state;
 mod stats;
+mod watched;
 
 pub use adapter::Rtps;
 pub use config::{DiscoveryRange, RtpsConfig, RtpsError};

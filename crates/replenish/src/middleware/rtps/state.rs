@@ -5,6 +5,7 @@ use super::qos::{PADDING, policy_bit};
 use super::service_end::ServiceEnd;
 use super::stats::RtpsStats;
 use crate::Nanos;
+use crate::middleware::watch::Watches;
 use crate::middleware::{
     IncompatibleQos, Interest, PublishError, ReaderId, Room, SampleInfo, WriterId,
 };
@@ -71,6 +72,8 @@ pub(super) struct State {
     /// A participant was lost once.
     lost_any: bool,
     pub(super) stats: RtpsStats,
+    /// Endpoints that a program watches.
+    pub(super) watches: Watches,
 }
 
 impl State {
@@ -85,6 +88,7 @@ impl State {
             clashes: VecDeque::with_capacity(CLASHES),
             lost_any: false,
             stats: RtpsStats::default(),
+            watches: Watches::default(),
         }
     }
 

@@ -1,0 +1,59 @@
+//! [`EndpointStatus`]: the peers of an own endpoint, and promises that were not kept (DDS 1.4,
+//! 2.2.4.1).
+
+use super::event::Policy;
+use super::state::{Own, Participant, ReaderId, WriterId};
+
+/// Counts of an own endpoint, from its creation on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct EndpointStatus {
+    /// Peers that it has had, each counted anew when it comes again.
+    pub matched_total: u64,
+    /// Peers that it has.
+    pub matched: usize,
+    /// Peers of its topic whose quality of service does not fit.
+    pub incompatible: u64,
+    /// The policy by which the last one did not fit.
+    pub last_incompatible: Option<Policy>,
+    /// Peers of its topic that have another type.
+    pub wrong_type: u64,
+}
+
+impl EndpointStatus {
+    /// A peer of the topic was looked at.
+    pub(super) fn met(&mut self, known: bool, fit: Result<(), Policy>, taken: bool) {
+        match fit {
+            Ok(()) if taken && !known => self.matched_total += 1,
+            Ok(()) | Err(Policy::Partition) => {}
+            Err(Policy::Type) => self.wrong_type += 1,
+            Err(policy) => {
+                self.incompatible += 1;
+                self.last_incompatible = Some(policy);
+            }
+        }
+    }
+}
+
+impl Participant {
+    /// The counts of a writer.
+    #[must_use]
+    pub fn writer_status(&self, id: WriterId) -> Option<EndpointStatus> {
+        let mut writers = self.writers.iter();
+        let own = writers.find(|own| own.endpoint.entity() == id.entity())?;
+        Some(EndpointStatus {
+            matched: own.endpoint.matched(),
+            ..own.status
+        })
+    }
+
+    /// The counts of a reader.
+    #[must_use]
+    pub fn reader_status(&self, id: ReaderId) -> Option<EndpointStatus> {
+        let of = |own: &&Own<crate::endpoint::Reader>| own.endpoint.guid().entity == id.entity();
+        let own = self.readers.iter().find(of)?;
+        Some(EndpointStatus {
+            matched: own.endpoint.matched(),
+            ..own.status
+        })
+    }
+}

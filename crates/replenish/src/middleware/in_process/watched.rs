@@ -1,0 +1,79 @@
+//! Endpoints of a bus that a program watches: their status, and who is told of it.
+
+use super::InProcess;
+use super::bus::Bus;
+use crate::compatibility::QosClash;
+use crate::middleware::MiddlewareError;
+use crate::middleware::watch::{End, EndStatus, Watch};
+use crate::sync::Arc;
+
+impl InProcess {
+    pub(super) fn add_watch(
+        &self,
+        end: End,
+        watch: &Arc<dyn Watch>,
+    ) -> Result<(), MiddlewareError> {
+        self.bus.state.lock().me(self.me)?.watches.add(end, watch)?;
+        self.tell_watches();
+        Ok(())
+    }
+
+    /// Tells every watch of this participant, each without the lock.
+    #[cold]
+    pub(super) fn tell_watches(&self) {
+        for at in 0.. {
+            let bus = self.bus.state.lock();
+            let me = bus.participant(self.me);
+            let Some((end, watch)) = me.and_then(|me| me.watches.get(at)) else {
+                return;
+            };
+            let status = bus.status(self.me, end).unwrap_or_default();
+            let news = watch.update(&status).then(|| Arc::clone(watch));
+            drop(bus);
+            if let Some(watch) = news {
+                watch.ring();
+            }
+        }
+    }
+}
+
+impl Bus {
+    /// The participants that watch endpoints, as bits: something has changed that may concern them.
+    pub(super) fn watchers(&self) -> u64 {
+        let all = self.participants();
+        let watching = all.filter(|(_, participant)| !participant.watches.is_empty());
+        watching.fold(0, |bits, (at, _)| bits | 1 << at)
+    }
+
+    fn status(&self, me: usize, end: End) -> Option<EndStatus> {
+        let mine = self.participant(me)?;
+        let count = |found: Option<usize>| found.unwrap_or(0) as u64;
+        Some(match end {
+            End::Writer(writer) => EndStatus {
+                matched: count(self.count_readers(me, writer)),
+                ..mine.writers.get(usize::from(writer.0))?.status
+            },
+            End::Reader(reader) => {
+                let end = mine.readers.get(usize::from(reader.0))?;
+                EndStatus {
+                    matched: count(self.count_writers(me, reader)),
+                    lost: end.lost,
+                    ..end.status
+                }
+            }
+        })
+    }
+}
+
+impl EndStatus {
+    /// A peer of the topic has come.
+    pub(super) fn met(&mut self, fit: Result<(), &QosClash>) {
+        match fit {
+            Ok(()) => self.matched_total += 1,
+            Err(clash) => {
+                self.incompatible += 1;
+                self.policy = clash.policies().next().unwrap_or_default();
+            }
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! [`QosEvent`]: a change at an endpoint, as ROS 2's QoS events have it.
+
+use crate::middleware::EndStatus;
+
+/// A number that has changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Count {
+    /// Its value now.
+    pub total: u64,
+    /// How much of it is new since the callback heard of it last.
+    pub change: i64,
+}
+
+/// A change at a publisher or subscription: [`on_event`](crate::AddHandles::on_event).
+///
+/// Several changes between two callbacks are one event. `rclcpp`'s names stand beside.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum QosEvent {
+    /// Peers have come or gone (`matched`).
+    Matched {
+        /// Peers so far, each counted anew when it comes again.
+        total: Count,
+        /// Peers at this moment.
+        current: Count,
+    },
+    /// A peer of the topic offers or asks for a quality of service that does not fit
+    /// (`incompatible_qos`): the two do not talk.
+    IncompatibleQos {
+        /// How many so far.
+        count: Count,
+        /// The policy by which the last one did not fit: `"reliability"`.
+        policy: &'static str,
+    },
+    /// A peer of the topic has another type (`incompatible_type`): the two do not talk.
+    IncompatibleType(Count),
+    /// Samples of a subscription were lost on the way to it (`message_lost`).
+    MessageLost(Count),
+}
+
+/// The events that lead from the status that was told last to that of now.
+pub(super) fn between(last: EndStatus, now: EndStatus) -> impl Iterator<Item = QosEvent> {
+    let count = |total: u64, last: u64| Count {
+        total,
+        change: total.wrapping_sub(last).cast_signed(),
+    };
+    let only =
+        |count: Count, event: fn(Count) -> QosEvent| (count.change != 0).then(|| event(count));
+    let total = count(now.matched_total, last.matched_total);
+    let current = count(now.matched, last.matched);
+    let incompatible = count(now.incompatible, last.incompatible);
+    let policy = now.policy;
+    let matched = QosEvent::Matched { total, current };
+    let clash = QosEvent::IncompatibleQos {
+        count: incompatible,
+        policy,
+    };
+    let events = [
+        (total.change != 0 || current.change != 0).then_some(matched),
+        (incompatible.change != 0).then_some(clash),
+        only(
+            count(now.wrong_type, last.wrong_type),
+            QosEvent::IncompatibleType,
+        ),
+        only(count(now.lost, last.lost), QosEvent::MessageLost),
+    ];
+    events.into_iter().flatten()
+}
