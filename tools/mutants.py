@@ -23,6 +23,7 @@ from mutants_list import BEFORE, GROUPS
 ROOT = Path(__file__).resolve().parent.parent
 COPY = ROOT / "target/mutants/tree"
 MOST = 300  # seconds that the tests may take; a mutant may hang
+MEMORY = 3 << 30  # bytes of address space that they may take; a mutant may queue without end
 # Each mutant is built and runs once: what is quick to build is quick.
 QUICK = ["debug=false", "incremental=true", "package.{}.opt-level=1"]
 
@@ -60,30 +61,35 @@ class Tests:
         usual = {"RUST_BACKTRACE": "0", "PROPTEST_CASES": "64"}
         self.environment = {**usual, **os.environ, "CARGO_TARGET_DIR": str(target)}
 
+    def run(self, words, limit):
+        """Runs cargo in a process group of its own, which ends with this call however it ends.
+        With a `limit`, in seconds, memory is limited, too."""
+        memory = ["prlimit", f"--as={MEMORY}"] if limit else []
+        with subprocess.Popen(
+            [*memory, *self.build, *words], cwd=COPY, env=self.environment, start_new_session=True,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        ) as child:
+            try:
+                return child.communicate(timeout=limit)[0], child.returncode
+            finally:
+                try:
+                    os.killpg(child.pid, signal.SIGKILL)
+                except ProcessLookupError:
+                    pass  # the whole group has ended
+
     def compiles(self):
         """Compiling has no time limit."""
-        command = [*self.build, "--no-run"]
-        done = subprocess.run(
-            command, cwd=COPY, env=self.environment, capture_output=True, text=True
-        )
-        return None if done.returncode == 0 else done.stderr[-2000:]
+        out, code = self.run(["--no-run"], None)
+        return None if code == 0 else out[-2000:]
 
     def failure(self):
         """The first test that fails, or that they hang; `None` if all pass."""
-        pipe = subprocess.PIPE
-        with subprocess.Popen(
-            [*self.build, "--", *self.filters],
-            cwd=COPY, env=self.environment, stdout=pipe, stderr=subprocess.STDOUT, text=True,
-            start_new_session=True,
-        ) as run:
-            try:
-                out, _ = run.communicate(timeout=MOST)
-            except subprocess.TimeoutExpired:
-                os.killpg(run.pid, signal.SIGKILL)
-                run.communicate()
-                return f"they hang: over {MOST} s"
+        try:
+            out, code = self.run(["--", *self.filters], MOST)
+        except subprocess.TimeoutExpired:
+            return f"they hang: over {MOST} s"
         ran = sum(int(n) for n in re.findall(r"^running (\d+) tests?$", out, re.M))
-        if run.returncode == 0:
+        if code == 0:
             if ran == 0:
                 raise SystemExit(f"{' '.join(self.filters)}: no such test")
             return None
@@ -127,7 +133,14 @@ def group_of(group, words, target):
     return counted, survived, wrong
 
 
+def stopped(number, _frame):
+    """SIGTERM and SIGHUP unwind as Ctrl-C does: children end, and the copy is whole again."""
+    raise SystemExit(128 + number)
+
+
 def main():
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, stopped)
     words = sys.argv[1:]
     target = ROOT / "target/mutants/target"
     if words[:1] == ["--target-dir"]:

@@ -112,6 +112,8 @@ mod tests {
         );
         let tight = assign(&[1, 2, 3], &(20..=22), &[]);
         assert_eq!(tight, [22, 21, 20]);
+        let equal = assign(&[1, 1, 1, 1, 1, 2, 3], &(20..=22), &[]);
+        assert_eq!(equal[4..], [22, 21, 20], "equal deadlines take one level");
         let many: Vec<_> = (1..=100).map(|i| i * MS).collect();
         let got = assign(&many, &(20..=29), &[]);
         assert!(got.is_sorted_by(|a, b| a >= b) && got[0] == 29 && got[99] == 20);
