@@ -1,4 +1,5 @@
-//! Trials that can be skipped at run time and are then counted as ignored.
+//! Trials that can be skipped at run time and are then counted as ignored: beforehand, by what
+//! [`Trial::skipped_if`] is told, or from within, by [`skip`].
 //!
 //! A test target uses it with `harness = false`:
 //!
@@ -10,8 +11,11 @@
 //! ]);
 //! ```
 
+pub use crate::skip::{REQUIRE_PEERS, skip, skip_peer, skip_rt};
+use crate::skip::{Skipped, peers_required};
 use crate::{rt, steal};
-use libtest_mimic::{Arguments, Failed};
+use libtest_mimic::{Arguments, Completion, Failed};
+use std::panic::resume_unwind;
 
 /// A name, a body, and the reason to skip it.
 pub struct Trial {
@@ -43,10 +47,13 @@ impl Trial {
         let name = format!("{prefix}{}", self.name);
         // A thread of its own: a trial may change policy and CPU of its thread.
         let body = move || match std::thread::spawn(self.body).join() {
-            Ok(result) => result,
-            Err(payload) => std::panic::resume_unwind(payload),
+            Ok(result) => result.map(|()| Completion::Completed),
+            Err(payload) => match payload.downcast::<Skipped>() {
+                Ok(skipped) => Ok(Completion::ignored_with(skipped.0)),
+                Err(payload) => resume_unwind(payload),
+            },
         };
-        libtest_mimic::Trial::test(name, body).with_ignored_flag(self.skip)
+        libtest_mimic::Trial::ignorable_test(name, body).with_ignored_flag(self.skip)
     }
 }
 
@@ -107,9 +114,6 @@ fn unless(
     trial.skipped_if((!required).then_some(&why))
 }
 
-/// Set to `1`, it makes trials that lack a foreign peer fail instead of being ignored.
-pub const REQUIRE_PEERS: &str = "REPLENISH_REQUIRE_PEERS";
-
 /// A trial that needs a foreign program. `missing` names it and the way to get it: then the trial
 /// counts as ignored, unless [`REQUIRE_PEERS`] is set.
 pub fn peer_trial(
@@ -117,8 +121,7 @@ pub fn peer_trial(
     missing: Option<String>,
     body: impl FnOnce() + Send + 'static,
 ) -> Trial {
-    let required = std::env::var_os(REQUIRE_PEERS).is_some_and(|value| value == "1");
-    unless(name, missing, REQUIRE_PEERS, required, move || {
+    unless(name, missing, REQUIRE_PEERS, peers_required(), move || {
         body();
         Ok(())
     })
@@ -132,14 +135,20 @@ pub fn run(trials: Vec<Trial>) -> ! {
 
 /// Runs the trials of several modules one after another, and exits. Names begin with the module's.
 pub fn run_in_turn<const N: usize>(modules: [(&str, Vec<Trial>); N]) -> ! {
-    let named = |(module, trials): (&str, Vec<Trial>)| {
-        let prefix = format!("{module}::");
-        trials
-            .into_iter()
-            .map(move |t| t.named(&prefix))
-            .collect::<Vec<_>>()
-    };
     let mut arguments = Arguments::from_args();
     arguments.test_threads = Some(1);
-    libtest_mimic::run(&arguments, modules.into_iter().flat_map(named).collect()).exit()
+    libtest_mimic::run(&arguments, named(modules)).exit()
+}
+
+/// Runs the trials of several modules side by side, and exits. Names begin with the module's.
+pub fn run_together<const N: usize>(modules: [(&str, Vec<Trial>); N]) -> ! {
+    libtest_mimic::run(&Arguments::from_args(), named(modules)).exit()
+}
+
+fn named<const N: usize>(modules: [(&str, Vec<Trial>); N]) -> Vec<libtest_mimic::Trial> {
+    let named = |(module, trials): (&str, Vec<Trial>)| {
+        let prefix = format!("{module}::");
+        trials.into_iter().map(move |t| t.named(&prefix))
+    };
+    modules.into_iter().flat_map(named).collect()
 }

@@ -28,6 +28,7 @@ pub mod progress;
 pub mod rt;
 pub mod sets;
 pub mod signal;
+mod skip;
 pub mod steal;
 pub mod tids;
 pub mod wall_clock;

@@ -11,6 +11,7 @@
 //! | | | how late threads at FIFO 99 woke that only sleep ([`Witness`]) | 8 |
 //! | [`unstalled`] | ordinary priority, with limits in wall time | how late a thread woke that only sleeps | 4 |
 
+use crate::skip::Skipped;
 use crate::witness::Witness;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
@@ -158,6 +159,9 @@ fn watched(
             passes -= 1;
             continue;
         };
+        if panic.is::<Skipped>() {
+            resume_unwind(panic);
+        }
         let taken = so_far()
             .zip(before)
             .map(|(now, then)| now.saturating_sub(then));

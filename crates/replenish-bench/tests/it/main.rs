@@ -9,12 +9,6 @@
 #[path = "../common/mod.rs"]
 mod common;
 
-#[path = "../../../replenish-agent/tests/support/cyclone.rs"]
-mod cyclone;
-#[path = "../../../replenish-agent/tests/support/stock_client.rs"]
-mod stock_client;
-
-mod agent;
 mod attacker;
 mod bench;
 mod history;
@@ -24,6 +18,5 @@ mod nuttx_page;
 mod nuttx_policy;
 mod paper;
 mod roles;
-mod rows;
 mod stream_lossy;
 mod suggest;

@@ -1,4 +1,4 @@
-//! The files in `deploy/`: the unit is one that systemd understands, and the agent runs as it says.
+//! The files in `deploy/`: the agent runs as the unit says.
 
 use crate::common::{BIN, json, stderr};
 use std::io::{BufRead, BufReader};
@@ -25,32 +25,6 @@ fn setting(unit: &str, name: &str) -> String {
         .unwrap_or_else(|| panic!("no {name}"))
         .trim_matches('"')
         .to_owned()
-}
-
-#[test]
-fn systemd_understands_the_unit() {
-    if Command::new("systemd-analyze")
-        .arg("--version")
-        .output()
-        .is_err()
-    {
-        return; // a machine without systemd
-    }
-    let dir = scratch("unit");
-    let path = dir.join("replenish-agent.service");
-    std::fs::write(&path, unit().replace("/usr/local/bin/replenish", BIN)).unwrap();
-    let verified = Command::new("systemd-analyze")
-        .arg("verify")
-        .arg(&path)
-        .output()
-        .unwrap();
-    let said = String::from_utf8_lossy(&verified.stderr);
-    let about_it: Vec<&str> = said
-        .lines()
-        .filter(|l| l.contains("replenish-agent"))
-        .collect();
-    assert!(verified.status.success() && about_it.is_empty(), "{said}");
-    std::fs::remove_dir_all(dir).ok();
 }
 
 /// With the unit's options it serves, writes its JSON, and SIGTERM ends it with exit code 0.

@@ -2,7 +2,7 @@
 //! panic, no hang, bounded memory. `REPLENISH_INPUTS=100000` asks for so many files.
 
 use crate::common::{BIN, Scratch, json, stderr};
-use crate::live::Program;
+use crate::recorded::Program;
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::FileExt;
 use std::path::Path;

@@ -1,247 +1,21 @@
 //! `trace` and `top` as a user runs them, on a real program: while it runs, and after `kill -9`.
 //!
-//! The trace is read by a decoder that stands here and shares nothing with the encoder;
-//! `peers/perfetto_trace.py` reads it with Perfetto's own protobuf module, where
-//! `peers/setup.sh` has installed that, as it does in CI.
+//! The trace is read by a decoder of the tests' own; Perfetto's own module reads it in `packages`.
 
 use crate::common::{Scratch, json, run, stderr};
-use replenish::msg::std_msgs::Int32;
-use replenish::{Budget, Context, Executor, Mark, Qos};
-use std::collections::BTreeMap;
+use crate::perfetto::check;
+use crate::recorded::{self, Program};
 use std::os::unix::fs::symlink;
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-const CHILD: &str = "REPLENISH_RECORDED_CHILD";
 const MS: Duration = Duration::from_millis(1);
 
-/// The program that is looked at; a test that does nothing where it was not started as that.
 #[test]
+#[ignore = "the program that other tests start"]
 fn the_program_that_is_looked_at() {
-    if std::env::var_os(CHILD).is_none() {
-        return;
+    if recorded::is_this() {
+        recorded::program();
     }
-    let ctx = Context::in_process();
-    let node = ctx.node("n").unwrap();
-    let out = node.publisher::<Int32>("t", Qos::reliable()).unwrap();
-    let mut exec = Executor::new(&ctx);
-    exec.no_ledger().admission(false).on_event(|_| ());
-    exec.worker("source")
-        .timer(MS, move |_| out.publish(&Int32 { data: 1 }))
-        .unwrap();
-    let mark = Mark::new("in the sink");
-    exec.worker("sink")
-        .subscribe(&node, "t", Qos::reliable(), move |_: &Int32, cx| {
-            cx.mark(mark, 7);
-        })
-        .unwrap();
-    exec.worker("hungry")
-        .budget(Budget::of(2 * MS).every(20 * MS))
-        .timer(10 * MS, |_| {
-            let begin = Instant::now();
-            while begin.elapsed() < 6 * MS {}
-        })
-        .unwrap();
-    exec.spin().unwrap();
-}
-
-/// A directory in memory with that program.
-pub(crate) struct Program {
-    directory: PathBuf,
-    pub(crate) child: Child,
-}
-
-impl Program {
-    pub(crate) fn start(name: &str) -> Self {
-        let directory = format!("/dev/shm/replenish-cli-{name}-{}", std::process::id());
-        let directory = PathBuf::from(directory);
-        std::fs::create_dir(&directory).unwrap();
-        let child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "live::the_program_that_is_looked_at"])
-            .env(CHILD, "1")
-            .env("REPLENISH_LIVE", &directory)
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        Self { directory, child }
-    }
-
-    fn command(&self, args: &[&str]) -> Output {
-        let mut command = Command::new(crate::common::BIN);
-        let command = command.args(args).env("REPLENISH_LIVE", &self.directory);
-        command.output().unwrap()
-    }
-
-    fn top(&self, out: &Path) -> serde_json::Value {
-        let out = out.to_str().unwrap();
-        let output = self.command(&["top", "--once", "--ended", "--json", out]);
-        assert!(output.status.success(), "{}", stderr(&output));
-        json(Path::new(out))
-    }
-
-    /// Waits until the budget has been exhausted a few times.
-    pub(crate) fn wait(&self, out: &Path) -> serde_json::Value {
-        let end = Instant::now() + Duration::from_secs(60);
-        loop {
-            let top = self.top(out);
-            let workers = &top["programs"][0]["workers"];
-            if workers[2]["exhaustions"].as_u64().unwrap_or(0) >= 3 {
-                return top;
-            }
-            assert!(Instant::now() < end, "{top:#}");
-            std::thread::sleep(20 * MS);
-        }
-    }
-
-    pub(crate) fn directory(&self) -> &Path {
-        &self.directory
-    }
-
-    pub(crate) fn file(&self) -> PathBuf {
-        let mut entries = std::fs::read_dir(&self.directory).unwrap();
-        entries.next().unwrap().unwrap().path()
-    }
-}
-
-impl Drop for Program {
-    fn drop(&mut self) {
-        self.child.kill().ok();
-        self.child.wait().ok();
-        std::fs::remove_dir_all(&self.directory).ok();
-    }
-}
-
-/// The fields of an encoded message.
-fn fields(mut bytes: &[u8]) -> Vec<(u64, Field<'_>)> {
-    fn varint(bytes: &mut &[u8]) -> u64 {
-        let mut value = 0;
-        for shift in (0..).step_by(7) {
-            let (byte, rest) = bytes.split_first().unwrap();
-            *bytes = rest;
-            value |= u64::from(byte & 0x7f) << shift;
-            if byte & 0x80 == 0 {
-                return value;
-            }
-        }
-        unreachable!()
-    }
-    let mut all = Vec::new();
-    while !bytes.is_empty() {
-        let tag = varint(&mut bytes);
-        let field = match tag & 7 {
-            0 => Field::Number(varint(&mut bytes)),
-            1 => {
-                let (number, rest) = bytes.split_first_chunk::<8>().unwrap();
-                bytes = rest;
-                Field::Number(u64::from_le_bytes(*number))
-            }
-            2 => {
-                let length = usize::try_from(varint(&mut bytes)).unwrap();
-                let (part, rest) = bytes.split_at(length);
-                bytes = rest;
-                Field::Bytes(part)
-            }
-            other => panic!("wire type {other}"),
-        };
-        all.push((tag >> 3, field));
-    }
-    all
-}
-
-#[derive(Clone, Copy)]
-enum Field<'a> {
-    Number(u64),
-    Bytes(&'a [u8]),
-}
-
-fn number(fields: &[(u64, Field<'_>)], wanted: u64) -> Option<u64> {
-    fields.iter().find_map(|(n, field)| match field {
-        Field::Number(value) if *n == wanted => Some(*value),
-        _ => None,
-    })
-}
-
-fn part<'a>(fields: &[(u64, Field<'a>)], wanted: u64) -> Option<&'a [u8]> {
-    fields.iter().find_map(|(n, field)| match field {
-        Field::Bytes(value) if *n == wanted => Some(*value),
-        _ => None,
-    })
-}
-
-/// Reads a trace and checks it: a clock snapshot first, every event on a described track, slices
-/// that nest, flows with both ends, a budget of 0 where it is exhausted. How many entries of each
-/// type: slices' begins and ends, instants, values of counters, states.
-fn check(trace: &[u8]) -> [usize; 5] {
-    let packets = fields(trace);
-    let (mut tracks, mut depth, mut counts) = (BTreeMap::new(), BTreeMap::new(), [0; 5]);
-    let (mut from, mut to, mut exhausted, mut empty) = (vec![], vec![], vec![], vec![]);
-    for (n, (field, packet)) in packets.iter().enumerate() {
-        let Field::Bytes(packet) = packet else {
-            panic!("packet {n}")
-        };
-        assert_eq!(*field, 1);
-        let packet = fields(packet);
-        let sequence = number(&packet, 10).unwrap();
-        if n == 0 {
-            assert_eq!(fields(part(&packet, 6).unwrap()).len(), 3, "three clocks");
-        }
-        if let Some(descriptor) = part(&packet, 60) {
-            let uuid = number(&fields(descriptor), 1).unwrap();
-            assert!(tracks.insert(sequence, uuid).is_none());
-            assert_eq!(number(&packet, 13), Some(1));
-        }
-        let Some(event) = part(&packet, 11) else {
-            continue;
-        };
-        assert!(tracks.contains_key(&sequence));
-        let (time, event) = (number(&packet, 8).unwrap(), fields(event));
-        let kind = usize::try_from(number(&event, 9).unwrap()).unwrap();
-        counts[kind - 1] += 1;
-        let depth: &mut i32 = depth.entry(sequence).or_default();
-        *depth += match kind {
-            1 => 1,
-            2 => -1,
-            _ => 0,
-        };
-        assert!(*depth >= 0, "a slice ends that has not begun");
-        from.extend(number(&event, 47));
-        to.extend(number(&event, 48));
-        if part(&event, 23) == Some(b"exhausted") {
-            exhausted.push(time);
-        }
-        if number(&event, 30) == Some(0) {
-            empty.push(time);
-        }
-    }
-    from.sort_unstable();
-    to.sort_unstable();
-    assert_eq!(from, to, "every flow has both ends");
-    assert!(!from.is_empty() && !exhausted.is_empty());
-    assert!(exhausted.iter().all(|time| empty.contains(time)));
-    counts
-}
-
-/// Perfetto's module finds as many events, and no field that it does not know.
-fn perfetto_reads(trace: &Path, events: usize) {
-    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
-    let python = here
-        .join("../..")
-        .join(target)
-        .join("peers/perfetto/bin/python");
-    if !python.exists() {
-        println!("not read with Perfetto's module: tests/peers/setup.sh installs it");
-        return;
-    }
-    let mut command = Command::new(python);
-    let command = command
-        .arg(here.join("tests/peers/perfetto_trace.py"))
-        .arg(trace);
-    let output = command.output().unwrap();
-    assert!(output.status.success(), "{}", stderr(&output));
-    assert_eq!(crate::common::stdout(&output).trim(), events.to_string());
 }
 
 #[test]
@@ -312,8 +86,6 @@ fn a_program_is_seen_while_it_runs_and_after_it_was_killed() {
             "{begun} {ended}"
         );
         assert!(values > 5 && states > 3, "{values} {states}");
-        let events = begun + ended + instants + values + states;
-        perfetto_reads(&trace, events);
     }
     assert_eq!(program.top(&out)["programs"][0]["alive"], false);
 
@@ -377,7 +149,7 @@ fn foreign_files_are_left_out_and_named() {
     program.wait(&scratch.path("top.json"));
     program.child.kill().unwrap();
     program.child.wait().unwrap();
-    let (file, directory) = (program.file(), &program.directory);
+    let (file, directory) = (program.file(), program.directory());
     let whole = std::fs::read(&file).unwrap();
     symlink(&file, directory.join("link.live")).unwrap();
     std::fs::create_dir(directory.join("directory.live")).unwrap();

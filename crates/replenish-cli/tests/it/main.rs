@@ -13,12 +13,13 @@ mod common;
 #[path = "../../../replenish/tests/common/fibonacci.rs"]
 mod fibonacci;
 
-mod ctf;
 mod deploy;
 mod hostile;
 mod laboratory;
 mod live;
+mod perfetto;
 mod plan;
+mod recorded;
 #[cfg(feature = "dds")]
 mod ros2_client;
 mod schema;

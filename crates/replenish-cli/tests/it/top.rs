@@ -1,7 +1,7 @@
 //! `top` as a user sees it: on a terminal, with keys, until it is ended one way or the other.
 
 use crate::common::{BIN, Scratch, stderr};
-use crate::live::Program;
+use crate::recorded::Program;
 use replenish_os::tty::Pty;
 use std::fs::OpenOptions;
 use std::path::Path;

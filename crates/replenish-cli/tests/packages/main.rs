@@ -10,8 +10,22 @@
 mod ament;
 mod container;
 mod crates;
+mod ctf;
 mod debian;
 mod said;
+mod systemd;
+mod trace;
+
+#[path = "../it/common.rs"]
+#[allow(dead_code, reason = "`it` uses the rest")]
+mod common;
+#[path = "../it/perfetto.rs"]
+mod perfetto;
+#[path = "../it/recorded.rs"]
+#[allow(dead_code, reason = "`it` uses the rest")]
+mod recorded;
+#[path = "../it/schema.rs"]
+mod schema;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -50,11 +64,17 @@ fn empty(name: &str) -> PathBuf {
 }
 
 fn main() {
+    if recorded::is_this() {
+        return recorded::program();
+    }
     replenish_testkit::harness::run_in_turn([
         ("ament", ament::trials()),
         ("container", container::trials()),
         ("crates", crates::trials()),
+        ("ctf", ctf::trials()),
         ("debian", debian::trials()),
         ("said", said::trials()),
+        ("systemd", systemd::trials()),
+        ("trace", trace::trials()),
     ])
 }

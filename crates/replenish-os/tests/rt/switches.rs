@@ -4,11 +4,12 @@ use replenish_os::{
     ContextSwitch, ContextSwitchLog, CpuSet, SchedClass, SwitchDirection, clock, current_tid,
     set_affinity, set_priority, voluntary_switches,
 };
-use replenish_testkit::harness::{Trial, rt_trial, trial};
+use replenish_testkit::harness::{Trial, rt_trial, skip, trial};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 const MS: u64 = 1_000_000;
+const NO_RECORDS: &str = "no switch records here (kernel.perf_event_paranoid)";
 
 fn drain(log: &mut ContextSwitchLog) -> Vec<ContextSwitch> {
     let mut all = Vec::new();
@@ -18,8 +19,7 @@ fn drain(log: &mut ContextSwitchLog) -> Vec<ContextSwitch> {
 
 fn sleeps_are_voluntary_and_timed() {
     let Ok(mut log) = ContextSwitchLog::open(current_tid()) else {
-        eprintln!("skipped: no switch records here (kernel.perf_event_paranoid)");
-        return;
+        skip(NO_RECORDS);
     };
     let from = clock::monotonic();
     for _ in 0..3 {
@@ -50,7 +50,7 @@ fn sleeps_are_voluntary_and_timed() {
 
 fn a_full_ring_says_that_it_lost_something() {
     let Ok(mut log) = ContextSwitchLog::open(current_tid()) else {
-        return;
+        skip(NO_RECORDS);
     };
     for _ in 0..3000 {
         clock::sleep_until(clock::monotonic() + 1000);

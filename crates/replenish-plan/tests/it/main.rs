@@ -1,4 +1,4 @@
-//! Planner, deployment files and ledger, in one binary.
+//! Planner and deployment files, in one binary.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -9,8 +9,6 @@
 mod damaged;
 mod file;
 mod groups;
-mod ledger;
-mod ledger_attacked;
 mod plan;
 mod plans_random;
 mod robot;

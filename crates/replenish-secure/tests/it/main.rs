@@ -7,7 +7,6 @@
 )]
 
 mod agent;
-mod foreign;
 mod handshakes;
 mod identity;
 mod raw;

@@ -2,6 +2,7 @@
 
 use crate::common::{BIN, Running, Scratch, free_port, json, run, start, stderr};
 use replenish_os::tty::Pty;
+use replenish_testkit::harness::{Trial, skip, skip_rt, trial};
 use replenish_xrce::client::{PING_LEN, ping, pong};
 use replenish_xrce::framing::{
     SERIAL_AGENT, SERIAL_CLIENT, Serial, serial_frame, serial_frame_len,
@@ -59,11 +60,9 @@ fn list<'a>(value: &'a Value, name: &str) -> &'a [Value] {
     value[name].as_array().unwrap_or_else(|| panic!("{name}"))
 }
 
-#[test]
 fn it_listens_at_several_addresses_of_both_families_and_over_tcp() {
     if UdpSocket::bind("[::1]:0").is_err() {
-        eprintln!("skipped: no IPv6 on this machine");
-        return;
+        skip("no IPv6 on this machine");
     }
     let scratch = Scratch::new("agent-addresses");
     let path = scratch.path("agent.json");
@@ -93,7 +92,6 @@ fn it_listens_at_several_addresses_of_both_families_and_over_tcp() {
     }
 }
 
-#[test]
 fn wrong_options_name_the_field_and_the_range() {
     let cases: [(&[&str], &str, &str); 16] = [
         (&["--udp", "localhost"], "--udp", "invalid"),
@@ -139,7 +137,6 @@ fn wrong_options_name_the_field_and_the_range() {
     }
 }
 
-#[test]
 fn what_it_cannot_listen_at_is_named_at_once() {
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();
@@ -159,7 +156,6 @@ fn what_it_cannot_listen_at_is_named_at_once() {
     }
 }
 
-#[test]
 fn a_line_without_permission_is_named() {
     let pty = Pty::open().unwrap();
     std::fs::set_permissions(pty.path(), PermissionsExt::from_mode(0o000)).unwrap();
@@ -171,8 +167,7 @@ fn a_line_without_permission_is_named() {
         command.uid(65_534);
     }
     let Ok(output) = command.stdin(Stdio::null()).output() else {
-        eprintln!("skipped: another user cannot run {BIN}");
-        return;
+        skip("another user cannot run the program");
     };
     let text = stderr(&output);
     assert_eq!(output.status.code(), Some(1), "{text}");
@@ -180,7 +175,6 @@ fn a_line_without_permission_is_named() {
     assert!(text.contains(path) && text.contains("ermission"), "{text}");
 }
 
-#[test]
 fn a_serial_line_alone_is_served_and_opens_no_port() {
     let pty = Pty::open().unwrap();
     let path = pty.path().to_str().unwrap();
@@ -258,7 +252,6 @@ fn check_json(path: &Path) -> Value {
     told
 }
 
-#[test]
 fn it_shows_who_does_what_on_demand_and_ends_cleanly_with_clients_connected() {
     let scratch = Scratch::new("agent-shows");
     let path = scratch.path("agent.json");
@@ -284,7 +277,6 @@ fn it_shows_who_does_what_on_demand_and_ends_cleanly_with_clients_connected() {
     assert_eq!(files, 1, "nothing is left beside the JSON");
 }
 
-#[test]
 fn a_watched_agent_shows_itself_again_and_again() {
     let (mut agent, _) = agent(&["--watch"]);
     for _ in 0..2 {
@@ -294,7 +286,6 @@ fn a_watched_agent_shows_itself_again_and_again() {
     assert!(agent.end(SOON).success());
 }
 
-#[test]
 fn a_flood_of_rubbish_is_counted_and_costs_a_few_lines() {
     let scratch = Scratch::new("agent-flood");
     let path = scratch.path("agent.json");
@@ -324,7 +315,6 @@ fn a_flood_of_rubbish_is_counted_and_costs_a_few_lines() {
     );
 }
 
-#[test]
 fn a_client_too_many_is_refused_with_its_key_its_place_and_the_limit() {
     let (mut agent, address) = agent(&["--clients", "1"]);
     let mut pong = start(&["pong", "--agent", &address, "--burst", "0"]);
@@ -340,7 +330,6 @@ fn a_client_too_many_is_refused_with_its_key_its_place_and_the_limit() {
     assert!(agent.end(SOON).success());
 }
 
-#[test]
 fn an_access_list_is_read_again_on_sighup_and_a_wrong_one_changes_nothing() {
     let scratch = Scratch::new("agent-access");
     let (path, list) = (scratch.path("agent.json"), scratch.path("clients.toml"));
@@ -403,7 +392,6 @@ pub(crate) fn stuck(
 
 /// b209253 wrote the log from the thread that keeps the JSON and waits for signals: with a full
 /// pipe on standard error the JSON froze, and SIGTERM did not end the agent.
-#[test]
 fn an_agent_whose_output_nobody_reads_keeps_its_json_and_ends() {
     for output in [true, false] {
         let scratch = Scratch::new(&format!("agent-stuck-{output}"));
@@ -454,11 +442,9 @@ pub(crate) fn policies(pid: u32) -> Vec<(String, u32, u32)> {
 }
 
 /// b209253 put its thread into time sharing, however it was started, and had no option.
-#[test]
 fn its_thread_keeps_the_policy_it_was_started_with_or_has_the_one_that_is_named() {
     if !replenish_os::privilege::may_be_real_time() {
-        eprintln!("skipped: no real-time priority on this machine");
-        return;
+        skip_rt("no real-time priority on this machine");
     }
     let listening = ["agent", "--udp", "127.0.0.1:0"];
     for (start, more, expected) in [
@@ -481,4 +467,57 @@ fn its_thread_keeps_the_policy_it_was_started_with_or_has_the_one_that_is_named(
         agent.signal("TERM");
         assert!(agent.end(SOON).success());
     }
+}
+
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        trial(
+            "it_listens_at_several_addresses_of_both_families_and_over_tcp",
+            it_listens_at_several_addresses_of_both_families_and_over_tcp,
+        ),
+        trial(
+            "wrong_options_name_the_field_and_the_range",
+            wrong_options_name_the_field_and_the_range,
+        ),
+        trial(
+            "what_it_cannot_listen_at_is_named_at_once",
+            what_it_cannot_listen_at_is_named_at_once,
+        ),
+        trial(
+            "a_line_without_permission_is_named",
+            a_line_without_permission_is_named,
+        ),
+        trial(
+            "a_serial_line_alone_is_served_and_opens_no_port",
+            a_serial_line_alone_is_served_and_opens_no_port,
+        ),
+        trial(
+            "it_shows_who_does_what_on_demand_and_ends_cleanly_with_clients_connected",
+            it_shows_who_does_what_on_demand_and_ends_cleanly_with_clients_connected,
+        ),
+        trial(
+            "a_watched_agent_shows_itself_again_and_again",
+            a_watched_agent_shows_itself_again_and_again,
+        ),
+        trial(
+            "a_flood_of_rubbish_is_counted_and_costs_a_few_lines",
+            a_flood_of_rubbish_is_counted_and_costs_a_few_lines,
+        ),
+        trial(
+            "a_client_too_many_is_refused_with_its_key_its_place_and_the_limit",
+            a_client_too_many_is_refused_with_its_key_its_place_and_the_limit,
+        ),
+        trial(
+            "an_access_list_is_read_again_on_sighup_and_a_wrong_one_changes_nothing",
+            an_access_list_is_read_again_on_sighup_and_a_wrong_one_changes_nothing,
+        ),
+        trial(
+            "an_agent_whose_output_nobody_reads_keeps_its_json_and_ends",
+            an_agent_whose_output_nobody_reads_keeps_its_json_and_ends,
+        ),
+        trial(
+            "its_thread_keeps_the_policy_it_was_started_with_or_has_the_one_that_is_named",
+            its_thread_keeps_the_policy_it_was_started_with_or_has_the_one_that_is_named,
+        ),
+    ]
 }

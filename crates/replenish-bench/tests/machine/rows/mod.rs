@@ -5,10 +5,10 @@
 //! both pass, so that a row that falls falls by its attack.
 //!
 //! ```sh
-//! test="cargo test -p replenish-bench --features dds --test it rows::"
-//! $test -- --nocapture --test-threads 1               # today's program
+//! test="cargo test -p replenish-bench --features dds --test machine rows::"
+//! $test -- --test-threads 1                           # today's program
 //! export REPLENISH_AGENT_PROGRAM=/path/to/replenish   # from here on another one
-//! $test -- --nocapture --test-threads 1
+//! $test -- --test-threads 1
 //! ```
 
 mod bridge;
@@ -20,6 +20,7 @@ mod strangers;
 
 use crate::common::{BIN, Scratch};
 use crate::memory::Victim;
+use replenish_testkit::harness::Trial;
 use std::time::{Duration, Instant};
 
 const SOON: Duration = Duration::from_secs(20);
@@ -54,4 +55,16 @@ fn within(limit: Duration, mut holds: impl FnMut() -> bool) -> bool {
         }
         std::thread::sleep(Duration::from_millis(20));
     }
+}
+
+pub(crate) fn trials() -> Vec<Trial> {
+    let parts = [
+        bridge::trials(),
+        client::trials(),
+        delivery::trials(),
+        ledger::trials(),
+        process::trials(),
+        strangers::trials(),
+    ];
+    parts.into_iter().flatten().collect()
 }

@@ -1,17 +1,7 @@
 //! The demo as a whole: with real-time priority, without, and when it is refused.
-//!
-//! The command takes the machine-wide lock itself, so these trials do not.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests"
-)]
 
-mod common;
-
-use common::{Running, Scratch, json, run, start, stderr, stdout};
-use replenish_testkit::harness::{rt_program_trial, run as run_trials, trial};
+use crate::common::{Running, Scratch, json, run, start, stderr, stdout};
+use replenish_testkit::harness::{Trial, rt_program_trial, skip, trial};
 use replenish_testkit::rt;
 use std::os::unix::fs::PermissionsExt;
 use std::process::{Command, Output, Stdio};
@@ -20,8 +10,8 @@ use std::time::Duration;
 /// How long anything may take on a busy machine.
 const SOON: Duration = Duration::from_secs(60);
 
-fn main() {
-    run_trials(vec![
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
         rt_program_trial("demo_json_and_identities", demo_json_and_identities),
         rt_program_trial("sweep_with_odd_values", sweep_with_odd_values),
         rt_program_trial("budgets_isolate_the_control_loop", isolation),
@@ -40,7 +30,7 @@ fn main() {
             agent_dies,
         ),
         trial("a_signal_ends_the_demo_and_its_parts", signal_ends_all),
-    ]);
+    ]
 }
 
 /// Runs the command until no window of it counts although the machine stood still, at most three
@@ -90,8 +80,7 @@ fn torture() {
     let output = run(&[&fixed[..], &rest[..]].concat());
     let said = stderr(&output);
     if said.contains("cannot mount tracefs") {
-        eprintln!("not judged: {said}");
-        return;
+        skip(&format!("not judged: {said}"));
     }
     let j = json(&path);
     assert_eq!(
@@ -289,9 +278,7 @@ fn unprivileged_isolation() {
     let path = scratch.path("i.json");
     let (windows, json_path) = ("--windows", path.to_str().unwrap());
     let args = ["experiment", "isolation", windows, "1", "--json", json_path];
-    let Some(output) = as_ordinary_user(&scratch, &args) else {
-        return;
-    };
+    let output = as_ordinary_user(&scratch, &args);
     assert!(output.status.success(), "{}", stderr(&output));
     for case in json(&path)["cases"].as_array().unwrap() {
         assert_eq!(case["mode"], "deferred", "{case:#}");
@@ -304,7 +291,7 @@ fn unprivileged_demo() {
     let scratch = Scratch::new("unprivileged");
     open_to_all(&scratch);
     let (path, page) = (scratch.path("demo.json"), scratch.path("report.html"));
-    let Some(output) = as_ordinary_user(
+    let output = as_ordinary_user(
         &scratch,
         &[
             "demo",
@@ -315,9 +302,7 @@ fn unprivileged_demo() {
             "--report",
             page.to_str().unwrap(),
         ],
-    ) else {
-        return;
-    };
+    );
     assert!(output.status.success(), "{}", stderr(&output));
     let j = json(&path);
     assert_eq!(j["mode"], "deferred");
@@ -344,9 +329,7 @@ fn strict_refuses() {
     open_to_all(&scratch);
     let page = scratch.path("report.html");
     let args = ["demo", "--strict", "--report", page.to_str().unwrap()];
-    let Some(output) = as_ordinary_user(&scratch, &args) else {
-        return;
-    };
+    let output = as_ordinary_user(&scratch, &args);
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     let text = stderr(&output);
     assert!(text.contains("--strict"), "{text}");
@@ -428,10 +411,10 @@ fn open_to_all(scratch: &Scratch) {
 }
 
 /// Runs the command without any privilege: as `nobody` if this is root, as it is if this user has
-/// no real-time priority anyway. `None` (said on standard error) if neither can be had.
-fn as_ordinary_user(scratch: &Scratch, args: &[&str]) -> Option<Output> {
+/// no real-time priority anyway. Skips the trial if neither can be had.
+fn as_ordinary_user(scratch: &Scratch, args: &[&str]) -> Output {
     let copy = scratch.path("replenish"); // the build directory may be closed to others
-    std::fs::copy(common::BIN, &copy).unwrap();
+    std::fs::copy(crate::common::BIN, &copy).unwrap();
     std::fs::set_permissions(&copy, std::fs::Permissions::from_mode(0o755)).unwrap();
     let setpriv = [
         "--reuid=65534",
@@ -450,12 +433,11 @@ fn as_ordinary_user(scratch: &Scratch, args: &[&str]) -> Option<Output> {
     } else if rt::available().is_err() {
         Command::new(&copy)
     } else {
-        eprintln!("not tested: this user has real-time priority and cannot give it up");
-        return None;
+        skip("this user has real-time priority and cannot give it up");
     };
     command
         .args(args)
         .current_dir(scratch.dir())
         .stdin(Stdio::null());
-    Some(command.output().unwrap())
+    command.output().unwrap()
 }

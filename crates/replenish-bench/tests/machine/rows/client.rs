@@ -3,6 +3,7 @@
 use super::{agent, program, row};
 use crate::common::{Running, Scratch};
 use crate::stock_client::{At, HISTORY, KEEP_ALL, Stock};
+use replenish_testkit::harness::{Trial, trial};
 use replenish_xrce::wire::StreamId;
 use std::time::{Duration, Instant};
 
@@ -29,7 +30,6 @@ fn echoed(talker: &mut Stock, listener: &mut Stock, samples: u32) -> usize {
 
 /// b209253's client counted what it was granted by samples that it put together, its agent by those
 /// that were sent.
-#[test]
 fn a01_a_sample_too_long_for_its_reader() {
     const SAMPLES: u32 = 300;
     let scratch = Scratch::new("a01");
@@ -52,4 +52,11 @@ fn a01_a_sample_too_long_for_its_reader() {
     let figure = format!("{back} of {SAMPLES} samples after it are heard");
     let holds = back == SAMPLES as usize;
     row("A1", "20 kB on a topic of Int32", &figure, holds);
+}
+
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![trial(
+        "a01_a_sample_too_long_for_its_reader",
+        a01_a_sample_too_long_for_its_reader,
+    )]
 }

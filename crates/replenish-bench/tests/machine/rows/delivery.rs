@@ -5,6 +5,7 @@ use crate::attacker::{Raw, SESSION, questions};
 use crate::common::Scratch;
 use crate::memory::Victim;
 use crate::stock_client::{At, HISTORY, KEEP_ALL, KEEP_TEN, Stock, bursts};
+use replenish_testkit::harness::{Trial, trial};
 use replenish_xrce::wire::{EndpointQos, StreamId};
 use std::net::UdpSocket;
 use std::time::{Duration, Instant};
@@ -52,7 +53,6 @@ fn finish(
 }
 
 /// b209253 had one pool of 64 MiB for the samples of all clients.
-#[test]
 fn a02_ten_strangers_fill_the_memory_for_samples() {
     let scratch = Scratch::new("a02");
     let victim = agent(&scratch, &[]);
@@ -78,7 +78,6 @@ fn a02_ten_strangers_fill_the_memory_for_samples() {
 }
 
 /// b209253 acknowledged and dropped, after a second.
-#[test]
 fn a03_a_reliable_keep_all_reader_stands_still() {
     const SAMPLES: usize = 1000;
     let scratch = Scratch::new("a03");
@@ -128,7 +127,6 @@ fn cost(victim: &Victim, noise: &mut Raw) -> f64 {
 
 /// b209253 looked for the clients of every connection that takes nothing, at every datagram. A
 /// ratio of the agent's CPU times in one run.
-#[test]
 fn a16_tcp_readers_that_do_not_read() {
     const STUCK: u32 = 180;
     let scratch = Scratch::new("a16");
@@ -174,7 +172,6 @@ fn a16_tcp_readers_that_do_not_read() {
 }
 
 /// b209253 took a burst as a whole before it sent anything.
-#[test]
 fn a18_a_stock_client_writes_bursts_of_forty_over_tcp() {
     const SAMPLES: usize = 1000;
     let scratch = Scratch::new("a18");
@@ -200,4 +197,25 @@ fn a18_a_stock_client_writes_bursts_of_forty_over_tcp() {
         &figure,
         holds,
     );
+}
+
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        trial(
+            "a02_ten_strangers_fill_the_memory_for_samples",
+            a02_ten_strangers_fill_the_memory_for_samples,
+        ),
+        trial(
+            "a03_a_reliable_keep_all_reader_stands_still",
+            a03_a_reliable_keep_all_reader_stands_still,
+        ),
+        trial(
+            "a16_tcp_readers_that_do_not_read",
+            a16_tcp_readers_that_do_not_read,
+        ),
+        trial(
+            "a18_a_stock_client_writes_bursts_of_forty_over_tcp",
+            a18_a_stock_client_writes_bursts_of_forty_over_tcp,
+        ),
+    ]
 }

@@ -1,17 +1,10 @@
 //! The ledger with real processes: races, kill -9, and files that make no sense.
 //!
-//! A child is this very test program, told by [`CHILD`] to run [`child`] alone.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    clippy::zombie_processes,
-    reason = "tests may panic"
-)]
-
+//! A child is this very test program, told by [`CHILD`] to be [`child`].
 use nix::fcntl::{FcntlArg, fcntl};
 use replenish_plan::ledger::{Denied, Ledger};
 use replenish_plan::{ExecutorRequest, Guarantee, Machine, Request, Worker};
+use replenish_testkit::harness::{Trial, trial};
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader};
 use std::os::unix::fs::symlink;
@@ -19,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-const CHILD: &str = "REPLENISH_TEST_LEDGER_CHILD";
+pub(crate) const CHILD: &str = "REPLENISH_TEST_LEDGER_CHILD";
 
 /// A directory of this test's own.
 pub(super) struct Dir(pub(super) PathBuf);
@@ -46,13 +39,8 @@ pub(super) fn request(percent: u64) -> Request {
     request.worker(Worker::guaranteed("arm", guarantee))
 }
 
-/// Not a test by itself: reserves, says so, and stays until it is killed.
-#[test]
-fn child() {
-    let Some(args) = std::env::var_os(CHILD) else {
-        return;
-    };
-    let args = args.into_string().unwrap();
+/// Reserves, says so, and stays until it is killed. `args`: a percentage, or `look`; a directory.
+pub(crate) fn child(args: &str) {
     let (percent, directory) = args.split_once(' ').unwrap();
     let ledger = Ledger::open(directory).unwrap();
     if percent == "look" {
@@ -71,7 +59,6 @@ fn child() {
 
 pub(super) fn spawn(directory: &Path, percent: u64) -> Child {
     Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "ledger::child", "--nocapture"])
         .env(CHILD, format!("{percent} {}", directory.display()))
         .stdout(Stdio::piped())
         .spawn()
@@ -89,7 +76,6 @@ pub(super) fn end(mut child: Child) {
     child.wait().unwrap();
 }
 
-#[test]
 fn the_second_process_is_refused_until_the_first_is_killed() {
     let dir = Dir::new("two");
     let mut first = spawn(&dir.0, 60);
@@ -124,7 +110,6 @@ fn the_second_process_is_refused_until_the_first_is_killed() {
     assert_eq!(left, ["lock"], "what the dead left behind is removed");
 }
 
-#[test]
 fn of_processes_that_race_only_as_many_are_admitted_as_fit() {
     let dir = Dir::new("race");
     for _ in 0..3 {
@@ -149,7 +134,6 @@ pub(super) fn own(file: &File) {
     fcntl(file, FcntlArg::F_OFD_SETLK(&lock)).unwrap();
 }
 
-#[test]
 fn files_that_make_no_sense_are_named_and_left_out() {
     let dir = Dir::new("garbage");
     let ledger = Ledger::open(&dir.0).unwrap();
@@ -206,7 +190,6 @@ fn files_that_make_no_sense_are_named_and_left_out() {
     assert_eq!(left.len(), 3, "links, directories and pipes stay: {left:?}");
 }
 
-#[test]
 fn what_cannot_be_a_ledger_is_an_error_that_names_it() {
     let dir = Dir::new("file");
     fs::write(&dir.0, "").unwrap();
@@ -218,4 +201,25 @@ fn what_cannot_be_a_ledger_is_an_error_that_names_it() {
     fs::remove_file(&dir.0).unwrap();
     let below = Ledger::open(dir.0.join("none/here")).unwrap_err();
     assert!(below.to_string().contains("none/here"), "{below}");
+}
+
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        trial(
+            "the_second_process_is_refused_until_the_first_is_killed",
+            the_second_process_is_refused_until_the_first_is_killed,
+        ),
+        trial(
+            "of_processes_that_race_only_as_many_are_admitted_as_fit",
+            of_processes_that_race_only_as_many_are_admitted_as_fit,
+        ),
+        trial(
+            "files_that_make_no_sense_are_named_and_left_out",
+            files_that_make_no_sense_are_named_and_left_out,
+        ),
+        trial(
+            "what_cannot_be_a_ledger_is_an_error_that_names_it",
+            what_cannot_be_a_ledger_is_an_error_that_names_it,
+        ),
+    ]
 }

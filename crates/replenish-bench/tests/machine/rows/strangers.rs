@@ -5,6 +5,7 @@ use crate::attacker::{SESSION, base, host, log_in, message};
 use crate::common::Scratch;
 use crate::memory::floods::{FLOODS, during, reflected};
 use crate::stock_client::{At, HISTORY, KEEP_ALL, Stock};
+use replenish_testkit::harness::{Trial, trial};
 use replenish_xrce::wire::{Delete, ObjectId, StreamId};
 use std::net::{SocketAddr, UdpSocket};
 use std::time::{Duration, Instant};
@@ -21,7 +22,6 @@ fn steal(thief: &UdpSocket, agent: SocketAddr, key: u8) {
 }
 
 /// b209253 gave the session of a key to whoever logged in last, without a line in the log.
-#[test]
 fn a08_a_log_in_with_another_clients_key() {
     const SAMPLES: usize = 200;
     let scratch = Scratch::new("a08");
@@ -70,7 +70,6 @@ fn a08_a_log_in_with_another_clients_key() {
 }
 
 /// b209253 sent whatever was asked for to whatever address was written on the request.
-#[test]
 fn a09_requests_with_a_forged_source() {
     let scratch = Scratch::new("a09");
     let victim = agent(&scratch, &[]);
@@ -101,19 +100,38 @@ fn flood(number: usize, id: &str, options: &[&str]) {
     row(id, attack, &figure, in_time == CLIENTS);
 }
 
-#[test]
 fn a12_sixty_four_log_ins_from_one_address() {
     flood(0, "A12", &[]);
 }
 
-#[test]
 fn a13_connections_that_never_log_in() {
     flood(1, "A13", &[]);
 }
 
 /// With the usual budget of 1000 a second it depends on chance whether a log-in comes through on
 /// b209253, which had one for all.
-#[test]
 fn a14_junk_from_one_address() {
     flood(2, "A14", &["--strangers-rate=100"]);
+}
+
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        trial(
+            "a08_a_log_in_with_another_clients_key",
+            a08_a_log_in_with_another_clients_key,
+        ),
+        trial(
+            "a09_requests_with_a_forged_source",
+            a09_requests_with_a_forged_source,
+        ),
+        trial(
+            "a12_sixty_four_log_ins_from_one_address",
+            a12_sixty_four_log_ins_from_one_address,
+        ),
+        trial(
+            "a13_connections_that_never_log_in",
+            a13_connections_that_never_log_in,
+        ),
+        trial("a14_junk_from_one_address", a14_junk_from_one_address),
+    ]
 }

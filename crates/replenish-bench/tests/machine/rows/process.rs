@@ -4,12 +4,12 @@ use super::{agent, program, row, within};
 use crate::agent::{policies, stuck};
 use crate::common::{Running, Scratch, free_port};
 use crate::memory::attacks::{CLIENTS, long_names};
+use replenish_testkit::harness::{Trial, skip_rt, trial};
 use std::net::UdpSocket;
 use std::process::Command;
 use std::time::Duration;
 
 /// b209253 wrote its log from the thread that keeps the JSON and waits for signals.
-#[test]
 fn a15_nobody_reads_standard_error() {
     let scratch = Scratch::new("a15");
     let path = scratch.path("agent.json");
@@ -44,7 +44,6 @@ fn a15_nobody_reads_standard_error() {
 }
 
 /// b209253 counted no names. Growth is that of the resident memory.
-#[test]
 fn a17_names_of_maximal_length() {
     const MEMORY: u64 = 256 << 10;
     let scratch = Scratch::new("a17");
@@ -78,11 +77,9 @@ fn a17_names_of_maximal_length() {
 }
 
 /// b209253 put its thread into time sharing, however it was started.
-#[test]
 fn a19_the_agent_is_started_at_real_time_priority() {
     if !replenish_os::privilege::may_be_real_time() {
-        eprintln!("skipped: no real-time priority on this machine");
-        return;
+        skip_rt("no real-time priority on this machine");
     }
     let program = program();
     let args = ["-f", "70", &program, "agent", "--udp", "127.0.0.1:0"];
@@ -106,4 +103,18 @@ fn a19_the_agent_is_started_at_real_time_priority() {
         &figure,
         (*policy, *priority) == (1, 70),
     );
+}
+
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        trial(
+            "a15_nobody_reads_standard_error",
+            a15_nobody_reads_standard_error,
+        ),
+        trial("a17_names_of_maximal_length", a17_names_of_maximal_length),
+        trial(
+            "a19_the_agent_is_started_at_real_time_priority",
+            a19_the_agent_is_started_at_real_time_priority,
+        ),
+    ]
 }

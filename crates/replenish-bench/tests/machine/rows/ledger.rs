@@ -4,6 +4,7 @@
 use super::{agent, program, row, within};
 use crate::common::{Running, Scratch};
 use crate::memory::Victim;
+use replenish_testkit::harness::{Trial, skip, skip_rt, trial};
 use std::fs::{self, Permissions};
 use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
@@ -33,12 +34,13 @@ struct Host {
 }
 
 impl Host {
-    /// `None`, with a line, where no other account or no real-time priority can be had.
-    fn new(name: &str) -> Option<Self> {
-        let root = fs::metadata("/proc/self").unwrap().uid() == 0;
-        if !root || !replenish_os::privilege::may_be_real_time() {
-            eprintln!("skipped: another account needs root, a guarantee real-time priority");
-            return None;
+    /// Skips the trial where no other account or no real-time priority can be had.
+    fn new(name: &str) -> Self {
+        if fs::metadata("/proc/self").unwrap().uid() != 0 {
+            skip("another account needs root");
+        }
+        if !replenish_os::privilege::may_be_real_time() {
+            skip_rt("a guarantee needs real-time priority");
         }
         let scratch = Scratch::new(name);
         let victim = agent(&scratch, &[]);
@@ -46,12 +48,12 @@ impl Host {
         fs::create_dir(&ledger).unwrap();
         fs::set_permissions(&ledger, Permissions::from_mode(0o755)).unwrap();
         fs::write(&overlay, OVERLAY).unwrap();
-        Some(Self {
+        Self {
             ledger,
             overlay,
             victim,
             _scratch: scratch,
-        })
+        }
     }
 
     fn variable(&self) -> String {
@@ -117,9 +119,8 @@ fn facts(path: &Path) -> (String, u32) {
 }
 
 /// b209253 opened the file beside the overheads, whatever it was.
-#[test]
 fn a05_a_link_where_the_overheads_are_written() {
-    let Some(host) = Host::new("a05") else { return };
+    let host = Host::new("a05");
     let target = host.ledger.parent().unwrap().join("target");
     fs::write(&target, "secret").unwrap();
     fs::set_permissions(&target, Permissions::from_mode(0o600)).unwrap();
@@ -137,9 +138,8 @@ fn a05_a_link_where_the_overheads_are_written() {
 }
 
 /// b209253 made the lock's file for all to open.
-#[test]
 fn a06_another_account_holds_the_lock() {
-    let Some(host) = Host::new("a06") else { return };
+    let host = Host::new("a06");
     let mut first = host.running();
     first.signal("TERM");
     first.end(super::SOON);
@@ -169,9 +169,8 @@ fn a06_another_account_holds_the_lock() {
 }
 
 /// b209253 asked whether anybody has the lock on a program's file; its waiter got it.
-#[test]
 fn a07_another_account_waits_for_a_dead_programs_file() {
-    let Some(host) = Host::new("a07") else { return };
+    let host = Host::new("a07");
     let mut first = host.running();
     let entry = host.entries().remove(0);
     // Both must be able to open it: as b209253 has made it, and as it is made today.
@@ -199,4 +198,21 @@ fn a07_another_account_waits_for_a_dead_programs_file() {
         &figure,
         admitted,
     );
+}
+
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        trial(
+            "a05_a_link_where_the_overheads_are_written",
+            a05_a_link_where_the_overheads_are_written,
+        ),
+        trial(
+            "a06_another_account_holds_the_lock",
+            a06_another_account_holds_the_lock,
+        ),
+        trial(
+            "a07_another_account_waits_for_a_dead_programs_file",
+            a07_another_account_waits_for_a_dead_programs_file,
+        ),
+    ]
 }

@@ -1,7 +1,19 @@
 //! Clients of other libraries, and of the same ones without our code: `openssl s_client` where it
 //! is installed, and bare `rustls`.
 
-use crate::agent::{LIMIT, Secure};
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "test code"
+)]
+
+#[path = "it/agent.rs"]
+#[allow(dead_code, reason = "`it` uses the rest")]
+mod agent;
+
+use agent::{LIMIT, Secure};
+use replenish_testkit::harness::{run, skip, trial};
 use replenish_testkit::watchdog::watchdog;
 use rustls::client::danger::{HandshakeSignatureValid, ServerCertVerified, ServerCertVerifier};
 use rustls::pki_types::pem::PemObject;
@@ -11,6 +23,27 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
+
+fn main() {
+    run(vec![
+        trial(
+            "openssl_is_refused_without_a_listed_certificate_and_taken_with_it",
+            openssl_is_refused_without_a_listed_certificate_and_taken_with_it,
+        ),
+        trial(
+            "openssl_shakes_hands_over_dtls_with_the_right_psk_alone",
+            openssl_shakes_hands_over_dtls_with_the_right_psk_alone,
+        ),
+        trial(
+            "bare_rustls_is_refused_without_a_listed_certificate_and_taken_with_it",
+            bare_rustls_is_refused_without_a_listed_certificate_and_taken_with_it,
+        ),
+        trial(
+            "a_plain_client_at_an_encrypted_port_is_refused_and_logged",
+            a_plain_client_at_an_encrypted_port_is_refused_and_logged,
+        ),
+    ]);
+}
 
 /// `openssl s_client` with these options, until it ends; all that it says.
 fn openssl(args: &[&str]) -> Option<String> {
@@ -28,7 +61,6 @@ fn openssl(args: &[&str]) -> Option<String> {
     (!text.contains("No such file or directory")).then_some(text)
 }
 
-#[test]
 fn openssl_is_refused_without_a_listed_certificate_and_taken_with_it() {
     let _dog = watchdog("openssl", LIMIT);
     let agent = Secure::start("");
@@ -42,8 +74,7 @@ fn openssl_is_refused_without_a_listed_certificate_and_taken_with_it() {
         openssl(&["-connect", &at, "-cert", &cert, "-key", &key, "-tls1_3"])
     };
     let Some(taken) = with("1") else {
-        eprintln!("no openssl here");
-        return;
+        skip("no openssl here");
     };
     assert!(
         taken.contains("TLSv1.3") && !taken.contains("alert"),
@@ -60,7 +91,6 @@ fn openssl_is_refused_without_a_listed_certificate_and_taken_with_it() {
     agent.logged(&["tcp 127.0.0.1:", "no version and cipher"]);
 }
 
-#[test]
 fn openssl_shakes_hands_over_dtls_with_the_right_psk_alone() {
     let _dog = watchdog("openssl dtls", LIMIT);
     let agent = Secure::start("");
@@ -72,8 +102,7 @@ fn openssl_shakes_hands_over_dtls_with_the_right_psk_alone() {
     };
     let right = "01".repeat(16);
     let Some(taken) = with("01010101", &right) else {
-        eprintln!("no openssl here");
-        return;
+        skip("no openssl here");
     };
     assert!(taken.contains("Cipher is PSK-AES128-CCM8"), "{taken}");
     assert_eq!(agent.stats().handshakes_refused, 0);
@@ -158,7 +187,6 @@ fn rustls_client(agent: &Secure, certificate: Option<(&str, &str)>) -> std::io::
     stream.read(&mut [0; 100])
 }
 
-#[test]
 fn bare_rustls_is_refused_without_a_listed_certificate_and_taken_with_it() {
     let _dog = watchdog("rustls", LIMIT);
     let agent = Secure::start("");
@@ -169,7 +197,6 @@ fn bare_rustls_is_refused_without_a_listed_certificate_and_taken_with_it() {
     agent.logged(&["tcp 127.0.0.1:", "does not have its certificate"]);
 }
 
-#[test]
 fn a_plain_client_at_an_encrypted_port_is_refused_and_logged() {
     let _dog = watchdog("plain at tls", LIMIT);
     let agent = Secure::start("");

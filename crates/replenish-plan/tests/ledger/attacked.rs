@@ -1,16 +1,10 @@
 //! The ledger beside other accounts: links, locks and waiting. Each test says what b209253 did.
 //!
 //! Accounts are real where the tests run as root: a shell as `nobody`, by `setpriv`.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "tests may panic"
-)]
-
-use super::ledger::{Dir, answer, end, own, request, spawn};
+use super::processes::{Dir, answer, end, own, request, spawn};
 use replenish_plan::Overheads;
 use replenish_plan::ledger::Ledger;
+use replenish_testkit::harness::{Trial, skip, trial};
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader};
 use std::os::unix::fs::{MetadataExt, PermissionsExt, chown, symlink};
@@ -43,6 +37,11 @@ fn stranger(script: &str) -> Option<Child> {
         .filter(|_| fs::metadata("/proc/self").unwrap().uid() == 0)
 }
 
+/// The same, for a trial that is skipped without.
+fn needed_stranger(script: &str) -> Child {
+    stranger(script).unwrap_or_else(|| skip("a shell of another account needs root and setpriv"))
+}
+
 /// Waits until the shell says a line; returns it.
 fn says(child: &mut Child) -> String {
     let mut line = String::new();
@@ -53,7 +52,6 @@ fn says(child: &mut Child) -> String {
 }
 
 /// b209253 wrote the overheads through the link: the victim's content and mode were gone.
-#[test]
 fn nobodys_file_is_written_through_a_link() {
     let dir = Dir::new("links");
     let ledger = Ledger::open(&dir.0).unwrap();
@@ -90,7 +88,6 @@ fn nobodys_file_is_written_through_a_link() {
 }
 
 /// The lock's file was 0644 whatever the directory was: every account could open and hold it.
-#[test]
 fn the_lock_is_for_those_who_may_write_to_the_directory() {
     let root = fs::metadata("/proc/self").unwrap().uid() == 0;
     for (of_directory, of_lock) in [
@@ -122,7 +119,6 @@ fn the_lock_is_for_those_who_may_write_to_the_directory() {
 }
 
 /// With b209253 the stranger had the lock, and the guaranteed program gave up after 10 s.
-#[test]
 fn a_stranger_cannot_hold_the_lock_and_can_look() {
     let dir = Dir::new("stranger");
     let ledger = Ledger::open(&dir.0).unwrap();
@@ -132,9 +128,7 @@ fn a_stranger_cannot_hold_the_lock_and_can_look() {
         "flock -n {} sh -c 'echo got; sleep 30' || echo refused",
         lock.display()
     );
-    let Some(mut stranger) = stranger(&script) else {
-        return;
-    };
+    let mut stranger = needed_stranger(&script);
     assert_eq!(says(&mut stranger), "refused");
     let start = Instant::now();
     drop(ledger.admit(&request(20), "beside").unwrap());
@@ -144,27 +138,24 @@ fn a_stranger_cannot_hold_the_lock_and_can_look() {
 }
 
 /// Looking needed the lock: an account that may not reserve saw nothing but an error.
-#[test]
 fn an_account_that_may_not_reserve_sees_what_is_reserved() {
     let dir = Dir::new("looker");
     let ledger = Ledger::open(&dir.0).unwrap();
     let _kept = ledger.admit(&request(20), "kept").unwrap();
     let program = std::env::current_exe().unwrap();
+    needed_stranger("true").wait().unwrap();
     // The test program must be where the account can run it.
     let copy = std::env::temp_dir().join(format!("ledger-looker-program-{}", std::process::id()));
     fs::copy(program, &copy).unwrap();
-    let script =
-        format!(
-        "REPLENISH_TEST_LEDGER_CHILD='30 {}' {} --exact ledger::child --nocapture | grep ^refused;
-         REPLENISH_TEST_LEDGER_CHILD='look {}' {} --exact ledger::child --nocapture | grep ^sees",
-        dir.0.display(), copy.display(), dir.0.display(), copy.display(),
+    let script = format!(
+        "REPLENISH_TEST_LEDGER_CHILD='30 {}' {} | grep ^refused;
+         REPLENISH_TEST_LEDGER_CHILD='look {}' {} | grep ^sees",
+        dir.0.display(),
+        copy.display(),
+        dir.0.display(),
+        copy.display(),
     );
-    let shell = stranger(&script);
-    let Some(shell) = shell else {
-        fs::remove_file(copy).ok();
-        return;
-    };
-    let out = shell.wait_with_output().unwrap();
+    let out = needed_stranger(&script).wait_with_output().unwrap();
     fs::remove_file(copy).ok();
     let text = String::from_utf8(out.stdout).unwrap();
     let lines: Vec<&str> = text.lines().collect();
@@ -178,7 +169,6 @@ fn an_account_that_may_not_reserve_sees_what_is_reserved() {
 ///
 /// With b209253 a program that waited for the owner's lock got the lock when the owner died, and
 /// 60 % stayed reserved.
-#[test]
 fn the_reservations_of_the_dead_are_gone_whoever_waits() {
     let dir = Dir::new("waiters");
     let ledger = Ledger::open(&dir.0).unwrap();
@@ -215,7 +205,6 @@ fn the_reservations_of_the_dead_are_gone_whoever_waits() {
 }
 
 /// A program that dies over writing leaves a file without its lock, which the next one removes.
-#[test]
 fn a_file_that_was_never_completed_is_removed() {
     let dir = Dir::new("halves");
     let ledger = Ledger::open(&dir.0).unwrap();
@@ -236,4 +225,33 @@ fn a_file_that_was_never_completed_is_removed() {
         .unwrap();
     own(&file);
     assert_eq!(ledger.view().unwrap().warnings.len(), 1);
+}
+
+pub(crate) fn trials() -> Vec<Trial> {
+    vec![
+        trial(
+            "nobodys_file_is_written_through_a_link",
+            nobodys_file_is_written_through_a_link,
+        ),
+        trial(
+            "the_lock_is_for_those_who_may_write_to_the_directory",
+            the_lock_is_for_those_who_may_write_to_the_directory,
+        ),
+        trial(
+            "a_stranger_cannot_hold_the_lock_and_can_look",
+            a_stranger_cannot_hold_the_lock_and_can_look,
+        ),
+        trial(
+            "an_account_that_may_not_reserve_sees_what_is_reserved",
+            an_account_that_may_not_reserve_sees_what_is_reserved,
+        ),
+        trial(
+            "the_reservations_of_the_dead_are_gone_whoever_waits",
+            the_reservations_of_the_dead_are_gone_whoever_waits,
+        ),
+        trial(
+            "a_file_that_was_never_completed_is_removed",
+            a_file_that_was_never_completed_is_removed,
+        ),
+    ]
 }
