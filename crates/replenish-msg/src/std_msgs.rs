@@ -1,9 +1,9 @@
 //! The `std_msgs` package, as far as it is used here.
 //!
-//! ROS's unbounded fields are bounded, so that a message has a largest size. The plain names are
-//! aliases with the default bounds ([`String`], [`Header`], [`UInt8MultiArray`]); the `Bounded*`
-//! types take others. A received value above the bound is an error
-//! ([`CdrError::TooLong`](crate::CdrError::TooLong)), never cut.
+//! ROS's unbounded fields are bounded, so that a message has a largest size and needs no heap:
+//! [`BoundedString`], [`BoundedHeader`], [`BoundedUInt8MultiArray`]. A received value above the
+//! bound is an error ([`CdrError::TooLong`](crate::CdrError::TooLong)), never cut. ROS's own types,
+//! of any length, are generated (`replenish-interfaces`).
 
 mod multi_array;
 mod primitives;
@@ -16,4 +16,4 @@ pub use multi_array::{
 pub use primitives::{
     Bool, Empty, Float32, Float64, Int8, Int16, Int32, Int64, UInt8, UInt16, UInt32, UInt64,
 };
-pub use text::{BoundedHeader, BoundedString, Header, String};
+pub use text::{BoundedHeader, BoundedString};

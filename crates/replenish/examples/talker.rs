@@ -5,7 +5,7 @@
 //! -r chatter:=/news -p period_ms:=100`; with `REPLENISH_AGENT=ros2` it talks with ROS 2 itself,
 //! and without the variable through the agent at `127.0.0.1:8888`.
 
-use replenish::msg::std_msgs::String;
+use replenish::interfaces::std_msgs::msg::String;
 use replenish::{Context, Descriptor, Error, Executor, ParameterOptions, Qos};
 use std::time::Duration;
 
@@ -23,13 +23,12 @@ fn main() -> Result<(), Error> {
     let out = node.publisher::<String>("chatter", Qos::reliable())?;
     println!("{} talks on {}", node.name(), out.topic());
     let mut exec = Executor::new(&ctx);
-    let mut n = 0;
+    let (mut n, mut message) = (0, String::default());
     exec.worker("talk")
         .timer(Duration::from_millis(period), move |_| {
             n += 1;
-            let mut data = String::default();
-            write(&mut data, n);
-            out.publish(&data)
+            write(&mut message, n);
+            out.publish(&message)
         })?;
     exec.worker("listen")
         .subscribe(&node, "chatter", Qos::reliable(), |heard: &String, _| {
@@ -40,7 +39,9 @@ fn main() -> Result<(), Error> {
     Ok(())
 }
 
+/// Into memory that is there from the last time.
 fn write(message: &mut String, n: u32) {
     use std::fmt::Write;
+    message.data.clear();
     write!(message.data, "Hello World: {n}").ok();
 }

@@ -14,8 +14,8 @@ pub(crate) fn every_type(bytes: &[u8]) {
     as_type::<std_msgs::UInt64>(bytes);
     as_type::<std_msgs::Float32>(bytes);
     as_type::<std_msgs::Float64>(bytes);
-    as_type::<std_msgs::String>(bytes);
-    as_type::<std_msgs::Header>(bytes);
+    as_type::<std_msgs::BoundedString>(bytes);
+    as_type::<std_msgs::BoundedHeader>(bytes);
     as_type::<std_msgs::UInt8MultiArray>(bytes);
 }
 

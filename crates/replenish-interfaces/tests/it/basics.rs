@@ -158,8 +158,8 @@ fn hand_written_types_have_the_hashes_of_the_generated() {
         let (a, b): (Vec<_>, Vec<_>) = (names(A::STRUCTURE), names(B::STRUCTURE));
         assert_eq!(a, b);
     }
-    same::<replenish_msg::std_msgs::String, std_msgs::String>();
-    same::<replenish_msg::std_msgs::Header, std_msgs::Header>();
+    same::<replenish_msg::std_msgs::BoundedString, std_msgs::String>();
+    same::<replenish_msg::std_msgs::BoundedHeader, std_msgs::Header>();
     same::<replenish_msg::std_msgs::UInt8MultiArray, std_msgs::UInt8MultiArray>();
     same::<replenish_msg::std_msgs::MultiArrayLayout, std_msgs::MultiArrayLayout>();
     same::<replenish_msg::action_msgs::GoalStatusArray, action_msgs::msg::GoalStatusArray>();

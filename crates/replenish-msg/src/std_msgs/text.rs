@@ -5,15 +5,9 @@ use crate::cdr::max_string_size;
 use crate::structure::known;
 use crate::{CdrError, CdrReader, CdrWriter, Message};
 
-/// `std_msgs/msg/String` of at most 255 bytes.
-pub type String = BoundedString<255>;
-
-/// `std_msgs/msg/Header` with a `frame_id` of at most 255 bytes.
-pub type Header = BoundedHeader<255>;
-
-/// `std_msgs/msg/String` of at most `N` bytes.
+/// `std_msgs/msg/String` of at most `N` bytes, 255 if not stated.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct BoundedString<const N: usize> {
+pub struct BoundedString<const N: usize = 255> {
     /// The text.
     pub data: heapless::String<N>,
 }
@@ -49,9 +43,9 @@ impl<const N: usize> Message for BoundedString<N> {
     }
 }
 
-/// `std_msgs/msg/Header` with a `frame_id` of at most `N` bytes.
+/// `std_msgs/msg/Header` with a `frame_id` of at most `N` bytes, 255 if not stated.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct BoundedHeader<const N: usize> {
+pub struct BoundedHeader<const N: usize = 255> {
     /// When the data was taken.
     pub stamp: Time,
     /// The coordinate frame the data is in.

@@ -3,10 +3,14 @@
 
 use replenish_msg::builtin_interfaces::Time;
 use replenish_msg::std_msgs::{
-    Bool, BoundedString, Header, Int32, MAX_DIMENSIONS, MAX_LABEL, MultiArrayDimension, String,
+    Bool, BoundedHeader, BoundedString, Int32, MAX_DIMENSIONS, MAX_LABEL, MultiArrayDimension,
     UInt8MultiArray,
 };
 use replenish_msg::{CdrError, CdrReader, CdrWriter, Message, decode, encode};
+
+/// The bounds that a program which states none has.
+type Text = BoundedString;
+type Stamped = BoundedHeader;
 
 fn largest_takes_max_size<M: Message>(value: &M) {
     let mut buf = vec![0; M::MAX_SIZE];
@@ -32,9 +36,9 @@ fn max_size_is_what_the_largest_value_takes() {
         sec: -1,
         nanosec: 1,
     });
-    largest_takes_max_size(&String { data: text(255) });
+    largest_takes_max_size(&Text { data: text(255) });
     largest_takes_max_size(&BoundedString::<3> { data: text(3) });
-    largest_takes_max_size(&Header {
+    largest_takes_max_size(&Stamped {
         stamp: Time::default(),
         frame_id: text(255),
     });
@@ -136,7 +140,7 @@ fn a_bad_string_is_named() {
 
 #[test]
 fn a_string_without_bytes_is_empty() {
-    let mut message = String::try_from("old").unwrap();
+    let mut message = Text::try_from("old").unwrap();
     decode(&mut message, &[0, 0, 0, 0]).unwrap();
     assert_eq!(message.data, "");
 }

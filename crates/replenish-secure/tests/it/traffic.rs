@@ -3,13 +3,15 @@
 use crate::agent::{LIMIT, Secure, eventually};
 use crate::relay::{Relay, What};
 use replenish::middleware::xrce::Xrce;
-use replenish::msg::std_msgs::{Int32, String as Text};
+use replenish::msg::std_msgs::{BoundedString, Int32};
 use replenish::msg::{Message, Service};
 use replenish::{Context, Executor, Qos};
 use replenish_secure::{connect_dtls, connect_tls};
 use replenish_testkit::watchdog::watchdog;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
+
+type Text = BoundedString;
 
 /// A text that nothing else on the wire has.
 const MARKER: &str = "the password of the arm is swordfish";

@@ -27,7 +27,7 @@ impl Node {
     ///
     /// ```
     /// use replenish::Context;
-    /// use replenish::msg::std_msgs::Header;
+    /// use replenish::interfaces::std_msgs::msg::Header;
     /// let node = Context::in_process().node("camera")?;
     /// let header = Header { stamp: node.now(), ..Header::default() };
     /// assert!(header.stamp.sec > 0);

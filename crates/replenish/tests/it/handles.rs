@@ -1,7 +1,7 @@
 //! Guard conditions, timers that are changed while they run, raw bytes, the callback's context.
 
 use crate::common::{Gate, eventually, executor, settles};
-use replenish::msg::std_msgs::{Int32, String as Text};
+use replenish::msg::std_msgs::{BoundedString, Int32};
 use replenish::{
     Context, Error, Every, GuardCondition, Qos, RawType, RunningExecutor, SpinEnd, TimerHandle,
     Topic,
@@ -10,6 +10,8 @@ use replenish_testkit::watchdog::watchdog;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
+
+type Text = BoundedString;
 
 const LIMIT: Duration = Duration::from_secs(60);
 const MS: Duration = Duration::from_millis(1);

@@ -2,7 +2,7 @@
 //! them, and on workers; over a middleware that holds a lock while it takes, too.
 
 use crate::common::{Gate, eventually};
-use replenish::msg::std_msgs::{Int32, String as Text};
+use replenish::msg::std_msgs::{BoundedString, Int32};
 use replenish::{
     Context, Error, Event, Executor, ExecutorHandle, HandleOptions, HandleStats, Qos, Removal,
     RunningExecutor, Topic,
@@ -11,6 +11,8 @@ use replenish_testkit::watchdog::watchdog;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Duration;
+
+type Text = BoundedString;
 
 /// Longer than any `eventually` waits: a hook that waited would fail the test.
 const LIMIT: Duration = Duration::from_secs(600);

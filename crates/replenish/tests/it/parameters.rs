@@ -2,7 +2,7 @@
 
 use crate::common::executor;
 use replenish::middleware::InProcessBus;
-use replenish::msg::std_msgs::{Header, Int32};
+use replenish::msg::std_msgs::{BoundedHeader, Int32};
 use replenish::{Budget, Context, Every, Qos, Topic};
 use std::time::Duration;
 
@@ -59,7 +59,9 @@ fn a_topic_has_one_type() {
     let a = one.node("a").unwrap();
     let _uses_it = a.publisher::<Int32>("t", Qos::reliable()).unwrap();
     let b = two.node("b").unwrap();
-    let e = b.publisher::<Header>("t", Qos::reliable()).unwrap_err();
+    let e = b
+        .publisher::<BoundedHeader>("t", Qos::reliable())
+        .unwrap_err();
     assert_eq!(
         e.to_string(),
         "publisher /t: the topic exists with type std_msgs/msg/Int32"

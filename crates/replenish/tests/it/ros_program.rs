@@ -5,7 +5,7 @@ use crate::common::{Echo, eventually, executor};
 use crate::examples::program;
 use replenish::args::{Environment, RosArgs};
 use replenish::middleware::rtps::{DiscoveryRange, Rtps, RtpsConfig};
-use replenish::msg::std_msgs::{Int32, String as Text};
+use replenish::msg::std_msgs::{BoundedString, Int32};
 use replenish::{
     Context, Descriptor, Error, ParameterErrorKind, ParameterOptions, ParameterValue, Qos,
 };
@@ -15,6 +15,8 @@ use std::os::unix::process::ExitStatusExt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
+
+type Text = BoundedString;
 
 const LIMIT: Duration = Duration::from_secs(60);
 const MS: Duration = Duration::from_millis(1);

@@ -2,9 +2,11 @@
 
 use crate::peer::{Foreign, Peer};
 use crate::support::{executor, node};
-use replenish::msg::std_msgs::{Int32, String as Text};
+use replenish::msg::std_msgs::{BoundedString, Int32};
 use replenish::{ParameterOptions, Qos};
 use std::time::{Duration, Instant};
+
+type Text = BoundedString;
 
 pub(crate) fn graph(foreign: Foreign) {
     let (node, domain) = node("/ns/ours");

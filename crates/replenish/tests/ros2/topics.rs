@@ -2,10 +2,12 @@
 
 use crate::peer::{Foreign, Peer};
 use crate::support::{eventually, executor, node};
-use replenish::msg::std_msgs::{Int32, String as Text};
+use replenish::msg::std_msgs::{BoundedString, Int32};
 use replenish::{Budget, Qos};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
+
+type Text = BoundedString;
 
 /// 200 numbers from rclpy come back to it through a worker with a budget: reliable, best effort.
 pub(crate) fn topics(foreign: Foreign) {
