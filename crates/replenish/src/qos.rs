@@ -226,6 +226,7 @@ impl Qos {
     }
 
     /// The profile of an endpoint that says nothing, as [`Qos::default`]: reliable, keep last 10.
+    /// (ROS 2's `best_available` needs to know the peers: `Node::best_available_subscription`.)
     /// (In ROS 2 each middleware has its own.)
     #[must_use]
     pub const fn system_default() -> Self {

@@ -8,13 +8,15 @@
 //!   parameter/server: values from outside                  ──► args
 //!   log: Node::logger, log_info! …, /rosout             ──► args
 //!   sleep: sleep, sleep_until, Node::sleep                 ──► clock
-//!   graph: Node::graph      events: on_event
+//!   events: on_event
+//!   graph: Node::graph ──► best_available: Node::best_available_{subscription, publisher}
 //!   report_json: Report::to_json
 //!   time: Node::{now, rate}, ros_timer, /clock             ──► clock
 //!   diagnostics: Executor::diagnostics, /diagnostics, /statistics
 //! ```
 
 mod args;
+mod best_available;
 mod clock;
 mod diagnostics;
 mod events;

@@ -280,6 +280,7 @@ fn an_agent_that_does_not_tell_of_servers_is_an_error_that_says_so() {
         graph.contains("to know the graph, which no agent tells"),
         "{graph}"
     );
+    node.best_available_subscription("t").unwrap_err();
     assert!(
         text.contains("client /square") && text.contains("this agent does not tell"),
         "{text}"
@@ -375,6 +376,9 @@ pub(crate) fn the_graph_is_known(one: &Context, other: &Context) {
             (strict.reliability, strict.durability)
         );
         assert_eq!(offered.deadline, strict.deadline);
+        assert_eq!(node.best_available_subscription("t"), Ok(strict));
+        let latched = Qos::reliable().transient_local();
+        assert_eq!(node.best_available_publisher("/t"), Ok(latched));
         assert_eq!(asked.reliability, Qos::sensor_data().reliability);
         assert_eq!(
             graph.service("/set").unwrap().type_name,
@@ -398,6 +402,36 @@ pub(crate) fn the_graph_is_known(one: &Context, other: &Context) {
 fn the_graph_is_known_in_one_process() {
     let ctx = Context::in_process();
     the_graph_is_known(&ctx, &ctx);
+}
+
+/// What is chosen for a subscription fits every publisher, and is strict where they agree.
+#[test]
+fn the_best_available_quality_fits_every_publisher() {
+    let loose = Qos::sensor_data();
+    let strict = Qos::reliable().transient_local().deadline(20 * MS);
+    let slow = strict.deadline(50 * MS);
+    let latched = Qos::reliable().transient_local();
+    let rows: [(&[Qos], Qos); 6] = [
+        (&[], latched),
+        (&[loose], Qos::best_effort()),
+        (&[strict], strict),
+        (&[strict, slow], slow),
+        (&[strict, loose], Qos::best_effort()),
+        (&[Qos::reliable(), latched], Qos::reliable()),
+    ];
+    for (offered, chosen) in rows {
+        let node = Context::in_process().node("n").unwrap();
+        let publishers: Vec<_> = offered
+            .iter()
+            .map(|qos| node.publisher::<Int32>("t", *qos).unwrap())
+            .collect();
+        let asked = node.best_available_subscription("t").unwrap();
+        assert_eq!(asked, chosen, "{offered:?}");
+        for qos in offered {
+            assert_eq!(qos.check_offers(asked), Ok(()), "{offered:?}");
+        }
+        drop(publishers);
+    }
 }
 
 #[test]
