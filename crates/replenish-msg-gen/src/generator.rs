@@ -12,6 +12,9 @@ use std::{env, fs};
 /// The variable in which `replenish-interfaces` tells a build script where its packages are.
 const SHARE: &str = "DEP_REPLENISH_INTERFACES_SHARE";
 
+/// The same of a crate that depends on `replenish`, which has those packages, too.
+const SHARE_OF_REPLENISH: &str = "DEP_REPLENISH_SHARE";
+
 /// Generates Rust from interface packages.
 #[derive(Clone, Debug)]
 #[must_use = "nothing is generated before `generate`"]
@@ -19,7 +22,7 @@ pub struct Generator {
     packages: Vec<PathBuf>,
     dependencies: Vec<(PathBuf, String)>,
     reused: BTreeMap<String, String>,
-    runtime: String,
+    runtime: Option<String>,
     owned: Owned,
     bounds: Bounds,
 }
@@ -37,7 +40,7 @@ impl Generator {
             packages: Vec::new(),
             dependencies: Vec::new(),
             reused: BTreeMap::new(),
-            runtime: "::replenish_msg".into(),
+            runtime: None,
             owned: Owned::Always,
             bounds: Bounds::default(),
         }
@@ -63,10 +66,11 @@ impl Generator {
         self
     }
 
-    /// The path of the crate `replenish-msg` in the generated code; `::replenish_msg` unless said
-    /// otherwise. `::replenish::msg` where only `replenish` is a dependency.
+    /// The path of the crate `replenish-msg` in the generated code. Unless said otherwise it is
+    /// `::replenish::msg` in the build script of a crate that depends on `replenish` and not on
+    /// `replenish-interfaces`, and `::replenish_msg` elsewhere.
     pub fn runtime(mut self, path: impl Into<String>) -> Self {
-        self.runtime = path.into();
+        self.runtime = Some(path.into());
         self
     }
 
@@ -119,8 +123,8 @@ impl Generator {
 
     /// Writes `interfaces.rs` into `dir`, and beside it a file per interface that it includes. In a
     /// build script the packages of `replenish-interfaces` are taken as
-    /// [dependencies](Self::dependency_dir) if the crate depends on it, and those given here are
-    /// not among them.
+    /// [dependencies](Self::dependency_dir) if the crate depends on it or on `replenish`, and those
+    /// given here are not among them.
     ///
     /// # Errors
     /// [`Error`] with the place, for anything wrong with the files, and for types that are not
@@ -159,7 +163,14 @@ impl Generator {
 
     /// The packages of `replenish-interfaces`, if this is a build script of a crate that uses it.
     fn add_shared(&mut self) -> Result<(), Error> {
-        let Some(share) = env::var_os(SHARE).map(PathBuf::from) else {
+        let shared = |name, root| Some((PathBuf::from(env::var_os(name)?), root));
+        let direct = shared(SHARE, "::replenish_interfaces");
+        let through = || shared(SHARE_OF_REPLENISH, "::replenish::interfaces");
+        if direct.is_none() && through().is_some() {
+            self.runtime
+                .get_or_insert_with(|| "::replenish::msg".into());
+        }
+        let Some((share, root)) = direct.or_else(through) else {
             return Ok(());
         };
         let wrong = |e: std::io::Error| Error::whole(&share, e.to_string());
@@ -175,7 +186,7 @@ impl Generator {
             let Some(name) = dir.file_name().filter(|n| !given.iter().any(|g| g == n)) else {
                 continue;
             };
-            let path = format!("::replenish_interfaces::{}", name.to_string_lossy());
+            let path = format!("{root}::{}", name.to_string_lossy());
             if dir.is_dir() {
                 self.dependencies.push((dir, path));
             }
@@ -186,7 +197,7 @@ impl Generator {
     fn write(&self, dir: &Path, registry: &Registry, own: &[Interface]) -> Result<(), Error> {
         let emit = Emit {
             registry,
-            runtime: &self.runtime,
+            runtime: self.runtime.as_deref().unwrap_or("::replenish_msg"),
             owned: &self.owned,
         };
         let interfaces: Vec<_> = own.iter().collect();

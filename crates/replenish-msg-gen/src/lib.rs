@@ -17,8 +17,9 @@
 //! use my_msgs::msg::Status;
 //! ```
 //!
-//! The code names the crate `replenish_msg` (see [`Generator::runtime`]). With
-//! `replenish-interfaces` among the dependencies, its packages are known without further ado.
+//! With `replenish` among the dependencies, its packages are known without further ado, and the
+//! code names `replenish::msg`. With `replenish-interfaces` among them instead, the code names the
+//! crate `replenish_msg` (see [`Generator::runtime`]).
 //!
 //! Everything that a `.msg` file can say is supported, and no other file format (`.idl`).
 #![forbid(unsafe_code)]

@@ -88,8 +88,9 @@ pub use platform::{Dump, Mark, StaticText, Text};
 pub use process::public::*;
 pub use publisher::Publisher;
 pub use qos::{Criticality, IngressLimit, Qos};
-/// The packages of interfaces that ROS 2 programs use most, generated. A program that needs others
-/// depends on `replenish-interfaces` with their features.
+/// The packages of interfaces that programs of robots use, generated: with feature `std` those
+/// of `replenish-interfaces/common`. A program that needs others depends on
+/// `replenish-interfaces` with their features.
 pub use replenish_interfaces as interfaces;
 pub use replenish_msg as msg;
 pub use replenish_os::{

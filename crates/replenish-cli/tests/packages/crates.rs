@@ -24,10 +24,26 @@ const CATEGORIES: [&str; 14] = [
 ];
 
 pub(crate) fn trials() -> Vec<Trial> {
-    vec![trial("every_published_crate_is_described", described)]
+    vec![
+        trial("every_published_crate_is_described", described),
+        trial("a_robot_with_its_own_messages_has_one_dependency", one),
+    ]
 }
 
-fn described() {
+/// `replenish` brings all that a program needs; the generator of messages runs in its build script.
+fn one() {
+    let packages = packages();
+    let robot = packages.iter().find(|p| p["name"] == "robot-app").unwrap();
+    let dependencies = robot["dependencies"].as_array().unwrap().iter();
+    let names = dependencies.map(|d| (d["name"].as_str().unwrap(), d["kind"].as_str()));
+    let names: Vec<_> = names.collect();
+    assert_eq!(
+        names,
+        [("replenish", None), ("replenish-msg-gen", Some("build"))]
+    );
+}
+
+fn packages() -> Vec<Value> {
     let metadata = succeeds(
         Command::new(env!("CARGO"))
             .args([
@@ -40,7 +56,11 @@ fn described() {
             .current_dir(repository()),
     );
     let metadata: Value = serde_json::from_str(&metadata).unwrap();
-    let packages = metadata["packages"].as_array().unwrap();
+    metadata["packages"].as_array().unwrap().clone()
+}
+
+fn described() {
+    let packages = packages();
     let published = |p: &&Value| {
         let manifest = p["manifest_path"].as_str().unwrap();
         p["publish"].is_null() && manifest.contains("/crates/")
