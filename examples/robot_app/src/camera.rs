@@ -1,8 +1,8 @@
 //! The camera: looks for edges in each picture, and would take all the CPU time there is.
 
+use replenish::interfaces::sensor_msgs::msg::Image;
 use replenish::msg::std_msgs::UInt64;
 use replenish::{Budget, Context, Error, Executor, Qos};
-use replenish_interfaces::sensor_msgs::msg::Image;
 use std::time::Duration;
 
 /// Adds the node `camera`: 30 ms of CPU time in every 100 ms, and not more.

@@ -1,10 +1,10 @@
 //! The control loop: turns against what the gyroscope says, within 5 ms, a hundred times a second.
 
+use replenish::interfaces::geometry_msgs::msg::Twist;
+use replenish::interfaces::sensor_msgs::msg::Imu;
 use replenish::{
     Context, Descriptor, Error, Executor, Guarantee, ParameterOptions, Qos, Transition,
 };
-use replenish_interfaces::geometry_msgs::msg::Twist;
-use replenish_interfaces::sensor_msgs::msg::Imu;
 use std::time::Duration;
 
 /// Adds the node `control`: managed, with parameters `gain` and `autostart`.

@@ -2,12 +2,12 @@
 
 use crate::rover_msgs::action::{Drive, DriveFeedback, DriveGoal, DriveResult};
 use crate::rover_msgs::{msg::Health, srv::SelfTest};
+use replenish::interfaces::geometry_msgs::msg::Twist;
+use replenish::interfaces::std_msgs::msg::Header;
 use replenish::msg::std_msgs::UInt64;
-use replenish::{ActionOptions, Context, Error, Executor, GoalHandle, Qos};
-use replenish_interfaces::geometry_msgs::msg::Twist;
-use replenish_interfaces::std_msgs::msg::Header;
+use replenish::{ActionOptions, Context, Error, Executor, Qos, RunningGoal, sleep};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
 /// Adds the node `diagnostics`, on workers without a guarantee: it runs when there is time.
@@ -50,40 +50,24 @@ pub fn add(ctx: &Context, exec: &mut Executor) -> Result<(), Error> {
             answer.report = format!("{seen} pictures");
         })?;
 
-    // Goals that were accepted come to the timer, which drives each of them a little further.
-    let (begin, begun) = mpsc::channel();
-    let mut goals = Vec::new();
-    exec.worker("drive")
-        .serve_action::<Drive, _, _, _>(
-            &node,
-            "drive",
-            ActionOptions::goals(1),
-            move |goal: &DriveGoal, new, _| match goal.distance {
-                metres @ 0.0..=100.0 => begin.send((new.accept()?, metres, 0.0)).or(Ok(())),
-                _ => new.reject(),
-            },
-            |_, _| true,
-        )?
-        .timer(ms(50), move |_| {
-            goals.extend(begun.try_iter());
-            goals.retain_mut(|(goal, distance, driven)| drive(goal, *distance, driven));
-        })?;
+    exec.worker("drive").serve_action_async(
+        &node,
+        "drive",
+        ActionOptions::goals(1),
+        |goal: &DriveGoal| (0.0..=100.0).contains(&goal.distance),
+        |goal: DriveGoal, running| drive(goal.distance, running),
+    )?;
     Ok(())
 }
 
-/// Ten centimetres more; whether the goal goes on.
-fn drive(goal: &GoalHandle<Drive>, distance: f64, driven: &mut f64) -> bool {
-    let arrived = *driven >= distance;
-    if !arrived && !goal.is_canceling() {
-        *driven = distance.min(*driven + 0.1);
-        return goal.feedback(&DriveFeedback { so_far: *driven }).is_ok();
+/// Ten centimetres more every 50 ms, until it is there or canceled.
+async fn drive(distance: f64, running: RunningGoal<Drive>) -> Result<DriveResult, DriveResult> {
+    let mut driven = 0.0;
+    while driven < distance && !running.is_canceling() {
+        sleep(Duration::from_millis(50)).await;
+        driven = distance.min(driven + 0.1);
+        let sent = running.feedback(&DriveFeedback { so_far: driven });
+        sent.map_err(|_| DriveResult { driven })?;
     }
-    let result = DriveResult { driven: *driven };
-    let ended = if arrived {
-        goal.succeed(&result)
-    } else {
-        goal.canceled(&result)
-    };
-    ended.ok(); // an answer that cannot leave now is sent again by the executor
-    false
+    Ok(DriveResult { driven })
 }

@@ -1,7 +1,7 @@
 //! Sensors that a robot would have: a gyroscope at 100 Hz, a camera with 64 by 48 pixels at 10 Hz.
 
+use replenish::interfaces::sensor_msgs::msg::{Image, Imu};
 use replenish::{Context, Error, Executor, Qos};
-use replenish_interfaces::sensor_msgs::msg::{Image, Imu};
 use std::time::Duration;
 
 /// Adds the node `sensors`, which makes them up.

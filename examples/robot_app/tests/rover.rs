@@ -188,3 +188,26 @@ fn it_describes_itself_and_does_not_start() {
         "write it into robot.toml, below its comment"
     );
 }
+
+/// Lines that are neither blank nor a comment alone.
+fn code(path: &Path) -> usize {
+    let text = std::fs::read_to_string(path).unwrap();
+    let lines = text.lines().map(str::trim);
+    lines
+        .filter(|line| !line.is_empty() && !line.starts_with("//"))
+        .count()
+}
+
+/// The lines of the three rovers are those that the page beside them and docs/api.md say.
+#[test]
+fn the_lines_beside_rclcpp_and_rclrs_are_those_of_the_page() {
+    let sources = std::fs::read_dir(file("src")).unwrap();
+    let ours: usize = sources.map(|entry| code(&entry.unwrap().path())).sum();
+    let [cpp, rs] = ["beside/rover.cpp", "beside/rover.rs"].map(|name| code(&file(name)));
+    let page = std::fs::read_to_string(file("beside/README.md")).unwrap();
+    let row = format!("| lines of code | {ours} | {cpp} | {rs} |");
+    assert!(page.contains(&row), "{row}");
+    let api = std::fs::read_to_string(file("../../docs/api.md")).unwrap();
+    let row = format!("| the rover of three nodes, lines | {ours} | {rs} | {cpp} |");
+    assert!(api.contains(&row), "{row}");
+}
