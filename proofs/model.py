@@ -120,6 +120,7 @@ class Reservation:
         self.runnable, self.level = False, HIGH
         self.cpu_mark, self.read_at = cpu, now
         self.check_at, self.backoff, self.advance = NEVER, 0, 0
+        self.retries = False  # the code's `refused`
         self.cpu_high, self.cpu_low, self.inside, self.owed = 0, 0, 0, 0
         self.charged = 0  # a ghost: all that the server was charged
 
@@ -144,6 +145,7 @@ class Reservation:
         self.runnable = False
 
     def judge(self, now, cpu, readings):
+        self.retries = False
         if self.sleeps_funded():
             self.check_at = NEVER
             return None
@@ -174,6 +176,7 @@ class Reservation:
         if before == level:
             return
         self.check_at = NEVER
+        self.retries = False
         self.backoff = 0
         self.replan(now)
 
@@ -183,6 +186,7 @@ class Reservation:
         else:
             pause = larger(smaller(paths.divide(self.server.period, 2)[0], 100_000_000), self.max_backoff)
         self.check_at = now + pause
+        self.retries = True
 
     def pull_in(self, now):
         if paths.holds(self.backoff == 0) or not self.runnable or self.level == LOW:
@@ -241,8 +245,9 @@ class Reservation:
 
     def replan(self, now):
         if self.server.update(now) == self.level:
+            self.retries = False
             self.plan(now)
-        else:
+        elif not self.retries:
             self.check_at = now
 
     def plan(self, now):

@@ -165,6 +165,8 @@ pub struct Reservation<S> {
     read_at: Nanos,
     /// [`NEVER`]: not before another event.
     check_at: Nanos,
+    /// The last change was refused: `check_at` is the next attempt.
+    refused: bool,
     backoff: Nanos,
     /// Charged, but not consumed yet; at most the slack.
     advance: Nanos,
@@ -183,6 +185,7 @@ impl<S: BudgetServer> Reservation<S> {
             cpu_mark: cpu,
             read_at: now,
             check_at: NEVER,
+            refused: false,
             backoff: 0,
             advance: 0,
             margin: 0,
@@ -261,6 +264,7 @@ impl<S: BudgetServer> Reservation<S> {
     /// Decides by a fresh reading of the CPU clock; due at [`check_at`](Self::check_at), allowed at
     /// any time.
     pub fn judge(&mut self, now: Nanos, cpu: Nanos, readings: Readings<'_>) -> Verdict {
+        self.refused = false;
         if self.sleeps_funded() {
             self.check_at = NEVER;
             return Verdict { change: None };
@@ -314,6 +318,7 @@ impl<S: BudgetServer> Reservation<S> {
             return None;
         }
         self.check_at = NEVER;
+        self.refused = false;
         self.backoff = 0;
         self.replan(now);
         match level {
@@ -334,7 +339,8 @@ impl<S: BudgetServer> Reservation<S> {
     /// keeps its level: what it consumes at the high one beyond its budget is a debt. The next
     /// check, which gives the same verdict again, is due as soon as a check may be put off
     /// ([`Tuning::backoff`]) where the thread could not be lowered. A raise waits for half a
-    /// period, but for 100 ms at most, and not less than [`Tuning::max_backoff`].
+    /// period, but for 100 ms at most, and not less than [`Tuning::max_backoff`]. An activation or
+    /// a reading in between does not bring the attempt forward.
     pub fn refused(&mut self, now: Nanos) {
         let params = self.server.params();
         let pause = match self.level {
@@ -344,6 +350,7 @@ impl<S: BudgetServer> Reservation<S> {
                 .max(self.tuning.max_backoff),
         };
         self.check_at = now.saturating_add(pause);
+        self.refused = true;
     }
 
     /// The CPU became free: a check that was put off for want of progress is due again when the
@@ -444,10 +451,12 @@ impl<S: BudgetServer> Reservation<S> {
     }
 
     /// Sets the next check: at once if the level in force is not, or no longer, the right one.
+    /// After a refusal the next attempt stands: a thread that wakes often must not ask each time.
     fn replan(&mut self, now: Nanos) {
         if self.server.update(now) == self.level {
+            self.refused = false;
             self.plan(now);
-        } else {
+        } else if !self.refused {
             self.check_at = now;
         }
     }
