@@ -98,6 +98,19 @@ impl Worker {
 }
 
 impl Case {
+    /// The workers that wait nowhere but before their callbacks, and while they are suspended: they
+    /// read their CPU clock as soon as they have left a wait. Others go on from the middle of a
+    /// callback.
+    pub(super) fn prompt(&self) -> Vec<String> {
+        let waits_inside = |w: &Worker| {
+            let work = matches!(w.work, Work::Periodic { .. } | Work::Messages { .. });
+            w.group.is_some() || !work || !self.stops.is_empty()
+        };
+        let all = self.workers.iter().enumerate();
+        let prompt = all.filter(|(_, worker)| !waits_inside(worker));
+        prompt.map(|(index, _)| name(index)).collect()
+    }
+
     /// The most that a worker may have at a priority that it inherits, beyond its budget, since it
     /// was lowered last. One that is suspended finishes its section; one with a background priority
     /// may go on until it has inherited as much as its budget. `None`: the section has no end, and

@@ -63,7 +63,7 @@ pub(super) fn read(path: &Path) -> Result<(Case, Evidence), Failure> {
     let mut kept: Kept = serde_json::from_str(&text).map_err(|e| failed(path, &e))?;
     let trace = path.with_extension("trace");
     let lines = BufReader::new(fs::File::open(&trace).map_err(|e| failed(&trace, &e))?);
-    let mut reader = Reader::new(kept.cpu);
+    let mut reader = Reader::new(kept.cpu).with_prompt(kept.case.prompt());
     for line in lines.split(b'\n') {
         let line = line.map_err(|e| failed(&trace, &e))?;
         reader.line(&String::from_utf8_lossy(&line));

@@ -4,7 +4,7 @@
 //! the thread before wanted to go on; `sched_stat_runtime` is each advance of a thread's CPU clock.
 
 use crate::load::Nanos;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A stretch of one thread on the traced CPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,8 +59,8 @@ impl Timeline {
 /// An interrupt of a timer may be so late, and a switch of threads take so long.
 pub(super) const PUNCTUAL: Nanos = 20_000;
 
-/// A thread that may hold the enforcer's lock is charged for no more than this at once. A larger
-/// charge says that its CPU stood still.
+/// A thread that may hold the enforcer's lock is charged for no more than this at once, nor is a
+/// worker on its way from a wait to its clock. A larger charge says that its CPU stood still.
 const LOOK: Nanos = 100_000;
 
 /// The enforcer's priority: no worker and no stranger has it of its own.
@@ -90,6 +90,10 @@ pub(super) struct Reader {
     timers: BTreeMap<String, Nanos>,
     /// Charges of threads whose piece has not been read: when, who, how much.
     early: Vec<(Nanos, i64, Nanos)>,
+    /// Workers that read their CPU clock as soon as they have left a wait.
+    prompt: Vec<String>,
+    /// Of them, those that have been woken, and have not been charged since.
+    fresh: BTreeSet<i64>,
 }
 
 /// The thread that runs, and where its current piece began.
@@ -120,7 +124,17 @@ impl Reader {
             expired: None,
             timers: BTreeMap::new(),
             early: Vec::new(),
+            prompt: Vec::new(),
+            fresh: BTreeSet::new(),
         }
+    }
+
+    /// Workers of these names read their CPU clock as soon as they have left a wait
+    /// ([`Case::prompt`](super::case::Case::prompt)): a longer first charge says that their CPU
+    /// stood still.
+    pub(super) fn with_prompt(mut self, names: Vec<String>) -> Self {
+        self.prompt = names;
+        self
     }
 
     /// Takes one line: `comm-123  [001] d..2. 12.345678: sched_switch: prev_comm=…`.
@@ -148,7 +162,8 @@ impl Reader {
                     }
                     self.note_switch(at, thread, cpu);
                 }
-                if cpu > LOOK && self.has_enforcers_lock(rest, thread) {
+                let first = on_cpu(head) == Some(self.cpu) && self.fresh.remove(&thread);
+                if cpu > LOOK && (first || self.has_enforcers_lock(rest, thread)) {
                     let since = at.saturating_sub(cpu - LOOK);
                     self.timeline.still.push((since, at));
                 }
@@ -166,6 +181,14 @@ impl Reader {
                 && self.now.is_none_or(|now| now.switched <= at)
             {
                 self.wants(thread, rank(priority), at);
+                let comm = rest.strip_prefix("comm=").unwrap_or(rest);
+                let comm = comm.split_once(' ').map_or(comm, |(comm, _)| comm);
+                // One that is let go on after a suspension is in the middle of a callback.
+                let goes_on = ["enforcer", "watchdog"];
+                let goes_on = goes_on.iter().any(|by| head.trim_start().starts_with(by));
+                if !goes_on && self.prompt.iter().any(|name| name == comm) {
+                    self.fresh.insert(thread);
+                }
                 if rest.starts_with("comm=enforcer") {
                     // By that interrupt, which does nothing else before.
                     self.stood_still(at.saturating_sub(expired.unwrap_or(at)), at);

@@ -379,3 +379,30 @@ fn a_worker_that_is_woken_late_shows_that_the_machine_stood_still() {
         [(13_844_978_547_612, 13_844_979_946_000)]
     );
 }
+
+/// Seeds 26 and 31: the machine stood still while a thread that is not traced let a woken worker
+/// have the CPU, and while a worker was on its way to its clock. No timer was due meanwhile.
+#[test]
+fn a_worker_that_reads_its_clock_late_shows_that_the_machine_stood_still() {
+    let lines = "\
+        agent-75 [001] dNh4. 25979.936686: sched_wakeup: comm=w1 pid=20668 prio=49 target_cpu=001
+        w1-20668 [001] d..2. 25979.938071: sched_stat_runtime: comm=w1 pid=20668 runtime=1386161 [ns]
+        w1-20668 [001] d..2. 25979.938471: sched_stat_runtime: comm=w1 pid=20668 runtime=400000 [ns]
+        w1-20668 [001] d..2. 25979.938472: sched_switch: prev_comm=w1 prev_pid=20668 prev_prio=49 prev_state=S ==> next_comm=opt next_pid=7 next_prio=120
+        opt-7 [001] dNh4. 25979.939000: sched_wakeup: comm=w2 pid=20669 prio=49 target_cpu=001
+        opt-7 [001] d..2. 25979.939001: sched_switch: prev_comm=opt prev_pid=7 prev_prio=120 prev_state=S ==> next_comm=w2 next_pid=20669 next_prio=49
+        w2-20669 [001] d..2. 25979.939401: sched_stat_runtime: comm=w2 pid=20669 runtime=400000 [ns]
+        enforcer-3 [001] d..2. 25979.940000: sched_wakeup: comm=w1 pid=20668 prio=49 target_cpu=001
+        enforcer-3 [001] d..2. 25979.940001: sched_switch: prev_comm=enforcer prev_pid=3 prev_prio=0 prev_state=S ==> next_comm=w1 next_pid=20668 next_prio=49
+        w1-20668 [001] d..2. 25979.940401: sched_stat_runtime: comm=w1 pid=20668 runtime=400000 [ns]";
+    let still = |prompt: &[&str]| {
+        let prompt = prompt.iter().map(ToString::to_string).collect();
+        let mut reader = Reader::new(1).with_prompt(prompt);
+        lines.lines().for_each(|l| reader.line(l));
+        reader.finish().still
+    };
+    // `w2` may have waited in the middle of a callback, and `w1` was suspended in one at the end:
+    // these charges are their own.
+    assert_eq!(still(&["w1"]), [(25_979_936_784_839, 25_979_938_071_000)]);
+    assert_eq!(still(&[]), []);
+}

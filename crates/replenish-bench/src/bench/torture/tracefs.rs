@@ -45,9 +45,14 @@ pub(super) struct Trace {
 }
 
 impl Trace {
-    /// Traces what happens on `cpu` from now on; the text is read on `support`, and `keep` gets a
-    /// copy of it.
-    pub(super) fn start(cpu: usize, support: usize, keep: Option<&Path>) -> Result<Self, Failure> {
+    /// Traces what happens on `cpu` from now on; the text goes to `reader` on the CPU `support`,
+    /// and `keep` gets a copy of it.
+    pub(super) fn start(
+        cpu: usize,
+        support: usize,
+        reader: Reader,
+        keep: Option<&Path>,
+    ) -> Result<Self, Failure> {
         let root = root()?;
         let copy = keep.map(fs::File::create).transpose();
         let copy = copy.map_err(|e| refused(keep.unwrap_or(&root), &e))?;
@@ -76,8 +81,8 @@ impl Trace {
         let over = Arc::clone(&trace.over);
         let policy = Policy::fifo(READER_PRIORITY).map_err(Failure::refused)?;
         let spec = ThreadSpec::new("trace").policy(policy).cpu(support);
-        let reader = replenish_os::spawn(spec, move || read(pipe, copy, cpu, &over));
-        trace.reader = Some(reader.map_err(Failure::refused)?);
+        let thread = replenish_os::spawn(spec, move || read(pipe, copy, reader, &over));
+        trace.reader = Some(thread.map_err(Failure::refused)?);
         Ok(trace)
     }
 
@@ -147,8 +152,12 @@ fn root() -> Result<PathBuf, Failure> {
     Ok(usual)
 }
 
-fn read(mut pipe: fs::File, mut copy: Option<fs::File>, cpu: usize, over: &AtomicBool) -> Timeline {
-    let mut reader = Reader::new(cpu);
+fn read(
+    mut pipe: fs::File,
+    mut copy: Option<fs::File>,
+    mut reader: Reader,
+    over: &AtomicBool,
+) -> Timeline {
     let mut buffer = vec![0_u8; 1 << 18];
     let mut text = Vec::new();
     loop {

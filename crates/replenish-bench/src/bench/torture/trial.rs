@@ -3,6 +3,7 @@
 use super::case::{Case, name};
 use super::child::{DROP, News, Order};
 use super::judge::{Evidence, Halt};
+use super::timeline::Reader;
 use super::tracefs::Trace;
 use crate::load::{MS, Nanos};
 use replenish_cli::machine::cpus::Cpus;
@@ -44,7 +45,8 @@ pub(super) fn run(
     keep: Option<&Path>,
     stop: &Stop,
 ) -> Result<Shown, Failure> {
-    let trace = Trace::start(cpus.measured, cpus.support, keep)?;
+    let reader = Reader::new(cpus.measured).with_prompt(case.prompt());
+    let trace = Trace::start(cpus.measured, cpus.support, reader, keep)?;
     let mut child = Child::start(&Order {
         case: case.clone(),
         cpu: cpus.measured,
