@@ -10,7 +10,7 @@
 use super::dump::Dump;
 use super::trigger::{Armed, Cause};
 use replenish_os::live::{self, SharedMemory};
-use replenish_os::{SchedClass, ThreadSpec, current_tid, set_priority, spawn};
+use replenish_os::{SchedClass, ThreadSpec, clock, current_tid, set_priority, spawn};
 use replenish_recorder::{ThreadSpan, copy, write_dumps};
 use std::collections::VecDeque;
 use std::fs::{File, Permissions};
@@ -24,6 +24,8 @@ use std::time::{Duration, Instant};
 const AFTER: Duration = Duration::from_secs(1);
 /// The ring is looked at this often meanwhile.
 const LOOK: Duration = Duration::from_millis(5);
+/// Its class is set this often while it ends, in ns.
+const AGAIN: u64 = 20_000_000;
 const MINUTE: Duration = Duration::from_secs(60);
 
 /// The thread, ended when dropped.
@@ -88,10 +90,15 @@ impl Drop for Dumper {
     fn drop(&mut self) {
         self.armed.ended.store(true, Ordering::Release);
         self.armed.notify.set();
-        if let Some(thread) = self.thread.take() {
-            // The caller waits for it now: it is in nobody's way.
-            set_priority(thread.tid(), SchedClass::Other).ok();
-            thread.join().ok();
+        let Some(mut thread) = self.thread.take() else {
+            return;
+        };
+        // The caller waits for it now: it is in nobody's way. One that has only just begun makes
+        // itself idle after this, so it is said again.
+        set_priority(thread.tid(), SchedClass::Other).ok();
+        while let Err(same) = thread.join_until(clock::monotonic().saturating_add(AGAIN)) {
+            set_priority(same.tid(), SchedClass::Other).ok();
+            thread = same;
         }
     }
 }
