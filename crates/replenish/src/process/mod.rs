@@ -51,6 +51,8 @@ pub(crate) mod public {
     pub use super::log::{LogRule, LogSite, LogTo, Logger};
     pub use super::sleep::{Sleep, sleep, sleep_until};
     pub use super::time::Rate;
+    /// The `log` facade: `log::info!` of any library, once [`Logger::install`] was called.
+    pub use ::log;
     /// The arguments of a ROS 2 program.
     pub use replenish_args as args;
 }

@@ -11,7 +11,7 @@ use std::collections::HashMap;
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Command, Stdio};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const LIMIT: Duration = Duration::from_secs(60);
 const MS: Duration = Duration::from_millis(1);
@@ -278,6 +278,23 @@ fn lines_too_many_are_counted_and_the_program_goes_on() {
     assert_eq!(seen + lost, LINES);
 }
 
+/// Its lines fill the pipe that nobody reads: it ends all the same.
+#[test]
+fn a_console_that_nobody_reads_does_not_keep_a_program() {
+    let mut child = child("p --ros-args --disable-rosout-logs", 3000, &[]);
+    let mut stdout = BufReader::new(child.stdout.take().unwrap()).lines();
+    while !stdout.next().unwrap().unwrap().ends_with("logged") {}
+    let end = Instant::now() + LIMIT;
+    let status = loop {
+        match child.try_wait().unwrap() {
+            None if Instant::now() < end => std::thread::sleep(10 * MS),
+            status => break status,
+        }
+    };
+    child.kill().ok();
+    assert!(status.is_some_and(|status| status.success()), "{status:?}");
+}
+
 /// Lines of the `log` facade, which one context of a process has: no other test installs it.
 #[test]
 fn lines_of_a_library_have_the_name_and_the_level_of_their_target() {
@@ -295,7 +312,7 @@ fn lines_of_a_library_have_the_name_and_the_level_of_their_target() {
          process has another one"
     );
     let running = exec.start().unwrap();
-    log::info!(target: "serial::posix", "opened {}", 7);
+    replenish::log::info!(target: "serial::posix", "opened {}", 7);
     log::debug!(target: "serial::posix", "below");
     log::warn!(target: "noisy", "below its own");
     log::error!(target: "noisy::part", "broken");

@@ -3,9 +3,12 @@
 use super::core::Core;
 use super::writer;
 use replenish_args::RosArgs;
-use replenish_os::{Thread, ThreadSpec, spawn};
+use replenish_os::{Thread, ThreadSpec, clock, spawn};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, OnceLock};
+
+/// After this long without a line that could be written, in ns, a log that ends gives up.
+const STILL: u64 = 2_000_000_000;
 
 /// The log of a context. Its thread ends with it, when all lines are written.
 pub(super) struct Log {
@@ -43,8 +46,16 @@ impl Drop for Log {
     fn drop(&mut self) {
         self.core.ended.store(true, Ordering::Release);
         self.core.notify.set();
-        if let Some(thread) = self.thread.take() {
-            thread.join().ok();
+        let Some(mut thread) = self.thread.take() else {
+            return;
+        };
+        let mut written = self.core.written.load(Ordering::Acquire);
+        while let Err(same) = thread.join_until(clock::monotonic().saturating_add(STILL)) {
+            let now = self.core.written.load(Ordering::Acquire);
+            if now == written {
+                return; // nobody reads the console: the thread ends with the process
+            }
+            (thread, written) = (same, now);
         }
     }
 }
