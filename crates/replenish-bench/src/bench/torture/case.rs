@@ -46,6 +46,10 @@ pub(super) struct Worker {
     /// The executor chooses its priorities, and tests whether it can keep the promise.
     #[serde(default)]
     pub guaranteed: bool,
+    /// Its work is a future that awaits sleeps and writes lines to the log: of a timer or a sleepy
+    /// worker without a group.
+    #[serde(default)]
+    pub awaits: bool,
 }
 
 /// The work of a worker's callbacks.
@@ -150,6 +154,7 @@ impl fmt::Display for Case {
         add(count(|w| w.section().is_none()), "endless in groups")?;
         add(count(|w| w.panics), "that panic")?;
         add(count(|w| w.guaranteed), "guaranteed")?;
+        add(count(|w| w.awaits), "that await and log")?;
         add(self.strangers.len(), "strangers")?;
         add(self.stops.len(), "stops")?;
         add(

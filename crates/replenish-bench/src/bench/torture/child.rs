@@ -2,10 +2,11 @@
 
 use super::case::{self, Case, Stranger, Work, Worker};
 use crate::load::{MS, Nanos};
+use replenish::args::{Environment, RosArgs};
 use replenish::msg::std_msgs::Int32;
 use replenish::{
-    CallbackContext, Context, Error, Executor, Group, Guarantee, HandleOptions, Low, Node, Params,
-    Policy, Publisher, Qos, Removal, RunningExecutor,
+    CallbackContext, Context, Error, Executor, Group, Guarantee, HandleOptions, Logger, Low, Node,
+    Params, Policy, Publisher, Qos, Removal, RunningExecutor, log_info,
 };
 use replenish_cli::outcome::{Failure, Outcome};
 use replenish_cli::signals::Stop;
@@ -131,7 +132,10 @@ type Publishers = Vec<(Publisher<Int32>, Nanos)>;
 type Tried = Result<(RunningExecutor, Publishers), Error>;
 
 fn executor(order: &Order, workers: &[Worker]) -> Result<Tried, Failure> {
-    let context = Context::in_process();
+    // Lines of the log are not shown: the parent reads what this process prints.
+    let words = ["torture", "--ros-args", "--disable-stdout-logs"].map(String::from);
+    let args = RosArgs::parse(words, &Environment::default()).map_err(Failure::refused)?;
+    let context = Context::in_process().with_args(args);
     let node = context.node("torture").map_err(Failure::refused)?;
     let mut executor = Executor::new(&context);
     executor
@@ -189,21 +193,27 @@ fn add(
         Some(cpu) => builder.cpu(cpu),
         None => builder,
     };
+    let logger = worker.awaits.then(|| node.logger());
     let mut publishes = None;
     let often = Duration::from_millis(1);
-    let builder = match worker.work {
-        Work::Endless => builder.timer(often, |cx| while !cx.is_stopping() {}),
-        Work::BackToBack { burn } => builder.timer(often, move |cx| burn_for(burn, cx)),
-        Work::Periodic { every, burn } => {
+    let builder = match (worker.work, logger) {
+        (Work::Periodic { every, burn }, Some(logger)) => builder
+            .timer_async(Duration::from_nanos(every), move || {
+                round(logger.clone(), burn, every / 8)
+            }),
+        (Work::Sleepy { burn, sleep }, Some(logger)) => builder.task(rounds(logger, burn, sleep)),
+        (Work::Endless, _) => builder.timer(often, |cx| while !cx.is_stopping() {}),
+        (Work::BackToBack { burn }, _) => builder.timer(often, move |cx| burn_for(burn, cx)),
+        (Work::Periodic { every, burn }, _) => {
             builder.timer(Duration::from_nanos(every), move |cx| burn_for(burn, cx))
         }
-        Work::Sleepy { burn, sleep } => builder.timer(often, move |cx| {
+        (Work::Sleepy { burn, sleep }, _) => builder.timer(often, move |cx| {
             while !cx.is_stopping() {
                 burn_for(burn, cx);
                 std::thread::sleep(Duration::from_nanos(sleep));
             }
         }),
-        Work::Messages { every, burn } => {
+        (Work::Messages { every, burn }, _) => {
             let publisher = node.publisher::<Int32>(&name, Qos::reliable());
             publishes = Some((publisher.map_err(Failure::refused)?, every));
             let topic = name.as_str();
@@ -228,6 +238,20 @@ fn add(
         builder.timer(every, panics).map_err(Failure::refused)?;
     }
     Ok(publishes)
+}
+
+/// Says so, waits, and consumes so much CPU time.
+async fn round(logger: Logger, burn: Nanos, sleep: Nanos) {
+    log_info!(logger, "burns {burn} ns after a sleep of {sleep} ns");
+    replenish::sleep(Duration::from_nanos(sleep)).await;
+    burn_unless(burn, || false);
+}
+
+/// Such rounds without end.
+async fn rounds(logger: Logger, burn: Nanos, sleep: Nanos) {
+    for _ in 0..u64::MAX {
+        round(logger.clone(), burn, sleep).await;
+    }
 }
 
 /// Consumes so much CPU time of the calling thread.

@@ -37,6 +37,8 @@ pub(super) enum Feature {
     Guarantees,
     /// Callbacks in groups that never end.
     Endless,
+    /// Futures that await sleeps and write to the log.
+    Futures,
 }
 
 /// Odd reservations: budget and period.
@@ -107,7 +109,20 @@ pub(super) fn case(seed: u64, seconds: u64, features: &[Feature]) -> Case {
         unpinned: false,
     };
     disturb(&mut case, length, features);
+    if features.contains(&Feature::Futures) {
+        await_and_log(&mut case);
+    }
     case
+}
+
+/// Again a sequence of its own.
+fn await_and_log(case: &mut Case) {
+    let mut r = Random::new(case.seed ^ 0x6177_6169_7473_6C6F);
+    let some = r.percent(40);
+    for worker in &mut case.workers {
+        let fits = matches!(worker.work, Work::Periodic { .. } | Work::Sleepy { .. });
+        worker.awaits = r.percent(50) && some && fits && worker.group.is_none();
+    }
 }
 
 /// The later features. Their numbers are a sequence of their own, so that a seed without them is
@@ -200,6 +215,7 @@ fn worker(
         group,
         panics: panics && r.percent(30),
         guaranteed: false,
+        awaits: false,
     })
 }
 
@@ -248,7 +264,7 @@ mod tests {
     /// A failure of an earlier session can be looked for by its seed.
     #[test]
     fn the_later_features_leave_the_rest_of_a_case_alone() {
-        let mut found = [0; 4];
+        let mut found = [0; 5];
         for seed in 0..400 {
             let (old, new) = (
                 case(seed, 20, &OLDER),
@@ -259,7 +275,8 @@ mod tests {
             for (worker, before) in without.workers.iter_mut().zip(&old.workers) {
                 found[0] += usize::from(worker.guaranteed);
                 found[1] += usize::from(worker.section().is_none());
-                (worker.guaranteed, worker.work) = (false, before.work);
+                found[4] += usize::from(worker.awaits);
+                (worker.guaranteed, worker.awaits, worker.work) = (false, false, before.work);
             }
             found[2] += usize::from(new.drops_at.is_some());
             found[3] += usize::from(new.unpinned);
@@ -304,7 +321,7 @@ mod tests {
             assert!(plain.workers.iter().all(|w| w.group.is_none() && !w.panics));
             assert_eq!(plain, case(seed, 20, &[]), "a seed replays");
             assert!(plain.drops_at.is_none() && !plain.unpinned);
-            let endless = |w: &Worker| w.guaranteed || w.section().is_none();
+            let endless = |w: &Worker| w.guaranteed || w.awaits || w.section().is_none();
             assert!(!case(seed, 20, &OLDER).workers.iter().any(endless));
         }
     }

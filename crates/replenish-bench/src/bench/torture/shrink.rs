@@ -31,6 +31,7 @@ fn smaller(case: &Case) -> Vec<Case> {
     without(&|c| c.unpinned = false);
     without(&|c| c.workers.iter_mut().for_each(|w| w.panics = false));
     without(&|c| c.workers.iter_mut().for_each(|w| w.guaranteed = false));
+    without(&|c| c.workers.iter_mut().for_each(|w| w.awaits = false));
     without(&|c| c.workers.iter_mut().for_each(|w| w.group = None));
     all.retain(|c| !c.workers.is_empty());
     all

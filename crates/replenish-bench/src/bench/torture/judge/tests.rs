@@ -23,6 +23,7 @@ fn case() -> Case {
             group: None,
             panics: false,
             guaranteed: false,
+            awaits: false,
         }],
         strangers: Vec::new(),
         stops: Vec::new(),
