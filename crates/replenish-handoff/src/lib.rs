@@ -14,6 +14,7 @@
 //!   command_queue   commands to one thread, and what it retires
 //!   doorbell        what a worker sleeps on            │ ready_set   handles with input
 //!   inbox           samples of one subscription        │ ring        its buffers   │ sample
+//!   origins         when the chains that led to a sample began
 //!   flag            triggers of a guard condition      │ stop        the stop request
 //!   line_queue      lines of a log, from many threads to one     │ line        as words
 //!   sync            names of locks, cells and atomics  │ once        cells without std, and models
@@ -37,6 +38,8 @@ mod line_queue;
 mod models;
 #[cfg(not(all(feature = "std", not(loom))))]
 mod once;
+#[cfg_attr(not(feature = "sample-info"), path = "origins_disabled.rs")]
+mod origins;
 mod ready_set;
 mod ring;
 mod sample;
@@ -49,7 +52,10 @@ pub use flag::Flag;
 pub use inbox::{Delivery, DeliveryOutcome, Inbox, Keep};
 pub use line::{LINE_TEXT, LINE_WORDS, LineDraft, LineHead, read_line};
 pub use line_queue::{LineQueue, LineReader};
+pub use origins::Origins;
+#[cfg(feature = "sample-info")]
+pub use origins::published_at;
 pub use ready_set::ReadySet;
 pub use ring::{Ring, RingSlot};
-pub use sample::{RequestIdentity, SampleInfo};
+pub use sample::{MOST_CHAINS, RequestIdentity, SampleInfo};
 pub use stop::Stop;

@@ -1,5 +1,10 @@
 //! The facts about a sample besides its bytes; they travel with them through the inbox.
 
+use super::Origins;
+
+/// Chains that one callback can be in.
+pub const MOST_CHAINS: usize = 4;
+
 /// The facts about a sample besides its bytes.
 ///
 /// Builds without feature `sample-info` keep [`arrival`](Self::arrival) alone while it waits.
@@ -14,6 +19,8 @@ pub struct SampleInfo {
     pub sequence: Option<u64>,
     /// Services: which request this is, or answers.
     pub request: RequestIdentity,
+    /// The chains that led to it, where its publisher is in this process.
+    pub origins: Origins,
 }
 
 impl SampleInfo {
@@ -25,6 +32,7 @@ impl SampleInfo {
             source_timestamp: None,
             sequence: None,
             request: RequestIdentity([0; 24]),
+            origins: Origins::NONE,
         }
     }
 }

@@ -52,11 +52,17 @@ pub enum Kind {
     On = 19,
     /// A callback waits for its group. `a`: the id of the handle that runs; 0 if it has just ended.
     Queue = 20,
+    /// The callback that has begun is a stage of a chain; the name is the chain's. `a`: when the
+    /// instance began, an instant; `b`: the stage, from 0.
+    ChainStage = 21,
+    /// The last stage of a chain has ended. `a`: when the instance began, an instant; `b`: its
+    /// latency, ns.
+    ChainEnd = 22,
 }
 
 impl Kind {
     /// Every kind, in the order of their numbers.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 22] = [
         Self::Take,
         Self::Wake,
         Self::Activate,
@@ -77,6 +83,8 @@ impl Kind {
         Self::Off,
         Self::On,
         Self::Queue,
+        Self::ChainStage,
+        Self::ChainEnd,
     ];
 
     /// The kind with this number.
@@ -110,6 +118,8 @@ impl Kind {
             Self::Off => "off",
             Self::On => "on",
             Self::Queue => "queue",
+            Self::ChainStage => "chain_stage",
+            Self::ChainEnd => "chain_end",
         }
     }
 }

@@ -78,6 +78,8 @@ pub enum NameKind {
     Topic,
     /// A mark of the program.
     Mark,
+    /// A chain.
+    Chain,
 }
 
 impl NameKind {
@@ -86,6 +88,7 @@ impl NameKind {
             Self::Handle => 1,
             Self::Topic => 2,
             Self::Mark => 3,
+            Self::Chain => 4,
         }
     }
 
@@ -94,6 +97,7 @@ impl NameKind {
             1 => Some(Self::Handle),
             2 => Some(Self::Topic),
             3 => Some(Self::Mark),
+            4 => Some(Self::Chain),
             _ => None,
         }
     }

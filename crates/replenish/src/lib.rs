@@ -31,6 +31,7 @@
 extern crate alloc;
 
 mod action;
+mod chain;
 mod compatibility;
 mod context;
 mod error;
@@ -58,6 +59,7 @@ pub use action::{
     AcceptedGoal, ActionClient, ActionOptions, GoalCall, GoalError, GoalEvent, GoalHandle, GoalId,
     GoalState, GoalUpdate, Lost, NewGoal, ResultCall, RunningGoal,
 };
+pub use chain::{ChainInstance, ChainReport};
 pub use compatibility::QosClash;
 pub use context::{Context, Node};
 pub use error::Error;

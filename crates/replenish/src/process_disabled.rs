@@ -1,12 +1,16 @@
 //! In the place of `process` without feature `std`: no arguments, no signals.
 
+use crate::chain::ChainReport;
 use crate::error::Error;
 use crate::event::Events;
+use crate::executor::WorkerSpec;
 use crate::name;
 use crate::parameter::{ParameterError, ParameterValue};
-use crate::platform::Text;
+use crate::platform::chain::Requested;
+use crate::platform::{Static, Text};
 use crate::sync::Arc;
 use alloc::string::String;
+use alloc::vec::Vec;
 
 /// The kind of thing that a name stands for.
 #[derive(Clone, Copy)]
@@ -54,6 +58,24 @@ pub(crate) struct Loggers;
 
 impl Loggers {
     pub(crate) const fn flush(&self) {}
+}
+
+/// No chain is measured.
+#[derive(Default)]
+pub(crate) struct Chains;
+
+impl Chains {
+    pub(crate) const fn report(&self) -> Vec<ChainReport> {
+        Vec::new()
+    }
+}
+
+#[expect(
+    clippy::unnecessary_wraps,
+    reason = "the signature of what it stands in for"
+)]
+pub(crate) fn start_chains(_: &Requested, _: &mut [Static<WorkerSpec>]) -> Result<Chains, Error> {
+    Ok(Chains)
 }
 
 /// There are no diagnostics.

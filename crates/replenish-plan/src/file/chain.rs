@@ -38,6 +38,14 @@ impl Deployment {
         matches!(load, Some(Some(Releases::Never)))
     }
 
+    /// Whether the worker at this place in [`workers`](Self::workers) is released by the clock: as
+    /// a later stage of a chain it takes the latest input then.
+    #[must_use]
+    pub fn is_periodic(&self, worker: usize) -> bool {
+        let load = self.workers.get(worker).map(|w| &w.load.releases);
+        matches!(load, Some(Some(Releases::Periodic { .. })))
+    }
+
     /// The bounds of all chains under `plan`.
     pub(super) fn chains(&self, plan: &Plan) -> Vec<PlannedChain> {
         let stages = |chain: &Chain| {

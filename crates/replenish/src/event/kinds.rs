@@ -81,6 +81,17 @@ pub enum Event<'a> {
         /// How many callbacks of the group have by now.
         count: u64,
     },
+    /// An instance of a [chain](crate::Executor::chain) took longer than its limit.
+    ChainExceeded {
+        /// The chain's name.
+        chain: &'a str,
+        /// From its origin to the end of the last stage, in ns.
+        latency: crate::Nanos,
+        /// The limit, in ns.
+        limit: crate::Nanos,
+        /// How many instances of this chain have by now.
+        count: u64,
+    },
     /// The middleware could not wait or take; the dispatcher tries again.
     MiddlewareFailed {
         /// Why.
@@ -174,6 +185,18 @@ impl fmt::Display for Event<'_> {
                 write!(
                     f,
                     "{handle}: has held group {group:?} for {held} us of CPU time, {stated} us are stated ({count} times)"
+                )
+            }
+            Self::ChainExceeded {
+                chain,
+                latency,
+                limit,
+                count,
+            } => {
+                let (latency, limit) = (latency / 1000, limit / 1000);
+                write!(
+                    f,
+                    "chain {chain:?} took {latency} us, its limit is {limit} us ({count} times)"
                 )
             }
             Self::MiddlewareFailed { error, count } => {

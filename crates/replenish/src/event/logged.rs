@@ -19,6 +19,7 @@ const fn level(event: &Event<'_>) -> Level {
         | Event::MiddlewareFailed { .. }
         | Event::Blocked { .. }
         | Event::HeldTooLong { .. }
+        | Event::ChainExceeded { .. }
         | Event::Incompatible { .. }
         | Event::Link { up: false } => Level::Warn,
         Event::Link { up: true } => Level::Info,

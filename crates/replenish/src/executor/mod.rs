@@ -51,6 +51,8 @@ pub use describe::planning::AdmissionReport;
 pub use describe::topic::Topic;
 pub use handles::callback::{CallbackContext, CallbackResult};
 pub use handles::deadline::{DeadlineMiss, OnMiss};
+#[allow(unused_imports, reason = "for chains, which need feature `std`")]
+pub(crate) use handles::entry::HandleEntry;
 pub use handles::group::Group;
 pub use handles::guard::GuardCondition;
 pub use handles::options::HandleOptions;
@@ -60,6 +62,7 @@ pub use handles::timer::TimerHandle;
 pub use run::guarantee::AdoptedReport;
 pub use run::round_stats::{RoundReport, RoundStats};
 pub use run::rules::{HandleStates, Semantics, Trigger};
+pub(crate) use run::state::WorkerSpec;
 pub use start::local::{LocalExecutor, SpinEnd, SpinResult};
 pub use start::report::{DispatcherReport, HandleReport, Report, ThreadReport};
 pub use start::running::RunningExecutor;

@@ -408,6 +408,7 @@ impl Bus {
         let info = SampleInfo {
             source_timestamp: wall_clock(),
             sequence: Some(writer.sent),
+            origins: platform::chain::current(),
             ..SampleInfo::at(clock::monotonic())
         };
         Ok((writer, info))

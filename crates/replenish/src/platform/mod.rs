@@ -8,6 +8,7 @@
 //!   features ── STD · BARE · FULL · TEXTS · LOG · DROPS, as constants
 //!   std ─────── wall clock, random bits, panics, standard error, io,   │ std_disabled
 //!   │           recorder: the last events of each thread               │ recorder_disabled
+//!   │           chain: latencies over several callbacks                │ chain_disabled
 //!   │           sleeping: the alarms of a future                       │ sleeping_disabled
 //!   │                                                                   io::Error  │ io (without std)
 //!   text ────── Text · StaticText · text! · label · displayed · join               │ text_disabled
@@ -35,7 +36,7 @@ mod wall_time;
 pub use self::std::io;
 pub use self::std::recorder::{Dump, Mark};
 pub(crate) use self::std::{
-    end_with, guard, prepare_end, random, recorder, sleeping, tell, wall_clock,
+    chain, end_with, guard, prepare_end, random, recorder, sleeping, tell, wall_clock,
 };
 pub(crate) use buffer::zeroed;
 #[allow(unused_imports, reason = "builds without feature xrce ask for fewer")]

@@ -1,5 +1,6 @@
 //! Parts of the standard library. `std_disabled.rs` takes this file's place without feature `std`.
 
+pub(crate) mod chain;
 pub(crate) mod recorder;
 pub(crate) mod sleeping;
 

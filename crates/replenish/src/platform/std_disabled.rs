@@ -5,6 +5,8 @@
 //! - There is no wall clock; who needs stamps takes them from the agent's clock.
 //! - Events go where [`Executor::on_event`](crate::Executor::on_event) says, and nowhere without.
 
+#[path = "chain_disabled.rs"]
+pub(crate) mod chain;
 pub mod io;
 #[path = "recorder_disabled.rs"]
 pub(crate) mod recorder;

@@ -12,11 +12,13 @@
 //!   graph: Node::graph ──► best_available: Node::best_available_{subscription, publisher}
 //!   report_json: Report::to_json
 //!   time: Node::{now, rate}, ros_timer, /clock             ──► clock
+//!   chains: Executor::chain
 //!   diagnostics: Executor::diagnostics, /diagnostics, /statistics
 //! ```
 
 mod args;
 mod best_available;
+mod chains;
 mod clock;
 mod diagnostics;
 mod events;
@@ -29,6 +31,7 @@ mod sleep;
 mod time;
 
 pub(crate) use args::{Args, NodeTime};
+pub(crate) use chains::{Chains, start_chains};
 pub(crate) use clock::SimClock;
 pub(crate) use diagnostics::{Diagnostics, DiagnosticsChoice, FirstNode};
 pub(crate) use log::Loggers;

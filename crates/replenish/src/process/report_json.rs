@@ -1,6 +1,7 @@
 //! A report as JSON, for programs. Its schema is `docs/schemas/report.json`; the command's tests
 //! hold it to that. Written by hand: ten lines of writing are less than a dependency on `serde`.
 
+use crate::chain::ChainReport;
 use crate::executor::{HandleReport, Report, ThreadReport};
 use crate::histogram::Histogram;
 use std::fmt::{Display, Write};
@@ -25,6 +26,7 @@ impl Report {
                     o.number("skipped", rounds.stats.skipped);
                 })
             });
+            o.list("chains", &self.chains, chain);
             let dispatcher = object(|o| {
                 o.number("rounds", self.dispatcher.rounds);
                 o.number("samples", self.dispatcher.samples);
@@ -101,6 +103,24 @@ fn handle(h: &HandleReport) -> String {
         o.number("response_ns", histogram(&h.response));
         o.option("matched", h.matched);
         o.option("last_error", h.last_error.as_ref().map(quoted));
+    })
+}
+
+fn chain(c: &ChainReport) -> String {
+    object(|o| {
+        o.text("name", &c.name);
+        o.list("stages", &c.stages, quoted);
+        o.option("limit_ns", c.limit).option("bound_ns", c.bound);
+        o.number("begun", c.begun).number("ended", c.ended);
+        o.number("exceeded", c.exceeded);
+        o.number("latency_ns", histogram(&c.latency));
+        let worst = c.worst.map(|worst| {
+            object(|o| {
+                o.number("origin_ns", worst.origin);
+                o.number("latency_ns", worst.latency);
+            })
+        });
+        o.option("worst", worst);
     })
 }
 

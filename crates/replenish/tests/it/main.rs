@@ -11,6 +11,7 @@ mod common;
 
 mod actions;
 mod bus;
+mod chains;
 mod changes;
 mod changes_own;
 mod changes_services;

@@ -93,7 +93,7 @@ impl Read {
         events
     }
 
-    fn id(&self, kind: NameKind, name: &str) -> u32 {
+    pub(crate) fn id(&self, kind: NameKind, name: &str) -> u32 {
         let wanted = Some((kind, name.to_owned()));
         let names = self.view.names(&self.source);
         u32::try_from(names.iter().position(|n| *n == wanted).unwrap()).unwrap()

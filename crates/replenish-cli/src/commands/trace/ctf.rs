@@ -211,7 +211,7 @@ fn introduce(packet: &mut Packet<'_>, start: u64, names: &Names) {
                     &[of(CALLBACK), Value::Text(name)],
                 );
             }
-            NameKind::Mark => {}
+            NameKind::Mark | NameKind::Chain => {}
         }
     }
 }

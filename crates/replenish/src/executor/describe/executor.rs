@@ -6,7 +6,7 @@ use crate::event::{Event, Events};
 use crate::executor::run::state::WorkerSpec;
 use crate::executor::wake::stop::StopHandle;
 use crate::name::{concat, with_number};
-use crate::platform::{Dump, Static, recorder};
+use crate::platform::{Dump, Static, chain, recorder};
 use crate::process::DiagnosticsChoice;
 use crate::sync::Arc;
 use alloc::string::String;
@@ -65,6 +65,7 @@ pub(crate) struct Options {
     pub(crate) switch_log: bool,
     pub(crate) stop_grace: Duration,
     pub(crate) recorder: recorder::Settings,
+    pub(crate) chains: chain::Requested,
     #[allow(dead_code, reason = "nobody reads it without feature `std`")]
     pub(crate) diagnostics: DiagnosticsChoice,
     pub(crate) events: Arc<Events>,
@@ -89,6 +90,7 @@ impl Executor {
                 switch_log: true,
                 stop_grace: Duration::from_millis(120),
                 recorder: recorder::Settings::default(),
+                chains: chain::Requested::default(),
                 diagnostics: Default::default(),
                 events: Arc::new(Events::default()),
             },

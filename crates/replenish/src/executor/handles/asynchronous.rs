@@ -20,6 +20,7 @@ use crate::Nanos;
 use crate::executor::wake::doorbell::WakeHandle;
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::executor::wake::run_queue::RunQueue;
+use crate::platform::chain::Provenance;
 use crate::platform::sleeping::{self, Alarms};
 use crate::sync::{Arc, Mutex};
 use alloc::boxed::Box;
@@ -155,6 +156,7 @@ where
         woken.then(|| Taken {
             due: clock::monotonic(),
             deadline: None,
+            provenance: Provenance::default(),
         })
     }
 

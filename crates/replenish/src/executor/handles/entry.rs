@@ -9,6 +9,7 @@ use super::state::HandleState;
 use crate::Nanos;
 use crate::event::Event;
 use crate::executor::wake::lazy_now::LazyNow;
+use crate::platform::chain::Links;
 use crate::platform::{self, FULL, STD, ShortText, recorder};
 use crate::sync::{Arc, Ordering};
 use alloc::boxed::Box;
@@ -35,6 +36,8 @@ pub struct HandleEntry {
     pub(crate) took: Nanos,
     /// The thread's CPU clock when the callback began, where its group states a length.
     began: Nanos,
+    /// Its places in chains.
+    pub(crate) links: Links,
 }
 
 impl HandleEntry {
@@ -51,6 +54,7 @@ impl HandleEntry {
             skip: false,
             took: 0,
             began: 0,
+            links: Links::default(),
         }
     }
 
@@ -156,15 +160,18 @@ impl HandleEntry {
         counters.worst_latency.raise(latency);
         self.shared.latency.record(latency);
         recorder::begin(self.shared.name, started, taken.due);
+        self.links.begin(taken.due, started, &taken.provenance);
         self.handle.execute(env, started);
         drop(held);
         if self.handle.was_spoiled() {
+            self.links.end(None, env.events);
             recorder::spoiled();
             return; // counted as such
         }
         counters.executed.add(1);
         let end = clock::monotonic();
         recorder::end(end);
+        self.links.end(Some(end), env.events);
         self.took = end.saturating_sub(started);
         let response = end.saturating_sub(taken.due);
         self.shared.response.record(response);
@@ -206,6 +213,7 @@ impl HandleEntry {
     #[cold]
     fn panicked(&mut self, message: &str, env: &Env<'_>) {
         self.stopped = true;
+        self.links.end(None, env.events);
         recorder::panicked(self.shared.name);
         self.shared.counters.panicked.store(true, Ordering::Relaxed);
         *self.shared.last_error.lock() = ShortText::of(&message);

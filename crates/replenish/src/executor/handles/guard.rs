@@ -8,6 +8,7 @@ use crate::Nanos;
 use crate::executor::wake::doorbell::WakeHandle;
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::handoff::Flag;
+use crate::platform::chain::Provenance;
 use crate::sync::{Arc, AtomicBool, AtomicU64, Once, Ordering, fence};
 use core::fmt;
 use replenish_os::clock;
@@ -141,6 +142,7 @@ where
         Some(Taken {
             due: self.due,
             deadline: None,
+            provenance: Provenance::default(),
         })
     }
 

@@ -9,6 +9,7 @@ use crate::executor::wake::lazy_now::LazyNow;
 use crate::executor::wake::run_queue::RunQueue;
 use crate::handoff::{Inbox, RingSlot};
 use crate::middleware::encoding::decode;
+use crate::platform::chain::Provenance;
 use replenish_msg::{CdrReader, Message};
 
 /// Input that waits for its callback.
@@ -18,13 +19,17 @@ pub(crate) struct Taken {
     pub(crate) due: Nanos,
     /// How long after that the callback should have ended, if the handle's kind says so.
     pub(crate) deadline: Option<Deadline>,
+    /// What its sample says about its causes.
+    pub(crate) provenance: Provenance,
 }
 
 impl Taken {
     pub(crate) fn sample(slot: &RingSlot) -> Self {
+        let info = slot.info();
         Self {
-            due: slot.info().arrival,
+            due: info.arrival,
             deadline: None,
+            provenance: Provenance::of(&info),
         }
     }
 }

@@ -3,7 +3,9 @@
 //! Preallocated: so many samples of so many bytes each. A sample that does not fit is an error of
 //! the publishing callback, which knows at once.
 
+use crate::handoff::Origins;
 use crate::middleware::{Middleware, PublishError, WriterId};
+use crate::platform::chain;
 use crate::sync::Arc;
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -18,6 +20,8 @@ struct Slot {
     bytes: Box<[u8]>,
     len: usize,
     to: Option<(Arc<dyn Middleware>, WriterId)>,
+    /// The chains of the callback that published it.
+    origins: Origins,
 }
 
 impl Outbox {
@@ -27,6 +31,7 @@ impl Outbox {
             bytes: alloc::vec![0; bytes].into(),
             len: 0,
             to: None,
+            origins: Origins::NONE,
         };
         Self {
             slots: (0..samples).map(|_| slot()).collect(),
@@ -43,6 +48,7 @@ impl Outbox {
     ) -> Result<(), PublishError> {
         let slot = self.slots.get_mut(self.used).ok_or(PublishError::Full)?;
         slot.len = encode(&mut slot.bytes)?;
+        slot.origins = chain::current();
         slot.to = Some((Arc::clone(middleware), writer));
         self.used += 1;
         Ok(())
@@ -52,12 +58,14 @@ impl Outbox {
     pub(crate) fn release(&mut self, mut failed: impl FnMut(PublishError)) {
         for slot in self.slots.iter_mut().take(self.used) {
             let payload = slot.bytes.get(..slot.len).unwrap_or_default();
+            chain::resume(slot.origins);
             if let Some((middleware, writer)) = slot.to.take()
                 && let Err(e) = middleware.publish(writer, payload)
             {
                 failed(e);
             }
         }
+        chain::resume(Origins::NONE);
         self.used = 0;
     }
 }

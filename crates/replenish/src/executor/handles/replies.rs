@@ -11,6 +11,7 @@ use crate::executor::wake::lazy_now::LazyNow;
 use crate::executor::wake::run_queue::RunQueue;
 use crate::handoff::{RequestIdentity, RingSlot, SampleInfo};
 use crate::middleware::encoding::decode;
+use crate::platform::chain::Provenance;
 use crate::service::client::ClientInner;
 use crate::service::error::NoReply;
 use crate::sync::{Arc, Ordering, fence};
@@ -54,6 +55,7 @@ impl<S: Service, F> Replies<S, F> {
         Some(Taken {
             due: end,
             deadline: None,
+            provenance: Provenance::default(),
         })
     }
 }
@@ -114,6 +116,7 @@ where
         Some(Taken {
             due: self.info.arrival,
             deadline: None,
+            provenance: Provenance::of(&self.info),
         })
     }
 

@@ -22,6 +22,7 @@ use crate::executor::wake::doorbell::WakeHandle;
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::executor::wake::run_queue::RunQueue;
 use crate::executor::wake::schedule::{Every, Schedule, nanos};
+use crate::platform::chain::Provenance;
 use crate::platform::recorder;
 use crate::sync::{Arc, AtomicBool, AtomicU64, Mutex, Once, Ordering, fence};
 use core::fmt;
@@ -236,6 +237,7 @@ where
         Some(Taken {
             due: release.at,
             deadline,
+            provenance: Provenance::default(),
         })
     }
 

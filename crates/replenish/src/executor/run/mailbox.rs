@@ -23,6 +23,10 @@ use alloc::vec::Vec;
 use replenish_os::{Tid, current_tid};
 
 /// A change that a running worker is to make.
+#[allow(
+    clippy::large_enum_variant,
+    reason = "commands are rare, and the worker would have to free a box"
+)]
 pub(crate) enum Command {
     Add(HandleEntry),
     Remove(Arc<HandleState>),

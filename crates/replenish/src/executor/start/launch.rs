@@ -15,7 +15,7 @@ use crate::executor::run::state::{Worker, WorkerSpec};
 use crate::executor::wake::stop::StopHandle;
 use crate::platform::recorder::{self, Recording, ThreadFacts};
 use crate::platform::{BARE, STD, Static, Text, join, make_static, text};
-use crate::process::{Diagnostics, follow_clock};
+use crate::process::{Diagnostics, follow_clock, start_chains};
 use crate::sync::{Arc, AtomicBool, Mutex, Notify};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -84,6 +84,7 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         starter.lock_memory()?;
     }
     let rounds = rounds_of(&workers);
+    let chains = start_chains(&options.chains, &mut workers)?;
     let Assembly {
         dispatcher,
         workers,
@@ -128,6 +129,7 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         claim: Some(claim),
         admission,
         rounds,
+        chains,
         template,
         start,
         recording,

@@ -27,7 +27,7 @@ use crate::executor::run::state::Worker;
 use crate::executor::wake::schedule::{Every, Schedule, nanos};
 use crate::executor::wake::stop::StopHandle;
 use crate::platform::Static;
-use crate::process::follow_clock;
+use crate::process::{Chains, follow_clock, start_chains};
 use crate::stats::HandleStats;
 use crate::sync::Arc;
 use alloc::boxed::Box;
@@ -115,6 +115,7 @@ pub struct LocalExecutor {
     watch: Watch,
     workers: Vec<Static<Box<Worker>>>,
     pub(super) live: Arc<Live>,
+    chains: Chains,
     stop: StopHandle,
     period: Option<(Every, Schedule)>,
     start: Nanos,
@@ -138,6 +139,7 @@ fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
         spec.rules.spun = true;
         spec.check_rules()?;
     }
+    let chains = start_chains(&options.chains, &mut workers)?;
     let claim = context.claim(&stop).ok_or(Error::ContextBusy)?;
     // The dispatcher has no bells: nobody sleeps on them while samples are taken, and to ring would
     // end the next wait for nothing.
@@ -157,6 +159,7 @@ fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
         dispatcher,
         workers,
         live,
+        chains,
         stop,
         period: None,
         start,
@@ -329,6 +332,7 @@ impl LocalExecutor {
             dispatcher: DispatcherReport::of(counters),
             enforcers: Vec::new(),
             fallbacks: Vec::new(),
+            chains: self.chains.report(),
             admission: crate::executor::describe::planning::AdmissionReport::default(),
             stuck: Vec::new(),
         }

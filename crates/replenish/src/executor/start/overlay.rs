@@ -53,6 +53,7 @@ fn apply(executor: &mut Executor, path: &Path) -> Result<(), Error> {
         .filter(|w| !w.entries.is_empty())
         .map(|w| String::from(&*w.request.name))
         .collect();
+    let mut names = Vec::with_capacity(file.workers.len());
     for (index, described) in file.workers.iter().enumerate() {
         let mut moved = Vec::with_capacity(described.handles.len());
         for (place, id) in described.handles.iter().enumerate() {
@@ -91,6 +92,7 @@ fn apply(executor: &mut Executor, path: &Path) -> Result<(), Error> {
             }
         };
         if let Some(spec) = executor.workers.get_mut(at) {
+            names.push(String::from(&*spec.request.name));
             moved.append(&mut spec.entries);
             spec.entries = moved;
             if spec.entries.iter().any(|entry| entry.handling.always) {
@@ -99,6 +101,7 @@ fn apply(executor: &mut Executor, path: &Path) -> Result<(), Error> {
             schedule(&mut spec.request, described);
         }
     }
+    chains(executor, &file, &names);
     let emptied = |w: &WorkerSpec| {
         w.entries.is_empty() && had_handles.iter().any(|name| **name == *w.request.name)
     };
@@ -111,6 +114,43 @@ fn apply(executor: &mut Executor, path: &Path) -> Result<(), Error> {
         executor.options.planning.machine = Some(file.machine.clone());
     }
     Ok(())
+}
+
+/// The file's chains are measured, each beside the bound that the file's plan has for it. `names`:
+/// of its workers, as the program has them.
+fn chains(executor: &mut Executor, file: &Deployment, names: &[String]) {
+    if file.chains.is_empty() {
+        return;
+    }
+    let plan = match file.plan() {
+        Ok(plan) => Some(plan),
+        Err(refusal) => refusal.attempt.map(|attempt| *attempt),
+    };
+    for (at, chain) in file.chains.iter().enumerate() {
+        let places = chain.workers.iter().enumerate();
+        let stages = places.filter_map(|(place, worker)| {
+            let name = names.get(*worker)?;
+            let samples = place > 0 && file.is_periodic(*worker);
+            let timer = if samples { timer(executor, name) } else { None };
+            Some(timer.unwrap_or_else(|| name.clone()))
+        });
+        let stages = stages.collect();
+        let planned = plan.as_ref().and_then(|plan| plan.chains.get(at));
+        let bound = planned.and_then(|planned| planned.worst);
+        let chains = &mut executor.options.chains;
+        chains.add(&chain.name, stages, chain.deadline, bound);
+    }
+}
+
+/// The timer of a worker that has one: where the worker takes the latest input by itself.
+fn timer(executor: &Executor, worker: &str) -> Option<String> {
+    let worker = executor
+        .workers
+        .iter()
+        .find(|w| *w.request.name == *worker)?;
+    let mut timers = worker.entries.iter().filter(|e| e.shared.input.is_none());
+    let timer = timers.next().filter(|_| timers.next().is_none())?;
+    Some(timer.shared.id.clone())
 }
 
 /// The worker whose name the kernel cuts to `name`.

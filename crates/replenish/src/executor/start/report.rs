@@ -1,6 +1,7 @@
 //! The report of an executor: plain numbers. `report_text` prints them.
 
 use crate::Nanos;
+use crate::chain::ChainReport;
 use crate::executor::describe::planning::AdmissionReport;
 use crate::executor::handles::state::HandleState;
 use crate::executor::run::dispatcher::DispatcherCounters;
@@ -32,6 +33,8 @@ pub struct Report {
     pub enforcers: Vec<EnforcerStats>,
     /// Guarantees that were asked for and are not in force, in words.
     pub fallbacks: Vec<Text>,
+    /// The chains that are measured.
+    pub chains: Vec<ChainReport>,
     /// Whether and how guarantees were tested.
     pub admission: AdmissionReport,
     /// Threads that did not end in time; they were demoted and left behind.
@@ -124,6 +127,12 @@ impl Report {
     #[must_use]
     pub fn handle(&self, id: &str) -> Option<&HandleReport> {
         self.handles.iter().find(|h| h.id == id)
+    }
+
+    /// The chain of this name.
+    #[must_use]
+    pub fn chain(&self, name: &str) -> Option<&ChainReport> {
+        self.chains.iter().find(|c| c.name == name)
     }
 
     /// The thread of this name.

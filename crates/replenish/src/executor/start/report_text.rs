@@ -26,6 +26,7 @@ impl fmt::Display for Report {
         write!(f, "{}", handles(self))?;
         idle_services(self, f)?;
         memory(self, f)?;
+        chains(self, f)?;
         for rounds in &self.rounds {
             writeln!(f, "{rounds}")?;
         }
@@ -128,6 +129,24 @@ fn handles(report: &Report) -> Table<8> {
         table.add(cells, if s.panicked { "panicked" } else { "" });
     }
     table
+}
+
+/// One line for each chain: in times, as a handle's latency.
+fn chains(report: &Report, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    for c in &report.chains {
+        let worst = c.worst.map_or(0, |worst| worst.latency);
+        let at = |percent| c.latency.percentile(percent).min(worst) / US;
+        write!(f, "chain {:?}: {} of {} ended, ", c.name, c.ended, c.begun)?;
+        write!(f, "us p50/p99/worst {}/{}/{}", at(50), at(99), worst / US)?;
+        if let Some(bound) = c.bound {
+            write!(f, ", bound {}", bound / US)?;
+        }
+        if let Some(limit) = c.limit {
+            write!(f, ", {} beyond the limit of {}", c.exceeded, limit / US)?;
+        }
+        writeln!(f)?;
+    }
+    Ok(())
 }
 
 /// One line for the services of each worker that nobody has asked for anything.

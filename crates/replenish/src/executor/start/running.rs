@@ -22,7 +22,7 @@ use crate::executor::wake::stop::StopHandle;
 use crate::middleware::Middleware;
 use crate::platform::recorder::Recording;
 use crate::platform::{Static, Text, text};
-use crate::process::Diagnostics;
+use crate::process::{Chains, Diagnostics};
 use crate::stats::HandleStats;
 use crate::sync::{Arc, Notify};
 use alloc::string::String;
@@ -76,6 +76,7 @@ pub struct RunningExecutor {
     pub(crate) claim: Option<Claim>,
     pub(crate) admission: Static<Admission>,
     pub(crate) rounds: Vec<WorkerRounds>,
+    pub(crate) chains: Chains,
     pub(crate) template: Static<String>,
     pub(crate) start: Nanos,
     pub(crate) recording: Recording,
@@ -122,6 +123,7 @@ impl RunningExecutor {
             dispatcher: DispatcherReport::of(&self.counters),
             enforcers: self.enforcers().map(|e| e.stats()).collect(),
             fallbacks: self.fallbacks.clone(),
+            chains: self.chains.report(),
             admission: self.admission.report(),
             stuck: self.stuck.clone(),
         }

@@ -7,6 +7,7 @@ use crate::middleware::{
     EndpointSpec, Middleware, MiddlewareError, PublishError, ReaderId, RequestIdentity,
     ServiceSpec, WriterId,
 };
+use crate::platform::chain;
 use crate::qos::{IngressLimit, Qos};
 use alloc::string::String;
 
@@ -136,6 +137,7 @@ impl InProcess {
             let info = SampleInfo {
                 request: to.identity(number),
                 sequence: Some(number),
+                origins: chain::current(),
                 ..SampleInfo::at(clock::monotonic())
             };
             let (wake, full) = bus.distribute(topic, payload, &info);
@@ -168,6 +170,7 @@ impl InProcess {
             let addressee = Addressee::of(to).ok_or(PublishError::LinkDown)?;
             let info = SampleInfo {
                 request: RequestIdentity::reply(to.number()),
+                origins: chain::current(),
                 ..SampleInfo::at(clock::monotonic())
             };
             bus.bring((addressee, offers), payload, &info)?

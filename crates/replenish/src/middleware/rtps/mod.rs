@@ -16,12 +16,13 @@
 //!
 //! ```text
 //!   connect ─► endpoints · services ─► adapter ─► inlets: the sockets of readers
-//!     │              │                    └─────► state ─► graph · service_end
+//!     │              │                    └─────► state ─► graph · service_end · carried
 //!     └─► environment └─► new_end                 below all: config · qos · stats
 //!   send: the publisher's part          watched: endpoints that a program watches
 //! ```
 
 mod adapter;
+mod carried;
 mod config;
 mod connect;
 mod endpoints;

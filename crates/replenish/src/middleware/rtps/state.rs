@@ -1,5 +1,6 @@
 //! [`State`]: the participant with its endpoints, under the adapter's lock.
 
+use super::carried::Carried;
 use super::graph::Graph;
 use super::qos::{PADDING, policy_bit};
 use super::service_end::ServiceEnd;
@@ -65,6 +66,8 @@ pub(super) struct State {
     pub(super) readers: Vec<ReaderEnd>,
     pub(super) writers: Vec<WriterEnd>,
     pub(super) graph: Graph,
+    /// The chains of own samples.
+    carried: Carried,
     datagram: Box<[u8]>,
     /// The time that the alarm is set to.
     armed: Nanos,
@@ -83,6 +86,7 @@ impl State {
             readers: Vec::new(),
             writers: Vec::new(),
             graph: Graph::default(),
+            carried: Carried::new(),
             datagram: vec![0; datagram].into_boxed_slice(),
             armed: Nanos::MAX,
             clashes: VecDeque::with_capacity(CLASHES),
@@ -136,6 +140,7 @@ impl State {
         let Some(id) = end.id else {
             return;
         };
+        let own = self.participant.prefix();
         while round.interest.contains(reader) {
             let Some(sample) = self.participant.take(id) else {
                 return;
@@ -148,6 +153,11 @@ impl State {
                 sequence: u64::try_from(sample.sn).ok(),
                 ..SampleInfo::at(now)
             };
+            if sample.writer.prefix == own {
+                info.origins = self
+                    .carried
+                    .of(sample.writer.entity, sample.sn.unsigned_abs());
+            }
             let cdr = Encapsulated::decode(sample.payload).ok();
             // Plain CDR, little endian: nobody in ROS 2 sends another one.
             let Some(mut payload) = cdr
@@ -225,7 +235,9 @@ impl State {
             },
             _ => PublishError::UnknownWriter,
         })?;
-        Ok(number.unsigned_abs())
+        let number = number.unsigned_abs();
+        self.carried.remember(writer.entity(), number);
+        Ok(number)
     }
 
     /// Sends the next datagram of a writer, nothing of other writers; `false`, and the alarm is

@@ -174,6 +174,16 @@ pub(crate) fn publish(topic: NameId, bytes: usize, refused: bool) {
     });
 }
 
+/// The callback that has begun is this stage of a chain's instance, which began at `origin`.
+pub(crate) fn chain_stage(chain: NameId, started: Nanos, origin: Nanos, stage: usize) {
+    with(|l| l.write(started, Kind::ChainStage, chain, origin, stage as u64));
+}
+
+/// The last stage of an instance has ended.
+pub(crate) fn chain_end(chain: NameId, end: Nanos, origin: Nanos, latency: Nanos) {
+    with(|l| l.write(end, Kind::ChainEnd, chain, origin, latency));
+}
+
 /// The program's mark.
 #[inline]
 pub(crate) fn mark(mark: Mark, value: u64) {

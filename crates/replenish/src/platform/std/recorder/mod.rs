@@ -19,9 +19,9 @@ mod trigger;
 
 pub use dump::Dump;
 pub(crate) use local::{
-    begin, block, dropped, end, mark, miss, panicked, publish, queue, skip, spoiled, take, used,
-    wake,
+    begin, block, chain_end, chain_stage, dropped, end, mark, miss, panicked, publish, queue, skip,
+    spoiled, take, used, wake,
 };
 pub use names::Mark;
-pub(crate) use names::{NameId, handle, topic};
+pub(crate) use names::{NameId, chain, handle, topic};
 pub(crate) use recording::{Recording, Settings, ThreadFacts, ThreadSlot};

@@ -60,11 +60,17 @@ pub(crate) fn topic(name: &str) -> NameId {
     intern(NameKind::Topic, name)
 }
 
+/// The id of a chain's name.
+pub(crate) fn chain(name: &str) -> NameId {
+    intern(NameKind::Chain, name)
+}
+
 fn intern(kind: NameKind, name: &str) -> NameId {
     let prefix = match kind {
         NameKind::Handle => 'h',
         NameKind::Topic => 't',
         NameKind::Mark => 'm',
+        NameKind::Chain => 'c',
     };
     let mut key = String::with_capacity(name.len() + 1);
     key.push(prefix);

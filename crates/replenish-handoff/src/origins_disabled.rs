@@ -1,0 +1,10 @@
+//! In the place of `origins` without feature `sample-info`: no sample knows its causes.
+
+/// Nothing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Origins(());
+
+impl Origins {
+    /// Of every sample.
+    pub const NONE: Self = Self(());
+}
