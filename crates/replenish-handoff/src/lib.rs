@@ -52,10 +52,10 @@ pub use flag::Flag;
 pub use inbox::{Delivery, DeliveryOutcome, Inbox, Keep};
 pub use line::{LINE_TEXT, LINE_WORDS, LineDraft, LineHead, read_line};
 pub use line_queue::{LineQueue, LineReader};
-pub use origins::Origins;
 #[cfg(feature = "sample-info")]
 pub use origins::published_at;
+pub use origins::{MOST_CHAINS, Origins};
 pub use ready_set::ReadySet;
 pub use ring::{Ring, RingSlot};
-pub use sample::{MOST_CHAINS, RequestIdentity, SampleInfo};
+pub use sample::{RequestIdentity, SampleInfo};
 pub use stop::Stop;

@@ -1,7 +1,8 @@
 //! The instants at which the chains that led to a sample began. They travel with the sample as
 //! plain data, so nothing is looked up on the way.
 
-use super::MOST_CHAINS;
+/// Chains that one callback can be in.
+pub const MOST_CHAINS: usize = 4;
 
 /// For up to [`MOST_CHAINS`] links, the instant at which the instance of the chain began.
 ///

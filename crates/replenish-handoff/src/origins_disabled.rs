@@ -1,5 +1,8 @@
 //! In the place of `origins` without feature `sample-info`: no sample knows its causes.
 
+/// Chains that one callback can be in.
+pub const MOST_CHAINS: usize = 0;
+
 /// Nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Origins(());

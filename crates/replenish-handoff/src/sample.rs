@@ -2,9 +2,6 @@
 
 use super::Origins;
 
-/// Chains that one callback can be in.
-pub const MOST_CHAINS: usize = 4;
-
 /// The facts about a sample besides its bytes.
 ///
 /// Builds without feature `sample-info` keep [`arrival`](Self::arrival) alone while it waits.

@@ -3,11 +3,10 @@
 use crate::chain::ChainReport;
 use crate::error::Error;
 use crate::event::Events;
-use crate::executor::WorkerSpec;
 use crate::name;
 use crate::parameter::{ParameterError, ParameterValue};
+use crate::platform::Text;
 use crate::platform::chain::Requested;
-use crate::platform::{Static, Text};
 use crate::sync::Arc;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -74,7 +73,7 @@ impl Chains {
     clippy::unnecessary_wraps,
     reason = "the signature of what it stands in for"
 )]
-pub(crate) fn start_chains(_: &Requested, _: &mut [Static<WorkerSpec>]) -> Result<Chains, Error> {
+pub(crate) fn start_chains<W>(_: &Requested, _: &mut [W]) -> Result<Chains, Error> {
     Ok(Chains)
 }
 

@@ -381,7 +381,7 @@ fn a_foreign_publishers_stamp_is_the_origin() {
     let (due, stamp) = dues.lock().unwrap()[0];
     assert!(stamp.is_some());
     let age = u64::try_from(AGE.as_nanos()).unwrap();
-    assert!(due - worst.origin >= age, "{} {worst:?}", due);
+    assert!(due - worst.origin >= age, "{due} {worst:?}");
     assert!(worst.latency >= age);
 }
 
