@@ -83,7 +83,7 @@ pub enum NameKind {
 }
 
 impl NameKind {
-    const fn number(self) -> u64 {
+    pub(crate) const fn number(self) -> u64 {
         match self {
             Self::Handle => 1,
             Self::Topic => 2,

@@ -13,6 +13,7 @@
 //!   ring ─── Writer, read               view ──── reading a file that somebody else wrote
 //!   word ─── the atomics below          text ──── names of bounded length │ checksum
 //!   copy ─── a recording as a file of its own, while its program goes on
+//!   board ── the same events at 16 bytes on a microcontroller, and their way to a host
 //!   models ─ every interleaving of the ring (`--cfg loom`)
 //! ```
 //!
@@ -74,6 +75,7 @@
 
 extern crate alloc;
 
+pub mod board;
 mod checksum;
 mod copy;
 mod event;

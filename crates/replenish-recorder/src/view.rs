@@ -13,6 +13,7 @@ use alloc::string::String;
 use alloc::vec;
 use alloc::vec::Vec;
 use core::fmt;
+#[cfg(target_has_atomic = "64")]
 use core::sync::atomic::{AtomicU64, Ordering};
 
 /// Bytes that are read by place, such as a file (`pread`, never `mmap`: a file that is truncated
@@ -25,6 +26,7 @@ pub trait Source {
 }
 
 /// The program's own memory.
+#[cfg(target_has_atomic = "64")]
 impl Source for [AtomicU64] {
     fn bytes(&self) -> u64 {
         self.len() as u64 * 8

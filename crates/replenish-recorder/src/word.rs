@@ -1,6 +1,8 @@
 //! The atomic words below a ring: the processor's, or those of a model.
 
-use core::sync::atomic::{AtomicU64, Ordering, fence};
+use core::sync::atomic::Ordering;
+#[cfg(target_has_atomic = "64")]
+use core::sync::atomic::{AtomicU64, fence};
 
 /// A word that one thread writes and others read.
 pub trait Word {
@@ -13,6 +15,7 @@ pub trait Word {
 }
 
 /// Little-endian in memory, as the file has it.
+#[cfg(target_has_atomic = "64")]
 impl Word for AtomicU64 {
     #[inline]
     fn load(&self, order: Ordering) -> u64 {
