@@ -15,6 +15,7 @@
 //! - [`config`]: the error of a setting that is out of its range.
 //! - [`memory`]: locking memory and touching stacks, so that page faults stay out.
 //! - [`live`], [`BudgetRecord`]: memory that others may read, and what is recorded of a budget.
+//! - [`recorder`]: the same on a board, with feature `recorder`.
 //! - [`Tid`], [`current_tid`], [`set_affinity`], [`affinity`]: naming and placing threads.
 //! - [`SchedClass`], [`set_priority`], [`promote`], [`demote_to_tail`]: what an enforcer does to
 //!   the threads it watches.
@@ -37,7 +38,8 @@
 //! | heap that can be sealed, panics | no | `freertos` (also start, interrupts) | `nuttx` (also the check at start) |
 //!
 //! Feature `posix` (default) brings budgets held by the server of POSIX; `compact` small memory
-//! functions for images, and errors of small kernels without words.
+//! functions for images, and errors of small kernels without words; `recorder` the last events of a
+//! board's tasks.
 
 #![cfg_attr(not(target_os = "linux"), no_std)]
 #![cfg_attr(
@@ -81,6 +83,11 @@ pub mod config;
 mod enforcer;
 mod notify;
 mod pi_mutex;
+#[cfg_attr(
+    any(all(target_os = "linux", not(nuttx_host)), not(feature = "recorder")),
+    path = "recorder_disabled.rs"
+)]
+pub mod recorder;
 mod spec;
 mod sync_shim;
 mod tid;

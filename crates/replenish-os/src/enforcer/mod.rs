@@ -82,8 +82,15 @@ mod overruns;
 mod recorded;
 mod state;
 #[cfg_attr(
-    not(all(target_os = "linux", not(nuttx_host))),
+    all(
+        not(all(target_os = "linux", not(nuttx_host))),
+        not(feature = "recorder")
+    ),
     path = "supervised_disabled.rs"
+)]
+#[cfg_attr(
+    all(not(all(target_os = "linux", not(nuttx_host))), feature = "recorder"),
+    path = "supervised_board.rs"
 )]
 mod supervised;
 #[cfg_attr(

@@ -6,6 +6,7 @@
 #![expect(unsafe_code, reason = "mmap, munmap, fstatfs")]
 
 use super::clock;
+pub use super::live_file::{LiveFile, open_directory};
 use super::sys;
 use replenish_recorder::Clocks;
 use rustix::mm::{MapFlags, ProtFlags, mmap, mmap_anonymous, munmap};

@@ -24,6 +24,7 @@ pub(crate) mod futex;
 pub(crate) mod granted;
 pub(crate) mod interfaces;
 pub mod live;
+mod live_file;
 pub(crate) mod lock_wait;
 pub(crate) mod machine_info;
 pub mod memory;

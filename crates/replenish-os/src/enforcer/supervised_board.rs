@@ -1,0 +1,78 @@
+//! In the place of `supervised.rs` on a board that records: no watchdog, and the events of a budget
+//! go into the board's ring.
+
+use super::account::Account;
+use super::config::AnyServer;
+use crate::backend::blocking_detector::Switch;
+use crate::recorder::{Kind, budget_event};
+use crate::{Level, Nanos};
+use sporadic::{BudgetServer, Reservation};
+
+#[derive(Debug)]
+pub(super) struct Supervised {
+    /// The number of its task; 0: it is not recorded.
+    task: u8,
+}
+
+impl Account {
+    /// The events of its budget are those of this task from now on. Set-up only.
+    pub(crate) fn record_as(&self, task: u8) {
+        if let Some(budget) = &self.meter().0.budget {
+            budget.with(|thread| thread.supervised.task = task);
+        }
+    }
+}
+
+impl Supervised {
+    pub(super) const fn given(_: u8) -> Self {
+        Self { task: 0 }
+    }
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn is_refused(&self) -> bool {
+        false
+    }
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn note(&mut self, _: Option<u8>, _: bool) {}
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) fn switches(&mut self) -> impl FnMut(Nanos, Switch) + use<> {
+        |_, _| ()
+    }
+
+    fn write(&self, kind: Kind, now: Nanos, values: [u64; 2]) {
+        if self.task > 0 {
+            budget_event(self.task, kind, now, values);
+        }
+    }
+
+    /// It left its wait, or is about to wait.
+    pub(super) fn turned(&mut self, of: &Reservation<AnyServer>, now: Nanos, active: bool) {
+        let kind = if active { Kind::Activate } else { Kind::Block };
+        self.write(kind, now, [of.server().available(now), 0]);
+    }
+
+    /// Its account was brought up to date; it may have been found to have blocked.
+    pub(super) fn observed(&mut self, of: &Reservation<AnyServer>, now: Nanos, blocked: bool) {
+        if blocked {
+            self.write(Kind::Unblock, now, [of.server().available(now), 0]);
+        }
+    }
+
+    /// It has this level since `now`; the judgement was late by so much.
+    pub(super) fn applied(
+        &mut self,
+        of: &Reservation<AnyServer>,
+        now: Nanos,
+        level: Level,
+        late: Nanos,
+    ) {
+        let left = of.server().available(now);
+        match level {
+            Level::Low => self.write(Kind::Exhausted, now, [late, 0]),
+            Level::High => self.write(Kind::Replenished, now, [left, 0]),
+        }
+        self.write(Kind::Level, now, [u64::from(level == Level::Low), left]);
+    }
+}
