@@ -45,6 +45,7 @@ mod platform;
 #[cfg_attr(not(feature = "std"), path = "process_disabled.rs")]
 mod process;
 mod publisher;
+mod recorder_feed;
 mod service;
 mod stats;
 mod window;
@@ -90,6 +91,7 @@ pub use platform::{Dump, Mark, StaticText, Text};
 pub use process::public::*;
 pub use publisher::Publisher;
 pub use qos::{Criticality, IngressLimit, Qos};
+pub use recorder_feed::RecorderFeed;
 /// The packages of interfaces that programs of robots use, generated: with feature `std` those
 /// of `replenish-interfaces/common`. A program that needs others depends on
 /// `replenish-interfaces` with their features.

@@ -34,6 +34,7 @@ mod places;
 pub(crate) mod remedy;
 #[cfg(feature = "std")]
 pub mod rtps;
+mod shared;
 mod watch;
 #[cfg(feature = "xrce")]
 pub mod xrce;

@@ -7,7 +7,7 @@
 //! ```text
 //!   features ── STD · BARE · FULL · TEXTS · LOG · DROPS, as constants
 //!   std ─────── wall clock, random bits, panics, standard error, io,   │ std_disabled
-//!   │           recorder: the last events of each thread               │ recorder_disabled
+//!   │           recorder: the last events of each thread               │ recorder_board
 //!   │           chain: latencies over several callbacks                │ chain_disabled
 //!   │           sleeping: the alarms of a future                       │ sleeping_disabled
 //!   │                                                                   io::Error  │ io (without std)

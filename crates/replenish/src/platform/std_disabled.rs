@@ -8,7 +8,7 @@
 #[path = "chain_disabled.rs"]
 pub(crate) mod chain;
 pub mod io;
-#[path = "recorder_disabled.rs"]
+#[path = "recorder_board.rs"]
 pub(crate) mod recorder;
 #[path = "sleeping_disabled.rs"]
 pub(crate) mod sleeping;

@@ -143,8 +143,9 @@ impl Xrce {
         }
     }
 
-    /// Asks the agent for its wall-clock time; how many nanoseconds it is ahead of this machine's,
-    /// give or take half the round trip.
+    /// Asks the agent for its wall-clock time; how many nanoseconds it is ahead of this machine's
+    /// (of a board's monotonic clock: it has no other), give or take half the round trip. A program
+    /// that wants to ask later keeps an `Arc` of the middleware, and gives the context a clone.
     ///
     /// # Errors
     /// [`MiddlewareError::LinkDown`]; [`MiddlewareError::NoAnswer`] after

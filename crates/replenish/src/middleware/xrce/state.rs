@@ -65,7 +65,7 @@ impl Endpoints {
                 return;
             }
             Event::Time(reply) if QUERIES => {
-                self.agent_time = Some(reply.offset(wall_clock()));
+                self.agent_time = Some(reply.offset(wall_clock()).saturating_neg());
                 return;
             }
             _ => return,

@@ -1,5 +1,5 @@
 //! The flight recorder: the last events of the dispatcher and of every worker, in memory that
-//! others may read. `recorder_disabled.rs` takes this room's place without feature `std`.
+//! others may read. `recorder_board.rs` takes this room's place without feature `std`.
 //!
 //! ```text
 //!   Executor::start ─► recording ─► the program's file (or memory alone): table of threads, rings

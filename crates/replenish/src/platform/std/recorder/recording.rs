@@ -4,9 +4,9 @@ use super::dump::Dump;
 use super::dumper::Dumper;
 use super::local::{self, Local};
 use super::names::{self, Table};
-use super::place::{self, Place, Wanted};
+use super::place::{self, Wanted};
 use super::trigger::Armed;
-use replenish_os::live::{SharedMemory, clocks};
+use replenish_os::live::{LiveFile, SharedMemory, clocks};
 use replenish_os::{Account, BudgetRecord, clock};
 use replenish_recorder::{Plan, Planned, Role, ThreadSpan, Writer, write_policy, write_tid};
 use std::path::PathBuf;
@@ -62,7 +62,7 @@ struct Laid {
 #[derive(Debug, Default)]
 pub(crate) struct Recording {
     /// The file is removed with it.
-    place: Option<Place>,
+    place: Option<LiveFile>,
     table: Option<Arc<Table>>,
     dumper: Option<Dumper>,
     /// Why there is no file, or no dump.
