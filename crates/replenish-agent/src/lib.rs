@@ -79,6 +79,7 @@ pub use replenish_os::config::ConfigError;
 pub use replenish_xrce::Nanos;
 pub use report::{
     BridgeSnapshot, ClientSnapshot, EntitySnapshot, HandshakeError, ReaderSnapshot, Reason,
-    Refusal, Rejection, Rejections, Snapshot, Stats, StreamSnapshot, Subject, WriterSnapshot,
+    RecordedSample, Refusal, Rejection, Rejections, Snapshot, Stats, StreamSnapshot, Subject,
+    WriterSnapshot,
 };
 pub use server::{AccessControl, Agent, Inspector, MemoryBound, RunningAgent, StopHandle};

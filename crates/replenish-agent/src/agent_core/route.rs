@@ -21,13 +21,16 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         let Some(client) = self.clients.get_mut(index) else {
             return;
         };
-        let id = write.base.object;
+        let (id, key) = (write.base.object, client.key);
         let Some(writer) = client.entities.writer(id) else {
             self.answer(index, stream, write.base, Status::UNKNOWN_REFERENCE);
             return;
         };
         self.counters.samples_in.hit();
         writer.wrote(at, write.payload.len(), &self.counters);
+        if writer.records {
+            self.recordings.note(key, at, now.unix, write.payload);
+        }
         let (topic, qos, keeps) = (writer.topic, writer.qos, writer.keeps());
         let mut info = SampleInfo {
             expires: qos.lifespan.map(|lifespan| at.saturating_add(lifespan)),

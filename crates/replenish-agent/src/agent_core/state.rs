@@ -7,7 +7,7 @@ use crate::clients::{Clients, InputStream, Replies};
 use crate::config::{AccessList, AgentConfig, Limits, Profiles, TopicRule};
 use crate::entities::{Address, Topics};
 use crate::flow::{ConfirmedStreams, Ledger, Strangers, TrackerHandle};
-use crate::report::{Counters, Reason, Refusals, RejectionLog, Stats};
+use crate::report::{Counters, Reason, Recordings, Refusals, RejectionLog, Stats};
 use replenish_xrce::wire::{ClientKey, Message, StreamId};
 use replenish_xrce::{Nanos, SeqNum};
 use std::collections::BTreeSet;
@@ -83,6 +83,8 @@ pub struct AgentCore<P> {
     /// Writers keep samples for returning readers.
     pub(super) stashed: bool,
     pub(super) log: Arc<RejectionLog<P>>,
+    /// What boards send of their recordings.
+    pub(super) recordings: Arc<Recordings>,
     /// Rejections so far.
     pub(super) rejections: u64,
     /// The time of the last event.
@@ -133,6 +135,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
             recovery_window: RecoveryWindow::default(),
             stashed: false,
             log: Arc::new(RejectionLog::new()),
+            recordings: Arc::default(),
             rejections: 0,
             time: 0,
             unix: 0,
@@ -385,6 +388,11 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
     /// The log of rejections.
     pub(crate) fn log(&self) -> &Arc<RejectionLog<P>> {
         &self.log
+    }
+
+    /// The samples of boards' recordings.
+    pub(crate) fn recordings(&self) -> &Arc<Recordings> {
+        &self.recordings
     }
 
     pub(crate) fn counters(&self) -> &Arc<Counters> {

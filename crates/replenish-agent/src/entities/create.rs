@@ -9,6 +9,7 @@ use super::topics::{End, TopicEndpoint, TopicKey, Topics};
 use super::writer::Writer;
 use crate::config::{Grant, Limits, Profiles, TopicRule, service};
 use crate::flow::{Charge, Guid, Ledger};
+use crate::report::RECORDER_TOPIC;
 use replenish_xrce::wire::{Create, CreationMode, ObjectId, Status};
 use std::sync::Arc;
 
@@ -186,7 +187,8 @@ impl Entities {
         };
         let writer = writes.map(|(key, qos)| {
             let topic = attach(key, End::Writer, qos);
-            Box::new(Writer::new(topic, qos))
+            let records = *key.name == *RECORDER_TOPIC;
+            Box::new(Writer::new(topic, qos, records))
         });
         let reader = reads.map(|(key, qos, role)| {
             let topic = attach(key, End::Reader, qos);

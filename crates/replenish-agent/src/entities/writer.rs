@@ -16,6 +16,8 @@ const KEPT_OVERHEAD: usize =
 pub(crate) struct Writer {
     pub(crate) topic: TopicId,
     pub(crate) qos: Qos,
+    /// Its topic is that of boards' recordings.
+    pub(crate) records: bool,
     /// The last samples, for readers that come later; the oldest first.
     history: VecDeque<(Sample, Charge)>,
     /// Samples for returning readers; the oldest first.
@@ -26,10 +28,11 @@ pub(crate) struct Writer {
 }
 
 impl Writer {
-    pub(crate) fn new(topic: TopicId, qos: Qos) -> Self {
+    pub(crate) fn new(topic: TopicId, qos: Qos, records: bool) -> Self {
         Self {
             topic,
             qos,
+            records,
             history: VecDeque::new(),
             stash: VecDeque::new(),
             last: None,

@@ -6,11 +6,13 @@
 //!   rejection  a bounded log of refused and dropped input, with its reason and subject
 //!   handshake  why one of DTLS or TLS failed
 //!   refusals   the last log-ins and requests that were refused
+//!   recordings what boards send of their recordings
 //! ```
 
 mod handshake;
 mod hex;
 mod reason;
+mod recordings;
 mod refusals;
 mod rejection;
 mod snapshot;
@@ -20,6 +22,8 @@ mod subject;
 pub use handshake::HandshakeError;
 pub(crate) use hex::hex;
 pub use reason::Reason;
+pub use recordings::RecordedSample;
+pub(crate) use recordings::{Recordings, TOPIC as RECORDER_TOPIC};
 pub use refusals::Refusal;
 pub(crate) use refusals::Refusals;
 pub(crate) use rejection::RejectionLog;

@@ -110,7 +110,9 @@ impl Agent {
     #[must_use]
     pub fn inspector(&self) -> Inspector {
         let log = Arc::clone(self.core.log());
-        Inspector::new(Arc::clone(&self.wake), Arc::clone(&self.requests), log)
+        let recordings = Arc::clone(self.core.recordings());
+        let requests = Arc::clone(&self.requests);
+        Inspector::new(Arc::clone(&self.wake), requests, log, recordings)
     }
 
     /// Replaces the access list while it runs.

@@ -1,7 +1,7 @@
 //! Snapshots of a running agent, taken from other threads.
 
 use super::peer::Peer;
-use crate::report::{RejectionLog, Rejections, Snapshot};
+use crate::report::{RecordedSample, Recordings, RejectionLog, Rejections, Snapshot};
 use replenish_os::WakeFd;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
@@ -14,6 +14,7 @@ pub struct Inspector {
     wake: Arc<WakeFd>,
     requests: Arc<SnapshotRequests>,
     log: Arc<RejectionLog<Peer>>,
+    recordings: Arc<Recordings>,
 }
 
 /// The threads that wait for a snapshot.
@@ -28,11 +29,13 @@ impl Inspector {
         wake: Arc<WakeFd>,
         requests: Arc<SnapshotRequests>,
         log: Arc<RejectionLog<Peer>>,
+        recordings: Arc<Recordings>,
     ) -> Self {
         Self {
             wake,
             requests,
             log,
+            recordings,
         }
     }
 
@@ -41,6 +44,13 @@ impl Inspector {
     #[must_use]
     pub fn rejections(&self) -> Rejections {
         self.log.drain()
+    }
+
+    /// Takes the samples out that boards have sent of their recordings since the last call on any
+    /// clone, into `into`; how many were dropped. From the first call on up to 512 are
+    /// kept.
+    pub fn recordings(&self, into: &mut Vec<RecordedSample>) -> u64 {
+        self.recordings.drain(into)
     }
 
     /// A snapshot, or `None` if the agent gives none within `timeout`, because it does not
