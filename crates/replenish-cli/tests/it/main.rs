@@ -6,6 +6,7 @@
     reason = "tests may panic"
 )]
 
+mod boards;
 mod command_line;
 mod common;
 #[cfg(feature = "dds")]

@@ -1,6 +1,7 @@
 //! `replenish agent`: the agent alone, and what it is doing.
 
 mod access;
+mod boards;
 mod bridge_rows;
 mod console;
 #[cfg_attr(not(feature = "dds"), path = "dds_disabled.rs")]
@@ -132,6 +133,8 @@ pub(crate) fn run(args: &Args) -> Outcome {
         bridged: args.bridge.is_on(),
     };
     watcher.warn_of_strangers(&agent);
+    let inspector = agent.inspector();
+    let error = (!args.supervised).then(Console::error);
     let handle = StopHandle::new();
     let thread = start(agent, policy, args.cpu, handle.clone(), stop.clone())?;
     if args.supervised {
@@ -146,7 +149,14 @@ pub(crate) fn run(args: &Args) -> Outcome {
     } else {
         watcher.announce(&places, &policy);
     }
+    let say = move |text: &str| {
+        if let Some(error) = &error {
+            error.write(format!("agent: {text}\n"));
+        }
+    };
+    let boards = boards::watch(inspector, address.to_string(), say);
     let seen = watcher.watch(&stop);
+    drop(boards); // while the agent still answers
     handle.stop();
     let stats = thread
         .join()

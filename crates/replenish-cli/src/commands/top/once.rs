@@ -1,6 +1,6 @@
 //! `top --once`: the table and the JSON, with counts since the start of each program.
 
-use crate::live::{Found, Program, all};
+use crate::live::{Boards, Found, Program, all, boards};
 use crate::report::table::Table;
 use crate::time::Nanos;
 use replenish_recorder::{Role, ThreadView};
@@ -45,6 +45,8 @@ struct ProgramJson {
 #[derive(Debug, serde::Serialize)]
 pub(super) struct Json {
     programs: Vec<ProgramJson>,
+    /// The agents that run here, with their clients.
+    agents: Vec<Boards>,
     /// Files that were left out, and why.
     warnings: Vec<String>,
 }
@@ -90,10 +92,16 @@ impl ProgramJson {
 impl Json {
     /// Every program that runs; with `ended`, the others, too.
     pub(super) fn look(ended: bool) -> Self {
-        let Found { programs, warnings } = all();
+        let Found {
+            programs,
+            mut warnings,
+        } = all();
+        let (agents, left_out) = boards();
+        warnings.extend(left_out);
         let shown = programs.iter().filter(|p| p.alive || ended);
         Self {
             programs: shown.map(ProgramJson::of).collect(),
+            agents,
             warnings,
         }
     }
@@ -139,5 +147,40 @@ pub(super) fn print(json: &Json) {
     } else {
         print!("{}", table.to_text());
     }
+    if json.agents.iter().any(|agent| !agent.boards.is_empty()) {
+        print!("\n{}", of_boards(&json.agents).to_text());
+    }
     json.warnings.iter().for_each(|w| println!("  {w}"));
+}
+
+/// A row for each client of an agent.
+fn of_boards(agents: &[Boards]) -> Table {
+    let mut table = Table::new(&[
+        "board",
+        "key",
+        "peer",
+        "agent",
+        "heard s ago",
+        "in/s",
+        "out/s",
+        "drops",
+        "recording",
+    ]);
+    for agent in agents {
+        for board in &agent.boards {
+            let recording = board.recording.as_ref();
+            table.row([
+                board.name.clone(),
+                board.key.clone(),
+                board.peer.clone(),
+                format!("{} at {}", agent.agent_pid, agent.agent),
+                format!("{:.1}", board.silent_ns as f64 / 1e9),
+                format!("{:.1}", board.in_per_s),
+                format!("{:.1}", board.out_per_s),
+                board.drops.to_string(),
+                recording.map_or("-".into(), |r| format!("{} events", r.events)),
+            ]);
+        }
+    }
+    table
 }

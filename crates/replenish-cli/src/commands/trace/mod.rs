@@ -26,9 +26,10 @@ use std::path::{Path, PathBuf};
 /// Options of `trace`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The program: its name, its process id, or its file (also of a program that was killed).
-    #[arg(value_name = "PROGRAM|FILE")]
-    program: String,
+    /// The program: its name, its process id, or its file (also of a program that was killed), or
+    /// the file of a board. Several stand on one timeline (only with `--perfetto`).
+    #[arg(value_name = "PROGRAM|FILE", required = true, num_args = 1..)]
+    programs: Vec<String>,
 
     /// Write a Perfetto trace to this file: open it in <https://ui.perfetto.dev>.
     #[arg(long, value_name = "OUT", required_unless_present_any = ["ctf", "dump"])]
@@ -44,7 +45,8 @@ pub struct Args {
     #[arg(long, value_name = "OUT")]
     dump: Option<PathBuf>,
 
-    /// Only the end of the recording: 5s, 200ms. Without it, all that is there.
+    /// Only the end of the recording: 5s, 200ms. Without it, all that is there. Of several, the
+    /// time before the last event of any.
     #[arg(long, value_name = "TIME", value_parser = options::last)]
     last: Option<Nanos>,
 
@@ -75,6 +77,8 @@ struct Json {
     /// From the first event in the trace to the last.
     span_ns: Nanos,
     rings: Vec<RingJson>,
+    /// The other programs on the timeline.
+    others: Vec<Json>,
 }
 
 /// The events of one thread.
@@ -105,20 +109,38 @@ pub(crate) fn run(args: &Args) -> Outcome {
     files::check_writable(args.perfetto.as_deref())?;
     files::check_writable(args.dump.as_deref())?;
     files::check_writable(args.json.json.as_deref())?;
-    let program = select(&args.program)?;
-    if let Some(out) = &args.dump {
-        dump(&program, out)?;
+    if args.programs.len() > 1 && (args.ctf.is_some() || args.dump.is_some()) {
+        return Err(Failure::refused(
+            "--ctf and --dump take one program; several stand together only with --perfetto",
+        ));
     }
-    let (recorded, span) = last(&program, args.last);
-    let json = summary(&program, &recorded, span);
+    let programs: Result<Vec<Program>, Failure> =
+        args.programs.iter().map(|name| select(name)).collect();
+    let programs = programs?;
+    if let (Some(out), [program, ..]) = (&args.dump, &*programs) {
+        dump(program, out)?;
+    }
+    let mut all: Vec<Vec<Recorded>> = programs.iter().map(record).collect();
+    if let Some(part) = args.last {
+        keep(&mut all, part);
+    }
+    let each = || programs.iter().zip(&all);
+    let summaries = || each().map(|(program, recorded)| summary(program, recorded));
     if let Some(out) = &args.perfetto {
-        let bytes = encode(&program, &recorded);
+        let mut trace = Trace::default();
+        each().for_each(|(program, recorded)| encode(&mut trace, program, recorded));
+        let bytes = trace.into_bytes();
         std::fs::write(out, &bytes).map_err(|e| at(out, e))?;
-        print(&json, out, bytes.len());
+        print(&summaries().collect::<Vec<_>>(), out, bytes.len());
     }
-    if let Some(out) = &args.ctf {
-        write_ctf(&program, &recorded, out)?;
+    if let (Some(out), Some((program, recorded))) = (&args.ctf, each().next()) {
+        write_ctf(program, recorded, out)?;
     }
+    let mut summaries = summaries();
+    let Some(mut json) = summaries.next() else {
+        return Ok(());
+    };
+    json.others = summaries.collect();
     files::write_json(args.json.json.as_deref(), "trace", &json)
 }
 
@@ -154,30 +176,32 @@ fn write_ctf(program: &Program, recorded: &[Recorded], out: &Path) -> Outcome {
     Ok(())
 }
 
-/// The end of the recording, and how long it is.
-fn last(program: &Program, last: Option<Nanos>) -> (Vec<Recorded>, Nanos) {
-    let mut recorded = record(program);
-    let times = |recorded: &[Recorded]| -> Vec<Nanos> {
-        let all = recorded
-            .iter()
-            .flat_map(|r| r.events.iter().chain(&r.budget));
-        all.map(|e| e.time).collect()
-    };
-    let end = times(&recorded).into_iter().max().unwrap_or(0);
-    let from = end.saturating_sub(last.unwrap_or(end));
-    for each in &mut recorded {
+/// The time of every event.
+fn times(recorded: &[Recorded]) -> impl Iterator<Item = Nanos> {
+    let all = recorded.iter();
+    let all = all.flat_map(|recorded| recorded.events.iter().chain(&recorded.budget));
+    all.map(|event| event.time)
+}
+
+/// Keeps the end of the recordings: `part` before the last event of any.
+fn keep(all: &mut [Vec<Recorded>], part: Nanos) {
+    let end = all.iter().flat_map(|one| times(one)).max().unwrap_or(0);
+    let from = end.saturating_sub(part);
+    for each in all.iter_mut().flatten() {
         each.events.retain(|e| e.time >= from);
         each.budget.retain(|e| e.time >= from);
     }
-    let begin = times(&recorded).into_iter().min().unwrap_or(end);
-    (recorded, end - begin)
 }
 
 /// Writes a Perfetto trace of the last part of a recording.
 pub(crate) fn save(file: &Path, out: &Path, part: Nanos) -> Outcome {
     let program = Program::open(file).map_err(|e| at(file, e))?;
-    let (recorded, _) = last(&program, Some(part));
-    std::fs::write(out, encode(&program, &recorded)).map_err(|e| at(out, e))
+    let mut all = [record(&program)];
+    keep(&mut all, part);
+    let mut trace = Trace::default();
+    let [recorded] = &all;
+    encode(&mut trace, &program, recorded);
+    std::fs::write(out, trace.into_bytes()).map_err(|e| at(out, e))
 }
 
 fn at(path: &Path, error: impl std::fmt::Display) -> Failure {
@@ -208,7 +232,7 @@ fn dump(program: &Program, out: &Path) -> Outcome {
     Ok(())
 }
 
-fn encode(program: &Program, recorded: &[Recorded]) -> Vec<u8> {
+fn encode(trace: &mut Trace, program: &Program, recorded: &[Recorded]) {
     let view = &program.view;
     let mut snapshots = vec![view.clocks];
     if program.alive {
@@ -222,7 +246,7 @@ fn encode(program: &Program, recorded: &[Recorded]) -> Vec<u8> {
     };
     let threads: Vec<Vec<Event>> = recorded.iter().map(|r| r.events.clone()).collect();
     let flows = tracks::flows(&threads);
-    let mut trace = Trace::new(view.pid, &snapshots);
+    trace.program(view.pid, &snapshots);
     let process = trace.process(view.pid, &view.program);
     for ((n, thread), recorded) in (1..).zip(&view.threads).zip(recorded) {
         // A thread that has not begun has no id, and needs one of its own here.
@@ -242,11 +266,12 @@ fn encode(program: &Program, recorded: &[Recorded]) -> Vec<u8> {
             trace.entries(state, &levels);
         }
     }
-    trace.into_bytes()
 }
 
-fn summary(program: &Program, recorded: &[Recorded], span_ns: Nanos) -> Json {
+fn summary(program: &Program, recorded: &[Recorded]) -> Json {
     let view = &program.view;
+    let begin = times(recorded).min().unwrap_or(0);
+    let span_ns = times(recorded).max().unwrap_or(0) - begin;
     let mut rings = Vec::new();
     for (thread, recorded) in view.threads.iter().zip(recorded) {
         let budget = thread.budget.map(|_| ("budget", &recorded.budget));
@@ -268,22 +293,27 @@ fn summary(program: &Program, recorded: &[Recorded], span_ns: Nanos) -> Json {
         alive: program.alive,
         span_ns,
         rings,
+        others: Vec::new(),
     }
 }
 
-fn print(json: &Json, out: &Path, bytes: usize) {
-    let events: usize = json.rings.iter().map(|r| r.events).sum();
-    let torn: u64 = json.rings.iter().map(|r| r.torn).sum();
-    println!(
-        "{} (pid {}, {}): {events} events of {:.3} s in {} ({bytes} bytes). Open it in \
-         https://ui.perfetto.dev",
-        json.program,
-        json.pid,
-        if json.alive { "running" } else { "ended" },
-        json.span_ns as f64 / 1e9,
-        out.display(),
-    );
-    if torn > 0 {
-        println!("{torn} records made no sense: the file was damaged.");
+fn print(all: &[Json], out: &Path, bytes: usize) {
+    for json in all {
+        let events: usize = json.rings.iter().map(|r| r.events).sum();
+        println!(
+            "{} (pid {}, {}): {events} events of {:.3} s",
+            json.program,
+            json.pid,
+            if json.alive { "running" } else { "ended" },
+            json.span_ns as f64 / 1e9,
+        );
+        let torn: u64 = json.rings.iter().map(|r| r.torn).sum();
+        if torn > 0 {
+            println!("{torn} records made no sense: the file was damaged.");
+        }
     }
+    println!(
+        "{} ({bytes} bytes). Open it in https://ui.perfetto.dev",
+        out.display()
+    );
 }

@@ -20,9 +20,10 @@ const NEEDED: u64 = 2;
 const NANOSECONDS: u64 = 1;
 
 /// A trace under construction.
+#[derive(Default)]
 pub(super) struct Trace {
     bytes: Vec<u8>,
-    /// Distinguishes this program's tracks from those of others.
+    /// Distinguishes the tracks of the present program from those of others.
     salt: u64,
     tracks: u64,
 }
@@ -35,13 +36,10 @@ pub(super) struct Track {
 }
 
 impl Trace {
-    pub(super) fn new(pid: u32, clocks: &[Clocks]) -> Self {
+    /// The tracks from now on are this program's.
+    pub(super) fn program(&mut self, pid: u32, clocks: &[Clocks]) {
         let start = clocks.first().map_or(0, |c| c.monotonic);
-        let mut trace = Self {
-            bytes: Vec::new(),
-            salt: (u64::from(pid) << 32 ^ start).wrapping_mul(0x9e37_79b9_7f4a_7c15),
-            tracks: 0,
-        };
+        self.salt = (u64::from(pid) << 32 ^ start).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         for clocks in clocks {
             let clock = |id, time| Message::default().number(1, id).number(2, time);
             let snapshot = Message::default()
@@ -52,9 +50,8 @@ impl Trace {
                 .number(8, clocks.monotonic)
                 .number(58, MONOTONIC)
                 .number(10, 1);
-            trace.packet(&packet.message(6, &snapshot));
+            self.packet(&packet.message(6, &snapshot));
         }
-        trace
     }
 
     fn packet(&mut self, packet: &Message) {
