@@ -1,6 +1,6 @@
 //! Boards behind an agent: `top` lists them, and what they send of their recordings stands beside
-//! the host's programs in one trace. The board is a client in this process; the emulated one runs in
-//! `cargo xtask board recorder`.
+//! the host's programs in one trace. The board is a client in this process; `cargo xtask board
+//! recorder` has the emulated one.
 
 use crate::common::{BIN, Scratch, json, stderr, stdout};
 use crate::perfetto::check;

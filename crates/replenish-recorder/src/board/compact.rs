@@ -32,7 +32,7 @@ impl CompactEvent {
         let kind = event.kind as u64 | u64::from(of_budget) << 7;
         let value = match event.kind {
             // Instants: the reader finds the upper bits by the event's own time.
-            Kind::Wake | Kind::Begin | Kind::End => event.a & MASK,
+            kind if is_instant(kind) => event.a & MASK,
             Kind::Publish => event.a.min(FLAG - 1) | if event.b > 0 { FLAG } else { 0 },
             Kind::Level => event.b.min(FLAG - 1) | if event.a > 0 { FLAG } else { 0 },
             _ => event.a.min(MASK),
@@ -54,7 +54,7 @@ impl CompactEvent {
         let time = now.wrapping_sub(now.wrapping_sub(first) & MASK);
         let value = second & MASK;
         let (a, b) = match kind {
-            Kind::Wake | Kind::Begin | Kind::End => (near(time, value), 0),
+            kind if is_instant(kind) => (near(time, value), 0),
             Kind::Publish => (value & !FLAG, u64::from(value & FLAG > 0)),
             Kind::Level => (u64::from(value & FLAG > 0), value & !FLAG),
             _ => (value, 0),
@@ -91,6 +91,12 @@ impl CompactEvent {
         };
         Self([word(0), word(8)])
     }
+}
+
+/// Whether [`Event::a`] of such an event is on the same clock as its time.
+pub(super) const fn is_instant(kind: Kind) -> bool {
+    use Kind::{Begin, ChainEnd, ChainStage, End, Wake};
+    matches!(kind, Wake | Begin | End | ChainStage | ChainEnd)
 }
 
 /// The instant nearest to `time` with these lower 48 bits.

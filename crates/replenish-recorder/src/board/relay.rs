@@ -4,7 +4,7 @@
 //! piece of events carries. Without one, or with one that cannot be, it is related by arrivals: the
 //! shortest way that a piece has taken counts as none.
 
-use super::compact::CompactEvent;
+use super::compact::{CompactEvent, is_instant};
 use super::piece::{BoardThread, MAX_BOARD_NAMES, Piece};
 use crate::event::Event;
 use crate::layout::{Clocks, NameKind, Role, RunningTotals};
@@ -106,12 +106,11 @@ impl Relay {
     }
 
     fn event(&self, bytes: [u8; CompactEvent::BYTES], now: u64, shift: i64) -> Option<HostEvent> {
-        use crate::event::Kind;
         let (task, of_budget, mut event) = CompactEvent::from_bytes(&bytes).expand(now)?;
         let is = |known: &Option<Known>| known.as_ref().is_some_and(|known| known.task == task);
         let thread = self.threads.iter().position(is)?;
         event.time = event.time.saturating_add_signed(shift);
-        if matches!(event.kind, Kind::Wake | Kind::Begin | Kind::End) {
+        if is_instant(event.kind) {
             event.a = event.a.saturating_add_signed(shift);
         }
         Some(HostEvent {

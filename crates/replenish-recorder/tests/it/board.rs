@@ -37,7 +37,7 @@ fn every_kind_comes_back_from_16_bytes() {
         for kind in Kind::ALL {
             let (a, b) = match kind {
                 Kind::Wake => (time + 5, 0),
-                Kind::Begin | Kind::End => (time - 7, 0),
+                Kind::Begin | Kind::End | Kind::ChainStage | Kind::ChainEnd => (time - 7, 0),
                 Kind::Publish | Kind::Level => (1, 1),
                 _ => (123_456_789, 0),
             };
