@@ -53,6 +53,30 @@ fn the_robot_is_planned_with_every_column_of_the_contract() {
     }
 }
 
+/// The file that the rover's own test compares with its program.
+#[test]
+fn the_rover_is_planned_for_this_host() {
+    let scratch = Scratch::new("rover");
+    let path = scratch.path("plan.json");
+    let file = example("robot_app/robot.toml");
+    let output = run(&["plan", &file, "--json", path.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let j = json(&path);
+    assert_eq!(j["admitted"], true);
+    let workers = j["workers"].as_array().unwrap();
+    let worker = |id: &str| workers.iter().find(|w| w["id"] == id).unwrap();
+    let (control, camera) = (worker("control"), worker("camera"));
+    assert!(control["priority"].as_u64() > camera["priority"].as_u64());
+    assert_eq!(control["deadline_ms"], 5.0);
+    assert!(control["worst_response_ms"].as_f64().unwrap() <= 5.0);
+    assert_eq!(
+        (&camera["budget_ms"], &camera["period_ms"]),
+        (&30.0.into(), &100.0.into())
+    );
+    let shared = workers.iter().filter(|w| w["priority"] == 0);
+    assert_eq!(shared.count(), workers.len() - 2, "{workers:#?}");
+}
+
 #[test]
 fn what_does_not_fit_is_refused_with_the_bottleneck() {
     let scratch = Scratch::new("refused");
