@@ -119,6 +119,9 @@ fn run(length: u64) -> Result<(), Error> {
         next += EVERY;
         clock::sleep_until(next);
     }
+    // The host looks while the board is still there.
+    say!("# look");
+    clock::sleep_until(clock::monotonic() + 5_000 * MS);
     let usage = running.usage("hungry").unwrap_or_default();
     say!(
         "{{\"sent\": {}, \"back\": {}, \"pieces\": {pieces}, \"unsent\": {unsent}, \
@@ -128,8 +131,6 @@ fn run(length: u64) -> Result<(), Error> {
         usage.exhaustions,
         HEAP.usage().refused,
     );
-    // The host sees the end of the recording while the board is still there.
-    clock::sleep_until(clock::monotonic() + 300 * MS);
     core::mem::forget(running);
     Ok(())
 }

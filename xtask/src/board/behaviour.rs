@@ -151,7 +151,7 @@ impl Ended {
 /// One boot with a time limit: a case that hangs is a failure, not a hang of this program.
 fn boot(image: &Path, case: &str) -> Outcome<Ended> {
     let begin = Instant::now();
-    let mut child = qemu::command(image, &[case.to_string()])
+    let mut child = qemu::command(image, &[case.to_string()], false)
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())

@@ -1,7 +1,7 @@
 //! The words behind `cargo xtask board`, and the room that each leads to.
 
 use super::{behaviour, bench, case, demo, executor, experiment, host, messages, noise, options};
-use super::{restart, round_trip, size};
+use super::{recorder, restart, round_trip, size};
 use crate::output::{Outcome, writable};
 use clap::Subcommand;
 use std::path::PathBuf;
@@ -47,6 +47,12 @@ pub(crate) enum Board {
         #[arg(long, value_name = "PATH")]
         json: Option<PathBuf>,
     },
+    /// The board's recording through the agent: in `top`, and beside the host's in one trace.
+    Recorder {
+        /// Also write the result as JSON.
+        #[arg(long, value_name = "PATH")]
+        json: Option<PathBuf>,
+    },
     /// Prints flash and RAM of pong over executor and XRCE client, by part, and what each worker,
     /// subscription, publisher and budget takes.
     Size {
@@ -68,6 +74,7 @@ impl Board {
             | Self::Bench { json }
             | Self::Demo { json, .. }
             | Self::RoundTrip { json, .. }
+            | Self::Recorder { json }
             | Self::Size { json } => writable(json.as_deref()),
             Self::Experiment(asked) => asked.check(),
         }
@@ -81,6 +88,7 @@ impl Board {
             Self::Bench { json } => bench::run(json.as_deref()),
             Self::Demo { seconds, json } => demo::run(seconds, json.as_deref()),
             Self::RoundTrip { baud, json } => round_trip::run(&baud, json.as_deref()),
+            Self::Recorder { json } => recorder::run(json.as_deref()),
             Self::Size { json } => size::run(json.as_deref()),
             Self::Experiment(asked) => {
                 let json = asked.files.json.as_deref();

@@ -3,7 +3,7 @@
 //! ```text
 //!   command ─► options ─► behaviour · bench · executor · experiment   images that report by themselves
 //!      │                        └──────► case: cases and theory ◄──────┐
-//!      ├─► messages · demo · noise · restart · round_trip ─► testbench ─► qemu ─► host
+//!      ├─► messages · demo · noise · recorder · restart · round_trip ─► testbench ─► qemu ─► host
 //!      │         └─► report: the board's JSON            agent and ping beside the board
 //!      │         └─► files: JSON, CSV, SVG, HTML
 //!      └─► size ─► memory: flash and RAM of pong
@@ -23,6 +23,7 @@ mod messages;
 mod noise;
 mod options;
 mod qemu;
+mod recorder;
 mod report;
 mod restart;
 mod round_trip;

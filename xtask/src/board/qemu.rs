@@ -27,7 +27,8 @@ pub(crate) fn build_for(name: &str, profile: &str) -> Outcome<PathBuf> {
     build_with(name, profile, &[])
 }
 
-fn build_with(name: &str, profile: &str, options: &[&str]) -> Outcome<PathBuf> {
+/// Builds image `name` with a profile and more options of cargo; its ELF file.
+pub(crate) fn build_with(name: &str, profile: &str, options: &[&str]) -> Outcome<PathBuf> {
     host::check()?;
     let firmware = Path::new(env!("CARGO_MANIFEST_DIR")).join("../firmware");
     let target = match std::env::var_os("CARGO_TARGET_DIR") {
@@ -53,8 +54,9 @@ fn build_with(name: &str, profile: &str, options: &[&str]) -> Outcome<PathBuf> {
 }
 
 /// The emulator with `image`, which gets `words` as its command line. A `-serial` that is added is
-/// the board's USART2.
-pub(crate) fn command(image: &Path, words: &[String]) -> Command {
+/// the board's USART2. `sleeps`: it takes its time while the board sleeps, so that
+/// the board's clock runs about as the host's.
+pub(crate) fn command(image: &Path, words: &[String], sleeps: bool) -> Command {
     let mut semihosting = String::from("enable=on,target=native,arg=image");
     for word in words {
         semihosting.push_str(",arg=");
@@ -63,7 +65,12 @@ pub(crate) fn command(image: &Path, words: &[String]) -> Command {
     let mut command = Command::new("qemu-system-arm");
     command
         .args(["-M", "olimex-stm32-h405", "-nographic", "-monitor", "none"])
-        .args(["-serial", "null", "-icount", "shift=3,sleep=off"])
+        .args(["-serial", "null", "-icount"])
+        .arg(if sleeps {
+            "shift=3,sleep=on"
+        } else {
+            "shift=3,sleep=off"
+        })
         .args(["-semihosting-config", &semihosting])
         .arg("-kernel")
         .arg(image);
@@ -72,7 +79,7 @@ pub(crate) fn command(image: &Path, words: &[String]) -> Command {
 
 /// Boots the image with `words` as its command line; returns its output.
 pub(crate) fn boot(image: &Path, words: &[String]) -> Outcome<String> {
-    let output = command(image, words)
+    let output = command(image, words, false)
         .output()
         .map_err(|e| format!("qemu-system-arm: {e}"))?;
     let text = String::from_utf8_lossy(&output.stdout).into_owned()

@@ -21,7 +21,12 @@ use std::time::{Duration, Instant};
 pub(crate) struct Bench {
     image: PathBuf,
     replenish: PathBuf,
+    /// Looks at the recordings of the host when the board asks for it.
+    look: Option<Look>,
 }
+
+/// What looks at the recordings, and its findings.
+pub(crate) type Look = fn(&Bench) -> Outcome<Value>;
 
 /// The result of a run.
 pub(crate) struct Run {
@@ -29,6 +34,8 @@ pub(crate) struct Run {
     pub(crate) board: Value,
     /// Ping's totals: `sent`, `answered`, each of high and low.
     pub(crate) ping: Value,
+    /// What [`Look`] found; `null` without it.
+    pub(crate) looked: Value,
 }
 
 /// The host's additional tasks.
@@ -40,8 +47,10 @@ pub(crate) struct Host {
     pub(crate) echo: bool,
 }
 
-/// The board's requests to end its agent, and its notice that the link is down.
+/// The board's requests to end its agent and to look at its recording, and its notice that the link
+/// is down.
 const END_AGENT: &str = "# end the agent";
+const LOOK: &str = "# look";
 const LINK_DOWN: &str = "# link is down";
 
 /// The end of the message about a run that was ended.
@@ -62,12 +71,28 @@ impl Bench {
         Ok(Self {
             image: qemu::build_for(name, "speed")?,
             replenish: host::replenish()?,
+            look: None,
         })
     }
 
-    /// The host's program.
+    /// As [`build`](Self::build), for an image that records, and a host that looks at it. The
+    /// board's clock runs about as the host's.
+    pub(crate) fn recorded(name: &str, look: Look) -> Outcome<Self> {
+        Ok(Self {
+            image: qemu::build_with(name, "speed", &["--features", "recorder"])?,
+            replenish: host::replenish()?,
+            look: Some(look),
+        })
+    }
+
+    /// The host's program. Its recordings stand in a directory of this run, if anything looks at
+    /// them.
     pub(crate) fn replenish(&self) -> Command {
-        Command::new(&self.replenish)
+        let mut command = Command::new(&self.replenish);
+        if self.look.is_some() {
+            command.env("REPLENISH_LIVE", live());
+        }
+        command
     }
 
     /// Runs the board to its end, at most three times if it does not end: the board's clock stands
@@ -113,7 +138,7 @@ impl Bench {
             .read(true)
             .open(&line)
             .map_err(|e| format!("{line}: {e}"))?;
-        let totals = std::env::temp_dir().join(format!("replenish-ping-{}", std::process::id()));
+        let totals = scratch("ping");
         let (mut agent, address) = self.agent(&line, "127.0.0.1:0")?;
         let mut ping = self.replenish();
         ping.args(["ping", "--supervised", "--ticked", "--agent", &address])
@@ -128,6 +153,7 @@ impl Bench {
         let mut ping = Part::start("ping", ping.stdout(Stdio::null()))?;
         let until = Instant::now() + PATIENCE;
         let mut ended = false;
+        let mut looked = Value::Null;
         loop {
             let left = until.saturating_duration_since(Instant::now());
             match output.recv_timeout(left) {
@@ -138,6 +164,8 @@ impl Bench {
                     } else if ended && text.starts_with(LINK_DOWN) {
                         ended = false;
                         (agent, _) = self.agent(&line, &address)?;
+                    } else if let (true, Some(look)) = (text.starts_with(LOOK), self.look) {
+                        looked = look(self)?;
                     }
                     said.push_str(&text);
                 }
@@ -172,12 +200,13 @@ impl Bench {
         Ok(Run {
             board: json(&text)?,
             ping: json(&counted)?,
+            looked,
         })
     }
 
     /// The board, the lines that it will print, and the device of its serial line.
     fn boot(&self, words: &[String]) -> Outcome<(Part, mpsc::Receiver<String>, String)> {
-        let mut command = qemu::command(&self.image, words);
+        let mut command = qemu::command(&self.image, words, self.look.is_some());
         let mut board = Part::start(
             "qemu-system-arm",
             command.args(["-serial", "pty"]).stderr(Stdio::piped()), // where semihosting prints
@@ -221,6 +250,16 @@ impl Bench {
         std::thread::spawn(move || std::io::copy(&mut stdout, &mut std::io::sink()));
         Ok((agent, address))
     }
+}
+
+/// The directory of the recordings of this run; whoever asked for them removes it.
+pub(crate) fn live() -> PathBuf {
+    format!("/dev/shm/replenish-board-{}", std::process::id()).into()
+}
+
+/// A file for what a part of this run has to say.
+pub(crate) fn scratch(name: &str) -> PathBuf {
+    std::env::temp_dir().join(format!("replenish-{name}-{}", std::process::id()))
 }
 
 /// A child process: it should end when its input closes, and is killed otherwise.

@@ -281,6 +281,7 @@ fn board() -> Vec<Step> {
         "experiment restart --seconds 2",
         "round-trip",
         "experiment noise",
+        "recorder",
         "size",
     ];
     let task = |words| Step::new(&format!("cargo xtask board {words}"));
