@@ -14,6 +14,8 @@ pub struct SampleInfo {
     pub source_timestamp: Option<u64>,
     /// Its number among those of its writer. DDS-XRCE agents do not tell.
     pub sequence: Option<u64>,
+    /// When it is of no use any more (`CLOCK_MONOTONIC`), in nanoseconds.
+    pub expires: Option<u64>,
     /// Services: which request this is, or answers.
     pub request: RequestIdentity,
     /// The chains that led to it, where its publisher is in this process.
@@ -28,6 +30,7 @@ impl SampleInfo {
             arrival,
             source_timestamp: None,
             sequence: None,
+            expires: None,
             request: RequestIdentity([0; 24]),
             origins: Origins::NONE,
         }

@@ -27,6 +27,7 @@ extern crate std;
 
 pub mod endpoint;
 pub mod participant;
+pub mod promise;
 pub mod ros;
 #[cfg(all(feature = "std", unix))]
 pub mod udp;

@@ -13,7 +13,7 @@ pub struct QosClash {
 }
 
 impl QosClash {
-    /// The names of the policies that clash: `reliability`, `durability`, `deadline`.
+    /// The names of the policies that clash: `reliability`, `durability`, `deadline`, `liveliness`.
     pub fn policies(&self) -> impl Iterator<Item = &'static str> {
         names(self.bits())
     }
@@ -25,6 +25,7 @@ impl QosClash {
         bit(is_weaker(offered, requested), RELIABILITY)
             | bit(is_shorter(offered, requested), DURABILITY)
             | bit(is_slower(offered, requested), DEADLINE)
+            | bit(is_less_alive(offered, requested), LIVELINESS)
     }
 }
 
@@ -32,6 +33,7 @@ impl QosClash {
 pub(crate) const RELIABILITY: u8 = 1;
 pub(crate) const DURABILITY: u8 = 2;
 pub(crate) const DEADLINE: u8 = 4;
+pub(crate) const LIVELINESS: u8 = 8;
 
 /// The names of the policies in `bits`.
 pub(crate) fn names(bits: u8) -> impl Iterator<Item = &'static str> {
@@ -39,6 +41,7 @@ pub(crate) fn names(bits: u8) -> impl Iterator<Item = &'static str> {
         (RELIABILITY, "reliability"),
         (DURABILITY, "durability"),
         (DEADLINE, "deadline"),
+        (LIVELINESS, "liveliness"),
     ];
     let set = all.into_iter().filter(move |(bit, _)| bits & bit != 0);
     set.map(|(_, name)| name)
@@ -53,8 +56,15 @@ fn is_shorter(offered: Qos, requested: Qos) -> bool {
 }
 
 fn is_slower(offered: Qos, requested: Qos) -> bool {
-    let time = |qos: Qos| qos.deadline.unwrap_or(Duration::MAX);
-    time(offered) > time(requested)
+    time(offered.deadline) > time(requested.deadline)
+}
+
+fn is_less_alive(offered: Qos, requested: Qos) -> bool {
+    offered.liveliness < requested.liveliness || time(offered.lease) > time(requested.lease)
+}
+
+fn time(time: Option<Duration>) -> Duration {
+    time.filter(|time| !time.is_zero()).unwrap_or(Duration::MAX)
 }
 
 impl fmt::Display for QosClash {
@@ -71,6 +81,16 @@ impl fmt::Display for QosClash {
                 "durability" => {
                     let (has, wants) = (offered.durability, requested.durability);
                     write!(f, "durability {has:?} is offered, {wants:?} requested")?;
+                }
+                "liveliness" => {
+                    let (has, wants) = (offered.liveliness, requested.liveliness);
+                    let (lease, wanted) = (time(offered.lease), time(requested.lease));
+                    let for_ever = |lease: Duration| (lease != Duration::MAX).then_some(lease);
+                    let (lease, wanted) = (for_ever(lease), for_ever(wanted));
+                    write!(
+                        f,
+                        "liveliness {has:?} with lease {lease:?} is offered, {wants:?} with {wanted:?} requested"
+                    )?;
                 }
                 _ => match (offered.deadline, requested.deadline) {
                     (Some(has), Some(wants)) => {
@@ -121,10 +141,13 @@ impl Qos {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::qos::Liveliness;
 
     #[test]
     fn each_policy_clashes_in_one_direction_only() {
         let deadline = |ms| Qos::reliable().deadline(Duration::from_millis(ms));
+        let lease = |ms| Qos::reliable().lease(Duration::from_millis(ms));
+        let manual = Qos::reliable().liveliness(Liveliness::ManualByTopic);
         let pairs = [
             (Qos::reliable(), Qos::best_effort(), "reliability"),
             (
@@ -134,6 +157,9 @@ mod tests {
             ),
             (deadline(5), deadline(6), "deadline"),
             (deadline(5), Qos::reliable(), "deadline"),
+            (lease(5), lease(6), "liveliness"),
+            (lease(5), Qos::reliable(), "liveliness"),
+            (manual, Qos::reliable(), "liveliness"),
         ];
         for (strong, weak, policy) in pairs {
             assert_eq!(strong.check_offers(weak), Ok(()));

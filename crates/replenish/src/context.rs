@@ -279,6 +279,16 @@ impl Node {
 }
 
 pub(crate) fn check_depth(topic: &str, qos: Qos) -> Result<(), Error> {
+    if STD && let Some((field, time)) = qos.too_short() {
+        let owner = text!("topic {topic}");
+        let value = text!("{time:?}");
+        return Err(Error::parameter(
+            owner,
+            field,
+            &value,
+            "0, or 1 ms and more",
+        ));
+    }
     match qos.checked_depth() {
         Some(_) => Ok(()),
         None => Err(Error::parameter(

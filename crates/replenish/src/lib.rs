@@ -90,7 +90,7 @@ pub use platform::{Dump, Mark, StaticText, Text};
 )]
 pub use process::public::*;
 pub use publisher::Publisher;
-pub use qos::{Criticality, IngressLimit, Qos};
+pub use qos::{Criticality, IngressLimit, Liveliness, Qos};
 pub use recorder_feed::RecorderFeed;
 /// The packages of interfaces that programs of robots use, generated: with feature `std` those
 /// of `replenish-interfaces/common`. A program that needs others depends on

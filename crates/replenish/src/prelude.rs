@@ -42,7 +42,7 @@ pub use crate::parameter::{Descriptor, ParameterOptions, ParameterValue, Paramet
 )]
 pub use crate::process::prelude::*;
 pub use crate::publisher::Publisher;
-pub use crate::qos::Qos;
+pub use crate::qos::{Liveliness, Qos};
 pub use crate::service::client::Client;
 pub use crate::service::responder::Responder;
 pub use replenish_msg::{Action, Message, Service};

@@ -122,6 +122,16 @@ impl<M: Message> Publisher<M> {
         }
     }
 
+    /// Says that this publisher is alive, where it has to say so itself
+    /// ([`Liveliness::ManualByTopic`](crate::qos::Liveliness)); a message says it as well. Does not
+    /// allocate and waits for nobody.
+    ///
+    /// # Errors
+    /// [`PublishError::UnknownWriter`] where the middleware does not know of it: DDS-XRCE.
+    pub fn assert_liveliness(&self) -> Result<(), PublishError> {
+        self.inner.middleware.assert_liveliness(self.inner.writer)
+    }
+
     /// Where encoded samples go.
     pub(crate) fn target(&self) -> (&Arc<dyn Middleware>, WriterId) {
         (&self.inner.middleware, self.inner.writer)

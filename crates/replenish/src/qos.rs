@@ -1,5 +1,5 @@
-//! Quality of service of an endpoint: history, reliability, durability, criticality, ingress
-//! limits.
+//! Quality of service of an endpoint: history, reliability, durability, deadline, lifespan,
+//! liveliness, criticality, ingress limits.
 //!
 //! # Adding a policy
 //! 1. An enum or a field here, with its place in [`Qos`] and the presets.
@@ -36,6 +36,16 @@ pub enum Durability {
     Volatile,
     /// Yes: what the publisher still keeps.
     TransientLocal,
+}
+
+/// How a publisher shows that it is alive, weakest first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Liveliness {
+    /// Its program runs.
+    Automatic,
+    /// It publishes, or says so
+    /// ([`assert_liveliness`](crate::Publisher::assert_liveliness)).
+    ManualByTopic,
 }
 
 /// Which topics share a way with each other.
@@ -169,10 +179,17 @@ pub struct Qos {
     /// Whether late subscriptions get what was published before.
     pub durability: Durability,
     /// The longest time between two samples that is promised (publisher) or asked for
-    /// (subscription); whether it is watched is the middleware's matter. In milliseconds on XRCE.
+    /// (subscription), 1 ms or more; none or zero: any. A longer one is an event
+    /// ([`on_event`](crate::AddHandles::on_event)). In milliseconds on XRCE.
     pub deadline: Option<Duration>,
-    /// How long a sample is worth delivering. In milliseconds on XRCE.
+    /// How long after it was published a sample is worth delivering: an older one is dropped. None
+    /// or zero: for ever. Of publishers. In milliseconds on XRCE.
     pub lifespan: Option<Duration>,
+    /// How a publisher shows that it is alive, or has to show it to a subscription. Not on XRCE.
+    pub liveliness: Liveliness,
+    /// For how long a publisher counts as alive after it has shown it, 1 ms or more; none or zero:
+    /// for ever. An end is an event. Not on XRCE.
+    pub lease: Option<Duration>,
     /// Whether samples may wait behind those of other topics.
     pub criticality: Criticality,
 }
@@ -191,6 +208,8 @@ impl Qos {
             durability: Durability::Volatile,
             deadline: None,
             lifespan: None,
+            liveliness: Liveliness::Automatic,
+            lease: None,
             criticality: Criticality::Normal,
         }
     }
@@ -299,6 +318,21 @@ impl Qos {
         }
     }
 
+    /// A publisher shows that it is alive in this way.
+    #[must_use]
+    pub const fn liveliness(self, liveliness: Liveliness) -> Self {
+        Self { liveliness, ..self }
+    }
+
+    /// A publisher counts as alive for this time after it has shown it.
+    #[must_use]
+    pub const fn lease(self, time: Duration) -> Self {
+        Self {
+            lease: Some(time),
+            ..self
+        }
+    }
+
     /// Samples of this topic never wait behind those of normal ones.
     #[must_use]
     pub const fn real_time(self) -> Self {
@@ -306,6 +340,16 @@ impl Qos {
             criticality: Criticality::RealTime,
             ..self
         }
+    }
+
+    /// The first time that is too short, with its name.
+    pub(crate) fn too_short(&self) -> Option<(&'static str, Duration)> {
+        let times = [("qos.deadline", self.deadline), ("qos.lease", self.lease)];
+        let short = |time: &Duration| *time > Duration::ZERO && *time < Duration::from_millis(1);
+        let mut short = times
+            .into_iter()
+            .filter_map(|(name, time)| Some((name, time.filter(short)?)));
+        short.next()
     }
 
     /// The depth, if it is in 1..=[`Qos::MAX_DEPTH`].

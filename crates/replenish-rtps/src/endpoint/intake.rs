@@ -3,8 +3,8 @@
 use super::reader::Reader;
 use super::store::{Slot, State};
 use crate::wire::{
-    Data, DataFrag, Guid, GuidPrefix, Payload, SequenceNumber, Timestamp, disposed_entity,
-    is_disposal, related_request,
+    Data, DataFrag, Guid, GuidPrefix, INFINITE, Nanos, Payload, SequenceNumber, Timestamp,
+    disposed_entity, is_disposal, related_request,
 };
 
 impl Reader {
@@ -35,6 +35,7 @@ impl Reader {
             source,
             gone,
             related: related_request(body.inline_qos),
+            lifespan: self.lifespan(at),
             ..Slot::default()
         };
         self.store.begin(place, slot);
@@ -71,6 +72,7 @@ impl Reader {
                     source,
                     gone: None,
                     related: related_request(body.inline_qos),
+                    lifespan: self.lifespan(at),
                     fragment_size: body.fragment_size,
                     missing: total,
                 };
@@ -101,6 +103,12 @@ impl Reader {
         {
             self.complete(at, place, body.sn);
         }
+    }
+
+    fn lifespan(&self, at: usize) -> Nanos {
+        self.writers
+            .get(at)
+            .map_or(INFINITE, |writer| writer.lifespan)
     }
 
     /// A place for a sample that is new; makes room for it by the reader's history.

@@ -2,11 +2,12 @@
 //!
 //! ```text
 //!   send ──► writer ──► history (samples), peer_reader (what a reader has)
-//!   intake, repair ──► reader ──► store (samples), peer_writer (which numbers have arrived)
+//!   intake, repair, liveliness ──► reader ──► store (samples), peer_writer (which numbers have arrived)
 //! ```
 
 mod history;
 mod intake;
+mod liveliness;
 mod peer_reader;
 mod peer_writer;
 mod reader;

@@ -1,6 +1,7 @@
 //! [`PeerWriter`]: what a reader knows of one writer: which numbers have arrived.
 
-use crate::wire::{Guid, SequenceNumber};
+use crate::promise::Lease;
+use crate::wire::{Guid, LivelinessKind, Nanos, Qos, SequenceNumber};
 use core::net::SocketAddr;
 
 /// Numbers that may have arrived before an earlier one.
@@ -29,10 +30,20 @@ pub(crate) struct PeerWriter {
     pub(crate) ack: bool,
     /// Nothing was heard of the writer yet: the ACKNACK asks for a heartbeat.
     pub(crate) unheard: bool,
+    /// It is alive as long as its participant is.
+    pub(crate) automatic: bool,
+    pub(crate) lease: Lease,
+    /// How long its samples are of use.
+    pub(crate) lifespan: Nanos,
 }
 
 impl PeerWriter {
-    pub(crate) const fn new(guid: Guid, to: SocketAddr, reliable: bool, late: bool) -> Self {
+    pub(crate) const fn new(
+        guid: Guid,
+        to: SocketAddr,
+        (reliable, late): (bool, bool),
+        qos: &Qos,
+    ) -> Self {
         PeerWriter {
             guid,
             to,
@@ -47,6 +58,9 @@ impl PeerWriter {
             nack_frag_count: 0,
             ack: reliable,
             unheard: true,
+            automatic: matches!(qos.liveliness, LivelinessKind::Automatic),
+            lease: Lease::new(qos.liveliness_lease),
+            lifespan: qos.lifespan,
         }
     }
 

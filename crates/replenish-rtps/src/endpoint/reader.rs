@@ -15,7 +15,8 @@
 use super::peer_writer::PeerWriter;
 use super::store::{Slot, State, Store};
 use crate::wire::{
-    Durability, Guid, GuidPrefix, Qos, Reliability, SampleIdentity, SequenceNumber, Timestamp,
+    Durability, Guid, GuidPrefix, INFINITE, LivelinessKind, Nanos, Qos, Reliability,
+    SampleIdentity, SequenceNumber, Timestamp,
 };
 use alloc::vec::Vec;
 use core::net::SocketAddr;
@@ -64,6 +65,8 @@ pub struct Sample<'a> {
     pub gone: Option<Guid>,
     /// The request that it belongs to, as its writer says.
     pub related: Option<SampleIdentity>,
+    /// How long after its source's time it is of use.
+    pub lifespan: Nanos,
 }
 
 /// A reader with its samples and its matched writers.
@@ -137,7 +140,11 @@ impl Reader {
             && qos.reliability == Reliability::Reliable;
         let late = self.qos.durability >= Durability::TransientLocal
             && qos.durability >= Durability::TransientLocal;
-        let writer = PeerWriter::new(guid, to, reliable, late);
+        let mut qos = *qos;
+        if guid.prefix == self.guid.prefix && qos.liveliness == LivelinessKind::Automatic {
+            qos.liveliness_lease = INFINITE; // it lives as long as the reader
+        }
+        let writer = PeerWriter::new(guid, to, (reliable, late), &qos);
         self.writers.push(writer);
         true
     }
@@ -181,6 +188,7 @@ impl Reader {
             source: slot.source,
             gone: slot.gone,
             related: slot.related,
+            lifespan: slot.lifespan,
         })
     }
 }

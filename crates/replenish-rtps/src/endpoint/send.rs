@@ -96,7 +96,7 @@ fn step(w: &mut Writer, at: usize, now: Nanos, m: &mut MessageWriter<'_>) -> Ste
     if reader.next <= w.history.last() {
         return fresh(w, at, now, m);
     }
-    if reader.wants_heartbeat {
+    if reader.wants_heartbeat || reader.asserts {
         return heartbeat(w, at, m);
     }
     Step::Nothing
@@ -120,12 +120,14 @@ fn heartbeat(w: &mut Writer, at: usize, m: &mut MessageWriter<'_>) -> Step {
         first: w.history.first(),
         last: w.history.last(),
         count: w.heartbeats.wrapping_add(1),
-        final_flag: false,
-        liveliness: false,
+        // Fast DDS hears an assertion in none but a final one, which asks for no answer.
+        final_flag: reader.asserts,
+        liveliness: reader.asserts,
     };
     let step = done(m.heartbeat(&body));
     if let Step::Added = step {
-        reader.wants_heartbeat = false;
+        reader.wants_heartbeat &= reader.asserts;
+        reader.asserts = false;
         w.heartbeats = body.count;
     }
     step

@@ -1,6 +1,6 @@
 //! [`Store`]: the samples of a reader, whole and in parts, in memory taken at set-up.
 
-use crate::wire::{Bits, FragmentSet, Guid, SampleIdentity, SequenceNumber, Timestamp};
+use crate::wire::{Bits, FragmentSet, Guid, Nanos, SampleIdentity, SequenceNumber, Timestamp};
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
 use alloc::vec;
@@ -37,6 +37,8 @@ pub(crate) struct Slot {
     pub(crate) gone: Option<Guid>,
     /// The request that it belongs to.
     pub(crate) related: Option<SampleIdentity>,
+    /// How long it is of use.
+    pub(crate) lifespan: Nanos,
     pub(crate) fragment_size: u16,
     /// Fragments that are missing.
     pub(crate) missing: u32,

@@ -291,12 +291,20 @@ impl Writer {
             ack_count: None,
             nack_frag_count: None,
             wants_heartbeat: reliable,
+            asserts: false,
         });
         if reliable && start < next {
             self.pace = FIRST_HEARTBEAT;
             self.heartbeat_at = self.heartbeat_at.min(now.saturating_add(FIRST_HEARTBEAT));
         }
         true
+    }
+
+    /// Every reader hears that this writer is alive.
+    pub(crate) fn assert(&mut self) {
+        for reader in &mut self.readers {
+            reader.asserts = true;
+        }
     }
 
     /// Forgets a reader; `false` if it was not matched.
@@ -385,6 +393,7 @@ impl Writer {
     fn is_ready(&self, reader: &PeerReader) -> bool {
         reader.next <= self.history.last()
             || reader.wants_heartbeat
+            || reader.asserts
             || reader.repair.is_some()
             || reader.first_request().is_some()
     }

@@ -72,6 +72,7 @@ impl Participant {
             return;
         };
         let theirs = remote.guid;
+        self.promise(&remote.qos);
         let wanted = |guid: Guid| only.is_none_or(|entity| entity == guid.entity);
         if theirs.entity.is_reader() {
             for at in 0..self.writers.len() {
@@ -108,6 +109,9 @@ impl Participant {
                 }
                 let known = own.endpoint.writers().any(|guid| guid == theirs);
                 let taken = fit.is_ok() && own.endpoint.add_writer(theirs, &remote.qos, remote.to);
+                if taken && !known {
+                    own.endpoint.heard_writer(theirs, now);
+                }
                 if known && fit.is_err() {
                     own.endpoint.remove_writer(theirs);
                 }
@@ -189,7 +193,11 @@ impl Participant {
         if before == self.participants.len() {
             return;
         }
-        for (writer, reader) in [&mut self.publications, &mut self.subscriptions] {
+        for (writer, reader) in [
+            &mut self.publications,
+            &mut self.subscriptions,
+            &mut self.liveliness,
+        ] {
             writer.remove_participant(prefix);
             reader.remove_participant(prefix);
         }

@@ -17,6 +17,7 @@ mod config;
 mod endpoints;
 mod event;
 mod matching;
+mod promises;
 mod receive;
 mod remote;
 mod state;

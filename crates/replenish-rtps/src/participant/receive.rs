@@ -31,6 +31,7 @@ impl Participant {
                 part => self.act(from, &part, source, now)?,
             }
         }
+        self.heard(message.prefix, now);
         Ok(())
     }
 
@@ -50,6 +51,7 @@ impl Participant {
                     reader.data(from, data, source);
                     return self.discover(data.writer, now);
                 }
+                self.heard_writer(Guid::new(from, data.writer), now);
                 self.deliver(from, data, source);
             }
             Submessage::DataFrag(data) => {
@@ -57,12 +59,16 @@ impl Participant {
                     reader.data_frag(from, data, source);
                     return self.discover(data.writer, now);
                 }
+                self.heard_writer(Guid::new(from, data.writer), now);
                 self.deliver_fragment(from, data, source);
             }
             Submessage::Heartbeat(body) => {
                 if let Some(reader) = self.builtin_reader(body.writer) {
                     reader.heartbeat(from, body);
                     return self.discover(body.writer, now);
+                }
+                if body.liveliness {
+                    self.heard_writer(Guid::new(from, body.writer), now);
                 }
                 for own in &mut self.readers {
                     if is_for(body.reader, own.endpoint.guid().entity) {
@@ -83,7 +89,11 @@ impl Participant {
             }
             Submessage::AckNack(body) => {
                 let writers = self.writers.iter_mut().map(|own| &mut own.endpoint);
-                let discovery = [&mut self.publications.0, &mut self.subscriptions.0];
+                let discovery = [
+                    &mut self.publications.0,
+                    &mut self.subscriptions.0,
+                    &mut self.liveliness.0,
+                ];
                 let mut anew = false;
                 for writer in writers.chain(discovery) {
                     if writer.entity() == body.writer {
@@ -112,6 +122,7 @@ impl Participant {
         match writer {
             EntityId::SEDP_PUBLICATIONS_WRITER => Some(&mut self.publications.1),
             EntityId::SEDP_SUBSCRIPTIONS_WRITER => Some(&mut self.subscriptions.1),
+            EntityId::LIVELINESS_WRITER => Some(&mut self.liveliness.1),
             _ => None,
         }
     }
@@ -203,15 +214,17 @@ impl Participant {
                 EntityId::SEDP_SUBSCRIPTIONS_WRITER,
                 1,
             ),
+            (builtin::LIVELINESS_READER, EntityId::LIVELINESS_READER, 2),
+            (builtin::LIVELINESS_WRITER, EntityId::LIVELINESS_WRITER, 2),
         ] {
             if data.builtin & bit == 0 {
                 continue;
             }
             let guid = Guid::new(from, entity);
-            let (writer, reader) = if side == 0 {
-                &mut self.publications
-            } else {
-                &mut self.subscriptions
+            let (writer, reader) = match side {
+                0 => &mut self.publications,
+                1 => &mut self.subscriptions,
+                _ => &mut self.liveliness,
             };
             if entity.is_reader() {
                 writer.add_reader(guid, &BUILTIN, to, now);
@@ -227,6 +240,9 @@ impl Participant {
         let mut result = Ok(());
         while let Some(sample) = self.builtin_reader(writer).and_then(Reader::take) {
             let from = sample.writer.prefix;
+            if writer == EntityId::LIVELINESS_WRITER {
+                continue; // that something came is what it says
+            }
             if let Some(gone) = sample.gone {
                 if gone.prefix == from {
                     self.unlearn(gone);

@@ -2,6 +2,7 @@
 
 use super::config::{ConfigError, EndpointSpec, ParticipantConfig};
 use super::event::{Bound, Event};
+use super::promises::{Assertions, Promises};
 use super::remote::{RemoteEndpoint, RemoteParticipant, Text};
 use super::status::EndpointStatus;
 use crate::endpoint::{
@@ -9,7 +10,7 @@ use crate::endpoint::{
 };
 use crate::wire::{
     EndpointData, EntityId, Guid, GuidPrefix, Locators, Nanos, ParticipantData, Qos,
-    SequenceNumber, Timestamp, TypeHash, Writer as Cdr, disposal,
+    SequenceNumber, Timestamp, TypeHash, Writer as Cdr, builtin, disposal,
 };
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
@@ -56,6 +57,7 @@ pub(super) struct Own<E> {
     pub(super) announced: SequenceNumber,
     /// What has become of it, but for its peers of this moment.
     pub(super) status: EndpointStatus,
+    pub(super) promises: Promises,
 }
 
 /// Everything that one process has in a domain.
@@ -89,6 +91,11 @@ pub struct Participant {
     events: VecDeque<Event>,
     most_events: usize,
     pub(super) next_writer: usize,
+    /// Assertions of liveliness.
+    pub(super) liveliness: (Writer, Reader),
+    pub(super) assertions: Assertions,
+    /// Some endpoint has a deadline or a lease.
+    pub(super) timed: bool,
 }
 
 impl Participant {
@@ -156,6 +163,9 @@ impl Participant {
             events: VecDeque::with_capacity(limits.events),
             most_events: limits.events,
             next_writer: 0,
+            liveliness: builtin(EntityId::LIVELINESS_WRITER, EntityId::LIVELINESS_READER),
+            assertions: Assertions::NONE,
+            timed: false,
         })
     }
 
@@ -191,7 +201,10 @@ impl Participant {
             type_name,
             announced: announce(&mut self.publications.0, guid, spec, now),
             status: EndpointStatus::default(),
+            promises: Promises::of(&spec.qos),
         });
+        self.promise(&spec.qos);
+        self.plan_assertions(now);
         self.match_writer(guid.entity, now);
         self.meet_own(guid, spec, now);
         Ok(WriterId(guid.entity))
@@ -222,7 +235,9 @@ impl Participant {
             type_name,
             announced: announce(&mut self.subscriptions.0, guid, spec, now),
             status: EndpointStatus::default(),
+            promises: Promises::of(&spec.qos),
         });
+        self.promise(&spec.qos);
         self.match_reader(guid.entity, now);
         self.meet_own(guid, spec, now);
         Ok(ReaderId(guid.entity))
@@ -257,6 +272,7 @@ impl Participant {
             return;
         };
         let own = self.writers.swap_remove(at);
+        self.plan_assertions(now);
         self.unlearn(own.endpoint.guid());
         dispose(
             &mut self.publications.0,
@@ -299,7 +315,9 @@ impl Participant {
         let mut writers = self.writers.iter_mut();
         let own = writers.find(|own| own.endpoint.entity() == id.0);
         let own = own.ok_or(WriteError::NoWriter)?;
-        own.endpoint.write_with(body, header, now)
+        let written = own.endpoint.write_with(body, header, now)?;
+        own.promises.written(now);
+        Ok(written)
     }
 
     /// Sends a sample; see [`Writer::write`].
@@ -419,6 +437,7 @@ fn announcement(config: &ParticipantConfig<'_>) -> Box<[u8]> {
         lease: config.lease,
         name: config.name,
         user_data,
+        builtin: builtin::DISCOVERY | builtin::LIVELINESS_WRITER | builtin::LIVELINESS_READER,
         ..ParticipantData::new(config.prefix)
     };
     encoded(768, |w| data.encode(w))

@@ -17,6 +17,12 @@ pub struct EndpointStatus {
     pub last_incompatible: Option<Policy>,
     /// Peers of its topic that have another type.
     pub wrong_type: u64,
+    /// Periods of its deadline without a sample.
+    pub deadline_missed: u64,
+    /// How often a writer was silent for longer than its lease.
+    pub liveliness_lost: u64,
+    /// Matched writers of a reader that are alive.
+    pub alive: usize,
 }
 
 impl EndpointStatus {
@@ -42,6 +48,8 @@ impl Participant {
         let own = writers.find(|own| own.endpoint.entity() == id.entity())?;
         Some(EndpointStatus {
             matched: own.endpoint.matched(),
+            deadline_missed: own.promises.deadline.missed(),
+            liveliness_lost: own.promises.lease.lost(),
             ..own.status
         })
     }
@@ -53,6 +61,8 @@ impl Participant {
         let own = self.readers.iter().find(of)?;
         Some(EndpointStatus {
             matched: own.endpoint.matched(),
+            alive: own.endpoint.alive(),
+            deadline_missed: own.promises.deadline.missed(),
             ..own.status
         })
     }

@@ -16,6 +16,7 @@ impl Participant {
     /// length and its address; `None` if nothing is to be sent before [`Participant::next_at`].
     pub fn transmit(&mut self, buf: &mut [u8], now: Nanos) -> Option<(usize, SocketAddr)> {
         self.expire(now);
+        self.check_promises(now);
         let mut m = MessageWriter::new(buf, self.prefix).ok()?;
         let to = self
             .transmit_announcement(now, &mut m)
@@ -44,7 +45,11 @@ impl Participant {
     #[must_use]
     pub fn next_at(&self, now: Nanos) -> Nanos {
         let readers = self.readers.iter().map(|own| &own.endpoint);
-        let discovery = [&self.publications.1, &self.subscriptions.1];
+        let discovery = [
+            &self.publications.1,
+            &self.subscriptions.1,
+            &self.liveliness.1,
+        ];
         if readers.chain(discovery).any(Reader::wants_to_transmit)
             || self.announce_left > 0
             || self.participants.iter().any(|known| known.answer)
@@ -52,11 +57,15 @@ impl Participant {
             return now;
         }
         let writers = self.writers.iter().map(|own| &own.endpoint);
-        let discovery = [&self.publications.0, &self.subscriptions.0];
+        let discovery = [
+            &self.publications.0,
+            &self.subscriptions.0,
+            &self.liveliness.0,
+        ];
         let writers = writers.chain(discovery).map(|writer| writer.next_at(now));
         let leases = self.participants.iter().map(|known| known.expires);
         let first = writers.chain(leases).min().unwrap_or(INFINITE);
-        first.min(self.announce_at)
+        first.min(self.announce_at).min(self.next_promise())
     }
 
     /// Participants that were not heard for their lease are gone.
@@ -134,7 +143,11 @@ impl Participant {
     /// ACKNACKs of readers, those of discovery first.
     fn transmit_answers(&mut self, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
         let own = self.readers.iter_mut().map(|own| &mut own.endpoint);
-        let discovery = [&mut self.publications.1, &mut self.subscriptions.1];
+        let discovery = [
+            &mut self.publications.1,
+            &mut self.subscriptions.1,
+            &mut self.liveliness.1,
+        ];
         let mut readers = discovery.into_iter().chain(own);
         let reader = readers.find(|reader| reader.wants_to_transmit())?;
         reader.transmit(m)
@@ -142,7 +155,11 @@ impl Participant {
 
     /// Samples, repairs and heartbeats: discovery first, then the own writers in turn.
     fn transmit_samples(&mut self, now: Nanos, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
-        for writer in [&mut self.publications.0, &mut self.subscriptions.0] {
+        for writer in [
+            &mut self.publications.0,
+            &mut self.subscriptions.0,
+            &mut self.liveliness.0,
+        ] {
             if let Some(to) = writer.transmit(now, m) {
                 return Some(to);
             }

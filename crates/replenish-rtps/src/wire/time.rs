@@ -18,8 +18,10 @@ fn nanos(seconds: u64, fraction: u32) -> Nanos {
         .saturating_add(u64::try_from(parts).unwrap_or(0))
 }
 
+/// Rounded up: Fast DDS rounds down when it reads.
 fn fraction(nanos: Nanos) -> u32 {
-    u32::try_from((u128::from(nanos % SECOND) << 32) / u128::from(SECOND)).unwrap_or(u32::MAX)
+    let parts = (u128::from(nanos % SECOND) << 32).div_ceil(u128::from(SECOND));
+    u32::try_from(parts).unwrap_or(u32::MAX)
 }
 
 /// An interval; negative ones are 0.
@@ -73,6 +75,10 @@ mod tests {
             let mut w = Writer::new(&mut buf);
             put_duration(&mut w, value);
             assert_eq!(duration(&mut Reader::new(&buf, true)), Ok(value));
+            // Also for a peer that rounds down.
+            let [.., a, b, c, d] = buf;
+            let parts = u64::from(u32::from_le_bytes([a, b, c, d]));
+            assert_eq!((parts * SECOND) >> 32, value % SECOND);
         }
         let mut buf = [0; 8];
         put_duration(&mut Writer::new(&mut buf), INFINITE);

@@ -156,6 +156,16 @@ pub trait Middleware: Send + Sync + 'static {
     /// When the sample was not sent: too large, no room in the output stream, link down.
     fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError>;
 
+    /// A writer whose liveliness is manual shows that it is alive, without a sample. Waits for
+    /// nothing, like [`publish`](Self::publish).
+    ///
+    /// # Errors
+    /// [`PublishError::UnknownWriter`], also where the middleware does not know of liveliness.
+    fn assert_liveliness(&self, writer: WriterId) -> Result<(), PublishError> {
+        let _ = writer;
+        Err(PublishError::UnknownWriter)
+    }
+
     /// Creates a service's server: the reader of its requests, which come with their
     /// [identity](SampleInfo::request), and the writer of its replies. Set-up, like a reader.
     ///

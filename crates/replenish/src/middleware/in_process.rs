@@ -10,6 +10,7 @@ mod clashes;
 mod long;
 mod matched;
 mod notices;
+mod promises;
 mod services;
 mod watched;
 
@@ -29,6 +30,7 @@ use alloc::vec::Vec;
 use bus::{Bus, LONG, LONG_SAMPLES, Participant, Reader, Writer, id};
 use core::fmt;
 use notices::{Clashes, Oversizes};
+use promises::{deadline, earlier, lease, promised};
 use replenish_os::clock;
 
 /// Samples that one `take` hands over at most.
@@ -153,6 +155,8 @@ impl Middleware for InProcess {
             replies: None,
             kept: late.then(|| Ring::new(spec.qos.depth.into(), spec.max_size)),
             status,
+            deadline: deadline(spec.qos),
+            lease: lease(spec.qos),
             deleted: false,
         };
         put(&mut bus.me(self.me)?.writers, id.into(), writer);
@@ -180,6 +184,7 @@ impl Middleware for InProcess {
             reliable: spec.qos.reliability == Reliability::Reliable,
             lost: 0,
             status: EndStatus::default(),
+            deadline: deadline(spec.qos),
             deleted: false,
             stamp: 0,
         };
@@ -230,6 +235,7 @@ impl Middleware for InProcess {
         let (wake, full) = {
             let mut bus = self.bus.state.lock();
             let (writer, info) = bus.begin(self.me, writer, payload.len())?;
+            let begins = writer.renew(info.arrival);
             let topic = (writer.topic, writer.offers);
             if let Some(kept) = &mut writer.kept
                 && let Some(mut slot) = kept.spare()
@@ -239,7 +245,9 @@ impl Middleware for InProcess {
                     kept.give_back(oldest);
                 }
             }
-            bus.distribute(topic, payload, &info)
+            let told = if begins { bus.watchers() } else { 0 };
+            let (wake, full) = bus.distribute(topic, payload, &info);
+            (wake | told, full)
         };
         self.bus.ring(wake);
         if full {
@@ -297,8 +305,12 @@ impl Middleware for InProcess {
         self.add_watch(end, watch)
     }
 
+    fn assert_liveliness(&self, writer: WriterId) -> Result<(), PublishError> {
+        self.show_life(writer)
+    }
+
     fn wait(&self, interest: &Interest, deadline: Option<Nanos>) -> Result<(), MiddlewareError> {
-        {
+        let deadline = {
             let mut bus = self.bus.state.lock();
             let me = bus.me(self.me)?;
             let mut readers = me.readers.iter().enumerate();
@@ -306,7 +318,8 @@ impl Middleware for InProcess {
                 return Ok(());
             }
             me.waits_for = Some(*interest);
-        }
+            earlier(deadline, bus.next_promise(self.me))
+        };
         match deadline {
             Some(at) => drop(self.bell.wait_until(at)),
             None => self.bell.wait(),
@@ -405,11 +418,13 @@ impl Bus {
             return Err(PublishError::TooLarge { size, limit });
         }
         writer.sent += 1;
+        let arrival = clock::monotonic();
         let info = SampleInfo {
             source_timestamp: wall_clock(),
             sequence: Some(writer.sent),
             origins: platform::chain::current(),
-            ..SampleInfo::at(clock::monotonic())
+            expires: promised(writer.offers.lifespan).map(|time| arrival.saturating_add(time)),
+            ..SampleInfo::at(arrival)
         };
         Ok((writer, info))
     }

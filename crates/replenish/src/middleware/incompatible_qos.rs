@@ -1,7 +1,7 @@
 //! Endpoints that do not talk with each other because of their quality of service.
 
 use super::ReaderId;
-use crate::compatibility::{DEADLINE, DURABILITY, QosClash, RELIABILITY, names};
+use crate::compatibility::{DEADLINE, DURABILITY, LIVELINESS, QosClash, RELIABILITY, names};
 use crate::platform::ShortText;
 use core::fmt;
 
@@ -27,7 +27,7 @@ impl IncompatibleQos {
     }
 
     /// As [`new`](Self::new), where no more is known than the policies, as bits: 1 reliability,
-    /// 2 durability, 4 deadline.
+    /// 2 durability, 4 deadline, 8 liveliness.
     #[must_use]
     pub fn known_by_policy(topic: &str, reader: Option<ReaderId>, policies: u8) -> Self {
         Self {
@@ -50,7 +50,7 @@ impl IncompatibleQos {
         self.reader
     }
 
-    /// The names of the policies: `reliability`, `durability`, `deadline`.
+    /// The names of the policies: `reliability`, `durability`, `deadline`, `liveliness`.
     pub fn policies(&self) -> impl Iterator<Item = &'static str> {
         names(self.policies)
     }
@@ -84,6 +84,10 @@ impl fmt::Display for IncompatibleQos {
             (
                 DEADLINE,
                 "a longer deadline, or none, is offered than requested",
+            ),
+            (
+                LIVELINESS,
+                "liveliness is offered with a longer lease, or in a weaker way, than requested",
             ),
         ];
         let told = all.iter().filter(|(bit, _)| self.policies & bit != 0);

@@ -37,6 +37,14 @@ pub struct EndStatus {
     pub wrong_type: u64,
     /// Samples of a reader that were lost on the way to it.
     pub lost: u64,
+    /// Periods of the deadline without a sample.
+    pub deadline_missed: u64,
+    /// How often a writer did not show that it is alive for longer than its lease.
+    pub liveliness_lost: u64,
+    /// Matched writers of a reader that are alive.
+    pub alive: u64,
+    /// Matched writers of a reader that are not.
+    pub not_alive: u64,
 }
 
 /// Is told of an endpoint's status. Neither method waits or allocates.

@@ -10,6 +10,7 @@
 //!   │           recorder: the last events of each thread               │ recorder_board
 //!   │           chain: latencies over several callbacks                │ chain_disabled
 //!   │           sleeping: the alarms of a future                       │ sleeping_disabled
+//!   │           Deadline · Lease: promises over time
 //!   │                                                                   io::Error  │ io (without std)
 //!   text ────── Text · StaticText · text! · label · displayed · join               │ text_disabled
 //!   short_text ─ ShortText: no allocation
@@ -36,7 +37,8 @@ mod wall_time;
 pub use self::std::io;
 pub use self::std::recorder::{Dump, Mark};
 pub(crate) use self::std::{
-    chain, end_with, guard, prepare_end, random, recorder, sleeping, tell, wall_clock,
+    Deadline, Lease, chain, end_with, guard, prepare_end, random, recorder, sleeping, tell,
+    wall_clock,
 };
 pub(crate) use buffer::zeroed;
 #[allow(unused_imports, reason = "builds without feature xrce ask for fewer")]

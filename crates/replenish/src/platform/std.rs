@@ -14,6 +14,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::string::String;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+pub(crate) use replenish_rtps::promise::{Deadline, Lease};
 #[allow(unreachable_pub, reason = "public as middleware::xrce::io")]
 pub use std::io;
 

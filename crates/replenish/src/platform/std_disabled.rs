@@ -3,6 +3,7 @@
 //! - There is no unwinding: a panic ends in the program's panic handler, which halts the worker
 //!   and reports.
 //! - There is no wall clock; who needs stamps takes them from the agent's clock.
+//! - Nobody watches deadlines and liveliness.
 //! - Events go where [`Executor::on_event`](crate::Executor::on_event) says, and nowhere without.
 
 #[path = "chain_disabled.rs"]
@@ -13,8 +14,71 @@ pub(crate) mod recorder;
 #[path = "sleeping_disabled.rs"]
 pub(crate) mod sleeping;
 
+use crate::Nanos;
 use crate::sync::{Ordering, unmodelled::AtomicU64};
 use core::time::Duration;
+
+/// Nobody watches it.
+pub(crate) struct Deadline;
+
+impl Deadline {
+    pub(crate) const fn new(_period: Nanos) -> Self {
+        Self
+    }
+
+    #[allow(clippy::unused_self, reason = "as with feature `std`")]
+    pub(crate) const fn renew(&mut self, _now: Nanos) -> bool {
+        false
+    }
+
+    #[allow(clippy::unused_self, reason = "as with feature `std`")]
+    pub(crate) const fn stop(&mut self) {}
+
+    #[allow(clippy::unused_self, reason = "as with feature `std`")]
+    pub(crate) const fn check(&mut self, _now: Nanos) {}
+
+    #[allow(clippy::unused_self, reason = "as with feature `std`")]
+    pub(crate) const fn next(&self) -> Nanos {
+        Nanos::MAX
+    }
+
+    #[allow(clippy::unused_self, reason = "as with feature `std`")]
+    pub(crate) const fn missed(&self) -> u64 {
+        0
+    }
+}
+
+/// It never ends.
+pub(crate) struct Lease;
+
+impl Lease {
+    pub(crate) const fn new(_time: Nanos) -> Self {
+        Self
+    }
+
+    #[allow(clippy::unused_self, reason = "as with feature `std`")]
+    pub(crate) const fn renew(&mut self, _now: Nanos) -> bool {
+        false
+    }
+
+    #[allow(clippy::unused_self, reason = "as with feature `std`")]
+    pub(crate) const fn check(&mut self, _now: Nanos) {}
+
+    #[allow(clippy::unused_self, reason = "as with feature `std`")]
+    pub(crate) const fn next(&self) -> Nanos {
+        Nanos::MAX
+    }
+
+    #[allow(clippy::unused_self, reason = "as with feature `std`")]
+    pub(crate) const fn is_alive(&self) -> bool {
+        true
+    }
+
+    #[allow(clippy::unused_self, reason = "as with feature `std`")]
+    pub(crate) const fn lost(&self) -> u64 {
+        0
+    }
+}
 
 /// There is no wall clock.
 pub(crate) const fn wall_clock() -> Option<Duration> {

@@ -39,6 +39,7 @@ mod overlay_names;
 mod parameters;
 mod parity;
 mod qos_events;
+mod qos_promises;
 mod recorder;
 mod recorder_identities;
 mod refusals;

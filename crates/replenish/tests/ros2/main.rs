@@ -11,6 +11,7 @@
 mod actions;
 mod dds;
 mod diagnostics;
+mod events;
 mod graph;
 mod large;
 mod lifecycle;
@@ -30,7 +31,7 @@ use replenish_testkit::harness::{peer_trial, run};
 type Trial = (&'static str, fn(Foreign));
 
 /// The trials that every distribution goes through.
-const TRIALS: [Trial; 15] = [
+const TRIALS: [Trial; 16] = [
     ("topics_there_and_back", topics::topics),
     ("late_joiners_both_ways", topics::late_joiners),
     ("megabytes_there_and_back", large::images),
@@ -46,6 +47,7 @@ const TRIALS: [Trial; 15] = [
     ("rclpy_manages_our_node", lifecycle::managed),
     ("we_manage_a_node_of_rclpy", lifecycle::manager),
     ("rclpy_reads_our_log_and_sets_its_level", logs::logs),
+    ("qos_events_both_ways", events::events),
 ];
 
 /// The trials of implementations of bare DDS.

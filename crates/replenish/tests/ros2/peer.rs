@@ -88,4 +88,9 @@ impl Peer {
     pub(crate) fn line(&self) -> String {
         self.0.lines.recv_timeout(PATIENCE).expect("another line")
     }
+
+    /// The next line, if it says one in time.
+    pub(crate) fn line_within(&self, time: Duration) -> Option<String> {
+        self.0.lines.recv_timeout(time).ok()
+    }
 }

@@ -5,9 +5,10 @@ use crate::event::Events;
 use crate::executor::wake::stop::StopHandle;
 use crate::handoff::{Inbox, RingSlot};
 use crate::middleware::Middleware;
+use crate::stats::Counters;
 use core::any::Any;
 use core::cell::RefCell;
-use replenish_os::Meter;
+use replenish_os::{Meter, clock};
 
 /// The surroundings of a callback.
 pub(crate) struct Env<'a> {
@@ -27,15 +28,23 @@ pub(crate) struct Env<'a> {
 }
 
 impl Env<'_> {
-    /// The next sample that waits, for the one in `read_slot`.
+    /// The next sample that waits, for the one in `read_slot`; none if its lifespan is over.
     pub(crate) fn next_sample<'h>(
         &self,
         inbox: &Inbox,
         read_slot: &'h mut Option<RingSlot>,
+        counters: &Counters,
     ) -> Option<&'h RingSlot> {
         if inbox.pop(read_slot)? {
             self.middleware.wake();
         }
-        read_slot.as_ref()
+        let slot = read_slot.as_ref()?;
+        if let Some(expires) = slot.info().expires
+            && expires <= clock::monotonic()
+        {
+            counters.discarded.add(1);
+            return None;
+        }
+        Some(slot)
     }
 }

@@ -73,7 +73,7 @@ impl HandleState {
         message: &mut M,
         env: &Env<'_>,
     ) -> Option<Taken> {
-        let slot = env.next_sample(inbox, read_slot)?;
+        let slot = env.next_sample(inbox, read_slot, &self.counters)?;
         match decode(message, &CdrReader::new(slot.payload())) {
             Ok(()) => Some(Taken::sample(slot)),
             Err(error) => {

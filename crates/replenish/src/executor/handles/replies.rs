@@ -96,7 +96,11 @@ where
         if self.client.is_behind() {
             return None;
         }
-        let Some(slot) = env.next_sample(&self.client.inbox, &mut self.read_slot) else {
+        let Some(slot) = env.next_sample(
+            &self.client.inbox,
+            &mut self.read_slot,
+            &self.shared.counters,
+        ) else {
             return self.expire();
         };
         self.info = *slot.info();

@@ -83,7 +83,7 @@ impl<F> RawSubscription<F> {
     }
 
     fn take_slot(&mut self, env: &Env<'_>) -> Option<Taken> {
-        env.next_sample(&self.inbox, &mut self.read_slot)
+        env.next_sample(&self.inbox, &mut self.read_slot, &self.shared.counters)
             .map(Taken::sample)
     }
 }

@@ -15,7 +15,7 @@ use crate::handoff::{Ring, RingSlot, SampleInfo};
 use crate::middleware::places::{free_place, put};
 use crate::middleware::watch::{End, EndStatus, Watches};
 use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId, WriterId};
-use crate::platform::{STD, TEXTS, label};
+use crate::platform::{Deadline, Lease, STD, TEXTS, label};
 use crate::qos::Qos;
 use crate::sync::{Arc, Notify};
 use alloc::string::String;
@@ -77,6 +77,9 @@ pub(super) struct Writer {
     pub(super) kept: Option<Ring>,
     /// What has become of it, but for its peers of this moment.
     pub(super) status: EndStatus,
+    pub(super) deadline: Deadline,
+    /// If it shows itself that it is alive.
+    pub(super) lease: Lease,
     /// It was deleted; its place is free.
     pub(super) deleted: bool,
 }
@@ -95,6 +98,7 @@ pub(super) struct Reader {
     pub(super) lost: u64,
     /// What has become of it, but for its peers of this moment.
     pub(super) status: EndStatus,
+    pub(super) deadline: Deadline,
     /// It was deleted; its place is free.
     pub(super) deleted: bool,
     /// No other reader of the bus has had it: places are given out again, also to participants.
@@ -234,6 +238,9 @@ impl Bus {
         let mine = writers.filter(|w| w.topic == topic && !w.deleted && fits(w));
         for sample in mine.filter_map(|w| w.kept.as_ref()).flat_map(Ring::waiting) {
             let arrival = clock::monotonic();
+            if sample.info().expires.is_some_and(|at| at <= arrival) {
+                continue;
+            }
             let info = SampleInfo {
                 arrival,
                 ..*sample.info()
@@ -266,6 +273,9 @@ impl Bus {
             }
             match reader.store(payload, info) {
                 Stored::Waits => {
+                    if reader.deadline.renew(info.arrival) {
+                        wake |= u64::from(!participant.watches.is_empty()) << p;
+                    }
                     let waits = participant.waits_for.as_ref();
                     if waits.is_some_and(|i| i.contains(id(r))) {
                         participant.waits_for = None; // one bell is enough

@@ -12,6 +12,7 @@ use super::bus::{Bus, Stored, id};
 use crate::handoff::{Ring, RingSlot};
 use crate::middleware::{PublishError, WriterId};
 use crate::qos::Qos;
+use replenish_os::clock;
 
 /// A reader of a topic.
 #[derive(Clone, Copy)]
@@ -28,12 +29,16 @@ impl InProcess {
         writer: WriterId,
         payload: &[u8],
     ) -> Result<(), PublishError> {
-        let (topic, info, kept) = {
+        let (topic, info, kept, told) = {
             let mut bus = self.bus.state.lock();
             let (writer, info) = bus.begin(self.me, writer, payload.len())?;
+            let begins = writer.renew(info.arrival);
             let spare = writer.kept.as_mut().and_then(Ring::spare);
-            ((writer.topic, writer.offers), info, spare)
+            let topic = (writer.topic, writer.offers);
+            let told = if begins { bus.watchers() } else { 0 };
+            (topic, info, spare, told)
         };
+        self.bus.ring(told);
         let kept = kept.map(|mut slot| {
             slot.fill(payload, &info);
             slot
@@ -111,6 +116,11 @@ impl InProcess {
         let Some(participant) = bus.participant_mut(place.participant) else {
             return;
         };
+        if fate == Stored::Waits
+            && let Some(reader) = participant.readers.get_mut(place.reader)
+        {
+            reader.deadline.renew(clock::monotonic());
+        }
         let waits = participant.waits_for.as_ref();
         let waits = waits.is_some_and(|interest| interest.contains(id(place.reader)));
         let wake = fate == Stored::TooLong || (fate == Stored::Waits && waits);

@@ -1,7 +1,7 @@
 //! How many peers an endpoint of a bus has: those of its topic whose quality fits. All endpoints.
 
 use super::InProcess;
-use super::bus::Bus;
+use super::bus::{Bus, Writer};
 use crate::middleware::{GraphEnd, ReaderId, WriterId};
 use crate::qos::Qos;
 
@@ -18,14 +18,23 @@ impl Bus {
     }
 
     pub(super) fn count_writers(&self, me: usize, reader: ReaderId) -> Option<usize> {
+        Some(self.writers_of(me, reader)?.count())
+    }
+
+    /// The writers that a reader hears.
+    pub(super) fn writers_of(
+        &self,
+        me: usize,
+        reader: ReaderId,
+    ) -> Option<impl Iterator<Item = &Writer>> {
         let mine = self.participant(me)?;
         let reader = mine.readers.get(usize::from(reader.0))?;
         let writers = self.participants().flat_map(|(_, p)| &p.writers);
-        let fits = writers.filter(|writer| {
+        let fits = writers.filter(move |writer| {
             let of_topic = !writer.deleted && writer.topic == reader.topic;
             of_topic && writer.offers.check_offers(reader.requests).is_ok()
         });
-        Some(fits.count())
+        Some(fits)
     }
 }
 

@@ -6,6 +6,7 @@ use crate::compatibility::QosClash;
 use crate::middleware::MiddlewareError;
 use crate::middleware::watch::{End, EndStatus, Watch};
 use crate::sync::Arc;
+use replenish_os::clock;
 
 impl InProcess {
     pub(super) fn add_watch(
@@ -21,6 +22,8 @@ impl InProcess {
     /// Tells every watch of this participant, each without the lock.
     #[cold]
     pub(super) fn tell_watches(&self) {
+        let now = clock::monotonic();
+        self.bus.state.lock().check_promises(self.me, now);
         for at in 0.. {
             let bus = self.bus.state.lock();
             let me = bus.participant(self.me);
@@ -49,14 +52,24 @@ impl Bus {
         let mine = self.participant(me)?;
         let count = |found: Option<usize>| found.unwrap_or(0) as u64;
         Some(match end {
-            End::Writer(writer) => EndStatus {
-                matched: count(self.count_readers(me, writer)),
-                ..mine.writers.get(usize::from(writer.0))?.status
-            },
+            End::Writer(writer) => {
+                let end = mine.writers.get(usize::from(writer.0))?;
+                EndStatus {
+                    matched: count(self.count_readers(me, writer)),
+                    deadline_missed: end.deadline.missed(),
+                    liveliness_lost: end.lease.lost(),
+                    ..end.status
+                }
+            }
             End::Reader(reader) => {
                 let end = mine.readers.get(usize::from(reader.0))?;
+                let matched = count(self.count_writers(me, reader));
+                let alive = self.count_alive(me, reader) as u64;
                 EndStatus {
-                    matched: count(self.count_writers(me, reader)),
+                    matched,
+                    alive,
+                    not_alive: matched.saturating_sub(alive),
+                    deadline_missed: end.deadline.missed(),
                     lost: end.lost,
                     ..end.status
                 }

@@ -274,6 +274,18 @@ impl Middleware for Rtps {
         self.add_watch(end, watch)
     }
 
+    fn assert_liveliness(&self, writer: WriterId) -> Result<(), PublishError> {
+        let now = clock::monotonic();
+        let id = {
+            let mut state = self.state.lock();
+            let (id, _) = state.writer(writer, 0)?;
+            state.participant.assert_liveliness(id, now);
+            id
+        };
+        self.send_of(id, now);
+        Ok(())
+    }
+
     fn wait(&self, interest: &Interest, deadline: Option<Nanos>) -> Result<(), MiddlewareError> {
         self.dispatched.store(true, Ordering::Release);
         if self.backlog.load(Ordering::Acquire) && self.state.lock().has_sample(interest) {

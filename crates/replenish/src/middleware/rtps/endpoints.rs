@@ -131,6 +131,7 @@ impl State {
             memory: places.saturating_mul(new.bytes()),
             dropped: 0,
             unreadable: 0,
+            expired: 0,
             service: None,
         };
         put(&mut self.readers, at, end);

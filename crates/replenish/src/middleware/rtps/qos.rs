@@ -3,7 +3,7 @@
 use crate::Nanos;
 use crate::middleware::MiddlewareError;
 use crate::platform::label;
-use crate::qos::{Durability, History, Qos, Reliability};
+use crate::qos::{Durability, History, Liveliness, Qos, Reliability};
 use core::time::Duration;
 use replenish_rtps::participant::{ConfigError, Policy};
 use replenish_rtps::wire::{self, INFINITE, TypeHash};
@@ -28,8 +28,13 @@ pub(super) fn dds(qos: Qos, keep_oldest: bool) -> wire::Qos {
             Durability::Volatile => wire::Durability::Volatile,
             Durability::TransientLocal => wire::Durability::TransientLocal,
         },
-        deadline: qos.deadline.map_or(INFINITE, nanos),
-        lifespan: qos.lifespan.map_or(INFINITE, nanos),
+        deadline: promised(qos.deadline).unwrap_or(INFINITE),
+        lifespan: promised(qos.lifespan).unwrap_or(INFINITE),
+        liveliness: match qos.liveliness {
+            Liveliness::Automatic => wire::LivelinessKind::Automatic,
+            Liveliness::ManualByTopic => wire::LivelinessKind::ManualByTopic,
+        },
+        liveliness_lease: promised(qos.lease).unwrap_or(INFINITE),
         depth: if keep_all { 0 } else { qos.depth.into() },
         ..wire::Qos::ros()
     }
@@ -50,6 +55,11 @@ pub(super) fn ros(qos: &wire::Qos) -> Qos {
         },
         deadline: time(qos.deadline),
         lifespan: time(qos.lifespan),
+        liveliness: match qos.liveliness {
+            wire::LivelinessKind::ManualByTopic => Liveliness::ManualByTopic,
+            _ => Liveliness::Automatic,
+        },
+        lease: time(qos.liveliness_lease),
         history: if depth == 0 {
             History::KeepAll
         } else {
@@ -70,8 +80,10 @@ pub(super) fn places(qos: Qos, bytes: usize) -> usize {
     }
 }
 
-fn nanos(time: Duration) -> Nanos {
-    u64::try_from(time.as_nanos()).unwrap_or(Nanos::MAX)
+/// A time in nanoseconds; `None` if it is zero, which says nothing.
+fn promised(time: Option<Duration>) -> Option<Nanos> {
+    let time = time.filter(|time| !time.is_zero())?;
+    Some(u64::try_from(time.as_nanos()).unwrap_or(INFINITE))
 }
 
 /// The hash from its text, `RIHS01_` and 64 hexadecimal digits.
@@ -86,6 +98,7 @@ pub(super) fn policy_bit(policy: Policy) -> u8 {
         Policy::Reliability => 1,
         Policy::Durability => 2,
         Policy::Deadline => 4,
+        Policy::Liveliness => 8,
         _ => 0,
     }
 }

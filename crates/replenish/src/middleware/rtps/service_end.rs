@@ -109,7 +109,7 @@ pub(super) fn cyclone_name(own: Guid) -> [u8; 8] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use replenish_rtps::wire::{EntityId, GuidPrefix, SampleIdentity};
+    use replenish_rtps::wire::{EntityId, GuidPrefix, INFINITE, SampleIdentity};
 
     fn sample(writer: u32, related: Option<SampleIdentity>) -> Sample<'static> {
         Sample {
@@ -119,6 +119,7 @@ mod tests {
             source: None,
             gone: None,
             related,
+            lifespan: INFINITE,
         }
     }
 

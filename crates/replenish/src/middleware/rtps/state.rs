@@ -19,7 +19,7 @@ use replenish_os::timer::TimerFd;
 use replenish_rtps::endpoint::{Body, Header, Reader, WriteError};
 use replenish_rtps::participant::{self as rtps, Event, Participant};
 use replenish_rtps::udp::Sockets;
-use replenish_rtps::wire::{Encapsulated, Timestamp};
+use replenish_rtps::wire::{Encapsulated, INFINITE, Timestamp};
 use std::net::SocketAddr;
 
 /// Pairs of endpoints that do not fit and were not told of yet; more are left out.
@@ -45,6 +45,8 @@ pub(super) struct ReaderEnd {
     pub(super) dropped: u64,
     /// Samples that could not be read.
     pub(super) unreadable: u64,
+    /// Samples that came after their lifespan.
+    pub(super) expired: u64,
     pub(super) service: Option<ServiceEnd>,
 }
 
@@ -158,6 +160,14 @@ impl State {
                     .carried
                     .of(sample.writer.entity, sample.sn.unsigned_abs());
             }
+            if sample.lifespan != INFINITE {
+                let age = sample.source.map(age).unwrap_or_default();
+                let Some(left) = sample.lifespan.checked_sub(age).filter(|left| *left > 0) else {
+                    end.expired += 1;
+                    continue;
+                };
+                info.expires = Some(now.saturating_add(left));
+            }
             let cdr = Encapsulated::decode(sample.payload).ok();
             // Plain CDR, little endian: nobody in ROS 2 sends another one.
             let Some(mut payload) = cdr
@@ -255,10 +265,7 @@ impl State {
             self.put(sockets, len, to);
             return true;
         }
-        let next = self
-            .participant
-            .writer(writer)
-            .map_or(Nanos::MAX, |writer| writer.next_at(now));
+        let next = self.participant.writer_next_at(writer, now);
         if next < self.armed {
             self.arm(next.max(now + 1), alarm);
         }
@@ -377,6 +384,13 @@ impl State {
             + stats.overwritten
             + stats.too_long
             + end.unreadable
+            + end.expired
             + if dropped { end.dropped } else { 0 }
     }
+}
+
+/// The time since a moment of the wall clock.
+fn age(source: Timestamp) -> Nanos {
+    let now = wall_clock().and_then(|now| u64::try_from(now.as_nanos()).ok());
+    now.map_or(0, |now| now.saturating_sub(source.0))
 }

@@ -45,7 +45,12 @@ impl State {
             }
             End::Reader(reader @ ReaderId(at)) => {
                 let id = self.readers.get(usize::from(at))?.id?;
-                told(&self.participant.reader_status(id)?, self.lost(reader))
+                let status = self.participant.reader_status(id)?;
+                EndStatus {
+                    alive: status.alive as u64,
+                    not_alive: status.matched.saturating_sub(status.alive) as u64,
+                    ..told(&status, self.lost(reader))
+                }
             }
         })
     }
@@ -59,5 +64,9 @@ fn told(status: &EndpointStatus, lost: u64) -> EndStatus {
         policy: status.last_incompatible.map_or("", Policy::name),
         wrong_type: status.wrong_type,
         lost,
+        deadline_missed: status.deadline_missed,
+        liveliness_lost: status.liveliness_lost,
+        alive: 0,
+        not_alive: 0,
     }
 }

@@ -10,7 +10,8 @@ use super::transport::Transport;
 use super::waiting::Waiting;
 use crate::Nanos;
 use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId, Room, WriterId};
-use crate::platform::{StaticText, io, label, make_static, zeroed};
+use crate::platform::{STD, StaticText, io, label, make_static, zeroed};
+use crate::qos::Liveliness;
 use crate::sync::Arc;
 use alloc::boxed::Box;
 use replenish_os::{PiMutex, clock};
@@ -83,6 +84,10 @@ impl Xrce {
         spec: &EndpointSpec<'_>,
         writes: bool,
     ) -> Result<u16, MiddlewareError> {
+        if STD && (spec.qos.lease.is_some() || spec.qos.liveliness != Liveliness::Automatic) {
+            let what = label("liveliness, which no agent tells of: lease, liveliness");
+            return Err(MiddlewareError::Unsupported(what));
+        }
         let (id, object) = self.state.lock().add(spec, &self.settings, writes)?;
         let what = if writes {
             label("create a data writer")

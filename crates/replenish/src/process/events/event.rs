@@ -34,6 +34,21 @@ pub enum QosEvent {
     },
     /// A peer of the topic has another type (`incompatible_type`): the two do not talk.
     IncompatibleType(Count),
+    /// No sample within the [deadline](crate::Qos::deadline): of a publisher that has promised it
+    /// (`offered_deadline_missed`), or of a subscription that has asked for it
+    /// (`requested_deadline_missed`). Each period counts, from the first sample on.
+    DeadlineMissed(Count),
+    /// A publisher was silent for longer than its [lease](crate::Qos::lease)
+    /// (`liveliness_lost`).
+    LivelinessLost(Count),
+    /// Publishers of a subscription have come, gone, fallen silent or are back
+    /// (`liveliness_changed`).
+    LivelinessChanged {
+        /// Those that are alive.
+        alive: Count,
+        /// Those that were silent for longer than their lease.
+        not_alive: Count,
+    },
     /// Samples of a subscription were lost on the way to it (`message_lost`).
     MessageLost(Count),
 }
@@ -55,9 +70,21 @@ pub(super) fn between(last: EndStatus, now: EndStatus) -> impl Iterator<Item = Q
         count: incompatible,
         policy,
     };
+    let alive = count(now.alive, last.alive);
+    let not_alive = count(now.not_alive, last.not_alive);
+    let life = QosEvent::LivelinessChanged { alive, not_alive };
     let events = [
         (total.change != 0 || current.change != 0).then_some(matched),
         (incompatible.change != 0).then_some(clash),
+        (alive.change != 0 || not_alive.change != 0).then_some(life),
+        only(
+            count(now.liveliness_lost, last.liveliness_lost),
+            QosEvent::LivelinessLost,
+        ),
+        only(
+            count(now.deadline_missed, last.deadline_missed),
+            QosEvent::DeadlineMissed,
+        ),
         only(
             count(now.wrong_type, last.wrong_type),
             QosEvent::IncompatibleType,
