@@ -6,7 +6,7 @@
 //! trace of the kernel of the same boot merges.
 
 use super::protobuf::Message;
-use super::tracks::{Entry, What};
+use super::tracks::{Entry, Through, What};
 use replenish_recorder::Clocks;
 
 /// Clock ids of Perfetto.
@@ -149,7 +149,8 @@ fn event(what: &What) -> Message {
                 event = event.message(4, &annotation);
             }
             match flow {
-                Some(flow) => event.fixed(47, *flow),
+                Some(Through::On(flow)) => event.fixed(47, *flow),
+                Some(Through::End(flow)) => event.fixed(48, *flow),
                 None => event,
             }
         }

@@ -1,7 +1,7 @@
 //! From events to tracks: slices that nest, counters, states, instants.
 
 use replenish_recorder::{Event, Kind};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// One entry of a track.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -17,12 +17,12 @@ pub(super) enum What {
     Begin { name: String, flow: Option<u64> },
     /// The innermost slice ends.
     End,
-    /// A point, with a value and its name, and the flow that begins there.
+    /// A point, with a value and its name, and the flow that begins there or goes through.
     Instant {
         kind: &'static str,
         name: String,
         value: Option<(&'static str, u64)>,
-        flow: Option<u64>,
+        flow: Option<Through>,
     },
     /// The budget that is left, ns.
     Left(u64),
@@ -30,11 +30,42 @@ pub(super) enum What {
     Level(&'static str),
 }
 
-/// A way from a sample to its callback: handle and arrival.
+/// A flow at a point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Through {
+    /// It goes on from there.
+    On(u64),
+    /// It ends there.
+    End(u64),
+}
+
+/// A way through the trace: from a sample to its callback, as handle and arrival; or the worst
+/// instance of a chain, as the chain and the instance's origin. A handle and a chain never have the
+/// same id.
 pub(super) type Flow = (u32, u64);
 
 /// The flows of these events that have both ends.
 pub(super) fn flows(threads: &[Vec<Event>]) -> BTreeSet<Flow> {
+    let mut flows = samples(threads);
+    flows.extend(worst_instances(threads));
+    flows
+}
+
+/// Of each chain, the instance that took longest, of those that have a stage in the recording.
+fn worst_instances(threads: &[Vec<Event>]) -> impl Iterator<Item = Flow> {
+    let of = |kind: Kind| threads.iter().flatten().filter(move |e| e.kind == kind);
+    let staged: BTreeSet<Flow> = of(Kind::ChainStage).map(|e| (e.name, e.a)).collect();
+    let mut worst = BTreeMap::<u32, (u64, u64)>::new();
+    for end in of(Kind::ChainEnd).filter(|e| staged.contains(&(e.name, e.a))) {
+        let place = worst.entry(end.name).or_default();
+        *place = (end.b, end.a).max(*place);
+    }
+    worst
+        .into_iter()
+        .map(|(chain, (_, origin))| (chain, origin))
+}
+
+fn samples(threads: &[Vec<Event>]) -> BTreeSet<Flow> {
     let ends = |kind: Kind, at: fn(&Event) -> u64| -> BTreeSet<Flow> {
         let events = threads.iter().flatten().filter(move |e| e.kind == kind);
         events.map(|e| (e.name, at(e))).collect()
@@ -94,8 +125,16 @@ pub(super) fn of_thread(
                 }
             }
             Kind::Take => {
-                let flow = flow((event.name, time));
+                let flow = flow((event.name, time)).map(Through::On);
                 push(point(Some(("bytes", event.a)), flow));
+            }
+            Kind::ChainStage => {
+                let flow = flow((event.name, event.a)).map(Through::On);
+                push(point(Some(("stage", event.b)), flow));
+            }
+            Kind::ChainEnd => {
+                let flow = flow((event.name, event.a)).map(Through::End);
+                push(point(Some(("latency_ns", event.b)), flow));
             }
             Kind::Publish | Kind::Drop => push(point(Some(("bytes", event.a)), None)),
             Kind::Miss => push(point(Some(("lateness_ns", event.a)), None)),
@@ -197,6 +236,37 @@ mod tests {
             assert!(depth >= 0);
         }
         assert_eq!((depth, slices), (2, 4), "the last callback has not ended");
+    }
+
+    #[test]
+    fn the_worst_instance_of_a_chain_is_a_flow_through_its_stages() {
+        let chain = |time, kind, origin, b| Event {
+            b,
+            ..event(time, kind, 9, origin)
+        };
+        let stage = |time, origin, stage| chain(time, Kind::ChainStage, origin, stage);
+        let end = |time, origin| chain(time, Kind::ChainEnd, origin, time - origin);
+        let first = vec![stage(11, 10, 0), stage(21, 20, 0), stage(61, 60, 0)];
+        // The stages of the one that took longest, which began at 1, were overwritten.
+        let last = vec![end(9, 1), stage(13, 10, 1), end(14, 10), stage(25, 20, 1)];
+        let last = [last, vec![end(26, 20), stage(62, 60, 1), end(65, 60)]].concat();
+        let threads = [first, last];
+        let flows = flows(&threads);
+        assert_eq!(flows, BTreeSet::from([(9, 20)]));
+        let way = number((9, 20));
+        let points = threads.iter().flat_map(|events| {
+            let entries = of_thread(events, |_| "c".into(), &flows).into_iter();
+            entries.filter_map(|entry| match entry.what {
+                What::Instant { flow, value, .. } => flow.map(|flow| (entry.time, flow, value)),
+                other => panic!("{other:?}"),
+            })
+        });
+        let expected = [
+            (21, Through::On(way), Some(("stage", 0))),
+            (25, Through::On(way), Some(("stage", 1))),
+            (26, Through::End(way), Some(("latency_ns", 6))),
+        ];
+        assert_eq!(points.collect::<Vec<_>>(), expected);
     }
 
     #[test]
