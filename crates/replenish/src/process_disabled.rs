@@ -95,11 +95,12 @@ pub(crate) struct Diagnostics {
 }
 
 impl Diagnostics {
-    pub(crate) const fn start<C, P, L>(
+    pub(crate) const fn start<C, P, L, H>(
         _context: &C,
         _choice: &DiagnosticsChoice,
         _plans: &[P],
         _live: &L,
+        _chains: &H,
         _events: &Arc<Events>,
     ) -> Self {
         Self { fallback: None }

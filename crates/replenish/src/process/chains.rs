@@ -22,7 +22,7 @@ const STAGES: usize = 16;
 
 /// The chains of an executor that runs.
 #[derive(Default)]
-pub(crate) struct Chains(Vec<Arc<ChainState>>);
+pub(crate) struct Chains(pub(super) Vec<Arc<ChainState>>);
 
 impl Chains {
     pub(crate) fn report(&self) -> Vec<ChainReport> {

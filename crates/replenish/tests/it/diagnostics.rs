@@ -68,6 +68,8 @@ fn diagnostics_name_the_late_worker_and_statistics_count_every_callback() {
     exec.worker("fails")
         .timer(20 * MS, |_| -> Result<(), String> { Err("no".into()) })
         .unwrap();
+    exec.chain("slow", ["late"], MS)
+        .chain("free", ["late/timer:0"], None);
     let long = "ä".repeat(31); // the longest name of a worker has 63 bytes
     exec.worker(&long).timer(20 * MS, |_| ()).unwrap();
     let running = exec.start().unwrap();
@@ -84,7 +86,7 @@ fn diagnostics_name_the_late_worker_and_statistics_count_every_callback() {
         let name = format!("{program}: {worker}");
         last.status.iter().find(|s| s.name == name).unwrap()
     };
-    assert_eq!(names.len(), 5);
+    assert_eq!(names.len(), 7);
     assert!(names[4].ends_with(&long), "{}", names[4]);
     let late = of("late");
     assert_eq!(late.level, WARN, "{late:?}");
@@ -98,6 +100,22 @@ fn diagnostics_name_the_late_worker_and_statistics_count_every_callback() {
         "{fails:?}"
     );
     assert_eq!(value(of("well"), "budget (ms)"), "-");
+    let slow = of("chain slow");
+    assert_eq!(slow.level, WARN, "{slow:?}");
+    assert!(slow.message.contains("beyond the limit"), "{slow:?}");
+    assert_eq!(value(slow, "limit (ms)"), "1.000");
+    let measured = report.chain("slow").unwrap();
+    let counts = [
+        ("instances", measured.ended),
+        ("beyond the limit", measured.exceeded),
+    ];
+    for (key, most) in counts {
+        let count: u64 = value(slow, key).parse().unwrap();
+        assert!((1..=most).contains(&count), "{key}: {slow:?}");
+    }
+    let free = of("chain free");
+    assert_eq!((free.level, &*free.message), (0, "ok"));
+    assert_eq!(value(free, "limit (ms)"), "-");
 
     // Windows are disjoint, and each callback is in one of them.
     for source in ["latency", "response"] {

@@ -95,7 +95,7 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     let mut recording = record(&options, &plans)?;
     starter.enforcers(&plans)?;
     let (choice, events) = (&options.diagnostics, &options.events);
-    let mut diagnostics = Diagnostics::start(&context, choice, &plans, &live, events);
+    let mut diagnostics = Diagnostics::start(&context, choice, &plans, &live, &chains, events);
     let mut threads = Vec::with_capacity(plans.len());
     if let Err(e) = starter.launch(plans, &mut threads) {
         return Err(abort(&mut threads, e));

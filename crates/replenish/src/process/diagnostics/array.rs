@@ -1,8 +1,10 @@
-//! A status of each thread, for `/diagnostics`.
+//! A status of each thread and chain, for `/diagnostics`.
 
-use super::texts::{join, put, with_room};
+use super::chain_status::WatchedChain;
+use super::texts::{ERROR, MESSAGE, Ms, NAME, OK, VALUE, WARN, join, put, value, with_room};
 use crate::executor::{HandleState, Live, ThreadPlan};
 use crate::middleware::Middleware;
+use crate::process::Chains;
 use crate::stats::HandleStats;
 use replenish_interfaces::diagnostic_msgs::msg::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use replenish_interfaces::std_msgs::msg::Header;
@@ -13,14 +15,6 @@ use std::string::String;
 use std::sync::Arc;
 use std::vec::Vec;
 
-const OK: u8 = 0;
-const WARN: u8 = 1;
-const ERROR: u8 = 2;
-
-/// Bytes of a name, of a message, and of a value, at most.
-const NAME: usize = 192;
-const MESSAGE: usize = 256;
-const VALUE: usize = 64;
 /// Bytes of an encoded status, at most: twelve pairs of 112 bytes besides the texts.
 const STATUS: usize = 2048;
 
@@ -55,6 +49,7 @@ struct Watched {
 /// The message, and where its figures come from.
 pub(super) struct Array {
     threads: Vec<Watched>,
+    chains: Vec<WatchedChain>,
     message: DiagnosticArray,
 }
 
@@ -79,7 +74,9 @@ impl Array {
         hardware: &str,
         plans: &[Arc<ThreadPlan>],
         live: &Live,
+        chains: &Chains,
     ) -> Self {
+        let chains: Vec<_> = chains.0.iter().map(WatchedChain::new).collect();
         let promised = |name: &str| {
             let mut posts = live.posts.iter();
             posts.any(|post| *post.name == *name && post.is_promised())
@@ -107,17 +104,20 @@ impl Array {
         });
         let message = DiagnosticArray {
             header: Header::default(),
-            status: status.collect(),
+            status: status
+                .chain(chains.iter().map(|c| c.status(program, hardware)))
+                .collect(),
         };
         Self {
             threads: threads.collect(),
+            chains,
             message,
         }
     }
 
     /// Bytes of the message, at most.
-    pub(super) const fn most(threads: usize) -> usize {
-        128 + threads * STATUS
+    pub(super) const fn most(statuses: usize) -> usize {
+        128 + statuses * STATUS
     }
 
     /// The state now, and what has happened since the last call. Does not allocate.
@@ -130,6 +130,10 @@ impl Array {
         self.message.header.stamp = now;
         for (thread, status) in self.threads.iter_mut().zip(&mut self.message.status) {
             thread.say(status, handles, middleware);
+        }
+        let behind = self.message.status.iter_mut().skip(self.threads.len());
+        for (chain, status) in self.chains.iter_mut().zip(behind) {
+            chain.say(status);
         }
         &self.message
     }
@@ -227,19 +231,6 @@ impl Watched {
         if status.level == OK {
             status.message.push_str("ok");
         }
-    }
-}
-
-fn value(pair: &mut KeyValue, new: core::fmt::Arguments<'_>) {
-    put(&mut pair.value, VALUE, new);
-}
-
-/// Nanoseconds, printed as milliseconds.
-struct Ms(u64);
-
-impl core::fmt::Display for Ms {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(f, "{:.3}", self.0 as f64 / 1e6)
     }
 }
 

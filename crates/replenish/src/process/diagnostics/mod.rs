@@ -3,12 +3,14 @@
 //! ```text
 //!   Executor::diagnostics ─► choice            context ─► first_node: the node that publishes
 //!   launch ─► start: publishers, thread ─► reporter ── once a second ─┬► array ───► /diagnostics
+//!                                                                     │    └─ chain_status
 //!                                                                     └► metrics ─► /statistics
 //! ```
 //!
 //! An ordinary thread reads counters that the workers write anyway. No worker waits for it.
 
 mod array;
+mod chain_status;
 mod choice;
 mod first_node;
 mod metrics;

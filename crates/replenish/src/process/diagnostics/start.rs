@@ -9,6 +9,7 @@ use crate::error::Error;
 use crate::event::Events;
 use crate::executor::{Live, ThreadPlan, Topic};
 use crate::platform::Text;
+use crate::process::Chains;
 use crate::qos::Qos;
 use replenish_os::{Thread, ThreadSpec, clock, spawn};
 use std::sync::Arc;
@@ -32,6 +33,7 @@ impl Diagnostics {
         choice: &DiagnosticsChoice,
         plans: &[Arc<ThreadPlan>],
         live: &Arc<Live>,
+        chains: &Chains,
         events: &Arc<Events>,
     ) -> Self {
         let wanted = choice.0.unwrap_or_else(|| context.middleware().is_ros());
@@ -47,7 +49,7 @@ impl Diagnostics {
             };
         };
         let node = context.existing(name);
-        let running = publishers(&node, plans.len()).and_then(|out| {
+        let running = publishers(&node, plans.len() + chains.0.len()).and_then(|out| {
             let (program, host) = names();
             let end = Arc::<End>::default();
             let mut handles = Handles::new();
@@ -58,7 +60,7 @@ impl Diagnostics {
                 node,
                 live: Arc::clone(live),
                 events: Arc::clone(events),
-                array: Array::new(&program, &host, plans, live),
+                array: Array::new(&program, &host, plans, live, chains),
                 out,
                 told: false,
                 handles,
@@ -99,8 +101,8 @@ impl Drop for Diagnostics {
     }
 }
 
-fn publishers(node: &Node, threads: usize) -> Result<Out, Error> {
-    let diagnostics = Topic::named("/diagnostics").max_size(Array::most(threads));
+fn publishers(node: &Node, statuses: usize) -> Result<Out, Error> {
+    let diagnostics = Topic::named("/diagnostics").max_size(Array::most(statuses));
     let statistics = Topic::named("/statistics").max_size(metrics::MOST);
     Ok(Out {
         diagnostics: node.publisher(diagnostics, Qos::reliable().keep_last(1))?,

@@ -1,7 +1,18 @@
-//! Texts of bounded length in strings that are kept: rewriting one does not allocate.
+//! Levels of a status, and texts of bounded length in strings that are kept: rewriting one does
+//! not allocate.
 
 use core::fmt::{self, Write};
+use replenish_interfaces::diagnostic_msgs::msg::KeyValue;
 use std::string::String;
+
+pub(super) const OK: u8 = 0;
+pub(super) const WARN: u8 = 1;
+pub(super) const ERROR: u8 = 2;
+
+/// Bytes of a name, of a message, and of a value, at most.
+pub(super) const NAME: usize = 192;
+pub(super) const MESSAGE: usize = 256;
+pub(super) const VALUE: usize = 64;
 
 /// Rewrites `text`, at most `limit` bytes of it.
 pub(super) fn put(text: &mut String, limit: usize, new: fmt::Arguments<'_>) {
@@ -38,5 +49,18 @@ impl Write for Bounded<'_> {
             return Err(fmt::Error);
         }
         Ok(())
+    }
+}
+
+pub(super) fn value(pair: &mut KeyValue, new: core::fmt::Arguments<'_>) {
+    put(&mut pair.value, VALUE, new);
+}
+
+/// Nanoseconds, printed as milliseconds.
+pub(super) struct Ms(pub(super) u64);
+
+impl core::fmt::Display for Ms {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{:.3}", self.0 as f64 / 1e6)
     }
 }

@@ -30,6 +30,15 @@ pub(crate) struct ChainState {
     newest: Box<[AtomicU64]>,
 }
 
+/// A chain's figures but for its histogram; times in nanoseconds.
+pub(crate) struct Figures {
+    pub(crate) limit: Option<Nanos>,
+    pub(crate) bound: Option<Nanos>,
+    pub(crate) ended: u64,
+    pub(crate) exceeded: u64,
+    pub(crate) worst: Option<Nanos>,
+}
+
 impl ChainState {
     pub(crate) fn new(
         name: String,
@@ -95,6 +104,22 @@ impl ChainState {
             count,
         };
         events.emit_rarely(count, &event);
+    }
+
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The figures so far. Does not allocate.
+    pub(crate) fn figures(&self) -> Figures {
+        let ended = self.ended.get();
+        Figures {
+            limit: self.limit,
+            bound: self.bound,
+            ended,
+            exceeded: self.exceeded.get(),
+            worst: (ended > 0).then(|| self.worst_latency.get()),
+        }
     }
 
     pub(crate) fn report(&self) -> ChainReport {
