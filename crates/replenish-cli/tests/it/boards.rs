@@ -11,7 +11,7 @@ use replenish::{Context, Publisher, Qos};
 use replenish_os::clock;
 use replenish_recorder::board::{BoardThread, CompactEvent, MAX_PIECE, Piece, TOPIC};
 use replenish_recorder::{Event, Kind, NameKind, Role, RunningTotals};
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Seek, Write};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -264,5 +264,55 @@ fn a_board_is_listed_and_its_recording_stands_on_the_hosts_timeline() {
     while lists() != [&*new] {
         assert!(Instant::now() < end, "{:?}", lists());
         std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// Lists that a stranger wrote: left out and named, or shown without control characters.
+#[test]
+fn damaged_lists_of_boards_do_no_harm() {
+    let scratch = Scratch::new("board-lists");
+    let (directory, out) = (scratch.path("live"), scratch.path("top.json"));
+    std::fs::create_dir(&directory).unwrap();
+    let board = r#"{"key":"k","name":"\u001b[2Jname","peer":"p","age_ns":1,"silent_ns":18446744073709551615,"in_per_s":1e300,"out_per_s":0,"drops":3,"recording":null}"#;
+    let list = format!(r#"{{"agent_pid":7,"agent":"a\u202e","at":5,"boards":[{board}]}}"#);
+    let path = directory.join("7.boards");
+    let mut file = std::fs::File::create(&path).unwrap();
+    file.lock().unwrap(); // its agent runs
+    let mut top = |content: &[u8]| {
+        file.set_len(0).unwrap();
+        file.rewind().unwrap();
+        file.write_all(content).unwrap();
+        let script = "ulimit -v 2000000 && exec timeout 60 \"$@\"";
+        let mut command = Command::new("sh");
+        command.args(["-c", script, "sh", BIN, "top", "--once", "--json"]);
+        let output = command.arg(&out).env("REPLENISH_LIVE", &directory).output();
+        let output = output.unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        assert!(!stdout(&output).contains(['\u{1b}', '\u{202e}']));
+        let top = json(&out);
+        let [agents, warnings] =
+            ["agents", "warnings"].map(|key| top[key].as_array().unwrap().len());
+        assert_eq!(agents + warnings, 1, "{top:#}");
+        agents
+    };
+    assert_eq!(top(list.as_bytes()), 1);
+    assert_eq!(top("[".repeat(1 << 20).as_bytes()), 0, "nested");
+    let many = format!("{board},").repeat(40_000);
+    let long = list.replace(board, many.trim_end_matches(','));
+    assert_eq!(top(long.as_bytes()), 0, "more than a reader takes");
+    assert_eq!(top(b"\xff\xfe"), 0, "no text");
+    let mut seed = 7_u64;
+    let mut below = |n: usize| {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        usize::try_from(seed >> 33).unwrap() % n
+    };
+    for _ in 0..100 {
+        let mut bytes = list.clone().into_bytes();
+        for _ in 0..=below(3) {
+            let at = below(bytes.len());
+            bytes[at] = u8::try_from(below(256)).unwrap();
+        }
+        bytes.truncate(bytes.len() - below(8).saturating_sub(6) * below(bytes.len()));
+        top(&bytes);
     }
 }
