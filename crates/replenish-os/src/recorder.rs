@@ -11,7 +11,7 @@
 //! neither waits nor allocates. Tasks that the executor did not start record nothing.
 
 use crate::rtos::critical_section::Guarded;
-use crate::{Account, Nanos, Usage, clock, current_tid};
+use crate::{Nanos, Usage, clock, current_tid};
 use core::sync::atomic::{AtomicU8, Ordering};
 use replenish_recorder::board::{
     BoardThread, CompactEvent, CompactRing, EVENTS_PER_PIECE, MAX_BOARD_NAMES, MAX_BOARD_TEXT,
@@ -164,13 +164,14 @@ pub fn lay(slot: &Slot, name: &str, dispatches: bool, budget: Option<(u64, u64)>
     });
 }
 
-/// The calling thread, which has this account and policy, records from now on.
-pub fn install(slot: &Slot, account: &Account, granted: &str) {
+/// The calling thread, which has this policy, records from now on. Returns its number for
+/// [`Account::record_as`](crate::Account::record_as); 0: it is not recorded.
+pub fn install(slot: &Slot, granted: &str) -> u8 {
     let Ok(tid) = u8::try_from(current_tid().get()) else {
-        return;
+        return 0;
     };
     let Some(at) = usize::from(slot.0.load(Ordering::Relaxed)).checked_sub(1) else {
-        return;
+        return 0;
     };
     let policy = Short::of(granted);
     STATE.with(|state| {
@@ -178,7 +179,7 @@ pub fn install(slot: &Slot, account: &Account, granted: &str) {
             (task.tid, task.policy) = (tid, policy);
         }
     });
-    account.record_as(tid);
+    tid
 }
 
 /// A step on the calling task's state, if the executor started it.

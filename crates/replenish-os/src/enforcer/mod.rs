@@ -78,7 +78,10 @@ mod enforced_thread;
 mod enforcer;
 mod meter;
 mod overruns;
-#[cfg(all(target_os = "linux", not(nuttx_host)))]
+#[cfg_attr(
+    not(all(target_os = "linux", not(nuttx_host))),
+    path = "recorded_board.rs"
+)]
 mod recorded;
 mod state;
 #[cfg_attr(

@@ -1,7 +1,6 @@
 //! In the place of `supervised.rs` on a board that records: no watchdog, and the events of a budget
 //! go into the board's ring.
 
-use super::account::Account;
 use super::config::AnyServer;
 use crate::backend::blocking_detector::Switch;
 use crate::recorder::{Kind, budget_event};
@@ -14,18 +13,14 @@ pub(super) struct Supervised {
     task: u8,
 }
 
-impl Account {
-    /// The events of its budget are those of this task from now on. Set-up only.
-    pub(crate) fn record_as(&self, task: u8) {
-        if let Some(budget) = &self.meter().0.budget {
-            budget.with(|thread| thread.supervised.task = task);
-        }
-    }
-}
-
 impl Supervised {
     pub(super) const fn given(_: u8) -> Self {
         Self { task: 0 }
+    }
+
+    /// The events of the budget are those of this task from now on.
+    pub(super) const fn record_as(&mut self, task: u8) {
+        self.task = task;
     }
 
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]

@@ -22,6 +22,9 @@ impl Supervised {
     pub(super) const fn note(&mut self, _: Option<u8>, _: bool) {}
 
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn record_as(&mut self, _: u8) {}
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
     pub(super) fn switches(&mut self) -> impl FnMut(Nanos, Switch) + use<> {
         |_, _| ()
     }

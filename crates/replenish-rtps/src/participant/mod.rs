@@ -8,7 +8,7 @@
 //!       │   lease over, said   │     │ again           └──────────said goodbye──────────────┘
 //!       └───── goodbye ────────┘ ◄───┘
 //!
-//!   participant ──► receive, transmit ──► state ──► matching, remote, event, config
+//!   participant ──► receive, transmit, endpoints, kept ──► state ──► matching, promises, status, remote, event, config
 //! ```
 //!
 //! Everything is bounded by [`Limits`]; an [`Event::Full`] says when a bound was reached.
@@ -16,6 +16,7 @@
 mod config;
 mod endpoints;
 mod event;
+mod kept;
 mod matching;
 mod promises;
 mod receive;

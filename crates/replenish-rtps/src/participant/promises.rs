@@ -1,4 +1,5 @@
-//! Deadlines and liveliness of own endpoints, and the assertions that others wait for.
+//! [`Promises`]: deadlines and leases of own endpoints, and the assertions that others wait for.
+//! `kept.rs` watches them.
 //!
 //! ```text
 //!   sample written ─► deadline, lease of the writer      sample ready ─► deadline of the reader
@@ -7,9 +8,8 @@
 //!   own writers with an automatic lease ─► an assertion each third of the shortest one
 //! ```
 
-use super::state::{Participant, WriterId};
 use crate::promise::{Deadline, Lease};
-use crate::wire::{CDR_LE, Guid, GuidPrefix, INFINITE, LivelinessKind, Nanos, Qos};
+use crate::wire::{INFINITE, LivelinessKind, Nanos, Qos};
 
 /// The promises of an own endpoint.
 #[derive(Clone, Copy, Debug)]
@@ -18,7 +18,7 @@ pub(super) struct Promises {
     /// Of a writer that shows itself that it is alive.
     pub(super) lease: Lease,
     /// The samples that a reader had when it was looked at last.
-    received: u64,
+    pub(super) received: u64,
 }
 
 impl Promises {
@@ -41,11 +41,11 @@ impl Promises {
         self.lease.renew(now);
     }
 
-    fn next(&self) -> Nanos {
+    pub(super) fn next(&self) -> Nanos {
         self.deadline.next().min(self.lease.next())
     }
 
-    const fn check(&mut self, now: Nanos) {
+    pub(super) const fn check(&mut self, now: Nanos) {
         self.deadline.check(now);
         self.lease.check(now);
     }
@@ -54,8 +54,8 @@ impl Promises {
 /// The assertions of a participant whose writers are alive because it is.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Assertions {
-    period: Nanos,
-    at: Nanos,
+    pub(super) period: Nanos,
+    pub(super) at: Nanos,
 }
 
 impl Assertions {
@@ -63,112 +63,4 @@ impl Assertions {
         period: INFINITE,
         at: INFINITE,
     };
-}
-
-/// Kind of `ParticipantMessageData`: liveliness is automatic (RTPS 2.5, 9.6.3.1).
-const AUTOMATIC: [u8; 4] = [0, 0, 0, 1];
-
-impl Participant {
-    /// A writer whose liveliness is manual shows that it is alive, without a sample. `false` if
-    /// there is no such writer.
-    pub fn assert_liveliness(&mut self, id: WriterId, now: Nanos) -> bool {
-        let mut writers = self.writers.iter_mut();
-        let own = writers.find(|own| own.endpoint.entity() == id.entity());
-        own.is_some_and(|own| {
-            own.promises.lease.renew(now);
-            own.endpoint.assert();
-            true
-        })
-    }
-
-    /// The time at which [`transmit`](Self::transmit) is to be called because of this writer.
-    #[must_use]
-    pub fn writer_next_at(&self, id: WriterId, now: Nanos) -> Nanos {
-        let mut writers = self.writers.iter();
-        let own = writers.find(|own| own.endpoint.entity() == id.entity());
-        own.map_or(INFINITE, |own| {
-            own.endpoint.next_at(now).min(own.promises.next())
-        })
-    }
-
-    /// An endpoint whose promises have to be watched has come.
-    pub(super) fn promise(&mut self, qos: &Qos) {
-        self.timed |= qos.deadline != INFINITE || qos.liveliness_lease != INFINITE;
-    }
-
-    /// Own writers have come or gone: how often do they have to be asserted?
-    pub(super) fn plan_assertions(&mut self, now: Nanos) {
-        let qos = self.writers.iter().map(|own| own.endpoint.qos());
-        let automatic = qos.filter(|qos| qos.liveliness == LivelinessKind::Automatic);
-        let shortest = automatic.map(|qos| qos.liveliness_lease).min();
-        let shortest = shortest.filter(|lease| *lease != INFINITE && *lease > 0);
-        self.assertions = shortest.map_or(Assertions::NONE, |lease| Assertions {
-            period: (lease / 3).max(1_000_000),
-            at: now,
-        });
-    }
-
-    /// Something has come from a participant; samples may be ready.
-    pub(super) fn heard(&mut self, from: GuidPrefix, now: Nanos) {
-        if !self.timed {
-            return;
-        }
-        for own in &mut self.readers {
-            own.endpoint.heard_participant(from, now);
-            let received = own.endpoint.stats().received;
-            if own.promises.received != received {
-                own.promises.received = received;
-                own.promises.deadline.renew(now);
-            }
-        }
-    }
-
-    /// A writer has shown that it is alive.
-    pub(super) fn heard_writer(&mut self, guid: Guid, now: Nanos) {
-        if self.timed {
-            for own in &mut self.readers {
-                own.endpoint.heard_writer(guid, now);
-            }
-        }
-    }
-
-    /// When a promise is broken next, or an assertion is due.
-    pub(super) fn next_promise(&self) -> Nanos {
-        if !self.timed {
-            return INFINITE;
-        }
-        let writers = self.writers.iter().map(|own| own.promises.next());
-        let readers = self.readers.iter();
-        let readers = readers.map(|own| own.promises.next().min(own.endpoint.next_lease()));
-        let first = writers.chain(readers).min().unwrap_or(INFINITE);
-        first.min(self.assertions.at)
-    }
-
-    /// Counts the promises that are broken by now, and asserts what is alive.
-    pub(super) fn check_promises(&mut self, now: Nanos) {
-        if !self.timed {
-            return;
-        }
-        for own in &mut self.writers {
-            own.promises.check(now);
-        }
-        for own in &mut self.readers {
-            if own.endpoint.matched() == 0 {
-                own.promises.deadline.stop();
-            }
-            own.promises.check(now);
-            own.endpoint.check_leases(now);
-        }
-        if self.assertions.at <= now && !self.leaving {
-            self.assertions.at = now.saturating_add(self.assertions.period);
-            let mut message = [0; 24];
-            let parts = [&CDR_LE[..], &self.prefix.0, &AUTOMATIC];
-            let bytes = parts.into_iter().flatten();
-            for (to, from) in message.iter_mut().zip(bytes) {
-                *to = *from;
-            }
-            // It keeps the last one: there is room.
-            self.liveliness.0.write(&message, None, now).ok();
-        }
-    }
 }

@@ -2,7 +2,6 @@
 //! 2.2.4.1).
 
 use super::event::Policy;
-use super::state::{Own, Participant, ReaderId, WriterId};
 
 /// Counts of an own endpoint, from its creation on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -37,33 +36,5 @@ impl EndpointStatus {
                 self.last_incompatible = Some(policy);
             }
         }
-    }
-}
-
-impl Participant {
-    /// The counts of a writer.
-    #[must_use]
-    pub fn writer_status(&self, id: WriterId) -> Option<EndpointStatus> {
-        let mut writers = self.writers.iter();
-        let own = writers.find(|own| own.endpoint.entity() == id.entity())?;
-        Some(EndpointStatus {
-            matched: own.endpoint.matched(),
-            deadline_missed: own.promises.deadline.missed(),
-            liveliness_lost: own.promises.lease.lost(),
-            ..own.status
-        })
-    }
-
-    /// The counts of a reader.
-    #[must_use]
-    pub fn reader_status(&self, id: ReaderId) -> Option<EndpointStatus> {
-        let of = |own: &&Own<crate::endpoint::Reader>| own.endpoint.guid().entity == id.entity();
-        let own = self.readers.iter().find(of)?;
-        Some(EndpointStatus {
-            matched: own.endpoint.matched(),
-            alive: own.endpoint.alive(),
-            deadline_missed: own.promises.deadline.missed(),
-            ..own.status
-        })
     }
 }

@@ -54,7 +54,7 @@ pub(crate) struct ThreadSlot(Slot);
 
 impl ThreadSlot {
     pub(crate) fn install(&self, account: &Account, granted: &str) {
-        recorder::install(&self.0, account, granted);
+        account.record_as(recorder::install(&self.0, granted));
     }
 }
 

@@ -3,14 +3,12 @@
 //! Nothing is counted where nobody watches: the dispatcher of a participant that does wakes when a
 //! promise is broken, and counts for all.
 
-use super::InProcess;
 use super::bus::{Bus, Writer};
 use crate::Nanos;
-use crate::middleware::{PublishError, ReaderId, WriterId};
+use crate::middleware::ReaderId;
 use crate::platform::{Deadline, Lease};
 use crate::qos::{Liveliness, Qos};
 use core::time::Duration;
-use replenish_os::clock;
 
 /// A time in nanoseconds; `None` if it is zero, which says nothing.
 pub(super) fn promised(time: Option<Duration>) -> Option<Nanos> {
@@ -41,25 +39,6 @@ impl Writer {
     pub(super) fn renew(&mut self, now: Nanos) -> bool {
         let begins = self.deadline.renew(now);
         self.lease.renew(now) | begins
-    }
-}
-
-impl InProcess {
-    pub(super) fn show_life(&self, writer: WriterId) -> Result<(), PublishError> {
-        let told = {
-            let mut bus = self.bus.state.lock();
-            let mine = bus.participant_mut(self.me);
-            let writer = mine.and_then(|p| p.writers.get_mut(usize::from(writer.0)));
-            let writer = writer.filter(|writer| !writer.deleted);
-            let writer = writer.ok_or(PublishError::UnknownWriter)?;
-            if writer.lease.renew(clock::monotonic()) {
-                bus.watchers()
-            } else {
-                0
-            }
-        };
-        self.bus.ring(told);
-        Ok(())
     }
 }
 

@@ -3,12 +3,29 @@
 use super::InProcess;
 use super::bus::Bus;
 use crate::compatibility::QosClash;
-use crate::middleware::MiddlewareError;
 use crate::middleware::watch::{End, EndStatus, Watch};
+use crate::middleware::{MiddlewareError, PublishError, WriterId};
 use crate::sync::Arc;
 use replenish_os::clock;
 
 impl InProcess {
+    pub(super) fn show_life(&self, writer: WriterId) -> Result<(), PublishError> {
+        let told = {
+            let mut bus = self.bus.state.lock();
+            let mine = bus.participant_mut(self.me);
+            let writer = mine.and_then(|p| p.writers.get_mut(usize::from(writer.0)));
+            let writer = writer.filter(|writer| !writer.deleted);
+            let writer = writer.ok_or(PublishError::UnknownWriter)?;
+            if writer.lease.renew(clock::monotonic()) {
+                bus.watchers()
+            } else {
+                0
+            }
+        };
+        self.bus.ring(told);
+        Ok(())
+    }
+
     pub(super) fn add_watch(
         &self,
         end: End,
