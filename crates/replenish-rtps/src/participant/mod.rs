@@ -8,7 +8,8 @@
 //!       │   lease over, said   │     │ again           └──────────said goodbye──────────────┘
 //!       └───── goodbye ────────┘ ◄───┘
 //!
-//!   participant ──► receive, transmit, endpoints, kept ──► state ──► matching, promises, status, remote, event, config
+//!   participant ──► receive, transmit, endpoints, kept ──► state
+//!             state ──► matching, promises, status, remote, event, config
 //! ```
 //!
 //! Everything is bounded by [`Limits`]; an [`Event::Full`] says when a bound was reached.
