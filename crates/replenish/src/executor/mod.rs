@@ -62,6 +62,7 @@ pub use handles::timer::TimerHandle;
 pub use run::guarantee::AdoptedReport;
 pub use run::round_stats::{RoundReport, RoundStats};
 pub use run::rules::{HandleStates, Semantics, Trigger};
+#[allow(unused_imports, reason = "for chains, which need feature `std`")]
 pub(crate) use run::state::WorkerSpec;
 pub use start::local::{LocalExecutor, SpinEnd, SpinResult};
 pub use start::report::{DispatcherReport, HandleReport, Report, ThreadReport};
