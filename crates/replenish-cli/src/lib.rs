@@ -2,9 +2,9 @@
 //!
 //! ```text
 //!   command_line   the words below, completions, manual pages, -v and -q
-//!   commands    agent  plan  simulate  suggest  doctor   top  trace
-//!                 │      │       │        │        │       │     │
-//!   live          │      │       │        │        │       ▼     ▼   programs and their recordings
+//!   commands    agent  plan  simulate  suggest  doctor   top  metrics  trace
+//!                 │      │       │        │        │       │     │        │
+//!   live          │      │       │        │        │       ▼     ▼        ▼   programs and their recordings
 //!   handoff       │      │       │        │        ▼   cost of waking a thread
 //!   supervised  ◄─┘      ▼       ▼        ▼            a process under an orchestrator
 //!   report               files, tables, pages          options  lock  machine  signals

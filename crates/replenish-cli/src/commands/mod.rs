@@ -6,6 +6,7 @@ mod doctor;
 mod foreign;
 mod host;
 mod latency;
+mod metrics;
 mod overheads;
 mod plan;
 mod run;
@@ -41,6 +42,8 @@ pub enum Command {
     Doctor(doctor::Args),
     /// Every program of this host with its workers: budgets, what they used, exhaustions.
     Top(top::Args),
+    /// The figures of every program as OpenMetrics text, once or on a loopback port.
+    Metrics(metrics::Args),
     /// The last seconds of a program, running or killed, for Perfetto.
     Trace(trace::Args),
     /// Why callbacks were late: each one's response taken apart, and the change that would help.
@@ -65,6 +68,7 @@ impl Command {
             Self::Guardian(args) => foreign::guardian::run(&args),
             Self::Doctor(args) => doctor::run(&args),
             Self::Top(args) => top::run(&args),
+            Self::Metrics(args) => metrics::run(&args),
             Self::Trace(args) => trace::run(&args),
             Self::Why(args) => why::run(&args),
             Self::Agent(args) => agent::run(&args),

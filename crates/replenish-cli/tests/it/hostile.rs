@@ -1,7 +1,7 @@
 //! Recordings that a stranger has damaged, through the commands that read other programs' files: no
 //! panic, no hang, bounded memory. `REPLENISH_INPUTS=100000` asks for so many files.
 
-use crate::common::{BIN, Scratch, json, stderr};
+use crate::common::{BIN, Scratch, json, stderr, stdout};
 use crate::recorded::Program;
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::FileExt;
@@ -134,6 +134,9 @@ fn damaged_recordings_do_no_harm() {
         let live = ["top", "--every", "100ms", "--ended", "--svg", svg_path];
         let output = bounded(&directory, &live);
         assert!(output.status.success(), "{}", stderr(&output));
+        let output = bounded(&directory, &["metrics", "--ended"]);
+        assert!(output.status.success(), "{}", stderr(&output));
+        crate::openmetrics::parse(&stdout(&output)).unwrap();
         let one = paths[round % FILES].to_str().unwrap();
         for args in [
             ["trace", one, "--perfetto", trace_path].as_slice(),

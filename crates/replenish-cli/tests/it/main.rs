@@ -18,6 +18,8 @@ mod deploy;
 mod hostile;
 mod laboratory;
 mod live;
+mod metrics;
+mod openmetrics;
 mod perfetto;
 mod plan;
 mod recorded;

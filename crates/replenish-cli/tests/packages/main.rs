@@ -12,6 +12,7 @@ mod container;
 mod crates;
 mod ctf;
 mod debian;
+mod metrics;
 mod said;
 mod systemd;
 mod trace;
@@ -19,6 +20,8 @@ mod trace;
 #[path = "../it/common.rs"]
 #[allow(dead_code, reason = "`it` uses the rest")]
 mod common;
+#[path = "../it/openmetrics.rs"]
+mod openmetrics;
 #[path = "../it/perfetto.rs"]
 mod perfetto;
 #[path = "../it/recorded.rs"]
@@ -73,6 +76,7 @@ fn main() {
         ("crates", crates::trials()),
         ("ctf", ctf::trials()),
         ("debian", debian::trials()),
+        ("metrics", metrics::trials()),
         ("said", said::trials()),
         ("systemd", systemd::trials()),
         ("trace", trace::trials()),
