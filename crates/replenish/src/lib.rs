@@ -73,7 +73,7 @@ pub use executor::{
     Trigger, WorkerBuilder,
 };
 #[cfg(feature = "full")]
-pub use executor::{ExecutorHandle, Removal, WorkerHandle};
+pub use executor::{ExecutorHandle, HandleId, Removal, WorkerHandle};
 pub use histogram::Histogram;
 pub use lifecycle::{Lifecycle, LifecycleError, ManagedPublisher, Outcome, State, Transition};
 pub use middleware::PublishError;

@@ -41,7 +41,7 @@ pub(crate) mod wake;
 #[allow(unused_imports, reason = "for diagnostics, which need feature `std`")]
 pub(crate) use change::live::Live;
 #[cfg(feature = "full")]
-pub use change::{ExecutorHandle, Removal, WorkerHandle};
+pub use change::{ExecutorHandle, HandleId, Removal, WorkerHandle};
 pub use describe::add::AddHandles;
 pub(crate) use describe::add::{Numbering, Target};
 pub use describe::builder::WorkerBuilder;

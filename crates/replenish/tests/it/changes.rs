@@ -2,7 +2,7 @@
 
 use crate::common::{Gate, eventually, executor};
 use replenish::msg::std_msgs::Int32;
-use replenish::{Context, Error, GuardCondition, Qos, Removal};
+use replenish::{Context, Error, GuardCondition, HandleId, Qos, Removal};
 use replenish_testkit::watchdog::watchdog;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -218,10 +218,10 @@ fn a_change_too_many_is_refused_whole() {
         let worker = change.worker("w").unwrap();
         worker.subscribe(&node, "t", qos, |_: &Int32, _| ())
     };
-    let first: Vec<String> = (0..400).map(|_| subscribe().unwrap()).collect();
+    let first: Vec<HandleId> = (0..400).map(|_| subscribe().unwrap()).collect();
     local.spin_some(Duration::ZERO);
     let remove = |id: &str| change.remove(id, Removal::Detach).map(drop);
-    let second: Vec<String> = (0..400).map(|_| subscribe().unwrap()).collect();
+    let second: Vec<HandleId> = (0..400).map(|_| subscribe().unwrap()).collect();
     first.iter().for_each(|id| remove(id).unwrap());
     second.iter().take(224).for_each(|id| remove(id).unwrap());
     let full = Error::Capacity {

@@ -3,7 +3,7 @@
 
 use crate::common::{eventually, executor};
 use replenish::msg::std_msgs::Int32;
-use replenish::{CallbackContext, Context, Every, Executor, Qos, Removal};
+use replenish::{CallbackContext, Context, Error, Every, Executor, HandleId, Qos, Removal};
 use replenish_testkit::watchdog::watchdog;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -108,4 +108,53 @@ fn a_subscription_for_every_round_comes_to_a_worker_that_runs() {
     let stats = change.remove(&id, Removal::Wait(LIMIT)).unwrap();
     assert_eq!(stats.executed, 1);
     assert_eq!(stats.without_input, without.load(Ordering::SeqCst));
+}
+
+/// The ids that the description and the running worker return serve wherever a text does, and
+/// outlive what they name.
+#[test]
+fn handles_are_removed_by_the_ids_that_adding_returned() {
+    let _dog = watchdog("ids", LIMIT);
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let (mut exec, _) = executor(&ctx);
+    let worker = exec.worker("w").capacity(16);
+    assert!(worker.added_ids().is_empty());
+    let worker = worker.timer(LIMIT, |_| ()).unwrap();
+    let timer = worker.added_ids();
+    let subscribed = worker
+        .subscribe(&node, "t", Qos::reliable(), |_: &Int32, _| ())
+        .unwrap()
+        .added_ids();
+    let parameters = node.parameters(replenish::ParameterOptions::new()).unwrap();
+    let together = exec
+        .worker("p")
+        .parameters(&parameters)
+        .unwrap()
+        .added_ids();
+    assert_eq!(timer, ["w/timer:0"]);
+    assert_eq!(subscribed, ["/n/sub:/t"]);
+    assert_eq!(together.len(), 6, "{together:?}");
+
+    let running = exec.start().unwrap();
+    let change = running.handle();
+    let again = change.worker("w").unwrap();
+    let again: HandleId = again
+        .subscribe(&node, "t", Qos::reliable(), |_: &Int32, _| ())
+        .unwrap();
+    assert_eq!(again, "/n/sub:/t#2");
+    let left = || running.report().handles.len();
+    assert_eq!(left(), 9);
+    let first = subscribed.into_iter().next().unwrap();
+    for id in timer.iter().chain(&together).chain([&again]) {
+        assert!(running.stats(id).is_some(), "{id}");
+        change.remove(id, Removal::Wait(LIMIT)).unwrap();
+        assert!(running.stats(id).is_none(), "{id}");
+    }
+    assert_eq!(left(), 1);
+    assert!(running.stats(&first).is_some());
+    change.remove(first.clone(), Removal::Wait(LIMIT)).unwrap();
+    assert_eq!(left(), 0);
+    let unknown = change.remove(&first, Removal::Detach).unwrap_err();
+    assert_eq!(unknown, Error::UnknownHandle(first.into()));
 }

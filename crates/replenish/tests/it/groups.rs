@@ -254,7 +254,7 @@ fn removals_in_a_circle_are_no_deadlock() {
             .timer(replenish::Every::once(MS), move |cx| {
                 all_in.wait();
                 let change = cx.handle().unwrap();
-                let gone = change.remove(&format!("{next}/timer:0"), Removal::Wait(LIMIT));
+                let gone = change.remove(format!("{next}/timer:0"), Removal::Wait(LIMIT));
                 count.fetch_add(u64::from(gone.is_ok()), Ordering::SeqCst);
             })
             .unwrap();

@@ -4,8 +4,8 @@
 use crate::common::{Gate, eventually};
 use replenish::msg::std_msgs::{BoundedString, Int32};
 use replenish::{
-    Context, Error, Event, Executor, ExecutorHandle, HandleOptions, HandleStats, Qos, Removal,
-    RunningExecutor, Topic,
+    Context, Error, Event, Executor, ExecutorHandle, HandleId, HandleOptions, HandleStats, Qos,
+    Removal, RunningExecutor, Topic,
 };
 use replenish_testkit::watchdog::watchdog;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -165,7 +165,7 @@ fn a_hook_may_do_whatever_a_callback_may() {
 fn may_do_everything(ctx: &Context, peer: &Context) {
     let node = ctx.node("hook").unwrap();
     let out = node.publisher::<Int32>("numbers", Qos::reliable()).unwrap();
-    let added: Done<Result<String, Error>> = Arc::default();
+    let added: Done<Result<HandleId, Error>> = Arc::default();
     let result = Arc::clone(&added);
     let running = acts_on_oversize(
         ctx,

@@ -34,8 +34,9 @@ pub struct ExecutorHandle {
 }
 
 impl ExecutorHandle {
-    /// Removes a handle. When this returns no callback of it starts any more; what becomes of one
-    /// that runs is up to `how`. Samples that wait are discarded. Returns the last counters.
+    /// Removes a handle, by its [`HandleId`](crate::HandleId) or the text of it. When this returns
+    /// no callback of it starts any more; what becomes of one that runs is up to `how`. Samples
+    /// that wait are discarded. Returns the last counters.
     ///
     /// A callback that removes a handle of its own worker does not wait, nor does one that is in a
     /// [group](crate::Group), nor one whose worker a callback of the handle's worker waits for in
@@ -51,7 +52,11 @@ impl ExecutorHandle {
     /// under way: then nothing has changed; [`Error::StillRunning`] if the callback has not ended
     /// in time: then the handle goes when it has, and can be removed once more, to wait on or to
     /// cancel the callback.
-    pub fn remove(&self, id: &str, how: Removal) -> Result<HandleStats, Error> {
+    pub fn remove(&self, id: impl AsRef<str>, how: Removal) -> Result<HandleStats, Error> {
+        self.remove_by_text(id.as_ref(), how)
+    }
+
+    fn remove_by_text(&self, id: &str, how: Removal) -> Result<HandleStats, Error> {
         let live = &self.live;
         let unknown = || Error::UnknownHandle(id.into());
         let Some((worker, shared)) = live.registry.find(id) else {

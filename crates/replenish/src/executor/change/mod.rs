@@ -7,16 +7,19 @@
 //!                                        registry: handles by id ◄──────────┤
 //!                                        groups: who may join, who may wait ┘
 //!   worker_handle ── trigger: set_trigger ──► mailbox
+//!   id: what adding returns and `remove` takes
 //! ```
 //!
 //! `change_disabled` takes this room's place in builds without feature `full`.
 
 mod groups;
 pub(crate) mod handle;
+mod id;
 pub(crate) mod live;
 pub(crate) mod registry;
 mod trigger;
 mod worker_handle;
 
 pub use handle::{ExecutorHandle, Removal};
+pub use id::HandleId;
 pub use worker_handle::WorkerHandle;

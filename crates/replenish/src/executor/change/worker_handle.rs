@@ -1,6 +1,7 @@
 //! A worker of a running executor, to which any thread adds handles.
 
 use super::handle::{ExecutorHandle, Removal};
+use super::id::HandleId;
 use super::live::{Live, Post};
 use super::registry::Claims;
 use crate::error::Error;
@@ -15,7 +16,6 @@ use crate::middleware::ReaderId;
 use crate::platform::text;
 use crate::sync::{Arc, Ordering};
 use alloc::boxed::Box;
-use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
 
@@ -40,7 +40,7 @@ pub struct Running<'e> {
 /// removed.
 pub struct HandleGroup<'e> {
     worker: Running<'e>,
-    ids: Vec<String>,
+    ids: Vec<HandleId>,
     /// All options apply to the next handle.
     last: bool,
 }
@@ -87,15 +87,15 @@ impl WorkerHandle<'_> {
 }
 
 impl<'e> Target for Running<'e> {
-    type Added = String;
-    type AllAdded = Vec<String>;
+    type Added = HandleId;
+    type AllAdded = Vec<HandleId>;
     type Together = HandleGroup<'e>;
 
     fn add(
         self,
         _: Numbering,
         make: impl FnOnce(&HandleFactory<'_>) -> Result<HandleEntry, Error>,
-    ) -> Result<String, Error> {
+    ) -> Result<HandleId, Error> {
         let Self {
             live,
             post,
@@ -131,7 +131,7 @@ impl<'e> Target for Running<'e> {
         if shared.input.is_some() {
             live.context.middleware().wake();
         }
-        Ok(shared.id.clone())
+        Ok(HandleId::from(shared.id.as_str()))
     }
 
     fn together(self) -> HandleGroup<'e> {
@@ -143,7 +143,7 @@ impl<'e> Target for Running<'e> {
         }
     }
 
-    fn all_added(self, _: u8) -> Vec<String> {
+    fn all_added(self, _: u8) -> Vec<HandleId> {
         Vec::new()
     }
 
@@ -159,7 +159,7 @@ impl<'e> Target for Running<'e> {
 
 impl Target for HandleGroup<'_> {
     type Added = AddHandles<Self>;
-    type AllAdded = Vec<String>;
+    type AllAdded = Vec<HandleId>;
     type Together = Self;
 
     fn add(
@@ -190,7 +190,7 @@ impl Target for HandleGroup<'_> {
         self
     }
 
-    fn all_added(mut self, _: u8) -> Vec<String> {
+    fn all_added(mut self, _: u8) -> Vec<HandleId> {
         core::mem::take(&mut self.ids)
     }
 

@@ -1,5 +1,6 @@
 //! [`EventSource`]: the endpoint whose events a callback hears.
 
+use crate::executor::HandleId;
 use crate::middleware::{Middleware, WriterId};
 use crate::publisher::Publisher;
 use crate::sync::Arc;
@@ -37,6 +38,12 @@ impl<'a> From<&'a str> for EventSource<'a> {
 
 impl<'a> From<&'a String> for EventSource<'a> {
     fn from(id: &'a String) -> Self {
+        Self(Source::Handle(id))
+    }
+}
+
+impl<'a> From<&'a HandleId> for EventSource<'a> {
+    fn from(id: &'a HandleId) -> Self {
         Self(Source::Handle(id))
     }
 }
