@@ -5,12 +5,15 @@ use crate::common::agent::TestAgent;
 use crate::common::{Log, eventually, executor};
 use replenish::msg::Service;
 use replenish::msg::std_msgs::Int32;
-use replenish::{Client, Context, Error, Event, HandleOptions, Qos, Removal};
+use replenish::{
+    Client, Context, Error, Event, HandleOptions, Node, Qos, Removal, RunningExecutor,
+};
 use replenish_interfaces::std_srvs::srv::SetBool;
 use replenish_testkit::watchdog::watchdog;
 use std::net::UdpSocket;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread;
 use std::time::{Duration, Instant};
 
 const LIMIT: Duration = Duration::from_secs(60);
@@ -311,7 +314,9 @@ pub(crate) fn peers_are_counted(publishing: &Context, subscribing: &Context) {
         .subscribe(&there, "t", Qos::reliable(), |_: &Int32, _| ())
         .unwrap();
     let running = exec.start().unwrap();
+    let change = running.handle();
     assert_eq!(out.wait_for_subscription(LIMIT), Ok(true));
+    assert_eq!(change.wait_for_publisher("/there/sub:/t", LIMIT), Ok(true));
     assert_eq!(out.subscriptions(), Some(1));
     let matched = |id: &str| {
         let report = running.report();
@@ -326,6 +331,7 @@ pub(crate) fn peers_are_counted(publishing: &Context, subscribing: &Context) {
     assert!(eventually(|| matched(of) == Some(1)));
     assert_eq!(matched("/there/sub:/other"), Some(0));
     assert_eq!(matched("w/timer:0"), None);
+    waits_for_publishers(&running, &here);
     let second = here.publisher::<Int32>("t", Qos::reliable()).unwrap();
     assert!(eventually(|| matched(of) == Some(2)));
     assert!(eventually(|| second.subscriptions() == Some(2)));
@@ -335,6 +341,28 @@ pub(crate) fn peers_are_counted(publishing: &Context, subscribing: &Context) {
     assert!(gone.is_ok(), "{gone:?}");
     assert!(eventually(|| second.subscriptions() == Some(1)));
     drop(running.stop());
+}
+
+/// A subscription waits for a publisher that fits; who has no publishers is refused.
+fn waits_for_publishers(running: &RunningExecutor, here: &Node) {
+    let change = running.handle();
+    let strict = "/there/sub:/t#2";
+    assert_eq!(change.publishers("/there/sub:/t"), Ok(Some(1)));
+    assert_eq!(change.publishers(strict), Ok(Some(0)));
+    assert_eq!(change.wait_for_publisher(strict, MS), Ok(false));
+    let comes = thread::scope(|scope| {
+        let waits = scope.spawn(|| change.wait_for_publisher("/there/sub:/other", LIMIT));
+        let other = here.publisher::<Int32>("other", Qos::best_effort());
+        let comes = waits.join().unwrap();
+        drop(other.unwrap());
+        comes
+    });
+    assert_eq!(comes, Ok(true));
+    let none = change.wait_for_publisher("nobody", LIMIT);
+    assert_eq!(none, Err(Error::UnknownHandle("nobody".into())));
+    let timer = change.wait_for_publisher("w/timer:0", LIMIT).unwrap_err();
+    let timer = timer.to_string();
+    assert!(timer.contains("the id of a subscription"), "{timer}");
 }
 
 #[test]
@@ -444,6 +472,20 @@ fn no_agent_tells_of_subscriptions() {
     let text = error.to_string();
     assert!(
         text.contains("subscriptions, which no agent tells"),
+        "{text}"
+    );
+    let ctx = agent.context();
+    let node = ctx.node("hears").unwrap();
+    let (mut exec, _) = executor(&ctx);
+    let worker = exec.worker("w");
+    let worker = worker.subscribe(&node, "t", Qos::reliable(), |_: &Int32, _| ());
+    let id = worker.unwrap().added_ids().remove(0);
+    let change = exec.start().unwrap().handle();
+    assert_eq!(change.publishers(&id), Ok(None));
+    let text = change.wait_for_publisher(&id, MS).unwrap_err().to_string();
+    let told = "subscription /hears/sub:/t";
+    assert!(
+        text.contains(told) && text.contains("publishers, which no agent tells"),
         "{text}"
     );
 }

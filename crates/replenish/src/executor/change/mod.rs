@@ -8,6 +8,7 @@
 //!                                        groups: who may join, who may wait ┘
 //!   worker_handle ── trigger: set_trigger ──► mailbox
 //!   id: what adding returns and `remove` takes
+//!   peers: publishers of a handle, wait_for_publisher ──► registry
 //! ```
 //!
 //! `change_disabled` takes this room's place in builds without feature `full`.
@@ -16,6 +17,7 @@ mod groups;
 pub(crate) mod handle;
 mod id;
 pub(crate) mod live;
+mod peers;
 pub(crate) mod registry;
 mod trigger;
 mod worker_handle;
