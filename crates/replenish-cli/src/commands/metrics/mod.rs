@@ -31,7 +31,7 @@ pub struct Args {
 /// The port of an address without one: that of OpenTelemetry's exporters for Prometheus.
 const PORT: u16 = 9464;
 
-/// `--listen 127.0.0.1:9464`: whoever connects reads names and figures of programs, so the address
+/// `--listen 127.0.0.1:9464`: a client reads names and figures of programs, so the address
 /// is of this host alone.
 fn loopback(text: &str) -> Result<SocketAddr, String> {
     let bare = text.strip_prefix('[').and_then(|t| t.strip_suffix(']'));
