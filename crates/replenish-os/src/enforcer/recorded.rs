@@ -11,4 +11,8 @@ impl Account {
             budget.with(|thread| thread.supervised.record_to(record));
         }
     }
+
+    /// On a board, the number of the task of the [`recorder`](crate::recorder). A host records no
+    /// task by a number: nothing happens.
+    pub fn record_as(&self, _: u8) {}
 }
