@@ -103,6 +103,7 @@ fn a_stop_works_from_another_thread_and_before_the_start() {
     let _dog = watchdog("stop from elsewhere", LIMIT);
     let ctx = Context::in_process();
     let (mut exec, _) = executor(&ctx);
+    exec.stop_grace(LIMIT); // others may have the CPUs for a while
     exec.worker("w")
         .timer(Duration::from_secs(3600), |_| ())
         .unwrap();
@@ -147,6 +148,7 @@ fn a_thousand_shutdowns_under_traffic() {
     let (mut executed, mut rounds, end) = (0, 0, Instant::now() + LIMIT);
     while rounds < 1000 && (rounds < 100 || Instant::now() < end) {
         let (mut exec, _) = executor(&ctx);
+        exec.stop_grace(LIMIT);
         exec.worker("a")
             .timer(Every::period(MS / 20).first_after(Duration::ZERO), |_| ())
             .unwrap();
