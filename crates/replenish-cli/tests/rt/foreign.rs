@@ -2,7 +2,7 @@
 
 use replenish_os::foreign::{self, Original};
 use replenish_os::{CpuSet, SchedClass, Tid, affinity, current_tid, granted, set_priority};
-use replenish_testkit::harness::{Trial, rt_trial};
+use replenish_testkit::harness::{Trial, rt_trial, skip};
 use replenish_testkit::program::{Running, Scratch, run, stderr, stdout};
 use replenish_testkit::witness::Witness;
 use std::os::unix::fs::PermissionsExt;
@@ -368,7 +368,7 @@ fn programs_that_may_not_be_changed_are_refused() {
                 stderr(&output)
             );
         }
-        _ => eprintln!("skipped: no setpriv, or not root"),
+        _ => skip("no setpriv, or not root"),
     }
 }
 

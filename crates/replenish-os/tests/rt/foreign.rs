@@ -4,7 +4,7 @@ use crate::common::{MS, cpu};
 use replenish_os::foreign::{self, BudgetId, BudgetUsage, Enforcer, ForeignThread, Original};
 use replenish_os::{CpuSet, EnforcerConfig, GrantedPolicy, SchedClass, Tid, clock, granted};
 use replenish_os::{set_affinity, set_priority};
-use replenish_testkit::harness::{Trial, rt_trial};
+use replenish_testkit::harness::{Trial, rt_trial, skip};
 use replenish_testkit::progress::{eventually, reaches};
 use sporadic::Budget;
 use std::process::{Child, Command, Stdio};
@@ -271,7 +271,7 @@ fn what_it_starts_begins_without_its_priority() {
         assert_eq!(own, first);
         // It ends with its parent; killed first, it would get a successor without one.
     } else {
-        eprintln!("skipped: this kernel does not list children");
+        skip("this kernel does not list children");
     }
 }
 

@@ -19,6 +19,7 @@ mod logs;
 mod peer;
 mod presence;
 mod services;
+mod simulation;
 mod support;
 mod topics;
 #[path = "../../../replenish-interfaces/tests/support/types.rs"]
@@ -31,7 +32,7 @@ use replenish_testkit::harness::{peer_trial, run};
 type Trial = (&'static str, fn(Foreign));
 
 /// The trials that every distribution goes through.
-const TRIALS: [Trial; 16] = [
+const TRIALS: [Trial; 17] = [
     ("topics_there_and_back", topics::topics),
     ("late_joiners_both_ways", topics::late_joiners),
     ("megabytes_there_and_back", large::images),
@@ -47,6 +48,10 @@ const TRIALS: [Trial; 16] = [
     ("rclpy_manages_our_node", lifecycle::managed),
     ("we_manage_a_node_of_rclpy", lifecycle::manager),
     ("rclpy_reads_our_log_and_sets_its_level", logs::logs),
+    (
+        "rclpy_drives_our_clock_and_sees_new_names",
+        simulation::clock,
+    ),
     ("qos_events_both_ways", events::events),
 ];
 

@@ -7,7 +7,7 @@ peer.py client N      asks twice N times
 peer.py serve         has parameters and the service twice; runs until it is killed
 peer.py ask NODE      sets and gets the parameters of NODE
 peer.py action_client N, action_server, images N, manage N, managed, logs NODE, hashes FILE, watch,
-diagnostics, events:  in the files beside this one
+diagnostics, simulate, events: in the files beside this one
 """
 
 import sys
@@ -150,6 +150,10 @@ elif mode == "logs":
     import peer_logs
 
     peer_logs.logs(peer, rest[0], say, until)
+elif mode == "simulate":
+    import peer_simulation
+
+    peer_simulation.simulate(peer, say, until)
 elif mode == "events":
     import peer_events
 

@@ -35,6 +35,8 @@ struct World {
     cpu: Nanos,
     /// CPU time at its high priority, or at one that it inherits.
     urgent: Nanos,
+    /// Its chance to have a section, in per cent: some have none, and inherit nothing.
+    sections: u64,
     /// The rest of its section.
     section: Nanos,
     /// Changes refused one after another.
@@ -74,6 +76,7 @@ impl World {
             now: START,
             cpu: START,
             urgent: 0,
+            sections: if seed.is_multiple_of(4) { 0 } else { 80 },
             section: 0,
             in_a_row: 0,
             refused: [0; 2],
@@ -114,7 +117,7 @@ impl World {
                 }
             } else if suspension.is_stopped() {
                 self.now = to;
-            } else if self.random.percent(80) {
+            } else if self.random.percent(self.sections) {
                 self.section = self.random.within(US, LONGEST);
                 suspension.boost(self.cpu); // somebody waits for it from the beginning
             } else {
@@ -202,6 +205,10 @@ fn tortured(seed: u64) -> [u64; 2] {
     let tuning = sporadic::Tuning::LINUX.for_budget(budget);
     let stretch = (MOST + 1) * (tuning.backoff(budget) + LATE);
     let beyond = 3 * budget + LONGEST + stretch + tuning.slack + tuning.min_rearm;
+    // One that is suspended and was let go has no more in the time-sharing class, either: until the
+    // next check, which comes when the raise is tried again.
+    let retry = (period / 2).min(100_000 * US).max(tuning.max_backoff) + LATE;
+    let let_go = beyond + (MOST + 1) * (retry + LONGEST);
     for _ in 0..300 {
         world.round(true);
         if world.random.percent(50) {
@@ -213,6 +220,11 @@ fn tortured(seed: u64) -> [u64; 2] {
             u128::from(world.urgent) <= back + u128::from(beyond),
             "seed {seed}: {} ns of {back} and {beyond} for {budget} in {period}, {low:?}",
             world.urgent,
+        );
+        assert!(
+            low != Low::Suspend || u128::from(world.cpu - START) <= back + u128::from(let_go),
+            "seed {seed}: {} ns of {back} and {let_go} for {budget} in {period}, suspended",
+            world.cpu - START,
         );
     }
     // Nobody refuses anything any more: as soon as its debts are paid it has its priority.
@@ -231,6 +243,10 @@ fn tortured(seed: u64) -> [u64; 2] {
             "seed {seed}: low for good: {:?}",
             world.thread.reservation
         );
+    }
+    if world.section > 0 {
+        // The next world has this one's place.
+        world.thread.suspend.suspension().end_section(world.cpu);
     }
     world.refused
 }
