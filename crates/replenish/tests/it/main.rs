@@ -23,6 +23,7 @@ mod examples;
 mod futures;
 mod groups;
 mod handles;
+mod heard;
 mod hooks;
 mod interfaces;
 mod large;

@@ -3,31 +3,18 @@
 
 use crate::common::agent::TestAgent;
 use crate::common::{Gate, eventually, executor};
+use crate::heard::Heard;
 use replenish::middleware::InProcessBus;
 use replenish::middleware::rtps::{DiscoveryRange, Rtps, RtpsConfig};
 use replenish::msg::std_msgs::Int32;
 use replenish::{CallbackContext, Context, Error, Qos, QosEvent, Removal};
 use replenish_testkit::domain::domain;
 use replenish_testkit::watchdog::watchdog;
-use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// The events that callbacks have heard.
-#[derive(Clone, Default)]
-struct Heard(Arc<Mutex<Vec<QosEvent>>>);
-
 impl Heard {
-    fn sink(&self) -> impl FnMut(&QosEvent, &CallbackContext<'_>) + Send + 'static {
-        let heard = self.clone();
-        move |event, _| heard.0.lock().unwrap().push(*event)
-    }
-
-    fn all(&self) -> Vec<QosEvent> {
-        self.0.lock().unwrap().clone()
-    }
-
     /// Peers at this moment and so far; each change leads from one event to the next.
     fn matched(&self) -> (u64, u64) {
         let (mut current, mut total) = (0, 0);

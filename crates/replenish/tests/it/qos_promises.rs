@@ -3,11 +3,12 @@
 
 use crate::common::agent::TestAgent;
 use crate::common::{Gate, eventually, executor};
+use crate::heard::Heard;
 use replenish::middleware::InProcessBus;
 use replenish::middleware::rtps::{DiscoveryRange, Rtps, RtpsConfig};
 use replenish::msg::std_msgs::Int32;
 use replenish::qos::Liveliness;
-use replenish::{CallbackContext, Context, Publisher, Qos, QosEvent};
+use replenish::{Context, Publisher, Qos, QosEvent};
 use replenish_testkit::domain::domain;
 use replenish_testkit::watchdog::watchdog;
 use std::sync::{Arc, Mutex};
@@ -16,19 +17,11 @@ use std::time::Duration;
 const LIMIT: Duration = Duration::from_secs(120);
 const MS: Duration = Duration::from_millis(1);
 
-#[derive(Clone, Default)]
-struct Heard(Arc<Mutex<Vec<QosEvent>>>);
-
 impl Heard {
-    fn sink(&self) -> impl FnMut(&QosEvent, &CallbackContext<'_>) + Send + 'static {
-        let heard = self.clone();
-        move |event, _| heard.0.lock().unwrap().push(*event)
-    }
-
     /// The sums of all changes, which are the last totals.
     fn sums(&self) -> Sums {
         let mut sums = Sums::default();
-        for event in &*self.0.lock().unwrap() {
+        for event in &self.all() {
             let (count, sum) = match event {
                 QosEvent::Matched { current, .. } => (current, &mut sums.matched),
                 QosEvent::DeadlineMissed(count) => (count, &mut sums.missed),
@@ -159,7 +152,12 @@ fn a_quiet_publisher_stays_alive_as_long_as_its_program() {
             |_, writes, reads| {
                 std::thread::sleep(1600 * MS);
                 let (w, r) = (writes.sums(), reads.sums());
-                assert_eq!((w.lost, r.alive, r.not_alive), (0, 1, 0), "{:?}", reads.0);
+                assert_eq!(
+                    (w.lost, r.alive, r.not_alive),
+                    (0, 1, 0),
+                    "{:?}",
+                    reads.all()
+                );
             },
         );
     }

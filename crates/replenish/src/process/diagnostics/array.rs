@@ -1,12 +1,12 @@
 //! A status of each thread and chain, for `/diagnostics`.
 
 use super::chain_status::WatchedChain;
-use super::texts::{ERROR, MESSAGE, Ms, NAME, OK, VALUE, WARN, join, put, value, with_room};
+use super::texts::{ERROR, MESSAGE, Ms, OK, WARN, join, put, roomy, value, with_room};
 use crate::executor::{HandleState, Live, ThreadPlan};
 use crate::middleware::Middleware;
 use crate::process::Chains;
 use crate::stats::HandleStats;
-use replenish_interfaces::diagnostic_msgs::msg::{DiagnosticArray, DiagnosticStatus, KeyValue};
+use replenish_interfaces::diagnostic_msgs::msg::{DiagnosticArray, DiagnosticStatus};
 use replenish_interfaces::std_msgs::msg::Header;
 use replenish_msg::builtin_interfaces::Time;
 use replenish_os::{Meter, Policy};
@@ -88,19 +88,8 @@ impl Array {
             seen: Totals::default(),
         });
         let status = plans.iter().map(|plan| {
-            let mut name = with_room(NAME);
-            put(&mut name, NAME, format_args!("{program}: {}", plan.name));
-            let values = KEYS.map(|key| KeyValue {
-                key: key.into(),
-                value: with_room(VALUE),
-            });
-            DiagnosticStatus {
-                level: OK,
-                name,
-                message: with_room(MESSAGE),
-                hardware_id: hardware.into(),
-                values: values.into(),
-            }
+            let name = format_args!("{program}: {}", plan.name);
+            roomy(name, hardware, &KEYS)
         });
         let message = DiagnosticArray {
             header: Header::default(),

@@ -1,8 +1,8 @@
 //! A status of each chain, for `/diagnostics`.
 
-use super::texts::{MESSAGE, Ms, NAME, OK, VALUE, WARN, put, value, with_room};
+use super::texts::{MESSAGE, Ms, OK, WARN, put, roomy, value};
 use crate::platform::chain::ChainState;
-use replenish_interfaces::diagnostic_msgs::msg::{DiagnosticStatus, KeyValue};
+use replenish_interfaces::diagnostic_msgs::msg::DiagnosticStatus;
 use std::sync::Arc;
 
 const KEYS: [&str; 5] = [
@@ -29,20 +29,8 @@ impl WatchedChain {
 
     /// A status with room for every later value.
     pub(super) fn status(&self, program: &str, hardware: &str) -> DiagnosticStatus {
-        let mut name = with_room(NAME);
-        let chain = self.chain.name();
-        put(&mut name, NAME, format_args!("{program}: chain {chain}"));
-        let values = KEYS.map(|key| KeyValue {
-            key: key.into(),
-            value: with_room(VALUE),
-        });
-        DiagnosticStatus {
-            level: OK,
-            name,
-            message: with_room(MESSAGE),
-            hardware_id: hardware.into(),
-            values: values.into(),
-        }
+        let name = format_args!("{program}: chain {}", self.chain.name());
+        roomy(name, hardware, &KEYS)
     }
 
     /// The state now. Does not allocate.

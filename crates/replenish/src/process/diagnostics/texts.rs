@@ -2,7 +2,7 @@
 //! not allocate.
 
 use core::fmt::{self, Write};
-use replenish_interfaces::diagnostic_msgs::msg::KeyValue;
+use replenish_interfaces::diagnostic_msgs::msg::{DiagnosticStatus, KeyValue};
 use std::string::String;
 
 pub(super) const OK: u8 = 0;
@@ -23,6 +23,27 @@ pub(super) fn put(text: &mut String, limit: usize, new: fmt::Arguments<'_>) {
 /// An empty text with room for `limit` bytes.
 pub(super) fn with_room(limit: usize) -> String {
     String::with_capacity(limit)
+}
+
+/// A status with room for every later value.
+pub(super) fn roomy(
+    name: fmt::Arguments<'_>,
+    hardware: &str,
+    keys: &[&'static str],
+) -> DiagnosticStatus {
+    let mut text = with_room(NAME);
+    put(&mut text, NAME, name);
+    let values = keys.iter().map(|&key| KeyValue {
+        key: key.into(),
+        value: with_room(VALUE),
+    });
+    DiagnosticStatus {
+        level: OK,
+        name: text,
+        message: with_room(MESSAGE),
+        hardware_id: hardware.into(),
+        values: values.collect(),
+    }
 }
 
 /// Adds `new` to `text`, after a comma if it is not the first.
