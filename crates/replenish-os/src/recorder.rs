@@ -1,4 +1,4 @@
-//! What the tasks of a board did last: one ring of 4 kB for all of them, and the pieces in which it
+//! The last events of a board's tasks: one ring of 4 kB for all of them, and the pieces in which it
 //! goes to the host. Feature `recorder`; without it `recorder_disabled.rs` stands here.
 //!
 //! ```text
@@ -246,7 +246,7 @@ pub(crate) fn budget_event(tid: u8, kind: Kind, time: Nanos, values: [u64; 2]) {
     STATE.with(|state| state.ring.push(event));
 }
 
-/// What of the recording was sent: all descriptions come in turn, so that who listens later, or
+/// The progress of sending: all descriptions come in turn, so that a host that listens later, or
 /// missed one, learns them.
 #[derive(Debug)]
 pub struct Feed {

@@ -41,7 +41,7 @@ impl Deadline {
         begins
     }
 
-    /// Nobody waits for samples any more: it begins anew with the next one.
+    /// Samples are due no more: the deadline begins anew with the next one.
     pub const fn stop(&mut self) {
         self.next = INFINITE;
     }

@@ -13,7 +13,7 @@ pub(crate) fn peers_required() -> bool {
     std::env::var_os(REQUIRE_PEERS).is_some_and(|value| value == "1")
 }
 
-/// What [`skip`] unwinds with: the reason.
+/// The reason, with which [`skip`] unwinds.
 pub(crate) struct Skipped(pub(crate) String);
 
 /// Ends the trial that calls it as ignored; the list of results says `why`.

@@ -22,7 +22,7 @@ pub struct ChainReport {
     pub begun: u64,
     /// Callbacks of the last stage that an input of the first one has led to.
     pub ended: u64,
-    /// Those of them that came after the limit.
+    /// Ended instances that took longer than the limit.
     pub exceeded: u64,
     /// From the origin of an instance to the end of its callback of the last stage.
     pub latency: Histogram,

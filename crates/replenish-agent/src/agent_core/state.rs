@@ -83,7 +83,7 @@ pub struct AgentCore<P> {
     /// Writers keep samples for returning readers.
     pub(super) stashed: bool,
     pub(super) log: Arc<RejectionLog<P>>,
-    /// What boards send of their recordings.
+    /// The pieces of recordings that boards send.
     pub(super) recordings: Arc<Recordings>,
     /// Rejections so far.
     pub(super) rejections: u64,

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::string::ToString;
 use std::vec::Vec;
 
-/// So many files of programs that have ended are kept in a directory.
+/// A directory keeps so many files of programs that have ended.
 const DEAD: usize = 8;
 /// More files are not looked at.
 const MAX_FILES: usize = 4096;
@@ -87,7 +87,7 @@ fn put(directory: &Path, bytes: usize) -> io::Result<(LiveFile, SharedMemory)> {
             path,
             _file: file.try_clone()?,
         };
-        // Nobody else can open it yet: so nobody else's lock is in the way.
+        // No other process can open the file yet, so none can hold its lock.
         file.try_lock()
             .map_err(|e| io::Error::other(e.to_string()))?;
         if !is_in_memory(&file)? {

@@ -1,4 +1,4 @@
-//! What goes over the line: pieces that make sense alone, because any of them may be lost.
+//! [`Piece`]s go over the line. Each makes sense alone, because any of them may be lost.
 //!
 //! | bytes | every piece (little-endian) |
 //! |---|---|

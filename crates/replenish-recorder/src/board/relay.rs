@@ -1,4 +1,4 @@
-//! What has come of one board: its threads, its names, and its events on the host's clock.
+//! [`Relay`]: the threads, the names and the events of one board, on the host's clock.
 //!
 //! The board's clock is related to the host's by the protocol's time exchange, whose result every
 //! piece of events carries. Without one, or with one that cannot be, it is related by arrivals: the

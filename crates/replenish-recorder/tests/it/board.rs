@@ -153,7 +153,7 @@ fn events_stand_on_the_hosts_clock_by_the_exchange_and_else_by_arrival() {
     assert_eq!(got, [(1, false, begin), (1, true, exhausted)]);
     assert_eq!(relay.exchanged(), Some(SHIFT.cast_signed()));
     assert_eq!(relay.counts(), (2, 1));
-    // What comes twice counts once; a gap is counted.
+    // A piece that comes twice counts once; a gap is counted.
     assert_eq!(sent(&mut relay, &piece(0, 101, ahead), late), []);
     assert_eq!(sent(&mut relay, &piece(10, 102, ahead), late).len(), 2);
     assert_eq!(relay.counts(), (4, 1 + 7 + 1));

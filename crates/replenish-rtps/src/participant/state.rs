@@ -55,7 +55,7 @@ pub(super) struct Own<E> {
     pub(super) type_name: Text,
     /// The number of its announcement.
     pub(super) announced: SequenceNumber,
-    /// What has become of it, but for its peers of this moment.
+    /// Its counts, but for its peers of this moment.
     pub(super) status: EndpointStatus,
     pub(super) promises: Promises,
 }

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 /// Which events the counts of handles are of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Span {
-    /// Those that a recording holds at one look: fewer at the next look, perhaps, so gauges.
+    /// The events that a recording holds at one look: fewer at the next look, perhaps, so gauges.
     Recording,
     /// All that were followed from look to look: counters.
     Followed,

@@ -1,4 +1,4 @@
-//! What handles did, counted from the recordings: each look takes the events since the look before.
+//! The counts of handles, from the recordings: each look takes the events since the look before.
 
 use crate::live::{Found, Program, all};
 use crate::time::Nanos;
@@ -71,7 +71,7 @@ impl Counts {
     }
 }
 
-/// What was counted of one start of a program.
+/// The counts of one start of a program.
 #[derive(Debug, Default)]
 pub(super) struct Counted {
     /// The next event of each thread.
@@ -125,7 +125,7 @@ impl Follower {
         found
     }
 
-    /// What was counted of this program so far.
+    /// The counts of this program so far.
     pub(super) fn counted(&self, program: &Program) -> Option<&Counted> {
         self.counted.get(&run(program))
     }

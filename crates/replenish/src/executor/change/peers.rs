@@ -40,7 +40,7 @@ impl ExecutorHandle {
     /// ```
     ///
     /// # Errors
-    /// Those of [`publishers`](Self::publishers), also when the handle is removed meanwhile;
+    /// The errors of [`publishers`](Self::publishers), also when the handle is removed meanwhile;
     /// [`Error::Stopped`] when the executor stops; [`Error::Middleware`] where the middleware does
     /// not know: DDS-XRCE.
     pub fn wait_for_publisher(&self, id: impl AsRef<str>, limit: Duration) -> Result<bool, Error> {

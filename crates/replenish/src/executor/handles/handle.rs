@@ -19,7 +19,7 @@ pub(crate) struct Taken {
     pub(crate) due: Nanos,
     /// How long after that the callback should have ended, if the handle's kind says so.
     pub(crate) deadline: Option<Deadline>,
-    /// What its sample says about its causes.
+    /// The origins and the stamps that its sample brought.
     pub(crate) provenance: Provenance,
 }
 

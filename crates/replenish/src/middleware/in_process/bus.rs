@@ -75,7 +75,7 @@ pub(super) struct Writer {
     pub(super) replies: Option<(usize, u32)>,
     /// The latest samples, for readers that come late (transient local).
     pub(super) kept: Option<Ring>,
-    /// What has become of it, but for its peers of this moment.
+    /// Its counts, but for its peers of this moment.
     pub(super) status: EndStatus,
     pub(super) deadline: Deadline,
     /// If it shows itself that it is alive.
@@ -96,7 +96,7 @@ pub(super) struct Reader {
     pub(super) keep_oldest: bool,
     pub(super) reliable: bool,
     pub(super) lost: u64,
-    /// What has become of it, but for its peers of this moment.
+    /// Its counts, but for its peers of this moment.
     pub(super) status: EndStatus,
     pub(super) deadline: Deadline,
     /// It was deleted; its place is free.
