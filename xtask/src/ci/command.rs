@@ -1,7 +1,8 @@
 //! Which stages run, in which order, and what runs beside what.
 
-use super::run::{Beside, foreground};
+use super::run::{Beside, each, foreground};
 use super::stage::Stage;
+use super::stages::tests_with_peers;
 use super::tally::Tally;
 use crate::output::Outcome;
 use std::time::Instant;
@@ -27,5 +28,5 @@ fn all(tally: &mut Tally) -> Outcome {
     let beside = Beside::start(&[Stage::Supply, Stage::Fuzz, Stage::Loom])?;
     foreground(&[Stage::Board], tally)?;
     beside.join(tally)?;
-    foreground(&[Stage::Test, Stage::Peers], tally)
+    each(tests_with_peers(), tally)
 }

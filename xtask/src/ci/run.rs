@@ -15,7 +15,11 @@ use std::time::{Duration, Instant};
 
 /// Runs the stages one after another; prints each line as it comes and counts tests.
 pub(super) fn foreground(stages: &[Stage], tally: &mut Tally) -> Outcome {
-    let steps = stages.iter().flat_map(|stage| steps(*stage));
+    each(stages.iter().flat_map(|stage| steps(*stage)), tally)
+}
+
+/// Runs commands one after another.
+pub(super) fn each(steps: impl IntoIterator<Item = Step>, tally: &mut Tally) -> Outcome {
     steps.into_iter().try_for_each(|step| run(&step, tally))
 }
 

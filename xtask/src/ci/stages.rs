@@ -181,17 +181,31 @@ fn test() -> Vec<Step> {
 
 /// Foreign implementations. One that is not installed is a failure here.
 fn peers() -> Vec<Step> {
-    let required = |line| {
-        let step = Step::new(line).with("REPLENISH_REQUIRE_PEERS", "1");
-        step.repeatable()
-    };
     vec![
-        Step::new("cargo test --locked --manifest-path peers/Cargo.toml")
-            .building_in("peers")
-            .repeatable(),
-        required("cargo test -p replenish-rtps --test peers"),
-        required("cargo test -p replenish --test ros2"),
+        other_libraries(),
+        required(Step::new("cargo test -p replenish-rtps --test peers").repeatable()),
+        required(Step::new("cargo test -p replenish --test ros2").repeatable()),
     ]
+}
+
+/// Libraries that stand in a workspace of their own.
+fn other_libraries() -> Step {
+    Step::new("cargo test --locked --manifest-path peers/Cargo.toml")
+        .building_in("peers")
+        .repeatable()
+}
+
+/// A foreign program that is missing is a failure.
+fn required(step: Step) -> Step {
+    step.with("REPLENISH_REQUIRE_PEERS", "1")
+}
+
+/// The stages `test` and `peers` in one: `cargo test --workspace` has the trials with foreign
+/// programs in it, so that they run once.
+pub(super) fn tests_with_peers() -> Vec<Step> {
+    let mut steps: Vec<_> = test().into_iter().map(required).collect();
+    steps.push(other_libraries());
+    steps
 }
 
 fn loom() -> Vec<Step> {
