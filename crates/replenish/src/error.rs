@@ -26,11 +26,11 @@ pub enum Error {
     Name(NameError),
     /// A parameter outside its range.
     Parameter {
-        /// Whose parameter: `worker "high"`, `topic /scan`, `executor`.
+        /// The owner of the parameter: `worker "high"`, `topic /scan`, `executor`.
         owner: Text,
-        /// Its name, as in the API.
+        /// The parameter's name, as in the API.
         field: &'static str,
-        /// The value it was given.
+        /// The value that the parameter was given.
         value: Text,
         /// The allowed range.
         allowed: Text,
@@ -45,9 +45,9 @@ pub enum Error {
     UnknownHandle(Text),
     /// A limit that was fixed at set-up is reached.
     Capacity {
-        /// Of what there may be no more.
+        /// The limited things, as `handles of worker "high"`.
         what: Text,
-        /// How many there may be.
+        /// The most of them at a time.
         limit: usize,
     },
     /// The callback has not ended in time; its handle goes when it has. Its removal can be asked
@@ -69,9 +69,9 @@ pub enum Error {
     },
     /// The middleware could not create an endpoint.
     Middleware {
-        /// Which one.
+        /// The endpoint that was not created.
         endpoint: Text,
-        /// Why.
+        /// The middleware's reason.
         source: MiddlewareError,
     },
     /// A thread could not be started.

@@ -52,14 +52,14 @@ impl LiveHistogram {
     }
 }
 
-/// How often which latency occurred.
+/// Counts of latencies, by size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Histogram {
     counts: [u64; BUCKETS],
 }
 
 impl Histogram {
-    /// How many values were counted.
+    /// Number of values in it.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.counts.iter().sum()

@@ -81,7 +81,7 @@ pub(crate) fn start_chains<W>(_: &Requested, _: &mut [W]) -> Result<Chains, Erro
 #[derive(Default)]
 pub(crate) struct DiagnosticsChoice;
 
-/// Nobody asks for a node.
+/// Without ROS arguments no setting depends on the first node.
 #[derive(Default)]
 pub(crate) struct FirstNode;
 
@@ -113,7 +113,7 @@ impl Diagnostics {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NodeTime;
 
-/// Nobody follows a clock.
+/// Without simulated time there is no clock to follow.
 pub(crate) const fn follow_clock<E>(_executor: &mut E) -> Result<(), Error> {
     Ok(())
 }

@@ -132,7 +132,7 @@ impl<M: Message> Publisher<M> {
         self.inner.middleware.assert_liveliness(self.inner.writer)
     }
 
-    /// Where encoded samples go.
+    /// The middleware and the writer that encoded samples go to.
     pub(crate) fn target(&self) -> (&Arc<dyn Middleware>, WriterId) {
         (&self.inner.middleware, self.inner.writer)
     }
@@ -143,8 +143,8 @@ impl<M: Message> Publisher<M> {
         self.inner.too_long.get()
     }
 
-    /// How many subscriptions get its messages at this moment, those of other programs included;
-    /// `None` where the middleware does not know: DDS-XRCE. Does not wait.
+    /// Number of subscriptions that get its messages at this moment, those of other programs
+    /// included; `None` where the middleware does not know it: DDS-XRCE. Does not wait.
     #[must_use]
     pub fn subscriptions(&self) -> Option<usize> {
         self.inner.middleware.matched_readers(self.inner.writer)

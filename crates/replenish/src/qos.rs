@@ -48,7 +48,7 @@ pub enum Liveliness {
     ManualByTopic,
 }
 
-/// Which topics share a way with each other.
+/// Whether the samples of topics may wait behind each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Criticality {
     /// Its samples may wait behind those of other such topics.
@@ -182,8 +182,8 @@ pub struct Qos {
     /// (subscription), 1 ms or more; none or zero: any. A longer one is an event
     /// ([`on_event`](crate::AddHandles::on_event)). In milliseconds on XRCE.
     pub deadline: Option<Duration>,
-    /// How long after it was published a sample is worth delivering: an older one is dropped. None
-    /// or zero: for ever. Of publishers. In milliseconds on XRCE.
+    /// Age at which a sample is no longer worth delivering: an older one is dropped. None or zero:
+    /// for ever. Of publishers. In milliseconds on XRCE.
     pub lifespan: Option<Duration>,
     /// How a publisher shows that it is alive, or has to show it to a subscription. Not on XRCE.
     pub liveliness: Liveliness,

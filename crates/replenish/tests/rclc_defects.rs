@@ -241,7 +241,7 @@ struct Goals {
     client: ActionClient<Fibonacci>,
     accepted: Arc<Mutex<Vec<GoalHandle<Fibonacci>>>>,
     heard: Arc<[AtomicU64; 4]>,
-    /// Which goal got how many numbers, as feedback or as its result.
+    /// Counts of numbers that each goal got, as feedback or as its result.
     numbers: Arc<Mutex<Vec<(GoalId, usize)>>>,
     running: RunningExecutor,
 }

@@ -239,7 +239,7 @@ impl<A: Action> ActionClient<A> {
         at.map(|at| goals.sent.swap_remove(at)).is_some()
     }
 
-    /// How many goals have not ended.
+    /// Number of this client's goals that have not ended.
     #[must_use]
     pub fn under_way(&self) -> usize {
         self.inner.goals.lock().sent.len()

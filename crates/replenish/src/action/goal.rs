@@ -117,14 +117,14 @@ impl<A: Action> GoalHandle<A> {
         self.id
     }
 
-    /// Where the goal is in its life; `None` when it has ended and its result has expired.
+    /// State of the goal; `None` when it has ended and its result has expired.
     #[must_use]
     pub fn state(&self) -> Option<GoalState> {
         self.core.state.lock().table.state(self.ticket)
     }
 
-    /// Whether somebody wants the goal to end early: look now and then, and end it with
-    /// [`canceled`](Self::canceled) when it is safe to.
+    /// Whether a client has asked to cancel the goal. Check it now and then, and end the goal with
+    /// [`canceled`](Self::canceled) as soon as that is safe.
     #[must_use]
     pub fn is_canceling(&self) -> bool {
         self.state() == Some(GoalState::Canceling)

@@ -22,19 +22,19 @@ pub enum GoalError {
     },
     /// It has ended, and its result has expired.
     Expired,
-    /// The most goals are there already. It was rejected.
+    /// The server has the most goals that its options allow. It rejected this one.
     TooMany {
-        /// How many there may be.
+        /// The most goals that the server may have.
         limit: usize,
     },
-    /// A goal with this id is there already. It was rejected.
+    /// The server has a goal with this id already. It rejected the new one.
     Known,
-    /// The most clients ask for the result of one goal already. This one gets no answer.
+    /// The most clients wait for the result of this goal already. This client gets no answer.
     TooManyAskers {
-        /// How many may.
+        /// The most clients that may wait for one result.
         limit: usize,
     },
-    /// It happened, but could not be told to everybody.
+    /// The goal has changed its state, but a message about it could not be sent to each client.
     Send(PublishError),
 }
 

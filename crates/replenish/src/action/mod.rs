@@ -53,7 +53,7 @@ use core::time::Duration;
 use replenish_msg::Message;
 use replenish_msg::action_msgs::MAX_GOALS;
 
-/// How many goals there may be, and how long what.
+/// Limits of an action server or client: numbers of goals, and times.
 ///
 /// ```
 /// use replenish::ActionOptions;

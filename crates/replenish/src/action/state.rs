@@ -21,7 +21,7 @@
 use core::fmt;
 use replenish_msg::action_msgs::GoalStatus;
 
-/// Where a goal is in its life. The numbers are those of `action_msgs/msg/GoalStatus`.
+/// State of a goal. The numbers are those of `action_msgs/msg/GoalStatus`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(i8)]
 pub enum GoalState {

@@ -24,7 +24,7 @@ pub enum Event<'a> {
         handle: &'a str,
         /// The error.
         error: &'a dyn fmt::Display,
-        /// How often this handle has failed by now.
+        /// Number of errors of this handle so far.
         count: u64,
     },
     /// A callback panicked; its handle has stopped. Of a custom [trigger](crate::Trigger::Custom),
@@ -41,7 +41,7 @@ pub enum Event<'a> {
         handle: &'a str,
         /// Why, and in which field.
         error: DecodeError,
-        /// How many of this handle's samples have been undecodable by now.
+        /// Number of this handle's samples that could not be decoded so far.
         count: u64,
     },
     /// A sample, request or reply was larger than its handle takes: the type's usual size, what
@@ -52,7 +52,7 @@ pub enum Event<'a> {
         handle: &'a str,
         /// Bytes of the sample.
         size: usize,
-        /// How many of this handle's samples have been too large by now.
+        /// Number of this handle's samples that were too large so far.
         count: u64,
     },
     /// A callback waits for its [group](crate::Group) longer than the group's
@@ -78,7 +78,7 @@ pub enum Event<'a> {
         stated: crate::Nanos,
         /// The CPU time that it needed, in ns.
         held: crate::Nanos,
-        /// How many callbacks of the group have by now.
+        /// Number of callbacks of the group that needed too much so far.
         count: u64,
     },
     /// An instance of a [chain](crate::Executor::chain) took longer than its limit.
@@ -89,14 +89,14 @@ pub enum Event<'a> {
         latency: crate::Nanos,
         /// The limit, in ns.
         limit: crate::Nanos,
-        /// How many instances of this chain have by now.
+        /// Number of instances of this chain that took too long so far.
         count: u64,
     },
     /// The middleware could not wait or take; the dispatcher tries again.
     MiddlewareFailed {
-        /// Why.
+        /// The middleware's error.
         error: &'a MiddlewareError,
-        /// How often by now.
+        /// Number of failures of the middleware so far.
         count: u64,
     },
     /// An endpoint does not talk with another of its topic because of the quality of service of
@@ -104,7 +104,7 @@ pub enum Event<'a> {
     Incompatible {
         /// The handle's id; `publisher` and the topic, or `client` and the service.
         endpoint: &'a str,
-        /// Which policies clash.
+        /// The policies that do not fit each other.
         clash: &'a IncompatibleQos,
     },
     /// The link to the peer went down or came back.

@@ -72,7 +72,7 @@ impl<M: Message> ManagedPublisher<M> {
         cx.publish(&self.publisher, message).map(|()| true)
     }
 
-    /// How many messages were not published because the node was not active.
+    /// Number of messages that were not published because the node was not active.
     #[must_use]
     pub fn withheld(&self) -> u64 {
         self.withheld.load(Ordering::Relaxed)

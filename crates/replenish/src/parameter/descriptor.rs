@@ -52,7 +52,7 @@ impl Descriptor {
         }
     }
 
-    /// Nobody sets it but its own node with
+    /// Makes it read-only: only its own node sets it, with
     /// [`Parameters::set_own`](crate::Parameters::set_own).
     #[must_use]
     pub fn read_only(self) -> Self {

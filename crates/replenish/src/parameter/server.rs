@@ -19,7 +19,7 @@ use replenish_msg::wire::Encode;
 use replenish_msg::{CdrError, CdrWriter, Message};
 use replenish_os::current_tid;
 
-/// How many parameters there may be, and how large.
+/// Limits of a node's parameters: their number and their sizes.
 #[derive(Debug, Clone, Copy)]
 pub struct ParameterOptions {
     bounds: Bounds,

@@ -68,8 +68,8 @@ pub(crate) fn end_with(account: Account) {
     ACCOUNT.with(|last| last.replace(Some(account)));
 }
 
-/// Where events go if nobody has said otherwise: one line on standard error each.
+/// Prints an event as one line on standard error: the default for events.
 pub(crate) fn tell(event: &dyn core::fmt::Display) {
-    // Where standard error is a pipe that nobody reads any more, it is not said.
+    // A closed pipe as standard error is no reason to fail: the line is lost.
     io::Write::write_fmt(&mut io::stderr(), format_args!("replenish: {event}\n")).ok();
 }

@@ -18,7 +18,7 @@ use crate::Nanos;
 use crate::sync::{Ordering, unmodelled::AtomicU64};
 use core::time::Duration;
 
-/// Nobody watches it.
+/// A deadline that is not monitored.
 pub(crate) struct Deadline;
 
 impl Deadline {

@@ -35,7 +35,7 @@ impl Args {
         Ok(name::node(&new)?)
     }
 
-    /// Whose time the node with this name goes by, which `clock` then notes.
+    /// The time that the node of this name goes by. `clock` notes a node on simulated time.
     pub(crate) fn time(&self, node: &str, clock: &SimClock) -> NodeTime {
         let given = self.0.parameter(node, "use_sim_time");
         let simulated = given.is_some_and(|given| given.value == Value::Bool(true));

@@ -41,9 +41,9 @@ pub struct GraphService {
     pub name: String,
     /// `example_interfaces/srv/AddTwoInts`.
     pub type_name: String,
-    /// How many serve it.
+    /// Number of servers.
     pub servers: usize,
-    /// How many ask it.
+    /// Number of clients.
     pub clients: usize,
 }
 

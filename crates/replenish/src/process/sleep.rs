@@ -18,7 +18,7 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
-/// How often a sleep looks at `/clock` that found no place to be woken from.
+/// Time between two looks at `/clock`, in ns, for a sleep that found no place to be woken from.
 const LOOK: Nanos = 10_000_000;
 
 /// Waits for `time`, steady time, in a future of a worker.
@@ -104,12 +104,12 @@ struct Simulated {
     place: Option<u64>,
 }
 
-/// What a look at `/clock` has given.
+/// Result of a look at `/clock`.
 enum Look {
     Over,
     /// `/clock` wakes the future.
     Waits,
-    /// It is to be polled after [`LOOK`].
+    /// The future has to be polled again after [`LOOK`].
     NoPlace,
 }
 

@@ -17,7 +17,7 @@ use replenish_msg::builtin_interfaces::Time;
 use replenish_os::clock;
 use std::sync::{Arc, Weak};
 
-/// How long a wait may not notice a signal.
+/// The longest time in which a wait does not notice a signal.
 const SLICE: Duration = Duration::from_millis(100);
 
 impl Node {

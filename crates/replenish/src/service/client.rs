@@ -204,7 +204,7 @@ impl<S: Service> Client<S> {
         }
     }
 
-    /// How many requests may wait for their replies.
+    /// The most requests that may wait for their replies.
     pub(crate) fn most(&self) -> usize {
         self.inner.table.lock().most
     }

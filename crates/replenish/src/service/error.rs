@@ -31,7 +31,7 @@ impl core::error::Error for NoReply {}
 pub enum CallError {
     /// The most requests wait for their replies already.
     TooMany {
-        /// How many may.
+        /// The most requests that may wait.
         limit: usize,
     },
     /// The client has no callback for replies:

@@ -53,7 +53,7 @@ impl<S: Service> Responder<S> {
         }
     }
 
-    /// Which request this is.
+    /// The identity of the request.
     #[must_use]
     pub fn request(&self) -> RequestIdentity {
         self.to

@@ -44,7 +44,7 @@ impl TestAgent {
         }
     }
 
-    /// How many entities of each kind the agent's clients have.
+    /// Number of entities of the agent's clients, by kind.
     #[must_use]
     pub fn entities(&self) -> BTreeMap<&'static str, usize> {
         let snapshot = self.inspector.snapshot(Duration::from_secs(10)).unwrap();

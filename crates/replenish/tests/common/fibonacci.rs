@@ -13,7 +13,7 @@ impl Action for Fibonacci {
     const DDS_TYPE_NAME: &'static str = "example_interfaces::action::dds_::Fibonacci_";
 }
 
-/// How many numbers are wanted.
+/// Number of Fibonacci numbers that the client wants.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Order {
     pub order: i32,

@@ -432,7 +432,8 @@ fn the_graph_is_known_in_one_process() {
     the_graph_is_known(&ctx, &ctx);
 }
 
-/// What is chosen for a subscription fits every publisher, and is strict where they agree.
+/// The quality that is chosen for a subscription fits every publisher. It is strict where the
+/// publishers agree.
 #[test]
 fn the_best_available_quality_fits_every_publisher() {
     let loose = Qos::sensor_data();

@@ -59,7 +59,7 @@ fn a_descriptor_changes_while_the_node_runs() {
     );
     p.set("gain", 3.0).unwrap();
     assert_eq!(kind(p.set_descriptor("none", unit)), Kind::Unknown);
-    // What was dynamic keeps the type that it has then.
+    // A parameter with dynamic typing keeps the type that it has when the typing ends.
     p.declare("any", 1, Descriptor::new().dynamic_typing())
         .unwrap();
     p.set("any", true).unwrap();

@@ -33,7 +33,7 @@ impl Heard {
         (current.unsigned_abs(), total.unsigned_abs())
     }
 
-    /// How many did not fit, and by which policies the last ones.
+    /// Number of peers that did not fit, and the policies by which they did not.
     fn incompatible(&self) -> (u64, Vec<&'static str>) {
         let all = self.all();
         let clashes = all.iter().filter_map(|event| match event {

@@ -190,7 +190,7 @@ fn a_lease_that_is_too_long_does_not_match() {
     }
 }
 
-/// What has waited for longer than its lifespan is not delivered, wherever it waits.
+/// A sample that waits for longer than its lifespan is not delivered, wherever it waits.
 #[test]
 fn what_is_too_old_is_not_delivered() {
     let _dog = watchdog("lifespan", LIMIT);

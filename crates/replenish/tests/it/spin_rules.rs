@@ -66,7 +66,7 @@ fn a_callback_without_threads_sees_what_came_while_earlier_ones_ran() {
     }
 }
 
-/// What is taken between two callbacks may ring a worker that had its turn.
+/// A sample that is taken between two callbacks may ring a worker that had its turn.
 #[test]
 fn a_ring_between_two_callbacks_is_not_lost() {
     let _dog = watchdog("rings without threads", LIMIT);
@@ -136,7 +136,7 @@ fn rounds_without_input_need_no_clock_where_the_program_spins() {
     assert_eq!(spun.end, SpinEnd::TimedOut);
     assert!((1..=3).contains(&spun.callbacks), "{spun:?}");
     assert!(taken().iter().all(|m| *m == -1));
-    // What waits is served, one after another.
+    // The waiting samples are served, one after another.
     (1..=3).for_each(|data| out.publish(&Int32 { data }).unwrap());
     local.spin_for(100 * MS);
     let all = taken();

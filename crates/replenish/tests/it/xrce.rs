@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 
 const MILLI: u64 = 1_000_000;
 
-/// How long anything may take on a busy machine.
+/// The longest time that any step may take on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 fn agent_at(addr: &str) -> RunningAgent {
@@ -170,7 +170,7 @@ fn data_of_readers_without_room_waits_and_does_not_end_the_wait() {
         publish(&middleware, all_writer, &[i]);
         publish(&middleware, last_writer, &[i]);
     }
-    // Nobody is interested: everything is received, and waits here.
+    // The interest set is empty: the session receives everything and keeps it.
     assert!(spin_until(&middleware, || middleware.lost(last_reader) == 4));
     let start = Instant::now();
     let mut waits = 0;
@@ -404,7 +404,7 @@ fn a_full_window_is_an_error_and_not_a_wait() {
     let writer = middleware
         .create_writer(&spec("/full", Qos::reliable(), 400))
         .unwrap();
-    // Nobody handles acknowledgements, so that the window fills.
+    // The session does not run, so that no acknowledgement comes and the window fills.
     let start = Instant::now();
     let full = (0..100)
         .map(|_| middleware.publish(writer, &[1; 400]))

@@ -42,7 +42,7 @@ fn a_full_normal_topic_does_not_hold_up_a_real_time_one() {
     let reader = middleware
         .create_reader(&spec("/urgent", qos.real_time()))
         .unwrap();
-    // Nobody handles acknowledgements, so that the queue of the normal topic fills.
+    // The session does not run, so that the queue of the normal topic fills.
     while middleware.publish(bulk, &[1; 400]).is_ok() {}
     assert_eq!(middleware.publish(bulk, &[1; 400]), Err(PublishError::Full));
     middleware.publish(urgent, b"now").unwrap();

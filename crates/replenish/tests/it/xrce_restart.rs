@@ -100,8 +100,8 @@ fn spec(qos: Qos) -> EndpointSpec<'static> {
 
 type Heard = Arc<Mutex<Vec<u32>>>;
 
-/// How long a thread that should run every 10 ms did not get to run, at worst: on a machine with
-/// more to do than it can, nothing is noticed any sooner.
+/// The longest delay of a thread that should run every 10 ms. On an overloaded machine a restart is
+/// not noticed any sooner than that.
 #[derive(Default)]
 struct Stalls(Mutex<Duration>);
 

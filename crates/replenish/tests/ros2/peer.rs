@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-/// How long a line may take on a busy machine.
+/// The longest wait for a line on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(90);
 
 /// A foreign implementation.

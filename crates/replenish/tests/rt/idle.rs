@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 const TIMERS: u64 = 100;
 
-/// How often a thread of this process has blocked, by its name.
+/// Number of times that the thread of this name has blocked, in this process.
 fn blocked(name: &str) -> u64 {
     let tasks = std::fs::read_dir("/proc/self/task").unwrap();
     let status = tasks

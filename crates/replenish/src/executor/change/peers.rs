@@ -9,8 +9,8 @@ use core::time::Duration;
 use replenish_os::clock;
 
 impl ExecutorHandle {
-    /// How many publishers' messages a subscription gets at this moment, those of other programs
-    /// included; `None` where the middleware does not know: DDS-XRCE. Does not wait.
+    /// Number of publishers whose messages a subscription gets at this moment, those of other
+    /// programs included; `None` where the middleware does not know it: DDS-XRCE. Does not wait.
     ///
     /// # Errors
     /// [`Error::UnknownHandle`]; [`Error::Parameter`] for a timer and other handles without input.

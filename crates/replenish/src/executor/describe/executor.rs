@@ -116,7 +116,7 @@ impl Executor {
         self
     }
 
-    /// Which budget server holds the budgets. Default: the corrected one.
+    /// Selects the server that holds the budgets. Default: the corrected sporadic server.
     pub fn server(&mut self, kind: Kind) -> &mut Self {
         self.options.server = kind;
         self
@@ -169,16 +169,17 @@ impl Executor {
         self
     }
 
-    /// How long callbacks that run have to finish after a stop. A thread that is not back by then
-    /// is reported as stuck, demoted to time sharing and left behind. Default: 120 ms, so that
-    /// a stop takes less than 200 ms even when the kernel holds up real-time threads meanwhile.
+    /// Time for callbacks that run at a stop to finish. A thread that runs longer is reported as
+    /// stuck, demoted to time sharing and left behind. Default: 120 ms, so that a stop takes less
+    /// than 200 ms even when the kernel delays real-time threads meanwhile.
     pub fn stop_grace(&mut self, grace: Duration) -> &mut Self {
         self.options.stop_grace = grace;
         self
     }
 
-    /// Where [`Event`]s go; called on the thread they happen on. Default: with feature `log` the
-    /// program's logger (target `replenish`), else one line each on standard error.
+    /// Sets the function that gets each [`Event`], on the thread on which it happens. Default: with
+    /// feature `log` the program's logger (target `replenish`), else one line each on standard
+    /// error.
     pub fn on_event(&mut self, hook: impl Fn(&Event<'_>) + Send + Sync + 'static) -> &mut Self {
         self.options.events = Arc::new(Events::new(hook));
         self

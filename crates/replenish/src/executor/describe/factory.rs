@@ -37,7 +37,7 @@ pub struct HandleFactory<'a> {
     pub(crate) worker: &'a str,
     /// Makes an id unique.
     pub(crate) unique: &'a dyn Fn(String) -> String,
-    /// How many handles without a topic the worker has had.
+    /// Number of handles without a topic that the worker has had.
     pub(crate) number: usize,
 }
 

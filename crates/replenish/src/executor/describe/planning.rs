@@ -31,7 +31,7 @@ impl Default for Planning {
     }
 }
 
-/// Where reservations are looked up and kept.
+/// The ledger in which the executor reads and keeps reservations.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum LedgerUse {
     /// As [`Ledger::find`](replenish_plan::ledger::Ledger::find) says.

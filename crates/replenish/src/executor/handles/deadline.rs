@@ -116,8 +116,8 @@ pub struct DeadlineMiss<'a> {
     pub due: Nanos,
     /// The deadline, counted from the release.
     pub deadline: Nanos,
-    /// How long after the deadline the callback ended.
+    /// Time from the deadline to the end of the callback.
     pub lateness: Nanos,
-    /// How many deadlines this handle has missed by now.
+    /// Number of deadlines that this handle has missed so far.
     pub count: u64,
 }

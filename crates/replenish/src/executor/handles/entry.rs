@@ -24,7 +24,7 @@ pub struct HandleEntry {
     pub(crate) slot: usize,
     /// A callback panicked; the handle is left alone from then on.
     pub(crate) stopped: bool,
-    /// How many of those before it were added together with it.
+    /// Number of entries before this one that were added in the same call: one action has several.
     pub(crate) others: u8,
     /// It had something to do when the round began.
     pub(crate) ready: bool,
@@ -237,8 +237,9 @@ impl Handle for Empty {
     fn execute(&mut self, _: &Env<'_>, _: Nanos) {}
 }
 
-/// Where nobody has [emptied](HandleEntry::empty) it, in an executor that never ran, too, a panic
-/// of what the callback owns must not end the thread that drops it, or two of them the process.
+/// Guards the drop of an entry that was not [emptied](HandleEntry::empty), as in an executor that
+/// never ran. A callback's values may panic as they are dropped. That must not end the thread, and
+/// two of these panics must not end the process.
 impl Drop for HandleEntry {
     fn drop(&mut self) {
         if STD {

@@ -72,13 +72,13 @@ pub(crate) struct GroupInner {
     patience: AtomicU64,
     /// Callbacks that took longer than stated.
     overruns: AtomicU64,
-    /// Whose callback runs, and on which thread.
+    /// The handle whose callback runs, and its thread.
     pub(crate) holder: Mutex<Option<(Tid, Arc<HandleState>)>>,
     ways: Ways,
 }
 
-/// How callbacks come in and go out: workers find it here, so that programs without groups do not
-/// carry it.
+/// Functions by which callbacks enter and leave. Workers call them through these pointers, so that
+/// programs without groups do not carry their code.
 struct Ways {
     enter: for<'g> fn(&'g Group, &Arc<HandleState>, &Env<'_>) -> Held<'g>,
     leave: fn(&Group),
@@ -118,9 +118,9 @@ impl Group {
         }
     }
 
-    /// How long a callback holds the group at most (the length of its critical section): CPU time,
-    /// and the time that it blocks meanwhile. It holds for the handles that this clone is given to,
-    /// so that each can state its own; a worker with a rate guarantee has stated it by its
+    /// States the longest time that a callback holds the group (its critical section): CPU time,
+    /// and the time that it blocks meanwhile. The statement holds for the handles that get this
+    /// clone, so that each can have its own. A worker with a rate guarantee has stated it by its
     /// execution time already.
     ///
     /// A guaranteed worker that shares the group waits that long at worst, which is part of the
@@ -143,14 +143,14 @@ impl Group {
         }
     }
 
-    /// How many callbacks of the group have needed more CPU time than they [stated](Self::holds).
+    /// Number of the group's callbacks that needed more CPU time than they [stated](Self::holds).
     #[must_use]
     pub fn overruns(&self) -> u64 {
         self.inner.overruns.load(Ordering::Relaxed)
     }
 
-    /// How long a callback may wait for the group until that is [told](Event::Blocked); 1 s if not
-    /// said. It goes on waiting. Holds for all clones.
+    /// Time that a callback may wait for the group before an [event](Event::Blocked) reports it.
+    /// Default: 1 s. The callback goes on waiting. The time holds for all clones.
     #[must_use]
     pub fn patience(self, time: Duration) -> Self {
         let time = nanos(time).max(1);

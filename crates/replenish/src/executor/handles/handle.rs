@@ -15,9 +15,9 @@ use replenish_msg::{CdrReader, Message};
 /// Input that waits for its callback.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Taken {
-    /// When it was released: the sample's arrival, the timer's release.
+    /// The release: the sample's arrival, or the timer's release.
     pub(crate) due: Nanos,
-    /// How long after that the callback should have ended, if the handle's kind says so.
+    /// The callback's deadline after the release, if the handle's kind has one.
     pub(crate) deadline: Option<Deadline>,
     /// The origins and the stamps that its sample brought.
     pub(crate) provenance: Provenance,

@@ -48,7 +48,7 @@ impl Fake {
         StopHandle::new(Arc::new(self.clone()))
     }
 
-    /// How many readers were deleted.
+    /// Number of readers that were deleted.
     pub(super) fn deleted(&self) -> usize {
         self.0.state.lock().unwrap().deleted
     }

@@ -38,13 +38,13 @@ pub(crate) struct DispatcherCounters {
     pub(crate) failures: Counter,
 }
 
-/// Whose samples are wanted at the moment.
+/// The readers whose samples the dispatcher wants at the moment.
 pub(crate) struct Watch {
     interest: Interest,
     /// Readers whose inbox is full.
     parked: Interest,
     link_up: bool,
-    /// The middleware's last news.
+    /// The middleware's status number at the last look.
     news: Option<usize>,
 }
 

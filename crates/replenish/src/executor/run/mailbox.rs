@@ -59,7 +59,7 @@ const TRIGGERS: usize = 16;
 pub(crate) enum NotSent {
     /// The worker has ended.
     Ended,
-    /// So many are on their way.
+    /// This many triggers are on their way already.
     TooMany(usize),
 }
 

@@ -1,4 +1,4 @@
-//! Where the dispatcher brings samples.
+//! The dispatcher's routes: a sample goes from its reader to its handle.
 
 use crate::event::{Event, Events};
 use crate::executor::handles::state::HandleState;
@@ -7,7 +7,7 @@ use crate::handoff::{DeliveryOutcome, RingSlot, SampleInfo};
 use crate::platform::recorder;
 use crate::sync::Arc;
 
-/// Where a reader's samples go.
+/// The way of a reader's samples to their handle.
 pub(crate) struct Route {
     pub(crate) shared: Arc<HandleState>,
     /// Marks the handle, and leads to the bell.

@@ -61,7 +61,7 @@ impl fmt::Debug for Trigger {
     }
 }
 
-/// Which handles of a worker have something to do, for a custom [`Trigger`].
+/// The handles of a worker, and whether each has input, for a custom [`Trigger`].
 pub struct HandleStates<'a>(pub(crate) &'a [HandleEntry]);
 
 impl HandleStates<'_> {
@@ -76,7 +76,7 @@ impl HandleStates<'_> {
         self.iter().any(|(other, ready)| ready && other == id)
     }
 
-    /// How many handles have something to do.
+    /// Number of handles that have input.
     #[must_use]
     pub fn ready(&self) -> usize {
         self.0.iter().filter(|e| e.ready).count()

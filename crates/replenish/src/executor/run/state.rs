@@ -89,7 +89,7 @@ impl WorkerSpec {
         self.rules.capacity.unwrap_or(described).max(described)
     }
 
-    /// How many timers and guard conditions it has: later ones count on.
+    /// Number of timers or of guard conditions, whichever is larger. The next one gets this number.
     pub(crate) fn numbers(&self) -> u64 {
         self.timers.max(self.guards) as u64
     }

@@ -177,7 +177,7 @@ fn abort(threads: &mut Vec<StartedThread>, error: Error) -> Error {
     for c in threads.iter() {
         c.plan.launch(Launch::Abort);
     }
-    // Where they are not joined, they end by themselves: nothing holds them up.
+    // On the board the threads are not joined: they end by themselves.
     if !BARE {
         threads.drain(..).for_each(StartedThread::join);
     }

@@ -21,11 +21,11 @@ use sporadic::priority::by_rank;
 
 /// Budgeted workers without a policy get these, the shortest period the highest.
 const PRIORITIES: RangeInclusive<u8> = 20..=60;
-/// Where budgeted workers run without budget.
+/// Priority of budgeted workers whose budget is used up.
 const BACKGROUND: u8 = 6;
 /// The dispatcher's FIFO priority as soon as any worker is real-time.
 const DISPATCHER: u8 = 98;
-/// The smallest stack that is accepted, in bytes: what glibc accepts, or what a frame and the
+/// The smallest accepted stack, in bytes: what glibc accepts, or one frame and the registers.
 /// registers need.
 const MIN_STACK: usize = if STD { 16 * 1024 } else { 512 };
 
@@ -157,9 +157,8 @@ pub(crate) fn sporadic(budget: &Budget, priority: u8) -> Option<Result<Policy, P
     Some(params.map(Policy::Sporadic))
 }
 
-/// How many periods are shorter than this one among the budgets of workers without a policy, each
-/// counted once. (Neither sorted nor collected: both bring code that small images have no room
-/// for.)
+/// Number of different periods below this one among the budgets of workers without a policy.
+/// Neither sorts nor collects: both bring code for which small images have no room.
 fn shorter(mut period: Nanos, workers: &[Static<WorkerSpec>]) -> u8 {
     let mut count = 0_u8;
     loop {

@@ -27,7 +27,7 @@ impl WorkerRequest {
 }
 
 impl LedgerUse {
-    /// Where reservations would be kept, whether there are any or not.
+    /// The directory for reservations, whether it holds any or not.
     fn directory(&self) -> Option<PathBuf> {
         match self {
             Self::At(directory) => Some(directory.clone()),

@@ -27,7 +27,7 @@ pub(crate) fn prepare(_: &mut Executor) -> Result<String, Error> {
     Ok(String::new())
 }
 
-/// Nobody to adopt.
+/// There are no threads to adopt.
 #[expect(
     clippy::unnecessary_wraps,
     reason = "the signature of what it stands in for"

@@ -89,8 +89,8 @@ pub struct HandleReport {
     pub response: Histogram,
     /// Bytes that were taken at set-up for its samples, those of the middleware included.
     pub memory: usize,
-    /// How many publishers (of a service, clients) its subscription hears; `None` for a handle
-    /// without one, and where the middleware does not know: DDS-XRCE.
+    /// Number of publishers (for a service: clients) of its subscription; `None` for a handle
+    /// without a subscription, and where the middleware does not know it: DDS-XRCE.
     pub matched: Option<usize>,
     /// The last error a callback returned, or the panic's message; cut to 120 bytes.
     pub last_error: Option<String>,

@@ -32,7 +32,7 @@ use core::time::Duration;
 use replenish_os::clock;
 use replenish_os::{self as os, Enforcer, Thread, Tid, Usage};
 
-/// How long threads that have finished their work may take to end, in nanoseconds.
+/// Time in nanoseconds that threads have to end after their last work.
 const EPILOGUE: Nanos = 20_000_000;
 
 /// A thread and its place.
@@ -236,7 +236,7 @@ impl fmt::Debug for RunningExecutor {
     }
 }
 
-/// Nobody waits for the thread any more, and it keeps neither budget nor priority.
+/// Gives up waiting for the thread; takes its budget and its priority.
 fn leave_behind(plan: &ThreadPlan, thread: &Thread<()>, stuck: &mut Vec<String>, events: &Events) {
     let name = &*plan.name;
     stuck.push(String::from(name));

@@ -53,7 +53,7 @@ pub(crate) struct ThreadPlan {
     pub(crate) ready: Mutex<Option<Result<Ready, Text>>>,
     pub(crate) launch: Mutex<Option<Launch>>,
     pub(crate) finished: AtomicBool,
-    /// Where it records.
+    /// The thread's place in the flight recorder.
     pub(crate) slot: recorder::ThreadSlot,
 }
 

@@ -1,4 +1,4 @@
-//! Where the future that a thread polls leaves the times at which it wants to be polled again.
+//! The alarms of a future: the times at which it wants to be polled again, left by its sleeps.
 //! `sleeping_disabled.rs` takes this file's place without feature `std`: nothing sleeps there.
 //!
 //! ```text
@@ -21,8 +21,8 @@ const PLACES: usize = 8;
 /// Places of those that sleep: when each is due, and its waker.
 pub(crate) struct Places<const N: usize> {
     places: [Option<Place>; N],
-    /// How many places were given so far. A place has the number of the sleep that it was given to:
-    /// one that was woken may be another's already.
+    /// Number of places given so far. A place keeps the number of its sleep: after that sleep was
+    /// woken the place may belong to another.
     given: u64,
 }
 

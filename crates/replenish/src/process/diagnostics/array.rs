@@ -18,7 +18,7 @@ use std::vec::Vec;
 /// Bytes of an encoded status, at most: twelve pairs of 112 bytes besides the texts.
 const STATUS: usize = 2048;
 
-/// What is counted of a thread and its handles since the start.
+/// Counters of a thread and its handles since the start.
 #[derive(Debug, Clone, Copy, Default)]
 struct Totals {
     cpu: u64,

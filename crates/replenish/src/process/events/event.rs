@@ -13,7 +13,7 @@ pub struct Count {
 
 /// A change at a publisher or subscription: [`on_event`](crate::AddHandles::on_event).
 ///
-/// Several changes between two callbacks are one event. `rclcpp`'s names stand beside.
+/// Several changes between two callbacks are one event. The name in `rclcpp` stands in brackets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum QosEvent {
@@ -27,7 +27,7 @@ pub enum QosEvent {
     /// A peer of the topic offers or asks for a quality of service that does not fit
     /// (`incompatible_qos`): the two do not talk.
     IncompatibleQos {
-        /// How many so far.
+        /// Number of such peers.
         count: Count,
         /// The policy by which the last one did not fit: `"reliability"`.
         policy: &'static str,
@@ -44,9 +44,9 @@ pub enum QosEvent {
     /// Publishers of a subscription have come, gone, fallen silent or are back
     /// (`liveliness_changed`).
     LivelinessChanged {
-        /// Those that are alive.
+        /// Publishers that are alive.
         alive: Count,
-        /// Those that were silent for longer than their lease.
+        /// Publishers that were silent for longer than their lease.
         not_alive: Count,
     },
     /// Samples of a subscription were lost on the way to it (`message_lost`).

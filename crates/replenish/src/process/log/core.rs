@@ -36,7 +36,7 @@ impl Named {
     }
 }
 
-/// Where the lines of a logger go.
+/// The targets of a logger's lines: the logger itself and, if it publishes, `/rosout`.
 #[derive(Clone)]
 pub(super) struct Target {
     pub(super) named: Arc<Named>,

@@ -57,17 +57,17 @@ pub struct AdoptedReport {
     pub cpu: usize,
     /// Their FIFO priority while there is budget.
     pub priority: u8,
-    /// Names and numbers of those that run now.
+    /// Names and thread ids of the adopted threads that run now.
     pub threads: Vec<(String, Tid)>,
-    /// How many were adopted so far.
+    /// Number of threads adopted so far.
     pub adopted: u64,
-    /// Used at the priority.
+    /// CPU time used at the FIFO priority.
     pub cpu_high: Nanos,
-    /// Used in the background.
+    /// CPU time used in the background.
     pub cpu_low: Nanos,
-    /// How often the budget ran out.
+    /// Number of times that the budget ran out.
     pub exhaustions: u64,
-    /// Why the last thread that fitted was left as it is, if one was.
+    /// Why the last matching thread that was refused was not adopted.
     pub refused: Option<String>,
 }
 

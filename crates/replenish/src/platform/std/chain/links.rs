@@ -10,7 +10,7 @@ use replenish_os::clock;
 use std::sync::Arc;
 use std::vec::Vec;
 
-/// What a sample says about its causes.
+/// Time of publication and chain origins that a sample carries.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Provenance {
     /// When it was published, in nanoseconds since the Unix epoch.
@@ -28,10 +28,10 @@ impl Provenance {
     }
 }
 
-/// Where a link's origin comes from.
+/// The source of a link's origin.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Input {
-    /// It is the first stage.
+    /// The link is the first stage.
     Source,
     /// The sample comes from this link.
     Sample(u32),

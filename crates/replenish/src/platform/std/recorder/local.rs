@@ -23,9 +23,9 @@ pub(super) struct Local {
     pub(super) last: Nanos,
     /// The handle whose callback has begun, its release, and its begin.
     pub(super) open: Option<(NameId, Nanos, Nanos)>,
-    /// Where a dump is asked for.
+    /// The trigger of a dump, which the thread fires.
     pub(super) armed: Option<Arc<Armed>>,
-    /// A callback that takes longer asks for one; `Nanos::MAX`: none does.
+    /// A callback that takes longer, in ns, fires a dump; `Nanos::MAX`: none does.
     pub(super) bound: Nanos,
 }
 

@@ -1,4 +1,4 @@
-//! Where a program's file stands, and how it gets there.
+//! The place of a program's live file, and how the program gets it.
 //!
 //! ```text
 //!   REPLENISH_LIVE = off ──────► none is recorded

@@ -90,13 +90,13 @@ impl Armed {
         Cause::ALL.into_iter().find(|c| *c as u64 == number)
     }
 
-    /// Where it was fired: the ring's first word, and its records then.
+    /// Position of the cause: the ring's first word, and the ring's number of records then.
     pub(super) fn at(&self) -> (u64, u64) {
         let [ring, written] = [&self.ring, &self.written].map(|w| w.load(Ordering::Relaxed));
         (ring, written)
     }
 
-    /// The next cause is another dump's.
+    /// Clears the cause: the next one is for another dump.
     pub(super) fn rearm(&self) {
         self.cause.store(0, Ordering::Release);
     }
