@@ -9,13 +9,13 @@ use sporadic::{Server, Tuning};
 /// The end of time, in the place of no time at all.
 pub(super) const NEVER: Nanos = Nanos::MAX;
 
-/// How many pending replenishments a budget may have at most on this system.
+/// The most pending replenishments of one budget on this system.
 pub const MAX_REPL: usize = backend::config::MAX_REPL;
 
 /// The server type that is enforced here.
 pub(super) type AnyServer = Server<MAX_REPL>;
 
-/// Which mode of the ladder holds budgets. Reported per worker, never changed silently.
+/// The mode that holds a budget. Reported per worker, never changed silently.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Enforcement {
     /// An enforcer thread on the worker's own CPU: overrun of a few microseconds.
@@ -46,12 +46,12 @@ pub struct EnforcerConfig {
     pub cpu: Option<usize>,
     /// FIFO priority, 1..=99; must be above every worker's and the dispatcher's.
     pub priority: u8,
-    /// How many workers can be enrolled, 1..=1024. All memory is set up with this number.
+    /// The most workers that can be enrolled, 1..=1024. All memory is set up with this number.
     pub capacity: usize,
     /// The constants of judgement.
     pub tuning: Tuning,
-    /// Whether to record context switches, so that blocking inside callbacks is seen exactly.
-    /// Where the kernel refuses, the voluntary-switch counter stands in (less exact, safe).
+    /// Whether to record context switches, so that blocking inside callbacks is seen exactly. If
+    /// the kernel refuses, the voluntary-switch counter stands in (less exact, safe).
     pub switch_log: bool,
     /// Whether the program stays in memory ([`memory::keep_program`](crate::memory::keep_program)),
     /// so that the enforcer never waits for a disk. A refusal:

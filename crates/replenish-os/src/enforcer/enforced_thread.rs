@@ -219,7 +219,7 @@ impl EnforcedThread {
         self.supervised.observed(&self.reservation, now, false);
     }
 
-    /// Where the thread is at the low level, it may run at the high one again for good.
+    /// Ends the enforcement: a suspended thread runs again, and is stopped no more.
     pub(super) fn release(&mut self) {
         self.live = false;
         self.suspend.resume();
@@ -286,7 +286,7 @@ impl EnforcedThread {
             (_, Level::High, Low::Suspend) => {
                 self.detector.forget_block();
                 let raised = self.suspend.resume_at(self.tid, high);
-                // Nobody refuses that on a small kernel, where flash is short.
+                // A small kernel refuses no priority, and its flash is short.
                 let refused = cfg!(not(target_os = "none")) && raised.is_err();
                 if refused && !sched::has_level(self.tid, high, level) {
                     // It goes on in the time-sharing class, for its budget and no longer.
@@ -296,8 +296,8 @@ impl EnforcedThread {
                 raised
             }
         };
-        // Where the enforcer is on the worker's CPU, no time has passed for the worker, and its
-        // clock stands still if it was preempted there, as it should be.
+        // With the enforcer on the worker's CPU, no time has passed for the worker. Its clock
+        // stands still if it was preempted there, as it should be.
         let (now, cpu) = match mode {
             Enforcement::SameCpu if self.detector.is_off_cpu() => {
                 (now, self.reservation.last_reading().0)

@@ -34,7 +34,7 @@ impl Meter {
         self.0.tid
     }
 
-    /// Which mode holds the worker's budget; `None` without a budget.
+    /// Mode that holds the worker's budget; `None` without a budget.
     #[must_use]
     pub fn enforcement(&self) -> Option<Enforcement> {
         self.0.budget.as_ref().map(|b| b.enforcer.mode)
@@ -84,8 +84,8 @@ impl Meter {
         summarise(&mut sample, totals)
     }
 
-    /// How many demotions were late by more than [`STALL`](super::STALL) nanoseconds. Takes the
-    /// enforcer's lock briefly (with priority inheritance) and does not allocate.
+    /// Number of demotions that were late by more than [`STALL`](super::STALL) nanoseconds. Takes
+    /// the enforcer's lock briefly (with priority inheritance) and does not allocate.
     #[must_use]
     pub fn stalls(&self) -> u64 {
         let Some(b) = &self.0.budget else {

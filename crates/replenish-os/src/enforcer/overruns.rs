@@ -2,10 +2,10 @@
 
 use alloc::vec::Vec;
 
-/// How many of the newest overruns of a worker are kept.
+/// Number of a worker's newest overruns that are kept.
 const KEPT: usize = crate::backend::config::OVERRUNS_KEPT;
 
-/// How many of the newest stalls of a worker are kept.
+/// Number of a worker's newest stalls that are kept.
 const STALLS_KEPT: usize = if KEPT < 1024 { 2 } else { 16 };
 
 /// A demotion that came late because the machine stood still (a hypervisor pause, the kernel's
@@ -32,9 +32,9 @@ pub struct OverrunSummary {
     pub p99: i64,
     /// Largest of the newest 1024.
     pub max: i64,
-    /// How many demotions were late by more than [`STALL`] nanoseconds.
+    /// Number of demotions that were late by more than [`STALL`] nanoseconds.
     pub stalls: u64,
-    /// The worst of those.
+    /// The worst of these stalls.
     pub worst_stall: Option<Stall>,
 }
 

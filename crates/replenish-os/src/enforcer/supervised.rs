@@ -13,13 +13,13 @@ pub(super) struct Supervised {
     /// The priority that the worker was given last, 0 in the time-sharing class; unknown after a
     /// refusal.
     pub(super) given: Option<u8>,
-    /// How often it was found with another one.
+    /// Number of times that the thread was found with another priority.
     pub(super) foreign: u64,
     /// The kernel refuses the change that is due.
     pub(super) refused: bool,
     /// The refusal was reported.
     pub(super) reported: bool,
-    /// Where its budget is recorded.
+    /// The recorder's place for its budget.
     record: Option<BudgetRecord>,
 }
 

@@ -40,7 +40,7 @@ use std::sync::{Mutex, OnceLock};
 /// late; a machine that stands still may be, and then the look does no harm.
 const OVERDUE: Nanos = 5_000_000;
 
-/// How long a look waits for the enforcer's lock.
+/// Time in nanoseconds that a look waits for the enforcer's lock.
 const PATIENCE: Nanos = 2_000_000;
 
 type Hook = Arc<dyn Fn(&Fault) + Send + Sync>;
@@ -330,7 +330,7 @@ impl Worker {
 }
 
 impl EnforcerState {
-    /// Nobody raises these threads again: all of them go to their low level.
+    /// Lowers all threads: their enforcer ends unasked and raises none of them again.
     pub(super) fn lower_all(&self, threads: &mut EnforcedThreads) {
         let now = clock::monotonic();
         let mode = match self.mode {

@@ -13,9 +13,9 @@ pub struct Usage {
     pub available: Nanos,
     /// Whether the worker is at its background priority (or suspended, or deferred) now.
     pub low: bool,
-    /// How often the budget ran out while the worker ran.
+    /// Number of times that the budget ran out while the worker ran.
     pub exhaustions: u64,
-    /// How often a replenishment raised the worker.
+    /// Number of times that a replenishment raised the worker.
     pub replenishments: u64,
     /// Stretches of blocking inside callbacks that were seen and accounted.
     pub blocked_inside: u64,

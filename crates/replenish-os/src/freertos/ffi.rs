@@ -239,7 +239,7 @@ pub(crate) fn running() -> Option<Running> {
     })
 }
 
-/// How often the idle task has waited for an interrupt.
+/// Number of times that the idle task has waited for an interrupt.
 pub(crate) fn idle_waits() -> u32 {
     // SAFETY: a counter that the idle task alone writes, in one piece.
     unsafe { (&raw const c::rp_idle_waits).read_volatile() }

@@ -38,7 +38,7 @@ pub fn on_timer() {
     alarm::on_timer();
 }
 
-/// How often that was.
+/// Number of times that the board's timer has rung.
 pub(super) fn alarms() -> u32 {
     ALARMS.load(Ordering::Relaxed)
 }

@@ -186,7 +186,7 @@ pub(crate) fn end(slot: &TaskSlot) {
     slot.state.with(|s| s.ended = true);
 }
 
-/// How often the calling task has blocked so far.
+/// Number of times that the calling task has blocked so far.
 #[must_use]
 pub fn voluntary_switches() -> u64 {
     current().map_or(0, |slot| slot.state.with(|s| s.blocks.into()))

@@ -24,9 +24,9 @@ pub struct TaskUse {
     pub stack_unused: usize,
     /// CPU time so far, interrupts that came meanwhile included.
     pub cpu: Nanos,
-    /// How often it has lost the CPU because it waited. Wraps around.
+    /// Number of times that it has lost the CPU because it waited. Wraps around.
     pub blocks: u32,
-    /// How often the kernel chose again while it could have gone on. Wraps around.
+    /// Number of times that the kernel chose again while it could have gone on. Wraps around.
     pub preemptions: u32,
 }
 
@@ -58,9 +58,9 @@ fn of(slot: &'static TaskSlot) -> Option<TaskUse> {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[non_exhaustive]
 pub struct KernelUse {
-    /// How often the idle task has waited for an interrupt (`WFI`).
+    /// Number of times that the idle task has waited for an interrupt (`WFI`).
     pub idle_waits: u32,
-    /// How often the board's timer has rung.
+    /// Number of times that the board's timer has rung.
     pub alarms: u32,
 }
 

@@ -6,7 +6,7 @@ use rustix::thread::{self, sched_getaffinity, sched_setaffinity};
 use std::fmt;
 use std::io;
 
-/// How many CPUs a [`CpuSet`] can name.
+/// The most CPUs that a [`CpuSet`] can name.
 const MAX_CPUS: usize = thread::CpuSet::MAX_CPU;
 
 /// A set of CPU numbers, `0..1024`.
@@ -46,7 +46,7 @@ impl CpuSet {
         cpu < MAX_CPUS && self.0.is_set(cpu)
     }
 
-    /// How many CPUs are in the set.
+    /// Number of CPUs in the set.
     #[must_use]
     pub fn len(&self) -> usize {
         self.iter().count()

@@ -1,5 +1,5 @@
-//! Which stretches of a callback its thread spent blocked: from the kernel's records where it
-//! keeps them ([`ContextSwitchLog`]).
+//! The stretches of a callback in which its thread blocked, from the kernel's records
+//! ([`ContextSwitchLog`]) where the kernel keeps them.
 
 use super::blocked_intervals::BlockedIntervals;
 use super::clock::ThreadCpuClock;

@@ -1,5 +1,5 @@
-//! Where the code of the C library lies: a thread that is stopped in there may hold a lock of its,
-//! the heap's for instance, which has no priority inheritance.
+//! The address range of the C library's code. A thread that is stopped in there may hold one of the
+//! library's locks, the heap's for instance, and these have no priority inheritance.
 //!
 //! Found once, at set-up, by the names of the loaded objects. In a program that is linked
 //! statically the library is part of the program, and is not found.
@@ -73,7 +73,7 @@ fn is_library(path: &[u8]) -> bool {
     names.iter().any(|name| file.starts_with(name))
 }
 
-/// Where a signal interrupted the thread; `None` on processors that this does not know.
+/// Address at which a signal interrupted the thread; `None` on processors unknown to this file.
 ///
 /// # Safety
 /// `context` is the third argument of a handler that was installed with `SA_SIGINFO`.

@@ -11,5 +11,5 @@ pub(crate) const ENFORCER_CAPACITY: usize = 64;
 pub(crate) const ENFORCER_STACK: usize = 256 * 1024;
 /// Whether blocking inside callbacks is always seen exactly.
 pub(crate) const ALWAYS_EXACT: bool = false;
-/// How many of a worker's newest overruns are kept.
+/// Number of a worker's newest overruns that are kept.
 pub(crate) const OVERRUNS_KEPT: usize = 1024;

@@ -28,9 +28,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// One switch of the thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ContextSwitch {
-    /// When, on `CLOCK_MONOTONIC`, in nanoseconds.
+    /// Time of the switch, on `CLOCK_MONOTONIC`, in nanoseconds.
     pub time: Nanos,
-    /// Which way.
+    /// Direction of the switch.
     pub kind: SwitchDirection,
 }
 
@@ -44,7 +44,7 @@ impl ContextSwitch {
     }
 }
 
-/// Which way a switch went.
+/// Direction of a switch: off the CPU, or onto it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SwitchDirection {
     /// The thread left the CPU.
@@ -275,7 +275,7 @@ impl Attr {
     }
 }
 
-/// How often the calling thread has blocked so far (`ru_nvcsw`): the cheap detector.
+/// Number of times that the calling thread has blocked so far (`ru_nvcsw`): the cheap detector.
 #[must_use]
 pub fn voluntary_switches() -> u64 {
     // SAFETY: an all-zero rusage is a valid value to be filled in.

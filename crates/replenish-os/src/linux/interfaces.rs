@@ -9,7 +9,7 @@ use std::ptr;
 /// The IPv4 addresses of the interfaces that are up, in the kernel's order; loopback ones too.
 ///
 /// # Errors
-/// Those of `getifaddrs(3)`.
+/// The errors of `getifaddrs(3)`.
 pub fn ipv4_addresses() -> io::Result<Vec<Ipv4Addr>> {
     let mut list = ptr::null_mut::<libc::ifaddrs>();
     // SAFETY: the function puts a list there, which is freed below.

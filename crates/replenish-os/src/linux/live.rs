@@ -51,7 +51,7 @@ impl SharedMemory {
         Self::touched(start, bytes)
     }
 
-    /// So many bytes that nobody else sees.
+    /// Maps this many bytes for this process alone; they are freed when the value is dropped.
     ///
     /// # Errors
     /// If there is no memory.

@@ -36,7 +36,7 @@ impl LiveFile {
         put(directory, bytes)
     }
 
-    /// Where it is.
+    /// Path of the file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path

@@ -29,7 +29,7 @@ pub(crate) struct LockWaits {
 struct State {
     /// Since when it waits; 0: it does not.
     since: AtomicU64,
-    /// How often it blocked in all its waits, by the count of [`voluntary_switches`].
+    /// Number of times that it blocked in all its waits, by the count of [`voluntary_switches`].
     switches: AtomicU64,
 }
 
@@ -63,7 +63,7 @@ impl LockWaits {
         (guard, Some(self))
     }
 
-    /// How often the calling thread has blocked, its waits for the lock left out.
+    /// Number of times that the calling thread has blocked, its waits for the lock left out.
     pub(crate) fn other_switches(&self) -> u64 {
         voluntary_switches().saturating_sub(self.state.switches.load(Ordering::Relaxed))
     }

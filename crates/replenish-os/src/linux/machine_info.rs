@@ -22,9 +22,9 @@ pub struct MachineInfo {
     pub rt_period_us: Option<i64>,
     /// The CPUs that are online.
     pub online: CpuSet,
-    /// Those kept free of ordinary threads (`isolcpus=`).
+    /// CPUs kept free of ordinary threads (`isolcpus=`).
     pub isolated: CpuSet,
-    /// Those the calling thread may use.
+    /// CPUs that the calling thread may use.
     pub allowed: CpuSet,
     /// The counter behind `CLOCK_MONOTONIC` (`tsc`, `arch_sys_counter`, ...).
     pub clock_source: Option<String>,

@@ -46,7 +46,7 @@ impl<'fd> PollFd<'fd> {
 /// allocation; signals do not end the wait.
 ///
 /// The kernel takes the remaining time, so a thread preempted on its way in wakes that much late.
-/// Where that matters, put a [`TimerFd`](crate::timer::TimerFd) among the descriptors.
+/// If that matters, put a [`TimerFd`](crate::timer::TimerFd) among the descriptors.
 ///
 /// # Errors
 /// `EINVAL` for more descriptors than `RLIMIT_NOFILE`, `ENOMEM`; see `ppoll(2)`.

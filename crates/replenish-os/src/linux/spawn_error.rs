@@ -26,7 +26,7 @@ pub enum SpawnError {
     Cpu {
         /// The CPU that was asked for.
         cpu: usize,
-        /// Those this process may use.
+        /// CPUs that this process may use.
         allowed: Box<CpuSet>,
         /// The kernel's answer.
         source: io::Error,

@@ -70,8 +70,8 @@ impl SuspendCell {
     /// Stops the thread: at once if it is in a callback (`running`), else before its next one.
     ///
     /// # Errors
-    /// Where its priority could not be lowered; it is stopped all the same, outside sections, and
-    /// lowers itself if it is in a callback.
+    /// The kernel's error if it refused to lower the priority. The thread is stopped all the same,
+    /// outside sections, and lowers itself if it is in a callback.
     pub(crate) fn suspend(&self, tid: Tid, running: bool) -> io::Result<()> {
         self.0.suspension().stop();
         let lowered = sched::set_priority(tid, SchedClass::Other);
@@ -108,7 +108,7 @@ impl SuspendCell {
     /// As [`resume`](Self::resume), from a stop.
     ///
     /// # Errors
-    /// Where its priority could not be raised; it goes on all the same.
+    /// The kernel's error if it refused to raise the priority. The thread goes on all the same.
     pub(crate) fn resume_at(&self, tid: Tid, priority: u8) -> io::Result<()> {
         let raised = sched::set_priority(tid, SchedClass::Fifo(priority));
         self.resume();

@@ -38,15 +38,16 @@ const CANCELLED: u32 = 4;
 #[derive(Debug)]
 pub(crate) struct Suspension {
     word: FutexWord,
-    /// How many of our locks the thread holds.
+    /// Number of our locks that the thread holds.
     held: AtomicU32,
-    /// How many of them it held when its callback began: their guards were forgotten, or are kept.
+    /// Number of locks that it held when its callback began: their guards were forgotten, or are
+    /// kept.
     kept: AtomicU32,
     /// The thread sleeps here, or is about to.
     asleep: AtomicBool,
-    /// The thread's CPU clock when somebody began to wait for it; 0 if nobody does.
+    /// The thread's CPU clock when another thread began to wait for it; 0 if none waits.
     boosted_since: AtomicU64,
-    /// CPU time that the thread used while somebody waited for it, up to its last section.
+    /// CPU time that the thread used while another waited for it, up to its last section.
     boosted: AtomicU64,
     /// The sum at which the thread, being low, stops at the end of its section.
     allowance: AtomicU64,

@@ -107,7 +107,7 @@ fn give_back() {
     let mut kept = BEFORE.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(before) = kept.take() {
         let mut out = io::stdout().lock();
-        // Where the terminal is gone, there is nobody to give it back to.
+        // If the terminal is gone, there is nothing to restore.
         out.write_all(LEAVE.as_bytes())
             .and_then(|()| out.flush())
             .ok();

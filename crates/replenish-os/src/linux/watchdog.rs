@@ -34,7 +34,7 @@ const RUNTIME: Nanos = 500_000;
 const STACK: usize = 128 * 1024;
 /// Of the thread that runs the user's hooks.
 const TELLER_STACK: usize = 256 * 1024;
-/// So many calls of hooks wait; further ones are dropped, and the counters tell of them.
+/// The most calls of hooks that wait. Further calls are dropped; the counters still have them.
 const WAITING: usize = 64;
 
 /// Looks once, and says after how long to look again.
@@ -128,7 +128,7 @@ fn run() {
             let mut watchdog = WATCHDOG.lock();
             if watchdog.looks.is_empty() {
                 watchdog.thread = None;
-                // What it was given it tells.
+                // The teller makes the calls that it has, and ends.
                 *CALLS.lock().unwrap_or_else(PoisonError::into_inner) = None;
                 return;
             }

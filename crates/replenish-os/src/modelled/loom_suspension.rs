@@ -83,7 +83,8 @@ fn loom_a_stopped_worker_goes_on_and_never_stops_in_a_section() {
     });
 }
 
-/// Nobody raises it: a cancel ends the wait, before or after the stop, and a later stop is none.
+/// No enforcer raises the worker: a cancel ends the wait, before or after the stop, and a later
+/// stop does not stop it.
 #[test]
 fn loom_a_cancel_ends_every_stop() {
     model(|| {

@@ -8,7 +8,7 @@ pub(crate) const ENFORCER_CAPACITY: usize = 8;
 pub(crate) const ENFORCER_STACK: usize = 4096;
 /// Whether blocking inside callbacks is always seen exactly.
 pub(crate) const ALWAYS_EXACT: bool = false;
-/// How many of a worker's newest overruns are kept.
+/// Number of a worker's newest overruns that are kept.
 pub(crate) const OVERRUNS_KEPT: usize = if cfg!(nuttx_host) { 1024 } else { 16 };
 
 /// The policies of this system, for the refusal of any other.

@@ -230,7 +230,7 @@ pub(crate) fn board_now() -> Nanos {
     unsafe { rp_board_now() }
 }
 
-/// How often the calling thread blocked, where there are no switch hooks.
+/// Number of times that the calling thread blocked, for systems without switch hooks.
 pub(crate) fn blocks() -> u64 {
     // SAFETY: reads a counter.
     unsafe { rp_blocks() }

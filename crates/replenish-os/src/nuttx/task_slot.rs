@@ -57,7 +57,7 @@ pub(crate) struct TaskState {
     pub(crate) lends: bool,
     pub(crate) ended: bool,
     pub(crate) blocked: BlockedIntervals,
-    /// Which of the slot's threads this is.
+    /// Number of the thread among those that had this slot.
     pub(crate) generation: u32,
     free: bool,
     cpu: Nanos,
@@ -241,7 +241,7 @@ pub(crate) fn find(id: i32) -> Option<&'static TaskSlot> {
     all().find(|slot| slot.id == id)
 }
 
-/// How often the calling thread has blocked so far.
+/// Number of times that the calling thread has blocked so far.
 #[must_use]
 pub fn voluntary_switches() -> u64 {
     if sees_switches() {

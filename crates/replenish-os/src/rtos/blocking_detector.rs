@@ -1,4 +1,4 @@
-//! Which stretches of a callback its task spent blocked, from the switch hooks.
+//! The stretches of a callback in which its task blocked, from the switch hooks.
 
 use super::blocked_intervals::BlockedIntervals;
 use super::clock::ThreadCpuClock;

@@ -1,4 +1,4 @@
-//! How many threads panicked: a back end halts each, and the others go on.
+//! Counts panicked threads: a back end halts each, and the others go on.
 
 use crate::Tid;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -9,13 +9,13 @@ static LAST: AtomicU32 = AtomicU32::new(0);
 /// Panics so far.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Panicked {
-    /// How many threads were halted.
+    /// Number of threads that were halted.
     pub count: u32,
     /// The last of them.
     pub last: Option<Tid>,
 }
 
-/// How many threads panicked, and which one last.
+/// Number of panicked threads, and the last one.
 #[must_use]
 pub fn panicked() -> Panicked {
     Panicked {

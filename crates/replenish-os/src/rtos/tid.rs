@@ -1,4 +1,4 @@
-//! Which task is it?
+//! Thread ids: the number of a task's slot.
 
 use crate::Tid;
 use crate::backend::port::task_slot::{self, TaskSlot};

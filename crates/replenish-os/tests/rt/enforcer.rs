@@ -318,7 +318,7 @@ fn sleeping_inside_a_callback_is_seen() {
     });
     let (usage, sees) = (loads[0].meter.usage(), loads[0].meter.sees_blocking());
     println!("{usage:?} {:?}", enforcer.stats());
-    // Where nothing is recorded, it is not known how often.
+    // Without records the number is not known.
     assert!(usage.blocked_inside >= 15 || !sees);
     finish(loads);
 }

@@ -104,7 +104,7 @@ fn user_of(tid: i32) -> Option<u32> {
     line.split_whitespace().next()?.parse().ok()
 }
 
-/// How many threads are root.
+/// Number of this process's threads whose user is root.
 fn roots() -> usize {
     let tasks = std::fs::read_dir("/proc/self/task").unwrap().flatten();
     let tids = tasks.filter_map(|t| t.file_name().to_str()?.parse().ok());

@@ -1,4 +1,4 @@
-//! Where a thread lands in the FIFO list when its priority changes, seen by who runs next.
+//! Position of a thread in the FIFO list after a change of its priority, seen by who runs next.
 
 use crate::common::{MS, become_fifo, cpu, spin};
 use replenish_os::clock::{self, ThreadCpuClock};

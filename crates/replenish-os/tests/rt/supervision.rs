@@ -71,8 +71,9 @@ fn a_worker_that_raises_itself_is_put_back() {
     assert!(stats.faults >= 1);
 }
 
-/// Nobody looked after the workers of an enforcer that could not run: on b209253 they had the CPU
-/// until it could. This one is on another CPU, where nothing keeps it.
+/// The watchdog stands in for an enforcer that cannot run. On b209253 the workers had the CPU until
+/// the enforcer could run. The watchdog is on another CPU here, where nothing keeps it from
+/// running.
 fn a_silent_enforcer_is_stood_in_for(low: Low) -> (Vec<Fault>, Usage) {
     let (enforcer, faults) = enforcer();
     let (tell, told) = mpsc::channel();
@@ -141,7 +142,7 @@ fn enforcers_thread() -> Tid {
     tids.next().expect("no enforcer")
 }
 
-/// Nobody noticed that on b209253.
+/// The watchdog restores an enforcer's priority. On b209253 the loss went unnoticed.
 fn an_enforcer_that_lost_its_priority_gets_it_back() {
     let _dog = watchdog("lost its priority", Duration::from_secs(120));
     let (enforcer, faults) = enforcer();

@@ -200,8 +200,9 @@ fn tortured(seed: u64) -> [u64; 2] {
         priority => Low::Background(priority as u8),
     };
     let mut world = World::new(seed, low, budget, period);
-    // What `docs/servers.md` allows in a window, a budget more since it is kept from the CPU and
-    // from its priority, a stretch in which nobody may lower it, and the checks that come late.
+    // The bound of `docs/servers.md` for a window. To it come one budget, since the thread is kept
+    // from the CPU and from its priority, a stretch in which no thread may lower it, and late
+    // checks.
     let tuning = sporadic::Tuning::LINUX.for_budget(budget);
     let stretch = (MOST + 1) * (tuning.backoff(budget) + LATE);
     let beyond = 3 * budget + LONGEST + stretch + tuning.slack + tuning.min_rearm;
@@ -227,7 +228,7 @@ fn tortured(seed: u64) -> [u64; 2] {
             world.cpu - START,
         );
     }
-    // Nobody refuses anything any more: as soon as its debts are paid it has its priority.
+    // The kernel grants everything again: the thread has its priority once its debts are paid.
     let is_high = |world: &World| {
         world.thread.reservation.level() == Level::High
             && World::priority() == HIGH

@@ -49,7 +49,7 @@ pub enum ForeignError {
     Full {
         /// The kind that has no place left: threads, or budgets.
         what: &'static str,
-        /// How many there can be.
+        /// The most of this kind.
         capacity: usize,
     },
     /// The priority is not below the enforcer's.

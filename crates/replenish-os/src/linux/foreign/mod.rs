@@ -24,8 +24,8 @@
 //! numbers in turn, and would have to go once through all of them between two system calls.
 //!
 //! # What is different from a worker of ours
-//! Nobody says when a foreign thread begins and ends its work. The enforcer sees it in the kernel's
-//! records of context switches where it may read them (`CAP_PERFMON`, or
+//! Foreign threads do not report when they begin and end their work. The enforcer sees it in the
+//! kernel's records of context switches where it may read them (`CAP_PERFMON`, or
 //! `kernel.perf_event_paranoid` of at most 2 and the same user). Without the records every reading
 //! counts as if the thread had used all of its time at the end: budgets hold, and come back later
 //! than they could.

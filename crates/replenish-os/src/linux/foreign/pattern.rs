@@ -5,7 +5,7 @@
 pub fn fits(pattern: &str, name: &str) -> bool {
     let (pattern, name): (Vec<_>, Vec<_>) = (pattern.chars().collect(), name.chars().collect());
     let (mut p, mut n) = (0, 0);
-    // Where the last star is, and how far it reaches.
+    // Position of the last star, and the end of the characters that it covers.
     let mut star = None;
     while let Some(c) = name.get(n) {
         match pattern.get(p) {

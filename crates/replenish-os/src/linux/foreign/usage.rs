@@ -13,13 +13,13 @@ pub struct BudgetUsage {
     pub high: Nanos,
     /// Used in the background.
     pub background: Nanos,
-    /// How often it ran out.
+    /// Number of times that it ran out.
     pub exhaustions: u64,
-    /// How often a replenishment raised its threads.
+    /// Number of times that a replenishment raised its threads.
     pub replenishments: u64,
-    /// How often the kernel refused to raise or lower one of them.
+    /// Number of times that the kernel refused to raise or lower one of its threads.
     pub refused: u64,
-    /// Which level its threads have.
+    /// Level of its threads.
     pub level: Level,
     /// Threads enrolled at this moment.
     pub threads: usize,

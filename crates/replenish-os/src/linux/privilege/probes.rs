@@ -74,7 +74,7 @@ pub(super) fn memory_lock(capable: bool, limit: Limit) -> Result<(), String> {
     ))
 }
 
-/// How many bytes of address space this process has mapped; what `mlockall` would lock.
+/// Bytes of address space that this process has mapped, which `mlockall` would lock.
 pub(in crate::linux) fn mapped_bytes() -> u64 {
     let statm = fs::read_to_string("/proc/self/statm").unwrap_or_default();
     let pages: u64 = statm
@@ -119,7 +119,7 @@ impl CgroupRt {
     }
 }
 
-/// Where this process is in the control groups.
+/// Place of this process in the control groups.
 pub(super) fn cgroup() -> CgroupRt {
     let membership = fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
     let mounts = fs::read_to_string("/proc/self/mountinfo").unwrap_or_default();

@@ -85,7 +85,7 @@ fn raise(resource: Resource) {
         current: limit.maximum,
         ..limit
     };
-    // Nobody refuses that; the watchdog reports what comes of it if somebody does.
+    // The kernel does not refuse this. If a sandbox does, the watchdog reports the consequences.
     if limit.current != limit.maximum {
         setrlimit(resource, raised).ok();
     }

@@ -15,7 +15,7 @@ pub(crate) fn cpu() -> usize {
     affinity(current_tid()).unwrap().iter().last().unwrap()
 }
 
-/// Where the process was pinned by who started it there is one, number 0.
+/// The script that starts the process pins it to a real CPU, which has the number 0 here.
 #[cfg(nuttx_host)]
 pub(crate) fn cpu() -> usize {
     0
