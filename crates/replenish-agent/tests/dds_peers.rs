@@ -41,7 +41,7 @@ mod peers {
     use replenish_xrce::wire::{ObjectKind, StreamId};
     use std::time::{Duration, Instant};
 
-    /// How long anything may take on a busy machine.
+    /// The longest time that any step may take on a busy machine.
     const PATIENCE: Duration = Duration::from_secs(60);
 
     const STRING: &str = "std_msgs::msg::dds_::String_";

@@ -17,7 +17,7 @@ use replenish_xrce::SeqNum;
 use replenish_xrce::wire::StreamId;
 use std::hash::Hash;
 
-/// How long a writer waits for a reader whose client may wait for the writer in turn.
+/// The longest wait of a writer for a reader whose client may wait for the writer in turn, in ns.
 const CIRCLE: Nanos = 1_000_000_000;
 
 impl<P: Copy + Eq + Hash> AgentCore<P> {
@@ -51,8 +51,9 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         })
     }
 
-    /// How long writers wait for a reader: as long as both live, unless a limit is set, or its
-    /// client can ask for more samples only on a stream that waits itself, and might wait for ever.
+    /// The longest wait of writers for a reader: as long as both live, unless a limit is set, or
+    /// the reader's client asks for more samples only on a stream that waits itself. That wait
+    /// might never end.
     fn block_limit(&self, reader: Address) -> Option<Nanos> {
         let client = self.clients.get(reader.client);
         let record = client.and_then(|client| client.entities.record(reader.object));

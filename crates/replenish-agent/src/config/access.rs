@@ -38,7 +38,7 @@ pub(crate) struct Grant {
     pub(super) read: Option<Vec<Box<str>>>,
 }
 
-/// Where a client may be.
+/// A place from which a client may log in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Place {
     /// Hosts whose address begins with the same bits.

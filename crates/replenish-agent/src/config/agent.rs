@@ -14,16 +14,16 @@ use std::path::PathBuf;
 /// How to run an [`Agent`](crate::Agent).
 #[derive(Clone, Debug)]
 pub struct AgentConfig {
-    /// Where to listen for UDP. Port 0 lets the operating system choose one.
+    /// The first UDP address to listen at. Port 0 lets the operating system choose one.
     ///
     /// Loopback by default: XRCE has no authentication, so that any host that reaches
     /// this address can read and write every topic, as far as `access` allows.
     pub addr: SocketAddr,
-    /// Where else to listen for UDP; at most 15 addresses.
+    /// Further UDP addresses to listen at; at most 15.
     pub more_udp: Vec<SocketAddr>,
     /// Do not listen for UDP at all; `addr` and `more_udp` do not matter then.
     pub without_udp: bool,
-    /// Where to listen for TCP, too.
+    /// The TCP address to listen at, if any.
     pub tcp: Option<SocketAddr>,
     /// Serial lines to serve; at most 64.
     pub serial: Vec<SerialConfig>,
@@ -31,7 +31,7 @@ pub struct AgentConfig {
     pub limits: Limits,
     /// The clients that may log in; all without a list.
     pub access: Option<AccessList>,
-    /// Which topics are more urgent than others; at most 256.
+    /// Rules that make some topics more urgent than others; at most 256.
     pub rules: Vec<TopicRule>,
     /// The meaning of the names that describe entities by reference.
     pub profiles: Profiles,

@@ -46,19 +46,20 @@ pub struct Limits {
     /// receives: it acknowledges something. Samples wait for that. Connections and serial lines
     /// have shown it. 0 for no limit, at most 1000.
     pub reflection: u32,
-    /// How long a reliable keep-all reader that is full may hold up reliable keep-all writers
-    /// before its samples are dropped; 0 to 60 s. `None`: as long as both live.
+    /// Time in ns that a full reliable keep-all reader may hold up reliable keep-all writers before
+    /// its samples are dropped; 0 to 60 s. `None`: as long as both live.
     pub writer_block_limit: Option<Nanos>,
-    /// How long the acknowledgement of a reliable message waits until its samples have reached all
-    /// their reliable readers, which are not waited for while they lag behind by more; 0 to 60 s.
-    /// With 0 it does not wait: then what the agent has queued is lost with it. Should be below the
-    /// time that clients wait for an acknowledgement, which is 1 s with micro-ROS.
+    /// The longest delay in ns of the acknowledgement of a reliable message until its samples have
+    /// reached all their reliable readers; 0 to 60 s. Readers that lag behind by more are not
+    /// waited for. With 0 nothing is waited for: then what the agent has queued is lost with it.
+    /// Should be below the time that clients wait for an acknowledgement, which is 1 s with
+    /// micro-ROS.
     pub confirm_timeout: Nanos,
-    /// How long after its own start the agent keeps what returning clients write for readers whose
-    /// clients return later; 0 to 60 s. Until then these samples are not confirmed.
+    /// Time in ns after its own start in which the agent keeps samples of returning clients for
+    /// readers whose clients return later; 0 to 60 s. Until then these samples are not confirmed.
     pub recovery_window: Nanos,
-    /// How long a client may be silent before it is forgotten, 10 ms to 24 h. Before that, at a
-    /// third of it, it is asked for a sign of life.
+    /// Time in ns that a client may be silent before the agent forgets it, 10 ms to 24 h. After a
+    /// third of it the agent asks the client for a sign of life.
     pub silence: Nanos,
 }
 

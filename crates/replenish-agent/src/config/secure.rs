@@ -6,16 +6,16 @@ use std::path::PathBuf;
 /// The encrypted ports. They need an access list, which has the clients' keys.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SecureConfig {
-    /// Where to listen for DTLS 1.2 with pre-shared keys, over UDP.
+    /// The UDP address to listen at for DTLS 1.2 with pre-shared keys.
     pub dtls: Option<SocketAddr>,
-    /// Where to listen for TLS 1.3 with certificates at both ends.
+    /// The address and credentials for TLS 1.3 with certificates at both ends.
     pub tls: Option<TlsConfig>,
 }
 
 /// The TLS port.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TlsConfig {
-    /// Where to listen.
+    /// The address to listen at.
     pub addr: SocketAddr,
     /// The agent's certificate in PEM form. Clients know it by its SHA-256.
     pub certificate: PathBuf,

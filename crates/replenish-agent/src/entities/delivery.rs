@@ -12,7 +12,7 @@ const SECOND: Nanos = 1_000 * MS;
 pub(crate) struct Delivery {
     /// Repeated in every DATA.
     pub(crate) base: BaseRequest,
-    /// Where the client wants it.
+    /// The stream on which the client wants the samples.
     pub(crate) stream: StreamId,
     /// Samples still to deliver; `None` for no end.
     left: Option<u16>,

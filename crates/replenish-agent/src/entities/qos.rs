@@ -11,8 +11,8 @@ use replenish_xrce::wire::{
 const MS: Nanos = 1_000_000;
 const SECOND: Nanos = 1_000 * MS;
 
-/// How long samples are kept for late readers. Transient and persistent samples
-/// are kept like transient-local ones: while their writer lives.
+/// Time for which samples are kept for late readers. Transient and persistent samples are kept like
+/// transient-local ones: while their writer lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Durability {
     Volatile,

@@ -17,7 +17,7 @@ pub(crate) struct TopicKey {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct TopicId(usize);
 
-/// Which end of a topic.
+/// End of a topic: writer or reader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum End {
     Writer,

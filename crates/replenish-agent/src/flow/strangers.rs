@@ -1,5 +1,5 @@
-//! How many datagrams are taken from outside of sessions: from all, and of that at most a part from
-//! one host and from one address, so that none of them can use up the others' share.
+//! Rates of datagrams from outside of sessions: for all together, and at most a part of that for
+//! one host and for one address, so that none of them can use up the others' share.
 
 use super::rate_limiter::RateLimiter;
 use replenish_xrce::Nanos;

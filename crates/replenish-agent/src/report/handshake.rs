@@ -16,7 +16,7 @@ pub enum HandshakeError {
     UnknownCertificate([u8; 32]),
     /// It was not finished in time.
     Unfinished {
-        /// How long it may take, in nanoseconds.
+        /// The longest time for a handshake, in nanoseconds.
         limit: u64,
     },
     /// The peer offers no version, cipher or form that this agent allows, or broke it off.

@@ -35,7 +35,7 @@ pub enum Reason {
     },
     /// A log-in that makes no sense.
     LogIn {
-        /// Which part of it.
+        /// The part of it that makes no sense.
         field: &'static str,
         /// The answer.
         status: Status,
@@ -73,12 +73,12 @@ pub enum Reason {
     },
     /// A TCP connection while there are as many as there may be, or that failed.
     Connection {
-        /// How many there may be.
+        /// The most TCP connections.
         limit: usize,
     },
     /// Frames that were damaged, cut or too long.
     Frames {
-        /// How many.
+        /// Number of frames.
         count: u64,
     },
     /// The client was silent for too long; its session ended.
@@ -90,7 +90,8 @@ pub enum Reason {
     Disconnected,
     /// Nothing has come in the session since its log-in; it ended for another client's log-in.
     Unused {
-        /// How long that may take while there are as many clients as there may be, in nanoseconds.
+        /// Time in nanoseconds that a session may stay so while there are as many clients as there
+        /// may be.
         limit: Nanos,
     },
     /// The client's address, or host, had more than half of all places; its session ended for
@@ -101,7 +102,7 @@ pub enum Reason {
     },
     /// A TCP connection on which nobody has logged in for too long; it was closed.
     NoLogIn {
-        /// How long that may take, in nanoseconds.
+        /// The longest time without a log-in, in nanoseconds.
         limit: Nanos,
     },
     /// An answer to an address that has not shown that it receives: more bytes than it may cause.
@@ -123,7 +124,7 @@ pub enum Reason {
     /// A handshake while there are as many as there may be, or more of them a second than all, or
     /// one host, may begin.
     Handshakes {
-        /// How many there may be: at the same time, of one host, or a second.
+        /// The limit that was met: at the same time, of one host, or a second.
         limit: usize,
     },
     /// A writer, reader, requester or replier of a topic that the access list does not allow.

@@ -25,7 +25,7 @@ const KEPT: usize = 32;
 pub struct Rejection {
     /// When, in nanoseconds on the agent's monotonic clock.
     pub at: Nanos,
-    /// Where it came from, as in [`ClientSnapshot::peer`](crate::ClientSnapshot::peer).
+    /// The sender's address, as in [`ClientSnapshot::peer`](crate::ClientSnapshot::peer).
     pub peer: String,
     /// The client's key as eight hexadecimal digits, if it is known.
     pub key: Option<String>,
@@ -53,7 +53,7 @@ impl fmt::Display for Rejection {
 pub struct Rejections {
     /// The last of each kind, all in the order in which they happened.
     pub list: Vec<Rejection>,
-    /// How many more there were, by [kind](Reason::kind); only kinds with some.
+    /// Number of older rejections by [kind](Reason::kind); only kinds with some.
     pub omitted: Vec<(&'static str, u64)>,
 }
 

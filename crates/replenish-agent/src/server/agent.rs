@@ -68,8 +68,8 @@ impl Agent {
         })
     }
 
-    /// Where it listens for UDP, with the port that the operating system chose if 0 was asked
-    /// for: the first address, [`AgentConfig::addr`]. `0.0.0.0:0` if it does not listen for UDP.
+    /// The first UDP address that it listens at, [`AgentConfig::addr`], with the port that the
+    /// operating system chose if 0 was asked for. `0.0.0.0:0` if it does not listen for UDP.
     #[must_use]
     pub fn local_addr(&self) -> SocketAddr {
         let first = self.ports.udp_addrs().next();
@@ -82,19 +82,19 @@ impl Agent {
         self.ports.udp_addrs().collect()
     }
 
-    /// Where it listens for TCP, if it does.
+    /// The TCP address that it listens at, if any.
     #[must_use]
     pub fn tcp_addr(&self) -> Option<SocketAddr> {
         self.ports.tcp_addr()
     }
 
-    /// Where it listens for DTLS, if it does.
+    /// The UDP address that it listens at for DTLS, if any.
     #[must_use]
     pub fn dtls_addr(&self) -> Option<SocketAddr> {
         self.ports.dtls_addr()
     }
 
-    /// Where it listens for TLS, if it does.
+    /// The TCP address that it listens at for TLS, if any.
     #[must_use]
     pub fn tls_addr(&self) -> Option<SocketAddr> {
         self.ports.tls_addr()

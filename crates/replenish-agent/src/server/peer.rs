@@ -1,10 +1,10 @@
-//! Where a client is.
+//! The address of a client: UDP, TCP or a serial line.
 
 use replenish_xrce::wire::ClientKey;
 use std::fmt;
 use std::net::{IpAddr, SocketAddr};
 
-/// Where datagrams come from and go to.
+/// The other end of a datagram's way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Peer {
     /// A UDP address, reached through the `port`-th socket.

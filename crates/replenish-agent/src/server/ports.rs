@@ -110,7 +110,7 @@ impl Ports {
         })
     }
 
-    /// Where it listens for UDP.
+    /// The UDP addresses that the agent listens at.
     pub(super) fn udp_addrs(&self) -> impl Iterator<Item = SocketAddr> {
         self.udp.iter().map(UdpPort::local_addr)
     }

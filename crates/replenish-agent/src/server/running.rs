@@ -22,13 +22,13 @@ pub struct RunningAgent {
 }
 
 impl RunningAgent {
-    /// Where it listens for UDP.
+    /// The first UDP address that it listens at.
     #[must_use]
     pub fn local_addr(&self) -> SocketAddr {
         self.addr
     }
 
-    /// Where it listens for TCP, if it does.
+    /// The TCP address that it listens at, if any.
     #[must_use]
     pub fn tcp_addr(&self) -> Option<SocketAddr> {
         self.tcp

@@ -12,12 +12,12 @@ use std::io::ErrorKind;
 use std::net::SocketAddr;
 
 impl Ports {
-    /// Where it listens for DTLS.
+    /// The address that the agent listens at for DTLS.
     pub(super) fn dtls_addr(&self) -> Option<SocketAddr> {
         self.dtls.as_ref().map(super::secure::DtlsPort::local_addr)
     }
 
-    /// Where it listens for TLS.
+    /// The address that the agent listens at for TLS.
     pub(super) fn tls_addr(&self) -> Option<SocketAddr> {
         self.tls.as_ref().map(super::secure::TlsPort::local_addr)
     }

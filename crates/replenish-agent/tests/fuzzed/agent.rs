@@ -39,7 +39,7 @@ pub(crate) struct Agent {
 }
 
 impl Agent {
-    /// Nobody is here yet.
+    /// An agent without clients.
     pub(crate) fn new() -> Self {
         let core = AgentCore::with(&AgentConfig {
             limits: LIMITS,

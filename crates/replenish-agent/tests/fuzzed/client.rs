@@ -24,7 +24,7 @@ pub(crate) struct Client {
     session: Session<Vec<u8>, SLOTS, 24, 2, 2>,
     agent: Answers,
     now: u64,
-    /// Whose request came last.
+    /// Identity of the last request that arrived, for the next reply.
     asked: SampleIdentity,
     created: u16,
     pub(crate) samples: u64,

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 const SESSION: SessionId = SessionId(0x81);
 
-/// How long anything may take on a busy machine.
+/// The longest time that any step may take on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A client on TCP that says everything without waiting for an answer.

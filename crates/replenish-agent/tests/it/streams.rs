@@ -162,7 +162,8 @@ fn connections_on_which_nobody_logs_in_keep_no_places() {
     assert_eq!(closed, 3, "{kinds:?}");
 }
 
-/// Nobody reads: the agent goes on with others and keeps no more than the queue.
+/// A client that does not read its connection holds up no other. The agent drops its samples when
+/// the queue is full.
 #[test]
 fn a_connection_that_takes_nothing_holds_up_nobody() {
     let agent = start(&config());

@@ -109,11 +109,11 @@ pub(crate) struct Client {
     next_seq: u16,
     next_loose: u16,
     next_request: u16,
-    /// Where what the agent sends on its reliable stream is put in order.
+    /// Puts the messages of the agent's reliable stream in order.
     input: InputReliable<Vec<u8>, Vec<u8>, 16>,
     /// Acknowledge what arrives.
     pub(crate) acknowledging: bool,
-    /// The agent's latest acknowledgement that nobody has asked for yet.
+    /// The agent's latest acknowledgement that no test step has read yet.
     acked: Option<SeqNum>,
 }
 

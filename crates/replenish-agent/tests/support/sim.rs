@@ -52,7 +52,7 @@ struct Node {
     session: Client,
     /// Samples written while the stream was full, or the session down.
     outbox: VecDeque<(StreamId, Vec<u8>)>,
-    /// How many samples the session has taken.
+    /// Number of samples that the session has taken.
     taken: usize,
     /// It stands still: what comes for it is lost.
     paused: bool,
@@ -194,12 +194,12 @@ impl Sim {
         &self.nodes[client].session
     }
 
-    /// How many samples a client's session has taken.
+    /// Number of samples that a client's session has taken.
     pub(crate) fn taken(&self, client: usize) -> usize {
         self.nodes[client].taken
     }
 
-    /// How many samples have arrived and were not taken.
+    /// Number of samples that have arrived and were not taken.
     pub(crate) fn received(&self, client: usize) -> usize {
         self.nodes[client].got.len()
     }

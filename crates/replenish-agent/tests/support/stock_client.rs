@@ -58,7 +58,7 @@ pub(crate) const KEEP_TEN: EndpointQos<'static> = EndpointQos {
     ..KEEP_ALL
 };
 
-/// Where an agent listens.
+/// Address of an agent.
 #[derive(Clone, Copy)]
 pub(crate) enum At {
     Udp(SocketAddr),

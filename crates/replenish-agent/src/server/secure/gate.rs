@@ -1,4 +1,4 @@
-//! How many handshakes there may be at the same time and a second, of all and of one host.
+//! Limits of handshakes at the same time and per second, in all and per host.
 
 use crate::flow::Strangers;
 use crate::report::Reason;

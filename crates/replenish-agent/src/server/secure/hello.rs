@@ -20,7 +20,7 @@ pub(super) struct Hello<'a> {
     record: &'a [u8],
     pub(super) random: &'a [u8; 32],
     pub(super) cookie: &'a [u8],
-    /// Where the cookie and the byte with its length stand in the record.
+    /// The bytes of the record that hold the cookie and, before it, its length.
     cookie_at: Range<usize>,
 }
 
