@@ -57,7 +57,7 @@ impl Laboratory {
     }
 }
 
-/// Where it stands if both are installed in one place.
+/// The laboratory's path if both programs are installed in one directory.
 fn beside() -> PathBuf {
     let own = std::env::current_exe().unwrap_or_default();
     own.with_file_name(PROGRAM)

@@ -19,7 +19,7 @@ pub enum Event {
 /// Set-up is done.
 #[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
 pub struct Ready {
-    /// Where the agent listens (agent only).
+    /// The address that the agent listens at (agent only).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub address: Option<String>,
     /// How budgets are held (pong only).

@@ -13,7 +13,7 @@ use crate::time::SEC;
 use replenish_os::Policy;
 use replenish_os::privilege::{CgroupRt, Privilege};
 
-/// How long wake-ups are measured.
+/// Length of the measurement of wake-ups, in ns.
 const MEASURE: u64 = 2 * SEC;
 
 /// Options of `doctor`.

@@ -5,7 +5,7 @@ use crate::outcome::Failure;
 use crate::time::{MS, Nanos, SEC};
 use replenish_os::{Policy, ThreadSpec, clock, current_tid, granted, spawn};
 
-/// How long it sleeps each time.
+/// Length of each sleep, in ns.
 const INTERVAL: Nanos = MS;
 
 /// A thread that is so late has met a machine that stood still, as a virtual one does, in ns.

@@ -104,12 +104,12 @@ pub(crate) fn run(args: &Args) -> Outcome {
     }
 }
 
-/// Whose reservations count.
+/// Names of the owners whose reservations count.
 fn owners(host: &Host) -> Vec<&str> {
     host.promised.iter().map(|p| p.owner.as_str()).collect()
 }
 
-/// Of a refusal: what was tried.
+/// The tried settings of a refused plan, worker by worker.
 fn rows(deployment: &Deployment, plan: &Plan) -> Vec<Row> {
     let handles = |n: usize| deployment.workers.get(n).map(|w| w.handles.clone());
     let workers = plan.workers.iter().enumerate();

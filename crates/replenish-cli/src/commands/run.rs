@@ -14,7 +14,7 @@ use std::process::{Child, Command, ExitStatus};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How long a program may take to end after it was asked to.
+/// Time that a program has to end after it was asked to.
 const WIND_DOWN: Duration = Duration::from_secs(2);
 
 /// Options of `run`.

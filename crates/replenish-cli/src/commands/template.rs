@@ -11,15 +11,15 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// How long a program may take until its executor would start.
+/// The longest time until the program's executor would start.
 const LIMIT: Duration = Duration::from_secs(60);
-/// Between two looks at it.
+/// Pause between two looks at the program.
 const LOOK: Duration = Duration::from_millis(20);
 
 /// Options of `template`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Where to write it, instead of standard output.
+    /// The file to write, instead of standard output.
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
 

@@ -17,7 +17,7 @@ const MAX_FILES: usize = 4096;
 /// Characters of a text that are shown.
 const MAX_TEXT: usize = 120;
 
-/// How many pieces of a board's recording came, and where it stands.
+/// The pieces of a board's recording that came, and its file.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Recorded {
     /// The file, which `trace` and `why` read.
@@ -56,7 +56,7 @@ pub(crate) struct Board {
 pub(crate) struct Boards {
     /// The agent's process id, in its own pid namespace.
     pub(crate) agent_pid: u32,
-    /// Where it listens.
+    /// The address that the agent listens at.
     pub(crate) agent: String,
     /// When it was written: `CLOCK_MONOTONIC`.
     pub(crate) at: Nanos,

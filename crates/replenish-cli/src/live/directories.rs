@@ -1,11 +1,11 @@
-//! Where recordings stand.
+//! The directories in which programs and boards record.
 
 use replenish_plan::ledger::{DEFAULT, Found, Ledger};
 use std::path::{Path, PathBuf};
 
 /// The environment variable by which programs choose their directory.
 const VARIABLE: &str = "REPLENISH_LIVE";
-/// Where those are that have no other place: one directory of each account.
+/// The parent of the directories, one of each account, of recordings that have no other place.
 const SHARED: &str = "/dev/shm";
 
 /// The directory that is named, or every one in which programs of this host record.

@@ -1,13 +1,13 @@
-//! Which CPU does what: the measured one is the last that this process may use.
+//! Roles of the CPUs: the measured one is the last that this process may use.
 
 use crate::outcome::Failure;
 
 /// The CPUs of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cpus {
-    /// Where budgets are enforced: pong's workers, dispatcher and enforcer.
+    /// The CPU on which budgets are enforced: pong's workers, dispatcher and enforcer.
     pub measured: usize,
-    /// Where ping, the agent and the monitor run; the same CPU if there is only one.
+    /// The CPU of ping, the agent and the monitor; the same one if there is only one.
     pub support: usize,
 }
 

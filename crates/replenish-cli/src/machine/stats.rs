@@ -43,7 +43,7 @@ impl Sorted {
         self.0.first().copied().unwrap_or(0)
     }
 
-    /// How many samples lie in `from..to`.
+    /// Number of samples in `from..to`.
     pub fn count(&self, from: i64, to: i64) -> usize {
         self.0.partition_point(|x| *x < to) - self.0.partition_point(|x| *x < from)
     }

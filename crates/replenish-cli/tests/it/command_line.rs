@@ -1,4 +1,4 @@
-//! What stands around the commands: completions, manual pages, `-q` and `-v`, addresses.
+//! Everything around the commands: completions, manual pages, `-q` and `-v`, addresses.
 
 use crate::common::{Scratch, run, stderr, stdout};
 use std::io::Write;

@@ -5,7 +5,7 @@
 use serde_json::Value;
 use std::path::Path;
 
-/// Where schemas are.
+/// The directory of the schemas.
 const SCHEMAS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/schemas");
 
 /// A JSON file of a command, checked.

@@ -15,7 +15,7 @@ const MS: Duration = Duration::from_millis(1);
 struct Screen {
     pty: Pty,
     child: Child,
-    /// What it has written so far.
+    /// The output that the command has written so far.
     seen: String,
     /// Keeps the line open when the child has ended.
     _line: std::fs::File,

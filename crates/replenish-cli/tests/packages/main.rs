@@ -1,5 +1,5 @@
-//! What users get: Debian's package, a ROS 2 package, containers, crates. Some trials
-//! need a tool that not every machine has, and count as ignored without it.
+//! The packages that users get: Debian's, a ROS 2 package, containers, crates. Some trials need a
+//! tool that not every machine has, and count as ignored without it.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

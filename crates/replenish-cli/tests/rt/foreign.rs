@@ -265,7 +265,7 @@ fn programs_are_listed_and_released() {
         .find(|p| p["pid"] == one.pid().get());
     assert_eq!(ours.unwrap()["threads"], 1, "{list:#}");
     assert_eq!(ours.unwrap()["supervisor"], supervisor.id());
-    // Nobody has it twice.
+    // A second supervisor of the same program is refused.
     let output = run(BIN, &["adopt", &pid, "--budget", "1ms/10ms"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(stderr(&output).contains("--release"), "{}", stderr(&output));

@@ -42,7 +42,7 @@ pub(crate) struct Bridge {
     dds_endpoints: u64,
 }
 
-/// Whose form.
+/// Form of service requests and replies on DDS, by the RMW that has it.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Form {
     /// As the other side does it.

@@ -103,7 +103,7 @@ impl Log {
         hidden.map(|(name, kind)| kind.summary(name)).collect()
     }
 
-    /// How many rejections there were, by kind.
+    /// Number of rejections by kind.
     pub(super) fn totals(&self) -> &BTreeMap<&'static str, u64> {
         &self.totals
     }

@@ -10,7 +10,7 @@ use replenish_agent::{AgentConfig, ConfigError, Limits, Profiles, SerialConfig, 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 
-/// Where to listen.
+/// Addresses and serial lines that the agent listens at.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Where to listen")]
 pub(crate) struct Transports {

@@ -7,7 +7,7 @@ use replenish_agent::{Agent, AgentConfig, SecureConfig, TlsConfig};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
-/// Where to listen for clients that encrypt and show who they are.
+/// Addresses that the agent listens at for clients that encrypt and authenticate.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Encryption")]
 pub(crate) struct Ports {

@@ -123,7 +123,7 @@ pub(crate) struct Half {
     /// Of a reader: 0 to 7, the most urgent.
     pub(crate) priority: Option<u8>,
     pub(crate) matched: usize,
-    /// Those of its topic that it does not talk to because of their QoS.
+    /// Number of entities of its topic that do not match it because of their QoS.
     pub(crate) mismatched: usize,
     pub(crate) messages: u64,
     pub(crate) bytes: u64,

@@ -18,23 +18,23 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// How often the log is looked at.
+/// Time between two looks at the log.
 const LOG: Nanos = 500 * MS;
 
-/// How often the bridge is looked at for the log.
+/// Time between two looks at the bridge for the log.
 const BRIDGE: Nanos = 5 * SEC;
 
-/// How long the agent may take to say what it is doing.
+/// The longest wait for the agent's snapshot.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// How long the end waits for a reader of standard output, and of standard error.
+/// The longest wait at the end for a reader of standard output, and of standard error.
 const LAST_WORDS: Duration = Duration::from_millis(500);
 
 /// Looks after an agent.
 #[derive(Debug)]
 pub(super) struct Watcher {
     pub(super) inspector: Inspector,
-    /// Where it listens: what `address` has always been, and all.
+    /// The address of the JSON field `address`, from before there were several.
     pub(super) address: String,
     pub(super) addresses: Vec<String>,
     pub(super) limits: Limits,

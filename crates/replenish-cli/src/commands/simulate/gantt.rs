@@ -15,11 +15,11 @@ use std::fmt::Write;
 use std::ops::Range;
 
 const WIDTH: f64 = 1100.0;
-/// Where time 0 is.
+/// The horizontal position of time 0.
 const LEFT: f64 = 220.0;
 const RIGHT: f64 = 18.0;
 const TOP: f64 = 40.0;
-/// Of a CPU's name.
+/// The height of a CPU's name.
 const HEADING: f64 = 26.0;
 const LANE: f64 = 58.0;
 /// Of a lane without a budget line.

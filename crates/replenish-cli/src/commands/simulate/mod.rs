@@ -161,8 +161,8 @@ fn shown(system: &System) -> Nanos {
     longest.saturating_mul(2).clamp(100 * MS, 1_000 * MS)
 }
 
-/// Where the drawing begins: so that the first late callback is in its last quarter, if there is
-/// one, on a round number of milliseconds.
+/// The time at which the drawing begins: so that the first late callback, if any, is in its last
+/// quarter. A round number of 50 ms.
 fn start(lanes: &[lanes::Lane], shown: Nanos, horizon: Nanos) -> Nanos {
     let late = lanes.iter().filter_map(|l| l.late.first().copied()).min();
     let Some(late) = late.filter(|late| *late > shown) else {

@@ -24,7 +24,7 @@ use std::time::Duration;
 
 /// Between two looks at the samples.
 const EVERY: Nanos = 50 * MS;
-/// How long the agent may take to say what it is doing.
+/// The longest wait for the agent's snapshot.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// The thread; dropping it ends it, and removes its files.

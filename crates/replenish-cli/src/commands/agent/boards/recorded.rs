@@ -20,7 +20,7 @@ const FIRST_PID: u32 = 1 << 24;
 /// A board that records.
 struct Board {
     relay: Relay,
-    /// How often it had started when its file was made.
+    /// Number of the board's starts when its file was made.
     starts: u64,
     file: Option<(LiveFile, Image<SharedMemory>)>,
     pid: u32,
