@@ -330,7 +330,7 @@ impl Worker {
 }
 
 impl EnforcerState {
-    /// Lowers all threads: their enforcer ends unasked and raises none of them again.
+    /// Lowers all threads, in place of an enforcer that is silent or has ended.
     pub(super) fn lower_all(&self, threads: &mut EnforcedThreads) {
         let now = clock::monotonic();
         let mode = match self.mode {
