@@ -29,7 +29,7 @@ pub struct Point {
     pub high: Nanos,
     /// CPU time of the low worker for an answer.
     pub low: Nanos,
-    /// How long the low worker sleeps in each answer, after that (experiment 2).
+    /// Sleep of the low worker in each answer, after that (experiment 2).
     pub low_sleep: Nanos,
     /// CPU time of the low worker for the answer after its sleep.
     pub low_after_sleep: Nanos,

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 /// Options of `ping`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Where the agent is.
+    /// The agent's address.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8888", value_parser = address)]
     agent: SocketAddr,
 

@@ -20,7 +20,7 @@ use std::time::Duration;
 /// Options of `pong`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Where the agent is.
+    /// The agent's address.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8888", value_parser = address)]
     agent: SocketAddr,
 

@@ -36,7 +36,7 @@ const WINDOW: usize = 200;
 /// Round trips of a window that do not count: caches and queues settle.
 const WARM_UP: usize = 20;
 
-/// How long a round trip may take before it counts as lost.
+/// Time in ns after which a round trip counts as lost.
 const PATIENCE: Nanos = SEC;
 
 /// Options of `bench round-trip`.

@@ -24,7 +24,7 @@ const PERIOD: u64 = 100 * MS;
 /// Options of `demo`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// How long load is offered, pauses included.
+    /// Duration of the load in seconds, pauses included.
     #[arg(long, value_name = "SECONDS", default_value_t = 10,
           value_parser = clap::value_parser!(u64).range(1..=600))]
     seconds: u64,
@@ -40,7 +40,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     json: JsonOption,
 
-    /// Where the report goes.
+    /// The file of the report.
     #[arg(long, value_name = "PATH", default_value = "report.html")]
     report: PathBuf,
 }

@@ -1,4 +1,4 @@
-//! Where an experiment writes its results, and the remarks that go with them.
+//! The files of an experiment's results, and the remarks that go with them.
 
 use crate::testbench::windows::Repeated;
 use replenish_cli::options::JsonOption;
@@ -7,7 +7,7 @@ use replenish_cli::report::files;
 use replenish_cli::report::html::Page;
 use std::path::PathBuf;
 
-/// Where results go.
+/// The files that results are written to.
 #[derive(Debug, clap::Args)]
 pub(super) struct Files {
     #[command(flatten)]
@@ -32,7 +32,7 @@ pub(super) struct Files {
 }
 
 impl Files {
-    /// Where the numbers of experiment `name` come from, in one sentence.
+    /// The origin of the numbers of experiment `name`, in one sentence.
     pub(super) fn source(&self, name: &str) -> String {
         if self.measured.is_some() {
             format!("Measured on an emulated board by `cargo xtask board experiment {name}`.")

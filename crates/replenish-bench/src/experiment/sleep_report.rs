@@ -195,7 +195,8 @@ pub(super) fn sleep(to: &Files, points: &[SleepPoint]) -> Outcome {
     )
 }
 
-/// Where the CPU was that the high worker lacks, and what was to be had of it.
+/// Shares of the CPU in each point: the high worker's, the largest that it could have had, and
+/// everything else.
 fn missing(points: &[SleepPoint]) -> Table {
     let mut table = Table::new(&[
         "low sleeps %",

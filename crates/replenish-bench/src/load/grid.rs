@@ -20,7 +20,7 @@ const TARGET_WINDOW: Nanos = 400 * MS;
 /// A pause lasts at least this long.
 const MIN_PAUSE: Nanos = 100 * MS;
 
-/// Where an instant falls on the grid.
+/// Position of an instant on the grid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Place {
     /// Before the epoch or inside a pause: no load is offered, a backlog is discarded.
@@ -103,7 +103,7 @@ impl Grid {
             .saturating_add(i.saturating_mul(self.interval))
     }
 
-    /// Where `now` falls.
+    /// Position of `now` on the grid.
     pub(crate) fn locate(&self, now: Nanos) -> Place {
         let Some(since) = now.checked_sub(self.epoch) else {
             return Place::Outside;

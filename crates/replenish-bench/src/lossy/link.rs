@@ -18,7 +18,7 @@ pub struct Link {
     pub delay_max: Nanos,
 }
 
-/// Where a datagram goes.
+/// Direction of a datagram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Direction {
     /// From the sender of samples.

@@ -20,7 +20,7 @@ const LONGEST: usize = 65_528;
 /// The samples to send: number and sizes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Load {
-    /// How many samples.
+    /// Number of samples.
     pub samples: u32,
     /// Bytes of the shortest one, at least 4.
     pub shortest: usize,

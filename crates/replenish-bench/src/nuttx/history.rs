@@ -21,7 +21,7 @@ const DATA: &str = include_str!("../../data/nuttx-issue-2935.csv");
 const TICK: u64 = 1_000_000;
 const WINDOW: u32 = 10_000;
 
-/// Which of the two historic bugs are there.
+/// The two historic bugs, each switched on or off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Bugs {
     /// The ready list is not kept sorted (until NuttX 9.0).

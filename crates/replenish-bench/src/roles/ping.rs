@@ -27,7 +27,7 @@ const TOPICS: [&str; 2] = ["high", "low"];
 /// How ping is to run.
 #[derive(Debug, Clone)]
 pub(crate) struct Config {
-    /// Where the agent is.
+    /// The agent's address.
     pub agent: SocketAddr,
     /// Time between two messages of one topic.
     pub interval: Nanos,

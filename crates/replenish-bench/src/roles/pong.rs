@@ -30,7 +30,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// How pong is to run.
 #[derive(Debug, Clone)]
 pub(crate) struct Config {
-    /// Where the agent is.
+    /// The agent's address.
     pub agent: SocketAddr,
     /// Scheduling and work.
     pub spec: Spec,

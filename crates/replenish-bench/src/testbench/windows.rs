@@ -1,10 +1,10 @@
-//! Which windows count: pairs what ping and pong say about the same window and judges it.
+//! The choice of windows: pairs the reports of ping and pong about a window and judges it.
 //!
 //! A virtual machine may stand still for milliseconds, once or in many short pieces. A window in
 //! which that happened says nothing about budgets, so it is offered again instead of being counted.
 //! The judgement uses clocks alone, never the outcome: a window with too few answers counts as it
-//! is. The number of repeats is bounded; beyond the bound every window counts, and those that the
-//! clocks speak against are told as disturbed.
+//! is. The number of repeats is bounded. Beyond the bound every window counts, and the report calls
+//! a window disturbed if the clocks speak against it.
 
 use crate::load::grid::Grid;
 use crate::load::{MS, Nanos};
@@ -44,7 +44,7 @@ pub(crate) enum Void {
     SenderLate,
     /// The hypervisor says that it took the CPU away.
     CpuStolen,
-    /// Nobody in pong used the CPU for a while, although there was work.
+    /// No thread of pong used the CPU for a while, although there was work.
     CpuMissing,
 }
 
@@ -201,7 +201,7 @@ impl Collector {
         self.repeated
     }
 
-    /// How long the run may take, with every repeat.
+    /// The longest duration of the run in ns, with every repeat.
     pub(crate) fn longest(&self, grid: &Grid) -> Nanos {
         let windows = u64::try_from(self.wanted).unwrap_or(u64::MAX);
         windows

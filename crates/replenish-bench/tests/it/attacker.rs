@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 
 pub(crate) const SESSION: SessionId = SessionId(0x81);
 
-/// How long an agent may take nothing from a connection, unless a test says otherwise.
+/// Time that an agent may take nothing from a connection, unless a test sets another one.
 const STUCK: Duration = Duration::from_secs(2);
 
 thread_local! {
@@ -118,7 +118,7 @@ pub(crate) struct Raw {
     pub(crate) key: u32,
     /// Read what the agent sends, and forget it.
     pub(crate) reads: bool,
-    /// How long the agent may take nothing.
+    /// Time that the agent may take nothing.
     pub(crate) patience: Duration,
     loose: u16,
 }

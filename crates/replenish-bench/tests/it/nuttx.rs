@@ -42,7 +42,7 @@ fn nuttx_under_qemu_does_what_the_emulation_does() {
     let (good, all) = within_one_burst(&first);
     assert!(good >= 49 && all == 50, "{good} of {all}");
     assert!(first.iter().all(|row| row.worst_difference() <= 2));
-    // Where the second thread's start is what the row says, within two ticks.
+    // Rows with two threads whose second thread started as the row says, within two ticks.
     let (good, all) = within_one_burst(&two_threads(2));
     assert!(good >= 17 && all == 20, "{good} of {all}");
 }

@@ -3,7 +3,7 @@
 use crate::common::{Scratch, json, run, start, stderr, stdout};
 use std::time::Duration;
 
-/// How long anything may take on a busy machine.
+/// The longest time that any step may take on a busy machine.
 const SOON: Duration = Duration::from_secs(60);
 
 #[test]

@@ -16,7 +16,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// How long anything may take on a busy machine.
+/// The longest time that any step may take on a busy machine.
 const SOON: Duration = Duration::from_secs(60);
 
 /// The request that a ping is.

@@ -7,7 +7,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
-/// How long anything may take on a busy machine.
+/// The longest time that any step may take on a busy machine.
 const SOON: Duration = Duration::from_secs(60);
 
 pub(crate) fn trials() -> Vec<Trial> {

@@ -11,7 +11,7 @@ use replenish_os::clock::ThreadCpuClock;
 pub(super) struct Used {
     /// CPU time.
     pub cpu: Nanos,
-    /// How often they blocked.
+    /// Number of times that they blocked.
     pub voluntary_switches: u64,
 }
 

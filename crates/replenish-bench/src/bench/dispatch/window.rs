@@ -8,14 +8,14 @@ use replenish_os::clock;
 
 /// Ours in one thread, ours with a worker's, the raw loop that waits, and the raw loop.
 const RECEIVERS: usize = 4;
-/// How long messages come to one of them without a break, at least. Keeps far from the RT
-/// throttle.
+/// Time in ns in which messages come to one receiver without a break, at least. Keeps far from the
+/// RT throttle.
 const WINDOW: Nanos = 40 * MS;
 /// Messages of a window at least.
 const MESSAGES: u64 = 10;
 /// The pause after that, in which what is under way arrives.
 const PAUSE: Nanos = 10 * MS;
-/// Of the option `--windows` one is so long.
+/// Length of the window that the option `--windows` counts, in ns.
 const UNIT: Nanos = 400 * MS;
 /// A message that leaves later than this makes its window void: the machine stood still.
 const GAP: Nanos = 5 * MS;
@@ -25,7 +25,7 @@ const GAP: Nanos = 5 * MS;
 pub(super) struct Window {
     /// Messages sent.
     pub sent: u64,
-    /// How long each took that came.
+    /// Times in ns of the messages that arrived.
     pub times: Vec<i64>,
     /// CPU time and context switches of the receiving threads.
     pub used: Used,

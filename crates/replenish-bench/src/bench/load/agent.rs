@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use std::sync::mpsc::{self, Receiver};
 use std::time::Duration;
 
-/// How long the agent may take to start, and to end.
+/// Time that the agent has to start, and to end.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Clock ticks a second in `/proc/PID/stat`; 100 on every Linux since 2.6.
@@ -144,7 +144,7 @@ fn resident(id: u32) -> Option<u64> {
     Some(kib * 1024)
 }
 
-/// How long the threads of a process were ready and had no CPU, in ns.
+/// Time in ns that the threads of a process were ready and had no CPU.
 fn waited(id: u32) -> Nanos {
     let tasks = std::fs::read_dir(format!("/proc/{id}/task"));
     let of = |stat: String| stat.split_whitespace().nth(1)?.parse::<Nanos>().ok();

@@ -15,10 +15,10 @@ use std::sync::Barrier;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-/// How long samples may be under way after the last was written.
+/// Time in ns for samples to arrive after the last was written.
 const DRAIN: Nanos = 10 * SEC;
 
-/// How long set-up may take.
+/// The longest set-up, in ns.
 const SET_UP: Nanos = 20 * SEC;
 
 /// Datagrams taken from one socket before the others have their turn.

@@ -19,10 +19,10 @@ pub(super) const PATHS: [&str; 4] = ["udp", "dtls", "tcp", "tls"];
 /// The longest sample.
 pub(super) const LONGEST: usize = 1024;
 
-/// How long a round trip may take before it counts as lost.
+/// Time in ns after which a round trip counts as lost.
 const PATIENCE: Nanos = SEC;
 
-/// Where the agent listens, in the order of the paths.
+/// The agent's addresses, in the order of the paths.
 pub(super) struct Place([SocketAddr; 4]);
 
 /// A client on one path.

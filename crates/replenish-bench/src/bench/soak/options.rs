@@ -30,7 +30,7 @@ pub(crate) struct Args {
     )]
     pub(super) faults: Vec<Fault>,
 
-    /// How long the reader stands still in a stall, in milliseconds.
+    /// Standstill of the reader in a stall, in milliseconds.
     #[arg(long, value_name = "MS", default_value_t = 5000,
           value_parser = clap::value_parser!(u64).range(1..=25_000))]
     pub(super) stall: u64,
@@ -47,7 +47,7 @@ pub(crate) struct Args {
     #[arg(long, hide = true, requires = "at")]
     pub(super) part: Option<Part>,
 
-    /// Where the agent is.
+    /// The agent's address.
     #[arg(long, hide = true)]
     pub(super) at: Option<SocketAddr>,
 

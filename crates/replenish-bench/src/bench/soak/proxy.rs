@@ -17,7 +17,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 use std::{io, thread};
 
-/// How often waiting threads look whether they are to end.
+/// Time between two looks of a waiting thread at its end.
 const LOOK: Duration = Duration::from_millis(100);
 
 /// Clients; each has a socket. The soak has five.

@@ -11,7 +11,7 @@ use replenish_os::{Thread, ThreadSpec, clock, spawn};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// How long it sleeps each time.
+/// Length of each sleep, in ns.
 const INTERVAL: Nanos = MS;
 
 /// A probe that runs.

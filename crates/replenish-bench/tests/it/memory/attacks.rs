@@ -13,7 +13,7 @@ pub(crate) const CLIENTS: u32 = 16;
 /// The longest sample.
 pub(crate) const SAMPLE: usize = 30_000;
 
-/// Where an agent listens.
+/// Addresses of an agent.
 #[derive(Clone, Copy)]
 pub(crate) struct Target {
     pub(crate) udp: SocketAddr,

@@ -121,7 +121,8 @@ pub(crate) const FLOODS: [(&str, Flood, Honest); 3] = [
     ("A14: junk from one address and one host", junk, honest_udp),
 ];
 
-/// How many of so many honest clients log in within two seconds during a flood, and the slowest.
+/// Number of honest clients, of `clients`, that log in within two seconds during a flood, and the
+/// time of the slowest.
 pub(crate) fn during(at: Target, flood: Flood, honest: Honest, clients: u32) -> (u32, Duration) {
     let stop = AtomicBool::new(false);
     let (mut in_time, mut slowest) = (0, Duration::ZERO);

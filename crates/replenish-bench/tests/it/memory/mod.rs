@@ -11,7 +11,7 @@ use attacks::{ATTACKS, CLIENTS, SAMPLE, Target};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// How long anything may take on a busy machine.
+/// The longest time that any step may take on a busy machine.
 const SOON: Duration = Duration::from_secs(60);
 
 const MIB: f64 = 1024.0 * 1024.0;
@@ -34,7 +34,7 @@ pub(crate) struct Victim {
     pub(crate) running: Running,
     json: PathBuf,
     pub(crate) at: Target,
-    /// Where it listens, as it says.
+    /// The line in which the agent prints its addresses.
     line: String,
 }
 
