@@ -124,7 +124,7 @@ impl Worker {
 /// and they must be on the same CPU.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Hold {
-    /// Which one of [`Request::locks`].
+    /// Place of the lock in [`Request::locks`].
     pub lock: usize,
     /// For how long one callback holds it at most: CPU time, and what it blocks meanwhile. `None`:
     /// not stated; then it is the amount of a rate guarantee, and otherwise unknown.

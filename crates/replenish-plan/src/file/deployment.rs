@@ -24,9 +24,9 @@ pub struct Deployment {
     pub chains: Vec<Chain>,
     /// The names of locks.
     pub locks: Vec<String>,
-    /// Which parts of the machine section were written in the file.
+    /// Whether the file states the machine's CPUs.
     pub machine_given: bool,
-    /// Which of its overheads were, in their order.
+    /// Overheads that the machine section states, in their order.
     pub(super) overheads_given: [bool; 9],
     pub(super) source: Source,
 }
@@ -54,13 +54,13 @@ pub struct Described {
 pub struct Load {
     /// CPU time of one callback; `None`: not stated.
     pub runs: Option<Span>,
-    /// How long each callback blocks, before it runs.
+    /// Time that each callback blocks, before it runs.
     pub blocks: Option<Span>,
     /// When callbacks are released; `None`: not stated.
     pub releases: Option<Releases>,
-    /// How many releases may wait.
+    /// The most releases that wait.
     pub queue: usize,
-    /// Which release is lost when too many wait.
+    /// The release that is lost when too many wait.
     pub overflow: Overflow,
     /// Workers that each callback releases at its end.
     pub sends: Vec<usize>,

@@ -136,7 +136,7 @@ impl Ledger {
         self
     }
 
-    /// Where it is.
+    /// Path of the directory.
     #[must_use]
     pub fn directory(&self) -> &Path {
         &self.directory

@@ -18,7 +18,7 @@ use std::os::unix::fs::{MetadataExt, PermissionsExt, fchown};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// How long admission waits for others to finish theirs.
+/// The longest wait of an admission for another one to finish.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Takes the lock of `directory`. `None`: this account may not reserve here, so it cannot have it.

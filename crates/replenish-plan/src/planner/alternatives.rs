@@ -11,13 +11,13 @@ use std::fmt;
 /// A change to a request with which it is admitted.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Alternative {
-    /// Whose guarantee would change.
+    /// The worker whose guarantee would change.
     pub worker: String,
     /// The amount per period that fits, in ns.
     pub amount: Nanos,
     /// The period, in ns.
     pub period: Nanos,
-    /// Which of both is new.
+    /// The part of the guarantee that is new.
     pub changed: Changed,
     /// Workers that would have to be left out as well.
     pub without: Vec<String>,

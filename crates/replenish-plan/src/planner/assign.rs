@@ -1,4 +1,4 @@
-//! Which worker goes to which CPU.
+//! Assigns workers to CPUs.
 //!
 //! Two tries, both deterministic:
 //! 1. by shares: the largest first, each to the CPU with the least reserved (worst fit). Every CPU
@@ -14,7 +14,7 @@ use crate::Nanos;
 /// Up to so many threads the second try is made.
 const FEW: usize = 100;
 
-/// Where everybody is, and whether it holds.
+/// An assignment of all threads to CPUs, and the result of its test.
 #[derive(Debug, Clone)]
 pub(super) struct Placed {
     /// Per CPU of the machine: threads by their index.
@@ -150,7 +150,7 @@ fn cpu_at(problem: &Problem<'_>, index: usize) -> Option<usize> {
         .position(|c| *c == wanted)
 }
 
-/// Where those are that it shares locks with, if one of them has its place.
+/// The CPU of the workers that it shares locks with, if one of them has its CPU already.
 fn beside(problem: &Problem<'_>, placed: &Placed, index: usize) -> Option<usize> {
     let together = seat(problem, index)?.together?;
     let has = |i: &usize| seat(problem, *i).is_some_and(|s| s.together == Some(together));

@@ -111,7 +111,7 @@ fn costs(threads: &[(&ThreadPlan, Nanos)], fixed: &[&FixedThread], machine: &Mac
 /// With so many other priorities at most every place between them is tried.
 const PLACES: usize = 8;
 
-/// Which priorities are tried: the common scale; else all above the others, or all below; else all
+/// Ranges of priorities to try: the common scale; else all above the others, or all below; else all
 /// above one of the others, or all below it.
 fn ranges(fixed: &[&FixedThread], machine: &Machine) -> Vec<RangeInclusive<u8>> {
     let (low, high) = (*machine.priorities.start(), *machine.priorities.end());

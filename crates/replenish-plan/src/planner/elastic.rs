@@ -6,7 +6,7 @@ use super::search::search;
 use crate::Nanos;
 use crate::span::step;
 
-/// How many tests a CPU gets for this, by its number of threads: so that large sets stay quick.
+/// Bounds the tests of a CPU, so that large sets stay quick: this over the square of its threads.
 const WORK: usize = 40_000;
 
 /// Raises `amounts` towards `desired` on every CPU of `placed`, which holds. Most important first;
@@ -56,7 +56,7 @@ fn set(amounts: &mut [Nanos], index: usize, value: Option<Nanos>) {
     }
 }
 
-/// How many of the first can have all they desire.
+/// Number of the first workers that can have all they desire.
 fn prefix(
     wanting: &[usize],
     amounts: &[Nanos],

@@ -1,12 +1,12 @@
-//! Who else is on a CPU, in the words of a refusal: other programs and the user's own workers.
+//! The other users of a CPU, in the words of a refusal: programs, and the user's own workers.
 
 use super::assign::{self, Placed};
 use super::problem::{Problem, Whose};
 
-/// So many of the user's own workers are named.
+/// The most of the user's own workers that a refusal names.
 const NAMED: usize = 3;
 
-/// How the share is divided: ` (60.0 % by other programs: …; 25.0 % by worker "b")`. Empty if
+/// The parts of the share: ` (60.0 % by other programs: …; 25.0 % by worker "b")`. Empty if
 /// `newcomer` is alone.
 pub(super) fn shares(problem: &Problem<'_>, placed: &Placed, at: usize, newcomer: Whose) -> String {
     let own = own(problem, placed, at, newcomer);

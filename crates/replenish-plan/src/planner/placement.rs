@@ -4,8 +4,8 @@ use crate::Nanos;
 use replenish_sim::analysis::{Demand, Section};
 use sporadic::{Low, Policy};
 
-/// How many wake-ups per period a worker is taken to have whose demand is unknown, and its number
-/// of replenishments. More replenishments than that make bounds worse and help few.
+/// Wake-ups per period assumed for a worker whose demand is unknown, and its number of
+/// replenishments. More replenishments make bounds worse and help few.
 pub(super) const PIECES: u16 = 16;
 
 /// A thread whose parameters we choose.

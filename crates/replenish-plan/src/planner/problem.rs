@@ -13,7 +13,7 @@ const EXECUTOR_SHARE: Nanos = 20;
 /// Limits of its period.
 const EXECUTOR_PERIODS: (Nanos, Nanos) = (1_000_000, 10_000_000);
 
-/// Whose a thread is.
+/// The owner of a thread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Whose {
     Worker(usize),

@@ -164,10 +164,10 @@ fn the_executor_has_a_place_of_its_own() {
     assert_eq!((params.priority(), params.period()), (98, 2_000_000));
 }
 
-/// Nobody sees a callback go on that has waited inside: its budget is overdrawn until the next
-/// check, which was put off. On b209253 the planner counted that only beside threads without a
-/// budget, and admitted this: a control loop that a driver with 30 ms keeps for 30.1 ms, not for
-/// the 31 ms that it can.
+/// The enforcer does not see that a callback which waited inside goes on. Its budget is overdrawn
+/// until the next check, which was put off. On b209253 the planner counted that only beside threads
+/// without a budget, and admitted this: a control loop that a driver with 30 ms keeps for 30.1 ms,
+/// not for the 31 ms that it can.
 #[test]
 fn a_budget_whose_callbacks_wait_inside_is_overdrawn_by_a_check_that_was_put_off() {
     let bound = |waits: bool| {
