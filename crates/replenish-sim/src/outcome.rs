@@ -6,7 +6,7 @@ use sporadic::Level;
 /// The result of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Outcome {
-    /// How long the run was, in ns.
+    /// Length of the run, in ns.
     pub horizon: Nanos,
     /// One per thread, in the order of the system.
     pub threads: Vec<ThreadOutcome>,
@@ -35,15 +35,15 @@ pub struct ThreadOutcome {
     pub cpu_high: Nanos,
     /// CPU time without budget, in ns.
     pub cpu_low: Nanos,
-    /// How often the budget ran out (the throttle acted).
+    /// Number of times that the budget ran out (the throttle acted).
     pub exhaustions: u64,
-    /// How often it was raised again.
+    /// Number of times that the thread was raised again.
     pub replenishments: u64,
-    /// How often it lost a CPU to a more urgent thread while it could have gone on.
+    /// Number of times that it lost a CPU to a more urgent thread while it could have gone on.
     pub preemptions: u64,
     /// The largest CPU time consumed beyond a budget at one exhaustion, in ns.
     pub worst_overrun: Nanos,
-    /// How often the enforcer looked at it.
+    /// Number of times that the enforcer looked at it.
     pub checks: u64,
 }
 

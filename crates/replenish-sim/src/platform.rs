@@ -19,7 +19,7 @@ pub struct Platform {
     /// Whether blocking inside a job is seen and accounted as POSIX says. If not, the server takes
     /// the thread for runnable meanwhile.
     pub blocking_seen: bool,
-    /// Where a thread without budget joins the list of its background priority. A plain
+    /// The end of its background priority's list at which a thread without budget joins. A plain
     /// `sched_setattr` of Linux puts it at the head, our enforcer makes it the tail (POSIX).
     pub demote_to: End,
     /// The enforcement of budgets.

@@ -49,14 +49,14 @@ pub struct Thread {
     /// first-in, first-out among themselves, and so do equals of [`Policy::RoundRobin`]. Of
     /// [`Policy::Deadline`], `0 < runtime <= deadline <= period`; nothing is reclaimed.
     pub policy: Policy,
-    /// Which server holds its budget, if it has one; `max_repl` up to 128.
+    /// The server that holds its budget, if it has one; `max_repl` up to 128.
     pub server: Kind,
     /// When it is released, apart from [`Step::Send`] by others.
     pub releases: Releases,
-    /// How many releases may wait while a job runs (the depth of the subscription's slots). 0: a
+    /// The most releases that wait while a job runs (the depth of the subscription's slots). 0: a
     /// release while a job is under way is lost.
     pub queue: usize,
-    /// Which release is lost when the queue is full.
+    /// The release that is lost when the queue is full.
     pub overflow: Overflow,
     /// The steps of one job. Every lock must be released again.
     pub body: Vec<Step>,
@@ -171,7 +171,7 @@ impl Releases {
     }
 }
 
-/// Which release is lost when the queue is full.
+/// The release that is lost when the queue is full.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Overflow {
     /// The oldest that waits (DDS `KEEP_LAST`).

@@ -10,7 +10,7 @@ struct Term {
     cost: Nanos,
     period: Nanos,
     jitter: Nanos,
-    /// How often one of its jobs takes the CPU from somebody.
+    /// The most switches that one of its jobs causes by taking the CPU.
     switches: u64,
 }
 
@@ -20,7 +20,7 @@ pub(super) struct Interference {
     terms: Vec<Term>,
     /// Once per window.
     constant: Nanos,
-    /// How often holders of locks can take the CPU, per window.
+    /// The most times that holders of locks take the CPU, per window.
     switches: u64,
     /// The share of the CPU that it takes in the long run.
     rate: f64,
@@ -168,7 +168,7 @@ impl Interference {
         self.push(section * raises, period, period, raises);
     }
 
-    /// How often a thread that has the CPU can lose it in a window of this length.
+    /// The most times that a thread loses the CPU in a window of this length, in ns.
     pub(super) fn switches_in(&self, window: Nanos) -> u64 {
         let terms = self.terms.iter().map(|t| {
             let jobs = window.saturating_add(t.jitter).div_ceil(t.period);
@@ -245,12 +245,13 @@ pub(super) fn job_cost(task: &Task, costs: &Costs) -> Nanos {
     })
 }
 
-/// How often a reservation can be raised in a period: once per chunk of its queue, and one more.
+/// The most times that a reservation is raised in a period: once per chunk of its queue, and one
+/// more.
 pub(super) fn raises(params: &Params) -> u64 {
     u64::from(params.max_repl()) + 2
 }
 
-/// How often a job can wait for something.
+/// The most times that a job waits, for a suspension or a lock.
 fn waits(task: &Task) -> u64 {
     let suspensions = task.demand.map_or(0, |demand| demand.suspensions);
     u64::from(suspensions) + task.sections.len() as u64
@@ -282,7 +283,7 @@ impl Locks {
         }
     }
 
-    /// Those who hold locks in reservations are settled if `ends` says so.
+    /// Marks reservations that hold locks as settled where `ends` returns true.
     pub(super) fn settle(&mut self, tasks: &[Task], ends: impl Fn(usize, &Self) -> bool) {
         let holders = tasks.iter().enumerate().filter(|(_, task)| {
             !task.sections.is_empty() && matches!(task.scheduling, Scheduling::Reserved(_))

@@ -33,9 +33,9 @@ pub struct Demand {
     pub period: Nanos,
     /// The largest delay from arrival to release. Responses count from the arrival.
     pub jitter: Nanos,
-    /// How often one job blocks (sleeps, service calls), locks not counted.
+    /// The most times that one job blocks (sleeps, service calls), locks not counted.
     pub suspensions: u32,
-    /// For how long at most, in all.
+    /// The longest time that one job blocks in all, in ns.
     pub suspended: Nanos,
 }
 
@@ -55,7 +55,7 @@ impl Demand {
 /// A stretch during which a job holds a lock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Section {
-    /// Which lock. All users of a lock must be on the CPU that is analysed.
+    /// Number of the lock. All users of a lock must be on the CPU that is analysed.
     pub lock: usize,
     /// CPU time, that of locks taken inside included. Blocking inside is not covered.
     pub length: Nanos,

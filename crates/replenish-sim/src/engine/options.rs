@@ -1,11 +1,11 @@
-//! How long a run is, and what is drawn and recorded in it.
+//! The options of a run: its length, and what it draws and records.
 
 use crate::Nanos;
 
-/// How to run a system.
+/// Options of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Options {
-    /// How long, in ns.
+    /// Length of the run, in ns.
     pub horizon: Nanos,
     /// The seed of everything drawn.
     pub seed: u64,

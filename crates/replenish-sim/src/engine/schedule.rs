@@ -1,4 +1,4 @@
-//! Which thread has which CPU.
+//! Assigns threads to CPUs by priority.
 
 use super::phase::Phase;
 use super::simulation::Sim;

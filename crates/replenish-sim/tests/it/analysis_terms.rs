@@ -249,7 +249,7 @@ fn budget_that_comes_back_in_pieces_costs_a_switch_for_each() {
     let took = worst(&system, 2, 40_282_977);
     // The duration if each job needs three rounds at most.
     assert!(took > 628, "{took}");
-    // Nobody is above it, so this is all there is to know.
+    // No thread is above it, so the analysis needs no other task.
     let task = Task::reserved(params, Some(Demand::new(51, 526)));
     let bound = bounds(&[task], &Costs::of(&system.platform))[0].response;
     assert!(bound.is_none_or(|bound| took <= bound), "{bound:?}");
