@@ -70,7 +70,8 @@ impl Deadline {
     }
 }
 
-/// How long a writer counts as alive after a sign of life, and how often it was silent for longer.
+/// The time that a writer counts as alive after a sign of life, and the number of times that it was
+/// silent for longer.
 #[derive(Clone, Copy, Debug)]
 pub struct Lease {
     time: Nanos,
@@ -130,7 +131,7 @@ impl Lease {
         self.time != INFINITE
     }
 
-    /// How often it has ended.
+    /// Number of times that the lease has ended.
     #[must_use]
     pub const fn lost(&self) -> u64 {
         self.lost

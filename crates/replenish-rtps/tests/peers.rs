@@ -22,7 +22,7 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-/// How long anything may take on a busy machine.
+/// The longest time that any step may take on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// RIHS01 of `std_msgs/msg/String`, as rclpy shows it.
 const STRING: &str = "df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18";

@@ -1,4 +1,4 @@
-//! Which writers of a reader are alive (DDS 1.4, 2.2.3.11).
+//! Liveliness of a reader's writers (DDS 1.4, 2.2.3.11).
 //!
 //! A writer whose liveliness is automatic is alive as long as anything is heard of its participant.
 //! A manual one has to show it itself: by a sample, or a HEARTBEAT that says so.

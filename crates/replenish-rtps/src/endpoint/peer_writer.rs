@@ -33,7 +33,7 @@ pub(crate) struct PeerWriter {
     /// It is alive as long as its participant is.
     pub(crate) automatic: bool,
     pub(crate) lease: Lease,
-    /// How long its samples are of use.
+    /// Time in ns for which its samples are of use.
     pub(crate) lifespan: Nanos,
 }
 

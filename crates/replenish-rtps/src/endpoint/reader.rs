@@ -65,7 +65,7 @@ pub struct Sample<'a> {
     pub gone: Option<Guid>,
     /// The request that it belongs to, as its writer says.
     pub related: Option<SampleIdentity>,
-    /// How long after its source's time it is of use.
+    /// Time in ns after its source's time for which it is of use.
     pub lifespan: Nanos,
 }
 

@@ -37,7 +37,7 @@ pub(crate) struct Slot {
     pub(crate) gone: Option<Guid>,
     /// The request that it belongs to.
     pub(crate) related: Option<SampleIdentity>,
-    /// How long it is of use.
+    /// Time in ns for which it is of use.
     pub(crate) lifespan: Nanos,
     pub(crate) fragment_size: u16,
     /// Fragments that are missing.

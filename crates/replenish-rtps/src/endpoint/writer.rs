@@ -398,7 +398,7 @@ impl Writer {
             || reader.first_request().is_some()
     }
 
-    /// Where an ACKNACK or `NACK_FRAG` for this writer goes.
+    /// The entity to which an ACKNACK or `NACK_FRAG` for this writer goes.
     #[must_use]
     pub const fn entity(&self) -> EntityId {
         self.guid.entity

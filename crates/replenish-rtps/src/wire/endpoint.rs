@@ -86,7 +86,7 @@ pub struct EndpointData<'a> {
     pub type_name: &'a str,
     /// Its quality of service.
     pub qos: Qos,
-    /// Where it is reached; nothing: at the participant's default.
+    /// Addresses at which it is reached; none: the participant's default.
     pub unicast: Locators,
     /// Multicast groups in which it is reached.
     pub multicast: Locators,
@@ -204,7 +204,7 @@ fn endpoint_guid(list: Parameters<'_>) -> Result<Guid, WireError> {
     Guid::decode(&mut found.ok_or(WireError::Missing("PID_ENDPOINT_GUID"))?)
 }
 
-/// Which entity a disposed sample of discovery names: by its key, or by the hash of its key.
+/// The entity that a disposed sample of discovery names: by its key, or by the hash of its key.
 ///
 /// # Errors
 /// [`WireError::Missing`] if neither is there.

@@ -3,11 +3,11 @@
 use super::{Reader, WireError, Writer};
 use core::fmt;
 
-/// Which participant: 12 bytes, the first two its vendor.
+/// Number of a participant: 12 bytes, the first two its vendor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct GuidPrefix(pub [u8; 12]);
 
-/// Which entity of a participant: three bytes of key and one of kind.
+/// Number of an entity in its participant: three bytes of key and one of kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct EntityId(pub [u8; 4]);
 
@@ -72,7 +72,7 @@ impl EntityId {
     }
 }
 
-/// Which entity of which participant: 16 bytes, the *gid* of ROS 2.
+/// Number of a participant and of its entity: 16 bytes, the *gid* of ROS 2.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Guid {
     /// The participant.

@@ -4,7 +4,7 @@ use super::{Reader, WireError, Writer};
 use core::fmt;
 use core::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 
-/// Where an endpoint can be reached.
+/// Address at which an endpoint can be reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Locator {
     /// 1 is UDP over IPv4, 2 over IPv6; others are a vendor's (Fast DDS: 16 is shared memory).

@@ -37,15 +37,15 @@ pub struct ParticipantData<'a> {
     pub vendor: [u8; 2],
     /// Its domain; old implementations do not say it.
     pub domain: Option<u32>,
-    /// Where its built-in endpoints are reached.
+    /// Addresses at which its built-in endpoints are reached.
     pub metatraffic_unicast: Locators,
     /// Multicast groups of its built-in endpoints.
     pub metatraffic_multicast: Locators,
-    /// Where its other endpoints are reached, unless they say another address.
+    /// Addresses at which its other endpoints are reached, unless they announce their own.
     pub default_unicast: Locators,
     /// Multicast groups of its other endpoints.
     pub default_multicast: Locators,
-    /// How long it counts as alive after an announcement.
+    /// Time in ns that it counts as alive after an announcement.
     pub lease: Nanos,
     /// Its built-in endpoints, see [`builtin`].
     pub builtin: u32,

@@ -13,7 +13,7 @@ pub enum Reliability {
     Reliable,
 }
 
-/// Which samples reach readers that come later, weakest first.
+/// The samples that reach readers which come later, weakest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Durability {
     /// None.
@@ -59,15 +59,15 @@ impl Representations {
 pub struct Qos {
     /// Whether lost samples are sent again.
     pub reliability: Reliability,
-    /// Which samples reach readers that come later.
+    /// The samples that reach readers which come later.
     pub durability: Durability,
     /// The longest time between two samples.
     pub deadline: Nanos,
-    /// How long a sample is of use. Writers only.
+    /// Time in ns for which a sample is of use. Writers only.
     pub lifespan: Nanos,
     /// How a writer shows that it is alive.
     pub liveliness: LivelinessKind,
-    /// How long a writer counts as alive after it has shown it.
+    /// Time in ns that a writer counts as alive after it has shown it.
     pub liveliness_lease: Nanos,
     /// Samples that are kept; 0: all. Peers do not match by it.
     pub depth: u32,
@@ -80,7 +80,7 @@ pub struct Qos {
 }
 
 impl Qos {
-    /// Those of an endpoint that names nothing: a writer is reliable, a reader best effort.
+    /// The QoS of an endpoint that announces none: a writer is reliable, a reader best effort.
     #[must_use]
     pub const fn unnamed(writer: bool) -> Self {
         Qos {

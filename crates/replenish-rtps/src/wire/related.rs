@@ -1,4 +1,4 @@
-//! Which request a sample belongs to: inline quality of service of ROS 2's services.
+//! The request that a sample belongs to: inline quality of service of ROS 2's services.
 
 use super::parameters::{ParameterWriter, Parameters, pid};
 use super::sets::{put_sequence_number, sequence_number};
