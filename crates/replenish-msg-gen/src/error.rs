@@ -48,7 +48,7 @@ impl Error {
         &self.file
     }
 
-    /// Where in the file.
+    /// Place in the file.
     #[must_use]
     pub fn place(&self) -> Place {
         self.place

@@ -106,7 +106,7 @@ pub(crate) enum Base {
     Message(TypeName),
 }
 
-/// How many values a field has.
+/// Number of values in a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Shape {
     One,

@@ -1,4 +1,4 @@
-//! Which names ROS 2 allows, and how they are written in Rust.
+//! The names that ROS 2 allows, and their form in Rust.
 
 /// The rule for a package's name.
 pub(crate) const PACKAGE: &str = "lower-case letters, digits and single underscores, beginning with a letter, \

@@ -47,7 +47,7 @@ pub(crate) struct Facts {
 pub(crate) struct Entry {
     pub(crate) definition: Definition,
     file: PathBuf,
-    /// Where the type is in Rust if it is not generated here.
+    /// Path of the Rust type if it is not generated here.
     pub(crate) elsewhere: Option<String>,
 }
 
@@ -234,7 +234,7 @@ impl Registry {
         }
     }
 
-    /// Where a value that begins at `pos` ends at most, with nothing in what has no bound.
+    /// The largest end of a value that begins at `pos`. A part without a bound counts as empty.
     ///
     /// Ends never come earlier for a later begin or a longer part, so that the longest parts give
     /// the largest end.

@@ -5,7 +5,7 @@ use crate::names;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// Where the file of an interface is, relative to the one that includes all.
+/// Path of an interface's file, relative to the file that includes all.
 pub(crate) fn file(name: &TypeName) -> String {
     format!(
         "{}/{}/{}.rs",

@@ -7,9 +7,9 @@ pub(super) struct Line<'a> {
     file: &'a Path,
     number: usize,
     whole: &'a str,
-    /// Where the code ends, in bytes; behind it there are blanks and the comment.
+    /// End of the code, in bytes; blanks and the comment follow.
     end: usize,
-    /// Where reading is, in bytes, on a character's boundary.
+    /// Position of the reader, in bytes, on a character's boundary.
     pos: usize,
 }
 
@@ -95,8 +95,8 @@ impl<'a> Line<'a> {
     }
 }
 
-/// Where the comment begins: at the first `#` that is not within quotes. Quotes begin a string only
-/// behind a blank, `=`, `[` or `,`, so that an apostrophe in an unquoted text does not.
+/// Begin of the comment: the first `#` that is not within quotes. Quotes begin a string only behind
+/// a blank, `=`, `[` or `,`, so that an apostrophe in an unquoted text does not.
 fn comment_start(line: &str) -> usize {
     let mut quote = None;
     let mut last = ' ';
