@@ -161,7 +161,7 @@ impl<A: Action> Message for SendGoalResponse<A> {
 
 /// The request of [`GetResult`].
 pub struct GetResultRequest<A> {
-    /// Which goal.
+    /// Id of the goal.
     pub goal_id: UUID,
     action: PhantomData<fn(&A)>,
 }
@@ -224,7 +224,7 @@ impl<A: Action> Message for GetResultResponse<A> {
 
 /// `A_FeedbackMessage`: how far a goal has come.
 pub struct FeedbackMessage<A: Action> {
-    /// Which goal.
+    /// Id of the goal.
     pub goal_id: UUID,
     /// How far it has come.
     pub feedback: A::Feedback,

@@ -1,4 +1,4 @@
-//! Which field it is that cannot be decoded: `poses[3].pose.orientation.w: needs 8 bytes, 3 left`.
+//! Names the field that cannot be decoded: `poses[3].pose.orientation.w: needs 8 bytes, 3 left`.
 //!
 //! Decoding itself keeps no track of names, so that it costs nothing. Only when it has failed the
 //! bytes are walked a second time, along the type's [`Structure`].
@@ -225,7 +225,7 @@ pub fn unwritten(structure: &'static Structure, written: &[u8]) -> &'static str 
 /// Decodes what `reader` has into `msg`.
 ///
 /// # Errors
-/// Where the bytes are not such a message, and why. `msg` is then valid but unspecified.
+/// The field that cannot be decoded, and the reason. `msg` is then valid but unspecified.
 pub fn decode_with_path<M: Message>(
     msg: &mut M,
     reader: &CdrReader<'_>,

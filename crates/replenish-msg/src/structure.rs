@@ -22,9 +22,9 @@ impl Structure {
 pub struct Field {
     /// The name as in the `.msg` file.
     pub name: &'static str,
-    /// How many there are.
+    /// Number of values.
     pub shape: Shape,
-    /// Of what.
+    /// Kind of each value.
     pub kind: Kind,
 }
 
@@ -60,12 +60,12 @@ macro_rules! fields {
 }
 pub(crate) use fields;
 
-/// How many values a field has.
+/// Number of values in a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     /// One.
     One,
-    /// As many, always: `T[N]`.
+    /// This many values, always: `T[N]`.
     Array(usize),
     /// Up to as many, with their number in front: `T[<=N]`; `T[]` is up to `usize::MAX`.
     Sequence(usize),

@@ -23,7 +23,7 @@ pub trait View<'a>: Item<'a> {
     /// The message that `reader` has next.
     ///
     /// # Errors
-    /// Where the bytes are not such a message, and why.
+    /// The field that cannot be decoded, and the reason.
     fn read(reader: &CdrReader<'a>) -> Result<Self, DecodeError> {
         Self::take(&mut reader.clone())
             .map_err(|error| DecodeError::find(Self::FIELDS, reader.clone(), error))

@@ -9,7 +9,7 @@ use core::fmt;
 pub enum CdrError {
     /// The buffer ends inside an item.
     EndOfBuffer {
-        /// Where the item starts, or its padding.
+        /// Position of the item, or of its padding.
         at: usize,
         /// Bytes the item takes, with its padding.
         needed: usize,
@@ -18,24 +18,24 @@ pub enum CdrError {
     },
     /// The contents of a string are not UTF-8.
     NotUtf8 {
-        /// Where the first bad byte is.
+        /// Position of the first bad byte.
         at: usize,
     },
     /// The last byte that a string's length counts is not NUL.
     NotTerminated {
-        /// Where the NUL should be.
+        /// Position at which the NUL should be.
         at: usize,
     },
     /// A `bool` that is neither 0 nor 1.
     NotBool {
-        /// Where the byte is.
+        /// Position of the byte.
         at: usize,
         /// Its value.
         value: u8,
     },
     /// The contents of a `wstring` are not UTF-16.
     NotUtf16 {
-        /// Where the string's contents start.
+        /// Position of the string's contents.
         at: usize,
     },
     /// An encapsulation header that announces something else than XCDR1.
