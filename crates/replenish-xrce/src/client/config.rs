@@ -35,7 +35,7 @@ pub struct Config {
     pub retry_first: Nanos,
     /// The longest time between log-ins. Must exceed the round trip to the agent.
     pub retry_max: Nanos,
-    /// How long an agent that is there may take for the next answer to the creation of objects.
+    /// The longest time in ns until the next answer of a present agent to the creation of objects.
     /// A request without an answer is then
     /// [`RequestState::Unanswered`](super::RequestState::Unanswered), and a session that waits for
     /// it to be up waits no longer.

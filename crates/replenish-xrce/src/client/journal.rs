@@ -43,7 +43,7 @@ const HEAD: usize = 6;
 struct Head<'a>(&'a [u8; HEAD + 4]);
 
 impl Head<'_> {
-    /// Where the next entry begins, if this one does at `at`.
+    /// Begin of the next entry, if this one begins at `at`.
     const fn end(self, at: usize) -> usize {
         let [low, high, ..] = *self.0;
         let len = u16::from_le_bytes([low, high]) as usize;

@@ -80,11 +80,12 @@ pub(super) fn checksum(message: &[u8]) -> u16 {
     checked(message).0
 }
 
-/// Where [`special_in`] tells.
+/// The bits in which [`special_in`] reports its result.
 pub(super) const SPECIAL: u32 = 0x8080_8080;
 
-/// Whether any of four bytes is 0x7D to 0x7F, in the bits of [`SPECIAL`]: four comparisons in one.
-/// Of those below 0x80, three more make what those have and others have not.
+/// Tests four bytes at once: the bits of [`SPECIAL`] show whether any is 0x7D to 0x7F. Adding 3
+/// sets the highest bit of a byte of at least 0x7D; the last term leaves bytes of 0x80 and above
+/// out.
 #[inline(always)]
 pub(super) const fn special_in(bytes: u32) -> u32 {
     (bytes & !SPECIAL).wrapping_add(0x0303_0303) & !bytes

@@ -281,7 +281,7 @@ where
         self.stats
     }
 
-    /// Where the message in slot `slot` begins.
+    /// Begin of the message in slot `slot`.
     const fn start(&self, slot: usize) -> usize {
         slot.wrapping_mul(self.slot_size)
     }
@@ -305,7 +305,7 @@ where
         let slot = self.slot(ahead.wrapping_sub(1));
         let start = self.start(slot);
         let room = self.slots.as_mut().get_mut(start..);
-        // Where a message was not taken, the last slot is its own.
+        // As long as a message is not taken, the last slot is its own.
         let free = self.capacity.wrapping_sub((self.kept & 1) as usize);
         let fits = ahead <= free && body.len() <= self.slot_size;
         let (true, Some(room), Some(len)) = (
@@ -334,7 +334,7 @@ where
         self.place(slot)
     }
 
-    /// Where the message in slot `slot` begins and ends.
+    /// Begin and end of the message in slot `slot`.
     pub(super) fn place(&self, slot: usize) -> Option<(usize, usize)> {
         let len = usize::from(*self.lens.get(slot)?);
         let start = self.start(slot);

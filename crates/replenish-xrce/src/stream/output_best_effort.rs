@@ -43,7 +43,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>> OutputBestEffort<S> {
         self.next = SeqNum(0);
     }
 
-    /// Which stream this is.
+    /// The session and the stream, as the header of each message has them.
     pub const fn header(&self) -> StreamHeader {
         self.header
     }

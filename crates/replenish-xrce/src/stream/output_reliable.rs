@@ -227,7 +227,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         self.confirms = DELIVERY && confirms;
     }
 
-    /// Which stream this is.
+    /// The session and the stream, as the header of each message has them.
     pub const fn header(&self) -> StreamHeader {
         self.ring.header
     }
@@ -482,7 +482,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         }
     }
 
-    /// Which message is to be sent next, counted from the first.
+    /// The message to send next, counted from the first.
     fn due(&self, now: Nanos) -> Option<usize> {
         let is_lost = |i: &usize| self.ring.get(*i).is_some_and(|slot| slot.lost <= now);
         let window = usize::from(self.config.in_flight.max(1));

@@ -37,7 +37,7 @@ pub(super) struct RingSlot {
     pub(super) resent: bool,
     /// Named missing: to be sent again from this time on.
     pub(super) lost: Nanos,
-    /// How often it was sent again since then.
+    /// Number of times that it was sent again since then.
     pub(super) retries: u8,
     /// The receiver has it, although not everything before it.
     pub(super) received: bool,
@@ -160,8 +160,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         self.refill();
     }
 
-    /// How many of the first `n` messages can be forgotten: all, or those before a sample of which
-    /// a fragment is not among them.
+    /// Number of the first `n` messages that can be forgotten: all, or up to the first sample that
+    /// has a fragment behind them.
     pub(super) fn complete(&self, n: usize) -> usize {
         if !DELIVERY || !FRAGMENTS || !self.keep_whole {
             return n;

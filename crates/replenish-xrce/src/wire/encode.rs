@@ -5,7 +5,7 @@ use super::{FLAG_LITTLE_ENDIAN, Header, SubmessageId, WireError, Writer, padding
 
 /// A submessage body that can be written.
 pub trait Encode {
-    /// Which submessage it is the body of.
+    /// The submessage of this body.
     fn id(&self) -> SubmessageId;
 
     /// Flag bits besides the byte order.

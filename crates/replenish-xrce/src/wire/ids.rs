@@ -77,7 +77,7 @@ impl StreamId {
         StreamId(0x80 | index)
     }
 
-    /// Which best-effort stream it is, if it is one.
+    /// Number of the best-effort stream, from 0; `None` for another kind of stream.
     #[must_use]
     pub const fn best_effort_index(self) -> Option<usize> {
         if self.is_best_effort() {
@@ -87,7 +87,7 @@ impl StreamId {
         }
     }
 
-    /// Which reliable stream it is, if it is one.
+    /// Number of the reliable stream, from 0; `None` for another kind of stream.
     #[must_use]
     pub const fn reliable_index(self) -> Option<usize> {
         if self.is_reliable() {

@@ -22,7 +22,7 @@ pub enum Properties<'a> {
     Encoded {
         /// From the first pair on.
         bytes: &'a [u8],
-        /// How many pairs.
+        /// Number of pairs.
         count: u32,
         /// Byte order.
         little_endian: bool,

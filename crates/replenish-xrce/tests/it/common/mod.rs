@@ -92,7 +92,7 @@ pub(crate) fn scenario(name: &str) -> Vec<Datagram> {
         .collect()
 }
 
-/// Which bytes of a datagram have a meaning: false for the padding between and after submessages,
+/// Bytes of a datagram that have a meaning: false for the padding between and after submessages,
 /// where eProsima's client leaves whatever its buffer held before.
 pub(crate) fn meaningful(bytes: &[u8]) -> Vec<bool> {
     let mut mask = vec![true; bytes.len()];
