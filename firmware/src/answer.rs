@@ -34,7 +34,7 @@ pub struct Count {
 /// One worker's callback. An answer takes its burst of the worker's CPU time all in all: what the
 /// executor needs of it to take the message and to send the answer is part of it.
 pub struct Answer {
-    /// Which worker.
+    /// The worker that answers.
     pub worker: Worker,
     /// The worker's counts, which other tasks read.
     pub count: Arc<Count>,

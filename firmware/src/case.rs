@@ -36,7 +36,7 @@ impl Worker {
 /// All of it.
 #[derive(Debug)]
 pub struct Case {
-    /// How long is measured, in ns.
+    /// Length of the measurement, in ns.
     pub length: u64,
     /// The workers.
     pub workers: Vec<Worker>,

@@ -31,7 +31,7 @@ use replenish_os::clock;
 /// Whether the bytes are paced here.
 pub const PACED: bool = !cfg!(feature = "hardware");
 
-/// How long the host may take, in ns of the emulator's time: some ten seconds of the host's, or
+/// The longest wait for the host, in ns of the emulator's time: some ten seconds of the host's, or
 /// more.
 const PATIENCE: u64 = 30_000_000_000;
 

@@ -21,7 +21,7 @@ impl<const N: usize> Ring<N> {
         }
     }
 
-    /// How many bytes wait.
+    /// Number of bytes that wait.
     pub fn len(&self) -> usize {
         let put = self.put.load(Ordering::Acquire);
         put.wrapping_sub(self.taken.load(Ordering::Acquire)) as usize

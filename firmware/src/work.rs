@@ -18,7 +18,7 @@ impl Burst {
         Self((u64::from(ROUNDS) * 10_000_000 / took.max(1)) as u32)
     }
 
-    /// So many microseconds of CPU time.
+    /// Burns this many microseconds of CPU time.
     pub fn run_us(self, us: u32) {
         spin((u64::from(self.0) * u64::from(us) / 10_000) as u32);
     }

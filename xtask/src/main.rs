@@ -35,7 +35,7 @@ enum Task {
     Board(Board),
     /// Runs the stages of CI, all of them or those named; installs nothing.
     Ci {
-        /// Which ones, in this order.
+        /// The stages to run, in this order.
         stages: Vec<ci::Stage>,
     },
     /// Lists files of a crate that import each other in a circle; fails if there are any.

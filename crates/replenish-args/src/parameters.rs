@@ -15,7 +15,7 @@ pub struct Override {
     pub name: String,
     /// Its value.
     pub value: Value,
-    /// Where it was said: `argument 4`, `robot.yaml:3:5`.
+    /// Place of the text: `argument 4`, `robot.yaml:3:5`.
     pub place: String,
 }
 

@@ -107,7 +107,7 @@ pub(crate) fn fill(replacement: &str, captures: &[String]) -> String {
     out
 }
 
-/// How many captures the pattern has.
+/// Number of captures in the pattern.
 pub(crate) fn captures(pattern: &str) -> usize {
     pattern
         .split('/')

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 pub enum SecureError {
     /// A setting is outside its range.
     Setting {
-        /// Which one.
+        /// Name of the setting.
         field: &'static str,
         /// The allowed range.
         allowed: &'static str,

@@ -67,9 +67,9 @@ pub fn trial(name: &str, body: impl FnOnce() + Send + 'static) -> Trial {
 
 /// A trial that needs real-time priority and takes the machine-wide lock.
 ///
-/// Where the priority is missing it counts as ignored, unless [`rt::REQUIRE`] is set. A failure
-/// while a hypervisor took CPU time away says nothing, and `body` runs again; after one that no
-/// clock explains it must pass twice ([`steal::undisturbed`]).
+/// Without the priority it counts as ignored, unless [`rt::REQUIRE`] is set. A failure while a
+/// hypervisor took CPU time away says nothing, and `body` runs again; after one that no clock
+/// explains it must pass twice ([`steal::undisturbed`]).
 pub fn rt_trial(name: &str, body: impl Fn() + Send + 'static) -> Trial {
     let this = name.to_string();
     needs_rt(name, move || {

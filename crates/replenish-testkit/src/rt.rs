@@ -31,7 +31,7 @@ pub fn available() -> Result<(), String> {
 /// Makes the calling thread `SCHED_FIFO`.
 ///
 /// # Errors
-/// Those of `sched_setscheduler(2)`.
+/// The errors of `sched_setscheduler(2)`.
 pub(crate) fn fifo(sched_priority: i32) -> io::Result<()> {
     let param = libc::sched_param { sched_priority };
     // SAFETY: `param` is a valid sched_param that outlives the call; pid 0 is this thread.
@@ -58,7 +58,7 @@ pub(crate) fn cpus() -> Vec<usize> {
 /// Pins the calling thread to `cpu`, one of [`cpus`].
 ///
 /// # Errors
-/// Those of `sched_setaffinity(2)`.
+/// The errors of `sched_setaffinity(2)`.
 #[expect(unsafe_code, reason = "sched_setaffinity has no safe wrapper in std")]
 pub(crate) fn pin(cpu: usize) -> io::Result<()> {
     // SAFETY: an all-zero set is valid, and empty.

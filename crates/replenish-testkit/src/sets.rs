@@ -13,7 +13,7 @@ const BLOCK: u64 = 64;
 /// A line of progress after so many.
 const LINE: u64 = 100_000;
 
-/// How many sets: `REPLENISH_SETS`, or `default`.
+/// Number of sets: `REPLENISH_SETS`, or `default`.
 #[must_use]
 pub fn wanted(default: u64) -> u64 {
     from_env("REPLENISH_SETS").unwrap_or(default)

@@ -190,8 +190,9 @@ mod tests {
     use super::*;
     use std::cell::Cell;
 
-    /// How often a body runs that panics in the runs that `fails` names, while so much is stolen
-    /// and the machine stands still for so long each time, in ns; and whether that is a failure.
+    /// Number of runs of a body that panics in the runs that `fails` names, and whether the end is
+    /// a failure. In each run the hypervisor takes `stolen` ns, and the machine stands still for
+    /// `still` ns.
     fn runs((stolen, still): (u64, u64), fails: fn(u32) -> bool) -> (u32, bool) {
         let runs = Cell::new(0);
         let body = || {

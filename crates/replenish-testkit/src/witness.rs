@@ -74,7 +74,7 @@ impl Witness {
         Self { seen, threads }
     }
 
-    /// How long the CPUs stood still so far, in ns, all of them together.
+    /// Time in ns that the CPUs stood still so far, all of them together.
     #[must_use]
     pub fn so_far(&self) -> u64 {
         self.seen.late.load(Ordering::SeqCst)

@@ -4,7 +4,7 @@
 use crate::Posix;
 use crate::{BudgetServer, Corrected, Level, Nanos, ParamError, Params};
 
-/// Which server.
+/// The kind of a budget server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Kind {
     /// [`Corrected`], the default.
@@ -58,7 +58,7 @@ impl<const N: usize> Server<N> {
         }
     }
 
-    /// Which server this is.
+    /// The kind of this server.
     pub const fn kind(&self) -> Kind {
         match self {
             Self::Corrected(_) => Kind::Corrected,

@@ -117,7 +117,7 @@ impl Params {
         Ok(())
     }
 
-    /// How many replenishments may be pending in a server with room for `capacity`.
+    /// The most pending replenishments of a server with room for `capacity`.
     pub(crate) fn limit(&self, capacity: usize) -> usize {
         usize::from(self.max_repl).min(capacity)
     }

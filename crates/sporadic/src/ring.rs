@@ -32,7 +32,7 @@ impl<const N: usize> Ring<N> {
         self.len
     }
 
-    /// Where the `i`-th oldest chunk is. `i < N`.
+    /// Index of the `i`-th oldest chunk. `i < N`.
     const fn slot(&self, i: usize) -> usize {
         let at = self.first + i;
         if at >= N { at - N } else { at }

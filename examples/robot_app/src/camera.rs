@@ -29,7 +29,7 @@ pub fn add(ctx: &Context, exec: &mut Executor) -> Result<(), Error> {
     Ok(())
 }
 
-/// How many neighbours differ by more than 16 grey levels.
+/// Number of neighbours that differ by more than 16 grey levels.
 fn edges(pixels: &[u8]) -> u64 {
     let differ = |(a, b): (&u8, &u8)| u64::from(a.abs_diff(*b) > 16);
     let pixels = std::hint::black_box(pixels);

@@ -1,6 +1,6 @@
-//! What the board's tasks did last, on its way to the host: a worker with a budget that it uses up,
-//! and one that sends numbers on topic `loose`, which the host's ping sends back (`ping --echo`).
-//! The command line: `recorder MILLISECONDS`.
+//! The flight recorder on its way from the board to the host. The recorded tasks are a worker with
+//! a budget that it uses up, and one that sends numbers on topic `loose`, which the host's ping
+//! sends back (`ping --echo`). The command line: `recorder MILLISECONDS`.
 //!
 //! ```text
 //!   hungry (2 ms per 20 ms, wants 6)      talker: loose ──► ping ──► loose_back

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-/// How long a case may take on the host.
+/// The longest time of a case on the host.
 const LIMIT: Duration = Duration::from_secs(60);
 
 /// One case: its name, and the words that its output must contain.

@@ -1,5 +1,5 @@
-//! Where the results of the experiments with messages go. The paper's two are reported by the
-//! program `replenish` itself, so that names, keys, CSV, figure and page are those of Linux.
+//! The result files of the experiments with messages. The paper's two are reported by the program
+//! `replenish` itself, so that names, keys, CSV, figure and page are those of Linux.
 
 use super::case::{self, BURST_MS, Name};
 use super::report;

@@ -1,22 +1,22 @@
-//! Which options an experiment has, and whether its files can be written: said before anything is
-//! built or run. An option that means nothing to an experiment is refused, not ignored.
+//! The options of an experiment, checked together with its files before anything is built or run.
+//! An option that means nothing to an experiment is refused, not ignored.
 
 use super::case::{self, Name};
 use super::files::Files;
 use crate::output::Outcome;
 
-/// How long each case lasts unless said otherwise, in seconds of the board's time.
+/// Default length of each case, in seconds of the board's time.
 const SECONDS: u64 = 10;
 
 /// An experiment as it was asked for.
 #[derive(clap::Args)]
 pub(crate) struct Asked {
-    /// Which one.
+    /// The experiment's name.
     pub(crate) name: Name,
     /// Tasks that burn time, instead of executor and messages.
     #[arg(long)]
     pub(crate) tasks: bool,
-    /// How long each case lasts, in seconds of the board's time [default: 10].
+    /// Length of each case, in seconds of the board's time [default: 10].
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=60))]
     seconds: Option<u64>,
     #[command(flatten)]

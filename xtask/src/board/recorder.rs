@@ -12,7 +12,7 @@ use std::process::Command;
 
 /// The name that the image gives its board.
 const BOARD: &str = "board of the test";
-/// How long the image works, in ms.
+/// Time that the image works, in ms.
 const LENGTH_MS: u64 = 4_000;
 
 /// Runs, prints, writes JSON.
@@ -106,7 +106,7 @@ fn find<'a>(list: &'a Value, key: &str, name: &str) -> Option<&'a Value> {
     list.find(|item| item.get(key).is_some_and(|value| value == name))
 }
 
-/// What `top` and `trace` show while the board is there.
+/// The output of `top` and `trace` while the board is there.
 fn look(bench: &Bench) -> Outcome<Value> {
     let top = read(bench.replenish().args(["top", "--once"]), "top")?;
     let pid = |what: &dyn Fn(&Value) -> bool| {

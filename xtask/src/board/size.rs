@@ -115,7 +115,7 @@ fn symbol(line: &str) -> Option<(&str, char, u64)> {
     Some((name, kind.chars().next()?.to_ascii_lowercase(), bytes))
 }
 
-/// Which part a symbol belongs to, by its name.
+/// The part that a symbol belongs to, by its name.
 fn part(name: &str) -> &'static str {
     let has = |what: &str| name.contains(what);
     // The crate that a symbol begins with, or that implements something: the first one named.

@@ -25,7 +25,7 @@ pub(crate) struct Bench {
     look: Option<Look>,
 }
 
-/// What looks at the recordings, and its findings.
+/// A function that looks at the recordings and returns its findings.
 pub(crate) type Look = fn(&Bench) -> Outcome<Value>;
 
 /// The result of a run.
@@ -34,7 +34,7 @@ pub(crate) struct Run {
     pub(crate) board: Value,
     /// Ping's totals: `sent`, `answered`, each of high and low.
     pub(crate) ping: Value,
-    /// What [`Look`] found; `null` without it.
+    /// Findings of [`Look`]; `null` without it.
     pub(crate) looked: Value,
 }
 
@@ -59,7 +59,7 @@ const NO_END: &str = "did not end";
 /// A case runs so often at most.
 const RUNS: usize = 3;
 
-/// Where the board counts the ticks that the host did not answer.
+/// JSON path of the number of ticks that the host did not answer.
 pub(crate) const UNANSWERED: &str = "/uart/unanswered";
 
 /// A run that takes longer on the host than this is ended.

@@ -1,4 +1,4 @@
-//! Which stages run, in which order, and what runs beside what.
+//! The stages, their order, and the stages that run beside each other.
 
 use super::run::{Beside, each, foreground};
 use super::stage::Stage;

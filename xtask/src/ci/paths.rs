@@ -1,4 +1,4 @@
-//! Where the repository and its build directory are.
+//! Paths of the repository and its build directory.
 
 use std::path::{Path, PathBuf};
 

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Arrows between files, from the one that names to the one that defines, with the names.
 pub(super) type Imports = BTreeMap<(usize, usize), BTreeSet<String>>;
 
-/// How many re-exports a name may come through.
+/// The most re-exports that a name may come through.
 const DEPTH: usize = 16;
 
 /// The imports between the files of a crate.

@@ -1,4 +1,4 @@
-//! Which argument is whose, and the sentences for those that are nobody's.
+//! The owner of each argument, and the sentences for arguments without one.
 
 use crate::{parse, parse_with, refused};
 use replenish_args::{Environment, LogLevel, RosArgs};

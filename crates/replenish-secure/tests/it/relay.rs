@@ -61,7 +61,7 @@ impl Relay {
         }
     }
 
-    /// How many bytes passed, and whether `text` is among them.
+    /// Number of bytes that passed, and whether `text` is among them.
     pub(crate) fn seen(&self, text: &[u8]) -> (usize, bool) {
         let bytes = self.bytes.lock().unwrap();
         let found = bytes.windows(text.len()).any(|part| part == text);

@@ -185,8 +185,8 @@ fn pulling_a_check_in_never_moves_it_away() {
     assert_eq!(sim.overruns, [0]);
 }
 
-/// Where the queue is full, a reading puts budget off that was due: the check that was set for it
-/// would come too late.
+/// With a full queue, a reading puts budget off that was due. The check that was set for that
+/// budget would come too late.
 #[test]
 fn a_reading_can_bring_the_check_nearer() {
     let params = Params::new(60, Low::Background(6), 10 * MS, 20 * MS, 1).unwrap();
