@@ -21,8 +21,8 @@ pub struct Options {
     pub lockstep: bool,
     /// Messages of the topic `flood` that the host sends per tick, on top.
     pub flood: u32,
-    /// When the host is told to end the agent and start another, in ms; 0: never. Until its
-    /// session is back, the clock waits for nobody.
+    /// Time in ms at which the host ends the agent and starts another; 0: never. Until its session
+    /// is back, the clock waits for nobody.
     pub restart: u64,
 }
 

@@ -17,7 +17,7 @@ pub struct RosArgs {
 }
 
 impl RosArgs {
-    /// Of this process: its arguments and its environment.
+    /// The ROS arguments of this process: its arguments and its environment.
     ///
     /// # Errors
     /// [`ArgsError`]: the argument or variable, its place, and what is allowed.
@@ -34,7 +34,7 @@ impl RosArgs {
         Self::parse(args, &environment)
     }
 
-    /// Of these arguments, the program's name first. Reads the files they name.
+    /// The ROS arguments in `args`, the program's name first. Reads the files they name.
     ///
     /// # Errors
     /// As [`from_env`](Self::from_env).

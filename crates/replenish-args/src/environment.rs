@@ -17,7 +17,7 @@ pub struct Environment {
 }
 
 impl Environment {
-    /// Of variables as `of` gives them. An empty variable counts as none.
+    /// The settings in variables as `of` gives them. An empty variable counts as none.
     ///
     /// # Errors
     /// The first variable out of its range.

@@ -26,7 +26,7 @@ impl ArgsError {
         }
     }
 
-    /// Of the argument with this index; 0 is the program's name.
+    /// An error about the argument with this index; 0 is the program's name.
     pub(crate) fn argument(index: usize, text: &str, problem: impl Into<String>) -> Self {
         Self::new(format!("argument {index}"), text, problem)
     }

@@ -15,13 +15,13 @@ pub enum Value {
     Double(f64),
     /// Everything else, and what stands in quotes.
     String(String),
-    /// Of one type throughout.
+    /// A list of one type throughout.
     Bools(Vec<bool>),
-    /// Of one type throughout.
+    /// A list of one type throughout.
     Integers(Vec<i64>),
-    /// Of one type throughout.
+    /// A list of one type throughout.
     Doubles(Vec<f64>),
-    /// Of one type throughout.
+    /// A list of one type throughout.
     Strings(Vec<String>),
     /// `[]`: of whichever array type the parameter has.
     Empty,
@@ -44,7 +44,7 @@ impl Value {
         }
     }
 
-    /// Of a scalar or a list of scalars; the error with the node it is about.
+    /// The value of a scalar or a list of scalars; the error with the node it is about.
     pub(crate) fn of(node: &Node) -> Result<Self, (&Node, String)> {
         match &node.content {
             Content::Scalar { text, plain, tag } => {

@@ -87,7 +87,7 @@ impl Source<'_> {
 struct Open {
     place: (usize, usize),
     map: bool,
-    /// Of a mapping: keys and values by turns.
+    /// Keys and values of a mapping by turns.
     items: Vec<Node>,
 }
 

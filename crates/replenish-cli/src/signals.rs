@@ -30,7 +30,7 @@ struct Shared {
 pub enum Woken {
     /// The end was asked for.
     Stopped,
-    /// Somebody wants to know what is going on.
+    /// A signal asks for the status.
     Asked,
     /// Files are to be read again.
     Reload,
@@ -131,7 +131,7 @@ impl Stop {
 mod tests {
     use super::*;
 
-    /// Somebody at low priority may hold the lock for long. On b209253 a busy worker waited for it:
+    /// A thread at low priority may hold the lock for long. On b209253 a busy worker waited for it:
     /// budgets in pieces and 539 wakes of the enforcer per second in `bench enforcement`.
     #[test]
     fn to_look_takes_no_lock() {

@@ -46,7 +46,7 @@ pub trait Message: Default + Send + 'static {
     /// unspecified: a mix of old and new fields.
     fn decode(&mut self, r: &mut CdrReader<'_>) -> Result<(), CdrError>;
 
-    /// Makes room for messages of up to so many bytes, at set-up: for types that keep the bytes
+    /// Makes room at set-up for messages of up to `bytes` bytes, in types that keep the bytes
     /// themselves. Others have nothing to do.
     fn reserve(&mut self, bytes: usize) {
         let _ = bytes;

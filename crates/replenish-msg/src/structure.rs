@@ -10,7 +10,7 @@ pub struct Structure {
 }
 
 impl Structure {
-    /// Of a type that does not tell.
+    /// The structure of a type that does not describe itself.
     pub const UNKNOWN: Self = Self {
         name: "",
         fields: &[],
@@ -36,7 +36,7 @@ impl Field {
     }
 }
 
-/// Of a type written by hand: its hash and its fields, as the generator writes them.
+/// The structure of a type written by hand: its hash and its fields, as the generator writes them.
 macro_rules! known {
     ($hash:literal, $name:expr $(, $($fields:tt)*)?) => {
         const TYPE_HASH: Option<&'static str> = Some(concat!("RIHS01_", $hash));

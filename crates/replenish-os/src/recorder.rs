@@ -262,7 +262,7 @@ pub struct Feed {
 }
 
 impl Feed {
-    /// Of a board with this name, of which the first 40 bytes are kept.
+    /// A recorder for the board of this name, of which it keeps the first 40 bytes.
     #[must_use]
     pub fn new(board: &str) -> Self {
         Self {

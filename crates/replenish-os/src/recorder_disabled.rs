@@ -86,7 +86,7 @@ pub fn end(_: Nanos) {}
 pub struct Feed(());
 
 impl Feed {
-    /// Of nothing.
+    /// A recorder that records nothing.
     #[must_use]
     pub const fn new(_: &str) -> Self {
         Self(())

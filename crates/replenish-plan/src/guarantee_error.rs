@@ -124,7 +124,7 @@ impl GuaranteeError {
     }
 }
 
-/// `value` with so many digits behind the point, and no zeros at the end.
+/// `value` with `digits` digits behind the point, and no zeros at the end.
 fn trimmed(value: f64, digits: usize) -> String {
     let text = format!("{value:.digits$}");
     if !text.contains('.') {

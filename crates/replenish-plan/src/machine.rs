@@ -51,7 +51,7 @@ impl Machine {
 /// computed with them is as good as they are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Overheads {
-    /// Of turning a CPU to another thread.
+    /// Cost of turning a CPU to another thread.
     pub context_switch: Nanos,
     /// Per callback, in the worker: waking up, taking the message, decoding it.
     pub callback: Nanos,

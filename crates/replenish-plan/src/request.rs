@@ -58,8 +58,8 @@ pub struct Worker {
     /// By when its callbacks must end, for workers whose demand is known. Ignored beside a
     /// guarantee, which has its own.
     pub deadline: Option<Nanos>,
-    /// Of a worker that others release: how late in relation to a strict pattern that can be, in
-    /// ns. Unlike jitter it does not count as response: deadlines run from the release itself.
+    /// The largest delay against a strict pattern of a worker that others release, in ns. Unlike
+    /// jitter it does not count as response: deadlines run from the release itself.
     pub late: Nanos,
 }
 

@@ -82,13 +82,13 @@ impl fmt::Display for Rounded {
     }
 }
 
-/// `value` to so many significant digits, to the nearest.
+/// `value` to `digits` significant digits, to the nearest.
 pub(crate) fn round(value: Nanos, digits: u32) -> Nanos {
     let step = step(value, digits);
     value.saturating_add(step / 2) / step * step
 }
 
-/// The distance of numbers with so many significant digits near `value`, at least 1.
+/// The distance of numbers with `digits` significant digits near `value`, at least 1.
 pub(crate) fn step(value: Nanos, digits: u32) -> Nanos {
     let length = value.max(1).ilog10() + 1;
     10u64.pow(length.saturating_sub(digits))

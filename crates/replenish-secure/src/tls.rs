@@ -26,7 +26,7 @@ pub(crate) struct TlsTransport {
     inbox: PiMutex<Inbox>,
     /// There is something that the socket has not taken yet.
     blocked: AtomicBool,
-    /// A connection has ended, and `receive` has not told yet.
+    /// A connection has ended, and `receive` has not reported it yet.
     ended: AtomicBool,
     status: Arc<Status>,
 }

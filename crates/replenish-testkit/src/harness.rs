@@ -1,5 +1,5 @@
-//! Trials that can be skipped at run time and are then counted as ignored: beforehand, by what
-//! [`Trial::skipped_if`] is told, or from within, by [`skip`].
+//! Trials that can be skipped at run time and are then counted as ignored: beforehand, by the
+//! reason given to [`Trial::skipped_if`], or from within, by [`skip`].
 //!
 //! A test target uses it with `harness = false`:
 //!

@@ -6,7 +6,7 @@
 
 use std::time::{Duration, Instant};
 
-/// For so long such a stretch is looked for.
+/// The longest search for such a stretch.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// Whether `used`, a CPU time in ns, grows at `least` of a CPU in some stretch of this length.

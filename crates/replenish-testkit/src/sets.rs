@@ -10,7 +10,7 @@ use std::time::Instant;
 
 /// Seeds that a thread takes at a time.
 const BLOCK: u64 = 64;
-/// A line of progress after so many.
+/// Number of sets between two lines of progress.
 const LINE: u64 = 100_000;
 
 /// Number of sets: `REPLENISH_SETS`, or `default`.
@@ -23,7 +23,7 @@ fn from_env(name: &str) -> Option<u64> {
     std::env::var(name).ok()?.parse().ok()
 }
 
-/// Calls `check` with each of so many seeds, from `REPLENISH_SEED` (or 0) on, on as many threads as
+/// Calls `check` with each of `sets` seeds, from `REPLENISH_SEED` (or 0) on, on as many threads as
 /// there are CPUs, and returns what each thread has tallied.
 ///
 /// # Panics

@@ -34,8 +34,8 @@ fn total() -> u64 {
 /// With this much lateness of threads at FIFO 99, in ns, a failure is no verdict.
 const STANDSTILL: u64 = 5_000_000;
 
-/// A hypervisor takes CPU time for seconds on end: so long is waited for it to stop before the next
-/// run.
+/// The longest wait before the next run for the hypervisor to stop taking CPU time, which it may do
+/// for seconds on end.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Waits until nothing is stolen and nothing stands still, up to a minute. Only a thread that runs
@@ -56,8 +56,7 @@ fn calm(witness: &Witness) {
     }
 }
 
-/// A thread that only sleeps wakes so much later than asked, at worst, on a machine that keeps up,
-/// in ns.
+/// The worst lateness in ns of a thread that only sleeps, on a machine that keeps up.
 const LATE: u64 = 50_000_000;
 
 /// A disturbance by the machine that may excuse a failure, as measured so far.

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicI64, Ordering};
 /// By how many seconds the clock was moved.
 static MOVED: AtomicI64 = AtomicI64::new(0);
 
-/// Sets the wall clock forward, or back, by so many seconds.
+/// Sets the wall clock forward by `seconds`, or back if they are negative.
 pub fn advance(seconds: i64) {
     MOVED.fetch_add(seconds, Ordering::SeqCst);
 }

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 /// The nap of [`Witness::start`].
 const NAP: Duration = Duration::from_millis(5);
 
-/// A thread that wakes so late has met a standstill, in ns.
+/// Lateness in ns that shows a standstill.
 const LATE: u64 = 2_000_000;
 
 /// A thread of FIFO 99 may run instead of the witness: its answer is not waited for any longer.
@@ -141,7 +141,7 @@ mod tests {
 
     const MS: Duration = Duration::from_millis(1);
 
-    /// Somebody else at FIFO 99 has a CPU for 20 ms: to the witness that is a standstill.
+    /// Another thread at FIFO 99 has a CPU for 20 ms: to the witness that is a standstill.
     #[test]
     fn a_cpu_that_runs_nothing_else_is_seen_and_a_sleep_is_not() {
         if let Err(why) = rt::available() {

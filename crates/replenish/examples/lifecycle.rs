@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         pictures.publish(&Int32 { data: n }).map(drop)
     })?;
 
-    // Somebody else, who knows the standard service and the standard event only.
+    // Another node, which knows the standard service and the standard event only.
     let (other, qos) = (ctx.node("manager")?, Qos::services());
     let client = other.client::<ChangeState>("camera/change_state", qos, ms(5000))?;
     let asks = client.clone();

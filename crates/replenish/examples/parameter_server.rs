@@ -1,5 +1,5 @@
 //! Parameters: a controller whose gain others can set while it runs, within its range, and whose
-//! name nobody can. A second node asks for three changes and is told why one of them was not made.
+//! name is read-only. A second node asks for three changes and gets the reason why one was refused.
 //!
 //! Run: `cargo run -p replenish --example parameter_server` in one process; with an agent's address
 //! (`127.0.0.1:8888`) behind it, through that agent.
@@ -42,7 +42,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Ok::<_, replenish::ParameterError>(())
     })?;
 
-    // Somebody else, who knows the standard service and the standard event only.
+    // Another node, which knows the standard service and the standard event only.
     let other = ctx.node("operator")?;
     let client = other.client::<SetParameters>("controller/set_parameters", qos, ms(5000))?;
     let asks = client.clone();

@@ -150,8 +150,8 @@ impl<M: Message> Publisher<M> {
         self.inner.middleware.matched_readers(self.inner.writer)
     }
 
-    /// Waits until a subscription gets its messages, up to so long; looks every millisecond. For
-    /// set-up.
+    /// Waits for at most `limit` until a subscription gets its messages; looks every millisecond.
+    /// For set-up.
     ///
     /// # Errors
     /// [`Error::Middleware`] where the middleware does not know: DDS-XRCE.

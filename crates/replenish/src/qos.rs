@@ -92,7 +92,7 @@ impl IngressLimit {
         }
     }
 
-    /// At most so many bytes of samples each second, 1..=65535.
+    /// Allows at most `bytes` bytes of samples each second, 1..=65535.
     #[must_use]
     pub const fn bytes_per_second(self, bytes: u16) -> Self {
         Self {
@@ -101,7 +101,7 @@ impl IngressLimit {
         }
     }
 
-    /// At least so much time between two samples, 1 ms to 65.535 s; fractions of a millisecond are
+    /// Keeps at least `time` between two samples, 1 ms to 65.535 s; fractions of a millisecond are
     /// rounded up.
     #[must_use]
     pub const fn min_interval(self, time: Duration) -> Self {
@@ -120,7 +120,7 @@ impl IngressLimit {
         }
     }
 
-    /// Samples for so long and then no more, 1 s to 65535 s in whole seconds.
+    /// Delivers samples for `time` and then no more, 1 s to 65535 s in whole seconds.
     #[must_use]
     pub const fn duration(self, time: Duration) -> Self {
         Self {

@@ -89,7 +89,7 @@ fn rclc_1_a_failing_wait_makes_nothing_ready() {
     assert!(log.has("middleware failed"), "{:?}", log.lines());
 }
 
-/// Defect 1: a timeout was never told. Waiting for a server that does not come says so.
+/// Defect 1: a timeout was never reported. Waiting for a server that does not come reports it here.
 #[test]
 fn rclc_1_a_timeout_is_told() {
     let _dog = watchdog("rclc 1, timeout", LIMIT);

@@ -5,7 +5,7 @@ use crate::{Low, Nanos};
 use core::fmt;
 use core::time::Duration;
 
-/// So much CPU time in every period at a thread's own priority.
+/// CPU time in every period at a thread's own priority.
 ///
 /// Beyond its budget the thread runs in the background, or not at all. Ranges are checked where
 /// the budget gets its server ([`Params::new`](crate::Params::new)): 0 < amount <= period.

@@ -121,7 +121,7 @@ impl<const N: usize> Corrected<N> {
         let (budget, period) = (self.params.budget(), self.params.period());
         self.count_from(now.saturating_sub(used).saturating_sub(period));
         // Consuming exactly B takes every chunk once, so all come back T later.
-        // (Seldom so much: and dividing is slow on small processors.)
+        // This is rare, and division is slow on small processors.
         let (rounds, mut rest) = if used < budget {
             (0, used)
         } else {

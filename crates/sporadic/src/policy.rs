@@ -43,7 +43,7 @@ pub enum Policy {
         runtime: Nanos,
         /// By when the runtime is given, in nanoseconds after the release; up to `period`.
         deadline: Nanos,
-        /// The period in nanoseconds. Linux takes 100 us to 4.19 s unless told otherwise
+        /// The period in nanoseconds. By default Linux takes 100 us to 4.19 s
         /// (`kernel.sched_deadline_period_{min,max}_us`).
         period: Nanos,
         /// Whether the thread may use bandwidth that other reservations leave (GRUB).

@@ -204,7 +204,7 @@ fn told(event: &Event<'_>) {
     say!("# {event}"); // the host reads of the link here
 }
 
-/// A task below all others that is never idle while it is told so.
+/// A task below all others that is never idle while its flag is set.
 fn stay_awake() {
     let spec = ThreadSpec::new("awake")
         .policy(Policy::fifo(1).unwrap_or_default())

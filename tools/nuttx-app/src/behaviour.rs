@@ -230,7 +230,7 @@ fn blocking() -> bool {
             account.callback_end();
         }
         let usage = account.meter().usage();
-        // Between two readings by the enforcer four stretches are told apart.
+        // Between two readings by the enforcer it distinguishes four stretches.
         let seen = account.meter().sees_blocking() && usage.blocked_inside >= 4;
         if !seen || usage.cpu_low > 0 {
             say!("  {usage:?}");

@@ -56,7 +56,7 @@ const LINK_DOWN: &str = "# link is down";
 /// The end of the message about a run that was ended.
 const NO_END: &str = "did not end";
 
-/// A case runs so often at most.
+/// The most runs of a case.
 const RUNS: usize = 3;
 
 /// JSON path of the number of ticks that the host did not answer.

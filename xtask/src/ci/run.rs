@@ -26,7 +26,7 @@ pub(super) fn each(steps: impl IntoIterator<Item = Step>, tally: &mut Tally) -> 
 /// With more failed tests than this, a command is not run again.
 const FEW: usize = 3;
 
-/// A command runs so often at most.
+/// The most runs of a command.
 const RUNS: usize = 3;
 
 /// A command in which a few tests failed runs again, if it may: machines of CI stand still for
@@ -74,7 +74,7 @@ fn once(step: &Step, tally: &mut Tally) -> Outcome {
     }
 }
 
-/// After a command has ended its output may be quiet for so long.
+/// Time that the output may be quiet after its command has ended.
 const QUIET: Duration = Duration::from_secs(2);
 
 /// Prints a command's output to its end. A process that the command left behind holds the pipe open

@@ -65,7 +65,7 @@ enum Receiver {
 impl InputStream {
     /// A stream at its beginning, for messages of up to `mtu` bytes. Longer ones are understood
     /// too, but on a reliable stream only when they come in order. `None` if the client may not
-    /// have so much memory.
+    /// have the memory.
     pub(crate) fn new(
         stream: StreamId,
         mtu: usize,

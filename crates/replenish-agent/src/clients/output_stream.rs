@@ -88,8 +88,8 @@ enum Sender {
 }
 
 impl OutputStream {
-    /// A stream at its beginning, for a client that takes messages of up to `mtu` bytes.
-    /// `None` if the client may not have so much memory.
+    /// A stream at its beginning, for a client that takes messages of up to `mtu` bytes. `None` if
+    /// the client may not have the memory.
     pub(crate) fn new(
         header: StreamHeader,
         mtu: usize,

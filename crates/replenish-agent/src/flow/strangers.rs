@@ -11,7 +11,7 @@ use std::net::IpAddr;
 const HOST_PART: u32 = 4;
 const ADDRESS_PART: u32 = 16;
 
-/// Hosts, and addresses, that are told apart; the ones above that share one rate.
+/// The most hosts, and the most addresses, with a rate of their own; further ones share one rate.
 const MOST: usize = 1024;
 
 /// The rates of all who have no session.

@@ -61,7 +61,7 @@ pub struct Rejections {
 #[derive(Debug)]
 pub(crate) struct RejectionLog<P> {
     rings: Mutex<Vec<VecDeque<RejectionRecord<P>>>>,
-    /// Of each kind: name, and how many were not kept.
+    /// Number of rejections of each kind that were not kept.
     omitted: [AtomicU64; KINDS],
 }
 

@@ -34,7 +34,7 @@ pub(crate) struct Agent {
     pub(super) core: AgentCore<u8>,
     now: u64,
     steps: u64,
-    /// The next number on each stream of each address, as far as the agent has told.
+    /// The next number on each stream of each address, as far as the agent's answers show.
     next: BTreeMap<(u8, u8), u16>,
 }
 

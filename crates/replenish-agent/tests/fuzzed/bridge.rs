@@ -1,6 +1,5 @@
 //! An agent with a bridge: its clients get any datagrams, and the other side does what it likes
-//! with
-//! the endpoints that it was told of.
+//! with the endpoints that it knows.
 
 use super::Script;
 use super::agent::{Agent, LIMITS};

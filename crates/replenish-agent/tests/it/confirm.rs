@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 const SECOND: u64 = 1000 * MS;
 
-/// So long that no two samples share a message.
+/// A sample that is long enough for a message of its own.
 fn sample(number: u32) -> Vec<u8> {
     let mut sample = vec![number as u8; 300];
     sample[..4].copy_from_slice(&number.to_le_bytes());

@@ -220,9 +220,9 @@ fn entities_beyond_the_limit_wait_for_their_turn() {
     agent.stop().unwrap();
 }
 
-/// Before, a client that brought more names than there may be was told OK for all of them, and no
-/// new name of anybody was bridged until the agent's restart; so it was for a name with another
-/// type than one that nothing used any more.
+/// Before, a client that brought more names than there may be got OK for all of them. No client's
+/// new name was bridged until the agent's restart. The same happened to a name with another type
+/// than one that nothing used any more.
 #[test]
 fn names_that_cannot_cross_are_refused_and_others_still_can() {
     let domain = domain();

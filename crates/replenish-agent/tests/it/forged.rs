@@ -247,8 +247,8 @@ fn a_log_out_from_another_address_ends_nothing() {
 }
 
 /// A stranger who knows a reader's key and session, and tries all sequence numbers, confirms
-/// nothing
-/// in the reader's name: the sample's writer is told when the reader itself has acknowledged it.
+/// nothing in the reader's name: the sample is confirmed when the reader itself has acknowledged
+/// it.
 #[test]
 fn a_right_acknowledgement_from_another_address_confirms_nothing() {
     let (mut world, mut talker) = busy();

@@ -66,7 +66,7 @@ fn a_soak_loses_nothing_that_was_acknowledged() {
         let end = samples.min(next + part);
         while next < end {
             if sim.waiting(0) < 64 {
-                // So long that no two samples share a message: messages are counted below.
+                // Long enough for a message of its own: messages are counted below.
                 sim.write(0, StreamId::RELIABLE, &[next.to_le_bytes(); 75].concat());
                 next += 1;
             } else {

@@ -146,7 +146,7 @@ impl Whole {
         for _ in 0..samples {
             let number = u32::try_from(self.outcome.written).unwrap();
             if number < MOST && self.sim.waiting(PUBLISHER) < 200 {
-                // So long that no two samples share a message: messages are counted below.
+                // Long enough for a message of its own: messages are counted below.
                 let sample = [number.to_le_bytes(); 75].concat();
                 self.sim.write(PUBLISHER, StreamId::RELIABLE, &sample);
                 self.outcome.written += 1;

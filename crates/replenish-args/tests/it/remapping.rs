@@ -22,7 +22,7 @@ fn nodes_and_namespaces() {
     assert_eq!(node("-r __ns:=/", "/ns/a"), "/a");
     assert_eq!(node("-r a:__node:=b", "/a"), "/b");
     assert_eq!(node("-r c:__node:=b", "/a"), "/a");
-    // Of two that fit the first one wins, and the namespace's looks at the new name.
+    // The first of two rules that fit wins, and the namespace's rule looks at the new name.
     assert_eq!(
         node(
             "-r __node:=b -r __node:=c -r b:__ns:=/x -r a:__ns:=/y",

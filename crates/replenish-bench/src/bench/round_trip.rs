@@ -56,7 +56,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "CPU")]
     cpu: Option<usize>,
 
-    /// The CPU of the agent and the echo; the client's unless told otherwise.
+    /// The CPU of the agent and the echo. Default: the client's.
     #[arg(long, value_name = "CPU")]
     agent_cpu: Option<usize>,
 

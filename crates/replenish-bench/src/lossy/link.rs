@@ -30,9 +30,9 @@ pub enum Direction {
 /// The fate of a datagram: the delay of each copy that arrives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fate {
-    /// Of the datagram; `None` if it is lost.
+    /// Delay of the datagram; `None` if it is lost.
     pub delay: Option<Nanos>,
-    /// Of its duplicate, if there is one.
+    /// Delay of its duplicate, if there is one.
     pub duplicate: Option<Nanos>,
 }
 

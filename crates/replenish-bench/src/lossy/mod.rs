@@ -18,7 +18,7 @@ pub use transfer::{Load, Outcome, Repair, transfer};
 
 use replenish_xrce::Nanos;
 
-/// One measured point: a load over a link with so much loss.
+/// One measured point: a load over a link with one rate of loss.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
     /// Datagrams lost on their way, in percent, in either direction.
@@ -41,7 +41,7 @@ pub struct Point {
     pub go_back_n_bytes: u64,
 }
 
-/// Samples of [`point`] and the largest of them, unless told otherwise.
+/// Default number of samples of [`point`] and the largest of them.
 pub const SAMPLES: u32 = 100_000;
 
 /// Sends `samples` samples of 16 to 300 bytes, every five-hundredth of 50 kB, over a link that

@@ -58,7 +58,7 @@ pub enum Repair {
     /// With what is missing: what this crate does.
     Selective,
     /// With everything that is not acknowledged. At most once in the longest round trip the link
-    /// can have, which it is told: a sender that does not know it sends far more.
+    /// can have, which the sender knows here: a sender that does not know it sends far more.
     GoBackN,
 }
 

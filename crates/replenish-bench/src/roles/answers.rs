@@ -3,7 +3,7 @@
 use crate::load::grid;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Windows whose answers are told apart at the same time.
+/// Windows whose answers are counted apart at the same time.
 const KEPT: usize = 8;
 
 /// Counts answers by the window that their number names. Any thread may count and read.

@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub(crate) struct Echoed {
     /// Messages received.
     pub received: u64,
-    /// Of these, with a number not above the one before: a duplicate, or out of order.
+    /// Received with a number not above the one before: a duplicate, or out of order.
     pub again: u64,
     /// Sent back.
     pub sent: u64,

@@ -113,7 +113,7 @@ pub(crate) struct PongEnd {
     pub arrivals_low: Arrivals,
     /// Samples that slots dropped because newer ones came.
     pub dropped: u64,
-    /// Workers that did not end when told to, by name.
+    /// Names of workers that did not end on a stop.
     pub stuck: Vec<String>,
 }
 

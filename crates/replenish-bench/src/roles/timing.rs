@@ -41,7 +41,7 @@ impl Timing {
         }
     }
 
-    /// A callback woke so much later than it asked for.
+    /// Notes a callback that woke `late` ns after the time it asked for.
     pub(super) fn woke(&self, late: Nanos) {
         let n = self.woken.fetch_add(1, Ordering::Relaxed);
         let slot = usize::try_from(n % WAKE_UPS as u64).unwrap_or(0);

@@ -23,7 +23,7 @@ const SET_UP: Nanos = 5_000 * MS;
 const LEAD: Nanos = 150 * MS;
 /// After the end of a window a part may be silent for this long.
 const SILENCE: Nanos = 1_300 * MS;
-/// A part must have ended within this time after it was told to.
+/// The longest time that a part has to end on request.
 const WIND_DOWN: Duration = Duration::from_secs(2);
 
 /// The plan of a run: load, windows and CPUs.

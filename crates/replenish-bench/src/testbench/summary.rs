@@ -268,7 +268,7 @@ impl Total {
     }
 }
 
-/// Four decimals: a thousandth of a percent of a budget can still be told.
+/// Rounds to four decimals: these show a thousandth of a percent of a budget.
 pub(crate) fn round(x: f64) -> f64 {
     (x * 1e4).round() / 1e4
 }

@@ -19,8 +19,8 @@ pub(crate) const GAP: Nanos = 5 * MS;
 /// nothing.
 pub(crate) const STOLEN: Nanos = 10 * MS;
 
-/// However few windows are asked for, so many are offered again before disturbed ones count: a
-/// machine that is short of CPU time for seconds is waited for.
+/// Windows that are offered again before disturbed ones count, however few are asked for: a machine
+/// may be short of CPU time for seconds.
 pub(crate) const REPEATS: u64 = 20;
 
 /// Both accounts of one window.
@@ -236,7 +236,8 @@ mod tests {
         }
     }
 
-    /// The judgement of a window with so much CPU time used, lateness of both, stolen and expected.
+    /// The judgement of a window with these values: CPU time used, lateness of both, stolen,
+    /// expected.
     fn judged(cpu: u64, ping_late: u64, late: u64, stolen: u64, busy: u64) -> Result<(), Void> {
         judge(&pong(0, cpu, late, stolen), &ping(0, ping_late), busy * MS)
     }

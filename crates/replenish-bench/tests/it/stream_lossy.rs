@@ -141,8 +141,8 @@ fn repair_costs_at_most_half_of_what_go_back_n_costs() {
         println!("{point:?}");
         let counts = (point.sent, point.delivered, point.duplicated, point.lost);
         assert_eq!(counts, (SAMPLES.into(), SAMPLES.into(), 0, 0));
-        // Without loss, go-back-N has the better of it here: it is told what delay is possible,
-        // while ours has to guess whether a gap is one.
+        // Without loss, go-back-N has the better of it here: it knows the longest delay, while ours
+        // has to guess whether a gap is one.
         let half = 2 * point.retransmitted_bytes <= point.go_back_n_bytes;
         assert!(half || loss == 0, "{point:?}");
     }

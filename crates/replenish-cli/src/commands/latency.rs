@@ -8,7 +8,7 @@ use replenish_os::{Policy, ThreadSpec, clock, current_tid, granted, spawn};
 /// Length of each sleep, in ns.
 const INTERVAL: Nanos = MS;
 
-/// A thread that is so late has met a machine that stood still, as a virtual one does, in ns.
+/// Lateness in ns that shows a standstill of the machine, as virtual ones have.
 const STALL: i64 = 1_000_000;
 
 /// Upper ends of the histogram's classes, in microseconds; the last one is open.

@@ -47,7 +47,7 @@ struct Row {
     worst_response_ms: Option<f64>,
     deadline_ms: Option<f64>,
     slack_ms: Option<f64>,
-    /// Of what the guarantee asked for, this much is granted.
+    /// The granted part of the guarantee, in ms.
     granted_ms: Option<f64>,
     max_replenishments: Option<u16>,
     policy: &'static str,

@@ -72,7 +72,7 @@ pub fn percent(x: f64) -> String {
     percent_with(x, 2)
 }
 
-/// A percentage with so many decimals; never `-0.0 %`.
+/// A percentage with `decimals` decimals; never `-0.0 %`.
 pub fn percent_with(x: f64, decimals: usize) -> String {
     format!("{:.decimals$} %", without_minus_zero(x, decimals))
 }
@@ -85,7 +85,7 @@ pub fn signed_percent(x: f64) -> String {
     }
 }
 
-/// The number as it will be printed: with so many decimals, and without the sign of a zero.
+/// The number as it will be printed: with `decimals` decimals, and without the sign of a zero.
 fn without_minus_zero(x: f64, decimals: usize) -> f64 {
     let scale = 10f64.powi(i32::try_from(decimals).unwrap_or(0));
     if (x * scale).abs() < 0.5 { 0.0 } else { x }

@@ -360,7 +360,7 @@ fn a_list_that_is_read_again_ends_sessions_and_lets_new_secrets_in() {
     assert!(line.ends_with(says), "{line}");
     drop(agent.log_in(4, 4).unwrap());
 
-    // So does one that others can read.
+    // A list that others can read is refused as well.
     let path = agent.files.path("list");
     write(&path, &list(&[(2, secret(2))]));
     mode(&path, 0o644);

@@ -167,7 +167,7 @@ impl<'a> Item<'a> for WStr<'a> {
     }
 }
 
-/// A `wstring` of at most so many bytes as UTF-8, inline: three for each unit of its bound.
+/// A `wstring` as UTF-8, inline: `BYTES` is three for each unit of its bound.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub struct WideString<const BYTES: usize>(pub heapless::String<BYTES>);
 

@@ -17,7 +17,7 @@ use crate::Nanos;
 pub(crate) struct Alarm(Nanos);
 
 impl Alarm {
-    /// Of a timer that is not set.
+    /// A timer that is not set.
     pub(crate) const fn new() -> Self {
         Self(NEVER)
     }

@@ -22,7 +22,7 @@ use std::sync::{Mutex, PoisonError, Weak};
 
 /// From one look at the threads to the next, in nanoseconds.
 const PAUSE: Nanos = 1_000_000;
-/// A thread has the highest priority for so long at most, in nanoseconds.
+/// The longest time that a thread has the highest priority, in nanoseconds.
 const LONGEST: Nanos = 2_000_000;
 
 /// The enforcers of this process.

@@ -70,7 +70,7 @@ impl Supervised {
         }
     }
 
-    /// It has this level since `now`; the judgement was late by so much.
+    /// Notes that the thread has this level since `now`; the judgement was `late` ns late.
     pub(super) fn applied(
         &mut self,
         of: &Reservation<AnyServer>,

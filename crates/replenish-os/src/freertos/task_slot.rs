@@ -39,7 +39,7 @@ pub(crate) struct TaskState {
     pub(crate) task: Option<Task>,
     /// The priority set last, without inheritance.
     pub(crate) priority: u8,
-    /// The priority the kernel was told last.
+    /// The priority that the kernel got last.
     pub(crate) effective: u8,
     /// When the task wants to be woken at the latest.
     pub(crate) deadline: Nanos,

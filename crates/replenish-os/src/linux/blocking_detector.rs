@@ -136,7 +136,7 @@ impl BlockingDetector {
         self.intervals.lost(now);
     }
 
-    /// There is no cheap way to be told of a CPU clock: the timer is set by the time.
+    /// Linux has no cheap timer on another thread's CPU clock: the timer is set by the time.
     #[expect(clippy::unused_self, reason = "the other back end's name")]
     pub(crate) const fn limit(&self, _timer: Option<&TimerFd>, _at: Nanos) -> bool {
         false

@@ -77,7 +77,7 @@ impl Deref for SharedMemory {
 
     #[inline]
     fn deref(&self) -> &[AtomicU64] {
-        // SAFETY: so many words are mapped there until this value is dropped, on a page boundary,
+        // SAFETY: `words` words are mapped there until this value is dropped, on a page boundary,
         // and any bits are a number.
         unsafe { std::slice::from_raw_parts(self.start.as_ptr(), self.words) }
     }

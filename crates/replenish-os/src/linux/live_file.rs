@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::string::ToString;
 use std::vec::Vec;
 
-/// A directory keeps so many files of programs that have ended.
+/// The most files of ended programs that a directory keeps.
 const DEAD: usize = 8;
 /// More files are not looked at.
 const MAX_FILES: usize = 4096;
@@ -26,7 +26,7 @@ pub struct LiveFile {
 }
 
 impl LiveFile {
-    /// Makes a file `PID-NUMBER.live` of so many zeros in `directory`, which is made, too, if it is
+    /// Makes a file `PID-NUMBER.live` of `bytes` zeros in `directory`, which is made, too, if it is
     /// not there. Of the files of programs that have ended, the newest eight stay.
     ///
     /// # Errors

@@ -32,7 +32,7 @@ pub(crate) const LONGEST: Nanos = 100_000_000;
 
 const RUNTIME: Nanos = 500_000;
 const STACK: usize = 128 * 1024;
-/// Of the thread that runs the user's hooks.
+/// Stack of the thread that runs the user's hooks, in bytes.
 const TELLER_STACK: usize = 256 * 1024;
 /// The most calls of hooks that wait. Further calls are dropped; the counters still have them.
 const WAITING: usize = 64;

@@ -30,7 +30,7 @@ pub struct SystemInfo {
     /// The system's tick in nanoseconds: waits end at its multiples, and so do budgets. The
     /// next budget pays back the overrun of one.
     pub tick: Nanos,
-    /// Whether CPU time and blocking are told by switch hooks. Always, but on a host.
+    /// Whether switch hooks report CPU time and blocking. Always, but on a host.
     pub switch_hooks: bool,
     /// Pending replenishments of the system's own `SCHED_SPORADIC`; 0: there is none.
     pub native_repl: u32,

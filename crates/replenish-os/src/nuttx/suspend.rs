@@ -15,7 +15,7 @@ impl SuspendCell {
         Self
     }
 
-    /// Refused: the worker is told when it enrols.
+    /// Refuses: the error reaches the worker when it enrols.
     pub(crate) const fn attach_current_thread(&self) -> Result<(), OsError> {
         Err(OsError::new(
             "NuttX has no suspension of exhausted workers: give a background priority, 1 or more",

@@ -45,7 +45,7 @@ pub(crate) struct TaskState {
     pub(crate) stack_bytes: usize,
     /// The priority set last, without inheritance.
     pub(crate) priority: u8,
-    /// The priority the system was told last.
+    /// The priority that the system got last.
     pub(crate) effective: u8,
     /// When the thread wants to be woken at the latest.
     pub(crate) deadline: Nanos,

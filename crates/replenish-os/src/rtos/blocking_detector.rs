@@ -99,7 +99,7 @@ impl BlockingDetector {
         self.slot.is_some_and(|slot| alarm::limit(slot, by, at))
     }
 
-    /// Whether the task is there, within `slack`; `None` if nothing was to be told.
+    /// Whether the task's CPU clock has come to the limit, within `slack`; `None` without a limit.
     pub(crate) fn is_at_limit(&self, now: Nanos, slack: Nanos) -> Option<bool> {
         alarm::is_at_limit(self.slot?, now, slack)
     }

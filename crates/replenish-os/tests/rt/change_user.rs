@@ -19,7 +19,7 @@ use std::time::Duration;
 
 const CHILD: &str = "REPLENISH_CHANGE_USER_CHILD";
 const NOBODY: libc::uid_t = 65534;
-/// So long that no worker is raised while the program changes.
+/// A period so long that no worker is raised while the program changes.
 const PERIOD: u64 = 4_000 * MS;
 
 pub(crate) fn is_child() -> bool {

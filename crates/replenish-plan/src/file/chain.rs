@@ -51,7 +51,7 @@ impl Deployment {
         let stages = |chain: &Chain| {
             let stage = |(place, &worker): (usize, &usize)| {
                 let planned = plan.workers.get(worker)?;
-                // Of a budget alone it is not known how long a callback takes.
+                // A budget alone does not say how long a callback takes.
                 let rate = match &self.workers.get(worker)?.scheduling {
                     Some(Requirement::Guarantee(guarantee)) => guarantee.is_rate(),
                     _ => true,

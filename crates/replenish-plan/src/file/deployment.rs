@@ -8,7 +8,7 @@ use replenish_sim::analysis::Demand;
 use replenish_sim::{Overflow, Releases, Span};
 use std::ops::Range;
 
-/// Chains are gone through so often at most; each round adds what a stage can be late.
+/// The most rounds through the chains; each round adds the lateness of a stage.
 const MAX_ROUNDS: usize = 32;
 
 /// A deployment file that was read and makes sense by itself.

@@ -39,7 +39,7 @@ pub struct Admitted {
     pub warnings: Vec<String>,
 }
 
-/// The ledger that programs use if they are not told otherwise.
+/// The ledger that programs use by default.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Found {
     /// This one.

@@ -321,7 +321,7 @@ fn thread(raw: ThreadSchema) -> Result<(String, Promise), String> {
     Ok((name, promise))
 }
 
-/// Without what a literal string, or a terminal, does not take; cut to so many bytes.
+/// Removes characters that a literal string, or a terminal, does not take; cuts to `most` bytes.
 fn clean(text: &str, most: usize) -> String {
     let mut clean = String::new();
     for c in text.chars() {

@@ -78,7 +78,7 @@ fn change(worker: &mut Worker, amount: Nanos, period: Nanos) {
     }
 }
 
-/// Up to so many times its period is tried for a worker; a power of 2.
+/// The longest period to try for a worker, as a multiple of its own; a power of 2.
 const LONGER: u64 = 128;
 
 /// Requests of this worker that fit: a smaller amount and a longer period, where there are such.

@@ -11,7 +11,7 @@ use super::placement::{FixedThread, ThreadPlan};
 use super::problem::{Problem, Whose};
 use crate::Nanos;
 
-/// Up to so many threads the second try is made.
+/// The most threads for which the second try is made.
 const FEW: usize = 100;
 
 /// An assignment of all threads to CPUs, and the result of its test.

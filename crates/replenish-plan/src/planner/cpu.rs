@@ -108,7 +108,7 @@ fn costs(threads: &[(&ThreadPlan, Nanos)], fixed: &[&FixedThread], machine: &Mac
     machine.overheads.costs(one_enforcer && !planned && !given)
 }
 
-/// With so many other priorities at most every place between them is tried.
+/// The most other priorities for which every place between them is tried.
 const PLACES: usize = 8;
 
 /// Ranges of priorities to try: the common scale; else all above the others, or all below; else all

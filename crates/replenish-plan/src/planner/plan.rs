@@ -31,8 +31,8 @@ pub struct PlannedWorker {
     pub cpu: Option<usize>,
     /// The chosen or given policy.
     pub policy: Policy,
-    /// Of what the guarantee asked for, this much is granted, in ns: of a rate, CPU time per
-    /// callback; otherwise the budget.
+    /// The granted part of the guarantee, in ns: of a rate, CPU time per callback; otherwise the
+    /// budget.
     pub amount: Option<Nanos>,
     /// By when, in ns.
     pub deadline: Option<Nanos>,

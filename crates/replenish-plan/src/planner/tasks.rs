@@ -22,7 +22,7 @@ fn server_period(seat: &ThreadPlan, costs: &Costs) -> Option<Nanos> {
     if !seat.per_job {
         return Some(seat.period);
     }
-    // So that each job finds the budget full, however late it was raised before.
+    // Each job has to find the budget full, however late it was raised before.
     let demand = seat.demand?;
     let late = demand.jitter.saturating_add(costs.raise_delay());
     let period = seat.period.checked_sub(late)?;
@@ -50,7 +50,7 @@ pub(super) fn task(seat: &ThreadPlan, amount: Nanos, params: Params) -> Task {
     }
 }
 
-/// Stands for what is unknown: the whole budget, in so many pieces per period.
+/// The demand assumed where it is unknown: the whole budget, in [`PIECES`] pieces per period.
 fn pieces_of(params: &Params) -> Demand {
     let pieces = Nanos::from(PIECES);
     Demand::new(

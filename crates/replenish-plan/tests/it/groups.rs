@@ -54,7 +54,8 @@ fn work_of_unknown_length_in_a_group_is_refused() {
              most; state it (Group::holds; in a file: holds), or take one of them out of the group"
         );
     }
-    // So is a budget whose callbacks may be of any length; one that is alone in the group is not.
+    // A budget whose callbacks may be of any length is refused as well. A worker that is alone in
+    // the group is not.
     let budget = Worker::guaranteed("map", Guarantee::of(ms(5)).every(ms(100)));
     let budget = budget.holding(Hold::of(0, None, "map/timer:0"));
     assert!(refusal(&request(1, &[control(), budget.clone()])).contains("for map/timer:0"));

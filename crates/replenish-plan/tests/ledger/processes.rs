@@ -1,6 +1,6 @@
 //! The ledger with real processes: races, kill -9, and files that make no sense.
 //!
-//! A child is this very test program, told by [`CHILD`] to be [`child`].
+//! A child is this very test program, which runs [`child`] if [`CHILD`] is set.
 use nix::fcntl::{FcntlArg, fcntl};
 use replenish_plan::ledger::{Denied, Ledger};
 use replenish_plan::{ExecutorRequest, Guarantee, Machine, Request, Worker};

@@ -92,7 +92,7 @@ impl Reader {
             if writer.has(sn) {
                 continue;
             }
-            // Of a sample in parts, only the missing ones are asked for.
+            // Of a sample in parts, the reader requests only the missing parts.
             match store.find(writer.guid, sn) {
                 Some(place) => part = part.or(Some((sn, place))),
                 None => {

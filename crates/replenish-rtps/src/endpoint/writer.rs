@@ -20,7 +20,7 @@ use core::net::SocketAddr;
 const MILLISECOND: Nanos = 1_000_000;
 /// From a write to the heartbeat after it.
 const FIRST_HEARTBEAT: Nanos = 10 * MILLISECOND;
-/// Fragments go out in bursts of so many bytes, a millisecond apart: 64 MB/s.
+/// Bytes of one burst of fragments; bursts go out a millisecond apart: 64 MB/s.
 pub(super) const BURST: usize = 65_536;
 
 /// The memory and the messages of a writer.

@@ -1,4 +1,4 @@
-//! From a system that can be simulated to what the analysis is told of it.
+//! Makes the input of the analysis from a system that can be simulated.
 
 use super::{Costs, Demand, Section, Task};
 use crate::{Enforcement, Nanos, Platform, Policy, Releases, Step, System, Thread, ThreadId};

@@ -77,7 +77,7 @@ impl Interference {
         if cost == 0 {
             return;
         }
-        // Of one task some come together.
+        // One task brings several terms, one after another.
         let recent = self.terms.iter_mut().rev().take(4);
         let mut same = recent.filter(|t| (t.period, t.jitter) == (period, jitter));
         if let Some(term) = same.next() {

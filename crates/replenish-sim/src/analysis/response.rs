@@ -9,8 +9,8 @@ use sporadic::Params;
 /// The bounds that are certain of one thread.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Bounds {
-    /// Of a reservation: budget that is due and asked for is delivered within this time. Of a FIFO
-    /// thread: the same as `response`.
+    /// A reservation delivers budget that is due and asked for within this time. For a FIFO thread:
+    /// the same as `response`.
     pub service: Option<Nanos>,
     /// From the arrival of a job to its end.
     pub response: Option<Nanos>,

@@ -24,7 +24,7 @@ pub enum Scheduling {
     Reserved(Params),
 }
 
-/// Jobs that come at least so far apart and take at most so long.
+/// Jobs with a least distance from each other and a largest length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Demand {
     /// The largest CPU time of one job.
@@ -64,7 +64,7 @@ pub struct Section {
 /// Overheads and delays of the platform, the counterpart of [`Platform`](crate::Platform).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Costs {
-    /// Of turning the CPU to another thread, paid by that thread.
+    /// Cost of turning the CPU to another thread, paid by that thread.
     pub context_switch: Nanos,
     /// Per job: taking the message, decoding it, waking up.
     pub job: Nanos,

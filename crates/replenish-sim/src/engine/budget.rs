@@ -30,7 +30,7 @@ impl Sim<'_> {
         }
     }
 
-    /// Its server is told that it woke at `woken`.
+    /// Notes in its server that it woke at `woken`.
     pub(super) fn activate_budget(&mut self, id: usize, woken: Nanos) {
         let now = self.now;
         let state = &mut self.states[id];

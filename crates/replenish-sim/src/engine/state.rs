@@ -52,7 +52,7 @@ pub(super) struct State<'a> {
     pub(super) queued: bool,
     /// The CPU it runs on.
     pub(super) on: Option<usize>,
-    /// It woke then, which its enforcer is told when it runs.
+    /// The time at which it woke, which its enforcer learns when it runs.
     pub(super) woken: Option<Nanos>,
     /// The check that is set.
     pub(super) check_at: Option<Nanos>,

@@ -20,7 +20,7 @@ const FLIP: u8 = 0x20;
 
 /// The address agents have on a serial line.
 pub const SERIAL_AGENT: u8 = 0;
-/// The address clients have on a serial line unless told otherwise.
+/// The default address of clients on a serial line.
 pub const SERIAL_CLIENT: u8 = 1;
 
 /// The buffer is too short for the frame.

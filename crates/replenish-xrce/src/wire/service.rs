@@ -28,7 +28,7 @@ impl SampleIdentity {
 pub struct WriteReply<'a> {
     /// The replier.
     pub base: BaseRequest,
-    /// Of the request that is answered.
+    /// Identity of the request that is answered.
     pub identity: SampleIdentity,
     /// The reply.
     pub payload: &'a [u8],

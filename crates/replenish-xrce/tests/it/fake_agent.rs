@@ -1,5 +1,5 @@
 //! A scripted agent without I/O: accepts sessions and objects, answers pings and time requests,
-//! keeps what was written, and hands out samples when told.
+//! keeps what was written, and hands out samples on command.
 
 #![allow(dead_code, reason = "every test binary uses its own part")]
 

@@ -228,7 +228,7 @@ impl Playback {
     }
 }
 
-/// Plays back the client on `port`; gives what it told.
+/// Plays back the client on `port`; returns its events.
 fn play(name: &str, port: u16) -> Told {
     let datagrams: Vec<Datagram> = scenario(name)
         .into_iter()

@@ -208,7 +208,7 @@ fn heartbeats_slow_down_without_an_answer_and_an_answer_makes_them_quick_again()
         again <= 10 * MILLI && again <= 2 * quick,
         "{again}, {quick}"
     );
-    // So do the heartbeats at the same pace before it slows down.
+    // Before the pace slows down, heartbeats come at the same distance.
     let first = stream.next_deadline().unwrap();
     stream.take_heartbeat(first).unwrap();
     assert_eq!(stream.next_deadline(), Some(first + again));

@@ -40,7 +40,7 @@ pub enum GoalUpdate<'a, A: Action> {
     Accepted(Time),
     /// The server does not pursue it. Nothing more will be heard of it.
     Rejected,
-    /// It has come so far.
+    /// Progress of the goal.
     Feedback(&'a A::Feedback),
     /// It is in this state now.
     State(GoalState),
@@ -245,7 +245,7 @@ impl<A: Action> ActionClient<A> {
         self.inner.goals.lock().sent.len()
     }
 
-    /// Waits until the action has a server, up to so long. For set-up; see
+    /// Waits for at most `limit` until the action has a server. For set-up; see
     /// [`Client::wait_for_server`].
     ///
     /// # Errors
@@ -362,8 +362,8 @@ impl<A: Action> Inner<A> {
         Some(tell(id, update))
     }
 
-    /// Feedback for a goal, of this client or another. Where it overtook the answer that the goal
-    /// is accepted, it says so itself: that is told first, and the answer is not waited for.
+    /// Feedback for a goal, of this client or another. Feedback may overtake the answer that
+    /// accepts the goal. It then stands for that answer: the acceptance is reported first.
     pub(super) fn heard<R>(
         &self,
         message: &FeedbackMessage<A>,

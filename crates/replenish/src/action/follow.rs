@@ -43,10 +43,9 @@ impl Node {
 }
 
 impl<T: Target> AddHandles<T> {
-    /// Calls `callback` whenever something is heard of a goal of `client`: see [`GoalUpdate`].
-    /// Feedback that arrived before a result is told before it, except over RTPS: there each of
-    /// them has a port of its own, and a result may overtake the last feedback, which is then not
-    /// told.
+    /// Calls `callback` with the news of `client`'s goals: see [`GoalUpdate`]. Feedback that
+    /// arrived before a result is reported before it, except over RTPS: there each of them has a
+    /// port of its own, and a result may overtake the last feedback, which is then not reported.
     ///
     /// The client takes five handles of its worker. Of its
     /// [`options`](crate::WorkerBuilder::options), priority, group and error hook apply to all of

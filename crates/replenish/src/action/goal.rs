@@ -37,7 +37,7 @@ impl<A: Action> NewGoal<A> {
     /// Tells the client that the goal is pursued from now on: it is executing.
     ///
     /// # Errors
-    /// [`GoalError::Send`] if the client could not be told; then the goal is not pursued.
+    /// [`GoalError::Send`] if the answer could not be sent; then the goal is not pursued.
     pub fn accept(self) -> Result<GoalHandle<A>, GoalError> {
         self.accept_as(GoalState::Executing)
     }
@@ -71,7 +71,7 @@ impl<A: Action> NewGoal<A> {
     /// Tells the client that the goal is not pursued.
     ///
     /// # Errors
-    /// [`GoalError::Send`] if the client could not be told.
+    /// [`GoalError::Send`] if the answer could not be sent.
     pub fn reject(mut self) -> Result<(), GoalError> {
         self.decline()
     }
@@ -88,7 +88,7 @@ impl<A: Action> NewGoal<A> {
 
 impl<A: Action> Drop for NewGoal<A> {
     fn drop(&mut self) {
-        // A client that cannot be told runs into its time limit.
+        // A client that gets no answer runs into its time limit.
         self.decline().ok();
     }
 }
@@ -149,8 +149,8 @@ impl<A: Action> GoalHandle<A> {
     /// Ends the goal: it has been reached.
     ///
     /// # Errors
-    /// [`GoalError::State`] if it does not execute; [`GoalError::Send`] if it has ended but
-    /// somebody who waits for the result could not be told.
+    /// [`GoalError::State`] if it does not execute; [`GoalError::Send`] if it has ended but the
+    /// result could not be sent to a client that waits for it.
     pub fn succeed(&self, result: &A::Result) -> Result<(), GoalError> {
         self.core.end(self.ticket, GoalEvent::Succeed, result)
     }

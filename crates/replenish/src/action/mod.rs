@@ -73,8 +73,8 @@ pub struct ActionOptions {
 }
 
 impl ActionOptions {
-    /// At most so many goals at a time, 1..=64. A server counts those that have ended, too, until
-    /// their results expire or somebody has got them and room is needed.
+    /// Allows at most `goals` goals at a time, 1..=64. A server counts ended goals, too, until
+    /// their results expire, or until a client has got the result and room is needed.
     #[must_use]
     pub const fn goals(goals: usize) -> Self {
         Self {
@@ -88,7 +88,7 @@ impl ActionOptions {
         }
     }
 
-    /// Server: so many may wait for the result of one goal, 1..=64. Default 4.
+    /// Server: the most clients that wait for the result of one goal, 1..=64. Default 4.
     #[must_use]
     pub const fn askers(self, askers: usize) -> Self {
         Self { askers, ..self }

@@ -83,7 +83,7 @@ impl<A: Action> Core<A> {
         }
     }
 
-    /// Somebody asks for a result.
+    /// Answers a request for a result, now or when the goal ends.
     pub(super) fn ask(&self, id: GoalId, asker: Responder<GetResult<A>>) -> Result<(), GoalError> {
         let mut state = self.state.lock();
         let told = match state.table.ask(id, asker) {

@@ -24,7 +24,7 @@ pub(super) struct CoreState<A: Action> {
     pub(super) table: Table<Responder<GetResult<A>>>,
     /// Reused for every publication.
     pub(super) statuses: GoalStatusArray,
-    /// The statuses have changed, and nobody was told.
+    /// The statuses have changed and were not published yet.
     pub(super) untold: bool,
     /// The error of a goal's future, for the timer to report.
     pub(super) failed: Option<GoalError>,

@@ -46,7 +46,7 @@ struct Place<T> {
     /// The encoded answer to those who ask for the result, once it has ended.
     result: Box<[u8]>,
     len: usize,
-    /// Somebody has got the result.
+    /// A client has got the result.
     told: bool,
 }
 
@@ -192,7 +192,7 @@ impl<T> Table<T> {
         }))
     }
 
-    /// Somebody asks for the result of `id`.
+    /// Notes that a client asks for the result of `id`.
     pub(crate) fn ask(&mut self, id: UUID, asker: T) -> Asked<'_, T> {
         let limit = self.askers;
         let known = self.places.iter_mut().find(|p| p.is(id));
@@ -210,7 +210,8 @@ impl<T> Table<T> {
         }
     }
 
-    /// The result of `id` did not reach `asker`, who is to be told later; `false` if it cannot be.
+    /// Keeps `asker`, which the result of `id` did not reach, for a later try; `false` without
+    /// room.
     pub(crate) fn postpone(&mut self, id: UUID, asker: T) -> bool {
         let limit = self.askers;
         let place = self.places.iter_mut().find(|p| p.is(id));
@@ -218,16 +219,17 @@ impl<T> Table<T> {
         place.map(|p| p.askers.push(asker)).is_some()
     }
 
-    /// Somebody has got the result of `id`.
+    /// Notes that a client has got the result of `id`.
     pub(crate) fn got(&mut self, id: UUID) {
         if let Some(place) = self.places.iter_mut().find(|p| p.is(id)) {
             place.told = true;
         }
     }
 
-    /// Hands the results of goals that have ended to those who wait for them; `tell` says whether
-    /// that is settled for the asker (`Ok(true)`: told, `Err`: never mind) or is to be tried again
-    /// (`Ok(false)`). The last error; every asker gets its turn whatever becomes of the others.
+    /// Hands the results of ended goals to the clients that wait for them. `tell` returns
+    /// `Ok(true)` if the client got it, `Err` if it never will, and `Ok(false)` if it is to be
+    /// tried again. Returns the last error; every client gets its turn whatever becomes of the
+    /// others.
     pub(crate) fn deliver<E>(
         &mut self,
         mut tell: impl FnMut(&T, &[u8]) -> Result<bool, E>,

@@ -33,7 +33,7 @@ fn end(table: &mut Table<u32>, ticket: Ticket, event: GoalEvent, now: Nanos) -> 
     table.end(ticket, event, now, encode).is_ok()
 }
 
-/// Everybody who waits is told; who they were.
+/// Delivers to all waiting clients and returns them.
 fn delivered(table: &mut Table<u32>) -> Vec<u32> {
     let mut told = Vec::new();
     let tell = |asker: &u32, _: &[u8]| {

@@ -1,7 +1,7 @@
 //! Events that an executor reports while it runs: rare, and never on the ordinary path.
 //!
-//! Everything here is also counted in the [`Report`](crate::Report). What can happen for every
-//! sample is told the first time and then whenever its count doubles.
+//! Everything here is also counted in the [`Report`](crate::Report). Events that can happen for
+//! every sample are reported the first time and then whenever their count doubles.
 
 use crate::middleware::{IncompatibleQos, MiddlewareError};
 use core::fmt;
@@ -27,8 +27,8 @@ pub enum Event<'a> {
         /// Number of errors of this handle so far.
         count: u64,
     },
-    /// A callback panicked; its handle has stopped. Of a custom [trigger](crate::Trigger::Custom),
-    /// which is told as `worker/trigger`: its worker has.
+    /// A callback panicked; its handle has stopped. For a custom [trigger](crate::Trigger::Custom),
+    /// whose id is `worker/trigger`, its worker has stopped.
     CallbackPanicked {
         /// The handle's id.
         handle: &'a str,

@@ -238,8 +238,7 @@ impl Inner {
         outcome
     }
 
-    /// The node is in another state, and everybody is told. An event that cannot be sent is left
-    /// out.
+    /// Enters another state and publishes that. An event that cannot be sent is left out.
     fn follow(&self, arrow: &Arrow) {
         self.state.store(arrow.to.id().into(), Ordering::Release);
         let Some(events) = &self.events else {

@@ -164,7 +164,7 @@ impl Descriptor {
         Err(ParameterError::new(ParameterErrorKind::Range, text))
     }
 
-    /// As it is told to others.
+    /// The descriptor as the services send it.
     pub(crate) fn view<'a>(&'a self, name: &'a str, kind: u8) -> ParameterDescriptorView<'a> {
         let doubles = self
             .doubles

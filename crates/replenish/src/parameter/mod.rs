@@ -13,8 +13,8 @@
 //! - [`error`]: what can go wrong. [`server`]: setting with callbacks and events. [`services`]: the
 //!   six services of ROS 2. [`owner`]: the node's own rights.
 //!
-//! All buffers are there when the parameters are made: so many parameters with values of so many
-//! bytes. One more, or a longer one, is an error that names the limit.
+//! All buffers are allocated when the parameters are made, for a fixed number of parameters with
+//! values of a fixed size. One more, or a longer one, is an error that names the limit.
 
 mod descriptor;
 mod error;

@@ -35,7 +35,7 @@ impl Default for ParameterOptions {
 
 impl ParameterOptions {
     /// Up to 32 parameters with names of up to 64 bytes and values of up to 256 bytes, all of them
-    /// declared, changes told on `/parameter_events`.
+    /// declared, changes published on `/parameter_events`.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -58,14 +58,14 @@ impl ParameterOptions {
         self
     }
 
-    /// Names of up to so many bytes, 1..=255.
+    /// Sets the longest name in bytes, 1..=255.
     #[must_use]
     pub const fn name_bytes(mut self, most: usize) -> Self {
         self.bounds.name = most;
         self
     }
 
-    /// Values of up to so many bytes, 8..=3072; each element of a string array takes 9 more than
+    /// Sets the longest value in bytes, 8..=3072; each element of a string array takes 9 more than
     /// its text at most.
     #[must_use]
     pub const fn value_bytes(mut self, most: usize) -> Self {
@@ -73,8 +73,8 @@ impl ParameterOptions {
         self
     }
 
-    /// Requests and responses of the services of up to so many bytes, 512..=16777216; 4100 if not
-    /// said. A list of all names takes 9 more than the name for each, and their prefixes as much
+    /// Sets the longest request and response of the services in bytes, 512..=16777216; default
+    /// 4100. A list of all names takes 9 more than the name for each, and their prefixes as much
     /// again at most; each of the six services keeps two such messages, and its middleware those
     /// that wait.
     #[must_use]
@@ -99,7 +99,7 @@ impl ParameterOptions {
         self
     }
 
-    /// Changes are not told on `/parameter_events`.
+    /// Keeps changes off `/parameter_events`.
     #[must_use]
     pub const fn no_events(mut self) -> Self {
         self.events = false;
@@ -338,7 +338,7 @@ impl Parameters {
         }
     }
 
-    /// From now on `callback` is told what was set, on the thread that sets, after it is in
+    /// From now on `callback` gets each change, on the thread that sets, after the change is in
     /// force. Like a [veto](Self::veto) otherwise.
     pub fn after_set(&self, callback: impl FnMut(&ParameterChange<'_>) + Send + 'static) {
         if self.inner.is_mine() {
@@ -420,7 +420,7 @@ impl fmt::Debug for Parameters {
     }
 }
 
-/// Somebody sets; also if a callback panics.
+/// The turn of a thread that sets; it ends also if a callback panics.
 struct Turn<'i>(&'i Inner);
 
 impl Drop for Turn<'_> {

@@ -29,7 +29,7 @@ impl<T: Message> Default for Body<T> {
 }
 
 impl<T> Body<T> {
-    /// Room for so many bytes.
+    /// An empty buffer with room for `bytes` bytes.
     fn with_room(bytes: usize) -> Self {
         Self {
             bytes: alloc::vec![0; bytes].into(),
@@ -96,7 +96,7 @@ impl<S: Service> Service for Bare<S> {
 pub(crate) enum Unanswered {
     Request(DecodeError),
     Response(CdrError),
-    /// It takes more than so many bytes.
+    /// It takes more than `limit` bytes.
     TooLong {
         limit: usize,
     },

@@ -182,7 +182,8 @@ impl<S: Service> Client<S> {
         Ok(number)
     }
 
-    /// Waits until the service has a server, up to so long; looks every millisecond. For set-up.
+    /// Waits for at most `limit` until the service has a server; looks every millisecond. For
+    /// set-up.
     ///
     /// # Errors
     /// [`Error::Middleware`] where the middleware does not know: DDS-XRCE with another agent than

@@ -28,7 +28,7 @@ pub(crate) fn sized<M: Message>(asked: Option<usize>) -> usize {
     }
 }
 
-/// The size that was asked for or is usual, if it is allowed and so many samples of it, too.
+/// The requested or usual size, if that and the number of such samples are allowed.
 pub(crate) fn checked(
     (kind, name): (&str, &str),
     asked: Option<usize>,

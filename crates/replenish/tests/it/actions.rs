@@ -162,7 +162,7 @@ fn goals_are_pursued_side_by_side_through_the_agent() {
     goals_are_pursued_side_by_side(&agent.context(), &agent.context());
 }
 
-/// Over DDS-XRCE the feedback was told before the acceptance in some runs.
+/// Over DDS-XRCE the feedback was reported before the acceptance in some runs.
 #[test]
 fn feedback_that_overtakes_the_acceptance_is_told_after_it() {
     let _dog = watchdog("feedback before acceptance", LIMIT);

@@ -147,8 +147,8 @@ fn both_named(lines: &[String]) -> bool {
     })
 }
 
-/// The misuse: a callback waits, by a channel, for one of its own group. That is told, with the
-/// names of both, by the event and to the handle's own hook; what waits goes on when it can.
+/// The misuse: a callback waits, by a channel, for one of its own group. The event and the handle's
+/// own hook report that with the names of both; the waiting callback goes on when it can.
 #[test]
 fn who_waits_for_his_own_group_is_told_with_both_names() {
     let _dog = watchdog("group misuse", LIMIT);
@@ -324,7 +324,7 @@ fn all_handles_of_an_action_are_in_the_group() {
         };
         assert!(eventually(|| errors() == 3));
         assert_eq!(inside.most(), 1, "live: {live}");
-        // A hook is told after the error is counted.
+        // The hook runs after the error is counted.
         let told = || told.load(Ordering::SeqCst) == 3;
         assert!(eventually(told), "live: {live}");
     }

@@ -131,7 +131,7 @@ fn a_sample_that_is_none_is_told_with_the_field() {
     drop(running.stop());
 }
 
-/// A view of each message, in the bytes that came; half a message is told by field and counted.
+/// A view of each message, in the bytes that came. Half a message is reported by field and counted.
 #[test]
 fn views_are_subscribed_to_and_what_is_none_is_counted() {
     let _dog = watchdog("views", LIMIT);

@@ -198,8 +198,8 @@ fn publishers_are_silent_unless_the_node_is_active() {
     assert_eq!(publisher.clone().withheld(), 3);
 }
 
-/// The barrier has room for one sample in a round: the second one is told so, as it would not be if
-/// the first one had gone out.
+/// The barrier has room for one sample in a round. Publishing the second one is an error, which it
+/// would not be if the first one had gone out.
 #[test]
 fn managed_publishers_respect_the_output_barrier() {
     let ctx = Context::in_process();

@@ -135,7 +135,7 @@ fn a_callback_that_stops_and_joins_its_own_executor_does_not_wait_for_itself() {
     );
 }
 
-/// Hooks and triggers are the user's code as well: what panics is told, and nobody else notices.
+/// Hooks and triggers are the user's code as well: a panic is reported and disturbs nothing else.
 #[test]
 fn hooks_and_triggers_that_panic_end_nothing() {
     let _dog = watchdog("panics", LIMIT);

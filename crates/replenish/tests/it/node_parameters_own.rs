@@ -96,7 +96,7 @@ fn a_range_of_another_type_is_refused_by_name() {
         .unwrap();
     assert_eq!(kind(p.set_descriptor("count", doubles)), Kind::Type);
     assert_eq!(kind(p.set_descriptor("gains", integers)), Kind::Type);
-    // Of dynamic type each range holds for its own.
+    // With dynamic typing each range holds for values of its own type.
     let both = Descriptor::new()
         .dynamic_typing()
         .integer_range(0, 9, 0)

@@ -222,7 +222,7 @@ fn a_reply_to_a_client_that_is_gone_is_told_and_counted_and_the_service_goes_on(
 }
 
 /// A client goes before its answer comes, and another takes its place in the middleware: the answer
-/// is for neither, and the server is told.
+/// is for neither, and the server gets an error.
 #[test]
 fn a_late_reply_does_not_reach_the_client_that_came_after() {
     let _dog = watchdog("late reply", LIMIT);

@@ -51,7 +51,7 @@ impl Reader {
             self.variables.push((name.to_owned(), value.to_owned()));
             return;
         }
-        // Of this checkout instead of the published one.
+        // Takes this checkout instead of the published one.
         let here = format!("--path {}", repository().join("crates/replenish").display());
         let line = line.replace("--git https://github.com/replenish-rt/replenish", &here);
         let output = Command::new("sh")
@@ -101,7 +101,8 @@ fn shape(line: &str) -> (Vec<String>, usize) {
 fn the_tutorial_says_what_happens() {
     let directory = std::env::temp_dir().join(format!("replenish-tutorial-{}", std::process::id()));
     std::fs::create_dir_all(&directory).unwrap();
-    // Of the reader's machine: the kept builds of this checkout are not touched.
+    // The reader has a target directory and a ledger of its own: the kept builds of this checkout
+    // are not touched.
     let ledger = directory.join("ledger").display().to_string();
     let mut reader = Reader {
         directory: directory.clone(),

@@ -155,7 +155,8 @@ fn a_preempted_thread_with_a_sliver_left_causes_no_storm() {
     sim.pass(50 * MS, false);
     let storm = sim.checks - before;
     assert!(storm <= 6 + 50, "{storm} checks in 50 ms without progress");
-    // Somebody left the CPU: judged at the exact time again, so no overrun from the distance.
+    // Another thread left the CPU: the server is judged at the exact time again, so the distance
+    // causes no overrun.
     assert!(sim.r.is_backed_off());
     assert!(sim.r.pull_in(sim.now));
     sim.pass(100 * US, true);

@@ -107,8 +107,8 @@ pub fn blocking_is_free(burst: Burst) {
     );
 }
 
-/// The CPU time of a loop is the same alone and preempted 50 times; preemption and blocking are
-/// told apart; all of it together is not more than the time that passed.
+/// The CPU time of a loop is the same alone and preempted 50 times. Preemption and blocking are
+/// distinguished. All of it together is not more than the time that passed.
 pub fn cpu_time_exact(burst: Burst) {
     let measure = move || {
         let before = clock::thread_cpu();

@@ -11,8 +11,8 @@ use replenish_os::freertos::{panicked, tasks};
 use replenish_os::{Enforcer, EnforcerConfig, Low, Params, Policy, ThreadSpec, clock, spawn};
 use sporadic::Kind;
 
-/// Of two budgeted workers the higher panics after 50 ms of work: the other keeps its share, the
-/// one below gets what the first has left.
+/// The higher of two budgeted workers panics after 50 ms of work. The other keeps its share, and
+/// the worker below gets what the first has left.
 pub fn panic_halts_one(burst: Burst) {
     let Ok(enforcer) = Enforcer::start(EnforcerConfig::on_cpu(0)) else {
         hold!(false, "no enforcer");

@@ -28,7 +28,7 @@ impl log::Log for Printer {
     fn flush(&self) {}
 }
 
-/// A callback that returns an error is a warning, told when its count doubles; the worker goes on.
+/// A callback that returns an error is a warning each time its count doubles; the worker goes on.
 pub fn events_reach_the_logger(_: Burst) {
     if log::set_logger(&Printer).is_err() {
         hold!(false, "there is a logger already");

@@ -50,7 +50,7 @@ const ASSOCIATION: usize = 8 * DATAGRAM + EARLY * (HANDSHAKE + PARSED);
 /// records with eight messages each.
 const PARSED: usize = 18 * 1024;
 
-/// The most memory of a port of an agent with so many clients.
+/// The most memory in bytes of the DTLS port of an agent with `clients` clients.
 pub(in super::super) fn dtls_bytes(clients: usize) -> usize {
     (clients + SPARE + super::gate::MOST).saturating_mul(ASSOCIATION)
 }

@@ -8,7 +8,7 @@ use std::net::{IpAddr, SocketAddr};
 /// Handshakes at the same time.
 pub(super) const MOST: usize = 64;
 
-/// Of these, of one host.
+/// The most handshakes at the same time of one host.
 pub(super) const OF_A_HOST: usize = 16;
 
 /// Handshakes a second; a quarter of it of one host, a sixteenth of one address.

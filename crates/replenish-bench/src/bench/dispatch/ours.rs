@@ -1,4 +1,4 @@
-//! Ours: an agent, an executor with so many subscriptions on one worker, and publishers.
+//! Ours: an agent, an executor with all subscriptions on one worker, and publishers.
 
 use super::receiver::{Received, Receiver, Setting};
 use super::threads::{self, Used};
@@ -43,7 +43,7 @@ impl Ours {
         Self::start_recorded(setting, handles, 256 << 10)
     }
 
-    /// The same, with rings of so many bytes for its last events.
+    /// The same, with rings of `bytes` for its last events.
     pub(super) fn start_recorded(
         setting: Setting,
         handles: u16,

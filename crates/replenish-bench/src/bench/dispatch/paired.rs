@@ -43,8 +43,8 @@ fn pairs(setting: Setting) -> Result<f64, Failure> {
     median.ok_or_else(|| Failure::refused("the machine stood still in every window"))
 }
 
-/// CPU time per message with the recorder on against off, on this CPU, over windows that take as
-/// long as so many units.
+/// CPU time per message with the recorder on against off, on this CPU. All windows together take
+/// `units` units.
 pub(crate) fn recorder_ratio(cpu: usize, units: u64) -> Result<f64, Failure> {
     const RATE: u64 = 1000;
     let setting = Setting {

@@ -42,7 +42,7 @@ fn messages(rate: u64) -> u64 {
     (WINDOW * rate / SEC).max(MESSAGES)
 }
 
-/// Windows that take as long as so many units.
+/// Number of windows that together take `units` units.
 pub(super) fn windows(units: u64, rate: u64) -> u64 {
     (units * UNIT * rate / SEC / messages(rate)).max(units)
 }

@@ -75,7 +75,7 @@ pub(super) fn run(
     mut watch: impl FnMut(Nanos),
 ) -> Result<Tally, Failure> {
     let threads = threads.min(load.clients);
-    // Everybody is ready; then everybody knows the epoch.
+    // All threads are ready; then all know the epoch.
     let (ready, go) = (
         Barrier::new(usize::from(threads) + 1),
         Barrier::new(usize::from(threads) + 1),

@@ -27,7 +27,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "CPU")]
     cpu: Option<usize>,
 
-    /// The CPU of the agent; the client's unless told otherwise.
+    /// The CPU of the agent. Default: the client's.
     #[arg(long, value_name = "CPU")]
     agent_cpu: Option<usize>,
 

@@ -11,7 +11,7 @@ pub(crate) struct Args {
           value_parser = clap::value_parser!(u32).range(100..=10_000_000))]
     pub(super) samples: u32,
 
-    /// At most so long, besides the time that the faults take.
+    /// The longest run in seconds, besides the time that the faults take.
     #[arg(long, value_name = "N", default_value_t = 600,
           value_parser = clap::value_parser!(u64).range(1..=86_400))]
     pub(super) seconds: u64,

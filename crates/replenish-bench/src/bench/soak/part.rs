@@ -1,8 +1,8 @@
 //! The soak's own processes: a publisher and a reader, each with one XRCE session.
 //!
-//! A publisher is told on standard input up to which number to write, and says on standard output
-//! how many its session has taken and how many of these are acknowledged. A reader says each number
-//! that it gets. Both end with their standard input.
+//! A publisher reads on standard input up to which number to write. It prints how many samples its
+//! session has taken and how many of these are acknowledged. A reader prints each number that it
+//! gets. Both end with their standard input.
 
 use super::options::Part;
 use replenish::Qos;
@@ -24,8 +24,8 @@ pub(super) const DAMAGED: u32 = u32::MAX;
 /// The number that a reader says when samples reach it.
 pub(super) const READY: u32 = u32::MAX - 1;
 
-/// So long that no two samples share a datagram: unacknowledged datagrams are unacknowledged
-/// samples.
+/// Words of a sample: enough for a datagram of its own, so that unacknowledged datagrams are
+/// unacknowledged samples.
 const WORDS: usize = 75;
 
 const DEPTH: u16 = 256;

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 /// Longer than anything takes on a machine that works.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// A killed publisher may have taken so many samples more than it has said.
+/// Samples that a killed publisher may have taken beyond the number that it last printed.
 const UNSAID: u32 = 100_000;
 
 /// A reader that returns later after an agent's end returns too late: `docs/acknowledged.md`.
@@ -91,7 +91,7 @@ impl World {
         *guard(&self.said)
     }
 
-    /// Lets the publisher write so many samples, until the time is over. Some are still under way
+    /// Lets the publisher write this many samples, until the time is over. Some are still under way
     /// afterwards.
     pub(super) fn write(&mut self, samples: u32, until: Instant) -> Result<(), Failure> {
         self.part = self.said().0.max(self.part);

@@ -17,7 +17,7 @@ struct Row {
     budgets: bool,
     releases: usize,
     deadline_ms: f64,
-    /// Of releases that did not end: how long they had waited when the window ended.
+    /// The worst response; for a release that did not end, its age when the window ended.
     worst_ms: f64,
     misses: usize,
     median_ms: f64,

@@ -120,7 +120,7 @@ pub(crate) struct Half {
     pub(crate) durable: bool,
     /// `None`: everything is kept.
     pub(crate) depth: Option<usize>,
-    /// Of a reader: 0 to 7, the most urgent.
+    /// Priority of a reader: 0 to 7, the most urgent.
     pub(crate) priority: Option<u8>,
     pub(crate) matched: usize,
     /// Number of entities of its topic that do not match it because of their QoS.

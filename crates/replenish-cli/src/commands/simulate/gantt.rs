@@ -22,7 +22,7 @@ const TOP: f64 = 40.0;
 /// The height of a CPU's name.
 const HEADING: f64 = 26.0;
 const LANE: f64 = 58.0;
-/// Of a lane without a budget line.
+/// The height of a lane without a budget line.
 const PLAIN_LANE: f64 = 38.0;
 const CURVE: f64 = 22.0;
 const BAR: f64 = 16.0;
@@ -31,7 +31,7 @@ const FOOT: f64 = 44.0;
 const NARROWEST: f64 = 1.0;
 /// More lanes than that are not drawn.
 const MOST_LANES: usize = 60;
-/// More shapes than that per lane cannot be told apart.
+/// The most shapes per lane: more cannot be distinguished.
 const MOST_SHAPES: usize = 4_000;
 
 /// Draws this part of the lanes; `cpus` are the numbers of the system's CPUs.

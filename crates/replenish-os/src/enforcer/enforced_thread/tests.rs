@@ -46,7 +46,7 @@ struct World {
 
 /// A section, at most.
 const LONGEST: Nanos = 3_000 * US;
-/// A check is so late, at most.
+/// The longest delay of a check.
 const LATE: Nanos = 30 * US;
 /// No more changes than these are refused one after another.
 const MOST: u64 = 3;
@@ -170,7 +170,7 @@ impl World {
         }
     }
 
-    /// Of every state.
+    /// Invariants of every state.
     fn check(&self) {
         let r = &self.thread.reservation;
         let (suspend, counters) = (&self.thread.suspend, r.counters());

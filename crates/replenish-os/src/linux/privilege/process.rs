@@ -130,7 +130,7 @@ fn small_reservation() -> io::Result<()> {
 mod tests {
     use super::*;
 
-    /// Of a limit that no test depends on.
+    /// Raises a limit on which no test depends.
     #[test]
     #[cfg_attr(miri, ignore = "has no limits")]
     fn a_soft_limit_goes_up_to_the_hard_one() {

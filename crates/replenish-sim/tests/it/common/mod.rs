@@ -1,4 +1,4 @@
-//! Random systems for one CPU, each with what the analysis is told of it.
+//! Random systems for one CPU, each with the input of its analysis.
 
 use replenish_sim::analysis::{Costs, Demand, Section, Task};
 use replenish_sim::{

@@ -17,10 +17,11 @@ use replenish_os::clock;
 pub enum Removal {
     /// It goes on; the removal does not wait for it.
     Detach,
-    /// It goes on; the removal waits for its end, up to so long.
+    /// The callback goes on; the removal waits for its end, for at most this time.
     Wait(Duration),
-    /// It is told to end ([`CallbackContext::is_cancelled`](crate::CallbackContext::is_cancelled));
-    /// the removal waits up to so long.
+    /// The callback is asked to end
+    /// ([`CallbackContext::is_cancelled`](crate::CallbackContext::is_cancelled)); the removal waits
+    /// for at most this time.
     Cancel(Duration),
 }
 

@@ -19,7 +19,7 @@ impl ExecutorHandle {
         Ok(self.live.context.middleware().matched_writers(reader))
     }
 
-    /// Waits until a subscription has a publisher, up to so long; looks every millisecond. For
+    /// Waits for at most `limit` until a subscription has a publisher; looks every millisecond. For
     /// set-up: a worker that waits runs no other callback.
     ///
     /// ```

@@ -87,7 +87,7 @@ impl WorkerBuilder<'_> {
         })
     }
 
-    /// Up to so many callbacks of one handle per round, before the next handle's turn, 1 or more.
+    /// Sets the most callbacks of one handle per round, before the next handle's turn, 1 or more.
     /// Default 1.
     pub fn messages_per_round(self, messages: u32) -> Self {
         self.ruled(|r| r.batch = Some(messages))

@@ -123,7 +123,7 @@ impl Executor {
     }
 
     /// `true`: a policy or a budget that cannot be granted is an error when the executor starts.
-    /// `false`, the default: it is a fallback, told once and kept in the report.
+    /// `false`, the default: the executor falls back, reports it once and keeps it in the report.
     pub fn strict(&mut self, strict: bool) -> &mut Self {
         self.options.strict = strict;
         self
@@ -136,8 +136,8 @@ impl Executor {
     /// a page of the program back from the disk.
     ///
     /// Default: in an executor with a budget, the program and its libraries stay in memory, and
-    /// nothing else is locked. Where the limit of locked memory forbids that, it is a fallback,
-    /// told once and kept in the report, also with [`strict`](Self::strict).
+    /// nothing else is locked. If the limit of locked memory forbids that, the executor falls back,
+    /// also with [`strict`](Self::strict). It reports that once and keeps it in the report.
     pub fn lock_memory(&mut self, lock: bool) -> &mut Self {
         self.options.lock_memory = Some(lock);
         self

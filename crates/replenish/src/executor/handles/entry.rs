@@ -128,7 +128,7 @@ impl HandleEntry {
         })
     }
 
-    /// The callback that ran last has taken so much CPU time.
+    /// Judges the last callback by the CPU time `used` that it has taken.
     pub(crate) fn judge(&self, used: Nanos, env: &Env<'_>) {
         if let Some(group) = &self.handling.group
             && group.length() != 0

@@ -21,7 +21,7 @@
 //!
 //! A guarantee counts on the length of the critical sections for which its worker may wait
 //! ([`Group::holds`]): admission refuses a group without, and so does a change while the executor
-//! runs. A callback that takes longer is counted and told.
+//! runs. A callback that takes longer is counted and reported.
 
 use super::env::Env;
 use super::state::HandleState;
@@ -124,8 +124,8 @@ impl Group {
     /// execution time already.
     ///
     /// A guaranteed worker that shares the group waits that long at worst, which is part of the
-    /// bound that admission tests. A callback that needs more CPU time goes on; it is
-    /// [counted](Self::overruns) and [told](Event::HeldTooLong).
+    /// bound that admission tests. A callback that needs more CPU time goes on. It is
+    /// [counted](Self::overruns), and an [event](Event::HeldTooLong) reports it.
     ///
     /// ```
     /// use replenish::{Group, HandleOptions};
@@ -207,7 +207,7 @@ impl Group {
         self.length
     }
 
-    /// A callback has taken so much CPU time.
+    /// Counts and reports a callback that has taken more CPU time than the group states.
     pub(crate) fn judge(&self, shared: &HandleState, used: Nanos, env: &Env<'_>) {
         let length = self.length();
         if length != 0 && used > length {

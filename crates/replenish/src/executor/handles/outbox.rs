@@ -1,7 +1,7 @@
 //! The output barrier: what callbacks publish during a round waits here until its end.
 //!
-//! Preallocated: so many samples of so many bytes each. A sample that does not fit is an error of
-//! the publishing callback, which knows at once.
+//! Its room is allocated at set-up, for a fixed number of samples of a fixed size. A sample that
+//! does not fit is an error of the publishing callback, which knows at once.
 
 use crate::handoff::Origins;
 use crate::middleware::{Middleware, PublishError, WriterId};

@@ -110,7 +110,7 @@ impl Split {
         Some(charge)
     }
 
-    /// The clock was read after a callback that took so long: what it is charged.
+    /// The charge for a callback of `took` ns after which the clock was read.
     fn read(&mut self, used: Nanos, took: Nanos) -> Nanos {
         let owed = signed(used) - signed(self.charged) + self.error;
         let charge = u64::try_from(owed).unwrap_or(0);

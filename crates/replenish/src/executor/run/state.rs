@@ -155,7 +155,7 @@ pub(crate) struct Rules {
     pub(crate) rounds: Option<&'static Rounds>,
 }
 
-/// Of an executor that never ran: what the trigger owns may panic as it is dropped.
+/// Guards the drop of a trigger, whose closure may panic, in an executor that never ran.
 impl Drop for Rules {
     fn drop(&mut self) {
         if STD {

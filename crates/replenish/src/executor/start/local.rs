@@ -67,7 +67,7 @@ pub enum SpinEnd {
     Worked,
     /// The time was over.
     TimedOut,
-    /// Somebody stopped the executor.
+    /// A stop was requested.
     Stopped,
 }
 

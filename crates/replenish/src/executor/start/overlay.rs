@@ -28,7 +28,7 @@ pub(crate) const VARIABLE: &str = "REPLENISH_OVERLAY";
 /// Names a file that gets the description of the executor, which does not start then.
 const TEMPLATE: &str = "REPLENISH_TEMPLATE";
 
-/// The kernel keeps so many bytes of a thread's name.
+/// Bytes of a thread's name that the kernel keeps.
 const KEPT: usize = 15;
 
 /// Applies the files that were named in the program and in the environment.

@@ -1,4 +1,4 @@
-//! The threads of an executor: how each is started, told to go, and seen to end.
+//! The threads of an executor: their start, their launch, and their end.
 //!
 //! ```text
 //!   starter                                 thread
@@ -76,7 +76,7 @@ pub(crate) struct Ready {
 pub(crate) enum Launch {
     /// Begin; timers count from this instant.
     Go(Nanos),
-    /// Somebody else could not start: end without having run.
+    /// Another thread could not start: end without having run.
     Abort,
 }
 

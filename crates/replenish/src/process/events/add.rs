@@ -19,7 +19,7 @@ impl<T: Target> AddHandles<T> {
     /// first event.
     ///
     /// The callback runs on this worker, on its budget. The middleware keeps counts and no queue,
-    /// so no event is lost: several changes in between are told as one.
+    /// so no event is lost: several changes in between come as one.
     ///
     /// ```
     /// use replenish::msg::std_msgs::Int32;

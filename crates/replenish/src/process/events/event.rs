@@ -53,7 +53,7 @@ pub enum QosEvent {
     MessageLost(Count),
 }
 
-/// The events that lead from the status that was told last to that of now.
+/// The events that lead from the last reported status to the present one.
 pub(super) fn between(last: EndStatus, now: EndStatus) -> impl Iterator<Item = QosEvent> {
     let count = |total: u64, last: u64| Count {
         total,

@@ -3,7 +3,7 @@
 //! ```text
 //!   add: AddHandles::on_event ──► source: publisher or handle's id
 //!        │ callback, on a worker ◄── watch: the latest status ◄── middleware
-//!        └──► event: what differs from the status that was told last
+//!        └──► event: the difference from the last reported status
 //! ```
 
 mod add;

@@ -17,8 +17,8 @@ const MESSAGE: usize = 4096;
 impl<T: Target> AddHandles<T> {
     /// Serves the levels of this context's loggers to others: two handles with the services
     /// `~/get_logger_levels` and `~/set_logger_levels` of ROS 2. A logger without a level of its
-    /// own is told as 0; setting 0 takes the level away. Requests and responses take up to 4096
-    /// bytes each.
+    /// own shows as 0; setting 0 takes the level away. Requests and responses take up to 4096 bytes
+    /// each.
     ///
     /// # Errors
     /// As [`serve`](Self::serve).

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU16, AtomicU64, AtomicUsize, Ordering};
 
-/// Sites beyond so many appear on `/rosout` without file and line.
+/// The most sites with a file and line on `/rosout`; further ones appear without.
 const MOST: usize = 2048;
 /// The number of a site that came too late for the table.
 const NONE: u16 = u16::MAX;

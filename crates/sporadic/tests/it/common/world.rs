@@ -30,13 +30,13 @@ pub enum Knowledge {
 pub enum Step {
     /// The thread has the CPU, at whatever level.
     Run(Nanos),
-    /// Somebody more urgent has it.
+    /// A more urgent thread has it.
     Preempted(Nanos),
     /// The thread blocks inside its callback.
     Inside(Nanos),
     /// The thread waits, and says so. When it goes on, it may first have to wait for the CPU.
     Wait { span: Nanos, held_up: Nanos },
-    /// Somebody reads the account.
+    /// Another thread reads the account.
     Observe,
     /// The CPU became free.
     PullIn,

@@ -226,7 +226,7 @@ impl Watch {
 impl Rule {
     fn adopt(&self, tid: Tid) {
         let thread = match ForeignThread::open_own(tid) {
-            // Somebody has chosen its priority.
+            // The thread has a priority that the program chose.
             Ok(thread) if thread.original().priority() > 0 => return,
             Ok(thread) => thread,
             Err(_) => return, // it has ended, or has a reservation of the kernel's

@@ -1,4 +1,4 @@
-//! The groups that workers share, as the planner is told of them: who holds which, for how long.
+//! The groups that workers share, as the planner needs them: holders and lengths.
 
 use crate::executor::handles::group::Group;
 use crate::executor::run::state::WorkerSpec;

@@ -49,7 +49,7 @@ pub(crate) struct Link {
     /// The next stage samples.
     pub(crate) is_sampled: bool,
     pub(crate) is_last: bool,
-    /// Of the callback that runs.
+    /// Origin of the callback that runs.
     pub(crate) origin: Option<Nanos>,
 }
 

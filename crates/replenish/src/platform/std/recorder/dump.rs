@@ -82,7 +82,7 @@ impl Dump {
         Self { stop: true, ..self }
     }
 
-    /// At most so many files in a minute. Default: 4.
+    /// Allows at most `files` files in a minute. Default: 4.
     #[must_use]
     pub fn per_minute(self, files: u32) -> Self {
         Self {
@@ -91,8 +91,8 @@ impl Dump {
         }
     }
 
-    /// At most so many bytes in all files of the executor together. Default: 64 MiB. A file is as
-    /// long as the recording.
+    /// Allows at most `bytes` bytes in all files of the executor together. Default: 64 MiB. A file
+    /// is as long as the recording.
     #[must_use]
     pub fn bytes(self, bytes: u64) -> Self {
         Self { bytes, ..self }

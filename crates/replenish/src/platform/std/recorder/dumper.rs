@@ -20,7 +20,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-/// Recording goes on for so long at most.
+/// The longest time that recording goes on after the cause.
 const AFTER: Duration = Duration::from_secs(1);
 /// The ring is looked at this often meanwhile.
 const LOOK: Duration = Duration::from_millis(5);

@@ -30,7 +30,7 @@ pub(super) fn wanted() -> Wanted {
     }
 }
 
-/// A file of so many zeros in the first directory that takes one; or the reasons why none does.
+/// A file of `bytes` zeros in the first directory that takes one; or the reasons why none does.
 pub(super) fn find(
     wanted: Wanted,
     ledger: Option<&Path>,
