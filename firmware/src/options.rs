@@ -22,7 +22,7 @@ pub struct Options {
     /// Messages of the topic `flood` that the host sends per tick, on top.
     pub flood: u32,
     /// Time in ms at which the host ends the agent and starts another; 0: never. Until its session
-    /// is back, the clock waits for nobody.
+    /// is back, the clock does not wait for the host.
     pub restart: u64,
 }
 

@@ -1,4 +1,4 @@
-//! The port's transport, shared with who wants to read its statistics later.
+//! The port's transport, shared so that its statistics can be read later.
 
 use crate::uart::Usart2;
 use replenish::middleware::xrce::{PortTransport, Received, Sent, Transport, io};

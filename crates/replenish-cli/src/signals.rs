@@ -8,10 +8,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;
 
-/// "Please end": set by a signal, or by whoever supervises this process.
+/// "Please end": set by a signal, or by the process that supervises this one.
 ///
 /// [`is_triggered`](Self::is_triggered) takes no lock. Threads of different priorities look at it:
-/// one that is lowered with a lock in its hands would keep all the others waiting.
+/// one that is lowered while it holds a lock would keep all the others waiting.
 #[derive(Debug, Clone, Default)]
 pub struct Stop(Arc<Shared>);
 

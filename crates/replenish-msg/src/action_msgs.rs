@@ -60,7 +60,7 @@ impl GoalStatus {
     pub const STATUS_CANCELING: i8 = 3;
     /// The goal was reached.
     pub const STATUS_SUCCEEDED: i8 = 4;
-    /// The goal ended early because somebody wanted it to.
+    /// The goal ended early because a client cancelled it.
     pub const STATUS_CANCELED: i8 = 5;
     /// The goal ended early because the server could not reach it.
     pub const STATUS_ABORTED: i8 = 6;

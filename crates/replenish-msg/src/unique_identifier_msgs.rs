@@ -4,7 +4,7 @@ use crate::structure::known;
 use crate::{CdrError, CdrReader, CdrWriter, Message, Viewed};
 use core::fmt;
 
-/// `unique_identifier_msgs/msg/UUID`: sixteen bytes that nobody else has chosen.
+/// `unique_identifier_msgs/msg/UUID`: sixteen bytes that are unique.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct UUID {
     /// The bytes, most significant first.

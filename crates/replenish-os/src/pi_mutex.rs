@@ -82,7 +82,7 @@ impl<T: ?Sized> PiMutex<T> {
         self.data.get_mut()
     }
 
-    /// For who has just taken the lock.
+    /// The guard of a lock that was just taken.
     const fn guard(&self) -> PiMutexGuard<'_, T> {
         PiMutexGuard {
             mutex: self,

@@ -62,9 +62,9 @@ impl Guarantee {
         self
     }
 
-    /// 0 to 255, default 100. What is more important is admitted first, gets its desired amount
-    /// first, and goes first when it works beyond its budget. It is no priority: deadlines decide
-    /// who preempts whom.
+    /// 0 to 255, default 100. A more important worker is admitted first, gets its desired amount
+    /// first, and goes first when it works beyond its budget. Importance is no priority: deadlines
+    /// decide which worker preempts.
     #[must_use]
     pub fn importance(mut self, importance: u8) -> Self {
         self.importance = importance;

@@ -57,7 +57,7 @@ pub struct Overheads {
     pub callback: Nanos,
     /// Per message, in the executor's thread.
     pub dispatch: Nanos,
-    /// Per timed release, taken from whoever runs.
+    /// Cost per timed release, taken from the thread that runs.
     pub release_interrupt: Nanos,
     /// From the enforcer's timer to its reading of the CPU clock, at most.
     pub latency: Nanos,

@@ -102,7 +102,7 @@ impl Worker {
         self
     }
 
-    /// Says that callbacks hold a lock, one after another if it is said more than once.
+    /// Adds a lock that callbacks hold; several are held one after another.
     #[must_use]
     pub fn holding(mut self, hold: Hold) -> Self {
         self.holds.push(hold);
@@ -120,8 +120,8 @@ impl Worker {
 /// A lock that a callback holds: of a group's handle from its beginning to its end.
 ///
 /// A guaranteed worker waits for the others that hold the lock, each of which inherits its priority
-/// meanwhile. So the length must be known of everybody with whom a guaranteed worker shares a lock,
-/// and they must be on the same CPU.
+/// meanwhile. So every worker that shares a lock with a guaranteed one must state its length, and
+/// must be on the same CPU.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Hold {
     /// Place of the lock in [`Request::locks`].

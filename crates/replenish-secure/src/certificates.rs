@@ -57,7 +57,7 @@ impl fmt::Display for Fingerprint {
     }
 }
 
-/// How a client shows who it is over TLS, and the agent that it talks to.
+/// Credentials of a client over TLS, and of the agent that it talks to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TlsCredentials {
     /// The client's certificate in PEM form; the agent's access list has its SHA-256.

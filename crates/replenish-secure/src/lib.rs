@@ -1,5 +1,5 @@
-//! DTLS and TLS between an XRCE client on Linux and an agent: nobody else reads or writes what they
-//! say, and each knows who the other is.
+//! DTLS and TLS between an XRCE client on Linux and an agent: private, unaltered, and both ends
+//! authenticated.
 //!
 //! ```no_run
 //! use replenish::Context;

@@ -45,7 +45,7 @@ pub fn domain() -> u16 {
     }
 }
 
-/// The lock on a domain's file, unless somebody holds it; it goes with the file.
+/// The lock on a domain's file, unless another process holds it; it goes with the file.
 fn claim(domain: u16) -> Option<File> {
     let path = std::env::temp_dir().join(format!("replenish-domain-{domain}.lock"));
     let mut options = OpenOptions::new();

@@ -59,7 +59,7 @@ fn attempt(
     }
 }
 
-/// `None` where nothing came, or nobody is there.
+/// `None` if nothing came, or if no agent is there.
 fn no_way(result: io::Result<usize>) -> io::Result<Option<usize>> {
     match result.map_err(|error| (error.kind(), error)) {
         Ok(len) => Ok(Some(len)),

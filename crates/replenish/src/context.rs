@@ -140,8 +140,8 @@ impl Context {
         Arc::ptr_eq(&self.inner, &other.inner)
     }
 
-    /// Claims the right to wait and take for an executor that `stop` ends; `None` while somebody
-    /// else has it.
+    /// Claims the right to wait and take for an executor that `stop` ends; `None` while another
+    /// executor has it.
     pub(crate) fn claim(&self, stop: &StopHandle) -> Option<Claim> {
         let taken = self.inner.spinning.swap(true, Ordering::AcqRel);
         (!taken).then(|| Claim {

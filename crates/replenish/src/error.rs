@@ -50,9 +50,9 @@ pub enum Error {
         /// The most of them at a time.
         limit: usize,
     },
-    /// The callback has not ended in time; its handle goes when it has. Its removal can be asked
-    /// for again, as often as one likes, until it has gone ([`UnknownHandle`](Self::UnknownHandle)
-    /// then, and while another thread waits for it).
+    /// The callback has not ended in time; its handle goes when it has. The removal can be repeated
+    /// until the handle has gone. It is an [`UnknownHandle`](Self::UnknownHandle) then, and while
+    /// another thread waits for it.
     StillRunning(Text),
     /// The executor has stopped.
     Stopped,
@@ -88,7 +88,8 @@ pub enum Error {
     },
     /// A guarantee does not fit on this host, or would break what another program was promised.
     NotAdmitted {
-        /// One sentence: who does not fit, where and why, and what would fit.
+        /// One sentence: the worker that does not fit, its CPU and the reason, and requests that
+        /// would fit.
         reason: Text,
     },
     /// An argument or a variable of the program that cannot be used.

@@ -1,4 +1,4 @@
-//! Latency histograms of fixed size: written by one thread without a lock, read by anybody.
+//! Latency histograms of fixed size: written by one thread without a lock, read by any.
 //!
 //! Buckets are a quarter of an octave wide, from 1 us to 34 s: a percentile read from them is at
 //! most a quarter above the true value. 102 words, allocated with the handle, never more.

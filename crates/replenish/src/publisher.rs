@@ -122,9 +122,9 @@ impl<M: Message> Publisher<M> {
         }
     }
 
-    /// Says that this publisher is alive, where it has to say so itself
-    /// ([`Liveliness::ManualByTopic`](crate::qos::Liveliness)); a message says it as well. Does not
-    /// allocate and waits for nobody.
+    /// Asserts that this publisher is alive, for the kind of liveliness that asks for it
+    /// ([`Liveliness::ManualByTopic`](crate::qos::Liveliness)); a message asserts it as well. Does
+    /// not allocate and never waits.
     ///
     /// # Errors
     /// [`PublishError::UnknownWriter`] where the middleware does not know of it: DDS-XRCE.

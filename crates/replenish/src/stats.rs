@@ -1,5 +1,5 @@
-//! Counters of one handle: fixed size, written by the dispatcher and one worker, read by anybody
-//! at any time without a lock.
+//! Counters of one handle: fixed size, written by the dispatcher and one worker. Any thread may
+//! read them at any time without a lock.
 //!
 //! At rest, `received = executed + dropped + oversize + undecodable + discarded + waiting`, plus
 //! the one whose callback panicked.
@@ -8,7 +8,7 @@ use crate::Nanos;
 use crate::platform::STD;
 use crate::sync::{AtomicBool, Ordering, unmodelled::AtomicU64};
 
-/// A number that only its writers change and anybody may read.
+/// A number that only its writers change and any thread may read.
 #[derive(Debug, Default)]
 pub(crate) struct Counter(AtomicU64);
 

@@ -9,7 +9,7 @@ pub enum Low {
     /// It goes on at this lower priority, uncharged (`sched_ss_low_priority` of POSIX).
     /// The meaning of 0 is up to the operating system, e.g. the time-sharing class.
     Background(u8),
-    /// It does not run until budget comes back: full temporal isolation.
+    /// It does not run until its budget is replenished: full temporal isolation.
     Suspend,
 }
 

@@ -1,4 +1,4 @@
-//! One rule for the priorities of budgets, whoever gives them out.
+//! One rule for the priorities of budgets, for the planner and for executors without it.
 //!
 //! Deadline-monotonic (Leung and Whitehead, 1982): the earlier the deadline, the higher the
 //! priority, and equal deadlines share one. [`by_rank`] is the rule. An executor without a planner

@@ -94,7 +94,7 @@ fn follow(text: impl std::io::Read + Send + 'static, child: &mut Child, tally: &
     }
 }
 
-/// Prints what somebody has written, and counts the tests in it.
+/// Prints a command's output, and counts the tests in it.
 fn show(text: impl std::io::Read, tally: &mut Tally) {
     let lines = BufReader::new(text).split(b'\n').map_while(Result::ok);
     for line in lines {
@@ -169,7 +169,7 @@ impl Beside {
 }
 
 impl Drop for Beside {
-    /// Ends the processes that nobody waits for any more, and removes the file.
+    /// Ends processes that are not waited for any more, and removes the file.
     fn drop(&mut self) {
         if let Some(child) = &mut self.child {
             let group = format!("-{}", child.id());

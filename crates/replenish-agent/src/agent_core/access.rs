@@ -1,4 +1,4 @@
-//! The access list in the state machine: who may log in, and what a new list ends.
+//! The access list in the state machine: it admits clients, and a new list ends sessions.
 
 use super::state::{AgentCore, Now};
 use crate::config::{AccessList, Grant, Limits};

@@ -54,7 +54,7 @@ impl AccessList {
         self.grants.len() + usize::from(self.others.is_some())
     }
 
-    /// Whether nobody may log in.
+    /// Whether the list admits no client.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -102,7 +102,7 @@ impl AccessList {
 }
 
 impl Grant {
-    /// Whether the client must show who it is.
+    /// Whether the client must authenticate.
     fn has_secret(&self) -> bool {
         self.psk.is_some() || self.certificate.is_some()
     }

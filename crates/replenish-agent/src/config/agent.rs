@@ -35,7 +35,7 @@ pub struct AgentConfig {
     pub rules: Vec<TopicRule>,
     /// The meaning of the names that describe entities by reference.
     pub profiles: Profiles,
-    /// Ports for clients that encrypt and show who they are.
+    /// Ports for clients that encrypt and authenticate.
     #[cfg(feature = "secure")]
     pub secure: SecureConfig,
     /// Makes the clients' topics and services those of DDS, too, so that ROS 2 sees them.

@@ -1,4 +1,4 @@
-//! Ports for clients that encrypt and show who they are.
+//! Ports for clients that encrypt and authenticate.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;

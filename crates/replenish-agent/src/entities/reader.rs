@@ -203,7 +203,7 @@ impl Reader {
     /// or takes all the memory that its client may have, and the client wants what is in it.
     ///
     /// One that has waited goes on when half of the queue is free: its client sends a message anew.
-    /// After `limit` in which nothing left the queue, nobody waits any more.
+    /// After `limit` in which nothing left the queue, no writer waits any more.
     pub(crate) fn holds_up(
         &mut self,
         now: Nanos,

@@ -14,7 +14,7 @@ const ADDRESS_PART: u32 = 16;
 /// The most hosts, and the most addresses, with a rate of their own; further ones share one rate.
 const MOST: usize = 1024;
 
-/// The rates of all who have no session.
+/// The rates of all senders without a session.
 #[derive(Debug)]
 pub(crate) struct Strangers<P> {
     all: RateLimiter,

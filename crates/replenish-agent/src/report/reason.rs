@@ -100,7 +100,7 @@ pub enum Reason {
         /// `limits.clients`.
         limit: usize,
     },
-    /// A TCP connection on which nobody has logged in for too long; it was closed.
+    /// A TCP connection without a log-in for too long; it was closed.
     NoLogIn {
         /// The longest time without a log-in, in nanoseconds.
         limit: Nanos,

@@ -5,8 +5,8 @@
 //!   a client writes to /replenish/recorder ──► up to 512 samples ──► the thread that drains it
 //! ```
 //!
-//! The agent passes each piece on like any other sample, and keeps a copy here once somebody has
-//! asked for them. It neither waits nor allocates: while another thread drains, it only counts.
+//! The agent passes each piece on like any other sample, and keeps a copy here after the first
+//! request for copies. It neither waits nor allocates: while another thread drains, it only counts.
 
 use replenish_xrce::Nanos;
 use replenish_xrce::wire::ClientKey;

@@ -52,7 +52,7 @@ pub(super) struct Link {
     pub(super) held: bool,
     /// When something was last received.
     pub(super) heard: Nanos,
-    /// Since when nobody is logged in on it, as far as was looked.
+    /// Time since which no client is logged in on it, as of the last look.
     pub(super) vacant_since: Nanos,
 }
 
@@ -65,7 +65,7 @@ enum Io {
     },
     Tls {
         stream: Box<TlsStream>,
-        /// A TCP peer until it has shown who it is.
+        /// The kind of a TCP peer that has not authenticated yet.
         peer: Peer,
         decoder: Prefixed<Box<[u8]>>,
     },

@@ -86,7 +86,7 @@ impl Ports {
         }
     }
 
-    /// Notes why the other end of link `at` did not show who it is; whether there is a reason.
+    /// Notes why the other end of link `at` did not authenticate; whether there is a reason.
     pub(super) fn note_failure(
         &mut self,
         at: usize,

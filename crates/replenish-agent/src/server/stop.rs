@@ -4,7 +4,7 @@ use replenish_os::WakeFd;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Stops agents that run with it, from any thread and as often as one likes. Clones are the same
+/// Stops agents that run with it, from any thread and any number of times. Clones are the same
 /// handle.
 #[derive(Clone, Debug, Default)]
 pub struct StopHandle {

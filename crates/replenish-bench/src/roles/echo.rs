@@ -1,5 +1,5 @@
-//! Ping's other half: it sends back what comes, so that whoever sent it counts what a line loses,
-//! or measures how long the way there and back takes.
+//! Ping's other half: it sends back each message. So the sender counts what a line loses, or
+//! measures the way there and back.
 
 use replenish::msg::std_msgs::Int32;
 use replenish::{CallbackContext, Node, Qos, WorkerBuilder};

@@ -57,7 +57,7 @@ pub(crate) struct Repeated {
     pub sender_late: u64,
     /// The hypervisor took the measured CPU away.
     pub cpu_stolen: u64,
-    /// The measured CPU was with nobody of pong, although there was work.
+    /// No thread of pong had the measured CPU, although there was work.
     pub cpu_missing: u64,
 }
 

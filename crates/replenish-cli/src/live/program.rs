@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 /// More files of one directory are not looked at.
 const MAX_FILES: usize = 4096;
 
-/// A file that is read by place: nothing of it is mapped, so nobody ends this program by
-/// truncating it.
+/// A file that is read by position. Nothing of it is mapped, so truncating it does not end this
+/// program.
 pub(crate) struct ByPlace {
     file: File,
     bytes: u64,

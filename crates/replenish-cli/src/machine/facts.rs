@@ -1,4 +1,5 @@
-//! Facts that the kernel tells everybody: read from `/proc` and `/sys`, parsed by pure functions.
+//! Facts about the machine that any account may read in `/proc` and `/sys`, parsed by pure
+//! functions.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! XCDR1 reading, in either byte order, from bytes that nobody vouches for.
+//! XCDR1 reading, in either byte order, from untrusted bytes.
 
 use super::{CdrError, padding};
 

@@ -5,8 +5,8 @@
 //!   helper:            for each that does not get the CPU: FIFO 98 ─ its own again
 //! ```
 //!
-//! Without help `setuid` waits for a thread that is low beside others that always want the CPU: it
-//! is raised by its enforcer alone, who is somebody else by then and may not.
+//! Without help `setuid` waits for a thread that is low beside others that always want the CPU.
+//! Only the thread's enforcer would raise it, and that has another user by then and may not.
 
 use super::enforced_thread::EnforcedThread;
 use super::state::EnforcerState;
@@ -121,8 +121,8 @@ fn lift(tid: Tid) {
 }
 
 impl EnforcerState {
-    /// The priority of this worker is somebody else's business for now: the watchdog leaves it
-    /// alone. Whether it is one of this enforcer's.
+    /// Keeps the watchdog away from this worker's priority for now. Whether it is one of this
+    /// enforcer's.
     fn lend(&self, tid: Tid) -> bool {
         let mut threads = self.threads.lock();
         let found = enrolled(&mut threads.enrolled, tid);

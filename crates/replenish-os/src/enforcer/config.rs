@@ -160,7 +160,7 @@ pub enum Fault {
     /// The enforcer had another priority or another CPU than it was given. The watchdog gives them
     /// back, as far as the kernel lets it; a CPU that is offline cannot be given.
     Displaced,
-    /// A worker ran with a policy that nobody gave it. It has the right one again.
+    /// A worker ran with a policy that its enforcer did not give it. It has the right one again.
     ForeignPolicy {
         /// The worker's thread.
         thread: Tid,

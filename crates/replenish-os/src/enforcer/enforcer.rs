@@ -72,7 +72,7 @@ impl Enforcer {
     }
 
     /// The mode without privilege: accounts, and defers callbacks that find no budget. No thread.
-    /// Not without an operating system: nobody refuses privilege there.
+    /// Not without an operating system: privilege is never refused there.
     #[cfg(not(target_os = "none"))]
     #[must_use]
     pub fn deferred() -> Arc<Self> {

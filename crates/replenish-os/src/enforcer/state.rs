@@ -176,7 +176,7 @@ mod tests {
             let before = thread.check_at();
             let now = clock::monotonic();
             thread.catch_up(now);
-            // Without records nobody knows that it has not run.
+            // Without records the enforcer does not know that the thread has not run.
             let after = if exact { now + left } else { before };
             assert!(left > 49 * MS && before < now + left);
             assert_eq!(thread.check_at(), after);

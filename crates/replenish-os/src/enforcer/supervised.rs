@@ -7,7 +7,7 @@ use crate::{Level, Nanos};
 use replenish_recorder::Kind;
 use sporadic::Reservation;
 
-/// Kept by who changes the worker's priority.
+/// State that each change of the worker's priority keeps up to date.
 #[derive(Debug)]
 pub(super) struct Supervised {
     /// The priority that the worker was given last, 0 in the time-sharing class; unknown after a

@@ -59,7 +59,7 @@ pub(super) struct Watched {
     state: Arc<EnforcerState>,
     /// The enforcer's thread, once it is known.
     enforcer: OnceLock<Tid>,
-    /// The thread has left its loop although nobody stopped it.
+    /// The thread has left its loop without a stop.
     ended: AtomicBool,
     hook: PiMutex<Option<Hook>>,
     known: PiMutex<Known>,
@@ -304,7 +304,7 @@ impl EnforcedThread {
         tell.then_some(Fault::ForeignPolicy { thread })
     }
 
-    /// The kernel refuses to raise it, and nobody has reported that yet.
+    /// A refusal to raise the thread that was not reported yet.
     fn refusal(&mut self) -> Option<Fault> {
         let thread = self.tid;
         let known = core::mem::replace(&mut self.supervised.reported, self.supervised.refused);

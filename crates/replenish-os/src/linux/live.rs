@@ -36,7 +36,7 @@ unsafe impl Send for SharedMemory {}
 unsafe impl Sync for SharedMemory {}
 
 impl SharedMemory {
-    /// The first `bytes` bytes of `file`, which keeps this length: who truncates it ends this
+    /// Maps the first `bytes` bytes of `file`, which must keep its length. Truncating it ends this
     /// program, as its owner and root can in other ways.
     ///
     /// # Errors

@@ -1,8 +1,8 @@
 //! Keeping page faults out of real-time code: lock what is mapped, touch stacks beforehand.
 //!
-//! When memory runs short, the kernel takes pages of a program's file back, and reads them from
-//! the disk again when the program gets there. An enforcer that waits for its own instructions
-//! lowers nobody: with [`keep_program`] budgets hold beside a compiler that fills the memory.
+//! When memory runs short, the kernel takes pages of a program's file back, and reads them from the
+//! disk again when the program gets there. An enforcer that waits for its own instructions lowers
+//! no thread: with [`keep_program`] budgets hold beside a compiler that fills the memory.
 #![expect(unsafe_code, reason = "pthread_getattr_np, mlock")]
 
 use super::privilege::{Limit, probes};

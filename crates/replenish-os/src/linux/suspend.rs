@@ -14,8 +14,8 @@
 //! standard output, another allocator, a C library that is linked statically. A thread that waits
 //! for one of them waits for the next replenishment of the stopped worker.
 //!
-//! While a program changes its user (`setuid`), the C library changes thread by thread, and the
-//! kernel refuses an enforcer that is somebody else than its worker to lower it. A thread may
+//! While a program changes its user (`setuid`), the C library changes thread by thread. If the
+//! enforcer's user differs from its worker's, the kernel refuses to lower the worker. A thread may
 //! always lower itself: the handler does it then.
 //!
 //! ```text
@@ -63,7 +63,7 @@ impl SuspendCell {
         Ok(())
     }
 
-    /// Nothing to do: the place is the thread's for good, and nobody stops it any more.
+    /// Nothing to do: the place is the thread's for good, and no enforcer stops it any more.
     #[expect(clippy::unused_self, reason = "the other back ends' name")]
     pub(crate) const fn detach(&self) {}
 

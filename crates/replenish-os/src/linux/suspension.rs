@@ -122,8 +122,8 @@ impl Suspension {
         self.wait();
     }
 
-    /// Adds what the thread has used since somebody began to wait, who may wait on for a lock that
-    /// is `kept`.
+    /// Adds the CPU time that the thread has used since a waiter noted itself. The waiter may wait
+    /// on for a lock that is `kept`.
     #[inline]
     fn settle_boost(&self, kept: bool, cpu: impl FnOnce() -> Nanos) {
         one_order();
@@ -218,7 +218,7 @@ impl Suspension {
         }
     }
 
-    /// CPU time that the thread has used so far while somebody waited for it; `cpu` is its clock.
+    /// CPU time that the thread has used so far while another waited for it; `cpu` is its clock.
     pub(crate) fn boosted(&self, cpu: Nanos) -> Nanos {
         let sum = self.boosted.load(Ordering::Acquire);
         match self.boosted_since.load(Ordering::Acquire) {

@@ -24,7 +24,7 @@ impl TimerFd {
         Ok(Self(fd))
     }
 
-    /// One that cannot be read any more, as if somebody had put another file in its place.
+    /// A timer that cannot be read any more, as if another file stood in its place.
     #[cfg(test)]
     pub(crate) fn broken() -> Self {
         Self(std::fs::File::open("/").map_or_else(|_| unreachable!("no root"), OwnedFd::from))

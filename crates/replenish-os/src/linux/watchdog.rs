@@ -92,7 +92,7 @@ pub(crate) fn call(call: impl FnOnce() + Send + 'static) {
     }
 }
 
-/// Without this thread nobody hears of a fault; the counters tell all the same.
+/// Starts the thread that calls hooks. Without it no hook hears of a fault; the counters still do.
 fn start_teller() {
     let (calls, waiting) = sync_channel::<Call>(WAITING);
     let tell = move || {

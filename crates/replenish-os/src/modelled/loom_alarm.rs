@@ -77,7 +77,7 @@ impl Model {
     }
 }
 
-/// A check that nobody looked after would leave the enforcer waiting: a deadlock for `loom`.
+/// A check that no thread looked after would leave the enforcer waiting: a deadlock for `loom`.
 #[test]
 fn every_check_is_looked_after() {
     loom::model(|| {

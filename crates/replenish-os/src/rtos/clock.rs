@@ -44,7 +44,7 @@ impl ThreadCpuClock {
         self.read_at(port::board_now())
     }
 
-    /// The same for who has the time at hand.
+    /// The same, for a caller that has the time at hand.
     pub(crate) fn read_at(&self, now: Nanos) -> Option<Nanos> {
         let slot: &TaskSlot = task_slot::find(self.0.get())?;
         slot.state.with(|s| (!s.ended).then(|| s.cpu(now)))

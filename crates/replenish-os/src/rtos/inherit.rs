@@ -1,4 +1,4 @@
-//! Priority inheritance, from who waits for whose lock.
+//! Priority inheritance along the waits for locks.
 //!
 //! ```text
 //!   effective(thread) = max(its priority, effective(every thread that waits for a lock it holds))

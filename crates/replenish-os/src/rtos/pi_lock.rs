@@ -1,4 +1,4 @@
-//! A lock with priority inheritance: a word, and the slots of those who wait for it.
+//! A lock with priority inheritance: a word, and the slots of the waiting tasks.
 //!
 //! ```text
 //!        lock: CAS                another task waits: it sets bit 31
@@ -114,7 +114,7 @@ pub(crate) fn unlock(lock: &AtomicU32) {
     }
 }
 
-/// Hands the lock to the highest of those who wait.
+/// Hands the lock to the waiter of the highest priority.
 #[cold]
 #[inline(never)]
 fn unlock_slow(lock: &AtomicU32) {

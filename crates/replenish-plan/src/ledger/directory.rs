@@ -100,7 +100,7 @@ impl Ledger {
         Ok(Found::Nowhere(why))
     }
 
-    /// As [`find`](Self::find), for those who only look: creates nothing. Where there is no
+    /// As [`find`](Self::find), for programs that only look: creates nothing. Where there is no
     /// directory yet, nothing is reserved.
     ///
     /// # Errors
@@ -146,7 +146,7 @@ impl Ledger {
     /// here looks without the lock, and may miss a program that is just being admitted.
     ///
     /// # Errors
-    /// If the directory cannot be read, or somebody who may reserve keeps it locked; with
+    /// If the directory cannot be read, or another account that may reserve keeps it locked; with
     /// [`strict`](Self::strict) if an entry makes no sense.
     pub fn view(&self) -> Result<LedgerView, LedgerError> {
         if !self.directory.exists() {

@@ -100,7 +100,7 @@ fn read_live(path: &Path, tidy: bool) -> Result<Option<LedgerEntry>, String> {
     };
     if !lock::is_owned(&file).map_err(|e| e.to_string())? {
         if tidy {
-            // Perhaps somebody else's: then it stays, and counts for nothing.
+            // It may belong to another account: then it stays, and counts for nothing.
             fs::remove_file(path).ok();
         }
         return Ok(None);

@@ -6,7 +6,7 @@
 //!                     descriptor that may write: only the owner's account can have one
 //! ```
 //!
-//! Everybody may read an entry, so everybody may hold read locks and `flock` on it, or wait for one
+//! Any account may read an entry, so it may hold read locks and `flock` on it, or wait for one
 //! until its owner ends. Neither says that the owner lives: only a write lock does.
 
 use super::error::LedgerError;
@@ -105,7 +105,7 @@ fn create(directory: &Path, place: &Metadata, path: &Path) -> io::Result<()> {
     }
 }
 
-/// Read and write for those who may write to the directory.
+/// Read and write permission for the accounts that may write to the directory.
 fn members(directory: &Metadata) -> u32 {
     let all = [(0o200, 0o600), (0o020, 0o060), (0o002, 0o006)];
     let may = all
@@ -121,7 +121,7 @@ pub(super) fn own(file: &File) -> io::Result<()> {
     Ok(())
 }
 
-/// Whether somebody holds the lock of [`own`].
+/// Whether a program holds the lock of [`own`].
 pub(super) fn is_owned(file: &File) -> io::Result<bool> {
     let mut lock = range(libc::F_RDLCK);
     fcntl(file, FcntlArg::F_OFD_GETLK(&mut lock))?;

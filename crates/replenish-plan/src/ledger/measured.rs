@@ -2,7 +2,7 @@
 //! programs.
 //!
 //! A file beside the entries, in the words of a deployment file, so that it can be read and changed
-//! by hand. Who may reserve may write it.
+//! by hand. An account that may reserve may write it.
 
 use super::directory::Ledger;
 use super::error::LedgerError;

@@ -1,4 +1,4 @@
-//! After a refusal: the nearest thing that would fit, each tried before it is said.
+//! The nearest guarantees that would fit after a refusal, each tried before it is named.
 
 use super::assign;
 use super::problem::Problem;
@@ -135,7 +135,7 @@ pub(super) fn nearest(request: &Request, worker: &str, left_out: &[String]) -> V
     found
 }
 
-/// Whether the minimum of everybody holds.
+/// Whether the minimum of every worker holds.
 pub(super) fn admits(request: &Request) -> bool {
     Problem::new(request).is_ok_and(|problem| {
         let (minimum, _) = problem.amounts();

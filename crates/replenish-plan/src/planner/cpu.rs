@@ -1,4 +1,4 @@
-//! One CPU: who is on it, with which parameters, and does it hold?
+//! One CPU: its threads, their parameters, and the test whether they hold.
 
 use super::placement::{FixedThread, ThreadPlan};
 use super::priorities;
@@ -15,7 +15,7 @@ pub(super) enum Victim {
     Planned(usize),
     /// A fixed thread, likewise.
     Given(usize),
-    /// Everybody: too much is reserved.
+    /// No single thread: too much is reserved in all.
     Sum,
 }
 
@@ -28,7 +28,7 @@ pub(super) struct Failure {
     pub(super) allowed: Nanos,
 }
 
-/// A CPU with everybody's parameters.
+/// A CPU with the parameters of all its threads.
 #[derive(Debug, Clone, Default)]
 pub(super) struct CpuPlan {
     pub(super) params: Vec<Params>,
@@ -41,7 +41,7 @@ pub(super) struct CpuPlan {
 /// One way to give priorities, with the parameters that follow.
 struct Trial {
     plan: CpuPlan,
-    /// For the analysis: the threads', then those of the fixed threads that delay somebody.
+    /// Input of the analysis: the threads, then the fixed threads that delay one of them.
     tasks: Vec<Task>,
     floor: u8,
 }
@@ -94,7 +94,8 @@ pub(super) fn holds(
 }
 
 /// A worker that waits for the CPU is looked at again when a worker above it waits for messages, if
-/// one enforcer has the budgets of all. Nobody sees the end of a wait inside a callback.
+/// one enforcer has the budgets of all. The enforcer does not see the end of a wait inside a
+/// callback.
 fn costs(threads: &[(&ThreadPlan, Nanos)], fixed: &[&FixedThread], machine: &Machine) -> Costs {
     let one_enforcer = fixed
         .iter()
@@ -203,7 +204,7 @@ fn try_levels(
     trial
 }
 
-/// The bounds of everybody, and the worst violation.
+/// The bounds of all threads, and the worst violation.
 fn analysed(
     threads: &[(&ThreadPlan, Nanos)],
     fixed: &[&FixedThread],

@@ -2,7 +2,8 @@
 //!
 //! A guaranteed worker waits for the holder of a lock that it shares, and the holder runs at its
 //! priority meanwhile (priority inheritance). The analysis counts that as blocking. It needs each
-//! length, and all who share the lock on one CPU; without either the request is refused here.
+//! length, and all workers that share the lock on one CPU; without either the request is refused
+//! here.
 
 use crate::guarantee::MAX_PERIOD;
 use crate::request::Hold;
@@ -10,7 +11,7 @@ use crate::{Nanos, Request, Requirement, Worker};
 use replenish_sim::analysis::Section;
 use sporadic::Policy;
 
-/// Stands for a length that nobody has stated: no deadline is as long.
+/// Stands for a length that was not stated: no deadline is as long.
 pub(super) const UNKNOWN: Nanos = MAX_PERIOD;
 /// The most locks of one request.
 const MOST: usize = 4096;
@@ -140,7 +141,7 @@ fn by_guarantee(worker: &Worker) -> Option<Nanos> {
     Some(guarantee.desired())
 }
 
-/// Whether everybody with whom a guaranteed worker shares this lock has a bound.
+/// Checks that each worker with which a guaranteed one shares this lock has a bound.
 fn check(request: &Request, lock: &str, members: &[Member<'_>]) -> Result<(), String> {
     for waiting in members.iter().filter(|m| m.is_guaranteed()) {
         let others = members.iter().filter(|m| m.index != waiting.index);

@@ -68,7 +68,7 @@ pub(super) fn assign(
     deadlines.iter().map(level_at).collect()
 }
 
-/// The nearest level to `level` that nobody with another deadline has, on the right side first.
+/// The nearest level to `level` that no other deadline has, on the right side first.
 fn clear_of(level: i32, floor: i32, ceiling: i32, deadline: Nanos, taken: &[(u8, Nanos)]) -> i32 {
     let at = |level: i32| {
         taken

@@ -87,7 +87,7 @@ pub(super) fn worker(
     reasons
 }
 
-/// A lock that somebody else may hold.
+/// The wait for a lock that another worker may hold.
 pub(super) fn waits(lock: &str, length: Nanos, whose: &str) -> String {
     format!(
         "group {lock:?}: waits up to {} for {whose}",

@@ -20,7 +20,8 @@ pub struct Refusal {
     pub worker: Option<String>,
     /// The CPU where it does not, if it is about one.
     pub cpu: Option<usize>,
-    /// The sentence: who does not fit, where and why, with the numbers, and what would fit.
+    /// The sentence: the worker that does not fit, its CPU and the reason with numbers, and
+    /// requests that would fit.
     pub sentence: String,
     /// Requests that would fit; each was tried.
     pub alternatives: Vec<Alternative>,
@@ -119,7 +120,7 @@ const SUM: Failure = Failure {
     allowed: 0,
 };
 
-/// Fits with everybody else in place; if there are none, without those that come later.
+/// Alternatives beside all other workers; if there are none, without the workers that come later.
 fn fits(problem: &Problem<'_>, order: &[usize], refused: usize, name: &str) -> Vec<Alternative> {
     let found = alternatives::nearest(problem.request, name, &[]);
     let later = order.get(refused + 1..).unwrap_or_default();
@@ -235,7 +236,7 @@ fn advice(
     text
 }
 
-/// A thread on this CPU that holds a lock for a time that nobody has stated, if there is one.
+/// A thread on this CPU that holds a lock for a time that was not stated, if there is one.
 fn unknown(problem: &Problem<'_>, placed: &Placed, at: usize) -> Option<(String, String)> {
     let planned = placed
         .on

@@ -8,7 +8,7 @@ use crate::wire::{
 pub const GRAPH_TOPIC: &str = "ros_discovery_info";
 /// Its type.
 pub const GRAPH_TYPE: &str = "rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_";
-/// Its quality of service: the last message, also for those who come late.
+/// Its quality of service: the last message, also for readers that come later.
 pub const GRAPH_QOS: Qos = Qos::latched(1);
 
 /// Bytes of a gid in the message: they differ between releases, and so do not mix.

@@ -4,7 +4,7 @@ use super::parameters::{ParameterWriter, Parameters, pid};
 use super::sets::{put_sequence_number, sequence_number};
 use super::{Guid, Reader, SequenceNumber, WireError, Writer};
 
-/// The identity that a request and its reply carry: who asked, and the number of the request.
+/// Identity that a request and its reply carry: the client, and the number of the request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleIdentity {
     /// The writer, or Fast DDS's reply reader.

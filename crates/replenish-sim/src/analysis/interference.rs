@@ -266,7 +266,7 @@ pub(super) struct Locks {
 }
 
 impl Locks {
-    /// With nobody settled.
+    /// The locks of these tasks; no task is settled.
     pub(super) fn of(tasks: &[Task]) -> Self {
         let mut ceilings = Vec::new();
         for task in tasks {

@@ -47,7 +47,7 @@ pub(super) fn longest(tasks: &[Task]) -> Nanos {
     longest.saturating_mul(LIMIT_PERIODS)
 }
 
-/// The locks, with those settled whose jobs end before the next one comes even where nobody is.
+/// The locks. A task is settled if its jobs end before the next one comes with no task settled.
 pub(super) fn locks(tasks: &[Task], costs: &Costs, limit: Nanos) -> Locks {
     let mut locks = Locks::of(tasks);
     locks.settle(tasks, |index, locks| {

@@ -148,7 +148,7 @@ impl Task {
         }
     }
 
-    /// Whether a job can wait while nobody works for it.
+    /// Whether a job can wait while no thread works for it.
     pub(super) fn suspends(&self) -> bool {
         self.demand.is_some_and(|d| d.suspensions > 0)
     }

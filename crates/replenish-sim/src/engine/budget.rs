@@ -1,4 +1,4 @@
-//! Driving the budget servers of `sporadic`: who tells them what, and when they are asked.
+//! Drives the budget servers of `sporadic`: their inputs, and the times at which they are asked.
 //!
 //! With [`Enforcement::Kernel`] the server knows a wake-up when it happens, and a running thread is
 //! judged when what it may consume is used up (at the next tick, if there is one). With

@@ -21,11 +21,11 @@ pub struct Config {
     /// longer, and any without the feature `delivery`, is not sent and counted in
     /// [`LinkStats::properties_omitted`](super::LinkStats::properties_omitted).
     pub properties: Properties<'static>,
-    /// Asks the agent, with a property more, to tell what it has received from what has reached
-    /// everybody it is for, and keeps samples until the latter: so none is lost with an agent that
-    /// dies. An agent that does not know this ignores it; `replenish-agent` does know it. Of the
-    /// other properties the first seven are sent then. Without the feature `delivery` it is not
-    /// asked.
+    /// Asks the agent, with one more property, to distinguish samples that it has received from
+    /// samples that have reached all their readers. The client keeps samples until the latter, so
+    /// an agent that dies loses none. An agent that does not know this ignores it;
+    /// `replenish-agent` does know it. Of the other properties the first seven are sent then.
+    /// Without the feature `delivery` the client does not ask.
     pub confirm_delivery: bool,
     /// The longest message in bytes, both ways: 64..=65507 on UDP. micro-ROS has 512. The log-in
     /// tells it to the agent, which sends none longer; so it is to be what the transport and both

@@ -89,7 +89,7 @@ pub struct FrameStats {
     pub cut: u64,
     /// Frames longer than the buffer.
     pub too_long: u64,
-    /// Frames for somebody else.
+    /// Frames for another address.
     pub not_mine: u64,
     /// Bytes outside of frames.
     pub noise: u64,
@@ -281,7 +281,7 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
         whole
     }
 
-    /// Goes on hunting if the frame is for somebody else, or too long.
+    /// Goes on hunting if the frame is for another address, or too long.
     fn look_at_header(&mut self) {
         let [_, target, _, _] = self.header;
         if target != self.local {

@@ -1,8 +1,8 @@
 //! Carries unacknowledged samples over to a new session with the receiver.
 //!
 //! The receiver has lost everything it had, also the fragments it had acknowledged: samples are
-//! taken over whole or not at all. Only samples are: requests are made anew by whoever keeps the
-//! journal of them, because what they were answered with is lost, too.
+//! taken over whole or not at all. Only samples are: requests are made anew from their journal,
+//! because their answers are lost, too.
 
 use super::ring::{Part, Ring};
 use crate::wire::StreamHeader;

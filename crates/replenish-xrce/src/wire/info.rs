@@ -1,4 +1,4 @@
-//! `GET_INFO` and INFO: who is the agent, and is it there? The protocol's ping.
+//! `GET_INFO` and INFO, the protocol's ping: the agent's presence and its version.
 
 use super::login::{COOKIE, Properties};
 use super::{BaseRequest, ObjectKind, Reader, Status, WireError, Writer};

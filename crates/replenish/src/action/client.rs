@@ -166,7 +166,7 @@ impl<A: Action> ActionClient<A> {
         }
     }
 
-    /// Sends a goal and returns its id. Does not allocate and waits for nobody.
+    /// Sends a goal and returns its id. Does not allocate and never waits.
     ///
     /// # Errors
     /// [`CallError::TooMany`] with the limit of

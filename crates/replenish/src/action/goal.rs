@@ -14,10 +14,10 @@ use replenish_msg::unique_identifier_msgs::UUID;
 /// Names a goal.
 pub type GoalId = UUID;
 
-/// A goal's server, and who waits for its answer.
+/// A goal's server, and the client that waits for its answer.
 type Open<A> = (Arc<Core<A>>, Responder<SendGoal<A>>);
 
-/// A goal that somebody wants to be pursued: accept it, in the callback or later, from any thread.
+/// A goal that a client asks for: accept it, in the callback or later, from any thread.
 ///
 /// Dropping it rejects the goal.
 #[must_use = "dropping it rejects the goal"]
@@ -155,10 +155,10 @@ impl<A: Action> GoalHandle<A> {
         self.core.end(self.ticket, GoalEvent::Succeed, result)
     }
 
-    /// Ends the goal: it ended early because somebody wanted it to.
+    /// Ends the goal: it ended early because a client cancelled it.
     ///
     /// # Errors
-    /// As [`succeed`](Self::succeed); [`GoalError::State`] if nobody wanted it to.
+    /// As [`succeed`](Self::succeed); [`GoalError::State`] if no client has cancelled it.
     pub fn canceled(&self, result: &A::Result) -> Result<(), GoalError> {
         self.core.end(self.ticket, GoalEvent::Canceled, result)
     }

@@ -15,9 +15,9 @@ pub enum GoalError {
         /// The state the goal is in.
         state: GoalState,
     },
-    /// It has ended, and nobody wants to hear more of it.
+    /// The goal has ended, and no client wants to hear more of it.
     Ended {
-        /// How.
+        /// The state in which it ended.
         state: GoalState,
     },
     /// It has ended, and its result has expired.

@@ -18,8 +18,8 @@
 //! - [`serve`], [`serve_async`], [`follow`]: how workers get the handles. [`pursue`]: goals that
 //!   are awaited. [`ids`]: names and stamps of goals.
 //!
-//! Everything is allocated when the server or client is made; how many goals there can be is said
-//! there, and one more is rejected (server) or an error (client) that names the limit.
+//! Everything is allocated when the server or client is made, for a fixed number of goals. One more
+//! is rejected (server) or an error (client) that names the limit.
 
 mod client;
 mod follow;
@@ -180,7 +180,7 @@ impl ActionOptions {
     }
 }
 
-/// The quality of the status topic in ROS 2: the latest is there for those who come late.
+/// The quality of the status topic in ROS 2: the latest, also for readers that come later.
 fn status_qos() -> Qos {
     Qos::reliable().keep_last(1).transient_local()
 }

@@ -28,9 +28,8 @@ impl<T: Target> AddHandles<T> {
     /// `goal` is called with every goal that comes and the right to [accept](NewGoal::accept) it,
     /// now or later; what it returns by that is a [`GoalHandle`](crate::GoalHandle), with which the
     /// goal is pursued from wherever you like: a timer of this worker, another worker, a thread.
-    /// `cancel` is called for each goal that somebody wants to cancel: whether that is all right.
-    /// The goal then [is canceling](crate::GoalHandle::is_canceling), and ends when its pursuer
-    /// says.
+    /// `cancel` is called for each goal that a client wants to cancel, and decides. The goal then
+    /// [is canceling](crate::GoalHandle::is_canceling), and ends when its pursuer ends it.
     ///
     /// A goal for which there is no room is rejected without asking, counted and reported as an
     /// error of the handle `…/send_goal`. The server takes four handles of its worker. Of its

@@ -41,8 +41,8 @@ impl<A: Action> RunningGoal<A> {
         self.id
     }
 
-    /// Whether somebody wants the goal to end early: look after each wait, and return what there is
-    /// when it is safe to.
+    /// Whether a client has asked to cancel the goal: check it after each wait, and return the
+    /// result so far when that is safe.
     #[must_use]
     pub fn is_canceling(&self) -> bool {
         self.core.state.lock().table.state(self.ticket) == Some(GoalState::Canceling)

@@ -238,7 +238,7 @@ fn refusal(event: GoalEvent, state: Option<GoalState>) -> GoalError {
     }
 }
 
-/// Sends a result to one who waits for it; whether it need not be tried again.
+/// Sends a result to a client that waits for it; whether it need not be tried again.
 fn hand_over<A: Action>(
     asker: &Responder<GetResult<A>>,
     answer: &[u8],

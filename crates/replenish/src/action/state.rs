@@ -33,7 +33,7 @@ pub enum GoalState {
     Canceling = GoalStatus::STATUS_CANCELING,
     /// It was reached.
     Succeeded = GoalStatus::STATUS_SUCCEEDED,
-    /// It ended early because somebody wanted it to.
+    /// It ended early because a client cancelled it.
     Canceled = GoalStatus::STATUS_CANCELED,
     /// It ended early because it could not be reached.
     Aborted = GoalStatus::STATUS_ABORTED,

@@ -29,7 +29,7 @@ pub(crate) struct Ticket {
     turn: u64,
 }
 
-/// The goals, and those who have asked for results: `T`.
+/// The goals, and the clients (`T`) that have asked for results.
 pub(crate) struct Table<T> {
     places: Vec<Place<T>>,
     turns: u64,
@@ -43,7 +43,7 @@ struct Place<T> {
     life: Life,
     /// The clients that wait for the result.
     askers: Vec<T>,
-    /// The encoded answer to those who ask for the result, once it has ended.
+    /// The encoded answer to requests for the result, once the goal has ended.
     result: Box<[u8]>,
     len: usize,
     /// A client has got the result.
@@ -68,10 +68,10 @@ pub(crate) enum NoPlace {
     Known,
 }
 
-/// The answer to somebody who asks for a result.
+/// The answer to a request for a result.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Asked<'t, T> {
-    /// The goal has ended: this is the answer, for whoever asked.
+    /// The goal has ended: the answer, and the client that asked.
     Ended(&'t [u8], T),
     /// It will be answered.
     Waits,
@@ -122,7 +122,7 @@ impl<T> Table<T> {
         Ok(Ticket { place, turn })
     }
 
-    /// The goal that ended first among those whose result somebody has got.
+    /// The goal that ended first among those whose result a client has got.
     fn dispensable(&self) -> Option<usize> {
         let places = self.places.iter().enumerate();
         let ended = places.filter_map(|(at, p)| match p.life {
@@ -172,8 +172,8 @@ impl<T> Table<T> {
         Ok(next)
     }
 
-    /// A goal ends at `now`; `encode` writes the answer for those who ask for its result. The state
-    /// it is in otherwise, or what `encode` says.
+    /// Ends a goal at `now`; `encode` writes the answer to requests for its result. The error is
+    /// the state that the goal is in, or that of `encode`.
     pub(crate) fn end<E>(
         &mut self,
         ticket: Ticket,

@@ -21,7 +21,7 @@ type Callback = Box<dyn FnMut(State) -> Outcome + Send>;
 /// The state of a managed node.
 ///
 /// It changes when this program or another asks for it. Clones are the same; any thread may use
-/// them. Transitions take turns, callbacks included; looking at the state waits for nobody.
+/// them. Transitions take turns, callbacks included; reading the state never waits.
 ///
 /// ```
 /// use replenish::{Context, Outcome, State, Transition};
@@ -54,7 +54,7 @@ pub(super) struct Inner {
     pub(super) callbacks: Mutex<Callbacks>,
     /// The thread that makes a transition: its callback must not wait for itself.
     pub(super) busy: AtomicU64,
-    /// `None`: transitions are nobody else's business.
+    /// `None`: other programs do not hear of transitions.
     pub(super) events: Option<Publisher<TransitionEvent>>,
 }
 
@@ -95,8 +95,8 @@ impl Node {
         Ok(self.managed(Some(events)))
     }
 
-    /// The same without a topic of transitions: the node makes them itself, and nobody in the
-    /// network sees that it is managed, as with `enable_communication_interface = false` in rclcpp.
+    /// The same without a topic of transitions: the node makes them itself, and the network does
+    /// not see that it is managed, as with `enable_communication_interface = false` in rclcpp.
     #[must_use]
     pub fn lifecycle_unseen(&self) -> Lifecycle {
         self.managed(None)

@@ -7,8 +7,8 @@ use super::store::Setter;
 use super::value::ParameterValue;
 
 impl Parameters {
-    /// Sets one parameter, a read-only one too: the node's own program may, nobody else. Its type
-    /// and range hold, and callbacks are asked. Does not allocate.
+    /// Sets one parameter, a read-only one too, which only the node's own program may. Its type and
+    /// range hold, and callbacks are asked. Does not allocate.
     ///
     /// ```
     /// use replenish::{Context, Descriptor, ParameterOptions};

@@ -124,8 +124,8 @@ type After = Box<dyn FnMut(&ParameterChange<'_>) + Send>;
 
 /// The parameters of one node. Clones are the same parameters; any thread may use them.
 ///
-/// Reading waits for nobody but others who copy a value: no callback runs under that lock. Those
-/// who set take turns, with priority inheritance, callbacks included.
+/// Reading waits only for other threads that copy a value: no callback runs under that lock.
+/// Threads that set take turns, with priority inheritance, callbacks included.
 ///
 /// ```
 /// use replenish::{Context, Descriptor, ParameterOptions};
@@ -261,8 +261,8 @@ impl Parameters {
         self.set_all(Setter::Node, core::iter::once((name, value.into())))
     }
 
-    /// Sets several parameters, all or none: whoever reads does not see some of them changed and
-    /// others not, as long as he reads them with one [`get_all`](Self::get_all).
+    /// Sets several parameters, all or none: one [`get_all`](Self::get_all) sees all of them
+    /// changed or none.
     ///
     /// # Errors
     /// As [`set`](Self::set), for the first that cannot be set.
@@ -461,7 +461,7 @@ impl Inner {
         Err(ParameterError::new(Kind::Nested, text))
     }
 
-    /// Tells others what is staged. An event that cannot be sent is left out: who missed it asks.
+    /// Publishes the staged changes. An event that cannot be sent is left out: others can ask.
     fn tell(&self, table: &Table) {
         let Some(events) = &self.events else {
             return;

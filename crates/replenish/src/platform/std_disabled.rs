@@ -2,8 +2,8 @@
 //!
 //! - There is no unwinding: a panic ends in the program's panic handler, which halts the worker
 //!   and reports.
-//! - There is no wall clock; who needs stamps takes them from the agent's clock.
-//! - Nobody watches deadlines and liveliness.
+//! - There is no wall clock; stamps come from the agent's clock.
+//! - Deadlines and liveliness are not monitored.
 //! - Events go where [`Executor::on_event`](crate::Executor::on_event) says, and nowhere without.
 
 #[path = "chain_disabled.rs"]
@@ -85,8 +85,8 @@ pub(crate) const fn wall_clock() -> Option<Duration> {
     None
 }
 
-/// Bits that differ from call to call and, as far as the clock does, from start to start. Who
-/// needs ids that no other machine has sets them: see `XrceConfig::key`.
+/// Bits that differ from call to call and, as far as the clock does, from start to start. For ids
+/// that no other machine has, set `XrceConfig::key`.
 pub(crate) fn random(salt: u64) -> u64 {
     static CALLS: AtomicU64 = AtomicU64::new(0);
     let calls = CALLS.fetch_add(1, Ordering::Relaxed);
@@ -115,5 +115,5 @@ pub(crate) fn end_with(account: replenish_os::Account) {
     drop(account);
 }
 
-/// Events go nowhere if nobody has said where.
+/// Drops an event: there is no default place for events.
 pub(crate) const fn tell(_event: &dyn core::fmt::Display) {}

@@ -61,7 +61,8 @@ impl Node {
 fn subscription(publishers: &[Qos]) -> Qos {
     let all = |holds: fn(&Qos) -> bool| publishers.iter().all(holds);
     let deadline = publishers.iter().filter_map(|qos| qos.deadline).max();
-    // One without a deadline offers none: whoever asks for one does not hear it.
+    // A publisher without a deadline offers none: a subscription that asks for one does not hear
+    // it.
     let promised = all(|qos| qos.deadline.is_some());
     Qos {
         reliability: if all(|qos| qos.reliability == Reliability::Reliable) {

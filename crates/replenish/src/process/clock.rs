@@ -1,5 +1,5 @@
-//! ROS time of a simulation: what `/clock` said last, and the timers that follow it. Pure but for
-//! those who wait.
+//! ROS time of a simulation: the last value of `/clock`, and the timers that follow it. Pure but
+//! for waits.
 //!
 //! ```text
 //!   none yet ── first ──► runs ── later ──► runs: due timers are released

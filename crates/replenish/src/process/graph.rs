@@ -1,4 +1,4 @@
-//! The graph as a program sees it: topics and services with their types, and who is at their ends.
+//! The graph as a program sees it: topics and services, their types, and their endpoints.
 
 use crate::context::Node;
 use crate::error::Error;

@@ -30,7 +30,7 @@ impl Context {
         self.with_process_args(Args(args))
     }
 
-    /// The arguments; empty unless somebody gave them.
+    /// The arguments; empty unless the program passed them.
     #[must_use]
     pub fn args(&self) -> &RosArgs {
         &self.process_args().0

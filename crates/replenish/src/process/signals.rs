@@ -5,8 +5,8 @@
 //!                 └─ no: thread "signals" ──► stop of each watched executor ──► armed after 0.3 s
 //! ```
 //!
-//! A launcher passes a Ctrl-C on that the terminal has sent to the program as well, so signals that
-//! come together count as one. No handler is installed before somebody asks.
+//! A launcher passes on a Ctrl-C that the terminal has sent to the program as well, so signals that
+//! come together count as one. No handler is installed before the program asks for it.
 
 use crate::error::Error;
 use crate::executor::StopHandle;

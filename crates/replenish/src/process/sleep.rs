@@ -152,7 +152,7 @@ impl Simulated {
                 return Look::Over;
             }
             self.place = self.clock.remember(self.due, cx.waker());
-            // A message that came before the place was taken has woken nobody.
+            // A message that came before the place was taken has not woken this future.
             if self.clock.now() == now {
                 return match self.place {
                     Some(_) => Look::Waits,

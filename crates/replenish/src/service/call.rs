@@ -63,7 +63,7 @@ impl<S: Service> Client<S> {
     ///
     /// The future gives the response; or [`CallError::NoReply`] if none has come within the
     /// client's limit, [`CallError::Gone`] if its worker ends first, and the errors of
-    /// [`call`](Self::call), of which [`CallError::TooMany`] counts replies that nobody has taken.
+    /// [`call`](Self::call). [`CallError::TooMany`] counts replies that were not taken, too.
     pub fn call_async(&self, request: &S::Request) -> Call<S> {
         self.call_async_with(|room| replenish_msg::encode(request, room))
     }

@@ -79,7 +79,7 @@ impl<S: Service> Calls<S> {
         }
     }
 
-    /// No reply will come any more: those who wait are woken.
+    /// Wakes all waiting futures: no reply will come any more.
     pub(crate) fn close(&self) {
         loop {
             let mut table = self.table.lock();

@@ -53,7 +53,7 @@ pub(crate) struct ClientInner {
 impl Drop for ClientInner {
     fn drop(&mut self) {
         if !self.claimed.load(Ordering::Relaxed) {
-            // It never belonged to a callback, so nobody else removes it.
+            // It never belonged to a callback, so nothing else removes it.
             self.middleware.delete_reader(self.reader).ok();
         }
         self.middleware.delete_writer(self.writer);
@@ -134,8 +134,8 @@ impl<S: Service> Client<S> {
     }
 
     /// Sends a request and returns its number, which comes back with the reply
-    /// ([`CallbackContext::request`](crate::CallbackContext::request)). Does not allocate and waits
-    /// for nobody.
+    /// ([`CallbackContext::request`](crate::CallbackContext::request)). Does not allocate and never
+    /// waits.
     ///
     /// # Errors
     /// [`CallError`]; then there will be no callback for it. Nor is there one for requests that

@@ -71,14 +71,14 @@ pub(in super::super) struct DtlsPort {
     /// Handshakes under way.
     pub(super) pending: Vec<SocketAddr>,
     pub(super) silence: Nanos,
-    /// Associations that have shown who they are, at most.
+    /// The most associations that have authenticated.
     most: usize,
     /// The datagram that is looked at, and what is made of it; kept for their memory.
     datagram: Vec<u8>,
     pub(super) buf: Box<[u8]>,
 }
 
-/// The associations with one address. The old one lives until the new one has shown who it is.
+/// The associations with one address. The old one lives until the new one has authenticated.
 #[derive(Debug, Default)]
 pub(super) struct Slot {
     pub(super) live: Option<Live>,

@@ -89,7 +89,7 @@ struct Point {
     enforcer_cpu_percent: f64,
     /// The largest deviation of a worker's CPU time at high priority, in percent of its budget.
     worst_budget_error_percent: f64,
-    /// Windows left out of the shares: somebody else had the CPU, or the machine stood still.
+    /// Windows left out of the shares: another thread had the CPU, or the machine stood still.
     windows_disturbed: u64,
     enforcer_wakes_per_second: f64,
     budget_ms: f64,

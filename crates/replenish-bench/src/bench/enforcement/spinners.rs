@@ -34,7 +34,7 @@ pub(super) struct Measured {
     pub high: Vec<Nanos>,
     /// The time that the undisturbed windows took.
     pub undisturbed_time: Nanos,
-    /// Windows in which the machine stood still, or somebody else had the CPU.
+    /// Windows in which the machine stood still, or another thread had the CPU.
     pub disturbed: u64,
     /// Wake-ups of the enforcer.
     pub wakes: u64,
@@ -48,7 +48,7 @@ struct Snapshot {
     wakes: u64,
 }
 
-/// A window with more time than this that nobody of us had is no measure of shares.
+/// Time in ns that none of our threads had: a window with more of it is no measure of shares.
 const DISTURBED: Nanos = MS;
 
 impl Spinners {
@@ -132,7 +132,7 @@ impl Spinners {
             m.enforcer_cpu += to.enforcer.saturating_sub(from.enforcer);
             m.wakes += to.wakes.saturating_sub(from.wakes);
             m.time += end - start;
-            // The workers always want the CPU: what they did not get, somebody else had.
+            // The workers always want the CPU: other threads had the rest of the time.
             if used.saturating_add(DISTURBED) < end - start {
                 m.disturbed += 1;
             } else {

@@ -42,7 +42,7 @@ impl Console {
 
     /// Writes to standard error.
     pub(super) fn error() -> Self {
-        // One that nobody listens to may be closed, too: there is nobody else to tell.
+        // A closed standard error is possible, too: there is no other place for the line.
         Self::to(std::io::stderr().as_fd().try_clone_to_owned().ok(), |_| ())
     }
 

@@ -36,8 +36,8 @@ const RINGS: usize = 32;
 /// Gives budgets to foreign threads, of other processes or of this one, and gives the threads back
 /// what they had when it is dropped.
 ///
-/// May be used from any thread. When its process is killed, nobody gives anything back: keep
-/// [`Original`](super::Original)s in another process (`replenish run` does).
+/// May be used from any thread. When its process is killed, the threads keep what they have: hold
+/// [`Original`](super::Original)s in another process to give theirs back (`replenish run` does).
 #[derive(Debug)]
 pub struct Enforcer {
     state: Arc<State>,

@@ -85,7 +85,7 @@ impl ForeignError {
             if source.kind() == io::ErrorKind::PermissionDenied)
     }
 
-    /// Whether the thread has ended, which is nobody's fault.
+    /// Whether the thread has ended, which is no mistake of the caller.
     #[must_use]
     pub fn is_gone(&self) -> bool {
         match self {

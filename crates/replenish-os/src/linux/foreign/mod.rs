@@ -1,4 +1,4 @@
-//! Budgets for threads that somebody else's code has started, which need not know of it.
+//! Budgets for threads that other code has started and that need not know of them.
 //!
 //! An [`Enforcer`] gives budgets to threads of other processes, and to threads that a library or a
 //! middleware has started in this one ([`ForeignThread::open_own`]). It reads their CPU time as the
@@ -17,11 +17,11 @@
 //!   pattern ─ names that a rule is for
 //! ```
 //!
-//! # Who is meant
+//! # Identity of a thread
 //! The kernel uses thread ids again. A [`ForeignThread`] holds an open file of its thread in
 //! `/proc`, which belongs to that thread and not to the number. It is read before every change, so
-//! a thread that has ended is found before its number can be somebody else's: the kernel gives
-//! numbers in turn, and would have to go once through all of them between two system calls.
+//! a thread that has ended is found before its number can belong to another thread: the kernel
+//! gives numbers in turn, and would have to go once through all of them between two system calls.
 //!
 //! # What is different from a worker of ours
 //! Foreign threads do not report when they begin and end their work. The enforcer sees it in the

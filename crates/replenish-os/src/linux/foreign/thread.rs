@@ -1,4 +1,4 @@
-//! One foreign thread: who it is, and the CPU time that it has used.
+//! One foreign thread: its identity, and the CPU time that it has used.
 
 use super::error::ForeignError;
 use super::original::Original;
@@ -11,9 +11,8 @@ use std::os::unix::fs::FileExt;
 /// `PF_KTHREAD` of the kernel's `sched.h`, in the flags of `/proc/PID/stat`.
 const KERNEL_THREAD: u64 = 0x0020_0000;
 
-/// A thread that somebody else's code has started, in another process or in this one, held by an
-/// open file: the file is that of this thread, and stays so
-/// when its number is used again.
+/// A thread that other code has started, in another process or in this one. It is held by an open
+/// file, which stays that thread's when its number is used again.
 #[derive(Debug)]
 pub struct ForeignThread {
     pid: Tid,
@@ -38,8 +37,8 @@ impl ForeignThread {
         Ok(thread)
     }
 
-    /// The same for a thread of this process that somebody else's code has started: a middleware, a
-    /// library, a C program.
+    /// The same for a thread of this process that other code has started: a middleware, a library,
+    /// a C program.
     ///
     /// # Errors
     /// [`ForeignError`] as [`open`](Self::open), but for a thread of another process.

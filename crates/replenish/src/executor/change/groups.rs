@@ -1,5 +1,5 @@
-//! The groups of an executor's handles: who may join one while it runs, and that a callback in a
-//! group must not wait for another worker.
+//! The groups of an executor's handles: which handle may join one while it runs, and that a
+//! callback in a group must not wait for another worker.
 
 use crate::Nanos;
 use crate::executor::handles::group::Group;
@@ -21,9 +21,9 @@ pub(crate) struct Member {
 pub(crate) struct Groups(Mutex<Vec<(Group, Vec<Member>)>>);
 
 impl Groups {
-    /// A handle is about to come, of a worker that is in the group from now on, unless somebody
-    /// else would have to wait for it against what was promised: that one is the error. Groups that
-    /// nobody else has any more are forgotten. Allocates.
+    /// Enters a worker into the group, for a handle that is about to come. The error is a worker
+    /// that would have to wait longer for it than admission has promised. Forgets groups that no
+    /// handle has any more. Allocates.
     pub(crate) fn join(
         &self,
         group: &Group,

@@ -84,7 +84,7 @@ impl Live {
         let groups = Groups::default();
         for (worker, group) in known {
             let post = posts.iter().find(|p| p.name == *worker);
-            // Admission has had its say: nobody is promised anything here.
+            // Admission has judged already: nothing new is promised here.
             post.map(|p| groups.join(group, p.member(group.length()), false).ok());
         }
         Arc::new(Self {
@@ -125,8 +125,8 @@ impl Live {
         Ok(Some(me))
     }
 
-    /// A handle of this worker is about to join the group: only if nobody to whom something was
-    /// promised waits longer for it.
+    /// Lets a handle of this worker join the group, unless a worker with a guarantee would wait
+    /// longer.
     pub(super) fn join(&self, post: &Post, group: &Group) -> Result<(), Error> {
         let promised = self.posts.iter().any(|p| p.promised);
         let joined = self.groups.join(group, post.member(0), promised);
@@ -139,7 +139,7 @@ impl Live {
         })
     }
 
-    /// The worker there waits for nobody any more.
+    /// Notes that the worker does not wait for another one any more.
     pub(super) fn has_awaited(&self, me: Option<usize>) {
         let mut awaited = self.awaited.lock();
         if let Some(place) = me.and_then(|me| awaited.get_mut(me)) {

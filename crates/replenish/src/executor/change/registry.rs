@@ -67,8 +67,8 @@ impl Registry {
         }
     }
 
-    /// One more handle, which `hand_over` gives to its worker meanwhile: nobody can ask for it
-    /// before it is on its way, and its first callback finds it here.
+    /// Enters one more handle, which `hand_over` gives to its worker meanwhile. No thread finds it
+    /// here before it is on its way, and its first callback does.
     pub(super) fn enter<E>(
         &self,
         worker: &Arc<str>,
@@ -96,7 +96,8 @@ impl Registry {
         }
     }
 
-    /// One that has left meanwhile, and that nobody waits for: to be dropped without the lock.
+    /// Takes out a handle that has left meanwhile and that no thread waits for. The caller drops it
+    /// without the lock.
     fn swept(&self) -> Option<(Arc<str>, Arc<HandleState>)> {
         let mut known = self.0.lock();
         let at = known

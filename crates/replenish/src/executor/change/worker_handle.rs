@@ -209,7 +209,7 @@ impl Drop for HandleGroup<'_> {
         let live = Arc::clone(self.worker.live);
         let executor = ExecutorHandle { live };
         for id in &self.ids {
-            // A handle that somebody else has removed meanwhile is gone as well.
+            // A handle that another thread has removed meanwhile is gone as well.
             executor.remove(id, Removal::Detach).ok();
         }
     }

@@ -41,7 +41,7 @@ pub struct HandleFactory<'a> {
     pub(crate) number: usize,
 }
 
-/// A type by its names, for those who have no [`Message`] of it.
+/// A type by its names, for programs without a [`Message`] of it.
 #[derive(Debug, Clone, Copy)]
 pub struct RawType<'a> {
     /// The ROS name, `std_msgs/msg/Int32`.

@@ -8,16 +8,17 @@
 //!
 //! The rules that keep it free of deadlocks:
 //!
-//! - A handle is in one group at most, and callbacks do not nest, so nobody waits for a group while
-//!   he holds another. What needs two groups needs one group instead, for all handles of both.
+//! - A handle is in one group at most, and callbacks do not nest, so no callback waits for a group
+//!   while it holds another. Work that needs two groups needs one group instead, for all handles of
+//!   both.
 //! - Nothing of this crate waits in a callback for another callback: requests are answered by a
 //!   callback, now or later ([`Responder`](crate::Responder)), and so are goals. Only a removal
 //!   waits, and not while its callback is in a group: the worker it would wait for may wait for the
 //!   group.
 //! - A callback that waits by other means (a channel, a lock of its own) for a callback of its
-//!   group waits for itself. Nobody can forbid that, but it is seen: whoever has waited for the
-//!   group for [`Group::patience`] tells so with the names of both ([`Event::Blocked`]), and tells
-//!   again when that time has doubled.
+//!   group waits for itself. No executor can forbid that, but it sees it: a worker that has waited
+//!   for the group for [`Group::patience`] reports the names of both ([`Event::Blocked`]), and
+//!   again whenever that time has doubled.
 //!
 //! A guarantee counts on the length of the critical sections for which its worker may wait
 //! ([`Group::holds`]): admission refuses a group without, and so does a change while the executor

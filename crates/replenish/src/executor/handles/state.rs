@@ -64,8 +64,8 @@ impl HandleState {
         self.removed.load(Ordering::Acquire)
     }
 
-    /// Something went wrong with this handle, for the `count`-th time: tells its hook each time,
-    /// and everybody rarely.
+    /// Reports the `count`-th failure of this handle: each one to its hook, and rarely to the
+    /// events.
     pub(crate) fn report(&self, count: u64, event: &Event<'_>, events: &Events) {
         if let Some(hook) = self.hook.get() {
             hook.emit(event);

@@ -127,7 +127,7 @@ impl Dispatcher {
             watch.link_up = up;
             self.events.emit(&Event::Link { up });
         }
-        // Without texts nobody could read it.
+        // Without texts the event could not be read.
         while TEXTS && let Some(clash) = middleware.next_incompatible_qos() {
             self.clashed(&clash);
         }

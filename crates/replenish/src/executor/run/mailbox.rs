@@ -125,7 +125,7 @@ impl Mailbox {
         let mut back = Vec::new();
         {
             let mut swaps = self.swaps.lock();
-            // The worker is done with those that nobody else has.
+            // The worker is done with triggers that only this list still holds.
             while let Some(at) = swaps.iter().position(|s| Arc::strong_count(s) == 1) {
                 back.push(swaps.swap_remove(at));
             }

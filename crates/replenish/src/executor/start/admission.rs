@@ -50,7 +50,7 @@ pub(crate) fn admit(workers: &mut [WorkerSpec], options: &mut Options) -> Result
     let place = if os::privilege::may_be_real_time() {
         options.planning.ledger.find()?
     } else {
-        // Nothing real-time will run: nothing can be promised, nobody can be hurt.
+        // Nothing real-time will run: the plan promises nothing and disturbs no other program.
         Found::Off
     };
     let plan = match place {

@@ -26,7 +26,7 @@ use replenish_os::{self as os, Enforcement, Enforcer, EnforcerConfig, Policy};
 const STACK: usize = if STD { 1 << 20 } else { 4096 };
 
 impl Executor {
-    /// Starts everything and blocks until somebody stops it.
+    /// Starts everything and blocks until the executor is stopped.
     ///
     /// # Errors
     /// As [`start`](Self::start).

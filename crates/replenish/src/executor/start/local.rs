@@ -1,4 +1,4 @@
-//! An executor without threads: whoever spins it runs its callbacks, one after another.
+//! An executor without threads: the thread that spins it runs its callbacks, one after another.
 //!
 //! ```text
 //!   ┌─► take what has come (the middleware's wait ends at once)
@@ -141,8 +141,8 @@ fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
     }
     let chains = start_chains(&options.chains, &mut workers)?;
     let claim = context.claim(&stop).ok_or(Error::ContextBusy)?;
-    // The dispatcher has no bells: nobody sleeps on them while samples are taken, and to ring would
-    // end the next wait for nothing.
+    // The dispatcher has no bells: no thread sleeps on them while samples are taken, and ringing
+    // would end the next wait for nothing.
     let Assembly {
         dispatcher,
         mut workers,
@@ -187,8 +187,8 @@ fn threadless(request: &WorkerRequest) -> Result<(), Error> {
 }
 
 impl LocalExecutor {
-    /// Runs callbacks until somebody stops it. Each spin after that returns `Stopped` at once,
-    /// until [`restart`](Self::restart).
+    /// Runs callbacks until the executor is stopped. Each spin after that returns `Stopped` at
+    /// once, until [`restart`](Self::restart).
     pub fn spin(&mut self) -> SpinResult {
         self.turn(Nanos::MAX, &mut || true, false)
     }
@@ -225,10 +225,10 @@ impl LocalExecutor {
         self.turn(deadline, &mut condition, false)
     }
 
-    /// One round per period, on an absolute grid that begins with the first call, until somebody
-    /// stops it. Rounds that are overrun follow the rule of `every`: skipped (default), caught up
-    /// one after another, or delayed, which moves the grid. Of [`Every::once`] it does one round; a
-    /// period of 0 counts as 1 ns.
+    /// Runs one round per period, on an absolute grid that begins with the first call, until the
+    /// executor is stopped. Rounds that are overrun follow the rule of `every`: skipped (default),
+    /// caught up one after another, or delayed, which moves the grid. With [`Every::once`] it runs
+    /// one round; a period of 0 counts as 1 ns.
     pub fn spin_period(&mut self, every: impl Into<Every>) -> SpinResult {
         let every = every.into();
         let mut total = self.spin_one_period(every);

@@ -85,21 +85,15 @@ pub(crate) fn adopt(
 }
 
 impl Executor {
-    /// Gives threads of this process that others have started, a middleware or a library, one
-    /// budget
-    /// that they share. `pattern` is for their names: `*` stands for any characters, `?` for one.
-    /// Of
-    /// several patterns the first that fits counts.
+    /// Gives one shared budget to threads of this process that other code has started, a middleware
+    /// or a library. `pattern` is for their names: `*` stands for any characters, `?` for one. The
+    /// first of several patterns that fits counts.
     ///
     /// The budget is admitted like a guarantee. The threads run on one CPU, and without budget in
-    /// the
-    /// time-sharing class. New ones are looked for every 100 ms by an ordinary thread. Threads of
-    /// this
-    /// executor and threads that have a real-time priority of their own are left as they are. When
-    /// the
-    /// executor ends, everybody has what it had before. Linux; a
-    /// [`LocalExecutor`](crate::LocalExecutor)
-    /// adopts nobody.
+    /// the time-sharing class. An ordinary thread looks for new ones every 100 ms. Threads of this
+    /// executor and threads with a real-time priority of their own are left as they are. When the
+    /// executor ends, the threads get back what they had before. Linux; a
+    /// [`LocalExecutor`](crate::LocalExecutor) adopts no threads.
     ///
     /// ```
     /// # use replenish::{Budget, Context, Executor};
@@ -117,9 +111,9 @@ impl Executor {
         self
     }
 
-    /// Whether guarantees are planned and tested before anything starts (default), together with
-    /// what other programs on this host were promised. `false`: budgets get priorities by their
-    /// periods, and nobody checks whether they fit.
+    /// Sets whether guarantees are planned and tested before anything starts (default), together
+    /// with the promises to other programs on this host. `false`: budgets get priorities by their
+    /// periods, and nothing checks whether they fit.
     pub fn admission(&mut self, on: bool) -> &mut Self {
         self.options.planning.admission = on;
         self

@@ -81,7 +81,7 @@ fn memory(report: &Report, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     Ok(())
 }
 
-/// Whether this is a service that nobody has asked for anything.
+/// Whether this is a service without any request.
 fn is_idle_service(handle: &HandleReport) -> bool {
     let s = &handle.stats;
     handle.id.contains("/srv:") && s.received == 0 && unserved(handle) == 0 && s.errors == 0
@@ -149,7 +149,7 @@ fn chains(report: &Report, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     Ok(())
 }
 
-/// One line for the services of each worker that nobody has asked for anything.
+/// One line per worker for its services without any request.
 fn idle_services(report: &Report, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     let mut before = "no request: ";
     for ThreadReport { name, .. } in &report.threads {

@@ -99,7 +99,7 @@ impl RunningExecutor {
         self.finish()
     }
 
-    /// Blocks until somebody stops the executor, then joins and reports.
+    /// Blocks until the executor is stopped, then joins and reports.
     pub fn wait(mut self) -> Report {
         while !self.stop.is_stopping() {
             self.owner.wait();

@@ -1,10 +1,10 @@
-//! This moment, looked up when somebody first wants to know: most handles do not.
+//! This moment, looked up on first use: most handles do not need it.
 
 use crate::Nanos;
 use core::cell::Cell;
 use replenish_os::clock;
 
-/// One instant of `CLOCK_MONOTONIC`, the same for all who ask.
+/// One instant of `CLOCK_MONOTONIC`, the same for every call.
 #[derive(Default)]
 pub(crate) struct LazyNow(Cell<Option<Nanos>>);
 

@@ -47,7 +47,7 @@ impl Watch for EventWatch {
     }
 }
 
-/// The callback's side. Nobody looks any more when it is dropped.
+/// The callback's side. Dropping it ends the watch.
 pub(super) struct Look(pub(super) Arc<EventWatch>);
 
 impl Look {

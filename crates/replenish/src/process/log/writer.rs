@@ -42,7 +42,7 @@ impl Console {
         }
     }
 
-    /// Writes the line. On a console that nobody reads any more, it is not said.
+    /// Writes the line. A console that is closed loses it.
     fn show(&mut self, line: &LogLine<'_>) {
         self.out.clear();
         self.format.write(line, &mut self.out);

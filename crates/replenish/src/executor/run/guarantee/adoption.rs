@@ -105,7 +105,7 @@ struct Found {
     refused: Option<String>,
 }
 
-/// Why nobody can be adopted.
+/// The reason why no thread can be adopted.
 #[derive(Debug)]
 pub(crate) enum Refused {
     Enforcer(SpawnError),

@@ -1,4 +1,4 @@
-//! A chain's figures: written by the workers of its stages, read by anybody.
+//! A chain's figures: written by the workers of its stages, read by any thread.
 
 use crate::Nanos;
 use crate::chain::{ChainInstance, ChainReport};

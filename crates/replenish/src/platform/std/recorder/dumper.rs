@@ -1,4 +1,4 @@
-//! The thread that writes dumps, in the idle class: it has the CPU when nobody else wants it.
+//! The thread that writes dumps, in the idle class: it runs when no other thread wants the CPU.
 //!
 //! ```text
 //!   asleep ── fired ──► recording goes on: half a ring, or a second, or the end
@@ -93,8 +93,8 @@ impl Drop for Dumper {
         let Some(mut thread) = self.thread.take() else {
             return;
         };
-        // The caller waits for it now: it is in nobody's way. One that has only just begun makes
-        // itself idle after this, so it is said again.
+        // The caller waits for the thread now, so it delays nothing. A thread that has only just
+        // begun makes itself idle after this, so the call is repeated.
         set_priority(thread.tid(), SchedClass::Other).ok();
         while let Err(same) = thread.join_until(clock::monotonic().saturating_add(AGAIN)) {
             set_priority(same.tid(), SchedClass::Other).ok();

@@ -141,7 +141,7 @@ impl Recording {
         })
     }
 
-    /// The executor has ended in order: nobody needs its last seconds.
+    /// Ends the recording in order: its last seconds are not needed.
     pub(crate) fn end(&mut self) {
         self.dumper = None; // its last dump, and the counts in the file, come before the end of it
         self.place = None;
