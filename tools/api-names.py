@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Looks up every name of the columns `rclrs` and `rclcpp` of docs/api.md in their sources.
+"""Looks up every name of docs/api.md in the source of its column: replenish, rclrs, rclcpp.
 
     api-names.py RCLRS RCLCPP     two git repositories: clones of ros2-rust/ros2_rust and ros2/rclcpp
 
-A name is a word in backticks. That it stands in the source is what this shows, not what it does there.
+A name is a word in backticks. The source must define it: a function, type, module, macro, field, variant or variable.
+That the definition is the one meant, and does what the page says, a reader has to judge.
 CI has neither repository: run it by hand after a change of the table.
 """
 
@@ -12,21 +13,29 @@ import subprocess
 import sys
 from pathlib import Path
 
-PAGE = Path(__file__).resolve().parent.parent / "docs/api.md"
-# Names of the examples, of the languages, and of interface packages.
-# Names that a generator makes, with the name in the source that stands for them.
-MADE = {"RCLCPP_INFO_THROTTLE": "get_rclcpp_suffix_from_features", "SetBool_Request": "AddTwoInts_Request"}
-OURS = set("arm t s a p q d f m M S A use async await include hpp repeating double std void".split())
+ROOT = Path(__file__).resolve().parent.parent
+RUST = [r"\b(fn|struct|enum|trait|type|const|static|mod|macro_rules!)\s+{0}\b", r"\b{0}:\s", r"^\s*{0},$"]
+CPP = [r"\b(class|struct|using|namespace|enum|define)\s+(\w+\s+)?{0}\b", r"(^|[\w>&*\]:])\s*{0}\s*\(", r"[\w>&*]\s+{0};"]
+DEFINED = {"replenish": RUST, "rclrs": RUST, "rclcpp": CPP}
+# Names that a generator makes, with a word of the source that stands for them: of the generator, or of a use.
+MADE = {
+    "RCLCPP_INFO_THROTTLE": "get_rclcpp_suffix_from_features",
+    "SetBool_Request": r"SetBool_Request|AddTwoInts_Request",
+    "SetBoolRequest": "SetBoolRequest",
+}
+# Names of the examples, of the languages and their libraries, and of interface packages.
+OURS = set("arm t s a p q r d f m M S A ctx cx use async await include hpp rs build repeating double std void".split())
+OURS |= set("Duration argc argv make_shared _".split())
 
 
 def names():
     """The names of each column."""
-    columns = {"rclrs": set(), "rclcpp": set()}
-    for line in PAGE.read_text().splitlines():
+    columns = {column: set() for column in DEFINED}
+    for line in (ROOT / "docs/api.md").read_text().splitlines():
         cells = [cell.strip() for cell in line.strip("|").split(" | ")]
         if not line.startswith("| ") or len(cells) != 4:
             continue
-        for column, cell in zip(columns, cells[2:]):
+        for column, cell in zip(columns, cells[1:]):
             for code in re.findall(r"`([^`]+)`", cell):
                 code = re.sub(r'"[^"]*"', "", code)
                 columns[column].update(re.findall(r"[A-Za-z_]\w*", code))
@@ -35,16 +44,19 @@ def names():
 
 def main():
     missing = 0
-    for (column, words), repository in zip(names().items(), sys.argv[1:3], strict=True):
+    for (column, words), repository in zip(names().items(), [ROOT, *sys.argv[1:3]], strict=True):
         git = ["git", "-C", repository]
         head = subprocess.run([*git, "rev-parse", "--short", "HEAD"], capture_output=True, text=True)
-        found = []
+        absent = []
         for word in words:
-            grep = [*git, "grep", "-qw", MADE.get(word, word), "HEAD", "--", "*.rs", "*.hpp", "*.em", "*.cpp"]
-            found.append(subprocess.run(grep).returncode == 0)
-        absent = [word for word, there in zip(words, found) if not there]
+            defined = [rf"\b({MADE[word]})\b"] if word in MADE else [p.format(word) for p in DEFINED[column]]
+            patterns = [part for pattern in defined for part in ("-e", pattern)]
+            grep = [*git, "grep", "-qP", *patterns, "HEAD", "--", "*.rs", "*.hpp", "*.em", "*.cpp", "*.py"]
+            if subprocess.run(grep).returncode:
+                absent.append(word)
         missing += len(absent)
-        print(f"{column} {head.stdout.strip()}: {sum(found)} of {len(words)} names; not there: {absent}")
+        found = len(words) - len(absent)
+        print(f"{column} {head.stdout.strip()}: {found} of {len(words)} names; not there: {absent}")
     sys.exit(missing > 0)
 
 
