@@ -13,7 +13,7 @@ use replenish_os::{Notify, clock};
 /// The begin of the run, shared by all workers and the main task.
 #[derive(Debug, Default)]
 pub struct Scene {
-    /// When the first message of the run reached a callback, in ns; 0: none has.
+    /// Time at which the first message of the run reached a callback, in ns; 0: none has.
     pub begun: AtomicU64,
     /// Rings at that moment.
     pub begin: Notify,
@@ -42,7 +42,7 @@ pub struct Answer {
     pub scene: Arc<Scene>,
     /// Its topic.
     pub pong: Arc<Publisher<Int32>>,
-    /// How to burn.
+    /// The loop that burns CPU time.
     pub burst: Burst,
     /// CPU time of an answer, in ns.
     pub cpu: u64,

@@ -18,7 +18,7 @@ pub struct Worker {
     pub budget: u64,
     /// The period of the budget.
     pub period: u64,
-    /// When it starts, after the case began.
+    /// Time at which it starts, after the case began.
     pub offset: u64,
     /// Whether it never comes back from its first callback.
     pub endless: bool,

@@ -1,4 +1,4 @@
-//! Why an agent cannot start or go on.
+//! Reasons why an agent cannot start or go on.
 
 use replenish_os::config::ConfigError;
 use std::fmt;

@@ -38,7 +38,7 @@ enum Part {
     Line,
 }
 
-/// How lines of a log look, and whether they go to standard output instead of standard error.
+/// Form of the lines of a log, and whether they go to standard output instead of standard error.
 #[derive(Debug)]
 pub struct ConsoleFormat {
     parts: Vec<Part>,

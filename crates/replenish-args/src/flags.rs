@@ -6,7 +6,7 @@ use crate::parameters::{self, Override};
 use crate::rule::Rule;
 use crate::yaml::Source;
 
-/// How much a file of parameters may have, in bytes.
+/// The largest file of parameters, in bytes.
 const FILE: u64 = 16 << 20;
 
 /// Everything that may stand behind `--ros-args`.

@@ -254,7 +254,7 @@ impl Client {
         waited.map(drop).map_err(Failure::refused)
     }
 
-    /// When [`send`](Self::send) is due although nothing has come.
+    /// Time at which [`send`](Self::send) is due although nothing has come.
     pub(crate) fn deadline(&self) -> Option<Nanos> {
         self.session.next_deadline()
     }

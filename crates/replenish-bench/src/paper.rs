@@ -33,11 +33,11 @@ pub struct Point {
     pub low_sleep: Nanos,
     /// CPU time of the low worker for the answer after its sleep.
     pub low_after_sleep: Nanos,
-    /// When the messages of topic high arrive, from the start of the window on.
+    /// Times at which the messages of topic high arrive, from the start of the window on.
     pub arrivals_high: Releases,
     /// The same for topic low.
     pub arrivals_low: Releases,
-    /// For how long load is offered; answers count that are complete by then.
+    /// Time in ns in which load is offered; answers count that are complete by then.
     pub window: Nanos,
     /// Costs and delays of the machine.
     pub platform: Platform,

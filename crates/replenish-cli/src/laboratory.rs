@@ -16,7 +16,7 @@ const PROGRAM: &str = "replenish-bench";
 /// Its words.
 const WORDS: [&str; 5] = ["demo", "experiment", "bench", "ping", "pong"];
 
-/// How the help of `replenish` ends.
+/// The last lines of `replenish --help`.
 pub const HELP: &str = "The laboratory (demo, experiment, bench, ping, pong) is the program \
     replenish-bench:\nthese words run it if it stands beside this program or in PATH; in a clone: \
     cargo run --release -- demo\n\

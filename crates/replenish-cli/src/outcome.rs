@@ -1,4 +1,4 @@
-//! How a command ends: exit codes and the sentence that goes with them.
+//! Exit codes of commands, and the sentence that goes with each.
 //!
 //! 0: it did what was asked. 1: it could not, and says why. 2: the command line was wrong
 //! (clap's own errors use the same code). `replenish run` ends with the code of its program.
@@ -6,7 +6,7 @@
 use std::fmt;
 use std::process::ExitCode;
 
-/// Why a command did not do what was asked.
+/// Reason why a command did not do what was asked.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Failure {
     /// The machine, the network or the other side said no: exit code 1.

@@ -25,7 +25,7 @@ struct Shared {
     changed: Condvar,
 }
 
-/// Why a wait has ended.
+/// Reason why a wait has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Woken {
     /// The end was asked for.

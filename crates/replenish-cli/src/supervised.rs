@@ -22,7 +22,7 @@ pub struct Ready {
     /// The address that the agent listens at (agent only).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub address: Option<String>,
-    /// How budgets are held (pong only).
+    /// Mode in which budgets are held (pong only).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mode: Option<Mode>,
     /// Each thread's requested and granted scheduling.
@@ -30,7 +30,7 @@ pub struct Ready {
     pub threads: Vec<ThreadRow>,
 }
 
-/// How budgets are held.
+/// Mode in which budgets are held.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Why nothing was generated: the place, what is wrong with it, and what is allowed.
+/// Reason why nothing was generated: the place, what is wrong with it, and what is allowed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Error {
     file: PathBuf,

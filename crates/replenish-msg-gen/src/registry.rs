@@ -21,7 +21,7 @@ pub(crate) struct Bounds {
     pub(crate) sequence: Option<usize>,
 }
 
-/// How a field's elements are held.
+/// Representation of a field's elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Held {
     /// In the struct: a primitive, a bounded text, a message without heap.
@@ -150,7 +150,7 @@ impl Registry {
         bound.or(self.bounds.sequence)
     }
 
-    /// How one element of a field is held.
+    /// Representation of one element of a field.
     pub(crate) fn element(&self, field: &Field) -> Held {
         match &field.base {
             Base::Primitive(_) => Held::Inline,
@@ -171,7 +171,7 @@ impl Registry {
         }
     }
 
-    /// How the field as a whole is held.
+    /// Representation of the field as a whole.
     pub(crate) fn field(&self, field: &Field) -> Held {
         let element = self.element(field);
         match field.shape {

@@ -194,7 +194,7 @@ impl<A: Action> Message for GetResultRequest<A> {
 
 /// The response of [`GetResult`].
 pub struct GetResultResponse<A: Action> {
-    /// How the goal ended: one of the constants of
+    /// Status with which the goal ended: one of the constants of
     /// [`GoalStatus`](crate::action_msgs::GoalStatus).
     pub status: i8,
     /// The result; the type's default values if the server does not know the goal.
@@ -226,7 +226,7 @@ impl<A: Action> Message for GetResultResponse<A> {
 pub struct FeedbackMessage<A: Action> {
     /// Id of the goal.
     pub goal_id: UUID,
-    /// How far it has come.
+    /// Progress of the goal.
     pub feedback: A::Feedback,
 }
 

@@ -14,7 +14,7 @@ pub const MAX_GOALS: usize = 64;
 pub struct GoalInfo {
     /// The goal.
     pub goal_id: UUID,
-    /// When the server accepted it, by the server's wall clock.
+    /// Time at which the server accepted it, by the server's wall clock.
     pub stamp: Time,
 }
 

@@ -11,7 +11,7 @@ use core::fmt;
 /// Names that a path holds; deeper ones are left out (no ROS type comes near).
 const DEEPEST: usize = 8;
 
-/// Why and where bytes are not a message of the type that was asked for.
+/// Reason and field for which bytes are not a message of the type that was asked for.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct DecodeError {
     /// The error at that field.

@@ -22,7 +22,7 @@ pub(crate) fn one_order() {
     loom::sync::atomic::fence(core::sync::atomic::Ordering::SeqCst);
 }
 
-/// Why a futex wait returned.
+/// Reason why a futex wait returned.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Woken {
     /// Woken, interrupted, or the word had changed already: look at the word again.

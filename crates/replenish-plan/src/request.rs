@@ -46,7 +46,7 @@ impl Request {
 pub struct Worker {
     /// Its name.
     pub name: String,
-    /// How it wants to be scheduled.
+    /// The requested scheduling.
     pub scheduling: Requirement,
     /// The only CPU it may use; `None`: a guaranteed worker goes where the plan puts it, others
     /// may run on any.
@@ -126,8 +126,9 @@ impl Worker {
 pub struct Hold {
     /// Place of the lock in [`Request::locks`].
     pub lock: usize,
-    /// For how long one callback holds it at most: CPU time, and what it blocks meanwhile. `None`:
-    /// not stated; then it is the amount of a rate guarantee, and otherwise unknown.
+    /// The longest time for which one callback holds it, in ns: CPU time, and what it blocks
+    /// meanwhile. `None`: not stated; then it is the amount of a rate guarantee, and otherwise
+    /// unknown.
     pub length: Option<Nanos>,
     /// The handle whose callback it is, for messages; empty: not known.
     pub handle: String,
@@ -145,7 +146,7 @@ impl Hold {
     }
 }
 
-/// How a worker wants to be scheduled.
+/// Requested scheduling of a worker.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Requirement {
     /// The planner chooses.
@@ -166,7 +167,7 @@ pub enum ExecutorRequest {
     },
     /// An expert has chosen.
     Policy {
-        /// How it is scheduled.
+        /// Its scheduling.
         policy: Policy,
         /// The only CPU it may use; `None`: any, so that it delays on each.
         cpu: Option<usize>,
@@ -181,7 +182,7 @@ pub struct Promise {
     pub owner: String,
     /// Its CPU; `None`: any of them.
     pub cpu: Option<usize>,
-    /// How it is scheduled.
+    /// Its scheduling.
     pub policy: Policy,
     /// Its demand, if known.
     pub demand: Option<Demand>,

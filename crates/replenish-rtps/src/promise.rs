@@ -57,7 +57,7 @@ impl Deadline {
         self.next = self.next.saturating_add(past);
     }
 
-    /// When to [check](Self::check) it; [`INFINITE`]: never.
+    /// Time to [check](Self::check) it; [`INFINITE`]: never.
     #[must_use]
     pub const fn next(&self) -> Nanos {
         self.next
@@ -113,7 +113,7 @@ impl Lease {
         }
     }
 
-    /// When to [check](Self::check) it; [`INFINITE`]: never.
+    /// Time to [check](Self::check) it; [`INFINITE`]: never.
     #[must_use]
     pub const fn next(&self) -> Nanos {
         self.ends

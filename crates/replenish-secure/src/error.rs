@@ -1,4 +1,4 @@
-//! Why there is no encrypted session.
+//! Reasons why there is no encrypted session.
 
 use replenish::Error;
 use replenish::middleware::xrce::ConnectError;

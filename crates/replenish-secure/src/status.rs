@@ -32,7 +32,7 @@ impl Status {
         *self.seen() = Seen::Connected;
     }
 
-    /// Why the handshake did not end well, if the agent took part in it.
+    /// The reason why the handshake did not end well, if the agent took part in it.
     pub(crate) fn failure(&self, unfinished: &str) -> Option<String> {
         match self.seen().clone() {
             Seen::Nothing | Seen::Connected => None,

@@ -61,7 +61,7 @@ pub enum Span {
         usual: Nanos,
         /// The rare duration, in ns.
         worst: Nanos,
-        /// How rare; 0 means never.
+        /// One in this many; 0 means never.
         one_in: u32,
     },
     /// One of these measured values, each equally likely; 0 if there is none.

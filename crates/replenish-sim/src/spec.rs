@@ -45,13 +45,13 @@ pub struct Thread {
     pub name: String,
     /// The only CPU it may use; `None`: any.
     pub cpu: Option<usize>,
-    /// How it is scheduled; priorities up to 255. Simplified: threads of [`Policy::Other`] run
-    /// first-in, first-out among themselves, and so do equals of [`Policy::RoundRobin`]. Of
+    /// Its policy; priorities up to 255. Simplified: threads of [`Policy::Other`] run first-in,
+    /// first-out among themselves, and so do equals of [`Policy::RoundRobin`]. Of
     /// [`Policy::Deadline`], `0 < runtime <= deadline <= period`; nothing is reclaimed.
     pub policy: Policy,
     /// The server that holds its budget, if it has one; `max_repl` up to 128.
     pub server: Kind,
-    /// When it is released, apart from [`Step::Send`] by others.
+    /// Its releases, apart from [`Step::Send`] by others.
     pub releases: Releases,
     /// The most releases that wait while a job runs (the depth of the subscription's slots). 0: a
     /// release while a job is under way is lost.
@@ -122,7 +122,7 @@ impl Thread {
     }
 }
 
-/// When a thread is released. Times in ns.
+/// Releases of a thread. Times in ns.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Releases {
     /// Only by [`Step::Send`].

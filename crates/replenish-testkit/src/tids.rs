@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 /// Its next number is the one after this.
 const LAST: &str = "/proc/sys/kernel/ns_last_pid";
 
-/// Why a thread cannot be given an id here.
+/// The reason why a thread cannot be given an id here.
 #[must_use]
 pub fn missing() -> Option<&'static str> {
     let same = fs::read_to_string(LAST).and_then(|last| fs::write(LAST, last.trim()));

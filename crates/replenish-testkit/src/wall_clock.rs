@@ -8,7 +8,7 @@
 
 use std::sync::atomic::{AtomicI64, Ordering};
 
-/// By how many seconds the clock was moved.
+/// Seconds by which the clock was moved.
 static MOVED: AtomicI64 = AtomicI64::new(0);
 
 /// Sets the wall clock forward by `seconds`, or back if they are negative.

@@ -23,7 +23,7 @@ impl SeqNum {
         SeqNum(self.0.wrapping_sub(1))
     }
 
-    /// How far `self` is after `earlier`: positive if later, negative if earlier, taking the
+    /// Distance of `self` from `earlier`: positive if later, negative if earlier, taking the
     /// shorter way round. Exactly half-way round counts as earlier.
     #[must_use]
     pub const fn since(self, earlier: SeqNum) -> i16 {

@@ -34,7 +34,8 @@ pub struct ChainReport {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ChainInstance {
-    /// When it began (`CLOCK_MONOTONIC`): a timer's release, or the publication of a sample.
+    /// Time at which it began (`CLOCK_MONOTONIC`): a timer's release, or the publication of a
+    /// sample.
     pub origin: Nanos,
     /// From there to the end of the last stage's callback.
     pub latency: Nanos,

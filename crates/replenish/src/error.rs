@@ -106,7 +106,7 @@ pub enum Error {
     NotGranted {
         /// The request.
         what: Text,
-        /// Why it is refused, and how to get it.
+        /// The reason why it is refused, and how to get it.
         reason: Text,
     },
     /// A sample was not sent.

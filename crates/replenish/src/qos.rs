@@ -38,7 +38,7 @@ pub enum Durability {
     TransientLocal,
 }
 
-/// How a publisher shows that it is alive, weakest first.
+/// Ways for a publisher to show that it is alive, weakest first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Liveliness {
     /// Its program runs.
@@ -185,10 +185,11 @@ pub struct Qos {
     /// Age at which a sample is no longer worth delivering: an older one is dropped. None or zero:
     /// for ever. Of publishers. In milliseconds on XRCE.
     pub lifespan: Option<Duration>,
-    /// How a publisher shows that it is alive, or has to show it to a subscription. Not on XRCE.
+    /// The way in which a publisher shows that it is alive, or has to show it to a subscription.
+    /// Not on XRCE.
     pub liveliness: Liveliness,
-    /// For how long a publisher counts as alive after it has shown it, 1 ms or more; none or zero:
-    /// for ever. An end is an event. Not on XRCE.
+    /// Time that a publisher counts as alive after it has shown it, 1 ms or more; none or zero: for
+    /// ever. An end is an event. Not on XRCE.
     pub lease: Option<Duration>,
     /// Whether samples may wait behind those of other topics.
     pub criticality: Criticality,

@@ -43,7 +43,7 @@ fn raise(word: &AtomicU64, value: u64) {
     }
 }
 
-/// How much the word has grown since `seen`, which is then up to date.
+/// Growth of the word since `seen`, which it brings up to date.
 fn growth(word: &AtomicU64, seen: &AtomicU64) -> u64 {
     let now = word.load(Ordering::Relaxed);
     now.wrapping_sub(seen.swap(now, Ordering::Relaxed))

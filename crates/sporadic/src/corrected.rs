@@ -59,9 +59,9 @@ pub struct Corrected<const N: usize> {
 pub struct Consumed {
     /// The effective activation e of the piece.
     pub activation: Nanos,
-    /// How much was consumed, in ns.
+    /// CPU time that was consumed, in ns.
     pub amount: Nanos,
-    /// How often: at e, e + T, e + 2T, ... More than 1 only if a charge exceeds the budget.
+    /// Number of times: at e, e + T, e + 2T, ... More than 1 only if a charge exceeds the budget.
     pub rounds: Nanos,
 }
 

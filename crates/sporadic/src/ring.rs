@@ -5,9 +5,9 @@ use crate::Nanos;
 /// An amount of budget that belongs to a point in time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Chunk {
-    /// When the amount becomes (or became) available.
+    /// Time at which the amount becomes (or became) available.
     pub time: Nanos,
-    /// How much CPU time it is.
+    /// The CPU time, in ns.
     pub amount: Nanos,
 }
 

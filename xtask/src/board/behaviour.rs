@@ -124,7 +124,7 @@ pub(crate) fn run(filter: Option<&str>, path: Option<&Path>) -> Outcome {
     }
 }
 
-/// How a boot ended.
+/// The end of a boot.
 struct Ended {
     text: String,
     /// `None`: it was still running at the end of its time.

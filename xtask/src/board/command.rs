@@ -27,7 +27,7 @@ pub(crate) enum Board {
     },
     /// The paper's test bench: the board runs pong, this machine agent and ping.
     Demo {
-        /// How long, in seconds of the board's time.
+        /// Length of the measurement, in seconds of the board's time.
         #[arg(long, value_name = "SECONDS", default_value_t = 10,
               value_parser = clap::value_parser!(u64).range(1..=60))]
         seconds: u64,

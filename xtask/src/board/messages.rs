@@ -9,7 +9,7 @@ use super::testbench::{Bench, Host, Run};
 use crate::output::Outcome;
 use serde_json::{Value, json};
 
-/// How far high's share may be from 30 + 70 x in Experiment 2, in points.
+/// The largest difference of high's share from 30 + 70 x in Experiment 2, in points.
 const POINTS: f64 = 1.0;
 
 /// Up to this length a sweep is held to the paper's theory, which knows of no executor: 0.2 % of
@@ -107,7 +107,7 @@ struct Judge {
 }
 
 impl Judge {
-    /// How far all points are from the paper's theory, which knows of no executor.
+    /// Prints the difference of all points from the paper's theory, which knows of no executor.
     fn theory(&self) {
         let [above, rest] = self.furthest;
         if self.name == Name::WorkConserving {

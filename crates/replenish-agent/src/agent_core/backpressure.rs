@@ -103,7 +103,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// When a wait for a reader ends although the reader has no room.
+    /// Time at which a wait for a reader ends although the reader has no room.
     pub(super) fn unblocks_at(&self) -> Option<Nanos> {
         let blocked = self.blocked_streams.iter();
         let ends = blocked.filter_map(|blocked| {

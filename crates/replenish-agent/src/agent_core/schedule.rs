@@ -10,7 +10,7 @@ use replenish_xrce::Nanos;
 use std::hash::Hash;
 
 impl<P: Copy + Eq + Hash> AgentCore<P> {
-    /// When [`pump`](Self::pump) must be called at the latest although nothing was received.
+    /// The latest time at which [`pump`](Self::pump) must be called although nothing was received.
     #[must_use]
     pub fn next_deadline(&self) -> Option<Nanos> {
         let client = self.timers.first().map(|(at, _)| *at);

@@ -151,7 +151,7 @@ impl<P> Client<P> {
         (lives || over).then_some(lives)
     }
 
-    /// When it is to be forgotten if it stays silent.
+    /// Time at which it is forgotten if it stays silent.
     pub(crate) fn dies_at(&self, limits: &Limits) -> Nanos {
         self.heard.saturating_add(limits.silence)
     }
@@ -296,13 +296,13 @@ impl<P> Client<P> {
         self.echo.answered(progress);
     }
 
-    /// When to ask for an echo: samples wait for it.
+    /// Time to ask for an echo: samples wait for it.
     fn echo_at(&self) -> Option<Nanos> {
         let waits = self.outputs.iter().any(OutputStream::has_samples);
         self.echo.ask_at().filter(|_| waits)
     }
 
-    /// When it next needs attention without having sent anything.
+    /// Time at which it next needs attention without having sent anything.
     pub(crate) fn deadline(&self, limits: &Limits) -> Nanos {
         let dies = self.dies_at(limits);
         if self.held || !self.echo.admits(LONGEST_CONTROL) {

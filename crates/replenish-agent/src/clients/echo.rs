@@ -20,7 +20,7 @@ pub(crate) enum Echo {
     Awaited {
         /// Bytes.
         credit: usize,
-        /// When it may be asked.
+        /// Time at which it may be asked.
         ask_at: Nanos,
         /// It was asked.
         asked: bool,
@@ -73,7 +73,7 @@ impl Echo {
         }
     }
 
-    /// When the client may be asked for an echo, if there is none yet.
+    /// Time at which the client may be asked for an echo, if there is none yet.
     pub(crate) const fn ask_at(&self) -> Option<Nanos> {
         match self {
             Self::Awaited { ask_at, .. } => Some(*ask_at),

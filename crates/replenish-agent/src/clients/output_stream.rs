@@ -239,7 +239,7 @@ impl OutputStream {
         }
     }
 
-    /// When the next HEARTBEAT is due.
+    /// Time at which the next HEARTBEAT is due.
     pub(crate) fn deadline(&self) -> Option<Nanos> {
         match &self.sender {
             Sender::BestEffort(_) => None,

@@ -11,7 +11,7 @@ use replenish_os::tty;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 
-/// How to run an [`Agent`](crate::Agent).
+/// Settings of an [`Agent`](crate::Agent).
 #[derive(Clone, Debug)]
 pub struct AgentConfig {
     /// The first UDP address to listen at. Port 0 lets the operating system choose one.
@@ -43,7 +43,7 @@ pub struct AgentConfig {
     pub dds: Option<DdsBridge>,
 }
 
-/// How the agent's clients appear in DDS.
+/// Settings of the bridge: the form in which clients appear in DDS.
 #[cfg(feature = "dds")]
 #[derive(Clone, Debug, Default)]
 pub struct DdsBridge {

@@ -16,12 +16,12 @@ pub(crate) struct Delivery {
     pub(crate) stream: StreamId,
     /// Samples still to deliver; `None` for no end.
     left: Option<u16>,
-    /// When it ends.
+    /// Time at which it ends.
     until: Option<Nanos>,
     rate_limiter: Option<RateLimiter>,
     /// Shortest time between two samples.
     gap: Nanos,
-    /// When the next sample may go because of `gap`.
+    /// Time at which the next sample may go because of `gap`.
     next_at: Nanos,
 }
 
@@ -64,7 +64,7 @@ impl Delivery {
         self.left == Some(0)
     }
 
-    /// When a sample of `bytes` may go.
+    /// Earliest time for a sample of `bytes` bytes.
     pub(crate) fn earliest(&self, bytes: usize) -> Nanos {
         let paced = self
             .rate_limiter

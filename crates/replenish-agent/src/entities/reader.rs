@@ -56,7 +56,7 @@ pub(crate) struct Reader {
     waits: bool,
     /// The stream that it asked on.
     asked_on: StreamId,
-    /// When the last sample was kept.
+    /// Time at which the last sample was kept.
     last: Option<Nanos>,
     /// Since when writers wait without the queue getting shorter.
     pub(crate) full_since: Option<Nanos>,

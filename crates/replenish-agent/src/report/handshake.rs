@@ -1,8 +1,8 @@
-//! Why a handshake of DTLS or TLS failed.
+//! Reasons why a handshake of DTLS or TLS failed.
 
 use std::fmt;
 
-/// Why a handshake failed.
+/// Reason why a handshake failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum HandshakeError {

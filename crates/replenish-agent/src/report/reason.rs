@@ -1,4 +1,4 @@
-//! Why the agent refuses or drops something, in words.
+//! Reasons why the agent refuses or drops something, in words.
 
 use super::handshake::HandshakeError;
 use replenish_xrce::Nanos;

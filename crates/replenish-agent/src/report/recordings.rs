@@ -26,7 +26,7 @@ const KEPT: usize = 512;
 pub struct RecordedSample {
     /// The board's key, as in [`ClientSnapshot::key`](crate::ClientSnapshot::key).
     pub key: [u8; 4],
-    /// When it came, in nanoseconds on the agent's monotonic clock.
+    /// Time at which it came, in nanoseconds on the agent's monotonic clock.
     pub at: Nanos,
     /// The same since the Unix epoch.
     pub unix: i64,

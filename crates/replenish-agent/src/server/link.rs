@@ -50,7 +50,7 @@ pub(super) struct Link {
     written: usize,
     /// The agent holds datagrams for this link.
     pub(super) held: bool,
-    /// When something was last received.
+    /// Time of the last reception.
     pub(super) heard: Nanos,
     /// Time since which no client is logged in on it, as of the last look.
     pub(super) vacant_since: Nanos,
@@ -125,7 +125,7 @@ impl Link {
         }
     }
 
-    /// Why the other end did not show who it is; `late` if it had no more time.
+    /// The reason why the other end did not show who it is; `late` if it had no more time.
     pub(super) fn failure(&self, late: bool) -> Option<Reason> {
         match &self.io {
             Io::Tls { stream, .. } => stream.failure(late).map(Reason::Handshake),

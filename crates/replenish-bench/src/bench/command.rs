@@ -8,7 +8,7 @@ use replenish_cli::outcome::Outcome;
 /// A benchmark with its options.
 #[derive(Debug, clap::Subcommand)]
 pub(crate) enum Bench {
-    /// How far budgets are overrun, against a POSIX CPU timer.
+    /// Overruns of budgets, against a POSIX CPU timer.
     Enforcement(enforcement::Args),
     /// Waking a worker, against a bare futex.
     Handoff(handoff::Args),

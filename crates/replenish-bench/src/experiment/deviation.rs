@@ -1,4 +1,4 @@
-//! How well simulation and measurement agree.
+//! Agreement of simulation and measurement.
 
 use crate::testbench::summary::{Summary, Topic, round};
 
@@ -23,7 +23,7 @@ impl Deviation {
     }
 }
 
-/// How well simulation and measurement agree, in one sentence, for all points of an experiment.
+/// Agreement of simulation and measurement, in one sentence, for all points of an experiment.
 pub(super) fn agreement(points: impl Iterator<Item = Option<Deviation>>) -> String {
     let points: Vec<Deviation> = points.flatten().collect();
     if points.is_empty() {

@@ -53,9 +53,9 @@ pub(crate) struct SleepPoint {
     /// Answers that the simulator gives for these windows.
     simulated_high_answered: Option<u64>,
     simulated_low_answered: Option<u64>,
-    /// How far measured and simulated counts are apart, per window, for the topic that is worse.
+    /// Difference of measured and simulated counts per window, for the topic that is worse.
     simulated_difference_per_window: Option<f64>,
-    /// How far one topic is from it in one window, at worst.
+    /// The largest difference of one topic in one window.
     simulated_worst_difference: Option<u64>,
     #[serde(skip)]
     deviation: Option<Deviation>,

@@ -15,7 +15,7 @@ use replenish_cli::signals::Stop;
 /// Options of `experiment work-conserving`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// How much of each 10 ms the low callback sleeps, in percent.
+    /// Part of each 10 ms that the low callback sleeps, in percent.
     #[arg(long, value_name = "PERCENT,…", value_delimiter = ',',
           default_value = "0,10,25,50,75,90,100",
           value_parser = clap::value_parser!(u8).range(0..=100))]

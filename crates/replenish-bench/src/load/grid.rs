@@ -29,7 +29,7 @@ pub(crate) enum Place {
     Window {
         /// The number of the window, from 0.
         index: u64,
-        /// When work in this window must stop; [`Nanos::MAX`] when load is continuous.
+        /// Time at which work in this window must stop; [`Nanos::MAX`] when load is continuous.
         end: Nanos,
     },
 }
@@ -97,7 +97,7 @@ impl Grid {
         self.window.div_ceil(self.interval.max(1))
     }
 
-    /// When message `i` of window `index` is sent.
+    /// Time at which message `i` of window `index` is sent.
     pub(crate) fn release(&self, index: u64, i: u64) -> Nanos {
         self.start(index)
             .saturating_add(i.saturating_mul(self.interval))

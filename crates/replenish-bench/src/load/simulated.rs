@@ -35,9 +35,9 @@ pub(crate) struct Costs {
 pub(crate) struct Arrivals(pub Vec<Vec<u32>>);
 
 impl Arrivals {
-    /// When the dispatcher began with the messages of window `index`, from its start on: it has
-    /// consumed `dispatch` for a message when it is taken. A message that no callback saw came as
-    /// late as the one before it.
+    /// Times at which the dispatcher began with the messages of window `index`, from its start on:
+    /// it has consumed `dispatch` for a message when it is taken. A message that no callback saw
+    /// came as late as the one before it.
     fn of_window(&self, index: u64, grid: &Grid, dispatch: Nanos) -> Releases {
         let window = usize::try_from(index).ok().and_then(|w| self.0.get(w));
         let (mut at, mut late) = (0, 0);
@@ -60,7 +60,7 @@ impl Arrivals {
 pub(crate) struct Measured<'a> {
     /// The costs of messages and answers.
     pub costs: Costs,
-    /// When the messages came: of topic high, of topic low.
+    /// Arrivals of the messages: of topic high, of topic low.
     pub arrivals: [&'a Arrivals; 2],
 }
 

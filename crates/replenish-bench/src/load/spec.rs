@@ -2,7 +2,7 @@
 
 use super::{MS, Nanos};
 
-/// How the high-priority worker is scheduled.
+/// Scheduling of the high-priority worker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case", tag = "policy")]
 pub(crate) enum High {

@@ -5,7 +5,7 @@ use std::collections::BinaryHeap;
 
 use replenish_xrce::Nanos;
 
-/// How bad a link is. Datagrams overtake each other if the delays differ.
+/// Quality of a link: loss, delays, duplicates. Datagrams overtake each other if the delays differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Link {
     /// Datagrams that are lost, 0 to 100 percent.

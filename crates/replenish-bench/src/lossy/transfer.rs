@@ -52,7 +52,7 @@ impl Load {
     }
 }
 
-/// How the sender answers a gap.
+/// The sender's answer to a gap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Repair {
     /// With what is missing: what this crate does.
@@ -77,7 +77,7 @@ pub struct Outcome {
     pub stats: OutputStats,
     /// Datagrams of the sender, heartbeats included, that the link has lost.
     pub datagrams_lost: u64,
-    /// When everything was acknowledged.
+    /// Time at which everything was acknowledged.
     pub duration: Nanos,
     /// A digest of everything that was sent and when.
     pub trace: u64,
@@ -95,7 +95,7 @@ struct Run {
     load: Load,
     repair: Repair,
     longest_round_trip: Nanos,
-    /// When each message in flight was last sent, by the low bits of its number.
+    /// Times at which each message in flight was last sent, by the low bits of its number.
     sent_at: [Nanos; IN_FLIGHT],
     output: OutputReliable<Vec<u8>, RING>,
     input: InputReliable<Vec<u8>, Vec<u8>, WINDOW>,

@@ -21,7 +21,7 @@ use sporadic::{Level, Nanos};
 /// Timers per thread: the paper's `CONFIG_SCHED_SPORADIC_MAXREPL`.
 const POOL: usize = 100;
 
-/// How a thread is scheduled.
+/// Scheduling of a thread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NuttxPolicy {
     /// `SCHED_FIFO`.

@@ -15,7 +15,7 @@ pub(crate) const INK: RGBColor = RGBColor(0x52, 0x60, 0x6d);
 /// Grid lines.
 pub(crate) const GRID: RGBColor = RGBColor(0xe4, 0xe7, 0xeb);
 
-/// How a series is drawn.
+/// Style of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Style {
     /// Measured: a line with a mark at each point.
@@ -35,7 +35,7 @@ pub(crate) struct Series {
     pub label: String,
     /// Its colour.
     pub color: RGBColor,
-    /// How it is drawn.
+    /// Its style.
     pub style: Style,
     /// Its points.
     pub points: Vec<(f64, f64)>,

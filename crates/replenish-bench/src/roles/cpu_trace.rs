@@ -1,4 +1,4 @@
-//! When a worker had the CPU: a few slices per window, recorded by the worker itself.
+//! The time in which a worker had the CPU: a few slices per window, recorded by the worker itself.
 //!
 //! The loop that burns CPU time reads the clock all the time; a jump means that somebody else
 //! had the CPU. Short jumps (the dispatcher, an interrupt) are no end of a slice.

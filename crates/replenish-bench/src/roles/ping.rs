@@ -24,7 +24,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// The topics, in the order of all pairs here.
 const TOPICS: [&str; 2] = ["high", "low"];
 
-/// How ping is to run.
+/// Settings of ping.
 #[derive(Debug, Clone)]
 pub(crate) struct Config {
     /// The agent's address.

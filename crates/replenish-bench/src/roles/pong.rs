@@ -27,7 +27,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// How pong is to run.
+/// Settings of pong.
 #[derive(Debug, Clone)]
 pub(crate) struct Config {
     /// The agent's address.
@@ -51,9 +51,9 @@ pub(crate) struct Topic {
     pub burnt: AtomicU64,
     /// CPU time from the end of the work to the answer's being published, in ns.
     after_work: AtomicU64,
-    /// When messages were taken, and how late a sleep ended.
+    /// Times at which messages were taken, and delays of sleeps.
     timing: Timing,
-    /// When the worker had the CPU.
+    /// Slices in which the worker had the CPU.
     pub cpu_trace: PiMutex<CpuTrace>,
 }
 
@@ -77,7 +77,7 @@ pub(crate) struct Pong {
     pub high: Arc<Topic>,
     /// The other one.
     pub low: Arc<Topic>,
-    /// How budgets are held.
+    /// Mode in which budgets are held.
     pub mode: Mode,
     /// Requested policies by thread name.
     requested: Vec<(String, String)>,
@@ -238,8 +238,8 @@ impl Answer {
         Ok(())
     }
 
-    /// When work on this message, `taken` by the dispatcher, must stop; `None`: it is not to be
-    /// answered at all.
+    /// Time at which work on this message, `taken` by the dispatcher, must stop; `None`: it is not
+    /// to be answered at all.
     fn deadline(&self, number: i32, taken: Nanos) -> Option<Nanos> {
         let Some(grid) = self.grid.get() else {
             return Some(Nanos::MAX);

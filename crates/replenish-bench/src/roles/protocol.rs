@@ -67,16 +67,16 @@ pub(crate) struct PongWindow {
     /// Idle time of the measured CPU, in steps of 10 ms; 0 if the kernel does not say.
     #[serde(default)]
     pub idle: Nanos,
-    /// How much later than asked the thread that takes the snapshots woke, at worst.
+    /// The largest delay of the thread that takes the snapshots.
     pub late: Nanos,
     /// Time of the measured CPU that the hypervisor took.
     ///
     /// In steps of 10 ms; 0 if the kernel does not say.
     #[serde(default)]
     pub stolen: Nanos,
-    /// When the high worker had the CPU: pairs of start and end, relative to the window.
+    /// Slices in which the high worker had the CPU: pairs of start and end, relative to the window.
     pub high_slices: Vec<(Nanos, Nanos)>,
-    /// When the low worker had the CPU.
+    /// Slices in which the low worker had the CPU.
     pub low_slices: Vec<(Nanos, Nanos)>,
 }
 
@@ -93,7 +93,7 @@ pub(crate) struct PingWindow {
     pub received_high: u64,
     /// Answers received on the low topic.
     pub received_low: u64,
-    /// How much later than its grid time the latest message was sent.
+    /// The largest delay of a message against its grid time.
     pub late: Nanos,
 }
 
@@ -105,10 +105,10 @@ pub(crate) struct PongEnd {
     /// Costs of messages and answers besides the work of the callbacks.
     #[serde(default)]
     pub costs: Costs,
-    /// When the messages of topic high were taken.
+    /// Times at which the messages of topic high were taken.
     #[serde(default)]
     pub arrivals_high: Arrivals,
-    /// When the messages of topic low were taken.
+    /// Times at which the messages of topic low were taken.
     #[serde(default)]
     pub arrivals_low: Arrivals,
     /// Samples that slots dropped because newer ones came.
@@ -117,7 +117,7 @@ pub(crate) struct PongEnd {
     pub stuck: Vec<String>,
 }
 
-/// How far a budget was overrun, by the thread's CPU clock, in microseconds.
+/// Overruns of a budget, by the thread's CPU clock, in microseconds.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Overrun {
     /// Half of the exhaustions overran by no more than this.

@@ -119,8 +119,8 @@ impl Sender {
     }
 }
 
-/// When the answers of window `index` are in: late in the pause, or, without pauses, between two
-/// messages, since the report must not hold up the next one.
+/// Time at which the answers of window `index` are in: late in the pause, or, without pauses,
+/// between two messages, since the report must not hold up the next one.
 fn settled(grid: &Grid, index: u64) -> Nanos {
     if grid.is_continuous() {
         grid.end(index).saturating_sub(grid.interval / 2)

@@ -17,7 +17,7 @@ const WAKE_UPS: usize = 512;
 pub(super) struct Timing {
     /// From sending to taking, in ns, window by window; 0: not seen.
     taken: Box<[AtomicU32]>,
-    /// How late callbacks woke from their sleep.
+    /// Delays with which callbacks woke from their sleep.
     wake_ups: [AtomicU64; WAKE_UPS],
     woken: AtomicU64,
 }
@@ -57,7 +57,7 @@ impl Timing {
         late.get(late.len() / 2).copied().unwrap_or(0)
     }
 
-    /// When the messages of each window were taken.
+    /// Times at which the messages of each window were taken.
     pub(super) fn arrivals(&self, grid: &Grid) -> Arrivals {
         let messages = usize::try_from(grid.messages().max(1)).unwrap_or(MESSAGES);
         let of = |window: &[AtomicU32]| window.iter().map(|t| t.load(Ordering::Relaxed)).collect();

@@ -44,13 +44,13 @@ pub(crate) struct Plan {
 /// The result of a run.
 #[derive(Debug, Clone)]
 pub(crate) struct Run {
-    /// When load was offered.
+    /// The windows in which load was offered.
     pub grid: Grid,
     /// The windows that count.
     pub windows: Vec<Window>,
     /// The numbers.
     pub summary: Summary,
-    /// How budgets were held.
+    /// Mode in which budgets were held.
     pub mode: Mode,
     /// The threads of all parts.
     pub threads: Vec<ThreadRow>,

@@ -62,7 +62,7 @@ pub(crate) struct Summary {
     pub stolen_percent: f64,
     /// Idle time of the CPU, in percent of the windows; steps of 10 ms in each window.
     pub idle_percent: f64,
-    /// How far the measured answers of one topic in one window are from it, at worst.
+    /// The largest difference of one topic's measured answers in one window.
     pub simulated_worst_difference: Option<u64>,
     /// CPU time that no worker, dispatcher or enforcer used, in percent of the windows.
     pub unused_cpu_percent: f64,
@@ -89,7 +89,7 @@ pub(crate) struct PerWindow {
     pub exhaustions: u64,
     /// CPU time that the hypervisor took, in steps of 10 ms.
     pub stolen_ms: f64,
-    /// Why it should not count, if it does only because no repeats were left.
+    /// The reason why it should not count, if it does only because no repeats were left.
     pub disturbed: Option<Void>,
     /// Answers that the simulator gives; absent for continuous load.
     pub simulated: Option<Prediction>,

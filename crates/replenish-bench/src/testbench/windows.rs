@@ -30,11 +30,11 @@ pub(crate) struct Window {
     pub pong: PongWindow,
     /// Ping's account of the window.
     pub ping: PingWindow,
-    /// Why it should not count, if it does only because no repeats were left.
+    /// The reason why it should not count, if it does only because no repeats were left.
     pub disturbed: Option<Void>,
 }
 
-/// Why a window does not count.
+/// Reason why a window does not count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Void {

@@ -28,7 +28,7 @@ pub struct Args {
     json: JsonOption,
 }
 
-/// How a fact bears on real-time threads.
+/// Meaning of a fact for real-time threads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Verdict {

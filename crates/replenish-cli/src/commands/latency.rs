@@ -1,4 +1,5 @@
-//! How late a thread wakes from an absolute sleep: the floor under every latency on this machine.
+//! Delay with which a thread wakes from an absolute sleep: the floor under every latency on this
+//! machine.
 
 use crate::machine::stats::{Sorted, us};
 use crate::outcome::Failure;

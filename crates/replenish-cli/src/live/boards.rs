@@ -58,7 +58,7 @@ pub(crate) struct Boards {
     pub(crate) agent_pid: u32,
     /// The address that the agent listens at.
     pub(crate) agent: String,
-    /// When it was written: `CLOCK_MONOTONIC`.
+    /// Time at which it was written: `CLOCK_MONOTONIC`.
     pub(crate) at: Nanos,
     pub(crate) boards: Vec<Board>,
 }

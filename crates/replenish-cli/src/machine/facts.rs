@@ -15,7 +15,7 @@ pub fn number(path: impl AsRef<Path>) -> Option<i64> {
     read(path)?.parse().ok()
 }
 
-/// How far the kernel itself can be preempted.
+/// Preemption model of the kernel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Preemption {
     /// `PREEMPT_RT`: almost everywhere.

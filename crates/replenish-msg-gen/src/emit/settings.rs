@@ -3,7 +3,7 @@
 use crate::model::TypeName;
 use crate::registry::Registry;
 
-/// When owned values on the heap are generated.
+/// The types for which owned values on the heap are generated.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Owned {
     Always,

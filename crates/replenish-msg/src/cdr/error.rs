@@ -2,8 +2,8 @@
 
 use core::fmt;
 
-/// Why bytes could not be encoded or decoded. Offsets and lengths are in bytes from the start of
-/// the payload unless said otherwise.
+/// Reason why bytes could not be encoded or decoded. Offsets and lengths are in bytes from the
+/// start of the payload unless said otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum CdrError {

@@ -99,7 +99,7 @@ impl Message for MultiArrayLayout {
 /// `std_msgs/msg/UInt8MultiArray` of at most `N` data bytes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BoundedUInt8MultiArray<const N: usize> {
-    /// How the data is to be read.
+    /// Layout of the data.
     pub layout: MultiArrayLayout,
     /// The bytes.
     pub data: Vec<u8, N>,

@@ -46,7 +46,7 @@ impl<const N: usize> Message for BoundedString<N> {
 /// `std_msgs/msg/Header` with a `frame_id` of at most `N` bytes, 255 if not stated.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BoundedHeader<const N: usize = 255> {
-    /// When the data was taken.
+    /// Time at which the data was taken.
     pub stamp: Time,
     /// The coordinate frame the data is in.
     pub frame_id: heapless::String<N>,

@@ -12,7 +12,7 @@
 use super::config::NEVER;
 use crate::Nanos;
 
-/// When the timer is set to fire.
+/// Time at which the timer is set to fire.
 #[derive(Debug)]
 pub(crate) struct Alarm(Nanos);
 

@@ -25,7 +25,7 @@ pub(super) struct Budgeted {
     pub(super) suspend: Arc<SuspendCell>,
     pub(super) cancelled: AtomicBool,
     pub(super) has_switch_records: bool,
-    /// Why there are no records although they were asked for.
+    /// The reason why there are no records although they were asked for.
     pub(super) records_refused: Option<OsError>,
     pub(super) lock_waits: LockWaits,
 }

@@ -84,7 +84,7 @@ impl EnforcerConfig {
     }
 }
 
-/// Why a thread could not be enrolled.
+/// Reason why a thread could not be enrolled.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum EnrollError {
@@ -130,7 +130,7 @@ impl core::error::Error for EnrollError {}
 /// Counters of one enforcer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EnforcerStats {
-    /// How often the timer fired.
+    /// Number of times that the timer fired.
     pub wakes: u64,
     /// Wakes that found nothing to decide: the price of the lazy timer.
     pub idle_wakes: u64,
@@ -154,7 +154,7 @@ pub enum Fault {
     /// The enforcer did not look after its workers in time: something keeps it from its CPU. The
     /// watchdog does it in its place, less often.
     Silent {
-        /// How late it was when that was noticed, in nanoseconds.
+        /// Its delay in nanoseconds when the watchdog noticed it.
         late: Nanos,
     },
     /// The enforcer had another priority or another CPU than it was given. The watchdog gives them

@@ -59,7 +59,7 @@ impl EnforcedThread {
         }
     }
 
-    /// When the next judgement is due, [`NEVER`] if none is.
+    /// Time at which the next judgement is due, [`NEVER`] if none is.
     pub(super) fn check_at(&self) -> Nanos {
         if self.live {
             self.reservation.check_at().unwrap_or(NEVER)

@@ -86,7 +86,7 @@ impl Enforcer {
         })
     }
 
-    /// How this enforcer holds budgets.
+    /// Mode in which this enforcer holds budgets.
     #[must_use]
     pub fn enforcement(&self) -> Enforcement {
         self.state.mode
@@ -115,14 +115,15 @@ impl Enforcer {
         }
     }
 
-    /// Why no watchdog looks after this enforcer; `None` where one does, or where an enforcer needs
-    /// none: on small kernels, and without a thread of its own.
+    /// The reason why no watchdog looks after this enforcer; `None` where one does, or where an
+    /// enforcer needs none: on small kernels, and without a thread of its own.
     #[must_use]
     pub fn watchdog_refused(&self) -> Option<&SpawnError> {
         self.supervision.as_ref()?.refused()
     }
 
-    /// Why the program is not kept in memory, where [`EnforcerConfig::keep_memory`] asked for it.
+    /// The reason why the program is not kept in memory, where [`EnforcerConfig::keep_memory`]
+    /// asked for it.
     ///
     /// The enforcer may wait for a disk when memory runs short then, and budgets end late.
     #[must_use]

@@ -46,7 +46,7 @@ impl Meter {
         self.0.budget.as_ref().is_some_and(|b| b.has_switch_records)
     }
 
-    /// Why blocking inside callbacks is not seen exactly although it was asked for
+    /// The reason why blocking inside callbacks is not seen exactly although it was asked for
     /// ([`EnforcerConfig::switch_log`](crate::EnforcerConfig::switch_log)); `None` where it is.
     #[must_use]
     pub fn records_refused(&self) -> Option<&OsError> {
@@ -67,7 +67,7 @@ impl Meter {
         }
     }
 
-    /// How far the budget was overrun, newest exhaustions first. Allocates: not for the hot path.
+    /// Overruns of the budget, newest exhaustions first. Allocates: not for the hot path.
     #[must_use]
     pub fn overruns(&self) -> OverrunSummary {
         let Some(b) = &self.0.budget else {

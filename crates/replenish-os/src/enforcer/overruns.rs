@@ -1,4 +1,4 @@
-//! How far budgets were overrun: the last ones exactly, in fixed memory.
+//! Overruns of budgets: the last ones exactly, in fixed memory.
 
 use alloc::vec::Vec;
 
@@ -12,7 +12,7 @@ const STALLS_KEPT: usize = if KEPT < 1024 { 2 } else { 16 };
 /// real-time throttle): listed apart from the mechanism's own overruns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stall {
-    /// How late the enforcer ran, in nanoseconds of wall time.
+    /// Delay of the enforcer, in nanoseconds of wall time.
     pub late: u64,
     /// CPU time beyond the budget that the worker consumed meanwhile, in nanoseconds.
     pub overrun: i64,

@@ -49,7 +49,7 @@ type Hook = Arc<dyn Fn(&Fault) + Send + Sync>;
 #[derive(Debug)]
 pub(super) struct Supervision {
     watch: Mutex<Option<Watch>>,
-    /// Why there is no watchdog.
+    /// The reason why there is no watchdog.
     refused: Option<SpawnError>,
     watched: Arc<Watched>,
 }
@@ -115,7 +115,7 @@ impl Supervision {
         }
     }
 
-    /// Why there is no watchdog.
+    /// The reason why there is no watchdog.
     pub(super) const fn refused(&self) -> Option<&SpawnError> {
         self.refused.as_ref()
     }

@@ -16,7 +16,7 @@ use core::ptr;
 
 /// The time that the board's timer is set to.
 static SET: Guarded<Nanos> = Guarded::new(NEVER);
-/// When the running task will be at its limit.
+/// Time at which the running task will be at its limit.
 static LIMIT_AT: Guarded<Nanos> = Guarded::new(NEVER);
 
 /// Before the kernel runs: the board counts its overflows when the timer rings, asked or not.

@@ -17,7 +17,7 @@ use core::ptr;
 
 const ALIGN: usize = 8;
 
-/// How much of a heap is used, in bytes.
+/// Use of a heap, in bytes.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct HeapUse {
     /// Handed out at least once.
@@ -76,7 +76,7 @@ impl<const N: usize> SealedHeap<N> {
         self.state.with(|s| s.sealed = true);
     }
 
-    /// How much is used.
+    /// Use of this heap.
     #[must_use]
     pub fn usage(&self) -> HeapUse {
         self.state.with(|s| HeapUse {

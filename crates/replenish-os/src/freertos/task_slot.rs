@@ -41,7 +41,7 @@ pub(crate) struct TaskState {
     pub(crate) priority: u8,
     /// The priority that the kernel got last.
     pub(crate) effective: u8,
-    /// When the task wants to be woken at the latest.
+    /// Time at which the task wants to be woken at the latest.
     pub(crate) deadline: Nanos,
     /// The word the task waits on; null: none.
     pub(crate) waits_on: *const AtomicU32,
@@ -76,7 +76,7 @@ impl TaskState {
         }
     }
 
-    /// When the task reaches its limit if it runs on from `now`.
+    /// Time at which the task reaches its limit if it runs on from `now`.
     pub(super) fn reaches_limit_at(&self, now: Nanos) -> Nanos {
         now.saturating_add(self.limit.saturating_sub(self.cpu(now)))
     }

@@ -64,7 +64,7 @@ pub struct KernelUse {
     pub alarms: u32,
 }
 
-/// How the board has slept so far.
+/// The board's sleeps so far.
 #[must_use]
 pub fn kernel() -> KernelUse {
     KernelUse {

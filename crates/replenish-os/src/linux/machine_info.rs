@@ -11,7 +11,7 @@ use std::fs;
 pub struct MachineInfo {
     /// The kernel's release, as `uname -r` prints it.
     pub kernel: String,
-    /// When the kernel may be preempted.
+    /// Preemption model of the kernel.
     pub preemption: Preemption,
     /// Scheduler ticks per second (`CONFIG_HZ`).
     pub hz: Option<u32>,
@@ -30,7 +30,7 @@ pub struct MachineInfo {
     pub clock_source: Option<String>,
 }
 
-/// When code inside the kernel gives way to a real-time thread.
+/// Preemption model: when code inside the kernel gives way to a real-time thread.
 #[derive(Clone, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum Preemption {

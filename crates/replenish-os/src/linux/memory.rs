@@ -121,7 +121,7 @@ pub fn unlock_all() -> io::Result<()> {
     Ok(munlockall()?)
 }
 
-/// Why memory was not locked.
+/// Reason why memory was not locked.
 #[derive(Debug)]
 pub struct LockError {
     source: io::Error,

@@ -1,5 +1,5 @@
-//! Why a thread could not be started as asked: what was asked, what the kernel answered, and what
-//! would grant it.
+//! Reasons why a thread could not be started as asked: what was asked, what the kernel answered,
+//! and what would grant it.
 
 use super::affinity::CpuSet;
 use super::privilege::{Privilege, probe};
@@ -7,7 +7,7 @@ use crate::{Policy, PolicyError};
 use std::fmt;
 use std::io;
 
-/// Why [`spawn`](crate::spawn) did not start a thread.
+/// Reason why [`spawn`](crate::spawn) did not start a thread.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum SpawnError {

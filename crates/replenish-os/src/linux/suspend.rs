@@ -1,4 +1,4 @@
-//! How an exhausted worker is stopped (`Low::Suspend`), and what a lowered one inherits.
+//! Stops an exhausted worker (`Low::Suspend`), and limits the priority that a lowered one inherits.
 //!
 //! A thread cannot be stopped from outside by POSIX means, so it stops itself in a signal handler
 //! that the enforcer sends it into, below every real-time priority. It must not stop while it holds

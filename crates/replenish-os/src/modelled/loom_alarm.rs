@@ -20,7 +20,7 @@ impl Timer {
         Ok(())
     }
 
-    /// When it fired.
+    /// Time at which it fired.
     fn read(&self) -> Nanos {
         let mut set = self.0.lock().unwrap();
         loop {

@@ -1,4 +1,4 @@
-//! How a thread comes to life: `pthread_create` with everything it asked for, detached.
+//! Starts a thread: `pthread_create` with the requested settings, detached.
 #![expect(
     unsafe_code,
     reason = "the closure goes through the system as a pointer"

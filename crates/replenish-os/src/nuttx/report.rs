@@ -59,7 +59,7 @@ impl fmt::Display for SystemInfo {
     }
 }
 
-/// Why nothing can run here.
+/// Reason why nothing can run here.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum CheckError {

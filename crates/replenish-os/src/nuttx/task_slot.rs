@@ -47,7 +47,7 @@ pub(crate) struct TaskState {
     pub(crate) priority: u8,
     /// The priority that the system got last.
     pub(crate) effective: u8,
-    /// When the thread wants to be woken at the latest.
+    /// Time at which the thread wants to be woken at the latest.
     pub(crate) deadline: Nanos,
     /// The deadline it sleeps with; 0 while it does not sleep.
     pub(crate) parked_until: Nanos,

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-/// Why an operation was refused.
+/// Reason why an operation was refused.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct OsError {
     what: &'static str,

@@ -1,10 +1,10 @@
-//! Why a task could not be started as asked.
+//! Reasons why a task could not be started as asked.
 
 use super::error::OsError;
 use crate::{Policy, PolicyError};
 use core::fmt;
 
-/// Why [`spawn`](crate::spawn) did not start a task.
+/// Reason why [`spawn`](crate::spawn) did not start a task.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum SpawnError {

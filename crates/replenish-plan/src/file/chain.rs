@@ -7,8 +7,8 @@ use replenish_sim::Releases;
 use replenish_sim::analysis::chain::{Stage, end_to_end};
 
 impl Deployment {
-    /// How late each worker can be released by others, in relation to a strict pattern, if the
-    /// stages before it take what `plan` says: their responses, and the jitter of the first that is
+    /// The largest delay against a strict pattern with which others release each worker. The stages
+    /// before it take what `plan` says: their responses, and the jitter of the first that is
     /// released by itself (TC94). 0 for workers with releases of their own.
     pub(super) fn lateness(&self, plan: &Plan) -> Vec<Nanos> {
         let mut late = vec![0; self.workers.len()];

@@ -40,7 +40,7 @@ pub struct Described {
     pub handles: Vec<String>,
     /// Its CPU.
     pub cpu: Option<usize>,
-    /// How it is to be scheduled; `None`: the file does not say (time-shared, or as the program
+    /// Its requested scheduling; `None`: the file does not say (time-shared, or as the program
     /// says).
     pub scheduling: Option<Requirement>,
     /// The worker's load.
@@ -56,7 +56,7 @@ pub struct Load {
     pub runs: Option<Span>,
     /// Time that each callback blocks, before it runs.
     pub blocks: Option<Span>,
-    /// When callbacks are released; `None`: not stated.
+    /// Releases of callbacks; `None`: not stated.
     pub releases: Option<Releases>,
     /// The most releases that wait.
     pub queue: usize,
@@ -150,7 +150,7 @@ impl Deployment {
         let mut request = self.request();
         request.promised = promised.to_vec();
         let mut plan = crate::plan(&request)?;
-        // How late a stage is released depends on the stages before it, which may depend on it:
+        // The delay of a stage's release depends on the stages before it, which may depend on it:
         // until nothing changes (TC94). Never back, so that it comes to an end.
         let mut changed = !self.chains.is_empty();
         for _ in 0..MAX_ROUNDS {

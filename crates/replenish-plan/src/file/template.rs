@@ -31,11 +31,11 @@ pub struct TemplateWorker {
     pub cpu: Option<usize>,
     /// The guarantee that it needs.
     pub guarantee: Option<Guarantee>,
-    /// How it is scheduled, if it has no guarantee.
+    /// Its policy, if it has no guarantee.
     pub policy: Option<Policy>,
     /// CPU time per callback.
     pub runs: Option<Span>,
-    /// When it is released.
+    /// Its releases.
     pub releases: Option<Releases>,
 }
 

@@ -19,7 +19,7 @@ pub(super) enum Victim {
     Sum,
 }
 
-/// Why a CPU does not hold.
+/// Reason why a CPU does not hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Failure {
     pub(super) victim: Victim,

@@ -79,7 +79,7 @@ fn own(problem: &Problem<'_>, placed: &Placed, at: usize, but: Whose) -> Vec<(St
     all
 }
 
-/// How much of it other programs have, if any.
+/// The part of it that other programs have, if any.
 fn others(problem: &Problem<'_>, placed: &Placed, at: usize) -> Option<String> {
     let fixed = placed.fixed.get(at).map_or(&[][..], Vec::as_slice);
     let promised = |i: &usize| {

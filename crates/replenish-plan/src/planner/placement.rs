@@ -21,7 +21,7 @@ pub(super) struct ThreadPlan {
     pub(super) demand: Option<Demand>,
     /// Its callbacks are stated to wait, for something else than their CPU.
     pub(super) waits: bool,
-    /// How much of the demand's jitter is before the release that the deadline runs from.
+    /// The part of the demand's jitter before the release that the deadline runs from, in ns.
     pub(super) late: Nanos,
     pub(super) sections: Vec<Section>,
     /// The executor's: above all workers.

@@ -39,7 +39,7 @@ pub struct PlannedWorker {
     /// The longest time until a callback of the known demand ends or, where the demand is not
     /// known, until budget that is due is delivered, in ns. `None`: no bound.
     pub worst_response: Option<Nanos>,
-    /// Why it is as it is, a sentence each.
+    /// Reasons for the choices, a sentence each.
     pub reasons: Vec<String>,
 }
 
@@ -62,7 +62,7 @@ impl PlannedWorker {
 pub struct PlannedExecutor {
     /// Its CPU; `None`: any.
     pub cpu: Option<usize>,
-    /// How it is scheduled.
+    /// Its scheduling.
     pub policy: Policy,
     /// The longest time until budget that is due is delivered, in ns.
     pub worst_response: Option<Nanos>,

@@ -1,4 +1,4 @@
-//! Why each choice was made: the last column of the table.
+//! The reasons for each choice: the last column of the table.
 
 use super::neighbours::percent;
 use super::placement::ThreadPlan;

@@ -1,4 +1,4 @@
-//! Why a request is not admitted, in one sentence.
+//! Reasons why a request is not admitted, in one sentence.
 
 use super::alternatives::{self, Alternative};
 use super::assign::{self, Placed};

@@ -59,7 +59,8 @@ fn pieces_of(params: &Params) -> Demand {
     )
 }
 
-/// How a fixed thread delays others; `None`: not at all. A time-shared one does so by its locks.
+/// The delay that a fixed thread causes; `None`: not at all. A time-shared one does so by its
+/// locks.
 pub(super) fn fixed_task(fixed: &FixedThread, floor: u8) -> Option<Task> {
     let mut task = match &fixed.policy {
         Policy::Other if fixed.sections.is_empty() => return None,

@@ -33,7 +33,7 @@ impl Reader {
         }
     }
 
-    /// When the first lease ends.
+    /// Time at which the first lease ends.
     pub(crate) fn next_lease(&self) -> Nanos {
         let leases = self.writers.iter().map(|writer| writer.lease.next());
         leases.min().unwrap_or(INFINITE)

@@ -47,7 +47,7 @@ pub struct Header {
     pub only: Option<GuidPrefix>,
 }
 
-/// Why a sample was not taken.
+/// Reason why a sample was not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WriteError {

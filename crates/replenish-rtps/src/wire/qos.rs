@@ -26,7 +26,7 @@ pub enum Durability {
     Persistent,
 }
 
-/// How a writer shows that it is alive, weakest first.
+/// Ways for a writer to show that it is alive, weakest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LivelinessKind {
     /// The middleware does it.
@@ -65,7 +65,7 @@ pub struct Qos {
     pub deadline: Nanos,
     /// Time in ns for which a sample is of use. Writers only.
     pub lifespan: Nanos,
-    /// How a writer shows that it is alive.
+    /// The way in which a writer shows that it is alive.
     pub liveliness: LivelinessKind,
     /// Time in ns that a writer counts as alive after it has shown it.
     pub liveliness_lease: Nanos,

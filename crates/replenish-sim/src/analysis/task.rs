@@ -6,7 +6,7 @@ use sporadic::{Low, Params, Tuning};
 /// One thread on the CPU that is analysed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Task {
-    /// How it is scheduled.
+    /// Its scheduling.
     pub scheduling: Scheduling,
     /// The demand of its jobs; `None`: unknown, so a reservation may use all of its budget, and
     /// nothing below an unlimited thread has a bound.
@@ -15,7 +15,7 @@ pub struct Task {
     pub sections: Vec<Section>,
 }
 
-/// How a thread is scheduled. Larger priorities are more urgent.
+/// Scheduling of a thread. Larger priorities are more urgent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scheduling {
     /// At one priority for ever.
@@ -75,9 +75,9 @@ pub struct Costs {
     pub tick: Nanos,
     /// From the timer of the enforcer to its reading of the CPU clock, at most.
     pub latency: Nanos,
-    /// How much longer a check can be put off ([`Tuning::min_rearm`] and [`Tuning::backoff`],
-    /// whose `max_backoff` is 0 where no check is put off), and with how much left a budget counts
-    /// as used up ([`Tuning::for_budget`]).
+    /// The longest postponement of a check ([`Tuning::min_rearm`] and [`Tuning::backoff`], whose
+    /// `max_backoff` is 0 where no check is put off), and the rest of a budget that counts as used
+    /// up ([`Tuning::for_budget`]).
     pub tuning: Tuning,
     /// CPU time the enforcer takes per period of a reservation. An estimate, unlike the rest: the
     /// number of checks per period depends on who preempts whom.
@@ -85,7 +85,7 @@ pub struct Costs {
 }
 
 impl Costs {
-    /// How much this budget can be overdrawn; [`Nanos::MAX`]: any budget.
+    /// The largest overrun of this budget, in ns; [`Nanos::MAX`]: any budget.
     pub fn overrun(&self, budget: Nanos) -> Nanos {
         self.tick + self.latency + self.tuning.min_rearm + self.tuning.backoff(budget)
     }
@@ -95,7 +95,7 @@ impl Costs {
         self.tuning.for_budget(budget).slack
     }
 
-    /// How late a replenishment can act.
+    /// The largest delay of a replenishment, in ns.
     pub const fn raise_delay(&self) -> Nanos {
         self.tick + self.latency
     }

@@ -87,7 +87,7 @@ impl Cbs {
         }
     }
 
-    /// When a throttled server gets runtime again.
+    /// Time at which a throttled server gets runtime again.
     pub(super) fn next_period(&self) -> Nanos {
         let deadline = self.deadline.unwrap_or(0);
         deadline

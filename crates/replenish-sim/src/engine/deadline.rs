@@ -1,5 +1,5 @@
-//! When threads of `SCHED_DEADLINE` wake, are throttled and get runtime again: [`Cbs`](super::cbs)
-//! says so, this carries it out.
+//! Wakes and throttles threads of `SCHED_DEADLINE` and gives them runtime again, as
+//! [`Cbs`](super::cbs) decides.
 
 use super::phase::Phase;
 use super::simulation::{Sim, Timer};

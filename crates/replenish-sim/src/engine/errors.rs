@@ -1,9 +1,9 @@
-//! Why a run cannot go on.
+//! Reasons why a run cannot go on.
 
 use crate::{Nanos, SpecError};
 use core::fmt;
 
-/// Why a run did not come to its end.
+/// Reason why a run did not come to its end.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum SimError {
     /// The system is not valid.

@@ -2,7 +2,7 @@
 
 use crate::LockId;
 
-/// How urgent a thread is; larger is more urgent. 0 is the time-sharing class, up to 255 the FIFO
+/// Urgency of a thread; larger is more urgent. 0 is the time-sharing class, up to 255 the FIFO
 /// priorities, above that `SCHED_DEADLINE`, earlier deadlines larger.
 pub(super) type Rank = u64;
 

@@ -171,7 +171,7 @@ impl<'a> Sim<'a> {
         cpu.running.filter(|&id| free && self.states[id].left == 0)
     }
 
-    /// When something can happen next.
+    /// Time at which something can happen next.
     fn next_time(&self) -> Nanos {
         let timer = self.timers.peek().map_or(Nanos::MAX, |t| t.0.0);
         let running = self.cpus.iter().filter_map(|cpu| {

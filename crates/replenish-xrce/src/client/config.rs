@@ -40,15 +40,15 @@ pub struct Config {
     /// [`RequestState::Unanswered`](super::RequestState::Unanswered), and a session that waits for
     /// it to be up waits no longer.
     pub answer_within: Nanos,
-    /// How the loss of the agent is noticed; `None`: never.
+    /// Pings by which the client notices the loss of the agent; `None`: never.
     pub ping: Option<PingPolicy>,
     /// Heartbeats and window of the reliable output streams.
     pub reliability: Reliability,
-    /// When reliable input streams acknowledge.
+    /// Acknowledgement policy of reliable input streams.
     pub acks: AckPolicy,
 }
 
-/// How the loss of the agent is noticed.
+/// Pings by which the client notices the loss of the agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PingPolicy {
     /// Ping after that long without a message from the agent, and again after each half of it: with

@@ -74,7 +74,7 @@ pub enum Event<'a> {
     Closed,
 }
 
-/// Why a sample was not written.
+/// Reason why a sample was not written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WriteError {
@@ -130,7 +130,7 @@ impl fmt::Display for WriteError {
 
 impl core::error::Error for WriteError {}
 
-/// Why a request was not taken.
+/// Reason why a request was not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum RequestError {

@@ -10,7 +10,7 @@
 
 use crate::wire::{BaseRequest, ObjectId, RawBody, RequestId, Status, SubmessageId};
 
-/// How far a request in the journal has got.
+/// State of a request in the journal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RequestState {
     /// Not sent in this session yet.
@@ -194,7 +194,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
         self.turn_all(Some(code::ASKED), code::UNANSWERED);
     }
 
-    /// How far the creation of `object` has got; `None` if it is not in the journal.
+    /// State of the creation of `object`; `None` if it is not in the journal.
     #[must_use]
     pub fn creation(&self, object: ObjectId) -> Option<RequestState> {
         let (_, head) = self.find(|head| head.is(object, SubmessageId::Create))?;

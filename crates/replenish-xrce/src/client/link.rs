@@ -1,11 +1,12 @@
-//! When to log in, to ping, to give up: the part of a session that is about the agent's presence.
+//! Times to log in, to ping and to give up: the part of a session that is about the agent's
+//! presence.
 
 use super::{Config, PingPolicy};
 use crate::counter::count;
 use crate::time::{NEVER, Nanos, later};
 use crate::wire::SessionId;
 
-/// How a session stands with its agent. See the module's picture.
+/// State of a session with its agent. See the module's picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SessionState {
     /// Not wanted.
@@ -53,7 +54,7 @@ pub(super) struct Link {
     pub(super) state: SessionState,
     pub(super) session: SessionId,
     pub(super) stats: LinkStats,
-    /// When to send the next log-in or log-out.
+    /// Time to send the next log-in or log-out.
     next_request: Nanos,
     retry: Nanos,
     /// Log-ins or log-outs sent in this state.
@@ -107,7 +108,7 @@ impl Link {
         self.first_ping = NEVER;
     }
 
-    /// When the next ping is due.
+    /// Time at which the next ping is due.
     const fn ping_at(&self, ping: &PingPolicy) -> Nanos {
         match self.first_ping {
             NEVER => later(self.heard, ping.after),
@@ -163,7 +164,7 @@ impl Link {
             && now >= self.next_request
     }
 
-    /// When the agent was last heard of.
+    /// Time at which the agent was last heard of.
     pub(super) const fn heard(&self) -> Nanos {
         self.heard
     }
@@ -172,7 +173,7 @@ impl Link {
         matches!(self.state, SessionState::Restoring | SessionState::Up)
     }
 
-    /// When there is something to do; [`NEVER`] for no time.
+    /// Time at which there is something to do; [`NEVER`] for no time.
     pub(super) fn deadline(&self, config: &Config) -> Nanos {
         match self.state {
             SessionState::Idle => NEVER,
@@ -184,8 +185,8 @@ impl Link {
         }
     }
 
-    /// When the agent counts as lost. Only the time in which it could have answered a ping counts,
-    /// not the time in which the caller did not look after the session.
+    /// Time at which the agent counts as lost. Only the time in which it could have answered a ping
+    /// counts, not the time in which the caller did not look after the session.
     fn silent_at(&self, config: &Config) -> Nanos {
         match config.ping {
             Some(ping) if self.first_ping != NEVER => {

@@ -39,8 +39,8 @@ impl<S, const N: usize, const E: usize, const B: usize, const R: usize> Session<
 where
     S: AsRef<[u8]> + AsMut<[u8]>,
 {
-    /// When [`Session::tick`] and [`Session::poll_transmit`] have something to do even if nothing
-    /// else happens; `None`: never.
+    /// Time at which [`Session::tick`] and [`Session::poll_transmit`] have something to do even if
+    /// nothing else happens; `None`: never.
     pub fn next_deadline(&self) -> Option<Nanos> {
         let mut next = self.link.deadline(&self.config);
         if self.link.has_session() {

@@ -61,7 +61,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Restore<S, N> {
         self.active
     }
 
-    /// When there is something to send; [`NEVER`] for no time.
+    /// Time at which there is something to send; [`NEVER`] for no time.
     pub(super) fn deadline(&self) -> Nanos {
         if self.active {
             self.output.deadline()

@@ -98,7 +98,7 @@ where
         self.link.enter(now, state, &self.config);
     }
 
-    /// How the session stands with its agent.
+    /// State of the session with its agent.
     pub const fn state(&self) -> SessionState {
         self.link.state
     }
@@ -108,7 +108,8 @@ where
         self.link.session
     }
 
-    /// When the agent was last heard of in a session, or when [`Session::connect`] was called.
+    /// Time at which the agent was last heard of in a session, or when [`Session::connect`] was
+    /// called.
     pub const fn heard(&self) -> Nanos {
         self.link.heard()
     }
@@ -264,7 +265,7 @@ where
         Ok(())
     }
 
-    /// How far the creation of `object` has got; `None` if it was not asked for.
+    /// State of the creation of `object`; `None` if it was not asked for.
     pub fn creation(&self, object: ObjectId) -> Option<RequestState> {
         self.journal.creation(object)
     }
@@ -393,7 +394,7 @@ where
         }
     }
 
-    /// When requests that were not answered are given up.
+    /// Time at which unanswered requests are given up.
     pub(super) fn answer_due(&self) -> Nanos {
         match self.asked {
             (0, _) => NEVER,

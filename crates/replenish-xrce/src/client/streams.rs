@@ -288,7 +288,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
             .first(|stream| stream.output.next_datagram(now))
     }
 
-    /// When a stream has something to send; [`NEVER`] for no time.
+    /// Time at which a stream has something to send; [`NEVER`] for no time.
     pub(super) fn deadline(&self) -> Nanos {
         let restoring = self.restore.is_active();
         self.reliable.sum(self.restore.deadline(), |next, stream| {

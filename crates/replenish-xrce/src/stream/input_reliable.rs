@@ -18,8 +18,8 @@ use crate::wire::{AckNack, StreamId, Submessage};
 /// Messages that can wait for a missing one at most. An acknowledgement names sixteen.
 const MOST: usize = 31;
 
-/// When an input stream acknowledges. A gap, a duplicate and a heartbeat are always answered at
-/// once: only the confirmation that all is well can wait.
+/// Acknowledgement policy of an input stream. A gap, a duplicate and a heartbeat are always
+/// answered at once: only the confirmation that all is well can wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AckPolicy {
     /// After this many messages at the latest. At most a half of the sender's window, lest it
@@ -70,7 +70,7 @@ pub struct InputReliable<S, R, const N: usize> {
     unconfirmed: u16,
     /// The acknowledgement must not wait.
     urgent: bool,
-    /// When it is due, from the first look at it on.
+    /// Time at which it is due, from the first look at it on.
     ack_at: Nanos,
     /// Submessages of message `next` that were taken before one was not.
     taken: u16,
@@ -233,8 +233,8 @@ where
         self.take_ack()
     }
 
-    /// When [`InputReliable::take_ack_at`] has something to send, once it was asked; [`NEVER`] for
-    /// nothing.
+    /// Time at which [`InputReliable::take_ack_at`] has something to send, once it was asked;
+    /// [`NEVER`] for nothing.
     pub(crate) const fn ack_due_at(&self) -> Nanos {
         self.ack_at
     }

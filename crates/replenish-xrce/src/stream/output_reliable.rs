@@ -102,7 +102,7 @@ const STEADY: u8 = 3;
 /// The new information in an acknowledgement.
 #[derive(Default)]
 struct AckProgress {
-    /// When the newest message was sent of which it is progress that it has arrived.
+    /// Time at which the newest message was sent whose arrival is progress.
     newest: Option<Nanos>,
     /// One that was sent again has: what else is progress may have been so for long.
     again: bool,
@@ -132,13 +132,13 @@ pub struct OutputReliable<S, const N: usize> {
     confirmed: usize,
     /// Messages from the first one on that were sent.
     sent: usize,
-    /// When the next heartbeat is due.
+    /// Time at which the next heartbeat is due.
     heartbeat: Nanos,
     /// Time between heartbeats now.
     interval: Nanos,
     /// Heartbeats since something new was acknowledged.
     unanswered: u8,
-    /// When the last heartbeat was sent.
+    /// Time at which the last heartbeat was sent.
     asked_at: Nanos,
     rtt: Rtt,
     stats: OutputStats,
@@ -341,7 +341,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         })
     }
 
-    /// When there is something to send even if nothing else happens.
+    /// Time at which there is something to send even if nothing else happens.
     pub fn next_deadline(&self) -> Option<Nanos> {
         ever(self.deadline())
     }

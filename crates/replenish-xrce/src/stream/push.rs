@@ -19,7 +19,7 @@ impl Tail {
     }
 }
 
-/// Why a submessage was not taken by an output stream. Nothing of it was.
+/// Reason why a submessage was not taken by an output stream. Nothing of it was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PushError {
     /// There is no room now; there will be after messages are taken for sending or, on a reliable

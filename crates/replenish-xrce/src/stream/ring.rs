@@ -31,7 +31,7 @@ pub(super) struct RingSlot {
     pub(super) len: usize,
     /// More submessages may be appended.
     pub(super) open: bool,
-    /// When it was last sent.
+    /// Time at which it was last sent.
     pub(super) sent_at: Nanos,
     /// Sent more than once.
     pub(super) resent: bool,

@@ -90,7 +90,7 @@ impl<'a> Data<'a> {
     }
 }
 
-/// How much an agent may deliver for a `READ_DATA`.
+/// Limits of an agent's deliveries for a `READ_DATA`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DeliveryControl {
     /// Samples in all; [`DeliveryControl::UNLIMITED_SAMPLES`] for no end, 0 to cancel.

@@ -39,7 +39,7 @@ impl CreationMode {
     }
 }
 
-/// How an object is described.
+/// Description of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Representation<'a, B> {
     /// By a name in the agent's configuration.

@@ -6,7 +6,7 @@ use replenish_wire::ReadError;
 /// A bounds-checked cursor over received CDR.
 pub type Reader<'a> = replenish_wire::Reader<'a, WireError>;
 
-/// Why bytes could not be decoded, or a value not be encoded.
+/// Reason why bytes could not be decoded, or a value not be encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WireError {

@@ -48,7 +48,7 @@ impl WireTime {
 /// TIMESTAMP: asks for the agent's time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timestamp {
-    /// When the client sent it, on the client's clock.
+    /// Time at which the client sent it, on the client's clock.
     pub transmit: WireTime,
 }
 
@@ -73,9 +73,9 @@ impl Timestamp {
 /// `TIMESTAMP_REPLY`: the agent's answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TimestampReply {
-    /// When the agent sent it, on the agent's clock.
+    /// Time at which the agent sent it, on the agent's clock.
     pub transmit: WireTime,
-    /// When the agent received the TIMESTAMP, on the agent's clock.
+    /// Time at which the agent received the TIMESTAMP, on the agent's clock.
     pub receive: WireTime,
     /// The time in the TIMESTAMP.
     pub originate: WireTime,

@@ -55,7 +55,7 @@ pub enum GoalUpdate<'a, A: Action> {
     Lost(Lost),
 }
 
-/// Why nothing more is heard of a goal.
+/// Reason why nothing more is heard of a goal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Lost {

@@ -28,6 +28,6 @@ pub(super) struct CoreState<A: Action> {
     pub(super) untold: bool,
     /// The error of a goal's future, for the timer to report.
     pub(super) failed: Option<GoalError>,
-    /// When the timer is due.
+    /// Time at which the timer is due.
     pub(super) armed: Nanos,
 }

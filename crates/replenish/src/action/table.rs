@@ -59,7 +59,7 @@ enum Life {
     Ended(GoalState, Nanos),
 }
 
-/// Why a goal is not taken.
+/// Reason why a goal is not taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum NoPlace {
     /// The most goals are there already.
@@ -274,7 +274,7 @@ impl<T> Table<T> {
         expired
     }
 
-    /// When the next goal expires.
+    /// Time at which the next goal expires.
     pub(crate) fn next_expiry(&self) -> Option<Nanos> {
         let ended = self.places.iter().filter_map(|p| match p.life {
             Life::Ended(_, since) => Some(since.saturating_add(self.keep)),

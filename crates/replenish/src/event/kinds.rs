@@ -64,7 +64,7 @@ pub enum Event<'a> {
         group: &'a str,
         /// The handle whose callback runs.
         by: &'a str,
-        /// For how long it has waited by now.
+        /// Its wait so far, in ns.
         waited: crate::Nanos,
     },
     /// A callback has needed more CPU time than it [may hold](crate::Group::holds) its group:

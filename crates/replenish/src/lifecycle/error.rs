@@ -1,4 +1,4 @@
-//! Why a transition was not made.
+//! Reasons why a transition was not made.
 
 use super::machine::{self, State};
 use core::fmt;

@@ -1,4 +1,4 @@
-//! Why a parameter was not declared, read or set.
+//! Reasons why a parameter was not declared, read or set.
 
 use crate::platform::ShortText;
 use core::fmt;
@@ -29,8 +29,8 @@ pub enum ParameterErrorKind {
     Nested,
 }
 
-/// Why a parameter was not declared, read or set; the text names the parameter and what is allowed.
-/// Made without allocation; a text of more than 120 bytes is cut.
+/// Reason why a parameter was not declared, read or set; the text names the parameter and what is
+/// allowed. Made without allocation; a text of more than 120 bytes is cut.
 #[derive(Clone, Copy)]
 pub struct ParameterError {
     kind: ParameterErrorKind,

@@ -30,7 +30,7 @@ impl Mark {
 #[derive(Debug, Clone)]
 pub struct Dump(());
 
-/// How much is to be recorded; a board's ring has its size.
+/// The requested recording; a board's ring has its size.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Settings {
     pub(crate) bytes: usize,

@@ -1,10 +1,10 @@
-//! Why there is no reply, or not even a request.
+//! Reasons why there is no reply, or not even a request.
 
 use crate::middleware::PublishError;
 use core::fmt;
 use replenish_msg::DecodeError;
 
-/// Why there is no reply.
+/// Reason why there is no reply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum NoReply {

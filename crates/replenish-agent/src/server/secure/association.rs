@@ -69,7 +69,7 @@ pub(super) struct Association {
     pub(super) connected: bool,
     /// The client has ended it.
     pub(super) closed: bool,
-    /// When the handshake must be looked after, and when it must be over.
+    /// Times at which the handshake must be looked after, and at which it must be over.
     pub(super) at: Nanos,
     pub(super) deadline: Nanos,
     undeciphered: u8,

@@ -70,7 +70,7 @@ impl Listed {
         list.owner(fingerprint)
     }
 
-    /// Why a handshake failed.
+    /// The reason why a handshake failed.
     pub(super) fn failure(&self, error: &Error) -> HandshakeError {
         let refused = self
             .refused

@@ -136,7 +136,7 @@ impl DtlsPort {
         self.udp.local_addr()
     }
 
-    /// When a handshake must be looked after.
+    /// Time at which a handshake must be looked after.
     pub(in super::super) fn next_deadline(&self) -> Option<Nanos> {
         let next = self
             .pending

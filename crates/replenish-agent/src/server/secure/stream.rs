@@ -62,7 +62,7 @@ impl TlsStream {
             .is_none_or(|(print, key)| self.listed.owner(&print) == Some(key))
     }
 
-    /// Why the connection failed, if it did so before it had shown who it is.
+    /// The reason why the connection failed, if it did so before it had shown who it is.
     pub(in super::super) fn failure(&self, late: bool) -> Option<HandshakeError> {
         let limit = gate::DEADLINE;
         let late = late.then_some(HandshakeError::Unfinished { limit });

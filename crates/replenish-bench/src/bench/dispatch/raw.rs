@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// As long as the agent's message with the same number in it: header, submessage, base, CDR, value.
 const LENGTH: usize = 4 + 4 + 4 + 4 + 8;
 
-/// How a loop goes: it gives what it has received to the function until that says no.
+/// A receiving loop: it gives each datagram to the function until that returns false.
 pub(super) type Loop = fn(&UdpSocket, &mut dyn FnMut(&[u8]) -> bool) -> io::Result<()>;
 
 /// One system call per message; nothing else can wake it.

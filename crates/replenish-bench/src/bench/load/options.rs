@@ -20,7 +20,7 @@ pub(crate) struct Args {
           value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub(super) rate: u64,
 
-    /// How long.
+    /// Duration of the load.
     #[arg(long, value_name = "N", default_value_t = 60,
           value_parser = clap::value_parser!(u64).range(1..=3600))]
     pub(super) seconds: u64,

@@ -33,7 +33,7 @@ pub(super) const PERIOD: Nanos = 10 * MS;
 const CONTROL: Nanos = 2 * MS;
 /// Period of the neighbour, and of the messages while all is calm.
 const NEIGHBOUR: Nanos = 5 * MS;
-/// For how long all behave.
+/// Time in which no neighbour disturbs, in ns.
 pub(super) const CALM: Nanos = 100 * MS;
 /// From the epoch to the end.
 pub(super) const WINDOW: Nanos = 500 * MS;
@@ -111,9 +111,9 @@ pub(super) struct Window {
 /// State that the callbacks share.
 struct Shared {
     disturbance: Disturbance,
-    /// When the disturbance begins; `MAX` until known.
+    /// Time at which the disturbance begins; `MAX` until known.
     begins: AtomicU64,
-    /// When everything stops; `MAX` until known.
+    /// Time at which everything stops; `MAX` until known.
     ends: AtomicU64,
     /// Until then a callback that runs away does not return, and looks at nothing else.
     let_go: AtomicBool,

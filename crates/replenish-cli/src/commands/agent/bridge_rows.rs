@@ -22,7 +22,7 @@ pub(crate) struct BridgeRow {
     pub(crate) type_name: String,
     /// `open`, `opening`, or `refused`.
     pub(crate) state: &'static str,
-    /// Why it is refused.
+    /// The reason why it is refused.
     pub(crate) reason: Option<String>,
     pub(crate) matched: usize,
     pub(crate) mismatched: u64,

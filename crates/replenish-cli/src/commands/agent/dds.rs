@@ -6,7 +6,7 @@ use replenish_agent::dds::{DdsConfig, DdsLimits, GidSize, Interfaces, MAX_DOMAIN
 use replenish_agent::{AgentConfig, DdsBridge};
 use std::net::IpAddr;
 
-/// How the clients appear in DDS.
+/// Form in which the clients appear in DDS.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "ROS 2")]
 pub(crate) struct Bridge {
@@ -26,7 +26,7 @@ pub(crate) struct Bridge {
     #[arg(long, value_name = "ADDRESS", requires = "dds", value_parser = parse_interface)]
     interface: Vec<Interface>,
 
-    /// How a reply says which request it answers.
+    /// The form in which a reply names its request.
     #[arg(long, value_name = "FORM", requires = "dds", default_value = "auto")]
     services: Form,
 

@@ -34,7 +34,7 @@ use watch::Watcher;
 /// Its priority under an orchestrator, so that a busy machine does not hold up messages.
 const SUPPORT_PRIORITY: u8 = 70;
 
-/// How the agent's thread is called.
+/// Name of the agent's thread.
 const THREAD: &str = "xrce-agent";
 
 /// Options of `agent`.

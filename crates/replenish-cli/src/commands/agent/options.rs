@@ -113,8 +113,8 @@ pub(crate) struct Bounds {
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "What goes first")]
 pub(crate) struct Service {
-    /// How urgent topics are on the way to clients: PATTERN=PRIORITY or PATTERN=PRIORITY:WEIGHT;
-    /// may be given several times, the first that matches counts. A pattern is a ROS name (/scan,
+    /// Priorities of topics on the way to clients: PATTERN=PRIORITY or PATTERN=PRIORITY:WEIGHT; may
+    /// be given several times, the first that matches counts. A pattern is a ROS name (/scan,
     /// /arm/*) or a DDS one (rt/scan), * for any part; priority 0 to 7, the most urgent, 4 without
     /// a rule; weight, samples in a turn among equals, 1 to 1000.
     #[arg(long, value_name = "RULE", value_parser = parse_rule)]

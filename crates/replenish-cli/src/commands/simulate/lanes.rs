@@ -9,7 +9,7 @@ use sporadic::Level;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Lane {
     pub(super) name: String,
-    /// How it is scheduled, in a few words.
+    /// Its scheduling, in a few words.
     pub(super) policy: String,
     /// Its CPU by its place in the system; `None`: any.
     pub(super) cpu: Option<usize>,

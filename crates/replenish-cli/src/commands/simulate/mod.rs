@@ -28,7 +28,7 @@ pub struct Args {
     #[arg(value_name = "FILE")]
     file: PathBuf,
 
-    /// How long, in seconds of virtual time.
+    /// Length of the run, in seconds of virtual time.
     #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=3600))]
     seconds: u64,
 
@@ -36,7 +36,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 
-    /// How much is drawn, in milliseconds: from the start, or around the first missed deadline.
+    /// Length of the drawing, in milliseconds: from the start, or around the first missed deadline.
     /// Without it, two of the longest periods.
     #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     show: Option<u64>,

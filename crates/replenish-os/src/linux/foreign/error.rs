@@ -1,10 +1,10 @@
-//! Why a foreign thread gets no budget.
+//! Reasons why a foreign thread gets no budget.
 
 use crate::Tid;
 use std::fmt;
 use std::io;
 
-/// Why a foreign thread could not be enrolled, or a budget not be made.
+/// Reason why a foreign thread could not be enrolled, or a budget not be made.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum ForeignError {

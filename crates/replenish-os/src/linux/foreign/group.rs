@@ -18,7 +18,7 @@ pub(super) const NEVER: Nanos = Nanos::MAX;
 /// Switches of all threads of a budget between two readings; more count as lost.
 pub(super) const MOST_EVENTS: usize = 4096;
 
-/// How far the CPU time of a thread that runs can be behind: a timer tick (100 Hz), in nanoseconds.
+/// The largest delay of a running thread's CPU time: a timer tick (100 Hz), in nanoseconds.
 const TICK: Nanos = 10_000_000;
 
 /// A switch of one of the threads, by its place.
@@ -71,7 +71,7 @@ impl Group {
         self.reservation.level()
     }
 
-    /// When the next judgement is due, [`NEVER`] if none is.
+    /// Time at which the next judgement is due, [`NEVER`] if none is.
     pub(super) fn check_at(&self) -> Nanos {
         if self.members.iter().all(|member| member.ended) {
             return NEVER; // the next thread that joins has it judged

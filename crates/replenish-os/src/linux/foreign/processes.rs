@@ -66,7 +66,8 @@ pub fn name(tid: Tid) -> Option<String> {
     Some(text.chars().map(plain).collect())
 }
 
-/// When thread `tid` began, in clock ticks since the machine's start; `None` if it has ended.
+/// Time at which thread `tid` began, in clock ticks since the machine's start; `None` if it has
+/// ended.
 #[must_use]
 pub fn start_of(tid: Tid) -> Option<u64> {
     Some(Stat::of(tid).filter(|stat| !stat.is_over())?.start)

@@ -106,8 +106,8 @@ impl ForeignThread {
         self.tid
     }
 
-    /// When it began, in clock ticks since the machine's start. With the number it names one
-    /// thread.
+    /// Time at which it began, in clock ticks since the machine's start. With the number it names
+    /// one thread.
     #[must_use]
     pub fn start(&self) -> u64 {
         self.start

@@ -70,7 +70,7 @@ impl WorkerBuilder<'_> {
         self.ruled(|r| r.trigger = trigger)
     }
 
-    /// When callbacks get their input. Default: each just before it runs.
+    /// Sets the time at which callbacks get their input. Default: each just before it runs.
     pub fn semantics(self, semantics: Semantics) -> Self {
         self.ruled(|r| r.semantics = semantics)
     }

@@ -1,4 +1,4 @@
-//! How an endpoint asks for its topic, service or action, and for the size of its messages.
+//! Names a topic, service or action for an endpoint, with the size of its messages.
 
 use crate::error::Error;
 use crate::platform::{STD, text};

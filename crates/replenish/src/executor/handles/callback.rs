@@ -70,14 +70,14 @@ impl CallbackContext<'_> {
         self.env.worker
     }
 
-    /// When the sample reached this process, or the timer's release: the *expected* time of the
+    /// The sample's arrival in this process, or the timer's release: the *expected* time of the
     /// call (`CLOCK_MONOTONIC`).
     #[must_use]
     pub fn due(&self) -> Nanos {
         self.due
     }
 
-    /// When the callback started: the *actual* time of the call (`CLOCK_MONOTONIC`).
+    /// Time at which the callback started: the *actual* time of the call (`CLOCK_MONOTONIC`).
     #[must_use]
     pub fn started(&self) -> Nanos {
         self.started
@@ -96,8 +96,8 @@ impl CallbackContext<'_> {
         self.skipped
     }
 
-    /// When the sample was published, by the publisher's clock, in nanoseconds since the Unix
-    /// epoch; `None` where the middleware does not tell (DDS-XRCE), and without a sample.
+    /// Time at which the sample was published, by the publisher's clock, in nanoseconds since the
+    /// Unix epoch; `None` where the middleware does not tell (DDS-XRCE), and without a sample.
     #[must_use]
     pub fn source_timestamp(&self) -> Option<Nanos> {
         self.sample?.source_timestamp

@@ -1,4 +1,4 @@
-//! How a handle leaves: its worker and the dispatcher let go of it, each on its own thread.
+//! The end of a handle: its worker and the dispatcher let go of it, each on its own thread.
 //! `departure_disabled.rs` takes this file's place in builds without feature `full`.
 
 use crate::sync::{AtomicBool, Notify, Ordering};

@@ -36,7 +36,7 @@ pub struct GuardCondition {
 
 struct Inner {
     flag: Flag,
-    /// When it was triggered first since the last callback.
+    /// Time at which it was triggered first since the last callback.
     since: AtomicU64,
     claimed: AtomicBool,
     wake: Once<WakeHandle>,

@@ -44,7 +44,7 @@ pub(crate) trait Handle: Send {
     fn begin(&mut self, _start: Nanos, _wake: &WakeHandle) {}
     /// Whether there is something to take.
     fn is_ready(&mut self, now: &LazyNow) -> bool;
-    /// When it will have something to take by itself.
+    /// Time at which it will have something to take by itself.
     fn next_release(&mut self) -> Option<Nanos> {
         None
     }

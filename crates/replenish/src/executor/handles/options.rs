@@ -9,8 +9,7 @@ use crate::sync::Arc;
 use core::fmt;
 use core::time::Duration;
 
-/// How one handle is treated; see
-/// [`WorkerBuilder::options`](crate::WorkerBuilder::options).
+/// Options of one handle; see [`WorkerBuilder::options`](crate::WorkerBuilder::options).
 ///
 /// ```
 /// use replenish::{HandleOptions, OnMiss};

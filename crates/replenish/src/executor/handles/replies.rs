@@ -25,7 +25,7 @@ pub(crate) struct Replies<S: Service, F> {
     /// The reply taken last, as it came.
     read_slot: Option<RingSlot>,
     info: SampleInfo,
-    /// Why the request has no response.
+    /// The reason why the request has no response.
     missing: Option<NoReply>,
     callback: F,
 }

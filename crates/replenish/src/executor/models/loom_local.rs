@@ -13,7 +13,7 @@ use core::time::Duration;
 use loom::thread;
 use replenish_os::clock;
 
-/// When the executor starts.
+/// Time at which the executor starts.
 const START: Nanos = 1;
 
 /// An executor without handles, its context, and the middleware below.

@@ -56,7 +56,7 @@ pub(crate) struct Dispatcher {
     pub(crate) counters: Arc<DispatcherCounters>,
     /// By reader id.
     pub(crate) routes: Vec<Option<Route>>,
-    /// How routes change.
+    /// Changes of the routes.
     pub(crate) updates: Arc<RouteUpdates>,
     /// The workers' bells, highest priority first.
     pub(crate) bells: Vec<Arc<Doorbell>>,

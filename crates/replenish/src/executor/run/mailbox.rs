@@ -55,7 +55,7 @@ impl Drop for TriggerSwap {
 /// Triggers that may be on their way at a time.
 const TRIGGERS: usize = 16;
 
-/// Why a trigger was not sent.
+/// Reason why a trigger was not sent.
 pub(crate) enum NotSent {
     /// The worker has ended.
     Ended,

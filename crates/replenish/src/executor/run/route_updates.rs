@@ -1,4 +1,4 @@
-//! How the dispatcher's [routes](Route) change while it runs.
+//! Changes the dispatcher's [routes](Route) while it runs.
 //!
 //! ```text
 //!   any thread: reserve, then push ──► commands ──► dispatcher, before it waits: swaps the route,

@@ -1,5 +1,5 @@
-//! How a worker goes through its handles: what starts a round, what a round takes, and what
-//! happens to a handle whose deadline was missed.
+//! Rules for a worker's rounds: the trigger that starts a round, the input that it takes, and the
+//! reaction to a missed deadline.
 
 use crate::executor::handles::entry::HandleEntry;
 use alloc::boxed::Box;
@@ -83,7 +83,7 @@ impl HandleStates<'_> {
     }
 }
 
-/// When the callbacks of a round get their input.
+/// The time at which the callbacks of a round get their input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Semantics {
     /// Each just before it runs: it sees what came while earlier ones ran.

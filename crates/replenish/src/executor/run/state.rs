@@ -209,7 +209,7 @@ pub(crate) struct Worker {
     pub(crate) mailbox: Arc<Mailbox>,
     pub(crate) live: Option<Arc<Live>>,
     pub(crate) outbox: Option<RefCell<Outbox>>,
-    /// When rounds begin, if by the clock alone.
+    /// Begins of the rounds, if by the clock alone.
     pub(crate) grid: Option<Schedule>,
     /// Callbacks that ran so far.
     pub(crate) ran: u64,

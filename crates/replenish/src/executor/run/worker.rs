@@ -229,7 +229,7 @@ impl Worker {
         Ok(last)
     }
 
-    /// When there will be something to do without the bell.
+    /// Time at which there will be something to do without the bell.
     pub(crate) fn next_wake(&mut self) -> Option<Nanos> {
         match self.spec.rules.rounds {
             Some(rounds) => (rounds.next_wake)(self),

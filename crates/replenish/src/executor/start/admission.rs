@@ -125,7 +125,7 @@ fn is_real_time(policy: Option<&Policy>) -> bool {
     policy.is_some_and(|p| *p != Policy::Other)
 }
 
-/// How other programs' users will find this one.
+/// The name by which users of other programs find this one.
 fn program() -> String {
     let path = std::env::current_exe();
     path.map_or_else(|_| "a program".into(), |p| p.display().to_string())

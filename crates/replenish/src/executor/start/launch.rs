@@ -210,7 +210,7 @@ struct Refused {
     budgets: Vec<Text>,
     /// Threads of which the kernel does not record when they block.
     records: Vec<Text>,
-    /// Why not, of the first.
+    /// Reason of the first thread that is not recorded.
     unrecorded: Option<Text>,
     /// The fallback of enforcers without a watchdog, of the first.
     watchdog: Option<Text>,

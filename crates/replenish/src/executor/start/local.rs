@@ -60,7 +60,7 @@ impl Executor {
     }
 }
 
-/// Why a spin returned.
+/// Reason why a spin returned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum SpinEnd {
     /// It has done what it was for: a round, a period.
@@ -80,7 +80,7 @@ pub struct SpinResult {
     /// Releases of [`spin_period`](LocalExecutor::spin_period) that were left out because they were
     /// overrun.
     pub skipped: u64,
-    /// Why it returned.
+    /// The reason why it returned.
     pub end: SpinEnd,
 }
 

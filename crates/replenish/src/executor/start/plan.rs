@@ -75,7 +75,7 @@ pub(crate) fn plan(
 /// The highest [`rank`].
 pub(crate) const URGENT: u16 = 256;
 
-/// How urgent a policy is: workers are woken in this order. 0 is time sharing.
+/// Urgency of a policy: workers are woken in this order. 0 is time sharing.
 pub(crate) fn rank(policy: &Policy) -> u16 {
     match policy {
         Policy::Other => 0,

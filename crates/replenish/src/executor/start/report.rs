@@ -65,11 +65,11 @@ pub struct ThreadReport {
     pub granted: Text,
     /// The CPU it was pinned to.
     pub cpu: Option<usize>,
-    /// How its budget is held; `None` without a budget.
+    /// Mode in which its budget is held; `None` without a budget.
     pub enforcement: Option<Enforcement>,
     /// CPU time and budget.
     pub usage: Usage,
-    /// How far the budget was overrun.
+    /// Overruns of the budget.
     pub overruns: OverrunSummary,
 }
 

@@ -1,4 +1,4 @@
-//! When a worker wakes, and which handles it then looks at.
+//! Wakes workers, and selects the handles that a woken worker looks at.
 //!
 //! ```text
 //!   doorbell ──► run_queue: handles to look at     schedule: releases of timers and rounds

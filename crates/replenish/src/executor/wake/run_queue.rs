@@ -27,8 +27,8 @@ pub(crate) struct RunQueue {
     releases: Vec<Nanos>,
     /// The earliest of them, or earlier.
     earliest: Nanos,
-    /// How releases become due; set with the first one, so that programs without any do not carry
-    /// the code.
+    /// The function by which releases become due; set with the first one, so that programs without
+    /// any do not carry the code.
     by_time: Option<fn(&mut Self, &LazyNow)>,
 }
 

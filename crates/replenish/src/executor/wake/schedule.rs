@@ -1,5 +1,5 @@
-//! When timers and rounds are due: absolute releases on the monotonic clock, and what happens to
-//! those that are overrun. Pure.
+//! Releases of timers and rounds: absolute times on the monotonic clock, and the rule for overrun
+//! ones. Pure.
 
 use crate::Nanos;
 use core::time::Duration;
@@ -16,7 +16,7 @@ pub enum Overrun {
     Delay,
 }
 
-/// When a timer fires: a period, and possibly more.
+/// Releases of a timer: a period, and possibly more.
 ///
 /// ```
 /// use replenish::{Every, Overrun};

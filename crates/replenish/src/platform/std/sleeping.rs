@@ -57,7 +57,7 @@ impl<const N: usize> Places<N> {
         self.take(|place| place.number == number)
     }
 
-    /// When the next sleep is over.
+    /// Time at which the next sleep is over.
     fn next(&self) -> Option<Nanos> {
         self.places.iter().flatten().map(|place| place.due).min()
     }
@@ -134,7 +134,7 @@ impl Alarms {
         drop(ended);
     }
 
-    /// When the next sleep is over.
+    /// Time at which the next sleep is over.
     pub(crate) fn next(&self) -> Option<Nanos> {
         let table = self.0.lock();
         table.places.next().into_iter().chain(table.spill).min()

@@ -22,7 +22,7 @@ const PATIENCE: u64 = 50_000_000;
 #[derive(Default)]
 pub(crate) struct Diagnostics {
     running: Option<(Arc<End>, Thread<()>)>,
-    /// Why nothing is published though it was to be.
+    /// The reason why nothing is published though it was to be.
     pub(crate) fallback: Option<Text>,
 }
 

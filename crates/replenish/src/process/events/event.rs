@@ -7,7 +7,7 @@ use crate::middleware::EndStatus;
 pub struct Count {
     /// Its value now.
     pub total: u64,
-    /// How much of it is new since the callback heard of it last.
+    /// Change since the last event.
     pub change: i64,
 }
 

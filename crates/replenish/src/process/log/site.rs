@@ -21,7 +21,7 @@ pub struct LogSite {
     /// Its place in the table, counted from 1; 0 before it has one.
     number: AtomicU16,
     pub(super) said: AtomicBool,
-    /// When it may speak again, if it is throttled.
+    /// Time at which it may speak again, if it is throttled.
     pub(super) next: AtomicU64,
 }
 

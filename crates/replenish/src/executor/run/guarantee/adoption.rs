@@ -67,7 +67,7 @@ pub struct AdoptedReport {
     pub cpu_low: Nanos,
     /// Number of times that the budget ran out.
     pub exhaustions: u64,
-    /// Why the last matching thread that was refused was not adopted.
+    /// The reason why the last matching thread that was refused was not adopted.
     pub refused: Option<String>,
 }
 

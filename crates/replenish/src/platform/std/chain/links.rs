@@ -13,7 +13,7 @@ use std::vec::Vec;
 /// Time of publication and chain origins that a sample carries.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Provenance {
-    /// When it was published, in nanoseconds since the Unix epoch.
+    /// Time at which it was published, in nanoseconds since the Unix epoch.
     published: Option<Nanos>,
     origins: Origins,
 }

@@ -1,4 +1,4 @@
-//! When the recording is written to a file, and where.
+//! The causes for which the recording is written to a file, and the directory.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -52,13 +52,13 @@ impl Dump {
         }
     }
 
-    /// When a callback has ended after its deadline.
+    /// Writes a file when a callback has ended after its deadline.
     #[must_use]
     pub fn on_miss(self) -> Self {
         Self { miss: true, ..self }
     }
 
-    /// When a callback has taken longer than this from its begin to its end.
+    /// Writes a file when a callback has taken longer than `bound` from its begin to its end.
     #[must_use]
     pub fn on_overrun(self, bound: Duration) -> Self {
         Self {
@@ -67,7 +67,7 @@ impl Dump {
         }
     }
 
-    /// When a callback has panicked.
+    /// Writes a file when a callback has panicked.
     #[must_use]
     pub fn on_panic(self) -> Self {
         Self {
@@ -76,7 +76,8 @@ impl Dump {
         }
     }
 
-    /// When the executor stops: the stop takes as much longer as the file takes to be written.
+    /// Writes a file when the executor stops: the stop takes as much longer as the file takes to be
+    /// written.
     #[must_use]
     pub fn on_stop(self) -> Self {
         Self { stop: true, ..self }

@@ -42,7 +42,7 @@ struct Writer {
     memory: Arc<SharedMemory>,
     /// First word and records of each ring.
     rings: std::vec::Vec<(u64, u64)>,
-    /// When the last dumps were written.
+    /// Times at which the last dumps were written.
     recent: VecDeque<Instant>,
     bytes: u64,
     written: u64,

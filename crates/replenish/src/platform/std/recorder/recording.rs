@@ -14,7 +14,7 @@ use std::string::{String, ToString};
 use std::sync::{Arc, OnceLock};
 use std::vec::Vec;
 
-/// How much is recorded, and where.
+/// Size and place of the recording.
 #[derive(Debug, Clone)]
 pub(crate) struct Settings {
     /// Bytes of each thread's ring; 0: nothing is recorded.
@@ -22,7 +22,7 @@ pub(crate) struct Settings {
     /// The directory of the ledger.
     #[allow(dead_code, reason = "named by builds with feature `plan`")]
     pub(crate) ledger: Option<PathBuf>,
-    /// When it is written to a file.
+    /// The causes for which it is written to a file.
     pub(crate) dump: Option<Dump>,
 }
 
@@ -65,7 +65,7 @@ pub(crate) struct Recording {
     place: Option<LiveFile>,
     table: Option<Arc<Table>>,
     dumper: Option<Dumper>,
-    /// Why there is no file, or no dump.
+    /// The reason why there is no file, or no dump.
     pub(crate) fallback: Option<String>,
 }
 
