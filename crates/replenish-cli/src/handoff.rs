@@ -58,7 +58,7 @@ struct Times {
 /// Samples of one way of waking, in nanoseconds.
 #[derive(Debug)]
 pub struct Samples {
-    /// From the signal to the thread that it wakes.
+    /// Time from the signal to the thread that it wakes.
     pub one_way: Sorted,
     /// There and back.
     pub round_trip: Sorted,

@@ -54,8 +54,8 @@ impl Guarantee {
         OfRate(hertz)
     }
 
-    /// By when after a release the time must have been given; 0 < deadline <= period. Default: the
-    /// period.
+    /// Sets the deadline after a release, by which the CPU time must have been given; 0 < deadline
+    /// <= period. Default: the period.
     #[must_use]
     pub fn deadline(mut self, deadline: Duration) -> Self {
         self.deadline = Some(nanos(deadline));

@@ -1,4 +1,4 @@
-//! From what programs need to a schedule that gives it to them, or a refusal that says why not.
+//! Plans what programs need: a schedule that gives it to them, or a refusal with its reason.
 //!
 //! ```text
 //!   guarantees ─┐

@@ -59,7 +59,7 @@ pub struct Overheads {
     pub dispatch: Nanos,
     /// Cost per timed release, taken from the thread that runs.
     pub release_interrupt: Nanos,
-    /// From the enforcer's timer to its reading of the CPU clock, at most.
+    /// The longest time from the enforcer's timer to its reading of the CPU clock.
     pub latency: Nanos,
     /// CPU time of the enforcer per budget and period.
     pub enforcement: Nanos,
@@ -161,8 +161,8 @@ impl Overheads {
         }
     }
 
-    /// For the analysis. `seen`: whenever a budgeted worker on this CPU gets it back, the enforcer
-    /// knows and looks at the worker again in time. Otherwise its check can be put off by
+    /// Costs for the analysis. `seen`: whenever a budgeted worker on this CPU gets it back, the
+    /// enforcer knows and looks at the worker again in time. Otherwise its check can be put off by
     /// [`Tuning::backoff`].
     pub(crate) fn costs(&self, seen: bool) -> Costs {
         let max_backoff = if seen { 0 } else { self.tuning.max_backoff };
@@ -180,7 +180,7 @@ impl Overheads {
         }
     }
 
-    /// For the simulation: costs always as here, latency drawn between none and the whole.
+    /// Platform for the simulation: costs always as here, latency drawn between none and the whole.
     #[must_use]
     pub fn platform(&self) -> Platform {
         Platform {

@@ -55,8 +55,8 @@ pub struct Worker {
     pub demand: Option<Demand>,
     /// The locks its callbacks hold.
     pub holds: Vec<Hold>,
-    /// By when its callbacks must end, for workers whose demand is known. Ignored beside a
-    /// guarantee, which has its own.
+    /// Time after the release by which its callbacks must end, for workers whose demand is known.
+    /// Ignored beside a guarantee, which has its own.
     pub deadline: Option<Nanos>,
     /// The largest delay against a strict pattern of a worker that others release, in ns. Unlike
     /// jitter it does not count as response: deadlines run from the release itself.
@@ -189,8 +189,8 @@ pub struct Promise {
     /// The locks that its callbacks share with others of its program. Their numbers follow those of
     /// [`Request::locks`]; no two programs share one.
     pub sections: Vec<Section>,
-    /// By when its budget must be delivered (and its jobs must end), in ns; `None`: it was promised
-    /// nothing.
+    /// Time by which its budget must be delivered (and its jobs must end), in ns; `None`: it was
+    /// promised nothing.
     pub deadline: Option<Nanos>,
 }
 

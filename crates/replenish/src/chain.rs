@@ -24,7 +24,7 @@ pub struct ChainReport {
     pub ended: u64,
     /// Ended instances that took longer than the limit.
     pub exceeded: u64,
-    /// From the origin of an instance to the end of its callback of the last stage.
+    /// Times from the origin of an instance to the end of its callback of the last stage.
     pub latency: Histogram,
     /// The instance that took longest.
     pub worst: Option<ChainInstance>,

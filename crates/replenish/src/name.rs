@@ -56,7 +56,7 @@ pub(crate) fn topic(name: &str, node: &str) -> Result<String, NameError> {
     check(&full, MAX_TOPIC).map(|()| full).map_err(fail)
 }
 
-/// Up to the last slash of a node's name, and with it.
+/// The namespace of a node's name: up to the last slash, and with it.
 fn namespace(node: &str) -> &str {
     let last = node.bytes().rposition(|byte| byte == b'/');
     node.get(..last.map_or(0, |at| at + 1)).unwrap_or_default()

@@ -42,7 +42,7 @@ impl Drop for Inner {
 }
 
 impl<M: Message> Publisher<M> {
-    /// With a buffer for samples of up to `size` bytes.
+    /// A publisher with a buffer for samples of up to `size` bytes.
     pub(crate) fn new(
         middleware: Arc<dyn Middleware>,
         writer: WriterId,
@@ -73,8 +73,8 @@ impl<M: Message> Publisher<M> {
         self.publish_with(|room| replenish_msg::encode(message, room))
     }
 
-    /// As [`publish`](Self::publish), with a view: strings and sequences are encoded from where
-    /// they are, so that there is no owned message to be made.
+    /// As [`publish`](Self::publish), with a view: strings and sequences are encoded from their
+    /// place, so that no owned message is needed.
     ///
     /// # Errors
     /// As [`publish`](Self::publish).

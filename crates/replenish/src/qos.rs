@@ -301,7 +301,7 @@ impl Qos {
         }
     }
 
-    /// At most this time between two samples.
+    /// Sets the longest time between two samples.
     #[must_use]
     pub const fn deadline(self, time: Duration) -> Self {
         Self {

@@ -31,7 +31,7 @@ pub(crate) struct Window {
     pub(crate) variance: f64,
 }
 
-/// For the one thread that writes the word.
+/// Adds to the word; to be called by its one writer.
 fn add(word: &AtomicU64, value: u64) {
     let sum = word.load(Ordering::Relaxed).wrapping_add(value);
     word.store(sum, Ordering::Relaxed);

@@ -41,7 +41,7 @@ pub enum Policy {
     Deadline {
         /// CPU time guaranteed in every period, in nanoseconds; 1024 to `deadline`.
         runtime: Nanos,
-        /// By when the runtime is given, in nanoseconds after the release; up to `period`.
+        /// Deadline for the runtime, in nanoseconds after the release; up to `period`.
         deadline: Nanos,
         /// The period in nanoseconds. By default Linux takes 100 us to 4.19 s
         /// (`kernel.sched_deadline_period_{min,max}_us`).

@@ -1,4 +1,5 @@
-//! From writers to readers: `WRITE_DATA`, and what readers that come late are given.
+//! Routes samples from writers to readers: `WRITE_DATA`, and the history for readers that come
+//! late.
 
 use super::state::{AgentCore, Now};
 use crate::entities::Address;

@@ -13,8 +13,7 @@ use std::sync::{Arc, Weak};
 const SLOTS: usize = 16;
 
 /// Messages that may wait for their readers: twice as many as our clients keep. The oldest counts
-/// as
-/// confirmed when a client sends more than it can repeat.
+/// as confirmed when a client sends more than it can repeat.
 const UNCONFIRMED: usize = 128;
 
 /// Bytes of a reliable stream besides its messages and the sample that is put together.

@@ -17,7 +17,7 @@ use std::sync::Arc;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct AccessList {
     pub(super) grants: HashMap<ClientKey, Arc<Grant>>,
-    /// For the clients that are not in it.
+    /// Grant of the clients that are not in it.
     pub(super) others: Option<Arc<Grant>>,
     /// The clients that certificates belong to, by the SHA-256 of the certificate.
     pub(super) certificates: HashMap<[u8; 32], ClientKey>,
@@ -27,7 +27,7 @@ pub struct AccessList {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Grant {
     pub(super) from: Option<Vec<Place>>,
-    /// With one of these the client logs in over DTLS or TLS alone.
+    /// Secrets: a client with one of them logs in over DTLS or TLS alone.
     pub(super) psk: Option<Psk>,
     pub(super) certificate: Option<[u8; 32]>,
     pub(super) client_bytes: Option<usize>,

@@ -17,8 +17,7 @@ use std::sync::Arc;
 const MAX_DEFINITION: usize = 2048;
 
 /// Bytes that an entity is counted with besides its names: its record, both halves, and its places
-/// in
-/// the tables of topics, turns, notices and the bridge.
+/// in the tables of topics, turns, notices and the bridge.
 pub(crate) const ENTITY_OVERHEAD: usize = 2048;
 
 /// Copies of a name that are counted: the entity's own, which tables share, one that outlives it in
@@ -36,7 +35,7 @@ pub(crate) struct CreationContext<'a> {
     pub(crate) profiles: &'a Profiles,
     pub(crate) rules: &'a [TopicRule],
     pub(crate) topics: &'a mut Topics<Address>,
-    /// For a requester.
+    /// GUID of a requester.
     pub(crate) guid: Guid,
     /// The account of the client.
     pub(crate) ledger: Ledger,

@@ -1,4 +1,4 @@
-//! From the XML, binary form or reference of a CREATE to a plan.
+//! Makes a plan from the XML, binary form or reference of a CREATE.
 
 use super::plan::Plan;
 use super::qos::Qos;

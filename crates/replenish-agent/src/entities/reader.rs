@@ -86,7 +86,7 @@ pub(crate) struct ReaderCounts {
 pub(crate) enum Readiness {
     /// Nothing waits, or the client does not want it.
     Idle,
-    /// On this stream, now.
+    /// It may be delivered on this stream, now.
     Now(StreamId),
     /// Not before this time.
     At(Nanos),

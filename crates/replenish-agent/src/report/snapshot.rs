@@ -36,7 +36,7 @@ pub struct BridgeSnapshot {
     pub id: String,
     /// The ROS 2 node it belongs to: `/talker`; empty without one.
     pub node: String,
-    /// As in [`EntitySnapshot::kind`].
+    /// The entity's kind, as in [`EntitySnapshot::kind`].
     pub kind: &'static str,
     /// The DDS domain.
     pub domain: u16,

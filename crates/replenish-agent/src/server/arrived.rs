@@ -3,7 +3,7 @@
 use super::peer::Peer;
 use std::ops::Range;
 
-/// At most as many bytes as a read and a message that was waiting for its end.
+/// Received bytes: at most one read, and a message that was waiting for its end.
 #[derive(Debug, Default)]
 pub(super) struct Arrived {
     bytes: Vec<u8>,

@@ -219,8 +219,7 @@ impl Whole {
         self.lost_agent(certain);
         self.collect();
         // Readers that return after the recovery window, or to a publisher that never knew the
-        // agent
-        // before.
+        // agent before.
         if self.sim.now() - back > 2400 * MS || had[PUBLISHER] == 0 {
             self.does_not_cover(certain..self.sim.taken(PUBLISHER));
         }

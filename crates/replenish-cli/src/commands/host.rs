@@ -12,7 +12,7 @@ pub(crate) struct Host {
     pub promised: Vec<Promise>,
     /// Whether the overheads were measured here.
     pub measured: bool,
-    /// For people, a sentence each.
+    /// Notes for people, a sentence each.
     pub notes: Vec<String>,
 }
 

@@ -53,9 +53,9 @@ pub(crate) struct Latency {
 /// One class of the histogram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub(crate) struct Class {
-    /// From this latency on, in microseconds.
+    /// The smallest latency of the class, in microseconds.
     pub from_us: i64,
-    /// Up to but not including this one; absent for the last class.
+    /// The end of the class, not included; absent for the last class.
     pub below_us: Option<i64>,
     /// Wake-ups in it.
     pub count: usize,

@@ -61,7 +61,7 @@ impl Program {
 /// The programs of this host.
 #[derive(Default)]
 pub(crate) struct Found {
-    /// By name and process id.
+    /// Programs by name and process id.
     pub(crate) programs: Vec<Program>,
     /// Files that were left out, and why.
     pub(crate) warnings: Vec<String>,

@@ -20,7 +20,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use sporadic::BudgetServer;
 use std::sync::{Mutex, PoisonError, Weak};
 
-/// From one look at the threads to the next, in nanoseconds.
+/// Time between two looks at the threads, in nanoseconds.
 const PAUSE: Nanos = 1_000_000;
 /// The longest time that a thread has the highest priority, in nanoseconds.
 const LONGEST: Nanos = 2_000_000;
@@ -61,8 +61,8 @@ pub fn change_user<T>(change: impl FnOnce() -> T) -> T {
     })
 }
 
-/// On the calling thread, which waits for the others, at FIFO 99. A thread that it starts begins
-/// with that, and is not kept from its first instruction.
+/// Runs `change` on the calling thread, at FIFO 99; the thread waits for the others. A thread that
+/// it starts begins with that priority, so it gets to its first instruction.
 fn urgently<T>(change: impl FnOnce() -> T) -> T {
     let me = current_tid();
     let before = PolicyBefore::of(me);

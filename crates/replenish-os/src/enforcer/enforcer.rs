@@ -60,7 +60,7 @@ impl Enforcer {
         let thread = spawn(spec, move || theirs.run())?;
         let cpu_clock = Some(ThreadCpuClock::of(thread.tid()));
         let supervision = Some(Supervision::of(watched, thread.tid()));
-        // With the thread, whose stack is mapped now.
+        // After the start of the thread, so that its stack is locked as well.
         let unlocked = keep.then(memory::keep_program).and_then(Result::err);
         Ok(Arc::new(Self {
             state,

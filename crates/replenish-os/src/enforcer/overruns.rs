@@ -47,7 +47,8 @@ pub struct OverrunSamples {
     pub stalls: Vec<Stall>,
 }
 
-/// From which lateness on a demotion counts as a stall: 500 µs, far above the mechanism's own.
+/// The least lateness in ns of a demotion that counts as a stall: 500 µs, far above the mechanism's
+/// own.
 pub const STALL: u64 = 500_000;
 
 /// The newest overruns of one worker.

@@ -69,8 +69,8 @@ impl EnforcerState {
     /// whether any level changed.
     ///
     /// From the workers' own CPU (`mode`) none of them runs before this is over. So one reading of
-    /// the time serves all, and what the sweep itself took is added to every check at the end: a
-    /// worker has lost it, and a check that ignored it would come early.
+    /// the time serves all, and the time of the sweep itself is added to every check at the end. A
+    /// worker has lost that time, and a check that ignored it would come early.
     pub(super) fn sweep(&self, threads: &mut EnforcedThreads, mode: Enforcement) -> bool {
         let now = clock::monotonic();
         let (mut changed, mut refused) = (0, 0);

@@ -180,7 +180,7 @@ pub(crate) fn place(
     place: ReadyPosition,
     _: CsToken<'_>,
 ) -> Result<(), OsError> {
-    // At 0 the idle task stays first: a suspended task is not to run.
+    // At priority 0 the idle task stays first: a suspended task is not to run.
     let head = place == ReadyPosition::Head && priority > 0;
     // SAFETY: the handle is good, the priority is below configMAX_PRIORITIES, and the mask protects
     // the kernel's lists.

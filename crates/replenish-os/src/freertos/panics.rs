@@ -63,8 +63,8 @@ pub fn on_stop(hook: fn()) {
     ON_STOP.store(hook as *mut (), Ordering::Release);
 }
 
-/// For the image's `#[panic_handler]`: reports on the console and halts the task. Locks it holds
-/// stay locked. Outside of tasks the board stops.
+/// Handles the image's panics, in its `#[panic_handler]`: reports on the console and halts the
+/// task. Locks it holds stay locked. Outside of tasks the board stops.
 pub fn halt(info: &PanicInfo<'_>) -> ! {
     console::print_formatted(format_args!("{} halted: {info}", Who::running()));
     let id = ffi::running().map_or(0, |task| task.id);
@@ -75,8 +75,8 @@ pub fn halt(info: &PanicInfo<'_>) -> ! {
     ffi::halt()
 }
 
-/// For the image's handler of faults: which task ran, and whether it is over the end of its stack,
-/// on the console; then the board stops. `what` names the fault.
+/// Handles the image's faults: prints the running task on the console, and whether it is over the
+/// end of its stack; then the board stops. `what` names the fault.
 pub fn fault(what: fmt::Arguments<'_>) -> ! {
     match ffi::running().filter(is_over) {
         Some(_) => rp_stack_overflow(),

@@ -1,4 +1,4 @@
-//! From `main` to the first task.
+//! Starts the kernel and the first task, from `main`.
 
 use super::alarm;
 use super::ffi;
@@ -31,7 +31,7 @@ pub fn start(
     Ok(())
 }
 
-/// To be called by the image when the time it was given by `rp_board_arm` has come: from the
+/// Notes that the time of `rp_board_arm` has come. The image calls this from the
 /// interrupt of its timer, at a priority that may call the kernel. Too early does no harm.
 pub fn on_timer() {
     ALARMS.fetch_add(1, Ordering::Relaxed);

@@ -1,4 +1,4 @@
-//! On which CPUs a thread may run.
+//! Sets of CPUs on which a thread may run.
 
 use crate::Tid;
 use rustix::process::Pid;

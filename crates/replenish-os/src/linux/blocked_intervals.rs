@@ -179,7 +179,7 @@ mod tests {
         );
     }
 
-    /// On b209253 the thread counted as off the CPU for ever: nobody read its clock again.
+    /// On b209253 the thread counted as off the CPU for ever: its clock was not read again.
     #[test]
     fn after_a_loss_the_last_record_is_not_believed() {
         let mut t = BlockedIntervals::new();

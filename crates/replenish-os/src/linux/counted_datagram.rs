@@ -6,7 +6,7 @@ use std::io;
 use std::mem::zeroed;
 use std::os::fd::{AsFd, AsRawFd};
 
-/// From now on the socket's datagrams say how many were dropped before them (`SO_RXQ_OVFL`).
+/// Makes the socket's datagrams say how many were dropped before them (`SO_RXQ_OVFL`).
 ///
 /// # Errors
 /// `ENOTSOCK`; see `setsockopt(2)`.

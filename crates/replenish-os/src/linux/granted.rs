@@ -19,7 +19,7 @@ pub struct Granted {
     pub policy: GrantedPolicy,
     /// The real-time priority, 1 to 99; 0 in classes without one.
     pub priority: u8,
-    /// On which CPUs the thread may run.
+    /// The CPUs on which the thread may run.
     pub cpus: CpuSet,
     /// Whether children of the thread start in `SCHED_OTHER`.
     pub reset_on_fork: bool,

@@ -113,7 +113,7 @@ fn note_waiting<W: PiWord>(word: &W) {
     }
 }
 
-/// By the owner.
+/// Unlocks; to be called by the owner.
 #[inline]
 pub(crate) fn unlock<W: PiWord>(word: &W) {
     if !word.swap(W::me(), 0) {

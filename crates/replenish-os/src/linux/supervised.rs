@@ -58,7 +58,7 @@ impl Demand {
         self.0.store(Self::NONE, Ordering::Release);
     }
 
-    /// By the thread itself: the priority, once. Async-signal-safe.
+    /// Takes the priority, once; called by the thread itself. Async-signal-safe.
     pub(super) fn take(&self) -> Option<u8> {
         u8::try_from(self.0.swap(Self::NONE, Ordering::AcqRel)).ok()
     }

@@ -2,7 +2,7 @@
 //!
 //! A thread cannot be stopped from outside by POSIX means, so it stops itself in a signal handler
 //! that the enforcer sends it into, below every real-time priority. It must not stop while it holds
-//! one of our locks, or everybody behind that lock would wait for a replenishment, inheritance or
+//! one of our locks, or every waiter for that lock would wait for a replenishment, inheritance or
 //! not: inside a critical section ([`PiMutex`](crate::PiMutex), and a group's callback is one) it
 //! goes on in the time-sharing class, at the priority of a waiter if there is one, and stops as it
 //! leaves the section. CPU time until then is a debt of the worker's budget.
@@ -120,7 +120,7 @@ impl SuspendCell {
         self.0.suspension().cancel();
     }
 
-    /// By the thread itself: a callback is about to begin.
+    /// Notes that a callback is about to begin; called by the thread itself.
     #[inline]
     pub(crate) fn wait_while_suspended(&self) {
         self.0.suspension().begin(clock::thread_cpu);

@@ -71,7 +71,7 @@ impl Suspension {
         self.word.0.fetch_and(!CANCELLED, Ordering::SeqCst);
     }
 
-    /// As new, for another thread that takes this place.
+    /// Makes the place as new, for another thread.
     pub(crate) fn reset(&self) {
         self.held.store(0, Ordering::Relaxed);
         self.kept.store(0, Ordering::Relaxed);

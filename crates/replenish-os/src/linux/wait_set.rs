@@ -33,7 +33,8 @@ impl WaitSet {
         Ok(Self(epoll::create(CreateFlags::CLOEXEC)?))
     }
 
-    /// From now on [`wait`](Self::wait) ends when `fd` can be read, or is broken, and tells `bits`.
+    /// Adds `fd`: [`wait`](Self::wait) then ends when it can be read, or is broken, and returns
+    /// `bits`.
     ///
     /// # Errors
     /// `EEXIST` if it is there already, `EPERM` for a descriptor that cannot be waited on,

@@ -25,9 +25,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
-/// From one look to the next at least, in nanoseconds.
+/// The shortest time between two looks, in nanoseconds.
 pub(crate) const SHORTEST: Nanos = 10_000_000;
-/// From one look to the next at most, in nanoseconds.
+/// The longest time between two looks, in nanoseconds.
 pub(crate) const LONGEST: Nanos = 100_000_000;
 
 const RUNTIME: Nanos = 500_000;

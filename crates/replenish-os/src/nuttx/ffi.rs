@@ -218,7 +218,7 @@ pub(crate) fn unmask(before: u32) {
     unsafe { rp_unmask(before) };
 }
 
-/// To the end of the list of the same priority.
+/// Puts the calling thread at the end of the list of its priority.
 pub(crate) fn yield_cpu() {
     // SAFETY: no arguments, no memory.
     unsafe { rp_yield() };

@@ -5,8 +5,8 @@ use super::task_slot;
 use crate::rtos::panicked;
 use core::panic::PanicInfo;
 
-/// For the library's `#[panic_handler]`: reports on standard error and halts the thread. Locks it
-/// holds stay locked.
+/// Handles panics, in the library's `#[panic_handler]`: reports on standard error and halts the
+/// thread. Locks it holds stay locked.
 pub fn halt(info: &PanicInfo<'_>) -> ! {
     let slot = task_slot::current();
     let id = slot.map_or(0, |slot| slot.id);

@@ -120,7 +120,7 @@ impl BlockingDetector {
     }
 }
 
-/// From here on records are new.
+/// Begins a new stretch of records.
 fn begin(s: &mut TaskState, now: Nanos) -> Option<Nanos> {
     let cpu = s.cpu(now);
     s.blocked.clear(cpu);

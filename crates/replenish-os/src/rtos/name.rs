@@ -23,7 +23,7 @@ impl Name {
         Some(Self(kept))
     }
 
-    /// For C, as long as this lives.
+    /// The name for C, valid as long as this value.
     pub(crate) const fn as_ptr(&self) -> *const c_char {
         self.0.as_ptr().cast()
     }

@@ -107,7 +107,7 @@ fn swap(lock: &AtomicU32, from: u32, to: u32, order: Ordering) -> bool {
     swapped
 }
 
-/// By the owner.
+/// Unlocks; to be called by the owner.
 pub(crate) fn unlock(lock: &AtomicU32) {
     if !swap(lock, me(), 0, Ordering::Release) {
         unlock_slow(lock); // somebody waits

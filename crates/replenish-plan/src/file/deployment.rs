@@ -67,7 +67,7 @@ pub struct Load {
     /// Locks that each callback takes, one after another, and for how long it holds them: places in
     /// [`Deployment::locks`]. `None`: not stated; it holds the lock while it runs.
     pub locks: Vec<(usize, Option<Nanos>)>,
-    /// By when its callbacks must end, if it has no guarantee.
+    /// Time after the release by which its callbacks must end, if it has no guarantee.
     pub deadline: Option<Nanos>,
 }
 
@@ -78,7 +78,7 @@ pub struct Chain {
     pub name: String,
     /// The workers, first to last, by their place in [`Deployment::workers`].
     pub workers: Vec<usize>,
-    /// From the first release to the end of the last callback.
+    /// Deadline from the first release to the end of the last callback.
     pub deadline: Option<Nanos>,
 }
 

@@ -1,4 +1,4 @@
-//! From what is written to what is meant, with an error at the place of whatever makes no sense.
+//! Reads a deployment file. An error names its place.
 
 use super::deployment::{Chain, Deployment, Described, Load};
 use super::error::{FileError, Source};

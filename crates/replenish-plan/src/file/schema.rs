@@ -194,7 +194,7 @@ impl<'de> Deserialize<'de> for Time {
     }
 }
 
-/// At most a day, so that sums and products stay within 64 bits.
+/// A time of at most a day, so that sums and products stay within 64 bits.
 fn time<E: Error>(text: &str) -> Result<Nanos, E> {
     let time = span::parse(text).map_err(E::custom)?;
     if time > guarantee::MAX_PERIOD {

@@ -1,4 +1,4 @@
-//! From a file and its plan to what the simulator runs.
+//! Makes the simulator's system from a file and its plan.
 
 use super::deployment::{Deployment, Described};
 use crate::{Hold, Nanos, Plan, Requirement};

@@ -101,7 +101,7 @@ pub(super) fn holds(
     cpu::holds(&threads, &fixed, &problem.request.machine)
 }
 
-/// With the plan of every CPU.
+/// Adds the plan of every CPU.
 fn tested(problem: &Problem<'_>, mut placed: Placed, amounts: &[Nanos]) -> Placed {
     let cpus = placed.on.iter().zip(&placed.fixed);
     let plans = cpus.map(|(threads, fixed)| test(problem, threads, fixed, amounts));

@@ -8,7 +8,7 @@ use crate::Nanos;
 use replenish_sim::analysis::Section;
 use sporadic::Policy;
 
-/// For whom a thread may wait, by lock: the longest section of the others on its CPU.
+/// Waits of a thread, by lock: the longest section of the others on its CPU.
 pub(super) fn waits(
     problem: &Problem<'_>,
     threads: &[usize],
@@ -112,7 +112,7 @@ pub(super) fn describe(problem: &Problem<'_>, placed: &Placed, amounts: &[Nanos]
             if let Whose::Worker(worker) = whose
                 && let Some(planned) = plan.workers.get_mut(*worker)
             {
-                // On several CPUs: the worst of them.
+                // A thread on several CPUs has the worst of their bounds.
                 planned.worst_response = planned.worst_response.max(bounds.response);
             }
             let lowest = *machine.priorities.start();

@@ -51,7 +51,7 @@ impl Member<'_> {
     }
 }
 
-/// By worker.
+/// The shared locks, by worker.
 ///
 /// # Errors
 /// A lock that a guaranteed worker shares and that gives it no bound, in a sentence.

@@ -34,7 +34,7 @@ pub struct PlannedWorker {
     /// The granted part of the guarantee, in ns: of a rate, CPU time per callback; otherwise the
     /// budget.
     pub amount: Option<Nanos>,
-    /// By when, in ns.
+    /// Deadline after the release, in ns.
     pub deadline: Option<Nanos>,
     /// The longest time until a callback of the known demand ends or, where the demand is not
     /// known, until budget that is due is delivered, in ns. `None`: no bound.
@@ -50,7 +50,7 @@ impl PlannedWorker {
         self.policy.priority().unwrap_or(0)
     }
 
-    /// From the worst response to the deadline, in ns.
+    /// Time from the worst response to the deadline, in ns.
     #[must_use]
     pub fn slack(&self) -> Option<Nanos> {
         self.deadline?.checked_sub(self.worst_response?)
@@ -75,7 +75,8 @@ pub struct PlannedExecutor {
 pub struct PlannedChain {
     /// Its name.
     pub name: String,
-    /// From the first release to the end of the last callback at worst, in ns; `None`: no bound.
+    /// The longest time from the first release to the end of the last callback, in ns; `None`: no
+    /// bound.
     pub worst: Option<Nanos>,
     /// The allowed time, in ns.
     pub deadline: Option<Nanos>,

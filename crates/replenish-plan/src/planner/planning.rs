@@ -1,4 +1,4 @@
-//! From a request to a plan or a refusal, step by step.
+//! Makes a plan or a refusal of a request, step by step.
 
 use super::assign;
 use super::describe::describe;

@@ -255,8 +255,8 @@ fn check_demand(owner: &str, worker: &crate::Worker) -> Result<(), String> {
     Ok(())
 }
 
-/// As short as the shortest deadline, so that a message does not wait for the executor's budget
-/// longer than its worker may take.
+/// The executor's period: the shortest deadline, so that a message does not wait for the executor's
+/// budget longer than its worker may take.
 fn executor_period(request: &Request) -> Nanos {
     let deadlines = request.workers.iter().filter_map(|w| w.guarantee());
     let shortest = deadlines.map(Guarantee::due_within).min();

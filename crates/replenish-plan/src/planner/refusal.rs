@@ -183,7 +183,7 @@ fn reason(
     }
 }
 
-/// For whom it would have to wait in its groups.
+/// The workers for which it would have to wait in its groups.
 fn waiting(problem: &Problem<'_>, placed: &Placed, at: usize, victim: Whose) -> String {
     let index = problem
         .threads

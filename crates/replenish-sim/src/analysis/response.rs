@@ -270,9 +270,9 @@ pub(super) fn unfounded_up_to(task: &Task, bounds: &Bounds) -> Option<u8> {
 
 /// The share of the CPU that is asked for; 1.0 is all of it.
 ///
-/// It sums jobs of FIFO threads, the smaller
-/// of budget and demand of reservations (all of their demand, if they may run without budget
-/// above somebody else), switches, interrupts, and the enforcer.
+/// It sums jobs of FIFO threads, the smaller of budget and demand of reservations (all of their
+/// demand, if they may run without budget above another thread), switches, interrupts, and the
+/// enforcer.
 pub fn utilisation(tasks: &[Task], costs: &Costs) -> f64 {
     let share = |cost: Nanos, period: Nanos| cost as f64 / period.max(1) as f64;
     let of = |task: &Task| {

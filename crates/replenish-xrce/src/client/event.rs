@@ -45,7 +45,7 @@ pub enum Event<'a> {
     Request {
         /// The replier.
         replier: ObjectId,
-        /// To be given to [`Session::reply`](super::Session::reply).
+        /// Identity to pass to [`Session::reply`](super::Session::reply).
         identity: SampleIdentity,
         /// The request.
         payload: &'a [u8],

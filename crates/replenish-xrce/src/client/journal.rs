@@ -70,7 +70,7 @@ impl Head<'_> {
     }
 }
 
-/// Up to `E` requests, their bytes in `S`.
+/// A journal of up to `E` requests, their bytes in `S`.
 #[derive(Debug)]
 pub struct Journal<S, const E: usize> {
     bytes: S,

@@ -96,7 +96,7 @@ mod tests {
     use super::*;
     use std::vec::Vec;
 
-    /// As the catalogue defines it, bit by bit.
+    /// The checksum as the catalogue defines it, bit by bit.
     fn slow(message: &[u8]) -> u16 {
         message.iter().fold(0, |crc, byte| {
             (0..8).fold(crc ^ u16::from(*byte), |crc, _| {

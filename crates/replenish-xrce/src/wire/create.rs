@@ -30,7 +30,7 @@ impl CreationMode {
     const FLAG_REUSE: u8 = 0x02;
     const FLAG_REPLACE: u8 = 0x04;
 
-    /// As flags of CREATE.
+    /// The value as flags of CREATE.
     #[must_use]
     pub const fn flags(self) -> u8 {
         let reuse = if self.reuse { Self::FLAG_REUSE } else { 0 };
@@ -42,11 +42,11 @@ impl CreationMode {
 /// Description of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Representation<'a, B> {
-    /// By a name in the agent's configuration.
+    /// A name in the agent's configuration.
     Reference(&'a str),
-    /// By XML.
+    /// XML text.
     Xml(&'a str),
-    /// By a binary form.
+    /// A binary form.
     Binary(B),
 }
 

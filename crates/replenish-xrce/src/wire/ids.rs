@@ -178,7 +178,7 @@ impl ObjectId {
         ObjectId((id << 4) | kind as u16)
     }
 
-    /// From its two bytes on the wire, whatever they are.
+    /// Reads it from its two bytes on the wire; any value is allowed.
     #[must_use]
     pub const fn from_bytes(bytes: [u8; 2]) -> Self {
         ObjectId(u16::from_be_bytes(bytes))
@@ -255,7 +255,7 @@ impl BaseRequest {
         [a, b, c, d]
     }
 
-    /// From its four bytes on the wire, whatever they are.
+    /// Reads it from its four bytes on the wire; any value is allowed.
     #[must_use]
     pub const fn from_bytes([a, b, c, d]: [u8; 4]) -> Self {
         BaseRequest {

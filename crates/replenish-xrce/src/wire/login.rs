@@ -16,11 +16,11 @@ pub enum Properties<'a> {
     /// Not sent.
     #[default]
     None,
-    /// To be sent.
+    /// Pairs to send.
     List(&'a [(&'a str, &'a str)]),
-    /// As received: checked, still encoded. See [`Properties::for_each`].
+    /// Pairs as received: checked, still encoded. See [`Properties::for_each`].
     Encoded {
-        /// From the first pair on.
+        /// The bytes from the first pair on.
         bytes: &'a [u8],
         /// Number of pairs.
         count: u32,
@@ -221,7 +221,7 @@ impl Encode for StatusReply {
 }
 
 impl StatusReply {
-    /// From a body, or `None` if that is too short.
+    /// Reads it from a body; `None` if that is too short.
     pub(crate) fn of(body: &[u8]) -> Option<Self> {
         let &[a, b, c, d, status, implementation] = body.first_chunk()?;
         Some(StatusReply {

@@ -37,7 +37,7 @@ impl AckNack {
         [a, b, c, d, self.stream.0]
     }
 
-    /// From a body, or `None` if that is too short.
+    /// Reads it from a body; `None` if that is too short.
     pub(crate) fn of(body: &[u8], little_endian: bool) -> Option<Self> {
         let [a, b, c, d, stream] = five(body, little_endian)?;
         Some(AckNack {
@@ -117,7 +117,7 @@ pub const DELIVERY_BACK: &str = "back:";
 pub const DELIVERY_CONFIRMED: &str = "settled";
 
 impl Confirmed {
-    /// From the payload of an ACKNACK, if the agent has appended one.
+    /// Reads it from the payload of an ACKNACK, if the agent has appended one.
     pub(super) fn of(payload: &[u8], little_endian: bool) -> Option<Self> {
         let &[companions, a, b] = payload.get(5..8)? else {
             return None;
@@ -171,7 +171,7 @@ impl Heartbeat {
         [a, b, c, d, self.stream.0]
     }
 
-    /// From a body, or `None` if that is too short.
+    /// Reads it from a body; `None` if that is too short.
     pub(crate) fn of(body: &[u8], little_endian: bool) -> Option<Self> {
         let [a, b, c, d, stream] = five(body, little_endian)?;
         Some(Heartbeat {

@@ -21,7 +21,7 @@ impl WireTime {
             .saturating_add(i64::from(self.nanoseconds))
     }
 
-    /// From nanoseconds since the epoch; what does not fit into 32 bits of seconds saturates.
+    /// Converts nanoseconds since the epoch; seconds beyond 32 bits saturate.
     #[must_use]
     pub fn from_nanos(nanos: i64) -> Self {
         let seconds = nanos.div_euclid(1_000_000_000);

@@ -6,7 +6,8 @@
 //!                    rejected, no reply ┴────────────────────┴ no reply, forget ──► place is free
 //! ```
 //!
-//! As soon as a goal is accepted its result is asked for; the server answers when the goal ends.
+//! When the server accepts a goal, the client asks for its result; the server answers when the goal
+//! ends.
 
 use super::ActionOptions;
 use super::goal::GoalId;

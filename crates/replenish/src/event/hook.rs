@@ -37,8 +37,8 @@ impl Drop for Events {
 }
 
 impl Default for Events {
-    /// With feature `log` to the program's logger; else one line on standard error each, where
-    /// there is one.
+    /// Sends events to the program's logger with feature `log`; else prints one line each on
+    /// standard error, where there is one.
     fn default() -> Self {
         if LOG {
             Self::new(logged::tell)

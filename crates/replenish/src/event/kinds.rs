@@ -85,7 +85,7 @@ pub enum Event<'a> {
     ChainExceeded {
         /// The chain's name.
         chain: &'a str,
-        /// From its origin to the end of the last stage, in ns.
+        /// Time from its origin to the end of the last stage, in ns.
         latency: crate::Nanos,
         /// The limit, in ns.
         limit: crate::Nanos,

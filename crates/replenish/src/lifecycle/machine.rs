@@ -111,7 +111,7 @@ pub enum Transition {
     Activate,
     /// Active to inactive.
     Deactivate,
-    /// To finalized, from any state it can stay in.
+    /// Leads to finalized, from any state that the node can stay in.
     Shutdown,
 }
 

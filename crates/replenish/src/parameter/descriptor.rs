@@ -34,7 +34,7 @@ impl Descriptor {
         Self::default()
     }
 
-    /// For people.
+    /// Sets a description for people.
     #[must_use]
     pub fn description(self, text: &str) -> Self {
         Self {
@@ -43,7 +43,7 @@ impl Descriptor {
         }
     }
 
-    /// For people: constraints that only a callback can check.
+    /// Sets constraints for people that only a callback can check.
     #[must_use]
     pub fn constraints(self, text: &str) -> Self {
         Self {

@@ -321,10 +321,10 @@ impl Parameters {
         pairs.try_for_each(|(name, to)| copy(&table, name, to))
     }
 
-    /// From now on `callback` is asked before anything is set, on the thread that sets: an error
-    /// is the reason why not, and nothing of what is set together is. It may read parameters, not
-    /// set them. To be called at set-up: allocates, and stays. Given in such a callback, it is
-    /// asked from the next time on.
+    /// From now on `callback` is asked before anything is set, on the thread that sets. Its error
+    /// is the reason for the refusal, and nothing of the set is changed. It may read parameters,
+    /// not set them. To be called at set-up: allocates, and stays. A veto given in such a callback
+    /// is asked from the next time on.
     pub fn veto<E: fmt::Display>(
         &self,
         mut callback: impl FnMut(&ParameterChange<'_>) -> Result<(), E> + Send + 'static,

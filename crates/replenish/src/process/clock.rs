@@ -39,7 +39,7 @@ struct Inner {
     timers: Mutex<Vec<Timer>>,
     /// Futures that sleep, and until when.
     sleepers: Mutex<Places<SLEEPERS>>,
-    /// For threads that wait: [`Rate`](super::time::Rate).
+    /// Lock of the threads that wait: [`Rate`](super::time::Rate).
     turn: PlainMutex<()>,
     changed: Condvar,
     /// The first node that goes by it: the subscriber of `/clock`.

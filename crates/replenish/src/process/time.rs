@@ -87,7 +87,7 @@ impl Rate {
     /// Waits for the next beat. `false`: it was over already, or a signal has ended the wait
     /// ([`Context::ok`] says which). A clock that jumps backwards begins a new grid.
     ///
-    /// For threads of one's own: a callback that waits keeps its worker from others.
+    /// For the program's own threads: a callback that waits keeps its worker from others.
     pub fn sleep(&mut self) -> bool {
         let mut now = self.now();
         if now >= self.next && now >= self.seen {

@@ -210,8 +210,8 @@ proptest! {
     }
 
     /// `docs/servers.md`: 2 B and a section in a window, or B and a section where it is suspended.
-    /// The
-    /// fullest window of a fault that charges nothing has a section for every replenishment more.
+    /// The fullest window of a fault that charges nothing has a section for every replenishment
+    /// more.
     #[test]
     fn a_window_has_a_budget_what_is_inherited_after_it_and_a_section(
         budget_us in 50..20_000_u64,

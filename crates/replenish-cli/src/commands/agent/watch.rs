@@ -42,7 +42,7 @@ pub(super) struct Watcher {
     pub(super) bound: MemoryBound,
     /// The clients that may log in.
     pub(super) access: Option<AccessFile>,
-    /// Between two tables; `None`: only when asked.
+    /// Time between two tables; `None`: only when asked.
     pub(super) every: Option<Nanos>,
     pub(super) json: Option<PathBuf>,
     /// Nothing for people: another process reads what this one says.

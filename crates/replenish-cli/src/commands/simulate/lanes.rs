@@ -1,4 +1,5 @@
-//! From a trace to what is drawn: who ran when and how, what each budget had left.
+//! Prepares a trace for drawing: the time in which each thread ran, and the budget that it had
+//! left.
 
 use crate::commands::plan::short;
 use replenish_plan::Nanos;

@@ -97,7 +97,7 @@ impl World {
         }
     }
 
-    /// Up to a time, as its priority and a stop let it.
+    /// Runs up to a time, as the thread's priority and a stop let it.
     fn run(&mut self, to: Nanos) {
         if self.random.percent(15) {
             self.now = to; // others had the CPU
@@ -135,7 +135,7 @@ impl World {
         }
     }
 
-    /// Up to the next check, and its outcome. `refusing`: changes may be refused.
+    /// Runs up to the next check, and judges. `refusing`: changes may be refused.
     fn round(&mut self, refusing: bool) {
         let due = self.thread.reservation.check_at().expect("a check");
         let late = self.random.within(0, LATE);

@@ -153,8 +153,7 @@ impl Enforcer {
     }
 
     /// Ends a budget: its threads get back what they had, and its place and its [`BudgetId`] are
-    /// for
-    /// the next one.
+    /// for the next one.
     pub fn retire(&self, budget: BudgetId) {
         let of_it = |thread: &ThreadUsage| thread.budget == budget;
         for thread in self.threads().into_iter().filter(of_it) {

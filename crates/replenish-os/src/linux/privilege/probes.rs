@@ -16,7 +16,7 @@ pub(super) const CAP_SYS_NICE: u32 = 23;
 pub struct Limit {
     /// The limit in force.
     pub soft: Option<u64>,
-    /// Up to which the process may raise it itself.
+    /// The limit up to which the process may raise it itself.
     pub hard: Option<u64>,
 }
 

@@ -35,7 +35,7 @@ pub(crate) struct Live {
     pub(crate) updates: Arc<RouteUpdates>,
     pub(crate) posts: Vec<Post>,
     pub(super) groups: Groups,
-    /// By post: for which one its callback waits.
+    /// By worker: the worker that its callback waits for.
     awaited: Mutex<Vec<Option<usize>>>,
 }
 

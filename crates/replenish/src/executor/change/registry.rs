@@ -24,11 +24,11 @@ impl Known {
 }
 
 impl Registry {
-    /// For up to `limit` handles of so many workers.
+    /// A registry for up to `limit` handles of `workers` workers, with `handles` in it already.
     ///
-    /// One that leaves has its place at its worker until the worker lets go of it, so no more than
-    /// `limit` leave at a time; and one more of each worker, which frees the place a moment before
-    /// it says that it has let go.
+    /// A handle that leaves keeps its place at its worker until the worker lets go of it. So no
+    /// more than `limit` leave at a time, and one more of each worker, which frees the place a
+    /// moment before it reports that it has let go.
     pub(crate) fn new(
         mut handles: Vec<(Arc<str>, Arc<HandleState>)>,
         limit: usize,

@@ -7,10 +7,10 @@ use crate::executor::run::rules::Trigger;
 use crate::platform::text;
 
 impl WorkerHandle<'_> {
-    /// From the end of the callback that runs on, rounds of this worker begin by another trigger.
-    /// Input that is there stays. Any thread may call this, callbacks of the worker included; the
-    /// worker neither allocates nor frees for it: what the old trigger owns is dropped by a later
-    /// call, or when the executor has ended.
+    /// Gives this worker another trigger, from the end of the running callback on. Waiting input
+    /// stays. Any thread may call this, callbacks of the worker included. The worker neither
+    /// allocates nor frees for it: a later call drops what the old trigger owns, or the end of the
+    /// executor does.
     ///
     /// ```
     /// # use replenish::{Context, Executor, GuardCondition, Trigger};

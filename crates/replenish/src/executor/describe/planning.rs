@@ -34,7 +34,7 @@ impl Default for Planning {
 /// The ledger in which the executor reads and keeps reservations.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum LedgerUse {
-    /// As [`Ledger::find`](replenish_plan::ledger::Ledger::find) says.
+    /// The ledger that [`Ledger::find`](replenish_plan::ledger::Ledger::find) returns.
     Default,
     /// In this directory.
     At(PathBuf),

@@ -73,8 +73,8 @@ impl<'a> Topic<'a> {
         Ok(())
     }
 
-    /// With keep-last history: while `depth` samples wait, the *new* one is dropped (and counted).
-    /// Usually the oldest makes room.
+    /// Keeps the oldest samples, with keep-last history: while `depth` samples wait, the *new* one
+    /// is dropped (and counted). Usually the oldest makes room.
     #[must_use]
     pub const fn keep_oldest(self) -> Self {
         Self {

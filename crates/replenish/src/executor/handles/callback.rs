@@ -43,7 +43,7 @@ impl<'a> CallbackContext<'a> {
         }
     }
 
-    /// With the sample that it is about.
+    /// The context of a callback for `sample`.
     pub(crate) fn about(
         sample: &'a SampleInfo,
         env: &'a Env<'a>,

@@ -32,7 +32,7 @@ pub struct HandleEntry {
     taken: Option<Taken>,
     /// The next input is left out: a deadline was missed.
     skip: bool,
-    /// From the start of the last callback to its end.
+    /// Time in ns from the start of the last callback to its end.
     pub(crate) took: Nanos,
     /// The thread's CPU clock when the callback began, where its group states a length.
     began: Nanos,
@@ -63,7 +63,7 @@ impl HandleEntry {
         core::mem::replace(&mut self.handle, Box::new(Empty))
     }
 
-    /// From now on it is treated like this.
+    /// Sets the options from now on.
     pub(crate) fn treat(&mut self, mut handling: HandleOptions) {
         handling.always |= self.handling.always;
         if let Some(hook) = handling.hook.take() {

@@ -32,7 +32,7 @@ pub struct HandleOptions {
 }
 
 impl HandleOptions {
-    /// As handles are treated without it.
+    /// The options that handles have by default.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -46,8 +46,8 @@ impl HandleOptions {
         Self { priority, ..self }
     }
 
-    /// From release to the end of the callback: time in queues, preemption and execution all count.
-    /// Timers have their period, other handles none, unless given.
+    /// Sets the deadline from release to the end of the callback: time in queues, preemption and
+    /// execution all count. Default: a timer's period; none for other handles.
     #[must_use]
     pub fn deadline(self, deadline: Duration, on_miss: OnMiss) -> Self {
         Self {

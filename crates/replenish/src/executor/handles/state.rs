@@ -29,9 +29,9 @@ pub(crate) struct HandleState {
     /// The reader of a subscription, service or client, and its inbox.
     pub(crate) input: Option<(ReaderId, Arc<Inbox>)>,
     pub(crate) counters: Counters,
-    /// From release to start.
+    /// Times from release to start.
     pub(crate) latency: LiveHistogram,
-    /// From release to end.
+    /// Times from release to end.
     pub(crate) response: LiveHistogram,
     pub(crate) id: String,
     pub(crate) last_error: Mutex<ShortText>,

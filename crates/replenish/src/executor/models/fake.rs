@@ -31,7 +31,7 @@ struct Shared {
 pub(super) struct Fake(Arc<Shared>);
 
 impl Fake {
-    /// With these samples of one byte each.
+    /// A middleware that holds these samples of one byte each.
     pub(super) fn holding(samples: &[(ReaderId, u8)]) -> Self {
         let state = State {
             buffered: samples.to_vec(),

@@ -32,7 +32,7 @@ fn shared(input: Option<(ReaderId, Arc<Inbox>)>) -> Arc<HandleState> {
     HandleState::new("h".into(), input)
 }
 
-/// To the worker that `wake` wakes.
+/// A route to the worker that `wake` wakes.
 fn route(shared: &Arc<HandleState>, wake: &WakeHandle) -> Route {
     Route::new(Arc::clone(shared), wake.clone())
 }

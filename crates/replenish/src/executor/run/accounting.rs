@@ -89,7 +89,7 @@ struct Split {
     way: Option<Nanos>,
     /// Time charged and not used at the last reading, as a negative number.
     error: i64,
-    /// As much of that as is to be taken back from the next charges.
+    /// The part of it to take back from the next charges.
     back: Nanos,
 }
 

@@ -54,7 +54,7 @@ pub(crate) struct Dispatcher {
     pub(crate) middleware: Arc<dyn Middleware>,
     pub(crate) events: Arc<Events>,
     pub(crate) counters: Arc<DispatcherCounters>,
-    /// By reader id.
+    /// Routes by reader id.
     pub(crate) routes: Vec<Option<Route>>,
     /// Changes of the routes.
     pub(crate) updates: Arc<RouteUpdates>,

@@ -73,7 +73,7 @@ pub(crate) struct Mailbox {
 }
 
 impl Mailbox {
-    /// For a worker with `used` handles, in the first slots, that may have `limit`.
+    /// The mailbox of a worker that has `used` handles, in the first slots, and may have `limit`.
     pub(crate) fn new(used: usize, limit: usize, bell: Arc<Doorbell>) -> Arc<Self> {
         Arc::new(Self {
             queue: CommandQueue::new(used..limit, 2 * limit + TRIGGERS),

@@ -23,7 +23,7 @@ use alloc::string::String;
 use core::cell::RefCell;
 use replenish_os::{Account, clock};
 
-/// By all rules there are.
+/// Rounds with all rules that exist.
 pub(crate) static BY_RULES: Rounds = Rounds {
     check,
     outbox: |rules| {

@@ -64,7 +64,8 @@ impl WorkerSpec {
             if let Some(entry) = entries.get_mut(at) {
                 entry.slot = at;
             }
-            // To its place among those before it. (Sorting brings kilobytes of code.)
+            // Moves the entry to its place among those before it. (Sorting brings kilobytes of
+            // code.)
             let earlier = entries.get_mut(..=at).unwrap_or_default();
             let mut end = earlier.len();
             while let Some([before, entry]) = earlier.get_mut(..end).and_then(<[_]>::last_chunk_mut)
@@ -197,7 +198,7 @@ pub(crate) struct Rounds {
 
 /// The state of a worker on its thread.
 pub(crate) struct Worker {
-    /// As it was described.
+    /// The worker's description.
     pub(crate) spec: Static<WorkerSpec>,
     pub(crate) bell: Arc<Doorbell>,
     pub(crate) stop: StopHandle,

@@ -1,5 +1,5 @@
-//! From what was described to what runs, before anything has a thread: workers with their
-//! mailboxes, the dispatcher with its routes, and the way to change them later.
+//! Builds the parts of an executor from its description, before anything has a thread: workers with
+//! their mailboxes, the dispatcher with its routes, and the way to change them later.
 
 use crate::context::Context;
 use crate::event::Events;

@@ -352,14 +352,14 @@ impl Starter<'_> {
         Ok(())
     }
 
-    /// For a thread whose enforcer was refused.
+    /// The enforcer of a thread whose own was refused: it defers callbacks.
     #[cfg(not(target_os = "none"))]
     fn deferred(&mut self, plan: &ThreadPlan) -> Option<Arc<Enforcer>> {
         self.refused.budgets.push(Text::from(&*plan.name));
         Some(Enforcer::deferred())
     }
 
-    /// No kernel without an operating system refuses one.
+    /// Without an operating system no enforcer is refused.
     #[cfg(target_os = "none")]
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
     const fn deferred(&self, _: &ThreadPlan) -> Option<Arc<Enforcer>> {

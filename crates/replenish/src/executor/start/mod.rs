@@ -1,4 +1,4 @@
-//! From a description to an executor that runs.
+//! Starts an executor from its description.
 //!
 //! ```text
 //!   planning: overlay ──► admission ──► plan ──► assembly ──► threads ──► running ──► report ──► report_text ──► table

@@ -1,4 +1,5 @@
-//! From what users ask for to one scheduling policy per thread. Pure; run when the executor starts.
+//! Plans one scheduling policy per thread from the users' requests. Pure; run when the executor
+//! starts.
 //!
 //! | policy | budget | result |
 //! |---|---|---|

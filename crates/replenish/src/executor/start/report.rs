@@ -83,9 +83,9 @@ pub struct HandleReport {
     pub worker: String,
     /// Its counters.
     pub stats: HandleStats,
-    /// From release (arrival, timer's release) to the start of the callback.
+    /// Times from release (arrival, timer's release) to the start of the callback.
     pub latency: Histogram,
-    /// From release to the end of the callback.
+    /// Times from release to the end of the callback.
     pub response: Histogram,
     /// Bytes that were taken at set-up for its samples, those of the middleware included.
     pub memory: usize,

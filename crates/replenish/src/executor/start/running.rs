@@ -56,7 +56,8 @@ impl StartedThread {
     }
 }
 
-/// By CPU, `None` for threads that are not pinned; without one where it was refused.
+/// Enforcers by CPU, `None` for threads that are not pinned; without an enforcer where it was
+/// refused.
 pub(crate) type Enforcers = Vec<(Option<usize>, Option<Arc<Enforcer>>)>;
 
 /// An executor that runs. Dropping it stops it.

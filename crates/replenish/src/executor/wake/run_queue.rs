@@ -19,11 +19,11 @@ const BITS: usize = usize::BITS as usize;
 
 /// One worker's; lives on its thread. Allocates when it is made only.
 pub(crate) struct RunQueue {
-    /// By slot.
+    /// Positions by slot.
     positions: Vec<usize>,
     /// A bit per position.
     due: Vec<usize>,
-    /// By position; `Nanos::MAX` if there is none.
+    /// Releases by position; `Nanos::MAX` if there is none.
     releases: Vec<Nanos>,
     /// The earliest of them, or earlier.
     earliest: Nanos,
@@ -33,7 +33,7 @@ pub(crate) struct RunQueue {
 }
 
 impl RunQueue {
-    /// For a worker that has up to `limit` handles, in slots below that.
+    /// The queue of a worker that has up to `limit` handles, in slots below that.
     pub(crate) fn new(limit: usize) -> Self {
         // Zeros, which take less code, until they are put in order.
         let mut run_queue = Self {

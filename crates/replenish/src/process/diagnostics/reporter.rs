@@ -32,7 +32,7 @@ pub(super) struct Out {
     pub(super) statistics: Publisher<MetricsMessage>,
 }
 
-/// On the thread.
+/// The state of the thread.
 pub(super) struct Reporter {
     pub(super) end: Arc<End>,
     pub(super) node: Node,

@@ -5,7 +5,7 @@ use std::string::String;
 
 /// The number of the place in the source that stands for the facade.
 pub(super) const SITE: u16 = u16::MAX - 1;
-/// Between target and text.
+/// Separator of target and text.
 pub(super) const BETWEEN: char = '\u{1f}';
 /// The target of a line from the facade, and its text.
 pub(super) fn split(head: LineHead, text: &str) -> Option<(&str, &str)> {

@@ -95,7 +95,7 @@ impl Logger {
         self.named.passes(level)
     }
 
-    /// For the first time only that the place in the source is reached.
+    /// A logger that writes only the first time that the place in the source is reached.
     #[must_use]
     pub const fn once(&self) -> LogRule<'_> {
         LogRule {
@@ -104,7 +104,7 @@ impl Logger {
         }
     }
 
-    /// At most once in this time for each place in the source; steady time.
+    /// A logger that writes at most once in this time for each place in the source; steady time.
     #[must_use]
     pub fn throttle(&self, pause: Duration) -> LogRule<'_> {
         LogRule {

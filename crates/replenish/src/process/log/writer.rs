@@ -26,7 +26,7 @@ pub(super) struct Console {
 }
 
 impl Console {
-    /// As the variables say; `colours` goes before them.
+    /// The format that the variables state; `colours` goes before them.
     pub(super) fn from_env(colours: Option<bool>) -> Self {
         let terminal = |stdout| {
             if stdout {

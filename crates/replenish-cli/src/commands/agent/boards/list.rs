@@ -24,7 +24,7 @@ pub(super) struct List {
 }
 
 impl List {
-    /// For an agent at `address`. Files of agents that were killed are removed.
+    /// The list of an agent at `address`. Removes the files of agents that were killed.
     pub(super) fn new(directory: &Path, address: String) -> io::Result<Self> {
         open_directory(directory)?;
         sweep(directory);

@@ -22,7 +22,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Between two looks at the samples.
+/// Time between two looks at the samples.
 const EVERY: Nanos = 50 * MS;
 /// The longest wait for the agent's snapshot.
 const PATIENCE: Duration = Duration::from_secs(2);

@@ -152,7 +152,7 @@ impl Board {
     }
 }
 
-/// As the agent writes keys.
+/// A key in the form in which the agent writes keys.
 fn hex(key: [u8; 4]) -> String {
     key.iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -20,7 +20,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
 
-/// From one look for new threads to the next.
+/// Time between two looks for new threads.
 const LOOK: Duration = Duration::from_millis(100);
 
 /// The priority where no plan was made: below every planned one.

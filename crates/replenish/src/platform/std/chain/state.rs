@@ -26,7 +26,7 @@ pub(crate) struct ChainState {
     /// Locked when an instance is worse than all before it.
     worst: Mutex<Option<ChainInstance>>,
     worst_latency: Counter,
-    /// By stage: the origin of its newest instance, for a next stage that samples; 0: none.
+    /// Origins of the newest instance by stage, for a next stage that samples; 0: none.
     newest: Box<[AtomicU64]>,
 }
 

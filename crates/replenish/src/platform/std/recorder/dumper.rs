@@ -35,7 +35,7 @@ pub(super) struct Dumper {
     thread: Option<replenish_os::Thread<()>>,
 }
 
-/// On the thread.
+/// The state of the thread.
 struct Writer {
     dump: Dump,
     armed: Arc<Armed>,
