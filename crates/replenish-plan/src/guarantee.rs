@@ -71,14 +71,16 @@ impl Guarantee {
         self
     }
 
-    /// It can live with this amount; admission tests no more than it. Default: the amount.
+    /// Sets the least amount that the worker can live with; admission tests no more. Default: the
+    /// amount.
     #[must_use]
     pub fn at_least(mut self, minimum: Duration) -> Self {
         self.minimum = Some(nanos(minimum));
         self
     }
 
-    /// It can make use of this amount, and gets it if it fits. Default: the amount.
+    /// Sets the amount that the worker can make use of; it gets that if it fits. Default: the
+    /// amount.
     #[must_use]
     pub fn up_to(mut self, desired: Duration) -> Self {
         self.desired = Some(nanos(desired));

@@ -29,7 +29,8 @@ impl Machine {
         Self::on_cpus((0..count.max(1)).collect())
     }
 
-    /// These CPUs, Linux's defaults: workers between 20 and 89, enforcers at 99, 95 % of each CPU.
+    /// A machine with these CPUs and Linux's defaults: workers between 20 and 89, enforcers at 99,
+    /// 95 % of each CPU.
     #[must_use]
     pub fn on_cpus(cpus: Vec<usize>) -> Self {
         Self {
@@ -68,7 +69,7 @@ pub struct Overheads {
 }
 
 impl Overheads {
-    /// None of them may be larger, in ns.
+    /// The largest value of each overhead, in ns.
     pub const MOST: Nanos = 1_000_000_000;
 
     /// Their names in files.
@@ -129,7 +130,7 @@ impl Overheads {
         tuning: Tuning::LINUX,
     };
 
-    /// None at all: for studying a schedule in theory.
+    /// No overheads: for studying a schedule in theory.
     pub const NONE: Self = Self {
         context_switch: 0,
         callback: 0,

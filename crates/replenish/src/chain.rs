@@ -5,8 +5,8 @@ use crate::histogram::Histogram;
 use alloc::string::String;
 use alloc::vec::Vec;
 
-/// One chain ([`Executor::chain`](crate::Executor::chain), `[[chain]]` of a deployment file).
-/// Times in nanoseconds.
+/// Figures of one chain ([`Executor::chain`](crate::Executor::chain), `[[chain]]` of a deployment
+/// file). Times in nanoseconds.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct ChainReport {
@@ -37,6 +37,6 @@ pub struct ChainInstance {
     /// Time at which it began (`CLOCK_MONOTONIC`): a timer's release, or the publication of a
     /// sample.
     pub origin: Nanos,
-    /// From there to the end of the last stage's callback.
+    /// Time from there to the end of the last stage's callback.
     pub latency: Nanos,
 }

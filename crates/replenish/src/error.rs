@@ -10,7 +10,8 @@ use crate::service::error::{CallError, NoReply};
 use core::fmt;
 use replenish_os::{ParamError, PolicyError};
 
-/// One sentence that names the thing, the field, what is allowed, and the way out.
+/// An error of replenish: one sentence that names the thing, the field, what is allowed, and the
+/// way out.
 ///
 /// `{}` and `{:?}` print the same, so that a `main` that returns it shows the sentence. Every other
 /// public error of this crate becomes one with `?`.
@@ -62,7 +63,7 @@ pub enum Error {
     ForeignNode(Text),
     /// Another executor spins this context.
     ContextBusy,
-    /// No connection to the middleware's peer.
+    /// The middleware's peer cannot be reached.
     Connect {
         /// Why.
         reason: Text,
@@ -76,14 +77,14 @@ pub enum Error {
     },
     /// A thread could not be started.
     Thread {
-        /// Its name.
+        /// The thread's name.
         name: Text,
         /// Why.
         reason: Text,
     },
     /// A guarantee that contradicts itself.
     Guarantee {
-        /// Its worker, the field in the words it was said in, and what is allowed.
+        /// The worker, the field in the user's words, and what is allowed.
         reason: Text,
     },
     /// A guarantee does not fit on this host, or would break what another program was promised.
@@ -94,7 +95,7 @@ pub enum Error {
     },
     /// An argument or a variable of the program that cannot be used.
     Arguments {
-        /// Its place, the argument, and what is allowed.
+        /// The argument's place, the argument, and what is allowed.
         reason: Text,
     },
     /// A deployment file that cannot be applied.

@@ -32,29 +32,29 @@ pub enum History {
 /// Whether a subscription that comes late gets what was published before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Durability {
-    /// No.
+    /// Late subscriptions get no earlier samples.
     Volatile,
-    /// Yes: what the publisher still keeps.
+    /// Late subscriptions get the samples that the publisher still keeps.
     TransientLocal,
 }
 
 /// Ways for a publisher to show that it is alive, weakest first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Liveliness {
-    /// Its program runs.
+    /// A publisher is alive while its program runs.
     Automatic,
-    /// It publishes, or says so
-    /// ([`assert_liveliness`](crate::Publisher::assert_liveliness)).
+    /// A publisher is alive when it publishes, or calls
+    /// [`assert_liveliness`](crate::Publisher::assert_liveliness).
     ManualByTopic,
 }
 
 /// Whether the samples of topics may wait behind each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Criticality {
-    /// Its samples may wait behind those of other such topics.
+    /// The topic's samples may wait behind those of other such topics.
     Normal,
-    /// Its samples go a way of their own, served first: a backlog of a normal topic does not delay
-    /// them. Where a middleware has one way only, this changes nothing.
+    /// The topic's samples go a way of their own, served first: a backlog of a normal topic does
+    /// not delay them. In a middleware with one way only this changes nothing.
     RealTime,
 }
 

@@ -50,7 +50,7 @@ fn growth(word: &AtomicU64, seen: &AtomicU64) -> u64 {
 }
 
 impl LiveWindow {
-    /// One more value; one thread at a time.
+    /// Adds one more value; one thread at a time.
     #[inline]
     pub(crate) fn record(&self, value: Nanos) {
         let [count, sum, squares, max, unmin, ..] = &self.words[..] else {

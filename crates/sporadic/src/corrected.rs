@@ -218,8 +218,8 @@ impl<const N: usize> BudgetServer for Corrected<N> {
         self.count_from(now);
     }
 
-    /// Nothing to do but to note the time: what was consumed is queued already, and what is left
-    /// gets its activation from the next [`activate`](Self::activate).
+    /// Notes only the time: consumed budget is queued already, and the rest gets its activation
+    /// from the next [`activate`](Self::activate).
     fn block(&mut self, now: Nanos) {
         self.see(now);
     }

@@ -6,10 +6,10 @@ use core::fmt;
 /// The place of a thread that has no budget left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Low {
-    /// It goes on at this lower priority, uncharged (`sched_ss_low_priority` of POSIX).
-    /// The meaning of 0 is up to the operating system, e.g. the time-sharing class.
+    /// The thread goes on at this lower priority, uncharged (`sched_ss_low_priority` of POSIX). The
+    /// meaning of 0 is up to the operating system, e.g. the time-sharing class.
     Background(u8),
-    /// It does not run until its budget is replenished: full temporal isolation.
+    /// The thread does not run until its budget is replenished: full temporal isolation.
     Suspend,
 }
 

@@ -1,6 +1,6 @@
 //! `replenish.toml`: what runs on a machine and what it needs.
 //!
-//! One file for three readers: the planner takes guarantees and policies from it, the executor
+//! One file for three readers. The planner takes guarantees and policies from it, the executor
 //! scheduling by stable handle ids, the simulator releases and execution times. Unknown keys,
 //! unknown names and values that contradict each other are errors with line and column.
 //!

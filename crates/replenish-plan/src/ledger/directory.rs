@@ -42,11 +42,11 @@ pub struct Admitted {
 /// The ledger that programs use by default.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Found {
-    /// This one.
+    /// The ledger that was found.
     Here(Ledger),
-    /// None is wanted.
+    /// The user wants no ledger.
     Off,
-    /// None can be had, and why.
+    /// No ledger is available, and the reason.
     Nowhere(String),
 }
 

@@ -1,4 +1,4 @@
-//! One program's reservations, and how they are written.
+//! One program's reservations, and their text.
 //!
 //! TOML under a first line with a checksum (FNV-1a, 64 bits): against half-written and foreign
 //! files, not against forgery; that is what file permissions are for.

@@ -33,7 +33,7 @@ impl std::error::Error for LedgerError {}
 /// A program that was not admitted.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Denied {
-    /// It does not fit.
+    /// The request does not fit.
     Refused(Refusal),
     /// The ledger cannot be used.
     Ledger(LedgerError),

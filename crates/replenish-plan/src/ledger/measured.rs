@@ -12,7 +12,7 @@ use crate::span::Exact;
 use crate::{Deployment, Overheads};
 use std::io::{self, Read};
 
-/// Its name.
+/// Name of the file.
 const FILE: &str = "overheads.toml";
 /// Longer files are refused, in bytes.
 const MOST: u64 = 4096;

@@ -263,7 +263,7 @@ fn unlimited(problem: &Problem<'_>, placed: &Placed, at: usize) -> Option<String
     Some(problem.name(*whose))
 }
 
-/// It does not even hold with what cannot be changed.
+/// The sentence for a thread that does not hold even with only the unchangeable ones beside it.
 fn alone(problem: &Problem<'_>, placed: &Placed, at: usize, failure: Failure) -> String {
     let what = reason(problem, placed, at, failure, Whose::Executor, false);
     format!(

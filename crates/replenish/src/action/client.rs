@@ -43,9 +43,9 @@ pub enum GoalUpdate<'a, A: Action> {
     Rejected,
     /// Progress of the goal.
     Feedback(&'a A::Feedback),
-    /// It is in this state now.
+    /// The goal is in this state now.
     State(GoalState),
-    /// It has ended, how, and with this result. Nothing more will be heard of it.
+    /// The goal has ended in this state and with this result. It is the last update of the goal.
     Result(GoalState, &'a A::Result),
     /// The server's answer to a request to cancel: one of the constants of
     /// [`CancelGoalResponse`], and the goals that are being canceled, other clients' included. The

@@ -20,7 +20,7 @@ pub enum GoalError {
         /// The state in which it ended.
         state: GoalState,
     },
-    /// It has ended, and its result has expired.
+    /// The goal has ended, and its result has expired.
     Expired,
     /// The server has the most goals that its options allow. It rejected this one.
     TooMany {

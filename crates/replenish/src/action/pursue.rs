@@ -116,8 +116,8 @@ impl<A: Action> ActionClient<A> {
 }
 
 impl<T: Target> AddHandles<T> {
-    /// This worker takes the server's answers for [`ActionClient::send_async`]: three handles, in
-    /// the place of [`follow`](Self::follow).
+    /// Takes the server's answers for [`ActionClient::send_async`] on this worker: three handles,
+    /// in the place of [`follow`](Self::follow).
     ///
     /// # Errors
     /// As [`calls`](Self::calls).

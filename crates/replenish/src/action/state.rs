@@ -25,32 +25,32 @@ use replenish_msg::action_msgs::GoalStatus;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(i8)]
 pub enum GoalState {
-    /// It was accepted, and its execution has not begun.
+    /// The goal was accepted, and its execution has not begun.
     Accepted = GoalStatus::STATUS_ACCEPTED,
-    /// It is worked on.
+    /// The goal is worked on.
     Executing = GoalStatus::STATUS_EXECUTING,
-    /// It shall end early and has not ended yet.
+    /// The goal shall end early and has not ended yet.
     Canceling = GoalStatus::STATUS_CANCELING,
-    /// It was reached.
+    /// The goal was reached.
     Succeeded = GoalStatus::STATUS_SUCCEEDED,
-    /// It ended early because a client cancelled it.
+    /// The goal ended early because a client cancelled it.
     Canceled = GoalStatus::STATUS_CANCELED,
-    /// It ended early because it could not be reached.
+    /// The goal ended early because it could not be reached.
     Aborted = GoalStatus::STATUS_ABORTED,
 }
 
 /// The events of a goal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum GoalEvent {
-    /// Its execution begins.
+    /// The goal's execution begins.
     Execute,
-    /// It shall end early.
+    /// The goal shall end early.
     Cancel,
-    /// It has been reached.
+    /// The goal has been reached.
     Succeed,
-    /// It has ended early as it should.
+    /// The goal has ended early, as a client asked.
     Canceled,
-    /// It cannot be reached.
+    /// The goal cannot be reached.
     Abort,
 }
 
@@ -71,7 +71,7 @@ impl GoalState {
         Self::ALL.into_iter().find(|s| s.status() == status)
     }
 
-    /// Its number in `action_msgs/msg/GoalStatus`.
+    /// The state's number in `action_msgs/msg/GoalStatus`.
     #[must_use]
     pub const fn status(self) -> i8 {
         self as i8

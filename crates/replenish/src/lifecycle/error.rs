@@ -17,7 +17,7 @@ pub enum LifecycleError {
         /// The state.
         now: State,
     },
-    /// It was asked for from a callback of a transition.
+    /// A callback of a transition asked for another transition.
     Nested,
 }
 

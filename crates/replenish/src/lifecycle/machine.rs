@@ -23,7 +23,7 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum State {
-    /// Nothing is set up.
+    /// The node has not been set up.
     Unconfigured,
     /// Set up, and not at work.
     Inactive,
@@ -132,9 +132,9 @@ impl Transition {
 /// A callback's verdict on its work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Outcome {
-    /// It is done.
+    /// The transition is done.
     Success,
-    /// It could not be done, and everything is as it was.
+    /// The transition could not be done, and everything is as it was.
     Failure,
     /// Something is broken: the callback for errors is next.
     Error,

@@ -28,7 +28,8 @@ pub struct Descriptor {
 }
 
 impl Descriptor {
-    /// No description; its type is that of its first value, and every value of it is allowed.
+    /// A descriptor without description; the type is that of the first value, and every value of it
+    /// is allowed.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -62,7 +63,7 @@ impl Descriptor {
         }
     }
 
-    /// It may be set to values of any type, and to none.
+    /// Lets the parameter be set to values of any type, and to none.
     #[must_use]
     pub fn dynamic_typing(self) -> Self {
         Self {

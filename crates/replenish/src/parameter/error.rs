@@ -21,11 +21,11 @@ pub enum ParameterErrorKind {
     Type,
     /// The value is outside the range.
     Range,
-    /// It is read-only.
+    /// The parameter is read-only.
     ReadOnly,
     /// A callback has refused it.
     Refused,
-    /// It was set from a callback of setting one.
+    /// A callback of setting a parameter set one.
     Nested,
 }
 

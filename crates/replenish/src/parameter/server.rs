@@ -111,11 +111,11 @@ impl ParameterOptions {
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct ParameterChange<'a> {
-    /// Its name.
+    /// The parameter's name.
     pub name: &'a str,
-    /// Its value before.
+    /// The value before.
     pub old: ParameterValue<'a>,
-    /// Its value after.
+    /// The value after.
     pub new: ParameterValue<'a>,
 }
 

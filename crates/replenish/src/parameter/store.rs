@@ -64,7 +64,7 @@ pub(crate) struct Slot {
     used: bool,
     /// The type it was declared with, by its number.
     pub(crate) kind: u8,
-    /// It came by being set.
+    /// The parameter was set without a declaration.
     undeclared: bool,
     pub(crate) descriptor: Descriptor,
     pub(crate) now: Buffer,
@@ -189,7 +189,7 @@ impl Table {
         Ok(())
     }
 
-    /// Another descriptor for a parameter, whose value must be allowed by it. Gives the old one.
+    /// Replaces the descriptor of a parameter, which must allow the value. Returns the old one.
     pub(crate) fn describe(
         &mut self,
         name: &str,

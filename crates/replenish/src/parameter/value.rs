@@ -16,7 +16,7 @@ use replenish_msg::wire::Seq;
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 pub enum ParameterValue<'a> {
-    /// None: an unset parameter of dynamic type.
+    /// No value: an unset parameter of dynamic type.
     #[default]
     NotSet,
     /// `bool`.

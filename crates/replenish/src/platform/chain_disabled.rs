@@ -9,11 +9,11 @@ use crate::Nanos;
 use crate::event::Events;
 use crate::handoff::{Origins, SampleInfo};
 
-/// No chain.
+/// Chains are not measured in this build.
 #[derive(Debug, Default)]
 pub(crate) struct Requested(());
 
-/// No chain has it as a stage.
+/// A handle that is no stage of a chain.
 #[derive(Default)]
 pub(crate) struct Links(());
 

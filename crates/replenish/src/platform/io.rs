@@ -7,7 +7,7 @@ use core::fmt;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum ErrorKind {
-    /// It would have to wait.
+    /// The operation would have to wait.
     WouldBlock,
     /// A signal came first.
     Interrupted,

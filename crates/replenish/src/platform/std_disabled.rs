@@ -48,7 +48,7 @@ impl Deadline {
     }
 }
 
-/// It never ends.
+/// A lease that never ends.
 pub(crate) struct Lease;
 
 impl Lease {
@@ -110,7 +110,7 @@ pub(crate) fn guard<S: ?Sized, T>(
 /// There are no thread locals.
 pub(crate) const fn prepare_end() {}
 
-/// Nothing of the thread is left.
+/// Ends the thread's account: nothing else of the thread is left.
 pub(crate) fn end_with(account: replenish_os::Account) {
     drop(account);
 }

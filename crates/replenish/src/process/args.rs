@@ -8,7 +8,7 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use replenish_args::{ArgsError, Kind, RosArgs, Value};
 
-/// None by default: then everything stays as the program says.
+/// ROS arguments; none by default: then everything stays as the program has it.
 #[derive(Debug, Default)]
 pub(crate) struct Args(pub(super) RosArgs);
 
@@ -94,7 +94,7 @@ impl Args {
     }
 }
 
-/// No elements, of the type of `value` if that is an array.
+/// A value without elements, of the type of `value` if that is an array.
 fn empty(value: &ParameterValue<'_>) -> ParameterValue<'static> {
     match value {
         ParameterValue::Bytes(_) => ParameterValue::Bytes(&[]),

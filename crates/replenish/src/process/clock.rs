@@ -22,9 +22,9 @@ use std::time::Duration;
 
 /// The timer's side of a release.
 pub(super) trait Release: Send {
-    /// It is due.
+    /// Releases the timer: it is due.
     fn release(&self);
-    /// Its callback is no more.
+    /// Whether the timer's callback is no more.
     fn is_gone(&self) -> bool;
 }
 
@@ -91,7 +91,7 @@ impl SimClock {
         self.0.now.load(Ordering::Acquire)
     }
 
-    /// Another time, which may be earlier.
+    /// Sets another time, which may be earlier.
     pub(super) fn set(&self, now: Nanos) {
         let now = now.max(1);
         {
@@ -127,7 +127,7 @@ impl SimClock {
         self.0.sleepers.lock().begin(due, waker)
     }
 
-    /// This sleep is given up.
+    /// Gives up this sleep.
     pub(super) fn forget(&self, number: u64) {
         let forgotten = self.0.sleepers.lock().end(number);
         drop(forgotten);

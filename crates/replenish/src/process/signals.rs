@@ -45,7 +45,7 @@ pub(super) fn ended() -> bool {
 pub(crate) struct Ends(Arc<AtomicBool>);
 
 impl Ends {
-    /// They do, from now on.
+    /// Installs the handlers: signals end these executors from now on.
     pub(super) fn ask(&self) -> Result<(), Error> {
         let installed = PROCESS.get_or_init(|| install().map_err(|e| e.to_string()));
         if let Err(reason) = installed {

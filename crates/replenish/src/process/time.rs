@@ -21,9 +21,9 @@ use std::sync::{Arc, Weak};
 const SLICE: Duration = Duration::from_millis(100);
 
 impl Node {
-    /// This moment in ROS time, for a header's stamp: the wall clock, or what `/clock` said last if
-    /// this node was started with the parameter `use_sim_time` (then zeros before the first
-    /// message). Takes no lock and does not allocate.
+    /// Returns this moment in ROS time, for a header's stamp: the wall clock, or the last value of
+    /// `/clock` if this node was started with the parameter `use_sim_time` (then zeros before the
+    /// first message). Takes no lock and does not allocate.
     ///
     /// ```
     /// use replenish::Context;

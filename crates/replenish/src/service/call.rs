@@ -107,10 +107,9 @@ impl<S: Service> Drop for Closes<S> {
 }
 
 impl<T: Target> AddHandles<T> {
-    /// This worker takes the replies of `client`, for [`Client::call_async`] and
-    /// [`Client::call_blocking`], in the place of [`replies`](Self::replies). Which worker awaits
-    /// them does not matter. Room for as many replies as the client's quality has depth is made
-    /// now.
+    /// Takes the replies of `client` on this worker, for [`Client::call_async`] and
+    /// [`Client::call_blocking`], in the place of [`replies`](Self::replies). Any worker may await
+    /// them. Makes room now for as many replies as the depth of the client's quality.
     ///
     /// # Errors
     /// As `replies`.

@@ -242,7 +242,7 @@ impl<S: Service> Client<S> {
         self.inner.ahead.set(Arc::clone(inbox)).ok();
     }
 
-    /// It belongs to a callback from now on; `false` if it has belonged to one already.
+    /// Claims the client for a callback; `false` if it has belonged to one already.
     pub(crate) fn claim(&self) -> bool {
         !self.inner.claimed.swap(true, Ordering::AcqRel)
     }

@@ -8,7 +8,7 @@ use replenish_msg::DecodeError;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum NoReply {
-    /// None has come in time. One that comes later is counted as discarded.
+    /// No reply has come in time. One that comes later is counted as discarded.
     TimedOut,
     /// The reply cannot be decoded. It is counted and reported to the error hook as well.
     Undecodable(DecodeError),
@@ -43,7 +43,8 @@ pub enum CallError {
     Gone,
     /// The middleware did not send it.
     Send(PublishError),
-    /// It was sent, and awaited in vain: [`Client::call_async`](crate::Client::call_async).
+    /// The request was sent, and awaited in vain:
+    /// [`Client::call_async`](crate::Client::call_async).
     NoReply(NoReply),
 }
 

@@ -7,11 +7,11 @@ use replenish_agent::{Agent, AgentConfig};
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Encryption")]
 pub(crate) struct Ports {
-    /// Listen for DTLS: not in this build, which lacks the feature secure
+    /// Listen for DTLS: not in this build, which lacks the feature secure.
     #[arg(long)]
     dtls: Option<String>,
 
-    /// Listen for TLS: not in this build, which lacks the feature secure
+    /// Listen for TLS: not in this build, which lacks the feature secure.
     #[arg(long)]
     tls: Option<String>,
 }

@@ -15,7 +15,7 @@ use replenish_os::clock;
 /// The rule for a callback that runs while its handle is removed. None starts after that.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Removal {
-    /// It goes on; the removal does not wait for it.
+    /// The callback goes on; the removal does not wait for it.
     Detach,
     /// The callback goes on; the removal waits for its end, for at most this time.
     Wait(Duration),

@@ -86,7 +86,7 @@ impl Registry {
         known.handles.retain(|(_, h)| !Arc::ptr_eq(h, shared));
     }
 
-    /// One that was forgotten has not left yet: it can be asked for once more.
+    /// Notes that a forgotten handle has not left yet, so that it can be found once more.
     pub(super) fn leaves(&self, worker: &Arc<str>, shared: &Arc<HandleState>) {
         while self.swept().is_some() {}
         let mut known = self.0.lock();
@@ -123,7 +123,7 @@ pub(super) struct Claims<'r> {
 }
 
 impl<'r> Claims<'r> {
-    /// None so far.
+    /// A list without ids so far.
     pub(super) const fn of(registry: &'r Registry) -> Self {
         Self {
             registry,

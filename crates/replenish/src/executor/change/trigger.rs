@@ -1,4 +1,4 @@
-//! Another trigger for a worker that runs.
+//! Changes the trigger of a worker that runs.
 
 use super::worker_handle::WorkerHandle;
 use crate::error::Error;

@@ -141,7 +141,7 @@ impl HandleFactory<'_> {
         Ok(HandleEntry::new(shared, Box::new(handle)))
     }
 
-    /// One whose callback runs in every round of its worker.
+    /// A subscription whose callback runs in every round of its worker.
     pub(crate) fn always<M, F, R>(
         &self,
         node: &Node,

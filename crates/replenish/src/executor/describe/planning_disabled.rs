@@ -4,7 +4,7 @@ use crate::platform::Text;
 use alloc::string::String;
 use alloc::vec::Vec;
 
-/// Nothing can be set about planning.
+/// This build has no settings of planning.
 #[derive(Default)]
 pub(crate) struct Planning {}
 
@@ -17,7 +17,7 @@ pub struct AdmissionReport {
 }
 
 impl AdmissionReport {
-    /// No budget is larger than the user said.
+    /// This build adds nothing to budgets.
     pub(crate) fn additions(&self) -> impl Iterator<Item = String> + '_ {
         core::iter::empty()
     }
@@ -36,6 +36,6 @@ impl Admission {
         self.report.clone()
     }
 
-    /// Nothing to give back.
+    /// This build has no reservations to give back.
     pub(crate) fn end(&mut self) {}
 }

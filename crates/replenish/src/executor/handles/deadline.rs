@@ -84,14 +84,14 @@ impl fmt::Debug for Deadline {
 #[derive(Default)]
 #[non_exhaustive]
 pub enum OnMiss {
-    /// No further consequence.
+    /// The miss has no further consequence.
     #[default]
     Count,
     /// The next input of the handle is taken and left out, so that it can catch up.
     SkipNext,
     /// The executor stops.
     Stop,
-    /// This is called, on the worker.
+    /// The worker calls this function.
     Call(Box<dyn FnMut(&DeadlineMiss<'_>) + Send>),
 }
 

@@ -1,6 +1,6 @@
 //! In the place of `departure` in builds without feature `full`: handles stay until the end.
 
-/// Nothing leaves.
+/// In this build handles never leave.
 pub(crate) struct Departure;
 
 impl Departure {

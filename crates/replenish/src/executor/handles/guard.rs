@@ -73,7 +73,7 @@ impl GuardCondition {
         });
     }
 
-    /// It belongs to a callback from now on; `false` if it has belonged to one already.
+    /// Claims the guard condition for a callback; `false` if it has belonged to one already.
     pub(crate) fn claim(&self) -> bool {
         !self.inner.claimed.swap(true, Ordering::AcqRel)
     }

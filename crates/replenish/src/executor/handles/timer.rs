@@ -79,12 +79,12 @@ impl TimerHandle {
         self.wish(|w| w.run = Some(Some(now)));
     }
 
-    /// Nothing is due any more until [`start`](Self::start). A callback that runs is not ended.
+    /// Stops releases until [`start`](Self::start). A running callback goes on.
     pub fn cancel(&self) {
         self.wish(|w| w.run = Some(None));
     }
 
-    /// Another period. It counts from the latest release, so a shorter one can be due at once.
+    /// Sets another period. It counts from the latest release, so a shorter one can be due at once.
     ///
     /// # Errors
     /// [`Error::Parameter`] for a period of 0.
@@ -116,7 +116,7 @@ impl TimerHandle {
         }
     }
 
-    /// It belongs to a timer from now on; `false` if it has belonged to one already.
+    /// Claims this for a timer; `false` if it has belonged to one already.
     pub(crate) fn claim(&self) -> bool {
         !self.inner.claimed.swap(true, Ordering::AcqRel)
     }

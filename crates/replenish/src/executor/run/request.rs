@@ -18,7 +18,7 @@ pub(crate) struct WorkerRequest {
 }
 
 impl WorkerRequest {
-    /// Nothing but the name.
+    /// A request that states nothing but the name.
     pub(crate) fn named(name: &str) -> Self {
         Self {
             name: name.into(),

@@ -25,7 +25,7 @@ impl RoundCount {
         self.0.get_or_insert_default();
     }
 
-    /// This release is served now.
+    /// Counts a release that is served now.
     pub(crate) fn note(&self, release: Release) {
         if let Some(counters) = &self.0 {
             counters.served.add(1);

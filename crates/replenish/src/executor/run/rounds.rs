@@ -225,7 +225,7 @@ fn end(worker: &mut Worker) {
     replace_trigger(worker, Trigger::Any);
 }
 
-/// Another trigger; what the old one owns may panic as it is dropped.
+/// Gives the worker another trigger; the closure of the old one may panic as it is dropped.
 fn replace_trigger(worker: &mut Worker, trigger: Trigger) {
     let old = core::mem::replace(&mut worker.spec.rules.trigger, trigger);
     let (events, name) = (&worker.events, &worker.spec.request.name);

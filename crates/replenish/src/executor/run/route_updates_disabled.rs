@@ -4,7 +4,7 @@ use super::routes::Route;
 use crate::middleware::{Interest, Middleware};
 use crate::sync::Arc;
 
-/// No changes.
+/// In this build routes do not change.
 pub(crate) struct RouteUpdates;
 
 impl RouteUpdates {

@@ -27,9 +27,9 @@ pub enum Trigger {
     All,
     /// The handle of this id has something to do; it must be one of the worker's.
     One(String),
-    /// Nothing: a round begins at every tick of
-    /// [`WorkerBuilder::every`](crate::WorkerBuilder::every), which it needs; without threads
-    /// ([`Executor::local`](crate::Executor::local)) whenever the program spins.
+    /// No input is needed: a round begins at every tick of
+    /// [`WorkerBuilder::every`](crate::WorkerBuilder::every), which this trigger requires; without
+    /// threads ([`Executor::local`](crate::Executor::local)) whenever the program spins.
     Always,
     /// The function decides. It is called on the worker with at least one handle ready. If it
     /// panics, that is an [`Event::CallbackPanicked`](crate::Event::CallbackPanicked) of

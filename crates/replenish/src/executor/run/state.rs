@@ -77,7 +77,7 @@ impl WorkerSpec {
         }
     }
 
-    /// One more handle. (One body for all kinds.)
+    /// Adds one more handle. (One body for all kinds.)
     #[inline(never)]
     pub(crate) fn add(&mut self, entry: HandleEntry) {
         one_more(&mut self.entries);
@@ -100,7 +100,7 @@ impl WorkerSpec {
         self.rules.count.of(&self.request.name)
     }
 
-    /// No rule contradicts another.
+    /// Checks that no rule contradicts another.
     pub(crate) fn check_rules(&self) -> Result<(), Error> {
         if let Some(rounds) = self.rules.rounds {
             (rounds.check)(self)?;
@@ -184,7 +184,7 @@ pub(crate) type Intake<'i> = &'i mut dyn FnMut(&mut Account);
 /// The functions that carry out rules other than the usual one. A worker reaches them through this
 /// table alone, so that programs without such rules do not carry the code.
 pub(crate) struct Rounds {
-    /// No rule contradicts another.
+    /// Checks that no rule contradicts another.
     pub(crate) check: fn(&WorkerSpec) -> Result<(), Error>,
     /// Room for publications that wait for the end of a round.
     pub(crate) outbox: fn(&Rules) -> Option<RefCell<Outbox>>,

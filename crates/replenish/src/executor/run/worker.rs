@@ -72,7 +72,8 @@ impl Worker {
         self.end(account, &accounting);
     }
 
-    /// No callback runs any more. What the callbacks own is dropped here, under the budget.
+    /// Ends the worker: no callback runs any more. Drops what the callbacks own here, under the
+    /// budget.
     pub(crate) fn end(&mut self, account: &mut Account, accounting: &CpuAccounting) {
         if let Some(rounds) = self.spec.rules.rounds {
             (rounds.end)(self);

@@ -63,7 +63,7 @@ impl Executor {
 /// Reason why a spin returned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum SpinEnd {
-    /// It has done what it was for: a round, a period.
+    /// The spin has done its work: a round, a period.
     Worked,
     /// The time was over.
     TimedOut,
@@ -168,7 +168,7 @@ fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
     })
 }
 
-/// Nothing may be asked for that only a thread of its own could have.
+/// Refuses requests that only a thread of the worker's own could fulfil.
 fn threadless(request: &WorkerRequest) -> Result<(), Error> {
     let asked = [
         ("policy", request.policy.is_some()),
@@ -377,7 +377,7 @@ impl LocalExecutor {
             worker.empty_mailbox(account, accounting);
             any |= worker.step_with(account, accounting, &mut intake) && worker.may_go_on();
         }
-        // That may have taken the ring for a worker that had its turn.
+        // Taking the samples may have rung a worker after its turn.
         any || taken && workers.iter_mut().any(|worker| worker.may_have_been_rung())
     }
 

@@ -9,7 +9,7 @@ use crate::executor::run::state::WorkerSpec;
 use crate::platform::Static;
 use alloc::string::String;
 
-/// Nothing to plan.
+/// This build plans nothing.
 #[expect(
     clippy::unnecessary_wraps,
     reason = "the signature of what it stands in for"
@@ -18,7 +18,7 @@ pub(crate) fn admit(_: &mut [Static<WorkerSpec>], _: &mut Options) -> Result<Adm
     Ok(Admission::default())
 }
 
-/// No deployment files.
+/// This build reads no deployment files.
 #[expect(
     clippy::unnecessary_wraps,
     reason = "the signature of what it stands in for"

@@ -29,7 +29,7 @@ pub struct Report {
     pub rounds: Vec<RoundReport>,
     /// The dispatcher's counters.
     pub dispatcher: DispatcherReport,
-    /// One per CPU with budgeted workers.
+    /// Counters of the enforcers, one per CPU with budgeted workers.
     pub enforcers: Vec<EnforcerStats>,
     /// Guarantees that were asked for and are not in force, in words.
     pub fallbacks: Vec<Text>,
@@ -73,7 +73,7 @@ pub struct ThreadReport {
     pub overruns: OverrunSummary,
 }
 
-/// One handle.
+/// Report of one handle.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct HandleReport {

@@ -20,7 +20,7 @@ impl<const N: usize> Table<N> {
         }
     }
 
-    /// One more row; `remark` stands behind it.
+    /// Adds one more row; `remark` stands behind it.
     pub(super) fn add(&mut self, cells: [String; N], remark: &'static str) {
         self.rows.push((cells, remark));
     }

@@ -17,7 +17,7 @@ use alloc::vec::Vec;
 /// Positions per word.
 const BITS: usize = usize::BITS as usize;
 
-/// One worker's; lives on its thread. Allocates when it is made only.
+/// The queue of one worker; lives on its thread. Allocates only when it is made.
 pub(crate) struct RunQueue {
     /// Positions by slot.
     positions: Vec<usize>,

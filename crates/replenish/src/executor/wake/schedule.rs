@@ -48,8 +48,8 @@ impl Every {
         }
     }
 
-    /// One release, this long after the start; 0 for at once. A [`TimerHandle`](crate::TimerHandle)
-    /// can start it again.
+    /// Releases the timer once, this long after the start; 0 for at once. A
+    /// [`TimerHandle`](crate::TimerHandle) can start it again.
     #[must_use]
     pub const fn once(after: Duration) -> Self {
         Self {
@@ -58,7 +58,7 @@ impl Every {
         }
     }
 
-    /// Nothing is due until a [`TimerHandle`](crate::TimerHandle) starts the timer.
+    /// Releases nothing until a [`TimerHandle`](crate::TimerHandle) starts the timer.
     #[must_use]
     pub const fn not_started(self) -> Self {
         Self {
@@ -119,7 +119,7 @@ impl Schedule {
         self.next
     }
 
-    /// No release is due any more.
+    /// Stops all releases.
     pub(crate) fn cancel(&mut self) {
         self.next = Nanos::MAX;
     }
@@ -137,7 +137,8 @@ impl Schedule {
         self.next = now.saturating_add(self.period);
     }
 
-    /// Another period, which counts from the latest release (or from the start, before the first).
+    /// Sets another period, which counts from the latest release (or from the start, before the
+    /// first).
     pub(crate) fn change_period(&mut self, period: Nanos) {
         let period = period.max(1);
         if !self.is_cancelled() {

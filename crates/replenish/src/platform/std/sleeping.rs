@@ -126,7 +126,7 @@ impl Alarms {
         number
     }
 
-    /// This sleep is over, or given up.
+    /// Ends this sleep: it is over, or given up.
     pub(crate) fn end(&self, number: u64) {
         let mut table = self.0.lock();
         let ended = table.places.end(number);

@@ -5,7 +5,7 @@ use crate::middleware::EndStatus;
 /// A number that has changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Count {
-    /// Its value now.
+    /// The number now.
     pub total: u64,
     /// Change since the last event.
     pub change: i64,
@@ -34,8 +34,8 @@ pub enum QosEvent {
     },
     /// A peer of the topic has another type (`incompatible_type`): the two do not talk.
     IncompatibleType(Count),
-    /// No sample within the [deadline](crate::Qos::deadline): of a publisher that has promised it
-    /// (`offered_deadline_missed`), or of a subscription that has asked for it
+    /// A [deadline](crate::Qos::deadline) passed without a sample: one that a publisher has
+    /// promised (`offered_deadline_missed`), or one that a subscription has asked for
     /// (`requested_deadline_missed`). Each period counts, from the first sample on.
     DeadlineMissed(Count),
     /// A publisher was silent for longer than its [lease](crate::Qos::lease)

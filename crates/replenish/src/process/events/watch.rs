@@ -18,7 +18,7 @@ struct Latest {
 }
 
 impl EventWatch {
-    /// One that wakes the worker of `guard`.
+    /// A watch that wakes the worker of `guard`.
     pub(super) fn new(guard: GuardCondition) -> Self {
         Self {
             latest: Mutex::new(Latest::default()),

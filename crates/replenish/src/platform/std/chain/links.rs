@@ -35,7 +35,7 @@ pub(crate) enum Input {
     Source,
     /// The sample comes from this link.
     Sample(u32),
-    /// It takes up the newest instance of the stage before.
+    /// The link takes up the newest instance of the stage before.
     Newest,
 }
 
@@ -66,7 +66,7 @@ impl Links {
         }
     }
 
-    /// It has ended; `None`: it did not run, or panicked.
+    /// Notes that the callback has ended; `None`: it did not run, or panicked.
     #[inline]
     pub(crate) fn end(&mut self, end: Option<Nanos>, events: &Events) {
         if !self.0.is_empty() {

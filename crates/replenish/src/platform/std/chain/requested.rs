@@ -8,7 +8,7 @@ use std::vec::Vec;
 #[derive(Debug, Default)]
 pub(crate) struct Requested(pub(crate) Vec<RequestedChain>);
 
-/// One of them.
+/// One requested chain.
 #[derive(Debug)]
 pub(crate) struct RequestedChain {
     pub(crate) name: String,

@@ -5,10 +5,9 @@ use std::time::Duration;
 
 /// Writes the recording to a file when something goes wrong.
 ///
-/// It is triggered as an oscilloscope is: recording goes on for half of the ring of the thread
-/// where it happened, or for a second, and then a thread of the
-/// idle class writes what all threads have recorded. `replenish trace` and `replenish why` read the
-/// file.
+/// It is triggered as an oscilloscope is: recording goes on for half of the ring of the thread with
+/// the cause, or for a second. Then a thread of the idle class writes what all threads have
+/// recorded. `replenish trace` and `replenish why` read the file.
 ///
 /// Without one of the `on_…` methods no file is written. Triggers of one dump are one; those beyond
 /// the limits are counted: `replenish top --json` shows how many dumps were written, and how many

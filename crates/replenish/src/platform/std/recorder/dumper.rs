@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 const AFTER: Duration = Duration::from_secs(1);
 /// The ring is looked at this often meanwhile.
 const LOOK: Duration = Duration::from_millis(5);
-/// Its class is set this often while it ends, in ns.
+/// Time in ns between two settings of the thread's class while the thread ends.
 const AGAIN: u64 = 20_000_000;
 const MINUTE: Duration = Duration::from_secs(60);
 

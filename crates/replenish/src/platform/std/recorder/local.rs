@@ -38,7 +38,8 @@ pub(super) fn install(local: Local) {
     LOCAL.with(|slot| slot.replace(Some(local)));
 }
 
-/// Not where the thread is at its end, and not in a signal handler that came upon an event.
+/// Runs `step` on the thread's recording, but not at the end of the thread, and not in a signal
+/// handler that interrupted a recording.
 #[inline]
 fn with(step: impl FnOnce(&mut Local)) {
     let step = |slot: &RefCell<Option<Local>>| {
