@@ -8,8 +8,8 @@ fn main() -> Result<(), Error> {
     Generator::new()
         .package_dir("msgs/robot_msgs")
         .generate_for_cargo()?;
-    // Everything inline: strings of at most 32 bytes, sequences of at most 8 elements. What it
-    // contains of other packages has to be generated alike.
+    // Everything inline: strings of at most 32 bytes, sequences of at most 8 elements. Types of
+    // other packages in it have to be generated alike.
     let share = PathBuf::from(env::var_os("DEP_REPLENISH_INTERFACES_SHARE").unwrap_or_default());
     Generator::new()
         .package_dir("msgs/robot_msgs")

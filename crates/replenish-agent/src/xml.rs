@@ -1,6 +1,6 @@
 //! The little XML that XRCE clients send: `<dds><data_writer><topic><name>…`.
 //!
-//! Not an XML parser: it finds elements by name and reads their text. That is enough for the
+//! This is no XML parser: it finds elements by name and reads their text. That is enough for the
 //! strings that stock clients build, bounded by the message they came in, and cannot recurse.
 
 /// The contents of the first element `tag` in `xml`, or `None` when it is missing or not closed.

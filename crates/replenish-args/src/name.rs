@@ -59,7 +59,7 @@ pub(crate) fn substitute(text: &str, node: &str) -> Result<String, String> {
         match name {
             "node" => out += last,
             "ns" | "namespace" => {
-                // It has a slash of its own, which may stand before and behind it, too.
+                // The part has a slash of its own, which may stand before and behind it, too.
                 if out.ends_with('/') {
                     out.pop();
                 }

@@ -13,7 +13,7 @@ use std::process::Command;
 /// The program.
 const PROGRAM: &str = "replenish-bench";
 
-/// Its words.
+/// The laboratory's words.
 const WORDS: [&str; 5] = ["demo", "experiment", "bench", "ping", "pong"];
 
 /// The last lines of `replenish --help`.

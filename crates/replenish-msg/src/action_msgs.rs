@@ -50,7 +50,7 @@ pub struct GoalStatus {
 }
 
 impl GoalStatus {
-    /// Nothing is known of the goal.
+    /// The server does not know the goal's state.
     pub const STATUS_UNKNOWN: i8 = 0;
     /// The goal was accepted and waits for its execution.
     pub const STATUS_ACCEPTED: i8 = 1;

@@ -21,7 +21,7 @@ pub struct Deadline {
 }
 
 impl Deadline {
-    /// One that begins with the first sample; none if `period` is 0 or [`INFINITE`].
+    /// A deadline that begins with the first sample; none if `period` is 0 or [`INFINITE`].
     #[must_use]
     pub const fn new(period: Nanos) -> Self {
         Self {
@@ -81,7 +81,7 @@ pub struct Lease {
 }
 
 impl Lease {
-    /// One that is alive and begins with the first sign; one that never ends if `time` is 0 or
+    /// A lease that is alive and begins with the first sign. It never ends if `time` is 0 or
     /// [`INFINITE`].
     #[must_use]
     pub const fn new(time: Nanos) -> Self {

@@ -8,7 +8,7 @@ use sporadic::Level;
 pub struct Outcome {
     /// Length of the run, in ns.
     pub horizon: Nanos,
-    /// One per thread, in the order of the system.
+    /// Outcomes of the threads, in the order of the system.
     pub threads: Vec<ThreadOutcome>,
     /// Time each CPU spent without a thread and without an interrupt, in ns.
     pub idle: Vec<Nanos>,
@@ -84,17 +84,17 @@ pub enum What {
         /// From its release, in ns.
         response: Nanos,
     },
-    /// It got a CPU.
+    /// The thread got a CPU.
     Run {
         /// Which.
         cpu: usize,
     },
-    /// It lost its CPU but could go on.
+    /// The thread lost its CPU but could go on.
     Preempt {
         /// Which.
         cpu: usize,
     },
-    /// It gave its CPU up, since it waits or must not run.
+    /// The thread gave its CPU up, since it waits or must not run.
     Yield {
         /// Which.
         cpu: usize,
@@ -105,26 +105,26 @@ pub enum What {
         /// The amount.
         left: Nanos,
     },
-    /// It blocked inside a job.
+    /// The thread blocked inside a job.
     Block,
-    /// It left a wait, in or between jobs.
+    /// The thread left a wait, in or between jobs.
     Wake,
-    /// It waits for a lock.
+    /// The thread waits for a lock.
     LockWait {
         /// Which.
         lock: LockId,
     },
-    /// It holds a lock now.
+    /// The thread holds a lock now.
     Locked {
         /// Which.
         lock: LockId,
     },
-    /// It released a lock.
+    /// The thread released a lock.
     Unlocked {
         /// Which.
         lock: LockId,
     },
-    /// Its budget server changed its level.
+    /// The thread's budget server changed its level.
     Level(Level),
     /// `SCHED_DEADLINE` throttled it.
     Throttle,

@@ -27,7 +27,7 @@ pub struct Platform {
 }
 
 impl Platform {
-    /// No costs, no delays, POSIX rules.
+    /// A platform without costs and delays, with POSIX's rules.
     pub const IDEAL: Self = Self {
         context_switch: 0,
         job: 0,

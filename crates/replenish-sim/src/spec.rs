@@ -24,7 +24,7 @@ pub struct System {
 }
 
 impl System {
-    /// These threads on one CPU, no locks, an ideal platform.
+    /// A system of these threads on one CPU, without locks, on an ideal platform.
     pub fn on_one_cpu(threads: Vec<Thread>) -> Self {
         Self {
             cpus: 1,

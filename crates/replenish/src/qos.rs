@@ -25,7 +25,7 @@ pub enum History {
     /// The oldest waiting sample makes room and is counted as dropped.
     KeepLast,
     /// The new sample waits in the middleware, which is not asked for this reader until its
-    /// callback has made room. What the middleware then loses is the middleware's count.
+    /// callback has made room. The middleware counts the samples that it loses then.
     KeepAll,
 }
 

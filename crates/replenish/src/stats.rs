@@ -40,8 +40,8 @@ impl Counter {
     }
 }
 
-/// The live counters of one handle; [`HandleStats`] is a snapshot of them. Those that each message
-/// changes come first: they share a line of the cache.
+/// The live counters of one handle; [`HandleStats`] is a snapshot of them. The counters that each
+/// message changes come first: they share a line of the cache.
 #[derive(Debug, Default)]
 #[repr(C)]
 pub(crate) struct Counters {

@@ -39,8 +39,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// One submessage of the client in slot `index`, which may be gone since an earlier one. False
-    /// if it is a sample that has to wait: nothing has been done with it.
+    /// Handles one submessage of the client in slot `index`, which may be gone since an earlier
+    /// one. False if it is a sample that has to wait: nothing has been done with it.
     #[must_use]
     pub(super) fn take(
         &mut self,

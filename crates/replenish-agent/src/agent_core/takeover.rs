@@ -15,7 +15,7 @@ use std::hash::Hash;
 
 /// The verdict on a log-in with the key of a session.
 pub(super) enum Takeover {
-    /// It may go on: the session is its own, or its address does not answer.
+    /// The log-in may go on: the session is its own, or the session's address does not answer.
     Granted,
     /// The answer to it; `None` while it is not known whether the old address lives.
     Refused(Option<Status>),

@@ -36,7 +36,7 @@ pub(crate) struct Client<P> {
     pub(crate) origin: Option<ClientOrigin>,
     /// Its rights, if there is an access list.
     pub(crate) grant: Option<Arc<Grant>>,
-    /// It has sent a message in a session: it knows that it has one.
+    /// The client has sent a message in a session: it knows that it has one.
     pub(crate) arrived: bool,
     pub(crate) entities: Entities,
     /// The account of the memory that it takes.
@@ -47,7 +47,7 @@ pub(crate) struct Client<P> {
     pub(crate) queued: Option<u8>,
     /// Its time in the agent's timers.
     pub(crate) timer: Option<Nanos>,
-    /// Its transport is full.
+    /// The client's transport is full.
     pub(crate) held: bool,
     pub(crate) counts: ClientCounts,
     pub(crate) heard: Nanos,
@@ -129,14 +129,14 @@ impl<P> Client<P> {
         self.ledger.free() >= bytes.saturating_add(QUEUE_OVERHEAD)
     }
 
-    /// It has sent something.
+    /// Notes that the client has sent something.
     pub(crate) fn heard(&mut self, now: Nanos, limits: &Limits) {
         self.heard = now;
         self.challenges = 0;
         self.probe_at = now.saturating_add(limits.silence / 3);
     }
 
-    /// It must show that it lives.
+    /// Makes the client show that it lives.
     pub(crate) fn challenge(&mut self, now: Nanos) {
         self.challenged = Some(now);
         self.challenges = CHALLENGES;
@@ -255,7 +255,8 @@ impl<P> Client<P> {
             return false;
         };
         let stream = endpoint.stream();
-        // One that has got all it asked for is waited for if its client is known to ask for more.
+        // A reader that has got all it asked for is waited for if its client is known to ask for
+        // more.
         if stream.is_none() && self.origin.is_none() {
             return false;
         }

@@ -16,16 +16,16 @@ const ASK_AGAIN: Nanos = 50_000_000;
 /// The agent's knowledge of a client's address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Echo {
-    /// Nothing: this many bytes may leave for it.
+    /// The client has shown nothing yet: this many bytes may leave for it.
     Awaited {
         /// Bytes.
         credit: usize,
         /// Time at which it may be asked.
         ask_at: Nanos,
-        /// It was asked.
+        /// The client was asked.
         asked: bool,
     },
-    /// It has acknowledged something, or its transport is connected.
+    /// The client has acknowledged something, or its transport is connected.
     Shown,
 }
 
@@ -81,7 +81,7 @@ impl Echo {
         }
     }
 
-    /// It is asked now.
+    /// Notes that the client is asked now.
     pub(crate) const fn ask(&mut self, now: Nanos) {
         if let Self::Awaited { ask_at, asked, .. } = self {
             *ask_at = now.saturating_add(ASK_AGAIN);

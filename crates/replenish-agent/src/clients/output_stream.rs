@@ -318,7 +318,7 @@ impl OutputStream {
         }
         if let Some(notice) = self.notices.front() {
             self.level = TOP;
-            // One that does not fit is not worth more than the samples behind it.
+            // A notice that does not fit is not worth more than the samples behind it.
             let _lost = self.sender.push(notice).is_err();
             self.notices.pop_front();
             return true;

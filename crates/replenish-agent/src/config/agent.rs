@@ -59,7 +59,7 @@ pub struct DdsBridge {
 pub struct SerialConfig {
     /// The terminal: `/dev/ttyUSB0`, or the other end of a pseudo-terminal.
     pub path: PathBuf,
-    /// One of [`replenish_os::tty::baud_rates`].
+    /// The speed of the line: one of [`replenish_os::tty::baud_rates`].
     pub baud: u32,
 }
 

@@ -19,7 +19,7 @@ pub struct TlsConfig {
     pub addr: SocketAddr,
     /// The agent's certificate in PEM form. Clients know it by its SHA-256.
     pub certificate: PathBuf,
-    /// Its private key in PEM form.
+    /// The agent's private key in PEM form.
     pub key: PathBuf,
 }
 

@@ -26,7 +26,7 @@ pub(crate) enum Durability {
 pub(crate) struct Qos {
     pub(crate) reliable: bool,
     pub(crate) durability: Durability,
-    /// Nothing is dropped to make room for something newer.
+    /// Whether no sample is dropped to make room for a newer one.
     pub(crate) keep_all: bool,
     /// Samples to keep.
     pub(crate) depth: usize,

@@ -88,7 +88,7 @@ pub(crate) enum Readiness {
     Idle,
     /// It may be delivered on this stream, now.
     Now(StreamId),
-    /// Not before this time.
+    /// The sample may not go before this time.
     At(Nanos),
 }
 
@@ -202,7 +202,8 @@ impl Reader {
     /// Whether a reliable keep-all writer has to wait with a sample of `bytes`: the queue is full,
     /// or takes all the memory that its client may have, and the client wants what is in it.
     ///
-    /// One that has waited goes on when half of the queue is free: its client sends a message anew.
+    /// A writer that has waited goes on when half of the queue is free: its client sends a message
+    /// anew.
     /// After `limit` in which nothing left the queue, no writer waits any more.
     pub(crate) fn holds_up(
         &mut self,

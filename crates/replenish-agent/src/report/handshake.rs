@@ -14,7 +14,7 @@ pub enum HandshakeError {
     NoCertificate,
     /// The access list does not have the certificate with this SHA-256.
     UnknownCertificate([u8; 32]),
-    /// It was not finished in time.
+    /// The handshake was not finished in time.
     Unfinished {
         /// The longest time for a handshake, in nanoseconds.
         limit: u64,

@@ -9,7 +9,7 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Reason {
-    /// Not a DDS-XRCE message, or broken from some byte on.
+    /// A datagram that is not a DDS-XRCE message, or is broken from some byte on.
     Malformed {
         /// Bytes of the message.
         bytes: usize,
@@ -116,7 +116,7 @@ pub enum Reason {
     NotListed {
         /// The part that is not in the list: its key, its address, the topics that it uses.
         field: &'static str,
-        /// It had a session, which a new list has ended.
+        /// The client had a session, which a new list has ended.
         session: bool,
     },
     /// A handshake of DTLS or TLS that failed.

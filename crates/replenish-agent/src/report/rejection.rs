@@ -5,7 +5,7 @@
 //!                └─ full or being drained: only counted
 //! ```
 //!
-//! One ring for each kind, so that a flood of one does not push out the others. The agent never
+//! Each kind has a ring, so that a flood of one does not push out the others. The agent never
 //! waits: while another thread drains, it only counts.
 
 use super::reason::{KINDS, Reason};

@@ -74,7 +74,7 @@ pub struct BridgeSnapshot {
     pub unheard: u64,
 }
 
-/// One client.
+/// State of one client.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct ClientSnapshot {
@@ -110,7 +110,7 @@ pub struct ClientSnapshot {
     pub entities: Vec<EntitySnapshot>,
 }
 
-/// One stream to a client.
+/// State of one stream to a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct StreamSnapshot {
@@ -122,7 +122,7 @@ pub struct StreamSnapshot {
     pub resent: u64,
 }
 
-/// One entity.
+/// State of one entity.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct EntitySnapshot {

@@ -44,8 +44,8 @@ const ALLOCATOR_PART: usize = 4;
 /// assert!(bound.total() > AgentConfig::default().limits.memory());
 /// ```
 ///
-/// Not in it: the kernel's buffers of sockets, which `net.core` and `net.ipv4` limit, and with
-/// [`AgentConfig::dds`] the memory of RustDDS itself.
+/// The bound leaves out the kernel's buffers of sockets, which `net.core` and `net.ipv4` limit, and
+/// with [`AgentConfig::dds`] the memory of RustDDS itself.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MemoryBound {
     terms: Vec<(&'static str, usize)>,

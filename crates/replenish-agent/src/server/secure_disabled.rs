@@ -1,4 +1,5 @@
-//! No encrypted ports: the feature `secure` is off. As in `secure/`, with values that cannot exist.
+//! Stand-ins for encrypted ports: the feature `secure` is off. As in `secure/`, with values that
+//! cannot exist.
 
 use super::found::Found;
 use super::peer::Peer;

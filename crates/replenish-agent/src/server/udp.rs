@@ -23,7 +23,7 @@ pub(super) struct UdpPort {
 
 /// The result of one receive.
 pub(super) enum Arrival<'a> {
-    /// Nothing, for now.
+    /// There is nothing to receive, for now.
     Nothing,
     /// An empty datagram or a passing error; there may be more.
     Ignored,

@@ -18,10 +18,10 @@
 //!
 //! It is no [`BudgetServer`](sporadic::BudgetServer), because it is driven by other events: timer
 //! ticks of the running thread and context switches in, out and by preemption, where a budget
-//! server knows activations, consumption and waits. Nobody can ask it what is available: it does
-//! not know. So it has an interface of its own, in ticks: each event returns [`Effects`], the
-//! timers to start and the level to set, in that order. Timers, ready list and context switches
-//! belong to the kernel around it ([`Kernel`](super::Kernel)).
+//! server knows activations, consumption and waits. It does not know how much budget is left, so
+//! it cannot be asked for that. So it has an interface of its own, in ticks: each event returns
+//! [`Effects`], the timers to start and the level to set, in that order. Timers, ready list and
+//! context switches belong to the kernel around it ([`Kernel`](super::Kernel)).
 //!
 //! Written from a description of the state machine of `sched/sched/sched_sporadic.c`; the parts
 //! for a locked scheduler are left out. How it deviates from a sporadic server: budget is wall

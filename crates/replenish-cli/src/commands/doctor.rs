@@ -34,13 +34,13 @@ pub struct Args {
 enum Verdict {
     /// As it should be.
     Good,
-    /// It works, with a limit.
+    /// The fact allows real-time threads, with a limit.
     Limited,
-    /// It does not work.
+    /// The fact forbids real-time threads.
     Missing,
 }
 
-/// One thing that was looked at.
+/// One fact about the machine.
 #[derive(Debug, Clone, serde::Serialize)]
 struct Finding {
     topic: &'static str,

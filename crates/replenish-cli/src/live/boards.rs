@@ -111,7 +111,7 @@ fn open(path: &Path) -> Result<Option<Boards>, String> {
     Ok(Some(found))
 }
 
-/// No control characters, and no more than a line takes.
+/// Removes control characters, and cuts to the length of a line.
 fn clean(text: &mut String) {
     let clean = |c: char| {
         if c.is_control()

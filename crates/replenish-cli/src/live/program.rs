@@ -34,7 +34,7 @@ pub(crate) struct Program {
     pub(crate) path: PathBuf,
     pub(crate) view: View,
     pub(crate) source: ByPlace,
-    /// It runs: it holds its file's lock.
+    /// The program runs: it holds its file's lock.
     pub(crate) alive: bool,
 }
 

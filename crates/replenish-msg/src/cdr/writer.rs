@@ -4,7 +4,7 @@ use super::{CdrError, padding};
 
 /// Appends CDR items to a buffer, each aligned relative to the buffer's start.
 ///
-/// Nothing is written of an item that does not fit, so [`len`](Self::len) always ends at an item.
+/// An item that does not fit is not begun, so [`len`](Self::len) always ends at an item.
 #[derive(Debug)]
 pub struct CdrWriter<'a> {
     buf: &'a mut [u8],

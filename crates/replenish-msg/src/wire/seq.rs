@@ -6,7 +6,7 @@ use core::fmt;
 
 /// A sequence in the bytes of a message, or a slice that is to be written as one.
 ///
-/// Its bytes were checked when it was taken, so that looking at an element cannot fail.
+/// The bytes were checked when the sequence was taken, so looking at an element cannot fail.
 pub struct Seq<'a, T>(Source<'a, T>);
 
 enum Source<'a, T> {

@@ -89,8 +89,8 @@ impl Budgeted {
         }
     }
 
-    /// One step on the thread under the lock, and the timer set if the step asks for it earlier.
-    /// The step changes no priority: that is the enforcer's alone.
+    /// Runs one step on the thread under the lock, and sets the timer if the step asks for it
+    /// earlier. The step changes no priority: that is the enforcer's alone.
     pub(super) fn with(&self, step: impl FnOnce(&mut EnforcedThread)) {
         let mut threads = self.lock_waits.lock(&self.enforcer.threads);
         let Some(thread) = threads.enrolled.get_mut(self.index) else {

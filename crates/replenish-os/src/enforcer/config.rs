@@ -23,9 +23,9 @@ pub enum Enforcement {
     /// An enforcer that may run on another CPU, for workers that are not pinned: the overrun
     /// grows by an inter-processor interrupt (about 40 µs in a virtual machine, literature).
     OtherCpu,
-    /// No privilege to change priorities: a callback that finds its budget used up waits for the
-    /// next replenishment before it starts. A callback that runs is never interrupted; what it
-    /// takes too much is a debt to later callbacks.
+    /// Without privilege to change priorities, a callback that finds its budget used up waits for
+    /// the next replenishment before it starts. A running callback is never interrupted; its CPU
+    /// time beyond the budget is a debt to later callbacks.
     Deferred,
 }
 

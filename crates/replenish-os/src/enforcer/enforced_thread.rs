@@ -1,4 +1,4 @@
-//! One supervised thread: its reservation, and how a verdict reaches the kernel.
+//! One supervised thread: its reservation, and the way of a verdict to the kernel.
 
 use super::config::{AnyServer, Enforcement, NEVER};
 use super::overruns::Overruns;
@@ -234,7 +234,7 @@ impl EnforcedThread {
                 self.suspend.resume();
                 self.supervised.note(Some(high), true);
             }
-            // It was let go, and has used its budget in the time-sharing class.
+            // The thread was let go, and has used its budget in the time-sharing class.
             (Level::Low, Low::Suspend) => {
                 let runs = self.reservation.is_runnable();
                 self.suspend.suspend(self.tid, runs).ok(); // it is there already
@@ -289,7 +289,7 @@ impl EnforcedThread {
                 // A small kernel refuses no priority, and its flash is short.
                 let refused = cfg!(not(target_os = "none")) && raised.is_err();
                 if refused && !sched::has_level(self.tid, high, level) {
-                    // It goes on in the time-sharing class, for its budget and no longer.
+                    // The thread goes on in the time-sharing class, for its budget and no longer.
                     self.suspend
                         .lower(self.inherited.saturating_add(params.budget()));
                 }
@@ -308,7 +308,7 @@ impl EnforcedThread {
                 (now, self.cpu(now))
             }
         };
-        // One that stops needs no priority for that: refused, it is low all the same.
+        // A thread that stops needs no priority for that: refused, it is low all the same.
         let stops = level == Level::Low && low == Low::Suspend;
         let obeyed = done.is_ok() || stops || sched::has_level(self.tid, high, level);
         let low = if let Low::Background(low) = low {

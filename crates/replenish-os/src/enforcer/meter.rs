@@ -147,7 +147,7 @@ impl MeterState {
         if current_tid() == self.tid {
             return clock::thread_cpu();
         }
-        // It ends at this moment.
+        // The thread ends at this moment.
         self.clock.read().unwrap_or_else(|| *self.last_cpu.lock())
     }
 }

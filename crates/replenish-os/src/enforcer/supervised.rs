@@ -34,7 +34,7 @@ impl Supervised {
         }
     }
 
-    /// Its budget is recorded here from now on.
+    /// Records the thread's budget here from now on.
     pub(super) fn record_to(&mut self, record: BudgetRecord) {
         self.record = Some(record);
     }
@@ -52,7 +52,7 @@ impl Supervised {
         }
     }
 
-    /// It left its wait, or is about to wait.
+    /// Notes that the thread left its wait, or is about to wait.
     pub(super) fn turned(&mut self, of: &Reservation<AnyServer>, now: Nanos, active: bool) {
         if let Some(record) = &mut self.record {
             let (left, cpu) = record.totals(of, now);
@@ -61,7 +61,8 @@ impl Supervised {
         }
     }
 
-    /// Its account was brought up to date; it may have been found to have blocked.
+    /// Notes that the account was brought up to date, and whether it showed that the thread
+    /// blocked.
     pub(super) fn observed(&mut self, of: &Reservation<AnyServer>, now: Nanos, blocked: bool) {
         if let Some(record) = &mut self.record {
             let (left, cpu) = record.totals(of, now);

@@ -42,13 +42,14 @@ impl Supervised {
         }
     }
 
-    /// It left its wait, or is about to wait.
+    /// Notes that the thread left its wait, or is about to wait.
     pub(super) fn turned(&mut self, of: &Reservation<AnyServer>, now: Nanos, active: bool) {
         let kind = if active { Kind::Activate } else { Kind::Block };
         self.write(kind, now, [of.server().available(now), 0]);
     }
 
-    /// Its account was brought up to date; it may have been found to have blocked.
+    /// Notes that the account was brought up to date, and whether it showed that the thread
+    /// blocked.
     pub(super) fn observed(&mut self, of: &Reservation<AnyServer>, now: Nanos, blocked: bool) {
         if blocked {
             self.write(Kind::Unblock, now, [of.server().available(now), 0]);

@@ -1,4 +1,4 @@
-//! No watchdog, no recorder: neither need know anything of a worker.
+//! Stand-in for watchdog and recorder, which this build does not have.
 
 use super::config::AnyServer;
 use crate::backend::blocking_detector::Switch;

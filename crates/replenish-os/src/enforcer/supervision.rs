@@ -124,7 +124,7 @@ impl Supervision {
         *self.watched.hook.lock() = Some(Arc::new(hook));
     }
 
-    /// No look runs after this.
+    /// Ends the looks: none runs after this.
     pub(super) fn end(&self) {
         if let Ok(mut watch) = self.watch.lock() {
             drop(watch.take());

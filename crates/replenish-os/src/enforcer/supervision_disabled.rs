@@ -1,4 +1,4 @@
-//! No watchdog: nothing but the kernel can stop an enforcer of a microcontroller.
+//! Stand-in for the watchdog: nothing but the kernel can stop an enforcer of a microcontroller.
 
 use super::config::Fault;
 use super::state::EnforcerState;

@@ -15,7 +15,7 @@ pub enum SchedClass {
     Other,
     /// FIFO at this priority.
     Fifo(u8),
-    /// Not there on this kernel: refused.
+    /// Round-robin: this kernel does not have it, so it is refused.
     RoundRobin(u8),
 }
 

@@ -74,7 +74,7 @@ impl SuspendCell {
         0
     }
 
-    /// Nothing to wait for: a suspended task does not run.
+    /// Does not wait: a suspended task does not run.
     #[expect(clippy::unused_self, reason = "the other back end's name")]
     pub(crate) fn wait_while_suspended(&self) {}
 }

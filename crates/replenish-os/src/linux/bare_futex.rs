@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 const EMPTY: u32 = 0;
 const SET: u32 = 1;
 
-/// One word, one system call to wake whether anybody waits or not, no deadline.
+/// The least wake-up: one word, a system call for each wake, no deadline.
 ///
 /// One thread may wait at a time; what was written before [`set`](Self::set) is visible after the
 /// wait that it ends.

@@ -14,11 +14,11 @@ use sporadic::Readings;
 /// A switch of a thread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Switch {
-    /// It got the CPU.
+    /// The thread got the CPU.
     In,
-    /// It left the CPU and still wanted it.
+    /// The thread left the CPU and still wanted it.
     Preempted,
-    /// It left the CPU to wait for something.
+    /// The thread left the CPU to wait for something.
     Blocked,
 }
 
@@ -131,7 +131,7 @@ impl BlockingDetector {
         cpu
     }
 
-    /// It is not known when the thread blocked.
+    /// Notes that it is not known when the thread blocked.
     pub(crate) fn lost(&mut self, now: Nanos) {
         self.intervals.lost(now);
     }

@@ -29,7 +29,7 @@ pub(super) fn contains(address: usize) -> bool {
     })
 }
 
-/// One loaded object.
+/// Looks at one loaded object.
 unsafe extern "C" fn look_at(
     info: *mut libc::dl_phdr_info,
     _size: usize,

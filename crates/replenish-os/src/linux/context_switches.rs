@@ -49,7 +49,7 @@ impl ContextSwitch {
 pub enum SwitchDirection {
     /// The thread left the CPU.
     Out {
-        /// It was still runnable (preempted, or it yielded); otherwise it blocked.
+        /// The thread was still runnable (preempted, or it yielded); otherwise it blocked.
         preempted: bool,
     },
     /// The thread got the CPU.

@@ -44,7 +44,7 @@ pub fn receive_counted(socket: &impl AsFd, into: &mut [u8]) -> io::Result<(usize
     header.msg_iov = &raw mut part;
     header.msg_iovlen = 1;
     header.msg_control = control.as_mut_ptr().cast();
-    // Another integer in each C library.
+    // Each C library has another integer type here.
     header.msg_controllen = size_of_val(&control) as _;
     let flags = libc::MSG_DONTWAIT;
     let fd = socket.as_fd().as_raw_fd();

@@ -41,7 +41,7 @@ pub(crate) trait PiWord {
     fn hand_over(&self) -> i32;
     /// The calling thread begins a critical section.
     fn enter();
-    /// It ends one, or has not got the lock.
+    /// Notes that the thread ends a section, or has not got the lock.
     fn leave();
     /// The calling thread is about to wait for thread `owner`, unless `is_owner` is over.
     fn waits_for(owner: u32, is_owner: impl Fn() -> bool);

@@ -52,7 +52,8 @@ pub fn promote(tid: Tid, hi: u8) -> io::Result<()> {
         return answer;
     }
     match set_param(tid, hi) {
-        // Not in a real-time class any more (somebody changed it): set the class too.
+        // The thread is not in a real-time class any more (its class was changed): set the class
+        // too.
         Err(e) if e.raw_os_error() == Some(libc::EINVAL) => set_priority(tid, SchedClass::Fifo(hi)),
         done => done,
     }

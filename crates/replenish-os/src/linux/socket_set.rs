@@ -9,8 +9,8 @@ use std::os::fd::{AsFd, OwnedFd};
 /// Descriptors to be read from (`epoll(7)`, level-triggered), each with a key of its own, each
 /// wanted or not.
 ///
-/// One that is not wanted never ends a wait: its bytes stay in the kernel, which drops further
-/// ones. One that is closed leaves the set by itself. Any thread may call any method.
+/// A descriptor that is not wanted never ends a wait: its bytes stay in the kernel, which drops
+/// further ones. A closed descriptor leaves the set by itself. Any thread may call any method.
 #[derive(Debug)]
 pub struct SocketSet(OwnedFd);
 

@@ -45,7 +45,7 @@ static HANDLED: AtomicBool = AtomicBool::new(false);
 pub(crate) struct SuspendCell(SlotHandle);
 
 impl SuspendCell {
-    /// That of the calling thread, which can lower itself from now on. Allocates.
+    /// The worker of the calling thread, which can lower itself from now on. Allocates.
     pub(crate) fn new() -> Self {
         if install_handler().is_ok() {
             HANDLED.store(true, Ordering::Release);

@@ -27,11 +27,11 @@ use crate::Nanos;
 use crate::sync_shim::{AtomicBool, AtomicU32, AtomicU64, FutexWord, one_order};
 use core::sync::atomic::{Ordering, compiler_fence};
 
-/// Its budget is used up: the low level.
+/// The budget is used up: the low level.
 const LOW: u32 = 1;
-/// It is to stop as soon as it is in no critical section.
+/// The thread is to stop as soon as it is in no critical section.
 const STOPPED: u32 = 2;
-/// Nothing stops it any more.
+/// Nothing stops the thread any more.
 const CANCELLED: u32 = 4;
 
 /// The known facts of one thread.

@@ -64,7 +64,7 @@ impl Model {
         shared.alarm.set(at, |at| self.timer.arm(at)).unwrap();
     }
 
-    /// One round of the enforcer; when its timer fired.
+    /// Runs one round of the enforcer; returns the time at which its timer fired.
     fn round(&self) -> Nanos {
         let now = self.timer.read();
         let mut shared = self.shared.lock().unwrap();

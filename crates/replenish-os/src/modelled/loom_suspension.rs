@@ -124,7 +124,7 @@ fn loom_a_worker_that_stops_itself_is_raised() {
     });
 }
 
-/// It stops with the section that uses the allowance up, and not before.
+/// The thread stops with the section that uses the allowance up, and not before.
 #[test]
 fn loom_an_allowance_lasts_as_long_as_it_says() {
     model(|| {

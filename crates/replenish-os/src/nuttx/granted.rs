@@ -23,7 +23,7 @@ pub struct Granted {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum GrantedPolicy {
-    /// None of the others; on a host only.
+    /// Another class; on a host only.
     Other,
     /// `SCHED_FIFO`.
     Fifo,

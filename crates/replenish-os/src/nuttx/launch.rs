@@ -76,7 +76,7 @@ pub(crate) fn start(
     let argument = Box::into_raw(Box::new(Start(slot, *name, body)));
     match ffi::create(entry, argument.cast(), stack_bytes, &how) {
         Ok(id) => {
-            // It may have run, and even ended, by now.
+            // The thread may have run, and even ended, by now.
             slot.state.with(|s| {
                 if s.generation == generation && s.task.is_none() && !s.ended {
                     slot.thread.note(id, priority);

@@ -100,7 +100,7 @@ impl TaskState {
         }
     }
 
-    /// None is: see [`limit`].
+    /// Whether the task has reached its limit: never, see [`limit`].
     #[expect(clippy::unused_self, reason = "the other back end's name")]
     pub(crate) const fn take_reached(&mut self) -> bool {
         false

@@ -93,7 +93,7 @@ fn lock_slow(lock: &AtomicU32, me: u32, deadline: Option<Nanos>) -> bool {
     }
 }
 
-/// One core: `order` is the compiler's to keep, and no barrier is needed for it.
+/// Compare and swap. There is one core: `order` is for the compiler, and no barrier is needed.
 fn swap(lock: &AtomicU32, from: u32, to: u32, order: Ordering) -> bool {
     if order == Ordering::Release {
         compiler_fence(order);

@@ -9,7 +9,7 @@ use crate::{Nanos, Notify};
 pub struct WakeFd(Notify);
 
 impl WakeFd {
-    /// One that is not set.
+    /// A wake-up that is not set.
     ///
     /// # Errors
     /// None; as on Linux.
@@ -17,7 +17,7 @@ impl WakeFd {
         Ok(Self(Notify::new()))
     }
 
-    /// One that is not set, for statics.
+    /// A wake-up that is not set, for statics.
     #[must_use]
     pub const fn constant() -> Self {
         Self(Notify::new())

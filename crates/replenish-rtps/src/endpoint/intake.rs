@@ -152,8 +152,8 @@ impl Reader {
             self.stats.overwritten += 1;
             return self.store.take();
         }
-        // Nothing that can be read: the sample that everything waits for displaces the one that
-        // has to wait longest, which its writer sends again.
+        // No sample can be read: the sample that everything waits for displaces the one that has to
+        // wait longest, which its writer sends again.
         if self.store.ready() > 0 || (writer.reliable && sn != writer.next) {
             return None;
         }
@@ -195,7 +195,7 @@ impl Reader {
         }
     }
 
-    /// Nothing older is taken from a best-effort writer.
+    /// Drops parts of older samples of a best-effort writer.
     fn drop_older_parts(&mut self, guid: Guid, sn: SequenceNumber) {
         for slot in &mut self.store.slots {
             if slot.state == State::Partial && slot.writer == guid && slot.sn < sn {
@@ -228,7 +228,7 @@ impl Reader {
         }
     }
 
-    /// No sample of the writer before `to` is waited for any longer.
+    /// Gives up the writer's samples before `to`: the reader waits for none of them any longer.
     pub(super) fn give_up_below(&mut self, at: usize, to: SequenceNumber) -> u64 {
         let Some(writer) = self.writers.get_mut(at) else {
             return 0;

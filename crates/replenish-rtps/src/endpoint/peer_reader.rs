@@ -34,7 +34,7 @@ pub(crate) struct PeerReader {
     pub(crate) ack_count: Option<u32>,
     pub(crate) nack_frag_count: Option<u32>,
     pub(crate) wants_heartbeat: bool,
-    /// It is to hear that the writer is alive, in a heartbeat of its own.
+    /// The reader is to hear that the writer is alive, in a heartbeat of its own.
     pub(crate) asserts: bool,
 }
 

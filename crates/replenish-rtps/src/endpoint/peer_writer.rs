@@ -13,7 +13,7 @@ pub(crate) struct PeerWriter {
     pub(crate) guid: Guid,
     pub(crate) to: SocketAddr,
     pub(crate) reliable: bool,
-    /// It sends what it had written before the match.
+    /// The writer sends samples from before the match.
     pub(crate) late: bool,
     /// The first number that counts as lost if it does not come. `None`: nothing was heard yet.
     pub(crate) promised: Option<SequenceNumber>,
@@ -28,9 +28,9 @@ pub(crate) struct PeerWriter {
     pub(crate) nack_frag_count: u32,
     /// An ACKNACK is to be sent.
     pub(crate) ack: bool,
-    /// Nothing was heard of the writer yet: the ACKNACK asks for a heartbeat.
+    /// The writer was not heard yet: the ACKNACK asks for a heartbeat.
     pub(crate) unheard: bool,
-    /// It is alive as long as its participant is.
+    /// The writer is alive as long as its participant is.
     pub(crate) automatic: bool,
     pub(crate) lease: Lease,
     /// Time in ns for which its samples are of use.

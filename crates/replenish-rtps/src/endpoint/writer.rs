@@ -185,7 +185,7 @@ impl Writer {
             .unwrap_or(0)
     }
 
-    /// Announces an instance of discovery. What is announced stays until it is forgotten.
+    /// Announces an instance of discovery. The announcement stays until it is forgotten.
     pub(crate) fn announce_instance(&mut self, bytes: &[u8], now: Nanos) -> SequenceNumber {
         self.forget_a_disposal();
         self.add(Body::Parts(&[bytes]), None, &Header::default(), now)

@@ -70,7 +70,8 @@ impl<'a> Submessages<'a> {
         let (kind, flags) = (r.u8()?, r.u8()?);
         let mut r = Reader::new(r.rest(), flags & LITTLE_ENDIAN != 0);
         let len = match usize::from(r.u16()?) {
-            // It reaches to the end of the message, but for the two that may be empty.
+            // The submessage reaches to the end of the message, but for the two kinds that may be
+            // empty.
             0 if kind != id::PAD && kind != id::INFO_TS => r.left(),
             len => len,
         };

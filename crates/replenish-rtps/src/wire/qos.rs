@@ -7,7 +7,7 @@ use super::{INFINITE, Nanos, Reader, WireError};
 /// Whether lost samples are sent again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Reliability {
-    /// No.
+    /// Lost samples are not sent again.
     BestEffort,
     /// Yes.
     Reliable,
@@ -16,7 +16,7 @@ pub enum Reliability {
 /// The samples that reach readers which come later, weakest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Durability {
-    /// None.
+    /// Late readers get no earlier samples.
     Volatile,
     /// The samples that the writer keeps while it lives.
     TransientLocal,

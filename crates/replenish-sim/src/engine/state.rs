@@ -139,7 +139,7 @@ impl<'a> State<'a> {
         }
     }
 
-    /// It runs for `span`.
+    /// Charges the thread for a run of `span` ns.
     pub(super) fn consume(&mut self, span: Nanos) {
         self.left -= span;
         self.cpu_clock += span;

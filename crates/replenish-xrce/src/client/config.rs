@@ -89,7 +89,7 @@ impl Config {
 /// the comments say what follows from them.
 #[derive(Debug)]
 pub struct Buffers<S, const B: usize = 1, const R: usize = 1> {
-    /// One message for each best-effort stream: length at least `mtu`.
+    /// Buffers of the best-effort streams, one message each: length at least `mtu`.
     pub best_effort: [S; B],
     /// The reliable streams.
     pub reliable: [ReliableBuffers<S>; R],
@@ -107,8 +107,8 @@ pub struct Buffers<S, const B: usize = 1, const R: usize = 1> {
 pub struct ReliableBuffers<S> {
     /// The messages sent and not acknowledged: `length / mtu` of them, at most the session's `N`.
     pub output: S,
-    /// One sample that is too large for the free part of `output`, with 8 bytes more and padded to
-    /// a multiple of four; may be empty, then the largest sample fills `output`.
+    /// Buffer for one sample that is too large for the free part of `output`, with 8 bytes more and
+    /// padded to a multiple of four; may be empty, then the largest sample fills `output`.
     pub large_output: S,
     /// The messages that wait for a missing one: `length / mtu` of them, at most `N`.
     pub input: S,

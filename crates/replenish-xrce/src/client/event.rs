@@ -80,7 +80,7 @@ pub enum Event<'a> {
 pub enum WriteError {
     /// There is no session at the moment.
     Down,
-    /// No room in the stream until more is sent or acknowledged.
+    /// The stream has no room until more is sent or acknowledged.
     WouldBlock,
     /// The sample can never be sent on this stream.
     TooLarge {
@@ -134,7 +134,7 @@ impl core::error::Error for WriteError {}
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum RequestError {
-    /// No entry is left in the journal, or no room for this one's names.
+    /// The journal has no entry left, or no room for this one's names.
     JournalFull,
     /// The object's id or kind does not fit the request.
     WrongObject(ObjectId),

@@ -13,7 +13,7 @@ use crate::wire::{BaseRequest, ObjectId, RawBody, RequestId, Status, SubmessageI
 /// State of a request in the journal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RequestState {
-    /// Not sent in this session yet.
+    /// The request was not sent in this session yet.
     Queued,
     /// Sent, to be answered.
     Asked,
@@ -267,7 +267,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const E: usize> Journal<S, E> {
         }
     }
 
-    /// One entry more in state `to`, and one less in state `from`.
+    /// Counts one entry more in state `to`, and one less in state `from`.
     fn turn(&mut self, from: u8, to: u8) {
         if let Some(count) = self.open.get_mut(usize::from(from)) {
             *count = count.wrapping_sub(1);

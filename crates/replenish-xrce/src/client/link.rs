@@ -9,7 +9,7 @@ use crate::wire::SessionId;
 /// State of a session with its agent. See the module's picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SessionState {
-    /// Not wanted.
+    /// No session is wanted.
     Idle,
     /// Logging in.
     Connecting,

@@ -111,8 +111,8 @@ mod tests {
         assert_eq!(checksum(&[]), 0);
     }
 
-    /// It is linear: all messages of one bit, of every length, and all short ones tell about the
-    /// rest.
+    /// The checksum is linear: all messages of one bit, of every length, and all short ones stand
+    /// for the rest.
     #[test]
     fn words_and_bytes_are_bits_one_after_another() {
         for len in 0..=23 {

@@ -248,7 +248,7 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>> Serial<B> {
         usize::from(u16::from_le_bytes([low, high]))
     }
 
-    /// One byte of a frame, unescaped; whether that makes the frame whole.
+    /// Takes one byte of a frame, unescaped; whether that makes the frame whole.
     fn step(&mut self, byte: u8) -> bool {
         let at = self.at;
         self.at = at.wrapping_add(1);

@@ -79,7 +79,7 @@ pub(super) fn consume<R: AsRef<[u8]> + AsMut<[u8]>, const MAY_STOP: bool>(
                     Piece::Partial => true,
                     Piece::TooLong(beginning) => {
                         count(&mut stats.too_long);
-                        // One piece may be more than there is room for.
+                        // One piece may be longer than the room.
                         let payload = if before > 0 { beginning } else { payload };
                         let id = SubmessageId::Fragment;
                         deliver(&Submessage { id, flags, payload });

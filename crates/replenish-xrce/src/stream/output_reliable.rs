@@ -104,7 +104,7 @@ const STEADY: u8 = 3;
 struct AckProgress {
     /// Time at which the newest message was sent whose arrival is progress.
     newest: Option<Nanos>,
-    /// One that was sent again has: what else is progress may have been so for long.
+    /// A message that was sent again has arrived: other progress may be old.
     again: bool,
 }
 

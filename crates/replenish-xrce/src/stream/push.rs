@@ -9,7 +9,7 @@ use core::fmt;
 pub enum Tail {
     /// Padded: clients.
     Padded,
-    /// Not padded: agents.
+    /// Submessages are not padded: agents.
     Exact,
 }
 
@@ -25,14 +25,14 @@ pub enum PushError {
     /// There is no room now; there will be after messages are taken for sending or, on a reliable
     /// stream, acknowledged.
     WouldBlock,
-    /// It can never be sent on this stream.
+    /// The submessage can never be sent on this stream.
     TooLarge {
         /// Bytes of the submessage with its header.
         size: usize,
         /// The most this stream takes.
         limit: usize,
     },
-    /// It cannot be encoded at all.
+    /// The submessage cannot be encoded at all.
     Wire(WireError),
 }
 

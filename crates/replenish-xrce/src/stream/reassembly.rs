@@ -14,9 +14,10 @@ pub(super) struct Reassembly<R> {
 pub(super) enum Piece<'a> {
     /// More are to come.
     Partial,
-    /// It was the last one; here is the whole.
+    /// The fragment was the last one; here is the whole.
     Complete(&'a [u8]),
-    /// It made the whole too long; reported once per submessage, with the beginning of that.
+    /// The fragment made the whole too long; reported once per submessage, with the beginning of
+    /// that.
     TooLong(&'a [u8]),
 }
 

@@ -43,7 +43,7 @@ pub(super) struct RingSlot {
     pub(super) received: bool,
     /// The part of a submessage in it.
     pub(super) part: Part,
-    /// It is a fragment of the submessage in the spill.
+    /// The message is a fragment of the submessage in the spill.
     pub(super) spilled: bool,
 }
 

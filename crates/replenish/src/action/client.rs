@@ -51,8 +51,8 @@ pub enum GoalUpdate<'a, A: Action> {
     /// [`CancelGoalResponse`], and the goals that are being canceled, other clients' included. The
     /// goal's id is that of the request, zeros if it was not about one goal.
     Cancel(&'a CancelGoalResponse),
-    /// The server does not answer, or with something that is no answer. What becomes of the goal is
-    /// not known, and nothing more will be heard of it.
+    /// The server does not answer, or its answer makes no sense. The goal's fate is not known, and
+    /// there are no further updates of it.
     Lost(Lost),
 }
 

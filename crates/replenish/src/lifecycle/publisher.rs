@@ -61,7 +61,7 @@ impl<M: Message> ManagedPublisher<M> {
     }
 
     /// As [`publish`](Self::publish), behind the output barrier of the worker whose callback this
-    /// is: see [`CallbackContext::publish`]. What matters is the state at this moment.
+    /// is: see [`CallbackContext::publish`]. The state at this moment decides.
     ///
     /// # Errors
     /// As [`CallbackContext::publish`].

@@ -108,7 +108,7 @@ impl Association {
         };
         let instant = epoch.instant(now);
         let Association { dtls, .. } = &mut association;
-        // It asks for a cookie; that has been done.
+        // The hello asks for a cookie; that has been done.
         let taken = cookie::with_checked(cookie, || {
             dtls.handle_timeout(instant)?;
             dtls.handle_packet(&hello.without_cookie())

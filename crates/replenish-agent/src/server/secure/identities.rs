@@ -17,7 +17,7 @@ pub(super) struct Identities {
 pub(super) enum Asked {
     /// The key of this client.
     Known(ClientKey),
-    /// One that is not there.
+    /// The list has no such identity.
     Unknown,
 }
 

@@ -1,7 +1,7 @@
 //! The least that an enforcer can cost: its system calls at its times, with nothing decided.
 //!
 //! A thread ends the "budgets" of spinning threads one after another by wall time and raises all of
-//! them once per period, as the enforcer does for workers that always want more. What it uses is
+//! them once per period, as the enforcer does for workers that always want more. Its CPU time is
 //! the kernel's share of the enforcer's CPU time on this machine: a wake, a reading of a CPU clock,
 //! two changes of priority, a timer.
 

@@ -97,7 +97,8 @@ impl Console {
     pub(super) fn finish(&mut self, limit: Duration) {
         self.queue = None;
         if let Some(written) = self.written.take() {
-            // Nothing is ever sent: it ends when the thread does, or when the time is over.
+            // The channel never carries a value: it closes when the thread ends, or the time is
+            // over.
             written.recv_timeout(limit).ok();
         }
     }

@@ -56,7 +56,7 @@ impl Log {
         lines
     }
 
-    /// One line of a kind, unless there were too many of it; then it is counted.
+    /// Writes one line of a kind, unless there were too many of it; then it is counted.
     pub(super) fn line(
         &mut self,
         name: &'static str,

@@ -31,7 +31,7 @@ impl Ports {
     }
 }
 
-/// None.
+/// This build has no encrypted ports.
 pub(crate) fn places(_agent: &Agent) -> Vec<String> {
     Vec::new()
 }

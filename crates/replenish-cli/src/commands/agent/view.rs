@@ -154,7 +154,7 @@ fn bridge(rows: &[BridgeRow], most: usize) -> String {
     finish(&table, rows.len(), most)
 }
 
-/// Nothing for an empty table; says how many rows are not shown.
+/// The table's text, empty without rows; a last line counts the rows that are not shown.
 fn finish(table: &Table, rows: usize, most: usize) -> String {
     if rows == 0 {
         return String::new();

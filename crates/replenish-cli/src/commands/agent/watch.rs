@@ -45,7 +45,7 @@ pub(super) struct Watcher {
     /// Time between two tables; `None`: only when asked.
     pub(super) every: Option<Nanos>,
     pub(super) json: Option<PathBuf>,
-    /// Nothing for people: another process reads what this one says.
+    /// Prints nothing for people: another process reads the output.
     pub(super) quiet: bool,
     /// There is a bridge to DDS, whose events belong into the log.
     pub(super) bridged: bool,
@@ -86,7 +86,7 @@ impl Watcher {
             .for_each(|text| self.error.write(text));
     }
 
-    /// One line of the log.
+    /// Prints one line of the log.
     fn say(&self, line: &str) {
         self.error.write(format!("agent: {line}\n"));
     }

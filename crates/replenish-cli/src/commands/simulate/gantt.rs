@@ -27,7 +27,7 @@ const PLAIN_LANE: f64 = 38.0;
 const CURVE: f64 = 22.0;
 const BAR: f64 = 16.0;
 const FOOT: f64 = 44.0;
-/// No bar is narrower.
+/// The width of the narrowest bar.
 const NARROWEST: f64 = 1.0;
 /// More lanes than that are not drawn.
 const MOST_LANES: usize = 60;

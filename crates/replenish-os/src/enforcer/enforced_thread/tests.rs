@@ -48,7 +48,7 @@ struct World {
 const LONGEST: Nanos = 3_000 * US;
 /// The longest delay of a check.
 const LATE: Nanos = 30 * US;
-/// No more changes than these are refused one after another.
+/// The most changes that are refused one after another.
 const MOST: u64 = 3;
 
 impl World {
@@ -206,7 +206,7 @@ fn tortured(seed: u64) -> [u64; 2] {
     let tuning = sporadic::Tuning::LINUX.for_budget(budget);
     let stretch = (MOST + 1) * (tuning.backoff(budget) + LATE);
     let beyond = 3 * budget + LONGEST + stretch + tuning.slack + tuning.min_rearm;
-    // One that is suspended and was let go has no more in the time-sharing class, either: until the
+    // A suspended thread that was let go has no more in the time-sharing class, either: until the
     // next check, which comes when the raise is tried again.
     let retry = (period / 2).min(100_000 * US).max(tuning.max_backoff) + LATE;
     let let_go = beyond + (MOST + 1) * (retry + LONGEST);

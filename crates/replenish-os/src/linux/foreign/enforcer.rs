@@ -253,7 +253,7 @@ impl Enforcer {
         let zombies = self.zombies();
         for place in 0..MOST_BUDGETS {
             let budget = BudgetId(place);
-            // One thread under the lock at a time: the enforcer waits for it.
+            // The lock is held for one thread at a time: the enforcer waits for it.
             let mut next = 0;
             loop {
                 let mut groups = self.state.groups.lock();

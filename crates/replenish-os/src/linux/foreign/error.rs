@@ -45,7 +45,7 @@ pub enum ForeignError {
         /// The thread.
         tid: Tid,
     },
-    /// No place is left.
+    /// There is no place left.
     Full {
         /// The kind that has no place left: threads, or budgets.
         what: &'static str,

@@ -29,7 +29,7 @@ pub(super) type Event = (Nanos, usize, SwitchDirection);
 pub(super) struct Group {
     pub(super) members: Vec<Member>,
     pub(super) classes: Classes,
-    /// It has ended: its place may be taken.
+    /// The budget has ended: its place may be taken.
     pub(super) retired: bool,
     reservation: Reservation<Server<MAX_REPL>>,
     /// The budget of a period.

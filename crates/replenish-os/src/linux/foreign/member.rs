@@ -33,11 +33,11 @@ pub(super) struct Member {
     pub(super) background: Nanos,
     /// CPU time at the high level by which threads take turns, never far behind the others.
     pub(super) served: Nanos,
-    /// It has ended.
+    /// The thread has ended.
     pub(super) ended: bool,
-    /// It waits for something, by its last record.
+    /// The thread waits for something, by its last record.
     pub(super) blocked: bool,
-    /// It does not run, by its last record, and there is one.
+    /// The thread does not run, by its last record, and there is one.
     off_cpu: bool,
     /// CPU time at the last reading.
     mark: Nanos,

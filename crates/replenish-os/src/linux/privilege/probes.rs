@@ -103,7 +103,7 @@ pub enum CgroupRt {
         /// The group's path; `/` is the root.
         path: String,
     },
-    /// No control groups here, or unreadable.
+    /// This system has no control groups, or they are unreadable.
     None,
 }
 

@@ -132,8 +132,8 @@ impl CallbackContext<'_> {
     ///
     /// # Errors
     /// [`PublishError::Full`] when more samples wait than the barrier holds,
-    /// [`PublishError::TooLong`] when the message does not fit. What goes wrong at the end of the
-    /// round is counted as an error of the handle whose callback came last.
+    /// [`PublishError::TooLong`] when the message does not fit. An error at the end of the round
+    /// counts for the handle whose callback came last.
     pub fn publish<M: Message>(
         &self,
         publisher: &Publisher<M>,

@@ -56,9 +56,9 @@ impl GuardCondition {
         }
     }
 
-    /// Makes the callback run once more. Triggers that come before it has started count as one; how
-    /// many they were is in [`CallbackContext::skipped`] and in the counters. What was
-    /// triggered before the executor starts is served when it does.
+    /// Makes the callback run once more. Triggers that come before it has started count as one;
+    /// their number is in [`CallbackContext::skipped`] and in the counters. A trigger before the
+    /// executor starts is served when it does.
     pub fn trigger(&self) {
         let now = clock::monotonic();
         let inner = &self.inner;
