@@ -22,8 +22,8 @@ const LIMIT_PERIODS: u64 = 100;
 /// Bounds for all threads of one CPU, in their order. Quadratic in their number: 1000 take a
 /// fraction of a second.
 ///
-/// The bounds hold if all other threads on this CPU are less urgent than all of `tasks` and share no
-/// lock with them. A less urgent thread that shares one is a [`Task::background`].
+/// The bounds hold if all other threads on this CPU are less urgent than all of `tasks` and share
+/// no lock with them. A less urgent thread that shares one is a [`Task::background`].
 pub fn bounds(tasks: &[Task], costs: &Costs) -> Vec<Bounds> {
     let limit = longest(tasks);
     let locks = locks(tasks, costs, limit);
