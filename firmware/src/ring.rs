@@ -68,7 +68,7 @@ impl<const N: usize> Ring<N> {
         }
         let front = &self.bytes[at as usize % N..];
         let together = len.min(front.len());
-        // SAFETY: as many lie there, and nobody puts where something waits.
+        // SAFETY: as many lie there, and nothing is put where something waits.
         look(unsafe { slice::from_raw_parts(front.as_ptr().cast::<u8>(), together) });
         self.taken
             .store(at.wrapping_add(together as u32), Ordering::Release);
@@ -106,7 +106,7 @@ impl<const N: usize> Default for Ring<N> {
     }
 }
 
-/// The first of `from`, all at once: nobody puts where something waits.
+/// The first of `from`, all at once: nothing is put where something waits.
 fn copy(from: &[AtomicU8], to: &mut [u8]) {
     assert!(from.len() >= to.len());
     // SAFETY: as long as both; the other side writes to `from` again after it has been taken.

@@ -1,7 +1,7 @@
 //! The board's clock: TIM2 counts, its overflows are counted as it is read; TIM5 rings.
 //!
 //! A reading at least every 34 s keeps the overflow count right: TIM5 rings at the latest after 4
-//! s, also if nobody asked.
+//! s, also if no task asked.
 //!
 //! In QEMU a tick is an instruction, so that what happens while the clock [stands
 //! still](stand_still) leaves no trace, not even in the instant within a tick.
@@ -149,8 +149,9 @@ pub fn stand_still_until_waiting(f: impl FnOnce()) {
     STOPPER.store(current_task(), Ordering::Relaxed);
 }
 
-/// The clock stands still while `f` runs, which is given the time that it really took so far. What
-/// rings meanwhile is told that nothing is due, and set again. For what exists in emulation only.
+/// The clock stands still while `f` runs, which is given the time that it really took so far. A
+/// timer that rings meanwhile finds nothing due, and is set again. For what exists in emulation
+/// only.
 pub fn stand_still(f: impl FnOnce(&dyn Fn() -> u64)) {
     let before = mask();
     let now = rp_board_now();
@@ -215,7 +216,7 @@ pub(crate) fn ring_after(timer: Timer, wait: u64) {
     }
 }
 
-/// `timer` has rung: it rests until it is told otherwise.
+/// `timer` has rung: it rests until it is set again.
 pub(crate) fn rang(timer: Timer) {
     timer.cr1().set(URS);
     timer.sr().set(0);

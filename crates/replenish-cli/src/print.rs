@@ -35,25 +35,25 @@ fn written(outcome: io::Result<()>) {
     std::process::exit(1);
 }
 
-/// `print!` that ends the program if nobody reads.
+/// `print!` that ends the program if its reader has gone.
 #[macro_export]
 macro_rules! print {
     ($($text:tt)*) => { $crate::print::out(format_args!($($text)*)) };
 }
 
-/// `println!` that ends the program if nobody reads.
+/// `println!` that ends the program if its reader has gone.
 #[macro_export]
 macro_rules! println {
     ($($text:tt)*) => { $crate::print::out(format_args!("{}\n", format_args!($($text)*))) };
 }
 
-/// `eprint!` that ends the program if nobody reads.
+/// `eprint!` that ends the program if its reader has gone.
 #[macro_export]
 macro_rules! eprint {
     ($($text:tt)*) => { $crate::print::err(format_args!($($text)*)) };
 }
 
-/// `eprintln!` that ends the program if nobody reads.
+/// `eprintln!` that ends the program if its reader has gone.
 #[macro_export]
 macro_rules! eprintln {
     ($($text:tt)*) => { $crate::print::err(format_args!("{}\n", format_args!($($text)*))) };

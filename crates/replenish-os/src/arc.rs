@@ -68,7 +68,7 @@ mod leaked {
         type Target = T;
 
         fn deref(&self) -> &T {
-            // SAFETY: it was leaked when it was shared, and nobody takes it back or changes it.
+            // SAFETY: it was leaked when it was shared, and nothing takes it back or changes it.
             unsafe { self.0.as_ref() }
         }
     }

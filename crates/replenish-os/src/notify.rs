@@ -19,7 +19,7 @@
 //! announcement, the waiter finds SET and does not sleep. `modelled/loom_signal.rs` checks this
 //! code in every interleaving.
 //!
-//! The path from [`set`](Notify::set) to the waiter costs one swap and, if somebody waits, one
+//! The path from [`set`](Notify::set) to the waiter costs one swap and, if a thread waits, one
 //! `FUTEX_WAKE`. Nothing allocates. Signal outside of locks: a waiter of higher priority runs at
 //! once and would run into the lock.
 

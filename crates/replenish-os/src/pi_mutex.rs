@@ -18,14 +18,14 @@ use core::sync::atomic::AtomicU32;
 ///
 /// A worker whose low mode is suspension is not stopped while it holds one. On Linux it goes on in
 /// the time-sharing class, or at the priority of a waiter, and is stopped as it leaves its last
-/// critical section; under FreeRTOS it goes on as soon as somebody waits, at that task's priority.
-/// On Linux that time is charged to its budget, and so is the time in which a worker in the
-/// background holds a lock that others wait for: between two replenishments it inherits less than
-/// its budget and one section. `docs/enforcement.md` has the rules.
+/// critical section; under FreeRTOS it goes on as soon as another task waits, at that task's
+/// priority. On Linux that time is charged to its budget, and so is the time in which a worker in
+/// the background holds a lock that others wait for: between two replenishments it inherits less
+/// than its budget and one section. `docs/enforcement.md` has the rules.
 ///
 /// No poison (a panic that unwinds out of a critical section unlocks it), no allocation, and no
-/// system call while nobody else wants the lock. Waiters are served by priority, equals in order
-/// of arrival. Threads only, no interrupts. `fork` without `exec` is not supported.
+/// system call while no other thread wants the lock. Waiters are served by priority, equals in
+/// order of arrival. Threads only, no interrupts. `fork` without `exec` is not supported.
 pub struct PiMutex<T: ?Sized> {
     word: AtomicU32,
     data: UnsafeCell<T>,
@@ -77,7 +77,7 @@ impl<T: ?Sized> PiMutex<T> {
         pi_lock::try_lock(&self.word).then(|| self.guard())
     }
 
-    /// The content, without locking: `&mut self` proves that nobody else has it.
+    /// The content, without locking: `&mut self` proves that no other thread has it.
     pub fn get_mut(&mut self) -> &mut T {
         self.data.get_mut()
     }

@@ -19,7 +19,7 @@ use std::time::Duration;
 /// must be set: under its eight hexadecimal digits the agent's access list has the pre-shared key.
 ///
 /// # Errors
-/// [`SecureError`]; after [`XrceConfig::connect_timeout`] if nobody answers, or if the agent does
+/// [`SecureError`]; after [`XrceConfig::connect_timeout`] if no agent answers, or if the agent does
 /// not have this key for this client.
 pub fn connect_dtls(agent: &str, psk: &Psk, config: XrceConfig) -> Result<Xrce, SecureError> {
     let key = key(&config)?;
@@ -51,8 +51,8 @@ pub fn connect_dtls(agent: &str, psk: &Psk, config: XrceConfig) -> Result<Xrce, 
 /// must be set: the agent's access list has it beside the certificate.
 ///
 /// # Errors
-/// [`SecureError`]; after [`XrceConfig::connect_timeout`] if nobody answers, or if one end does not
-/// take the other's certificate.
+/// [`SecureError`]; after [`XrceConfig::connect_timeout`] if no agent answers, or if one end does
+/// not take the other's certificate.
 pub fn connect_tls(
     agent: &str,
     credentials: &TlsCredentials,

@@ -10,8 +10,8 @@ pub struct Platform {
     pub context_switch: Nanos,
     /// Each job first consumes this much: taking the message, decoding it, the wake-up.
     pub job: Nanos,
-    /// Each release by a timer takes this much of the CPU from whoever runs (the thread's CPU, or
-    /// CPU 0), charged to nobody.
+    /// Each release by a timer takes this much of the CPU from the thread that runs (on the
+    /// released thread's CPU, or CPU 0), charged to no thread.
     pub release_interrupt: Nanos,
     /// Timers (releases, enforcement, the end of [`Step::Block`](crate::Step::Block), throttling)
     /// act at multiples of this only; `None`: at once.
@@ -67,7 +67,7 @@ pub enum Enforcement {
         tuning: Tuning,
         /// From the expiry of the timer to the reading of the CPU clock; the thread runs on.
         latency: Span,
-        /// CPU time of each expiry, charged to nobody.
+        /// CPU time of each expiry, charged to no thread.
         cost: Nanos,
     },
 }

@@ -2,8 +2,8 @@
 //!
 //! [`settable_wall_clock!`](crate::settable_wall_clock) gives a test binary a `clock_gettime` of
 //! its own, which the linker takes before that of the C library. It asks the kernel, and moves what
-//! `CLOCK_REALTIME` says. Waits know nothing of it: who waits by the wall clock waits too short or
-//! too long, as when somebody sets the clock.
+//! `CLOCK_REALTIME` says. Waits know nothing of it: a wait by the wall clock is too short or too
+//! long, as when the clock is set.
 #![expect(unsafe_code, reason = "clock_gettime")]
 
 use std::sync::atomic::{AtomicI64, Ordering};

@@ -2,7 +2,7 @@
 //!
 //! An answer takes 10 ms of its worker's CPU time, handling included. Held to:
 //! - high answers what its budget allows, within one burst, and its CPU time says the same;
-//! - low gets the time that nobody above it has used, within two bursts: dispatcher, ping worker
+//! - low gets the time that no task above it has used, within two bursts: dispatcher, ping worker
 //!   and enforcer take their part of the processor, and the report says how much;
 //! - CPU times of all tasks, switches included, and the time before the first ping are the time
 //!   that passed;
@@ -15,7 +15,7 @@ use crate::output::Outcome;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Between the start and the first ping nobody has anything to do.
+/// Between the start and the first ping no task has anything to do.
 const FIRST_PING_NS: f64 = 10e6;
 const BURST_NS: f64 = BURST_MS as f64 * 1e6;
 

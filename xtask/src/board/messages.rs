@@ -287,8 +287,8 @@ impl Judge {
             map.insert("high_cpu_percent".into(), json!(high));
             map.insert("theory_percent".into(), json!(theory));
         }
-        // In the background high has what nobody else wants, and the executor's threads come first:
-        // they are part of what is allowed.
+        // In the background high has the time that no other task wants, and the executor's threads
+        // come first: they are part of what is allowed.
         if (high - theory).abs() > POINTS {
             self.wrong.push(format!(
                 "low sleeps {} %: high had {high:.2} % of the CPU, theory says {theory:.1} %, the executor took {support:.2} %",

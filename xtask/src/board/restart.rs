@@ -6,9 +6,9 @@
 //!   answers ── "end the agent" ── silence ── link lost ── new agent ── link back ── answers
 //! ```
 //!
-//! From the kill until its link is back the board's clock waits for nobody, so how long the gap is
-//! in its time depends on how fast the host emulates; the measurement is longer by the gap.
-//! The assertions do not depend on it: see [`judge`].
+//! From the kill until its link is back the board's clock does not wait for the host, so how long
+//! the gap is in its time depends on how fast the host emulates; the measurement is longer by the
+//! gap. The assertions do not depend on it: see [`judge`].
 
 use super::case::{self, Worker};
 use super::report;

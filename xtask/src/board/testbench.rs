@@ -252,7 +252,7 @@ impl Bench {
     }
 }
 
-/// The directory of the recordings of this run; whoever asked for them removes it.
+/// The directory of the recordings of this run; the caller that asked for them removes it.
 pub(crate) fn live() -> PathBuf {
     format!("/dev/shm/replenish-board-{}", std::process::id()).into()
 }

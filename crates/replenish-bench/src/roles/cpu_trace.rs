@@ -1,7 +1,7 @@
 //! The time in which a worker had the CPU: a few slices per window, recorded by the worker itself.
 //!
-//! The loop that burns CPU time reads the clock all the time; a jump means that somebody else
-//! had the CPU. Short jumps (the dispatcher, an interrupt) are no end of a slice.
+//! The loop that burns CPU time reads the clock all the time; a jump means that another thread had
+//! the CPU. Short jumps (the dispatcher, an interrupt) are no end of a slice.
 
 use crate::load::Nanos;
 

@@ -31,7 +31,7 @@ pub struct Args {
 /// Asks the program.
 pub(crate) fn run(args: &Args) -> Outcome {
     files::check_writable(args.out.as_deref())?;
-    // A directory of our own: a link that somebody left in a shared one would be followed.
+    // A directory of our own: a link that another account left in a shared one would be followed.
     let name = format!("replenish-template-{}", std::process::id());
     let directory = std::env::temp_dir().join(name);
     let private = |e| Failure::refused(format!("cannot make {}: {e}", directory.display()));

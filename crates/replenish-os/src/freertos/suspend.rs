@@ -1,5 +1,5 @@
 //! The low mode that stops an exhausted worker altogether (`Low::Suspend`): priority 0, behind the
-//! idle task, where it only ever runs to give back a lock that somebody waits for.
+//! idle task, where it only ever runs to give back a lock that another task waits for.
 
 use super::sched::{demote_to_tail, promote};
 use super::task_slot;

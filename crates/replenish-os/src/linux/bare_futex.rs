@@ -20,7 +20,7 @@ impl BareFutex {
         Self(AtomicU32::new(EMPTY))
     }
 
-    /// Sets the word and wakes whoever waits.
+    /// Sets the word and wakes the waiter.
     pub fn set(&self) {
         self.0.store(SET, Ordering::Release);
         futex::wake_one(&self.0);

@@ -85,7 +85,7 @@ impl BlockedIntervals {
         }
     }
 
-    /// Records were lost, or there are none: nobody knows when the thread blocked, and the last
+    /// Records were lost, or there are none: it is not known when the thread blocked, and the last
     /// record says nothing about the thread any more. It may be running, or blocked: then the next
     /// record shows that it runs again.
     pub(crate) fn lost(&mut self, now: Nanos) {

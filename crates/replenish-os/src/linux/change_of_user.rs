@@ -79,7 +79,7 @@ impl PolicyBefore {
     }
 }
 
-/// Gives a thread a priority, whoever its user is by now.
+/// Gives a thread a priority, with any user that it has by now.
 pub(crate) fn give(tid: Tid, class: SchedClass) -> io::Result<()> {
     with_right(|| set_priority(tid, class))
 }

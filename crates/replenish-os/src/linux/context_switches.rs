@@ -134,7 +134,7 @@ impl ContextSwitchLog {
             )
         })?;
         let fd = i32::try_from(fd).map_err(io::Error::other)?;
-        // SAFETY: the descriptor is new, open and owned by nobody else.
+        // SAFETY: the descriptor is new, open and not owned elsewhere.
         let event = unsafe { OwnedFd::from_raw_fd(fd) };
         // SAFETY: sysconf takes a number and touches no memory.
         let page = usize::try_from(unsafe { libc::sysconf(libc::_SC_PAGESIZE) }).unwrap_or(4096);

@@ -1,8 +1,8 @@
 //! Memory in which a program records, and that others may read: a file that is mapped, or none.
 //!
 //! The file stands in a directory in which strangers may write: no link is followed. Until it is
-//! complete, nobody but its owner can open it. It must lie in a file system that is memory (tmpfs):
-//! on a disk, writing back would hold up whoever writes to the map.
+//! complete, only its owner can open it. It must lie in a file system that is memory (tmpfs): on a
+//! disk, writing back would hold up every thread that writes to the map.
 #![expect(unsafe_code, reason = "mmap, munmap, fstatfs")]
 
 use super::clock;

@@ -1,7 +1,7 @@
 //! The file in which a program records, beside those of others.
 //!
-//! A file of a program that lives is locked. Files of the dead stay for whoever looks for the
-//! cause, the newest [`DEAD`] of them.
+//! A file of a program that lives is locked. Files of the dead stay for a search of the cause, the
+//! newest [`DEAD`] of them.
 
 use super::live::{SharedMemory, account, create, is_in_memory, open_plain};
 use std::ffi::OsStr;

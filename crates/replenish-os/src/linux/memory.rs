@@ -58,8 +58,7 @@ pub fn keep_program() -> Result<(), LockError> {
     let maps = std::fs::read_to_string("/proc/self/maps").unwrap_or_default();
     let mappings = program_mappings(&maps);
     for &(from, to) in &mappings {
-        // SAFETY: locking changes no byte; a range that somebody has unmapped meanwhile is an
-        // error.
+        // SAFETY: locking changes no byte; a range that was unmapped meanwhile is an error.
         let locked = unsafe {
             mlock(
                 std::ptr::without_provenance_mut(from),

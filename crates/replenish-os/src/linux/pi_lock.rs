@@ -22,7 +22,7 @@ use super::tid::current_tid;
 use crate::Nanos;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Bit 31: somebody waits in the kernel.
+/// Bit 31: a thread waits in the kernel.
 pub(crate) const WAITERS: u32 = libc::FUTEX_WAITERS;
 /// The bits of the owner's id.
 pub(crate) const OWNER: u32 = libc::FUTEX_TID_MASK;

@@ -87,7 +87,7 @@ impl Retry {
     pub(super) fn drop_timer(&self) {
         let timer = self.timer.swap(NONE, Ordering::Relaxed);
         if timer != NONE {
-            // SAFETY: the timer exists; nobody finds it any more.
+            // SAFETY: the timer exists; no thread finds it any more.
             unsafe { libc::timer_delete(timer) };
         }
     }

@@ -24,7 +24,7 @@ pub enum SchedClass {
     Fifo(u8),
     /// `SCHED_RR` at this priority.
     RoundRobin(u8),
-    /// `SCHED_IDLE`: when nobody else wants the CPU.
+    /// `SCHED_IDLE`: when no other thread wants the CPU.
     Idle,
 }
 

@@ -8,7 +8,8 @@
 //!   (thread local)                                            to the end of the thread
 //! ```
 //!
-//! Places live for ever, so that no reference to one can dangle, whoever forgets to let go.
+//! Places live for ever, so that no reference to one can dangle, even if an owner forgets to let
+//! go.
 
 use super::retry::Retry;
 use super::suspension::Suspension;
@@ -166,7 +167,7 @@ fn take() -> &'static Slot {
 mod tests {
     use super::*;
 
-    /// A place that a thread has left is used again; a place that somebody holds is not.
+    /// A place that a thread has left is used again; a place that a thread holds is not.
     #[test]
     fn places_are_used_again_when_nobody_has_them() {
         let in_a_thread = |f: fn() -> SlotHandle| std::thread::spawn(f).join().unwrap();

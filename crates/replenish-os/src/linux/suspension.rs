@@ -17,7 +17,7 @@
 //! level. An owner that has used up its `allowance` in this way stops itself as it leaves.
 //!
 //! The thread that waits notes itself and then looks whether the owner still has the lock; the
-//! owner gives it back and then looks whether anybody has noted itself. All four are `SeqCst`, so
+//! owner gives it back and then looks whether a waiter has noted itself. All four are `SeqCst`, so
 //! one of the two sees the other, and no note outlives its section.
 //!
 //! Only the thread itself writes `held` and `boosted`, and only it sleeps here. Its handler runs

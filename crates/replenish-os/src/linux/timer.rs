@@ -31,7 +31,7 @@ impl TimerFd {
     }
 
     /// Fires once at the absolute time `t`, or at once if `t` has passed (0 included). Replaces
-    /// what was armed before and forgets an expiry nobody has read.
+    /// what was armed before and forgets an expiry that was not read.
     ///
     /// # Errors
     /// None that the kernel documents for valid arguments; passed on if it has one.
@@ -39,7 +39,7 @@ impl TimerFd {
         self.settime(t.max(1)) // the kernel reads 0 as "disarm"
     }
 
-    /// Stops the timer and forgets an expiry nobody has read. A thread blocked in
+    /// Stops the timer and forgets an expiry that was not read. A thread blocked in
     /// [`read`](Self::read) goes on waiting.
     ///
     /// # Errors

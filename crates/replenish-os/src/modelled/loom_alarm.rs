@@ -8,8 +8,8 @@ use loom::sync::atomic::{AtomicBool, Ordering};
 use loom::sync::{Arc, Condvar, Mutex};
 use loom::thread;
 
-/// A timer of the kernel. Setting it forgets an expiry that nobody has read; whoever waits for it
-/// sees the time pass.
+/// A timer of the kernel. Setting it forgets an expiry that was not read; a thread that waits for
+/// it sees the time pass.
 #[derive(Default)]
 struct Timer(Mutex<Option<Nanos>>, Condvar);
 

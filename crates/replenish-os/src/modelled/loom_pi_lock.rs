@@ -37,7 +37,7 @@ impl Word {
         }
     }
 
-    /// `futex_lock_pi_atomic`: takes the word if nobody has it, else marks it.
+    /// `futex_lock_pi_atomic`: takes the word if no thread has it, else marks it.
     fn take_or_mark(&self) -> bool {
         loop {
             let word = self.word.load(Ordering::SeqCst);

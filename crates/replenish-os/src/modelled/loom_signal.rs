@@ -113,7 +113,7 @@ fn a_timeout_never_swallows_a_set() {
 }
 
 /// The worker's loop: wait, take what is there, look at the stop flag. A producer hands over one
-/// item, then the loop is told to stop: it ends, and the item has been seen.
+/// item, then the loop has to stop: it ends, and the item has been seen.
 #[test]
 fn the_stop_protocol_ends_the_worker_after_its_last_item() {
     model(|| {

@@ -22,7 +22,7 @@ struct Worker {
     signal: AtomicBool,
     /// Whether the worker has the lock.
     owns: AtomicBool,
-    /// A thread that nobody may keep waiting has found the worker asleep with the lock.
+    /// A thread that must not be kept waiting has found the worker asleep with the lock.
     kept: AtomicBool,
 }
 
@@ -151,8 +151,8 @@ fn loom_an_allowance_lasts_as_long_as_it_says() {
     });
 }
 
-/// A waiter's note never outlives the section that it was meant for, whoever comes first; and a
-/// waiter that found the section open is counted.
+/// A waiter's note never outlives the section that it was meant for, in either order; and a waiter
+/// that found the section open is counted.
 #[test]
 fn loom_no_note_of_a_waiter_outlives_its_section() {
     model(|| {

@@ -21,7 +21,7 @@ impl<T> PiMutex<T> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The value, which nobody else can lock meanwhile.
+    /// The value, which no other thread can lock meanwhile.
     pub fn get_mut(&mut self) -> &mut T {
         self.0.get_mut().unwrap_or_else(PoisonError::into_inner)
     }

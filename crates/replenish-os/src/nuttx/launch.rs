@@ -86,7 +86,7 @@ pub(crate) fn start(
             Ok(slot)
         }
         Err(refused) => {
-            // SAFETY: no thread was made, so nobody else takes it back.
+            // SAFETY: no thread was made, so nothing else takes it back.
             drop(unsafe { Box::from_raw(argument) });
             task_slot::discard(slot);
             Err(SpawnError::Create(refused))

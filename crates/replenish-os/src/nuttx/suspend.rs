@@ -1,6 +1,6 @@
-//! The low mode that stops an exhausted worker altogether (`Low::Suspend`): not available here.
-//! No priority of `NuttX` is below that of its idle task's, and a thread that was stopped by a
-//! signal could not give back a lock that somebody waits for.
+//! The low mode that stops an exhausted worker altogether (`Low::Suspend`): not available here. No
+//! priority of `NuttX` is below that of its idle task's, and a thread that was stopped by a signal
+//! could not give back a lock that another thread waits for.
 
 use crate::rtos::error::OsError;
 use crate::{Nanos, Tid};

@@ -135,7 +135,7 @@ pub(super) fn add(directory: &Path, entry: &LedgerEntry) -> Result<Reservation, 
 /// Writes a file that appears whole: under a new name, locked, then renamed to `name`, a number if
 /// it has a `suffix`, and that. No file that is there is opened, and no link followed.
 ///
-/// Until it is complete nobody else can open it: so nobody else's lock can be in the way.
+/// Until it is complete no other account can open it, so no foreign lock can be in the way.
 pub(super) fn put(
     directory: &Path,
     name: &str,

@@ -25,8 +25,8 @@ pub(super) const MAX_JOBS: u64 = 10_000;
 /// - If it was used in small pieces, at activations of their own, and `max_repl` was too small for
 ///   so many, they are merged at the latest of their times: nothing comes before that, so the
 ///   blackout is `T - B + service`.
-/// - If they are never merged, they come as they went: `T - 2B + service`. With `service = B`
-///   (nobody interferes) that is `T - B`; with `service = T` the `2 (T - B)` of the periodic
+/// - If they are never merged, they come as they went: `T - 2B + service`. With `service = B` (no
+///   thread interferes) that is `T - B`; with `service = T` the `2 (T - B)` of the periodic
 ///   resource model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Supply {

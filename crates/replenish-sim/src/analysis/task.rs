@@ -68,8 +68,8 @@ pub struct Costs {
     pub context_switch: Nanos,
     /// Per job: taking the message, decoding it, waking up.
     pub job: Nanos,
-    /// Per timed release, taken from whoever runs. Releases of threads whose demand is unknown are
-    /// not counted.
+    /// Per timed release, taken from the thread that runs. Releases of threads whose demand is
+    /// unknown are not counted.
     pub release_interrupt: Nanos,
     /// Timers act this much late at most: the period of the tick.
     pub tick: Nanos,

@@ -97,7 +97,7 @@ impl Sim<'_> {
     }
 
     /// Brings the ready list up to date with a thread's phase and priority, joining at `end` if it
-    /// moves; then the same for whoever inherits from it.
+    /// moves; then the same for the thread that inherits from it.
     pub(super) fn refresh(&mut self, id: usize, end: End) {
         let rank = self.inherited_rank(id);
         let state = &mut self.states[id];

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! A goal that has ended keeps its place and its result until it expires. If all places are taken
-//! before that, the one that ended first among those whose result somebody has got makes room.
+//! before that, the goal that ended first among those whose result a client has got makes room.
 //! Everything is allocated when the table is made.
 
 use super::state::{GoalEvent, GoalState};

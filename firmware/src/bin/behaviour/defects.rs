@@ -44,7 +44,7 @@ fn endless() -> ! {
     }
 }
 
-/// A budget that suspends ends inside a lock for which nobody waits as everywhere else.
+/// A budget that suspends ends inside a lock for which no task waits as everywhere else.
 pub fn suspended_in_lock(_: Burst) {
     let begin = clock::monotonic() + 5 * MS;
     let params = (Low::Suspend, 5 * MS, 100 * MS, 10);
@@ -72,7 +72,7 @@ pub fn suspended_in_lock(_: Burst) {
     );
 }
 
-/// A worker whose budget ends in each of its long sections, for which somebody waits, has one
+/// A worker whose budget ends in each of its long sections, for which another task waits, has one
 /// section per replenishment on top.
 pub fn inherited(burst: Burst) {
     let begin = clock::monotonic() + 5 * MS;

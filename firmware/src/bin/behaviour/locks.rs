@@ -224,7 +224,7 @@ fn exhausted_owner(burst: Burst, low: Low, waits_at: Nanos) {
         "{low:?}, wait at {waits_at}: owner at {held}, waiter at 50"
     );
     // The budget ends at 7 ms; 15 ms of work under the lock, 2 ms blocked, and 3 ms of the hog's
-    // while nobody waited.
+    // while no task waited.
     hold!(
         got < 21 * MS,
         "{low:?}, wait at {waits_at}: the lock came after {got} ns"

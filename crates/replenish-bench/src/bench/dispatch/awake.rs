@@ -1,6 +1,6 @@
 //! Keeps the measured CPU from sleeping between messages.
 //!
-//! A thread of `SCHED_IDLE` runs there whenever nobody else does, as `cyclictest` holds
+//! A thread of `SCHED_IDLE` runs there whenever no other thread does, as `cyclictest` holds
 //! `/dev/cpu_dma_latency`: what a core or a hypervisor forgets while a CPU sleeps is the machine's
 //! affair, differs from one to the next, and is no part of what a message costs a program.
 

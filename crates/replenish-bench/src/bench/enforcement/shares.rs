@@ -8,7 +8,7 @@
 //! ```
 //!
 //! A worker that has used its budget is stopped, so that all of its CPU time is budget. Beside it
-//! nobody of ours wants the CPU.
+//! no thread of ours wants the CPU.
 
 use super::schedule::WORKER_PRIORITY;
 use crate::load::spec::{ENFORCER_PRIORITY, MAX_REPL};

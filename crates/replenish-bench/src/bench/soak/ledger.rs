@@ -34,7 +34,7 @@ pub(super) struct Verdict {
     pub(super) missing: u64,
     /// Samples that did not arrive and that no promise covers: the reader returned too late.
     pub(super) not_covered: u64,
-    /// Samples that arrived damaged, or that nobody wrote.
+    /// Samples that arrived damaged, or that no publisher wrote.
     pub(super) damaged: u64,
 }
 

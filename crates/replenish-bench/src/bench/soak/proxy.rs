@@ -172,7 +172,7 @@ fn deliver(line: &Receiver<Delayed>) {
         let now = Instant::now();
         while waiting.peek().is_some_and(|Reverse(first)| first.at <= now) {
             if let Some(Reverse(first)) = waiting.pop() {
-                // To nobody, perhaps: then it is lost.
+                // The receiver may be gone: then it is lost.
                 first.by.send_to(&first.bytes, first.to).ok();
             }
         }

@@ -16,8 +16,8 @@ use std::path::PathBuf;
 pub(crate) struct Transports {
     /// A UDP address, IPv4 or IPv6 as `[::1]:8888`; may be given several times; without a port
     /// 8888, port 0 for any free one. Without any address or line: 127.0.0.1:8888. For clients on
-    /// other hosts 0.0.0.0:8888; but XRCE knows no authentication: whoever reaches the address can
-    /// read and write every topic (see --access and --dtls).
+    /// other hosts 0.0.0.0:8888; but XRCE knows no authentication: any host that reaches the
+    /// address can read and write every topic (see --access and --dtls).
     #[arg(long, visible_alias = "listen", value_name = "ADDRESS", value_parser = address)]
     udp: Vec<SocketAddr>,
 

@@ -275,7 +275,7 @@ impl Enforcer {
         found
     }
 
-    /// Processes that have ended and that nobody has asked how.
+    /// Processes that have ended and were not waited for.
     fn zombies(&self) -> Vec<Tid> {
         let mut firsts = self.threads();
         firsts.retain(|thread| thread.pid == thread.tid && is_zombie(thread.tid));

@@ -113,7 +113,7 @@ impl Group {
             self.reservation.refused(now);
             return false;
         }
-        // The overrun is debt already; nobody asks for single ones here.
+        // The overrun is debt already; single ones are not asked for here.
         self.reservation.applied(level, now, self.cpu);
         true
     }

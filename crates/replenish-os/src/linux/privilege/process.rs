@@ -19,7 +19,7 @@ pub struct Privilege {
     /// Whether the memory this process has now may be locked; the error names the limit.
     pub memory_lock: Result<(), String>,
     /// Whether context-switch records of own threads can be had ([`ContextSwitchLog`]); without
-    /// them blocking inside a callback is told from the coarser [`crate::voluntary_switches`].
+    /// them blocking inside a callback is seen by the coarser [`crate::voluntary_switches`].
     pub switch_records: Result<(), io::Error>,
     /// `CAP_SYS_NICE` is effective.
     pub cap_sys_nice: bool,
