@@ -34,7 +34,7 @@ fuzz_target!(|bytes: &[u8]| {
     }
     while agent.pump(now, 16, &mut |_, _| ()) {}
     assert!(!nobody || agent.stats().clients == 0);
-    // The same list once more ends nobody's session.
+    // The same list once more ends no session.
     let clients = agent.stats().clients;
     agent.set_access(now, Some(list));
     assert_eq!(agent.stats().clients, clients);

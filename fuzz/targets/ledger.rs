@@ -1,4 +1,4 @@
-//! Files of the ledger that somebody else wrote: an entry as it is, one with the right checksum,
+//! Files of the ledger that another program wrote: an entry as it is, one with the right checksum,
 //! and measured overheads. A program is admitted beside them, or refused with a sentence.
 #![no_main]
 

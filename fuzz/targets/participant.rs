@@ -1,5 +1,5 @@
 //! RTPS participants in virtual time: one gets the datagrams of another, lost, late, damaged and
-//! twice, and datagrams of nobody. The other gets its own undamaged.
+//! twice, and datagrams of no participant. The other gets its own undamaged.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

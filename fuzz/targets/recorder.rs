@@ -1,4 +1,5 @@
-//! A recording that somebody else wrote: a whole one with patches, with the right checksum or not.
+//! A recording that another program wrote: a whole one with patches, with the right checksum or
+//! not.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -91,7 +91,7 @@ impl Replier {
         self.model.push((identity, cyclone));
     }
 
-    /// A reply to one that was asked, or to nobody: in the form of the request, and once.
+    /// A reply to a request, or to none: in the form of the request, and once.
     fn reply(&mut self, sample: &[u8]) {
         let at = usize::from(sample.first().copied().unwrap_or(0));
         let to = self.model.get(at).map_or(([9; 16], 0), |(to, _)| *to);

@@ -60,7 +60,7 @@ mod peers {
         ]);
     }
 
-    /// Waits until each endpoint in DDS talks with somebody.
+    /// Waits until each endpoint in DDS has a peer.
     fn matched(agent: &RunningAgent, topics: &[&str]) {
         let deadline = Instant::now() + PATIENCE;
         loop {

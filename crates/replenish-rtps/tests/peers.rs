@@ -203,7 +203,7 @@ fn echo(kind: &PeerKind) {
             "{received} of 203 after {PATIENCE:?}"
         );
         ours.step();
-        // Not before the latched ones are back: the order between two topics is nobody's promise.
+        // Not before the latched ones are back: the order between two topics is not promised.
         while received >= 3 && ours.matched() && next < 203 && next - received < 8 {
             let len = if next % 10 == 0 { 150_000 } else { next * 7 };
             let (ping, sample) = (ours.ping, sample(next, len));

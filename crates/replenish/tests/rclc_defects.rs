@@ -63,7 +63,7 @@ fn rclc_1_an_executor_without_handles_sleeps() {
 }
 
 /// Defect 1: when the wait fails, every handle looks ready, and callbacks run without data. Here
-/// none runs, the error is counted and told, and what comes later is served.
+/// none runs, the error is counted and reported, and what comes later is served.
 #[test]
 fn rclc_1_a_failing_wait_makes_nothing_ready() {
     let _dog = watchdog("rclc 1, failing", LIMIT);
@@ -298,7 +298,7 @@ impl Goals {
 }
 
 /// Defect 5: with all goal handles in use a request is not taken and stays ready: a busy loop. Here
-/// it is rejected, and everybody sleeps.
+/// it is rejected, and all threads sleep.
 #[test]
 fn rclc_5_a_goal_too_many_is_rejected_and_nothing_spins() {
     let _dog = watchdog("rclc 5, too many", LIMIT);
@@ -313,7 +313,7 @@ fn rclc_5_a_goal_too_many_is_rejected_and_nothing_spins() {
 
 /// Defect 5: one feedback buffer and one result buffer for all goals; statuses are never taken and
 /// expired goals never removed, so both stay ready for ever. Here eight goals at once keep what is
-/// theirs, and everybody sleeps afterwards.
+/// theirs, and all threads sleep afterwards.
 #[test]
 fn rclc_5_many_goals_keep_their_results_and_nothing_stays_ready() {
     let _dog = watchdog("rclc 5, many", LIMIT);
@@ -384,7 +384,7 @@ fn rclc_6_periods_are_exact_and_an_overrun_makes_no_burst() {
 
 replenish_testkit::settable_wall_clock!();
 
-/// Defect 6, the clock: rclc's periods are those of a clock that can be set. Here somebody sets it
+/// Defect 6, the clock: rclc's periods are those of a clock that can be set. Here the test sets it
 /// an hour forward and two hours back while a timer and `spin_period` run: releases stay on their
 /// grid, none is left out for an hour that has not passed, and none waits for one that is yet to
 /// come.

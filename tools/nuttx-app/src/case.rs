@@ -59,7 +59,7 @@ impl Load {
         }
     }
 
-    /// It starts so many milliseconds after the case.
+    /// Starts it this many milliseconds after the case.
     pub(crate) fn after(self, offset_ms: u64) -> Self {
         Self {
             offset: offset_ms * MS,

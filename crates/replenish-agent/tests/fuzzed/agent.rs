@@ -161,7 +161,7 @@ impl Agent {
         }
     }
 
-    /// After a silence nothing is left of anybody.
+    /// After a silence nothing is left of any client.
     pub(crate) fn end(&mut self) {
         self.check();
         self.core.release(self.at(), |_| true);

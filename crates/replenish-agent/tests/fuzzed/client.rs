@@ -252,8 +252,8 @@ impl Client {
         assert!(next.is_none_or(|at| at > self.now), "{next:?}");
     }
 
-    /// With an agent that answers and nobody else, the session comes up and samples get through, as
-    /// if nothing had been.
+    /// With an agent that answers and no other peer, the session comes up and samples get through,
+    /// as if nothing had been.
     pub(crate) fn end(&mut self) {
         self.session.disconnected(self.now, &mut |_| {});
         let pass = |client: &mut Self, done: fn(&Self) -> bool| {

@@ -1,4 +1,5 @@
-//! Bursts on TCP, and connections that nobody reads: others are served as if they were not there.
+//! Bursts on TCP, and connections that their clients do not read: others are served as if they were
+//! not there.
 
 use crate::support::reader;
 use replenish_agent::{Agent, AgentConfig, RunningAgent};

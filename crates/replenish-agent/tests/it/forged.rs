@@ -1,4 +1,4 @@
-//! Datagrams with a forged source, or with somebody else's key: they make the agent send little,
+//! Datagrams with a forged source, or with another client's key: they make the agent send little,
 //! and take nothing from others.
 
 use crate::support::{Client, Got, MS, World, data, payloads, reader};

@@ -56,9 +56,9 @@ fn held_up(world: &mut World) -> (Client, u8) {
     panic!("nothing holds it up");
 }
 
-/// Another key is another client: nobody takes its name for it, and two programs of one name are
-/// allowed in ROS 2. So the killed reader's session stays until `limits.silence`, and what is
-/// acknowledged meanwhile is nothing.
+/// Another key is another client: the agent does not identify it by its name, and two programs of
+/// one name are allowed in ROS 2. So the killed reader's session stays until `limits.silence`, and
+/// what is acknowledged meanwhile is nothing.
 #[test]
 fn a_killed_reader_that_returns_with_another_key_holds_up_writers_until_it_was_silent_too_long() {
     let world = &mut World::new(limits());

@@ -51,7 +51,7 @@ struct Line {
     /// Bytes and when the last of their bits is over; `None`: lost.
     bytes: VecDeque<(u64, Option<u8>)>,
     free_at: u64,
-    /// One byte of so many is damaged; 0 for none.
+    /// Damages one byte in this many; 0 for none.
     damage: u64,
     random: Random,
     sent: Vec<Sent>,

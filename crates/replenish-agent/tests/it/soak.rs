@@ -1,5 +1,6 @@
 //! The soak: reliable keep-all samples through loss, duplicates, reordering and damage, while a
-//! reader stalls for seconds and everybody is killed. In virtual time; a seed replays it.
+//! reader stalls for seconds and every process is killed in turn. In virtual time; a seed replays
+//! it.
 //!
 //! `REPLENISH_SOAK=1000000 REPLENISH_SEED=7 cargo test -p replenish-agent --test it -- --nocapture
 //! a_soak` for as many samples as you like.

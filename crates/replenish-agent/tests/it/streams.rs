@@ -127,7 +127,7 @@ fn connections_are_limited_and_nonsense_on_one_harms_nobody() {
 }
 
 /// On b209253 one byte per `--silence` kept a connection without log-in alive, and with it a place:
-/// with all places taken nobody else could connect any more.
+/// with all places taken no other client could connect any more.
 #[test]
 fn connections_on_which_nobody_logs_in_keep_no_places() {
     let mut config = config();

@@ -65,7 +65,7 @@ fn an_address_in_use_is_named() {
 
 #[test]
 fn an_address_of_another_host_is_named() {
-    // TEST-NET-1 (RFC 5737) is nobody's.
+    // TEST-NET-1 (RFC 5737) belongs to no host.
     let config = AgentConfig {
         addr: ([192, 0, 2, 1], 8888).into(),
         ..AgentConfig::default()

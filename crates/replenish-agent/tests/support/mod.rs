@@ -36,7 +36,7 @@ pub(crate) enum Got {
     Other(SubmessageId),
 }
 
-/// An agent, and the datagrams it has sent and nobody has looked at yet.
+/// An agent, and the datagrams it has sent that no test has looked at yet.
 pub(crate) struct World {
     pub(crate) agent: AgentCore<u32>,
     pub(crate) now: u64,

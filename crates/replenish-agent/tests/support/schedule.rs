@@ -78,7 +78,7 @@ struct Whole {
     sessions: u64,
 }
 
-/// Carries out a script, then lets everybody catch up and looks at what has arrived.
+/// Carries out a script, then lets every client catch up and looks at what has arrived.
 pub(crate) fn run(script: &[u8]) -> Outcome {
     let mut whole = Whole {
         sim: network(1),

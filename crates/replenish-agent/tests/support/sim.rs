@@ -132,7 +132,7 @@ impl Sim {
     }
 
     /// The same with a session of its own. A new process has a new port: datagrams from and to the
-    /// old one are nobody's.
+    /// old one reach no process.
     pub(crate) fn replace(&mut self, client: usize, session: Client) {
         self.wire
             .retain(|Reverse(datagram)| datagram.client != client);

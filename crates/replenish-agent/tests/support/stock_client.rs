@@ -338,7 +338,7 @@ impl Stock {
     }
 }
 
-/// A run of so many samples in bursts of 40 at a kilohertz, until nothing comes for `quiet`: the
+/// A run of `samples` samples in bursts of 40 at a kilohertz, until nothing comes for `quiet`: the
 /// number that arrived, none before an earlier one, and the median of their delays.
 pub(crate) fn bursts(
     at: At,

@@ -29,8 +29,8 @@ pub(crate) enum Carrier {
     },
 }
 
-/// Damage to what a client sends and receives: one byte in so many is changed, lost or put in;
-/// 0 for none.
+/// Damage to what a client sends and receives: one byte in this many is changed, lost or put in; 0
+/// for none.
 pub(crate) struct Noise {
     pub(crate) one_in: u64,
     pub(crate) random: u64,

@@ -1,5 +1,5 @@
 //! The parts alone: what they say when something is missing, and how they end; and how every
-//! command ends that nobody reads any more.
+//! command ends whose output is not read any more.
 
 use crate::common::{BIN, Scratch, free_port, json, run, start, stderr};
 use std::io::pipe;

@@ -372,7 +372,7 @@ fn an_access_list_is_read_again_on_sighup_and_a_wrong_one_changes_nothing() {
     assert!(told["stats"]["denied"].as_u64() >= Some(1), "{told}");
 }
 
-/// A command whose output goes into a pipe that is full, and that nobody reads.
+/// A command whose output goes into a pipe that is full, and that is not read.
 pub(crate) fn stuck(
     program: &str,
     args: &[&str],

@@ -17,7 +17,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 const MS: u64 = 1_000_000;
-/// The board was started so long after the host, ns.
+/// Time in ns from the host's start to the board's.
 const YOUNGER: u64 = 20_000 * MS;
 
 struct Agent {
@@ -241,7 +241,7 @@ fn a_board_is_listed_and_its_recording_stands_on_the_hosts_timeline() {
         stderr(&output)
     );
 
-    // The agent is killed: nobody is listed, and the recording is one of the ended.
+    // The agent is killed: no client is listed, and the recording is one of the ended.
     agent.child.kill().unwrap();
     agent.child.wait().unwrap();
     let top = program.top(&out);

@@ -1,5 +1,5 @@
 //! Recordings that a stranger has damaged, through the commands that read other programs' files: no
-//! panic, no hang, bounded memory. `REPLENISH_INPUTS=100000` asks for so many files.
+//! panic, no hang, bounded memory. `REPLENISH_INPUTS=100000` asks for that many files.
 
 use crate::common::{BIN, Scratch, json, stderr, stdout};
 use crate::recorded::Program;

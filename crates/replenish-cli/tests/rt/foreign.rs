@@ -21,7 +21,7 @@ fn cpu() -> usize {
     affinity(current_tid()).unwrap().iter().last().unwrap()
 }
 
-/// A program of somebody else's; ended when dropped.
+/// A foreign program; ended when dropped.
 struct Foreign(Child);
 
 impl Foreign {
@@ -145,7 +145,7 @@ fn programs_share_a_cpu_by_name() {
         high <= (elapsed / 100_000_000 + 1) * 30_000_000 + 500_000,
         "{report:#}"
     );
-    // The program began to work after it was found, its last period is not over, and nobody gets
+    // The program began to work after it was found, its last period is not over, and no thread gets
     // anything while the machine stands still.
     let most = 3.0 + still as f64 * 100.0 / elapsed as f64;
     assert!(error > -most, "{still} ns still: {report:#}");
@@ -336,7 +336,7 @@ fn programs_that_may_not_be_changed_are_refused() {
     assert!(far.contains("--cpu"), "{far}");
     let none = refusal(&["run", "--budget", "1ms/10ms", "--", "/nonexistent/program"]);
     assert!(none.contains("cannot start /nonexistent/program"), "{none}");
-    // Another user: from a copy that everybody may run.
+    // Another user: from a copy that every account may run.
     let copy = std::env::temp_dir().join(format!("replenish-adopt-{pid}"));
     std::fs::copy(BIN, &copy).unwrap();
     std::fs::set_permissions(&copy, std::fs::Permissions::from_mode(0o755)).unwrap();

@@ -113,7 +113,7 @@ pub(crate) fn child() -> ! {
     assert_eq!(after.cpu_high, used.cpu_high);
     let limit = replenish_os::privilege::probe().rtprio.soft;
     if limit.is_none_or(|limit| limit >= 60) {
-        // The enforcer raises its workers, as nobody.
+        // The enforcer raises its workers, as the user `nobody`.
         let raised = |meter: &Meter| meter.usage().replenishments > 0;
         assert!(eventually(|| raised(&background.1) && raised(&suspended.1)));
         assert_eq!(enforcer.stats().refused, 0);

@@ -323,9 +323,9 @@ fn sleeping_inside_a_callback_is_seen() {
     finish(loads);
 }
 
-/// A callback that never blocks while a thread on another CPU reads its account, which somebody
-/// preempts now and then with the enforcer's lock in its hands. On b209253 each wait for that lock
-/// counted as a block, and the budget came back in pieces.
+/// A callback that never blocks while a thread on another CPU reads its account, which another
+/// thread preempts now and then with the enforcer's lock in its hands. On b209253 each wait for
+/// that lock counted as a block, and the budget came back in pieces.
 #[cfg(not(nuttx_host))]
 fn waiting_for_the_enforcers_lock_is_no_blocking() {
     let _dog = watchdog("lock waits", LIMIT);
@@ -431,7 +431,8 @@ fn a_ring_that_overflowed_is_not_believed() {
 }
 
 /// Callbacks that end just when the budget does, each followed by a short wait, beside a thread
-/// that takes every chance: whoever lowers the worker must not need the worker to raise it again.
+/// that takes every chance: the thread that lowers the worker must not need the worker to raise it
+/// again.
 fn budgets_that_end_with_the_callback_come_back() {
     let _dog = watchdog("ends with callback", LIMIT);
     let enforcer = enforcer();

@@ -159,7 +159,8 @@ fn two_programs_share_a_cpu_as_the_budget_says() {
     let before = other.cpu_time();
     let usage = holds_its_budget(&first, 30, 100);
     let rest = other.cpu_time() - before;
-    // Beyond its budget the first one is in the idle class, which hardly runs beside anybody.
+    // Beyond its budget the first one is in the idle class, which hardly runs beside another
+    // thread.
     assert!(rest > 2 * usage.background, "{rest} ns, {usage:?}");
 }
 

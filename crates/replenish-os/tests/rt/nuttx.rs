@@ -210,8 +210,8 @@ fn chain() {
     assert_eq!(seen.after, 5);
 }
 
-/// The owner locks `mutex`; `wait` runs at 70 and ends up waiting for it; then somebody lowers the
-/// owner to 5, as an enforcer does; at last the owner unlocks.
+/// The owner locks `mutex`; `wait` runs at 70 and ends up waiting for it; then another thread
+/// lowers the owner to 5, as an enforcer does; at last the owner unlocks.
 fn owner_with(mutex: &Arc<PiMutex<()>>, wait: impl FnOnce() + Send + 'static) -> Seen {
     let priority = || granted(current_tid()).unwrap().priority;
     let locked = Arc::new(Notify::new());

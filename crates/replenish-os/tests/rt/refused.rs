@@ -1,5 +1,5 @@
 //! A program in the middle of `setuid`: the C library changes thread by thread, all but the
-//! worker's are somebody else already, and the kernel refuses the enforcer every change of the
+//! worker's have another user already, and the kernel refuses the enforcer every change of the
 //! worker's priority. Each trial runs this very program again, as a child that does so.
 #![expect(unsafe_code, reason = "setuid, and a worker that puts it off")]
 
@@ -111,7 +111,8 @@ fn roots() -> usize {
     tids.filter(|tid| user_of(*tid) == Some(0)).count()
 }
 
-/// A worker of root that runs `work` in one callback, and its enforcer, which is nobody.
+/// A worker of root that runs `work` in one callback, and its enforcer, which runs as the user
+/// `nobody`.
 struct Rig {
     worker: JoinHandle<()>,
     changes: JoinHandle<()>,
@@ -145,7 +146,7 @@ fn rig(low: Low, work: impl FnOnce() + Send + 'static) -> Rig {
         // SAFETY: a plain number; the C library changes all threads of the process.
         assert_eq!(unsafe { libc::setuid(NOBODY) }, 0);
     });
-    // The thread that asks for it changes itself last, and that is refused to nobody.
+    // The thread that asks for it changes itself last, and that is always allowed.
     assert!(eventually(|| roots() <= 2));
     begin.send(()).unwrap();
     Rig {
@@ -256,7 +257,8 @@ fn inherits() {
     clock::sleep_until(from + 24 * PERIOD);
     let (took, span) = (used() - before, clock::monotonic() - from);
     println!("{took} ns of {span}, {:?}", rig.enforcer.stats());
-    // The worker's CPU time while nobody waits is free: a tenth of a millisecond in each section.
+    // The worker's CPU time while no thread waits is free: a tenth of a millisecond in each
+    // section.
     let most = span / PERIOD * BUDGET + 2 * BUDGET + 2 * SECTION + span / 50;
     let waits = has_waited.try_iter().count();
     stop.store(true, Ordering::Relaxed);

@@ -160,7 +160,7 @@ pub(crate) fn is_child() -> bool {
     std::env::var_os(CHILD).is_some()
 }
 
-/// A program that starts as root and goes on as somebody else.
+/// A program that starts as root and goes on as another user.
 pub(crate) fn child() -> ! {
     let (enforcer, faults) = enforcer();
     let stop = Arc::new(AtomicBool::new(false));

@@ -1,5 +1,5 @@
-//! Workers that are lowered or stopped while they hold locks: what they use then is a debt, nobody
-//! above them is kept, and nothing of a thread outlives it.
+//! Workers that are lowered or stopped while they hold locks: what they use then is a debt, no
+//! thread above them is kept, and nothing of a thread outlives it.
 
 use crate::common::{MS, become_fifo, burn, cpu};
 use replenish_os::{
@@ -78,7 +78,7 @@ fn a_section_that_outlasts_the_budget_is_left_low_and_paid_for() {
     );
 }
 
-/// A thread above everybody waits for the section of a worker that is stopped with it, below a
+/// A thread above all others waits for the section of a worker that is stopped with it, below a
 /// thread that never yields: the worker inherits, finishes, and stops.
 fn a_waiter_is_kept_for_the_section_and_no_longer() {
     let _dog = watchdog("a waiter", Duration::from_secs(120));
@@ -320,7 +320,7 @@ fn a_stopped_worker_is_moved_and_let_go_inside_the_c_library() {
     println!("{usage:?}");
     let (used, elapsed) = (usage.cpu_high + usage.cpu_low, clock::monotonic() - from);
     assert!(used < elapsed / 10 + 220 * MS, "of {elapsed} ns: {usage:?}");
-    // Low or high, stopped or not: nobody stops it any more, and it ends.
+    // Low or high, stopped or not: no enforcer stops it any more, and it ends.
     meter.abandon();
     set_priority(tid, SchedClass::Other).unwrap();
     stop.store(true, Ordering::SeqCst);

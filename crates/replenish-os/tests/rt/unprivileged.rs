@@ -37,7 +37,8 @@ pub(crate) fn child() -> ! {
     std::process::exit(0)
 }
 
-/// As root: through `setpriv`, from a copy everybody may run. As a user without privilege: as is.
+/// As root: through `setpriv`, from a copy that every account may run. As a user without privilege:
+/// as is.
 pub(crate) fn trial() -> Trial {
     let name = "without_privilege_fifo_is_refused_with_the_way_to_get_it";
     let root = std::fs::metadata("/proc/self").is_ok_and(|m| {

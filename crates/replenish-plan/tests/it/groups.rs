@@ -1,5 +1,5 @@
-//! Groups that workers share: who waits for whom counts in every bound, and where nobody has said
-//! for how long, nothing is promised.
+//! Groups that workers share: who waits for whom counts in every bound, and where no length is
+//! stated, nothing is promised.
 
 use replenish_plan::ledger::Ledger;
 use replenish_plan::{
@@ -171,7 +171,7 @@ fn the_next_program_finds_the_groups_of_the_first() {
     let ledger = Ledger::open(&directory).unwrap();
     let first = request(1, &[control(), calibration(Policy::Other, Some(3 * MS))]);
     let kept = ledger.admit(&first, "first").unwrap();
-    // 1 ms and 3 ms of waiting leave 1 ms of the 5: less than it takes where nobody counts.
+    // 1 ms and 3 ms of waiting leave 1 ms of the 5: less than it takes where waits are not counted.
     let second = |amount| {
         let urgent = Guarantee::of(Duration::from_nanos(amount))
             .every(ms(10))

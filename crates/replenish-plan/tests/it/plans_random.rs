@@ -161,7 +161,7 @@ fn background(worker: &Worker, r: &mut Random) -> Thread {
     thread
 }
 
-/// The worst that may happen: everybody as busy as the plan allows, released together or not.
+/// The worst that may happen: every thread as busy as the plan allows, released together or not.
 fn system(request: &Request, plan: &Plan, r: &mut Random) -> System {
     let overheads = &request.machine.overheads;
     let mut threads = Vec::new();

@@ -71,7 +71,7 @@ fn a_thousand_workers() {
             let request = all.clone().worker(Worker::guaranteed("much", much));
             refused(&format!("{what}, too much"), &request, "does not fit");
 
-            // Too late: whoever comes first, another one is late.
+            // Too late: in any order, one of them is late.
             let mut request = all;
             for i in 0..8 {
                 let urgent = Guarantee::of(Duration::from_millis(60))

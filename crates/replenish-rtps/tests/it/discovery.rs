@@ -65,7 +65,7 @@ impl Net {
         }
     }
 
-    /// Whether anybody sent anything.
+    /// Whether any participant sent anything.
     fn exchange(&mut self) -> bool {
         let mut mail = Vec::new();
         let mut buf = [0; 1472];

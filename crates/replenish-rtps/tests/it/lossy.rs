@@ -311,7 +311,7 @@ fn a_late_reader_does_not_count_samples_from_before_the_match() {
     // 58 and 59 were written after the match and are gone.
     reader.heartbeat(W, &heartbeat(60, 63, 2));
     assert_eq!((reader.stats().received, reader.stats().lost), (1, 2));
-    // A heartbeat is: of the samples up to its last nobody can say.
+    // A heartbeat is: the fate of the samples up to its last is unknown.
     let mut reader = late();
     reader.heartbeat(W, &heartbeat(1, 56, 1));
     reader.heartbeat(W, &heartbeat(53, 56, 2));

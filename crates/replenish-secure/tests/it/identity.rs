@@ -210,7 +210,7 @@ fn a_client_finds_an_agent_that_was_started_again() {
     let over_tls = connect_tls(&agent.tls.to_string(), &credentials, config(2)).unwrap();
     let all = [Context::new(over_dtls), Context::new(over_tls)];
     let running: Vec<_> = all.iter().map(spin).collect();
-    // It forgets every association and connection, and tells nobody.
+    // It forgets every association and connection, and sends no word of it.
     agent.restart();
     eventually("the new agent has both", || agent.stats().clients == 2);
     eventually("they are up", || {

@@ -30,7 +30,7 @@ fn every_captured_datagram_survives_decode_and_encode() {
         assert_eq!(count, datagram.annotations.len(), "{datagram}: submessages");
         assert_same(&datagram, writer.finish());
     }
-    // Everything but RESET, which nobody sends.
+    // Everything but RESET, which no implementation sends.
     assert_eq!(kinds.len(), 15, "{kinds:?}");
 }
 

@@ -373,8 +373,8 @@ fn every_kind_is_generated() {
     assert_eq!(kinds, all.collect());
 }
 
-/// A delivery control as an appendable struct (Annex B.4.2), with its length before it: what
-/// `zerodds-xrce-client` sends unless told otherwise.
+/// A delivery control as an appendable struct (Annex B.4.2), with its length before it: the default
+/// of `zerodds-xrce-client`.
 #[test]
 fn a_delivery_control_with_its_length() {
     let control = [0xff, 0xff, 1, 0, 2, 0, 3, 0];

@@ -368,7 +368,8 @@ fn all_scenarios_and_clients() {
         ("timesync", 43301),
     ];
     let played = played.map(|(name, port)| (name.to_string(), port));
-    // In one direction what was captured was lost afterwards: nobody knows what these two received.
+    // In one direction what was captured was lost afterwards: it is not known what these two
+    // received.
     let unknown = [("loss", 36287), ("loss", 50924)];
     let unknown = unknown.map(|(name, port)| (name.to_string(), port));
     let mut others: Vec<_> = clients.difference(&played.into()).cloned().collect();

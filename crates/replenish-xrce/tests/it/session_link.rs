@@ -99,7 +99,7 @@ impl World {
         }
     }
 
-    /// Exchanges datagrams until nobody has any.
+    /// Exchanges datagrams until neither side has any.
     fn settle(&mut self) {
         let now = self.now;
         self.session

@@ -158,7 +158,7 @@ impl Bridge {
         self.cut.store(true, Ordering::SeqCst);
     }
 
-    /// Changes one byte of so many on the average; 0 for none.
+    /// Changes one byte in `every` on the average; 0 for none.
     pub fn damage(&self, every: u64) {
         self.damage.store(every, Ordering::SeqCst);
     }

@@ -113,7 +113,7 @@ pub fn cpu() -> usize {
     allowed.iter().last().unwrap()
 }
 
-/// Consumes so many milliseconds of CPU time of the calling thread.
+/// Consumes `ms` milliseconds of CPU time of the calling thread.
 pub fn burn(ms: u64) {
     let end = replenish_os::clock::thread_cpu() + ms * 1_000_000;
     while replenish_os::clock::thread_cpu() < end {}

@@ -37,7 +37,7 @@ impl Relay {
         }
     }
 
-    /// Loses so many percent of the datagrams of either direction from now on.
+    /// Loses `percent` percent of the datagrams of either direction from now on.
     pub fn lose(&self, percent: u32) {
         self.shared.percent.store(percent, Ordering::SeqCst);
     }

@@ -1,5 +1,5 @@
 //! The in-process bus gives places out again: those of contexts, topics, readers and writers; and a
-//! number that outlives its place reaches nobody.
+//! number that outlives its place reaches no endpoint.
 
 use proptest::prelude::*;
 use replenish::middleware::{
@@ -220,7 +220,7 @@ impl Model {
         &self.ends.iter().find(|(n, _)| *n == number).unwrap().1
     }
 
-    /// Whether the topic may have this type: nobody has it with another one.
+    /// Whether the topic may have this type: no endpoint has it with another one.
     fn agrees(&self, topic: usize) -> bool {
         let writers = self.writers.iter().map(|w| w.topic);
         let mut all = writers.chain(self.readers.iter().map(|r| r.topic));

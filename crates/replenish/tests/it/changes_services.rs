@@ -117,7 +117,7 @@ fn nothing_is_left_at_the_agent() {
     assert!(eventually(|| left() == ["participant"]), "{:?}", left());
 }
 
-/// A reply that is late finds nobody, not even somebody else in the same place.
+/// A late reply reaches no client, not even another one in the same place.
 #[test]
 fn a_late_reply_does_not_reach_the_next_one() {
     let _dog = watchdog("late reply", LIMIT);

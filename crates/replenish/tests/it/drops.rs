@@ -166,7 +166,8 @@ fn a_panic_in_drop_is_the_removed_handles_own() {
     }
 }
 
-/// On b209253 the state was dropped on the thread that removed the handle, and nobody was charged.
+/// On b209253 the state was dropped on the thread that removed the handle, and no budget was
+/// charged.
 #[test]
 fn what_a_callback_owns_is_dropped_by_its_worker_and_charged_to_its_handle() {
     let _dog = watchdog("dropping thread", LIMIT);

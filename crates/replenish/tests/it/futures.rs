@@ -44,7 +44,7 @@ fn held(exec: &mut replenish::Executor, ctx: &Context, name: &'static str) -> (C
     (client, open)
 }
 
-/// Two callbacks of one worker wait at the same time; the one that waits holds up nobody.
+/// Two callbacks of one worker wait at the same time; the one that waits holds up no other.
 #[test]
 fn callbacks_interleave_while_one_awaits() {
     let ctx = Context::in_process();
@@ -142,7 +142,7 @@ fn a_call_ends_at_its_limit_when_it_is_dropped_and_with_its_worker() {
         client.call_blocking(&number(2), 20 * MS),
         Err(CallError::NoReply(NoReply::TimedOut))
     );
-    // Its reply comes late, and reaches nobody else.
+    // Its reply comes late, and reaches no other call.
     assert!(eventually(|| open.lock().unwrap().len() == 1));
     let (_, late) = open.lock().unwrap().pop().unwrap();
     std::thread::scope(|scope| {
@@ -366,7 +366,7 @@ fn a_handle_whose_future_waits_can_be_removed() {
     let change = running.handle();
     change.remove("w/guard:0", Removal::Wait(LIMIT)).unwrap();
     assert!(flag.load(Ordering::Relaxed));
-    // The reply that nobody awaits any more, and the other one, arrive at the same worker.
+    // The reply that is not awaited any more, and the other one, arrive at the same worker.
     for (data, responder) in open.lock().unwrap().drain(..) {
         responder.reply(&number(data)).unwrap();
     }
@@ -532,7 +532,7 @@ fn a_server_of_futures_ends_goals_as_they_say() {
     );
 }
 
-/// The goals of a server that is removed are aborted: nobody waits for ever.
+/// The goals of a server that is removed are aborted: no client waits for ever.
 #[test]
 fn goals_end_with_the_server_that_pursues_them() {
     let ctx = Context::in_process();

@@ -94,7 +94,7 @@ fn a_panic_leaves_the_group_free() {
 }
 
 /// A callback asks a service whose server is in its own group: the answer comes as a callback of
-/// its own, so nobody waits for himself.
+/// its own, so no callback waits for itself.
 #[test]
 fn calling_a_service_of_ones_own_group_is_no_deadlock() {
     let _dog = watchdog("group service", LIMIT);
@@ -194,8 +194,8 @@ fn who_waits_for_his_own_group_is_told_with_both_names() {
 }
 
 /// A callback of a group removes a handle of another worker: one of the group, or one that is in
-/// none. Either way that worker may wait for the group, so nobody waits for it; in both cases it
-/// goes on.
+/// none. Either way that worker may wait for the group, so the removal does not wait for it; in
+/// both cases it goes on.
 #[test]
 fn removing_a_handle_from_a_callback_of_a_group_is_no_deadlock() {
     for id in ["other/guard:0", "other/timer:1"] {

@@ -155,7 +155,7 @@ fn raw_bytes_arrive_as_they_were_sent_and_with_their_context() {
     drop(running);
 }
 
-/// The same while nobody takes them: in the middleware.
+/// The same while no executor takes them: in the middleware.
 #[test]
 fn the_newest_or_the_oldest_of_a_burst_survive_as_asked() {
     let ctx = Context::in_process();

@@ -95,7 +95,7 @@ fn done<T>(done: &Done<T>) -> T {
     done.lock().unwrap().take().unwrap()
 }
 
-/// On b209253 the dispatcher waited for itself to let go of the handle: nobody got a message for
+/// On b209253 the dispatcher waited for itself to let go of the handle: no handle got a message for
 /// the whole limit of the removal (4005 ms of 4 s).
 #[test]
 fn a_hook_that_removes_its_handle_holds_up_nobody() {

@@ -192,7 +192,7 @@ fn a_hundred_megabytes_pass_between_participants_in_order() {
         .unwrap();
     let viewer = exec.start().unwrap();
     let camera = executor(camera.context()).0.start().unwrap();
-    // Volatile: what is sent before they know each other is nobody's.
+    // Volatile: what is sent before they know each other is delivered to none.
     let first = pixels(IMAGES);
     assert!(eventually(|| {
         send(&out, IMAGES, &first);

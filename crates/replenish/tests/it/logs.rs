@@ -278,7 +278,7 @@ fn lines_too_many_are_counted_and_the_program_goes_on() {
     assert_eq!(seen + lost, LINES);
 }
 
-/// Its lines fill the pipe that nobody reads: it ends all the same.
+/// Its lines fill the pipe that is not read: it ends all the same.
 #[test]
 fn a_console_that_nobody_reads_does_not_keep_a_program() {
     let mut child = child("p --ros-args --disable-rosout-logs", 3000, &[]);

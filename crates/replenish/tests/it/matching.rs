@@ -37,8 +37,8 @@ fn told(log: &Log, endpoint: &str, clash: &str) -> bool {
 }
 
 /// A publisher that offers little, a subscription that asks for much, another that does not; then
-/// the other way round in time. Both ends are told, the handle's own hook too, and what does not
-/// match hears nothing.
+/// the other way round in time. Both ends get the event, the handle's own hook too, and what does
+/// not match hears nothing.
 fn clashes_are_told(publishing: &Context, subscribing: &Context) {
     let _dog = watchdog("clashes", LIMIT);
     let here = publishing.node("here").unwrap();
@@ -144,7 +144,7 @@ fn a_client_that_offers_too_little_is_told_and_has_no_server() {
 }
 
 /// The other way round: a reliable client hears nothing from a server that answers with best
-/// effort, although that one hears the client. Both are told of it, and the client has no server.
+/// effort, although that one hears the client. Both get an event, and the client has no server.
 #[test]
 fn a_server_that_offers_too_little_is_told_and_its_replies_are_not_heard() {
     let _dog = watchdog("server", LIMIT);
@@ -200,7 +200,7 @@ fn servers_come_and_go(asking: &Context, serving: &Context) {
     assert!(eventually(gone));
     drop(running);
     let _running = serve();
-    // Here somebody spins the client's context meanwhile.
+    // Here a thread spins the client's context meanwhile.
     let (mut exec, _) = executor(asking);
     exec.worker("w").replies(&client, |_, _| ()).unwrap();
     let spins = exec.start().unwrap();
@@ -309,7 +309,7 @@ pub(crate) fn peers_are_counted(publishing: &Context, subscribing: &Context) {
         .unwrap()
         .timer(MS, |_| ())
         .unwrap();
-    // It does not fit, and is nobody's peer.
+    // It does not fit, and is no peer.
     exec.worker("strict")
         .subscribe(&there, "t", Qos::reliable(), |_: &Int32, _| ())
         .unwrap();

@@ -16,8 +16,8 @@ use std::time::Duration;
 const LIMIT: Duration = Duration::from_secs(60);
 const MS: Duration = Duration::from_millis(1);
 
-/// A callback waits for a server that is there, and for one that is not: nobody else has to run for
-/// the answer, not even the executor of the callback.
+/// A callback waits for a server that is there, and for one that is not: no other thread has to run
+/// for the answer, not even the executor of the callback.
 fn waits_for_servers(asking: &Context, serving: &Context, local: bool) {
     let _dog = watchdog("server in a callback", LIMIT);
     let (serves, asks) = (
@@ -96,8 +96,8 @@ fn spinning_in_a_callback_is_an_error() {
 }
 
 /// A callback stops the executor it runs in by the owner's call, which joins all threads: all
-/// others have ended when it returns, its own is named, and nobody waits out the grace period for
-/// it.
+/// others have ended when it returns, its own is named, and no thread waits out the grace period
+/// for it.
 #[test]
 fn a_callback_that_stops_and_joins_its_own_executor_does_not_wait_for_itself() {
     let _dog = watchdog("stop in a callback", LIMIT);

@@ -212,7 +212,7 @@ where
     ask_of::<S>(bus, service, request, 16_000)
 }
 
-/// With messages of up to so many bytes.
+/// A question with messages of up to `size` bytes.
 fn ask_of<S: Service>(
     bus: &InProcessBus,
     service: &str,
@@ -244,7 +244,7 @@ where
     answer.expect("a reply in time")
 }
 
-/// 200 names do not fit into 4100 bytes: whoever asks for all of them gets no answer, and the
+/// 200 names do not fit into 4100 bytes: a client that asks for all of them gets no answer, and the
 /// server's handle says why. With more room they are all there, also in a request as long.
 #[test]
 fn messages_beyond_the_limit_are_told_with_it_and_the_limit_can_be_raised() {
@@ -551,8 +551,8 @@ fn a_callback_of_setting_gives_another_one() {
     assert_eq!(*told.lock().unwrap(), ["14"]);
 }
 
-/// A request that is longer than the service takes has no answer, but it is told: to the handle's
-/// hook and as an event, and counted. The service goes on.
+/// A request that is longer than the service takes has no answer, but the handle's hook and an
+/// event report it, and it is counted. The service goes on.
 fn requests_too_long_are_told(server: &Context, asker: &Context) {
     let _dog = watchdog("long requests", LIMIT * 2);
     let node = server.node("robot/arm").unwrap();

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 const LIMIT: Duration = Duration::from_secs(60);
 
-/// Relative names are the namespace's, private ones the node's, absolute ones nobody's.
+/// Relative names are the namespace's, private ones the node's, absolute ones belong to neither.
 #[test]
 fn names_belong_to_the_namespace_to_the_node_or_to_nobody() {
     let node = Context::in_process().node("robot/arm").unwrap();

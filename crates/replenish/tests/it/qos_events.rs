@@ -1,5 +1,5 @@
 //! QoS events: a callback on a worker hears what becomes of a publisher or subscription. In one
-//! process, over RTPS, and refused where nobody tells.
+//! process, over RTPS, and refused where the middleware does not report it.
 
 use crate::common::agent::TestAgent;
 use crate::common::{Gate, eventually, executor};
@@ -125,7 +125,7 @@ fn peers_that_come_and_go_are_told_over_rtps() {
 }
 
 /// Both ends in one context: those that are there before the start are the first event, later ones
-/// are told by a running executor.
+/// are reported by a running executor.
 fn ends_of_one_context(ctx: &Context) {
     let _dog = watchdog("one context", LIMIT);
     let node = ctx.node("n").unwrap();

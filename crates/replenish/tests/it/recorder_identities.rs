@@ -9,7 +9,7 @@ use std::time::Duration;
 
 const MS: Duration = Duration::from_millis(1);
 
-/// Runs workers with rings of so many bytes for a moment: the report, and the recording as it was
+/// Runs workers with rings of `ring` bytes for a moment: the report, and the recording as it was
 /// when the last thread had ended.
 fn run(name: &str, ring: usize) -> (Report, Directory, Read) {
     let directory = Directory::new(name);

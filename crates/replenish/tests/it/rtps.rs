@@ -63,7 +63,7 @@ fn two_participants_hear_each_other() {
         })
         .unwrap();
     let ping = exec.start().unwrap();
-    // Volatile: what is said before they know each other is nobody's.
+    // Volatile: a sample from before they know each other is delivered to none.
     assert!(eventually(|| {
         there.publish(&Int32 { data: -1 }).unwrap();
         std::thread::sleep(Duration::from_millis(20));
@@ -287,7 +287,7 @@ fn a_subscription_that_is_removed_leaves_nothing_behind() {
     }
 }
 
-/// A participant that keeps to itself is not found, and finds nobody who announces itself to it.
+/// A participant that keeps to itself is not found, and finds no other that announces itself to it.
 #[test]
 fn nobody_is_found_with_discovery_off() {
     let _dog = watchdog("off", Duration::from_secs(60));
@@ -318,8 +318,8 @@ fn nobody_is_found_with_discovery_off() {
     assert_eq!(off.stats().received, 0);
 }
 
-/// Without multicast these two would not know of each other: nobody else is in such a domain, and
-/// no peer is named.
+/// Without multicast these two would not know of each other: no other participant is in such a
+/// domain, and no peer is named.
 #[test]
 fn multicast_finds_peers_on_the_interfaces_that_are_named() {
     let _dog = watchdog("multicast", Duration::from_secs(60));

@@ -31,7 +31,7 @@ fn square(request: &Int32) -> Int64 {
     }
 }
 
-/// Two clients of one server: everybody gets its own replies, each exactly once.
+/// Two clients of one server: each gets its own replies, each exactly once.
 fn replies_find_their_requests(server: &Context, clients: &Context, services: u64) {
     let _dog = watchdog("services", LIMIT);
     let node = server.node("server").unwrap();
@@ -314,8 +314,8 @@ fn a_reply_that_cannot_be_decoded_ends_its_request() {
     assert_eq!(stats.received, stats.undecodable + stats.executed);
 }
 
-/// A request that nobody would hear the reply of is an error of who sends it: however the callback
-/// has gone, and at once.
+/// A request whose reply no client would hear is an error of its sender: however the callback has
+/// gone, and at once.
 #[test]
 fn a_call_without_an_executor_any_more_is_an_error() {
     let _dog = watchdog("gone", LIMIT);

@@ -102,7 +102,7 @@ fn limits_are_kept_to_the_microsecond_and_without_work() {
             }
             // The limit is no whole millisecond, however late the machine wakes us now and then.
             assert!(shortest < MS, "{shortest:?}");
-            // One look and one wait each: whoever polled would make hundreds of rounds.
+            // One look and one wait each: polling would make hundreds of rounds.
             let rounds = exec.report().dispatcher.rounds - rounds;
             assert!(rounds <= 60, "{rounds}");
         }

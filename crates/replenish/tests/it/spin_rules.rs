@@ -167,7 +167,7 @@ fn timers_of_unconditional_rounds_are_served_at_their_time() {
     assert!((6..=8).contains(&rounds), "{rounds}");
 }
 
-/// With threads nobody else begins rounds.
+/// With threads nothing else begins rounds.
 #[test]
 fn always_without_a_clock_is_refused_with_threads() {
     let ctx = Context::in_process();

@@ -312,7 +312,7 @@ fn no_agent_is_a_clear_error_within_two_seconds() {
 }
 
 fn no_agent() {
-    // A port where nobody is, and one where somebody is who does not answer.
+    // A port without a program, and one whose program does not answer.
     let mute = UdpSocket::bind("127.0.0.1:0").unwrap();
     for address in ["127.0.0.1:1".into(), mute.local_addr().unwrap().to_string()] {
         let start = Instant::now();

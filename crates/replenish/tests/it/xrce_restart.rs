@@ -233,7 +233,7 @@ fn restarts() {
         drop(agent.take());
         stalls.take();
         let killed = Instant::now();
-        // In every other round the system does not tell that nobody is there any more.
+        // In every other round the system does not report that the agent is gone.
         let silent = (round % 2 == 0).then(|| UdpSocket::bind(address).unwrap());
         for _ in 0..5 {
             publish(&talker, writer, next); // to nobody

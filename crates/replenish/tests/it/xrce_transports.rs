@@ -110,7 +110,7 @@ fn tcp_carries_everything_and_a_cut_connection_comes_back() {
     std::thread::sleep(Duration::from_millis(300));
     let start = clock::monotonic();
     bridge.cut();
-    // It may be back before anybody has looked.
+    // It may be back before the test has looked.
     assert!(eventually(|| log.has("link is down")));
     assert!(eventually(|| ctx.link() == LinkState::Up));
     // Noticed at once and not by silence, and connected again.
@@ -224,7 +224,7 @@ fn an_agent_is_pinged_before_there_is_a_session() {
         assert!(answer.is_some_and(|time| time <= second), "{answer:?}");
         assert!(agent.snapshot().clients.is_empty(), "nothing is remembered");
     }
-    // A port that nobody has, and one whose owner says something else.
+    // A port without a program, and one whose program answers something else.
     let other = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     let silent = other.local_addr().unwrap();
     let chatter = std::thread::spawn(move || {

@@ -1,4 +1,4 @@
-//! Topics both ways: reliable, best effort, and transient local to whoever comes late.
+//! Topics both ways: reliable, best effort, and transient local to late subscriptions.
 
 use crate::peer::{Foreign, Peer};
 use crate::support::{eventually, executor, node};

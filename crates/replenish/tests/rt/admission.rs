@@ -1,6 +1,6 @@
 //! Guarantees: what is planned, what is refused before anything runs, scheduling from a file, and
-//! programs that come and go beside each other. Programs are this very test program, told by
-//! [`CHILD`] what to be.
+//! programs that come and go beside each other. Programs are this very test program, whose role
+//! [`CHILD`] names.
 //!
 //! `REPLENISH_CHURN_SECONDS=60` makes the last trial as long as the nightly run wants it (3 s).
 

@@ -68,7 +68,7 @@ fn of(running: &RunningExecutor, pattern: &str) -> AdoptedReport {
 }
 
 /// Two threads share the budget, the second found while the executor runs; others are left alone,
-/// and in the end everybody has what it had.
+/// and in the end every thread has what it had.
 fn they_share_a_budget() {
     let (first, other, urgent) = (
         Theirs::start("dds.udp.7412"),

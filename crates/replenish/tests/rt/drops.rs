@@ -227,8 +227,8 @@ fn low() {
     );
 }
 
-/// A worker may have ended long before somebody joins it. It was reported as stuck then, and the
-/// thread that had its id lost its priority.
+/// A worker may have ended long before it is joined. It was reported as stuck then, and the thread
+/// that had its id lost its priority.
 fn reused() {
     let _dog = watchdog("the id of a worker", LIMIT);
     let ctx = Context::in_process();

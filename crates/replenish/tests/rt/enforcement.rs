@@ -31,7 +31,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     ]
 }
 
-/// Consumes so many microseconds of CPU time of the calling thread.
+/// Consumes `us` microseconds of CPU time of the calling thread.
 fn burn_us(us: u64) {
     let end = clock::thread_cpu() + us * US;
     while clock::thread_cpu() < end {}
@@ -292,7 +292,7 @@ fn grouped() {
     ends.store(true, Ordering::Relaxed);
     drop(running.stop());
     let periods = took / 100_000_000 + 2;
-    // The time-sharing class lets it run when nobody else wants to.
+    // The time-sharing class lets it run when no other thread wants to.
     assert!(usage.cpu_high <= periods * 5_000_000, "{usage:?}");
     assert!(held <= took / 4, "{held} of {took} ns");
     assert!(low >= 2 * held, "{low} ns for FIFO 30, {held} for it");

@@ -162,7 +162,7 @@ fn later() {
             Err(other) => panic!("{other}"),
         }
     }
-    // Another group has nobody to wait for until the second worker comes.
+    // Another group has no worker to wait for until the second worker comes.
     add("calibration", &other).unwrap();
     let refused = add("control", &other);
     assert!(

@@ -97,7 +97,7 @@ fn three_for_one_slot() {
     assert_eq!(stats().dropped, 0);
 }
 
-/// D3: nothing told the executor that a worker had become ready; a message that had come meanwhile
+/// D3: the executor did not learn that a worker had become ready; a message that had come meanwhile
 /// was noticed when the wait timed out. Here the wait has no timeout: only the worker ends it.
 fn d03() {
     let _dog = watchdog("d03", LIMIT);
@@ -242,7 +242,7 @@ fn d07() {
 }
 
 /// D9: shutdown cancelled threads without joining them and freed what they still used. Here each
-/// callback shares a counter with the test: after the stop nobody holds or moves it.
+/// callback shares a counter with the test: after the stop no callback holds or moves it.
 fn d09() {
     let _dog = watchdog("d09", LIMIT);
     let ctx = Context::in_process();
@@ -303,7 +303,7 @@ fn d10() {
     gates.iter().for_each(Gate::open);
 }
 
-/// Uses so many KiB of stack.
+/// Uses `kib` KiB of stack.
 fn use_stack(kib: usize) -> u8 {
     let block = std::hint::black_box([1_u8; 1024]);
     match kib {
@@ -512,7 +512,7 @@ fn d12() {
     );
 }
 
-/// D13: a best-effort topic is flooded from the other CPU. The dispatcher, above everybody, has a
+/// D13: a best-effort topic is flooded from the other CPU. The dispatcher, above all others, has a
 /// budget of a tenth; a worker that always has work keeps the rest of the CPU.
 fn d13() {
     let _dog = watchdog("d13", LIMIT);

@@ -404,7 +404,7 @@ fn share_of_fifteen() -> Option<Vec<f64>> {
     }
     let running = exec.start().unwrap();
     // All budgets come back together, 100 ms apart; 90 ms later all are used up. Between two such
-    // moments everybody has used whole budgets, in whatever order. The reader has to be there
+    // moments every worker has used whole budgets, in whatever order. The reader has to be there
     // before the next ones come back, so it is above the workers.
     let start = clock::monotonic() - running.report().elapsed;
     let reader = ThreadSpec::new("reader").policy(Policy::fifo(97).unwrap());

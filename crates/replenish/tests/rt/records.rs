@@ -1,4 +1,4 @@
-//! The kernel refuses switch records to some workers: their budgets come back late, and somebody
+//! The kernel refuses switch records to some workers: their budgets come back late, and the report
 //! has to say so. One trial runs this program again with few descriptors; each record needs one.
 
 use crate::common::executor;

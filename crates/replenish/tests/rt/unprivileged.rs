@@ -1,7 +1,7 @@
-//! An ordinary user: budgets fall back to callback boundaries, told once and reported; `strict`
-//! refuses with the reason. With a limit of priorities below 99 there are enforcers, but nobody
-//! looks after them, and that is said as well. A program that loses the right to raise threads
-//! while it runs goes on low. Each trial runs this very program again as such a user.
+//! An ordinary user: budgets fall back to callback boundaries, with one event and in the report;
+//! `strict` refuses with the reason. With a limit of priorities below 99 there are enforcers, but
+//! no watchdog looks after them, and that is said as well. A program that loses the right to raise
+//! threads while it runs goes on low. Each trial runs this very program again as such a user.
 
 use crate::common::{burn, cpu, eventually, executor};
 use replenish::{
@@ -102,7 +102,8 @@ pub(crate) fn trials() -> Vec<Trial> {
     ]
 }
 
-/// Runs a copy of this program that everybody may execute, with these words in front; its output.
+/// Runs a copy of this program that every account may execute, with these words in front; its
+/// output.
 fn again(words: &[&str], run: &str) -> String {
     let this = std::env::current_exe().unwrap();
     let copy = std::env::temp_dir().join(format!("replenish-{run}-{}", std::process::id()));
@@ -123,7 +124,7 @@ fn again(words: &[&str], run: &str) -> String {
     out.into_owned()
 }
 
-/// The enforcer is the last thread that its user may have: nobody can look after it.
+/// The enforcer is the last thread that its user may have: no watchdog can look after it.
 fn too_few_threads() {
     let said = |threads: u8| {
         let limit = format!("--nproc={threads}:{threads}");
@@ -253,9 +254,9 @@ fn unwatched() {
     assert!(log.lines().is_empty());
 }
 
-/// Two workers of a group, and the kernel raises neither of them any more: nobody has the group for
-/// good, and neither has its priority again. The one that was stopped goes on in the time-sharing
-/// class.
+/// Two workers of a group, and the kernel raises neither of them any more: neither has the group
+/// for good, and neither has its priority again. The one that was stopped goes on in the
+/// time-sharing class.
 fn grouped() {
     let ctx = Context::in_process();
     let (mut exec, log) = executor(&ctx);

@@ -23,7 +23,7 @@ enum Event {
     Run,
     /// The thread runs that long, whatever is available: an overrun, a late demotion.
     Overrun(Nanos),
-    /// The thread does not run, and nobody looks meanwhile.
+    /// The thread does not run, and the enforcer does not look meanwhile.
     Pass(Nanos),
 }
 
@@ -171,7 +171,7 @@ const STEPS: [Step; 9] = [
     Step::Observe,
 ];
 
-/// All sequences of so many steps; returns how many worlds there were.
+/// All sequences of `depth` steps; returns how many worlds there were.
 fn walk(world: &World, depth: usize, preempted: bool) -> u64 {
     if depth == 0 {
         return 1;

@@ -11,8 +11,8 @@ const US: u64 = 1_000;
 const TUNING: Tuning = Tuning::LINUX;
 const NOT_BLOCKED: Readings<'static> = Readings::Exact(&[]);
 
-/// A hungry worker alone on a CPU. While it is low it is in sections that somebody waits for, one
-/// after another, until it has inherited its budget again; then it stands still.
+/// A hungry worker alone on a CPU. While it is low it is in sections that another thread waits for,
+/// one after another, until it has inherited its budget again; then it stands still.
 struct Hungry {
     now: Nanos,
     cpu: Nanos,
@@ -30,7 +30,7 @@ struct Hungry {
 struct Piece {
     from: Nanos,
     to: Nanos,
-    /// For so long of it the machine stood still: nobody could lower the worker.
+    /// The part of it in which the machine stood still: no thread could lower the worker.
     still: Nanos,
 }
 

@@ -170,7 +170,7 @@ fn a_preempted_thread_with_a_sliver_left_causes_no_storm() {
 
 #[test]
 fn pulling_a_check_in_never_moves_it_away() {
-    // Hardly any progress up to the first check. Then the thread runs unseen, and somebody else
+    // Hardly any progress up to the first check. Then the thread runs unseen, and another thread
     // leaves the CPU: how much it has consumed since the reading is not known.
     let mut sim = Sim::new(53 * MS, 253 * MS, vec![0]);
     sim.activate();

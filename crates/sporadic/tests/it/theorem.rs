@@ -116,7 +116,7 @@ fn the_long_run_share_of_small_budgets() {
     }
 }
 
-/// An advance payment is made once, however often somebody reads the account.
+/// An advance payment is made once, however often the account is read.
 #[test]
 fn reading_the_account_gives_nothing_away() {
     let (budget, period) = (1_000_000, 10_000_000);

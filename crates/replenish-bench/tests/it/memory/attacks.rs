@@ -121,7 +121,7 @@ fn fragments(at: Target) -> Vec<Raw> {
     all
 }
 
-/// Subscribers on connections that nobody reads, while others write, and ask.
+/// Subscribers on connections that they do not read, while others write, and ask.
 fn unread(at: Target) -> Vec<Raw> {
     let readers = (1..CLIENTS).map(|key| Raw::open(at.tcp, key, u16::MAX));
     starve(Raw::open(at.tcp, 100, 512), readers)

@@ -38,7 +38,7 @@ fn log_ins(at: Target, stop: &AtomicBool) {
     }
 }
 
-/// A13: connections on which nobody logs in, kept alive by a byte now and then.
+/// A13: connections without a log-in, kept alive by a byte now and then.
 fn idle_connections(at: Target, stop: &AtomicBool) {
     let mut open: Vec<Raw> = Vec::new();
     while !stop.load(Ordering::Relaxed) {

@@ -21,8 +21,8 @@ fn pair(at: At, topic: &str) -> (Stock, Stock) {
     (talker, listener)
 }
 
-/// Writes until so many samples are written, and nothing comes any more: those that were
-/// acknowledged, and those that arrived.
+/// Writes `samples` samples, until nothing comes any more. Returns the numbers that were
+/// acknowledged, and that arrived.
 fn exchange(talker: &mut Stock, listener: &mut Stock, samples: usize) -> (usize, usize) {
     finish(talker, listener, 0, samples)
 }

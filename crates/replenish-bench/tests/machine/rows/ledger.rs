@@ -168,7 +168,7 @@ fn a06_another_account_holds_the_lock() {
     row("A6", "nobody holds the ledger's lock", &figure, admitted);
 }
 
-/// b209253 asked whether anybody has the lock on a program's file; its waiter got it.
+/// b209253 asked whether any process has the lock on a program's file; its waiter got it.
 fn a07_another_account_waits_for_a_dead_programs_file() {
     let host = Host::new("a07");
     let mut first = host.running();

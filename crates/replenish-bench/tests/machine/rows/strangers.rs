@@ -1,4 +1,4 @@
-//! A8, A9, A12, A13, A14: people without a session, or with somebody else's key.
+//! A8, A9, A12, A13, A14: clients without a session, or with another client's key.
 
 use super::{agent, row};
 use crate::attacker::{SESSION, base, host, log_in, message};
@@ -21,7 +21,7 @@ fn steal(thief: &UdpSocket, agent: SocketAddr, key: u8) {
     thief.send_to(&log_out, agent).unwrap();
 }
 
-/// b209253 gave the session of a key to whoever logged in last, without a line in the log.
+/// b209253 gave the session of a key to the last client that logged in, without a line in the log.
 fn a08_a_log_in_with_another_clients_key() {
     const SAMPLES: usize = 200;
     let scratch = Scratch::new("a08");

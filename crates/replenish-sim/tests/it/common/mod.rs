@@ -149,7 +149,7 @@ impl Case {
         self.tasks.push(Task::reserved(params, None));
     }
 
-    /// Below everybody, busy, and most of the time with a lock.
+    /// A thread below all others, busy, and most of the time with a lock.
     fn push_background(&mut self, r: &mut Random) {
         let mut thread =
             Thread::new("background", Policy::Other).released(Releases::At(vec![r.up_to(30)]));

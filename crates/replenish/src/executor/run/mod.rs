@@ -1,4 +1,4 @@
-//! The two loops, and the parts between them.
+//! The loops of dispatcher and worker, and the parts between them.
 //!
 //! ```text
 //!   middleware ──► dispatcher ── routes ──► inbox, mark, bell ──► worker: a loop over its state

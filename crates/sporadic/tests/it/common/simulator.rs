@@ -13,7 +13,7 @@ pub enum Step {
     /// The thread has the CPU for `span` if it is High and runnable; each time its budget ends it
     /// goes on for `late` until the enforcer lowers it. Otherwise the time passes.
     Run { span: Nanos, late: Nanos },
-    /// Someone more urgent has the CPU: time passes, nobody looks at the server.
+    /// A more urgent thread has the CPU: time passes, and the server is not looked at.
     Preempted { span: Nanos },
     /// The enforcer looks, with a clock that is `behind`.
     Update { behind: Nanos },

@@ -1,6 +1,6 @@
 //! A supervised thread, its CPU and its enforcer in virtual time, with all that can go wrong
-//! between them: preemption, blocking that nobody records, checks that come late or early, changes
-//! of level that take time or are refused.
+//! between them: preemption, blocking without records, checks that come late or early, changes of
+//! level that take time or are refused.
 
 use super::busiest_window;
 use proptest::prelude::*;
