@@ -18,7 +18,7 @@
 //! byte: a board that looks without a break keeps its own bytes out, and on a loaded host none come
 //! for seconds.
 //!
-//! Not part of a build for a real board, but for [`PACED`], which is false there.
+//! A build for a real board has none of this but [`PACED`], which is false there.
 
 use crate::frames::Frames;
 use crate::regs::{IRQ_TIM3, LINE, RCC_APB1ENR, enable_interrupt};

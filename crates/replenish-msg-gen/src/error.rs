@@ -29,7 +29,7 @@ impl Error {
         }
     }
 
-    /// It is the value of this field or constant.
+    /// Adds that the error is about the value of this field or constant.
     pub(crate) fn about(self, what: &str, name: &str) -> Self {
         Self {
             message: format!("{} ({what} `{name}`)", self.message),

@@ -34,7 +34,7 @@ impl Default for Generator {
 }
 
 impl Generator {
-    /// Nothing to generate yet.
+    /// A generator without packages.
     pub fn new() -> Self {
         Self {
             packages: Vec::new(),
@@ -211,9 +211,8 @@ impl Generator {
     }
 }
 
-/// No two interfaces want the same Rust name or the same file, such as `Map`, which has a
-/// `MapView`, and
-/// `MapView`.
+/// Checks that no two interfaces want the same Rust name or the same file, such as `Map`, which has
+/// a `MapView`, and `MapView`.
 fn check_names(registry: &Registry, own: &[Interface]) -> Result<(), Error> {
     let mut taken = BTreeMap::new();
     for interface in own {

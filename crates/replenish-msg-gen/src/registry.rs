@@ -39,7 +39,7 @@ pub(crate) struct Facts {
     pub(crate) bounded: bool,
     /// There are floats in it.
     pub(crate) float: bool,
-    /// Nothing but primitives and arrays.
+    /// Every field is a primitive or an array.
     pub(crate) plain: bool,
 }
 

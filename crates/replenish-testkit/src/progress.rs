@@ -71,7 +71,7 @@ mod tests {
     #[test]
     fn one_good_stretch_is_enough() {
         assert!(reaches(0.5, 5 * MS, at(0.6)));
-        // It stands still for a while first.
+        // The counter stands still for a while first.
         let (mut full, begun) = (at(1.0), Instant::now());
         let late = move || {
             if begun.elapsed() < 50 * MS { 0 } else { full() }

@@ -70,8 +70,8 @@ struct Disturbance<'a> {
 
 /// Runs `body`, at most eight times, until it passes.
 ///
-/// It runs again, when that seems to be over, if it panicked while 20 ms or more were stolen or
-/// threads at FIFO 99 woke 5 ms too late; and once more twice after a panic that no clock explains.
+/// It runs again, after the disturbance, if it panicked while 20 ms or more were stolen or threads
+/// at FIFO 99 woke 5 ms too late; and once more twice after a panic that no clock explains.
 ///
 /// # Panics
 /// As `body` does when it does so undisturbed for the second time, or in the last run.

@@ -130,9 +130,9 @@ fn run(count: u32, baud: u32) -> Result<(), Error> {
     Ok(())
 }
 
-/// One message there and back: ns from before it is published to the beginning of the callback, and
-/// the bytes that passed the line meanwhile, from the board and to it. `None`: it did not come
-/// back.
+/// Sends one message there and back. Returns ns from before it is published to the beginning of the
+/// callback, and the bytes that passed the line meanwhile, from the board and to it. `None`: it did
+/// not come back.
 fn trip(loose: &Publisher<Int32>, back: &Back, number: i32) -> Option<(u64, u32, u32)> {
     let before = uart::counts();
     let begin = clock::monotonic();

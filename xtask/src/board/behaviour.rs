@@ -148,7 +148,7 @@ impl Ended {
     }
 }
 
-/// One boot with a time limit: a case that hangs is a failure, not a hang of this program.
+/// Boots once, with a time limit: a case that hangs is a failure, not a hang of this program.
 fn boot(image: &Path, case: &str) -> Outcome<Ended> {
     let begin = Instant::now();
     let mut child = qemu::command(image, &[case.to_string()], false)

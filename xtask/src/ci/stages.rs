@@ -60,7 +60,7 @@ impl Step {
         self.with("CARGO_TARGET_DIR", target.display().to_string())
     }
 
-    /// It runs again if a few tests fail in it.
+    /// Lets the command run again if a few tests fail in it.
     fn repeatable(mut self) -> Self {
         self.repeats = true;
         self
@@ -94,7 +94,7 @@ impl Step {
         command
             .args(self.words.iter().skip(1))
             .current_dir(super::paths::repository().join(self.folder));
-        // Nothing is built twice here: what makes a second build quick costs the first one time.
+        // No part is built twice here: what makes a second build quick costs the first one time.
         command.env("CARGO_INCREMENTAL", "0").envs(&self.variables);
         command
     }

@@ -91,7 +91,7 @@ struct Json {
 
 /// A way there and back.
 trait Path {
-    /// One round trip; when it ended, or `None` if the answer did not come.
+    /// Makes one round trip; returns the time of its end, or `None` if the answer did not come.
     fn round_trip(&mut self, payload: &[u8]) -> Result<Option<Nanos>, Failure>;
 
     /// Lets what is under way settle, so that it does not disturb the next path's window.

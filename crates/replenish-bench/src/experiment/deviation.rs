@@ -7,7 +7,7 @@ use crate::testbench::summary::{Summary, Topic, round};
 pub(super) struct Deviation {
     /// The counts of the topic that is worse, over all windows, divided by the windows.
     pub(super) per_window: f64,
-    /// One topic in one window, at worst.
+    /// The largest difference of one topic in one window.
     pub(super) worst_window: u64,
 }
 

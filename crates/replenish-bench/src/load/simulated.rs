@@ -93,7 +93,7 @@ pub(crate) fn window(
     };
     let costs = &measured.costs;
     let [high, low] = measured.arrivals;
-    // Nothing is slept, nothing comes after it.
+    // Without a sleep there is no work after a sleep.
     let sleep = Some(spec.low_sleep()).filter(|s| *s > 0);
     let point = Point {
         reservation,

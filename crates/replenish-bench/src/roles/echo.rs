@@ -16,7 +16,7 @@ pub(crate) struct Echoed {
     pub again: u64,
     /// Sent back.
     pub sent: u64,
-    /// Not taken by the middleware.
+    /// Samples that the middleware did not take.
     pub failed: u64,
 }
 

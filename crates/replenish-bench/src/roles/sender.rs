@@ -41,7 +41,7 @@ impl Sender {
         }
     }
 
-    /// One window after the other; reports each.
+    /// Runs one window after the other and reports each.
     fn windows(&self, grid: &Grid, stop: &Stop) {
         let mut index = clock::monotonic()
             .saturating_sub(grid.epoch)
@@ -96,7 +96,7 @@ impl Sender {
         }
     }
 
-    /// One message on each topic, and `flood` more on the low one.
+    /// Sends one message on each topic, and `flood` more on the low one.
     pub(crate) fn pair(&self, number: i32, flood: u32) {
         self.send(0, number);
         for _ in 0..=flood {

@@ -84,7 +84,7 @@ struct Part<'a> {
     constants: Vec<Constant>,
     /// Comments that belong to what comes next.
     pending: Vec<String>,
-    /// Nothing but comments so far.
+    /// The file has only comments so far.
     head: bool,
 }
 

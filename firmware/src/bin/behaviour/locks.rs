@@ -233,7 +233,7 @@ fn exhausted_owner(burst: Burst, low: Low, waits_at: Nanos) {
         Low::Background(p) => {
             hold!(after == p, "at {after} after the unlock instead of {p}");
         }
-        // It went on only when its budget came back.
+        // The worker went on only when its budget came back.
         Low::Suspend => {
             hold!(
                 after == 60 && resumed > 99 * MS,

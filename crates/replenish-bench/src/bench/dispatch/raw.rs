@@ -17,7 +17,7 @@ const LENGTH: usize = 4 + 4 + 4 + 4 + 8;
 /// A receiving loop: it gives each datagram to the function until that returns false.
 pub(super) type Loop = fn(&UdpSocket, &mut dyn FnMut(&[u8]) -> bool) -> io::Result<()>;
 
-/// One system call per message; nothing else can wake it.
+/// Receives with one system call per message; nothing else can wake it.
 pub(super) fn receives(
     socket: &UdpSocket,
     deliver: &mut dyn FnMut(&[u8]) -> bool,

@@ -52,7 +52,7 @@ impl Received {
     }
 }
 
-/// One of those that are compared.
+/// One of the compared receivers.
 pub(super) trait Receiver {
     /// Sends message `n`; what it carries is the time before its sending.
     fn send(&mut self, n: u64) -> Outcome;

@@ -5,7 +5,7 @@ use super::window::{Window, Windows};
 use replenish_cli::machine::stats::{Sorted, us};
 use replenish_cli::report::table::Table;
 
-/// One receiver over all windows. The names are a contract.
+/// Figures of one receiver over all windows. The names are a contract.
 #[derive(Debug, serde::Serialize)]
 struct Figures {
     p50_us: f64,
@@ -34,7 +34,7 @@ impl Figures {
     }
 }
 
-/// One number of handles. The names are a contract.
+/// Figures for one number of handles. The names are a contract.
 #[derive(Debug, serde::Serialize)]
 pub(super) struct Point {
     handles: u16,

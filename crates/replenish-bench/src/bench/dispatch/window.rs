@@ -20,7 +20,7 @@ const UNIT: Nanos = 400 * MS;
 /// A message that leaves later than this makes its window void: the machine stood still.
 const GAP: Nanos = 5 * MS;
 
-/// One window of one receiver.
+/// Figures of one window of one receiver.
 #[derive(Debug)]
 pub(super) struct Window {
     /// Messages sent.
@@ -47,7 +47,7 @@ pub(super) fn windows(units: u64, rate: u64) -> u64 {
     (units * UNIT * rate / SEC / messages(rate)).max(units)
 }
 
-/// One window of one receiver; `None` if the machine stood still.
+/// Measures one window of one receiver; `None` if the machine stood still.
 pub(super) fn window(of: &mut dyn Receiver, rate: u64) -> Result<Option<Window>, Failure> {
     let interval = SEC / rate;
     let messages = messages(rate);

@@ -102,7 +102,7 @@ impl Path {
         })
     }
 
-    /// One round trip; its time, or `None` if the sample did not come back.
+    /// Makes one round trip; returns its time, or `None` if the sample did not come back.
     pub(super) fn round_trip(&mut self, sample: &[u8]) -> Result<Option<Nanos>, Failure> {
         let sent = clock::monotonic();
         let published = self.session.publish(self.writer, sample);
@@ -130,7 +130,7 @@ impl Path {
         self.drive(clock::monotonic() + MS, &mut |_| ())
     }
 
-    /// One turn of a dispatcher: waits until `until` at most, then takes the samples.
+    /// Does one turn of a dispatcher: waits until `until` at most, then takes the samples.
     fn drive(&mut self, until: Nanos, got: &mut dyn FnMut(&[u8])) -> Result<(), Failure> {
         let waited = self.session.wait(&self.interest, Some(until));
         waited.map_err(Failure::refused)?;

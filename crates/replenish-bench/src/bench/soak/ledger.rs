@@ -97,7 +97,7 @@ impl Ledger {
         self.acknowledged.push(numbers);
     }
 
-    /// No promise covers these if they do not arrive.
+    /// Excuses these samples: no promise covers them if they do not arrive.
     pub(super) fn excuse(&mut self, numbers: Range<u32>) {
         self.not_covered.push(numbers);
     }

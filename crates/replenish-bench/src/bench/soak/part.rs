@@ -128,7 +128,7 @@ fn reader(session: &Arc<Xrce>) -> Outcome {
     }
 }
 
-/// One turn of a dispatcher: waits for 10 ms at most, then takes the samples.
+/// Does one turn of a dispatcher: waits for 10 ms at most, then takes the samples.
 fn drive(session: &Xrce, interest: &mut Interest, got: &mut dyn FnMut(&[u8])) -> Outcome {
     let deadline = clock::monotonic() + 10_000_000;
     session

@@ -41,7 +41,7 @@ pub(super) const WINDOW: Nanos = 500 * MS;
 /// The disturbance of the control loop in one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Disturbance {
-    /// Nothing: the three workers as they are meant to be.
+    /// No disturbance: the three workers as they are meant to be.
     None,
     /// The neighbour needs nearly five times as much as it is meant to: 4.8 ms every 5 ms.
     NoisyNeighbour,
