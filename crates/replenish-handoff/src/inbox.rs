@@ -16,8 +16,8 @@
 //! lock that frees one. The thread that ends it wakes the middleware, whose wake-up is sticky. So
 //! the dispatcher either sees the room before it waits, or its wait ends at once.
 
-use super::SampleInfo;
 use super::ring::{Ring, RingSlot};
+use super::{SampleInfo, Shared};
 use crate::sync::{AtomicUsize, Mutex, Ordering};
 
 /// Bounded, preallocated queue of one subscription.
@@ -124,6 +124,43 @@ impl Inbox {
         state.parked = self.keep == Keep::All && state.ring.is_full();
         let parked = state.parked;
         Delivery { outcome, parked }
+    }
+
+    /// Publisher: stores a sample that is in memory. Any thread; nothing is copied, and the lock is
+    /// held while one buffer changes hands.
+    ///
+    /// Not for an inbox that [keeps all](Keep::All): the dispatcher, which does not see this, would
+    /// find no room for a sample that its middleware has given away.
+    pub fn share(&self, message: &Shared, info: &SampleInfo) -> DeliveryOutcome {
+        let state = &mut *self.state.lock();
+        if state.closed {
+            return DeliveryOutcome::Closed;
+        }
+        let full = state.ring.is_full();
+        if full && self.keep != Keep::Newest {
+            return DeliveryOutcome::NoRoom;
+        }
+        let slot = if full {
+            state.ring.pop()
+        } else {
+            state.ring.spare()
+        };
+        let Some(mut slot) = slot else {
+            return DeliveryOutcome::NoRoom;
+        };
+        slot.hold(message.clone(), info);
+        state.ring.push(slot);
+        self.show(state);
+        if full {
+            DeliveryOutcome::ReplacedOldest
+        } else {
+            DeliveryOutcome::Stored
+        }
+    }
+
+    /// The rule by which samples survive.
+    pub const fn keep(&self) -> Keep {
+        self.keep
     }
 
     /// Dispatcher: whether the reader stays out of the interest set.

@@ -14,6 +14,7 @@
 //!   command_queue   commands to one thread, and what it retires
 //!   doorbell        what a worker sleeps on            │ ready_set   handles with input
 //!   inbox           samples of one subscription        │ ring        its buffers   │ sample
+//!   pool            messages in memory that are lent    │ shared     by publisher and readers
 //!   origins         when the chains that led to a sample began
 //!   flag            triggers of a guard condition      │ stop        the stop request
 //!   line_queue      lines of a log, from many threads to one     │ line        as words
@@ -40,9 +41,12 @@ mod models;
 mod once;
 #[cfg_attr(not(feature = "sample-info"), path = "origins_disabled.rs")]
 mod origins;
+mod pool;
 mod ready_set;
 mod ring;
 mod sample;
+#[cfg_attr(not(feature = "std"), path = "shared_disabled.rs")]
+mod shared;
 mod stop;
 pub mod sync;
 
@@ -55,7 +59,9 @@ pub use line_queue::{LineQueue, LineReader};
 #[cfg(feature = "sample-info")]
 pub use origins::published_at;
 pub use origins::{MOST_CHAINS, Origins};
+pub use pool::{Counted, Pool};
 pub use ready_set::ReadySet;
 pub use ring::{Ring, RingSlot};
 pub use sample::{RequestIdentity, SampleInfo};
+pub use shared::Shared;
 pub use stop::Stop;

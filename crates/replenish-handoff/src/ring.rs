@@ -7,11 +7,13 @@
 //!    └─────────────────────────────────────┴────────────────────────────┘ give_back()
 //! ```
 //!
+//! A buffer can [hold](RingSlot::hold) a sample that is in memory instead of its bytes.
+//!
 //! A ring of depth `d` owns `d + 2` buffers: `d` that wait, one in the hands of the one that fills
 //! and one in the hands of the one that reads. Buffers move by value (one word), so bytes are
 //! copied outside the lock, and a spare one is always there for a single filler.
 
-use super::SampleInfo;
+use super::{SampleInfo, Shared};
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
@@ -27,6 +29,8 @@ struct Filled {
     bytes: Box<[u8]>,
     len: usize,
     info: Note,
+    /// The sample as it is in memory, instead of bytes.
+    shared: Option<Shared>,
 }
 
 /// The information about a sample, as it is kept.
@@ -80,6 +84,7 @@ impl RingSlot {
             bytes: alloc::vec![0; size].into_boxed_slice(),
             len: 0,
             info: Note::of(&SampleInfo::at(0)),
+            shared: None,
         }))
     }
 
@@ -88,6 +93,7 @@ impl RingSlot {
         let filled = &mut *self.0;
         filled.info = Note::of(info);
         filled.len = 0;
+        filled.shared = None;
         let Some(room) = filled.bytes.get_mut(..bytes.len()) else {
             return false;
         };
@@ -96,7 +102,25 @@ impl RingSlot {
         true
     }
 
-    /// The sample.
+    /// Holds a sample that is in memory; the buffer stays as it is.
+    pub fn hold(&mut self, message: Shared, info: &SampleInfo) {
+        let filled = &mut *self.0;
+        filled.info = Note::of(info);
+        filled.len = 0;
+        filled.shared = Some(message);
+    }
+
+    /// The sample, if it is one in memory.
+    pub fn shared(&self) -> Option<&Shared> {
+        self.0.shared.as_ref()
+    }
+
+    /// Lets go of a sample in memory.
+    pub fn take_shared(&mut self) -> Option<Shared> {
+        self.0.shared.take()
+    }
+
+    /// The sample's bytes; none of one in memory.
     pub fn payload(&self) -> &[u8] {
         self.0.bytes.get(..self.0.len).unwrap_or_default()
     }
@@ -148,7 +172,11 @@ impl Ring {
         if self.waiting.len() < self.waiting.capacity() {
             self.waiting.push_back(slot);
         }
-        oldest.flatten()
+        let mut oldest = oldest.flatten();
+        if let Some(oldest) = &mut oldest {
+            oldest.take_shared();
+        }
+        oldest
     }
 
     /// The oldest sample.
@@ -162,7 +190,8 @@ impl Ring {
     }
 
     /// Returns a buffer that came from [`Ring::pop`] or [`Ring::spare`].
-    pub fn give_back(&mut self, slot: RingSlot) {
+    pub fn give_back(&mut self, mut slot: RingSlot) {
+        slot.take_shared();
         // Always true for a buffer of this ring: see `push`.
         if self.free.len() < self.free.capacity() {
             self.free.push(slot);
@@ -172,7 +201,11 @@ impl Ring {
     /// Discards what waits and returns how many samples that were.
     pub fn clear(&mut self) -> usize {
         let waiting = self.waiting.len();
-        self.free.extend(self.waiting.drain(..));
+        let waiting_slots = self.waiting.drain(..).map(|mut slot| {
+            slot.take_shared();
+            slot
+        });
+        self.free.extend(waiting_slots);
         waiting
     }
 

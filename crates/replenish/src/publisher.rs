@@ -1,6 +1,7 @@
 //! Publishing from any thread.
 
 use crate::error::Error;
+use crate::handoff::Shared;
 use crate::middleware::encoding::Encoding;
 use crate::middleware::remedy::SIZE;
 use crate::middleware::{Middleware, MiddlewareError, PublishError, WriterId};
@@ -90,6 +91,16 @@ impl<M: Message> Publisher<M> {
         &self,
         encode: impl FnOnce(&mut [u8]) -> Result<usize, CdrError>,
     ) -> Result<(), PublishError> {
+        let send = |payload: &[u8]| self.inner.middleware.publish(self.inner.writer, payload);
+        self.send_with(encode, send)
+    }
+
+    #[inline]
+    fn send_with(
+        &self,
+        encode: impl FnOnce(&mut [u8]) -> Result<usize, CdrError>,
+        send: impl FnOnce(&[u8]) -> Result<(), PublishError>,
+    ) -> Result<(), PublishError> {
         let mut buffer = self.inner.buffer.lock();
         let encoded = encode(&mut buffer);
         let len = encoded.map_err(|e| {
@@ -97,9 +108,30 @@ impl<M: Message> Publisher<M> {
             Encoding::of::<M>(SIZE).failed(e, &buffer)
         })?;
         let payload = buffer.get(..len).unwrap_or_default();
-        let sent = self.inner.middleware.publish(self.inner.writer, payload);
+        let sent = send(payload);
         recorder::publish(self.inner.name, len, sent.is_err());
         sent
+    }
+
+    /// As [`publish`](Self::publish), with a message that is in memory. It is encoded, once, only if
+    /// a subscription needs its bytes.
+    #[allow(dead_code, reason = "nothing is shared without feature `std`")]
+    pub(crate) fn publish_shared(&self, shared: &Shared, message: &M) -> Result<(), PublishError> {
+        let Inner {
+            middleware, writer, ..
+        } = &*self.inner;
+        let sent = middleware.publish_shared(*writer, shared, None);
+        if sent != Ok(false) {
+            recorder::publish(self.inner.name, 0, sent.is_err());
+            return sent.map(|_| ());
+        }
+        self.send_with(
+            |room| replenish_msg::encode(message, room),
+            |payload| {
+                let sent = middleware.publish_shared(*writer, shared, Some(payload));
+                sent.map(|_| ())
+            },
+        )
     }
 
     /// Like [`publish`](Self::publish), but while the output queue is full it waits for room,

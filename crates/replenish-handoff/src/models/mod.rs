@@ -3,6 +3,7 @@
 //! ```text
 //!   models/ ─┬─ loom_handoff   dispatcher and worker around one inbox
 //!            ├─ loom_lines     writers of log lines, and the reader
+//!            ├─ loom_pool      messages that are lent, published, read and lent again
 //!            ├─ loom_ready     threads that mark input, and the worker that looks only there
 //!            ├─ loom_guard     triggers of a guard condition, and the worker that serves them
 //!            └─ loom_stop      a stop request against threads that join late, work or sleep
@@ -15,5 +16,6 @@
 mod loom_guard;
 mod loom_handoff;
 mod loom_lines;
+mod loom_pool;
 mod loom_ready;
 mod loom_stop;

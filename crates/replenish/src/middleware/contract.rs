@@ -6,8 +6,8 @@ use super::incompatible_qos::IncompatibleQos;
 use super::interest::Interest;
 use super::watch::{End, Watch};
 use crate::Nanos;
-use crate::handoff::{RequestIdentity, SampleInfo};
-use crate::platform::label;
+use crate::handoff::{RequestIdentity, SampleInfo, Shared};
+use crate::platform::{LocalReader, label};
 use crate::qos::{IngressLimit, Qos};
 use crate::sync::Arc;
 
@@ -155,6 +155,33 @@ pub trait Middleware: Send + Sync + 'static {
     /// # Errors
     /// When the sample was not sent: too large, no room in the output stream, link down.
     fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError>;
+
+    /// The handle of this reader takes messages of its Rust type as they are in memory from now on,
+    /// by [`publish_shared`](Self::publish_shared), and everything else as bytes. Set-up, like the
+    /// reader. A middleware that does not know of it hands over bytes.
+    fn share_with(&self, reader: ReaderId, local: LocalReader<dyn Middleware>) {
+        let _ = (reader, local);
+    }
+
+    /// Sends a message that is in memory to the readers that [take it as it is](Self::share_with),
+    /// and its `payload` to the others. Waits for nothing, like [`publish`](Self::publish).
+    ///
+    /// `false`: nothing was sent, for want of the payload. The caller writes it and asks again.
+    ///
+    /// # Errors
+    /// As [`publish`](Self::publish).
+    fn publish_shared(
+        &self,
+        writer: WriterId,
+        message: &Shared,
+        payload: Option<&[u8]>,
+    ) -> Result<bool, PublishError> {
+        let _ = message;
+        let Some(payload) = payload else {
+            return Ok(false);
+        };
+        self.publish(writer, payload).map(|()| true)
+    }
 
     /// A writer whose liveliness is manual shows that it is alive, without a sample. Waits for
     /// nothing, like [`publish`](Self::publish).

@@ -135,6 +135,11 @@ pub enum PublishError {
     },
     /// The output queue of a reliable writer is full.
     Full,
+    /// Every message of the publisher's pool is lent, waits for a subscription, or is read.
+    AllLent {
+        /// How many messages the pool has.
+        size: usize,
+    },
     /// The link to the peer is down.
     LinkDown,
     /// The writer does not exist in this middleware.
@@ -167,7 +172,12 @@ impl fmt::Display for PublishError {
             Self::TooLarge { size, limit } => {
                 write!(f, "the sample has {size} bytes, the writer allows {limit}")
             }
-            Self::Full => f.write_str("the output queue is full"),
+            Self::AllLent { size } if TEXTS => write!(
+                f,
+                "all {size} messages of the pool are lent, wait for a subscription or are read: \
+                 Publisher::pool makes a larger one"
+            ),
+            Self::Full | Self::AllLent { .. } => f.write_str("the output queue is full"),
             Self::LinkDown => f.write_str("the link is down"),
             Self::UnknownWriter => f.write_str("the writer does not exist in this middleware"),
             Self::Io(errno) => write!(f, "sending failed: {}", os_error(*errno)),

@@ -7,6 +7,7 @@
 
 mod bus;
 mod clashes;
+mod in_memory;
 mod long;
 mod matched;
 mod notices;
@@ -21,9 +22,9 @@ use super::{
     PublishError, ReaderId, RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
 };
 use crate::Nanos;
-use crate::handoff::Ring;
+use crate::handoff::{Ring, Shared};
 use crate::platform;
-use crate::platform::label;
+use crate::platform::{LocalReader, label};
 use crate::qos::{Durability, History, IngressLimit, Reliability};
 use crate::sync::{Arc, Mutex, Notify};
 use alloc::vec::Vec;
@@ -153,6 +154,7 @@ impl Middleware for InProcess {
             limit: spec.max_size,
             sent: 0,
             replies: None,
+            wrote_bytes: false,
             kept: late.then(|| Ring::new(spec.qos.depth.into(), spec.max_size)),
             status,
             deadline: deadline(spec.qos),
@@ -179,6 +181,9 @@ impl Middleware for InProcess {
             oversizes: Arc::clone(&self.oversizes),
             requests: spec.qos,
             queue: Ring::new(depth, spec.max_size),
+            local: None,
+            last_share: 0,
+            lent: false,
             keep_all: spec.qos.history == History::KeepAll,
             keep_oldest: spec.keep_oldest,
             reliable: spec.qos.reliability == Reliability::Reliable,
@@ -230,12 +235,13 @@ impl Middleware for InProcess {
     /// keeps all had no room; the others have got the sample.
     fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError> {
         if LONG_SAMPLES && payload.len() >= LONG {
-            return self.publish_long(writer, payload);
+            return self.publish_long(writer, payload, None);
         }
         let (wake, full) = {
             let mut bus = self.bus.state.lock();
             let (writer, info) = bus.begin(self.me, writer, payload.len())?;
             let begins = writer.renew(info.arrival);
+            writer.wrote_bytes = true;
             let topic = (writer.topic, writer.offers);
             if let Some(kept) = &mut writer.kept
                 && let Some(mut slot) = kept.spare()
@@ -255,6 +261,19 @@ impl Middleware for InProcess {
         } else {
             Ok(())
         }
+    }
+
+    fn share_with(&self, reader: ReaderId, local: LocalReader<dyn Middleware>) {
+        self.reader(reader.0.into(), |r| r.local = Some(local));
+    }
+
+    fn publish_shared(
+        &self,
+        writer: WriterId,
+        message: &Shared,
+        payload: Option<&[u8]>,
+    ) -> Result<bool, PublishError> {
+        self.share(writer, message, payload)
     }
 
     fn create_server(
@@ -344,8 +363,7 @@ impl Middleware for InProcess {
             at = (at + 1) % readers;
             let reader = id(at);
             let slot = if interest.contains(reader) {
-                self.reader(at, |r| Some((r.queue.pop()?, r.stamp)))
-                    .flatten()
+                self.reader(at, Reader::lend).flatten()
             } else {
                 None
             };
@@ -362,6 +380,7 @@ impl Middleware for InProcess {
             // Another reader may have its place by now, with buffers of another size.
             self.reader(at, |r| {
                 if r.stamp == stamp {
+                    r.lent = false;
                     r.queue.give_back(slot);
                 } else {
                     drop(slot);

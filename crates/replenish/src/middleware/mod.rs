@@ -39,7 +39,8 @@ mod watch;
 #[cfg(feature = "xrce")]
 pub mod xrce;
 
-pub use crate::handoff::{RequestIdentity, SampleInfo};
+pub use crate::handoff::{RequestIdentity, SampleInfo, Shared};
+pub use crate::platform::LocalReader;
 pub use contract::{EndpointSpec, GraphEnd, LinkState, Middleware, Room, ServiceSpec};
 pub use error::{MiddlewareError, PublishError};
 pub use ids::{ReaderId, WriterId};

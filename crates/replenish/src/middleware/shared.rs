@@ -8,7 +8,8 @@ use super::incompatible_qos::IncompatibleQos;
 use super::interest::Interest;
 use super::watch::{End, Watch};
 use crate::Nanos;
-use crate::handoff::{RequestIdentity, SampleInfo};
+use crate::handoff::{RequestIdentity, SampleInfo, Shared};
+use crate::platform::LocalReader;
 use crate::qos::Qos;
 use crate::sync::Arc;
 
@@ -39,6 +40,19 @@ impl<M: Middleware> Middleware for Arc<M> {
 
     fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError> {
         (**self).publish(writer, payload)
+    }
+
+    fn share_with(&self, reader: ReaderId, local: LocalReader<dyn Middleware>) {
+        (**self).share_with(reader, local);
+    }
+
+    fn publish_shared(
+        &self,
+        writer: WriterId,
+        message: &Shared,
+        payload: Option<&[u8]>,
+    ) -> Result<bool, PublishError> {
+        (**self).publish_shared(writer, message, payload)
     }
 
     fn create_server(

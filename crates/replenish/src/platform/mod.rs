@@ -9,6 +9,7 @@
 //!   std ─────── wall clock, random bits, panics, standard error, io,   │ std_disabled
 //!   │           recorder: the last events of each thread               │ recorder_board
 //!   │           chain: latencies over several callbacks                │ chain_disabled
+//!   │           local: messages as they are in memory                  │ local_disabled
 //!   │           sleeping: the alarms of a future                       │ sleeping_disabled
 //!   │           Deadline · Lease: promises over time
 //!   │                                                                   io::Error  │ io (without std)
@@ -35,6 +36,8 @@ mod wall_time;
 
 #[allow(unreachable_pub, reason = "public as middleware::xrce::io")]
 pub use self::std::io;
+pub use self::std::local::LocalReader;
+pub(crate) use self::std::local::{Deliver, Late};
 pub use self::std::recorder::{Dump, Mark};
 pub(crate) use self::std::{
     Deadline, Lease, chain, end_with, guard, prepare_end, random, recorder, sleeping, tell,

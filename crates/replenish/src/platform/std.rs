@@ -1,6 +1,7 @@
 //! Parts of the standard library. `std_disabled.rs` takes this file's place without feature `std`.
 
 pub(crate) mod chain;
+pub(crate) mod local;
 pub(crate) mod recorder;
 pub(crate) mod sleeping;
 

@@ -9,6 +9,8 @@
 #[path = "chain_disabled.rs"]
 pub(crate) mod chain;
 pub mod io;
+#[path = "local_disabled.rs"]
+pub(crate) mod local;
 #[path = "recorder_board.rs"]
 pub(crate) mod recorder;
 #[path = "sleeping_disabled.rs"]

@@ -9,6 +9,7 @@
 //!   log: Node::logger, log_info! …, /rosout             ──► args
 //!   sleep: sleep, sleep_until, Node::sleep                 ──► clock
 //!   events: on_event
+//!   pool: Publisher::pool, messages that are lent and not copied
 //!   graph: Node::graph ──► best_available: Node::best_available_{subscription, publisher}
 //!   report_json: Report::to_json
 //!   time: Node::{now, rate}, ros_timer, /clock             ──► clock
@@ -24,6 +25,7 @@ mod diagnostics;
 mod events;
 mod graph;
 mod log;
+mod pool;
 mod program;
 mod report_json;
 mod signals;
@@ -52,6 +54,7 @@ pub(crate) mod public {
     pub use super::events::{Count, EventSource, QosEvent};
     pub use super::graph::{Graph, GraphService, GraphTopic};
     pub use super::log::{LogRule, LogSite, LogTo, Logger};
+    pub use super::pool::{Loan, Pool};
     pub use super::sleep::{Sleep, sleep, sleep_until};
     pub use super::time::Rate;
     /// The `log` facade: `log::info!` of any library, once [`Logger::install`] was called.

@@ -25,6 +25,7 @@ mod groups;
 mod handles;
 mod heard;
 mod hooks;
+mod in_memory;
 mod interfaces;
 mod large;
 mod lifecycle;

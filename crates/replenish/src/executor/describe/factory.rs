@@ -6,6 +6,7 @@ use crate::error::Error;
 use crate::executor::handles::callback::{CallbackContext, CallbackResult};
 use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::guard::{Guard, GuardCondition};
+use crate::executor::handles::in_memory::take_in_memory;
 use crate::executor::handles::options::HandleOptions;
 use crate::executor::handles::replies::Replies;
 use crate::executor::handles::server::Server;
@@ -137,6 +138,7 @@ impl HandleFactory<'_> {
         let (id, reader, inbox) =
             self.input(node, topic, (RawType::of::<M>(), sizes::<M>()), qos)?;
         let shared = HandleState::new(id, Some((reader, Arc::clone(&inbox))));
+        take_in_memory::<M>(&shared, &**self.context.middleware());
         let handle = Subscription::<M, F>::new(Arc::clone(&shared), inbox, callback);
         Ok(HandleEntry::new(shared, Box::new(handle)))
     }

@@ -38,10 +38,12 @@ impl Env<'_> {
         if inbox.pop(read_slot)? {
             self.middleware.wake();
         }
-        let slot = read_slot.as_ref()?;
-        if let Some(expires) = slot.info().expires
+        let slot = read_slot.as_mut()?;
+        let expires = slot.info().expires;
+        if let Some(expires) = expires
             && expires <= clock::monotonic()
         {
+            slot.take_shared();
             counters.discarded.add(1);
             return None;
         }

@@ -64,7 +64,7 @@ pub(crate) trait Handle: Send {
 }
 
 impl HandleState {
-    /// Takes the next sample of its inbox into `read_slot` and decodes it in place; one that cannot
+    /// Takes the next sample of its inbox into `read_slot` and, unless it is in memory, decodes it in place; one that cannot
     /// be decoded is reported and counted.
     pub(crate) fn take_sample<M: Message>(
         &self,
@@ -74,6 +74,9 @@ impl HandleState {
         env: &Env<'_>,
     ) -> Option<Taken> {
         let slot = env.next_sample(inbox, read_slot, &self.counters)?;
+        if slot.shared().is_some() {
+            return Some(Taken::sample(slot)); // it is there as it is
+        }
         match decode(message, &CdrReader::new(slot.payload())) {
             Ok(()) => Some(Taken::sample(slot)),
             Err(error) => {

@@ -5,6 +5,7 @@
 //!     └─ handle: the interface ◄── subscription · timer · guard · server · replies
 //!           │  asynchronous: one with a future ──► waker
 //!           └─ callback: what the program's function sees ──► env ──► outbox
+//!   in_memory: messages of this process's publishers, brought by themselves
 //!   state: what other threads see of a handle ──► departure: how it leaves
 //! ```
 
@@ -18,6 +19,7 @@ pub(crate) mod env;
 pub(crate) mod group;
 pub(crate) mod guard;
 pub(crate) mod handle;
+pub(crate) mod in_memory;
 pub(crate) mod options;
 pub(crate) mod outbox;
 pub(crate) mod replies;

@@ -2,10 +2,11 @@
 
 use super::departure::Departure;
 use crate::event::{Event, Events};
+use crate::executor::wake::doorbell::WakeHandle;
 use crate::handoff::Inbox;
 use crate::histogram::LiveHistogram;
 use crate::middleware::{Middleware, ReaderId};
-use crate::platform::{FULL, ShortText, recorder};
+use crate::platform::{FULL, Late, ShortText, recorder};
 use crate::stats::{Counters, HandleStats};
 use crate::sync::{Arc, AtomicBool, Mutex, Once, Ordering};
 use alloc::string::String;
@@ -36,6 +37,8 @@ pub(crate) struct HandleState {
     pub(crate) id: String,
     pub(crate) last_error: Mutex<ShortText>,
     pub(crate) hook: Once<ErrorHook>,
+    /// The way to the worker, for publishers of this process.
+    pub(super) wake: Late<WakeHandle>,
     #[allow(
         dead_code,
         reason = "handles of builds without feature `full` never leave"
@@ -54,6 +57,7 @@ impl HandleState {
             last_error: Mutex::new(ShortText::EMPTY),
             input,
             hook: Once::new(),
+            wake: Late::new(),
             removed: AtomicBool::new(false),
             cancelled: AtomicBool::new(false),
             departure: Departure::new(),

@@ -1,12 +1,14 @@
-//! A subscription: bytes from its inbox, decoded in place on the worker, handed to the callback.
+//! A subscription: bytes from its inbox, decoded in place on the worker, handed to the callback. A
+//! message that is in memory is handed over as it is.
 
 use super::callback::{CallbackContext, CallbackResult};
 use super::env::Env;
 use super::handle::{Handle, Taken};
 use super::state::HandleState;
 use crate::Nanos;
+use crate::executor::wake::doorbell::WakeHandle;
 use crate::executor::wake::lazy_now::LazyNow;
-use crate::handoff::{Inbox, RingSlot};
+use crate::handoff::{Inbox, RingSlot, Shared};
 use crate::sync::Arc;
 use core::marker::PhantomData;
 use replenish_msg::{Message, View, Viewed};
@@ -39,6 +41,10 @@ where
     F: FnMut(Option<&M>, &CallbackContext<'_>) -> R + Send,
     R: CallbackResult,
 {
+    fn begin(&mut self, _start: Nanos, wake: &WakeHandle) {
+        self.shared.begin(wake);
+    }
+
     fn is_ready(&mut self, _now: &LazyNow) -> bool {
         self.inbox.waiting() > 0
     }
@@ -49,11 +55,15 @@ where
     }
 
     fn execute(&mut self, env: &Env<'_>, started: Nanos) {
-        let Some(info) = self.read_slot.as_ref().map(RingSlot::info) else {
+        let Some(slot) = &mut self.read_slot else {
             return;
         };
+        // Free for its publisher when the callback has ended, or has panicked.
+        let held = slot.take_shared();
+        let message = held.as_ref().and_then(Shared::get).unwrap_or(&self.message);
+        let info = slot.info();
         let cx = CallbackContext::about(&info, env, &self.shared, started);
-        let result = (self.callback)(Some(&self.message), &cx);
+        let result = (self.callback)(Some(message), &cx);
         result.inspect(&mut |e| self.shared.failed(e, env.events));
     }
 

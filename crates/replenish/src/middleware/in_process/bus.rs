@@ -14,8 +14,8 @@ use super::notices::{Clashes, Oversizes};
 use crate::handoff::{Ring, RingSlot, SampleInfo};
 use crate::middleware::places::{free_place, put};
 use crate::middleware::watch::{End, EndStatus, Watches};
-use crate::middleware::{EndpointSpec, Interest, MiddlewareError, ReaderId, WriterId};
-use crate::platform::{Deadline, Lease, STD, TEXTS, label};
+use crate::middleware::{EndpointSpec, Interest, Middleware, MiddlewareError, ReaderId, WriterId};
+use crate::platform::{Deadline, Lease, LocalReader, STD, TEXTS, label};
 use crate::qos::Qos;
 use crate::sync::{Arc, Notify};
 use alloc::string::String;
@@ -33,9 +33,11 @@ pub(super) const LONG: usize = 16 * 1024;
 pub(super) struct Bus {
     pub(super) topics: Vec<Topic>,
     /// `None`: a place that is free.
-    participants: Vec<Option<Participant>>,
+    pub(super) participants: Vec<Option<Participant>>,
     /// The last reader's stamp.
     pub(super) stamp: u32,
+    /// The number of the last message that was shared.
+    pub(super) shares: u64,
 }
 
 #[derive(Default)]
@@ -75,6 +77,8 @@ pub(super) struct Writer {
     pub(super) replies: Option<(usize, u32)>,
     /// The latest samples, for readers that come late (transient local).
     pub(super) kept: Option<Ring>,
+    /// It has written a sample as bytes.
+    pub(super) wrote_bytes: bool,
     /// Its counts, but for its peers of this moment.
     pub(super) status: EndStatus,
     pub(super) deadline: Deadline,
@@ -92,6 +96,12 @@ pub(super) struct Reader {
     pub(super) limit: usize,
     pub(super) oversizes: Arc<Oversizes>,
     pub(super) queue: Ring,
+    /// The way to its handle for messages in memory.
+    pub(super) local: Option<LocalReader<dyn Middleware>>,
+    /// The last message that it got as it is in memory.
+    pub(super) last_share: u64,
+    /// The dispatcher brings one of the queue's buffers to the inbox.
+    pub(super) lent: bool,
     pub(super) keep_all: bool,
     pub(super) keep_oldest: bool,
     pub(super) reliable: bool,
@@ -194,6 +204,7 @@ impl Bus {
         let reader = self.participant_mut(me).and_then(|p| p.readers.get_mut(at));
         if let Some(reader) = reader.filter(|r| !r.deleted) {
             reader.queue.clear();
+            reader.local = None;
             reader.deleted = true;
             let (topic, end) = (reader.topic, End::Reader(reader.id));
             self.unwatch(me, end);
@@ -303,6 +314,13 @@ pub(super) enum Stored {
 }
 
 impl Reader {
+    /// The oldest sample, for the dispatcher to bring to the inbox, and the reader's stamp.
+    pub(super) fn lend(&mut self) -> Option<(RingSlot, u32)> {
+        let slot = self.queue.pop()?;
+        self.lent = true;
+        Some((slot, self.stamp))
+    }
+
     /// Anything that did not find room is counted, or told.
     pub(super) fn store(&mut self, payload: &[u8], info: &SampleInfo) -> Stored {
         match self.room(payload.len()) {

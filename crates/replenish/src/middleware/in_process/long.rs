@@ -9,7 +9,8 @@
 
 use super::InProcess;
 use super::bus::{Bus, Stored, id};
-use crate::handoff::{Ring, RingSlot};
+use super::in_memory::Bells;
+use crate::handoff::{Ring, RingSlot, Shared};
 use crate::middleware::{PublishError, WriterId};
 use crate::qos::Qos;
 use replenish_os::clock;
@@ -23,21 +24,30 @@ struct Place {
 }
 
 impl InProcess {
-    /// [`publish`](crate::middleware::Middleware::publish) of a long sample.
+    /// [`publish`](crate::middleware::Middleware::publish) of a long sample. If it is in memory,
+    /// too, readers that take it as it is get no bytes.
     pub(super) fn publish_long(
         &self,
         writer: WriterId,
         payload: &[u8],
+        message: Option<&Shared>,
     ) -> Result<(), PublishError> {
-        let (topic, info, kept, told) = {
+        let mut bells = Bells::default();
+        let (topic, info, kept, told, share) = {
             let mut bus = self.bus.state.lock();
             let (writer, info) = bus.begin(self.me, writer, payload.len())?;
             let begins = writer.renew(info.arrival);
             let spare = writer.kept.as_mut().and_then(Ring::spare);
-            let topic = (writer.topic, writer.offers);
-            let told = if begins { bus.watchers() } else { 0 };
-            (topic, info, spare, told)
+            let from = (writer.topic, writer.offers, writer.wrote_bytes);
+            writer.wrote_bytes = true;
+            let mut told = if begins { bus.watchers() } else { 0 };
+            let share = message.map(|message| {
+                told |= bus.share(from, message, &info, &mut bells);
+                bus.shares
+            });
+            ((from.0, from.1), info, spare, told, share)
         };
+        bells.ring(info.arrival);
         self.bus.ring(told);
         let kept = kept.map(|mut slot| {
             slot.fill(payload, &info);
@@ -46,7 +56,8 @@ impl InProcess {
         // A reader that comes later gets the sample from what its writer keeps.
         let newest = self.keep_for_late(writer, kept);
         let (mut last, mut full) = (None, false);
-        while let Some((place, room)) = self.next_room(topic, (newest, last), payload.len()) {
+        while let Some((place, room)) = self.next_room(topic, (newest, last, share), payload.len())
+        {
             last = Some(place);
             let fate = room.map(|mut slot| {
                 slot.fill(payload, &info); // it fits
@@ -83,7 +94,7 @@ impl InProcess {
     fn next_room(
         &self,
         topic: (usize, Qos),
-        from: (u32, Option<Place>),
+        from: (u32, Option<Place>, Option<u64>),
         len: usize,
     ) -> Option<(Place, Result<RingSlot, (Stored, bool)>)> {
         let mut bus = self.bus.state.lock();
@@ -135,11 +146,12 @@ impl InProcess {
 }
 
 impl Bus {
-    /// The oldest reader of the topic after `last` and up to the stamp `newest`.
+    /// The oldest reader of the topic after `last` and up to the stamp `newest` that has not got the
+    /// message `share` as it is.
     fn next_reader(
         &self,
         (topic, offers): (usize, Qos),
-        (newest, last): (u32, Option<Place>),
+        (newest, last, share): (u32, Option<Place>, Option<u64>),
     ) -> Option<Place> {
         /// Older than any reader; readers that came after `newest` are beyond it.
         const OLDEST: u32 = 1 << 31;
@@ -149,6 +161,7 @@ impl Bus {
         let places = topic.readers.iter().filter_map(|&(participant, reader)| {
             let found = self.participant(participant)?.readers.get(reader)?;
             let fits = !topic.clashes || offers.check_offers(found.requests).is_ok();
+            let fits = fits && share != Some(found.last_share);
             let place = Place {
                 participant,
                 reader,
