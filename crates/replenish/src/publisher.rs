@@ -113,8 +113,8 @@ impl<M: Message> Publisher<M> {
         sent
     }
 
-    /// As [`publish`](Self::publish), with a message that is in memory. It is encoded, once, only if
-    /// a subscription needs its bytes.
+    /// As [`publish`](Self::publish), with a message that is in memory. It is encoded if a
+    /// subscription needs its bytes, and once.
     #[allow(dead_code, reason = "nothing is shared without feature `std`")]
     pub(crate) fn publish_shared(&self, shared: &Shared, message: &M) -> Result<(), PublishError> {
         let Inner {

@@ -64,8 +64,8 @@ pub(crate) trait Handle: Send {
 }
 
 impl HandleState {
-    /// Takes the next sample of its inbox into `read_slot` and, unless it is in memory, decodes it in place; one that cannot
-    /// be decoded is reported and counted.
+    /// Takes the next sample of its inbox into `read_slot`, and decodes it in place unless it is in
+    /// memory. One that cannot be decoded is reported and counted.
     pub(crate) fn take_sample<M: Message>(
         &self,
         inbox: &Inbox,

@@ -146,8 +146,8 @@ impl InProcess {
 }
 
 impl Bus {
-    /// The oldest reader of the topic after `last` and up to the stamp `newest` that has not got the
-    /// message `share` as it is.
+    /// The oldest reader of the topic after `last` and up to the stamp `newest`. A reader that has
+    /// got the message `share` as it is is left out.
     fn next_reader(
         &self,
         (topic, offers): (usize, Qos),
