@@ -148,7 +148,7 @@ impl Inbox {
         let Some(mut slot) = slot else {
             return DeliveryOutcome::NoRoom;
         };
-        slot.hold(message.clone(), info);
+        slot.hold(message, info);
         state.ring.push(slot);
         self.show(state);
         if full {

@@ -1,4 +1,4 @@
-//! Messages that are made at set-up, lent one at a time, and come back from wherever they were read.
+//! Messages that are made at set-up, lent one at a time, and come back from where they were read.
 //!
 //! ```text
 //!             take()                 publish()                        last reader drops it

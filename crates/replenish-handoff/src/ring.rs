@@ -103,11 +103,11 @@ impl RingSlot {
     }
 
     /// Holds a sample that is in memory; the buffer stays as it is.
-    pub fn hold(&mut self, message: Shared, info: &SampleInfo) {
+    pub fn hold(&mut self, message: &Shared, info: &SampleInfo) {
         let filled = &mut *self.0;
         filled.info = Note::of(info);
         filled.len = 0;
-        filled.shared = Some(message);
+        filled.shared = Some(message).cloned();
     }
 
     /// The sample, if it is one in memory.

@@ -1,7 +1,8 @@
 //! `replenish bench …`: which benchmark.
 
 use super::{
-    dispatch, enforcement, handoff, load, recorder, round_trip, secure, soak, torture, xrce,
+    dispatch, enforcement, handoff, in_process, load, recorder, round_trip, secure, soak, torture,
+    xrce,
 };
 use replenish_cli::outcome::Outcome;
 
@@ -12,6 +13,8 @@ pub(crate) enum Bench {
     Enforcement(enforcement::Args),
     /// Waking a worker, against a bare futex.
     Handoff(handoff::Args),
+    /// A message to several workers of one process: lent, or encoded.
+    InProcess(in_process::Args),
     /// The reliable streams over links that lose datagrams, in virtual time.
     Xrce(xrce::Args),
     /// Client to agent to client, against a raw UDP echo.
@@ -35,6 +38,7 @@ pub(crate) fn run(which: Bench) -> Outcome {
     match which {
         Bench::Enforcement(args) => enforcement::run(&args),
         Bench::Handoff(args) => handoff::run(&args),
+        Bench::InProcess(args) => in_process::run(&args),
         Bench::Xrce(args) => xrce::run(&args),
         Bench::RoundTrip(args) => round_trip::run(&args),
         Bench::Secure(args) => secure::run(&args),

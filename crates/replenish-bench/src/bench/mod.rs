@@ -4,6 +4,7 @@
 //!   command ─► dispatch      a message's way to its callback     a raw UDP loop
 //!           ─► enforcement   how far budgets are overrun         a POSIX CPU timer
 //!           ─► handoff       waking a worker                     a bare futex
+//!           ─► in_process    a message to several workers       the same, encoded
 //!           ─► round_trip    client to agent to client           a raw UDP echo
 //!           ─► secure        the same over DTLS and TLS       UDP and TCP in the clear
 //!           ─► load          many clients through one agent
@@ -17,6 +18,7 @@ mod command;
 mod dispatch;
 mod enforcement;
 mod handoff;
+mod in_process;
 mod load;
 mod lttng;
 mod recorder;

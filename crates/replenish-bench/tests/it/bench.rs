@@ -45,6 +45,26 @@ fn on_bad_links_everything_arrives_once_and_repair_is_selective() {
     );
 }
 
+/// Callbacks find lent messages where they were filled, and encoded ones elsewhere.
+#[test]
+fn a_lent_message_is_copied_for_no_worker_and_an_encoded_one_for_each() {
+    let few = ["--samples", "50", "--bytes", "64,1000000"];
+    let lent = bench("in-process", &few);
+    let encoded = bench("in-process", &[&few[..], &["--encoded"]].concat());
+    let row = |of: &Value, at: usize, what: &str| of["in_process"][at][what].as_u64().unwrap();
+    for (at, bytes) in [64, 1_000_000].into_iter().enumerate() {
+        for of in [&lent, &encoded] {
+            assert_eq!((row(of, at, "bytes"), row(of, at, "readers")), (bytes, 3));
+        }
+        assert_eq!(row(&lent, at, "copied_bytes"), 0, "{lent}");
+        assert_eq!(
+            row(&encoded, at, "copied_bytes"),
+            3 * 50 * bytes,
+            "{encoded}"
+        );
+    }
+}
+
 /// Processes are killed and stopped behind a link that loses a tenth of the datagrams.
 #[test]
 fn a_soak_of_processes_misses_nothing_that_was_acknowledged() {

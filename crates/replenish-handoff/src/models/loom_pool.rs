@@ -3,6 +3,8 @@
 
 use crate::sync::{Arc as Outer, Mutex};
 use crate::{Counted, Pool};
+#[cfg(feature = "std")]
+use crate::{DeliveryOutcome, Inbox, Keep, SampleInfo, Shared};
 use loom::cell::UnsafeCell;
 use loom::sync::Arc;
 use loom::thread;
@@ -88,5 +90,40 @@ fn loom_two_publishers_never_get_the_same_message() {
         assert!(pool.take().is_none());
         drop((mine, theirs));
         assert_eq!(pool.free(), 2);
+    });
+}
+
+/// A publisher brings a message in memory while the dispatcher brings bytes and the worker reads:
+/// both find room, and each is read or made room for the other.
+#[cfg(feature = "std")]
+#[test]
+fn loom_publisher_and_dispatcher_share_one_inbox() {
+    loom::model(|| {
+        let inbox = Outer::new(Inbox::new(1, 1, Keep::Newest));
+        let publisher = {
+            let inbox = Outer::clone(&inbox);
+            let message = Shared::of(&Outer::new(7_u8));
+            thread::spawn(move || inbox.share(&message, &SampleInfo::at(0)))
+        };
+        let worker = {
+            let inbox = Outer::clone(&inbox);
+            thread::spawn(move || {
+                let mut read = None;
+                let popped = inbox.pop(&mut read).is_some();
+                (usize::from(popped), read)
+            })
+        };
+        let mut spare = None;
+        let delivered = inbox.deliver(&mut spare, &[1], &SampleInfo::at(0));
+        let (mut popped, mut read) = worker.join().unwrap();
+        let fates = [delivered.outcome, publisher.join().unwrap()];
+        while inbox.pop(&mut read).is_some() {
+            popped += 1;
+        }
+        let stored = |fate: &&DeliveryOutcome| **fate == DeliveryOutcome::Stored;
+        let replaced = |fate: &&DeliveryOutcome| **fate == DeliveryOutcome::ReplacedOldest;
+        let replacing = fates.iter().filter(replaced).count();
+        assert_eq!(fates.iter().filter(stored).count() + replacing, 2);
+        assert_eq!(popped + replacing, 2);
     });
 }

@@ -19,6 +19,10 @@ pub(crate) fn trials() -> Vec<Trial> {
             let ctx = Context::in_process();
             allocations(&ctx, &ctx);
         }),
+        trial("nothing_allocates_for_a_megabyte_that_is_lent", || {
+            lent(false);
+            lent(true);
+        }),
         trial("nothing_allocates_for_a_megabyte_over_rtps", || {
             let config = RtpsConfig {
                 domain: domain(),
@@ -81,5 +85,69 @@ fn allocations(camera: &Context, viewer: &Context) {
     let counted = ALLOC.disarm();
     let report = viewer.stop();
     drop(camera.map(replenish::RunningExecutor::stop));
+    assert_eq!(counted, 0, "{report}");
+}
+
+/// Three workers read each image where it was filled. One holds its last one and its publisher
+/// meets the end of the pool; with `bytes`, a fourth worker needs the image encoded.
+fn lent(bytes: bool) {
+    const IMAGES: u32 = 100;
+    let _dog = watchdog(
+        "allocations for a megabyte that is lent",
+        Duration::from_secs(180),
+    );
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let topic = Topic::named("image").max_size(1_000_100);
+    let qos = Qos::reliable().keep_last(1);
+    let out = node.publisher::<Image>(topic, qos).unwrap();
+    let made = || Image {
+        data: vec![0; 1_000_000],
+        ..Image::default()
+    };
+    let pool = out.pool(3, made).unwrap();
+    let heard = Arc::new(AtomicU32::new(0));
+    let (mut exec, _) = executor(&ctx);
+    for worker in ["a", "b", "c"] {
+        let count = Arc::clone(&heard);
+        exec.worker(worker)
+            .subscribe(&node, topic, qos, move |image: &Image, _| {
+                count.fetch_add(u32::from(image.data[999_999] == 7), Ordering::SeqCst);
+                std::thread::sleep(Duration::from_micros(300));
+            })
+            .unwrap();
+    }
+    if bytes {
+        exec.worker("d")
+            .subscribe_view::<Image, _, _>(&node, topic, qos, |_, _| ())
+            .unwrap();
+    }
+    let running = exec.start().unwrap();
+    exempt_this_thread();
+    let (mut sent, mut refused) = (0, 0);
+    while sent < IMAGES {
+        if sent == 10 && refused == 0 {
+            ALLOC.arm();
+        }
+        match pool.loan() {
+            Ok(mut image) => {
+                image.data[999_999] = 7;
+                image.publish().unwrap();
+                sent += 1;
+            }
+            Err(error) => {
+                assert_eq!(error, PublishError::AllLent { size: 3 });
+                refused += 1;
+                std::thread::sleep(Duration::from_micros(100));
+            }
+        }
+    }
+    assert!(eventually(|| pool.free() == 3));
+    let counted = ALLOC.disarm();
+    let report = running.stop();
+    assert!(
+        refused > 0 && heard.load(Ordering::SeqCst) >= IMAGES,
+        "{heard:?}"
+    );
     assert_eq!(counted, 0, "{report}");
 }

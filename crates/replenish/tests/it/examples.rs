@@ -113,6 +113,20 @@ fn trigger() {
     });
 }
 
+/// Every image reaches its viewer, its recorder and its tracker where the camera has filled it.
+#[test]
+fn camera() {
+    let lines = run("camera", &[]);
+    for reader in ["viewer", "tracker", "recorder"] {
+        let images = numbers(&lines, &format!("{reader}: image "));
+        assert!(
+            images.is_sorted() && images.last() == Some(&10),
+            "{lines:?}"
+        );
+    }
+    assert_eq!(numbers(&lines, "copied: "), [0]);
+}
+
 #[test]
 fn fibonacci() {
     both("fibonacci", |lines| {

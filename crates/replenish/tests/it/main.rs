@@ -26,6 +26,7 @@ mod handles;
 mod heard;
 mod hooks;
 mod in_memory;
+mod in_memory_pairs;
 mod interfaces;
 mod large;
 mod lifecycle;
