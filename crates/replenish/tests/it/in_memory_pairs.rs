@@ -326,8 +326,8 @@ fn chains_and_groups_hold_for_messages_that_are_lent() {
     assert!(scene.all_free() && eventually(|| fine.free() == SIZE));
 }
 
-/// A round begins when both inputs are there, a lent one and an ordinary one; a reader that asks for
-/// more than is offered gets none of them.
+/// A round begins when both inputs are there, a lent one and an ordinary one. A reader that asks
+/// for more than the publisher offers gets none of them.
 #[test]
 fn triggers_wait_for_lent_messages_and_quality_that_does_not_fit_keeps_them_away() {
     let _dog = watchdog("trigger", LIMIT);
