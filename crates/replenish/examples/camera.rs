@@ -4,7 +4,7 @@
 //! three callbacks get `&Image` of that very memory: nothing is serialised, nothing is copied. An
 //! image is free again when the last of them has ended; while all are in use, `loan` says so.
 //!
-//! Run: `cargo run -p replenish --example camera`
+//! Run: `cargo run -p replenish --example camera`.
 
 use replenish::interfaces::sensor_msgs::msg::Image;
 use replenish::{Context, Error, Executor, Qos, Topic};

@@ -80,6 +80,9 @@ fn camera(ctx: &Context, messages: usize) -> Pool<Image> {
     out.pool(messages, pixels).unwrap()
 }
 
+/// Numbers of images, and where they were.
+type Places = Arc<Mutex<Vec<(u32, usize)>>>;
+
 #[test]
 fn three_workers_read_the_very_memory_that_the_publisher_filled() {
     let _dog = watchdog("three workers, one memory", LIMIT);
@@ -92,7 +95,7 @@ fn three_workers_read_the_very_memory_that_the_publisher_filled() {
     let images = camera(&there, 7);
     let node = here.node("viewer").unwrap();
     let (mut exec, _) = executor(&here);
-    let seen: [Arc<Mutex<Vec<(u32, usize)>>>; 3] = Default::default();
+    let seen: [Places; 3] = Default::default();
     for (worker, seen) in ["a", "b", "c"].into_iter().zip(&seen) {
         let seen = Arc::clone(seen);
         exec.worker(worker)

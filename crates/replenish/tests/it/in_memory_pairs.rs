@@ -225,11 +225,11 @@ fn deadlines_of_the_topic_are_missed_without_messages_and_kept_with_them() {
     let running = exec.start().unwrap();
     let missed = || {
         let all = events.all();
-        let missed = all.iter().filter_map(|event| match event {
+        let mut missed = all.iter().filter_map(|event| match event {
             QosEvent::DeadlineMissed(count) => Some(count.total),
             _ => None,
         });
-        missed.last().unwrap_or(0)
+        missed.next_back().unwrap_or(0)
     };
     std::thread::sleep(250 * MS);
     assert_eq!(missed(), 0, "not before the first message");
