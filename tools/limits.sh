@@ -18,7 +18,7 @@ limit 'comment lines wider than 100 columns' "$(printf '%s' "$wide" | grep -c . 
 [ -z "$wide" ] || printf '%s\n' "$wide" | head -n 20
 # An overflow in the length of a stranger's field must not go on as a wrong length.
 unchecked=0
-for crate in wire xrce msg rtps recorder agent plan dds; do
+for crate in wire xrce msg rtps recorder agent plan; do
     sed -n "/^\[profile.release.package.replenish-$crate\]/,/^$/p" Cargo.toml |
         grep -qx 'overflow-checks = true' || unchecked=$((unchecked + 1))
 done

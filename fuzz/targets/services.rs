@@ -3,9 +3,9 @@
 #![no_main]
 #![allow(dead_code, reason = "parts of a crate")]
 
-#[path = "../../crates/replenish-dds/src/calls.rs"]
+#[path = "../../crates/replenish-agent/src/dds/calls.rs"]
 mod calls;
-#[path = "../../crates/replenish-dds/src/header.rs"]
+#[path = "../../crates/replenish-agent/src/dds/header.rs"]
 mod header;
 
 use calls::Calls;

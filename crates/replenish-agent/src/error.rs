@@ -22,8 +22,7 @@ pub enum AgentError {
         source: io::Error,
     },
     /// DDS could not be started.
-    #[cfg(feature = "dds")]
-    Dds(replenish_dds::DdsError),
+    Dds(crate::dds::DdsError),
     /// A certificate or a private key cannot be used.
     Credentials {
         /// Its file.
@@ -64,7 +63,6 @@ impl fmt::Display for AgentError {
             Self::Serial { path, source } => {
                 write!(f, "cannot open serial line {}: {source}", path.display())
             }
-            #[cfg(feature = "dds")]
             Self::Dds(error) => error.fmt(f),
             Self::Credentials { path, reason } => {
                 write!(f, "cannot use {}: {reason}", path.display())
@@ -79,16 +77,14 @@ impl std::error::Error for AgentError {
         match self {
             Self::Config(error) => Some(error),
             Self::AddressInUse(_) | Self::Credentials { .. } => None,
-            #[cfg(feature = "dds")]
             Self::Dds(error) => Some(error),
             Self::Serial { source, .. } | Self::Io { source, .. } => Some(source),
         }
     }
 }
 
-#[cfg(feature = "dds")]
-impl From<replenish_dds::DdsError> for AgentError {
-    fn from(error: replenish_dds::DdsError) -> Self {
+impl From<crate::dds::DdsError> for AgentError {
+    fn from(error: crate::dds::DdsError) -> Self {
         Self::Dds(error)
     }
 }

@@ -44,7 +44,7 @@
 //!
 //! ```text
 //!   server      transports and threads        agent_core  the state machine
-//!   bridge      the seam to DDS               clients     sessions and streams
+//!   bridge      the seam to DDS: dds          clients     sessions and streams
 //!   entities    what clients create           flow        samples, rates, turns
 //!   config      settings                      report      counters, snapshots, rejections
 //!   error       failures to start or go on    xml         the XML of stock clients
@@ -56,6 +56,7 @@ mod agent_core;
 mod bridge;
 mod clients;
 mod config;
+pub mod dds;
 mod entities;
 mod error;
 mod flow;
@@ -67,14 +68,11 @@ pub use agent_core::{AgentCore, Now};
 pub use bridge::{
     BridgeEvent, BridgeId, BridgeKind, BridgeQos, BridgeSample, BridgeTopic, ros_topic, ros_type,
 };
-#[cfg(feature = "dds")]
 pub use config::DdsBridge;
 pub use config::{AccessError, AccessList, AgentConfig, Limits, Profiles, SerialConfig, TopicRule};
 #[cfg(feature = "secure")]
 pub use config::{SecureConfig, TlsConfig};
 pub use error::AgentError;
-#[cfg(feature = "dds")]
-pub use replenish_dds as dds;
 pub use replenish_os::config::ConfigError;
 pub use replenish_xrce::Nanos;
 pub use report::{

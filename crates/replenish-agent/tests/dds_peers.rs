@@ -1,38 +1,23 @@
 //! XRCE clients, the agent, and a DDS that is not ours: Eclipse Cyclone DDS (C, through Python), in
 //! the place of a ROS 2 node with `rmw_cyclonedds`. `tests/peers/setup.sh` installs it; without it
 //! these trials count as ignored.
-#![cfg_attr(
-    feature = "dds",
-    allow(
-        clippy::unwrap_used,
-        clippy::expect_used,
-        clippy::panic,
-        reason = "test code"
-    )
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "test code"
 )]
 
-#[cfg(not(feature = "dds"))]
-fn main() {
-    replenish_testkit::harness::run(Vec::new());
-}
-
-#[cfg(feature = "dds")]
-use replenish_agent::dds as replenish_dds;
-
-#[cfg(feature = "dds")]
 #[path = "support/bridged.rs"]
 mod bridged;
 
-#[cfg(feature = "dds")]
 #[path = "support/cyclone.rs"]
 mod cyclone;
 
-#[cfg(feature = "dds")]
 fn main() {
     peers::main();
 }
 
-#[cfg(feature = "dds")]
 mod peers {
     use super::bridged::{Client, agent, domain, service_client, typed_client};
     use super::cyclone::{self, Cyclone};
@@ -140,7 +125,7 @@ mod peers {
         }
     }
 
-    /// Before, RustDDS had forgotten the reader and the writer: nothing crossed any more, for good.
+    /// A program that its debugger stops, or that a network cuts off, is not lost for good.
     fn pause() {
         let domain = domain();
         let agent = agent(domain);
@@ -165,7 +150,12 @@ mod peers {
                 one.write(stream, &string(&format!("{round} {i}")));
                 let expected = string(&format!("echo of {round} {i}"));
                 for client in [&mut one, &mut two] {
-                    assert!(heard(client).starts_with(&expected));
+                    let got = heard(client);
+                    assert!(
+                        got.starts_with(&expected),
+                        "{} for {round} {i}",
+                        String::from_utf8_lossy(&got)
+                    );
                 }
             }
             let (writer, reader) = (row(&agent, "rt/chatter"), row(&agent, "rt/echo"));

@@ -223,7 +223,7 @@ fn loom() -> Vec<Step> {
 /// A robot's program and its command, for machines that CI has not. The compiler of C is for
 /// `ring`.
 const ROBOT: &str = "-p replenish -p replenish-cli -p replenish-c";
-/// The same without DDS and encryption, which other libraries bring.
+/// The same without encryption, which other libraries bring.
 const OWN: &str = "-p replenish -p replenish-agent -p replenish-c";
 /// Crates whose tests need no thread of another policy, no socket and no clock: an emulated
 /// processor runs them.

@@ -4,12 +4,10 @@ mod names;
 mod ros_names;
 mod seam;
 
-#[cfg(feature = "dds")]
 pub(crate) use names::MOST_DOMAINS;
 pub(crate) use names::{Asker, NameRefusal, Names};
 pub(crate) use ros_names::ros_node;
 pub use ros_names::{ros_topic, ros_type};
 pub(crate) use seam::Bridge;
-#[cfg(feature = "dds")]
 pub(crate) use seam::MAX_BYTES;
 pub use seam::{BridgeEvent, BridgeId, BridgeKind, BridgeQos, BridgeSample, BridgeTopic};

@@ -1,13 +1,14 @@
 //! The topic names that clients bring to the other side: how many, whose, and of which type.
 //!
-//! RustDDS keeps a cache for every name there ever was, and one type for each name. So names are
-//! bounded for all, for a client and for a host, and whoever asks for more is refused, not ignored.
+//! Names cost memory here and at all others in the domain. So they are bounded for all, for a
+//! client and for a host, and an endpoint with one more is refused, not ignored. A name that
+//! nothing uses is forgotten with its type.
 //!
 //! ```text
-//!   CREATE ──► admit ── known, same type ────────────────► used once more
-//!                 ├──── known, other type, unused ───────► has the new type
-//!                 ├──── known, other type, in use ───────► refused: Type
+//!   CREATE ──► admit ── known, same type ─────────────────► used once more
+//!                 ├──── known, other type ────────────────► refused: Type
 //!                 └──── new ── room for all, client, host ► used, else refused: Full
+//!   DELETE ──► release ── used by nothing more ───────────► forgotten
 //! ```
 
 use replenish_xrce::wire::ClientKey;
@@ -80,23 +81,12 @@ impl Names {
         let key = (domain, Box::from(name));
         if let Some(known) = self.table.get_mut(&key) {
             if *known.type_name != *type_name {
-                if known.users > 0 {
-                    return Err(NameRefusal::Type);
-                }
-                known.type_name = type_name.into();
+                return Err(NameRefusal::Type);
             }
             known.users += 1;
             return Ok(());
         }
-        let here = |of: &u16| *of == domain;
-        self.make_place_for(domain)?;
-        let used = |(of, name): (&(u16, Box<str>), &Name)| here(&of.0) && name.users > 0;
-        if self.table.keys().filter(|(of, _)| here(of)).count() >= self.limit
-            && !self.table.iter().any(used)
-        {
-            // The other side starts anew, too, when it has none that is used.
-            self.table.retain(|(of, _), _| !here(of));
-        }
+        self.place_for(domain)?;
         self.room(domain, by)?;
         let name = Name {
             type_name: type_name.into(),
@@ -107,22 +97,15 @@ impl Names {
         Ok(())
     }
 
-    /// Makes a place for a domain: one in which no name is used goes, as on the other side.
-    fn make_place_for(&mut self, domain: u16) -> Result<(), NameRefusal> {
-        let mut domains: Vec<(u16, bool)> = Vec::new();
-        for ((of, _), name) in &self.table {
-            match domains.iter_mut().find(|(domain, _)| domain == of) {
-                Some((_, used)) => *used |= name.users > 0,
-                None => domains.push((*of, name.users > 0)),
-            }
-        }
-        if domains.len() < MOST_DOMAINS || domains.iter().any(|(of, _)| *of == domain) {
+    /// Whether there may be names in this domain, too.
+    fn place_for(&self, domain: u16) -> Result<(), NameRefusal> {
+        let mut domains: Vec<u16> = self.table.keys().map(|(of, _)| *of).collect();
+        domains.sort_unstable();
+        domains.dedup();
+        if domains.len() < MOST_DOMAINS || domains.contains(&domain) {
             return Ok(());
         }
-        let unused = domains.iter().find(|(_, used)| !used);
-        let (gone, _) = unused.ok_or(NameRefusal::Full("domains with names", MOST_DOMAINS))?;
-        self.table.retain(|(of, _), _| of != gone);
-        Ok(())
+        Err(NameRefusal::Full("domains with names", MOST_DOMAINS))
     }
 
     /// Whether `by` may bring one more.
@@ -149,11 +132,14 @@ impl Names {
         }
     }
 
-    /// An endpoint on this topic is gone. The name stays: its cache does.
+    /// An endpoint on this topic is gone.
     pub(crate) fn release(&mut self, domain: i16, name: &str) {
         let key = (self.domain(domain), Box::from(name));
         if let Some(known) = self.table.get_mut(&key) {
             known.users = known.users.saturating_sub(1);
+            if known.users == 0 {
+                self.table.remove(&key);
+            }
         }
     }
 }
@@ -211,13 +197,14 @@ mod tests {
     }
 
     #[test]
-    fn names_are_free_again_when_none_is_used() {
+    fn names_are_forgotten_one_by_one() {
         let mut names = Names::new(0, 8);
+        assert_eq!(names.admit(client(200, 200), (0, "kept", "T")), Ok(()));
         for round in 0..100 {
             let name = format!("{round}");
             assert_eq!(names.admit(client(round, round), (0, &name, "T")), Ok(()));
             names.release(0, &name);
         }
-        assert!(names.table.len() <= 8);
+        assert_eq!(names.table.len(), 1);
     }
 }

@@ -39,16 +39,14 @@ pub struct AgentConfig {
     #[cfg(feature = "secure")]
     pub secure: SecureConfig,
     /// Makes the clients' topics and services those of DDS, too, so that ROS 2 sees them.
-    #[cfg(feature = "dds")]
     pub dds: Option<DdsBridge>,
 }
 
 /// Settings of the bridge: the form in which clients appear in DDS.
-#[cfg(feature = "dds")]
 #[derive(Clone, Debug, Default)]
 pub struct DdsBridge {
     /// Interfaces, service mapping and limits; loopback by default.
-    pub dds: replenish_dds::DdsConfig,
+    pub dds: crate::dds::DdsConfig,
     /// The DDS domain of clients that say 0, which microcontrollers usually do: 0 to 232. Others
     /// have the domain they say.
     pub domain: u16,
@@ -104,9 +102,8 @@ impl AgentConfig {
                 allowed: "only with an access list, which has the clients' keys".to_owned(),
             });
         }
-        #[cfg(feature = "dds")]
         if let Some(bridge) = &self.dds {
-            within("dds.domain", bridge.domain, 0..=replenish_dds::MAX_DOMAIN)?;
+            within("dds.domain", bridge.domain, 0..=crate::dds::MAX_DOMAIN)?;
         }
         self.rules.iter().try_for_each(TopicRule::validate)
     }
@@ -127,7 +124,6 @@ impl Default for AgentConfig {
             profiles: Profiles::default(),
             #[cfg(feature = "secure")]
             secure: SecureConfig::default(),
-            #[cfg(feature = "dds")]
             dds: None,
         }
     }

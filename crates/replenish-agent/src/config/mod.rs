@@ -23,7 +23,6 @@ mod secure;
 pub use access::AccessList;
 pub(crate) use access::Grant;
 pub use access_file::AccessError;
-#[cfg(feature = "dds")]
 pub use agent::DdsBridge;
 pub use agent::{AgentConfig, SerialConfig};
 pub use limits::Limits;

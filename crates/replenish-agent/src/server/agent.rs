@@ -2,7 +2,6 @@
 
 use super::access::{AccessControl, AccessUpdate};
 use super::clock::{instance, now};
-#[cfg(feature = "dds")]
 use super::dds::DdsPort;
 use super::inspector::{Inspector, SnapshotRequests};
 use super::peer::Peer;
@@ -29,7 +28,6 @@ pub struct Agent {
     wake: Arc<WakeFd>,
     requests: Arc<SnapshotRequests>,
     access: Arc<AccessUpdate>,
-    #[cfg(feature = "dds")]
     dds: Option<DdsPort>,
 }
 
@@ -49,10 +47,9 @@ impl Agent {
         let core = AgentCore::with(config).instance(instance());
         let core = core.hosts(Peer::host).connected(Peer::is_connected);
         let core = core.identities(Peer::identity);
-        #[cfg(feature = "dds")]
         let (core, dds) = match &config.dds {
             Some(bridge) => (
-                core.bridged(bridge.domain, bridge.dds.limits.topics - 1),
+                core.bridged(bridge.domain, bridge.dds.limits.topics),
                 Some(DdsPort::start(bridge, &wake)?),
             ),
             None => (core, None),
@@ -63,7 +60,6 @@ impl Agent {
             wake,
             requests: Arc::default(),
             access: Arc::default(),
-            #[cfg(feature = "dds")]
             dds,
         })
     }
@@ -153,18 +149,15 @@ impl Agent {
                 core.set_access(now(), Some(list));
             }
             // After the wake-up was cleared, so that none is lost.
-            #[cfg(feature = "dds")]
             if let Some(dds) = &mut self.dds {
                 dds.take(core, now());
             }
             ports.upkeep(core, now().monotonic);
             send_all(ports, core);
-            #[cfg(feature = "dds")]
             if let Some(dds) = &mut self.dds {
                 dds.tell(core);
             }
             self.requests.answer(|| Snapshot {
-                #[cfg(feature = "dds")]
                 bridge: self.dds.as_ref().map(|dds| dds.snapshot(core)),
                 ..core.snapshot(now())
             });

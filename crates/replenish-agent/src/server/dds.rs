@@ -1,14 +1,14 @@
-//! The bridge to DDS: events of the core go to [`replenish_dds`], samples from there to the
+//! The bridge to DDS: events of the core go to [`crate::dds`], samples from there to the
 //! core. Runs in the agent's thread and never waits; DDS has a thread of its own.
 
 use crate::agent_core::{AgentCore, Now};
 use crate::bridge::{BridgeEvent, BridgeId, BridgeKind, BridgeQos, BridgeSample, BridgeTopic};
 use crate::config::DdsBridge;
-use crate::report::BridgeSnapshot;
-use replenish_dds::{
+use crate::dds::{
     Dds, DdsError, Durability, Endpoint, EndpointKind, EndpointState, History, Mismatch, Node,
     OpenError, Outgoing, Qos, RequestId, Topic,
 };
+use crate::report::BridgeSnapshot;
 use replenish_os::WakeFd;
 use replenish_xrce::wire::Notice;
 use std::collections::BTreeMap;

@@ -2,10 +2,10 @@
 
 use super::link::LINK_BYTES;
 use super::peer::Peer;
-#[cfg(feature = "dds")]
 use crate::bridge::{MAX_BYTES, MOST_DOMAINS};
 use crate::clients::{Client, STREAM_BYTES};
 use crate::config::AgentConfig;
+use crate::dds::{domain_bytes, endpoint_bytes};
 use crate::entities::{ENTITY_OVERHEAD, TOPIC_BYTES};
 
 const KIB: usize = 1024;
@@ -28,7 +28,6 @@ const REPORT: usize = 16 * KIB;
 const CLIENT: usize = KIB;
 
 /// A name in the table of those that may cross to DDS, with its type.
-#[cfg(feature = "dds")]
 const NAME: usize = KIB;
 
 /// The part of all other terms that the allocator may need for itself and for holes.
@@ -44,8 +43,7 @@ const ALLOCATOR_PART: usize = 4;
 /// assert!(bound.total() > AgentConfig::default().limits.memory());
 /// ```
 ///
-/// The bound leaves out the kernel's buffers of sockets, which `net.core` and `net.ipv4` limit, and
-/// with [`AgentConfig::dds`] the memory of RustDDS itself.
+/// The bound leaves out the kernel's buffers of sockets, which `net.core` and `net.ipv4` limit.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MemoryBound {
     terms: Vec<(&'static str, usize)>,
@@ -84,12 +82,16 @@ impl MemoryBound {
             });
             terms.push(("DTLS and TLS", dtls.saturating_add(tls)));
         }
-        #[cfg(feature = "dds")]
         if let Some(bridge) = &config.dds {
             let limits = &bridge.dds.limits;
             let queues = limits.queued_bytes.saturating_mul(2) + MAX_BYTES;
             let names = (MOST_DOMAINS * NAME).saturating_mul(limits.topics);
-            terms.push(("bridge, without RustDDS", queues.saturating_add(names)));
+            terms.push(("bridge: queues and names", queues.saturating_add(names)));
+            let endpoint = endpoint_bytes(limits.sample);
+            let endpoints = limits.endpoints.saturating_mul(endpoint);
+            terms.push(("bridge: endpoints in DDS", endpoints));
+            let domains = limits.domains.saturating_mul(domain_bytes(limits));
+            terms.push(("bridge: discovery", domains));
         }
         let sum = total(&terms);
         terms.push(("allocator", sum / ALLOCATOR_PART));

@@ -12,14 +12,13 @@
 //!           └── peer   addresses of clients
 //!   memory: the most memory that all of it takes
 //!   access: a new access list for a running agent
-//!   dds: the bridge to DDS (feature `dds`)
+//!   dds: the bridge to DDS
 //! ```
 
 mod access;
 mod agent;
 mod arrived;
 mod clock;
-#[cfg(feature = "dds")]
 mod dds;
 mod found;
 mod inspector;

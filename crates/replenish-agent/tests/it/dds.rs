@@ -1,5 +1,5 @@
-//! XRCE clients, the agent and DDS: another program of `replenish-dds` in the place of a ROS 2
-//! node, over loopback. The foreign peers are in `dds_peers.rs`.
+//! XRCE clients, the agent and DDS: another program of `replenish_agent::dds` in the place of a
+//! ROS 2 node, over loopback. The foreign peers are in `dds_peers.rs`.
 
 use crate::bridged::{Client, agent, dds_program, domain, service_client, topic_client, writers};
 use replenish_agent::RunningAgent;
@@ -226,7 +226,7 @@ fn entities_beyond_the_limit_wait_for_their_turn() {
 #[test]
 fn names_that_cannot_cross_are_refused_and_others_still_can() {
     let domain = domain();
-    let agent = crate::bridged::agent_with(domain, |limits| limits.topics = 65);
+    let agent = crate::bridged::agent_with(domain, |limits| limits.topics = 64);
     let names: Vec<_> = (0..10).map(|n| (format!("rt/n{n}"), TYPE)).collect();
     let greedy = writers(&agent, 1, &names);
     let refused = greedy.refused.as_ref().unwrap();
@@ -288,7 +288,7 @@ fn resident() -> u64 {
 }
 
 /// 30 000 reliable samples of 64 bytes to DDS and back, or `REPLENISH_SOAK` many, and what that
-/// does to the memory. Nightly: `cargo test -p replenish-agent --features dds --test it --
+/// does to the memory. Nightly: `cargo test -p replenish-agent --test it --
 /// --ignored --nocapture soak`.
 #[test]
 #[ignore = "takes a minute; prints figures"]

@@ -6,10 +6,6 @@
     reason = "tests may panic"
 )]
 
-#[cfg(feature = "dds")]
-use replenish_agent::dds as replenish_dds;
-
-#[cfg(feature = "dds")]
 #[path = "../support/bridged.rs"]
 mod bridged;
 #[path = "../../../replenish-xrce/tests/it/common/mod.rs"]
@@ -31,8 +27,8 @@ mod access;
 mod bursts;
 mod capture;
 mod confirm;
-#[cfg(feature = "dds")]
 mod dds;
+mod dds_pairs;
 mod endpoints;
 mod forged;
 mod hostile;

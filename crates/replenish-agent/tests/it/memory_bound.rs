@@ -1,7 +1,7 @@
 //! The bound on the memory of an agent's process: the page has it term by term, as it is computed.
 
 use crate::support::{Client, MS, World};
-use replenish_agent::{AgentConfig, Limits, MemoryBound};
+use replenish_agent::{AgentConfig, DdsBridge, Limits, MemoryBound};
 use replenish_xrce::wire::{
     CreationMode, DeliveryControl, Entity, ObjectId, ObjectKind, ParticipantBinary, Representation,
     Status, StreamId, TopicBinary,
@@ -29,6 +29,13 @@ fn the_page_adds_up_the_bound() {
     }
     let sum: usize = bound.terms().iter().map(|(_, bytes)| bytes).sum();
     assert_eq!(sum, bound.total());
+    let bridged = AgentConfig {
+        dds: Some(DdsBridge::default()),
+        ..config
+    };
+    let bridge = MemoryBound::of(&bridged).total() - bound.total();
+    let adds = format!("bridge adds {} MiB", bridge.div_ceil(1 << 20));
+    assert!(page.contains(&adds), "docs/agent.md does not say: {adds}");
 }
 
 /// No limits make the bound overflow, and a higher limit never makes it smaller.

@@ -1,7 +1,7 @@
 //! XRCE clients over UDP to an agent with a bridge to DDS, and programs in DDS.
 #![allow(dead_code, reason = "every test binary uses its own part")]
 
-#[path = "../../../replenish-dds/tests/it/support/mod.rs"]
+#[path = "program.rs"]
 mod program;
 
 pub(crate) use program::{Program, domain};

@@ -9,10 +9,6 @@
 mod boards;
 mod command_line;
 mod common;
-#[cfg(feature = "dds")]
-#[allow(unreachable_pub, reason = "shared with other tests")]
-#[path = "../../../replenish/tests/common/fibonacci.rs"]
-mod fibonacci;
 
 mod deploy;
 mod hostile;
@@ -23,8 +19,6 @@ mod openmetrics;
 mod perfetto;
 mod plan;
 mod recorded;
-#[cfg(feature = "dds")]
-mod ros2_client;
 mod schema;
 mod schemas;
 #[cfg(feature = "secure")]

@@ -18,7 +18,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         compare("program.txt", &[heartbeat()]);
     })];
     // Without its features the command has other options.
-    if cfg!(all(feature = "dds", feature = "secure")) {
+    if cfg!(feature = "secure") {
         trials.push(trial("the_command", || {
             compare("command.txt", &[REPLENISH.into()]);
         }));

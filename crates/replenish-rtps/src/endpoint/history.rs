@@ -1,4 +1,4 @@
-//! [`History`]: the samples that a writer keeps, in memory taken at set-up.
+//! [`History`]: the samples that a writer keeps, in memory taken at set-up or with each sample.
 
 use crate::wire::{Guid, GuidPrefix, Nanos, SampleIdentity, SequenceNumber, Timestamp};
 use alloc::boxed::Box;
@@ -74,18 +74,25 @@ pub(crate) struct History {
     /// A buffer for each place.
     bytes: Box<[Box<[u8]>]>,
     size: usize,
+    /// Bytes of all samples together where memory is taken with each of them.
+    most: Option<usize>,
+    used: usize,
     first: SequenceNumber,
     last: SequenceNumber,
 }
 
 impl History {
-    /// `depth` places of `size` bytes.
-    pub(crate) fn new(depth: usize, size: usize) -> Self {
+    /// `depth` places of `size` bytes; of as many as a sample has if there is a bound for `most`
+    /// bytes of all samples.
+    pub(crate) fn new(depth: usize, size: usize, most: Option<usize>) -> Self {
         let depth = depth.max(1);
+        let room = if most.is_some() { 0 } else { size };
         History {
             changes: vec![Change::default(); depth].into_boxed_slice(),
-            bytes: (0..depth).map(|_| buffer(size)).collect::<Vec<_>>().into(),
+            bytes: (0..depth).map(|_| buffer(room)).collect::<Vec<_>>().into(),
             size,
+            most: most.map(|most| most.max(size)),
+            used: 0,
             first: 1,
             last: 0,
         }
@@ -136,6 +143,12 @@ impl History {
             .is_some_and(|(change, _)| change.is_for(prefix))
     }
 
+    /// Whether a sample must go before one of `len` bytes can be kept.
+    pub(crate) fn is_full_for(&self, len: usize) -> bool {
+        let over = |most| self.used > 0 && self.used.saturating_add(len) > most;
+        self.most.is_some_and(over) || self.is_full()
+    }
+
     /// Whether a sample must go before the next one can be kept.
     pub(crate) fn is_full(&self) -> bool {
         let next = self.home(self.last.saturating_add(1));
@@ -146,7 +159,7 @@ impl History {
     /// Keeps a sample that is at most [`History::size`] long; the first one goes if there is no
     /// place. Returns its number.
     pub(crate) fn add(&mut self, mut change: Change, body: Body<'_>) -> SequenceNumber {
-        if self.is_full() {
+        while self.first <= self.last && self.is_full_for(body.len()) {
             self.remove(self.first);
         }
         let sn = self.last.saturating_add(1);
@@ -160,6 +173,10 @@ impl History {
         change.sn = sn;
         change.len = body.len().min(self.size);
         if let Some(room) = self.bytes.get_mut(place) {
+            if self.most.is_some() {
+                *room = buffer(change.len);
+                self.used = self.used.saturating_add(change.len);
+            }
             body.put(room);
         }
         if let Some(slot) = self.changes.get_mut(place) {
@@ -175,8 +192,13 @@ impl History {
         if sn == 0 {
             return;
         }
-        if let Some(change) = place.and_then(|place| self.changes.get_mut(place)) {
+        let change = place.and_then(|place| self.changes.get_mut(place));
+        if let (Some(change), Some(place)) = (change, place) {
             change.sn = 0;
+            if let Some(room) = self.bytes.get_mut(place).filter(|_| self.most.is_some()) {
+                self.used = self.used.saturating_sub(change.len);
+                *room = Box::default();
+            }
         }
         if sn == self.first {
             self.find_first();

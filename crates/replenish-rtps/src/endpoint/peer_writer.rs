@@ -64,6 +64,14 @@ impl PeerWriter {
         }
     }
 
+    /// The same writer is matched again. It may never have lost this reader: then it repeats what
+    /// was taken already, and does not listen to counts that begin anew.
+    pub(crate) const fn continues(&mut self, before: &PeerWriter) {
+        self.next = before.next;
+        self.ack_count = before.ack_count;
+        self.nack_frag_count = before.nack_frag_count;
+    }
+
     /// A sample has come. A writer that does not send earlier samples has promised none before it.
     pub(crate) fn heard_sample(&mut self, sn: SequenceNumber) {
         self.unheard = false;

@@ -76,6 +76,8 @@ pub struct Reader {
     pub(super) qos: Qos,
     pub(super) store: Store,
     pub(super) writers: Vec<PeerWriter>,
+    /// Writers that were matched, the latest at the end; each may come back.
+    past: Vec<PeerWriter>,
     most_writers: usize,
     pub(super) next_writer: usize,
     pub(super) stats: ReaderStats,
@@ -90,6 +92,7 @@ impl Reader {
             qos,
             store: Store::new(limits.samples, limits.sample_bytes.max(4)),
             writers: Vec::with_capacity(limits.writers.max(1)),
+            past: Vec::with_capacity(limits.writers.max(1)),
             most_writers: limits.writers.max(1),
             next_writer: 0,
             stats: ReaderStats::default(),
@@ -144,13 +147,27 @@ impl Reader {
         if guid.prefix == self.guid.prefix && qos.liveliness == LivelinessKind::Automatic {
             qos.liveliness_lease = INFINITE; // it lives as long as the reader
         }
-        let writer = PeerWriter::new(guid, to, (reliable, late), &qos);
+        let mut writer = PeerWriter::new(guid, to, (reliable, late), &qos);
+        if let Some(at) = self.past.iter().position(|past| past.guid == guid) {
+            writer.continues(&self.past.remove(at));
+        }
         self.writers.push(writer);
         true
     }
 
-    /// Forgets a writer; samples that are ready stay. `false` if it was not matched.
+    /// Takes a writer out; samples that are ready stay. `false` if it was not matched. The number
+    /// of its last sample is kept for the case that it comes back.
     pub fn remove_writer(&mut self, guid: Guid) -> bool {
+        if let Some(writer) = self.writers.iter().find(|writer| writer.guid == guid) {
+            if self.past.len() >= self.most_writers {
+                self.past.remove(0);
+            }
+            self.past.push(*writer);
+        }
+        self.forget_writer(guid)
+    }
+
+    fn forget_writer(&mut self, guid: Guid) -> bool {
         let before = self.writers.len();
         self.writers.retain(|writer| writer.guid != guid);
         for at in 0..self.store.slots.len() {
@@ -163,11 +180,11 @@ impl Reader {
         before != self.writers.len()
     }
 
-    /// Writers of the participant `prefix` are gone.
+    /// Writers of the participant `prefix` are gone. If they come back, everything is read anew.
     pub(crate) fn remove_participant(&mut self, prefix: GuidPrefix) {
         let of = |writer: &&PeerWriter| writer.guid.prefix == prefix;
         while let Some(guid) = self.writers.iter().find(of).map(|writer| writer.guid) {
-            self.remove_writer(guid);
+            self.forget_writer(guid);
         }
     }
 

@@ -34,6 +34,9 @@ pub struct WriterLimits {
     pub readers: usize,
     /// Bytes of a fragment, 64 to 65 000. Longer samples are cut.
     pub fragment_bytes: u16,
+    /// Bytes of all samples together, at least one sample's: memory is then taken with each of
+    /// them. `None`: all of it is taken when the writer is made.
+    pub memory: Option<usize>,
 }
 
 /// The data that is sent along with a sample's bytes.
@@ -102,7 +105,7 @@ impl Writer {
         Writer {
             guid,
             qos,
-            history: History::new(limits.samples, limits.sample_bytes.max(4)),
+            history: History::new(limits.samples, limits.sample_bytes.max(4), limits.memory),
             readers: Vec::with_capacity(limits.readers.max(1)),
             most_readers: limits.readers.max(1),
             fragment: usize::from(limits.fragment_bytes.clamp(64, 65_000)),
@@ -212,7 +215,7 @@ impl Writer {
             return Err(WriteError::TooLong { len, most });
         }
         self.expire(now);
-        if self.is_full() {
+        if self.is_full_for(len) {
             return Err(WriteError::Full);
         }
         let change = Change {
@@ -234,7 +237,11 @@ impl Writer {
     /// Whether the next sample is refused, since all are to be kept and a reader lacks the oldest.
     #[must_use]
     pub fn is_full(&self) -> bool {
-        if self.qos.depth != 0 || !self.history.is_full() {
+        self.is_full_for(0)
+    }
+
+    fn is_full_for(&self, len: usize) -> bool {
+        if self.qos.depth != 0 || !self.history.is_full_for(len) {
             return false;
         }
         let oldest = self.history.first();

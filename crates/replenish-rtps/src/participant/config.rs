@@ -11,7 +11,7 @@ pub struct Limits {
     pub participants: usize,
     /// Endpoints of other participants, 1 to 65 536. About 700 bytes each.
     pub endpoints: usize,
-    /// Own writers and own readers, 1 to 1000 each.
+    /// Own writers and own readers, 1 to 10 000 each.
     pub own_endpoints: usize,
     /// Peers of one own endpoint, 1 to 1000.
     pub matches: usize,
@@ -89,7 +89,12 @@ impl ParticipantConfig<'_> {
             ("enclave", self.enclave.len() as u64, 0, 128),
             ("limits.participants", limits.participants as u64, 1, 1000),
             ("limits.endpoints", limits.endpoints as u64, 1, 65_536),
-            ("limits.own_endpoints", limits.own_endpoints as u64, 1, 1000),
+            (
+                "limits.own_endpoints",
+                limits.own_endpoints as u64,
+                1,
+                10_000,
+            ),
             ("limits.matches", limits.matches as u64, 1, 1000),
             ("limits.events", limits.events as u64, 16, 65_536),
         ];
@@ -129,6 +134,9 @@ pub struct EndpointSpec<'a> {
     pub samples: usize,
     /// Where a reader is reached; nothing: at the participant's address.
     pub unicast: Locators,
+    /// Bytes of all samples of a writer together, see
+    /// [`WriterLimits::memory`](crate::endpoint::WriterLimits::memory).
+    pub memory: Option<usize>,
 }
 
 impl<'a> EndpointSpec<'a> {
@@ -143,6 +151,7 @@ impl<'a> EndpointSpec<'a> {
             sample_bytes: 1024,
             samples: 1,
             unicast: Locators::NONE,
+            memory: None,
         }
     }
 

@@ -10,6 +10,8 @@ pub enum Event {
     ParticipantFound(GuidPrefix),
     /// A participant is gone, by its own word or because its lease is over.
     ParticipantLost(GuidPrefix),
+    /// A participant was not heard for its lease; the losses of its endpoints and its own follow.
+    Silent(GuidPrefix),
     /// Two endpoints exchange samples from now on: ours and theirs.
     Matched(Guid, Guid),
     /// Two endpoints that exchanged samples do so no longer: ours and theirs.

@@ -76,6 +76,8 @@ pub struct Participant {
     pub(super) announce_left: usize,
     pub(super) announce_period: Nanos,
     pub(super) leaving: bool,
+    /// Own endpoints of one topic are not matched with each other.
+    apart: bool,
     pub(super) participants: Vec<RemoteParticipant>,
     pub(super) most_participants: usize,
     pub(super) remotes: Vec<RemoteEndpoint>,
@@ -114,6 +116,7 @@ impl Participant {
                 sample_bytes: OWN_BYTES,
                 readers: limits.participants,
                 fragment_bytes: fragment,
+                memory: None,
             };
             let reader_limits = ReaderLimits {
                 samples: 16,
@@ -137,6 +140,7 @@ impl Participant {
             announce_left: 0,
             announce_period: 3_000_000_000.min(config.lease / 3),
             leaving: false,
+            apart: false,
             participants: Vec::with_capacity(limits.participants),
             most_participants: limits.participants,
             // Our own are among them.
@@ -175,6 +179,12 @@ impl Participant {
         self.prefix
     }
 
+    /// Endpoints that are made from now on do not hear each other: their owner has another way
+    /// between them.
+    pub const fn keep_apart(&mut self) {
+        self.apart = true;
+    }
+
     /// Makes a writer and announces it.
     ///
     /// # Errors
@@ -194,6 +204,7 @@ impl Participant {
             sample_bytes: spec.sample_bytes,
             readers: self.matches,
             fragment_bytes: self.fragment,
+            memory: spec.memory,
         };
         self.writers.push(Own {
             endpoint: Writer::new(guid, spec.qos, &limits),
@@ -246,6 +257,9 @@ impl Participant {
     /// Own endpoints of one topic exchange samples like those of two participants: through the
     /// sockets.
     fn meet_own(&mut self, guid: Guid, spec: &EndpointSpec<'_>, now: Nanos) {
+        if self.apart {
+            return;
+        }
         let data = EndpointData::new(guid, spec.topic, spec.type_name, spec.qos);
         let to = spec.unicast.best(self.local);
         let to = to.or_else(|| self.user.best(self.local));
@@ -345,6 +359,21 @@ impl Participant {
             .iter_mut()
             .find(|own| own.endpoint.guid().entity == id.0);
         found?.endpoint.take()
+    }
+
+    /// A reader whose next sample can be taken.
+    #[must_use]
+    pub fn next_ready(&self) -> Option<ReaderId> {
+        let mut ready = self.readers.iter().filter(|own| own.endpoint.ready() > 0);
+        ready.next().map(|own| ReaderId(own.endpoint.guid().entity))
+    }
+
+    /// The quality of service of an own writer or reader.
+    #[must_use]
+    pub fn own_qos(&self, entity: EntityId) -> Option<Qos> {
+        let writer = self.writer(WriterId(entity)).map(Writer::qos);
+        let qos = writer.or_else(|| self.reader(ReaderId(entity)).map(Reader::qos));
+        qos.copied()
     }
 
     /// A writer, for its readers and what they have.

@@ -1,5 +1,6 @@
 //! The next datagram of a participant: an announcement, an answer of a reader, or samples.
 
+use super::event::Event;
 use super::state::{Participant, WriterId};
 use crate::endpoint::Reader;
 use crate::wire::{
@@ -77,6 +78,7 @@ impl Participant {
             .find(over)
             .map(|known| known.prefix)
         {
+            self.report(Event::Silent(prefix));
             self.lose(prefix);
         }
     }

@@ -5,7 +5,7 @@
 //! both pass, so that a row that falls falls by its attack.
 //!
 //! ```sh
-//! test="cargo test -p replenish-bench --features dds --test machine rows::"
+//! test="cargo test -p replenish-bench --test machine rows::"
 //! $test -- --test-threads 1                           # today's program
 //! export REPLENISH_AGENT_PROGRAM=/path/to/replenish   # from here on another one
 //! $test -- --test-threads 1

@@ -1,6 +1,5 @@
 //! The options of the bridge to DDS.
 
-use crate::outcome::Failure;
 use clap::ValueEnum;
 use replenish_agent::dds::{DdsConfig, DdsLimits, GidSize, Interfaces, MAX_DOMAIN, ServiceMapping};
 use replenish_agent::{AgentConfig, DdsBridge};
@@ -34,8 +33,7 @@ pub(crate) struct Bridge {
     #[arg(long, requires = "dds")]
     humble: bool,
 
-    /// Nodes, writers, readers, requesters and repliers in DDS; the rest waits. Each takes about
-    /// four file descriptors.
+    /// Nodes, writers, readers, requesters and repliers in DDS; the rest waits.
     #[arg(long, value_name = "N", requires = "dds",
           default_value_t = DdsLimits::DEFAULT.endpoints as u64,
           value_parser = clap::value_parser!(u64).range(1..=4096))]
@@ -75,13 +73,9 @@ impl Bridge {
     }
 
     /// The agent's configuration with the bridge, if that was asked for.
-    #[expect(
-        clippy::unnecessary_wraps,
-        reason = "without the feature dds it can fail"
-    )]
-    pub(crate) fn add_to(&self, config: AgentConfig) -> Result<AgentConfig, Failure> {
+    pub(crate) fn add_to(&self, config: AgentConfig) -> AgentConfig {
         let dds = self.config();
-        Ok(AgentConfig { dds, ..config })
+        AgentConfig { dds, ..config }
     }
 
     fn config(&self) -> Option<DdsBridge> {

@@ -4,7 +4,6 @@ mod access;
 mod boards;
 mod bridge_rows;
 mod console;
-#[cfg_attr(not(feature = "dds"), path = "dds_disabled.rs")]
 mod dds;
 mod log;
 mod options;
@@ -102,7 +101,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     };
     let config = options::config(&args.transports, &args.bounds, &args.service)?;
     let config = args.encrypted.add_to(config, args.transports.has_udp())?;
-    let mut config = args.bridge.add_to(config)?;
+    let mut config = args.bridge.add_to(config);
     config.access = args.access.as_deref().map(access::read).transpose()?;
     let agent = Agent::bind(&config).map_err(Failure::refused)?;
     let entries = config.access.as_ref().map_or(0, AccessList::len);

@@ -1,7 +1,17 @@
 //! A replenish executor as ROS 2 sees it: a program of another library, `ros2-client`, calls a
 //! service and an action of it and sets its parameters, through our agent and its bridge to DDS.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "test code"
+)]
 
-use crate::fibonacci::{Fibonacci, Numbers, Order};
+#[allow(unreachable_pub, reason = "shared with other tests")]
+#[path = "../../crates/replenish/tests/common/fibonacci.rs"]
+mod fibonacci;
+
+use fibonacci::{Fibonacci, Numbers, Order};
 use replenish::msg::{CdrError, CdrReader, CdrWriter, Message, Service};
 use replenish::{
     ActionOptions, CallbackContext, Context, Descriptor, Executor, GoalError, GoalHandle, NewGoal,

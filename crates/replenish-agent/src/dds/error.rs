@@ -1,6 +1,6 @@
 //! Why DDS cannot start, or an endpoint cannot be opened.
 
-use crate::config::MAX_DOMAIN;
+use super::config::MAX_DOMAIN;
 use replenish_os::config::ConfigError;
 use std::fmt;
 use std::io;
@@ -58,11 +58,11 @@ impl From<ConfigError> for DdsError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum OpenError {
-    /// There are as many as [`DdsLimits::endpoints`](crate::DdsLimits::endpoints) already.
+    /// There are as many as [`DdsLimits::endpoints`](super::DdsLimits::endpoints) already.
     Full,
     /// Something with this id exists.
     Exists,
-    /// The domain is above [`MAX_DOMAIN`](crate::MAX_DOMAIN).
+    /// The domain is above [`MAX_DOMAIN`](super::MAX_DOMAIN).
     Domain(u16),
     /// The thread of DDS has ended.
     Ended,

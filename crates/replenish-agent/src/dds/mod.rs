@@ -1,17 +1,17 @@
 //! ROS 2 topics and services over DDS, for programs with real-time threads.
 //!
-//! DDS on Linux allocates, locks without priority inheritance and starts threads that inherit their
-//! creator's scheduling. So one ordinary thread owns all of it here, and the rest of the program
+//! The state machines of [`replenish_rtps`] make no threads. Here one ordinary thread drives them,
+//! so that neither discovery nor others' repairs cost the rest of the program anything. The program
 //! exchanges bytes with that thread through bounded queues:
 //!
 //! ```text
-//!   your thread ── open, close, write ──► queues ──► thread "dds" ──► RustDDS ──► network
+//!   your thread ── open, close, write ──► queues ──► thread "dds" ──► RTPS ──► network
 //!        ▲                                             │  one participant per domain
 //!        └── wake-up, take ◄──── queues ◄──────────────┘
 //! ```
 //!
 //! ```no_run
-//! use replenish_dds::{Dds, DdsConfig, Endpoint, EndpointKind, Outgoing, Qos, Topic};
+//! use replenish_agent::dds::{Dds, DdsConfig, Endpoint, EndpointKind, Outgoing, Qos, Topic};
 //! use replenish_os::WakeFd;
 //! use std::sync::Arc;
 //!
@@ -38,44 +38,40 @@
 //! - Loopback unless told otherwise ([`Interfaces`]).
 //!
 //! # What it does not do
-//! Keyed topics, content filters, security, XCDR2, the "basic" service mapping of DDS-RPC. A topic
-//! keeps its type in a domain while an endpoint uses it.
+//! Keyed topics, content filters, security, XCDR2, the "basic" service mapping of DDS-RPC.
 //!
 //! # Structure
 //! ```text
 //!   handle ──► thread ──► open_endpoint ──► domain ──► graph     handle: the program's end
 //!      └────► state ◄───┘       │                                graph: ros_discovery_info
-//!               │               ├── calls   requests until their replies
-//!               └── queues      └── header  Cyclone's form of requests
-//!   returns: participants that were silent and come back     forget: RustDDS, what it has heard
-//!   config, endpoint, qos, report, error: plain data       raw: samples as bytes, for RustDDS
+//!               │               ├── forms   what belongs to which request ──► calls, header
+//!               └── queues      └── calls   requests until their replies
+//!   config, endpoint, qos, report, error: plain data
 //! ```
-#![forbid(unsafe_code)]
-#![deny(clippy::indexing_slicing)]
 
 mod calls;
 mod config;
 mod domain;
 mod endpoint;
 mod error;
-mod forget;
+mod forms;
 mod graph;
 mod handle;
 mod header;
 mod open_endpoint;
+mod prepared;
 mod qos;
 mod queues;
-mod raw;
 mod report;
-mod returns;
 mod state;
 mod thread;
 
-pub use config::{DdsConfig, DdsLimits, GidSize, Interfaces, MAX_DOMAIN, ServiceMapping};
+pub use config::{DdsConfig, DdsLimits, Interfaces, MAX_DOMAIN, ServiceMapping};
+pub(crate) use domain::domain_bytes;
 pub use endpoint::{Endpoint, EndpointKind, Id, Incoming, Node, Outgoing, RequestId, Topic};
 pub use error::{DdsError, OpenError};
 pub use handle::Dds;
+pub(crate) use qos::endpoint_bytes;
 pub use qos::{Durability, History, Mismatch, Qos};
-pub use replenish_os::Nanos;
-pub use replenish_os::config::ConfigError;
+pub use replenish_rtps::ros::GidSize;
 pub use report::{DdsReport, EndpointReport, EndpointState};

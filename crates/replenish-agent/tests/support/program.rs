@@ -2,7 +2,7 @@
 
 #![allow(dead_code, reason = "every test binary uses its own part")]
 
-use crate::replenish_dds::{
+use replenish_agent::dds::{
     Dds, DdsConfig, Endpoint, EndpointKind, EndpointReport, EndpointState, Id, Incoming, Outgoing,
     Qos, Topic,
 };

@@ -1,12 +1,13 @@
-//! The configuration of a [`Dds`](crate::Dds): interfaces, service mapping and limits.
+//! The configuration of a [`Dds`](super::Dds): interfaces, service mapping and limits.
 
 use replenish_os::config::{ConfigError, within};
+use replenish_rtps::ros::GidSize;
 use std::net::{IpAddr, Ipv4Addr};
 
 /// The highest DDS domain whose ports exist with the default port mapping (DDSI-RTPS 2.5, 9.6.2).
 pub const MAX_DOMAIN: u16 = 232;
 
-/// How to run a [`Dds`](crate::Dds).
+/// How to run a [`Dds`](super::Dds).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DdsConfig {
     /// Which network interfaces to use.
@@ -21,8 +22,8 @@ pub struct DdsConfig {
 
 /// The network interfaces that are announced to other participants and used for multicast.
 ///
-/// RustDDS's sockets themselves are bound to every interface, whatever this says: who reaches their
-/// ports can send to them. A firewall, or a network namespace, is what keeps others out.
+/// One alone is the only one that datagrams are taken from: with the default, programs on other
+/// hosts cannot reach the bridge.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Interfaces {
     /// Those with these addresses; 1 to 16.
@@ -52,35 +53,14 @@ pub enum ServiceMapping {
     Cyclone,
 }
 
-/// Bytes of an identifier in `ros_discovery_info`: a change of ROS 2's message between releases.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum GidSize {
-    /// 16: Iron, Jazzy and newer.
-    #[default]
-    Bytes16,
-    /// 24: Humble and older.
-    Bytes24,
-}
-
-impl GidSize {
-    pub(crate) fn bytes(self) -> usize {
-        match self {
-            Self::Bytes16 => 16,
-            Self::Bytes24 => 24,
-        }
-    }
-}
-
-/// Limits of a [`Dds`](crate::Dds).
+/// Limits of a [`Dds`](super::Dds).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DdsLimits {
-    /// Domains, each with a participant of its own (two threads, five sockets), 1 to 16.
+    /// Domains, each with a participant of its own (three sockets), 1 to 16.
     pub domains: usize,
-    /// Endpoints and nodes, 1 to 4096. An endpoint takes about four file descriptors, a requester
-    /// or replier twice that.
+    /// Endpoints and nodes, 1 to 4096.
     pub endpoints: usize,
-    /// Topic names that readers were ever opened for, per domain, 1 to 65536: RustDDS keeps a cache
-    /// for each, for good.
+    /// Topic names that an agent's clients may bring to a domain at a time, 1 to 65536.
     pub topics: usize,
     /// Samples of one endpoint that wait in one direction, 1 to 65536; then the oldest goes.
     pub queue: usize,

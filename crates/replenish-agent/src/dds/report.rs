@@ -1,8 +1,8 @@
 //! The state of DDS as plain data.
 
-use crate::endpoint::Id;
+use super::endpoint::Id;
 
-/// The state of a [`Dds`](crate::Dds).
+/// The state of a [`Dds`](super::Dds).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct DdsReport {

@@ -1,8 +1,17 @@
-//! With a program of another library, ros2-client: topics and services in both directions, and what
-//! it learns of our nodes.
+//! The bridge's DDS with a program of another library, ros2-client on RustDDS: topics and services
+//! in both directions, and what it learns of our nodes.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "test code"
+)]
 
-use crate::support::{Program, domain};
-use replenish_dds::{Endpoint, EndpointKind, Node, Outgoing, Qos, RequestId, Topic};
+#[path = "../../crates/replenish-agent/tests/support/program.rs"]
+mod program;
+
+use program::{Program, domain};
+use replenish_agent::dds::{Endpoint, EndpointKind, Node, Outgoing, Qos, RequestId, Topic};
 use ros2_client::entities_info::ParticipantEntitiesInfo;
 use ros2_client::qos::{Durability, History, WhenFull};
 use ros2_client::{
@@ -112,12 +121,12 @@ fn services_in_both_directions() {
         let context = context(domain);
         let mut node = node(&context);
         // Its own vendor id does not tell that it speaks Cyclone's form; so ours is told.
-        let config = replenish_dds::DdsConfig {
+        let config = replenish_agent::dds::DdsConfig {
             services: match mapping {
-                ServiceMapping::Cyclone => replenish_dds::ServiceMapping::Cyclone,
-                _ => replenish_dds::ServiceMapping::Auto,
+                ServiceMapping::Cyclone => replenish_agent::dds::ServiceMapping::Cyclone,
+                _ => replenish_agent::dds::ServiceMapping::Auto,
             },
-            ..replenish_dds::DdsConfig::default()
+            ..replenish_agent::dds::DdsConfig::default()
         };
         let mut program = Program::with(domain, &config);
         let kind = ServiceTypeName::new("example_interfaces", "AddTwoInts");

@@ -10,12 +10,12 @@
 //!
 //! The thread closes before it opens, so that neither side ever has more than the limit.
 
-use crate::config::{DdsLimits, MAX_DOMAIN};
-use crate::endpoint::{Endpoint, Id, Incoming, Node, Outgoing};
-use crate::error::OpenError;
-use crate::qos::Mismatch;
-use crate::queues::{Queues, Weight};
-use crate::report::{DdsReport, EndpointReport, EndpointState};
+use super::config::{DdsLimits, MAX_DOMAIN};
+use super::endpoint::{Endpoint, Id, Incoming, Node, Outgoing};
+use super::error::OpenError;
+use super::qos::Mismatch;
+use super::queues::{Queues, Weight};
+use super::report::{DdsReport, EndpointReport, EndpointState};
 use replenish_os::{PiMutex, WakeFd};
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;

@@ -4,13 +4,13 @@ use std::collections::VecDeque;
 
 /// Requests by the key of their reply.
 #[derive(Debug)]
-pub(crate) struct Calls<K, V> {
+pub(super) struct Calls<K, V> {
     waiting: VecDeque<(K, V)>,
     limit: usize,
 }
 
 impl<K: PartialEq, V> Calls<K, V> {
-    pub(crate) fn new(limit: usize) -> Self {
+    pub(super) fn new(limit: usize) -> Self {
         Self {
             waiting: VecDeque::new(),
             limit: limit.max(1),
@@ -18,7 +18,7 @@ impl<K: PartialEq, V> Calls<K, V> {
     }
 
     /// Remembers a request; returns whether an older one was forgotten for it.
-    pub(crate) fn add(&mut self, key: K, value: V) -> bool {
+    pub(super) fn add(&mut self, key: K, value: V) -> bool {
         let full = self.waiting.len() >= self.limit;
         if full {
             self.waiting.pop_front();
@@ -28,13 +28,13 @@ impl<K: PartialEq, V> Calls<K, V> {
     }
 
     /// The request under `key`.
-    pub(crate) fn get(&self, key: &K) -> Option<&V> {
+    pub(super) fn get(&self, key: &K) -> Option<&V> {
         let mut waiting = self.waiting.iter();
         waiting.find_map(|(known, value)| (known == key).then_some(value))
     }
 
     /// Takes out the request under `key`.
-    pub(crate) fn take(&mut self, key: &K) -> Option<V> {
+    pub(super) fn take(&mut self, key: &K) -> Option<V> {
         let at = self.waiting.iter().position(|(known, _)| known == key)?;
         self.waiting.remove(at).map(|(_, value)| value)
     }

@@ -1,6 +1,6 @@
 //! The nodes and endpoints that a program opens in DDS, and their samples.
 
-use crate::qos::Qos;
+use super::qos::Qos;
 
 /// Identifies an endpoint or node. The program chooses it and uses it once.
 pub type Id = u64;
@@ -27,7 +27,7 @@ impl Topic {
 /// A ROS 2 node, which ROS 2's tools list.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Node {
-    /// 0 to [`MAX_DOMAIN`](crate::MAX_DOMAIN).
+    /// 0 to [`MAX_DOMAIN`](super::MAX_DOMAIN).
     pub domain: u16,
     /// `name` or `name/space/name`, with or without a slash before it.
     pub name: String,
@@ -36,7 +36,7 @@ pub struct Node {
 /// Something that sends or receives.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Endpoint {
-    /// 0 to [`MAX_DOMAIN`](crate::MAX_DOMAIN).
+    /// 0 to [`MAX_DOMAIN`](super::MAX_DOMAIN).
     pub domain: u16,
     /// The node it belongs to, if any.
     pub node: Option<Id>,
@@ -85,17 +85,6 @@ impl EndpointKind {
             Self::Writer { topic, .. } | Self::Reader { topic, .. } => topic,
             Self::Requester { request, .. } | Self::Replier { request, .. } => request,
         }
-    }
-
-    /// All of its topics.
-    pub(crate) fn topics(&self) -> impl Iterator<Item = &Topic> {
-        let (first, second) = match self {
-            Self::Writer { topic, .. } | Self::Reader { topic, .. } => (topic, None),
-            Self::Requester { request, reply } | Self::Replier { request, reply } => {
-                (request, Some(reply))
-            }
-        };
-        std::iter::once(first).chain(second)
     }
 }
 

@@ -1,14 +1,13 @@
 //! The program's end: opens, closes, writes and takes without ever waiting for DDS.
 
-use crate::config::{DdsConfig, Interfaces};
-use crate::endpoint::{Endpoint, Id, Incoming, Node, Outgoing};
-use crate::error::{DdsError, OpenError};
-use crate::qos::Mismatch;
-use crate::report::DdsReport;
-use crate::state::{DdsEntity, EndpointTable, SharedState};
-use crate::thread::{Engine, WAKE};
+use super::config::{DdsConfig, Interfaces};
+use super::endpoint::{Endpoint, Id, Incoming, Node, Outgoing};
+use super::error::{DdsError, OpenError};
+use super::qos::Mismatch;
+use super::report::DdsReport;
+use super::state::{DdsEntity, EndpointTable, SharedState};
+use super::thread::Engine;
 use replenish_os::{PiMutex, Policy, Thread, ThreadSpec, WakeFd, spawn};
-use rustdds::mio1::{Poll, Waker};
 use std::io;
 use std::net::{IpAddr, UdpSocket};
 use std::sync::Arc;
@@ -20,13 +19,13 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub struct Dds {
     shared: Arc<SharedState>,
-    waker: Waker,
+    waker: Arc<WakeFd>,
     thread: Option<Thread<()>>,
 }
 
 impl Dds {
-    /// Starts the thread, called `dds`, with the ordinary scheduling policy, which RustDDS's own
-    /// threads inherit from it. `wake` is woken when there is something to [take](Self::take).
+    /// Starts the thread, called `dds`, with the ordinary scheduling policy. `wake` is woken when
+    /// there is something to [take](Self::take).
     ///
     /// # Errors
     /// [`DdsError::Config`], [`DdsError::Interface`], or [`DdsError::Io`] when no descriptor or
@@ -37,13 +36,12 @@ impl Dds {
             addresses.iter().try_for_each(|address| is_here(*address))?;
         }
         let io = |what| move |source: io::Error| DdsError::Io { what, source };
-        let poll = Poll::new().map_err(io("make a poll for DDS"))?;
-        let waker = Waker::new(poll.registry(), WAKE).map_err(io("make a wake-up for DDS"))?;
+        let waker = Arc::new(WakeFd::new().map_err(io("make a wake-up for DDS"))?);
         let shared = Arc::new(SharedState {
             table: PiMutex::new(EndpointTable::new(config.limits)),
             program: wake,
         });
-        let engine = Engine::new(config.clone(), Arc::clone(&shared), poll);
+        let engine = Engine::new(config.clone(), Arc::clone(&shared), Arc::clone(&waker));
         let spec = ThreadSpec::new("dds").policy(Policy::Other);
         let thread = spawn(spec, move || engine.run())
             .map_err(|error| io("start the thread of DDS")(io::Error::other(error)))?;
@@ -117,8 +115,7 @@ impl Dds {
     }
 
     fn wake(&self) {
-        // An eventfd can always take one more; were it broken, the thread would have ended.
-        drop(self.waker.wake());
+        self.waker.wake();
     }
 }
 
@@ -133,7 +130,6 @@ impl Drop for Dds {
     }
 }
 
-/// RustDDS would silently use no interface at all.
 fn is_here(address: IpAddr) -> Result<(), DdsError> {
     match UdpSocket::bind((address, 0)) {
         Ok(_) => Ok(()),
